@@ -121,7 +121,7 @@ def build_and_print(
 
     world: its record tells afterwards what was asked.
     """
-    from assetbuild.cli.outputs import append_step_summary, event_log, write_junit
+    from assetbuild.cli.outputs import event_log, tell_github, write_junit
     from assetbuild.cli.summary import print_differences, print_summary
 
     outcomes: list[Outcome] = []
@@ -137,7 +137,7 @@ def build_and_print(
             log.on_outcome(outcome)
     if report_junit is not None:
         write_junit(report_junit, outcomes, failure)
-    append_step_summary(outcomes, failure)
+    tell_github(outcomes, failure)
     if failure is not None:
         raise failure
     for outcome in outcomes:

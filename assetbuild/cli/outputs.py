@@ -1,4 +1,4 @@
-"""What a build leaves for CI: events as JSON lines, JUnit, GitHub's job summary."""
+"""What a build leaves for CI: events as JSON lines, JUnit; `github.py` has GitHub's own."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from xml.sax.saxutils import quoteattr
 
 from assetbuild.engine.execute import Event
 from assetbuild.errors import AssetBuildError, MachineError
-from assetbuild.report.summary import public_message, summary
+from assetbuild.report.summary import public_message
 
 if TYPE_CHECKING:
     from assetbuild.pipeline.building import Outcome
@@ -124,31 +124,19 @@ def _printable(text: str) -> str:
     return "".join(c for c in text if c in "\t\n" or (c >= " " and not "\ud800" <= c <= "\udfff"))
 
 
-def append_step_summary(outcomes: Sequence[Outcome], error: AssetBuildError | None = None) -> None:
-    """Add a verdict in Markdown to the file that GitHub names, if it names one. MachineError."""
-    place = os.environ.get("GITHUB_STEP_SUMMARY")
+def tell_github(outcomes: Sequence[Outcome], error: AssetBuildError | None = None) -> None:
+    """Add to the job's summary, if GitHub names a file for it, and print annotations in a job.
+
+    MachineError.
+    """
+    from assetbuild.cli.github import annotation_lines, step_summary, workspace
+
+    place, checkout = os.environ.get("GITHUB_STEP_SUMMARY"), workspace()
     if place:
-        parts = [markdown(outcome) for outcome in outcomes]
-        if error is not None:
-            told = "\n\n".join(_code(str(each)) for each in error.each())
-            parts.append(f"### assetbuild: not built\n\n{told}\n")
         with _writable(Path(place), "a") as file:
-            file.write("\n".join(parts) + "\n")
-
-
-def markdown(outcome: Outcome) -> str:
-    """Verdict, checks and findings of one recipe."""
-    report = outcome.report
-    if report is None:
-        told = "\n".join(_code(str(error)) for error in outcome.errors)
-        return f"### {outcome.loaded.recipe.robot}: not built\n\n{told}\n"
-    ran = sum(result.status == "ran" for result in outcome.results.values())
-    lines = [f"{ran} of {len(outcome.results)} steps ran, {outcome.seconds:.1f} s"]
-    return summary(report, *lines, "", *(f"- {difference}" for difference in outcome.differences))
-
-
-def _code(text: str) -> str:
-    return "\n".join(f"    {line}" for line in text.splitlines())
+            file.write(step_summary(outcomes, error))
+    if checkout is not None:
+        print("\n".join(annotation_lines(outcomes, checkout)), end="\n")
 
 
 @contextmanager

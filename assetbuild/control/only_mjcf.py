@@ -10,6 +10,7 @@ from assetbuild.robot.effort_words import WORDS as EFFORT_WORDS
 from assetbuild.robot.effort_words import force_range
 from assetbuild.robot.joint_springs import WORDS as SPRING_WORDS
 from assetbuild.robot.joint_springs import joint_springs, shown
+from assetbuild.robot.lost_motion import lost_motion
 from assetbuild.robot.model import Actuator, MjcfOnly
 
 ONLY_IN_MJCF = Rule(
@@ -36,6 +37,14 @@ SPRING = Rule(
     "written without them",
     "command no targets to these joints in PhysX and Newton; do not use the URDF where the spring "
     "matters",
+)
+MOTION = Rule(
+    "mjcf.motion",
+    "warning",
+    "the MJCF says what moves the robot and only MJCF can say (tendons, couplings beyond a linear "
+    "one, actuators of anything but a joint, gravity compensation, a medium): other formats are "
+    "written without it and move otherwise",
+    "use the MJCF, the mjx model or mjlab's model where the motion matters",
 )
 GEAR = Rule(
     "mjcf.gear",
@@ -75,8 +84,17 @@ def explain_opaque(items: tuple[MjcfOnly, ...]) -> Iterator[Finding]:
             "springs do",
             data={joint: spring.text for joint, spring in springs.items()},
         )
+    for what, names in lost_motion(items).items():
+        yield MOTION(
+            "robot",
+            f"{what}: in the MJCF only, the other formats move otherwise: {_listed(names)}",
+            "use the MJCF, the mjx model or mjlab's model where it matters",
+            data={"what": what, "names": names},
+        )
     groups: dict[tuple[str, str], list[str]] = {}
     for item in items:
+        if item.place in ("equality", "actuator") and lost_motion((item,)):
+            continue
         element = ElementTree.fromstring(item.element)  # noqa: S314 # our own reader wrote it
         yield from _uneven(item)
         own = (*EFFORT_WORDS.get(item.place, ()), *(SPRING_WORDS if item.place == "joint" else ()))
@@ -87,14 +105,18 @@ def explain_opaque(items: tuple[MjcfOnly, ...]) -> Iterator[Finding]:
         said = _SAID_OF.get(item.place, _element_of)(element)
         groups.setdefault((item.place, said), []).append(item.owner or element.get("name", ""))
     for (place, said), owners in groups.items():
-        names = [f"`{name}`" for name in owners if name]
-        listed = ", ".join(names[:4]) + (", ..." if len(names) > 4 else "")
-        of = f" of {_WORDS.get(place, place)} {listed}" if names else ""
+        listed = _listed(owners)
+        of = f" of {_WORDS.get(place, place)} {listed}" if listed else ""
         yield ONLY_IN_MJCF(
             "robot",
             f"{said}{of}: in the MJCF only, the other formats are written without it",
             data={"place": place, "said": said, "count": len(owners)},
         )
+
+
+def _listed(owners: Iterable[str]) -> str:
+    names = [f"`{name}`" for name in owners if name]
+    return ", ".join(names[:4]) + (", ..." if len(names) > 4 else "")
 
 
 def _uneven(item: MjcfOnly) -> Iterator[Finding]:

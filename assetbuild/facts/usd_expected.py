@@ -15,6 +15,7 @@ from assetbuild.facts.usd_inventory import inventory
 from assetbuild.robot.initial import initial_pose
 from assetbuild.robot.joint_springs import as_drives
 from assetbuild.robot.limit_springs import limit_springs
+from assetbuild.robot.lost_motion import whole_gravity
 from assetbuild.robot.model import MOVING, Actuator, Joint, Tree
 from assetbuild.robot.pose import IDENTITY
 from assetbuild.robot.shapes import Material, Mesh, Shape
@@ -36,6 +37,7 @@ def usd_table(robot: str, own: Table, reference: Reference) -> Table:
     book = Writer()
     book.facts |= own.facts
     tree, control = reference.tree, reference.control
+    weightless = whole_gravity(control.mjcf_only)
     options = UsdOptions.model_validate(reference.options.get("usd") or {})
     _stage(robot, reference, book)
     _root(tree, options.articulation.solving(control.loops), book)
@@ -44,6 +46,8 @@ def usd_table(robot: str, own: Table, reference: Reference) -> Table:
             for quantity in ("centre of mass", "inertia"):
                 book.facts.pop(Key("body", body.name, quantity), None)
         book.put("body", body.name, {"usd:type": "Xform"} | rigid_body_words(options.rigid_body))
+        if body.name in weightless:
+            book.put("body", body.name, {"usd:physxRigidBody:disableGravity": True})
     starts = dict(initial_pose(tree, control).joints)
     touching, sprung = _jointed_that_touch(reference), as_drives(control)
     for name, (stiffness, damping) in limit_springs(tree, control).items():

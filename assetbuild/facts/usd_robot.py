@@ -200,6 +200,9 @@ def _bodies(
         lengths["maxAngularVelocity"] = units.length(True)
         rows = {a: (f"{a}", lengths.get(word, 1.0)) for a, word in RIGID_BODY.items()}
         prim.words("body", name, rows, "PhysxRigidBodyAPI")
+        weightless = "physxRigidBody:disableGravity"
+        if prim.prim.HasAttribute(weightless) and prim.flag(weightless, "PhysxRigidBodyAPI"):
+            book.put("body", name, {"usd:physxRigidBody:disableGravity": True})
         prim.placed()
 
 

@@ -26,8 +26,9 @@ from assetbuild.init.tune import Tuning, tune
 from assetbuild.init.wheels import wheel_radii
 from assetbuild.init.words import inline, quoted, some, source_section, written
 from assetbuild.robot.files import RobotFiles
-from assetbuild.robot.joint_springs import no_drives
+from assetbuild.robot.joint_springs import joint_springs, no_drives
 from assetbuild.robot.loops import path_of
+from assetbuild.robot.lost_motion import lost_in_usd
 from assetbuild.robot.model import Control, Tree
 from assetbuild.robot.source import SourceControl
 from assetbuild.source.mjcf.flatten_mjcf import FlattenMjcf
@@ -150,6 +151,9 @@ def mjcf_text(found: MjcfSource, path: Path) -> Recipe:
     idle = not _driven(control) and robot.tree.moving_joints
     tuning = _tuned(found, anatomy) if idle else None
     unmended = tuning.unmended if tuning else ()
+    lost = lost_in_usd(control.mjcf_only)
+    # Beside a guessed drive there is no room for a spring.
+    springs = joint_springs(control.mjcf_only) if tuning else no_drives(control)
     text = written(
         head(robot, anatomy, path, unmended),
         source_section(found.root, path, "mjcf", found.file, *_chosen(found.bodies)),
@@ -159,7 +163,7 @@ def mjcf_text(found: MjcfSource, path: Path) -> Recipe:
         _collision(robot),
         _drives(found, tuning),
         () if control.keyframes else home(robot, anatomy, _pose(found, anatomy, tuning)),
-        [targets(found.built, no_drives(control)), *_validate(found, anatomy)],
+        [targets(found.built, springs, lost), *_validate(found, anatomy)],
     )
     return Recipe(text, unmended)
 

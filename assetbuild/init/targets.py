@@ -9,8 +9,13 @@ from assetbuild.init.words import plain, some
 from assetbuild.robot.chains import find_chains, is_massless, weighs
 
 
-def targets(robot: InspectedRobot, springs: Collection[str] = ()) -> str:
-    """The line of the recipe. springs: joints with one that the USD cannot hold."""
+def targets(
+    robot: InspectedRobot, springs: Collection[str] = (), motion: Collection[str] = ()
+) -> str:
+    """The line of the recipe.
+
+    springs: joints with one that the USD cannot hold; motion: what else it cannot, in words.
+    """
     free = next((joint.name for joint in robot.tree.joints if joint.kind == "floating"), None)
     if free is not None:
         reason = f"joint {plain(free)} is floating, which only a base can be in MJCF and USD; "
@@ -24,6 +29,8 @@ def targets(robot: InspectedRobot, springs: Collection[str] = ()) -> str:
     reason = not_in_usd(robot)
     if springs and not reason:
         reason = f"it cannot hold the springs of {some(list(springs))}; see `usd.spring`"
+    if motion and not reason:
+        reason = f"it cannot hold {next(iter(motion))}; see `usd.motion`"
     if reason:
         return f"targets: [urdf, mjcf]   # no usd: {plain(reason, 160)}"
     return "targets: [urdf, mjcf, usd]"

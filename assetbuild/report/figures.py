@@ -6,7 +6,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from html import escape
 from typing import TypeGuard
 
-from assetbuild.report.markup import code, folded
+from assetbuild.report.markup import code, folded, prose
+from assetbuild.report.sentences import UNITS, sentence
 from assetbuild.report.tables import Record, Table, html_table, table, text_of
 from assetbuild.report.verdict import CheckResult
 
@@ -20,11 +21,12 @@ FOLDED = 12
 
 
 def check_section(name: str, check: CheckResult) -> str:
-    """One check: its result in the summary line, all of its figures below."""
+    """One check: its result as a sentence, all of its figures below."""
     figures = dict(sorted(check.figures.items()))
-    scalars = {k: v for k, v in figures.items() if not (isinstance(v, Mapping) or _is_list(v))}
-    key = ", ".join(f"{words(k)} {text_of(v)}" for k, v in list(scalars.items())[:3])
-    hint = f' <span class="soft">{escape(check.note or key)}</span>' if check.note or key else ""
+    plain = {k: v for k, v in figures.items() if not (isinstance(v, Mapping) or _is_list(v))}
+    scalars = {key: value for key, value in plain.items() if value is not None}
+    said = sentence(name, check)
+    hint = f' <span class="soft">{prose(said)}</span>' if said else ""
     parts = [
         f'<details class="check"{" open" if check.status == "fail" else ""}>',
         f'<summary>{code(name)} <span class="{check.status}">{check.status}</span>{hint}</summary>',
@@ -33,7 +35,7 @@ def check_section(name: str, check: CheckResult) -> str:
         rows = [(words(k), v) for k, v in scalars.items()]
         parts.append(html_table(table(f"figures of {name}", ("figure", "value"), rows)))
     for key, value in figures.items():
-        if key not in scalars and value not in ([], {}):
+        if key not in plain and value not in ([], {}):
             parts += [
                 f"<h3>{escape(shown.title)}</h3>{html_table(shown)}"
                 if len(shown.rows) <= FOLDED
@@ -92,12 +94,6 @@ def _flat(value: object) -> object:
     if isinstance(value, list | tuple):
         return tuple(_flat(v) for v in value)
     return value
-
-
-UNITS = {
-    "m": "m", "rad": "rad", "kg": "kg", "s": "s", "hz": "Hz", "mm": "mm", "deg": "deg",
-    "nm": "N m", "n": "N", "j": "J", "m3": "m3",
-}  # fmt: skip
 
 
 def words(key: str) -> str:

@@ -46,7 +46,7 @@ def _no_findings(report: Report, needed: str, what: str, families: tuple[str, ..
     waived = [f for f in report.findings if "because" in f.data and f.rule.startswith(families)]
     rules = ", ".join(dict.fromkeys(f.rule for f in [*found, *waived]))
     met = not found and not waived
-    return Criterion(needed, what, met, "no warning or error" if met else f"told by {rules}")
+    return Criterion(needed, what, met, "none of its rules warns" if met else f"not so: {rules}")
 
 
 def _checks(report: Report) -> Criterion:

@@ -6,21 +6,23 @@ import base64
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from html import escape
-from itertools import groupby
 
 from assetbuild import __version__
-from assetbuild.findings import SEVERITIES, Finding, is_consequence
+from assetbuild.findings import SEVERITIES
 from assetbuild.report.card import card_tables
 from assetbuild.report.document import Report
 from assetbuild.report.figures import check_section, folded_table
-from assetbuild.report.markup import asset, code, filled, folded, prose
+from assetbuild.report.found import findings_section
+from assetbuild.report.loading import loading_lines
+from assetbuild.report.markup import asset, code, filled, prose
 from assetbuild.report.subject import Subject
-from assetbuild.report.tables import html_table, text_of
+from assetbuild.report.tables import html_table
 from assetbuild.report.verdict import CheckResult, verdict_rows
 from assetbuild.report.view import view_data
 from assetbuild.robot.inertia import total_mass
 
-SHOWN_OF_A_RULE = 2
+HERO = "The robot"
+"""Title of the picture that stands beside the verdict."""
 GROUPS: tuple[tuple[str, str, tuple[str, ...]], ...] = (
     ("equality", "The same robot in every format",
      ("oracle", "urdf_", "bare_", "dr_", "isaaclab_", "mjcf_", "mjlab_", "mjx_", "scene_", "usd_",
@@ -54,10 +56,12 @@ def html_page(
 ) -> str:
     """The whole page; nothing in it is fetched from anywhere."""
     view = view if view and view.library else None
+    hero = next((picture for picture in pictures if picture.title == HERO), None)
+    loud = sum(finding.severity != "info" for finding in report.findings)
     sections = [
-        ("findings", f"Findings ({len(report.findings)})", _findings(report.findings)),
+        ("findings", f"What to look at ({loud})", findings_section(report.findings)),
         ("view", "3D view", _viewer(subject) if view else ""),
-        ("pictures", "Pictures", _pictures(pictures)),
+        ("pictures", "Pictures", _pictures([p for p in pictures if p is not hero])),
         *_checks(report.checks),
         ("card", "Model card", _card(subject, report)),
         ("provenance", "Provenance", _provenance(subject)),
@@ -67,15 +71,18 @@ def html_page(
         "page.html",
         name=escape(report.robot),
         style=asset("page.css"),
+        hero=_hero(hero) if hero else "",
         verdict=_verdict(report),
         tiles=_tiles(report, subject),
+        loading=_loading(subject),
         toc="".join(f'<li><a href="#{key}">{escape(title)}</a></li>' for key, title, _ in shown),
         body="".join(
-            f'<section aria-labelledby="{key}"><h2 id="{key}">{escape(title)}</h2>{content}'
-            "</section>"
+            f'<section class="{key}" aria-labelledby="{key}"><h2 id="{key}">{escape(title)}</h2>'
+            f"{content}</section>"
             for key, title, content in shown
         ),
-        scripts=_scripts(subject, view) if view else "",
+        scripts=f"<script>{asset('page.js')}</script>\n"
+        + (_scripts(subject, view) if view else ""),
     )
 
 
@@ -85,7 +92,7 @@ def _verdict(report: Report) -> str:
     parts = [f"<strong>Ready for training: {answer}</strong>"]
     if verdict.blocked_by:
         parts.append(f"<p>Blocked by {', '.join(map(code, verdict.blocked_by))}</p>")
-    parts.append(f"<p>Next: {prose(verdict.next_step)}</p>")
+    parts.append(f'<p class="next"><b>What to do next:</b> {prose(verdict.next_step)}</p>')
     rows = list(verdict_rows(verdict))
     if verdict.not_tried:
         notes = (
@@ -103,10 +110,34 @@ def _parts(rows: Sequence[tuple[str, str]]) -> str:
     return f'<dl class="parts">{items}</dl>'
 
 
+def _hero(picture: Picture) -> str:
+    return f'<figure class="hero">{_image(picture)}</figure>'
+
+
+def _loading(subject: Subject) -> str:
+    """Lines to copy, one box for each consumer; the first is open."""
+    recipe = subject.recipe
+    rows = list(loading_lines(recipe.robot, recipe.targets))
+    boxes = "".join(
+        f'<details class="load"{" open" if n == 0 else ""}><summary>{escape(name)}</summary>'
+        f'<pre tabindex="0">{escape(lines)}</pre>'
+        f'<button type="button" class="copy" hidden>Copy</button></details>'
+        for n, (name, lines) in enumerate(rows)
+    )
+    missing = [t for t in ("mjlab", "isaaclab") if t not in recipe.targets]
+    note = ", ".join(map(code, missing))
+    more = (
+        f'<p class="soft">Write {note} into <code>targets</code> for more.</p>' if missing else ""
+    )
+    return f'<div class="loading"><h2 id="load">Load it</h2>{boxes}{more}</div>' if rows else ""
+
+
 def _tiles(report: Report, subject: Subject) -> str:
     states = [check.status for check in report.checks.values()]
     severities = [finding.severity for finding in report.findings]
-    counts = ", ".join(f"{severities.count(s)} {s}" for s in SEVERITIES if s in severities)
+    plural = {"error": "errors", "warning": "warnings", "info": "for information"}
+    numbers = [(severities.count(severity), severity) for severity in SEVERITIES]
+    counts = ", ".join(f"{n} {s if n == 1 and s != 'info' else plural[s]}" for n, s in numbers if n)
     shapes = len(subject.shapes.of("collision"))
     facts = (
         (f"{total_mass(subject.tree):.4g} kg", "total mass"),
@@ -123,14 +154,23 @@ def _tiles(report: Report, subject: Subject) -> str:
 # --- pictures and view -----------------------------------------------------------------------
 
 
+def _image(picture: Picture) -> str:
+    """An image that a click, or the Enter key, enlarges."""
+    data = base64.b64encode(picture.png).decode("ascii")
+    alt = escape(picture.alt)
+    label = escape(f"enlarge: {picture.title}")
+    return (
+        f'<button type="button" class="zoom" aria-label="{label}"><img alt="{alt}" '
+        f'src="data:image/png;base64,{data}"></button>'
+    )
+
+
 def _pictures(pictures: Sequence[Picture]) -> str:
     figures = []
     for picture in pictures:
-        data = base64.b64encode(picture.png).decode("ascii")
         wide = ' class="wide"' if picture.title in ("Turntable", "Joint directions") else ""
         figures.append(
-            f'<figure{wide}><img alt="{escape(picture.alt)}" loading="lazy" '
-            f'src="data:image/png;base64,{data}"><figcaption><b>{escape(picture.title)}</b>: '
+            f"<figure{wide}>{_image(picture)}<figcaption><b>{escape(picture.title)}</b>: "
             f"{escape(picture.alt)}</figcaption></figure>"
         )
     return f'<div class="pictures">{"".join(figures)}</div>' if figures else ""
@@ -149,70 +189,6 @@ def _scripts(subject: Subject, view: View) -> str:
         f'<script type="application/json" id="viewer-robot">{robot}</script>\n'
         f"<script>{view.library}</script>\n<script>{asset('viewer.js')}</script>"
     )
-
-
-# --- findings --------------------------------------------------------------------------------
-
-
-def _findings(findings: Sequence[Finding]) -> str:
-    """What matters in the open, waived ones beside it; what merely informs folded away."""
-    loud = [f for f in findings if f.severity != "info"]
-    waived = [f for f in findings if f.severity == "info" and "because" in f.data]
-    quiet = [f for f in findings if f.severity == "info" and "because" not in f.data]
-    following = [f for f in loud if is_consequence(f)]
-    parts = _grouped([f for f in loud if f not in following])
-    if following:
-        head = f"{len(following)} checks had nothing to work on, for what stands above"
-        parts.append(folded(head, _each(following)))
-    parts = parts or ["<p>No errors and no warnings.</p>"]
-    if waived:
-        parts.append(f"<h3>Waived by the recipe ({len(waived)})</h3>{_each(waived)}")
-    if quiet:
-        parts.append(folded(f"{len(quiet)} for information", _each(quiet)))
-    return "".join(parts)
-
-
-def _grouped(findings: Sequence[Finding]) -> list[str]:
-    """In order; of a rule that speaks of many subjects the first is open, the others are folded."""
-    parts = []
-    for (_, rule), same in groupby(findings, key=lambda f: (f.severity, f.rule)):
-        first, *others = same
-        rest = _each(others)
-        if len(others) >= SHOWN_OF_A_RULE:
-            names = escape(", ".join(f.subject for f in others))
-            rest = folded(f"{len(others)} more of {code(rule)}: {names}", rest)
-        parts += [_finding(first), rest]
-    return parts
-
-
-def _each(findings: Sequence[Finding]) -> str:
-    return "".join(map(_finding, findings))
-
-
-def _finding(finding: Finding) -> str:
-    where = f" {code(finding.where)}" if finding.where else ""
-    parts = [
-        f'<div class="finding {finding.severity}">{finding.severity} '
-        f"{code(finding.rule)} · {escape(finding.subject)}{where}"
-        f"<p>{prose(finding.message)}</p>"
-    ]
-    numbers = dict(sorted(finding.data.items()))
-    before, because = numbers.pop("severity_before", None), numbers.pop("because", None)
-    if because:
-        parts.append(f"<p>Waived, was {escape(str(before))}: {escape(str(because))}</p>")
-    if finding.hint:
-        parts.append(f"<p>Fix: {prose(finding.hint)}</p>")
-    if numbers:
-        rows = "".join(
-            f"<div><dt>{escape(key)}</dt><dd>{escape(text_of(value))}</dd></div>"
-            for key, value in numbers.items()
-        )
-        parts.append(f'<dl class="numbers">{rows}</dl>')
-    if finding.severity != "info":
-        waiver = f'rules: {{{finding.rule}: {{severity: info, because: "..."}}}}'
-        shown = f'<pre class="fix" tabindex="0">{escape(waiver)}</pre>'
-        parts.append(folded("Accept it as it is", shown))
-    return "".join([*parts, "</div>"])
 
 
 # --- checks, card, provenance ----------------------------------------------------------------

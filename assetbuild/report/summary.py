@@ -15,21 +15,37 @@ WITHHELD = "figures of this simulator are not published; see the bundle's own re
 
 
 def summary(report: Report, *lines: str) -> str:
-    """Verdict, checks (pass or fail alone) and loud findings; lines: what to say in between."""
+    """Verdict, checks (how many passed, which did not) and loud findings.
+
+    lines: what to say in between.
+    """
     ready = "ready for training" if report.verdict.ready else "not ready for training"
     told = [f"### {report.robot}: {ready}", "", *lines]
-    told += ["", *(f"- {part}: {_cell(said)}" for part, said in public_rows(report.verdict))]
-    told += ["", "| check | result |", "| --- | --- |"]
-    told += [f"| {_cell(name)} | {c.status} |" for name, c in sorted(report.checks.items())]
+    told += ["", *(f"- {part}: {markdown_cell(v)}" for part, v in public_rows(report.verdict))]
+    told += [f"- checks: {', '.join(_checks(report))}"]
     found = [f for f in worst_first(list(report.findings)) if f.severity != "info"]
     if found:
         told += ["", "| | rule | subject | finding |", "| --- | --- | --- | --- |"]
     for finding in found[:SHOWN_FINDINGS]:
         cells = (finding.severity, finding.rule, finding.subject, public_message(finding))
-        told.append(f"| {' | '.join(_cell(cell) for cell in cells)} |")
+        told.append(f"| {' | '.join(markdown_cell(cell) for cell in cells)} |")
     if len(found) > SHOWN_FINDINGS:
         told += ["", f"and {len(found) - SHOWN_FINDINGS} more in the report"]
     return "\n".join(told) + "\n"
+
+
+def _checks(report: Report) -> list[str]:
+    """`13 passed`, and the names of those that failed or were not run."""
+    by_status = {
+        status: [name for name, check in sorted(report.checks.items()) if check.status == status]
+        for status in ("pass", "fail", "skip")
+    }
+    told = [f"{len(by_status['pass'])} passed"]
+    for status, words in (("fail", "failed"), ("skip", "not run")):
+        names = by_status[status]
+        if names:
+            told.append(f"{len(names)} {words} ({', '.join(f'`{name}`' for name in names)})")
+    return told
 
 
 def public_rows(verdict: Verdict) -> tuple[tuple[str, str], ...]:
@@ -49,7 +65,13 @@ def public_message(finding: Finding) -> str:
     return WITHHELD if "physx" in origin else finding.message
 
 
-def _cell(text: str) -> str:
-    """Text in a table: no markup, no new row, no new column."""
-    plain = escape(" ".join(text.split()))
-    return "".join(f"\\{c}" if c in "\\`*_|[]" else c for c in plain)
+def markdown_cell(text: str) -> str:
+    """Text in a table: no markup of its own but code, no new row, no new column."""
+    plain = " ".join(text.split())
+    parts = plain.split("`") if plain.count("`") % 2 == 0 else [plain]
+    told = [part if i % 2 else _literal(part) for i, part in enumerate(parts)]
+    return "`".join(told).replace("|", "\\|")
+
+
+def _literal(text: str) -> str:
+    return "".join(f"\\{c}" if c in "\\`*_[]" else c for c in escape(text))

@@ -37,16 +37,25 @@ def records(title: str, rows: Iterable[Record], note: str = "") -> Table:
 
 
 def text_of(value: object) -> str:
-    """A number with six digits, a list with commas, nothing as a dash."""
+    """A number with four digits, a list with commas, nothing as a dash."""
     if value is None or value == "":
         return "-"
     if isinstance(value, bool):
         return "yes" if value else "no"
     if isinstance(value, float):
-        return f"{value:.6g}" if math.isfinite(value) else str(value)
+        return _number(value)
     if isinstance(value, tuple | list):
         return ", ".join(text_of(item) for item in value) or "-"
     return str(value)
+
+
+def _number(value: float) -> str:
+    """Four digits; what rounding left of zero is `about 0`."""
+    if not math.isfinite(value):
+        return str(value)
+    if 0.0 < abs(value) < 1e-13:
+        return "about 0"
+    return f"{value:.0f}" if 1e3 <= abs(value) < 1e7 else f"{value:.4g}"
 
 
 def markdown_table(shown: Table) -> str:

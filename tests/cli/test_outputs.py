@@ -8,12 +8,13 @@ from typing import Any
 
 from defusedxml import ElementTree
 
-from assetbuild.cli.outputs import markdown, write_junit
+from assetbuild.cli.github import annotation_lines, markdown, step_summary
+from assetbuild.cli.outputs import write_junit
 from assetbuild.engine.make import NodeResult
 from assetbuild.errors import StepError
 from assetbuild.findings import Finding
 from assetbuild.report.document import make_report
-from assetbuild.report.summary import public_message
+from assetbuild.report.summary import markdown_cell, public_message
 from assetbuild.report.verdict import CheckResult
 
 from .conftest import Workplace
@@ -46,7 +47,47 @@ def test_the_summary_is_one_table_row_per_finding_without_markup_of_its_own():
     (row,) = [line for line in text.splitlines() if "inertia.triangle" in line]
     assert row.replace("\\|", "").count("|") == 5
     assert "<b>" not in text
-    assert "| stand | fail |" in text
+    assert "- checks: 1 passed, 1 failed (`stand`), 1 not run (`x`)" in text
+
+
+def test_code_stays_code_and_hostile_names_stay_text():
+    cell = markdown_cell("joint `a_b|c` is <i>off</i> [x](y) `")
+    assert cell == "joint \\`a\\_b\\|c\\` is &lt;i&gt;off&lt;/i&gt; \\[x\\](y) \\`"
+    assert markdown_cell("`a_b|c` is <i>") == "`a_b\\|c` is &lt;i&gt;"
+
+
+def test_a_row_for_each_robot_stands_first():
+    text = step_summary([outcome(HEAVY, SPEED, checks=CHECKS), outcome(built=False)])
+    rows = [line for line in text.splitlines() if line.startswith("| tiny")]
+    assert rows == [
+        "| tiny | **no** | 1 of 2 | 1 | 1 | 0 of 0 | 1.5 |",
+        "| tiny | not built |  | 0 |  | 0 of 0 | 1.5 |",
+    ]
+
+
+def test_findings_are_marked_at_their_file_and_line(tmp_path):
+    """In the checkout at the source's line; of an archive at the recipe, its place in words."""
+    (tmp_path / "robots").mkdir()
+    (tmp_path / "recipes").mkdir()
+    (tmp_path / "robots/tiny.urdf").write_text("<robot/>")
+    place, (inside, outside) = tmp_path / "recipes/tiny.yaml", (HEAVY, SPEED)
+    for path, at in (
+        ("../robots", ("robots/tiny.urdf", "7")),
+        ("x.zip", ("recipes/tiny.yaml", "")),
+    ):
+        one = outcome(inside, outside)
+        source = SimpleNamespace(path=path, root=".")
+        one.loaded = SimpleNamespace(
+            recipe=SimpleNamespace(robot="tiny", source=source), path=place
+        )
+        error, warning = annotation_lines([one], tmp_path)
+        file, line = at
+        where = f"file={file},line={line}" if line else f"file={file}"
+        assert error.startswith(f"::error {where},title=inertia.triangle::")
+        assert ("tiny.urdf:7" in error) == (not line)
+        assert "%0A" not in error.partition("hint")[0].partition("::")[0]
+        assert warning.startswith("::warning ") and "12345" not in warning
+    assert "\n" not in error
 
 
 def test_no_figure_of_physx_is_published():
@@ -54,7 +95,7 @@ def test_no_figure_of_physx_is_published():
         assert "not published" in public_message(finding)
     text = markdown(outcome(SPEED, NAMED, checks={"stand_physx": CheckResult("pass", {"f": 9.75})}))
     assert not any(figure in text for figure in ("12345", "1.25", "9.75"))
-    assert "| stand\\_physx | pass |" in text
+    assert "- checks: 1 passed" in text
     assert "ixx" in public_message(HEAVY)
 
 

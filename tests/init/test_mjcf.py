@@ -168,3 +168,11 @@ def test_a_base_without_inertia_is_merged_with_what_it_carries(tmp_path: Path):
     arm = '<body name="arm"><joint name="j"/><geom size=".1"/></body>'
     _, text = proposed(tmp_path, f'{base}<body name="mount"><geom size=".1"/>{arm}</body></body>')
     assert "fixed_joints: {merge: true}" in text
+
+
+def test_springs_beside_guessed_drives_are_not_proposed_as_usd(tmp_path: Path):
+    arm = '<body name="a"><joint name="j" axis="0 1 0" stiffness="3" range="-1 1"/>'
+    base = f'<body name="b"><geom size=".1"/>{arm}<geom size=".1"/></body></body>'
+    targets, text = proposed(tmp_path, base)
+    assert "actuators:" in text
+    assert targets == ("urdf", "mjcf")

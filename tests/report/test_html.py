@@ -12,6 +12,7 @@ from assetbuild.recipe.models import Waiver
 from assetbuild.report.document import make_report
 from assetbuild.report.figures import check_section, tables_of
 from assetbuild.report.html import Picture, View, html_page
+from assetbuild.report.sentences import sentence
 from assetbuild.report.verdict import CheckResult
 
 from .robots_for_tests import subject
@@ -59,14 +60,15 @@ def test_the_verdict_comes_before_the_findings_and_they_before_the_card():
 def test_a_finding_shows_rule_place_numbers_fix_and_how_to_waive_it():
     finding = Finding("inertia.radius", "warning", "link a", "0.6 m", "check", data={"r_m": 0.6})
     text = page([finding])
-    for told in ("inertia.radius", "a:1", "r_m", "Fix: check", "rules: {inertia.radius:"):
+    for told in ("inertia.radius", "a:1", "r_m", "To do:</b> check", "rules: {inertia.radius:"):
         assert told in text
 
 
-def test_a_rule_that_speaks_of_many_is_folded_but_for_the_first():
+def test_a_rule_that_speaks_of_many_is_one_box_with_a_count():
     many = [Finding("gains.sag", "warning", f"actuator j{n}", f"by {n} rad") for n in range(5)]
     text = page(many)
-    assert "4 more of <code>gains.sag</code>: actuator j1, actuator j2" in text
+    assert "5 findings" in text
+    assert "2 more of <code>gains.sag</code>: actuator j3, actuator j4" in text
     assert all(f"by {n} rad" in text for n in range(5))
 
 
@@ -96,9 +98,36 @@ def test_a_failed_check_is_open_and_a_passed_one_closed():
     assert '<details class="check">' in check_section("x", CheckResult("pass", {"a": 1}))
 
 
-def test_without_the_library_there_is_no_view_and_no_script():
-    assert "<script" not in page(view=View("{}", ""))
-    assert "<script" not in page(view=None)
+def test_without_the_library_there_is_no_view():
+    assert "viewer-geometry" not in page(view=View("{}", ""))
+    assert "viewer-geometry" not in page(view=None)
+
+
+def test_the_first_screen_has_the_hero_and_the_lines_that_load_the_bundle():
+    text = page(pictures=(Picture("The robot", "it stands", b"\x89PNG"), PICTURE))
+    head = text.partition('id="findings"')[0]
+    for shown in (
+        'class="hero"',
+        "from_xml_path(&quot;tiny/mjcf/scene.xml&quot;)",
+        "What to do next",
+    ):
+        assert shown in head, shown
+    assert text.count("data:image/png") == 2, "the hero is shown once"
+
+
+def test_each_check_is_a_sentence_with_its_number_and_limit():
+    figures = {"kinematics_error": 1.10576e-15, "gravity_error": 0.0, "poses": 50}
+    shown = check_section("oracle", CheckResult("pass", figures))
+    assert "in 50 poses: largest relative error 1.1e-15, limit 1e-9" in shown
+    equal = CheckResult("pass", {"facts": 2560, "differ": 0, "unread": 0})
+    assert (
+        sentence("usd_equal", equal)
+        == "2,560 facts of the USD compared with the robot: none differs"
+    )
+    mass = CheckResult("pass", {"total_kg": 13.100529, "datasheet_kg": None, "bodies": [{}, {}]})
+    assert sentence("mass", mass) == "13.1 kg in 2 bodies"
+    assert "datasheet" not in check_section("mass", mass)
+    assert sentence("own", CheckResult("pass", {"gap_m": 0.123456})) == "gap 0.1235 m"
 
 
 def test_the_view_knows_every_joint_and_keyframe():

@@ -9,6 +9,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from assetbuild.findings import Finding
+from assetbuild.robot.lost_motion import whole_gravity
 from assetbuild.robot.model import Control, Tree
 from assetbuild.robot.shapes import Shapes
 from assetbuild.simulators.usd_options import UsdOptions
@@ -47,7 +48,8 @@ def write_asset(
     write_base(payloads, names, robot)
     # What the variant `physics` adds to the robot.
     stage = new_layer(payloads / "physics.usda", names)
-    yield from apply_rigid_bodies(stage, names, options.rigid_body)
+    weightless = whole_gravity(control.mjcf_only)
+    yield from apply_rigid_bodies(stage, names, options.rigid_body, weightless)
     yield from define_colliders(stage, names, shapes, control)
     touching = touching_neighbours(names, shapes, control)
     define_joints(stage, names, control, options, touching)

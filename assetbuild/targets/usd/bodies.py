@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from pathlib import Path
 
 import numpy as np
@@ -57,9 +57,12 @@ def write_base(folder: Path, names: PrimPaths, robot: str) -> None:
 
 
 def apply_rigid_bodies(
-    stage: Usd.Stage, names: PrimPaths, options: UsdRigidBody
+    stage: Usd.Stage, names: PrimPaths, options: UsdRigidBody, weightless: Collection[str]
 ) -> Iterator[Finding]:
-    """RigidBodyAPI and MassAPI on every body; a body without mass gets none, and a finding."""
+    """RigidBodyAPI and MassAPI on every body; a body without mass gets none, and a finding.
+
+    weightless: bodies that gravity does not pull.
+    """
     tree = names.tree
     for body in tree.bodies:
         prim = stage.OverridePrim(names.body(body.name))
@@ -75,6 +78,7 @@ def apply_rigid_bodies(
                 "maxLinearVelocity": options.max_linear_velocity,
                 "maxAngularVelocity": to_usd_degrees(options.max_angular_velocity),
                 "maxDepenetrationVelocity": options.max_depenetration_velocity,
+                "disableGravity": True if body.name in weightless else None,
             },
         )
         if body.inertial is not None and not body.is_massless:

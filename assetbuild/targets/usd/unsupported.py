@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from assetbuild.findings import Finding, Rule
 from assetbuild.robot.initial import initial_pose
 from assetbuild.robot.joint_springs import no_drives
+from assetbuild.robot.lost_motion import lost_in_usd, whole_gravity
 from assetbuild.robot.model import Contact, Control, Joint, Tree
 from assetbuild.simulators.usd_options import UsdOptions
 from assetbuild.targets.usd.units import is_angular, limits
@@ -76,6 +77,21 @@ SPRING = Rule(
     "leave `usd` and `isaaclab` out of `targets`, add the spring in the simulator, or accept the "
     "loss by `rules: {usd.spring: {severity: warning, because: ...}}`",
 )
+MOTION = Rule(
+    "usd.motion",
+    "error",
+    "the source's MJCF says what moves the robot and no USD can say (see `mjcf.motion`): in PhysX "
+    "and Newton it moves otherwise than in MuJoCo",
+    "leave `usd` and `isaaclab` out of `targets`, or accept the loss by `rules: {usd.motion: "
+    "{severity: warning, because: ...}}`",
+)
+GRAVITY = Rule(
+    "usd.gravity",
+    "info",
+    "the weight of bodies is compensated wholly (`gravcomp` 1 in the MJCF): PhysX does not pull "
+    "them; other readers of the USD do",
+    "nothing for PhysX and Isaac Lab",
+)
 MIMIC = Rule(
     "usd.mimic",
     ("warning", "info"),
@@ -104,6 +120,7 @@ def unsupported(tree: Tree, control: Control, options: UsdOptions) -> Iterator[F
         yield from _mimic(tree, joint, options)
     yield from _actuators(control)
     yield from _springs(control)
+    yield from _motion(control)
     yield from _contact(control)
     yield from _keyframes(control)
     yield from _starts(tree, control)
@@ -202,6 +219,26 @@ def _springs(control: Control) -> Iterator[Finding]:
             f"its spring is not in the USD: a spring can be the drive of its joint, but {why}",
             hint="leave out the targets `usd` and `isaaclab`, or accept it by `rules: {usd.spring: "
             "{severity: warning, because: ...}}` and add the spring in the simulator",
+        )
+
+
+def _motion(control: Control) -> Iterator[Finding]:
+    weightless = whole_gravity(control.mjcf_only)
+    if weightless:
+        names = ", ".join(f"`{name}`" for name in sorted(weightless)[:4])
+        yield GRAVITY(
+            "robot",
+            f"{len(weightless)} bodies have no weight in PhysX (`disableGravity`): {names}",
+            data={"bodies": tuple(sorted(weightless))},
+        )
+    for what, names_of in lost_in_usd(control.mjcf_only).items():
+        listed = ", ".join(f"`{name}`" for name in names_of[:4] if name)
+        yield MOTION(
+            "robot",
+            f"{what} are not in the USD, which moves otherwise: {listed or 'the whole robot'}",
+            hint="leave out the targets `usd` and `isaaclab`, or accept it by `rules: {usd.motion: "
+            "{severity: warning, because: ...}}`",
+            data={"what": what, "names": names_of},
         )
 
 

@@ -1,0 +1,173 @@
+"""What a check found, in one sentence with its numbers, units and limits."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from typing import Any
+
+from assetbuild.report.tables import text_of
+from assetbuild.report.verdict import CheckResult
+
+Figures = Mapping[str, Any]  # Any: plain JSON, of as many shapes as there are checks
+FILES = {
+    "urdf": "URDF", "mjcf": "MJCF", "mjx": "MJX model", "bare": "bare MJCF", "scene": "scene",
+    "scene_mjx": "MJX scene", "usd": "USD", "usd_scene": "USD scene", "dr": "`dr.yaml`",
+    "mjlab": "mjlab module", "isaaclab": "Isaac Lab module",
+}  # fmt: skip
+
+
+def sentence(name: str, check: CheckResult) -> str:
+    """One sentence; figures that no sentence is written for stand as `name value unit`."""
+    figures = check.figures
+    if check.note or "skipped" in figures:
+        return f"not run: {check.note or figures['skipped']}"
+    stem = name.removesuffix("_equal")
+    if stem != name and stem in FILES and "facts" in figures:
+        return _equal(FILES[stem], figures)
+    try:
+        made = SENTENCES[name](figures) if name in SENTENCES else ""
+    except (KeyError, TypeError, ValueError):  # a check that stopped early has fewer figures
+        made = ""
+    return made or _plain(figures)
+
+
+def _equal(file: str, figures: Figures) -> str:
+    facts, differ, unread = (int(figures.get(key) or 0) for key in ("facts", "differ", "unread"))
+    said = "none differs" if not differ else f"{differ} differ"
+    tail = f"; {unread} were not understood" if unread else ""
+    return f"{facts:,} facts of the {file} compared with the robot: {said}{tail}"
+
+
+def _plain(figures: Figures) -> str:
+    shown = {
+        k: v for k, v in figures.items() if v is not None and not isinstance(v, Mapping | list)
+    }
+    return ", ".join(_quantity(key, value) for key, value in list(shown.items())[:3])
+
+
+UNITS = {
+    "m": "m", "rad": "rad", "kg": "kg", "s": "s", "hz": "Hz", "mm": "mm", "deg": "°",
+    "nm": "N m", "n": "N", "j": "J", "m3": "m³",
+}  # fmt: skip
+
+
+def _quantity(key: str, value: object) -> str:
+    head, _, last = key.rpartition("_")
+    if head and last in UNITS:
+        return f"{head.replace('_', ' ')} {text_of(value)} {UNITS[last]}"
+    return f"{key.replace('_', ' ')} {text_of(value)}"
+
+
+def _length(value_m: float) -> str:
+    """A length as people say it: millimetres below 0.1 m."""
+    return f"{1e3 * value_m:.3g} mm" if abs(value_m) < 0.1 else f"{value_m:.3g} m"
+
+
+def _error(value: float) -> str:
+    """A relative error; what rounding leaves is called that."""
+    return "0" if value == 0.0 else f"{value:.1e}"
+
+
+def _oracle(f: Figures) -> str:
+    worst = max(float(f[key]) for key in f if key.endswith("_error"))
+    return (
+        f"kinematics, mass matrix and gravity equal pinocchio's on the source in {f['poses']} "
+        f"poses: largest relative error {_error(worst)}, limit 1e-9"
+    )
+
+
+def _kinematics(f: Figures) -> str:
+    return (
+        f"{f['links']} links stand where yourdfpy puts them in {f['samples']} poses: "
+        f"largest error {_error(float(f['kinematics_error']))}, limit 1e-9"
+    )
+
+
+def _free_fall(f: Figures) -> str:
+    error = 100.0 * float(f["relative_error"])
+    return (
+        f"falls {float(f['drop_m']):.4g} m in {float(f['seconds']):.3g} s, the law says "
+        f"{float(f['expected_m']):.4g} m: {error:.2g} % off, limit 0.3 %"
+    )
+
+
+def _stand(f: Figures) -> str:
+    change, tilt = float(f["height_change_m"]), math.degrees(float(f["tilt_rad"]))
+    return (
+        f"stands for {float(f['seconds']):.3g} s: its base moves by {_length(abs(change))} in "
+        f"height and {_length(float(f['drift_m']))} sideways and tilts by {tilt:.2g}°; "
+        f"the busiest drive uses {100 * float(f['max_load']):.3g} % of its effort"
+    )
+
+
+def _mass(f: Figures) -> str:
+    stated = f.get("datasheet_kg")
+    beside = f"; its data sheet says {float(stated):.4g} kg" if stated is not None else ""
+    return f"{float(f['total_kg']):.4g} kg in {len(f['bodies'])} bodies{beside}"
+
+
+def _counts(f: Figures) -> str:
+    return (
+        f"{f['visual_built']} visual and {f['collision_built']} collision shapes were built from "
+        f"{f['visual_source']} and {f['collision_source']} of the source"
+    )
+
+
+def _mirror(f: Figures) -> str:
+    return (
+        f"{f['twins']} pairs of bodies or joints are each other's mirror image"
+        if f["twins"]
+        else ""
+    )
+
+
+def _gains(f: Figures) -> str:
+    return f"{len(f['joints'])} drives judged at `{f['keyframe']}`: stiffness, damping and sag"
+
+
+def _coverage(f: Figures) -> str:
+    return f"{len(f['shapes'])} collision shapes measured against the visual geometry"
+
+
+def _usd(f: Figures) -> str:
+    return (
+        f"{f['bodies']} bodies, {f['joints']} joints, {f['drives']} drives, {f['colliders']} "
+        f"colliders and {f['visuals']} visuals in {float(f['bytes']) / 1e6:.3g} MB"
+    )
+
+
+def _trials(f: Figures) -> str:
+    drift = 100.0 * float(f["energy_drift"])
+    return f"let go, shaken and simulated with other time steps; energy drifts by {drift:.2g} %"
+
+
+def _compiles(f: Figures) -> str:
+    return (
+        f"{', '.join(f'`{name}`' for name in f)} compile in MuJoCo without a warning" if f else ""
+    )
+
+
+def _pairs(f: Figures) -> str:
+    return (
+        f"{f['pairs']} pairs of geometries can touch; {f['fast_on_warp']} of them are quick on Warp"
+    )
+
+
+SENTENCES: Mapping[str, Callable[[Figures], str]] = {
+    "oracle": _oracle,
+    "urdf_kinematics": _kinematics,
+    "free_fall": _free_fall,
+    "stand": _stand,
+    "mass": _mass,
+    "counts": _counts,
+    "mirror": _mirror,
+    "gains": _gains,
+    "coverage": _coverage,
+    "usd_valid": _usd,
+    "trials": _trials,
+    "mjcf_compiles": _compiles,
+    "mjx_pairs": _pairs,
+    "textures": lambda f: "" if f["materials"] else "no material has a texture",
+}
+"""Name of the check -> its sentence, from figures that it always has when it ran."""
