@@ -41,6 +41,10 @@ class Loops(Check):
         if not control.loops:
             write_figures(files, {"skipped": "the robot has no loops"})
             return
+        if balls := loop_swing.balls(tree, control):
+            text = f"a loop runs over ball joint `{balls[0]}`; the edit `split_joint` makes hinges"
+            write_figures(files, {"skipped": text})
+            return
         asked = loop_swing.trial(tree, control, self.wish)
         path = files.inputs / "mjcf" / f"{self.robot}.xml"
         model = mujoco_motion.held_model(path, asked.servos)

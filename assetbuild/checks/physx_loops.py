@@ -44,6 +44,10 @@ class PhysxLoops(Check):
         if not control.loops:
             write_figures(files, {"skipped": "the robot has no loops"})
             return
+        if balls := loop_swing.balls(tree, control):
+            text = f"a loop runs over ball joint `{balls[0]}`; the edit `split_joint` makes hinges"
+            write_figures(files, {"skipped": text})
+            return
         asked, step = loop_swing.trial(tree, control, self.wish), control.simulation.timestep
         setting = physx.Setting(
             step,

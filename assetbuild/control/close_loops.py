@@ -3,15 +3,21 @@
 from __future__ import annotations
 
 import itertools
+import re
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import replace
 
 from assetbuild.findings import Finding, Rule
+from assetbuild.robot.actuator_table import ActuatorRow
 from assetbuild.robot.closure import CLOSED, Solution, close, gaps, locked_joints
 from assetbuild.robot.loops import path_of
 from assetbuild.robot.mimic import with_mimics
 from assetbuild.robot.model import Keyframe, Loop, LoopEnd, Tree
 from assetbuild.robot.motors import RowError
+from assetbuild.robot.pose import IDENTITY, Quat, quat_multiply, quat_of_rpy
+from assetbuild.robot.sides import Side, moving_by_source
+from assetbuild.robot.source import SourceControl
+from assetbuild.robot.split_joints import angles_of, split
 
 VISIBLE_M = 1e-3
 """m or rad: a loop that a source's keyframe leaves open by more is a warning."""
@@ -37,32 +43,80 @@ LOCKED = Rule(
 )
 
 
-def placed_loops(tree: Tree, said: Sequence[Loop]) -> tuple[Loop, ...]:
-    """Loops of a source, whose ends are links, on the bodies that these became part of."""
+def driven_joints(
+    tree: Tree,
+    rows: Sequence[ActuatorRow],
+    sides: Sequence[Side] = (),
+    source: SourceControl | None = None,
+) -> set[str]:
+    """Joints that a row of the table drives, or the source."""
+    patterns = [row.joints for row in rows if row.model != "passive"]
+    by_row = {j.name for j in tree.moving_joints if any(re.fullmatch(p, j.name) for p in patterns)}
+    said = source.control.actuators if source is not None else ()
+    own = {actuator.joint for actuator in said if actuator.model != "passive"}
+    return by_row | (own & moving_by_source(sides, own))
+
+
+def placed_loops(tree: Tree, said: Sequence[Loop], stated: Sequence[Loop] = ()) -> tuple[Loop, ...]:
+    """Loops of a source, whose ends are links, on the bodies that these became part of.
+
+    stated: the recipe's, of which one takes the place of the source's of that name.
+    """
 
     def placed(end: LoopEnd) -> LoopEnd:
         body, X_body_link = tree.placement(end.body)
         return LoopEnd(body, X_body_link @ end.X_body_end)
 
-    return tuple(replace(loop, a=placed(loop.a), b=placed(loop.b)) for loop in said)
+    names = {loop.name for loop in stated}
+    own = [loop for loop in said if loop.name not in names]
+    return tuple(replace(loop, a=placed(loop.a), b=placed(loop.b)) for loop in own)
+
+
+def hinged(tree: Tree) -> Tree:
+    """The tree with every ball joint as three hinges, so that positions say all of a pose."""
+    return split(tree, frozenset(joint.name for joint in tree.joints if joint.kind == "ball"))
+
+
+def positions_of(tree: Tree, pose: Keyframe) -> dict[str, float]:
+    """The position of every moving joint of the hinged tree, rad or m."""
+    found = dict(pose.joints)
+    for name, turn in pose.turns:
+        found |= {f"{name}_{axis}": q for axis, q in zip("xyz", angles_of(turn), strict=True)}
+    return with_mimics(hinged(tree), found)
+
+
+def _posed(tree: Tree, pose: Keyframe, positions: Mapping[str, float]) -> Keyframe:
+    """The keyframe with the positions of a hinged tree."""
+    turns = list[tuple[str, Quat]]()
+    for joint in tree.joints:
+        if joint.kind == "ball":
+            x, y, z = (positions[f"{joint.name}_{axis}"] for axis in "xyz")
+            about_x, about_y = quat_of_rpy(x, 0.0, 0.0), quat_of_rpy(0.0, y, 0.0)
+            turn = quat_multiply(quat_multiply(about_x, about_y), quat_of_rpy(0.0, 0.0, z))
+            turns += [(joint.name, turn)] if turn != IDENTITY.quat else []
+    joints = tuple((joint.name, positions[joint.name]) for joint in tree.moving_joints)
+    return replace(pose, joints=joints, turns=tuple(turns))
 
 
 def closed_pose(
     tree: Tree, loops: Sequence[Loop], pose: Keyframe, stated: Collection[str], own: Sequence[Loop],
-    driven: Collection[str],
+    last: Sequence[Collection[str]],
 ) -> Keyframe:  # fmt: skip
-    """The pose with its unstated joints moved until all loops close; driven ones only if they must.
+    """The pose with its unstated joints moved until all loops close.
 
     stated: joints whose value the keyframe states; own: loops of the recipe, for the place of an
-    error. Raises RowError with the gap that is left.
+    error; last: joints that move only if the others do not suffice, the latest first. Raises
+    RowError with the gap that is left.
     """
-    chain = {joint.name for loop in loops for joint in path_of(tree, loop)}
+    whole, start = hinged(tree), positions_of(tree, pose)
+    chain = {joint.name for loop in loops for joint in path_of(whole, loop)}
     free = chain - set(stated)
-    for unknown in (free - set(driven), free):
-        found = close(tree, loops, dict(pose.joints), unknown)
+    for index in range(len(last) + 1):
+        unknown = free.difference(*last[: len(last) - index])
+        found = close(whole, loops, start, unknown)
         if found.closed:
-            return replace(pose, joints=tuple(found.positions.items()))
-    raise _cannot_close(tree, loops, pose, found, own)
+            return _posed(tree, pose, found.positions)
+    raise _cannot_close(whole, loops, replace(pose, joints=tuple(start.items())), found, own)
 
 
 def _cannot_close(
@@ -109,7 +163,7 @@ def _widest(tree: Tree, loops: Sequence[Loop], q: Mapping[str, float]) -> tuple[
 
 def check_start(tree: Tree, loops: Sequence[Loop], start: Keyframe) -> None:
     """RowError where a robot without keyframes would start with an open loop."""
-    name, residual = _widest(tree, loops, dict(start.joints))
+    name, residual = _widest(hinged(tree), loops, positions_of(tree, start))
     if residual >= CLOSED:
         raise RowError(
             f"loops: `{name}` is open by {residual:.4g} m where the joints are 0, and the recipe "
@@ -124,7 +178,7 @@ def check_locked(
     tree: Tree, loops: Sequence[Loop], pose: Keyframe, driven: Collection[str]
 ) -> None:
     """RowError for a driven joint that the loops keep from moving."""
-    for joint in locked_joints(tree, loops, dict(pose.joints), driven):
+    for joint in locked_joints(hinged(tree), loops, positions_of(tree, pose), driven):
         index = next(i for i, p in enumerate(loops) if joint in {j.name for j in path_of(tree, p)})
         raise RowError(
             f"loops[{index}]: loop `{loops[index].name}` locks joint `{joint}`, which is driven",
@@ -154,7 +208,7 @@ def source_findings(
 ) -> Iterator[Finding]:
     """How well the keyframes of an MJCF close its loops, and whether these lock a drive."""
     for key in keyframes:
-        name, residual = _widest(tree, loops, with_mimics(tree, dict(key.joints)))
+        name, residual = _widest(hinged(tree), loops, positions_of(tree, key))
         if residual >= CLOSED:
             yield OPEN(
                 "robot",
@@ -164,5 +218,5 @@ def source_findings(
                 data={"keyframe": key.name, "loop": name, "open": residual},
             )
     for key in keyframes[:1]:
-        for joint in locked_joints(tree, loops, dict(key.joints), driven):
+        for joint in locked_joints(hinged(tree), loops, positions_of(tree, key), driven):
             yield LOCKED(f"joint {joint}", "the loops leave this driven joint no motion")

@@ -16,6 +16,7 @@ from assetbuild.control.close_loops import (
     check_locked,
     check_start,
     closed_pose,
+    driven_joints,
     placed_loops,
     solved_findings,
     source_findings,
@@ -40,6 +41,7 @@ from assetbuild.robot.codec import encode
 from assetbuild.robot.contact import Contacts, Exclude
 from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.initial import initial_pose
+from assetbuild.robot.joint_springs import joint_springs
 from assetbuild.robot.loops import LoopRow, resolve_loops
 from assetbuild.robot.mimic import with_mimics
 from assetbuild.robot.pose import Pose
@@ -48,7 +50,6 @@ from assetbuild.robot.sensing import Camera, Feet, Imu, Sensor
 from assetbuild.robot.shapes import Shapes
 from assetbuild.robot.sides import Side, moving_by_source, side_of
 from assetbuild.robot.simulation import Simulation
-from assetbuild.robot.source import SourceControl
 
 LIMIT_TOLERANCE = 1e-9
 """rad or m; a value that was rounded from the limit itself is inside."""
@@ -116,7 +117,7 @@ class ControlStep(Step):
         with wrong:
             loops = resolve_loops(tree, self.loops)
             if not any(side.from_mjcf for side in self.sides):  # whose loops are not known yet
-                poses = self._closed(tree, poses, loops, self._driven(tree, None))
+                poses = self._closed(tree, poses, loops, driven_joints(tree, self.rows))
         with wrong:
             self._resolved(tree, poses)
         with wrong:
@@ -133,28 +134,22 @@ class ControlStep(Step):
         driven = moving_by_source(self.sides, (joint.name for joint in tree.moving_joints))
         return resolve(tree, self.rows, self.motors, dict(start.joints), driven)
 
-    def _driven(self, tree: model.Tree, source: SourceControl | None) -> set[str]:
-        """Joints that a row of the table drives, or the source."""
-        rows = [row.joints for row in self.rows if row.model != "passive"]
-        by_row = {j.name for j in tree.moving_joints if any(re.fullmatch(p, j.name) for p in rows)}
-        said = source.control.actuators if source is not None else ()
-        own = {a.joint for a in said if a.model != "passive"}
-        return by_row | own & moving_by_source(self.sides, own)
-
     def _closed(
         self,
         tree: model.Tree,
         poses: list[model.Keyframe],
         loops: tuple[model.Loop, ...],
         driven: Collection[str],
+        sprung: Collection[str] = (),
     ) -> list[model.Keyframe]:
-        """The recipe's keyframes with their loops closed. Raises RowError."""
+        """The recipe's keyframes with their loops closed, springs and drives left alone where that
+        is possible. Raises RowError."""
         if not loops:
             return poses
         own, closed = loops[: len(self.loops)], []
         for pose in poses:
             stated = _joint_values(tree, pose.name, self.keyframes[pose.name])
-            closed.append(closed_pose(tree, loops, pose, stated, own, driven))
+            closed.append(closed_pose(tree, loops, pose, stated, own, (driven, sprung)))
         if own and not any(side.from_mjcf for side in self.sides):
             start = initial_pose(tree, model.Control(keyframes=tuple(closed)))
             check_start(tree, loops, start)
@@ -172,11 +167,12 @@ class ControlStep(Step):
         tree, shapes = robot.tree, robot.shapes
         own = [_pose(tree, name, keyframe) for name, keyframe in self.keyframes.items()]
         source = robot.source_control
-        driven = self._driven(tree, source)
+        driven = driven_joints(tree, self.rows, self.sides, source)
         loops = resolve_loops(tree, self.loops)
         if source is not None:
-            loops += placed_loops(tree, source.control.loops)
-        stated, own = own, self._closed(tree, own, loops, driven)
+            loops += placed_loops(tree, source.control.loops, loops)
+        sprung = joint_springs(source.control.mjcf_only if source is not None else ())
+        stated, own = own, self._closed(tree, own, loops, driven, sprung)
         for before, after in zip(stated, own, strict=True):
             yield from solved_findings(before, after)
         parts = {name: self._of_parts(tree, pose) for name, pose in self.poses.items()}

@@ -1,4 +1,4 @@
-"""`set_limits: {joint, lower, upper, effort, velocity}`: limits that the source has wrong."""
+"""`set_limits: {joint, lower, upper, ...}`: limits that the source has wrong."""
 
 from __future__ import annotations
 
@@ -20,18 +20,24 @@ SET_LIMITS = Rule("edit.set_limits", "info", "a joint has other limits", "nothin
 
 
 class SetLimits(Edit):
-    """What is not given stays. A continuous joint with `lower` and `upper` becomes revolute."""
+    """What is not given stays. A continuous joint with `lower` and `upper` becomes revolute, a
+    revolute one with `unlimited` continuous."""
 
     joint: Pattern = Field(description="joints, by whole name")
     lower: Real | None = Field(None, description="rad or m")
     upper: Real | None = Field(None, description="rad or m")
+    unlimited: bool = Field(False, description="true: a revolute joint turns without end")
     effort: Positive | None = Field(None, description="N m or N")
     velocity: Positive | None = Field(None, description="rad/s or m/s")
 
     @model_validator(mode="after")
     def _some(self) -> SetLimits:
-        if all(getattr(self, name) is None for name in FIELDS):
-            raise ValueError("give at least one of `lower`, `upper`, `effort`, `velocity`")
+        if all(getattr(self, name) is None for name in FIELDS) and not self.unlimited:
+            raise ValueError(
+                "give at least one of `lower`, `upper`, `unlimited`, `effort`, `velocity`"
+            )
+        if self.unlimited and (self.lower, self.upper) != (None, None):
+            raise ValueError("a joint with `lower` or `upper` is not `unlimited`")
         return self
 
     def edit(self, tree: Tree, shapes: SourceShapes, files: Files) -> Edited:
@@ -43,13 +49,18 @@ class SetLimits(Edit):
         if joint.kind not in MOVING:
             raise RecipeError(f"set_limits: joint `{joint.name}` is {joint.kind} and has no limits")
         given = {n: getattr(self, n) for n in FIELDS if getattr(self, n) is not None}
-        old, new = joint.limits, replace(joint.limits, **given)
+        kind, old, new = joint.kind, joint.limits, replace(joint.limits, **given)
+        if self.unlimited:
+            if kind == "prismatic":
+                raise RecipeError(
+                    f"set_limits: joint `{joint.name}` slides: it cannot be unlimited"
+                )
+            kind, new = "continuous", replace(new, lower=None, upper=None)
         if new.lower is not None and new.upper is not None and new.lower >= new.upper:
             raise RecipeError(
                 f"set_limits: joint `{joint.name}` would go from {new.lower:g} to {new.upper:g}",
                 hint="lower must be below upper; what is not given stays",
             )
-        kind = joint.kind
         if kind == "continuous" and {"lower", "upper"} & given.keys():
             if new.lower is None or new.upper is None:
                 raise RecipeError(

@@ -40,7 +40,7 @@ def usd_table(robot: str, own: Table, reference: Reference) -> Table:
     weightless = whole_gravity(control.mjcf_only)
     options = UsdOptions.model_validate(reference.options.get("usd") or {})
     _stage(robot, reference, book)
-    _root(tree, options.articulation, book)
+    _root(tree, options.articulation.solving(control.loops), book)
     for body in tree.bodies:
         if body.is_massless:  # PhysX would take a mass of 0 for none, and make one up
             for quantity in ("centre of mass", "inertia"):
@@ -117,7 +117,7 @@ def _root(tree: Tree, options: UsdArticulation, book: Writer) -> None:
         "usd:physxArticulation:solverPositionIterationCount":
             float(options.solver_position_iterations),
         "usd:physxArticulation:solverVelocityIterationCount":
-            float(options.solver_velocity_iterations),
+            float(options.solver_velocity_iterations or 0),
         "usd:physxArticulation:sleepThreshold": options.sleep_threshold,
         "usd:physxArticulation:stabilizationThreshold": options.stabilization_threshold,
     })  # fmt: skip

@@ -13,7 +13,7 @@ from assetbuild.engine.scratch import scratch
 from assetbuild.errors import SourceError, Where, did_you_mean
 from assetbuild.init.file_names import elsewhere
 from assetbuild.init.packages import files_named, is_file
-from assetbuild.init.patches import patched, retyped
+from assetbuild.init.patches import patched, retyped, shortened
 from assetbuild.init.source import UrdfSource
 from assetbuild.init.words import some
 from assetbuild.recipe.source import Patch
@@ -32,7 +32,7 @@ def mended(source: UrdfSource) -> UrdfSource:
     A visual mesh may be missing, a collision mesh may not. SourceError with file and line for what
     no recipe can mend.
     """
-    source = patched(source, (*_slashes(source), *retyped(source)))
+    source = patched(source, (*_slashes(source), *retyped(source), *shortened(source)))
     meshes, solid = _meshes(source)
     absent = [mesh for mesh in meshes if not is_file(source.root / mesh["path"])]
     if not absent:

@@ -8,6 +8,7 @@ from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
+from assetbuild.control.close_loops import placed_loops
 from assetbuild.engine.scratch import Scratch, scratch
 from assetbuild.errors import SourceError, Where
 from assetbuild.init.anatomy import Anatomy, study
@@ -25,7 +26,8 @@ from assetbuild.init.tune import Tuning, tune
 from assetbuild.init.wheels import wheel_radii
 from assetbuild.init.words import inline, quoted, some, source_section, written
 from assetbuild.robot.files import RobotFiles
-from assetbuild.robot.joint_springs import no_drives
+from assetbuild.robot.joint_springs import joint_springs, no_drives
+from assetbuild.robot.loops import path_of
 from assetbuild.robot.lost_motion import lost_in_usd
 from assetbuild.robot.model import Control, Tree
 from assetbuild.robot.source import SourceControl
@@ -150,16 +152,18 @@ def mjcf_text(found: MjcfSource, path: Path) -> Recipe:
     tuning = _tuned(found, anatomy) if idle else None
     unmended = tuning.unmended if tuning else ()
     lost = lost_in_usd(control.mjcf_only)
+    # Beside a guessed drive there is no room for a spring.
+    springs = joint_springs(control.mjcf_only) if tuning else no_drives(control)
     text = written(
         head(robot, anatomy, path, unmended),
         source_section(found.root, path, "mjcf", found.file, *_chosen(found.bodies)),
         _taken(found),
-        repairs_text(robot, repairs(robot, found.root)),
+        repairs_text(robot, repairs(robot, found.root, usd=not (lost or springs))),
         _merging(found),
         _collision(robot),
         _drives(found, tuning),
         () if control.keyframes else home(robot, anatomy, _pose(found, anatomy, tuning)),
-        [targets(found.built, no_drives(control), lost), *_validate(found, anatomy)],
+        [targets(found.built, springs, lost), *_validate(found, anatomy)],
     )
     return Recipe(text, unmended)
 
@@ -178,8 +182,15 @@ def _tuned(found: MjcfSource, anatomy: Anatomy) -> Tuning:
 
 
 def _pose(found: MjcfSource, anatomy: Anatomy, tuning: Tuning | None) -> Mapping[str, float]:
-    """The pose in which the drives were tried; of a source with drives, one for its limits."""
-    return tuning.pose if tuning else home_pose(found.robot.tree, anatomy.legs)
+    """The pose in which the drives were tried; of a source with drives, one for its limits.
+
+    Without the joints that loops move, which a build finds.
+    """
+    pose = tuning.pose if tuning else home_pose(found.robot.tree, anatomy.legs)
+    tree, control = found.robot.tree, found.control
+    chain = {j.name for p in placed_loops(tree, control.loops) for j in path_of(tree, p)}
+    driven = {row.joint for row in control.actuators if row.model != "passive"}
+    return {name: q for name, q in pose.items() if name not in chain - driven}
 
 
 def _chosen(bodies: tuple[str, ...]) -> Iterator[str]:

@@ -10,10 +10,15 @@ from assetbuild.init.source import UrdfSource
 from assetbuild.recipe.source import Patch
 from assetbuild.source.urdf.joints import KINDS
 from assetbuild.source.urdf.xml import Node, parse
+from assetbuild.xml_text import number_words
 
 NO_LIMIT = (
     "it states no <limit>, which urdfdom and PyBullet refuse; MuJoCo and Isaac Sim let it turn "
     "without end: give it a range where it has one"
+)
+FOUR = (
+    "four numbers where three are meant: PyBullet and yourdfpy read the first three, urdfdom and "
+    "MuJoCo refuse them"
 )
 SPELLED = "readers know this type in small letters alone"
 
@@ -25,6 +30,26 @@ def patched(source: UrdfSource, patches: Iterable[Patch | None]) -> UrdfSource:
     for patch in made:
         data = data.replace(str(patch.find).encode(), str(patch.replace).encode())
     return replace(source, data=data, patches=source.patches + made)
+
+
+def shortened(source: UrdfSource) -> Iterator[Patch | None]:
+    """A patch for each place or turn of four numbers, which is read by its first three."""
+    if source.key != "urdf":
+        return
+    text = source.data.decode("utf-8", "replace")
+    stated = {
+        (key, element.get(key) or "")
+        for element in parse(source.data, source.shown).element.iter("origin")
+        for key in ("xyz", "rpy")
+    }
+    for key, value in sorted(stated):
+        words = number_words(value, 3)
+        for mark in "\"'":
+            find = f"{key}={mark}{value}{mark}"
+            if len(words) == 4 and find in text:
+                three = f"{key}={mark}{' '.join(words[:3])}{mark}"
+                count = text.count(find)
+                yield Patch(file=source.file, find=find, replace=three, times=count, because=FOUR)
 
 
 def retyped(source: UrdfSource) -> Iterator[Patch | None]:

@@ -11,9 +11,11 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import astuple, dataclass
 from pathlib import Path
 
+import numpy as np
+
 from assetbuild.findings import Finding
 from assetbuild.init.look import InspectedRobot
-from assetbuild.init.mesh_points import is_flat
+from assetbuild.init.mesh_points import is_flat, mesh_of, scaled_points
 from assetbuild.init.patterns import patterns_of
 from assetbuild.init.targets import not_in_usd
 from assetbuild.init.words import inline, plain, some
@@ -25,8 +27,8 @@ GUESSED_DENSITY = 1000
 """kg/m3, of links without a mass: water's, and that of many a printed or hollow part."""
 GUESSED_MASS = 0.01
 """kg, of a moving link that has neither a mass nor a shape."""
-HALF_TURN = 3.14
-"""rad, of a joint that states no range."""
+BOARDS = 100.0
+"""kg/m3, of the box around a link of flat meshes, as a drawer has."""
 DUMMY_DENSITY = 1e6
 """kg/m3: fifty times the densest matter. Below, a small inertia is odd but can be simulated."""
 
@@ -54,9 +56,13 @@ class Repair:
         return "joint" if self.edit in ("set_limits", "split_joint") else "link"
 
 
-def repairs(robot: InspectedRobot, root: Path) -> tuple[Repair, ...]:
-    """What stops a build, mended; in the order of the recipe. root: of the source's files."""
-    return (*_splits(robot), *_inertias(robot, root), *_shares(robot), *_limits(robot))
+def repairs(robot: InspectedRobot, root: Path, *, usd: bool = True) -> tuple[Repair, ...]:
+    """What stops a build, mended; in the order of the recipe.
+
+    root: of the source's files; usd: whether the robot's other facts let it have one.
+    """
+    shares = _shares(robot) if usd else ()
+    return (*_splits(robot), *_inertias(robot, root), *shares, *_limits(robot))
 
 
 def repairs_text(robot: InspectedRobot, found: Sequence[Repair]) -> Iterator[str]:
@@ -134,7 +140,7 @@ def _remade(robot: InspectedRobot, root: Path, link: str, finding: Finding) -> R
     mass = inertial.mass_kg if inertial else 0.0
     shown = [role for role in ("visual", "collision") if _is_solid(robot, root, link, role)]
     if not shown:
-        return _ball(link, mass, finding)
+        return _ball(link, mass, _box_m3(robot, root, link), finding)
     how = {"open": "hull"} if shown[0] == "visual" else {"from": shown[0], "open": "hull"}
     if mass > 0.0:
         matter = {"mass": mass}
@@ -155,9 +161,21 @@ def _is_solid(robot: InspectedRobot, root: Path, link: str, role: str) -> bool:
     return bool(shapes) and not any(is_flat(root, mesh) for mesh in meshes)
 
 
-def _ball(link: str, mass: float, finding: Finding) -> Repair:
-    """A solid ball of water's density: there is nothing to compute it from."""
-    ball = mass or GUESSED_MASS
+def _box_m3(robot: InspectedRobot, root: Path, link: str) -> float:
+    """Volume of the box around the meshes of a link, along its axes; 0 where none can be read."""
+    clouds = [
+        shape.X_link_shape.apply(scaled_points(read, shape.geometry))
+        for shape in robot.shapes.shapes
+        if shape.link == link
+        and isinstance(shape.geometry, MeshFile)
+        and (read := mesh_of(root, shape.geometry)) is not None
+    ]
+    return float(np.prod(np.ptp(np.concatenate(clouds), axis=0))) if clouds else 0.0
+
+
+def _ball(link: str, mass: float, box_m3: float, finding: Finding) -> Repair:
+    """A solid ball of water's density: there is nothing to compute it from but its boards."""
+    ball = mass or max(GUESSED_MASS, float(f"{BOARDS * box_m3:.2g}"))
     radius = (3.0 * ball / (4.0 * math.pi * GUESSED_DENSITY)) ** (1.0 / 3.0)
     moment = float(f"{0.4 * ball * radius**2:.3g}")
     keys: dict[str, object] = {} if mass else {"mass": ball}
@@ -186,19 +204,20 @@ def _shares(robot: InspectedRobot) -> Iterator[Repair]:
 
 
 def _limits(robot: InspectedRobot) -> Iterator[Repair]:
-    turn = {"lower": -HALF_TURN, "upper": HALF_TURN}
+    free = {"unlimited": True}
     for finding in robot.source_findings:
         if finding.rule == LIMIT_OMITTED.id and _has_no_range(robot, finding):
             why = (
-                "a guess, half a turn each way: without a range urdfdom locks it at 0, and MuJoCo, "
-                "PyBullet and Isaac Sim let it turn"
+                "without a range urdfdom locks it at 0; MuJoCo, PyBullet and Isaac Sim let it "
+                "turn: put `lower` and `upper` here when you know them"
             )
-            yield Repair(_subject(finding), "set_limits", turn, why, "<limit> states no range")
+            yield Repair(_subject(finding), "set_limits", free, why, "<limit> states no range")
     for name in _zeros(robot.links):
         why = (
-            "a guess, half a turn each way: zeros are what exporters write where nobody states any"
+            "exporters write zeros where nobody states limits, and MuJoCo lets it turn: put "
+            "`lower` and `upper` here when you know them"
         )
-        yield Repair(name, "set_limits", turn, why, "all limits of all joints are 0")
+        yield Repair(name, "set_limits", free, why, "all limits of all joints are 0")
     for finding in robot.link_findings:
         name = _subject(finding)
         if finding.rule == "joint.limits":

@@ -57,7 +57,7 @@ def resolve_loops(tree: Tree, rows: Sequence[LoopRow]) -> tuple[Loop, ...]:
                 raise RowError(message, key=("loops", index, "name"), hint="choose another name")
             a, b = _end(tree, index, "a", row.a), _end(tree, index, "b", row.b)
             loop = Loop(row.name, row.kind, a, b, row.solref, row.solimp)
-            if not path_of(tree, loop):
+            if not _joints_between(tree, loop):
                 message = f"loops[{index}]: no joint moves between `{row.a.link}` and "
                 message += f"`{row.b.link}`, so loop `{row.name}` holds nothing"
                 raise RowError(message, key=("loops", index), hint=HINT_SAME)
@@ -94,9 +94,15 @@ def site_names(tree: Tree, loops: Sequence[Loop]) -> dict[str, tuple[str, str]]:
 
 def path_of(tree: Tree, loop: Loop) -> tuple[Joint, ...]:
     """The moving joints of the tree between the two bodies of a loop, in tree order."""
+    between = _joints_between(tree, loop)
+    return tuple(joint for joint in tree.moving_joints if joint.name in between)
+
+
+def _joints_between(tree: Tree, loop: Loop) -> set[str]:
+    """All joints but fixed ones."""
     above = [dict(_joints_above(tree, end.body)) for end in loop.ends]
     apart = above[0].keys() ^ above[1].keys()
-    return tuple(joint for joint in tree.moving_joints if joint.name in apart)
+    return {name for name in apart if tree.by_joint[name].kind != "fixed"}
 
 
 def _joints_above(tree: Tree, body: str) -> list[tuple[str, Joint]]:

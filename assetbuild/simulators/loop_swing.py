@@ -84,6 +84,12 @@ def trial(tree: Tree, control: Control, wish: LoopSwing) -> Trial:
     return Trial(replace(made, middle=home, swing=_closable(tree, control, home, swing)), servos)
 
 
+def balls(tree: Tree, control: Control) -> tuple[str, ...]:
+    """Ball joints of a robot with loops, whose positions no engine tells as numbers."""
+    names = tuple(joint.name for joint in tree.joints if joint.kind == "ball")
+    return names if control.loops else ()
+
+
 def _felt_inertia(control: Control, robot: Dynamics) -> dict[str, float]:
     """What a torque at each joint accelerates while the loops stay closed, kg m2 or kg."""
     basis = free_motions(control.loops, robot.motions)

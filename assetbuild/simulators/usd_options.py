@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Literal
+from collections.abc import Sized
+from typing import Literal, Self
 
 from pydantic import Field
 
@@ -27,6 +28,10 @@ class UsdRigidBody(Model):
     )
 
 
+OF_TREES, OF_LOOPS = 1, 4
+"""Velocity iterations of PhysX's solver."""
+
+
 class UsdArticulation(Model):
     """How PhysX solves the robot. Isaac Lab calls them ArticulationRootPropertiesCfg."""
 
@@ -34,9 +39,21 @@ class UsdArticulation(Model):
         True, description="bodies of the robot collide but for the excluded pairs, as in MuJoCo"
     )
     solver_position_iterations: int = Field(8, ge=1, le=255, description="per step")
-    solver_velocity_iterations: int = Field(1, ge=0, le=255, description="per step")
+    solver_velocity_iterations: int | None = Field(
+        None,
+        ge=0,
+        le=255,
+        description="per step; without it 1, and 4 for a robot with loops for their light rods",
+    )
     sleep_threshold: NonNegative = Field(0.0, description="m2/s2; 0 = never asleep")
     stabilization_threshold: NonNegative = Field(0.0, description="m2/s2; 0 = no extra damping")
+
+    def solving(self, loops: Sized) -> Self:
+        """The same with the velocity iterations that a robot with these loops gets."""
+        if self.solver_velocity_iterations is not None:
+            return self
+        iterations = OF_LOOPS if len(loops) else OF_TREES
+        return self.model_copy(update={"solver_velocity_iterations": iterations})
 
 
 class UsdOptions(Model):

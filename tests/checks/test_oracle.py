@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -12,7 +13,8 @@ from assetbuild.body.merge_fixed_joints import MergeFixedJoints
 from assetbuild.checks.oracle import Oracle
 from assetbuild.findings import Finding
 from assetbuild.robot.codec import decode, encode
-from assetbuild.robot.model import Actuator, Control, Tree
+from assetbuild.robot.model import Actuator, Control, Loop, LoopEnd, Tree
+from assetbuild.robot.pose import Pose
 from assetbuild.robot.shapes import MeshFile, Shape, Shapes, SourceShapes
 from assetbuild.source.urdf.read_urdf import ReadUrdf
 from assetbuild.targets.mjcf import Mjcf
@@ -46,6 +48,7 @@ def robot_folder(urdf: str | bytes, folder: Path, base: str = "floating") -> Pat
     packages = {"example-robot-data": ".", "robot_pkg": "."}
     run_step(ReadUrdf(file="a/b/c.urdf", base=base, packages=packages), folder, folder)  # type: ignore[arg-type] # a literal
     run_step(MergeFixedJoints(), folder, folder)
+    (folder / "ratings.json").write_bytes(encode(Control()))
     return folder
 
 
@@ -203,3 +206,40 @@ def test_an_mjcf_that_hangs_elsewhere_is_another_robot_unless_the_urdf_says_so(t
     source = (folder / "source.urdf").read_text()
     (folder / "source.urdf").write_text(source.replace("</robot>", world + "</robot>"))
     assert run_step(Oracle(robot="bot"), folder, folder) == []
+
+
+LINK = """<link name="{0}"><inertial><origin xyz="{1} 0 0"/><mass value="0.2"/>
+<inertia ixx="1e-4" iyy="5e-4" izz="5e-4" ixy="0" ixz="0" iyz="0"/></inertial></link>"""
+JOINT = """<joint name="{0}" type="continuous"><parent link="{1}"/><child link="{2}"/>
+<origin xyz="{3} 0 0"/><axis xyz="0 1 0"/></joint>"""
+FOUR_BAR = "".join(
+    [
+        '<robot name="four_bar">',
+        *(LINK.format(*row) for row in
+          (("base", 0.2), ("crank", 0.05), ("coupler", 0.1), ("rocker", 0.08))),
+        JOINT.format("motor", "base", "crank", 0.0),
+        JOINT.format("pin", "crank", "coupler", 0.1),
+        JOINT.format("swing", "base", "rocker", 0.2),
+        "</robot>",
+    ]
+)  # fmt: skip
+
+
+@pytest.mark.parametrize("base", ["fixed", "floating"])
+@pytest.mark.parametrize("moved", [0.0, 0.001])
+def test_the_mass_matrix_of_a_closed_loop_is_that_of_the_two_libraries(
+    base: str, moved: float, tmp_path: Path
+):
+    folder = robot_folder(FOUR_BAR, tmp_path / "robot", base)
+    ends = [LoopEnd(n, Pose((x, 0.0, 0.0))) for n, x in (("coupler", 0.2), ("rocker", 0.15))]
+    loops = (Loop("loop", "connect", *ends),)
+    (folder / "ratings.json").write_bytes(encode(Control(loops=loops)))
+    wrong = replace(loops[0], b=replace(ends[1], X_body_end=Pose((0.15, 0.0, moved))))
+    (folder / "control.json").write_bytes(encode(Control(loops=(wrong,))))
+    (folder / "shapes.json").write_bytes(encode(Shapes()))
+    (folder / "meshes").mkdir()
+    run_step(Mjcf(robot="bot"), folder, folder)
+    found = {finding.rule for finding in run_step(Oracle(robot="bot"), folder, folder)}
+    assert found == ({"oracle.constrained_mass_matrix"} if moved else set())
+    figures = json.loads((folder / "figures.json").read_text())
+    assert figures["closed_poses"] == 10

@@ -103,8 +103,9 @@ _LISTS = ("xyz", "rpy", "size", "scale", "rgba")
 def readable(source: Path) -> str:
     """The URDF without what pinocchio alone refuses and no pose or mass depends on.
 
-    Commas beside numbers are blanks, a missing or negative effort or velocity is 0, and a revolute
-    joint without a limit turns without end. A text that is no XML stays as it is.
+    Commas beside numbers are blanks, of four numbers three count, a missing or negative effort or
+    velocity is 0, and a revolute joint without a limit turns without end. A text that is no XML
+    stays as it is.
     """
     text = re.sub(r"<\?xml.*?\?>", "", source.read_text())
     try:
@@ -114,7 +115,8 @@ def readable(source: Path) -> str:
     for element in robot.iter():
         for key in _LISTS:
             if key in element.attrib:
-                element.set(key, " ".join(re.split(r"[\s,;]+", element.attrib[key].strip(" ,;"))))
+                words = re.split(r"[\s,;]+", element.attrib[key].strip(" ,;"))
+                element.set(key, " ".join(words[:3] if key in ("xyz", "rpy") else words))
     for joint in robot.findall("joint"):
         limit = joint.find("limit")
         if limit is None and joint.get("type") == "revolute":

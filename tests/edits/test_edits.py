@@ -269,6 +269,16 @@ def test_a_wheel_with_limits_is_no_wheel(tmp_path):
     assert done.joints[0].kind == "revolute"
 
 
+def test_a_hinge_without_limits_is_continuous(tmp_path):
+    tree = pair(Limits(0.0, 0.0, effort=1.0), Mimic("j"))
+    done, _, (finding,) = edited(tmp_path, "set_limits", tree, joint="j", unlimited=True)
+    assert (done.joints[0].kind, done.joints[0].limits) == ("continuous", Limits(effort=1.0))
+    assert "revolute -> continuous" in finding.message
+    slide = replace(tree, joints=tuple(replace(j, kind="prismatic") for j in tree.joints))
+    with pytest.raises(RecipeError, match="cannot be unlimited"):
+        edited(tmp_path, "set_limits", slide, joint="j", unlimited=True)
+
+
 @pytest.mark.parametrize("name", plugin_names(Edit))
 def test_every_edit_describes_its_keys(name):
     fields = load_plugin(Edit, name).model_fields

@@ -168,3 +168,27 @@ def test_a_base_without_inertia_is_merged_with_what_it_carries(tmp_path: Path):
     arm = '<body name="arm"><joint name="j"/><geom size=".1"/></body>'
     _, text = proposed(tmp_path, f'{base}<body name="mount"><geom size=".1"/>{arm}</body></body>')
     assert "fixed_joints: {merge: true}" in text
+
+
+def test_a_robot_without_a_usd_shares_no_mass(tmp_path: Path):
+    """Water acts on the size of a body, which follows from its inertia: it feels moved mass."""
+    joints = "".join(f'<joint name="{a}" axis="{v}"/>' for a, v in (("x", "1 0 0"), ("y", "0 1 0")))
+    for density, shares in (("0", True), ("1000", False)):
+        (tmp_path / "fin.xml").write_text(
+            f'<mujoco model="fin"><option density="{density}"/><worldbody><body name="b">'
+            f'<geom size=".1"/><body name="fin" pos=".2 0 0">{joints}<geom size=".1"/></body>'
+            "</body></worldbody></mujoco>"
+        )
+        out = tmp_path / "fin.yaml"
+        write(propose(tmp_path / "fin.xml", out, {}), force=True)
+        text = out.read_text()
+        assert ("share_mass" in text) == shares
+        assert ("targets: [urdf, mjcf, usd]" in text) == shares
+
+
+def test_springs_beside_guessed_drives_are_not_proposed_as_usd(tmp_path: Path):
+    arm = '<body name="a"><joint name="j" axis="0 1 0" stiffness="3" range="-1 1"/>'
+    base = f'<body name="b"><geom size=".1"/>{arm}<geom size=".1"/></body></body>'
+    targets, text = proposed(tmp_path, base)
+    assert "actuators:" in text
+    assert targets == ("urdf", "mjcf")

@@ -60,20 +60,20 @@ def test_a_broken_tensor_is_computed_from_the_shapes(tmp_path: Path):
     ]  # fmt: skip
 
 
-def test_a_hinge_without_a_range_turns_half_way_each_way(tmp_path: Path):
+def test_a_hinge_without_a_range_turns_without_end(tmp_path: Path):
     """urdfdom locks it at 0; one whose range is 0 by its own words stays locked."""
     free, held = '<limit effort="9" velocity="3"/>', '<limit lower="0" upper="0" effort="9"/>'
     assert edits_for(chain(inertial(1.0), limits=free), tmp_path) == [
-        {"set_limits": {"joint": "joint0", "lower": -3.14, "upper": 3.14}}
+        {"set_limits": {"joint": "joint0", "unlimited": True}}
     ]
     assert "Equal limits" not in (tmp_path / "bot.yaml").read_text()
     assert edits_for(chain(inertial(1.0), limits=held), tmp_path) == []
 
 
-def test_a_robot_whose_limits_are_all_zero_turns_half_way_each_way(tmp_path: Path):
+def test_hinges_whose_limits_are_all_zero_turn_without_end(tmp_path: Path):
     zeros = '<limit lower="0" upper="0" effort="0" velocity="0"/>'
     assert edits_for(chain(inertial(1.0), inertial(1.0), limits=zeros), tmp_path) == [
-        {"set_limits": {"joint": ".*", "lower": -3.14, "upper": 3.14}}
+        {"set_limits": {"joint": ".*", "unlimited": True}}
     ]
 
 
@@ -92,6 +92,16 @@ def test_the_inertia_of_a_turned_mesh_is_tried_as_it_is_turned(tmp_path: Path):
     assert turn == {"rod.glb"}
     assert rod_inertia is not None
     assert rod_inertia.com_m == pytest.approx((0.0, 0.0, 0.5))
+
+
+def test_a_drawer_of_flat_boards_weighs_more_than_a_screw(tmp_path: Path):
+    """Boards of 0.5 x 0.4 m and 0.5 x 0.2 m: the box around them has 40 litres."""
+    for name, edge in (("bottom", (0.0, 0.4, 0.0)), ("side", (0.0, 0.0, 0.2))):
+        corners = [(0.0, 0.0, 0.0), (0.5, 0.0, 0.0), (0.5, *edge[1:]), edge]
+        trimesh.Trimesh(corners, [[0, 1, 2], [0, 2, 3]]).export(tmp_path / f"{name}.stl")
+    boards = shape("visual", mesh("bottom.stl")) + shape("visual", mesh("side.stl"))
+    (edit,) = edits_for(chain(boards), tmp_path)
+    assert edit["set_inertia"]["mass"] == 4.0
 
 
 def test_a_point_mass_is_computed_from_the_shapes(tmp_path: Path):

@@ -44,7 +44,7 @@ class MjcfSource(Check):
     robot: str
     stated: tuple[str, ...] = ()
     """What the recipe states itself: actuators, base, collision, contact, decimated, exclude,
-    merge, senses, `keyframe <name>`, and names of options."""
+    loops, merge, senses, `keyframe <name>`, and names of options."""
 
     @classmethod
     def values(cls, recipe: RecipeView) -> dict[str, Any] | None:  # Any: values of its fields
@@ -62,6 +62,7 @@ class MjcfSource(Check):
             "contact": bool(recipe.stated("contact")),
             "decimated": recipe.value("visual.max_faces") is not None,
             "exclude": bool(recipe.stated("collision.exclude")),
+            "loops": bool(recipe.value("loops")),
             "merge": "merge" in recipe.stated("fixed_joints"),
             "senses": any(map(recipe.states, ("feet", "imu", "sensors", "cameras"))),
         }

@@ -44,6 +44,8 @@ DRIVE = frozenset({"model", "kp", "kd", "gear", "effort", "command range", "driv
                    "drive parameters", "damping", "friction", "armature",
                    "mjcf:actuatorfrcrange", "mjcf:effort range",
                    "mjcf:dof_dampingpoly"})  # fmt: skip
+SOFTNESS = frozenset({"mjcf:solref", "mjcf:solimp"})
+"""What an equality has beyond the loop that it holds."""
 WHOLE = frozenset({"tendon", "light", "contact pair", "actuator"})
 """Kinds that only MJCF has."""
 MESH = frozenset({"triangles", "area", "volume", "mean corner", "corner moments"})
@@ -336,6 +338,8 @@ def _is_added(kind: str, name: str, ours: Subjects, stated: frozenset[str]) -> b
         bodies = set(pair_of(name))
         above = {str(ours["body", body]["parent"]) for body in bodies}
         return bool(above & bodies) or "exclude" in stated
+    if kind == "loop" and "loops" in stated:
+        return True
     loops = {loop for other, loop in ours if other == "loop"}
     if kind == "frame" and name.rstrip("_")[-2:] in ("_a", "_b"):  # a site at the end of a loop
         return name.rstrip("_")[:-2] in loops
@@ -374,6 +378,7 @@ def _is_stated(
         "base": quantity in BASE or free or root,
         "collision": kind == "pair" or (shape and touches(own)),
         "merge": kind == "pair",
+        "loops": kind == "loop" or (kind == "equality" and own.keys() <= SOFTNESS),
         "contact": shape and quantity.removeprefix("mjcf:") in SURFACE,
         "decimated": shape and not touches(own) and quantity in MESH,
         f"keyframe {name.split('/')[0]}": kind == "keyframe",

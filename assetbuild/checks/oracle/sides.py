@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
@@ -11,7 +11,7 @@ import numpy as np
 
 from assetbuild.robot.chains import find_chains
 from assetbuild.robot.inertia import combine, move_inertial, tensor_of
-from assetbuild.robot.model import Inertial, Tree
+from assetbuild.robot.model import Inertial, Loop, Tree
 from assetbuild.robot.pose import Array, Pose, normalised_quat, vec3
 from assetbuild.simulators.mujoco import body_names, inertia_of, load
 
@@ -38,6 +38,7 @@ class PinocchioSide:
         self.dof = {name: int(joint.idx_v) for name, joint in self._joint.items()}
         self._moving = {joint.name: joint for joint in tree.moving_joints}
         self._links = [body.name for body in links.bodies]
+        self._root = int(self._model.getFrameId(links.root, pinocchio.FrameType.BODY))
         self._q = pinocchio.neutral(self._model)
 
     def move(self, positions: Mapping[str, float], X_world_root_link: Pose) -> None:
@@ -67,6 +68,30 @@ class PinocchioSide:
         upper = np.triu(self._pin.crba(self._model, self._data, self._q))
         symmetric: Array = upper + np.triu(upper, 1).T
         return symmetric
+
+    def constraint_jacobian(self, loops: Sequence[Loop]) -> Array:
+        """(rows, nv) at the placed pose: how end b moves in end a, by Jacobians of frames."""
+        pin, model, data = self._pin, self._model, self._data
+        pin.computeJointJacobians(model, data, self._q)
+        rows = []
+        for loop in loops:
+            placed, moved = [], []
+            for end in loop.ends:
+                is_root = end.body == self.tree.root  # whose frame may not be the source's
+                at = self._root if is_root else model.getFrameId(end.body, pin.FrameType.BODY)
+                X = self.X_body_root.inverse() @ end.X_body_end if is_root else end.X_body_end
+                frame = model.frames[at]
+                joint, inside = frame.parentJoint, frame.placement * pin.SE3(X.matrix())
+                placed.append(data.oMi[joint] * inside)
+                moved.append(
+                    pin.getFrameJacobian(model, data, joint, inside, pin.ReferenceFrame.LOCAL)
+                )
+            turn = placed[0].rotation.T @ placed[1].rotation
+            rows.append(turn @ moved[1][:3] - moved[0][:3])
+            if loop.kind == "weld":
+                rows.append(turn @ moved[1][3:] - moved[0][3:])
+        jacobian: Array = np.vstack(rows)
+        return jacobian
 
     def gravity(self) -> Array:
         """(nv,) generalised gravity at the placed pose."""
@@ -192,6 +217,22 @@ class MujocoSide:
         out = np.zeros((self.nv, self.nv))
         self._mj.mj_fullM(self._model, self._data, out)
         return out
+
+    def constraint_jacobian(self) -> Array:
+        """(rows, nv) of the connects and welds of the MJCF at the placed pose."""
+        kinds = self._mj.mjtConstraint
+        data, nv = self._data, self.nv
+        rows = np.flatnonzero(np.asarray(data.efc_type) == kinds.mjCNSTR_EQUALITY)
+        held = np.isin(self._model.eq_type[np.asarray(data.efc_id)[rows]], (0, 1))
+        dense = np.zeros((int(data.nefc), nv))
+        if self._mj.mj_isSparse(self._model):
+            self._mj.mju_sparse2dense(
+                dense, data.efc_J, data.efc_J_rownnz, data.efc_J_rowadr, data.efc_J_colind
+            )
+        else:
+            dense[:] = np.reshape(data.efc_J, (-1, nv))[: len(dense)]
+        jacobian: Array = dense[rows[held]]
+        return jacobian
 
     def gravity(self) -> Array:
         """(nv,): at rest the bias force is gravity alone."""

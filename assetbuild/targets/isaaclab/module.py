@@ -130,7 +130,7 @@ SIMULATION_CFG = sim_utils.SimulationCfg(dt=DT, render_interval=DECIMATION, grav
         return _call(name, _fields(rigid.model_dump() | turning), 2)
 
     def _articulation(self) -> str:
-        solver = self.usd.articulation
+        solver = self.usd.articulation.solving(self.control.loops)
         values = {
             "enabled_self_collisions": solver.self_collisions,
             "solver_position_iteration_count": solver.solver_position_iterations,

@@ -55,7 +55,7 @@ def write_asset(
     define_joints(stage, names, control, options, touching)
     define_loops(stage, names, control, touching)
     define_actuators(stage, names, control)
-    apply_articulation(stage, names, options.articulation)
+    apply_articulation(stage, names, options.articulation.solving(control.loops))
     apply_filtered_pairs(stage, names, shapes, control)
     apply_masks(stage, names, shapes, control)
     save(stage)

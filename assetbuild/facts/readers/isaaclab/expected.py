@@ -114,7 +114,8 @@ def _spawn(
 ) -> None:
     """What Isaac Lab writes over the USD: the same as stands there."""
     usd = UsdOptions.model_validate(reference.options.get("usd") or {})
-    solver, names = usd.articulation.model_dump(), SPAWN[generation]
+    solver = usd.articulation.solving(reference.control.loops).model_dump()
+    names = SPAWN[generation]
     words: dict[str, Value] = {
         "spawn": "sim_utils.UsdFileCfg",
         "spawn.usd_path": f"usd/{robot}.usda",
