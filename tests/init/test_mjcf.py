@@ -170,6 +170,15 @@ def test_a_base_without_inertia_is_merged_with_what_it_carries(tmp_path: Path):
     assert "fixed_joints: {merge: true}" in text
 
 
+def test_a_foot_without_inertia_is_merged_with_its_shank(tmp_path: Path):
+    foot = '<body name="foot"><inertial pos="0 0 0" mass=".02" diaginertia="0 0 0"/>'
+    foot += '<geom size=".03"/></body>'
+    shank = f'<body name="shank" pos="0 0 -.3"><joint name="knee"/><geom size=".1"/>{foot}</body>'
+    _, text = proposed(tmp_path, f'<body name="trunk"><freejoint/><geom size=".1"/>{shank}</body>')
+    assert "# foot cannot be simulated alone" in text
+    assert "fixed_joints: {merge: true}" in text
+
+
 def test_a_robot_without_a_usd_shares_no_mass(tmp_path: Path):
     """Water acts on the size of a body, which follows from its inertia: it feels moved mass."""
     joints = "".join(f'<joint name="{a}" axis="{v}"/>' for a, v in (("x", "1 0 0"), ("y", "0 1 0")))
