@@ -45,11 +45,10 @@ class Bundle:
         reference = Reference.of_bundle(self.path)
         tree, control = reference.tree, reference.control
         frames = control.keyframes
+        report = json.loads((self.path / "report/report.json").read_bytes())
         return Facts(
             robot=self._robot,
-            ready=bool(
-                json.loads((self.path / "report/report.json").read_bytes())["verdict"]["ready"]
-            ),
+            ready=bool(report["verdict"]["ready"]),
             mass_kg=total_mass(tree),
             bodies=tuple(body.name for body in tree.bodies),
             joints=tuple(joint.name for joint in tree.moving_joints),
@@ -75,9 +74,7 @@ class Bundle:
     def file(self, name: str, target: str = "") -> Path:
         """The path of one file of the bundle. UsageError where the bundle has none of that name."""
         if name not in self.files:
-            hint = (
-                f"write `{target}` into the recipe's `targets` and build it again" if target else ""
-            )
+            hint = f"write `{target}` into `targets` of the recipe" if target else ""
             raise UsageError(f"`{self.path}` has no file `{name}`", hint=hint)
         return self.path / name
 
