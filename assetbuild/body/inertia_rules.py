@@ -51,8 +51,8 @@ MASS = Rule(
 )
 POSITIVE = Rule(
     "inertia.positive",
-    ("error", "warning"),
-    "a principal moment is not positive (a warning in the source)",
+    ("error", "warning", "info"),
+    "a principal moment is not positive (a warning in the source; info of a link below 1 g there)",
     "give the real tensor",
 )
 TRIANGLE = Rule(
@@ -203,7 +203,9 @@ class _Judged:
         if a <= SINGULAR * abs(c):
             message = f"principal moments {shown} are not all positive"
             hint = "a product with the wrong sign, or a dummy? edit `inertia_from_geometry`"
-            return POSITIVE(self.subject, message, hint, severity=self.worst, data=self.data)
+            dummy = self.worst == "warning" and self.inertial.mass_kg < self.bounds.small_mass
+            severity: Severity = "info" if dummy else self.worst
+            return POSITIVE(self.subject, message, hint, severity=severity, data=self.data)
         violation = triangle_violation(self.inertial.inertia_com_kg_m2)
         if violation > TRIANGLE_ROUNDING:
             severity = self.worst if violation > self.bounds.triangle_slack else "warning"

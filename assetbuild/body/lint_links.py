@@ -34,8 +34,8 @@ LOCKED = Rule(
 )
 RANGE = Rule(
     "joint.range",
-    "warning",
-    "a revolute joint turns by more than 2 pi",
+    ("warning", "info"),
+    "a revolute joint turns by more than 4 pi (info: by more than 2 pi, as many arms do)",
     "check whether degrees were written for radians",
 )
 EFFORT_ZERO = Rule(
@@ -93,7 +93,8 @@ def _range(joint: Joint) -> Iterator[Finding]:
     elif joint.kind == "revolute" and upper - lower > 2 * math.pi * (1 + 1e-6):
         message = f"range {upper - lower:.4g} rad is more than one turn"
         hint = "right for some arms; else were degrees written for radians?"
-        yield RANGE(subject, message, hint, data=data)
+        usual = upper - lower <= 4 * math.pi * (1 + 1e-3)
+        yield RANGE(subject, message, hint, data=data, severity="info" if usual else "warning")
 
 
 def _drive(joint: Joint) -> Iterator[Finding]:

@@ -7,7 +7,7 @@ from: a kept shape that moved by 3 cm is nobody's result.
 from __future__ import annotations
 
 import functools
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -121,25 +121,37 @@ class Coverage(Check):
         ]  # fmt: skip
         limits = dict.fromkeys(IN_MM, 1e3 * self.max_shift)
         write_figures(files, {"bodies": rows, "shapes": moved}, limits)
-        beside = set()
-        for name, fit in fits.items():
-            largest = max(map(abs, fit.shift_m))
-            limit = max(self.max_shift, self.max_shift_share * fit.size_m)
-            if largest > limit and fit.over_m > 0.5 * largest:
-                beside.add(name)
-                axis = "xyz"[int(np.argmax(np.abs(fit.shift_m)))]
-                yield SHIFT(
-                    f"link {name}",
-                    f"its collision geometry lies {_length(largest)} along {axis} from its "
-                    "visual geometry",
-                    hint="compare their `<origin>` in the source; look at the report's 3D view",
-                    data={"shift_m": fit.shift_m, "limit_m": limit},
-                )
+        beside = {name: fit for name, fit in fits.items() if self._is_beside(fit)}
+        yield from self._shifts(beside)
         for name, (body, move) in moves.items():
             if body not in beside:
                 yield from self._judge_shape(name, body, move)
         for name in fits:
             yield from _filled(parts, name)
+
+    def _limit(self, fit: Fit) -> float:
+        return max(self.max_shift, self.max_shift_share * fit.size_m)
+
+    def _is_beside(self, fit: Fit) -> bool:
+        largest = max(map(abs, fit.shift_m))
+        return largest > self._limit(fit) and fit.over_m > 0.5 * largest
+
+    def _shifts(self, beside: Mapping[str, Fit]) -> Iterator[Finding]:
+        """One finding for all bodies with an equal shift: four legs share a mistake, or a plan."""
+        alike: dict[str, list[str]] = {}
+        for name, fit in beside.items():
+            axis = "xyz"[int(np.argmax(np.abs(fit.shift_m)))]
+            said = f"{_length(max(map(abs, fit.shift_m)))} along {axis}"
+            alike.setdefault(said, []).append(name)
+        for said, (name, *others) in alike.items():
+            fit = beside[name]
+            same = f"; the same holds for {', '.join(others)}" if others else ""
+            yield SHIFT(
+                f"link {name}",
+                f"its collision geometry lies {said} from its visual geometry{same}",
+                hint="compare their `<origin>` in the source; look at the report's 3D view",
+                data={"shift_m": fit.shift_m, "limit_m": self._limit(fit)},
+            )
 
     def _judge_shape(self, name: str, body: str, move: Move) -> Iterator[Finding]:
         fits = BETTER * min(move.before_m, self.max_shape_shift)

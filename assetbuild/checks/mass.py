@@ -28,6 +28,8 @@ from assetbuild.robot.model import Body, Tree
 from assetbuild.robot.pose import Array
 from assetbuild.robot.shapes import Role
 
+NEGLIGIBLE = 0.01
+"""Share of the robot's mass below which a strange density is no more than information."""
 SMALLEST_KG = 0.01
 """Lighter bodies are screws and sensors: nobody measures them."""
 OUTSIDE = 0.1
@@ -52,7 +54,7 @@ TOTAL = Rule(
 )
 DENSITY = Rule(
     "mass.density",
-    "warning",
+    ("warning", "info"),
     "a body is far lighter or heavier than matter of its size",
     "check for a factor of ten, and the units of the mesh",
 )
@@ -137,7 +139,7 @@ class Mass(Check):
         yield from _absurd(tree, hulls)
         yield from _of_no_matter(tree, hulls)
         for name, row in found.items():
-            yield from self._judge(name, row)
+            yield from self._judge(name, row, total)
 
     def _judge_total(self, total: float) -> Iterator[Finding]:
         if self.total_kg is None:
@@ -152,13 +154,14 @@ class Mass(Check):
                 data={"total_kg": total, "datasheet_kg": self.total_kg, "relative": error},
             )
 
-    def _judge(self, name: str, row: Filled) -> Iterator[Finding]:
+    def _judge(self, name: str, row: Filled, total_kg: float) -> Iterator[Finding]:
         if not self.density[0] <= row.density <= self.density[1]:
             yield DENSITY(
                 f"link {name}",
                 f"{row.mass_kg:.4g} kg in a hull of {1e3 * row.volume_m3:.3g} litres: "
                 f"{row.density:.4g} kg/m³",
                 hint="is the mass ten times too large or small, or the mesh in other units?",
+                severity="info" if row.mass_kg < NEGLIGIBLE * total_kg else "warning",
                 data={"density_kg_m3": row.density, "mass_kg": row.mass_kg},
             )
         if row.outside_m > OUTSIDE * row.size_m:

@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from typing import Any, ClassVar, NamedTuple
 
 from pydantic import Field
@@ -80,13 +81,13 @@ UNSTABLE = Rule(
 )
 RESTLESS = Rule(
     "trials.rest",
-    "warning",
+    ("warning", "info"),
     "two seconds after a drop the joints still move",
     "more kd; a smaller timestep or the rotors' armature, where the finding says so",
 )
 SUNK = Rule(
     "trials.sunk",
-    "warning",
+    ("warning", "info"),
     "two seconds after a drop a contact is too deep",
     "adjust the contact softness or the timestep",
 )
@@ -98,7 +99,7 @@ SHAKEN = Rule(
 )
 DRIFT = Rule(
     "trials.drift",
-    "warning",
+    ("warning", "info"),
     "the settled base drifts",
     "a pose that stands by itself, more kd or kp; a smaller timestep, where the finding says so",
 )
@@ -117,6 +118,12 @@ class _Row(NamedTuple):
     limit: float
     what: str
     unit: str
+
+
+def _as_consequence(finding: Finding) -> Finding:
+    """What a fall explains, as information."""
+    explained = finding.rule in (RESTLESS.id, SUNK.id, DRIFT.id)
+    return replace(finding, severity="info") if explained else finding
 
 
 class Trials(Check):
@@ -227,10 +234,16 @@ class Trials(Check):
         yield from self._drives(model, figures)
         yield from self._numerics(model, figures)
         yield from self._collisions(model, figures)
+        dropped: list[Finding] = []
         if model.nkey and mujoco_trials.stands_free(model):
-            yield from self._floor(model, figures)
+            dropped += self._floor(model, figures)
+        alone: list[Finding] = []
         if self.alone and model.nkey and floors(model):
-            yield from self._left_alone(model, figures, torques or {})
+            alone += self._left_alone(model, figures, torques or {})
+        falls = any(finding.rule == FALL.id for finding in alone)
+        # A robot that falls by itself also lies, rolls and moves after a drop: that is no news.
+        yield from ((_as_consequence(f) if falls else f) for f in dropped)
+        yield from alone
         yield from self._shaken(model, figures)
 
     def dangers(self, model: mujoco.Model) -> Iterator[Finding]:

@@ -167,6 +167,7 @@ class CollisionMethod(Step):
             tolerances=self.excesses(quality),
             places=self.probes,
             max_hulls=getattr(self, "max_hulls", None),
+            usual=self._usual(quality),
         )
 
     def mesh_of(self, files: Files) -> TriangleMesh:
@@ -260,6 +261,16 @@ class CollisionMethod(Step):
             "max_overcover": (quality.over, self.max_overcover),
         }
         return {key: (found, most) for key, (found, most) in stated.items() if most is not None}
+
+    def _usual(self, quality: Quality) -> dict[str, tuple[float, float]]:
+        """Those of `excesses` whose limit is a preset's."""
+        presets = [self.preset(name) for name in ("locomotion", "manipulation")]
+        limits = self.excesses(quality)
+        return {
+            key: pair
+            for key, pair in limits.items()
+            if any(preset.get(key) == pair[1] for preset in presets)
+        }
 
     @property
     def closed_places(self) -> tuple[Probe, ...]:

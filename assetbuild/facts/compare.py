@@ -31,6 +31,8 @@ FLOAT32: Mapping[Comparison, float] = {
 and tensors come from a float32 quaternion."""
 ROUNDING = 1e-14
 """Absolute, SI units: where the expected value is zero."""
+LEAST_REACH_M = 0.3
+"""So far the corners of a small part may lie from the origin of its file."""
 NAMED = 3
 """So many subjects of one difference are named."""
 
@@ -259,9 +261,11 @@ def _same_pose(a: tuple[float, ...], b: tuple[float, ...], tolerance: float, tur
 def _size(table: Table, key: Key, power: int) -> float:
     """What rounding the corners of a mesh is relative to, m to some power.
 
-    reach: root mean square distance of the corners from the body's origin. Rounding moves corners
-    by a share of it, which changes the area by the length of all edges (of even triangles) times
-    that, and the volume by the area times that: much for many small triangles far out.
+    size: root mean square distance of the corners from the body's origin; reach: the same from the
+    origin of the file, of which only the least is known. Rounding moves corners by a share of the
+    reach, which changes their moments by the size times that, the area by the length of all edges
+    (of even triangles) times that, and the volume by the area times that: much for many small
+    triangles far out.
     """
     moments, area, count = (
         _numbers(table.facts.get(Key(key.kind, key.name, quantity)))
@@ -269,9 +273,15 @@ def _size(table: Table, key: Key, power: int) -> float:
     )
     if moments is None or area is None or count is None:
         return 0.0
-    reach = math.sqrt(sum(moments[:3]))
-    shares = {"area": math.sqrt(count[0] * area[0]), "volume": area[0]}
-    return max(reach**power, reach * shares.get(key.quantity, 0.0))
+    size = math.sqrt(sum(moments[:3]))
+    reach = max(size, LEAST_REACH_M)
+    shares = {
+        "area": math.sqrt(count[0] * area[0]),
+        "volume": area[0],
+        "mean corner": 1.0,
+        "corner moments": size,
+    }
+    return max(size**power, reach * shares.get(key.quantity, 0.0))
 
 
 # --- findings -------------------------------------------------------------------------------

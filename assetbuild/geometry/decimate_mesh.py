@@ -43,7 +43,7 @@ DECIMATED = Rule(
 )
 BUDGET = Rule(
     "visual.budget",
-    "warning",
+    "info",
     "simplification stopped early to keep the shape",
     "accept it, or simplify the source by hand",
 )
@@ -160,9 +160,14 @@ class DecimateMesh(Step):
         )
 
     def _stopped(self, before: int, after: int, found: _Attempt | None) -> Finding:
+        kept = f"keeps its {after} triangles, above the goal of {self.max_faces}: fewer would "
+        kept += "change its shape"
+        less = (
+            f"stopped at {after} triangles, above the goal of {self.max_faces}, to keep the shape"
+        )
         return BUDGET(
             self.subject,
-            f"stopped at {after} triangles, above the goal of {self.max_faces}, to keep the shape",
+            kept if after == before else less,
             hint=f"set `visual.max_faces` to {after} to accept it",
             data={
                 "from": before,

@@ -229,6 +229,9 @@ def _base(robot: InspectedRobot, legs: tuple[Leg, ...], limbs: list[Leg]) -> tup
         return "floating", "a floating joint holds it to an empty root link"
     if links.root.lower() in _WORLD:
         return "fixed", f"the root link is called `{links.root}`"
+    first = links.by_joint.get(f"{robot.planar[0]}_x") if robot.planar else None
+    if first and first.parent == links.root and links.by_body[links.root].is_massless:
+        return "fixed", f"the planar joint `{robot.planar[0]}` moves it over the plane of its root"
     if legs:
         feet = ", ".join(leg.foot for leg in legs)
         return "floating", f"{len(legs)} legs of like joints reach the ground: {feet}"

@@ -44,7 +44,10 @@ def collision(
         why = f"{idle} links are drawn but hit nothing, as in the source" if idle else "all have it"
         origin = "collision"
     yield "collision:"
-    yield "  preset: locomotion   # coarse and fast; `manipulation` stays close to the mesh"
+    if anatomy.base == "fixed":
+        yield "  preset: manipulation   # close to the mesh; `locomotion` is coarse and fast"
+    else:
+        yield "  preset: locomotion   # coarse and fast; `manipulation` stays close to the mesh"
     yield (
         "  # auto: a primitive stays as it is, a mesh becomes few convex pieces within tolerances"
     )

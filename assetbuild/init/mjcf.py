@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -30,6 +30,7 @@ from assetbuild.robot.joint_springs import joint_springs, no_drives
 from assetbuild.robot.loops import path_of
 from assetbuild.robot.lost_motion import lost_in_usd
 from assetbuild.robot.model import Control, Tree
+from assetbuild.robot.shapes import SourceShapes
 from assetbuild.robot.source import SourceControl
 from assetbuild.source.mjcf.flatten_mjcf import FlattenMjcf
 from assetbuild.source.mjcf.includes import ListIncludes
@@ -109,10 +110,8 @@ def _read(root: Path, name: str, bodies: tuple[str, ...] = ()) -> MjcfSource:
         robot, built = (judge(links, shapes, links.base, kept=k) for k in ((), said.bodies))
         weak = _weak(built)
         if weak:
-            kept = _without_held(links, said.bodies, weak)
-            mended = judge(links, shapes, links.base, kept=kept)
-            helps = not _weak(mended) and (bool(_wrong(built)) or not not_in_usd(mended))
-            built, weak = (mended, weak) if helps else (built, ())
+            mended = next(_mended(links, shapes, said.bodies, built, weak), None)
+            built, weak = (mended, weak) if mended else (built, ())
     return MjcfSource(root, name, robot, built, said.control, weak, bodies)
 
 
@@ -126,6 +125,24 @@ def _wrong(robot: InspectedRobot) -> list[str]:
     return [text.removeprefix("link ") for text in subjects if text.startswith("link ")]
 
 
+def _mended(
+    links: Tree,
+    shapes: SourceShapes,
+    bodies: Collection[str],
+    built: InspectedRobot,
+    weak: Sequence[str],
+) -> Iterator[InspectedRobot]:
+    """The robot with weak bodies merged, where that leaves none and is worth it.
+
+    First with what fixed joints hold to them, then with what they are held to, as a foot without
+    inertia is to its shank.
+    """
+    for kept in (_without_held(links, bodies, weak), _without_weak(links, bodies, weak)):
+        mended = judge(links, shapes, links.base, kept=kept)
+        if not _weak(mended) and (_wrong(built) or not not_in_usd(mended)):
+            yield mended
+
+
 def _without_held(links: Tree, bodies: Collection[str], weak: Collection[str]) -> list[str]:
     """Bodies without those that fixed joints hold to weak ones."""
     held = set(weak)
@@ -133,6 +150,12 @@ def _without_held(links: Tree, bodies: Collection[str], weak: Collection[str]) -
         if joint.kind == "fixed" and joint.parent in held:
             held.add(joint.child)
     return [name for name in bodies if name not in held or name in weak]
+
+
+def _without_weak(links: Tree, bodies: Collection[str], weak: Collection[str]) -> list[str]:
+    """Bodies without the weak ones that fixed joints hold to others."""
+    held = {joint.child for joint in links.joints if joint.kind == "fixed"} & set(weak)
+    return [name for name in bodies if name not in held]
 
 
 def _included(ports: Scratch, root: Path, name: str) -> bool:
@@ -158,7 +181,7 @@ def mjcf_text(found: MjcfSource, path: Path) -> Recipe:
         head(robot, anatomy, path, unmended),
         source_section(found.root, path, "mjcf", found.file, *_chosen(found.bodies)),
         _taken(found),
-        repairs_text(robot, repairs(robot, found.root)),
+        repairs_text(robot, repairs(robot, found.root, usd=not (lost or springs))),
         _merging(found),
         _collision(robot),
         _drives(found, tuning),

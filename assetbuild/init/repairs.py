@@ -56,9 +56,13 @@ class Repair:
         return "joint" if self.edit in ("set_limits", "split_joint") else "link"
 
 
-def repairs(robot: InspectedRobot, root: Path) -> tuple[Repair, ...]:
-    """What stops a build, mended; in the order of the recipe. root: of the source's files."""
-    return (*_splits(robot), *_inertias(robot, root), *_shares(robot), *_limits(robot))
+def repairs(robot: InspectedRobot, root: Path, *, usd: bool = True) -> tuple[Repair, ...]:
+    """What stops a build, mended; in the order of the recipe.
+
+    root: of the source's files; usd: whether the robot's other facts let it have one.
+    """
+    shares = _shares(robot) if usd else ()
+    return (*_splits(robot), *_inertias(robot, root), *shares, *_limits(robot))
 
 
 def repairs_text(robot: InspectedRobot, found: Sequence[Repair]) -> Iterator[str]:

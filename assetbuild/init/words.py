@@ -8,6 +8,8 @@ import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 
+from assetbuild.init.licence import licence_lines
+
 WIDTH = 100
 """Characters in a line of a recipe."""
 
@@ -25,7 +27,7 @@ def source_section(root: Path, recipe: Path, key: str, file: str, *more: str) ->
     yield f"  path: {quoted(Path(relative).as_posix())}   # relative to this file"
     yield f"  {key}: {quoted(file)}"
     yield from more
-    yield "  # license: MIT   # the SPDX name of the source's licence; please state it"
+    yield from licence_lines(root, file)
 
 
 def flow(head: str, items: Sequence[str], tail: str) -> list[str]:

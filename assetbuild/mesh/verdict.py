@@ -13,6 +13,8 @@ MISSING = 0.5
 """Share of the volume without collision that no tolerance explains: a method went wrong."""
 
 
+GROSS = 2.0
+"""Factor by which a preset's tolerance may be missed before it is a warning."""
 Tolerances = Mapping[str, tuple[float, float]]
 """Key of each stated tolerance -> (found, allowed), both in its unit."""
 
@@ -25,8 +27,9 @@ GAP = Rule(
 )
 TOLERANCE = Rule(
     "collision.tolerance",
-    "warning",
-    "a tolerance of the recipe is not met; the finding states by how much",
+    ("warning", "info"),
+    "a tolerance of the recipe is not met, or one of its preset by more than a factor of two (less "
+    "is information); the finding states by how much",
     "more `max_hulls`, or a wider tolerance",
 )
 CLOSED = Rule(
@@ -59,14 +62,18 @@ def verdict(
     tolerances: Tolerances,
     places: Sequence[Probe],
     max_hulls: int | None,
+    usual: Tolerances,
 ) -> Iterator[Finding]:
-    """All findings about the pieces of one mesh. how: the method in words."""
+    """All findings about the pieces of one mesh.
+
+    how: the method in words; usual: those of the tolerances that a preset states, not the recipe.
+    """
     if quality.flat:
         yield _flat_pieces(subject, quality)
     yield _gap(subject, reference, quality, how)
     if quality.missing > MISSING:
         yield _mostly_missing(subject, quality)
-    yield from _missed(subject, quality, tolerances, max_hulls)
+    yield from _missed(subject, quality, tolerances, max_hulls, usual)
     yield from _places(subject, reference, pieces, places)
 
 
@@ -118,9 +125,17 @@ def _mostly_missing(subject: str, quality: Quality) -> Finding:
 
 
 def _missed(
-    subject: str, quality: Quality, tolerances: Tolerances, max_hulls: int | None
+    subject: str,
+    quality: Quality,
+    tolerances: Tolerances,
+    max_hulls: int | None,
+    usual: Tolerances,
 ) -> Iterator[Finding]:
-    """One finding for all tolerances that are not met: by how much, and what to change."""
+    """One finding for all tolerances that are not met: by how much, and what to change.
+
+    A preset is a wish that not every mesh can meet: missing it is information, unless collision
+    sticks out, or leaves out, more than twice as much.
+    """
     over = {k: v for k, v in tolerances.items() if v[0] > v[1]}
     if not over:
         return
@@ -131,9 +146,14 @@ def _missed(
         said.append(
             f"`{key}` is {factor * found:.3g}{unit}, above the limit of {factor * most:.3g}{unit}"
         )
+    mild = all(
+        key in usual and (key == "max_overcover" or found <= GROSS * most)
+        for key, (found, most) in over.items()
+    )
     yield TOLERANCE(
         subject,
         "; ".join(said),
+        severity="info" if mild else "warning",
         hint=_advice(set(over), quality, max_hulls),
         data={
             f"{key}_{side}": round(value, 6)

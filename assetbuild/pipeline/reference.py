@@ -17,6 +17,7 @@ import assetbuild
 from assetbuild.findings import Rule
 from assetbuild.pipeline.fact_reference import fact_page
 from assetbuild.pipeline.key_reference import key_page
+from assetbuild.pipeline.mjcf_reference import mjcf_page
 
 HEADER = "<!-- Generated: python -m assetbuild.pipeline.reference docs/reference -->\n"
 INTRODUCTION = """\
@@ -142,7 +143,8 @@ def write_reference(folder: Path, modules: Iterable[ModuleType]) -> None:
     (folder / "rules").mkdir(parents=True, exist_ok=True)
     for old in (folder / "rules").glob("*.md"):
         old.unlink()
-    own = {"recipe.md": HEADER + key_page(), "facts.md": HEADER + fact_page()}
+    own = {"recipe.md": key_page(), "facts.md": fact_page(), "mjcf.md": mjcf_page()}
+    own = {path: HEADER + text for path, text in own.items()}
     for path, text in {**pages, **own}.items():
         (folder / path).write_text(text, encoding="utf-8")
 

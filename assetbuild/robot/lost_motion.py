@@ -12,8 +12,8 @@ from assetbuild.robot.model import MjcfOnly
 
 Element = ElementTree.Element
 _HELD = {"connect": "bodies at a point", "weld": "bodies", "flex": "flexible bodies"}
-_TENDON = ("stiffness", "damping", "frictionloss", "armature", "range", "actuatorfrcrange")
-_MEDIUM = ("wind", "density", "viscosity", "magnetic")
+TENDON = ("stiffness", "damping", "frictionloss", "armature", "range", "actuatorfrcrange")
+MEDIUM = ("wind", "density", "viscosity", "magnetic")
 _BRAKES = ("damping", "armature", "frictionloss")
 
 
@@ -55,13 +55,13 @@ def _gravcomp(item: MjcfOnly) -> float:
 def _lost(item: MjcfOnly, element: Element) -> str:
     if item.place == "equality":
         return _of_equality(element)
-    if item.place == "tendon" and _some(element, _TENDON):
+    if item.place == "tendon" and _some(element, TENDON):
         return "tendons that pull, brake or stop"
     if item.place == "actuator":
         return "actuators that no drive of a joint can be"
     if item.place == "body" and element.tag == "body" and _some(element, ("gravcomp",)):
         return "gravity compensation of bodies"
-    if item.place == "option" and _some(element, _MEDIUM):
+    if item.place == "option" and _some(element, MEDIUM):
         return "the medium around the robot (`wind`, `density`, `viscosity`)"
     if item.place == "freejoint" and _some(element, _BRAKES):
         return "what brakes the floating base"

@@ -41,7 +41,8 @@ def test_good_robots_have_no_warning(robot: TinyRobot, tmp_path: Path):
     [
         ("joint.limits", "warning", Limits(1.0, -1.0, 1.0, 1.0)),
         ("joint.locked", "warning", Limits(0.0, 0.0, 1.0, 1.0)),
-        ("joint.range", "warning", Limits(-4.0, 4.0, 1.0, 1.0)),
+        ("joint.range", "warning", Limits(-8.0, 8.0, 1.0, 1.0)),
+        ("joint.range", "info", Limits(-4.0, 4.0, 1.0, 1.0)),
         ("joint.effort_zero", "warning", Limits(-1.0, 1.0, 0.0, 1.0)),
         ("joint.velocity_zero", "warning", Limits(-1.0, 1.0, 1.0, 0.0)),
     ],

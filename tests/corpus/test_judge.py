@@ -58,6 +58,7 @@ def test_what_differs_is_said(source: str, old: str, new: str, says: str, tmp_pa
     [
         ('effort="10"', 'effort="-1"'),
         ('effort="10"', ""),
+        ('<origin xyz="0 0 0.1"/><axis', '<origin xyz="0 0 0.1" rpy="0 0 0 0"/><axis'),
         ('<origin xyz="0 0 0.1"/><axis', '<origin xyz="0 0 0.1," rpy="0,0, 0"/><axis'),
         ('<limit lower="-1" upper="1" effort="10" velocity="3"/>', ""),
     ],

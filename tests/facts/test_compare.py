@@ -11,7 +11,7 @@ from assetbuild.facts.compare import EXACT, FLOAT32, Precision, differences
 from assetbuild.facts.surface import measure
 from assetbuild.facts.table import Key, Table
 from assetbuild.facts.vocabulary import Comparison
-from assetbuild.robot.pose import Array
+from assetbuild.robot.pose import Array, Pose
 
 STEP_M, ROWS = 3e-4, 150
 
@@ -44,3 +44,23 @@ def test_an_area_off_by_a_thousandth_is_found(tolerances: Mapping[Comparison, fl
     more = (1.001 * measure(far_grille()).area,)
     (found,) = differences(exact, Table({**exact.facts, area: more}), Precision(tolerances))
     assert found.key == area
+
+
+def test_a_part_drawn_far_from_the_origin_of_its_file_is_the_same_in_float32() -> None:
+    """A cap of 0.3 mm, 0.37 m from the origin of its file and 0.3 mm from that of its body."""
+    rng = np.random.default_rng(4)
+    corners = rng.uniform(-1.5e-4, 1.5e-4, (40, 3, 3)) + np.array((0.3, 0.2, 0.1))
+    back = Pose((-0.3003, -0.2, -0.1))
+    exact, rounded = (
+        measure(points).moved(back)
+        for points in (corners, corners.astype(np.float32).astype(np.float64))
+    )
+    tables = [
+        Table({Key("shape", "cap", q): v for q, v in one.facts().items()})
+        for one in (exact, rounded)
+    ]
+    assert differences(*tables, Precision(FLOAT32)) == []
+    size = 1.5e-4
+    moved = Key("shape", "cap", "mean corner")
+    off = tuple(v + 1e-2 * size for v in tables[1].facts[moved])  # type: ignore[union-attr] # a vector
+    assert differences(tables[0], Table({**tables[1].facts, moved: off}), Precision(FLOAT32))

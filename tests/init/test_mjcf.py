@@ -170,6 +170,31 @@ def test_a_base_without_inertia_is_merged_with_what_it_carries(tmp_path: Path):
     assert "fixed_joints: {merge: true}" in text
 
 
+def test_a_foot_without_inertia_is_merged_with_its_shank(tmp_path: Path):
+    foot = '<body name="foot"><inertial pos="0 0 0" mass=".02" diaginertia="0 0 0"/>'
+    foot += '<geom size=".03"/></body>'
+    shank = f'<body name="shank" pos="0 0 -.3"><joint name="knee"/><geom size=".1"/>{foot}</body>'
+    _, text = proposed(tmp_path, f'<body name="trunk"><freejoint/><geom size=".1"/>{shank}</body>')
+    assert "# foot cannot be simulated alone" in text
+    assert "fixed_joints: {merge: true}" in text
+
+
+def test_a_robot_without_a_usd_shares_no_mass(tmp_path: Path):
+    """Water acts on the size of a body, which follows from its inertia: it feels moved mass."""
+    joints = "".join(f'<joint name="{a}" axis="{v}"/>' for a, v in (("x", "1 0 0"), ("y", "0 1 0")))
+    for density, shares in (("0", True), ("1000", False)):
+        (tmp_path / "fin.xml").write_text(
+            f'<mujoco model="fin"><option density="{density}"/><worldbody><body name="b">'
+            f'<geom size=".1"/><body name="fin" pos=".2 0 0">{joints}<geom size=".1"/></body>'
+            "</body></worldbody></mujoco>"
+        )
+        out = tmp_path / "fin.yaml"
+        write(propose(tmp_path / "fin.xml", out, {}), force=True)
+        text = out.read_text()
+        assert ("share_mass" in text) == shares
+        assert ("targets: [urdf, mjcf, usd]" in text) == shares
+
+
 def test_springs_beside_guessed_drives_are_not_proposed_as_usd(tmp_path: Path):
     arm = '<body name="a"><joint name="j" axis="0 1 0" stiffness="3" range="-1 1"/>'
     base = f'<body name="b"><geom size=".1"/>{arm}<geom size=".1"/></body></body>'

@@ -18,11 +18,11 @@ if TYPE_CHECKING:
     from lxml.etree import _Element
 
 _POSE = "pos quat euler axisangle xyaxes zaxis"
-_JOINT = keys(f"type axis range limited armature ref springdamper {_POSE}")
-_SITE = keys(f"fromto size {_POSE}")
-_BODY = keys(f"childclass {_POSE}")
-_CAMERA = keys(f"mode target fovy resolution {_POSE}")
-_LIGHT = keys(f"dir target texture {_POSE}")
+JOINT = keys(f"type axis range limited armature ref springdamper {_POSE}")
+SITE = keys(f"fromto size {_POSE}")
+BODY = keys(f"childclass {_POSE}")
+CAMERA = keys(f"mode target fovy resolution {_POSE}")
+LIGHT = keys(f"dir target texture {_POSE}")
 CAMERA_MODES = ("fixed", "track", "trackcom", "targetbody", "targetbodycom")
 _LENS = ("focal", "focalpixel", "sensorsize")
 
@@ -42,7 +42,7 @@ def read_details(links: Links) -> Details:
     for body, name in links.source.bodies:
         if name not in links.shift and name != WORLD:
             continue
-        if name != WORLD and (more := leftover(said(body), _BODY)):
+        if name != WORLD and (more := leftover(said(body), BODY)):
             found.mjcf_only.append(MjcfOnly("body", attributes_of("body", more), name))
         for joint in parts(body, "joint"):
             found.mjcf_only += _joint(links, str(joint.get("name")), said(joint))
@@ -83,7 +83,7 @@ def _joint(links: Links, name: str, said: Mapping[str, str]) -> Iterator[MjcfOnl
         if more := _ball(links, index, said):
             yield MjcfOnly("joint", attributes_of("joint", more), name)
         return
-    more = leftover(said, _JOINT)
+    more = leftover(said, JOINT)
     for key in ("damping", "frictionloss"):
         if len(more.get(key, "0").split()) == 1:  # more numbers are a polynomial
             more.pop(key, None)
@@ -103,7 +103,7 @@ def _joint(links: Links, name: str, said: Mapping[str, str]) -> Iterator[MjcfOnl
 def _ball(links: Links, index: int, said: Mapping[str, str]) -> dict[str, str]:
     """As compiled, but for polynomials, which stand as they are."""
     model, dof = links.source.model, int(links.source.model.jnt_dofadr[index])
-    more = leftover(said, _JOINT | {"springref"})
+    more = leftover(said, JOINT | {"springref"})
     for key, value in (
         ("damping", model.dof_damping[dof]),
         ("frictionloss", model.dof_frictionloss[dof]),
@@ -127,7 +127,7 @@ def _site(links: Links, element: _Element) -> Iterator[MjcfOnly]:
         return
     if said.get("mesh"):
         raise error_at(element, f"site `{site}`: a mesh is not read", "use a primitive")
-    more = leftover(said, _SITE)
+    more = leftover(said, SITE)
     compiled = links.source.model.site(site)
     if more.pop("material", None):
         more["rgba"] = words(round(float(v), 7) for v in compiled.rgba)
@@ -142,7 +142,7 @@ def _camera(links: Links, name: str, said: Mapping[str, str], body: str, found: 
     mode = CAMERA_MODES[int(model.cam_mode[index])]
     pose = pose_at(model.cam_pos[index], model.cam_quat[index])
     width, height = (int(v) for v in model.cam_resolution[index])
-    more = leftover(said, _CAMERA)
+    more = leftover(said, CAMERA)
     if mode.startswith("target"):
         more |= {"mode": mode, "target": said.get("target", "")}
         mode = "fixed"
@@ -164,6 +164,6 @@ def _light(links: Links, name: str, said: Mapping[str, str], body: str) -> MjcfO
     pose = pose_at(model.light_pos[index], IDENTITY.quat)
     owner = body if body in links.shift else ""
     pose = links.in_link(body, pose) if owner else pose
-    more = leftover(said, _LIGHT - {"target"}) | {"dir": words(model.light_dir[index])}
+    more = leftover(said, LIGHT - {"target"}) | {"dir": words(model.light_dir[index])}
     text = body_element("light", name, pose, more).replace(f' quat="{words(IDENTITY.quat)}"', "")
     return MjcfOnly("body", text, owner)

@@ -65,6 +65,9 @@ def read_drives(links: Links) -> Drives:
             continue
         taken = _at_rest(_geared(taken, model, index), links.rest.get(joint, 0.0))
         driven[joint] = replace(taken, joint=joint, name=name)
+        if group := int(model.actuator_group[index]):
+            text = element_text("general", {"group": str(group)})
+            found.mjcf_only.append(MjcfOnly("drive", text, joint))
         found.names.append((name, joint))
         endless = moving[joint].kind == "continuous"
         if taken.model == "pd" and taken.ctrl is None and not endless:
@@ -130,7 +133,7 @@ def _joint_of(model: Model, index: int) -> str:
 def _taken(model: Model, index: int) -> Actuator | None:
     """The actuator in the Robot's words; None when they do not say all of it."""
     gear = [float(v) for v in model.actuator_gear[index]]
-    plain = gear[0] != 0.0 and not any(gear[1:]) and not int(model.actuator_group[index])
+    plain = gear[0] != 0.0 and not any(gear[1:])
     plain = plain and not int(model.actuator_actlimited[index]) and not _newer(model, index)
     if not plain or int(model.actuator_plugin[index]) >= 0:
         return None

@@ -78,7 +78,9 @@ LOOP_WORDS = keys(
     "name class body1 body2 site1 site2 anchor relpose solref solimp torquescale active"
 )
 """Attributes of a `connect` or `weld` that a loop of the robot holds."""
-_SAID = keys("name cutoff noise objtype objname reftype refname")
+AT_REST = keys("qvel act mpos mquat time")
+"""What a keyframe says beyond a pose at rest."""
+SENSOR = keys("name cutoff noise objtype objname reftype refname")
 
 
 def read_sections(links: Links, drives: Drives) -> Sections:
@@ -268,7 +270,7 @@ class _Reader:
     def _as_sensor(self, element: _Element, said: Mapping[str, str]) -> Sensor | None:
         """The sensor in the Robot's words; None when they do not say all of it."""
         targets = [key for key in said if key in _PLACES and key not in ("xbody",)]
-        extra = set(said) - _SAID - set(targets)
+        extra = set(said) - SENSOR - set(targets)
         if extra or len(targets) + ("objname" in said) != 1 or element.tag in ("contact", "user"):
             return None
         if targets == ["actuator"]:
@@ -308,7 +310,7 @@ class _Reader:
             ctrl = enumerate(model.key_ctrl[index])
             commands = tuple((str(model.actuator(i).name), float(value)) for i, value in ctrl)
             self.found.ctrl.append((name, commands))
-        lost = tuple(sorted({"qvel", "act", "mpos", "mquat", "time"} & set(element.attrib)))
+        lost = tuple(sorted(AT_REST & set(element.attrib)))
         if lost:
             names = ", ".join(f"`{key}`" for key in lost)
             message = f"{names} of keyframe `{name}` was left out: a keyframe of a robot is a pose "

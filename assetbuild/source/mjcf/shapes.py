@@ -134,7 +134,7 @@ class _Reader:
             hint = "use a mesh or a primitive"
             raise error_at(geom, f"geom `{geom.get('name')}`: a {kind} of a mesh is not read", hint)
         pose = self.links.in_link(body, self.source.pose_of("geom", str(geom.get("name"))))
-        kept = leftover(said, _PLACING)
+        kept = leftover(said, PLACING)
         if kept.pop("material", None):
             kept["rgba"] = words(self._colour(index))
         size = words(self.full.geom_size[index])
@@ -160,7 +160,7 @@ class _Reader:
             hint = "write the turned mesh into a file of its own"
             raise error_at(element, f"mesh `{name}`: turned, then scaled unevenly", hint)
         offset = rotation_of(turn) @ [-v * s for v, s in zip(p, scale, strict=True)]
-        if lost := tuple(sorted(set(said) & _LOST_OF_MESH)):
+        if lost := tuple(sorted(set(said) & LOST_OF_MESH)):
             message = f"{', '.join(f'`{a}`' for a in lost)} of mesh `{element.get('name')}` was "
             message += f"left out ({where_of(element)})"
             hint = "our meshes are converted: their normals and hulls are made anew"
@@ -238,8 +238,8 @@ def contact_of(model: Model, index: int) -> Contact:
     )
 
 
-_PLACING = keys("pos quat fromto euler axisangle xyaxes zaxis size mass density shellinertia")
-_LOST_OF_MESH = keys("maxhullvert smoothnormal octree_maxdepth")
+PLACING = keys("pos quat fromto euler axisangle xyaxes zaxis size mass density shellinertia")
+LOST_OF_MESH = keys("maxhullvert smoothnormal octree_maxdepth")
 
 
 def _primitive(kind: int, size: Vec3) -> SourceGeometry:

@@ -1,0 +1,120 @@
+"""The licence that the source states itself: in a LICENSE beside the robot, or in package.xml."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+SPDX = (
+    "Apache-2.0", "MIT", "MIT-0", "BSD-2-Clause", "BSD-3-Clause", "BSD-3-Clause-Clear", "MPL-2.0",
+    "GPL-2.0-only", "GPL-3.0-only", "GPL-3.0-or-later", "LGPL-2.1-only", "LGPL-3.0-only", "ISC",
+    "EPL-2.0", "CC0-1.0", "CC-BY-4.0", "CC-BY-SA-4.0", "CC-BY-NC-4.0", "CC-BY-NC-SA-4.0",
+)  # fmt: skip
+"""Identifiers that are taken as they stand."""
+SPELLINGS = {
+    "apache 2.0": "Apache-2.0", "apache2.0": "Apache-2.0", "apache license 2.0": "Apache-2.0",
+    "apache license, version 2.0": "Apache-2.0", "mit license": "MIT", "the mit license": "MIT",
+    "bsd 3-clause": "BSD-3-Clause", "bsd-3": "BSD-3-Clause", "3-clause bsd": "BSD-3-Clause",
+    "bsd 2-clause": "BSD-2-Clause", "mpl 2.0": "MPL-2.0", "cc0": "CC0-1.0",
+} | {name.lower(): name for name in SPDX}  # fmt: skip
+"""Spellings that mean one licence; `BSD` alone and `GPL` mean several."""
+TEXTS = (
+    (r"apache license\s+version 2\.0", "Apache-2.0"),
+    (r"mozilla public license,? version 2\.0", "MPL-2.0"),
+    (r"permission is hereby granted, free of charge, to any person", "MIT"),
+    (r"redistribution and use .*neither the name", "BSD-3-Clause"),
+    (r"redistribution and use .*materials provided with the distribution", "BSD-2-Clause"),
+    (r"creative commons attribution 4\.0 international", "CC-BY-4.0"),
+)
+"""Words that only the text of one licence has; the first that matches counts."""
+NAMES = ("license", "licence", "copying")
+LARGEST = 200_000
+"""Bytes of a licence or a package.xml; larger files are something else."""
+ABOVE = 2
+"""Folders above the source that are looked at: meshes and URDF may lie deep in a package."""
+
+
+@dataclass(frozen=True)
+class StatedLicence:
+    """What a file states. name: as SPDX spells it, or "" where the words mean no one licence."""
+
+    name: str
+    words: str
+    file: str
+
+
+def stated_licence(root: Path, file: str) -> StatedLicence | None:
+    """The licence that the file nearest to the description states; None where none does.
+
+    root: of the source; file: the description, below it.
+    """
+    robot = root / file
+    for folder in _folders(root, robot):
+        for path in sorted(folder.iterdir()) if folder.is_dir() else ():
+            if path.name.lower().startswith(NAMES) and (text := _text(path)):
+                found = _of_text(text)
+                if found:
+                    return StatedLicence(found, found, path.name)
+        package = _text(folder / "package.xml")
+        if package:
+            stated = _of_package(package, robot.relative_to(folder).parts)
+            if stated:
+                return stated
+    return None
+
+
+def licence_lines(root: Path, file: str) -> Iterator[str]:
+    """The lines of the section `source:`."""
+    stated = stated_licence(root, file)
+    if stated is None:
+        yield "  # license: its SPDX name here; no file of the source states one"
+    elif stated.name:
+        yield f"  license: {stated.name}   # as {stated.file} says"
+    else:
+        yield f"  # {stated.file} says {stated.words!r}: write the SPDX name of this robot's"
+        yield "  # license:"
+
+
+def _folders(root: Path, robot: Path) -> Iterator[Path]:
+    """From the description's folder up to the source's root, and a little above it."""
+    above = 0
+    for folder in robot.parents:
+        inside = folder.is_relative_to(root)
+        above += not inside
+        if above > ABOVE:
+            return
+        yield folder
+        if (folder / ".git").exists():
+            return
+
+
+def _text(path: Path) -> str:
+    try:
+        if not path.is_file() or path.stat().st_size > LARGEST:
+            return ""
+        return path.read_text("utf-8", "replace")
+    except OSError:
+        return ""
+
+
+def _of_text(text: str) -> str:
+    plain = " ".join(text.lower().split())
+    return next((name for words, name in TEXTS if re.search(words, plain)), "")
+
+
+def _of_package(text: str, parts: tuple[str, ...]) -> StatedLicence | None:
+    """What package.xml states; of several, the one behind a comment that names the robot's folder.
+
+    parts: of the description's path below the package.
+    """
+    said = re.findall(r"(?:<!--((?:(?!-->).)*)-->\s*)?<license[^>]*>([^<]*)</license>", text, re.S)
+    named = [
+        words for comment, words in said if set(parts[:-1]) & set(re.findall(r"[\w.-]+", comment))
+    ]
+    chosen = list(dict.fromkeys(" ".join(words.split()) for words in named or [w for _, w in said]))
+    if not chosen:
+        return None
+    name = SPELLINGS.get(chosen[0].lower(), "") if len(chosen) == 1 else ""
+    return StatedLicence(name, ", ".join(chosen), "package.xml")
