@@ -13,8 +13,8 @@ NEAR_M = 1e-6
 OPEN_AT_ZERO = Rule(
     "mjcf.loop_at_zero",
     "warning",
-    "a loop does not close where all joints are 0; of an MJCF's loop Newton 1.8 reads one end alone "
-    "and takes the other to be there",
+    "a loop does not close where all joints are 0; of an MJCF's loop Newton 1.8 reads one end "
+    "alone and takes the other to be there",
     "give Newton the USD, whose loops it reads with both ends",
 )
 
@@ -28,8 +28,8 @@ def explain_loops(tree: Tree, control: Control) -> Iterator[Finding]:
         yield OPEN_AT_ZERO(
             "robot",
             f"{len(found)} loops are open where all joints are 0: {shown}"
-            f"{', ...' if len(found) > 4 else ''}; MuJoCo, MJX and mjlab hold both ends, but Newton "
-            "1.8 holds other points of this MJCF",
+            f"{', ...' if len(found) > 4 else ''}; MuJoCo, MJX and mjlab hold both ends, but "
+            "Newton 1.8 holds other points of this MJCF",
             "give Newton the USD",
             data=found,
         )
