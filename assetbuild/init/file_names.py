@@ -84,8 +84,11 @@ def absolute_folders(uses: Uses, file: Path) -> dict[str, Path]:
 
 
 def absolute_path(uri: str) -> str | None:
-    """`/home/me/arm.stl` of that name or of `file:///home/me/arm.stl`; None for others."""
-    match = re.fullmatch(r"(?:file:(?://)?)?(/.*)", uri)
+    """`/home/me/arm.stl` of that name or of `file:///home/me/arm.stl`; None for others.
+
+    `file://meshes/arm.stl` has two slashes and starts from the URDF.
+    """
+    match = re.fullmatch(r"(?:file:(?://(?=/)|(?!//)))?(/.*)", uri)
     return None if match is None else os.path.normpath("/" + match[1].lstrip("/"))
 
 

@@ -215,13 +215,20 @@ def in_mujoco(source: Path, built: Path, *, edited: bool) -> str:
         there, here = (poses(m, s) for m, s in zip(models, states, strict=True))
         if differs := unlike(there, here):
             return differs
-        robot = [i for i in range(1, models[0].nbody) if models[0].body(i).name in here]
+        robot = [i for i in range(1, models[0].nbody) if named_body(models[0], i) in here]
         masses = models[0].body_mass[robot]
         if not edited and masses.sum():
             centre = np.average(states[0].xipos[robot], axis=0, weights=masses)
             if differs := heavier(float(masses.sum()), centre, there, models[1], states[1]):
                 return differs
     return "equal"
+
+
+def named_body(model: Any, index: int) -> str:  # Any: mujoco has no types
+    """Of a body, or of the nearest one above it that has a name."""
+    while index and not model.body(index).name:
+        index = int(model.body_parentid[index])
+    return str(model.body(index).name) if index else ""
 
 
 def named_joint(model: Any, name: str) -> int:  # Any: mujoco has no types

@@ -241,6 +241,13 @@ def test_a_robot_of_which_no_mesh_is_there_is_refused(tmp_path: Path):
         built(tmp_path, "arm.urdf")
 
 
+@pytest.mark.parametrize("name", ["file://meshes/cad/a.obj", "file://a.obj"])
+def test_two_slashes_start_from_the_urdf(tmp_path: Path, name: str):
+    lay(tmp_path, {"arm.urdf": arm(name), name.removeprefix("file://"): OBJ})
+    source, _ = built(tmp_path, "arm.urdf")
+    assert not {"absolute", "patches", "missing"} & source.keys()
+
+
 def test_a_name_that_starts_from_another_folder_than_the_others_is_patched(tmp_path: Path):
     lay(tmp_path, {"car/arm.urdf": arm("a.obj", "gear/b.obj"), "car/a.obj": OBJ, "gear/b.obj": OBJ})
     source, findings = built(tmp_path, "car/arm.urdf")

@@ -86,7 +86,7 @@ def build_tree(
             if joint.child in above:
                 other = above[joint.child].name
                 message = f"link `{joint.child}` already hangs on joint `{other}`"
-                hint = "a link has one parent; a closed loop needs a constraint instead"
+                hint = "remove one of them, and close the loop by the recipe's `loops`"
                 raise _at(nodes, joint.name).error(message, hint)
             above[joint.child] = joint
     problems.raise_first()

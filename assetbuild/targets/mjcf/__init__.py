@@ -26,6 +26,7 @@ from assetbuild.targets.mjcf.files import (
     write_xml,
 )
 from assetbuild.targets.mjcf.inertia import explain_rounding
+from assetbuild.targets.mjcf.loops import explain_loops
 from assetbuild.targets.mjcf.options import MjcfOptions
 from assetbuild.targets.mjcf.robot_xml import RobotXml, Solver
 from assetbuild.targets.mjcf.scene import scene
@@ -72,6 +73,7 @@ class Mjcf(Target):
         yield from explain_looks(shapes, looks)
         yield from explain_textures(shapes, meshes)
         yield from explain_losses(tree, control)
+        yield from explain_loops(tree, control)
 
 
 def _explain_names(tree: Tree) -> Iterator[Finding]:
