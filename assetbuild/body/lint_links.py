@@ -85,7 +85,7 @@ def _range(joint: Joint) -> Iterator[Finding]:
     unit = "m" if joint.kind == "prismatic" else "rad"
     subject, data = f"joint {joint.name}", {"lower": lower, "upper": upper}
     if lower == upper:
-        message = f"both limits are {lower:g} {unit}: taken by their word, the joint is locked"
+        message = f"both limits are {lower:g} {unit}: taken literally, the joint is locked"
         hint = "if it is meant to move, give it a range: edit `set_limits`; else make it `fixed`"
         yield LOCKED(subject, message, hint, data=data)
     elif lower > upper:
@@ -98,7 +98,7 @@ def _range(joint: Joint) -> Iterator[Finding]:
 
 
 def _drive(joint: Joint) -> Iterator[Finding]:
-    """A limit of 0 means "unknown" in most exports; a simulator takes it by its word."""
+    """A limit of 0 means "unknown" in most exports; a simulator takes it literally."""
     newton = "N" if joint.kind == "prismatic" else "N m"
     per_second = "m/s" if joint.kind == "prismatic" else "rad/s"
     for rule, name, value, unit in (
@@ -108,7 +108,7 @@ def _drive(joint: Joint) -> Iterator[Finding]:
         if value == 0.0 and joint.mimic is None:
             yield rule(
                 f"joint {joint.name}",
-                f"{name} limit is 0 {unit}: taken by its word, it cannot move",
+                f"{name} limit is 0 {unit}: taken literally, it cannot move",
                 hint=f"give `{name}` in the recipe's actuator table",
                 data={name: value},
             )

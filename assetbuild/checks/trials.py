@@ -241,7 +241,7 @@ class Trials(Check):
         if self.alone and model.nkey and floors(model):
             alone += self._left_alone(model, figures, torques or {})
         falls = any(finding.rule == FALL.id for finding in alone)
-        # A robot that falls by itself also lies, rolls and moves after a drop: that is no news.
+        # A robot that falls by itself also lies, rolls and moves after a drop.
         yield from ((_as_consequence(f) if falls else f) for f in dropped)
         yield from alone
         yield from self._shaken(model, figures)
@@ -281,7 +281,7 @@ class Trials(Check):
                 data={"limit": self.energy},
             )
         if not model.nu:
-            return  # what swings freely is told by its energy; nothing holds it to a path
+            return  # a free swing is judged by its energy; nothing holds it to a path
         errors = mujoco_trials.timestep_error(model)
         worst = max(errors, key=lambda joint: errors[joint], default=None)
         figures["timestep_error"] = {

@@ -23,7 +23,7 @@ HEALING_ROUNDS = 3
 
 @dataclass(frozen=True)
 class Event:
-    """Progress, for a terminal. Told by the thread that called `execute`, one at a time.
+    """Progress, for a terminal. Reported by the thread that called `execute`, one at a time.
 
     planned: once, `total` known. started: the step of `label` begins to run (a cached node
     does not start). finished: `result` is there. done counts finished and blocked nodes.

@@ -150,7 +150,7 @@ def _can_walk(limb: Leg) -> bool:
 
 
 def _is_arm(limb: Leg) -> bool:
-    """By its words: hanging arms reach low, and some dogs have shoulders."""
+    """Judge by the names of its links: hanging arms reach low, and some dogs have shoulders."""
     words = [limb.foot, *(joint.child for joint in limb.joints)]
     return any(map(_ARM.fullmatch, words)) and not any(map(_LEG.fullmatch, words))
 

@@ -30,7 +30,7 @@ class Passage:
 
     @property
     def label(self) -> str:
-        """Label of its node."""
+        """Return the label of its node."""
         return f"patch {self.number} {self.step.file}"
 
     @property

@@ -1,0 +1,43 @@
+"""Turns that no native engineer writes are found in the code and in the pages."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+BANNED = {
+    r"\bas ever\b": "say what overrides what",
+    r"\bskipped aloud\b": "skipped, and the report says so",
+    r"\btaken? .{0,12}by (its|their) word\b": "taken literally",
+    r"\b[Tt]old by\b": "reported by",
+    r"\bthat is no news\b": "delete it",
+    r"\b[Oo]f its node\b(?<!label of its node)": "return the ... of its node",
+    r"\bsunflower\b": "points of a Fibonacci sphere",
+    r"\bas its recipe wins\b": "the part's recipe overrides",
+    r"\bfor_the_eye\b|\b_papered\b": "a name from the field: `visual_only`",
+}
+"""Pattern -> what to write."""
+FILES = sorted(
+    [*(ROOT / "assetbuild").rglob("*.py"), *(ROOT / "docs").rglob("*.md"), ROOT / "README.md"]
+)
+
+
+@pytest.mark.parametrize(
+    "pattern", BANNED, ids=lambda pattern: re.sub(r"\W+", " ", pattern).strip()
+)
+def test_a_banned_turn_stands_nowhere(pattern: str):
+    found = [
+        f"{file.relative_to(ROOT)}:{number}: {line.strip()}"
+        for file in FILES
+        for number, line in enumerate(file.read_text(encoding="utf-8").splitlines(), 1)
+        if re.search(pattern, line)
+    ]
+    assert not found, f"write instead: {BANNED[pattern]}\n" + "\n".join(found)
+
+
+def test_the_patterns_find_what_they_ban():
+    text = "As ever; as ever, it is taken by its word; Told by them; a sunflower"
+    assert sum(bool(re.search(pattern, text)) for pattern in BANNED) == 4
