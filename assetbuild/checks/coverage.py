@@ -38,6 +38,8 @@ BETTER = 0.5
 """A shape is beside its place when its distance from the visual surface would be less than this
 share of what it is, and of the move that is allowed: then it fits. Simplified shapes are as far
 from it wherever they go."""
+MOST_MESHES = 4
+"""A body with more collision meshes was cut into pieces, inside of which others may fit better."""
 LEFT = 0.1
 """A hole of which less than this is left is filled."""
 
@@ -233,7 +235,11 @@ def _moves(parts: Parts, bodies: Collection[str]) -> dict[str, tuple[str, Move]]
     for body in bodies:
         around = _neighbours(parts.tree, body).items()
         target = Target(np.concatenate([X.apply(seen[n]) for n, X in around if n in seen]))
-        for shape, X_body_shape in parts.collision(body):
+        own = parts.collision(body)
+        cut = sum(isinstance(shape.geometry, Mesh) for shape, _ in own) > MOST_MESHES
+        for shape, X_body_shape in own:
+            if cut and isinstance(shape.geometry, Mesh):
+                continue
             surface = parts.surface(shape, X_body_shape)
             points = surface_samples(surface, SHAPE_POINTS, 0)[0]
             moves[shape.name] = (body, target.fit(points))

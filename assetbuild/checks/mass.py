@@ -140,6 +140,7 @@ class Mass(Check):
         yield from _of_no_matter(tree, hulls)
         for name, row in found.items():
             yield from self._judge(name, row, total)
+        yield from _outside(found)
 
     def _judge_total(self, total: float) -> Iterator[Finding]:
         if self.total_kg is None:
@@ -164,13 +165,6 @@ class Mass(Check):
                 severity="info" if row.mass_kg < NEGLIGIBLE * total_kg else "warning",
                 data={"density_kg_m3": row.density, "mass_kg": row.mass_kg},
             )
-        if row.outside_m > OUTSIDE * row.size_m:
-            yield CENTER(
-                f"link {name}",
-                f"the centre of mass is {1e3 * row.outside_m:.3g} mm outside of the geometry",
-                hint="was it given in another frame? `edits: set_inertia`",
-                data={"outside_m": row.outside_m, "size_m": row.size_m},
-            )
         if row.angle_rad is not None and row.angle_rad > self.max_angle:
             yield AXES(
                 f"link {name}",
@@ -179,6 +173,24 @@ class Mass(Check):
                 hint="was the tensor given in other axes than the link's? `edits: set_inertia`",
                 data={"angle_rad": row.angle_rad},
             )
+
+
+def _outside(found: Mapping[str, Filled]) -> Iterator[Finding]:
+    """Centres of mass outside; bodies that are as far off share a finding, as they do a mistake."""
+    alike: dict[str, list[str]] = {}
+    for name, row in found.items():
+        if row.outside_m > OUTSIDE * row.size_m:
+            alike.setdefault(f"{row.outside_m:.0e}", []).append(name)
+    for name, *others in alike.values():
+        row = found[name]
+        far = (f"{other} ({1e3 * found[other].outside_m:.3g} mm)" for other in others)
+        also = f"; so are those of {', '.join(far)}" if others else ""
+        yield CENTER(
+            f"link {name}",
+            f"the centre of mass is {1e3 * row.outside_m:.3g} mm outside of the geometry{also}",
+            hint="was it given in another frame? `edits: set_inertia`",
+            data={"outside_m": row.outside_m, "size_m": row.size_m},
+        )
 
 
 def _absurd(

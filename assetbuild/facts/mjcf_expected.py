@@ -168,7 +168,7 @@ def _drive(actuator: Actuator, joint: Joint, facts: dict[Key, Value]) -> None:
 
 
 def _command_range(actuator: Actuator) -> tuple[float, float] | None:
-    """As MuJoCo counts commands of a drive with a gear."""
+    """Return the command range in MuJoCo's counting, which a gear scales."""
     if actuator.ctrl is None:
         return None
     low, high = sorted(end * actuator.command_gear for end in actuator.ctrl)

@@ -69,7 +69,7 @@ def tips(points: Array) -> Array:
     """Of many points (n, 3) those that lie farthest in one of DIRECTIONS: nearly the whole hull."""
     if len(points) <= DIRECTIONS:
         return points
-    turn = np.arange(DIRECTIONS) * np.pi * (3.0 - 5.0**0.5)  # a sphere's sunflower
+    turn = np.arange(DIRECTIONS) * np.pi * (3.0 - 5.0**0.5)  # points of a Fibonacci sphere
     height = 1.0 - (2.0 * np.arange(DIRECTIONS) + 1.0) / DIRECTIONS
     ring = np.sqrt(1.0 - height**2)
     directions = np.stack([ring * np.cos(turn), ring * np.sin(turn), height], axis=1)

@@ -28,8 +28,8 @@ GAP = Rule(
 TOLERANCE = Rule(
     "collision.tolerance",
     ("warning", "info"),
-    "a tolerance of the recipe is not met, or one of its preset by more than a factor of two (less "
-    "is information); the finding states by how much",
+    "a tolerance that the recipe states is not met, or more than twice the volume is missing that "
+    "its preset allows; other tolerances of a preset are information",
     "more `max_hulls`, or a wider tolerance",
 )
 CLOSED = Rule(
@@ -134,7 +134,7 @@ def _missed(
     """One finding for all tolerances that are not met: by how much, and what to change.
 
     A preset is a wish that not every mesh can meet: missing it is information, unless collision
-    sticks out, or leaves out, more than twice as much.
+    leaves out more than twice as much.
     """
     over = {k: v for k, v in tolerances.items() if v[0] > v[1]}
     if not over:
@@ -147,7 +147,7 @@ def _missed(
             f"`{key}` is {factor * found:.3g}{unit}, above the limit of {factor * most:.3g}{unit}"
         )
     mild = all(
-        key in usual and (key == "max_overcover" or found <= GROSS * most)
+        key in usual and (key != "max_missing" or found <= GROSS * most)
         for key, (found, most) in over.items()
     )
     yield TOLERANCE(
