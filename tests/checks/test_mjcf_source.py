@@ -328,11 +328,9 @@ def test_worlds_of_a_scene_and_the_robot_that_it_includes_are_one(tmp_path: Path
 
 
 def test_drives_that_only_mjcf_holds_are_no_missing_table(tmp_path: Path):
-    grouped = FLOATING[: FLOATING.index("<actuator>")] + (
-        '<actuator><motor joint="hip" group="2" ctrlrange="-1 1" ctrllimited="true"/></actuator>'
-        "</mujoco>"
-    )
-    written = write(read(grouped, tmp_path / "read", tet_obj=TET), tmp_path / "out")
+    muscle = '<actuator><muscle joint="hip" lengthrange="-1 1"/></actuator></mujoco>'
+    text = FLOATING[: FLOATING.index("<actuator>")] + muscle
+    written = write(read(text, tmp_path / "read", tet_obj=TET), tmp_path / "out")
     (told,) = [f for f in written.findings if f.rule == "actuator.none"]
     assert "the source's drives (1) exist in the MJCF alone" in told.message
     assert told.severity == "warning"

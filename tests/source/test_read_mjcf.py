@@ -234,7 +234,7 @@ def test_drives_are_the_robots_where_it_has_the_words(arm: Reading):
         ('<intvelocity joint="j" kp="2" actrange="-1 1"/>', "passive"),
         ('<motor joint="j" ctrlrange="-5 6"/>', "general"),
         ('<position joint="j" kp="3" forcerange="-1 2"/>', "passive"),
-        ('<motor joint="j" group="2"/>', "passive"),
+        ('<motor joint="j" group="2"/>', "motor"),
         ('<motor joint="j" gear="0"/>', "passive"),
     ],
 )
