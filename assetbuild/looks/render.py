@@ -16,7 +16,7 @@ from assetbuild.looks.stage import Picture, extent
 from assetbuild.simulators import mujoco, offscreen
 from assetbuild.simulators.studio import studio
 
-DRAWING_S = 150.0
+DRAWING_S = 400.0
 """Wall clock for all pictures; a driver that hangs costs only them."""
 NO_PICTURES = Rule(
     "pictures.none",
@@ -38,7 +38,7 @@ class Render(Step):
     isolated = True
     cpu_bound = True  # Mesa compiles its shaders for the CPU that it finds
     preload = ("mujoco",)
-    limits: ClassVar[Limits] = Limits(wall_s=180.0)
+    limits: ClassVar[Limits] = Limits(wall_s=450.0)
 
     renderer: str
     """From `offscreen.renderer`: the same robot looks a little different on another driver."""
