@@ -144,6 +144,19 @@ def test_a_tolerance_that_cannot_be_met_says_by_how_much_and_what_to_change(tmp_
     assert "max_hulls" in said.hint
 
 
+@pytest.mark.parametrize(
+    ("width", "severity"), [(0.03, "info"), (0.5, "warning")], ids=["a little", "by far"]
+)
+def test_a_preset_that_is_missed_by_far_is_a_warning(tmp_path, width, severity):
+    """One hull over an L sticks out by half its width, the preset allows 5 mm."""
+    preset = {**Auto.preset("manipulation"), "max_hulls": 1}
+    mesh = L_SHAPE.scaled((width, width, width))
+    _, findings = fit(tmp_path, Auto(sources=MESH, vhacd=COARSE, **preset), mesh)
+    said = findings["collision.tolerance"]
+    assert said.data["max_outside_allowed"] == 0.005
+    assert said.severity == severity, said.message
+
+
 def test_a_hull_closes_the_gripper_and_auto_keeps_it_open(tmp_path):
     _, closed = fit(tmp_path, Hull(sources=MESH, probes=(GAP,)), GRIPPER, "hull")
     assert closed["collision.closed"].severity == "error"
