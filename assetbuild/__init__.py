@@ -6,13 +6,13 @@
 The functions are imported when they are used: `import assetbuild` costs a millisecond.
 """
 
-from importlib import import_module
-
 __version__ = "0.1.0"
 __all__ = ["Bundle", "Facts", "build", "load_bundle"]
 
 
 def __getattr__(name: str) -> object:
     if name in __all__:
+        from importlib import import_module
+
         return getattr(import_module("assetbuild.api"), name)
     raise AttributeError(f"module 'assetbuild' has no attribute {name!r}")

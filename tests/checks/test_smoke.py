@@ -124,6 +124,7 @@ def newton_reading(robot: TinyRobot | None = None, **changed: Any) -> dict[str, 
             "type": "rotary",
             "axis": list(joint.axis),
             "lower": joint.limits.lower,
+            "newton:solreflimit": [0.02, 1.0] if joint.limits.lower is not None else None,
             "upper": joint.limits.upper,
         }
         if joint.mimic:

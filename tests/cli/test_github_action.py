@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 import yaml
 
-ACTION = Path(__file__).parents[2] / ".github/actions/build"
+ACTION = Path(__file__).parents[2] / ".github/actions/robots"
 LEGS = Path(__file__).parents[1] / "robots/four_legs.urdf"
 RECIPE = """\
 schema: assetbuild/v1

@@ -100,5 +100,5 @@ def test_links_that_only_an_edit_gives_a_mass_get_gains_for_that_mass(tmp_path: 
     source = find_source(tmp_path / "arm.urdf", {})
     text = recipe_text(robot, study(robot), source, tmp_path / "a").text
     assert "set_inertia" in text
-    assert text.startswith("# arm: 0.02 kg")
+    assert "\n# arm: 0.02 kg" in text
     assert "moves 0.000" in text
