@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Literal
 
 from assetbuild.errors import SourceError, UsageError, Where
-from assetbuild.init.file_names import absolute_folders, elsewhere, relative_start
+from assetbuild.init.file_names import absolute_folders, elsewhere, packageless, relative_start
 from assetbuild.init.packages import (
     common_folder,
     files_named,
@@ -77,7 +77,7 @@ def find_source(
     data = read_small_file(file, name, SourceError)
     folders = {name: stated(name, folder) for name, folder in packages.items()}
     real = Path(os.path.realpath(file))
-    left = leftovers(real, data)
+    left = (*leftovers(real, data), *packageless(real, data))
     data = without(data, left)
     by_xacro = is_xacro(file, data)
     if args and not by_xacro:

@@ -43,7 +43,8 @@ XACRO = f"""<robot name="post" xmlns:xacro="http://www.ros.org/wiki/xacro">
   <xacro:macro name="body" params="name"><link name="${{name}}"><inertial><mass value="2"/>
     {SOUND}</inertial></link></xacro:macro>
   <xacro:body name="post"/><xacro:body name="tray"/>
-  <joint name="slip" type="planar"><parent link="post"/><child link="tray"/><axis xyz="0 0 1"/></joint>
+  <joint name="slip" type="planar"><parent link="post"/><child link="tray"/>
+    <axis xyz="0 0 1"/></joint>
 </robot>
 """
 CART = """schema: assetbuild/v1
