@@ -149,7 +149,7 @@ class Stage:
         """
         points = np.concatenate([self.extent.points, ellipsoid_points(self.model, self.data)])
         reach, middle = ELLIPSOIDS * self.extent.size, self.extent.middle
-        return np.clip(points, middle - reach, middle + reach)
+        return np.asarray(np.clip(points, middle - reach, middle + reach), dtype=np.float64)
 
     def _axes(self) -> Picture:
         """Arrows along the joints' axes, with their names where these can be read."""
