@@ -28,7 +28,7 @@ on a trunk of 0.6 m, less than a pixel of the view. The larger of the two counts
 SAMPLES = 2500
 """Points of both surfaces between which the error is measured."""
 SPREAD, SURELY = 10, 0.05
-"""Every tenth point is looked at first; where more than 5 % of those err, more than 1 % of all do."""
+"""Every tenth point is looked at first: where 5 % of those err, more than 1 % of all do."""
 
 
 class Lighten(Step):
