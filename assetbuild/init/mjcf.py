@@ -265,7 +265,8 @@ def _collision(robot: InspectedRobot) -> Iterator[str]:
 def _driven(control: Control) -> list[str]:
     """What the source drives."""
     driven = [a.name for a in control.actuators if a.model != "passive"]
-    return driven + ["others" for item in control.mjcf_only if item.place == "actuator"][:1]
+    others = [i for i in control.mjcf_only if i.place == "actuator" and not i.owner]
+    return driven + ["others"] * bool(others)
 
 
 def _drives(found: MjcfSource, tuning: Tuning | None) -> Iterator[str]:

@@ -28,7 +28,8 @@ an MJCF is the source of a robot.
   information).
 - **MJCF only, moves**: the same, and the robot moves otherwise without it: the warning
   `mjcf.motion`, and the error `usd.motion` where the recipe asks for a USD (springs:
-  `mjcf.spring`, `usd.spring`).
+  `mjcf.spring`, `usd.spring`). A fixed tendon over joints that follow one another, with an actuator
+  that is a drive of the one that leads, moves alike in every format (`mjcf.own_drive`).
 - **left out**: reported as `mjcf.dropped`.
 - **refused**: an error with file and line.
 
@@ -42,8 +43,9 @@ _MOVING_JOINT = frozenset(("springref", "stiffness"))
 _OF_JOINT = details.JOINT | {"name", "class", "damping", "frictionloss", "actuatorfrcrange",
                              "actuatorfrclimited"}  # fmt: skip
 _OF_DRIVE = keys(
-    "name class joint gear ctrllimited ctrlrange forcelimited forcerange inheritrange kp kv "
-    "dampratio timeconst gaintype gainprm biastype biasprm dyntype dynprm area diameter bias"
+    "name class joint jointinparent gear ctrllimited ctrlrange forcelimited forcerange "
+    "inheritrange kp kv dampratio timeconst gaintype gainprm biastype biasprm dyntype dynprm area "
+    "diameter bias"
 )
 """Read from the compiled actuator of a joint, whose law is in them."""
 _DRIVES = ("general", "motor", "position", "velocity", "damper", "cylinder")
@@ -85,7 +87,8 @@ def _option(path: Path, tag: str, attribute: str) -> str:
         return HELD
     if tag == "flag" and attribute == "gravity":
         return HELD
-    return MOVES if attribute in lost_motion.MEDIUM else MJCF
+    lost = {*lost_motion.MEDIUM, "actuatorgroupdisable", *lost_motion.FLAGS}
+    return MOVES if attribute in lost else MJCF
 
 
 def _asset(path: Path, tag: str, attribute: str) -> str:
@@ -116,7 +119,8 @@ def _body(path: Path, tag: str, attribute: str) -> str:
         return RESOLVED if attribute == "align" else MJCF
     if attribute in held[tag]:
         return HELD
-    moves = {"joint": _MOVING_JOINT, "(world)body": frozenset(("gravcomp",))}
+    moves = {"joint": _MOVING_JOINT, "(world)body": frozenset(("gravcomp",)),
+             "geom": frozenset(("surfacevel",))}  # fmt: skip
     return MOVES if attribute in moves.get(tag, ()) else MJCF
 
 
