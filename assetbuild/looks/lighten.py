@@ -12,11 +12,12 @@ from pydantic import Field
 from assetbuild.engine.step import Files, Limits, Step
 from assetbuild.findings import Finding
 from assetbuild.mesh.obj import obj_bytes, read_triangles
-from assetbuild.mesh.quality import surface_distance
+from assetbuild.mesh.quality import NearestSurface, surface_samples
 from assetbuild.mesh.triangles import TriangleMesh
 from assetbuild.mesh.weld import cleaned
 from assetbuild.robot.codec import encode
 from assetbuild.robot.files import RobotFiles
+from assetbuild.robot.pose import Array
 from assetbuild.robot.shapes import Mesh, MeshAsset, Shapes
 
 SMALLEST = 400
@@ -26,6 +27,8 @@ OWN, WHOLE = 0.0025, 0.0006
 on a trunk of 0.6 m, less than a pixel of the view. The larger of the two counts."""
 SAMPLES = 2500
 """Points of both surfaces between which the error is measured."""
+SPREAD, SURELY = 10, 0.05
+"""Every tenth point is looked at first: where 5 % of those err, more than 1 % of all do."""
 
 
 class Lighten(Step):
@@ -105,13 +108,26 @@ class Lighten(Step):
 
 def _light(mesh: TriangleMesh, error_m: float) -> TriangleMesh:
     """The smallest of an eighth, a quarter and half of the triangles that keeps to the error."""
+    surface = NearestSurface(mesh)
+    points = surface_samples(mesh, SAMPLES, 1)[0]
     for share in (0.125, 0.25, 0.5):
         made = _simplified(mesh, max(SMALLEST, int(share * len(mesh.faces))))
         if made is None or len(made.faces) >= len(mesh.faces):
             continue
-        if surface_distance(made, mesh, samples=SAMPLES).p99_m <= error_m:
+        theirs = surface_samples(made, SAMPLES, 0)[0]
+        if _lie_within(theirs, surface, error_m) and _lie_within(
+            points, NearestSurface(made), error_m
+        ):
             return made
     return mesh
+
+
+def _lie_within(points: Array, surface: NearestSurface, error_m: float) -> bool:
+    """Whether 99 % of the points do; a few of them, spread evenly, often say that they do not."""
+    few = surface.distance(points[::SPREAD])
+    if np.count_nonzero(few > error_m) > SURELY * len(few):
+        return False
+    return float(np.quantile(surface.distance(points), 0.99)) <= error_m
 
 
 def _simplified(mesh: TriangleMesh, goal: int) -> TriangleMesh | None:
