@@ -65,7 +65,10 @@ def read(
     grammar: float = 3.11,
     **files: str | bytes,
 ) -> Reading:
-    """body: `source.body`; grammar: `mjcf.grammar`. files: beside the MJCF; `__` is a slash, the last `_` a dot."""
+    """body: `source.body`; grammar: `mjcf.grammar`.
+
+    files: beside the MJCF; `__` is a slash, the last `_` a dot.
+    """
     tree = folder / "in" / "tree"
     (tree / MAIN).parent.mkdir(parents=True)
     (tree / MAIN).write_text(text)
