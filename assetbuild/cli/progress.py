@@ -58,8 +58,8 @@ class Progress:
             self._forecast.done(event.label)
 
     def _counted(self, event: Event) -> str:
-        """`[12/75]`; without numbers while the robot is read and nobody knows how many follow."""
-        return f"[{event.done}/{event.total}]" if event.whole else "[reading]"
+        """`[12/75]`; `[12/?]` while the robot is read and nobody knows how many steps follow."""
+        return f"[{event.done}/{event.total if event.whole else '?'}]"
 
     def _say_expected(self) -> None:
         """Once, when all steps are known and the first of them ran."""

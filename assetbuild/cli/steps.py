@@ -65,7 +65,20 @@ CHECKS: dict[str, tuple[str, float]] = {
 USUAL_S = 0.3
 SLOW_CHECK_S = 30.0
 """A check that starts PhysX or a trainer."""
-FORMATS = ("bare", "dr", "isaaclab", "mjcf", "mjlab", "mjx", "urdf", "usd")
+NAMES = {
+    "bare": "the bare MJCF",
+    "dr": "the ranges",
+    "isaaclab": "Isaac Lab's module",
+    "mjcf": "the MJCF",
+    "mjlab": "mjlab's module",
+    "mjx": "the MJX model",
+    "scene": "the scene",
+    "scene_mjx": "the MJX scene",
+    "urdf": "the URDF",
+    "usd": "the USD",
+    "usd_scene": "the USD scene",
+}
+"""What a check compares with the robot, by its name before `_equal`."""
 
 
 def step_words(label: str) -> str:
@@ -102,8 +115,8 @@ def _check_words(name: str) -> str:
     if name in CHECKS:
         return CHECKS[name][0]
     what, equal, _ = name.partition("_equal")
-    shown = " ".join(w.upper() if w in FORMATS else w for w in what.split("_"))
-    return f"comparing {shown} with the robot" if equal else f"checking {shown}"
+    shown = what.replace("_", " ")
+    return f"comparing {NAMES.get(what, shown)} with the robot" if equal else f"checking {shown}"
 
 
 def _known(label: str) -> tuple[str, str] | None:

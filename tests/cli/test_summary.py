@@ -93,7 +93,7 @@ def test_every_step_of_a_build_has_words():
     known = "arm_ convert_mesh base", "go1:check usd_equal", "edit 1 set_inertia", "light meshes"
     assert [step_words(label) for label in known] == [
         "converting mesh base (arm_)",
-        "go1: comparing USD with the robot",
+        "go1: comparing the USD with the robot",
         "applying edit 1 set_inertia",
         "simplifying meshes for the 3D view",
     ]
@@ -114,7 +114,7 @@ def test_no_total_is_shown_before_all_steps_are_known(capsys: pytest.CaptureFixt
     shown.on_event(Event("finished", 1, 9, ran.label, ran, whole=False))
     shown.on_event(Event("finished", 10, 75, ran.label, ran))
     lines = capsys.readouterr().err.splitlines()
-    assert lines[0] == "tiny: [reading] reading the URDF, 0.1 s"
+    assert lines[0] == "tiny: [1/?] reading the URDF, 0.1 s"
     assert lines[1] == "tiny: [10/75] reading the URDF, 0.1 s"
 
 
