@@ -10,6 +10,7 @@ import itertools
 from assetbuild.facts.reference import SOLREF, Reference, filtered_pairs, pose_value
 from assetbuild.facts.sketch import SKETCH
 from assetbuild.facts.table import Key, Table, Value, Writer, pair_name
+from assetbuild.facts.usd_about import expected_metadata
 from assetbuild.facts.usd_actuators import expected_actuators
 from assetbuild.facts.usd_inventory import inventory
 from assetbuild.robot.initial import initial_pose
@@ -74,6 +75,7 @@ def usd_table(robot: str, own: Table, reference: Reference) -> Table:
         ends = frozenset((loop.a.body, loop.b.body))
         book.put("loop", loop.name, {"usd:collisionEnabled": ends in touching})
     expected_actuators(control.actuators, book)
+    expected_metadata(robot, reference, book)
     for shape in reference.shapes.shapes:
         _shape(shape, reference, options, book)
     _shape_pairs(reference, book)

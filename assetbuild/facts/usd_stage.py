@@ -12,7 +12,9 @@ from pxr import Sdf, Tf, Usd, UsdGeom, UsdPhysics
 from assetbuild.errors import UsageError
 from assetbuild.facts.reader import StatementError
 from assetbuild.facts.table import Value, Writer
+from assetbuild.facts.usd_about import metadata_facts
 from assetbuild.facts.usd_prims import PLAIN, Units
+from assetbuild.simulators.usd_names import METADATA
 
 
 @contextmanager
@@ -85,6 +87,10 @@ def stage_facts(stage: Usd.Stage, units: Units, book: Writer) -> None:
             elif key == "defaultPrim":
                 if not layer.GetPrimAtPath(f"/{layer.defaultPrim}"):
                     book.skip(layer.GetDisplayName(), key, layer.defaultPrim)
+            elif key == "customLayerData" and layer == stage.GetRootLayer():
+                metadata_facts(stage, root.GetInfo(key), book)
+            elif key == "customLayerData" and set(root.GetInfo(key)) == {METADATA}:
+                pass  # of the robot that a scene refers to: it belongs to that file alone
             else:
                 book.skip(layer.GetDisplayName(), key, root.GetInfo(key))
     for key, values in own.items():

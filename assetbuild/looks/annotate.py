@@ -11,6 +11,8 @@ from assetbuild.robot.pose import Array
 from assetbuild.simulators.studio import Pixels
 
 INK, LINE, PAPER = (28, 32, 38), (110, 118, 128), (240, 240, 240)
+SMALL = 256
+"""Pixels along a side of the thumbnail."""
 CAPTION = 32
 """Characters above a tile."""
 PALETTE_STEP = 2
@@ -98,3 +100,11 @@ def png(pixels: Pixels, *, every_colour: bool = False) -> bytes:
     out = io.BytesIO()
     image.save(out, "PNG", compress_level=6)
     return out.getvalue()
+
+
+def thumbnail(pixels: Pixels) -> bytes:
+    """The picture on a square of 256 pixels, as PNG."""
+    from PIL import Image, ImageOps
+
+    small = ImageOps.pad(Image.fromarray(pixels), (SMALL, SMALL), color=PAPER)
+    return png(np.asarray(small), every_colour=True)

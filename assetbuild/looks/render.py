@@ -11,13 +11,15 @@ from assetbuild.engine.step import Files, Limits, Step
 from assetbuild.errors import StepError
 from assetbuild.findings import Finding, Rule
 from assetbuild.looks import stage
-from assetbuild.looks.annotate import png
+from assetbuild.looks.annotate import png, thumbnail
 from assetbuild.looks.stage import HERO, Picture, extent
 from assetbuild.simulators import mujoco, offscreen
 from assetbuild.simulators.studio import studio
 
 DRAWING_S = 400.0
 """Wall clock for all pictures; a driver that hangs costs only them."""
+THUMBNAIL = "thumbnail.png"
+"""The hero, small: it lies beside the USD and is not in the list."""
 NO_PICTURES = Rule(
     "pictures.none",
     "info",
@@ -63,6 +65,8 @@ class Render(Step):
             (files.outputs / "images" / picture.file).write_bytes(
                 png(picture.pixels, every_colour=picture.file == HERO)
             )
+            if picture.file == HERO:
+                (files.outputs / "images" / THUMBNAIL).write_bytes(thumbnail(picture.pixels))
         _write_list(files, pictures, driver)
 
     def _pictures(self, scene: Path) -> tuple[list[Picture], str]:

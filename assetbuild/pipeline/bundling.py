@@ -24,6 +24,7 @@ from assetbuild.errors import StepError, UsageError
 from assetbuild.facts.reader import asked_sections, stated_options
 from assetbuild.facts.reference import Assets, Reference
 from assetbuild.lock import GitPin, Lock, Pin
+from assetbuild.looks.render import THUMBNAIL
 from assetbuild.pipeline.publish import (
     PROVENANCE,
     discard,
@@ -71,6 +72,7 @@ def bundle_files(
     reference = built.reference(stated_options(recipe, asked_sections()))
     files = [
         *built.targets(),
+        *built.thumbnail(recipe.robot),
         *built.licences(),
         *_report_files(subject, report, built, reference),
     ]
@@ -203,6 +205,14 @@ class _Built:
             digest, size = images[row["file"]]
             file = BundleFile(f"report/images/{row['file']}", "report", digest, size)
             yield Picture(row["title"], row["alt"], self.session.read(digest)), file
+
+    def thumbnail(self, robot: str) -> Iterator[BundleFile]:
+        """The small picture where libraries of USD assets look for it; none without OpenGL."""
+        node = self.outline.looks.get("pictures")
+        images = self.listing(node["images/"]) if node and "usd" in self.outline.targets else {}
+        if THUMBNAIL in images:
+            path = f"usd/.thumbs/256x256/{robot}.usda.png"
+            yield BundleFile(path, "usd", *images[THUMBNAIL])
 
     def view(self) -> View | None:
         """The 3D view; None in a bundle without."""

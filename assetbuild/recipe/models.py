@@ -21,6 +21,7 @@ from assetbuild.recipe.compose import Part
 from assetbuild.recipe.source import PYPI_PATTERN as PYPI_PATTERN
 from assetbuild.recipe.source import Sha256 as Sha256
 from assetbuild.recipe.source import Source as Source
+from assetbuild.robot.about import About
 from assetbuild.robot.actuator_table import (
     ActuatorRow as ActuatorRow,  # the recipe is read from here
 )
@@ -127,6 +128,7 @@ class Recipe(Model):
 
     schema_: Literal["assetbuild/v1"] = Field(alias="schema", description="version of this format")
     robot: Name = Field(description="name of the robot and of its bundle")
+    about: About = About()
     source: Source
     base: Literal["floating", "fixed"] = Field(
         "fixed",

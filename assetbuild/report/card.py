@@ -56,9 +56,16 @@ def card_tables(subject: Subject, report: Report) -> tuple[Table, ...]:
 
 
 def _identity(subject: Subject) -> Table:
-    recipe = subject.recipe
+    recipe, about = subject.recipe, subject.recipe.about
+    stated = {
+        "vendor": about.vendor,
+        "author": about.author,
+        "about": about.description,
+        "tags": ", ".join(about.tags),
+    }
     facts = {
         "robot": recipe.robot,
+        **{what: value for what, value in stated.items() if value},
         "source": recipe.source.origin,
         "description": recipe.source.description,
         **dict(sorted(subject.pin.items())),

@@ -13,6 +13,11 @@ ACTUATORS, LOOPS = "Actuators", "Loops"
 """Groups beside the bodies, below the robot."""
 SCENE = ("physics", "floor", "light", PHYSICS_MATERIALS)
 """Prims beside the robot in `scene.usda`."""
+METADATA = "SimReady_Metadata"
+"""The dictionary of the root layer's custom data that libraries of assets read."""
+NO_DATE = "not recorded: a build on another day gives the same bytes"
+ROBOT_QCODE = "Q11012"
+"""Wikidata's number for `robot`."""
 ROOT_JOINT = "root_joint"
 """Holds a fixed base to the world."""
 

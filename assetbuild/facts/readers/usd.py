@@ -35,7 +35,14 @@ class UsdReader(Reader):
     folder: ClassVar[str] = "usd"
     behind: ClassVar[tuple[str, ...]] = ("usd/{robot}.usda", "usd/payloads/*")
     suffixes: ClassVar[tuple[str, ...]] = (".usd", ".usda", ".usdc", ".usdz")
-    asks: ClassVar[tuple[str, ...]] = ("usd",)
+    asks: ClassVar[tuple[str, ...]] = (
+        "usd",
+        "about",
+        "source.license",
+        "source.urdf",
+        "source.xacro",
+        "source.mjcf",
+    )
     # Transforms and sizes are double precision.
     precision: ClassVar[Precision] = Precision(
         FLOAT32,

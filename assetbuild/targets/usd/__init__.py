@@ -10,6 +10,7 @@ from typing import ClassVar
 from assetbuild.engine.step import Files
 from assetbuild.findings import Finding
 from assetbuild.kinds import Target
+from assetbuild.robot.about import About
 from assetbuild.robot.files import RobotFiles
 from assetbuild.simulators.usd_options import UsdOptions
 
@@ -31,19 +32,37 @@ class Usd(Target):
     )
 
     sections: ClassVar[Mapping[str, str]] = {"usd": "options"}
+    told: ClassVar[Mapping[str, str]] = {
+        "about_robot": "about",
+        "licence": "source.license",
+        "urdf": "source.urdf",
+        "xacro": "source.xacro",
+        "mjcf": "source.mjcf",
+    }
 
     options: UsdOptions = UsdOptions()
     """The recipe's `usd`."""
+    about_robot: About = About()
+    """The recipe's `about`."""
+    licence: str | None = None
+    urdf: str | None = None
+    xacro: str | None = None
+    mjcf: str | None = None
 
     def run(self, files: Files) -> Iterator[Finding]:
         """Writes the asset; raises StepError for joints that no articulation holds."""
         robot = RobotFiles(files.inputs)
         tree, shapes, control = robot.tree, robot.shapes, robot.control
         with plain_environment():
+            from assetbuild.targets.usd.about import Origin
             from assetbuild.targets.usd.asset import write_asset
 
             folder, meshes = files.outputs / "usd", robot.mesh_dir
-            yield from write_asset(folder, self.robot, tree, shapes, control, meshes, self.options)
+            source = self.urdf or self.xacro or self.mjcf
+            origin = Origin(about=self.about_robot, license=self.licence, source_file=source)
+            yield from write_asset(
+                folder, self.robot, tree, shapes, control, meshes, self.options, origin
+            )
 
 
 @contextmanager

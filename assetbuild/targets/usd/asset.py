@@ -13,6 +13,7 @@ from assetbuild.robot.lost_motion import whole_gravity
 from assetbuild.robot.model import Control, Tree
 from assetbuild.robot.shapes import Shapes
 from assetbuild.simulators.usd_options import UsdOptions
+from assetbuild.targets.usd.about import Origin, write_metadata
 from assetbuild.targets.usd.actuators import define_actuators
 from assetbuild.targets.usd.bodies import apply_rigid_bodies, write_base
 from assetbuild.targets.usd.colliders import (
@@ -23,7 +24,7 @@ from assetbuild.targets.usd.colliders import (
 )
 from assetbuild.targets.usd.geometry import write_instances, write_library, write_materials
 from assetbuild.targets.usd.joints import apply_articulation, define_joints, define_loops
-from assetbuild.targets.usd.layers import PAYLOADS, new_layer, save, write_interface
+from assetbuild.targets.usd.layers import PAYLOADS, new_interface, new_layer, save
 from assetbuild.targets.usd.names import PrimPaths
 from assetbuild.targets.usd.scene import SCENE, write_scene
 from assetbuild.targets.usd.unsupported import unsupported
@@ -37,6 +38,7 @@ def write_asset(
     control: Control,
     meshes: Path,
     options: UsdOptions,
+    origin: Origin,
 ) -> Iterator[Finding]:
     """`<robot>.usda`, its payloads and `scene.usda`."""
     shapes = shapes.all_coloured
@@ -59,7 +61,9 @@ def write_asset(
     apply_filtered_pairs(stage, names, shapes, control)
     apply_masks(stage, names, shapes, control)
     save(stage)
-    write_interface(folder / main, names)
+    interface = new_interface(folder / main, names)
+    write_metadata(interface, robot, tree, origin)
+    save(interface)
     if main != SCENE:
         write_scene(folder, main, names, control)
     yield from names.findings(robot)

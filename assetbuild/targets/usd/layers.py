@@ -73,7 +73,7 @@ def _reopen(parent: Sdf.PrimSpec) -> None:
         _reopen(spec)
 
 
-def write_interface(path: Path, names: PrimPaths) -> None:
+def new_interface(path: Path, names: PrimPaths) -> Usd.Stage:
     """`<robot>.usda`: composes the payloads and selects the variant `physics`.
 
     Without an authored selection a runtime composes no bodies and no joints, silently.
@@ -88,7 +88,7 @@ def write_interface(path: Path, names: PrimPaths) -> None:
     variants.SetVariantSelection("physics")
     with variants.GetVariantEditContext():
         prim.GetPayloads().AddPayload(f"./{PAYLOADS}/physics.usda")
-    save(stage)
+    return stage
 
 
 def place(prim: Usd.Prim, pose: Pose, scale: Vec3 = (1.0, 1.0, 1.0)) -> None:
