@@ -197,7 +197,10 @@ def test_two_runs_draw_the_same_bytes(rendered):
 
 def test_every_picture_shows_something_of_its_own(rendered):
     names = {"hero", "visual", "collision", "overlay", "inertia", "joints", "contacts", "turntable"}
-    assert {name.removesuffix(".png") for name in rendered[0]} == names | {"directions"}
+    assert {name.removesuffix(".png") for name in rendered[0]} == names | {
+        "directions",
+        "thumbnail",
+    }
     assert len(set(rendered[0].values())) == len(rendered[0])
     for name, data in rendered[0].items():
         pixels = np.asarray(Image.open(BytesIO(data)).convert("RGB"), dtype=float)
