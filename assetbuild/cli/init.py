@@ -6,6 +6,8 @@ import argparse
 import sys
 from pathlib import Path
 
+SCHEMA_FILE = "recipe.schema.json"
+"""Beside the recipe, whose first line names it: editors complete and check the recipe by it."""
 HELP = "look at a robot and write a commented recipe that builds"
 
 
@@ -67,7 +69,22 @@ def run(arguments: argparse.Namespace) -> int:
         print(proposal.text, end="")
         return 0
     write(proposal, force=arguments.force)
+    write_schema(proposal.path.with_name(SCHEMA_FILE))
     shown = shown_path(proposal.path)
     print(f"wrote {shown}")
     print(f"next: read it, then `assetbuild build {shown}`", file=sys.stderr)
     return 0
+
+
+def write_schema(path: Path) -> None:
+    """Write the schema of recipes, or renew an older one; a file of another kind is left alone."""
+    from assetbuild.pipeline.recipes import schema_text
+
+    text = schema_text()
+    title = next(line for line in text.splitlines() if '"title"' in line)
+    try:
+        old = path.read_text(encoding="utf-8", errors="replace") if path.exists() else title
+        if title in old and old != text:
+            path.write_text(text, encoding="utf-8")
+    except OSError as problem:  # the recipe builds without it
+        print(f"not written: {path.name}, for editors: {problem.strerror}", file=sys.stderr)

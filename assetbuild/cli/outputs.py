@@ -48,6 +48,8 @@ class EventLog:
         result = event.result
         if event.label:
             told["step"] = event.label
+        else:
+            told["whole"] = event.whole
         if result is not None:
             told |= {"status": result.status, "seconds": result.seconds, "key": result.key}
             told |= {"reason": result.reason, "outputs": dict(result.outputs or {})}

@@ -6,30 +6,42 @@ import os
 import sys
 import threading
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 
 from assetbuild.cli.public import shown_seconds
+from assetbuild.cli.steps import step_words, usual_seconds
 from assetbuild.engine.execute import Event
+from assetbuild.engine.graph import Graph
+from assetbuild.engine.processes import usable_cores
 
 SLOW_S = 2.0
 """Steps that took longer leave a line of their own."""
+WORTH_SAYING_S = 4.0
+"""An expected time is shown from here on."""
 
 
 class Progress:
-    """Told of each event of a build and of what is said; a line for each step that ran."""
+    """Takes each event of a build and each message; prints a line for each step that ran."""
 
     def __init__(self, name: str) -> None:
         self._name = name
+        self._began = time.monotonic()
+        self._forecast = Forecast({}, {}, 1)
+        self._whole = False
+        self._expected_said = False
 
     def on_event(self, event: Event) -> None:
         """A step began or ended."""
+        self._note(event)
         result = event.result
         if event.kind == "finished" and result is not None and result.status in ("ran", "failed"):
-            counted = f"[{event.done}/{event.total}]"
+            self._say_expected()
             seconds = shown_seconds(event.label, result.seconds)
-            self.say(f"{counted} {result.status:6} {event.label}  {seconds}".rstrip())
+            failed = "failed: " if result.status == "failed" else ""
+            words = f"{failed}{step_words(event.label)}"
+            self.say(f"{self._counted(event)} {words}{f', {seconds}' if seconds else ''}")
 
     def say(self, text: str) -> None:
         """A line for the user."""
@@ -37,6 +49,24 @@ class Progress:
 
     def end(self) -> None:
         """Nothing is shown any more."""
+
+    def _note(self, event: Event) -> None:
+        self._whole = event.whole
+        if event.graph is not None:
+            self._forecast = forecast(event.graph, event.last_s)
+        elif event.kind == "finished":
+            self._forecast.done(event.label)
+
+    def _counted(self, event: Event) -> str:
+        """`[12/75]`; `[12/?]` while the robot is read and nobody knows how many steps follow."""
+        return f"[{event.done}/{event.total if event.whole else '?'}]"
+
+    def _say_expected(self) -> None:
+        """Once, when all steps are known and the first of them ran."""
+        left = self._forecast.left_s({})
+        if self._whole and not self._expected_said and left >= WORTH_SAYING_S:
+            self._expected_said = True
+            self.say(f"about {shown_time(left)} expected")
 
 
 @contextmanager
@@ -51,7 +81,7 @@ def progress(name: str) -> Iterator[Progress]:
 
 
 @dataclass(frozen=True)
-class _Running:
+class Running:
     """A step that runs: since when (monotonic s), and how many steps wait for it."""
 
     label: str
@@ -60,12 +90,12 @@ class _Running:
 
 
 class LiveProgress(Progress):
-    """One line that is written over: how far, what runs and for how long, what waits for it."""
+    """One line that is written over: how far, since when, how long still, and what runs."""
 
     def __init__(self, name: str) -> None:
         super().__init__(name)
-        self._running: dict[str, _Running] = {}
-        self._done = self._total = self._width = 0
+        self._running: dict[str, Running] = {}
+        self._head, self._width = "", 0
         self._turn = threading.Lock()
         self._over = threading.Event()
         self._clock = threading.Thread(target=self._tick, daemon=True)
@@ -73,16 +103,17 @@ class LiveProgress(Progress):
 
     def on_event(self, event: Event) -> None:
         """See `Progress`."""
-        self._done, self._total = event.done, event.total
+        self._note(event)
+        self._head = self._counted(event)
         if event.kind == "started":
-            running = _Running(event.label, time.monotonic(), event.waiting)
+            running = Running(event.label, time.monotonic(), event.waiting)
             self._running |= {event.label: running}
         elif event.kind == "finished":
             self._running = {k: v for k, v in self._running.items() if k != event.label}
             result = event.result
             ran = result is not None and result.status in ("ran", "failed")
             if result is not None and ran and result.seconds >= SLOW_S:
-                self.say(f"{event.label}: {result.seconds:.1f} s")
+                self.say(f"{step_words(event.label)}: {result.seconds:.1f} s")
         if self._running:
             self._draw()
 
@@ -111,20 +142,76 @@ class LiveProgress(Progress):
 
     def _draw(self) -> None:
         with self._turn:
-            columns = os.get_terminal_size(sys.stderr.fileno()).columns
-            head = f"{self._name} [{self._done}/{self._total}] "
-            line = (head + running_words(list(self._running.values()), time.monotonic()))[
-                : columns - 1
-            ]
+            columns = os.get_terminal_size(sys.stderr.fileno()).columns or 80  # 0: unknown
+            line = self._line(time.monotonic(), columns - 1)
             print(f"\r{line.ljust(self._width)}", end="", file=sys.stderr, flush=True)
             self._width = len(line)
 
+    def _line(self, now: float, width: int) -> str:
+        running = list(self._running.values())
+        left = self._forecast.left_s({step.label: now - step.began for step in running})
+        times = shown_time(now - self._began)
+        if self._whole and left >= WORTH_SAYING_S:
+            times += f", about {shown_time(left)} left"
+        return fitted_line(f"{self._name} {self._head} {times}", running_words(running, now), width)
 
-def running_words(running: Sequence[_Running], now: float) -> str:
-    """`auto trunk 12 s (31 wait for it), pictures 3 s`: first what most others wait for."""
+
+class Forecast:
+    """What the steps of a graph still cost.
+
+    seconds: what each step costs, as far as it is known; chains: what the longest chain of steps
+    costs that begins with it; places: steps that run at once.
+    """
+
+    def __init__(
+        self, seconds: Mapping[str, float], chains: Mapping[str, float], places: int
+    ) -> None:
+        self._seconds, self._chains, self._places = dict(seconds), dict(chains), places
+
+    def done(self, label: str) -> None:
+        """The step has ended, or was in the store."""
+        self._seconds.pop(label, None)
+        self._chains.pop(label, None)
+
+    def left_s(self, elapsed: Mapping[str, float]) -> float:
+        """Seconds to the end; elapsed: of the steps that run, since each began."""
+        spent = {label: min(elapsed.get(label, 0.0), s) for label, s in self._seconds.items()}
+        work = sum(self._seconds.values()) - sum(spent.values())
+        longest = max((c - spent.get(label, 0.0) for label, c in self._chains.items()), default=0.0)
+        return max(work / self._places, longest)
+
+
+def forecast(graph: Graph, last_s: Mapping[str, float]) -> Forecast:
+    """Each step as long as it last took here, else as long as such a step usually takes."""
+    seconds = {label: last_s.get(label, usual_seconds(label)) for label in graph.nodes}
+    chains = dict(seconds)
+    for label in reversed(list(graph.nodes)):  # each after all that read it
+        for maker in graph.predecessors(label):
+            chains[maker] = max(chains[maker], seconds[maker] + chains[label])
+    return Forecast(seconds, chains, usable_cores())
+
+
+def shown_time(seconds: float) -> str:
+    """`8 s`, `2 min 05 s`."""
+    minutes, rest = divmod(round(seconds), 60)
+    return f"{minutes} min {rest:02} s" if minutes else f"{rest} s"
+
+
+def running_words(running: Sequence[Running], now: float) -> list[str]:
+    """`fitting collision of trunk 12 s`, ...: first what most others wait for."""
     words = []
     for step in sorted(running, key=lambda step: (-step.waiting, step.began)):
         seconds = now - step.began
-        text = f"{step.label} {seconds:.0f} s" if seconds >= 1.0 else step.label
-        words.append(f"{text} ({step.waiting} wait for it)" if step.waiting else text)
-    return ", ".join(words)
+        text = step_words(step.label)
+        words.append(f"{text} {seconds:.0f} s" if seconds >= 1.0 else text)
+    return words
+
+
+def fitted_line(head: str, words: Sequence[str], width: int) -> str:
+    """The head and as many words as fit in the width; none is cut, the rest is counted."""
+    for shown in range(len(words), 0, -1):
+        more = f" and {len(words) - shown} more" if shown < len(words) else ""
+        line = f"{head}: {', '.join(words[:shown])}{more}"
+        if len(line) <= width:
+            return line
+    return head if len(head) <= width else ""

@@ -216,7 +216,8 @@ def names_of(said: SourceControl) -> Iterator[tuple[str, str]]:
     yield from (("equality", loop.name) for loop in said.control.loops)
     for item in said.control.mjcf_only:
         element = ElementTree.fromstring(item.element)  # noqa: S314 # our own reader wrote it
-        if item.place in ("actuator", "sensor", "tendon", "equality") and element.get("name"):
+        named = item.place in ("actuator", "sensor", "tendon", "equality") and element.get("name")
+        if named and not item.owner:  # else it is the drive of its joint
             yield item.place, element.get("name", "")
 
 

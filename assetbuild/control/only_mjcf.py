@@ -42,8 +42,8 @@ MOTION = Rule(
     "mjcf.motion",
     "warning",
     "the MJCF says what moves the robot and only MJCF can say (tendons, couplings beyond a linear "
-    "one, actuators of anything but a joint, gravity compensation, a medium): other formats are "
-    "written without it and move otherwise",
+    "one, actuators of anything but a joint, gravity compensation, a medium, flags that switch "
+    "something off): other formats are written without it and move otherwise",
     "use the MJCF, the mjx model or mjlab's model where the motion matters",
 )
 GEAR = Rule(
@@ -53,6 +53,15 @@ GEAR = Rule(
     "have the drive as it acts on the joint",
     "multiply a position or a speed by the gear, and divide an effort by it, where you send it to "
     "the MJCF's actuator",
+)
+
+
+OWN_DRIVE = Rule(
+    "mjcf.own_drive",
+    "info",
+    "an actuator of the MJCF pulls a tendon over joints that follow one another, or scales its "
+    "command: the MJCF keeps it, all other formats have the same drive on the joint",
+    "outside of the MJCF command a position or a speed of the joint",
 )
 
 
@@ -87,13 +96,17 @@ def explain_opaque(items: tuple[MjcfOnly, ...]) -> Iterator[Finding]:
     for what, names in lost_motion(items).items():
         yield MOTION(
             "robot",
-            f"{what}: in the MJCF only, the other formats move otherwise: {_listed(names)}",
+            f"{what}: in the MJCF only, the other formats move otherwise: "
+            f"{_listed(names) or 'the whole robot'}",
             "use the MJCF, the mjx model or mjlab's model where it matters",
             data={"what": what, "names": names},
         )
     groups: dict[tuple[str, str], list[str]] = {}
     for item in items:
         if item.place in ("equality", "actuator") and lost_motion((item,)):
+            continue
+        if item.place == "actuator" and item.owner:
+            yield _own_drive(item)
             continue
         element = ElementTree.fromstring(item.element)  # noqa: S314 # our own reader wrote it
         yield from _uneven(item)
@@ -112,6 +125,19 @@ def explain_opaque(items: tuple[MjcfOnly, ...]) -> Iterator[Finding]:
             f"{said}{of}: in the MJCF only, the other formats are written without it",
             data={"place": place, "said": said, "count": len(owners)},
         )
+
+
+def _own_drive(item: MjcfOnly) -> Finding:
+    said = ElementTree.fromstring(item.element)  # noqa: S314 # our own reader wrote it
+    name, tendon = said.get("name", ""), said.get("tendon", "")
+    why = f"pulls the tendon `{tendon}`, whose joints follow this one" if tendon else ""
+    return OWN_DRIVE(
+        f"joint {item.owner}",
+        f"`{name}` {why or 'scales its command'}: the MJCF keeps it, in all other formats it is "
+        "the drive of this joint, which moves alike",
+        "outside of the MJCF command a position or a speed of the joint",
+        data={"actuator": name, "tendon": tendon},
+    )
 
 
 def _listed(owners: Iterable[str]) -> str:

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field, replace
 from typing import TypeVar
 from xml.etree import ElementTree
 
+from assetbuild.control.commands import commands_of
 from assetbuild.control.only_mjcf import explain_gears, explain_opaque
 from assetbuild.control.senses import changed
 from assetbuild.control.wider_excludes import wider_excludes
@@ -78,6 +79,10 @@ class StatedControl:
         rows = any(re.fullmatch(row.joints, joint) for row in self.rows)
         return rows or not side_of(self.sides, joint).drives_itself
 
+    def has_table(self, actuator: str) -> bool:
+        """Whether the recipe states a whole table of drives where an actuator belongs."""
+        return "actuators" in side_of(self.sides, actuator).stated
+
 
 def join(
     control: Control, source: SourceControl, tree: Tree, shapes: Shapes, stated: StatedControl
@@ -91,7 +96,7 @@ def join(
     now = {actuator.joint: actuator for actuator in actuators}
     kept = _kept(said, bodies, shapes, stated, findings)
     mjcf_only = tuple(of_same_effort(kept, said.by_joint, now))
-    mjcf_only += tuple(_commands(source, keyframes, stated))
+    mjcf_only += tuple(commands_of(source, keyframes, stated.replaces, stated.has_table))
     joined = replace(
         control,
         actuators=actuators,
@@ -166,34 +171,6 @@ def _split_balls(key: Keyframe, tree: Tree) -> dict[str, float]:
         if name not in tree.by_joint
         for (suffix, _), angle in zip(ROWS["ball"], angles_of(turn), strict=True)
     }
-
-
-def _commands(
-    source: SourceControl, keyframes: tuple[Keyframe, ...], stated: StatedControl
-) -> Iterator[MjcfOnly]:
-    """The commands of the source's keyframes, by actuator.
-
-    A drive whose joint stands elsewhere now than in the source gets the command of that place.
-    """
-    joint_of = {a.name: a.joint for a in source.control.actuators if a.name}
-    before = {key.name: dict(key.joints) for key in source.control.keyframes}
-    now = {key.name: dict(key.joints) for key in keyframes}
-    for key, values in source.ctrl:
-        element = ElementTree.Element("key")
-        for actuator, value in values:
-            joint = joint_of.get(actuator)
-            if joint is None:
-                if "actuators" in side_of(stated.sides, actuator).stated:
-                    continue
-            elif stated.replaces(joint) or _moved(joint, before.get(key, {}), now.get(key, {})):
-                continue
-            ElementTree.SubElement(element, "ctrl", {"actuator": actuator, "value": repr(value)})
-        if len(element):
-            yield MjcfOnly("keyframe", ElementTree.tostring(element, "unicode"), key)
-
-
-def _moved(joint: str, before: Mapping[str, float], now: Mapping[str, float]) -> bool:
-    return joint in before and before[joint] != now.get(joint, before[joint])
 
 
 def _simulation(own: Simulation, said: Simulation, base: Side) -> Simulation:
@@ -310,8 +287,7 @@ def _replaced(said: Control, stated: StatedControl) -> frozenset[str]:
     for item in said.mjcf_only:
         if item.place == "actuator":
             name, joint = _attribute(item, "name"), _attribute(item, "joint")
-            whole_table = "actuators" in side_of(stated.sides, name).stated
-            if whole_table or (joint and stated.replaces(joint)):
+            if stated.has_table(name) or (joint and stated.replaces(joint)):
                 found.add(name)
     return frozenset(found)
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import threading
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from queue import SimpleQueue
 from typing import Literal
 
@@ -25,8 +25,10 @@ HEALING_ROUNDS = 3
 class Event:
     """Progress, for a terminal. Reported by the thread that called `execute`, one at a time.
 
-    planned: once, `total` known. started: the step of `label` begins to run (a cached node
-    does not start). finished: `result` is there. done counts finished and blocked nodes.
+    planned: once in each round, with its `graph` and what its steps took when they last ran here
+    (`last_s`, seconds by label); `whole`: no later round adds steps, so `total` stays.
+    started: the step of `label` begins to run (a cached node does not start).
+    finished: `result` is there. done counts finished and blocked nodes.
     waiting: how many nodes cannot be made before the one that started is.
     """
 
@@ -36,6 +38,9 @@ class Event:
     label: str = ""
     result: NodeResult | None = None
     waiting: int = 0
+    whole: bool = True
+    graph: Graph | None = None
+    last_s: Mapping[str, float] = field(default_factory=dict)
 
 
 Listener = Callable[[Event], None]
@@ -52,6 +57,7 @@ def execute(
     memory_mb: int | None = None,
     on_event: Listener | None = None,
     maker: Maker | None = None,
+    whole: bool = True,
 ) -> dict[str, NodeResult]:
     """Make every node; a result for each, in the order of the graph.
 
@@ -62,7 +68,7 @@ def execute(
     where that is `all_told`.
     memory_mb: the memory that child processes may declare together; one always runs.
     None = what the runner has left. maker: makes the nodes; None = from the store or freshly run.
-    What the store turns out to have lost is made again.
+    whole: see `Event`. What the store turns out to have lost is made again.
     Errors of steps are in the results. KeyboardInterrupt passes, with all children killed.
     """
     place = runner or Processes(session)
@@ -73,6 +79,7 @@ def execute(
         memory_mb=place.memory_mb if memory_mb is None else memory_mb,
         keep_going=keep_going,
         tell=on_event or (lambda _: None),
+        whole=whole,
     )
     try:
         return schedule.run()
@@ -102,8 +109,10 @@ class _Schedule:
         memory_mb: int,
         keep_going: bool,
         tell: Listener,
+        whole: bool,
     ) -> None:
         self.graph = graph
+        self.whole = whole
         self.maker = maker
         self.places = places
         self.keep_going = keep_going
@@ -223,6 +232,11 @@ class _Schedule:
         self.results[label] = result
         self._say("finished", label, result)
 
+    def _last_s(self) -> dict[str, float]:
+        journal = self.maker.session.journal
+        noted = {label: journal.last_seconds(label) for label in self.graph.nodes}
+        return {label: seconds for label, seconds in noted.items() if seconds is not None}
+
     def _say(
         self,
         kind: Literal["planned", "started", "finished"],
@@ -231,7 +245,12 @@ class _Schedule:
         waiting: int = 0,
     ) -> None:
         done, total = len(self.results), len(self.graph.nodes)
-        self.tell(Event(kind, done, total, label, result, waiting))
+        if kind == "planned":
+            self.tell(
+                Event(kind, done, total, whole=self.whole, graph=self.graph, last_s=self._last_s())
+            )
+            return
+        self.tell(Event(kind, done, total, label, result, waiting, self.whole))
 
 
 def _reached(label: str, edges: Mapping[str, Sequence[str]]) -> dict[str, None]:

@@ -83,16 +83,24 @@ class Journal:
             return None
         return str(ran.get("at", "")), ran["why"]
 
+    def last_seconds(self, label: str) -> float | None:
+        """How long the node took when it last ran, wall clock."""
+        ran = self._noted(label).get("ran")
+        seconds = ran.get("seconds") if isinstance(ran, dict) else None
+        return float(seconds) if isinstance(seconds, int | float) else None
+
     def saw(self, label: str, parts: Parts) -> None:
         """The node was found in the store."""
         noted = self._noted(label)
         if noted.get("parts") != parts:
             self._note(label, {**noted, "parts": parts})
 
-    def ran(self, label: str, parts: Parts, why: Sequence[Mapping[str, object]]) -> None:
-        """The node ran, for these reasons."""
+    def ran(
+        self, label: str, parts: Parts, why: Sequence[Mapping[str, object]], seconds: float
+    ) -> None:
+        """The node ran, for these reasons, and took so long."""
         at = time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime())
-        self._note(label, {"parts": parts, "ran": {"at": at, "why": list(why)}})
+        self._note(label, {"parts": parts, "ran": {"at": at, "why": list(why), "seconds": seconds}})
 
     def save(self) -> None:
         """Replace each file at once; OSError passes."""

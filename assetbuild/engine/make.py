@@ -132,7 +132,8 @@ class Maker:
                 hint="run the build again; a step must give the same bytes for the same inputs",
             )
         self.session.actions.learn(action.key, made)
-        self.session.journal.ran(action.label, action.parts, [c.to_json() for c in changes])
+        why = [change.to_json() for change in changes]
+        self.session.journal.ran(action.label, action.parts, why, made.seconds)
         return made
 
     def _log(self, label: str) -> Path | None:

@@ -170,6 +170,7 @@ def settle_all(
                 jobs=jobs,
                 keep_going=keep_going,
                 on_event=on_event,
+                whole=all(each.whole for each in done.values()),
             )
             is_stuck = may_run is not None and now.keys() <= results.keys()
             results = _with_earlier(now, results)

@@ -9,6 +9,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from typing import Any
 
 from assetbuild.facts.mjcf_opaque import attributes_of, mjcf_names, source_commands
@@ -29,6 +30,7 @@ DEFAULT_PRM = (1.0, *(0.0,) * 9)
 
 def mjcf_table(reference: Reference) -> Table:
     """Facts of `<robot>.xml`, without the words that only MJCF has."""
+    reference = replace(reference, control=reference.control.in_mjcf)
     facts = dict(robot_table(reference).facts)
     tree = reference.tree
     facts |= _structure(reference, facts)

@@ -9,10 +9,22 @@ from pathlib import Path, PurePosixPath
 
 from assetbuild.errors import SourceError, Where
 from assetbuild.init.packages import Uses, above, find_package, is_file
+from assetbuild.init.xacro import Removal
 from assetbuild.recipe.loader import shown_path
 
 SHORTEST = 2
 """Names at the end of an absolute path that must agree: a file's name alone proves nothing."""
+
+_NO_PACKAGE = re.compile(rb"package:///([^\"'<>]*)")
+PACKAGELESS = "no package is named: pinocchio reads such names from each package's folder"
+
+
+def packageless(file: Path, data: bytes) -> tuple[Removal, ...]:
+    """The `package:///` before names that lie beside a URDF, as Onshape's exporters write it."""
+    names = {*_NO_PACKAGE.findall(data)}
+    if file.suffix != ".urdf" or not names or any(b"/" in name for name in names):
+        return ()
+    return (Removal(file, "package:///", PACKAGELESS),)
 
 
 def relative_start(uses: Uses, file: Path) -> Path | None:

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Literal
 
 from assetbuild.errors import SourceError, UsageError, Where
-from assetbuild.init.file_names import absolute_folders, elsewhere, relative_start
+from assetbuild.init.file_names import absolute_folders, elsewhere, packageless, relative_start
 from assetbuild.init.packages import (
     common_folder,
     files_named,
@@ -17,7 +17,7 @@ from assetbuild.init.packages import (
     packages_below,
     stated,
 )
-from assetbuild.init.xacro import Expanded, Removal, expand, is_xacro
+from assetbuild.init.xacro import Expanded, Removal, expand, is_xacro, leftovers, without
 from assetbuild.recipe.loader import read_small_file, shown_path
 from assetbuild.recipe.source import Patch
 from assetbuild.source.urdf.read_urdf import ReadUrdf
@@ -77,6 +77,8 @@ def find_source(
     data = read_small_file(file, name, SourceError)
     folders = {name: stated(name, folder) for name, folder in packages.items()}
     real = Path(os.path.realpath(file))
+    left = (*leftovers(real, data), *packageless(real, data))
+    data = without(data, left)
     by_xacro = is_xacro(file, data)
     if args and not by_xacro:
         raise UsageError("`--arg` is for a xacro file", where=Where(name), hint="leave it out")
@@ -100,17 +102,17 @@ def find_source(
         relative_to=start.relative_to(root).as_posix() if start else None,
         absolute={of: to.relative_to(root).as_posix() for of, to in sorted(absolute.items())},
         absent=read.absent,
-        patches=tuple(_removal(each, root) for each in read.removed),
+        patches=tuple(_removal(each, root) for each in (*left, *read.removed)),
     )
 
 
 def _removal(removed: Removal, root: Path) -> Patch:
-    """The patch that takes an include away."""
+    """The patch that takes an element away."""
     text = removed.file.read_bytes().decode("utf-8", "replace")
     return Patch(
         file=removed.file.relative_to(root).as_posix(),
         find=removed.tag,
         replace="",
         times=text.count(removed.tag),
-        because=f"{removed.package} is not here, and the robot calls none of its macros",
+        because=removed.because,
     )

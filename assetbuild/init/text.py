@@ -120,7 +120,6 @@ def head(
     tree, name = robot.tree, robot.links.name
     mass, moving = total_mass(tree), len(tree.moving_joints)
     yield "# yaml-language-server: $schema=recipe.schema.json"
-    yield "# (`assetbuild schema > recipe.schema.json` beside this file: then the editor completes)"
     yield f"# {plain(name)}: {mass:.4g} kg, {len(tree.bodies)} bodies, {moving} moving joints"
     yield "# Written by `assetbuild init`: read it, correct it, it is yours. Build it with"
     yield f"#   assetbuild build {plain(shown_path(path))}"

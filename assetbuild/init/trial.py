@@ -57,6 +57,7 @@ Pairs = Mapping[tuple[str, str], float]
 class Trial:
     """What came of it. stands: None where it could not be tried; sentence: what it did, or why.
 
+    drift: how far its base wandered, m.
     errors: what the checks say of drives and pose that a build would stop at.
     refused: the key of the recipe that no build takes, and why.
     overlaps: bodies whose hulls must not collide, for else the robot falls or leans.
@@ -64,6 +65,7 @@ class Trial:
 
     stands: bool | None
     sentence: str
+    drift: float = 0.0
     errors: tuple[Finding, ...] = ()
     refused: RowError | None = None
     overlaps: Pairs = field(default_factory=dict)
@@ -104,9 +106,9 @@ def try_to_stand(
                 said += Trials().dangers(model)
             errors = tuple(finding for finding in said if finding.severity == "error")
             if not soles:
-                return Trial(False, "has no shape on its feet to stand on", errors)
+                return Trial(False, "has no shape on its feet to stand on", errors=errors)
             if not shapes.shapes:
-                return Trial(None, "no shape of its soles can be read", errors)
+                return Trial(None, "no shape of its soles can be read", errors=errors)
             return replace(_judged(stand(model, "home", JUDGE.seconds, _laws(made))), errors=errors)
     except RowError as error:
         return Trial(None, error.message, refused=error)
@@ -190,7 +192,7 @@ def _judged(stood: Stand) -> Trial:
     """A robot that leans may fall on the shapes of the build; below the floor is no height."""
     did = outcome(stood, JUDGE.fall)
     if did == "stands" and stood.tilt_rad <= JUDGE.max_tilt:
-        return Trial(True, str(outcome_figures(stood, JUDGE.fall)["sentence"]))
+        return Trial(True, str(outcome_figures(stood, JUDGE.fall)["sentence"]), stood.drift_m)
     leans = (
         f"leans by {stood.tilt_rad:.2g} rad after {JUDGE.seconds:g} s, more than {JUDGE.max_tilt:g}"
     )

@@ -38,6 +38,8 @@ WEAK = ("gains.torque", "trials.dead")
 STRONGER = 2.0
 DAMPED = 1.25
 """Times the damping ratio that was refused."""
+WANDERS_M = 0.1
+"""Farther than this, a robot that stands for two seconds does not stand: it hops."""
 MOST_DAMPED = 4.0
 
 Try = Callable[["Tuning"], Trial]
@@ -85,6 +87,8 @@ def tune(
         tuning, trial = better, attempt(better)
     if trial.is_fine and trial.stands is False:
         tuning, trial = _standing(tuning, trial, anatomy.legs, attempt)
+    if trial.is_fine and trial.stands and trial.drift > WANDERS_M:
+        tuning, trial = _still(tuning, trial, anatomy.legs, attempt)
     rest = tuple(f"{error.subject}: {error.message} ({error.hint})" for error in trial.errors)
     if trial.refused is not None:
         rest += (f"{trial.refused.message} ({trial.refused.hint})",)
@@ -186,19 +190,27 @@ def _calmer(tuning: Tuning, error: Finding, legs: tuple[Leg, ...]) -> Tuning | N
     said = f"{error.subject} {error.message}"
     if tuning.timestep > SHORT_STEP_S:
         return _shorter(tuning, SHORT_STEP_S, said, legs)
-    driven = {name for row in tuning.drives if row.gains for name in row.joints}
-    if without_rotor := driven - tuning.armature.keys():
-        guessed = {name: rotor_inertia(tuning.tree.by_joint[name]) for name in without_rotor}
-        armature = guessed | dict(tuning.armature)
-        note = (
-            f"armature: a guess, {ROTOR_RULE} as motors of that size have, for the source "
-            f"states no rotors and without them {said}"
-        )
-        again = replace(tuning, armature=armature, notes=(*tuning.notes, note))
-        return _chosen(again, legs, tuning.timestep)
+    if (heavier := _with_rotors(tuning, said, legs)) is not None:
+        return heavier
     if tuning.timestep > SHORTEST_STEP_S:
         return _shorter(tuning, SHORTEST_STEP_S, said, legs)
     return None
+
+
+def _with_rotors(tuning: Tuning, said: str, legs: tuple[Leg, ...]) -> Tuning | None:
+    """Rotors for all driven joints; None where every one has its own. said: without them."""
+    driven = {name for row in tuning.drives if row.gains for name in row.joints}
+    without_rotor = driven - tuning.armature.keys()
+    if not without_rotor:
+        return None
+    guessed = {name: rotor_inertia(tuning.tree.by_joint[name]) for name in without_rotor}
+    note = (
+        f"armature: a guess, {ROTOR_RULE} as motors of that size have, for the source "
+        f"states no rotors and without them {said}"
+    )
+    armature = guessed | dict(tuning.armature)
+    again = replace(tuning, armature=armature, notes=(*tuning.notes, note))
+    return _chosen(again, legs, tuning.timestep)
 
 
 def _shorter(tuning: Tuning, step: float, said: str, legs: tuple[Leg, ...]) -> Tuning:
@@ -215,3 +227,16 @@ def _standing(
     shorter = _shorter(tuning, SHORT_STEP_S, f"it {trial.sentence}", legs)
     again = attempt(shorter)
     return (shorter, again) if again.is_fine and again.stands else (tuning, trial)
+
+
+def _still(
+    tuning: Tuning, trial: Trial, legs: tuple[Leg, ...], attempt: Try
+) -> tuple[Tuning, Trial]:
+    """Rotors where they keep legs from hopping about; else as it was."""
+    said = f"its base wanders by {trial.drift:.2g} m while it stands"
+    heavier = _with_rotors(tuning, said, legs) if legs else None
+    if heavier is None:
+        return tuning, trial
+    again = attempt(heavier)
+    is_still = again.is_fine and again.stands and again.drift < WANDERS_M
+    return (heavier, again) if is_still else (tuning, trial)

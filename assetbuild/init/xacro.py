@@ -8,7 +8,7 @@ from __future__ import annotations
 import json
 import os
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from itertools import chain
 from pathlib import Path
@@ -39,6 +39,8 @@ _UNKNOWN = re.compile("unknown macro name|is not defined")
 _XACRO = re.compile(rb"<xacro:")
 _MACRO = re.compile(r"""<xacro:macro\s[^<>]*?name\s*=\s*["'](?:xacro:)?([^"']+)""")
 _CALL = re.compile(r"<xacro:([\w.-]+)")
+_WHOLE_CALL = re.compile(r"<xacro:([\w.-]+)(?:[^<>]*/>|(?:\s[^<>]*)?>\s*</xacro:\1\s*>)")
+LEFTOVER = "nothing here defines this macro; readers of URDF leave the call out"
 _OWN = {
     "include", "arg", "property", "macro", "if", "unless", "insert_block", "call", "element",
     "attribute",
@@ -48,11 +50,11 @@ _OWN = {
 
 @dataclass(frozen=True)
 class Removal:
-    """An include that cannot be read, and that the robot can do without."""
+    """An element that cannot be expanded, and that the robot can do without."""
 
     file: Path
     tag: str
-    package: str
+    because: str
 
 
 @dataclass(frozen=True)
@@ -72,6 +74,23 @@ class Expanded:
 def is_xacro(file: Path, data: bytes) -> bool:
     """By its name, or because it uses xacro's elements."""
     return file.suffix == ".xacro" or _XACRO.search(data) is not None
+
+
+def leftovers(file: Path, data: bytes) -> tuple[Removal, ...]:
+    """Calls of macros in a `.urdf` that defines and includes none: what xacro has left behind."""
+    text = data.decode("utf-8", "replace")
+    elements = {*_CALL.findall(text)}
+    if file.suffix != ".urdf" or not elements or elements & _OWN:
+        return ()
+    calls = dict.fromkeys(found[0] for found in _WHOLE_CALL.finditer(text))
+    return tuple(Removal(file, call, LEFTOVER) for call in calls)
+
+
+def without(data: bytes, removed: Iterable[Removal]) -> bytes:
+    """The text without these elements."""
+    for removal in removed:
+        data = data.replace(removal.tag.encode(), b"")
+    return data
 
 
 def expand(
@@ -183,7 +202,8 @@ class _Attempt:
         if not found or not self._calls_unknown(text):
             return False
         self.lacking = self.lacking or _reworded(error, self.file)
-        self.removed += [Removal(path, one, read[1]) for one in found]
+        because = f"{read[1]} is not here, and the robot calls none of its macros"
+        self.removed += [Removal(path, one, because) for one in found]
         return True
 
     def _calls_unknown(self, text: str) -> bool:
@@ -194,11 +214,7 @@ class _Attempt:
         return bool({*_CALL.findall(text)} - known - _OWN)
 
     def _without(self, path: Path) -> bytes:
-        text = path.read_bytes()
-        for removal in self.removed:
-            if removal.file == path:
-                text = text.replace(removal.tag.encode(), b"")
-        return text
+        return without(path.read_bytes(), [each for each in self.removed if each.file == path])
 
 
 def _reworded(error: SourceError, file: Path) -> SourceError:

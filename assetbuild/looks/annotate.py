@@ -13,6 +13,8 @@ from assetbuild.simulators.studio import Pixels
 INK, LINE, PAPER = (28, 32, 38), (110, 118, 128), (240, 240, 240)
 CAPTION = 32
 """Characters above a tile."""
+PALETTE_STEP = 2
+"""The colours of a picture are chosen from one that is so many times smaller."""
 COLUMNS = 4
 """Tiles in a row of a sheet."""
 
@@ -85,11 +87,14 @@ def sheet(tiles: Sequence[Pixels], texts: Sequence[str]) -> Pixels:
     return np.asarray(page)
 
 
-def png(pixels: Pixels) -> bytes:
-    """A PNG of 256 colours: half of the size, and no picture here needs more."""
+def png(pixels: Pixels, *, every_colour: bool = False) -> bytes:
+    """A PNG of 256 colours, half of the size; soft shadows need every colour."""
     from PIL import Image
 
-    image = Image.fromarray(pixels).quantize(256, method=Image.Quantize.MEDIANCUT)
+    image = Image.fromarray(pixels)
+    if not every_colour:
+        palette = image.reduce(PALETTE_STEP).quantize(256, method=Image.Quantize.MEDIANCUT)
+        image = image.quantize(palette=palette, dither=Image.Dither.NONE)
     out = io.BytesIO()
     image.save(out, "PNG", compress_level=6)
     return out.getvalue()

@@ -41,6 +41,26 @@ def robot_points(model: Model, data: Data, geoms: Collection[int]) -> Array:
 _CORNERS = np.array([[x, y, z] for x in (-1.0, 1.0) for y in (-1.0, 1.0) for z in (-1.0, 1.0)])
 
 
+def ellipsoid_points(model: Model, data: Data) -> Array:
+    """(n, 3) points in the world, m, of the ellipsoids that MuJoCo draws for inertias.
+
+    Semiaxes: sqrt(5 (I2 + I3 - I1) / (2 m)), of a uniform ellipsoid with these moments.
+    """
+    found = [np.zeros((0, 3))]
+    for body in range(1, model.nbody):
+        moments, mass = np.array(model.body_inertia[body]), float(model.body_mass[body])
+        if mass > 0.0:
+            axes = np.sqrt(np.maximum(2.5 * (moments.sum() - 2.0 * moments) / mass, 0.0))
+            turned = np.array(data.ximat[body]).reshape(3, 3)
+            found.append((_DIRECTIONS * axes) @ turned.T + np.array(data.xipos[body]))
+    return np.concatenate(found)
+
+
+_GRID = np.array([[x, y, z] for x in (-1, 0, 1) for y in (-1, 0, 1) for z in (-1, 0, 1)])
+_DIRECTIONS = _GRID[_GRID.any(axis=1)] / np.linalg.norm(_GRID[_GRID.any(axis=1)], axis=1)[:, None]
+"""(26, 3) unit vectors all around."""
+
+
 def fitted(
     points: Array, azimuth: float, elevation: float, aspect: float, margin: float = MARGIN
 ) -> Camera:

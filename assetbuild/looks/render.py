@@ -12,7 +12,7 @@ from assetbuild.errors import StepError
 from assetbuild.findings import Finding, Rule
 from assetbuild.looks import stage
 from assetbuild.looks.annotate import png
-from assetbuild.looks.stage import Picture, extent
+from assetbuild.looks.stage import HERO, Picture, extent
 from assetbuild.simulators import mujoco, offscreen
 from assetbuild.simulators.studio import studio
 
@@ -60,7 +60,9 @@ class Render(Step):
     def _write(self, files: Files) -> None:
         pictures, driver = self._pictures(files.inputs / "mjcf" / "scene.xml")
         for picture in pictures:
-            (files.outputs / "images" / picture.file).write_bytes(png(picture.pixels))
+            (files.outputs / "images" / picture.file).write_bytes(
+                png(picture.pixels, every_colour=picture.file == HERO)
+            )
         _write_list(files, pictures, driver)
 
     def _pictures(self, scene: Path) -> tuple[list[Picture], str]:

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from assetbuild.looks.annotate import caption, named, sheet
-from assetbuild.looks.framing import fitted, robot_points, spans
+from assetbuild.looks.framing import ellipsoid_points, fitted, robot_points, spans
 from assetbuild.robot.pose import Array
 from assetbuild.simulators import mujoco
 from assetbuild.simulators.mujoco import Data, Model
@@ -24,7 +24,8 @@ FRONT, BEHIND, ELEVATION = 140.0, -40.0, -14.0
 """Where the camera looks, degrees, as MuJoCo counts them."""
 SIDES = (140.0, -140.0, 40.0, -40.0)
 """Azimuths among which a picture of one limb chooses the one that is nearest to it."""
-HERO_SAMPLES = 4
+HERO = "hero.png"
+HERO_SAMPLES = 3
 """Frames behind the first picture: each with the lamp a little elsewhere."""
 TURN = 0.3
 """rad (or share of the range of a sliding joint) by which a joint is turned to show its sign."""
@@ -38,6 +39,10 @@ HULLS = ("mjVIS_CONVEXHULL",)
 """A collision mesh that is not convex is shown as what MuJoCo collides: its hull."""
 UNDRAWN = 1001
 """`mjGEOM_NONE`: a geom of this type is skipped by the renderer."""
+AHEAD = 0.002
+"""How far collision geometry is brought before visual geometry, as a share of the robot's size."""
+ELLIPSOIDS = 0.8
+"""How far from the robot's middle its inertia ellipsoids are shown, as a share of its size."""
 Rgba = tuple[float, float, float, float]
 CLEAR: Rgba = (0.0, 0.0, 0.0, 0.0)
 GREY: Rgba = (0.66, 0.68, 0.71, 1.0)
@@ -99,7 +104,6 @@ class Stage:
         self.seen = f"the {'visual' if len(visual) else 'collision'} geometry"
         wide, high = spans(seen.points, FRONT, ELEVATION)
         self.size = (SHORT, LONG) if high > TALL * wide else (LONG, SHORT)
-        self.camera = self._whole(FRONT, seen.points)
         _decorate(model, seen.size)
 
     def _whole(self, azimuth: float, points: Array, **more: float) -> Camera:
@@ -112,8 +116,8 @@ class Stage:
         """The picture that stands for the robot."""
         before, after = (self._whole(way, self.extent.looks) for way in (FRONT, BEHIND))
         pixels = self._large(before, groups=self.looks, samples=HERO_SAMPLES, soft=True)
-        yield Picture("hero.png", "The robot", f"{self.seen} at home", pixels)
-        behind = self._large(after, groups=self.looks)
+        yield Picture(HERO, "The robot", f"{self.seen} at home", pixels)
+        behind = self._large(after, groups=self.looks[1:])
         yield Picture("visual.png", "From behind", f"{self.seen} at home, from behind", behind)
 
     def views(self) -> Iterator[Picture]:
@@ -121,25 +125,37 @@ class Stage:
         ghost = self._faded(0.16, spare=False)
         shots: tuple[tuple[str, str, str, dict[str, Any]], ...] = (  # Any: the fields of Shot
             ("collision", "Collision", "the collision geometry, a colour for each piece",
-             {"groups": (0, 3), "flags": HULLS, "paint": self._by_piece(1.0)}),
+             {"groups": (3,), "flags": HULLS, "paint": self._by_piece(1.0)}),
             ("overlay", "Both", "collision geometry laid over the visual geometry",
-             {"groups": (0, 2, 3), "flags": HULLS, "paint": self._by_piece(0.45)}),
+             {"groups": (2, 3), "flags": HULLS, "paint": self._by_piece(0.45),
+              "ahead": (3, AHEAD * self.extent.size)}),
             ("inertia", "Inertia", "equivalent inertia ellipsoids and centres of mass",
-             {"groups": (0, *BODY), "flags": ("mjVIS_INERTIA", "mjVIS_COM"),
-              "paint": self._faded(0.16)}),
+             {"groups": BODY, "flags": ("mjVIS_INERTIA", "mjVIS_COM"),
+              "paint": self._faded(0.16), "points": self._with_ellipsoids()}),
             ("contacts", "Contacts", f"where it touches at home: {self.data.ncon} points",
-             {"groups": (0, 3), "flags": ("mjVIS_CONTACTPOINT",), "paint": ghost}),
+             {"groups": (3,), "flags": ("mjVIS_CONTACTPOINT",), "paint": ghost}),
         )  # fmt: skip
         for name, title, alt, more in shots:
             if name != "contacts" or self.data.ncon:
-                yield Picture(f"{name}.png", title, alt, self._large(self.camera, **more))
+                camera = self._whole(FRONT, more.pop("points", self.extent.points))
+                yield Picture(f"{name}.png", title, alt, self._large(camera, **more))
         yield self._axes()
+
+    def _with_ellipsoids(self) -> Array:
+        """(n, 3) m: the robot and its inertia ellipsoids, as far as they reach from it.
+
+        A tensor that is too large by far would leave the robot a dot: what reaches out further
+        than the robot's size is cut.
+        """
+        points = np.concatenate([self.extent.points, ellipsoid_points(self.model, self.data)])
+        reach, middle = ELLIPSOIDS * self.extent.size, self.extent.middle
+        return np.asarray(np.clip(points, middle - reach, middle + reach), dtype=np.float64)
 
     def _axes(self) -> Picture:
         """Arrows along the joints' axes, with their names where these can be read."""
         camera = self._whole(FRONT, self.extent.points, margin=1.3)
         paint, flags = self._faded(0.16), ("mjVIS_JOINT",)
-        pixels = self._large(camera, groups=(0, *BODY), flags=flags, paint=paint)
+        pixels = self._large(camera, groups=BODY, flags=flags, paint=paint)
         joints = self._joints()
         if 0 < len(joints) <= MOST_JOINTS:
             places = camera.project(np.array(self.data.xanchor)[joints])
@@ -154,10 +170,7 @@ class Stage:
             fitted(self.extent.looks, FRONT + 360.0 * n / count, ELEVATION, aspect)
             for n in range(count)
         ]
-        tiles = [
-            self.studio.frame(self.data, Shot(camera, TILE_WIDTH, TILE_HEIGHT, self.looks))
-            for camera in cameras
-        ]
+        tiles = [self.studio.frame(self.data, _tile(camera, self.looks[1:])) for camera in cameras]
         if tiles:
             alt = f"{self.seen} from {count} sides"
             yield Picture("turntable.png", "Turntable", alt, sheet(tiles, [""] * count))
@@ -181,10 +194,8 @@ class Stage:
         moved.qpos[int(self.model.jnt_qposadr[joint])] += travel
         mj.mj_kinematics(self.model, moved)
         below = self._below(int(self.model.jnt_bodyid[joint]))
-        shot = Shot(
+        shot = _tile(
             self._limb(joint, below, moved),
-            TILE_WIDTH,
-            TILE_HEIGHT,
             BODY,
             paint=self._coloured(below, (*GREY[:3], 0.3), GREY),
             ghost=moved,
@@ -267,6 +278,11 @@ class Stage:
                 drawn.rgba[3] = 0.0  # a box in the middle of the robot says nothing
 
         return paint
+
+
+def _tile(camera: Camera, groups: tuple[int, ...], **more: Any) -> Shot:
+    # more: the other fields of Shot.
+    return Shot(camera, TILE_WIDTH, TILE_HEIGHT, groups, samples=1, fine=2, **more)
 
 
 def plain(geom: Any, rgba: Rgba) -> None:  # Any: mjvGeom

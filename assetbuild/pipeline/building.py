@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Literal
 
 from assetbuild.engine.execute import Listener
 from assetbuild.engine.make import NodeResult
-from assetbuild.engine.planner import Settled, settle_all
+from assetbuild.engine.planner import Planner, Settled, settle_all
 from assetbuild.engine.processes import Processes
 from assetbuild.engine.rebuild import Difference, run_again
 from assetbuild.engine.runner import Runner
@@ -30,6 +30,8 @@ from assetbuild.plan import Outline, plan
 from assetbuild.recipe.loader import LoadedRecipe
 from assetbuild.report.bundle import json_text
 from assetbuild.report.document import FailOn, Report, fails
+from assetbuild.robot.inertia import total_mass
+from assetbuild.robot.model import Tree
 
 if TYPE_CHECKING:
     from assetbuild.engine.share.remote import Remote
@@ -163,7 +165,7 @@ def _build(
     say: Callable[[str], None],
 ) -> list[Outcome]:
     settled = settle_all(
-        {job.name: functools.partial(plan, job.loaded, job.lock) for job in jobs},
+        {job.name: functools.partial(_planned, job, say, set()) for job in jobs},
         session,
         runner,
         jobs=request.jobs,
@@ -188,6 +190,25 @@ def _build(
             outcome.exit_code = outcome.exit_code or (4 if outcome.differences else 0)
         outcomes.append(outcome)
     return outcomes
+
+
+def _planned(job: _Job, say: Callable[[str], None], said: set[str], p: Planner) -> Outline:
+    """The plan of one recipe; says once what the robot is, as soon as it is read.
+
+    said: the messages of earlier rounds.
+    """
+    outline = plan(job.loaded, job.lock, p)
+    if outline.tree is not None and not said:
+        said.add(_robot_words(outline.tree))
+        say(f"{job.name}: {_robot_words(outline.tree)}")
+    return outline
+
+
+def _robot_words(tree: Tree) -> str:
+    """`13 bodies, 12 moving joints, 13.1 kg`."""
+    bodies, moving = len(tree.bodies), len(tree.moving_joints)
+    joints = f"{moving} moving joint{'s' * (moving != 1)}"
+    return f"{bodies} bod{'y' if bodies == 1 else 'ies'}, {joints}, {total_mass(tree):.3g} kg"
 
 
 def _finish(job: _Job, done: Settled[Outline], session: Session, request: Request) -> Outcome:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from assetbuild.checks.mjcf_compiles.grammar import NEWER_ATTRIBUTES, NEWER_TAGS, OLDEST
+from assetbuild.facts.mjcf_grammar import NEWER_ATTRIBUTES, NEWER_TAGS, OLDEST
 from assetbuild.robot import lost_motion
 from assetbuild.source.mjcf import details, sections, shapes
 from assetbuild.source.mjcf.flatten_mjcf import REFUSED
@@ -28,12 +28,14 @@ an MJCF is the source of a robot.
   information).
 - **MJCF only, moves**: the same, and the robot moves otherwise without it: the warning
   `mjcf.motion`, and the error `usd.motion` where the recipe asks for a USD (springs:
-  `mjcf.spring`, `usd.spring`).
+  `mjcf.spring`, `usd.spring`). A fixed tendon over joints that follow one another, with an actuator
+  that is a drive of the one that leads, moves alike in every format (`mjcf.own_drive`).
 - **left out**: reported as `mjcf.dropped`.
 - **refused**: an error with file and line.
 
-A word that MuJoCo {oldest} (mjlab) does not know is marked with `*`: an MJCF with it is reported as
-`lint.grammar` (warning), and an actuator with it is refused.
+A word that MuJoCo {oldest} (mjlab) does not know is marked with `*`. An MJCF with it is refused,
+with file and line, unless the recipe says `mjcf: {{grammar: 4.0}}`, which keeps it; `init` writes
+that key. The MJCF that is written then has the warning `lint.grammar`: mjlab cannot load it.
 """
 HELD, RESOLVED, MJCF = "every format", "resolved", "MJCF only"
 MOVES, LEFT_OUT, NO = "MJCF only, moves", "left out", "refused"
@@ -42,13 +44,12 @@ _MOVING_JOINT = frozenset(("springref", "stiffness"))
 _OF_JOINT = details.JOINT | {"name", "class", "damping", "frictionloss", "actuatorfrcrange",
                              "actuatorfrclimited"}  # fmt: skip
 _OF_DRIVE = keys(
-    "name class joint gear ctrllimited ctrlrange forcelimited forcerange inheritrange kp kv "
-    "dampratio timeconst gaintype gainprm biastype biasprm dyntype dynprm area diameter bias"
+    "name class joint jointinparent gear ctrllimited ctrlrange forcelimited forcerange "
+    "inheritrange kp kv dampratio timeconst gaintype gainprm biastype biasprm dyntype dynprm area "
+    "diameter bias"
 )
 """Read from the compiled actuator of a joint, whose law is in them."""
 _DRIVES = ("general", "motor", "position", "velocity", "damper", "cylinder")
-_UNKNOWN_DRIVES = ("orientation", "pid", "dcmotor", "plugin")
-_NEW_TO_DRIVES = keys("armature damping delay interp nsample")
 
 
 def schema() -> tuple[tuple[Path, tuple[str, ...]], ...]:
@@ -85,7 +86,8 @@ def _option(path: Path, tag: str, attribute: str) -> str:
         return HELD
     if tag == "flag" and attribute == "gravity":
         return HELD
-    return MOVES if attribute in lost_motion.MEDIUM else MJCF
+    lost = {*lost_motion.MEDIUM, "actuatorgroupdisable", *lost_motion.FLAGS}
+    return MOVES if attribute in lost else MJCF
 
 
 def _asset(path: Path, tag: str, attribute: str) -> str:
@@ -116,7 +118,8 @@ def _body(path: Path, tag: str, attribute: str) -> str:
         return RESOLVED if attribute == "align" else MJCF
     if attribute in held[tag]:
         return HELD
-    moves = {"joint": _MOVING_JOINT, "(world)body": frozenset(("gravcomp",))}
+    moves = {"joint": _MOVING_JOINT, "(world)body": frozenset(("gravcomp",)),
+             "geom": frozenset(("surfacevel",))}  # fmt: skip
     return MOVES if attribute in moves.get(tag, ()) else MJCF
 
 
@@ -142,8 +145,6 @@ def _tendon(path: Path, tag: str, attribute: str) -> str:
 
 
 def _actuator(path: Path, tag: str, attribute: str) -> str:
-    if tag in _UNKNOWN_DRIVES or attribute in _NEW_TO_DRIVES:
-        return NO
     if attribute == "user":
         return LEFT_OUT
     if tag in _DRIVES and attribute in _OF_DRIVE:

@@ -70,6 +70,7 @@ class Outline:
     edits: dict[str, tuple[str | int, ...]] = field(default_factory=dict)
     ranges: Node | None = None
     bodies: Ref | None = None
+    tree: Tree | None = None
 
 
 def plan(loaded: LoadedRecipe, lock: Lock | None, p: Planner, *, drawn: bool = True) -> Outline:
@@ -100,7 +101,8 @@ def plan(loaded: LoadedRecipe, lock: Lock | None, p: Planner, *, drawn: bool = T
     if links is None or shapes is None or merged is None:
         return outline
     step = control_step(recipe, sides, ready.poses, ready.common_surfaces)
-    check_against_robot(loaded, decode(Tree, links), decode(Tree, merged), step)
+    outline.tree = decode(Tree, merged)
+    check_against_robot(loaded, decode(Tree, links), outline.tree, step)
 
     if geometry is None:
         return outline

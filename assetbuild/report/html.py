@@ -127,7 +127,9 @@ def _loading(subject: Subject) -> str:
     missing = [t for t in ("mjlab", "isaaclab") if t not in recipe.targets]
     note = ", ".join(map(code, missing))
     more = (
-        f'<p class="soft">Write {note} into <code>targets</code> for more.</p>' if missing else ""
+        f'<p class="soft">Add {note} to <code>targets</code> for more ways to load it.</p>'
+        if missing
+        else ""
     )
     return f'<div class="loading"><h2 id="load">Load it</h2>{boxes}{more}</div>' if rows else ""
 

@@ -5,7 +5,7 @@ Springs have a module of their own (`joint_springs`), because a USD holds many o
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from xml.etree import ElementTree
 
 from assetbuild.robot.model import MjcfOnly
@@ -14,6 +14,9 @@ Element = ElementTree.Element
 _HELD = {"connect": "bodies at a point", "weld": "bodies", "flex": "flexible bodies"}
 TENDON = ("stiffness", "damping", "frictionloss", "armature", "range", "actuatorfrcrange")
 MEDIUM = ("wind", "density", "viscosity", "magnetic")
+FLAGS = ("actuation", "clampctrl", "constraint", "contact", "damper", "equality", "frictionloss",
+         "limit", "spring")  # fmt: skip
+"""Flags of `<option>` that switch off something that every other format has."""
 _BRAKES = ("damping", "armature", "frictionloss")
 
 
@@ -22,7 +25,7 @@ def lost_motion(items: Iterable[MjcfOnly]) -> dict[str, tuple[str, ...]]:
     found: dict[str, list[str]] = {}
     for item in items:
         element = ElementTree.fromstring(item.element)  # noqa: S314 # our own reader wrote it
-        if what := _lost(item, element):
+        for what in _lost(item, element):
             found.setdefault(what, []).append(item.owner or element.get("name", ""))
     return {what: tuple(names) for what, names in found.items()}
 
@@ -52,22 +55,33 @@ def _gravcomp(item: MjcfOnly) -> float:
     return float(element.get("gravcomp", "0"))
 
 
-def _lost(item: MjcfOnly, element: Element) -> str:
-    if item.place == "equality":
-        return _of_equality(element)
+def _lost(item: MjcfOnly, element: Element) -> Iterator[str]:
+    if item.place == "equality" and (what := _of_equality(element)):
+        yield what
     if item.place == "tendon" and _some(element, TENDON):
-        return "tendons that pull, brake or stop"
-    if item.place == "actuator":
-        return "actuators that no drive of a joint can be"
+        yield "tendons that pull, brake or stop"
+    if item.place == "actuator" and not item.owner:
+        yield "actuators that no drive of a joint can be"
     if item.place == "body" and element.tag == "body" and _some(element, ("gravcomp",)):
-        return "gravity compensation of bodies"
-    if item.place == "option" and _some(element, MEDIUM):
-        return "the medium around the robot (`wind`, `density`, `viscosity`)"
+        yield "gravity compensation of bodies"
+    if item.place == "option":
+        yield from _of_option(element)
     if item.place == "freejoint" and _some(element, _BRAKES):
-        return "what brakes the floating base"
+        yield "what brakes the floating base"
     if item.place == "joint" and len(element.get("damping", "").split()) > 1:
-        return "damping of joints by a polynomial"
-    return ""
+        yield "damping of joints by a polynomial"
+    if item.place == "shape" and _some(element, ("surfacevel",)):
+        yield "surfaces that move what touches them (`surfacevel`)"
+
+
+def _of_option(element: Element) -> Iterator[str]:
+    if _some(element, MEDIUM):
+        yield "the medium around the robot (`wind`, `density`, `viscosity`)"
+    if element.get("actuatorgroupdisable"):
+        yield "groups of actuators that are switched off (`actuatorgroupdisable`)"
+    off = [k for flag in element for k, v in flag.attrib.items() if k in FLAGS and v == "disable"]
+    for name in off:
+        yield f"flags that switch something off (`{name}`)"
 
 
 def _of_equality(element: Element) -> str:

@@ -11,7 +11,7 @@ leaves gains alone:
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Literal
 
@@ -216,6 +216,13 @@ class Actuator:
         return self.effort if self.stall is None else self.stall
 
 
+def _undriven(row: Actuator) -> Actuator:
+    """The joint's own numbers."""
+    return Actuator(
+        row.joint, "passive", damping=row.damping, friction=row.friction, armature=row.armature
+    )
+
+
 @dataclass(frozen=True)
 class Keyframe:
     """A pose of the whole robot. base: X_world_root of a floating base, None when fixed.
@@ -278,6 +285,7 @@ class MjcfOnly:
     "body", "joint", "shape", "frame", "camera" with the `owner`'s name in the Robot.
     element: with a section or a body, one XML element whose references are names in the Robot;
     with the others, an empty element whose attributes belong on the owner's element.
+    owner: of an actuator, the joint whose drive it is in all other formats; "" where it is none.
     """
 
     place: str
@@ -338,6 +346,18 @@ class Control:
     def by_joint(self) -> dict[str, Actuator]:
         """Actuators by the name of their joint."""
         return {actuator.joint: actuator for actuator in self.actuators}
+
+    @property
+    def own_drives(self) -> frozenset[str]:
+        """Joints whose drive the MJCF has in words of its own, which stand in `mjcf_only`."""
+        return frozenset(i.owner for i in self.mjcf_only if i.place == "actuator" and i.owner)
+
+    @property
+    def in_mjcf(self) -> Control:
+        """As the MJCF has it beside `mjcf_only`: without the drives that stand there."""
+        over = self.own_drives
+        rows = tuple(_undriven(row) if row.joint in over else row for row in self.actuators)
+        return replace(self, actuators=rows) if over else self
 
     @property
     def initial_keyframe(self) -> Keyframe | None:

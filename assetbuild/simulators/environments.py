@@ -10,9 +10,11 @@ from __future__ import annotations
 import hashlib
 import json
 import os
+import re
 import shutil
 import subprocess
 import sys
+import tempfile
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -55,7 +57,7 @@ class Environment:
         half.parent.mkdir(parents=True, exist_ok=True)
         try:
             _run([sys.executable, "-m", "venv", str(half)])
-            _run([str(half / "bin" / "python"), "-m", "pip", "install", "-q", *self.requirements])
+            _install(str(half / "bin" / "python"), self.requirements, say)
             if not self.folder.exists():
                 half.rename(self.folder)
         finally:
@@ -90,10 +92,37 @@ def ask(
     return None, f"it {ended or 'wrote no answer'}".removeprefix("it failed: ")
 
 
+def _install(python: str, requirements: Sequence[str], say: Callable[[str], None]) -> None:
+    """Install by pip; says what is downloaded, from 1 MB on, and when it is installed."""
+    command = [python, "-m", "pip", "install", "--progress-bar", "off", *requirements]
+    with (
+        tempfile.TemporaryFile() as errors,
+        subprocess.Popen(command, stdout=subprocess.PIPE, stderr=errors, text=True) as pip,
+    ):
+        for line in pip.stdout or ():
+            if words := pip_words(line):
+                say(f"  {words}")
+        if pip.wait():
+            errors.seek(0)
+            raise _not_made(errors.read())
+
+
+def pip_words(line: str) -> str:
+    """What a line of pip's means to those who wait; "" for the many that say nothing new."""
+    found = re.match(r"\s*Downloading (\S+) \(([\d.]+ [MG]B)\)", line)
+    if found:
+        return f"downloading {found[1].rpartition('/')[2].split('-')[0]}, {found[2]}"
+    return "installing what was downloaded" if line.startswith("Installing collected") else ""
+
+
 def _run(command: Sequence[str]) -> None:
     done = subprocess.run(command, check=False, capture_output=True)
     if done.returncode:
-        raise MachineError(
-            f"the environment could not be made: {last_line(done.stderr)}",
-            hint="pip needs the network; `assetbuild doctor` looks at the machine",
-        )
+        raise _not_made(done.stderr)
+
+
+def _not_made(errors: bytes) -> MachineError:
+    return MachineError(
+        f"the environment could not be made: {last_line(errors)}",
+        hint="pip needs the network; `assetbuild doctor` looks at the machine",
+    )

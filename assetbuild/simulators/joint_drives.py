@@ -2,7 +2,8 @@
 
 MuJoCo's law for an actuator with the transmission `joint` of gear `g`, with length = g q:
 force = clip(gain(ctrl) + bias(length, velocity), forcerange) and torque = g force. The torques of
-all actuators of a joint add up and are clipped to its `actuatorfrcrange`.
+all actuators of a joint add up and are clipped to its `actuatorfrcrange`. A fixed tendon over
+joints that follow one another drives the one that leads: see `levers`.
 """
 
 from __future__ import annotations
@@ -14,7 +15,8 @@ from typing import Literal
 import numpy as np
 
 from assetbuild.robot.pose import Array
-from assetbuild.simulators.mujoco import Model, name_of, turning
+from assetbuild.simulators.levers import tendon_lever
+from assetbuild.simulators.mujoco import Model, actuators, first_command, name_of, turning
 
 Kind = Literal["servo", "velocity", "motor", "general"]
 Range = tuple[float, float]
@@ -107,20 +109,21 @@ class JointDrives:
 
 
 def read_drives(model: Model) -> tuple[Drive, ...]:
-    """The actuators that drive hinges and slides, in order; tendons and sites are left out."""
-    found = (read_drive(model, index) for index in range(model.nu))
+    """The actuators that drive hinges and slides, in order; others are left out."""
+    found = (read_drive(model, index) for index in actuators(model))
     return tuple(drive for drive in found if drive is not None)
 
 
 def read_drive(model: Model, index: int) -> Drive | None:
-    """One actuator; None when its transmission is no hinge or slide."""
+    """One actuator; None when its transmission is no hinge or slide, nor joints that one leads."""
     import mujoco
 
     straight = (int(mujoco.mjtTrn.mjTRN_JOINT), int(mujoco.mjtTrn.mjTRN_JOINTINPARENT))
     joint = int(model.actuator_trnid[index, 0])
     if int(model.actuator_trntype[index]) in straight and joint in turning(model):
-        return _drive(model, index, joint)
-    return None
+        return _drive(model, index, joint, float(model.actuator_gear[index, 0]))
+    lever = tendon_lever(model, index)
+    return _drive(model, index, *lever) if lever else None
 
 
 def drives_of(model: Model, joint: int) -> JointDrives:
@@ -131,10 +134,9 @@ def drives_of(model: Model, joint: int) -> JointDrives:
     return JointDrives(joint, drives, _on_joint(model, joint, (lower, upper)))
 
 
-def _drive(model: Model, index: int, joint: int) -> Drive:
+def _drive(model: Model, index: int, joint: int, gear: float) -> Drive:
     import mujoco
 
-    gear = float(model.actuator_gear[index, 0])
     gain_type, gain = int(model.actuator_gaintype[index]), model.actuator_gainprm[index]
     bias_type, bias = int(model.actuator_biastype[index]), model.actuator_biasprm[index]
     fixed = gain_type == int(mujoco.mjtGain.mjGAIN_FIXED)
@@ -152,7 +154,7 @@ def _drive(model: Model, index: int, joint: int) -> Drive:
     torque = _torque(model, index, gear, plain=is_affine and unbiased)
     return Drive(
         index=index,
-        ctrl_index=int(model.actuator_ctrladr[index]) if _has(model, "ctrladr") else index,
+        ctrl_index=first_command(model, index),
         joint=joint,
         joint_name=name_of(model, "joint", joint),
         kind=kind if is_affine else "general",

@@ -161,22 +161,29 @@ def drive_as(model: Model, gains: Mapping[str, Actuator]) -> None:
     """Turn actuators of some joints into position servos inside of the simulator.
 
     For models whose law runs outside (`ideal_pd`, `motor`, ...): both engines then integrate it.
-    Keyframes, which command such a motor no torque, command the servo their own pose.
+    Keyframes, which command such a motor no torque, command the servo their own pose. Of several
+    actuators of a joint, the first becomes the servo and the others pull no more.
     """
     import mujoco
 
+    turned = set()
     for drive in read_drives(model):
         actuator, index = gains.get(drive.joint_name), drive.index
         if actuator is None:
             continue
+        if drive.joint in turned:
+            model.actuator_gear[index, 0] = 0.0
+            continue
+        turned.add(drive.joint)
+        model.actuator_trntype[index] = mujoco.mjtTrn.mjTRN_JOINT
+        model.actuator_trnid[index] = (drive.joint, -1)
         model.actuator_gear[index, 0] = 1.0
         model.actuator_gaintype[index] = mujoco.mjtGain.mjGAIN_FIXED
         model.actuator_biastype[index] = mujoco.mjtBias.mjBIAS_AFFINE
         model.actuator_gainprm[index, :3] = (actuator.kp, 0.0, 0.0)
         model.actuator_biasprm[index, :3] = (0.0, -actuator.kp, -actuator.kd)
         model.actuator_ctrllimited[index] = 0
-        joint = int(model.actuator_trnid[index, 0])
-        model.key_ctrl[:, index] = model.key_qpos[:, int(model.jnt_qposadr[joint])]
+        model.key_ctrl[:, index] = model.key_qpos[:, int(model.jnt_qposadr[drive.joint])]
         if actuator.effort is not None:
             model.actuator_forcelimited[index] = 1
             model.actuator_forcerange[index] = (-actuator.effort, actuator.effort)

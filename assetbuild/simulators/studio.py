@@ -29,6 +29,8 @@ LAMP = 0.07
 """Radius of the lamp as seen from the robot, rad: how soft its shadows are."""
 PENUMBRA = 1.0 / 130.0
 """How far shadows on the floor are blurred, as a share of the picture's width."""
+BLUR_STEP = 4
+"""Shadows are blurred in a picture that is so many times smaller."""
 GOLDEN_ANGLE = 2.399963
 """rad; points that turn by it fill a disc evenly."""
 
@@ -67,6 +69,10 @@ class Shot:
     groups: geom groups (0 floor, 2 visual, 3 collision). flags: names such as `mjVIS_JOINT`.
     ghost: a second state that is drawn into the same frame, painted by `ghost_paint`.
     samples: frames that are averaged, each shifted by a part of a pixel; `soft` moves the lamp.
+    fine: pixels of the frame along each side of a pixel of the picture: a small picture of many
+    triangles is drawn once in this size instead of several times.
+    ahead: geoms of this group are drawn so much nearer to the camera (m), so that a shape that
+    coincides with another one does not flicker through it.
     """
 
     camera: Camera
@@ -75,7 +81,9 @@ class Shot:
     groups: tuple[int, ...] = (0, 2)
     flags: tuple[str, ...] = ()
     samples: int = 2
+    fine: int = 1
     soft: bool = False
+    ahead: tuple[int, float] | None = None
     paint: Paint | None = field(default=None)
     ghost: Data | None = field(default=None)
     ghost_paint: Paint | None = field(default=None)
@@ -117,12 +125,14 @@ class Studio:
     def frame(self, data: Data, shot: Shot) -> Pixels:
         """(height, width, 3) colours."""
         import mujoco
+        from PIL import Image
 
         self._arrange(data, shot)
         scene, camera = self._scene, shot.camera
         scene.flags[mujoco.mjtRndFlag.mjRND_SHADOW.value] = shot.soft
-        rect = mujoco.MjrRect(0, 0, shot.width, shot.height)
-        pixels = np.zeros((shot.height, shot.width, 3), dtype=np.uint8)
+        width, height = shot.width * shot.fine, shot.height * shot.fine
+        rect = mujoco.MjrRect(0, 0, width, height)
+        pixels = np.zeros((height, width, 3), dtype=np.uint8)
         total = np.zeros(pixels.shape, dtype=np.uint16)
         for number in range(shot.samples):
             self._light(camera, number, shot)
@@ -133,7 +143,8 @@ class Studio:
         mean = (total + shot.samples // 2) // shot.samples
         if shot.soft:
             mean = _blurred(mean, self._is_floor(shot), max(1, int(PENUMBRA * shot.width)))
-        return np.asarray(mean[::-1], dtype=np.uint8)
+        upright = np.ascontiguousarray(mean[::-1], dtype=np.uint8)
+        return upright if shot.fine == 1 else np.asarray(Image.fromarray(upright).reduce(shot.fine))
 
     def _is_floor(self, shot: Shot) -> NDArray[np.bool_]:
         """(height, width), from below: where the floor or nothing is seen."""
@@ -169,6 +180,8 @@ class Studio:
             scene.flags[getattr(mujoco.mjtRndFlag, name)] = 0
         shown = scene.ngeom
         self._paint(scene.geoms[:shown], shot.paint)
+        if shot.ahead is not None:
+            self._bring_ahead(scene.geoms[:shown], *shot.ahead, shot.camera)
         if shot.ghost is not None:
             robot = mujoco.mjtCatBit.mjCAT_DYNAMIC.value
             mujoco.mjv_addGeoms(self.model, shot.ghost, option, mujoco.MjvPerturb(), robot, scene)
@@ -180,6 +193,13 @@ class Studio:
                 self._plain_floor(geom)
             elif paint is not None:
                 paint(geom)
+
+    def _bring_ahead(self, geoms: Any, group: int, by: float, camera: Camera) -> None:
+        # geoms: an array of mjvGeom, for which MuJoCo has no type.
+        groups = np.asarray(self.model.geom_group)
+        for geom in geoms:
+            if _is_geom(geom) and groups[geom.objid] == group:
+                geom.pos[:] -= by * camera.forward
 
     def _plain_floor(self, floor: Any) -> None:  # Any: mjvGeom
         floor.matid = -1
@@ -246,22 +266,44 @@ def _is_plane(geom: Any) -> bool:  # Any: mjvGeom
     """Whether it is a floor: nothing that moves may be a plane."""
     import mujoco
 
-    kinds = (mujoco.mjtObj.mjOBJ_GEOM.value, mujoco.mjtGeom.mjGEOM_PLANE.value)
-    return bool((geom.objtype, geom.type) == kinds)
+    return _is_geom(geom) and bool(geom.type == mujoco.mjtGeom.mjGEOM_PLANE.value)
+
+
+def _is_geom(geom: Any) -> bool:  # Any: mjvGeom
+    import mujoco
+
+    return bool(geom.objtype == mujoco.mjtObj.mjOBJ_GEOM.value)
 
 
 def _blurred(pixels: NDArray[Any], where: NDArray[np.bool_], radius: int) -> NDArray[Any]:
     """Two box filters over the pixels of a mask, which take nothing from outside of it."""
-    from scipy.ndimage import minimum_filter, uniform_filter
+    from PIL import Image, ImageFilter
 
-    inside = minimum_filter(where, 5)  # pixels at an edge hold some of what stands there
-    grey = np.where(inside, pixels[..., 1], 0.0).astype(np.float32)
-    weight = inside.astype(np.float32)
-    for _ in range(2):
-        grey = uniform_filter(grey, 2 * radius + 1)
-        weight = uniform_filter(weight, 2 * radius + 1)
+    # Pixels at an edge hold some of what stands there.
+    shrunk = Image.fromarray(where.astype(np.uint8) * 255).filter(ImageFilter.MinFilter(5))
+    inside = np.asarray(shrunk) > 0
+    size = (where.shape[1] // BLUR_STEP, where.shape[0] // BLUR_STEP)
+
+    def smooth(values: NDArray[Any]) -> NDArray[np.float32]:
+        image = Image.fromarray(values.astype(np.float32))
+        small = np.asarray(image.resize(size, Image.Resampling.BOX))
+        for _ in range(2):
+            small = _box_mean(_box_mean(small, radius // BLUR_STEP).T, radius // BLUR_STEP).T
+        blurred = Image.fromarray(np.ascontiguousarray(small))
+        return np.asarray(blurred.resize(image.size, Image.Resampling.BILINEAR))
+
+    grey = smooth(np.where(inside, pixels[..., 1], 0.0))
+    weight = smooth(inside)
     level = np.round(grey / np.maximum(weight, 1e-6)).astype(pixels.dtype)
     return np.where(inside[..., None], level[..., None], pixels)
+
+
+def _box_mean(rows: NDArray[np.float32], radius: int) -> NDArray[np.float32]:
+    """The mean of each value and its neighbours in its column, up to `radius` rows away."""
+    padded = np.pad(rows, ((radius + 1, radius), (0, 0)), mode="edge")
+    sums = np.cumsum(padded, axis=0, dtype=np.float64)
+    width = 2 * radius + 1
+    return np.asarray((sums[width:] - sums[:-width]) / width, dtype=np.float32)
 
 
 def _unit(vector: Array) -> Array:

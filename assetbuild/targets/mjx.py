@@ -91,7 +91,7 @@ class Mjx(Target):
         """Raises StepError for joints and actuators that MJCF cannot say."""
         refuse_name(self.robot)
         robot = RobotFiles(files.inputs)
-        tree, shapes, control = robot.tree, robot.shapes, robot.control
+        tree, shapes, control = robot.tree, robot.shapes, robot.control.in_mjcf
         meshes = robot.mesh_dir
         left_out, shapes = self._touching(readable(shapes, meshes, control.mjcf_only))
         yield from self._explain_condim(control)

@@ -18,7 +18,7 @@ from assetbuild.pipeline.recipes import whole_model
 from assetbuild.recipe.models import Recipe
 from assetbuild.robot.ranges import Randomize
 from assetbuild.simulators.consumers import SmokeBounds
-from assetbuild.simulators.environments import MADE, Environment, ask
+from assetbuild.simulators.environments import MADE, Environment, ask, pip_words
 from assetbuild.targets.mjlab import Mjlab
 
 BOUNDS = SmokeBounds.model_validate({})
@@ -214,3 +214,12 @@ def test_mjlab_takes_the_tiny_robot(tmp_path: Path, monkeypatch: pytest.MonkeyPa
     run_step(target, inputs, inputs)
     check = SmokeMjlab(robot="tiny", environment="test", envs=4, stand_steps=10, rollout=4)
     assert [f for f in run_step(check, inputs, tmp_path / "out") if f.severity == "error"] == []
+
+
+def test_what_pip_downloads_is_said_from_a_megabyte_on():
+    line = "  Downloading https://files.example/torch-2.9.0-cp311-linux.whl (858.1 MB)"
+    assert pip_words(line) == "downloading torch, 858.1 MB"
+    assert pip_words("Downloading six-1.17.0-py2.py3-none-any.whl (11 kB)") == ""
+    assert (
+        pip_words("Installing collected packages: six, torch") == "installing what was downloaded"
+    )

@@ -101,6 +101,7 @@ robot: {robot}
 source: {{path: ., {kind}: {file}, license: MIT}}
 collision: {{default: {{method: keep, from: collision}}}}
 targets: [urdf, mjcf, mjx, usd, mjlab]
+rules: {{usd.motion: {{severity: warning, because: "the fingers follow by a polynomial"}}}}
 """
 DOG_RECIPE = """compose:
   - recipe: arm.yaml

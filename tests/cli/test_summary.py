@@ -10,8 +10,16 @@ import pytest
 
 from assetbuild.cli import report
 from assetbuild.cli.explain import told_of_all
-from assetbuild.cli.progress import Progress, _Running, running_words
+from assetbuild.cli.progress import (
+    Forecast,
+    Progress,
+    Running,
+    fitted_line,
+    running_words,
+    shown_time,
+)
 from assetbuild.cli.public import shown_figures, shown_next_step, shown_rows
+from assetbuild.cli.steps import step_words
 from assetbuild.cli.summary import every_finding_line, finding_lines
 from assetbuild.engine.execute import Event
 from assetbuild.engine.explain import Change, Explanation
@@ -71,9 +79,43 @@ def test_what_follows_from_an_error_is_one_line_after_it():
     assert lines[-1].startswith("    error free_fall.load, stand.load: nothing to work on")
 
 
-def test_the_progress_line_begins_with_what_most_steps_wait_for():
-    running = [_Running("pictures", 90.0, 0), _Running("auto trunk", 88.0, 31)]
-    assert running_words(running, 100.0) == "auto trunk 12 s (31 wait for it), pictures 10 s"
+def test_the_progress_line_begins_with_what_most_steps_wait_for_in_words():
+    running = [Running("pictures", 90.0, 0), Running("auto trunk", 88.0, 31)]
+    words = running_words(running, 100.0)
+    assert words == ["fitting collision of trunk 12 s", "drawing the pictures 10 s"]
+    line = "go1 [3/75] 12 s"
+    assert fitted_line(line, words, 80) == f"{line}: {words[0]}, {words[1]}"
+    assert fitted_line(line, words, 70) == f"{line}: {words[0]} and 1 more", "no word is cut"
+    assert fitted_line(line, words, 40) == line
+
+
+def test_every_step_of_a_build_has_words():
+    known = "arm_ convert_mesh base", "go1:check usd_equal", "edit 1 set_inertia", "light meshes"
+    assert [step_words(label) for label in known] == [
+        "converting mesh base (arm_)",
+        "go1: comparing the USD with the robot",
+        "applying edit 1 set_inertia",
+        "simplifying meshes for the 3D view",
+    ]
+
+
+def test_the_expected_time_is_the_work_shared_among_cores_or_the_longest_chain():
+    sums = Forecast({"a": 4.0, "b": 2.0, "c": 2.0}, {"a": 6.0, "b": 2.0, "c": 2.0}, 2)
+    assert sums.left_s({}) == 6.0, "c follows a"
+    assert sums.left_s({"a": 3.0}) == 3.0
+    sums.done("a")
+    assert sums.left_s({}) == 2.0
+    assert (shown_time(8.2), shown_time(125.0)) == ("8 s", "2 min 05 s")
+
+
+def test_no_total_is_shown_before_all_steps_are_known(capsys: pytest.CaptureFixture[str]):
+    ran = NodeResult(label="read_urdf", status="ran", seconds=0.1)
+    shown = Progress("tiny")
+    shown.on_event(Event("finished", 1, 9, ran.label, ran, whole=False))
+    shown.on_event(Event("finished", 10, 75, ran.label, ran))
+    lines = capsys.readouterr().err.splitlines()
+    assert lines[0] == "tiny: [1/?] reading the URDF, 0.1 s"
+    assert lines[1] == "tiny: [10/75] reading the URDF, 0.1 s"
 
 
 def told(folder: Path, capsys: pytest.CaptureFixture[str]) -> str:

@@ -42,12 +42,15 @@ validate: {{free_fall: {{}}, stand: {{keyframe: home, seconds: 0.2}}, sine: {{}}
 XACRO = f"""<robot name="post" xmlns:xacro="http://www.ros.org/wiki/xacro">
   <xacro:macro name="body" params="name"><link name="${{name}}"><inertial><mass value="2"/>
     {SOUND}</inertial></link></xacro:macro>
-  <xacro:body name="post"/>
+  <xacro:body name="post"/><xacro:body name="tray"/>
+  <joint name="slip" type="planar"><parent link="post"/><child link="tray"/>
+    <axis xyz="0 0 1"/></joint>
 </robot>
 """
 CART = """schema: assetbuild/v1
 robot: cart
 source: {path: ., xacro: post.xacro, license: MIT}
+edits: [split_joint: {joint: slip}]
 compose: [{recipe: pole.yaml, as: left_, at: {link: post, xyz: [0, 0, 0.2]}}]
 targets: [mjcf]
 """

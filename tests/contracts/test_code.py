@@ -69,6 +69,7 @@ ELSEWHERE = {
     "assetbuild.checks.alignment": "needs PhysX",
     "assetbuild.checks.newton_loops": "needs the trainer",
     "assetbuild.checks.physx_free_fall": "needs PhysX",
+    "assetbuild.checks.physx_loops": "needs PhysX",
     "assetbuild.checks.physx_readback": "needs PhysX",
     "assetbuild.checks.smoke_isaaclab": "needs the trainer",
     "assetbuild.checks.smoke_mjlab": "needs the trainer",

@@ -248,6 +248,15 @@ def test_two_slashes_start_from_the_urdf(tmp_path: Path, name: str):
     assert not {"absolute", "patches", "missing"} & source.keys()
 
 
+def test_names_of_no_package_start_from_the_urdf(tmp_path: Path):
+    """As Onshape's exporters write them."""
+    names = ("package:///a.obj", "package:///b.obj")
+    lay(tmp_path, {"arm/arm.urdf": arm(*names), "arm/a.obj": OBJ, "arm/b.obj": OTHER})
+    source, _ = built(tmp_path, "arm/arm.urdf")
+    (patch,) = source["patches"]
+    assert (patch["find"], patch["replace"], patch["times"]) == ("package:///", "", 2)
+
+
 def test_a_name_that_starts_from_another_folder_than_the_others_is_patched(tmp_path: Path):
     lay(tmp_path, {"car/arm.urdf": arm("a.obj", "gear/b.obj"), "car/a.obj": OBJ, "gear/b.obj": OBJ})
     source, findings = built(tmp_path, "car/arm.urdf")

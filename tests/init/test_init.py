@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 import os
 import shutil
@@ -12,6 +13,7 @@ import commands
 import mujoco
 import pytest
 
+from assetbuild.cli.init import SCHEMA_FILE, write_schema
 from assetbuild.errors import AssetBuildError, SourceError, UsageError
 from assetbuild.init import propose, write
 from assetbuild.init.anatomy import study
@@ -188,6 +190,21 @@ def test_an_existing_recipe_is_kept_unless_forced(robots: Path, tmp_path: Path):
     assert mine.read_text() == "# my work\n"
     write(proposal, force=True)
     assert load_recipe(mine).recipe.robot == "four_legs"
+
+
+def test_the_schema_that_the_first_line_names_lies_beside_the_recipe(robots: Path, tmp_path: Path):
+    proposal = propose(robots / "four_legs.urdf", tmp_path / "mine.yaml", {})
+    named = proposal.text.splitlines()[0].rpartition("$schema=")[2]
+    schema = tmp_path / named
+    assert schema.name == SCHEMA_FILE
+    write_schema(schema)
+    assert json.loads(schema.read_text())["title"] == "assetbuild recipe"
+    schema.write_text(schema.read_text().replace("robot", "zzz"))
+    write_schema(schema)
+    assert "zzz" not in schema.read_text(), "an older schema of ours is renewed"
+    schema.write_text("{}")
+    write_schema(schema)
+    assert schema.read_text() == "{}", "a file of somebody else is left alone"
 
 
 @pytest.mark.parametrize(

@@ -15,6 +15,7 @@ from assetbuild.init.look import InspectedRobot, judge, look
 from assetbuild.init.source import find_source
 from assetbuild.init.text import validation
 from assetbuild.init.trial import Trial, tables, try_to_stand
+from assetbuild.init.tune import Tuning, tune
 from assetbuild.pipeline.recipes import load_recipe
 
 DOG = "four_legs.urdf"
@@ -49,6 +50,20 @@ def test_a_dog_whose_drives_are_too_weak_falls(robots: Path):
 
 def test_soles_without_a_shape_cannot_be_tried(robots: Path):
     assert tried(robots, soles=("imu_link",)).stands is None
+
+
+@pytest.mark.parametrize("helps", [True, False])
+def test_a_dog_that_wanders_gets_rotors_where_they_keep_it_still(robots: Path, helps: bool):
+    robot = look(find_source(robots / DOG, {}))
+    anatomy = study(robot)
+    tree = judge(robot.links, robot.shapes, "floating").tree
+
+    def attempt(tuning: Tuning) -> Trial:
+        return Trial(True, "stands", drift=0.01 if helps and tuning.armature else 0.2)
+
+    tuning, trial = tune(tree, anatomy, {}, attempt)
+    assert (bool(tuning.armature), trial.drift) == ((True, 0.01) if helps else (False, 0.2))
+    assert tuning.notes == () or "wanders by 0.2 m" in tuning.notes[0]
 
 
 def asked(robot: InspectedRobot, trial: Trial, legs: int) -> list[str]:

@@ -232,7 +232,7 @@ def test_planar_a_held_follower_and_a_mesh_of_one_triangle_build(tmp_path: Path)
     assert (model.nmesh, model.njnt, model.neq) == (1, 4, 1)
     assert model.eq_data[0][0] == 0.3
     report = json.loads((tmp_path / "build/r/report/report.json").read_text())
-    assert {"joint.mimic_fixed", "mjcf.planar_joint"} <= {f["rule"] for f in report["findings"]}
+    assert {"joint.mimic_fixed", "edit.split_joint"} <= {f["rule"] for f in report["findings"]}
 
 
 def test_a_biped_whose_heels_hang_on_springs_floats(tmp_path: Path):

@@ -9,6 +9,7 @@ from dataclasses import replace
 from io import BytesIO
 from pathlib import Path
 
+import mujoco
 import numpy as np
 import pytest
 import trimesh
@@ -18,7 +19,7 @@ from tiny import TinyRobot, pendulum, run_step, tiny_quadruped, write_robot_port
 from assetbuild.control.keep_pose import KeepPose
 from assetbuild.engine.world import World
 from assetbuild.looks.annotate import CAPTION, caption
-from assetbuild.looks.framing import MARGIN, fitted
+from assetbuild.looks.framing import MARGIN, ellipsoid_points, fitted
 from assetbuild.looks.lighten import Lighten
 from assetbuild.looks.render import Render
 from assetbuild.looks.viewer import SPAN_M, Viewer, in_bytes, three_js
@@ -252,6 +253,21 @@ def test_the_robot_fills_its_picture(rendered):
     rows, columns = np.nonzero(np.abs(pixels - BACKGROUND) > 12)
     height, width = pixels.shape[:2]
     assert max(np.ptp(rows) / height, np.ptp(columns) / width) > 0.75
+
+
+def test_the_camera_sees_the_ends_of_inertia_ellipsoids():
+    """A uniform ellipsoid with semiaxes a, b, c has the moment m (b² + c²) / 5 about its a."""
+    a, b, c, mass = 0.1, 0.2, 0.4, 3.0
+    moments = [mass / 5 * (b * b + c * c), mass / 5 * (a * a + c * c), mass / 5 * (a * a + b * b)]
+    model = mujoco.MjModel.from_xml_string(
+        f"""<mujoco><worldbody><body pos="1 2 3"><freejoint/><inertial pos="0 0 0" mass="{mass}"
+        diaginertia="{" ".join(map(str, moments))}"/></body></worldbody></mujoco>"""
+    )
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    points = ellipsoid_points(model, data)
+    assert np.ptp(points, axis=0) == pytest.approx(2 * np.array([a, b, c]))
+    assert points.mean(axis=0) == pytest.approx([1, 2, 3])
 
 
 def test_what_a_joint_moves_is_orange_in_its_tile(rendered):

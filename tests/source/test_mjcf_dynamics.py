@@ -34,7 +34,7 @@ CAPPED = '<position name="j" joint="j" kp="200" kv="1" forcerange="-100 100"/>'
 OPEN = '<position name="j" joint="j" kp="100" kv="1"/>'
 MOTOR = '<motor name="j" joint="j" ctrlrange="-20 20"/>'
 BARE_MOTOR = '<motor name="j" joint="j"/>'
-GENERAL = '<general name="j" joint="j" gainprm="3" biastype="affine" biasprm="1 -2 -.3"/>'
+GENERAL = '<general name="j" joint="j" gainprm="3" biastype="affine" biasprm="1 -2 -.3 .1"/>'
 SEVEN = 'actuatorfrcrange="-7 7"'
 
 

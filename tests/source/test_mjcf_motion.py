@@ -45,9 +45,22 @@ MOVES = {
     "actuators": arms(FIXED.format("") + '<actuator><motor tendon="t"/></actuator>'),
     "gravity compensation": arms(body='gravcomp=".5"'),
     "medium": arms(head='<option density="1.2"/>'),
+    **{
+        f"flags that switch something off (`{flag}`)": arms(
+            head=f'<option><flag {flag}="disable"/></option>'
+        )
+        for flag in ("contact", "limit", "actuation", "damper", "clampctrl")
+    },
+    "groups of actuators that are switched off": arms(head='<option actuatorgroupdisable="2"/>'),
+    "surfaces that move what touches them": arms().replace(
+        'size=".1"', 'size=".1" surfacevel="1 0 0"'
+    ),
     "damping of joints by a polynomial": arms(joint='damping=".1 .2 0"'),
 }
 STILL = {
+    "flags that switch nothing off": arms(
+        head='<option><flag contact="enable" warmstart="disable" energy="enable"/></option>'
+    ),
     "a constraint that is off": arms(
         '<equality><joint joint1="ja" joint2="jb" polycoef="0 1 .3 0 0" active="false"/></equality>'
     ),

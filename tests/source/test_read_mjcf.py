@@ -230,7 +230,7 @@ def test_drives_are_the_robots_where_it_has_the_words(arm: Reading):
         ('<motor joint="j" ctrlrange="-5 5"/>', "motor"),
         ('<position joint="j" kp="3"/>', "pd"),
         ('<velocity joint="j" kv="3"/>', "velocity"),
-        ('<general joint="j" gainprm="2" biastype="affine" biasprm="1 -2 0"/>', "general"),
+        ('<general joint="j" gainprm="2" biastype="affine" biasprm="1 -2 0 1"/>', "general"),
         ('<intvelocity joint="j" kp="2" actrange="-1 1"/>', "passive"),
         ('<motor joint="j" ctrlrange="-5 6"/>', "general"),
         ('<position joint="j" kp="3" forcerange="-1 2"/>', "passive"),

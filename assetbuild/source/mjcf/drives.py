@@ -7,9 +7,10 @@ from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 from assetbuild.findings import Data, Finding
-from assetbuild.robot.model import MOVING, Actuator, General, Joint, Limits, MjcfOnly
+from assetbuild.robot.model import MOVING, Actuator, ActuatorModel, General, Joint, Limits, MjcfOnly
+from assetbuild.simulators.levers import tendon_lever
 from assetbuild.source.mjcf.compiled import Model
-from assetbuild.source.mjcf.links import Links
+from assetbuild.source.mjcf.links import HINGE, SLIDE, Links
 from assetbuild.source.mjcf.opaque import element_text, words
 from assetbuild.source.mjcf.text import DROPPED, error_at, where_of
 
@@ -21,11 +22,12 @@ KINDS = {
     "gain": ("fixed", "affine", "muscle", "user"),
     "bias": ("none", "affine", "muscle", "user"),
 }
-"""MuJoCo's words for `dyntype`, `gaintype` and `biastype`, as far as 3.11 knows them."""
+"""MuJoCo's words for `dyntype`, `gaintype` and `biastype` of a law that a <general> can state."""
 ALONE = frozenset({"muscle", "user"})
 """Kinds that MJCF alone has the words for."""
-JOINT = 0
-"""Transmission straight to a joint."""
+STRAIGHT = (0, 1)
+"""Transmissions to a joint, which are the same for a hinge and a slide: MuJoCo's `joint` and
+`jointinparent`."""
 _REFS = ("joint", "jointinparent", "tendon", "site", "refsite", "body", "cranksite", "slidersite")
 
 
@@ -48,7 +50,8 @@ def read_drives(links: Links) -> Drives:
     found, model = Drives(), links.source.model
     driven: dict[str, Actuator] = {}
     moving = {joint.name: joint for joint in links.joints if joint.kind in MOVING}
-    joints = [_joint_of(model, index) for index in range(len(model.actuator_trntype))]
+    levers = [_lever(model, index) for index in range(len(model.actuator_trntype))]
+    joints = [joint for joint, _ in levers]
     for element in links.source.root.iterfind("actuator/*"):
         name = str(element.get("name"))
         index = links.source.id_of("actuator", name)
@@ -57,14 +60,22 @@ def read_drives(links: Links) -> Drives:
             data: Data = {"element": "actuator", "attributes": ("user",)}
             hint = "it says nothing about the robot itself"
             found.findings.append(DROPPED(f"actuator {name}", message, hint, data=data))
-        joint = _joint_of(model, index)
+        joint, gear = levers[index]
         taken = _taken(model, index) if joint in moving and joints.count(joint) == 1 else None
-        if taken is None:
-            found.mjcf_only.append(_whole(element, links, index))
+        alone = int(model.actuator_trntype[index]) not in STRAIGHT
+        if taken is not None:
+            scaled = None if joint in links.rest else _scaled(taken)
+            alone = alone or scaled is not None
+            taken = _at_rest(_geared(scaled or taken, gear), links.rest.get(joint, 0.0))
+            driven[joint] = replace(taken, joint=joint, name=name)
+        if taken is None or alone:
+            owner = joint if taken else ""
+            found.mjcf_only.append(MjcfOnly("actuator", _whole(element, links, index), owner))
             found.names.append((name, ""))
             continue
-        taken = _at_rest(_geared(taken, model, index), links.rest.get(joint, 0.0))
-        driven[joint] = replace(taken, joint=joint, name=name)
+        if model.actuator_actearly[index]:
+            early = element_text("general", {"actearly": "true"})
+            found.mjcf_only.append(MjcfOnly("drive", early, joint))
         if group := int(model.actuator_group[index]):
             text = element_text("general", {"group": str(group)})
             found.mjcf_only.append(MjcfOnly("drive", text, joint))
@@ -124,17 +135,24 @@ def _of_joint(actuator: Actuator, joint: Joint, model: Model) -> Actuator:
     )
 
 
-def _joint_of(model: Model, index: int) -> str:
-    if int(model.actuator_trntype[index]) != JOINT:
-        return ""
-    return str(model.joint(int(model.actuator_trnid[index][0])).name)
+def _lever(model: Model, index: int) -> tuple[str, float]:
+    """(the hinge or slide that an actuator drives, its gear there); ("", 0) for any other.
+
+    A tendon over joints that follow one another drives the one that leads, see `levers`.
+    """
+    joint, gear = int(model.actuator_trnid[index][0]), float(model.actuator_gear[index, 0])
+    if int(model.actuator_trntype[index]) not in STRAIGHT:
+        joint, gear = tendon_lever(model, index) or (-1, 0.0)
+    elif int(model.jnt_type[joint]) not in (SLIDE, HINGE):
+        joint = -1
+    return (str(model.joint(joint).name), gear) if joint >= 0 else ("", 0.0)
 
 
 def _taken(model: Model, index: int) -> Actuator | None:
     """The actuator in the Robot's words; None when they do not say all of it."""
     gear = [float(v) for v in model.actuator_gear[index]]
     plain = gear[0] != 0.0 and not any(gear[1:])
-    plain = plain and not int(model.actuator_actlimited[index]) and not _newer(model, index)
+    plain = plain and not int(model.actuator_actlimited[index]) and not _extended(model, index)
     if not plain or int(model.actuator_plugin[index]) >= 0:
         return None
     force = _range(model.actuator_forcelimited[index], model.actuator_forcerange[index])
@@ -170,13 +188,33 @@ def _taken(model: Model, index: int) -> Actuator | None:
     return Actuator("", "general", effort=effort, ctrl=ctrl, general=general)
 
 
-def _geared(actuator: Actuator, model: Model, index: int) -> Actuator:
+def _scaled(actuator: Actuator) -> Actuator | None:
+    """The drive behind a general law gain u + b0 - kp l - kd v, whose command u is no position.
+
+    The law is kp (target - l) - kd v with target = (gain u + b0) / kp; grippers have it, whose
+    command is 0 to 255. Without kp it is a speed: kd (target - v) with target = gain u / kd.
+    """
+    law = actuator.general
+    if law is None or (law.dyntype, law.gaintype, law.biastype) != ("none", "fixed", "affine"):
+        return None
+    gain, (b0, b1, b2, *more) = law.gainprm[0], (*law.biasprm, 0.0, 0.0, 0.0)
+    kp, kd = 0.0 - b1, 0.0 - b2
+    if any(law.gainprm[1:]) or any(more) or gain <= 0.0 or min(kp, kd) < 0.0:
+        return None
+    if not (kp or (kd and not b0)):
+        return None
+    ends = [(gain * end + b0) / (kp or kd) for end in actuator.ctrl or ()]
+    model: ActuatorModel = "pd" if kp else "velocity"
+    ctrl = (ends[0], ends[1]) if ends else None
+    return replace(actuator, model=model, kp=kp, kd=kd, ctrl=ctrl, general=None)
+
+
+def _geared(actuator: Actuator, gear: float) -> Actuator:
     """The numbers of an actuator on its joint.
 
     MuJoCo's length is gear q and its force pulls with gear f: a stiffness counts gear^2 times, a
     limit of the force |gear| times. A command is a position or a speed of the actuator, or a force.
     """
-    gear = float(model.actuator_gear[index, 0])
     if gear == 1.0:
         return actuator
     geared = replace(
@@ -217,15 +255,14 @@ def _moved(prm: tuple[float, ...], ref: float) -> tuple[float, ...]:
     return (float(f"{prm[0] + prm[1] * ref:.15g}"), *prm[1:]) if len(prm) > 1 else prm
 
 
-def _whole(element: _Element, links: Links, index: int) -> MjcfOnly:
-    """The actuator as `<general>` with all its compiled numbers."""
+def _whole(element: _Element, links: Links, index: int) -> str:
+    """The actuator as `<general>` with all its compiled numbers, or as stated where it is more."""
     model = links.source.model
     kinds = _kinds(model, index)
-    unknown = any(kind not in KINDS[part] for part, kind in kinds.items())
-    if unknown or int(model.actuator_plugin[index]) >= 0 or _newer(model, index):
-        hint = "use motor, position, velocity, general, muscle or cylinder, without a delay"
-        message = f"actuator `{element.get('name')}` of a kind that MuJoCo 3.11 does not know"
-        raise error_at(element, message, hint)
+    if int(model.actuator_plugin[index]) >= 0:
+        hint = "use one of MuJoCo's own kinds"
+        raise error_at(element, f"actuator `{element.get('name')}` of a plug-in", hint)
+    beyond = any(kind not in KINDS[part] for part, kind in kinds.items()) or _extended(model, index)
     said = {"name": str(element.get("name"))}
     for ref in _REFS:
         if element.get(ref):
@@ -234,9 +271,11 @@ def _whole(element: _Element, links: Links, index: int) -> MjcfOnly:
     over = {said.get("joint") or said.get("jointinparent")}
     tendons = links.source.root.iterfind("tendon/fixed")
     over |= {j.get("joint") for t in tendons if t.get("name") == said.get("tendon") for j in t}
-    if over & links.rest.keys() and _depends_on_position(model, index, kinds):
+    if over & links.rest.keys() and (beyond or _depends_on_position(model, index, kinds)):
         hint = "give the joint no `ref`, and move its range and body instead"
         raise error_at(element, f"actuator `{said['name']}` on a joint with `ref`", hint)
+    if beyond:
+        return _as_stated(element, links, said)
     said |= {f"{part}type": kind for part, kind in kinds.items()}
     for part in KINDS:
         said[f"{part}prm"] = words(_trimmed(getattr(model, f"actuator_{part}prm")[index]))
@@ -252,7 +291,16 @@ def _whole(element: _Element, links: Links, index: int) -> MjcfOnly:
         said[f"{kind}limited"] = "true" if limited else "false"
         if limited:
             said[f"{kind}range"] = words(getattr(model, f"actuator_{kind}range")[index])
-    return MjcfOnly("actuator", element_text("general", said))
+    if model.actuator_actearly[index]:
+        said["actearly"] = "true"
+    return element_text("general", said)
+
+
+def _as_stated(element: _Element, links: Links, names: dict[str, str]) -> str:
+    """In the source's own words, its classes included; names: of what it refers to."""
+    stated = links.source.classes.attributes(element)
+    plain = {key: value for key, value in stated.items() if key != "user"}
+    return element_text(str(element.tag), plain | names)
 
 
 def _kinds(model: Model, index: int) -> dict[str, str]:
@@ -276,8 +324,8 @@ def _depends_on_position(model: Model, index: int, kinds: dict[str, str]) -> boo
     return any(linear) or "muscle" in kinds.values()
 
 
-def _newer(model: Model, index: int) -> bool:
-    """Whether it uses what MuJoCo learned after 3.11: a delay, its own damping or armature."""
+def _extended(model: Model, index: int) -> bool:
+    """Whether it has more than a law: a delay, its own damping or armature."""
     return any(
         bool(float(getattr(model, f"actuator_{name}")[index].max()))
         for name in ("damping", "armature", "delay")

@@ -58,7 +58,7 @@ class Mjcf(Target):
         """Raises StepError for joints and actuators that MJCF cannot say."""
         refuse_name(self.robot)
         robot = RobotFiles(files.inputs)
-        tree, shapes, control = robot.tree, robot.shapes, robot.control
+        tree, shapes, control = robot.tree, robot.shapes, robot.control.in_mjcf
 
         meshes = files.inputs / "meshes"
         looks = readable(shapes, meshes, control.mjcf_only)
