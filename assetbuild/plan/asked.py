@@ -46,8 +46,10 @@ def _requests(
     for listed_in, word in sorted(lists):
         if word in recipe.value(listed_in):
             same = (listed_in, word)
-            names = [n for n, c in checks.items() if (c.listed_in, c.listed_as()) == same]
-            yield listed_in, tuple(names)
+            yield (
+                listed_in,
+                tuple(n for n, c in checks.items() if (c.listed_in, c.listed_as()) == same),
+            )
     for engine in recipe.value("validate.simulators"):
         if engine != USUAL:
             names = tuple(name for name, check in checks.items() if engine in check.engines)
