@@ -62,9 +62,13 @@ def read(
     *,
     base: Base | None = None,
     body: str | None = None,
+    grammar: float = 3.11,
     **files: str | bytes,
 ) -> Reading:
-    """body: `source.body`. files: beside the MJCF; `__` is a slash, the last `_` a dot."""
+    """body: `source.body`; grammar: `mjcf.grammar`.
+
+    files: beside the MJCF; `__` is a slash, the last `_` a dot.
+    """
     tree = folder / "in" / "tree"
     (tree / MAIN).parent.mkdir(parents=True)
     (tree / MAIN).write_text(text)
@@ -73,7 +77,7 @@ def read(
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_bytes(content.encode() if isinstance(content, str) else content)
     flat, out, inputs = folder / "flat", folder / "read", folder / "read_in"
-    findings = run_step(FlattenMjcf(file=MAIN, body=body), folder / "in", flat)
+    findings = run_step(FlattenMjcf(file=MAIN, body=body, grammar=grammar), folder / "in", flat)
     inputs.mkdir()
     for name in ("source.xml", "lines.json"):
         shutil.copyfile(flat / name, inputs / name)

@@ -26,6 +26,9 @@ COMPOUND = 0.15
 BALL = 3.0
 """Longest extent over the shortest of a foot that a sphere stands for; more is a disc or a rod."""
 
+OUTSIZED = 100.0
+"""A collision mesh that is so many times as large as its link's visual mesh is a mistake."""
+
 Rules = dict[str, tuple[dict[str, str], str]]
 """Link -> its rule and the reason."""
 
@@ -82,7 +85,7 @@ def soles_of(robot: InspectedRobot, anatomy: Anatomy) -> list[str]:
 
 def _rules(robot: InspectedRobot, anatomy: Anatomy, root: Path) -> Rules:
     """The last word on a link wins."""
-    rules = _flat(robot, root)
+    rules = _flat(robot, root) | _outsized(robot, root)
     for link in _ball_feet(robot, anatomy, root):
         if link not in rules:
             why = "A foot that meets the ground in a point rolls best as a sphere."
@@ -116,6 +119,30 @@ def _instead(
     if _span(root, [shape for shape in own if shape.role == role]):
         return {"method": "primitive", "shape": "box"}, why + "one box is put around all of them."
     return {"method": "none"}, why + "it hits nothing."
+
+
+def _outsized(robot: InspectedRobot, root: Path) -> Rules:
+    """Links whose collision meshes lie far beyond what is drawn: of another unit, by mistake."""
+    found: Rules = {}
+    for link in robot.solid_links:
+        own = [shape for shape in robot.shapes.shapes if shape.link == link]
+        drawn, solid = (
+            max((_extent(root, shape) for shape in own if shape.role == role), default=0.0)
+            for role in ("visual", "collision")
+        )
+        if drawn and solid > OUTSIZED * drawn:
+            times = f"{solid / drawn:,.0f} times as large as what is drawn of it"
+            why = f"The collision mesh of this link is {times}, which is taken instead."
+            found[link] = ({"method": "auto", "from": "visual"}, why)
+    return found
+
+
+def _extent(root: Path, shape: SourceShape) -> float:
+    """The longest extent of a mesh, m; 0 of what is no mesh, or is left unread."""
+    if not isinstance(shape.geometry, MeshFile):
+        return 0.0
+    read = mesh_of(root, shape.geometry)
+    return 0.0 if read is None else float(np.ptp(scaled_points(read, shape.geometry), axis=0).max())
 
 
 def _is_flat(root: Path, shape: SourceShape) -> bool:

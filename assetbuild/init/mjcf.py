@@ -11,6 +11,7 @@ from pathlib import Path
 from assetbuild.control.close_loops import placed_loops
 from assetbuild.engine.scratch import Scratch, scratch
 from assetbuild.errors import SourceError, Where
+from assetbuild.facts.mjcf_grammar import NEWEST, OLDEST, newer_words_of
 from assetbuild.init.anatomy import Anatomy, study
 from assetbuild.init.collision import soles_of
 from assetbuild.init.home import home_pose
@@ -49,6 +50,7 @@ class MjcfSource:
     robot, built: with merged fixed joints, and as the recipe has it built: with all that the source
     calls a body, except what is merged into the bodies `weak`.
     bodies: of the robots in its world, where there are several; the first is read.
+    newer: words that MuJoCo 3.11 does not know.
     """
 
     root: Path
@@ -58,6 +60,7 @@ class MjcfSource:
     control: Control
     weak: tuple[str, ...] = ()
     bodies: tuple[str, ...] = ()
+    newer: tuple[str, ...] = ()
 
 
 def is_mjcf(file: Path, data: bytes) -> bool:
@@ -94,7 +97,9 @@ def _read(root: Path, name: str, bodies: tuple[str, ...] = ()) -> MjcfSource:
                 ports.link(f"tree/{path.relative_to(root)}", path)
         while _included(ports, root, name):
             pass
-        ports.run(FlattenMjcf(file=name, body=bodies[0] if bodies else None))
+        body, newest = bodies[0] if bodies else None, float(NEWEST)
+        ports.run(FlattenMjcf(file=name, body=body, grammar=newest))
+        newer = newer_words_of(ports.read("source.xml"))
         for mesh in json.loads(ports.read("meshes.json")):
             path = root / mesh["path"]
             if mesh["path"].startswith(FOLDER):
@@ -112,7 +117,7 @@ def _read(root: Path, name: str, bodies: tuple[str, ...] = ()) -> MjcfSource:
         if weak:
             mended = next(_mended(links, shapes, said.bodies, built, weak), None)
             built, weak = (mended, weak) if mended else (built, ())
-    return MjcfSource(root, name, robot, built, said.control, weak, bodies)
+    return MjcfSource(root, name, robot, built, said.control, weak, bodies, newer)
 
 
 def _weak(robot: InspectedRobot) -> tuple[str, ...]:
@@ -181,6 +186,7 @@ def mjcf_text(found: MjcfSource, path: Path) -> Recipe:
         head(robot, anatomy, path, unmended),
         source_section(found.root, path, "mjcf", found.file, *_chosen(found.bodies)),
         _taken(found),
+        _grammar(found),
         repairs_text(robot, repairs(robot, found.root, usd=not (lost or springs))),
         _merging(found),
         _collision(robot),
@@ -220,6 +226,13 @@ def _chosen(bodies: tuple[str, ...]) -> Iterator[str]:
     """The first of several robots; the recipe of another differs by this line."""
     if bodies:
         yield f"  body: {quoted(bodies[0])}   # or {some(bodies[1:])}: one recipe builds one robot"
+
+
+def _grammar(found: MjcfSource) -> Iterator[str]:
+    """The key that keeps words which are refused without it."""
+    if found.newer:
+        words = some(list(found.newer))
+        yield f"mjcf: {{grammar: {NEWEST}}}   # keeps {words}, which MuJoCo {OLDEST} does not know"
 
 
 def _taken(found: MjcfSource) -> Iterator[str]:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from assetbuild.checks.mjcf_compiles.grammar import NEWER_ATTRIBUTES, NEWER_TAGS, OLDEST
+from assetbuild.facts.mjcf_grammar import NEWER_ATTRIBUTES, NEWER_TAGS, OLDEST
 from assetbuild.robot import lost_motion
 from assetbuild.source.mjcf import details, sections, shapes
 from assetbuild.source.mjcf.flatten_mjcf import REFUSED
@@ -33,8 +33,9 @@ an MJCF is the source of a robot.
 - **left out**: reported as `mjcf.dropped`.
 - **refused**: an error with file and line.
 
-A word that MuJoCo {oldest} (mjlab) does not know is marked with `*`: an MJCF with it is reported as
-`lint.grammar` (warning), and an actuator with it is refused.
+A word that MuJoCo {oldest} (mjlab) does not know is marked with `*`. An MJCF with it is refused,
+with file and line, unless the recipe says `mjcf: {{grammar: 4.0}}`, which keeps it; `init` writes
+that key. The MJCF that is written then has the warning `lint.grammar`: mjlab cannot load it.
 """
 HELD, RESOLVED, MJCF = "every format", "resolved", "MJCF only"
 MOVES, LEFT_OUT, NO = "MJCF only, moves", "left out", "refused"
@@ -49,8 +50,6 @@ _OF_DRIVE = keys(
 )
 """Read from the compiled actuator of a joint, whose law is in them."""
 _DRIVES = ("general", "motor", "position", "velocity", "damper", "cylinder")
-_UNKNOWN_DRIVES = ("orientation", "pid", "dcmotor", "plugin")
-_NEW_TO_DRIVES = keys("armature damping delay interp nsample")
 
 
 def schema() -> tuple[tuple[Path, tuple[str, ...]], ...]:
@@ -146,8 +145,6 @@ def _tendon(path: Path, tag: str, attribute: str) -> str:
 
 
 def _actuator(path: Path, tag: str, attribute: str) -> str:
-    if tag in _UNKNOWN_DRIVES or attribute in _NEW_TO_DRIVES:
-        return NO
     if attribute == "user":
         return LEFT_OUT
     if tag in _DRIVES and attribute in _OF_DRIVE:

@@ -16,7 +16,7 @@ import numpy as np
 
 from assetbuild.robot.pose import Array
 from assetbuild.simulators.levers import tendon_lever
-from assetbuild.simulators.mujoco import Model, name_of, turning
+from assetbuild.simulators.mujoco import Model, actuators, first_command, name_of, turning
 
 Kind = Literal["servo", "velocity", "motor", "general"]
 Range = tuple[float, float]
@@ -110,7 +110,7 @@ class JointDrives:
 
 def read_drives(model: Model) -> tuple[Drive, ...]:
     """The actuators that drive hinges and slides, in order; others are left out."""
-    found = (read_drive(model, index) for index in range(model.nu))
+    found = (read_drive(model, index) for index in actuators(model))
     return tuple(drive for drive in found if drive is not None)
 
 
@@ -154,7 +154,7 @@ def _drive(model: Model, index: int, joint: int, gear: float) -> Drive:
     torque = _torque(model, index, gear, plain=is_affine and unbiased)
     return Drive(
         index=index,
-        ctrl_index=int(model.actuator_ctrladr[index]) if _has(model, "ctrladr") else index,
+        ctrl_index=first_command(model, index),
         joint=joint,
         joint_name=name_of(model, "joint", joint),
         kind=kind if is_affine else "general",

@@ -227,6 +227,17 @@ def overlaps(model: Model, data: Data, kind: str) -> dict[tuple[str, str], float
     return dict(sorted(found.items()))
 
 
+def actuators(model: Model) -> range:
+    """Their numbers; `nu` counts commands, of which an actuator has several in MuJoCo 4."""
+    return range(len(model.actuator_trntype))
+
+
+def first_command(model: Model, actuator: int) -> int:
+    """The place of an actuator's command in `data.ctrl`, of the first of several."""
+    places = getattr(model, "actuator_ctrladr", None)  # MuJoCo 3.11 has none
+    return actuator if places is None else int(places[actuator])
+
+
 def turning(model: Model) -> list[int]:
     """Hinges and slides."""
     import mujoco

@@ -65,6 +65,8 @@ def _read_mjcf(
     tree = {description.path: description.ref} | dict(description.includes)
     inputs = {f"tree/{path}": ref for path, ref in sorted(tree.items())}
     step = FlattenMjcf(file=description.path, body=recipe.source.body)
+    if "grammar" in recipe.stated("mjcf"):
+        step = step.model_copy(update={"grammar": recipe.value("mjcf.grammar")})
     flat = p.add("flatten_mjcf", step, inputs)
     answer = p.ask(flat["meshes.json"])
     listed = json.loads(answer) if answer is not None else []

@@ -70,8 +70,8 @@ def _keyframe(model: mujoco.Model, key: int) -> Iterator[Finding]:
             low, high = (float(v) for v in model.jnt_range[joint])
             if not low - RANGE_TOLERANCE <= value <= high + RANGE_TOLERANCE:
                 yield _outside(KEY_POSITION, model, "joint", joint, name, value, low, high)
-    for drive in range(model.nu):
-        value = float(ctrl[drive])
+    for drive in mujoco.actuators(model):
+        value = float(ctrl[mujoco.first_command(model, drive)])
         low, high = (float(v) for v in model.actuator_ctrlrange[drive])
         if (
             model.actuator_ctrllimited[drive]

@@ -8,13 +8,8 @@ from pathlib import Path, PurePosixPath, PureWindowsPath
 
 from lxml import etree
 
-from assetbuild.checks.mjcf_compiles.grammar import (
-    NEWER_ATTRIBUTES,
-    NEWER_TAGS,
-    NEWER_VALUES,
-    OLDEST,
-)
 from assetbuild.errors import StepError
+from assetbuild.facts.mjcf_grammar import OLDEST, newer_words
 from assetbuild.findings import Finding, Rule
 
 Xml = etree._Element  # lxml's own name for the type
@@ -99,14 +94,7 @@ def _grammar(root: Xml) -> Iterator[Finding]:
         tag = element.tag
         if not isinstance(tag, str):
             continue  # a comment
-        newer = [tag] if tag in NEWER_TAGS else []
-        newer += [name for name in NEWER_ATTRIBUTES.get(tag, ()) if name in element.attrib]
-        newer += [
-            f'{name}="{element.get(name)}"'
-            for (owner, name), values in NEWER_VALUES.items()
-            if owner == tag and element.get(name) in values
-        ]
-        for word in sorted(newer):
+        for word in newer_words(tag, {str(k): str(v) for k, v in element.attrib.items()}):
             yield GRAMMAR(
                 f"{_line(element)}: <{tag}>",
                 f"MuJoCo {OLDEST} does not know `{word}`, so the file does not load there",

@@ -59,7 +59,9 @@ class Motion:
             self.joints = {"free joint": (free[0], 0)} | {
                 name: pair for name, pair in self.joints.items() if pair[0] != free[0]
             }
-        self.drives = self._both("actuator", source.nu, ours.nu)
+        self.drives = self._both(
+            "actuator", len(mujoco.actuators(source)), len(mujoco.actuators(ours))
+        )
         self.rest, self.tendons = rest_of(source), tendon_rest(source)
         self.commands = {  # of drives that hold positions, at `ref`
             mujoco.name_of(source, "actuator", one.index): one.command(self.rest[one.joint_name])
@@ -105,6 +107,7 @@ class Motion:
             a.qvel[u] = b.qvel[v] = float(random.normal())
         for name, (i, j) in self.drives.items():
             command = float(random.uniform(-0.2, 0.2))
+            i, j = mujoco.first_command(self.a, i), mujoco.first_command(self.b, j)
             a.ctrl[i], b.ctrl[j] = command + self.commands.get(name, 0.0), command
         mj.mj_forward(self.a, a)
         mj.mj_forward(self.b, b)

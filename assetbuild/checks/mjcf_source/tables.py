@@ -13,7 +13,7 @@ from assetbuild.facts.mjcf import read_spec
 from assetbuild.facts.mjcf_words import COVERED, Spec
 from assetbuild.facts.table import Value, pair_name
 from assetbuild.simulators.joint_drives import read_drive
-from assetbuild.simulators.mujoco import Model, name_of, passes
+from assetbuild.simulators.mujoco import Model, actuators, first_command, name_of, passes
 
 Subjects = dict[tuple[str, str], dict[str, Value]]
 """Facts by quantity of each (kind, name)."""
@@ -142,7 +142,7 @@ def _acting(model: Model, facts: Subjects) -> None:
     """Actuators that drive no joint, their commands; polynomials of joints."""
     import mujoco
 
-    for drive in range(model.nu):
+    for drive in actuators(model):
         name = name_of(model, "actuator", drive)
         own = facts.setdefault(("actuator", name), {})
         alone = read_drive(model, drive) is None  # what drives a joint is a fact of the joint
@@ -158,7 +158,7 @@ def _acting(model: Model, facts: Subjects) -> None:
                 own.pop(f"mjcf:{kind}range", None)  # it limits nothing
         named = [key for key in range(model.nkey) if str(model.key(key).name)]  # `<size nkey>`
         for key in named if alone else ():
-            command = {"mjcf:command": float(model.key_ctrl[key][drive])}
+            command = {"mjcf:command": float(model.key_ctrl[key][first_command(model, drive)])}
             facts["keyframe", f"{name_of(model, 'key', key)}/{name}"] = {**command}
     for tendon in range(model.ntendon):  # MuJoCo measures the length where the file states none
         own = facts["tendon", name_of(model, "tendon", tendon)]

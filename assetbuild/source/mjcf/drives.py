@@ -22,7 +22,7 @@ KINDS = {
     "gain": ("fixed", "affine", "muscle", "user"),
     "bias": ("none", "affine", "muscle", "user"),
 }
-"""MuJoCo's words for `dyntype`, `gaintype` and `biastype`, as far as 3.11 knows them."""
+"""MuJoCo's words for `dyntype`, `gaintype` and `biastype` of a law that a <general> can state."""
 ALONE = frozenset({"muscle", "user"})
 """Kinds that MJCF alone has the words for."""
 STRAIGHT = (0, 1)
@@ -152,7 +152,7 @@ def _taken(model: Model, index: int) -> Actuator | None:
     """The actuator in the Robot's words; None when they do not say all of it."""
     gear = [float(v) for v in model.actuator_gear[index]]
     plain = gear[0] != 0.0 and not any(gear[1:])
-    plain = plain and not int(model.actuator_actlimited[index]) and not _newer(model, index)
+    plain = plain and not int(model.actuator_actlimited[index]) and not _extended(model, index)
     if not plain or int(model.actuator_plugin[index]) >= 0:
         return None
     force = _range(model.actuator_forcelimited[index], model.actuator_forcerange[index])
@@ -256,14 +256,13 @@ def _moved(prm: tuple[float, ...], ref: float) -> tuple[float, ...]:
 
 
 def _whole(element: _Element, links: Links, index: int) -> str:
-    """The actuator as `<general>` with all its compiled numbers."""
+    """The actuator as `<general>` with all its compiled numbers, or as stated where it is more."""
     model = links.source.model
     kinds = _kinds(model, index)
-    unknown = any(kind not in KINDS[part] for part, kind in kinds.items())
-    if unknown or int(model.actuator_plugin[index]) >= 0 or _newer(model, index):
-        hint = "use motor, position, velocity, general, muscle or cylinder, without a delay"
-        message = f"actuator `{element.get('name')}` of a kind that MuJoCo 3.11 does not know"
-        raise error_at(element, message, hint)
+    if int(model.actuator_plugin[index]) >= 0:
+        hint = "use one of MuJoCo's own kinds"
+        raise error_at(element, f"actuator `{element.get('name')}` of a plug-in", hint)
+    beyond = any(kind not in KINDS[part] for part, kind in kinds.items()) or _extended(model, index)
     said = {"name": str(element.get("name"))}
     for ref in _REFS:
         if element.get(ref):
@@ -272,9 +271,11 @@ def _whole(element: _Element, links: Links, index: int) -> str:
     over = {said.get("joint") or said.get("jointinparent")}
     tendons = links.source.root.iterfind("tendon/fixed")
     over |= {j.get("joint") for t in tendons if t.get("name") == said.get("tendon") for j in t}
-    if over & links.rest.keys() and _depends_on_position(model, index, kinds):
+    if over & links.rest.keys() and (beyond or _depends_on_position(model, index, kinds)):
         hint = "give the joint no `ref`, and move its range and body instead"
         raise error_at(element, f"actuator `{said['name']}` on a joint with `ref`", hint)
+    if beyond:
+        return _as_stated(element, links, said)
     said |= {f"{part}type": kind for part, kind in kinds.items()}
     for part in KINDS:
         said[f"{part}prm"] = words(_trimmed(getattr(model, f"actuator_{part}prm")[index]))
@@ -293,6 +294,13 @@ def _whole(element: _Element, links: Links, index: int) -> str:
     if model.actuator_actearly[index]:
         said["actearly"] = "true"
     return element_text("general", said)
+
+
+def _as_stated(element: _Element, links: Links, names: dict[str, str]) -> str:
+    """In the source's own words, its classes included; names: of what it refers to."""
+    stated = links.source.classes.attributes(element)
+    plain = {key: value for key, value in stated.items() if key != "user"}
+    return element_text(str(element.tag), plain | names)
 
 
 def _kinds(model: Model, index: int) -> dict[str, str]:
@@ -316,8 +324,8 @@ def _depends_on_position(model: Model, index: int, kinds: dict[str, str]) -> boo
     return any(linear) or "muscle" in kinds.values()
 
 
-def _newer(model: Model, index: int) -> bool:
-    """Whether it uses what MuJoCo learned after 3.11: a delay, its own damping or armature."""
+def _extended(model: Model, index: int) -> bool:
+    """Whether it has more than a law: a delay, its own damping or armature."""
     return any(
         bool(float(getattr(model, f"actuator_{name}")[index].max()))
         for name in ("damping", "armature", "delay")

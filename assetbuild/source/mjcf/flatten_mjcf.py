@@ -9,13 +9,23 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from assetbuild.engine.step import Files, Limits, Step
+from assetbuild.facts.mjcf_grammar import NEWEST, OLDEST, UNWRITTEN, newer_words
 from assetbuild.findings import Data, Finding
 from assetbuild.source.mjcf.copies import write_out
 from assetbuild.source.mjcf.includes import below, expanded, folder_of
 from assetbuild.source.mjcf.inline import write_inline
 from assetbuild.source.mjcf.names import name_all
 from assetbuild.source.mjcf.scenery import cut_scenery
-from assetbuild.source.mjcf.text import AT, DROPPED, bodies, error_at, parts, remove, where_of
+from assetbuild.source.mjcf.text import (
+    AT,
+    DROPPED,
+    bodies,
+    error_at,
+    own_attributes,
+    parts,
+    remove,
+    where_of,
+)
 
 if TYPE_CHECKING:
     from lxml.etree import _Element
@@ -46,6 +56,8 @@ class FlattenMjcf(Step):
     """Path of the MJCF below the source root."""
     body: str | None = None
     """Name of the robot's body in the world; None = as the source tells, see `cut_scenery`."""
+    grammar: float = 3.11
+    """Version of MuJoCo whose words it may have."""
 
     def run(self, files: Files) -> Iterator[Finding]:
         """Raises SourceError with file and line for what is no MJCF or cannot be read as one."""
@@ -54,6 +66,7 @@ class FlattenMjcf(Step):
         tree = files.inputs / "tree"
         root = write_out(_resolved(expanded(self.file, tree)), lambda asked: _attached(asked, tree))
         findings = list(_without_sensors_of_plugins(root))
+        _check_words(root, self.grammar)
         for tag, hint in REFUSED.items():
             found = next(root.iter(tag), None)
             if found is not None:
@@ -70,6 +83,17 @@ class FlattenMjcf(Step):
             element.attrib.pop(AT, "")
         (files.outputs / "source.xml").write_bytes(etree.tostring(root, method="c14n"))
         yield from findings
+
+
+def _check_words(root: _Element, grammar: float) -> None:
+    """SourceError for a word that MuJoCo 3.11 does not know, unless the recipe keeps such words."""
+    for element in root.iter("*") if grammar < float(NEWEST) else ():
+        words = newer_words(str(element.tag), own_attributes(element))
+        if words and element.tag not in UNWRITTEN:
+            listed = ", ".join(f"`{word}`" for word in words)
+            message = f"<{element.tag}>: {listed}: MuJoCo {OLDEST} (mjlab) does not know this"
+            hint = f"write `mjcf: {{grammar: {NEWEST}}}` to keep it, or say it in older words"
+            raise error_at(element, message, hint)
 
 
 def _without_sensors_of_plugins(root: _Element) -> Iterator[Finding]:

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import Annotated, Literal
 
-from pydantic import Field
+from pydantic import AfterValidator, Field
 
 from assetbuild.quantities import Model, Positive
 
@@ -12,9 +12,24 @@ Integrator = Literal["Euler", "RK4", "implicit", "implicitfast"]
 Cone = Literal["pyramidal", "elliptic"]
 
 
-class MjcfOptions(Model):
-    """Solver options of the MJCF: the `<option>` of `<robot>.xml`."""
+GRAMMARS = (3.11, 4.0)
 
+
+def _known(value: float) -> float:
+    if value not in GRAMMARS:
+        raise ValueError("the grammars are those of MuJoCo 3.11 and 4.0")
+    return value
+
+
+class MjcfOptions(Model):
+    """Solver options of the MJCF: the `<option>` of `<robot>.xml`, and the words it may have."""
+
+    grammar: Annotated[float, AfterValidator(_known)] = Field(
+        3.11,
+        json_schema_extra={"enum": list(GRAMMARS)},
+        description="version of MuJoCo whose words a source's MJCF may have; 4.0 keeps words that "
+        "3.11 and mjlab do not know, which are refused without it",
+    )
     integrator: Integrator = Field(
         "implicitfast", description="implicitfast integrates gains and damping implicitly"
     )

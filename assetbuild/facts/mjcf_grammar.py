@@ -1,13 +1,14 @@
 """Words of MJCF that MuJoCo 3.11 does not know: the difference of `mj_printSchema` to 4.0.
 
-mjlab 1.6 pins 3.11, so a file with one of these does not train there.
+mjlab 1.6 pins 3.11, so a file with one of these does not train there. A source that has one is
+refused unless the recipe says `mjcf: {grammar: 4.0}`.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 
-OLDEST = "3.11"
+OLDEST, NEWEST = "3.11", "4.0"
 NEWER_TAGS: frozenset[str] = frozenset({"pid"})
 NEWER_ATTRIBUTES: Mapping[str, frozenset[str]] = {
     tag: frozenset(words.split())
@@ -37,3 +38,25 @@ NEWER_VALUES: Mapping[tuple[str, str], frozenset[str]] = {
     ("option", "integrator"): frozenset({"discrete"}),
 }
 """Values of attributes that 3.11 has, but not with these."""
+UNWRITTEN = frozenset({"compiler", "model", "texture", "key", "flex", "flexcomp", "elasticity"})
+"""Elements of a source whose newer words are resolved, left out, or refused with the element."""
+
+
+def newer_words(tag: str, attributes: Mapping[str, str]) -> list[str]:
+    """The words of an element that 3.11 does not know, sorted."""
+    found = [tag] if tag in NEWER_TAGS else []
+    found += [name for name in NEWER_ATTRIBUTES.get(tag, ()) if name in attributes]
+    found += [
+        f'{name}="{attributes[name]}"'
+        for (owner, name), values in NEWER_VALUES.items()
+        if owner == tag and attributes.get(name) in values
+    ]
+    return sorted(found)
+
+
+def newer_words_of(text: bytes | str) -> tuple[str, ...]:
+    """Those of a whole MJCF that its reader keeps."""
+    from defusedxml.ElementTree import fromstring
+
+    elements = [e for e in fromstring(text).iter() if e.tag not in UNWRITTEN]
+    return tuple(dict.fromkeys(w for e in elements for w in newer_words(e.tag, e.attrib)))
