@@ -29,8 +29,9 @@ OPENS = Rule(
     ("warning", "error"),
     "a loop opens by more than `validate.loops.gap` while the driven joints swing (an error above "
     "`validate.loops.broken`, or where the simulation goes to infinity)",
-    "a smaller timestep; a smaller `solref` of the loop for MuJoCo, more "
-    "`usd.articulation.solver_position_iterations` for PhysX",
+    "for MuJoCo and Newton a smaller timestep or a firmer loop: one of the recipe takes the place "
+    "of the MJCF's of its name, firm by default; for PhysX more "
+    "`usd.articulation.solver_position_iterations`",
 )
 HANGS = Rule(
     "loop.rigid",
