@@ -25,6 +25,7 @@ from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.initial import initial_pose
 from assetbuild.robot.model import Actuator, Control, Tree
 from assetbuild.robot.pose import Array
+from assetbuild.robot.reflected import felt_inertia, reflected_range
 from assetbuild.robot.shapes import Mesh, Shape, Shapes, Sphere
 
 EXPLICIT = frozenset({"ideal_pd", "dc_motor"})
@@ -154,7 +155,9 @@ class Gains(Check):
         torque, left_over = holding_torques(robot, soles)
         if left_over > UNBALANCED and tree.base == "floating":
             torque = {}  # it would not stand, so no joint can be said to hold anything
-        inertia = robot.effective_inertia
+        closed = bool(control.loops) and not any(joint.kind == "ball" for joint in tree.joints)
+        inertia = felt_inertia(control, robot) if closed else robot.effective_inertia
+        reflected = reflected_range(tree, control, dict(start.joints)) if closed else {}
         found: dict[str, Effective] = {}
         for name in robot.joints:
             actuator = control.by_joint.get(name)
@@ -167,12 +170,26 @@ class Gains(Check):
                 "soles": len(soles),
                 "unbalanced": left_over,
                 "joints": {name: asdict(one) for name, one in found.items()},
+                **(
+                    {"reflected": {n: asdict(one) for n, one in reflected.items()}}
+                    if closed
+                    else {}
+                ),
             },
             {"unbalanced": UNBALANCED, "load": self.torque, "sag": self.sag, "holding": 0.1},
         )
+        timestep = control.simulation.timestep
         for name, one in found.items():
             slides = tree.by_joint[name].kind == "prismatic"
-            yield from self._judge(control.by_joint[name], one, control, slides=slides)
+            actuator = control.by_joint[name]
+            yield from self._judge(actuator, one, control, slides=slides)
+            if name in reflected and (one.margin is None or one.margin >= self.margin):
+                felt = reflected[name]
+                where = (
+                    f" at {felt.at_least:.3g}, where loops leave it {felt.least:.3g} kg m² or kg"
+                )
+                one = self._effective(actuator, felt.least, None, control)
+                yield from _judge_stability(one, timestep, f"actuator {name}", self.margin, where)
         if self.inherited and found:
             yield _inherited(found)
         yield from _customary(tree, found, control, _kind(tree, shapes, self.feet))
@@ -263,14 +280,15 @@ def _judge_strength(
 
 
 def _judge_stability(
-    one: Effective, timestep: float, subject: str, margin: float
+    one: Effective, timestep: float, subject: str, margin: float, where: str = ""
 ) -> Iterator[Finding]:
     if one.margin is None or one.margin >= margin:
         return
     diverges = one.margin <= 1.0
     yield UNSTABLE(
         subject,
-        f"{'diverges' if diverges else 'is close to diverging'} at a timestep of {timestep:g} s: "
+        f"{'diverges' if diverges else 'is close to diverging'} at a timestep of {timestep:g} s"
+        f"{where}: "
         f"{one.margin:.3g} times its gains are the limit",
         severity="error" if diverges else "warning",
         hint="lower the gains or the timestep, give the motor's rotor_inertia, or `model: pd`",

@@ -154,6 +154,7 @@ def settle_all(
 ) -> dict[str, Settled[T]]:
     """Rounds until the plans have all answers, or a step failed; several plans are one graph.
 
+    keep_going: a step that fails ends its own plan alone.
     plans: by the names that `joined` gives to their graphs; a single one keeps its labels.
     may_run: of the steps that the store does not know yet; None = all of them. Otherwise it ends
     as well when they answer nothing more.
@@ -174,12 +175,13 @@ def settle_all(
             )
             is_stuck = may_run is not None and now.keys() <= results.keys()
             results = _with_earlier(now, results)
-            is_whole = all(each.whole for each in done.values())
-            if is_whole or is_stuck or first_error(results):
+            mine = {name: _own(results, name, len(plans)) for name in done}
+            is_over = all(
+                each.whole or first_error(mine[name]) is not None for name, each in done.items()
+            )
+            if is_over or is_stuck or (first_error(results) and not keep_going):
                 break
-    return {
-        name: replace(each, results=_own(results, name, len(plans))) for name, each in done.items()
-    }
+    return {name: replace(each, results=mine[name]) for name, each in done.items()}
 
 
 def _with_earlier(

@@ -125,7 +125,7 @@ def as_physx(table: Table, drive_type: str = "force") -> Table:
     for name in table.names("shape"):
         shape = table.of("shape", name)
         friction = shape.get("friction")
-        if shape["role"] == "collision" and isinstance(friction, tuple):
+        if isinstance(friction, tuple):  # of any group of MuJoCo's: it may touch
             rough.setdefault(str(shape["body"]), []).append(float(friction[0]))
     for name, values in rough.items():
         book.put("body", name, _surfaces(values, values))

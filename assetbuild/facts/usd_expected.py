@@ -73,7 +73,13 @@ def usd_table(robot: str, own: Table, reference: Reference) -> Table:
             _mimic(tree, joint, options, book)
     for loop in control.loops:
         ends = frozenset((loop.a.body, loop.b.body))
-        book.put("loop", loop.name, {"usd:collisionEnabled": ends in touching})
+        book.put("loop", loop.name, {
+            "usd:collisionEnabled": ends in touching,
+            "usd:solref": loop.solref,
+            "usd:solimp": loop.solimp,
+        })  # fmt: skip
+        if loop.kind == "connect":
+            book.put("loop", loop.name, {"usd:torqueScale": 0.0})
     expected_actuators(control.actuators, book)
     expected_metadata(robot, reference, book)
     for shape in reference.shapes.shapes:

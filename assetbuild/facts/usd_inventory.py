@@ -128,7 +128,7 @@ def _loops(reference: Reference, scope: str) -> Iterator[Row]:
     names = loop_identifiers(loops)
     for loop in loops:
         kind = "PhysicsFixedJoint" if loop.kind == "weld" else "PhysicsSphericalJoint"
-        yield f"{scope}/{names[loop.name]}", kind, ()
+        yield f"{scope}/{names[loop.name]}", kind, ("MjcEqualityWeldAPI",)
 
 
 def _actuators(reference: Reference, scope: str) -> Iterator[Row]:

@@ -28,6 +28,8 @@ TYPES = {
 MOVING = ("rotary", "linear")
 LIMIT_SPRING = ("limitStiffness", "limitDamping")
 """What Newton holds a joint limit with."""
+SOFT_LOOP = "MjcEqualityWeldAPI"
+"""How soft MuJoCo holds a loop."""
 AXES = {"X": (1.0, 0.0, 0.0), "Y": (0.0, 1.0, 0.0), "Z": (0.0, 0.0, 1.0)}
 
 
@@ -116,7 +118,14 @@ def _loop(joint: JointPrim, book: Writer) -> None:
     for side, body, frame in ends:
         facts[f"body {side}"] = joint.names.get(body, body)
         facts[f"end {side}"] = pose_value(Pose(frame.xyz) if joint.kind == "ball" else frame)
-    book.put("loop", joint.prim.named("loop"), facts)
+    prim = joint.prim
+    for word in ("solref", "solimp"):
+        soft = prim.take(f"mjc:{word}", SOFT_LOOP)
+        stated = () if soft is None else tuple(map(float, np.ravel(np.asarray(soft))))
+        facts[f"usd:{word}"] = stated
+    weight = prim.number("mjc:torqueScale", SOFT_LOOP)
+    facts["torque scale" if facts["type"] == "weld" else "usd:torqueScale"] = weight
+    book.put("loop", prim.named("loop"), facts)
 
 
 def _motion(joint: JointPrim, name: str, book: Writer) -> None:

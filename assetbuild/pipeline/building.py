@@ -221,7 +221,7 @@ def _finish(job: _Job, done: Settled[Outline], session: Session, request: Reques
         for label, result in results.items()
         if result.error is not None
     )
-    if any(result.outputs is None for result in results.values()):
+    if not done.whole or any(result.outputs is None for result in results.values()):
         outcome.exit_code = max((error.exit_code for error in outcome.errors), default=1)
         return outcome
     report = judged(loaded, outline, results, session)

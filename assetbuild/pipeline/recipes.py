@@ -197,8 +197,8 @@ def _validate(checks: tuple[type[Check], ...]) -> type[Validate]:
         if check.section == "validate":
             fields |= {name: (info.annotation, info) for name, info in check.keys().items()}
     for key in ("linters", "smoke"):
-        names = [check.listed_as() for check in checks if check.listed_in == f"validate.{key}"]
-        word: Any = Literal[tuple(names)]  # Any: a type made just now
+        names = {check.listed_as() for check in checks if check.listed_in == f"validate.{key}"}
+        word: Any = Literal[tuple(sorted(names))]  # Any: a type made just now
         fields[key] = (tuple[word, ...], Validate.model_fields[key])
     return create_model("Validate", __base__=Validate, __doc__=Validate.__doc__, **fields)
 

@@ -42,9 +42,14 @@ def _requests(
         names = tuple(name for name, check in checks.items() if _is_about(check, key))
         if names and recipe.value(key) is not None:
             yield key, names
-    for name, check in checks.items():
-        if check.listed_in and check.listed_as() in recipe.value(check.listed_in):
-            yield check.listed_in, (name,)
+    lists = {(check.listed_in, check.listed_as()) for check in checks.values() if check.listed_in}
+    for listed_in, word in sorted(lists):
+        if word in recipe.value(listed_in):
+            same = (listed_in, word)
+            yield (
+                listed_in,
+                tuple(n for n, c in checks.items() if (c.listed_in, c.listed_as()) == same),
+            )
     for engine in recipe.value("validate.simulators"):
         if engine != USUAL:
             names = tuple(name for name, check in checks.items() if engine in check.engines)

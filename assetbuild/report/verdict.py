@@ -138,7 +138,7 @@ def judge(
         for name, check in sorted(checks.items())
         if check.status == "skip" and not name.startswith(TRAINER_CHECKS)
     }
-    formats, physics = _formats(findings, checks), _physics(checks)
+    formats, physics = _formats(findings, checks), _physics(findings, checks)
     return Verdict(not blocked_by, blocked_by, next_step, formats, physics, trainers, skipped)
 
 
@@ -207,8 +207,8 @@ def _targets_of(finding: Finding) -> tuple[str, ...]:
 # --- physics ----------------------------------------------------------------------------------
 
 
-def _physics(checks: Mapping[str, CheckResult]) -> Physics:
-    """What `stand` saw, else what the trials saw."""
+def _physics(findings: Sequence[Finding], checks: Mapping[str, CheckResult]) -> Physics:
+    """What `stand` saw, else what the trials saw; and the error that the same check found."""
     reasons = []
     for name, figure in EXPERIMENTS:
         check = checks.get(name)
@@ -216,9 +216,13 @@ def _physics(checks: Mapping[str, CheckResult]) -> Physics:
             continue
         did = check.figures.get(figure)
         if isinstance(did, Mapping) and did.get("outcome") in get_args(PhysicsStatus):
+            wrong = (f for f in findings if f.severity == "error" and _check_of(f) == name)
+            error = None if did["outcome"] in FALLEN else next(wrong, None)
+            who = "" if error is None or error.subject == "robot" else f"{error.subject}: "
+            but = "" if error is None else f"; but {who}{error.message}"
             return Physics(
                 did["outcome"],
-                str(did["sentence"]),
+                f"{did['sentence']}{but}",
                 name,
                 did.get("height_before_m"),
                 did.get("height_after_m"),
@@ -226,6 +230,15 @@ def _physics(checks: Mapping[str, CheckResult]) -> Physics:
         reasons.append(check.note or str(check.figures.get("skipped", "")))
     why = next(filter(None, reasons), "no simulator ran, or there is no keyframe to hold")
     return Physics("not tried", why)
+
+
+FALLEN = ("falls", "unstable")
+"""Outcomes whose sentence says already what the error says."""
+
+
+def _check_of(finding: Finding) -> str:
+    """The first word of its rule."""
+    return finding.rule.partition(".")[0]
 
 
 # --- trainers ---------------------------------------------------------------------------------

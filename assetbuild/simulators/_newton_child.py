@@ -141,11 +141,12 @@ def bodies(model: Any) -> dict[str, dict[str, Any]]:
 
 
 def joint(held: Any, index: int, drive: int | None) -> dict[str, Any]:
-    """One joint of the solver's model."""
+    """One joint of the solver's model; its drive as it acts on the joint, behind the gear."""
     dof = int(held.jnt_dofadr[index])
+    gear = abs(float(held.actuator_gear[drive, 0])) if drive is not None else 1.0
     efforts = [float(held.jnt_actfrcrange[index, 1])] if held.jnt_actfrclimited[index] else []
     if drive is not None and held.actuator_forcelimited[drive]:
-        efforts.append(float(held.actuator_forcerange[drive, 1]))
+        efforts.append(gear * float(held.actuator_forcerange[drive, 1]))
     effort = min(efforts, default=math.inf)
     limited = bool(held.jnt_limited[index]) and abs(held.jnt_range[index]).max() < UNLIMITED
     return {
@@ -153,8 +154,8 @@ def joint(held: Any, index: int, drive: int | None) -> dict[str, Any]:
         "axis": [float(v) for v in held.jnt_axis[index]],
         "lower": float(held.jnt_range[index, 0]) if limited else None,
         "upper": float(held.jnt_range[index, 1]) if limited else None,
-        "kp": -float(held.actuator_biasprm[drive, 1]) if drive is not None else 0.0,
-        "kd": -float(held.actuator_biasprm[drive, 2]) if drive is not None else 0.0,
+        "kp": -gear * gear * float(held.actuator_biasprm[drive, 1]) if drive is not None else 0.0,
+        "kd": -gear * gear * float(held.actuator_biasprm[drive, 2]) if drive is not None else 0.0,
         "effort": effort if effort < UNLIMITED else None,
         "armature": float(held.dof_armature[dof]),
         "friction": float(held.dof_frictionloss[dof]),

@@ -162,6 +162,7 @@ def _simulate(sim: Sim, paths: Any, run: dict[str, Any]) -> dict[str, np.ndarray
     dt, drive = float(run["dt"]), run["targets"]
     here = _joints(sim, paths, "jointPosition") | run["start"]
     asked = _joints(sim, paths, "jointPositionTarget")
+    speeds = _joints(sim, paths, "jointVelocityTarget") if drive["speeds"] else {}
     _write_joints(sim, paths, "jointPosition", here)
     sim.update_articulations_kinematic()
     times: list[float] = []
@@ -173,6 +174,9 @@ def _simulate(sim: Sim, paths: Any, run: dict[str, Any]) -> dict[str, np.ndarray
             if drive["joints"] and (drive["frequency"] or step == 1):
                 asked |= targets_at(drive, dt * step)
                 _write_joints(sim, paths, "jointPositionTarget", asked)
+                _write_joints(
+                    sim, paths, "jointVelocityTarget", speeds | speeds_at(drive, dt * step)
+                )
             sim.step_sync(dt)
         if step % int(run["every"]) and step != int(run["steps"]):
             continue
@@ -206,6 +210,13 @@ def targets_at(drive: dict[str, Any], time: float) -> dict[str, float]:  # Any: 
     """Position target of each driven joint: middle + amplitude sin(2 pi f t)."""
     wave = math.sin(2.0 * math.pi * float(drive["frequency"]) * time)
     return {path: middle + swing * wave for path, (middle, swing) in drive["joints"].items()}
+
+
+def speeds_at(drive: dict[str, Any], time: float) -> dict[str, float]:  # Any: JSON
+    """Speed target of each joint that takes one: 2 pi f amplitude cos(2 pi f t)."""
+    omega = 2.0 * math.pi * float(drive["frequency"])
+    wave = omega * math.cos(omega * time)
+    return {path: drive["joints"][path][1] * wave for path in drive["speeds"]}
 
 
 def _write_joints(sim: Sim, paths: Any, attribute: str, values: dict[str, float]) -> None:

@@ -83,17 +83,23 @@ def fall_of(
 
 @dataclass(frozen=True)
 class Sine:
-    """Every joint's target at once: middle + swing sin(2 pi f t). rad or m, by joint name."""
+    """Every joint's target at once: middle + swing sin(2 pi f t). rad or m, by joint name.
+
+    speeds: joints whose drive takes a speed; it is asked for that of the same motion.
+    """
 
     middle: Mapping[str, float]
     swing: Mapping[str, float]
     frequency_hz: float = 1.0
     seconds: float = 3.0
+    speeds: frozenset[str] = frozenset()
 
     def target(self, joint: str, time: float) -> float:
-        """What the drive is asked for at `time`."""
-        wave = math.sin(2.0 * math.pi * self.frequency_hz * time)
-        return self.middle[joint] + self.swing[joint] * wave
+        """What the drive is asked for at `time`: rad or m, of `speeds` rad/s or m/s."""
+        omega = 2.0 * math.pi * self.frequency_hz
+        if joint in self.speeds:
+            return self.swing[joint] * omega * math.cos(omega * time)
+        return self.middle[joint] + self.swing[joint] * math.sin(omega * time)
 
 
 def sine_of(
@@ -102,9 +108,10 @@ def sine_of(
     """A swing about `home` (0 without) that stays inside the limits of every joint, speed too.
 
     A middle too near to a stop is moved off it: there two engines would compare their stops.
-    Joints without a position gain have no swing; those that mimic follow their leader.
+    Joints without a drive for positions or speeds have no swing; those that mimic follow their
+    leader.
     """
-    middle, swing = {}, {}
+    middle, swing, speeds = {}, {}, set()
     for joint in tree.moving_joints:
         lower, upper = bounds(joint)
         width = SWING_M if joint.kind == "prismatic" else SWING_RAD
@@ -115,9 +122,12 @@ def sine_of(
         if limit is not None:
             width = min(width, SHARE_OF_SPEED * limit / (2.0 * math.pi * frequency_hz))
         middle[joint.name] = min(max(home.get(joint.name, 0.0), lower + room), upper - room)
-        driven = actuator is not None and actuator.kp > 0.0 and joint.mimic is None
-        swing[joint.name] = width if driven else 0.0
-    return Sine(with_mimics(tree, middle), swing, frequency_hz, seconds)
+        by_speed = actuator is not None and actuator.model == "velocity" and actuator.kd > 0.0
+        driven = by_speed or (actuator is not None and actuator.kp > 0.0)
+        swing[joint.name] = width if driven and joint.mimic is None else 0.0
+        if by_speed:
+            speeds.add(joint.name)
+    return Sine(with_mimics(tree, middle), swing, frequency_hz, seconds, frozenset(speeds))
 
 
 def bounds(joint: Joint) -> tuple[float, float]:

@@ -6,17 +6,17 @@ import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 
-import numpy as np
 from pydantic import Field
 
 from assetbuild.findings import Finding, Rule
 from assetbuild.quantities import Model, Positive
-from assetbuild.robot.closure import close, coordinates, free_motions, gaps
-from assetbuild.robot.dynamics import Dynamics, dynamics
+from assetbuild.robot.closure import close, coordinates, gaps
+from assetbuild.robot.dynamics import dynamics
 from assetbuild.robot.initial import initial_pose
 from assetbuild.robot.loops import path_of
 from assetbuild.robot.mimic import with_mimics
 from assetbuild.robot.model import Actuator, Control, Tree
+from assetbuild.robot.reflected import felt_inertia
 from assetbuild.simulators.experiments import Motion, Sine, sine_of
 
 SERVO_HZ = 4.0
@@ -29,8 +29,9 @@ OPENS = Rule(
     ("warning", "error"),
     "a loop opens by more than `validate.loops.gap` while the driven joints swing (an error above "
     "`validate.loops.broken`, or where the simulation goes to infinity)",
-    "a smaller timestep; a smaller `solref` of the loop for MuJoCo, more "
-    "`usd.articulation.solver_position_iterations` for PhysX",
+    "for MuJoCo and Newton a smaller timestep or a firmer loop: one of the recipe takes the place "
+    "of the MJCF's of its name, firm by default; for PhysX more "
+    "`usd.articulation.solver_position_iterations`",
 )
 HANGS = Rule(
     "loop.rigid",
@@ -71,7 +72,7 @@ def trial(tree: Tree, control: Control, wish: LoopSwing) -> Trial:
     chosen = coordinates(control.loops, robot, driven)
     free = {name for name in robot.joints if robot.column(name) in chosen}
     leading = free & (driven if driven & chain & free else driven | chain)
-    felt = _felt_inertia(control, robot)
+    felt = felt_inertia(control, robot)
     servos, table = {}, {row.joint: row for row in control.actuators}
     for name in (joint.name for joint in tree.moving_joints if joint.name in driven | leading):
         row = table.get(name) or Actuator(name, "passive")
@@ -90,23 +91,12 @@ def balls(tree: Tree, control: Control) -> tuple[str, ...]:
     return names if control.loops else ()
 
 
-def _felt_inertia(control: Control, robot: Dynamics) -> dict[str, float]:
-    """What a torque at each joint accelerates while the loops stay closed, kg m2 or kg."""
-    basis = free_motions(control.loops, robot.motions)
-    compliance = basis @ np.linalg.pinv(basis.T @ robot.mass @ basis, hermitian=True) @ basis.T
-    found = {}
-    for name in robot.joints:
-        column = robot.column(name)
-        soft = float(compliance[column, column])
-        found[name] = 1.0 / soft if soft > 0.0 else 1.0
-    return found
-
-
 def _servo(row: Actuator, inertia: float) -> Actuator:
     """The drive itself where it holds a position, else a critically damped servo."""
     if row.kp > 0.0 and row.model in ("pd", "ideal_pd", "dc_motor"):
         return Actuator(row.joint, "pd", kp=row.kp, kd=row.kd, damping=row.damping)
     rate = 2.0 * math.pi * SERVO_HZ
+    inertia = inertia if math.isfinite(inertia) else 1.0  # of a joint that the loops lock
     return Actuator(row.joint, "pd", kp=inertia * rate**2, kd=2.0 * inertia * rate)
 
 

@@ -202,8 +202,12 @@ def _track(model: Model, data: Data, steps: int, every: int, sine: Sine | None) 
     for step in range(steps + 1):
         if step:
             for drive in drives:
-                if drive.joint_name in sine.middle and drive.holds_position:
-                    target = sine.target(drive.joint_name, step * model.opt.timestep)
+                if drive.joint_name not in sine.middle:
+                    continue
+                target = sine.target(drive.joint_name, step * model.opt.timestep)
+                if drive.joint_name in sine.speeds:
+                    data.ctrl[drive.ctrl_index] = drive.kd * target / drive.gain
+                elif drive.holds_position:
                     data.ctrl[drive.ctrl_index] = drive.command(target)
             mujoco.mj_step(model, data)
             touched = touched or data.ncon > 0

@@ -233,7 +233,11 @@ def _job(experiment: Experiment, names: StageNames, stage: Path) -> dict[str, ob
         "every": experiment.every,
         "start": {paths[n]: _shown(n, v, names) for n, v in start.items()},
         "turn": {path: _shown(name, TURN, names) for path, name in names.joints.items()},
-        "targets": {"frequency": sine.frequency_hz if sine else 0.0, "joints": drives},
+        "targets": {
+            "frequency": sine.frequency_hz if sine else 0.0,
+            "joints": drives,
+            "speeds": [paths[name] for name in (sine.speeds if sine else ()) if name in paths],
+        },
     }
 
 

@@ -85,3 +85,19 @@ def test_several_plans_are_one_graph_with_results_under_their_own_labels(tmp_pat
         assert [list(each.results) for each in done.values()] == [["shared", "own"]] * 2
         assert (tmp_path / "log").read_text() == "shared\n"
         assert planned(add, session).results == {}
+
+
+def test_to_keep_going_is_to_finish_the_plans_in_which_nothing_failed(tmp_path, robot):
+    def bad(p: Planner) -> list[str]:
+        p.ask(p.add("bad", Write(write=()))["out"])
+        return []
+
+    plans = {"bad": bad, "good": a_step_for_each_part(robot)}
+    builds = {name: f"{name}.yaml" for name in plans}
+    with Session(Store(tmp_path / "store"), builds=builds) as session:
+        done = settle_all(plans, session, keep_going=True)
+        assert done["bad"].errors and not done["bad"].whole
+        assert done["good"].whole
+        assert set(done["good"].results) == {"split", "one", "two"}
+        stopped = settle_all(plans, session)
+        assert stopped["bad"].errors

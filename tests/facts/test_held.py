@@ -6,6 +6,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import replace
 
+import mujoco
 import numpy as np
 import pytest
 from tiny import TinyRobot, pendulum, tiny_quadruped, with_mimic
@@ -21,8 +22,9 @@ from assetbuild.facts.held import (
     newton_expected,
     physx_expected,
 )
+from assetbuild.facts.mjcf_model import read_model
 from assetbuild.facts.reference import Assets, Reference
-from assetbuild.facts.table import Key, Table, Value
+from assetbuild.facts.table import Key, Table, Value, Writer
 from assetbuild.facts.vocabulary import VOCABULARY
 from assetbuild.report.summary import WITHHELD, public_message
 from assetbuild.robot.pose import Pose, quat_of
@@ -126,3 +128,15 @@ def test_figures_of_physx_stay_out_of_public_pages() -> None:
     (found,) = equality_findings(differences(table, heavier, PHYSX), "physx", "PhysX", {})
     assert found.rule == "equal.physx.mass"
     assert public_message(found) == WITHHELD
+
+
+@pytest.mark.parametrize(("group", "bits", "count"), [(0, 1, 1.0), (3, 1, 1.0), (0, 0, 0.0)])
+def test_a_geom_of_any_group_is_a_shape_of_physx_where_it_may_touch(
+    group: int, bits: int, count: float
+) -> None:
+    geom = f'<geom size="0.1" group="{group}" contype="{bits}" conaffinity="{bits}"/>'
+    body = f'<body name="ball"><freejoint/>{geom}</body>'
+    text = f"<mujoco><worldbody>{body}</worldbody></mujoco>"
+    book = Writer()
+    read_model(mujoco.MjModel.from_xml_string(text), book)
+    assert as_physx(book.table()).of("body", "ball")["physx:shapes"] == count

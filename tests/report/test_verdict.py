@@ -83,6 +83,13 @@ def test_physics_are_what_the_check_that_the_recipe_asks_for_saw():
     assert (physics.status, physics.check) == ("falls", "trials")
 
 
+def test_a_robot_that_stands_on_nothing_is_not_said_to_stand_well():
+    stand = CheckResult("fail", {"stood": STANDS})
+    hovers = Finding("stand.contact", "error", "robot", "nothing touches the floor at the end")
+    sentence = verdict(hovers, stand=stand).physics.sentence
+    assert sentence == f"{STANDS['sentence']}; but nothing touches the floor at the end"
+
+
 def test_physics_that_nobody_tried_say_why():
     assert verdict().physics.status == "not tried"
     skipped = CheckResult("skip", note="MuJoCo refuses the MJCF")

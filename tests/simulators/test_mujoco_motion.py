@@ -7,7 +7,7 @@ from pathlib import Path
 
 import mujoco as engine
 import numpy as np
-from tiny import run_step, tiny_quadruped, write_robot_ports
+from tiny import pendulum, run_step, tiny_quadruped, write_robot_ports
 
 from assetbuild.robot.shapes import Box, Shape
 from assetbuild.simulators import mujoco, mujoco_motion
@@ -55,3 +55,19 @@ def test_hips_still_do_not_touch_the_trunk_that_is_held(tmp_path: Path) -> None:
         touching.append({(model.body(a).name, model.body(b).name) for a, b in bodies})
     assert ("trunk", "FR_hip") not in touching[1]
     assert touching[0] == touching[1] != set()
+
+
+def test_a_drive_of_speeds_follows_the_speed_of_the_sine(tmp_path: Path) -> None:
+    """A stiff drive goes as far as the integral of the speed that it is asked for."""
+    robot = pendulum()
+    drive = replace(robot.control.actuators[0], model="velocity", kp=0.0, kd=500.0, effort=None)
+    robot = replace(robot, control=replace(robot.control, actuators=(drive,)))
+    sine = sine_of(robot.tree, robot.control, {}, 1.0, 1.0)
+    assert sine.speeds == {drive.joint}
+    run_step(Mjcf(robot="r"), write_robot_ports(tmp_path / "in", robot), tmp_path / "out")
+    model = mujoco.load(tmp_path / "out/mjcf/r.xml").model
+    moved = mujoco_motion.held_sine(model, sine, 0.001, contacts=False, rubbing=True)
+    width = sine.swing[drive.joint]
+    wanted = sine.middle[drive.joint] + width * np.sin(2.0 * np.pi * moved.time)
+    assert width > 0.0
+    np.testing.assert_allclose(moved.joints[drive.joint], wanted, atol=0.05 * width)

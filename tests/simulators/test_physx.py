@@ -20,6 +20,7 @@ from assetbuild.robot.pose import Pose, Vec3
 from assetbuild.robot.shapes import Shapes, SourceShapes, Sphere
 from assetbuild.simulators import physx
 from assetbuild.simulators.experiments import Motion, Sine, compare_response, sine_of
+from assetbuild.simulators.mujoco_motion import held_sine
 from assetbuild.targets.mjcf import Mjcf
 from assetbuild.targets.usd import Usd
 
@@ -66,6 +67,28 @@ def car() -> TinyRobot:
     )
     home = Keyframe("home", tuple((joint.name, 0.0) for joint in tree.joints))
     return TinyRobot(tree, tree, Shapes(), Control(drives, (home,)))
+
+
+@needs_physx
+def test_a_planar_base_that_takes_speeds_moves_in_physx_as_in_mujoco(tmp_path: Path) -> None:
+    robot = car()
+    drives = tuple(
+        replace(a, model="velocity", kp=0.0, kd=kd)
+        for a, kd in zip(robot.control.actuators, (2000.0, 2000.0, 200.0), strict=True)
+    )
+    robot = replace(robot, control=replace(robot.control, actuators=drives))
+    sine = sine_of(robot.tree, robot.control, {}, 1.0, 1.5)
+    setting = physx.Setting(0.001, GRAVITY)
+    run = physx.Experiment("m", setting, steps=1500, every=5, start=sine.middle, sine=sine)
+    theirs = physx.perform(built(robot, tmp_path / "usd"), [run])["m"].motion
+    assert theirs is not None
+    inputs = check_inputs(tmp_path / "mjcf", robot, Mjcf(robot="robot"), "mjcf")
+    model = mujoco.MjModel.from_xml_path(str(inputs / "mjcf/robot.xml"))
+    ours = held_sine(model, sine, 0.001, contacts=False, rubbing=True, every=5)
+    for name in sine.speeds:
+        response = compare_response(sine, name, ours, theirs)
+        assert response.rms < 5e-3
+        assert response.gain == pytest.approx(1.0, abs=5e-3)
 
 
 @needs_physx

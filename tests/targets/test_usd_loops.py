@@ -36,5 +36,16 @@ def test_a_loop_is_a_joint_outside_of_the_articulation(kind: str, schema: type, 
     assert iterations(stage) == {4}
 
 
+@pytest.mark.parametrize(("kind", "weight"), [("connect", 0.0), ("weld", 1.0)])
+def test_newton_reads_how_soft_a_loop_is(kind: str, weight: float, tmp_path: Path):
+    (loop,) = four_bar(kind).control.loops
+    stage = opened(tmp_path, four_bar(kind))
+    prim = stage.GetPrimAtPath("/bot/Loops/coupler_loop")
+    assert "MjcEqualityWeldAPI" in prim.GetPrimTypeInfo().GetAppliedAPISchemas()
+    assert prim.GetAttribute("mjc:torqueScale").Get() == weight
+    assert tuple(prim.GetAttribute("mjc:solref").Get()) == loop.solref
+    assert tuple(prim.GetAttribute("mjc:solimp").Get()) == loop.solimp
+
+
 def test_a_tree_needs_one_velocity_iteration(tmp_path: Path):
     assert iterations(opened(tmp_path, pendulum())) == {1}

@@ -108,7 +108,7 @@ class Responses:
             response.rms,
             *limits,
             f"of the swing, RMS{self._unfair(ours)}",
-            lag_rad=None if ours.touched else response.lag_rad,
+            lag_rad=None if ours.touched or joint in self.sine.speeds else response.lag_rad,
         )
 
     def _unfair(self, ours: Motion) -> str:
@@ -120,7 +120,7 @@ class Responses:
             for joint in self.tree.moving_joints
             if joint.mimic is None and self.sine.swing[joint.name] == 0.0
         ]
-        count = f"{len(loose)} joints without a position drive"
+        count = f"{len(loose)} joints without a drive of positions or speeds"
         return f"; {count} swing freely, where small differences grow" if loose else ""
 
     def _explained(self, row: Row, joint: str, what: str, hard: Motion, theirs: Motion) -> Row:

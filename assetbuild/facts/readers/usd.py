@@ -66,7 +66,6 @@ class UsdReader(Reader):
         "joint drive name": "a drive is part of its joint and has no name",
         "joint stiffness": _SPRING,
         "joint spring reference": _SPRING,
-        "loop torque scale": "the weight in MuJoCo's soft constraint; PhysX's joint is hard",
         "shape mask": _BITS,
         "shape partners": _BITS,
         "sensor": "UsdPhysics has none; simulators add their own",

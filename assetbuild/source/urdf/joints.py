@@ -13,6 +13,7 @@ from assetbuild.robot.model import Base, Body, Joint, JointKind, Limits, Mimic, 
 from assetbuild.robot.pose import Vec3, vec3
 from assetbuild.robot.tree import depth_first
 from assetbuild.source.urdf.links import read_origin
+from assetbuild.source.urdf.second_parent import loop_hint
 from assetbuild.source.urdf.xml import Node, Problems
 
 KINDS = tuple(kind for kind in get_args(JointKind) if kind != "ball")
@@ -84,10 +85,9 @@ def build_tree(
     for joint in joints:
         with problems.kept():
             if joint.child in above:
-                other = above[joint.child].name
-                message = f"link `{joint.child}` already hangs on joint `{other}`"
-                hint = "remove one of them, and close the loop by the recipe's `loops`"
-                raise _at(nodes, joint.name).error(message, hint)
+                other = above[joint.child]
+                message = f"link `{joint.child}` already hangs on joint `{other.name}`"
+                raise _at(nodes, joint.name).error(message, loop_hint(joints, joint, other))
             above[joint.child] = joint
     problems.raise_first()
     _refuse_mimic_loops(joints, nodes)

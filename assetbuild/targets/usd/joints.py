@@ -94,7 +94,12 @@ def define_loops(
     control: Control,
     touching: Collection[frozenset[str]],
 ) -> None:
-    """Joints that close loops: outside of the articulation, which is a tree."""
+    """Joints that close loops: outside of the articulation, which is a tree.
+
+    Newton takes how soft MuJoCo's constraint is from `mjc:` words, else MuJoCo's defaults, by which
+    loops open a hundred times as far. Of a `MjcEqualityConnectAPI` it reads one end alone, so a
+    `connect` is a weld that leaves the turn free.
+    """
     if control.loops:
         UsdGeom.Scope.Define(stage, f"/{names.root}/{LOOPS}")
     identifiers = loop_identifiers(control.loops)
@@ -107,6 +112,13 @@ def define_loops(
         made.CreateCollisionEnabledAttr(frozenset((loop.a.body, loop.b.body)) in touching)
         _set_frames(made, loop.a.X_body_end, loop.b.X_body_end)
         label(made.GetPrim(), loop.name)
+        soft: dict[str, float | tuple[float, ...]] = {
+            "solref": loop.solref,
+            "solimp": loop.solimp,
+            # 0 leaves the turn free.
+            "torqueScale": loop.torque_scale if loop.kind == "weld" else 0.0,
+        }
+        apply_mujoco(made.GetPrim(), "MjcEqualityWeldAPI", soft)
 
 
 def _undriven(joint: Joint) -> Actuator:

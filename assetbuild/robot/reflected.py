@@ -1,0 +1,90 @@
+"""What a torque at a joint accelerates while all loops of the robot stay closed.
+
+The inertia that a drive feels changes with the pose of a looped mechanism, manyfold near a dead
+centre, so gains that suit one pose may not suit another.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from assetbuild.robot.closure import close, free_motions
+from assetbuild.robot.dynamics import Dynamics, dynamics
+from assetbuild.robot.loops import path_of
+from assetbuild.robot.mimic import with_mimics
+from assetbuild.robot.model import Control, Joint, Tree
+from assetbuild.robot.pose import Array
+
+STEPS = 8
+"""Poses that are looked at to either side of the first one."""
+REACH = {True: 0.1, False: 1.5}
+"""m of a slide, rad of a hinge: no farther from the first pose, within the limits."""
+
+
+@dataclass(frozen=True)
+class Reflected:
+    """The least and the most that one joint feels, kg m2 or kg, and its position at each."""
+
+    least: float
+    at_least: float
+    most: float
+    at_most: float
+
+
+def felt_inertia(control: Control, robot: Dynamics) -> dict[str, float]:
+    """By joint, kg m2 or kg; infinite of a joint that the loops lock."""
+    basis = free_motions(control.loops, robot.motions)
+    compliance: Array = basis @ np.linalg.pinv(basis.T @ robot.mass @ basis, hermitian=True)
+    compliance = compliance @ basis.T
+    found = {}
+    for name in robot.joints:
+        column = robot.column(name)
+        soft = float(compliance[column, column])
+        found[name] = 1.0 / soft if soft > 0.0 else np.inf
+    return found
+
+
+def reflected_range(
+    tree: Tree, control: Control, home: Mapping[str, float]
+) -> dict[str, Reflected]:
+    """Of each driven joint of the loops, while it alone moves away from `home`.
+
+    The undriven joints of the loops follow. The range ends at the joint's limits, and where the
+    loops do not close any more.
+    """
+    armature = {row.joint: row.armature for row in control.actuators}
+    driven = {row.joint for row in control.actuators if row.model != "passive"}
+    chain = {joint.name: joint for loop in control.loops for joint in path_of(tree, loop)}
+    found = {}
+    for name in chain.keys() & driven:
+        felt = {}
+        for pose in _poses(tree, control, home, chain[name], chain.keys() - driven):
+            robot = dynamics(tree, pose, armature)
+            felt[pose[name]] = felt_inertia(control, robot)[name]
+        least, most = min(felt, key=felt.__getitem__), max(felt, key=felt.__getitem__)
+        found[name] = Reflected(felt[least], least, felt[most], most)
+    return dict(sorted(found.items()))
+
+
+def _poses(
+    tree: Tree, control: Control, home: Mapping[str, float], joint: Joint, free: set[str]
+) -> Iterator[dict[str, float]]:
+    """Closed ones, the first one included; each starts from its neighbour."""
+    first = with_mimics(tree, home)
+    yield first
+    reach = REACH[joint.kind == "prismatic"]
+    lower, upper = joint.limits.lower, joint.limits.upper
+    for end in (-reach, reach):
+        pose = first
+        for step in range(1, STEPS + 1):
+            asked = first[joint.name] + end * step / STEPS
+            if (lower is not None and asked < lower) or (upper is not None and asked > upper):
+                break
+            solved = close(tree, control.loops, {**pose, joint.name: asked}, free, 1)
+            if not solved.closed:
+                break
+            pose = dict(solved.positions)
+            yield pose
