@@ -20,9 +20,12 @@ VALUES = ("kp", "kd", "armature", "effort")
 HEAD = """\
 # The library of robots
 
+![The robots of the library](../images/library.png)
+
 Robots of the public package example-robot-data (the rover is made up), each with its recipe.
 Built by `assetbuild build recipes/*.yaml`; this page by
-`python -m tests.benchmarks.library build/*`.
+`python -m tests.benchmarks.library build/*`, its picture by
+`python -m tests.benchmarks.gallery build/* -o docs/images/library.png`.
 
 Grade: MuJoCo Menagerie's, as the model card derives it. Where the numbers of the actuator table
 come from stands in each recipe, motor by motor; "limits": the description's limits, nothing else.
