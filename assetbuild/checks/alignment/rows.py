@@ -45,7 +45,7 @@ def held_rows(model: Any, held: physx.Held, tree: Tree) -> Iterator[Row]:  # Any
 
 
 def _pulled(model: Any) -> set[str]:  # Any: mujoco.MjModel
-    """Joints that an actuator drives by a tendon: its gains are no joint's, the sines compare them."""
+    """Joints that an actuator drives by a tendon, whose gains are no gains of a joint."""
     import mujoco as engine
 
     joints = set()
