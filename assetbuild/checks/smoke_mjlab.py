@@ -86,9 +86,11 @@ def _shown(answer: Mapping[str, Any]) -> dict[str, object]:  # Any: the child's 
     figures["start_m"] = round(answer["start_m"], 3)
     figures["effort_share"] = round(answer["effort_share"], 2)
     figures["weights_changed"] = answer["weights_moved"] > 0.0
+    went = f", the root went from {answer['start_m']:.3f} m to {answer['height_m']:.3f} m"
+    still = abs(answer["height_m"] - answer["start_m"]) < 1e-9  # a fixed base
     figures["summary"] = (
-        f"{answer['fell']} of {answer['envs']} robots fell under zero actions, the root went from "
-        f"{answer['start_m']:.3f} m to {answer['height_m']:.3f} m; then trained for "
+        f"{answer['fell']} of {answer['envs']} robots fell under zero actions"
+        f"{'' if still else went}; then trained for "
         f"{answer['iterations']} iterations on a {'GPU' if answer['gpu'] else 'CPU'}"
     )
     if "drawn" in answer:
