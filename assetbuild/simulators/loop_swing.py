@@ -85,6 +85,22 @@ def trial(tree: Tree, control: Control, wish: LoopSwing) -> Trial:
     return Trial(replace(made, middle=home, swing=_closable(tree, control, home, swing)), servos)
 
 
+def about_closed(tree: Tree, control: Control, sine: Sine, home: Mapping[str, float]) -> Sine:
+    """The sine about a middle that keeps all loops closed: its own, or home where that opens one.
+
+    PhysX goes to infinity from a start whose loops are far open.
+    """
+    if not control.loops:
+        return sine
+    if not balls(tree, control):
+        chain = {joint.name for loop in control.loops for joint in path_of(tree, loop)}
+        free = [name for name in chain if not sine.swing.get(name)]
+        found = close(tree, control.loops, sine.middle, free)
+        if found.closed:
+            return replace(sine, middle=found.positions)
+    return replace(sine, middle=with_mimics(tree, home))
+
+
 def balls(tree: Tree, control: Control) -> tuple[str, ...]:
     """Ball joints of a robot with loops, whose positions no engine tells as numbers."""
     names = tuple(joint.name for joint in tree.joints if joint.kind == "ball")

@@ -10,6 +10,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
+import mujoco as native
 import numpy as np
 import pytest
 from pxr import Usd, UsdPhysics
@@ -26,7 +27,7 @@ from tiny import (
 from assetbuild.checks.alignment import Alignment
 from assetbuild.checks.alignment.pair import stand_row
 from assetbuild.checks.alignment.row import Row, findings_of
-from assetbuild.checks.alignment.rows import fact_rows, scene_rows
+from assetbuild.checks.alignment.rows import _pulled, fact_rows, scene_rows
 from assetbuild.checks.alignment.touching import touching_row
 from assetbuild.facts.table import Key, Table, Value
 from assetbuild.findings import Finding
@@ -332,3 +333,14 @@ def test_both_scenes_stand_on_the_same_floor(tmp_path: Path, spoil: Spoil, off: 
     rows = [row for row in scene_rows(inputs, "robot", model) if row.name.startswith("floor")]
     assert {row.name for row in rows} == {"floor_friction", "floor_height"}
     assert [row.name for row in rows if row.verdict == "error"] == off
+
+
+def test_the_gains_of_a_drive_by_a_tendon_are_no_joint_s() -> None:
+    hinges = "".join(
+        f'<body><joint name="{name}"/><geom size="0.1"/></body>' for name in ("left", "right")
+    )
+    text = f"""<mujoco><worldbody>{hinges}</worldbody>
+      <tendon><fixed name="both"><joint joint="left" coef="1"/></fixed></tendon>
+      <actuator><position tendon="both" kp="5"/><position joint="right" kp="5"/></actuator>
+    </mujoco>"""
+    assert _pulled(native.MjModel.from_xml_string(text)) == {"left"}

@@ -20,7 +20,7 @@ from assetbuild.quantities import Model, Positive
 from assetbuild.robot.initial import initial_pose
 from assetbuild.robot.model import Actuator, Control, Keyframe, Tree
 from assetbuild.robot.pose import Pose
-from assetbuild.simulators import mujoco, mujoco_motion, physx
+from assetbuild.simulators import loop_swing, mujoco, mujoco_motion, physx
 from assetbuild.simulators.experiments import Fall, Motion, Sine, Swing, sine_of
 
 EXTERNAL = frozenset({"ideal_pd", "dc_motor", "motor", "general"})
@@ -72,6 +72,7 @@ class Pair:
             return None
         start = dict(self.start.joints)
         made = sine_of(self.tree, self.control, start, self.wish.frequency, self.wish.seconds)
+        made = loop_swing.about_closed(self.tree, self.control, made, start)
         return made if any(made.swing.values()) else None
 
     @property

@@ -27,15 +27,36 @@ from assetbuild.simulators import mujoco, physx
 
 PLACE: Limits = (1e-5, 1e-3, "m or 1")
 SAME: Limits = (0.0, 0.5, "yes/no")
+GAINS = frozenset({"kp", "kd", "effort"})
 SCENE = frozenset({"simulation", "floor"})
 
 
 def held_rows(model: Any, held: physx.Held, tree: Tree) -> Iterator[Row]:  # Any: mujoco.MjModel
     """Return the rows that compare what both engines hold of the robot."""
+    pulled = _pulled(model)
     ours = as_physx(mujoco_table(model, tree)).only(
-        lambda key: f"{key.kind} {key.quantity}" not in LACKS and key.quantity != "physx:drive"
+        lambda key: (
+            f"{key.kind} {key.quantity}" not in LACKS
+            and key.quantity != "physx:drive"
+            and (key.name not in pulled or key.quantity not in GAINS)
+        )
     )
     yield from fact_rows(ours, physx_table(held, tree))
+
+
+def _pulled(model: Any) -> set[str]:  # Any: mujoco.MjModel
+    """Joints that an actuator drives by a tendon, whose gains are no gains of a joint."""
+    import mujoco as engine
+
+    joints = set()
+    for actuator in range(model.nu):
+        if model.actuator_trntype[actuator] == engine.mjtTrn.mjTRN_TENDON:
+            tendon = int(model.actuator_trnid[actuator, 0])
+            first = int(model.tendon_adr[tendon])
+            for wrap in range(first, first + int(model.tendon_num[tendon])):
+                if model.wrap_type[wrap] == engine.mjtWrap.mjWRAP_JOINT:
+                    joints.add(mujoco.name_of(model, "joint", int(model.wrap_objid[wrap])))
+    return joints
 
 
 def mujoco_table(model: Any, tree: Tree) -> Table:  # Any: as above
