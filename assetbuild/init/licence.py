@@ -51,13 +51,13 @@ def stated_licence(root: Path, file: str) -> StatedLicence | None:
     root: of the source; file: the description, below it.
     """
     robot = root / file
-    for folder in _folders(root, robot):
+    for folder in folders_above(root, robot):
         for path in sorted(folder.iterdir()) if folder.is_dir() else ():
-            if path.name.lower().startswith(NAMES) and (text := _text(path)):
+            if path.name.lower().startswith(NAMES) and (text := text_of(path)):
                 found = _of_text(text)
                 if found:
                     return StatedLicence(found, found, path.name)
-        package = _text(folder / "package.xml")
+        package = text_of(folder / "package.xml")
         if package:
             stated = _of_package(package, robot.relative_to(folder).parts)
             if stated:
@@ -77,7 +77,7 @@ def licence_lines(root: Path, file: str) -> Iterator[str]:
         yield "  # license:"
 
 
-def _folders(root: Path, robot: Path) -> Iterator[Path]:
+def folders_above(root: Path, robot: Path) -> Iterator[Path]:
     """From the description's folder up to the source's root, and a little above it."""
     above = 0
     for folder in robot.parents:
@@ -90,7 +90,8 @@ def _folders(root: Path, robot: Path) -> Iterator[Path]:
             return
 
 
-def _text(path: Path) -> str:
+def text_of(path: Path) -> str:
+    """A small text file; "" where there is none that can be read."""
     try:
         if not path.is_file() or path.stat().st_size > LARGEST:
             return ""

@@ -8,6 +8,7 @@ import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 
+from assetbuild.init.about import stated_about
 from assetbuild.init.licence import licence_lines
 
 WIDTH = 100
@@ -21,13 +22,16 @@ def written(*sections: Iterable[str]) -> str:
 
 
 def source_section(root: Path, recipe: Path, key: str, file: str, *more: str) -> Iterator[str]:
-    """The section `source:` of a recipe that will lie at `recipe`; more: further lines."""
+    """The sections `source:` and `about:` of a recipe that will lie at `recipe`; more: lines."""
     relative = os.path.relpath(root, os.path.realpath(recipe.parent))
     yield "source:"
     yield f"  path: {quoted(Path(relative).as_posix())}   # relative to this file"
     yield f"  {key}: {quoted(file)}"
     yield from more
     yield from licence_lines(root, file)
+    if about := stated_about(root, file):
+        yield "about:   # as package.xml says"
+        yield from (f"  {key}: {quoted(text)}" for key, text in about.items())
 
 
 def flow(head: str, items: Sequence[str], tail: str) -> list[str]:

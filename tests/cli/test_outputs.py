@@ -118,7 +118,8 @@ def test_a_build_of_the_real_robot_leaves_all_three(place: Workplace):
     assert done.returncode == 0, done.stderr
     lines = (place.folder / "events.ndjson").read_text().splitlines()
     events = [json.loads(line) for line in lines]
-    assert events[0]["event"] == "planned"
+    assert "13 bodies" in next(e["text"] for e in events if e["event"] == "message")
+    assert next(e for e in events if e["event"] != "message")["event"] == "planned"
     assert events[-1]["event"] == "outcome"
     assert events[-1]["ready"]
     finished = [e for e in events if e["event"] == "finished"]

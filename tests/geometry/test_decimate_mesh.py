@@ -68,6 +68,15 @@ def test_the_goal_is_doubled_until_the_shape_is_kept(tmp_path):
     assert findings["visual.decimated"].data["area_ratio"] > 0.98
 
 
+def test_a_small_part_that_sticks_out_is_not_lost(tmp_path):
+    """A thin sheet of a ten thousandth of the surface, 5 mm outside of a ball of 200 mm."""
+    corners = np.array([[0.099, -0.001, 0.0], [0.099, 0.001, 0.0], [0.105, -0.001, 0.0]])
+    sheet = TriangleMesh(corners, np.array([[0, 1, 2]]))
+    _, findings, files = decimate(tmp_path, [part(merged([BALL, sheet]))], 1000)
+    assert read_triangles(files["parts/0.obj"]).bounds[1][0] == pytest.approx(0.105, abs=0.002)
+    assert "visual.budget" in findings
+
+
 def test_a_shape_that_cannot_lose_a_face_is_kept(tmp_path):
     boxes = merged([tessellate(Box((0.1, 0.1, 0.1))).mapped(np.eye(3), (x, 0, 0)) for x in (0, 1)])
     record, findings, _ = decimate(tmp_path, [part(boxes)], 6)
