@@ -99,7 +99,7 @@ def test_a_source_that_breaks_is_watched_on(warm_legs: Legs, watching_what_is_bu
 
 
 def test_ctrl_c_while_it_builds_is_an_interrupted_build(legs: Legs, watching: Watching):
-    watching.until(lambda line: " ran " in line)
+    watching.until(lambda line: ": [1/" in line)
     watching.process.send_signal(signal.SIGINT)
     assert watching.process.wait(20) == 130
 
