@@ -104,7 +104,10 @@ def test_it_is_equal_in_usd(tmp_path: Path) -> None:
     ("rules", "path", "attribute", "value"),
     [
         (
-            {"equal.usd.base_pose", "equal.usd.robot_prim_pose"},
+            {
+                f"equal.usd.{fact}"
+                for fact in ("base_pose", "robot_prim_pose", "metadata_asset_extents")
+            },
             "/robot",
             "xformOp:orient",
             Gf.Quatd(1.0, 0.0, 0.0, 0.0),
