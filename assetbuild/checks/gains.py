@@ -170,11 +170,7 @@ class Gains(Check):
                 "soles": len(soles),
                 "unbalanced": left_over,
                 "joints": {name: asdict(one) for name, one in found.items()},
-                **(
-                    {"reflected": {n: asdict(one) for n, one in reflected.items()}}
-                    if closed
-                    else {}
-                ),
+                **({"reflected": {n: asdict(r) for n, r in reflected.items()}} if closed else {}),
             },
             {"unbalanced": UNBALANCED, "load": self.torque, "sag": self.sag, "holding": 0.1},
         )
@@ -185,8 +181,10 @@ class Gains(Check):
             yield from self._judge(actuator, one, control, slides=slides)
             if name in reflected and (one.margin is None or one.margin >= self.margin):
                 felt = reflected[name]
+                place, inertia_unit = ("m", "kg") if slides else ("rad", "kg m²")
                 where = (
-                    f" at {felt.at_least:.3g}, where loops leave it {felt.least:.3g} kg m² or kg"
+                    f" with the joint at {felt.at_least:.3g} {place}, where its loops leave it "
+                    f"an inertia of {felt.least:.3g} {inertia_unit}"
                 )
                 one = self._effective(actuator, felt.least, None, control)
                 yield from _judge_stability(one, timestep, f"actuator {name}", self.margin, where)

@@ -25,7 +25,7 @@ NO_POSE = np.zeros((0, 3))
 
 
 class NewtonLoops(ConsumerCheck):
-    """As the check `loops`, of `usd/<robot>.usda` in Newton's MuJoCo solver."""
+    """Swings the driven joints of `usd/<robot>.usda` in Newton and measures every gap."""
 
     needs: ClassVar[tuple[str, ...]] = ("usd",)
     reads: ClassVar[tuple[str, ...]] = ("tree.json", "control.json")
@@ -38,19 +38,15 @@ class NewtonLoops(ConsumerCheck):
     @classmethod
     def configure(cls, recipe: RecipeView) -> Self | None:
         """Only for a robot that may have loops: by its recipe, its parts or its MJCF."""
-        may = [recipe.value(key) for key in ("loops", "compose", "source.mjcf")]
-        return super().configure(recipe) if any(may) else None
+        asked = any(map(recipe.value, loop_swing.SOURCES))
+        return super().configure(recipe) if asked else None
 
     def run(self, files: Files) -> Iterator[Finding]:
         """Reads the robot and its USD."""
         robot = RobotFiles(files.inputs)
         tree, control = robot.tree, robot.control
-        if not control.loops:
-            write_figures(files, {"skipped": "the robot has no loops"})
-            return
-        if balls := loop_swing.balls(tree, control):
-            text = f"a loop runs over ball joint `{balls[0]}`; the edit `split_joint` makes hinges"
-            write_figures(files, {"skipped": text})
+        if reason := loop_swing.unfit(tree, control):
+            write_figures(files, {"skipped": reason})
             return
         asked = loop_swing.trial(tree, control, self.wish)
         path = (files.inputs / f"usd/{self.robot}.usda").absolute()

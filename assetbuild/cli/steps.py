@@ -48,7 +48,7 @@ STEPS: dict[str, tuple[str, float]] = {
     "mjlab": ("writing the module for mjlab", 0.1),
     "isaaclab": ("writing the module for Isaac Lab", 0.1),
 }
-"""By the first words of a step's label: what it does, in words before its subject; seconds."""
+"""First words of a step's label -> (what it does, to be followed by its subject; usual seconds)."""
 CHECKS: dict[str, tuple[str, float]] = {
     "alignment": ("comparing motions in PhysX and MuJoCo", 60.0),
     "coverage": ("measuring how well collision covers the robot", 3.0),
@@ -61,7 +61,7 @@ CHECKS: dict[str, tuple[str, float]] = {
     "stand": ("letting it hold its pose", 0.3),
     "trials": ("letting it fall and settle", 0.6),
 }
-"""By the check's name; the others are worded by it alone."""
+"""Name of a check -> the same. Other checks get their words from their names."""
 USUAL_S = 0.3
 SLOW_CHECK_S = 30.0
 """A check that starts PhysX or a trainer."""

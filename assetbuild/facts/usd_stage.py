@@ -89,7 +89,11 @@ def stage_facts(stage: Usd.Stage, units: Units, book: Writer) -> None:
                     book.skip(layer.GetDisplayName(), key, layer.defaultPrim)
             elif key == "customLayerData" and layer == stage.GetRootLayer():
                 metadata_facts(stage, root.GetInfo(key), book)
-            elif key == "customLayerData" and set(root.GetInfo(key)) == {METADATA}:
+            elif (
+                key == "customLayerData"
+                and set(root.GetInfo(key)) == {METADATA}
+                and _lies_beside(layer, stage.GetRootLayer())
+            ):
                 pass  # of the robot that a scene refers to: it belongs to that file alone
             else:
                 book.skip(layer.GetDisplayName(), key, root.GetInfo(key))
@@ -122,3 +126,8 @@ def _said_by(spec: Sdf.PrimSpec) -> Iterator[str]:
             yield str(key)
     yield from (str(found.name) for found in spec.properties)
     yield from (str(found.name) for found in spec.nameChildren)
+
+
+def _lies_beside(layer: Sdf.Layer, root: Sdf.Layer) -> bool:
+    """Whether it is another file of the same folder: payloads lie in a folder of their own."""
+    return Path(layer.realPath).parent == Path(root.realPath).parent

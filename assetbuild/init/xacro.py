@@ -50,7 +50,7 @@ _OWN = {
 
 @dataclass(frozen=True)
 class Removal:
-    """An element that cannot be expanded, and that the robot can do without."""
+    """Text that no reader can follow, and that the robot can do without. tag: the text itself."""
 
     file: Path
     tag: str

@@ -28,7 +28,7 @@ on a trunk of 0.6 m, less than a pixel of the view. The larger of the two counts
 SAMPLES = 2500
 """Points of both surfaces between which the error is measured."""
 HALVINGS = 3
-"""To an eighth, at most."""
+"""A mesh keeps an eighth of its triangles, or more."""
 FEW, SURELY = 250, 0.05
 """Where more than 5 % of so few points err, more than 1 % of all do."""
 
@@ -109,10 +109,10 @@ class Lighten(Step):
 
 
 def _light(mesh: TriangleMesh, error_m: float) -> TriangleMesh:
-    """With an eighth, a quarter or half of its triangles, if one of them keeps its shape.
+    """Halve the triangles up to three times, and return the smallest mesh that keeps its shape.
 
-    Each is made of half of the one before, as long as a few of its points keep to the error; the
-    last that keeps to it with all of them is taken.
+    Each is made from the one before, until even a few of its points lie too far off. The smallest
+    whose points all lie near enough is taken; `mesh` itself where none does.
     """
     surface = NearestSurface(mesh)
     points = surface_samples(mesh, SAMPLES, 1)[0]

@@ -354,7 +354,7 @@ class Control:
 
     @property
     def in_mjcf(self) -> Control:
-        """As the MJCF has it beside `mjcf_only`: without the drives that stand there."""
+        """The control without the drives that the MJCF states in its own words, see `mjcf_only`."""
         over = self.own_drives
         rows = tuple(_undriven(row) if row.joint in over else row for row in self.actuators)
         return replace(self, actuators=rows) if over else self

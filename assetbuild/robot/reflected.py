@@ -35,7 +35,7 @@ class Reflected:
 
 
 def felt_inertia(control: Control, robot: Dynamics) -> dict[str, float]:
-    """By joint, kg m2 or kg; infinite of a joint that the loops lock."""
+    """The inertia that each joint feels, kg m2 or kg; infinite where the loops lock the joint."""
     basis = free_motions(control.loops, robot.motions)
     compliance: Array = basis @ np.linalg.pinv(basis.T @ robot.mass @ basis, hermitian=True)
     compliance = compliance @ basis.T

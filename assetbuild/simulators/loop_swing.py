@@ -19,6 +19,8 @@ from assetbuild.robot.model import Actuator, Control, Tree
 from assetbuild.robot.reflected import felt_inertia
 from assetbuild.simulators.experiments import Motion, Sine, sine_of
 
+SOURCES = ("loops", "compose", "source.mjcf")
+"""Keys of a recipe by which its robot may have loops."""
 SERVO_HZ = 4.0
 """Natural frequency of the critically damped servos that stand in for drives without a gain."""
 HALVINGS = 6
@@ -99,6 +101,15 @@ def about_closed(tree: Tree, control: Control, sine: Sine, home: Mapping[str, fl
         if found.closed:
             return replace(sine, middle=found.positions)
     return replace(sine, middle=with_mimics(tree, home))
+
+
+def unfit(tree: Tree, control: Control) -> str:
+    """Why the loops of this robot cannot be swung; "" where they can."""
+    if not control.loops:
+        return "the robot has no loops"
+    over = balls(tree, control)
+    hint = "the edit `split_joint` makes hinges"
+    return f"a loop runs over ball joint `{over[0]}`; {hint}" if over else ""
 
 
 def balls(tree: Tree, control: Control) -> tuple[str, ...]:

@@ -72,6 +72,15 @@ def test_a_wrong_or_an_invented_word_is_found(tmp_path: Path, word: str, wrong: 
     assert [f.severity for f in compared(inputs, tmp_path)] == ["error"]
 
 
+def test_words_in_a_payload_are_not_overlooked(tmp_path: Path) -> None:
+    inputs = check_inputs(tmp_path, tiny_quadruped(), TARGET, "usd")
+    payload = next((inputs / "usd/payloads").glob("*.usd*"))
+    layer = Sdf.Layer.FindOrOpen(str(payload))
+    layer.customLayerData = {"SimReady_Metadata": {"mass": 2.0}}
+    layer.Save()
+    assert [f.rule for f in compared(inputs, tmp_path)] == ["equal.unread"]
+
+
 def test_the_thumbnail_is_a_square_of_256_pixels() -> None:
     picture = thumbnail(np.zeros((300, 500, 3), np.uint8))
     assert Image.open(io.BytesIO(picture)).size == (256, 256)
