@@ -1,4 +1,4 @@
-"""A four-bar whose loop only the recipe states, built as a user builds it; a wrong loop is refused."""
+"""A four-bar whose loop only the recipe states builds as a user builds it; wrong loops do not."""
 
 from __future__ import annotations
 
@@ -81,7 +81,8 @@ LINE = RECIPE[: RECIPE.index(PIN)].count("\n") + 1
         ),
         (
             "{link: rocker, xyz: [0.15, 0, 0]}", "{link: base, xyz: [1, 0, 0]}", LINE,
-            "loops: `pin` cannot close: the nearest that its ends `coupler` and `base` come is 0.7 m",
+            "loops: `pin` cannot close: the nearest that its ends `coupler` and `base` come is "
+            "0.7002 m",
             "check the frames of both ends",
         ),
         (
@@ -92,7 +93,7 @@ LINE = RECIPE[: RECIPE.index(PIN)].count("\n") + 1
         ),
         (
             "{link: rocker, xyz: [0.15, 0, 0]}}", "{link: base, xyz: [0.25, 0, 0]}}", LINE,
-            "loops[0]: loop `pin` locks joint `crank_joint`, which is driven",
+            "loops: `pin` locks joint `crank_joint`, which is driven",
             "a loop must leave its driven joints a motion",
         ),
     ],
