@@ -51,7 +51,7 @@ class Lighten(Step):
 
     def run(self, files: Files) -> Iterable[Finding]:
         """Reads `meshes/<n>/parts/`; writes `<SHA-256 of the full OBJ>.obj`."""
-        found = {}
+        found: dict[str, bytes] = {}
         for path in sorted((files.inputs / "meshes").glob("*/parts/*.obj")):
             text = path.read_bytes()
             found.setdefault(hashlib.sha256(text).hexdigest(), text)
