@@ -25,6 +25,8 @@ ROUNDS = 8
 """Most Gauss-Newton steps."""
 ENOUGH = 0.02
 """Steps below this share of each standard error end the fit."""
+FURTHEST = 25.0
+"""A step changes no parameter by more than its size, or so many times its step for differences."""
 
 Simulate = Callable[[Sequence[Array]], Array]
 """Parameter vectors, (P,) each -> predictions (vectors, samples, channels)."""
@@ -183,7 +185,9 @@ def _walk(
         return found if np.isfinite(found) else np.inf
 
     now = cost(simulated)
-    for share in (1.0, 0.3, 0.1):
+    furthest = np.maximum(np.abs(theta), FURTHEST * np.abs(problem.steps))
+    step = step * min(1.0, float(np.min(furthest / np.maximum(np.abs(step), 1e-300))))
+    for share in (1.0, 0.3, 0.1, 0.03):
         there = np.maximum(theta + share * step, problem.lower)
         prediction = problem.simulate([there])[0]
         if cost(prediction) <= now:

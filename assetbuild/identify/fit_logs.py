@@ -41,7 +41,7 @@ REFUSED = Rule(
     "identify.refused",
     "warning",
     "the logs do not show a parameter: it keeps its prior",
-    "record a motion that excites it: `assetbuild identify RECIPE --excite`",
+    "record a motion that excites it",
 )
 PRIOR_OUTSIDE = Rule(
     "identify.prior",
@@ -283,7 +283,7 @@ def _findings(fit: Fit) -> Iterator[Finding]:
         yield REFUSED(
             f"joint {each.joints[0]}",
             f"{each.label} is not identified: {each.refused}; it keeps {kept}",
-            hint="`assetbuild identify RECIPE --excite` proposes a motion that shows it",
+            hint="record a motion that excites it, or leave it out of `fit`",
             data={"parameter": each.name, "low": each.low, "high": each.high},
         )
         outside = each.prior is not None and not each.low <= each.prior <= each.high

@@ -48,6 +48,7 @@ class Drive:
     """A joint of the log: gains of the controller, what the joint itself has, delay in s.
 
     offset: constant torque, which stands for a zero that is off, a cable, a sensor's bias.
+    lag: s, by which the command in a measured torque is older than the position of the same row.
     """
 
     kp: float
@@ -58,6 +59,7 @@ class Drive:
     effort: float
     delay: float = 0.0
     offset: float = 0.0
+    lag: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -219,7 +221,7 @@ class Plant:
             q.append(sampled[:, :, 1 + self.at])
             v.append(sampled[:, :, first + self.dof])
         position, velocity = np.concatenate(q, axis=1), np.concatenate(v, axis=1)
-        return position, _torque(position, velocity, variants, commands, stride)
+        return position, _torque(position, velocity, variants, record)
 
     def _inertia(self) -> Array:
         """(J,) what each joint moves at rest without its armature, kg m2 or kg."""
@@ -318,12 +320,16 @@ def _torque(
     q: Array,
     v: Array,
     variants: Sequence[Sequence[Drive]],
-    commands: Sequence[Array],
-    stride: int,
+    record: Record,
 ) -> Array:
     """What the drives make at the samples."""
     gains = np.array([[[d.kp, d.kd, d.offset, d.effort] for d in one] for one in variants])
     kp, kd, offset, effort = (gains[:, None, :, i] for i in range(4))
-    u = np.array([np.concatenate([c[::stride], c[-1:]]) for c in commands])
+    n = np.arange(len(record.target))
+    u = np.empty_like(q)
+    for one, drives in zip(u, variants, strict=True):
+        for j, drive in enumerate(drives):
+            late = (drive.delay + drive.lag) / record.period_s
+            one[:, j] = np.interp(n - late, n, record.target[:, j])
     force: Array = np.clip(offset + kp * (u - q) - kd * v, -effort, effort)
     return force

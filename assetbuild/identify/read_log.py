@@ -9,6 +9,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
+from pydantic import Field
 
 from assetbuild.engine.step import Files, Limits, Step
 from assetbuild.errors import StepError
@@ -49,7 +50,7 @@ class ReadLog(Step):
 
     file: str
     joints: tuple[str, ...]
-    names: dict[str, str] = {}
+    names: dict[str, str] = Field(default_factory=dict)
     columns: Columns
     interval: tuple[float, float] | None = None
     time_unit: str = "s"
@@ -147,9 +148,7 @@ class ReadLog(Step):
         period = float(np.mean(whole)) if len(whole) else period
         gaps = np.flatnonzero(steps >= GAP * period)
         ends = [0, *(int(g) + 1 for g in gaps), len(time)]
-        found = [
-            (a, b) for a, b in itertools.pairwise(ends) if (b - a) * period >= SHORTEST_S
-        ]
+        found = [(a, b) for a, b in itertools.pairwise(ends) if (b - a) * period >= SHORTEST_S]
         lost = float(np.sum(steps[gaps]))
         if not found or lost > MOST_LOST * (time[-1] - time[0]):
             raise StepError(

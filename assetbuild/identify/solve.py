@@ -21,9 +21,11 @@ RATE_HZ = 250.0
 FLOOR = 0.01
 """No interval is narrower than this share of the value to either side: the steps of the simulation
 and the stiffness of the links are not known better."""
-CLOCK_S = 0.00025
+CLOCK_S = 0.0002
 """A controller samples, so its damping acts late by a time that no log states: so much of it times
 the damping is inertia that cannot be told from the armature. Of logs of a simulator it is known."""
+DELAY_S = 0.0005
+"""A delay whose interval is no wider is identified, however short it is."""
 SAME = 0.99
 """Correlation from which two parameters cannot be told apart."""
 
@@ -64,6 +66,8 @@ def solve(
 ) -> Solution:
     """Fit the unknowns to the records. widest: share of a value, see `Identify.widest`."""
     offsets = [Unknown("offset", (j,), 0.0, wanted=False) for j in range(len(priors))]
+    if _has_torque(records):
+        offsets.append(Unknown("lag", tuple(range(len(priors))), 0.0, wanted=False))
     every = (*unknowns, *offsets)
     wanted = [
         frozenset(u.name for u in every if j in u.joints and u.wanted) for j in range(len(priors))
@@ -75,7 +79,8 @@ def solve(
     found = estimate(problem)
     floor = FLOOR * np.abs(found.theta)
     if plant.simulator_step is None:
-        floor += [_clock(unknown, priors, found.theta, every) for unknown in every]
+        drives = with_values(priors, every, found.theta)
+        floor += [_clock(unknown, drives, _has_torque(records)) for unknown in every]
     low = np.minimum(found.low, found.theta - floor)
     high = np.maximum(found.high, found.theta + floor)
     refused = _refusals(every, found, low, high, widest)
@@ -104,7 +109,7 @@ def with_values(
 def _problem(
     plant: Plant, records: Sequence[Record], guess: Sequence[Drive], unknowns: Sequence[Unknown]
 ) -> Problem:
-    count, has_torque = len(guess), all(record.torque is not None for record in records)
+    count, has_torque = len(guess), _has_torque(records)
 
     def simulate(vectors: Sequence[Array]) -> Array:
         variants = [with_values(guess, unknowns, vector) for vector in vectors]
@@ -128,8 +133,12 @@ def _problem(
     steps = np.array(
         [_step(u, value, guess, records) for u, value in zip(unknowns, start, strict=True)]
     )
-    lower = np.array([-np.inf if u.name == "offset" else 0.0 for u in unknowns])
+    lower = np.array([-np.inf if u.name in ("offset", "lag") else 0.0 for u in unknowns])
     return Problem(simulate, measured, blocks, start, lower, steps, parts)
+
+
+def _has_torque(records: Sequence[Record]) -> bool:
+    return all(record.torque is not None for record in records)
 
 
 def _channels(record: Record, has_torque: bool) -> Array:
@@ -176,6 +185,7 @@ def _step(
         "offset": 0.2 * torque,
         "effort": max(value, torque),
         "delay": 0.05,
+        "lag": 0.05,
     }[unknown.name]
     return 0.02 * scale
 
@@ -183,14 +193,19 @@ def _step(
 # --- what to believe ------------------------------------------------------------------------
 
 
-def _clock(
-    unknown: Unknown, priors: Sequence[Drive], theta: Array, unknowns: Sequence[Unknown]
-) -> float:
-    """What the armature is uncertain by because the controller's clock is, kg m2 or kg."""
-    if unknown.name != "armature":
-        return 0.0
-    drives = with_values(priors, unknowns, theta)
-    return CLOCK_S * max(drives[j].kd + drives[j].damping for j in unknown.joints)
+def _clock(unknown: Unknown, drives: Sequence[Drive], has_torque: bool) -> float:
+    """What a parameter is uncertain by because the clocks are, in its own unit.
+
+    A torque that is sampled late looks like damping of the drive in place of the joint's.
+    """
+    own = [drives[j] for j in unknown.joints]
+    if unknown.name == "delay":
+        return CLOCK_S
+    if unknown.name == "armature":
+        return CLOCK_S * max(drive.kd + drive.damping for drive in own)
+    if unknown.name in ("damping", "kd") and has_torque:
+        return 2.0 * CLOCK_S * max(drive.kp for drive in own)
+    return 0.0
 
 
 def _refusals(
@@ -209,7 +224,7 @@ def _refusals(
             reasons.append(f"the data show it only together with {others[0]}")
         elif value <= 0.0:
             reasons.append(f"the best value is 0, at most {high[i]:.3g}")
-        elif width > widest * value:
+        elif width > max(widest * value, DELAY_S if unknown.name == "delay" else 0.0):
             reasons.append(
                 f"its interval is {width / value:.0%} of its value, above the limit of {widest:.0%}"
             )

@@ -52,12 +52,13 @@ def _correlations(a: Array, b: Array) -> Array:
 
 
 def _swapped(joints: Sequence[str], position: Array, target: Array) -> Iterator[Suspicion]:
-    alike = _correlations(position, target)
+    alike = np.abs(_correlations(position, target))
+    left = 1.0 - alike**2  # share of the motion that the command leaves open
     for i, joint in enumerate(joints):
-        best = int(np.argmax(np.abs(alike[i])))
-        own, other = abs(alike[i, i]), abs(alike[i, best])
-        mutual = int(np.argmax(np.abs(alike[best]))) == i
-        if i < best and mutual and own < FOLLOWS and other > 0.9 and other > own + 0.3:
+        best = int(np.argmax(alike[i]))
+        mutual = int(np.argmax(alike[best])) == i
+        clear = all(left[a, b] < 0.5 * left[a, a] for a, b in ((i, best), (best, i)))
+        if i < best and mutual and clear and alike[i, best] > 0.9:
             yield Suspicion(
                 f"the position of `{joint}` follows the command of `{joints[best]}` and the other "
                 "way round: two columns are swapped",

@@ -115,7 +115,7 @@ def _numbers(actuator: Actuator, keys: dict[str, Any]) -> dict[str, Any]:  # Any
 
 def _flow(row: Mapping[str, Any], indent: str) -> str:  # Any: YAML
     """`{joints: .., ..}`; what was measured on lines of its own."""
-    head = [f"{k}: {json.dumps(v)}" for k, v in row.items() if k not in row.get("measured", ())]
+    head = [f"{k}: {_text(v)}" for k, v in row.items() if k not in row.get("measured", ())]
     if "measured" not in row:
         return "{" + ", ".join(head) + "}"
     numbers = ", ".join(f"{name}: {row[name]!r}" for name in row["measured"])
@@ -125,3 +125,12 @@ def _flow(row: Mapping[str, Any], indent: str) -> str:  # Any: YAML
         "{" + ", ".join(own) + f",\n{indent}   {numbers},\n{indent}   measured: [{names}],\n"
         f"{indent}   source: {json.dumps(row['source'])}}}"
     )
+
+
+def _text(value: Any) -> str:  # Any: YAML
+    """A plain word or number as people write it, all else as JSON."""
+    if isinstance(value, float) and value.is_integer() and abs(value) < 1e9:
+        return str(int(value))
+    if isinstance(value, str) and re.fullmatch(r"[a-z]\w*_\w+|pd|ideal_pd", value, re.ASCII):
+        return value
+    return json.dumps(value)
