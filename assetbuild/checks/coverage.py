@@ -85,6 +85,7 @@ IN_MM = ("not_covered_mm", "sticks_out_mm", "shift_mm")
 class Coverage(Check):
     """Findings `coverage.*`; figures: a row for each body with both kinds of geometry."""
 
+    usual_s = 2.0
     isolated = True
     preload = ("numpy", "scipy.spatial", "fast_simplification")
     reads = ("tree.json", "shapes.json", "triangles.npz", "hulls.npz")

@@ -99,6 +99,7 @@ class Filled:
 class Mass(Check):
     """Findings `mass.<what>`: of the robot's total and of each body against its geometry."""
 
+    usual_s = 0.5
     isolated = True
     preload = ("numpy", "scipy.spatial", "fast_simplification")
     reads = ("tree.json", "shapes.json", "hulls.npz")

@@ -16,6 +16,7 @@ from assetbuild.simulators.experiments import Fall, FreeFall
 class PhysxFreeFall(Check):
     """Compares the drop of the centre of mass with g/2 t (t + dt/N), N position iterations."""
 
+    usual_s = 30.0
     needs: ClassVar[tuple[str, ...]] = ("usd",)
     reads: ClassVar[tuple[str, ...]] = ("tree.json", "control.json")
     requires: ClassVar[Mapping[str, str]] = physx.REQUIRES

@@ -17,6 +17,7 @@ from assetbuild.simulators.loop_swing import LoopSwing
 class PhysxLoops(Check):
     """Swings the driven joints of `usd/<robot>.usda` in PhysX and measures every gap."""
 
+    usual_s = 30.0
     needs: ClassVar[tuple[str, ...]] = ("usd",)
     reads: ClassVar[tuple[str, ...]] = ("tree.json", "control.json")
     requires: ClassVar[Mapping[str, str]] = physx.REQUIRES

@@ -39,6 +39,7 @@ DRIFT = Rule("physx.drift", "error", "a fixed base moved", "report it: this is a
 class PhysxReadback(Check):
     """`usd/<robot>.usda` in PhysX: bodies, joints, gains, limits; then 5 s on a floor."""
 
+    usual_s = 30.0
     needs: ClassVar[tuple[str, ...]] = ("usd",)
     also: ClassVar[tuple[str, ...]] = ("mjcf",)
     reads: ClassVar[tuple[str, ...]] = Reader.reads

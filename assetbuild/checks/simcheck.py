@@ -27,6 +27,7 @@ BROKEN = Rule("simcheck.broken", "warning", "simcheck gave no report", "read its
 class Simcheck(Check):
     """Findings `simcheck.<category>.<check>`. Its engines are left off: ours simulate already."""
 
+    usual_s = 30.0
     listed_in = "validate.linters"
     isolated = True
     needs = ("mjcf",)

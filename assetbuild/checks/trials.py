@@ -129,6 +129,7 @@ def _as_consequence(finding: Finding) -> Finding:
 class Trials(Check):
     """Findings `trials.<what>`; one compilation of `mjcf/scene.xml` serves all experiments."""
 
+    usual_s = 0.6
     isolated = True
     preload = ("mujoco",)
     needs = ("mjcf",)

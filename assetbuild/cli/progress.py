@@ -11,9 +11,9 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 
 from assetbuild.cli.public import shown_seconds
-from assetbuild.cli.steps import step_words, usual_seconds
+from assetbuild.cli.steps import step_words
+from assetbuild.engine.costs import Costs
 from assetbuild.engine.execute import Event
-from assetbuild.engine.graph import Graph
 from assetbuild.engine.processes import usable_cores
 
 SLOW_S = 2.0
@@ -28,7 +28,7 @@ class Progress:
     def __init__(self, name: str) -> None:
         self._name = name
         self._began = time.monotonic()
-        self._forecast = Forecast({}, {}, 1)
+        self._forecast = Forecast(Costs(), 1)
         self._whole = False
         self._expected_said = False
 
@@ -52,8 +52,8 @@ class Progress:
 
     def _note(self, event: Event) -> None:
         self._whole = event.whole
-        if event.graph is not None:
-            self._forecast = forecast(event.graph, event.last_s)
+        if event.costs is not None:
+            self._forecast = Forecast(event.costs, usable_cores())
         elif event.kind == "finished":
             self._forecast.done(event.label)
 
@@ -157,16 +157,11 @@ class LiveProgress(Progress):
 
 
 class Forecast:
-    """What the steps of a graph still cost.
+    """What the steps of a graph still cost. places: steps that run at once."""
 
-    seconds: what each step costs, as far as it is known; chains: what the longest chain of steps
-    costs that begins with it; places: steps that run at once.
-    """
-
-    def __init__(
-        self, seconds: Mapping[str, float], chains: Mapping[str, float], places: int
-    ) -> None:
-        self._seconds, self._chains, self._places = dict(seconds), dict(chains), places
+    def __init__(self, costs: Costs, places: int) -> None:
+        self._seconds, self._chains = dict(costs.seconds), dict(costs.chains)
+        self._places = places
 
     def done(self, label: str) -> None:
         """The step has ended, or was in the store."""
@@ -179,16 +174,6 @@ class Forecast:
         work = sum(self._seconds.values()) - sum(spent.values())
         longest = max((c - spent.get(label, 0.0) for label, c in self._chains.items()), default=0.0)
         return max(work / self._places, longest)
-
-
-def forecast(graph: Graph, last_s: Mapping[str, float]) -> Forecast:
-    """Each step as long as it last took here, else as long as such a step usually takes."""
-    seconds = {label: last_s.get(label, usual_seconds(label)) for label in graph.nodes}
-    chains = dict(seconds)
-    for label in reversed(list(graph.nodes)):  # each after all that read it
-        for maker in graph.predecessors(label):
-            chains[maker] = max(chains[maker], seconds[maker] + chains[label])
-    return Forecast(seconds, chains, usable_cores())
 
 
 def shown_time(seconds: float) -> str:

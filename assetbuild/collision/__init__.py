@@ -69,6 +69,7 @@ class CollisionMethod(Step):
     first, and taken when they fit this mesh as well as they fit theirs.
     """
 
+    usual_s = 1.0
     group: ClassVar[str] = "collision"
     outputs = ("pieces/", "pieces.json", "quality.json")
     isolated = True

@@ -98,6 +98,8 @@ class _Candidate:
 class Auto(CollisionMethod):
     """The fewest pieces of each source shape that meet the tolerances, else the best there are."""
 
+    usual_s = 2.5
+
     max_hulls: int = Field(32, ge=1, le=1024, description="most pieces")
     max_vertices: int = Field(
         64, ge=4, le=256, description="most vertices of a piece; PhysX on a GPU takes 64"

@@ -24,6 +24,8 @@ MORE_HULLS = Rule(
 class CoAcd(CollisionMethod):
     """Pieces of each source shape. It covers too much rather than too little."""
 
+    usual_s = 8.0
+
     max_hulls: int | None = Field(
         None,
         ge=1,

@@ -12,6 +12,8 @@ from assetbuild.mesh.solid import ConvexPiece
 class Hull(CollisionMethod):
     """The convex hull of each source shape, by qhull."""
 
+    usual_s = 0.4
+
     max_vertices: int | None = Field(
         64, ge=4, le=256, description="most vertices of a piece; PhysX on a GPU takes 64"
     )

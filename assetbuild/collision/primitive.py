@@ -37,6 +37,7 @@ PARTS = 32
 class FitPrimitive(CollisionMethod):
     """Few primitives for all shapes of a link, by a two-sided score of what is over and missing."""
 
+    usual_s = 2.0
     scope = "shapes"
 
     shape: PrimitiveName | tuple[PrimitiveName, ...] | None = Field(

@@ -5,10 +5,11 @@ from __future__ import annotations
 import threading
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from queue import SimpleQueue
 from typing import Literal
 
+from assetbuild.engine.costs import Costs, costs
 from assetbuild.engine.graph import Graph
 from assetbuild.engine.make import Maker, NodeResult
 from assetbuild.engine.processes import Processes
@@ -25,8 +26,8 @@ HEALING_ROUNDS = 3
 class Event:
     """Progress, for a terminal. Reported by the thread that called `execute`, one at a time.
 
-    planned: once in each round, with its `graph` and what its steps took when they last ran here
-    (`last_s`, seconds by label); `whole`: no later round adds steps, so `total` stays.
+    planned: once in each round, with the expected `costs` of its steps; `whole`: no later round
+    adds steps, so `total` stays.
     started: the step of `label` begins to run (a cached node does not start).
     finished: `result` is there. done counts finished and blocked nodes.
     waiting: how many nodes cannot be made before the one that started is.
@@ -39,8 +40,7 @@ class Event:
     result: NodeResult | None = None
     waiting: int = 0
     whole: bool = True
-    graph: Graph | None = None
-    last_s: Mapping[str, float] = field(default_factory=dict)
+    costs: Costs | None = None
 
 
 Listener = Callable[[Event], None]
@@ -61,6 +61,7 @@ def execute(
 ) -> dict[str, NodeResult]:
     """Make every node; a result for each, in the order of the graph.
 
+    Of the nodes that may start, the one with the longest chain of steps behind it comes first.
     runner: where steps run; None = processes of this machine that end with this call.
     jobs: how many steps run at once; a step that declares more `cpus` takes as many places.
     None = the places of the runner. keep_going: after a failure, still make everything that does
@@ -131,6 +132,7 @@ class _Schedule:
                 self.readers[each].append(label)
         self.waiting = {label: set(makers) for label, makers in self.makers.items()}
         self.running: set[str] = set()
+        self.costs = costs(graph, self.maker.session.journal)
         self.work: SimpleQueue[str | None] = SimpleQueue()
         self.inbox: SimpleQueue[tuple[str, _Message]] = SimpleQueue()
 
@@ -164,7 +166,8 @@ class _Schedule:
         self.inbox.put((label, "started"))
 
     def _start_what_fits(self) -> None:
-        for label in [label for label, missing in self.waiting.items() if not missing]:
+        ready = [label for label, missing in self.waiting.items() if not missing]
+        for label in sorted(ready, key=lambda label: -self.costs.chains[label]):
             if self.stopping and type(self.graph.nodes[label].step) not in self.told:
                 continue
             need = self._need(label)
@@ -232,11 +235,6 @@ class _Schedule:
         self.results[label] = result
         self._say("finished", label, result)
 
-    def _last_s(self) -> dict[str, float]:
-        journal = self.maker.session.journal
-        noted = {label: journal.last_seconds(label) for label in self.graph.nodes}
-        return {label: seconds for label, seconds in noted.items() if seconds is not None}
-
     def _say(
         self,
         kind: Literal["planned", "started", "finished"],
@@ -246,9 +244,7 @@ class _Schedule:
     ) -> None:
         done, total = len(self.results), len(self.graph.nodes)
         if kind == "planned":
-            self.tell(
-                Event(kind, done, total, whole=self.whole, graph=self.graph, last_s=self._last_s())
-            )
+            self.tell(Event(kind, done, total, whole=self.whole, costs=self.costs))
             return
         self.tell(Event(kind, done, total, label, result, waiting, self.whole))
 

@@ -70,6 +70,9 @@ class Step(BaseModel):
     Steps with the same tuple share one process that has them imported, so name them alike.
     """
     limits: ClassVar[Limits] = Limits()
+    usual_s: ClassVar[float] = 0.1
+    """How long such a step takes on one core, about. What takes longest, with all that waits for
+    it, starts first; a build that ran here before knows better."""
     all_told: ClassVar[bool] = False
     """When one fails, the others of its kind that can run still do: each is a file of the user's,
     and one build names all that are broken."""

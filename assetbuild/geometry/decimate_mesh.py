@@ -80,6 +80,7 @@ class DecimateMesh(Step):
     doubled until it does not. A mesh within the goal passes byte for byte.
     """
 
+    usual_s = 0.3
     outputs = ("parts/", "mesh.json")
     isolated = True
     preload = ("numpy", "scipy.spatial", "fast_simplification")

@@ -39,6 +39,7 @@ class MatchShapes(Step):
     A point of the mesh is signs * point of the earlier one + shift, per axis.
     """
 
+    usual_s = 0.5
     outputs = ("matches.json",)
     isolated = True
     limits = Limits(wall_s=600.0, memory_mb=4096)

@@ -25,6 +25,7 @@ class MeasureAssets(Step):
     hulls, each kind in one file.
     """
 
+    usual_s = 0.4
     outputs = ("assets.json", "triangles.npz", "hulls.npz")
     isolated = True
     preload = ("numpy", "scipy.spatial", "fast_simplification")

@@ -17,7 +17,6 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import stats
 
 from assetbuild.robot.pose import Array
 
@@ -198,6 +197,8 @@ def _walk(
 def _judged(
     problem: Problem, theta: Array, jacobian: Array, simulated: Array, sigma: Array
 ) -> Estimate:
+    from scipy import stats
+
     information = _information(jacobian, sigma)
     covariance, correlation, condition = _inverse(information, _scale(problem, theta))
     scores = _scores(problem, jacobian, simulated, sigma)

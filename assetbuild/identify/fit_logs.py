@@ -67,6 +67,7 @@ class FitLogs(Step):
     isolated = True
     cpu_bound = True
     preload = ("mujoco",)
+    usual_s = 30.0
     limits: ClassVar[Limits] = Limits(wall_s=7200.0, memory_mb=8192)
 
     joints: tuple[str, ...]

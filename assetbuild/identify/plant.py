@@ -8,7 +8,6 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from scipy import signal
 
 from assetbuild.robot.initial import initial_pose
 from assetbuild.robot.model import Actuator, Control, Tree
@@ -36,6 +35,8 @@ OF_JOINTS = ("joint", "equality", "tendon", "mimic")
 
 def smooth(values: Array, rate_hz: float) -> Array:
     """Without what is faster than the joints move; no lag."""
+    from scipy import signal
+
     cutoff = min(CUTOFF_HZ, 0.2 * rate_hz)
     sections = signal.butter(4, cutoff, fs=rate_hz, output="sos")
     short = min(len(values) - 1, int(3 * rate_hz / cutoff))

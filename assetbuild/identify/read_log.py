@@ -46,6 +46,7 @@ class ReadLog(Step):
 
     outputs = ("record.npz", "about.json")
     isolated = True
+    usual_s = 1.0
     limits = Limits(wall_s=1800.0, memory_mb=4096)
 
     file: str

@@ -1,7 +1,8 @@
-"""Visual meshes light enough to look at: for the pictures and the 3D view of the report."""
+"""Visual meshes light enough to look at, for the 3D view of the report."""
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from typing import ClassVar
@@ -15,10 +16,7 @@ from assetbuild.mesh.obj import obj_bytes, read_triangles
 from assetbuild.mesh.quality import NearestSurface, surface_samples
 from assetbuild.mesh.triangles import TriangleMesh
 from assetbuild.mesh.weld import cleaned
-from assetbuild.robot.codec import encode
-from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.pose import Array
-from assetbuild.robot.shapes import Mesh, MeshAsset, Shapes
 
 SMALLEST = 400
 """Triangles up to which a mesh is left as it is: a screw stays a screw."""
@@ -34,16 +32,16 @@ FEW, SURELY = 250, 0.05
 
 
 class Lighten(Step):
-    """`shapes.json`, `meshes/` -> the same two, visual meshes with fewer triangles.
+    """Converted meshes -> `light/`: those that lost triangles, each named after its full file.
 
     Each mesh keeps its shape: 99 % of both surfaces lie within an error that the view does not
     show. Only a robot that has more than `max_faces` triangles then loses more of them, all meshes
-    in proportion. Nothing of this is physics: collision meshes pass through as they are,
-    and no target reads it. Thinning loses the coordinates on a texture, so textured meshes stay
-    whole, or, where they are too many, lose the texture with them.
+    in proportion. The view shows colours and no textures, so their coordinates are lost as well.
+    Nothing of this is physics, and no target reads it.
     """
 
-    outputs = ("shapes.json", "meshes/")
+    usual_s = 3.0
+    outputs = ("light/",)
     isolated = True
     preload = ("numpy", "scipy.spatial", "fast_simplification")
     limits: ClassVar[Limits] = Limits(wall_s=600.0)
@@ -52,28 +50,14 @@ class Lighten(Step):
     """Triangles of all visual meshes together, each counted once."""
 
     def run(self, files: Files) -> Iterable[Finding]:
-        """Reads the final shapes; a mesh that cannot be decimated stays as it is."""
-        shapes = RobotFiles(files.inputs).shapes
-        names = {s.geometry.mesh for s in shapes.of("visual") if isinstance(s.geometry, Mesh)}
-        names -= {s.geometry.mesh for s in shapes.of("collision") if isinstance(s.geometry, Mesh)}
-        shapes, textured = self._textured(shapes)
-        names -= textured
-        data = {a.name: (files.inputs / "meshes" / a.file).read_bytes() for a in shapes.meshes}
-        light = self._lightened({name: data[name] for name in sorted(names)})
-        (files.outputs / "meshes").mkdir()
-        made = []
-        for asset in shapes.meshes:
-            mesh = light.get(asset.name)
-            if mesh is not None:
-                data[asset.name], asset = obj_bytes(mesh), _described(asset, mesh)
-            (files.outputs / "meshes" / asset.file).write_bytes(data[asset.name])
-            made.append(asset)
-        for material in shapes.materials:
-            picture = files.inputs / "meshes" / (material.texture or "")
-            if material.texture and picture.is_file():
-                (files.outputs / "meshes" / material.texture).write_bytes(picture.read_bytes())
-        final = replace(shapes, meshes=tuple(made))
-        (files.outputs / "shapes.json").write_bytes(encode(final))
+        """Reads `meshes/<n>/parts/`; writes `<SHA-256 of the full OBJ>.obj`."""
+        found: dict[str, bytes] = {}
+        for path in sorted((files.inputs / "meshes").glob("*/parts/*.obj")):
+            text = path.read_bytes()
+            found.setdefault(hashlib.sha256(text).hexdigest(), text)
+        (files.outputs / "light").mkdir()
+        for digest, mesh in self._lightened(dict(sorted(found.items()))).items():
+            (files.outputs / "light" / f"{digest}.obj").write_bytes(obj_bytes(mesh))
         return ()
 
     def _lightened(self, data: Mapping[str, bytes]) -> dict[str, TriangleMesh]:
@@ -93,19 +77,6 @@ class Lighten(Step):
         if share < 1.0:
             light = {n: _simplified(m, int(len(m.faces) * share)) or m for n, m in light.items()}
         return {name: mesh for name, mesh in light.items() if mesh is not plain[name]}
-
-    def _textured(self, shapes: Shapes) -> tuple[Shapes, set[str]]:
-        """Meshes that keep their texture, and the shapes, plain where those are too many."""
-        pictures = {material.name for material in shapes.materials if material.texture}
-        found = {
-            shape.geometry.mesh
-            for shape in shapes.of("visual")
-            if isinstance(shape.geometry, Mesh) and shape.material in pictures
-        }
-        if sum(asset.faces for asset in shapes.meshes if asset.name in found) <= self.max_faces:
-            return shapes, found
-        plain = tuple(replace(material, texture=None) for material in shapes.materials)
-        return replace(shapes, materials=plain), set()
 
 
 def _light(mesh: TriangleMesh, error_m: float) -> TriangleMesh:
@@ -153,7 +124,3 @@ def _simplified(mesh: TriangleMesh, goal: int) -> TriangleMesh | None:
     points = np.round(np.asarray(vertices, dtype=np.float64) * size + lower, 5)
     light = cleaned(TriangleMesh(points, np.asarray(faces, dtype=np.int64)))
     return light if len(light.faces) >= 4 else None  # None: a flat sheet that vanished
-
-
-def _described(asset: MeshAsset, mesh: TriangleMesh) -> MeshAsset:
-    return replace(asset, vertices=len(mesh.vertices), faces=len(mesh.faces))

@@ -36,6 +36,7 @@ class Render(Step):
     the renderer is part of the key, so a later driver makes them.
     """
 
+    usual_s = 5.0
     outputs = ("images/", "pictures.json")
     isolated = True
     cpu_bound = True  # Mesa compiles its shaders for the CPU that it finds

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 import gzip
+import hashlib
 import importlib.util
 import io
 import json
@@ -40,7 +41,9 @@ NO_VIEWER = Rule(
 
 
 class Viewer(Step):
-    """`tree.json`, light `shapes.json` and `meshes/` -> `viewer.json` and `three.js`.
+    """`tree.json`, `shapes.json`, `meshes/` and `light/` -> `viewer.json` and `three.js`.
+
+    light: as `Lighten` writes it; what is shown of meshes that nothing collides with.
 
     viewer.json: {"gzip": base64 of a compressed JSON}, which holds {"span_m", "meshes": {name:
     {"lower", "size", "points", "faces", "wide"}}, "shapes": [{"name", "link", "body", "role",
@@ -50,6 +53,7 @@ class Viewer(Step):
     quaternions wxyz.
     """
 
+    usual_s = 0.3
     outputs = ("viewer.json", "three.js")
     isolated = True
     preload = ("numpy", "scipy.spatial", "fast_simplification")
@@ -57,10 +61,7 @@ class Viewer(Step):
     def run(self, files: Files) -> Iterator[Finding]:
         """Without the library the page has no 3D view, and a finding says so."""
         robot = RobotFiles(files.inputs)
-        meshes = {
-            asset.name: read_triangles((robot.mesh_dir / asset.file).read_bytes())
-            for asset in robot.shapes.meshes
-        }
+        meshes = {name: read_triangles(text) for name, text in _shown(files, robot)}
         library = three_js()
         if library is None:
             yield NO_VIEWER(
@@ -78,6 +79,16 @@ class Viewer(Step):
         whole = json.dumps({"gzip": base64.b64encode(packed).decode("ascii")})
         (files.outputs / "viewer.json").write_text(whole, encoding="ascii")
         (files.outputs / "three.js").write_text(library or "", encoding="utf-8")
+
+
+def _shown(files: Files, robot: RobotFiles) -> Iterator[tuple[str, bytes]]:
+    """(name, OBJ) of each mesh: thinned where that was done and it is only looked at."""
+    shapes = robot.shapes
+    hit = {s.geometry.mesh for s in shapes.of("collision") if isinstance(s.geometry, Mesh)}
+    for asset in shapes.meshes:
+        text = (robot.mesh_dir / asset.file).read_bytes()
+        light = files.inputs / "light" / f"{hashlib.sha256(text).hexdigest()}.obj"
+        yield asset.name, light.read_bytes() if asset.name not in hit and light.is_file() else text
 
 
 def three_js() -> str | None:

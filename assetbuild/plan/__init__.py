@@ -31,7 +31,7 @@ from assetbuild.geometry.plan import Geometry, assemble, lint_density, lint_mesh
 from assetbuild.identify.plan import identify
 from assetbuild.kinds import Check, Target, lacking
 from assetbuild.lock import Lock, lock_path, read_lock
-from assetbuild.looks.plan import looks
+from assetbuild.looks.plan import lightened, looks
 from assetbuild.plan.agree import check_against_robot, check_names, turned_meshes
 from assetbuild.plan.edits import apply_edits, edit_keys
 from assetbuild.plugins import load_plugin, plugin_names
@@ -110,6 +110,7 @@ def plan(loaded: LoadedRecipe, lock: Lock | None, p: Planner, *, drawn: bool = T
     if geometry is None:
         return outline
     geometry.shapes = decode(SourceShapes, shapes)
+    light = lightened(recipe, geometry, p) if drawn else None
     assembled = assemble(loaded, decode(Tree, links), geometry, edited["shapes.json"], sides, p)
     lint_meshes(edited["links.json"], edited["shapes.json"], geometry, p)
     outline.subjects = geometry.subjects
@@ -120,21 +121,7 @@ def plan(loaded: LoadedRecipe, lock: Lock | None, p: Planner, *, drawn: bool = T
     if recipe.identify:
         identified = identify(loaded, outline.tree, tree["tree.json"], controlled, p)
         controlled, outline.fits = identified.control, identified.fits
-    ratings = p.add("ratings", KeepRatings(), {"control.json": controlled})
-    outline.robot = {
-        "links.json": edited["links.json"],
-        "tree.json": tree["tree.json"],
-        "shapes.json": assembled["shapes.json"],
-        "control.json": controlled,
-        "ratings.json": ratings["ratings.json"],
-        "meshes/": assembled["meshes/"],
-    }
-    measured = p.add(
-        "measure_assets",
-        MeasureAssets(),
-        {port: outline.robot[port] for port in ("shapes.json", "meshes/")},
-    )
-    outline.robot |= {port: measured[port] for port in MeasureAssets.outputs}
+    outline.robot = _robot(edited["links.json"], tree, assembled, controlled, p)
     pose = p.add("pose", KeepPose(), {"control.json": controlled})["control.json"]
     inputs = {"tree.json": tree["tree.json"], "control.json": pose}
     outline.bodies = p.add("measure_bodies", MeasureBodies(), inputs)["bodies.json"]
@@ -143,8 +130,8 @@ def plan(loaded: LoadedRecipe, lock: Lock | None, p: Planner, *, drawn: bool = T
         ranges = StateRanges(robot=recipe.robot, randomize=recipe.randomize)
         ports = {port: outline.robot[port] for port in ("tree.json", "control.json")}
         outline.ranges = p.add("state_ranges", ranges, ports)
-    if drawn:
-        outline.looks = looks(recipe, outline.robot, pose, p)
+    if light is not None:
+        outline.looks = looks(recipe, outline.robot, light, pose, p)
     _checks(recipe, outline, _sources(recipe, outline, read), p)
     return outline
 
@@ -230,6 +217,20 @@ def _merge(recipe: Recipe, ready: Ready, p: Planner) -> Node:
 
 
 # --- control, targets, checks ---------------------------------------------------------------
+
+
+def _robot(links: Ref, tree: Node, assembled: Node, control: Ref, p: Planner) -> dict[str, Ref]:
+    """The finished robot: what targets and checks read, by port."""
+    ratings = p.add("ratings", KeepRatings(), {"control.json": control})
+    shapes = {port: assembled[port] for port in ("shapes.json", "meshes/")}
+    measured = p.add("measure_assets", MeasureAssets(), shapes)
+    return shapes | {
+        "links.json": links,
+        "tree.json": tree["tree.json"],
+        "control.json": control,
+        "ratings.json": ratings["ratings.json"],
+        **{port: measured[port] for port in MeasureAssets.outputs},
+    }
 
 
 def _targets(recipe: Recipe, robot: Mapping[str, Ref], p: Planner) -> dict[str, Node]:

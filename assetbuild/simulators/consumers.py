@@ -46,6 +46,8 @@ class SmokeBounds(Model):
 class ConsumerCheck(Check):
     """Base of the checks `smoke_<consumer>`: their trainer's versions are part of their key."""
 
+    usual_s = 30.0
+
     # The work is done by a process of its own, whose place the environment names, and a GPU's
     # runtime takes more address space than any limit would leave it.
     in_parent: ClassVar[bool] = True

@@ -21,10 +21,14 @@ from assetbuild.cli.progress import (
 from assetbuild.cli.public import shown_figures, shown_next_step, shown_rows
 from assetbuild.cli.steps import step_words
 from assetbuild.cli.summary import every_finding_line, finding_lines
+from assetbuild.collision import CollisionMethod
+from assetbuild.engine.costs import Costs
 from assetbuild.engine.execute import Event
 from assetbuild.engine.explain import Change, Explanation
 from assetbuild.engine.make import NodeResult
 from assetbuild.findings import Finding, worst_first
+from assetbuild.kinds import Target
+from assetbuild.plugins import plugin_names
 from assetbuild.report.document import make_report
 from assetbuild.report.summary import WITHHELD
 from assetbuild.report.verdict import CheckResult
@@ -99,8 +103,14 @@ def test_every_step_of_a_build_has_words():
     ]
 
 
+def test_targets_and_collision_methods_have_words():
+    labels = [*plugin_names(Target), *plugin_names(CollisionMethod)]
+    assert [label for label in labels if step_words(label) == label] == []
+
+
 def test_the_expected_time_is_the_work_shared_among_cores_or_the_longest_chain():
-    sums = Forecast({"a": 4.0, "b": 2.0, "c": 2.0}, {"a": 6.0, "b": 2.0, "c": 2.0}, 2)
+    costs = Costs({"a": 4.0, "b": 2.0, "c": 2.0}, {"a": 6.0, "b": 2.0, "c": 2.0})
+    sums = Forecast(costs, 2)
     assert sums.left_s({}) == 6.0, "c follows a"
     assert sums.left_s({"a": 3.0}) == 3.0
     sums.done("a")

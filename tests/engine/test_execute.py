@@ -180,6 +180,29 @@ def test_independent_steps_run_side_by_side(session, tmp_path):
     assert [session.read(result["out"]) for result in results.values()] == [b"3"] * 3
 
 
+class Long(Mix):
+    """As `Mix`, and said to take long."""
+
+    in_parent = True
+    usual_s = 60.0
+
+
+def test_what_takes_longest_with_all_that_waits_for_it_starts_first(session):
+    planner = Planner(session)
+    planner.add("short", Mix(salt=1))
+    first = planner.add("first of a chain", Mix(salt=2))
+    planner.add("long", Long(salt=3), {"in": first["out"]})
+    planner.add("alone", Long(salt=4))
+    begun: list[str] = []
+
+    def note(event: Event) -> None:
+        if event.kind == "started":
+            begun.append(event.label)
+
+    execute(planner.graph(), session, jobs=1, on_event=note)
+    assert (begun[0], begun[-1]) == ("first of a chain", "short")
+
+
 def test_progress_is_told_in_order(session, source):
     told: list[Event] = []
     graph = chain(session, source)

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import base64
 import gzip
+import hashlib
 import json
+import shutil
 from dataclasses import replace
 from io import BytesIO
 from pathlib import Path
@@ -25,10 +27,10 @@ from assetbuild.looks.render import Render
 from assetbuild.looks.viewer import SPAN_M, Viewer, in_bytes, three_js
 from assetbuild.mesh.obj import obj_bytes, read_triangles
 from assetbuild.mesh.triangles import TriangleMesh
-from assetbuild.robot.codec import decode, encode
+from assetbuild.robot.codec import encode
 from assetbuild.robot.model import Control
 from assetbuild.robot.pose import Pose
-from assetbuild.robot.shapes import Box, Material, Mesh, MeshAsset, Shape, Shapes, Sphere
+from assetbuild.robot.shapes import Box, Mesh, MeshAsset, Shape, Shapes, Sphere
 from assetbuild.simulators.offscreen import renderer
 from assetbuild.simulators.studio import BACKGROUND
 from assetbuild.targets.mjcf import Mjcf
@@ -52,48 +54,45 @@ def ball_robot(faces_goal: int = 5000) -> TinyRobot:
     return replace(robot, shapes=shapes, meshes={"ball-1.obj": data})
 
 
+BALL = ball_robot().meshes["ball-1.obj"]
+LIGHT = f"light/{hashlib.sha256(BALL).hexdigest()}.obj"
+"""What `Lighten` makes of it."""
+
+
+def lighten(folder: Path, step: Lighten) -> Path:
+    """What the step makes of the ball: a folder with `light/`."""
+    parts = folder / "in/meshes/0/parts"
+    parts.mkdir(parents=True)
+    (parts / "0.obj").write_bytes(BALL)
+    run_step(step, folder / "in", folder / "out")
+    return folder / "out"
+
+
 def test_light_meshes_have_fewer_triangles_and_the_same_shape(tmp_path: Path):
-    inputs = write_robot_ports(tmp_path / "in", ball_robot())
-    run_step(Lighten(), inputs, tmp_path / "out")
-    shapes = decode(Shapes, (tmp_path / "out/shapes.json").read_bytes())
-    mesh = read_triangles((tmp_path / "out/meshes/ball-1.obj").read_bytes())
-    assert len(mesh.faces) == shapes.meshes[0].faces < 5120 / 2
+    mesh = read_triangles((lighten(tmp_path, Lighten()) / LIGHT).read_bytes())
+    assert len(mesh.faces) < 5120 / 2
     radii = np.linalg.norm(mesh.vertices, axis=1)
     assert radii == pytest.approx(0.1, rel=0.01)
 
 
 def test_a_budget_that_is_too_small_costs_shape_and_is_kept(tmp_path: Path):
-    inputs = write_robot_ports(tmp_path / "in", ball_robot())
-    run_step(Lighten(max_faces=300), inputs, tmp_path / "out")
-    mesh = read_triangles((tmp_path / "out/meshes/ball-1.obj").read_bytes())
-    assert len(mesh.faces) <= 310
+    out = lighten(tmp_path, Lighten(max_faces=300))
+    assert len(read_triangles((out / LIGHT).read_bytes()).faces) <= 310
 
 
-@pytest.mark.parametrize(("budget", "whole"), [(6000, True), (500, False)])
-def test_a_textured_mesh_stays_whole_or_becomes_plain(tmp_path: Path, budget: int, whole: bool):
-    """Thinned, it would wear its texture without coordinates: stripes that nobody painted."""
+@pytest.mark.parametrize("collides", [False, True])
+def test_the_view_shows_the_thinned_mesh_unless_it_collides(tmp_path: Path, collides: bool):
     robot = ball_robot()
-    (shape,) = (s for s in robot.shapes.shapes if s.geometry == Mesh("ball-1"))
-    painted = replace(shape, material="skin")
-    shapes = tuple(painted if s is shape else s for s in robot.shapes.shapes)
-    skin = Material("skin", texture="skin-1.png")
-    robot = replace(robot, shapes=replace(robot.shapes, shapes=shapes, materials=(skin,)))
+    if collides:
+        both = (*robot.shapes.shapes, Shape("c", robot.tree.root, "collision", Mesh("ball-1")))
+        robot = replace(robot, shapes=replace(robot.shapes, shapes=both))
     inputs = write_robot_ports(tmp_path / "in", robot)
-    (inputs / "meshes/skin-1.png").write_bytes(b"a picture")
-    run_step(Lighten(max_faces=budget), inputs, tmp_path / "out")
-    light = (tmp_path / "out/meshes/ball-1.obj").read_bytes()
-    assert (light == robot.meshes["ball-1.obj"]) == whole
-    (material,) = decode(Shapes, (tmp_path / "out/shapes.json").read_bytes()).materials
-    assert material.texture == ("skin-1.png" if whole else None)
-
-
-def test_collision_meshes_pass_through_as_they_are(tmp_path: Path):
-    robot = ball_robot()
-    both = (*robot.shapes.shapes, Shape("c", robot.tree.root, "collision", Mesh("ball-1")))
-    robot = replace(robot, shapes=replace(robot.shapes, shapes=both))
-    inputs = write_robot_ports(tmp_path / "in", robot)
-    run_step(Lighten(max_faces=500), inputs, tmp_path / "out")
-    assert (tmp_path / "out/meshes/ball-1.obj").read_bytes() == robot.meshes["ball-1.obj"]
+    light = lighten(tmp_path / "thin", Lighten())
+    shutil.copytree(light / "light", inputs / "light")
+    run_step(Viewer(), inputs, tmp_path / "out")
+    faces = base64.b64decode(view_of(tmp_path / "out")["meshes"]["ball-1"]["faces"])
+    whole, thin = read_triangles(BALL), read_triangles((light / LIGHT).read_bytes())
+    assert len(faces) == 2 * 3 * len((whole if collides else thin).faces)
 
 
 def test_a_gain_a_friction_and_a_timestep_leave_the_pose_as_it_is(tmp_path: Path):

@@ -13,7 +13,6 @@ from pathlib import Path
 import pytest
 from tiny import run_step, tiny_quadruped, write_robot_ports
 
-from assetbuild.looks.lighten import Lighten
 from assetbuild.looks.viewer import Viewer
 from assetbuild.report.document import make_report
 from assetbuild.report.html import View, html_page
@@ -73,9 +72,7 @@ def page(tmp_path_factory: pytest.TempPathFactory) -> str:
     """The report of the tiny quadruped."""
     folder = tmp_path_factory.mktemp("page")
     inputs = write_robot_ports(folder / "in", tiny_quadruped())
-    run_step(Lighten(), inputs, folder / "light")
-    shutil.copy(inputs / "tree.json", folder / "light")
-    findings = run_step(Viewer(), folder / "light", folder / "out")
+    findings = run_step(Viewer(), inputs, folder / "out")
     if findings:
         pytest.skip(findings[0].message)
     out = folder / "out"

@@ -35,6 +35,7 @@ FAILED_RUN = Rule(
 class Alignment(Check):
     """`mjcf/` in MuJoCo and `usd/` in PhysX: what they hold, how they fall, follow, stand, land."""
 
+    usual_s = 60.0
     needs: ClassVar[tuple[str, ...]] = ("mjcf", "usd")
     also: ClassVar[tuple[str, ...]] = ("mjlab", "isaaclab")
     reads: ClassVar[tuple[str, ...]] = ("tree.json", "control.json")

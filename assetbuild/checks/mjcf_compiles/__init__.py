@@ -29,6 +29,7 @@ WARNING = Rule(
 class MjcfCompiles(Check):
     """Loads each file at the top of `mjcf/`; figures: the sizes of the compiled models."""
 
+    usual_s = 0.6
     isolated = True
     preload = ("mujoco",)
     needs = ("mjcf",)

@@ -65,6 +65,7 @@ class Oracle(Check):
     Joint friction, damping, drives and contacts take no part; armature is taken away.
     """
 
+    usual_s = 0.4
     isolated: ClassVar = True
     # With the other checks of MuJoCo in one process; pinocchio alone is not worth a second one.
     preload: ClassVar = ("mujoco",)

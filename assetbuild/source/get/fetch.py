@@ -51,6 +51,7 @@ _UNREACHABLE = (
 class Fetch(Step):
     """`archive`: the wheel `filename` of `name==release`, with the digest that the lock pins."""
 
+    usual_s = 10.0
     outputs = ("archive",)
     network = True
     in_parent = True

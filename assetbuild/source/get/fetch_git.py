@@ -37,6 +37,7 @@ class FetchGit(Step):
     SourceError: no such repository or commit; LockError: other content; MachineError: no git.
     """
 
+    usual_s = 10.0
     outputs = ("archive",)
     network = True
     in_parent = True

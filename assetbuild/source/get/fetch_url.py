@@ -24,6 +24,7 @@ class FetchUrl(Step):
     large, other bytes; MachineError: no server in reach.
     """
 
+    usual_s = 10.0
     outputs = ("archive",)
     network = True
     in_parent = True

@@ -40,6 +40,7 @@ class ReadMjcf(Step):
     Raises SourceError with file and line for what is no robot of rigid bodies on joints.
     """
 
+    usual_s = 0.4
     outputs = ("links.json", "shapes.json", "source_control.json")
     isolated = True
     preload = ("mujoco",)

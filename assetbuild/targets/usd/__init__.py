@@ -21,6 +21,7 @@ _ENVIRONMENT = ("USD_WRITE_NEW_USDC_FILES_AS_VERSION", "PIXAR_TF_ENV_SETTINGS_FI
 class Usd(Target):
     """`usd/<robot>.usda`, `usd/payloads/...` and `usd/scene.usda`."""
 
+    usual_s = 1.0
     outputs = ("usd/",)
     reads: ClassVar[tuple[str, ...]] = ("tree.json", "shapes.json", "control.json", "meshes/")
     isolated: ClassVar[bool] = True
