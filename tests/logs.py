@@ -9,6 +9,9 @@ from pathlib import Path
 import mujoco
 import numpy as np
 
+from assetbuild.robot.model import Actuator, Body, Inertial, Joint, Limits, Tree
+from assetbuild.robot.pose import Pose
+
 TWO_LINKS = """
 <mujoco><compiler angle="radian"/><option timestep="{dt}" integrator="implicitfast"/><worldbody>
  <body pos="0 0 1"><joint name="shoulder" axis="0 1 0" armature="{a[0]}" damping="{d[0]}"
@@ -98,3 +101,22 @@ def columns_of(target: np.ndarray, position: np.ndarray) -> dict[str, np.ndarray
     for j, joint in enumerate(JOINTS):
         found |= {f"position_{joint}": position[:, j], f"target_{joint}": target[:, j]}
     return found
+
+
+def arm() -> Tree:
+    """The arm of `TWO_LINKS`."""
+    limits = Limits(-2.0, 2.0, 50.0, 20.0)
+    upper = Inertial(1.0, (0.0, 0.0, -0.15), (0.008, 0.008, 0.001, 0.0, 0.0, 0.0))
+    lower = Inertial(0.5, (0.0, 0.0, -0.1), (0.002, 0.002, 0.0005, 0.0, 0.0, 0.0))
+    bodies = (Body("base"), Body("upper", upper), Body("lower", lower))
+    y = (0.0, 1.0, 0.0)
+    joints = (
+        Joint("shoulder", "revolute", "base", "upper", Pose((0.0, 0.0, 1.0)), y, limits),
+        Joint("elbow", "revolute", "upper", "lower", Pose((0.0, 0.0, -0.3)), y, limits),
+    )
+    return Tree("arm", "fixed", bodies, joints)
+
+
+def prior(joint: str) -> Actuator:
+    """A row of the table that knows nothing of the hidden parameters."""
+    return Actuator(joint, "pd", KP, KD, 0.1, 0.1, 0.005, effort=50.0)

@@ -37,6 +37,7 @@ STEPS = {
     "read_log": "reading log",
     "keep_prior": "collecting priors of logs",
     "fit_logs": "fitting logs",
+    "excite": "looking for commands that show the parameters",
     "use_fits": "putting in what was measured",
     "ratings": "collecting ratings of motors",
     "pose": "computing the home pose",

@@ -9,6 +9,11 @@ the scores over blocks of time, not from the Fisher information alone:
 
 (the cluster-robust "sandwich"; White 1980, Arellano 1987). What the Fisher information alone says
 is a lower bound of it here.
+
+Residuals above the noise of the sensors come from something that the model lacks, such as a
+payload. It may look like a parameter in every block, so it widens the intervals further, by
+2 |r| / (|J_p| sqrt(K)): J_p is the part of a parameter's effect that no other has, K the number of
+independent directions that such a residual is assumed to have.
 """
 
 from __future__ import annotations
@@ -22,6 +27,10 @@ from assetbuild.robot.pose import Array
 
 ROUNDS = 8
 """Most Gauss-Newton steps."""
+DIRECTIONS = 12.0
+"""K, see the module: of 1, all of what the model lacks would look like the parameter."""
+NOISE_MARGIN = 1.15
+"""Residuals up to so many times the noise are noise."""
 ENOUGH = 0.02
 """Steps below this share of each standard error end the fit."""
 FURTHEST = 25.0
@@ -36,8 +45,9 @@ class Problem:
     """A record and what to fit to it.
 
     measured: (N, C). blocks: (N,) number of the block of time of each sample. start, lower, steps:
-    (P,); steps: for finite differences. parts: for each parameter the channels that it can move;
-    parameters that move no common channel are perturbed in one simulation.
+    (P,); steps: for finite differences. noise: (C,) of the sensors, as the record itself shows it.
+    parts: for each parameter the channels that it can move; parameters that move no common channel
+    are perturbed in one simulation.
     """
 
     simulate: Simulate
@@ -47,6 +57,7 @@ class Problem:
     lower: Array
     steps: Array
     parts: tuple[frozenset[int], ...]
+    noise: Array
 
 
 @dataclass(frozen=True)
@@ -206,7 +217,15 @@ def _judged(
     robust = covariance @ (scores.T @ scores) @ covariance * count / max(1, count - 1)
     error = np.sqrt(np.maximum(np.diag(robust), np.diag(covariance)))
     half = stats.t.ppf(0.975, max(1, count - 1)) * error
+    half += 2.0 * np.sqrt(np.diag(covariance) / DIRECTIONS) * _lacking(problem, sigma)
     return Estimate(theta, theta - half, theta + half, correlation, condition, sigma, simulated)
+
+
+def _lacking(problem: Problem, sigma: Array) -> Array:
+    """(P,) norm of the weighted residuals above the noise, of the channels that each moves."""
+    above = np.maximum(1.0 - (NOISE_MARGIN * problem.noise / sigma) ** 2, 0.0)
+    squares = len(problem.measured) * above
+    return np.array([np.sqrt(squares[sorted(part)].sum()) for part in problem.parts])
 
 
 def _scores(problem: Problem, jacobian: Array, simulated: Array, sigma: Array) -> Array:

@@ -41,7 +41,7 @@ REFUSED = Rule(
     "identify.refused",
     "warning",
     "the logs do not show a parameter: it keeps its prior",
-    "record a motion that excites it",
+    "record a motion that excites it: `assetbuild identify RECIPE --excite`",
 )
 PRIOR_OUTSIDE = Rule(
     "identify.prior",
@@ -86,7 +86,7 @@ class FitLogs(Step):
         tree = RobotFiles(files.inputs).tree
         prior = decode_file(Control, files.inputs / "prior.json")
         plant = Plant(tree, prior, self.joints, self.gravity, self.simulator_step)
-        priors = [_drive(row) for row in prior.actuators]
+        priors = [drive_of(row) for row in prior.actuators]
         whole = [
             record
             for number in range(len(self.logs))
@@ -184,7 +184,8 @@ def read_records(path: Path) -> list[Record]:
         ]
 
 
-def _drive(row: Actuator) -> Drive:
+def drive_of(row: Actuator) -> Drive:
+    """The drive of a row of the table."""
     effort = UNLIMITED if row.effort is None else row.effort
     return Drive(row.kp, row.kd, row.armature, row.damping, row.friction, effort)
 
@@ -284,7 +285,7 @@ def _findings(fit: Fit) -> Iterator[Finding]:
         yield REFUSED(
             f"joint {each.joints[0]}",
             f"{each.label} is not identified: {each.refused}; it keeps {kept}",
-            hint="record a motion that excites it, or leave it out of `fit`",
+            hint="`assetbuild identify RECIPE --excite` writes commands that excite it",
             data={"parameter": each.name, "low": each.low, "high": each.high},
         )
         outside = each.prior is not None and not each.low <= each.prior <= each.high

@@ -8,16 +8,20 @@ control, fits -> control
 from __future__ import annotations
 
 import re
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 from assetbuild.engine.graph import Node, Ref
 from assetbuild.engine.planner import Planner
 from assetbuild.errors import did_you_mean
+from assetbuild.identify.excite import Excite
 from assetbuild.identify.fit_logs import FitLogs
-from assetbuild.identify.keep_prior import KeepPrior
+from assetbuild.identify.keep_prior import POSITION, KeepPrior
 from assetbuild.identify.read_log import ReadLog
 from assetbuild.identify.table import FORMATS
 from assetbuild.identify.use_fits import UseFits
+from assetbuild.kinds import Target
+from assetbuild.plugins import load_plugin
 from assetbuild.recipe.loader import LoadedRecipe
 from assetbuild.robot.identify import Identify, by_joint
 from assetbuild.robot.model import Tree
@@ -55,6 +59,43 @@ def identify(loaded: LoadedRecipe, tree: Tree, merged: Ref, control: Ref, p: Pla
         step = UseFits(fits=len(used))
         control = p.add("use_fits", step, {"control.json": control, **used})["control.json"]
     return Identified(control, tuple(fits))
+
+
+def excite(
+    loaded: LoadedRecipe, tree: Tree, robot: Mapping[str, Ref], seconds: float, p: Planner
+) -> Node:
+    """What to record for the first entry of `identify`, or for all drives of a recipe without."""
+    entry = next(iter(loaded.recipe.identify), None)
+    if entry is None:
+        entry = Identify.model_construct(logs=())
+        driven = [row.joints for row in loaded.recipe.actuators if row.model in POSITION]
+        names = [j.name for j in tree.moving_joints if any(re.fullmatch(d, j.name) for d in driven)]
+        if not names:
+            raise loaded.error(
+                ("actuators",),
+                "no row is a position controller: nothing says what could be commanded",
+                "add `identify` with `joints` and `recorded`",
+            )
+        joints = tuple(names)
+    else:
+        joints = _joints(loaded, 0, entry, tree)
+    ports = {port: robot[port] for port in ("tree.json", "control.json")}
+    prior = p.add("keep_prior", KeepPrior(joints=joints, recorded=entry.recorded), ports)
+    target = load_plugin(Target, "mjcf")
+    model = p.add(
+        "mjcf", target.configure(loaded.recipe), {port: robot[port] for port in target.reads}
+    )
+    step = Excite(
+        joints=joints,
+        fit=tuple((joint, tuple(by_joint(entry.fit, joint) or ())) for joint in joints),
+        gravity=entry.gravity,
+        widest=entry.widest,
+        seconds=seconds,
+        # A floating robot hangs in a stand; a fixed one stands on its table.
+        file="scene.xml" if tree.base == "fixed" else f"{loaded.recipe.robot}.xml",
+    )
+    inputs = ports | {"prior.json": prior["prior.json"], "mjcf/": model["mjcf/"]}
+    return p.add("excite", step, inputs)
 
 
 def _joints(loaded: LoadedRecipe, number: int, entry: Identify, tree: Tree) -> tuple[str, ...]:

@@ -33,11 +33,16 @@ OF_JOINTS = ("joint", "equality", "tendon", "mimic")
 """Places of `MjcfOnly` that move joints; the others need shapes, or are drives."""
 
 
+def cutoff_hz(rate_hz: float) -> float:
+    """Where `smooth` cuts a record of so many samples in a second."""
+    return min(CUTOFF_HZ, 0.2 * rate_hz)
+
+
 def smooth(values: Array, rate_hz: float) -> Array:
     """Without what is faster than the joints move; no lag."""
     from scipy import signal
 
-    cutoff = min(CUTOFF_HZ, 0.2 * rate_hz)
+    cutoff = cutoff_hz(rate_hz)
     sections = signal.butter(4, cutoff, fs=rate_hz, output="sos")
     short = min(len(values) - 1, int(3 * rate_hz / cutoff))
     filtered: Array = signal.sosfiltfilt(sections, values, axis=0, padlen=short)

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from assetbuild.identify.estimate import Estimate, Problem, estimate
-from assetbuild.identify.plant import Drive, Plant, Record
+from assetbuild.identify.plant import Drive, Plant, Record, cutoff_hz, smooth
 from assetbuild.identify.start import first_guess, motion
 from assetbuild.robot.pose import Array
 
@@ -75,12 +75,12 @@ def solve(
     records = [record.from_rest() for record in records]
     motions = [motion(plant, record) for record in records]
     guess = first_guess(records, motions, priors, wanted)
-    problem = _problem(plant, records, guess, every)
+    problem = make_problem(plant, records, guess, every)
     found = estimate(problem)
     floor = FLOOR * np.abs(found.theta)
     if plant.simulator_step is None:
         drives = with_values(priors, every, found.theta)
-        floor += [_clock(unknown, drives, _has_torque(records)) for unknown in every]
+        floor += [clock_error(unknown, drives, _has_torque(records)) for unknown in every]
     low = np.minimum(found.low, found.theta - floor)
     high = np.maximum(found.high, found.theta + floor)
     refused = _refusals(every, found, low, high, widest)
@@ -106,9 +106,10 @@ def with_values(
 # --- the problem ----------------------------------------------------------------------------
 
 
-def _problem(
+def make_problem(
     plant: Plant, records: Sequence[Record], guess: Sequence[Drive], unknowns: Sequence[Unknown]
 ) -> Problem:
+    """The records as channels, and the simulation that predicts them."""
     count, has_torque = len(guess), _has_torque(records)
 
     def simulate(vectors: Sequence[Array]) -> Array:
@@ -134,7 +135,8 @@ def _problem(
         [_step(u, value, guess, records) for u, value in zip(unknowns, start, strict=True)]
     )
     lower = np.array([-np.inf if u.name in ("offset", "lag") else 0.0 for u in unknowns])
-    return Problem(simulate, measured, blocks, start, lower, steps, parts)
+    noise = np.sqrt(np.mean([_noise(r, has_torque) ** 2 for r in records], axis=0))
+    return Problem(simulate, measured, blocks, start, lower, steps, parts, noise)
 
 
 def _has_torque(records: Sequence[Record]) -> bool:
@@ -145,6 +147,16 @@ def _channels(record: Record, has_torque: bool) -> Array:
     if not has_torque or record.torque is None:
         return record.position
     return np.concatenate([record.position, record.torque], axis=1)
+
+
+def _noise(record: Record, has_torque: bool) -> Array:
+    """(C,) of the channels after `thinned`: what is faster than any joint moves, taken as white."""
+    values = _channels(record, has_torque)
+    rate = 1.0 / record.period_s
+    fast = values - smooth(values, rate)
+    share = 1.0 - 2.0 * cutoff_hz(rate) / rate
+    found: Array = np.std(fast, axis=0) / np.sqrt(share * _every(record))
+    return found
 
 
 def _every(record: Record) -> int:
@@ -193,7 +205,7 @@ def _step(
 # --- what to believe ------------------------------------------------------------------------
 
 
-def _clock(unknown: Unknown, drives: Sequence[Drive], has_torque: bool) -> float:
+def clock_error(unknown: Unknown, drives: Sequence[Drive], has_torque: bool) -> float:
     """What a parameter is uncertain by because the clocks are, in its own unit.
 
     A torque that is sampled late looks like damping of the drive in place of the joint's.

@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import functools
+import json
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 from assetbuild.engine.execute import Listener
 from assetbuild.engine.planner import Planner, settle
 from assetbuild.errors import AssetBuildError, RecipeError
 from assetbuild.findings import Finding
+from assetbuild.identify.plan import excite as add_excite
 from assetbuild.lock import Lock
 from assetbuild.pipeline.opening import open_session, pin, remote_cache
 from assetbuild.pipeline.recipes import load_recipe
@@ -72,9 +75,43 @@ def identify(
         return Identified(loaded, fits, control.actuators, findings)
 
 
+@dataclass(frozen=True)
+class Excitation:
+    """What to record. expected: rows for each parameter, as the step `Excite` writes them."""
+
+    commands: bytes
+    expected: list[dict[str, Any]]  # Any: JSON
+    findings: tuple[Finding, ...] = ()
+
+
+def excite(
+    request: IdentifyRequest,
+    seconds: float,
+    on_event: Listener,
+    say: Callable[[str], None],
+) -> Excitation:
+    """Commands that show the parameters. Raises AssetBuildError."""
+    loaded = load_recipe(request.recipe, request.variant)
+    remote = remote_cache(request.remote, say, write=request.cache_write)
+    lock = pin(loaded, frozen=False, say=say)
+    with open_session(loaded, remote=remote) as session:
+        add = functools.partial(_plan_excite, loaded, lock, seconds)
+        done = settle(add, session, jobs=request.jobs, on_event=on_event)
+        if done.errors:
+            raise done.errors[0]
+        result = done.results["excite"]
+        expected = json.loads(session.read(result["expected.json"]))
+        return Excitation(session.read(result["excite.csv"]), expected, result.findings)
+
+
+def _plan_excite(loaded: LoadedRecipe, lock: Lock | None, seconds: float, p: Planner) -> None:
+    unfitted = replace(loaded, recipe=loaded.recipe.model_copy(update={"identify": ()}))
+    outline = _plan(unfitted, lock, p)
+    if outline.tree is not None and outline.robot:
+        add_excite(loaded, outline.tree, outline.robot, seconds, p)
+
+
 def _plan(loaded: LoadedRecipe, lock: Lock | None, p: Planner) -> Outline:
     """The robot and its fits, without targets, checks and pictures."""
-    from dataclasses import replace
-
     bare = replace(loaded, recipe=loaded.recipe.model_copy(update={"targets": ()}))
     return plan(bare, lock, p, drawn=False)

@@ -22,6 +22,7 @@ def line(noise, seed=0, twin=False, samples=2000):
         lower=np.full(count, -np.inf),
         steps=np.full(count, 1e-3),
         parts=(frozenset({0}),) * count,
+        noise=np.array([0.1]),
     )
 
 
@@ -80,6 +81,14 @@ def test_parameters_of_disjoint_parts_share_a_simulation():
         np.zeros(2),
         np.full(2, 1e-3),
         (frozenset({0}), frozenset({1})),
+        np.ones(2),
     )
     assert estimate(problem).theta == pytest.approx([1.0, 1.0], abs=1e-5)
     assert set(asked) == {1}
+
+
+def test_a_residual_above_the_noise_of_the_sensors_widens_the_intervals():
+    quiet = line(white)
+    doubtful = Problem(**{**vars(quiet), "noise": np.array([0.01])})
+    narrow, wide = (estimate(problem) for problem in (quiet, doubtful))
+    assert np.all(wide.high - wide.low > 3.0 * (narrow.high - narrow.low))

@@ -14,7 +14,9 @@ from logs import (
     KD,
     KP,
     RATE_HZ,
+    arm,
     chirps,
+    prior,
     two_links,
 )
 from tiny import run_step
@@ -22,28 +24,9 @@ from tiny import run_step
 from assetbuild.identify.fit_logs import FitLogs
 from assetbuild.robot.codec import decode_file, encode
 from assetbuild.robot.identified import Curves, Fit
-from assetbuild.robot.model import Actuator, Body, Control, Inertial, Joint, Limits, Tree
-from assetbuild.robot.pose import Pose
+from assetbuild.robot.model import Control
 
 HIDDEN = {"armature": ARMATURE, "damping": DAMPING, "friction": FRICTION}
-
-
-def arm():
-    """The arm of `logs.TWO_LINKS`."""
-    limits = Limits(-2.0, 2.0, 50.0, 20.0)
-    upper = Inertial(1.0, (0.0, 0.0, -0.15), (0.008, 0.008, 0.001, 0.0, 0.0, 0.0))
-    lower = Inertial(0.5, (0.0, 0.0, -0.1), (0.002, 0.002, 0.0005, 0.0, 0.0, 0.0))
-    bodies = (Body("base"), Body("upper", upper), Body("lower", lower))
-    y = (0.0, 1.0, 0.0)
-    joints = (
-        Joint("shoulder", "revolute", "base", "upper", Pose((0.0, 0.0, 1.0)), y, limits),
-        Joint("elbow", "revolute", "upper", "lower", Pose((0.0, 0.0, -0.3)), y, limits),
-    )
-    return Tree("arm", "fixed", bodies, joints)
-
-
-def prior(joint):
-    return Actuator(joint, "pd", KP, KD, 0.1, 0.1, 0.005, effort=50.0)
 
 
 def fitted(folder, target, position, torque=None, kp=KP, **keys):
