@@ -37,7 +37,8 @@ class Runner(Protocol):
         LostObjectError when the store lost one of its inputs.
         """
 
-    def prepare(self, step: Step) -> None:  # noqa: B027 - there may be nothing to prepare
+    @abstractmethod
+    def prepare(self, step: Step) -> None:
         """Such a step comes next: what it needs to start may be made ready meanwhile."""
 
     @abstractmethod
