@@ -10,9 +10,9 @@ from dataclasses import replace
 from assetbuild.findings import Finding, Rule
 from assetbuild.robot.actuator_table import ActuatorRow
 from assetbuild.robot.closure import CLOSED, Solution, close, gaps, locked_joints
-from assetbuild.robot.loops import path_of
+from assetbuild.robot.loops import by_constraint, path_of, placed_loop
 from assetbuild.robot.mimic import with_mimics
-from assetbuild.robot.model import Keyframe, Loop, LoopEnd, Tree
+from assetbuild.robot.model import Keyframe, Loop, Tree
 from assetbuild.robot.motors import RowError
 from assetbuild.robot.pose import IDENTITY, Quat, quat_multiply, quat_of_rpy
 from assetbuild.robot.sides import Side, moving_by_source
@@ -63,13 +63,8 @@ def placed_loops(tree: Tree, said: Sequence[Loop], stated: Sequence[Loop] = ()) 
     stated: the recipe's, of which one takes the place of the source's of that name.
     """
 
-    def placed(end: LoopEnd) -> LoopEnd:
-        body, X_body_link = tree.placement(end.body)
-        return LoopEnd(body, X_body_link @ end.X_body_end)
-
     names = {loop.name for loop in stated}
-    own = [loop for loop in said if loop.name not in names]
-    return tuple(replace(loop, a=placed(loop.a), b=placed(loop.b)) for loop in own)
+    return tuple(placed_loop(tree, loop) for loop in said if loop.name not in names)
 
 
 def hinged(tree: Tree) -> Tree:
@@ -99,14 +94,14 @@ def _posed(tree: Tree, pose: Keyframe, positions: Mapping[str, float]) -> Keyfra
 
 
 def closed_pose(
-    tree: Tree, loops: Sequence[Loop], pose: Keyframe, stated: Collection[str], own: Sequence[Loop],
-    last: Sequence[Collection[str]],
+    tree: Tree, loops: Sequence[Loop], pose: Keyframe, stated: Collection[str],
+    rows: Mapping[str, int], last: Sequence[Collection[str]],
 ) -> Keyframe:  # fmt: skip
     """The pose with its unstated joints moved until all loops close.
 
-    stated: joints whose value the keyframe states; own: loops of the recipe, for the place of an
-    error; last: joints that move only if the others do not suffice, the latest first. Raises
-    RowError with the gap that is left.
+    stated: joints whose value the keyframe states; rows: the recipe's row by the name of a loop,
+    for the place of an error; last: joints that move only if the others do not suffice, the latest
+    first. Raises RowError with the gap that is left.
     """
     whole, start = hinged(tree), positions_of(tree, pose)
     chain = {joint.name for loop in loops for joint in path_of(whole, loop)}
@@ -116,11 +111,11 @@ def closed_pose(
         found = close(whole, loops, start, unknown)
         if found.closed:
             return _posed(tree, pose, found.positions)
-    raise _cannot_close(whole, loops, replace(pose, joints=tuple(start.items())), found, own)
+    raise _cannot_close(whole, loops, replace(pose, joints=tuple(start.items())), found, rows)
 
 
 def _cannot_close(
-    tree: Tree, loops: Sequence[Loop], pose: Keyframe, found: Solution, own: Sequence[Loop]
+    tree: Tree, loops: Sequence[Loop], pose: Keyframe, found: Solution, rows: Mapping[str, int]
 ) -> RowError:
     """Whose fault it is: a loop's, two loops' together, or the keyframe's."""
 
@@ -128,23 +123,22 @@ def _cannot_close(
         chain = {joint.name for loop in some for joint in path_of(tree, loop)}
         return close(tree, some, dict(pose.joints), chain)
 
-    names = [loop.name for loop in own]
-    for loop in loops:
-        if not (best := at_best([loop])).closed:
-            index = (names.index(loop.name),) if loop.name in names else ()
+    constraints = by_constraint(loops)
+    for name, some in constraints.items():
+        if not (best := at_best(some)).closed:
+            a, b = some[0].ends
             return RowError(
-                f"loops: `{loop.name}` cannot close: the nearest that its ends "
-                f"`{loop.a.body}` and `{loop.b.body}` come is {best.residual:.4g} m",
-                key=("loops", *index),
+                f"loops: `{name}` cannot close: the nearest that its ends "
+                f"`{a.body}` and `{b.body}` come is {best.residual:.4g} m",
+                key=_place(rows, name),
                 hint="check the frames of both ends, the lengths of the links and the axes",
             )
-    for one, other in itertools.combinations(loops, 2):
-        if not (best := at_best([one, other])).closed:
-            index = (names.index(other.name),) if other.name in names else ()
+    for (one, first), (other, second) in itertools.combinations(constraints.items(), 2):
+        if not (best := at_best([*first, *second])).closed:
             return RowError(
-                f"loops: `{one.name}` and `{other.name}` contradict each other: each closes alone, "
+                f"loops: `{one}` and `{other}` contradict each other: each closes alone, "
                 f"together they stay open by {best.residual:.4g} m",
-                key=("loops", *index),
+                key=_place(rows, other),
                 hint="remove one of them, or correct its frames",
             )
     name, residual = _widest(tree, loops, found.positions)
@@ -155,6 +149,11 @@ def _cannot_close(
         hint="state driven joints alone; joints of the loop without a value are moved until it "
         "closes",
     )
+
+
+def _place(rows: Mapping[str, int], name: str) -> tuple[str | int, ...]:
+    """The key of a loop in the recipe; of a source's the section."""
+    return ("loops", rows[name]) if name in rows else ("loops",)
 
 
 def _widest(tree: Tree, loops: Sequence[Loop], q: Mapping[str, float]) -> tuple[str, float]:
@@ -175,14 +174,18 @@ def check_start(tree: Tree, loops: Sequence[Loop], start: Keyframe) -> None:
 
 
 def check_locked(
-    tree: Tree, loops: Sequence[Loop], pose: Keyframe, driven: Collection[str]
+    tree: Tree,
+    loops: Sequence[Loop],
+    pose: Keyframe,
+    driven: Collection[str],
+    rows: Mapping[str, int],
 ) -> None:
     """RowError for a driven joint that the loops keep from moving."""
     for joint in locked_joints(hinged(tree), loops, positions_of(tree, pose), driven):
-        index = next(i for i, p in enumerate(loops) if joint in {j.name for j in path_of(tree, p)})
+        name = next(p.name for p in loops if joint in {j.name for j in path_of(tree, p)})
         raise RowError(
-            f"loops[{index}]: loop `{loops[index].name}` locks joint `{joint}`, which is driven",
-            key=("loops", index),
+            f"loops: `{name}` locks joint `{joint}`, which is driven",
+            key=_place(rows, name),
             hint="a loop must leave its driven joints a motion: check the axes, or hold less "
             "(`connect` in place of `weld`)",
         )

@@ -42,7 +42,7 @@ from assetbuild.robot.contact import Contacts, Exclude
 from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.initial import initial_pose
 from assetbuild.robot.joint_springs import joint_springs
-from assetbuild.robot.loops import LoopRow, resolve_loops
+from assetbuild.robot.loops import LoopRow, resolve_loops, row_numbers
 from assetbuild.robot.mimic import with_mimics
 from assetbuild.robot.pose import Pose
 from assetbuild.robot.poses import Keyframe
@@ -146,14 +146,14 @@ class ControlStep(Step):
         is possible. Raises RowError."""
         if not loops:
             return poses
-        own, closed = loops[: len(self.loops)], []
+        rows, closed = row_numbers(self.loops), []
         for pose in poses:
             stated = _joint_values(tree, pose.name, self.keyframes[pose.name])
-            closed.append(closed_pose(tree, loops, pose, stated, own, (driven, sprung)))
-        if own and not any(side.from_mjcf for side in self.sides):
+            closed.append(closed_pose(tree, loops, pose, stated, rows, (driven, sprung)))
+        if not any(side.from_mjcf for side in self.sides):
             start = initial_pose(tree, model.Control(keyframes=tuple(closed)))
             check_start(tree, loops, start)
-            check_locked(tree, loops, start, driven)
+            check_locked(tree, loops, start, driven, rows)
         return closed
 
     def _of_parts(self, tree: model.Tree, pose: Mapping[str, float]) -> dict[str, float]:

@@ -28,6 +28,7 @@ from assetbuild.facts.reader import Reader
 from assetbuild.geometry.companions import companions
 from assetbuild.geometry.measure_assets import MeasureAssets
 from assetbuild.geometry.plan import Geometry, assemble, lint_density, lint_meshes
+from assetbuild.identify.plan import identify
 from assetbuild.kinds import Check, Target, lacking
 from assetbuild.lock import Lock, lock_path, read_lock
 from assetbuild.looks.plan import lightened, looks
@@ -53,7 +54,8 @@ class Outline:
     skipped: checks that this machine cannot run, and why. looks: pictures and the 3D view.
     subjects: what a node works on, where the node itself does not know. edits: label of an edit's
     node -> its key in the recipe. expanded: the URDF behind a xacro, which its lines count.
-    ranges: `dr.yaml`, where the recipe randomizes. bodies: what the report shows of them.
+    ranges: `dr.yaml`, where the recipe randomizes. fits: one for each entry of `identify`.
+    bodies: what the report shows of them.
     composed: the recipe of a composite, which knows the lines of its parts.
     """
 
@@ -69,6 +71,7 @@ class Outline:
     subjects: dict[str, str] = field(default_factory=dict)
     edits: dict[str, tuple[str | int, ...]] = field(default_factory=dict)
     ranges: Node | None = None
+    fits: tuple[Node, ...] = ()
     bodies: Ref | None = None
     tree: Tree | None = None
 
@@ -114,6 +117,9 @@ def plan(loaded: LoadedRecipe, lock: Lock | None, p: Planner, *, drawn: bool = T
         return outline
     samples = recipe.collision.exclude.sampled
     controlled = control(step, read, tree, assembled, samples, p)["control.json"]
+    if recipe.identify:
+        identified = identify(loaded, outline.tree, tree["tree.json"], controlled, p)
+        controlled, outline.fits = identified.control, identified.fits
     outline.robot = _robot(edited["links.json"], tree, assembled, controlled, p)
     pose = p.add("pose", KeepPose(), {"control.json": controlled})["control.json"]
     inputs = {"tree.json": tree["tree.json"], "control.json": pose}

@@ -98,6 +98,12 @@ class ActuatorRow(Model):
         "limit (the others), the default; reach: of pd, the limits and effort/kp beyond them",
     )
     general: General | None = Field(None, description="of the model `general` alone")
+    measured: tuple[Literal["armature", "damping", "friction", "kp", "kd", "effort"], ...] = Field(
+        (),
+        description="numbers of this row that were measured, as `assetbuild identify --write` "
+        "states them; a fit does not change them any more",
+    )
+    source: str = Field("", description="where the numbers come from; without it the motor's")
     guessed: bool = Field(
         False,
         description="nobody has stated these numbers: every build warns until they are replaced "

@@ -239,7 +239,8 @@ def _driven(joint: Joint, entry: _Matched) -> Actuator:
         ctrl=row.ctrl if isinstance(row.ctrl, tuple) else None,
         general=row.general,
         motor=row.motor or "",
-        source=motor.source,
+        source=row.source or motor.source,
+        measured=row.measured,
     )
 
 

@@ -2,17 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import Literal
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
+from typing import Literal, Self
 
-from pydantic import Field
+import numpy as np
+from pydantic import Field, model_validator
 
 from assetbuild.errors import Gather, did_you_mean
 from assetbuild.quantities import Model, Name, Positive, Real
 from assetbuild.robot.model import Joint, Loop, LoopEnd, Tree
 from assetbuild.robot.motors import RowError
-from assetbuild.robot.pose import Pose, quat_of_rpy
+from assetbuild.robot.pose import Pose, quat_of_rpy, vec3
 
+AXIS = "_axis"
+"""Of the name of the second `connect` of a hinge."""
+HINGE_M = 0.1
+"""From the one point of a hinge's axis that is held to the other."""
 HINT_SAME = "a loop closes a chain of joints: name two links with moving joints between them"
 
 
@@ -30,9 +36,10 @@ class LoopRow(Model):
     """One closed kinematic loop: what holds two links of the tree together."""
 
     name: Name = Field(description="name of the constraint, and of its sites `<name>_a`, `_b`")
-    kind: Literal["connect", "weld"] = Field(
+    kind: Literal["connect", "weld", "hinge"] = Field(
         "connect",
-        description="connect: two points stay together, as in a ball joint; weld: two frames",
+        description="connect: two points stay together, as in a ball joint; weld: two frames; "
+        "hinge: two axes, by a second `connect` `<name>_axis` that is 0.1 m along them",
     )
     a: LoopFrame = Field(description="the frame on one side")
     b: LoopFrame = Field(description="the frame on the other side, which is to meet the first")
@@ -42,41 +49,92 @@ class LoopRow(Model):
     solimp: tuple[Real, Real, Positive, Real, Positive] = Field(
         (0.999, 0.9999, 0.001, 0.5, 2.0), description="MuJoCo's impedance of the constraint"
     )
+    axis: tuple[Real, Real, Real] | None = Field(
+        None, description="of a hinge: its direction, in frame a as well as in frame b"
+    )
+
+    @model_validator(mode="after")
+    def _axis_of_hinge(self) -> Self:
+        if (self.axis is not None) != (self.kind == "hinge"):
+            raise ValueError("a hinge has an `axis`, and no other kind has one")
+        if self.axis is not None and not np.linalg.norm(self.axis) > 1e-9:
+            raise ValueError("`axis` has no direction")
+        return self
+
+    @property
+    def loops(self) -> tuple[Loop, ...]:
+        """What holds the links, whose names the ends have: of a hinge two points of its axis."""
+        a, b = (
+            LoopEnd(frame.link, Pose(frame.xyz, quat_of_rpy(*frame.rpy)))
+            for frame in (self.a, self.b)
+        )
+        if self.axis is None:
+            kind: Literal["connect", "weld"] = "weld" if self.kind == "weld" else "connect"
+            return (Loop(self.name, kind, a, b, self.solref, self.solimp),)
+        along = Pose(vec3(HINGE_M * np.asarray(self.axis) / np.linalg.norm(self.axis)))
+        point = Loop(self.name, "connect", a, b, self.solref, self.solimp)
+        a, b = (LoopEnd(end.body, end.X_body_end @ along) for end in (a, b))
+        return point, replace(point, name=self.name + AXIS, a=a, b=b)
 
 
 def resolve_loops(tree: Tree, rows: Sequence[LoopRow]) -> tuple[Loop, ...]:
-    """The loops on the bodies that their links became part of.
+    """The loops on the bodies that their links became part of; of a hinge there are two.
 
     Raises RowError for an unknown link, a second loop of a name, and ends that nothing moves apart.
     """
     wrong, found = Gather(RowError), list[Loop]()
     for index, row in enumerate(rows):
         with wrong:
-            if row.name in {loop.name for loop in found}:
+            if {loop.name for loop in row.loops} & {loop.name for loop in found}:
                 message = f"loops[{index}]: a second loop is named `{row.name}`"
                 raise RowError(message, key=("loops", index, "name"), hint="choose another name")
-            a, b = _end(tree, index, "a", row.a), _end(tree, index, "b", row.b)
-            loop = Loop(row.name, row.kind, a, b, row.solref, row.solimp)
-            if not _joints_between(tree, loop):
+            for side, frame in (("a", row.a), ("b", row.b)):
+                _check_link(tree, index, side, frame.link)
+            placed = tuple(placed_loop(tree, loop) for loop in row.loops)
+            if not _joints_between(tree, placed[0]):
                 message = f"loops[{index}]: no joint moves between `{row.a.link}` and "
                 message += f"`{row.b.link}`, so loop `{row.name}` holds nothing"
                 raise RowError(message, key=("loops", index), hint=HINT_SAME)
-            found.append(loop)
+            found += placed
     wrong.stop()
     return tuple(found)
 
 
-def _end(tree: Tree, index: int, side: str, frame: LoopFrame) -> LoopEnd:
+def placed_loop(tree: Tree, loop: Loop) -> Loop:
+    """A loop between links, on the bodies that these became part of. KeyError: no such link."""
+
+    def placed(end: LoopEnd) -> LoopEnd:
+        body, X_body_link = tree.placement(end.body)
+        return LoopEnd(body, X_body_link @ end.X_body_end)
+
+    return replace(loop, a=placed(loop.a), b=placed(loop.b))
+
+
+def row_numbers(rows: Sequence[LoopRow]) -> dict[str, int]:
+    """The number of the row by the name of each loop that it makes."""
+    return {loop.name: number for number, row in enumerate(rows) for loop in row.loops}
+
+
+def by_constraint(loops: Iterable[Loop]) -> dict[str, tuple[Loop, ...]]:
+    """The loops by name, and of a hinge both under its own."""
+    found = dict[str, tuple[Loop, ...]]()
+    for loop in loops:
+        of_hinge = loop.name.removesuffix(AXIS)
+        name = of_hinge if of_hinge in found else loop.name
+        found[name] = (*found.get(name, ()), loop)
+    return found
+
+
+def _check_link(tree: Tree, index: int, side: str, link: str) -> None:
     try:
-        body, X_body_link = tree.placement(frame.link)
+        tree.placement(link)
     except KeyError:
         known = [body.name for body in tree.bodies] + [frame.name for frame in tree.frames]
         raise RowError(
-            f"loops[{index}].{side}: no link `{frame.link}`",
+            f"loops[{index}].{side}: no link `{link}`",
             key=("loops", index, side, "link"),
-            hint=did_you_mean(frame.link, known),
+            hint=did_you_mean(link, known),
         ) from None
-    return LoopEnd(body, X_body_link @ Pose(frame.xyz, quat_of_rpy(*frame.rpy)))
 
 
 def site_names(tree: Tree, loops: Sequence[Loop]) -> dict[str, tuple[str, str]]:

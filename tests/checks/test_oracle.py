@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -13,8 +12,8 @@ from assetbuild.body.merge_fixed_joints import MergeFixedJoints
 from assetbuild.checks.oracle import Oracle
 from assetbuild.findings import Finding
 from assetbuild.robot.codec import decode, encode
-from assetbuild.robot.model import Actuator, Control, Loop, LoopEnd, Tree
-from assetbuild.robot.pose import Pose
+from assetbuild.robot.loops import LoopRow
+from assetbuild.robot.model import Actuator, Control, Loop, Tree
 from assetbuild.robot.shapes import MeshFile, Shape, Shapes, SourceShapes
 from assetbuild.source.urdf.read_urdf import ReadUrdf
 from assetbuild.targets.mjcf import Mjcf
@@ -216,10 +215,11 @@ FOUR_BAR = "".join(
     [
         '<robot name="four_bar">',
         *(LINK.format(*row) for row in
-          (("base", 0.2), ("crank", 0.05), ("coupler", 0.1), ("rocker", 0.08))),
+          (("base", 0.2), ("crank", 0.05), ("coupler", 0.1), ("rocker", 0.08), ("tip", 0.01))),
         JOINT.format("motor", "base", "crank", 0.0),
         JOINT.format("pin", "crank", "coupler", 0.1),
         JOINT.format("swing", "base", "rocker", 0.2),
+        JOINT.format("turn", "coupler", "tip", 0.2),
         "</robot>",
     ]
 )  # fmt: skip
@@ -227,15 +227,21 @@ FOUR_BAR = "".join(
 
 @pytest.mark.parametrize("base", ["fixed", "floating"])
 @pytest.mark.parametrize("moved", [0.0, 0.001])
+@pytest.mark.parametrize("kind", ["connect", "hinge", "weld"])
 def test_the_mass_matrix_of_a_closed_loop_is_that_of_the_two_libraries(
-    base: str, moved: float, tmp_path: Path
+    kind: str, base: str, moved: float, tmp_path: Path
 ):
     folder = robot_folder(FOUR_BAR, tmp_path / "robot", base)
-    ends = [LoopEnd(n, Pose((x, 0.0, 0.0))) for n, x in (("coupler", 0.2), ("rocker", 0.15))]
-    loops = (Loop("loop", "connect", *ends),)
-    (folder / "ratings.json").write_bytes(encode(Control(loops=loops)))
-    wrong = replace(loops[0], b=replace(ends[1], X_body_end=Pose((0.15, 0.0, moved))))
-    (folder / "control.json").write_bytes(encode(Control(loops=(wrong,))))
+
+    def loops_at(x: float, z: float) -> tuple[Loop, ...]:
+        said = {"name": "loop", "kind": kind, "a": {"link": "tip"}}
+        said |= {"b": {"link": "rocker", "xyz": (x, 0.0, z)}}
+        said |= {"axis": (0.0, 1.0, 0.0)} if kind == "hinge" else {}
+        return LoopRow.model_validate(said).loops
+
+    ports = {"ratings.json": loops_at(0.15, 0.0), "control.json": loops_at(0.15, moved)}
+    for name, loops in ports.items():
+        (folder / name).write_bytes(encode(Control(loops=loops)))
     (folder / "shapes.json").write_bytes(encode(Shapes()))
     (folder / "meshes").mkdir()
     run_step(Mjcf(robot="bot"), folder, folder)
@@ -243,3 +249,4 @@ def test_the_mass_matrix_of_a_closed_loop_is_that_of_the_two_libraries(
     assert found == ({"oracle.constrained_mass_matrix"} if moved else set())
     figures = json.loads((folder / "figures.json").read_text())
     assert figures["closed_poses"] == 10
+    assert moved or figures["constrained_mass_matrix_error"] < 1e-8

@@ -1,4 +1,4 @@
-"""A four-bar whose loop only the recipe states, built as a user builds it."""
+"""A four-bar whose loop only the recipe states builds as a user builds it; wrong loops do not."""
 
 from __future__ import annotations
 
@@ -10,6 +10,8 @@ import commands
 import mujoco
 import numpy as np
 import pytest
+
+from assetbuild.cli import main
 
 BAR = """<link name="{0}"><inertial><origin xyz="{1} 0 0"/><mass value="0.2"/>
 <inertia ixx="1e-4" iyy="5e-4" izz="5e-4" ixy="0" ixz="0" iyz="0"/></inertial>
@@ -61,3 +63,55 @@ def test_a_four_bar_closes_in_every_format_that_holds_loops(tmp_path: Path):
     mujoco.mj_resetDataKeyframe(model, data, 0)
     mujoco.mj_forward(model, data)
     assert np.linalg.norm(data.site("pin_a").xpos - data.site("pin_b").xpos) < 1e-9
+
+
+PIN = (
+    "  - {name: pin, a: {link: coupler, xyz: [0.2, 0, 0]}, b: {link: rocker, xyz: [0.15, 0, 0]}}\n"
+)
+HOME = "home: {joints: {crank_joint: 0.3}}"
+LINE = RECIPE[: RECIPE.index(PIN)].count("\n") + 1
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "line", "message", "hint"),
+    [
+        (
+            "link: rocker,", "link: rockr,", LINE,
+            "loops[0].b: no link `rockr`", "did you mean `rocker`",
+        ),
+        (
+            "{link: rocker, xyz: [0.15, 0, 0]}", "{link: base, xyz: [1, 0, 0]}", LINE,
+            "loops: `pin` cannot close: the nearest that its ends `coupler` and `base` come is "
+            "0.7002 m",
+            "check the frames of both ends",
+        ),
+        (
+            PIN, PIN + PIN.replace("pin", "bolt").replace("0.15", "0.14"), LINE + 1,
+            "loops: `pin` and `bolt` contradict each other: each closes alone, together they stay "
+            "open by 0.005 m",
+            "remove one of them",
+        ),
+        (
+            "{link: rocker, xyz: [0.15, 0, 0]}}", "{link: base, xyz: [0.25, 0, 0]}}", LINE,
+            "loops: `pin` locks joint `crank_joint`, which is driven",
+            "a loop must leave its driven joints a motion",
+        ),
+    ],
+    ids=["no such link", "cannot close", "contradict", "locked drive"],
+)  # fmt: skip
+def test_a_wrong_loop_is_one_error_with_its_line(
+    old: str, new: str, line: int, message: str, hint: str,
+    tmp_path: Path, capsys: pytest.CaptureFixture[str],
+):  # fmt: skip
+    text = RECIPE.replace(old, new)
+    if "locks" in message:
+        text = text.replace(HOME, "home: {}")
+    (tmp_path / "four_bar.urdf").write_text(URDF)
+    recipe = tmp_path / "four_bar.yaml"
+    recipe.write_text(text)
+    assert main(["build", str(recipe), "-o", str(tmp_path / "out")]) == 2
+    said = capsys.readouterr().err
+    assert f"four_bar.yaml:{line}:" in said
+    assert message in said and hint in said
+    assert said.count("error: ") == 1 and "Traceback" not in said
+    assert not (tmp_path / "out").exists()

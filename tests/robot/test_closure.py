@@ -18,7 +18,8 @@ from assetbuild.robot.closure import (
     locked_joints,
 )
 from assetbuild.robot.dynamics import dynamics, motions
-from assetbuild.robot.model import Loop, LoopEnd
+from assetbuild.robot.loops import LoopRow, resolve_loops
+from assetbuild.robot.model import Body, Joint, Loop, LoopEnd
 from assetbuild.robot.pose import Pose, quat_of_rpy
 
 FREE = ("coupler_joint", "rocker_joint")
@@ -116,3 +117,31 @@ def test_the_constrained_mass_is_the_kinetic_energy_of_the_moving_loop():
     ahead, behind = closed(0.4 + step), closed(0.4 - step)
     rates = np.array([(ahead[n] - behind[n]) / (2 * step) for n in at.joints])
     assert mass[0, 0] == pytest.approx(float(rates @ at.mass @ rates), rel=1e-5)
+
+
+@pytest.mark.parametrize(("kind", "ways"), [("connect", 2), ("hinge", 1)])
+def test_a_hinge_holds_the_axis_too(kind: str, ways: int):
+    """A coupler that twists about its own length may do so at a point, and not at a pin."""
+    robot = four_bar()
+    twist = Joint("twist", "continuous", "coupler", "tip", Pose((COUPLER_M, 0.0, 0.0)))
+    bodies = (*robot.tree.bodies, Body("tip", robot.tree.by_body["coupler"].inertial))
+    tree = replace(robot.tree, bodies=bodies, joints=(*robot.tree.joints, twist))
+    row = {"name": "pin", "kind": kind, "a": {"link": "tip"}}
+    row |= {"b": {"link": "rocker", "xyz": (ROCKER_M, 0.0, 0.0)}}
+    row |= {"axis": (0.0, 2.0, 0.0)} if kind == "hinge" else {}
+    loops = resolve_loops(tree, [LoopRow.model_validate(row)])
+    start = {"crank_joint": 0.4, "coupler_joint": 0.0, "rocker_joint": 0.0, "twist": 0.3}
+    found = close(tree, loops, start, (*FREE, "twist"))
+    assert found.closed
+    turned = abs(math.sin(found.positions["twist"]))
+    assert turned < 1e-8 if kind == "hinge" else turned > 0.1
+    motion = dynamics(tree, found.positions, {})
+    assert len(coordinates(loops, motion, ("crank_joint",))) == ways
+
+
+def test_a_hinge_without_an_axis_is_refused():
+    row = {"name": "pin", "a": {"link": "coupler"}, "b": {"link": "rocker"}}
+    with pytest.raises(ValueError, match="a hinge has an `axis`"):
+        LoopRow.model_validate(row | {"kind": "hinge"})
+    with pytest.raises(ValueError, match="no other kind has one"):
+        LoopRow.model_validate(row | {"kind": "weld", "axis": (0.0, 1.0, 0.0)})
