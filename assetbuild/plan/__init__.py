@@ -110,7 +110,6 @@ def plan(loaded: LoadedRecipe, lock: Lock | None, p: Planner, *, drawn: bool = T
     if geometry is None:
         return outline
     geometry.shapes = decode(SourceShapes, shapes)
-    light = lightened(recipe, geometry, p) if drawn else None
     assembled = assemble(loaded, decode(Tree, links), geometry, edited["shapes.json"], sides, p)
     lint_meshes(edited["links.json"], edited["shapes.json"], geometry, p)
     outline.subjects = geometry.subjects
@@ -130,7 +129,8 @@ def plan(loaded: LoadedRecipe, lock: Lock | None, p: Planner, *, drawn: bool = T
         ranges = StateRanges(robot=recipe.robot, randomize=recipe.randomize)
         ports = {port: outline.robot[port] for port in ("tree.json", "control.json")}
         outline.ranges = p.add("state_ranges", ranges, ports)
-    if light is not None:
+    if drawn:
+        light = lightened(recipe, geometry, p)
         outline.looks = looks(recipe, outline.robot, light, pose, p)
     _checks(recipe, outline, _sources(recipe, outline, read), p)
     return outline
