@@ -17,8 +17,8 @@ from assetbuild.cli.parser import Parser
 from assetbuild.errors import AssetBuildError
 
 VERBS = (
-    "bench", "build", "cache", "check", "completion", "diff", "doctor", "explain", "init", "lock",
-    "plan", "report", "sample", "schema", "smoke", "validate", "verify", "watch",
+    "bench", "build", "cache", "check", "completion", "diff", "doctor", "explain", "identify",
+    "init", "lock", "plan", "report", "sample", "schema", "smoke", "validate", "verify", "watch",
 )  # fmt: skip
 """Each is a module of this package with `HELP`, `add_arguments(parser)` and `run(arguments)`; the
 help ends with its `EPILOG` where it has one."""

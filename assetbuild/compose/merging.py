@@ -24,7 +24,7 @@ from assetbuild.robot.ranges import Randomize
 from assetbuild.robot.sensing import IMU_NAMES, Feet, Imu, Sensor
 
 Table = Mapping[str, Row[Any]] | Sequence[Row[Any]]  # Any: rows of any model of a recipe
-OF_THE_WHOLE = ("visual", "simulation", "validate", "rules")
+OF_THE_WHOLE = ("identify", "visual", "simulation", "validate", "rules")
 """Keys of a recipe that are about the whole model, as those of its targets are: the base's hold."""
 
 

@@ -103,6 +103,11 @@ class Children:
             log = last_line(worker.log)
         return Ended(status=worker.process.poll(), over="worker", log=log)
 
+    def prepare(self, step: Step) -> None:
+        """Start the worker of such steps, if there is none."""
+        with suppress(CancelledError):
+            self._worker(Kind.of(step))
+
     def _worker(self, kind: Kind) -> Worker:
         with self._lock:
             if self.closed:

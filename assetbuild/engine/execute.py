@@ -191,6 +191,8 @@ class _Schedule:
     def _take(self, label: str, message: _Message) -> None:
         if message == "started":
             self._say("started", label, waiting=len(_reached(label, self.readers)))
+            for reader in self.readers[label]:
+                self.maker.runner.prepare(self.graph.nodes[reader].step)
             return
         if isinstance(message, BaseException):
             raise message

@@ -18,7 +18,7 @@ from assetbuild.engine.children import Children, Ended, last_line, step_environm
 from assetbuild.engine.runner import ATTEMPTS, Runner
 from assetbuild.engine.session import Session
 from assetbuild.engine.staging import check_present, check_untouched, collect, stage
-from assetbuild.engine.step import Files
+from assetbuild.engine.step import Files, Step
 from assetbuild.engine.store import machine_errors
 from assetbuild.engine.wire import REFUSED, error_from_json, perform, step_to_json
 from assetbuild.engine.worker import NO_SPACE
@@ -57,6 +57,11 @@ class Processes(Runner):
             limit, used = ((group / f"memory.{n}").read_text() for n in ("max", "current"))
             free_mb.append((int(limit) - int(used)) >> 20)
         return max(1, min(free_mb))
+
+    def prepare(self, step: Step) -> None:
+        """Let the worker of such steps begin to import."""
+        if not step.in_parent:
+            self._children.prepare(step)
 
     def run(self, action: Action) -> Made:
         """Run a step on this machine, as `Runner.run` says."""

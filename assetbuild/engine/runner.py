@@ -6,6 +6,7 @@ from abc import abstractmethod
 from typing import Protocol, Self
 
 from assetbuild.engine.actions import Action, Made
+from assetbuild.engine.step import Step
 
 ATTEMPTS = 2
 """How often a step is run whose process is killed by something else than our limits."""
@@ -35,6 +36,10 @@ class Runner(Protocol):
 
         LostObjectError when the store lost one of its inputs.
         """
+
+    @abstractmethod
+    def prepare(self, step: Step) -> None:
+        """Such a step comes next: what it needs to start may be made ready meanwhile."""
 
     @abstractmethod
     def close(self) -> None:

@@ -51,6 +51,7 @@ from assetbuild.report.html import Picture, View, html_page
 from assetbuild.report.subject import Subject
 from assetbuild.report.summary import summary
 from assetbuild.robot.codec import decode
+from assetbuild.robot.identified import Curves, Fit
 from assetbuild.robot.model import Control, Tree
 from assetbuild.robot.shapes import Shapes
 
@@ -68,7 +69,7 @@ def bundle_files(
     pins = [(each, held.pin_of(each.source) if held else None) for each, held in locks]
     told = [(each, dict(pin.model_dump()) if pin else {}) for each, pin in pins]
     tree, shapes, control = built.robot()
-    subject = Subject(recipe, told[0][1], tree, shapes, control, built.measured())
+    subject = Subject(recipe, told[0][1], tree, shapes, control, built.measured(), built.fits())
     reference = built.reference(stated_options(recipe, asked_sections()))
     files = [
         *built.targets(),
@@ -155,6 +156,13 @@ class _Built:
         if self.outline.bodies is None:
             raise AssertionError("a whole plan has it")
         return decode(Measured, self.read(self.outline.bodies))
+
+    def fits(self) -> tuple[tuple[Fit, Curves], ...]:
+        """What the logs of the recipe showed."""
+        return tuple(
+            (decode(Fit, self.read(n["fit.json"])), decode(Curves, self.read(n["curves.json"])))
+            for n in self.outline.fits
+        )
 
     def reference(self, options: Mapping[str, Any]) -> Reference:  # Any: plain JSON
         """That robot with what its files hold, for whoever compares."""

@@ -28,6 +28,7 @@ from assetbuild.facts.reader import Reader
 from assetbuild.geometry.companions import companions
 from assetbuild.geometry.measure_assets import MeasureAssets
 from assetbuild.geometry.plan import Geometry, assemble, lint_density, lint_meshes
+from assetbuild.identify.plan import identify
 from assetbuild.kinds import Check, Target, lacking
 from assetbuild.lock import Lock, lock_path, read_lock
 from assetbuild.looks.plan import lightened, looks
@@ -53,7 +54,8 @@ class Outline:
     skipped: checks that this machine cannot run, and why. looks: pictures and the 3D view.
     subjects: what a node works on, where the node itself does not know. edits: label of an edit's
     node -> its key in the recipe. expanded: the URDF behind a xacro, which its lines count.
-    ranges: `dr.yaml`, where the recipe randomizes. bodies: what the report shows of them.
+    ranges: `dr.yaml`, where the recipe randomizes. fits: one for each entry of `identify`.
+    bodies: what the report shows of them.
     composed: the recipe of a composite, which knows the lines of its parts.
     """
 
@@ -69,6 +71,7 @@ class Outline:
     subjects: dict[str, str] = field(default_factory=dict)
     edits: dict[str, tuple[str | int, ...]] = field(default_factory=dict)
     ranges: Node | None = None
+    fits: tuple[Node, ...] = ()
     bodies: Ref | None = None
     tree: Tree | None = None
 
@@ -107,7 +110,6 @@ def plan(loaded: LoadedRecipe, lock: Lock | None, p: Planner, *, drawn: bool = T
     if geometry is None:
         return outline
     geometry.shapes = decode(SourceShapes, shapes)
-    light = lightened(recipe, geometry, p) if drawn else None
     assembled = assemble(loaded, decode(Tree, links), geometry, edited["shapes.json"], sides, p)
     lint_meshes(edited["links.json"], edited["shapes.json"], geometry, p)
     outline.subjects = geometry.subjects
@@ -115,6 +117,9 @@ def plan(loaded: LoadedRecipe, lock: Lock | None, p: Planner, *, drawn: bool = T
         return outline
     samples = recipe.collision.exclude.sampled
     controlled = control(step, read, tree, assembled, samples, p)["control.json"]
+    if recipe.identify:
+        identified = identify(loaded, outline.tree, tree["tree.json"], controlled, p)
+        controlled, outline.fits = identified.control, identified.fits
     outline.robot = _robot(edited["links.json"], tree, assembled, controlled, p)
     pose = p.add("pose", KeepPose(), {"control.json": controlled})["control.json"]
     inputs = {"tree.json": tree["tree.json"], "control.json": pose}
@@ -124,7 +129,8 @@ def plan(loaded: LoadedRecipe, lock: Lock | None, p: Planner, *, drawn: bool = T
         ranges = StateRanges(robot=recipe.robot, randomize=recipe.randomize)
         ports = {port: outline.robot[port] for port in ("tree.json", "control.json")}
         outline.ranges = p.add("state_ranges", ranges, ports)
-    if light is not None:
+    if drawn:
+        light = lightened(recipe, geometry, p)
         outline.looks = looks(recipe, outline.robot, light, pose, p)
     _checks(recipe, outline, _sources(recipe, outline, read), p)
     return outline

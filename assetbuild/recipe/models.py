@@ -28,6 +28,7 @@ from assetbuild.robot.actuator_table import (
 from assetbuild.robot.actuator_table import Motor as Motor
 from assetbuild.robot.contact import Contacts as Contacts
 from assetbuild.robot.contact import Exclude as Exclude
+from assetbuild.robot.identify import Identify
 from assetbuild.robot.inertia import InertiaBounds
 from assetbuild.robot.loops import LoopRow
 from assetbuild.robot.poses import Keyframe as Keyframe
@@ -149,6 +150,9 @@ class Recipe(Model):
         max_length=256,
         description="closed kinematics: pairs of frames that stay together; the links and joints "
         "of the source stay a tree",
+    )
+    identify: tuple[Identify, ...] = Field(
+        (), max_length=32, description="actuator numbers that are fitted to logs of the real robot"
     )
     visual: Visual = Visual()
     collision: Collision = Collision()

@@ -27,13 +27,13 @@ class Criterion:
 
 
 def grade(control: Control, report: Report) -> tuple[str, tuple[Criterion, ...]]:
-    """The best grade that the evidence carries; A+ needs measurements that no build can see."""
+    """The best grade that the evidence carries; A+ needs drives that were measured."""
     criteria = (
         _no_findings(report, "B", "it is stable", UNSTABLE),
         _checks(report),
         _no_findings(report, "A", "masses, inertias and limits are realistic", UNREAL),
         _motors(control),
-        Criterion("A+", "values come from system identification", False, "none recorded"),
+        _identified(control),
     )
     for level in ("B", "A", "A+"):
         if any(c.needed == level and not c.met for c in criteria):
@@ -65,6 +65,19 @@ def _motors(control: Control) -> Criterion:
     if not bare:
         return Criterion("A", what, True, f"{len(driven)} of {len(driven)} drives")
     return Criterion("A", what, False, f"{len(bare)} of {len(driven)} have not: {shown}")
+
+
+def _identified(control: Control) -> Criterion:
+    """Rotor inertia and friction or damping of each drive, from logs of the real robot."""
+    driven = [a for a in control.actuators if a.model != "passive"]
+    met = [
+        a for a in driven if "armature" in a.measured and {"friction", "damping"} & {*a.measured}
+    ]
+    what = "values come from system identification"
+    if not any(a.measured for a in driven):
+        return Criterion("A+", what, False, "none recorded")
+    text = f"armature and friction or damping of {len(met)} of {len(driven)} drives are measured"
+    return Criterion("A+", what, len(met) == len(driven), text)
 
 
 def _is_known(actuator: Actuator) -> bool:

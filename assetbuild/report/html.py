@@ -13,6 +13,7 @@ from assetbuild.report.card import card_tables
 from assetbuild.report.document import Report
 from assetbuild.report.figures import check_section, folded_table
 from assetbuild.report.found import findings_section
+from assetbuild.report.identified import identified_section
 from assetbuild.report.loading import loading_lines
 from assetbuild.report.markup import asset, code, filled, prose
 from assetbuild.report.subject import Subject
@@ -63,6 +64,7 @@ def html_page(
         ("view", "3D view", _viewer(subject) if view else ""),
         ("pictures", "Pictures", _pictures([p for p in pictures if p is not hero])),
         *_checks(report.checks),
+        ("identified", "Measured on the real robot", identified_section(subject.fits)),
         ("card", "Model card", _card(subject, report)),
         ("provenance", "Provenance", _provenance(subject)),
     ]

@@ -26,6 +26,9 @@ class Motor(Model):
         None, description="torque at rest that the motor itself can make, N m or N, after the gear"
     )
     friction: NonNegative | None = Field(None, description="dry friction, N m or N")
+    damping: NonNegative | None = Field(
+        None, description="viscous friction of motor and gear, N m s/rad or N s/m"
+    )
     source: str = Field("", description="where the numbers come from")
 
     @property
@@ -75,7 +78,7 @@ class ActuatorRow(Model):
         "or the motor's armature alone (mjlab's convention)",
     )
     damping: NonNegative | None = Field(
-        None, description="passive, of the joint; without it the source's own"
+        None, description="passive, of the joint; without it the motor's, else the source's own"
     )
     friction: NonNegative | None = Field(
         None, description="dry; without it the motor's, else the source's own"
@@ -98,6 +101,12 @@ class ActuatorRow(Model):
         "limit (the others), the default; reach: of pd, the limits and effort/kp beyond them",
     )
     general: General | None = Field(None, description="of the model `general` alone")
+    measured: tuple[Literal["armature", "damping", "friction", "kp", "kd", "effort"], ...] = Field(
+        (),
+        description="numbers of this row that were measured, as `assetbuild identify --write` "
+        "states them; a fit does not change them any more",
+    )
+    source: str = Field("", description="where the numbers come from; without it the motor's")
     guessed: bool = Field(
         False,
         description="nobody has stated these numbers: every build warns until they are replaced "

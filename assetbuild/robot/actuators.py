@@ -230,7 +230,7 @@ def _driven(joint: Joint, entry: _Matched) -> Actuator:
         model=row.model,
         kp=row.kp or 0.0,
         kd=row.kd or 0.0,
-        damping=_first(row.damping, joint.damping),
+        damping=_first(row.damping, motor.damping, joint.damping),
         friction=_first(row.friction, motor.friction, joint.friction),
         armature=_first(row.armature, motor.armature),
         effort=effort,
@@ -239,7 +239,8 @@ def _driven(joint: Joint, entry: _Matched) -> Actuator:
         ctrl=row.ctrl if isinstance(row.ctrl, tuple) else None,
         general=row.general,
         motor=row.motor or "",
-        source=motor.source,
+        source=row.source or motor.source,
+        measured=row.measured,
     )
 
 

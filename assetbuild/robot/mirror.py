@@ -220,7 +220,7 @@ def _home(left: Motion, right: Motion, sign: float, tolerance: float) -> Iterato
 
 def _drives(left: Motion, right: Motion, allowed: Tolerances) -> Iterator[Finding]:
     for name, own in right.drive.items():
-        other = left.drive.get(name)
+        other = left.drive.get(name, own)  # not there: measured
         if own == other:
             continue
         values = [abs(v) if v is not None else np.inf for v in (own, other)]

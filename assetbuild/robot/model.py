@@ -179,7 +179,8 @@ class Actuator:
     stall: of a `dc_motor`, its torque at rest, N m or N; None = not stated.
     ctrl: range of the command in the unit of the model; None = the target's rule.
     general: of the model `general` alone.
-    motor: name in the recipe's motor table; source: where its numbers come from.
+    motor: name in the recipe's motor table; source: where its numbers come from; measured: which of
+    them were fitted to logs of the real robot.
     name: of the drive where it is not the joint's own.
     gear: of the drive in MuJoCo, which its commands there count in. All numbers here are already
     on the joint: with the force f of MuJoCo's actuator and its length l, effort = gear f and
@@ -202,6 +203,7 @@ class Actuator:
     source: str = ""
     name: str = ""
     gear: float = 1.0
+    measured: tuple[str, ...] = ()
 
     @property
     def command_gear(self) -> float:

@@ -115,7 +115,10 @@ def _motion(
 ) -> Motion:
     lower, upper = joint.limits.lower, joint.limits.upper
     source: Actuator | Limits = drive or joint.limits
-    values = {name: getattr(source, name) for name in DRIVE if hasattr(source, name)}
+    # Measured twins may differ: that is what was found.
+    measured = drive.measured if drive else ()
+    known = (name for name in DRIVE if name not in measured)
+    values = {name: getattr(source, name) for name in known if hasattr(source, name)}
     return Motion(
         joint.name,
         joint.kind != "prismatic",

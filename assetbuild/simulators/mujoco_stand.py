@@ -142,11 +142,7 @@ def stand(
     """
     import mujoco
 
-    key = keyframe
-    if isinstance(key, str):
-        key = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_KEY, key)
-    if not 0 <= key < model.nkey:
-        raise StepError(f"the model has no keyframe `{keyframe}`")
+    key = _key(model, keyframe)
     if not floors(model):
         raise StepError("the scene has no floor: no plane in its world")
     floor = floors(model)[0]
@@ -193,6 +189,18 @@ def stand(
         com_height_m=com_start,
         com_sag_m=com_start - com,
     )
+
+
+def _key(model: Model, keyframe: str | int) -> int:
+    """The number of a keyframe."""
+    import mujoco
+
+    key = keyframe
+    if isinstance(key, str):
+        key = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_KEY, key)
+    if not 0 <= key < model.nkey:
+        raise StepError(f"the model has no keyframe `{keyframe}`")
+    return key
 
 
 def floats(model: Model) -> bool:

@@ -36,6 +36,7 @@ XACRO = """\
 ELSEWHERE = {
     "--executor dask": "tests/cli/test_cluster.py",
     "assetbuild smoke": "tests/checks/test_smoke.py",
+    "assetbuild identify": "tests/cli/test_identify.py",
     "_isaaclab.json": "tests/targets/test_isaaclab_measure.py",
 }
 """What a page shows and needs another machine or simulator for: the test that runs it."""

@@ -27,6 +27,7 @@ from assetbuild.engine.make import NodeResult
 from assetbuild.engine.planner import Planner
 from assetbuild.engine.runner import Runner
 from assetbuild.engine.session import Session
+from assetbuild.engine.step import Step
 from assetbuild.engine.store import Store
 from assetbuild.errors import SourceError, StepError
 
@@ -267,6 +268,10 @@ class Elsewhere(Runner):
     def __init__(self, session: Session) -> None:
         self.session = session
         self.seen: list[Action] = []
+        self.prepared: list[Step] = []
+
+    def prepare(self, step: Step) -> None:
+        self.prepared.append(step)
 
     def run(self, action: Action) -> Made:
         self.seen.append(action)
@@ -284,3 +289,4 @@ def test_whatever_runs_actions_is_a_runner(session: Session, source: Path):
     assert runner.seen[1].inputs == {"in": results["first"]["out"]}
     assert session.read(results["third"]["out"]) == b"third"
     assert runner.closed
+    assert len(runner.prepared) == 2, "each reader, while the step before it runs"

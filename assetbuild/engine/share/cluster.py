@@ -19,6 +19,7 @@ from assetbuild.engine.processes import Processes
 from assetbuild.engine.runner import Runner
 from assetbuild.engine.session import Session
 from assetbuild.engine.share.remote import Remote
+from assetbuild.engine.step import Step
 from assetbuild.engine.wire import error_from_json, step_to_json
 from assetbuild.errors import MachineError, UsageError
 
@@ -87,6 +88,9 @@ class Cluster(Runner):
     def closed(self) -> bool:
         """Is nothing started any more?"""
         return self._here.closed
+
+    def prepare(self, step: Step) -> None:
+        """Nothing: which worker will run it is not known."""
 
     def run(self, action: Action) -> Made:
         """Run a step on some worker, as `Runner.run` says."""

@@ -1,0 +1,1 @@
+"""Actuator numbers that were measured: parameters fitted to logs of the real robot."""

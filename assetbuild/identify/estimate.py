@@ -1,0 +1,238 @@
+"""Output-error fit of parameters to a record, with intervals that hold for coloured residuals.
+
+The model predicts channels y(t, theta); the record is y(t, theta0) + e(t). Gauss and Newton's
+method minimises the weighted squares of the residuals. The residuals of a robot are neither white
+nor independent of the motion, because no model is complete, so the intervals come from the sums of
+the scores over blocks of time, not from the Fisher information alone:
+
+    cov = A^-1 (sum over blocks of s s^T) A^-1,  A = J^T W J,  s = J^T W e of a block
+
+(the cluster-robust "sandwich"; White 1980, Arellano 1987). What the Fisher information alone says
+is a lower bound of it here.
+
+Residuals above the noise of the sensors come from something that the model lacks, such as a
+payload. It may look like a parameter in every block, so it widens the intervals further, by
+2 |r| / (|J_p| sqrt(K)): J_p is the part of a parameter's effect that no other has, K the number of
+independent directions that such a residual is assumed to have.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from assetbuild.robot.pose import Array
+
+ROUNDS = 8
+"""Most Gauss-Newton steps."""
+DIRECTIONS = 12.0
+"""K, see the module: of 1, all of what the model lacks would look like the parameter."""
+NOISE_MARGIN = 1.15
+"""Residuals up to so many times the noise are noise."""
+ENOUGH = 0.02
+"""Steps below this share of each standard error end the fit."""
+FURTHEST = 25.0
+"""A step changes no parameter by more than its size, or so many times its step for differences."""
+
+Simulate = Callable[[Sequence[Array]], Array]
+"""Parameter vectors, (P,) each -> predictions (vectors, samples, channels)."""
+
+
+@dataclass(frozen=True)
+class Problem:
+    """A record and what to fit to it.
+
+    measured: (N, C). blocks: (N,) number of the block of time of each sample. start, lower, steps:
+    (P,); steps: for finite differences. noise: (C,) of the sensors, as the record itself shows it.
+    parts: for each parameter the channels that it can move; parameters that move no common channel
+    are perturbed in one simulation.
+    """
+
+    simulate: Simulate
+    measured: Array
+    blocks: Array
+    start: Array
+    lower: Array
+    steps: Array
+    parts: tuple[frozenset[int], ...]
+    noise: Array
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """theta, low, high: (P,), 95 % intervals. correlation: (P, P) of the Fisher information.
+
+    condition: of the scaled information; sigma: (C,) RMS of the residuals; simulated: (N, C).
+    """
+
+    theta: Array
+    low: Array
+    high: Array
+    correlation: Array
+    condition: float
+    sigma: Array
+    simulated: Array
+
+
+def estimate(problem: Problem) -> Estimate:
+    """Fit and judge."""
+    theta = np.array(problem.start, float)
+    simulated = problem.simulate([theta])[0]
+    sigma = _sigma(problem, simulated)
+    for _ in range(ROUNDS):
+        jacobian = _jacobian(problem, theta, simulated)
+        step, error = _newton(problem, jacobian, simulated, sigma, theta)
+        theta, simulated, moved = _walk(problem, theta, step, simulated, sigma)
+        sigma = _sigma(problem, simulated)
+        if not moved or np.all(np.abs(step) <= ENOUGH * error):
+            break
+    jacobian = _jacobian(problem, theta, simulated)
+    return _judged(problem, theta, jacobian, simulated, sigma)
+
+
+def predicted_errors(problem: Problem, sigma: Array) -> tuple[Array, Array]:
+    """Standard errors and correlations that a record will have whose noise is white; (P,), (P, P).
+
+    sigma: (C,) noise of the channels. For a plan of what to record, before there is a record.
+    """
+    simulated = problem.simulate([problem.start])[0]
+    information = _information(_jacobian(problem, problem.start, simulated), sigma)
+    covariance, correlation, _ = _inverse(information, _scale(problem, problem.start))
+    return np.sqrt(np.diag(covariance)), correlation
+
+
+# --- the parts ------------------------------------------------------------------------------
+
+
+def _sigma(problem: Problem, simulated: Array) -> Array:
+    """RMS of each channel; a channel that fits exactly keeps a weight that is finite."""
+    rms: Array = np.sqrt(np.mean((problem.measured - simulated) ** 2, axis=0))
+    spread = np.std(problem.measured, axis=0)
+    least: Array = 1e-6 * np.maximum(spread, 1e-6)
+    return np.maximum(rms, least)
+
+
+def _jacobian(problem: Problem, theta: Array, simulated: Array) -> Array:
+    """(P, N, C), by differences; parameters of disjoint parts share a simulation."""
+    rounds: list[list[int]] = []
+    for index, part in enumerate(problem.parts):
+        for together in rounds:
+            if all(not part & problem.parts[other] for other in together):
+                together.append(index)
+                break
+        else:
+            rounds.append([index])
+    vectors = []
+    for together in rounds:
+        moved = theta.copy()
+        moved[together] += problem.steps[together]
+        vectors.append(moved)
+    found = np.zeros((len(theta), *simulated.shape))
+    for together, outcome in zip(rounds, problem.simulate(vectors), strict=True):
+        for index in together:
+            own = sorted(problem.parts[index])
+            found[index][:, own] = (outcome - simulated)[:, own] / problem.steps[index]
+    return found
+
+
+def _information(jacobian: Array, sigma: Array) -> Array:
+    weighted = (jacobian / sigma).reshape(len(jacobian), -1)
+    product: Array = weighted @ weighted.T
+    return product
+
+
+def _scale(problem: Problem, theta: Array) -> Array:
+    """What counts as a large change of each parameter: ten times its size or its step."""
+    size: Array = 10.0 * np.maximum(np.abs(theta), 10.0 * np.abs(problem.steps))
+    return size
+
+
+def _inverse(information: Array, scale: Array) -> tuple[Array, Array, float]:
+    """Covariance and correlation with a vague prior, and the condition of the scaled information.
+
+    The prior keeps what the data do not show finite: its interval is then wider than any limit.
+    """
+    whole = information + np.diag(1.0 / scale**2)
+    norm = np.sqrt(np.diag(whole))
+    scaled = whole / np.outer(norm, norm)
+    inverse = np.linalg.inv(scaled)
+    covariance = inverse / np.outer(norm, norm)
+    spread = np.sqrt(np.diag(inverse))
+    return covariance, inverse / np.outer(spread, spread), float(np.linalg.cond(scaled))
+
+
+def _newton(
+    problem: Problem, jacobian: Array, simulated: Array, sigma: Array, theta: Array
+) -> tuple[Array, Array]:
+    """The step to the minimum of the linear model within the bounds, and standard errors."""
+    residual = ((problem.measured - simulated) / sigma).reshape(-1)
+    weighted = (jacobian / sigma).reshape(len(theta), -1)
+    information, gradient = weighted @ weighted.T, weighted @ residual
+    whole = information + np.diag(1.0 / _scale(problem, theta) ** 2)
+    step, free = np.zeros_like(theta), np.ones(len(theta), bool)
+    for _ in range(len(theta)):
+        step[:] = 0.0
+        step[~free] = (problem.lower - theta)[~free]
+        rest = gradient[free] - whole[np.ix_(free, ~free)] @ step[~free]
+        step[free] = np.linalg.solve(whole[np.ix_(free, free)], rest)
+        below = free & (theta + step < problem.lower - 1e-15)
+        if not below.any():
+            break
+        free &= ~below
+    covariance, _, _ = _inverse(information, _scale(problem, theta))
+    return step, np.sqrt(np.diag(covariance))
+
+
+def _walk(
+    problem: Problem, theta: Array, step: Array, simulated: Array, sigma: Array
+) -> tuple[Array, Array, bool]:
+    """As far along the step as the squares fall."""
+
+    def cost(prediction: Array) -> float:
+        found = float(np.sum(((problem.measured - prediction) / sigma) ** 2))
+        return found if np.isfinite(found) else np.inf
+
+    now = cost(simulated)
+    furthest = np.maximum(np.abs(theta), FURTHEST * np.abs(problem.steps))
+    step = step * min(1.0, float(np.min(furthest / np.maximum(np.abs(step), 1e-300))))
+    for share in (1.0, 0.3, 0.1, 0.03):
+        there = np.maximum(theta + share * step, problem.lower)
+        prediction = problem.simulate([there])[0]
+        if cost(prediction) <= now:
+            return there, prediction, True
+    return theta, simulated, False
+
+
+def _judged(
+    problem: Problem, theta: Array, jacobian: Array, simulated: Array, sigma: Array
+) -> Estimate:
+    from scipy import stats
+
+    information = _information(jacobian, sigma)
+    covariance, correlation, condition = _inverse(information, _scale(problem, theta))
+    scores = _scores(problem, jacobian, simulated, sigma)
+    count = len(scores)
+    robust = covariance @ (scores.T @ scores) @ covariance * count / max(1, count - 1)
+    error = np.sqrt(np.maximum(np.diag(robust), np.diag(covariance)))
+    half = stats.t.ppf(0.975, max(1, count - 1)) * error
+    half += 2.0 * np.sqrt(np.diag(covariance) / DIRECTIONS) * _lacking(problem, sigma)
+    return Estimate(theta, theta - half, theta + half, correlation, condition, sigma, simulated)
+
+
+def _lacking(problem: Problem, sigma: Array) -> Array:
+    """(P,) norm of the weighted residuals above the noise, of the channels that each moves."""
+    above = np.maximum(1.0 - (NOISE_MARGIN * problem.noise / sigma) ** 2, 0.0)
+    squares = len(problem.measured) * above
+    return np.array([np.sqrt(squares[sorted(part)].sum()) for part in problem.parts])
+
+
+def _scores(problem: Problem, jacobian: Array, simulated: Array, sigma: Array) -> Array:
+    """(blocks, P): the sums of J^T W e over each block."""
+    residual = (problem.measured - simulated) / sigma**2
+    each = np.einsum("pnc,nc->np", jacobian, residual)
+    numbers, at = np.unique(problem.blocks, return_inverse=True)
+    found = np.zeros((len(numbers), len(jacobian)))
+    np.add.at(found, at, each)
+    return found

@@ -1,0 +1,175 @@
+"""The steps of `identify`: each log read, each entry fitted, the actuators with what came out.
+
+log, tree -> record
+tree, control -> prior -> fit
+control, fits -> control
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from assetbuild.engine.graph import Node, Ref
+from assetbuild.engine.planner import Planner
+from assetbuild.errors import did_you_mean
+from assetbuild.identify.excite import Excite
+from assetbuild.identify.fit_logs import FitLogs
+from assetbuild.identify.keep_prior import POSITION, KeepPrior
+from assetbuild.identify.read_log import ReadLog
+from assetbuild.identify.table import FORMATS
+from assetbuild.identify.use_fits import UseFits
+from assetbuild.kinds import Target
+from assetbuild.plugins import load_plugin
+from assetbuild.recipe.loader import LoadedRecipe
+from assetbuild.robot.identify import Identify, by_joint
+from assetbuild.robot.model import Tree
+
+
+@dataclass(frozen=True)
+class Identified:
+    """control: with the fitted numbers. fits: one node for each entry of `identify`."""
+
+    control: Ref
+    fits: tuple[Node, ...]
+
+
+def identify(loaded: LoadedRecipe, tree: Tree, merged: Ref, control: Ref, p: Planner) -> Identified:
+    """Add the fits of the recipe. RecipeError for patterns and files that are not there."""
+    entries = loaded.recipe.identify
+    fits: list[Node] = []
+    used: dict[str, Ref] = {}
+    taken: dict[str, int] = {}
+    for number, entry in enumerate(entries):
+        joints = _joints(loaded, number, entry, tree)
+        for joint in joints:
+            if joint in taken:
+                raise loaded.error(
+                    ("identify", number, "joints"),
+                    f"joint `{joint}` is in entry {taken[joint]} too",
+                    "give the logs of one joint to one entry, or narrow a pattern",
+                )
+            taken[joint] = number
+        fit = _fit(loaded, number, entry, joints, merged, control, p)
+        fits.append(fit)
+        if entry.use:
+            used[f"fits/{len(used)}.json"] = fit["fit.json"]
+    if used:
+        step = UseFits(fits=len(used))
+        control = p.add("use_fits", step, {"control.json": control, **used})["control.json"]
+    return Identified(control, tuple(fits))
+
+
+def excite(
+    loaded: LoadedRecipe, tree: Tree, robot: Mapping[str, Ref], seconds: float, p: Planner
+) -> Node:
+    """What to record for the first entry of `identify`, or for all drives of a recipe without."""
+    entry = next(iter(loaded.recipe.identify), None)
+    if entry is None:
+        entry = Identify.model_construct(logs=())
+        driven = [row.joints for row in loaded.recipe.actuators if row.model in POSITION]
+        names = [j.name for j in tree.moving_joints if any(re.fullmatch(d, j.name) for d in driven)]
+        if not names:
+            raise loaded.error(
+                ("actuators",),
+                "no row is a position controller: nothing says what could be commanded",
+                "add `identify` with `joints` and `recorded`",
+            )
+        joints = tuple(names)
+    else:
+        joints = _joints(loaded, 0, entry, tree)
+    ports = {port: robot[port] for port in ("tree.json", "control.json")}
+    prior = p.add("keep_prior", KeepPrior(joints=joints, recorded=entry.recorded), ports)
+    target = load_plugin(Target, "mjcf")
+    model = p.add(
+        "mjcf", target.configure(loaded.recipe), {port: robot[port] for port in target.reads}
+    )
+    step = Excite(
+        joints=joints,
+        fit=tuple((joint, tuple(by_joint(entry.fit, joint) or ())) for joint in joints),
+        gravity=entry.gravity,
+        widest=entry.widest,
+        seconds=seconds,
+        # A floating robot hangs in a stand; a fixed one stands on its table.
+        file="scene.xml" if tree.base == "fixed" else f"{loaded.recipe.robot}.xml",
+    )
+    inputs = ports | {"prior.json": prior["prior.json"], "mjcf/": model["mjcf/"]}
+    return p.add("excite", step, inputs)
+
+
+def _joints(loaded: LoadedRecipe, number: int, entry: Identify, tree: Tree) -> tuple[str, ...]:
+    free = [joint.name for joint in tree.moving_joints if joint.mimic is None]
+    joints = tuple(name for name in free if re.fullmatch(entry.joints, name))
+    key = ("identify", number)
+    if not joints:
+        hint = did_you_mean(entry.joints, free)
+        raise loaded.error((*key, "joints"), f"`{entry.joints}` matches no moving joint", hint)
+    for name in entry.names:
+        if name not in joints:
+            message = f"`{name}` is no joint that `{entry.joints}` matches"
+            raise loaded.error((*key, "names", name), message, did_you_mean(name, joints))
+    patterns = [("tied", pattern) for pattern in entry.tied]
+    patterns += [("fit", pattern) for pattern in entry.fit] if isinstance(entry.fit, dict) else []
+    for what, pattern in patterns:
+        if not any(re.fullmatch(pattern, name) for name in joints):
+            message = f"pattern `{pattern}` matches none of the entry's joints"
+            raise loaded.error((*key, what), message, did_you_mean(pattern, joints))
+    return joints
+
+
+def _fit(
+    loaded: LoadedRecipe,
+    number: int,
+    entry: Identify,
+    joints: tuple[str, ...],
+    merged: Ref,
+    control: Ref,
+    p: Planner,
+) -> Node:
+    inputs, digests = {"tree.json": merged}, []
+    for index, log in enumerate(entry.logs):
+        key = ("identify", number, "logs", index, "file")
+        path = loaded.folder(key) / log.file
+        if not log.file.endswith(FORMATS):
+            raise loaded.error(key, f"`{log.file}`: a log is one of {', '.join(FORMATS)}")
+        if not p.world.is_file(path):
+            raise loaded.error(
+                key, f"`{log.file}`: there is no such file", "paths begin at the recipe"
+            )
+        source = p.source(path)
+        digests.append(p.world.digest(path))
+        constants = [by_joint(entry.torque_constant, joint) for joint in joints]
+        step = ReadLog(
+            file=log.file,
+            joints=joints,
+            names=dict(entry.names),
+            columns=entry.columns,
+            interval=log.interval,
+            time_unit=entry.time_unit,
+            angle_unit=entry.angle_unit,
+            torque_constants=None
+            if None in constants
+            else tuple(float(c or 0.0) for c in constants),
+        )
+        record = p.add(f"read_log {number}.{index}", step, {"tree.json": merged, "log": source})
+        inputs[f"records/{index}.npz"] = record["record.npz"]
+        inputs[f"about/{index}.json"] = record["about.json"]
+    prior = p.add(
+        f"keep_prior {number}",
+        KeepPrior(joints=joints, recorded=entry.recorded),
+        {"control.json": control, "tree.json": merged},
+    )
+    wanted = ((joint, by_joint(entry.fit, joint) or ()) for joint in joints)
+    fit = FitLogs(
+        joints=joints,
+        logs=tuple(log.file for log in entry.logs),
+        digests=tuple(digests),
+        fit=tuple((joint, tuple(names)) for joint, names in wanted),
+        tied=entry.tied,
+        hold_out=entry.hold_out,
+        gravity=entry.gravity,
+        widest=entry.widest,
+        simulator_step=entry.simulator_step,
+    )
+    return p.add(f"fit_logs {number}", fit, {**inputs, "prior.json": prior["prior.json"]})

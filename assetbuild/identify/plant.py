@@ -1,0 +1,341 @@
+"""The robot on its stand, simulated by MuJoCo under the controller that recorded the log."""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from assetbuild.robot.initial import initial_pose
+from assetbuild.robot.model import Actuator, Control, Tree
+from assetbuild.robot.pose import IDENTITY, Array
+from assetbuild.robot.shapes import Shapes
+from assetbuild.simulators.mujoco import mass_matrix
+from assetbuild.targets.mjcf.files import robot_element
+from assetbuild.targets.mjcf.options import MjcfOptions
+from assetbuild.targets.mjcf.robot_xml import RobotXml, Solver
+from assetbuild.targets.mjcf.xml import document
+
+CUTOFF_HZ = 20.0
+LEAD_S = 0.03
+QUIET_S = 1.5
+"""A calm moment is looked for in so much of the beginning of a record."""
+FINEST_S = 0.001
+"""Longest step of the simulation: the fitted numbers are those of continuous time."""
+CHUNK = 4000
+"""Steps that are simulated at once, so that memory is bounded."""
+HELD = 1e9
+"""Armature (kg m2 or kg) of joints that no log holds: they stay where they are."""
+OF_JOINTS = ("joint", "equality", "tendon", "mimic")
+"""Places of `MjcfOnly` that move joints; the others need shapes, or are drives."""
+
+
+def cutoff_hz(rate_hz: float) -> float:
+    """Where `smooth` cuts a record of so many samples in a second."""
+    return min(CUTOFF_HZ, 0.2 * rate_hz)
+
+
+def smooth(values: Array, rate_hz: float) -> Array:
+    """Without what is faster than the joints move; no lag."""
+    from scipy import signal
+
+    cutoff = cutoff_hz(rate_hz)
+    sections = signal.butter(4, cutoff, fs=rate_hz, output="sos")
+    short = min(len(values) - 1, int(3 * rate_hz / cutoff))
+    filtered: Array = signal.sosfiltfilt(sections, values, axis=0, padlen=short)
+    return filtered
+
+
+@dataclass(frozen=True)
+class Drive:
+    """A joint of the log: gains of the controller, what the joint itself has, delay in s.
+
+    offset: constant torque, which stands for a zero that is off, a cable, a sensor's bias.
+    lag: s, by which the command in a measured torque is older than the position of the same row.
+    """
+
+    kp: float
+    kd: float
+    armature: float
+    damping: float
+    friction: float
+    effort: float
+    delay: float = 0.0
+    offset: float = 0.0
+    lag: float = 0.0
+
+
+@dataclass(frozen=True)
+class Record:
+    """A stretch of a log without a gap, on a uniform grid. J: joints of the log.
+
+    period_s: of the samples. position, target, torque: (N, J); target[n] holds from sample n on.
+    """
+
+    period_s: float
+    position: Array
+    target: Array
+    torque: Array | None = None
+
+    @property
+    def lead(self) -> int:
+        """Samples before the simulation begins: what it begins with is read off around there."""
+        return max(2, round(LEAD_S / self.period_s))
+
+    def begin(self) -> tuple[Array, Array]:
+        """(J,) position and velocity at sample `lead`, of the parabola through its neighbours.
+
+        A joint that sticks remembers where it began, so the state must be right.
+        """
+        n = np.arange(-self.lead, self.lead + 1)
+        terms = np.stack([np.ones(len(n)), n * self.period_s, (n * self.period_s) ** 2], axis=1)
+        x, *_ = np.linalg.lstsq(terms, self.position[: len(n)], rcond=None)
+        return x[0], x[1]
+
+    def from_rest(self) -> Record:
+        """Without a beginning in which the joints speed up: its state could not be read off."""
+        rate = 1.0 / self.period_s
+        within = max(1, min(int(QUIET_S * rate), len(self.position) // 4))
+        q = smooth(self.position[: within + 2 * self.lead + int(0.5 * rate)], rate)
+        speed = np.gradient(q, self.period_s, axis=0)
+        change = np.gradient(speed, self.period_s, axis=0)
+        scale = np.std(change, axis=0) + 1e-9
+        loud = np.max(np.abs(change) / scale, axis=1)
+        width = 2 * self.lead + 1
+        loudest = np.array([loud[n : n + width].max() for n in range(within)])
+        return self.after(int(np.argmin(loudest)))
+
+    def after(self, sample: int) -> Record:
+        """The record from a sample on."""
+        torque = None if self.torque is None else self.torque[sample:]
+        return Record(self.period_s, self.position[sample:], self.target[sample:], torque)
+
+    def until(self, sample: int) -> Record:
+        """The record before a sample."""
+        torque = None if self.torque is None else self.torque[:sample]
+        return Record(self.period_s, self.position[:sample], self.target[:sample], torque)
+
+
+class Plant:
+    """A model whose joints `joints` have drives, and whose other joints are held."""
+
+    def __init__(
+        self,
+        tree: Tree,
+        control: Control,
+        joints: Sequence[str],
+        gravity: tuple[float, float, float],
+        simulator_step: float | None = None,
+    ) -> None:
+        """simulator_step: s, of the simulator that recorded the logs; None = the real robot."""
+        self.joints = tuple(joints)
+        self.simulator_step = simulator_step
+        self.model = _compiled(tree, control, joints)
+        import mujoco
+
+        model = self.model
+        model.opt.gravity[:] = gravity
+        model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONTACT)
+        model.opt.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
+        model.actuator_ctrllimited[:] = 0
+        model.actuator_forcelimited[:] = 1
+        found = [model.joint(name) for name in joints]
+        self.dof = np.array([int(joint.dofadr[0]) for joint in found])
+        self.at = np.array([int(joint.qposadr[0]) for joint in found])
+        drives = {int(model.actuator_trnid[a][0]): a for a in range(len(model.actuator_trntype))}
+        self.drive = np.array([drives[joint.id] for joint in found])
+        self.rest = _rest(model, tree, control)
+        free = np.setdiff1d(np.arange(model.nv), self.dof)
+        followers = {int(model.jnt_dofadr[j]) for j in _followers(model)}
+        for dof in free:
+            if int(dof) not in followers:
+                model.dof_armature[dof] = HELD
+        self.branches = _branches(model, self.dof)
+        self.inertia = self._inertia()
+
+    def changed(self, drives: Sequence[Drive], dt: float) -> Any:  # Any: mujoco.MjModel
+        """A copy of the model with these drives, in the order of `joints`, and a timestep.
+
+        MuJoCo takes damping at the end of each step, which acts as dt/2 of it more inertia. Where
+        the log is the real robot's, as much is taken off, and the step is of second order.
+        """
+        import mujoco
+
+        model = copy.copy(self.model)
+        model.opt.timestep = dt
+        table = np.array([[d.armature, d.damping, d.friction] for d in drives])
+        late = np.zeros(len(drives))
+        if self.simulator_step is None:
+            late = dt / 2.0 * (table[:, 1] + np.array([d.kd for d in drives]))
+            late = np.minimum(late, 0.5 * (self.inertia + table[:, 0]))
+        model.dof_armature[self.dof], model.dof_damping[self.dof] = table[:, 0], table[:, 1]
+        model.dof_frictionloss[self.dof] = table[:, 2]
+        for actuator, drive in zip(self.drive, drives, strict=True):
+            model.actuator_gainprm[actuator, 0] = drive.kp
+            model.actuator_biasprm[actuator, :3] = drive.offset, -drive.kp, -drive.kd
+            model.actuator_forcerange[actuator] = -drive.effort, drive.effort
+        # MuJoCo's friction creeps by an amount that depends on the inertia of the joints.
+        mujoco.mj_setConst(model, mujoco.MjData(model))
+        model.dof_armature[self.dof] -= late
+        return model
+
+    def simulate(self, record: Record, variants: Sequence[Sequence[Drive]]) -> tuple[Array, Array]:
+        """Position and drive torque at the samples, (variants, N, J) each.
+
+        The first samples, from which the simulation begins, are the measured ones.
+        """
+        import mujoco
+        from mujoco import rollout
+
+        finest = self.simulator_step or FINEST_S
+        stride = max(1, round(record.period_s / finest + (0.499 if finest is FINEST_S else 0.0)))
+        dt = record.period_s / stride
+        models = [self.changed(drives, dt) for drives in variants]
+        lead, (q0, v0) = record.lead, record.begin()
+        targets = np.repeat(record.target[:-1], stride, axis=0)
+        data = mujoco.MjData(models[0])
+        data.qpos[:] = self.rest
+        data.qpos[self.at] = q0
+        data.qvel[self.dof] = v0
+        kind = mujoco.mjtState.mjSTATE_FULLPHYSICS
+        state = np.zeros(mujoco.mj_stateSize(models[0], kind))
+        mujoco.mj_getState(models[0], data, state, kind)
+        states = np.repeat(state[None], len(models), axis=0)
+        held = np.zeros((len(models), len(targets), models[0].nu))
+        # A step of MuJoCo is a kick in its middle: a command that holds from t on acts from t on
+        # only if it comes half a step later.
+        half = 0.5 if self.simulator_step is None else 0.0
+        commands = [
+            np.stack(
+                [_delayed(targets[:, j], d.delay / dt + half) for j, d in enumerate(drives)], axis=1
+            )
+            for drives in variants
+        ]
+        held[:, :, self.drive] = np.array(commands)
+        chunk = max(1, CHUNK // stride) * stride
+        known, count = record.position[None, : lead + 1], len(models)
+        q = [np.repeat(known, count, axis=0)]
+        v = [np.repeat(v0[None, None], count, axis=0).repeat(lead + 1, axis=1)]
+        datas, first = [data], 1 + models[0].nq
+        for start in range(lead * stride, len(targets), chunk):
+            part, _ = rollout.rollout(models, datas, states, held[:, start : start + chunk])
+            states = part[:, -1].copy()
+            sampled = part[:, stride - 1 :: stride]
+            q.append(sampled[:, :, 1 + self.at])
+            v.append(sampled[:, :, first + self.dof])
+        position, velocity = np.concatenate(q, axis=1), np.concatenate(v, axis=1)
+        return position, _torque(position, velocity, variants, record)
+
+    def _inertia(self) -> Array:
+        """(J,) what each joint moves at rest without its armature, kg m2 or kg."""
+        import mujoco
+
+        data = mujoco.MjData(self.model)
+        data.qpos[:] = self.rest
+        mujoco.mj_forward(self.model, data)
+        diagonal = np.diag(mass_matrix(self.model, data))
+        own: Array = diagonal[self.dof] - self.model.dof_armature[self.dof]
+        return own
+
+    def rigid_torque(self, q: Array, v: Array, a: Array) -> Array:
+        """(N, J) torque that the links alone need for a motion, by inverse dynamics.
+
+        q, v, a: (N, J). Without armature, damping, friction and limits.
+        """
+        import mujoco
+
+        model = copy.copy(self.model)
+        model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONSTRAINT)
+        model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_ACTUATION)
+        model.dof_armature[:], model.dof_damping[:] = 0.0, 0.0
+        data = mujoco.MjData(model)
+        data.qpos[:] = self.rest
+        found = np.zeros_like(q)
+        for n in range(len(q)):
+            data.qpos[self.at], data.qvel[self.dof], data.qacc[self.dof] = q[n], v[n], a[n]
+            mujoco.mj_inverse(model, data)
+            found[n] = data.qfrc_inverse[self.dof]
+        return found
+
+
+def _compiled(tree: Tree, control: Control, joints: Sequence[str]) -> Any:  # Any: as above
+    import mujoco
+
+    stand = replace(tree, base="fixed", X_world_root=IDENTITY)
+    rows = []
+    for joint in tree.moving_joints:
+        driven = Actuator(joint.name, "pd", kp=1.0, effort=1.0)
+        rows.append(driven if joint.name in joints else Actuator(joint.name, "passive"))
+    opaque = tuple(item for item in control.mjcf_only if item.place in OF_JOINTS)
+    own = Control(actuators=tuple(rows), loops=control.loops)
+    xml = RobotXml("stand", Solver.of(MjcfOptions()), stand, Shapes(), own)
+    root = robot_element(xml, opaque, bare=True)
+    return mujoco.MjModel.from_xml_string(document(root, ""))
+
+
+def _rest(model: Any, tree: Tree, control: Control) -> Array:  # Any: as above
+    """Where joints are that no log holds: in the robot's initial pose."""
+    rest = np.array(model.qpos0, float)
+    pose: Mapping[str, float] = dict(initial_pose(tree, control).joints)
+    for joint in range(model.njnt):
+        name = str(model.joint(joint).name)
+        if name in pose:
+            rest[int(model.jnt_qposadr[joint])] = pose[name]
+    return rest
+
+
+def _followers(model: Any) -> list[int]:  # Any: as above
+    """Joints that an equality couples to another."""
+    import mujoco
+
+    coupled = model.eq_type == int(mujoco.mjtEq.mjEQ_JOINT)
+    return [int(j) for j in model.eq_obj1id[coupled]]
+
+
+def _branches(model: Any, dof: Array) -> tuple[int, ...]:  # Any: as above
+    """The branch of the robot that each joint is in: on a fixed root they do not feel each other.
+
+    One branch where loops or tendons may join them.
+    """
+    if model.neq or model.ntendon:
+        return (0,) * len(dof)
+    tops = []
+    for address in dof:
+        top = int(address)
+        while int(model.dof_parentid[top]) >= 0:
+            top = int(model.dof_parentid[top])
+        tops.append(top)
+    return tuple(tops)
+
+
+def _delayed(target: Array, steps: float) -> Array:
+    """The command that arrives: `steps` later, between two steps their mean by weight."""
+    whole = int(np.floor(steps))
+    share = steps - whole
+    padded = np.concatenate([np.full(whole + 1, target[0]), target])
+    late = padded[1 : len(target) + 1]
+    later = padded[: len(target)]
+    mixed: Array = (1.0 - share) * late + share * later
+    return mixed
+
+
+def _torque(
+    q: Array,
+    v: Array,
+    variants: Sequence[Sequence[Drive]],
+    record: Record,
+) -> Array:
+    """What the drives make at the samples."""
+    gains = np.array([[[d.kp, d.kd, d.offset, d.effort] for d in one] for one in variants])
+    kp, kd, offset, effort = (gains[:, None, :, i] for i in range(4))
+    n = np.arange(len(record.target))
+    u = np.empty_like(q)
+    for one, drives in zip(u, variants, strict=True):
+        for j, drive in enumerate(drives):
+            late = (drive.delay + drive.lag) / record.period_s
+            one[:, j] = np.interp(n - late, n, record.target[:, j])
+    force: Array = np.clip(offset + kp * (u - q) - kd * v, -effort, effort)
+    return force

@@ -1,0 +1,184 @@
+"""One log on a uniform clock, in the units of the robot, and looked over for what is wrong."""
+
+from __future__ import annotations
+
+import itertools
+import json
+import math
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+from pydantic import Field
+
+from assetbuild.engine.step import Files, Limits, Step
+from assetbuild.errors import StepError
+from assetbuild.findings import Finding, Rule
+from assetbuild.identify.suspect import suspicions
+from assetbuild.identify.table import read_columns
+from assetbuild.robot.files import RobotFiles
+from assetbuild.robot.identify import Columns
+from assetbuild.robot.model import Tree
+from assetbuild.robot.pose import Array
+
+SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
+GAP = 3.5
+"""A gap is a step of so many periods; a shorter one is bridged by a straight line."""
+SHORTEST_S = 2.0
+"""Stretches between gaps that are shorter are left out."""
+MOST_LOST = 0.2
+"""Share of the time in gaps above which a log is refused."""
+
+DROPPED = Rule(
+    "identify.dropped",
+    "warning",
+    "samples are missing from a log; the stretches between the gaps are used",
+    "record again, or choose an `interval` without gaps",
+)
+
+
+class ReadLog(Step):
+    """`log`, `tree.json` -> `record.npz`: `period_s`, and for each stretch n `position_n`,
+    `target_n` and, if measured, `torque_n`, (N, J) each; `about.json`.
+
+    rad or m, N m or N, in the order of `joints`.
+    """
+
+    outputs = ("record.npz", "about.json")
+    isolated = True
+    usual_s = 1.0
+    limits = Limits(wall_s=1800.0, memory_mb=4096)
+
+    file: str
+    joints: tuple[str, ...]
+    names: dict[str, str] = Field(default_factory=dict)
+    columns: Columns
+    interval: tuple[float, float] | None = None
+    time_unit: str = "s"
+    angle_unit: str | int = "rad"
+    torque_constants: tuple[float, ...] | None = None
+
+    def run(self, files: Files) -> Iterator[Finding]:
+        """Raises StepError, in one sentence, for a log that cannot be what the recipe says."""
+        tree = RobotFiles(files.inputs).tree
+        table = read_columns(
+            files.inputs / "log", self.file, self._names(), self.interval, SECONDS[self.time_unit]
+        )
+        time = table[:, 0]
+        self._check_clock(time)
+        count = len(self.joints)
+        values = {name: table[:, 1 + n * count :][:, :count] for n, name in enumerate(self._kinds)}
+        scale = np.array([self._scale(tree, joint) for joint in self.joints])
+        for name in ("position", "target", "velocity"):
+            if name in values:
+                values[name] = values[name] * scale
+        if "torque" in values and self.torque_constants is not None:
+            values["torque"] = values["torque"] * np.array(self.torque_constants)
+        wrong = suspicions(tree, self.joints, time, values)
+        if wrong:
+            raise StepError(f"{self.file}: {wrong[0].message}", hint=wrong[0].hint)
+        stretches, period, lost = self._stretches(time)
+        yield from self._about_gaps(time, stretches, lost)
+        arrays: dict[str, Array] = {"period_s": np.array(period)}
+        for n, (first, last) in enumerate(stretches):
+            for name in ("position", "target", "torque"):
+                if name in values:
+                    arrays[f"{name}_{n}"] = _uniform(
+                        time[first:last], values[name][first:last], period, held=name == "target"
+                    )
+        np.savez(files.outputs / "record.npz", **arrays)  # type: ignore[arg-type] # arrays by name
+        seconds = sum(float(time[last - 1] - time[first]) for first, last in stretches)
+        about = {"file": self.file, "rate_hz": round(1.0 / period, 6), "seconds": round(seconds, 6)}
+        (files.outputs / "about.json").write_text(json.dumps(about) + "\n", encoding="utf-8")
+
+    @property
+    def _kinds(self) -> tuple[str, ...]:
+        optional = [name for name in ("velocity", "torque") if getattr(self.columns, name)]
+        return ("position", "target", *optional)
+
+    def _names(self) -> list[str]:
+        """The columns in the order of the table: time, then each kind with all joints."""
+        found = [self.columns.time]
+        for kind in self._kinds:
+            pattern = str(getattr(self.columns, kind))
+            found += [pattern.replace("{joint}", self.names.get(j, j)) for j in self.joints]
+        twice = {name for name in found if found.count(name) > 1}
+        if twice:
+            raise StepError(
+                f"{self.file}: column `{min(twice)}` would be read for several joints",
+                hint="`{joint}` in `columns` stands for the joint's name in the log",
+            )
+        return found
+
+    def _scale(self, tree: Tree, joint: str) -> float:
+        """Radians in one unit of the log's angles; joints that slide are in metres."""
+        if tree.by_joint[joint].kind == "prismatic" or self.angle_unit == "rad":
+            return 1.0
+        whole = 360.0 if self.angle_unit == "deg" else float(self.angle_unit)
+        return 2.0 * math.pi / whole
+
+    # --- the clock --------------------------------------------------------------------------
+
+    def _check_clock(self, time: Array) -> None:
+        """StepError for a clock that goes back, stands still, or counts in another unit."""
+        steps = np.diff(time)
+        back = np.flatnonzero(steps < 0)
+        if len(back):
+            raise StepError(
+                f"{self.file}: the time goes back by {-steps[back[0]]:.4g} s after row "
+                f"{back[0] + 1}, and in {len(back)} places in all",
+                hint="rows with stamps of two clocks are mixed: write the stamp of one clock",
+            )
+        period = float(np.median(steps))
+        if period <= 0.0:
+            raise StepError(
+                f"{self.file}: most rows have the same time",
+                hint="write each sample once, with its own time",
+            )
+        if not 1e-4 <= period <= 0.2:
+            raise StepError(
+                f"{self.file}: one sample every {period:.4g} s",
+                hint="check `time_unit`; samples every 0.1 ms to 0.2 s can be used",
+            )
+
+    def _stretches(self, time: Array) -> tuple[list[tuple[int, int]], float, float]:
+        """(first, last) rows between gaps, the period in s, and the seconds lost in gaps."""
+        steps = np.diff(time)
+        period = float(np.median(steps))
+        whole = steps[steps < GAP * period]
+        period = float(np.mean(whole)) if len(whole) else period
+        gaps = np.flatnonzero(steps >= GAP * period)
+        ends = [0, *(int(g) + 1 for g in gaps), len(time)]
+        found = [(a, b) for a, b in itertools.pairwise(ends) if (b - a) * period >= SHORTEST_S]
+        lost = float(np.sum(steps[gaps]))
+        if not found or lost > MOST_LOST * (time[-1] - time[0]):
+            raise StepError(
+                f"{self.file}: samples are missing in {len(gaps)} places, {lost:.3g} s of "
+                f"{time[-1] - time[0]:.3g} s",
+                hint="record again; a logger that writes to disk in the control loop drops samples",
+            )
+        return found, round(period, 9), lost
+
+    def _about_gaps(
+        self, time: Array, stretches: list[tuple[int, int]], lost: float
+    ) -> Iterator[Finding]:
+        if lost > 0.0:
+            used = sum(float(time[last - 1] - time[first]) for first, last in stretches)
+            yield DROPPED(
+                f"log {Path(self.file).name}",
+                f"{self.file}: samples are missing for {lost:.3g} s in all; {len(stretches)} "
+                f"stretches of {used:.3g} s are used",
+                hint="record again, or choose an `interval` without gaps",
+                data={"lost_s": round(lost, 6), "stretches": len(stretches)},
+            )
+
+
+def _uniform(time: Array, values: Array, period: float, *, held: bool) -> Array:
+    """At each period from the first time on. held: a command, which lasts until the next."""
+    count = math.floor((time[-1] - time[0]) / period + 1e-6) + 1
+    at = time[0] + period * np.arange(count)
+    if held:
+        rows = np.searchsorted(time, at + 0.5 * period, side="right") - 1
+        found: Array = values[np.clip(rows, 0, len(time) - 1)]
+        return found
+    return np.stack([np.interp(at, time, column) for column in values.T], axis=1)

@@ -1,0 +1,126 @@
+"""Where the fit begins: the joint equations as a linear regression on the filtered record.
+
+Of each joint, with the drive's torque tau = kp (u - q) - kd v or as measured:
+
+    tau - ID(q, v, a) = armature a + damping v + friction sign(v) + offset
+
+ID is the inverse dynamics of the links alone. Noise in v and a biases this a little, which is why
+it is only the start. The delay is the lag of the command that explains the record best.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from assetbuild.identify.plant import Drive, Plant, Record, smooth
+from assetbuild.robot.pose import Array
+
+SLOWEST_HZ = 250.0
+"""Inverse dynamics is asked at most so often."""
+LAGS_S = np.arange(0.0, 0.0801, 0.001)
+"""Delays that are tried."""
+PARAMETERS = ("armature", "damping", "friction", "kp", "kd")
+FITTED = ("armature", "damping", "friction")
+
+
+@dataclass(frozen=True)
+class Motion:
+    """A record, smoothed forwards and backwards, without its ends. All (N, J)."""
+
+    q: Array
+    v: Array
+    a: Array
+    rigid: Array
+
+
+def motion(plant: Plant, record: Record) -> Motion:
+    """Smoothed position with its derivatives, and the torque that the links need for them."""
+    rate = 1.0 / record.period_s
+    q = smooth(record.position, rate)
+    v = np.gradient(q, record.period_s, axis=0)
+    a = np.gradient(v, record.period_s, axis=0)
+    every = max(1, int(rate / SLOWEST_HZ))
+    at = np.arange(0, len(q), every)
+    sparse = plant.rigid_torque(q[at], v[at], a[at])
+    n = np.arange(len(q))
+    columns = [np.interp(n, at, sparse[:, j]) for j in range(q.shape[1])]
+    return Motion(q, v, a, np.stack(columns, axis=1))
+
+
+def first_guess(
+    records: Sequence[Record],
+    motions: Sequence[Motion],
+    drives: Sequence[Drive],
+    wanted: Sequence[frozenset[str]],
+) -> list[Drive]:
+    """The drives with the wanted parameters as the regression sees them, where it sees them.
+
+    wanted: names of parameters, for each joint.
+    """
+    found = []
+    lag = _common_lag(records, motions, drives) if any("delay" in w for w in wanted) else None
+    for j, (drive, names) in enumerate(zip(drives, wanted, strict=True)):
+        delay = lag if lag is not None and "delay" in names else drive.delay
+        drive = replace(drive, delay=delay)
+        found.append(_guess(records, motions, j, drive, names))
+    return found
+
+
+def _common_lag(
+    records: Sequence[Record], motions: Sequence[Motion], drives: Sequence[Drive]
+) -> float:
+    """Seconds; the median over the joints, which share a bus."""
+    best = []
+    for j, drive in enumerate(drives):
+        costs = []
+        for lag in LAGS_S:
+            unexplained = 0.0
+            for record, moved in zip(records, motions, strict=True):
+                A, y = _equations(record, moved, j, replace(drive, delay=float(lag)))
+                x, *_ = np.linalg.lstsq(A, y, rcond=None)
+                unexplained += float(np.sum((y - A @ x) ** 2))
+            costs.append(unexplained)
+        best.append(float(LAGS_S[int(np.argmin(costs))]))
+    return float(np.median(best))
+
+
+def _guess(
+    records: Sequence[Record],
+    motions: Sequence[Motion],
+    j: int,
+    drive: Drive,
+    names: frozenset[str],
+) -> Drive:
+    pairs = [_equations(r, m, j, drive) for r, m in zip(records, motions, strict=True)]
+    A = np.concatenate([pair[0] for pair in pairs])
+    y = np.concatenate([pair[1] for pair in pairs])
+    fixed = [i for i, name in enumerate(FITTED) if name not in names]
+    known = np.array([getattr(drive, name) for name in FITTED])
+    y = y - A[:, fixed] @ known[fixed]
+    free = [i for i in range(A.shape[1]) if i not in fixed]
+    x, *_ = np.linalg.lstsq(A[:, free], y, rcond=None)
+    values = dict(zip([(*FITTED, "offset")[i] for i in free], map(float, x), strict=True))
+    return replace(drive, **{k: v if k == "offset" else max(v, 0.0) for k, v in values.items()})
+
+
+def _equations(record: Record, moved: Motion, j: int, drive: Drive) -> tuple[Array, Array]:
+    """(N, 4) regressors of armature, damping, friction and offset; (N,) what they explain."""
+    rate = 1.0 / record.period_s
+    if record.torque is not None:
+        torque = smooth(record.torque[:, j], rate)
+    else:
+        n = np.arange(len(record.target)) - drive.delay / record.period_s
+        late = np.interp(n, np.arange(len(record.target)), record.target[:, j])
+        raw = drive.kp * (late - record.position[:, j])
+        torque = smooth(np.clip(raw, -drive.effort, drive.effort), rate)
+        torque = torque - drive.kd * moved.v[:, j]
+    v = moved.v[:, j]
+    width = 0.02 * np.sqrt(np.mean(v**2)) + 1e-9
+    dry = smooth(np.tanh(v / width), rate)
+    A = np.stack([moved.a[:, j], v, dry, np.ones_like(v)], axis=1)
+    edge = min(len(v) // 10, int(0.2 * rate))
+    inside = slice(edge, len(v) - edge)
+    return A[inside], (torque - moved.rigid[:, j])[inside]

@@ -1,0 +1,152 @@
+"""The columns of a log that a recipe names: read in pieces, so that no file is too large."""
+
+from __future__ import annotations
+
+import csv
+import itertools
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from assetbuild.errors import StepError, did_you_mean
+from assetbuild.robot.pose import Array
+
+MOST_ROWS = 1_500_000
+"""Rows of a log that are kept: 25 minutes at 1 kHz."""
+CHUNK = 50_000
+PARQUET = (".parquet", ".pq")
+FORMATS = (".csv", ".txt", *PARQUET)
+
+
+def read_columns(
+    path: Path, file: str, columns: Sequence[str], interval: tuple[float, float] | None, unit: float
+) -> Array:
+    """(rows, columns) of the rows whose time lies in the interval; the first column is the time.
+
+    file: the name for errors. unit: seconds of one unit of time. StepError for a log that has not
+    these columns, or whose numbers are none.
+    """
+    pieces = (_parquet if file.endswith(PARQUET) else _csv)(path, file, columns)
+    kept, count, row = [], 0, 0
+    for piece in pieces:
+        piece[:, 0] *= unit
+        if interval is not None:
+            inside = (piece[:, 0] >= interval[0]) & (piece[:, 0] <= interval[1])
+        else:
+            inside = np.ones(len(piece), bool)
+        rows = row + np.flatnonzero(inside)
+        row, piece = row + len(piece), piece[inside]
+        _refuse_gaps_in_numbers(piece, rows, file, columns)
+        kept.append(piece)
+        count += len(piece)
+        if count > MOST_ROWS:
+            raise StepError(
+                f"{file}: more than {MOST_ROWS:,} rows",
+                hint="choose an `interval` of a few minutes",
+            )
+    if count < 2:
+        part = f" between {interval[0]:g} and {interval[1]:g} s" if interval else ""
+        raise StepError(f"{file}: {count} rows{part}", hint="check `interval` and `time_unit`")
+    return np.concatenate(kept)
+
+
+def _refuse_gaps_in_numbers(
+    piece: Array, rows: NDArray[np.int64], file: str, columns: Sequence[str]
+) -> None:
+    bad = np.argwhere(~np.isfinite(piece))
+    if len(bad):
+        row, column = bad[0]
+        raise StepError(
+            f"{file}: column `{columns[column]}` is not a number in row {int(rows[row]) + 1} of "
+            f"the data, and in {len(np.unique(bad[:, 0]))} rows of this part",
+            hint="remove the rows from the log, or choose an `interval` without them",
+        )
+
+
+def _missing(file: str, wanted: Sequence[str], known: Sequence[str]) -> StepError:
+    lost = [name for name in wanted if name not in known]
+    shown = ", ".join(f"`{name}`" for name in lost[:4]) + (" ..." if len(lost) > 4 else "")
+    there = ", ".join(f"`{name}`" for name in known[:12]) + (" ..." if len(known) > 12 else "")
+    return StepError(
+        f"{file} has no column {shown}; it has {there or 'no columns'}",
+        hint=did_you_mean(lost[0], known)
+        or "is it a log of this robot? `columns` and `names` state how the log calls the joints",
+    )
+
+
+def _csv(path: Path, file: str, columns: Sequence[str]) -> Iterator[Array]:
+    with path.open(encoding="utf-8-sig", errors="replace", newline="") as lines:
+        head = lines.readline(1_000_000)
+        comma = max(",;\t", key=head.count)
+        names = [name.strip() for name in next(csv.reader([head.lstrip("#")], delimiter=comma), [])]
+        if not set(columns) <= set(names):
+            raise _missing(file, columns, names)
+        places = [names.index(name) for name in columns]
+        number = 1
+        while chunk := list(itertools.islice(lines, CHUNK)):
+            try:
+                piece = np.loadtxt(chunk, delimiter=comma, usecols=places, ndmin=2, comments=None)
+            except ValueError:
+                piece = _slowly(chunk, comma, places, file, columns, number)
+            number += len(chunk)
+            yield piece
+
+
+def _slowly(
+    chunk: Sequence[str],
+    comma: str,
+    places: Sequence[int],
+    file: str,
+    columns: Sequence[str],
+    number: int,
+) -> Array:
+    """The same for lines with empty cells, which are no numbers; StepError with the line."""
+    rows = []
+    for offset, cells in enumerate(csv.reader(chunk, delimiter=comma)):
+        if not cells:
+            continue
+        row = []
+        for name, place in zip(columns, places, strict=True):
+            text = cells[place].strip() if place < len(cells) else ""
+            try:
+                row.append(float(text) if text else np.nan)
+            except ValueError:
+                raise StepError(
+                    f"{file}:{number + offset + 1}: `{text[:40]}` in column `{name}` is no number"
+                ) from None
+        rows.append(row)
+    return np.array(rows, float).reshape(len(rows), len(columns))
+
+
+def _parquet(path: Path, file: str, columns: Sequence[str]) -> Iterator[Array]:
+    """Columns; `state[3]` is the fourth element of a column of lists, as LeRobot writes them."""
+    try:
+        import pyarrow.parquet as parquet
+    except ImportError:
+        raise StepError(
+            f"{file}: reading Parquet needs pyarrow", hint="pip install 'assetbuild[logs]'"
+        ) from None
+    try:
+        table = parquet.ParquetFile(path)
+    except Exception as error:  # whatever pyarrow makes of a broken file
+        raise StepError(f"{file} is not a Parquet file: {error}") from None
+    plain = [name.partition("[")[0] for name in columns]
+    names = list(table.schema_arrow.names)
+    if not set(plain) <= set(names):
+        raise _missing(file, [n for n in plain if n not in names] or plain, names)
+    for batch in table.iter_batches(CHUNK, columns=list(dict.fromkeys(plain))):
+        yield np.stack([_element(batch, name, file) for name in columns], axis=1)
+
+
+def _element(batch: object, name: str, file: str) -> Array:
+    column, _, place = name.partition("[")
+    values = batch.column(column)  # type: ignore[attr-defined] # pyarrow's RecordBatch
+    if not place:
+        return np.asarray(values.to_numpy(zero_copy_only=False), float)
+    index = int(place.rstrip("]"))
+    try:
+        return np.array([row[index] for row in values.to_pylist()], float)
+    except (IndexError, TypeError):
+        raise StepError(f"{file}: column `{column}` has no element {index}") from None

@@ -1,0 +1,114 @@
+"""What a recipe says about logs of the real robot: `identify`."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from typing import Annotated, Literal, TypeVar
+
+from pydantic import Field, model_validator
+
+from assetbuild.quantities import Model, NonNegative, Pattern, Positive, Real
+
+Parameter = Literal["armature", "damping", "friction", "kp", "kd", "delay", "effort"]
+ByJoint = NonNegative | dict[Pattern, NonNegative]
+"""One number for all joints, or one for each pattern of joints."""
+V = TypeVar("V")
+
+
+class LogFile(Model):
+    """One recording."""
+
+    file: str = Field(
+        min_length=1, max_length=500, description="CSV or Parquet, relative to the recipe"
+    )
+    interval: tuple[Real, Real] | None = Field(
+        None, description="the part to use, s on the log's own clock; without it all"
+    )
+
+    @model_validator(mode="after")
+    def _rising(self) -> LogFile:
+        if self.interval is not None and not self.interval[0] < self.interval[1]:
+            raise ValueError("`interval`: the first time must be before the second")
+        return self
+
+
+class Columns(Model):
+    """Names of the log's columns; `{joint}` stands for the name of the joint in the log."""
+
+    time: str = Field("time", description="column of the time")
+    position: str = Field("position_{joint}", description="measured position")
+    target: str = Field("target_{joint}", description="commanded position")
+    velocity: str | None = Field(
+        None, description="measured velocity; used to check the position column"
+    )
+    torque: str | None = Field(
+        None, description="measured torque, or the current if `torque_constant` is given"
+    )
+
+
+class Recorded(Model):
+    """Gains of the position controller while the log was recorded."""
+
+    kp: ByJoint = Field(description="N m/rad or N/m; one number, or one for each pattern of joints")
+    kd: ByJoint = Field(0.0, description="N m s/rad or N s/m; likewise")
+
+
+class Identify(Model):
+    """Parameters of some joints, fitted to one or more logs."""
+
+    joints: Pattern = Field(".*", description="the joints that the logs hold")
+    logs: tuple[LogFile, ...] = Field(
+        min_length=1, max_length=64, description="recordings with the same columns and gains"
+    )
+    columns: Columns = Columns()
+    names: dict[str, str] = Field(
+        default_factory=dict,
+        description="joint -> its name or number in the log, where that differs",
+    )
+    time_unit: Literal["s", "ms", "us", "ns"] = Field("s", description="unit of the time column")
+    angle_unit: Literal["rad", "deg"] | Annotated[int, Field(ge=4)] = Field(
+        "rad",
+        description="unit of angles in the log: rad, deg, or the encoder ticks of one turn; "
+        "positions of joints that slide are in m",
+    )
+    torque_constant: ByJoint | None = Field(
+        None, description="N m/A or N/A after the gear, if the torque column is a current"
+    )
+    recorded: Recorded | None = Field(
+        None, description="gains while recording; without it those of the actuator table"
+    )
+    fit: tuple[Parameter, ...] | dict[Pattern, tuple[Parameter, ...]] = Field(
+        ("armature", "damping", "friction", "delay"),
+        description="parameters to fit, of all the joints or for each pattern of joints",
+    )
+    tied: tuple[Pattern, ...] = Field(
+        (), max_length=64, description="joints that share their values, such as left and right"
+    )
+    hold_out: Annotated[float, Field(ge=0.0, le=0.5)] = Field(
+        0.2, description="share at the end of each log that is predicted, not fitted"
+    )
+    base: Literal["fixed"] = Field(
+        "fixed", description="the root stood still while recording, on a stand"
+    )
+    gravity: tuple[Real, Real, Real] = Field(
+        (0.0, 0.0, -9.81), description="while recording, in the axes of the root, m/s2"
+    )
+    widest: Positive = Field(
+        0.1,
+        description="a parameter with a 95 % interval wider than this share of its value is "
+        "refused and keeps its prior",
+    )
+    simulator_step: Positive | None = Field(
+        None,
+        description="s; the timestep of the simulator that made the logs, if no real robot did: "
+        "its error of integration is then part of the fit",
+    )
+    use: bool = Field(True, description="false: fit and report, but build with the priors")
+
+
+def by_joint(table: V | Mapping[str, V], joint: str) -> V | None:
+    """The number of a joint: the only one, or that of the first pattern that matches."""
+    if not isinstance(table, Mapping):
+        return table
+    return next((value for key, value in table.items() if re.fullmatch(key, joint)), None)

@@ -1,0 +1,123 @@
+"""Parameters that were hidden in a log come out of it, those that it does not show are refused."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from logs import (
+    ARMATURE,
+    DAMPING,
+    DELAY_S,
+    FRICTION,
+    JOINTS,
+    KD,
+    KP,
+    RATE_HZ,
+    arm,
+    chirps,
+    prior,
+    two_links,
+)
+from tiny import run_step
+
+from assetbuild.identify.fit_logs import FitLogs
+from assetbuild.robot.codec import decode_file, encode
+from assetbuild.robot.identified import Curves, Fit
+from assetbuild.robot.model import Control
+
+HIDDEN = {"armature": ARMATURE, "damping": DAMPING, "friction": FRICTION}
+
+
+def fitted(folder, target, position, torque=None, kp=KP, **keys):
+    inputs = folder / "in"
+    for name in ("records", "about"):
+        (inputs / name).mkdir(parents=True, exist_ok=True)
+    (inputs / "tree.json").write_bytes(encode(arm()))
+    rows = tuple(replace(prior(joint), kp=kp) for joint in JOINTS)
+    (inputs / "prior.json").write_bytes(encode(Control(rows)))
+    arrays = {"period_s": np.array(1 / RATE_HZ), "position_0": position, "target_0": target}
+    np.savez(
+        inputs / "records/0.npz", **arrays, **({"torque_0": torque} if torque is not None else {})
+    )
+    about = {"file": "log.csv", "rate_hz": RATE_HZ, "seconds": len(target) / RATE_HZ}
+    (inputs / "about/0.json").write_text(json.dumps(about))
+    names = ("armature", "damping", "friction", "delay")
+    values = {
+        "joints": JOINTS,
+        "logs": ("log.csv",),
+        "digests": ("0" * 64,),
+        "fit": tuple((joint, names) for joint in JOINTS),
+        "hold_out": 0.2,
+        "gravity": (0.0, 0.0, -9.81),
+        "widest": 0.1,
+    }
+    findings = run_step(FitLogs(**values | keys), inputs, folder / "out")
+    return decode_file(Fit, folder / "out/fit.json"), findings
+
+
+def truth(parameter):
+    if parameter.name == "delay":
+        return DELAY_S
+    return {"kp": (KP, KP), "kd": (KD, KD), **HIDDEN}[parameter.name][
+        JOINTS.index(parameter.joints[0])
+    ]
+
+
+def test_hidden_parameters_come_out_within_their_intervals(tmp_path):
+    target, position, _ = two_links(16.0)
+    fit, findings = fitted(tmp_path, target, position)
+    assert len(fit.parameters) == 7 and not findings
+    for each in fit.parameters:
+        assert each.value == pytest.approx(truth(each), rel=0.05), each
+        assert each.low <= truth(each) <= each.high, each
+    assert all(p.after < 0.1 * p.before for p in fit.predictions)
+
+
+def test_the_same_log_gives_the_same_bytes(tmp_path):
+    target, position, _ = two_links(6.0)
+    texts = []
+    for folder in (tmp_path / "a", tmp_path / "b"):
+        fitted(folder, target, position)
+        texts += [(folder / "out/fit.json").read_bytes()]
+    assert texts[0] == texts[1]
+    (shown, _) = decode_file(Curves, tmp_path / "a/out/curves.json").curves
+    assert shown.joint == "shoulder" and len(shown.measured) == len(shown.after)
+
+
+def test_drive_damping_and_joint_damping_are_one_without_a_torque(tmp_path):
+    target, position, torque = two_links(20.0)
+    torque = torque + np.random.default_rng(1).normal(0.0, 0.1, torque.shape)
+    names = ("armature", "damping", "friction", "kd", "delay")
+    fit = tuple((joint, names) for joint in JOINTS)
+    plain, findings = fitted(tmp_path / "plain", target, position, fit=fit)
+    refused = {(p.name, p.joints[0]): p.refused for p in plain.parameters}
+    assert "together with kd" in refused["damping", "shoulder"]
+    assert "together with damping" in refused["kd", "shoulder"]
+    assert "identify.refused" in {finding.rule for finding in findings}
+    measured, _ = fitted(tmp_path / "torque", target, position, torque, fit=fit)
+    both = [p for p in measured.parameters if p.name in ("damping", "kd")]
+    assert [p.value for p in both] == pytest.approx([truth(p) for p in both], rel=0.1)
+    assert all(p.low <= truth(p) <= p.high for p in both)
+    assert all("together" not in p.refused for p in both)
+
+
+def test_a_joint_at_rest_shows_nothing(tmp_path):
+    import mujoco
+    from logs import TWO_LINKS, recorded
+
+    text = TWO_LINKS.format(dt=0.0005, a=ARMATURE, d=DAMPING, f=FRICTION, kp=KP, kd=KD)
+    target = chirps(6.0)
+    target[:, 1] = 0.3
+    position, _ = recorded(mujoco.MjModel.from_xml_string(text), target)
+    names = ("armature", "damping", "friction")
+    fit, _ = fitted(tmp_path, target, position, fit=(("shoulder", ()), ("elbow", names)))
+    assert all(each.refused for each in fit.parameters if each.name != "damping")
+
+
+def test_tied_joints_have_one_value(tmp_path):
+    target, position, _ = two_links(6.0)
+    names = tuple((joint, ("friction",)) for joint in JOINTS)
+    fit, _ = fitted(tmp_path, target, position, fit=names, tied=(".*",))
+    (both,) = fit.parameters
+    assert both.joints == JOINTS and both.value > 0.0

@@ -1,0 +1,150 @@
+"""A log that cannot be what the recipe says is refused in one sentence that says why."""
+
+import numpy as np
+import pytest
+from logs import JOINTS, RATE_HZ, chirps, columns_of, write_csv
+from tiny import run_step
+
+from assetbuild.errors import StepError
+from assetbuild.identify.fit_logs import read_records
+from assetbuild.identify.read_log import ReadLog
+from assetbuild.robot.codec import encode
+from assetbuild.robot.identify import Columns
+from assetbuild.robot.model import Body, Joint, Limits, Tree
+
+
+def arm():
+    limits = Limits(-2.0, 2.0, 50.0, 20.0)
+    bodies = tuple(Body(name) for name in ("base", "upper", "lower"))
+    joints = (
+        Joint("shoulder", "revolute", "base", "upper", limits=limits),
+        Joint("elbow", "revolute", "upper", "lower", limits=limits),
+    )
+    return Tree("arm", "fixed", bodies, joints)
+
+
+@pytest.fixture
+def good():
+    """A position that follows its command a little late."""
+    target = chirps(6.0)
+    return columns_of(target, 0.95 * np.roll(target, 2, axis=0))
+
+
+def read(tmp_path, columns, **keys):
+    inputs = tmp_path / "in"
+    inputs.mkdir(exist_ok=True)
+    (inputs / "tree.json").write_bytes(encode(arm()))
+    write_csv(inputs / "log", columns)
+    step = ReadLog(**{"file": "log.csv", "joints": JOINTS, "columns": Columns()} | keys)
+    return run_step(step, inputs, tmp_path / "out"), tmp_path / "out"
+
+
+def refused(tmp_path, columns, **keys):
+    with pytest.raises(StepError) as error:
+        read(tmp_path, columns, **keys)
+    assert error.value.message.startswith("log.csv") and error.value.hint
+    return str(error.value)
+
+
+def test_a_good_log_is_one_record(tmp_path, good):
+    findings, out = read(tmp_path, good)
+    (record,) = read_records(out / "record.npz")
+    assert not findings
+    assert record.period_s == pytest.approx(1 / RATE_HZ)
+    assert record.position[:, 0] == pytest.approx(good["position_shoulder"], abs=1e-6)
+
+
+def test_degrees_are_converted_when_they_are_stated(tmp_path, good):
+    degrees = {k: v if k == "time" else np.degrees(v) for k, v in good.items()}
+    _, out = read(tmp_path, degrees, angle_unit="deg")
+    (record,) = read_records(out / "record.npz")
+    assert record.target[:, 1] == pytest.approx(good["target_elbow"], abs=1e-5)
+
+
+def test_degrees_that_nobody_stated(tmp_path, good):
+    degrees = {k: v if k == "time" else np.degrees(v) for k, v in good.items()}
+    assert "angle_unit: deg" in refused(tmp_path, degrees)
+
+
+def test_ticks_that_nobody_stated(tmp_path, good):
+    ticks = {k: v if k == "time" else 2048 + v * 4096 / 6.283 for k, v in good.items()}
+    assert "encoder ticks" in refused(tmp_path, ticks)
+
+
+def test_a_wrong_sign(tmp_path, good):
+    good["position_elbow"] = -good["position_elbow"]
+    assert "`elbow` moves against its command" in refused(tmp_path, good)
+
+
+def test_the_sign_of_a_joint_with_uneven_limits(tmp_path, good):
+    for name in ("position_elbow", "target_elbow"):
+        good[name] = good[name] * 0.2 - 2.4
+    assert "outside of its limits" in refused(tmp_path, good)
+
+
+def test_swapped_columns(tmp_path, good):
+    good["position_elbow"], good["position_shoulder"] = (
+        good["position_shoulder"],
+        good["position_elbow"],
+    )
+    assert "two columns are swapped" in refused(tmp_path, good)
+
+
+def test_a_joint_that_never_moves(tmp_path, good):
+    good["position_elbow"] = np.full(len(good["time"]), 0.3)
+    assert "`elbow` never moves" in refused(tmp_path, good)
+
+
+def test_numbers_that_are_none(tmp_path, good):
+    good["position_elbow"][700] = np.nan
+    assert "`position_elbow` is not a number in row 701" in refused(tmp_path, good)
+
+
+def test_a_clock_that_goes_back(tmp_path, good):
+    good["time"][800:] -= 1.0
+    assert "the time goes back by" in refused(tmp_path, good)
+
+
+def test_milliseconds_that_nobody_stated(tmp_path, good):
+    good["time"] *= 1000.0
+    assert "check `time_unit`" in refused(tmp_path, good)
+
+
+def test_a_file_of_another_robot(tmp_path, good):
+    other = {name.replace("shoulder", "hip"): values for name, values in good.items()}
+    text = refused(tmp_path, other)
+    assert "has no column `position_shoulder`" in text and "`position_hip`" in text
+
+
+def test_a_few_dropped_samples_cut_the_log_in_two(tmp_path, good):
+    cut = {name: np.delete(values, np.s_[740:790]) for name, values in good.items()}
+    findings, out = read(tmp_path, cut)
+    assert [finding.rule for finding in findings] == ["identify.dropped"]
+    assert len(read_records(out / "record.npz")) == 2
+
+
+def test_many_dropped_samples(tmp_path, good):
+    keep = np.flatnonzero(np.arange(len(good["time"])) % 50 < 25)
+    assert "samples are missing" in refused(tmp_path, {k: v[keep] for k, v in good.items()})
+
+
+def test_a_log_without_end_is_refused_after_so_many_rows(tmp_path, good, monkeypatch):
+    from assetbuild.identify import table
+
+    monkeypatch.setattr(table, "MOST_ROWS", 1000)
+    monkeypatch.setattr(table, "CHUNK", 300)
+    assert "more than 1,000 rows" in refused(tmp_path, good)
+
+
+def test_an_interval_is_all_that_is_read(tmp_path, good):
+    good["position_elbow"][0] = np.nan
+    _, out = read(tmp_path, good, interval=(1.0, 4.0))
+    (record,) = read_records(out / "record.npz")
+    assert len(record.position) == pytest.approx(3 * RATE_HZ, abs=1)
+
+
+def test_two_joints_need_two_columns(tmp_path, good):
+    with pytest.raises(StepError, match="would be read for several joints"):
+        ReadLog(
+            file="log.csv", joints=JOINTS, columns=Columns(position="position_shoulder")
+        )._names()
