@@ -156,7 +156,7 @@ class Gains(Check):
         if left_over > UNBALANCED and tree.base == "floating":
             torque = {}  # it would not stand, so no joint can be said to hold anything
         closed = bool(control.loops) and not any(joint.kind == "ball" for joint in tree.joints)
-        inertia = felt_inertia(control, robot) if closed else robot.effective_inertia
+        inertia = felt_inertia(control.loops if closed else (), robot)
         reflected = reflected_range(tree, control, dict(start.joints)) if closed else {}
         found: dict[str, Effective] = {}
         for name in robot.joints:

@@ -119,7 +119,7 @@ class ControlStep(Step):
             if not any(side.from_mjcf for side in self.sides):  # whose loops are not known yet
                 poses = self._closed(tree, poses, loops, driven_joints(tree, self.rows))
         with wrong:
-            self._resolved(tree, poses)
+            self._resolved(tree, poses, loops)
         with wrong:
             _excludes(tree, Shapes(), self.exclude, self.sides, loops)
         with wrong:
@@ -127,12 +127,15 @@ class ControlStep(Step):
         wrong.stop()
 
     def _resolved(
-        self, tree: model.Tree, keyframes: Iterable[model.Keyframe]
+        self,
+        tree: model.Tree,
+        keyframes: Iterable[model.Keyframe],
+        loops: tuple[model.Loop, ...],
     ) -> tuple[model.Actuator, ...]:
         """The actuator table; gains by frequency are for the initial pose."""
         start = initial_pose(tree, model.Control(keyframes=tuple(keyframes)))
         driven = moving_by_source(self.sides, (joint.name for joint in tree.moving_joints))
-        return resolve(tree, self.rows, self.motors, dict(start.joints), driven)
+        return resolve(tree, self.rows, self.motors, dict(start.joints), driven, loops)
 
     def _closed(
         self,
@@ -177,7 +180,7 @@ class ControlStep(Step):
             yield from solved_findings(before, after)
         parts = {name: self._of_parts(tree, pose) for name, pose in self.poses.items()}
         said = source.control.keyframes if source is not None else ()
-        actuators = self._resolved(tree, joined_keyframes(own, said, tree, parts))
+        actuators = self._resolved(tree, joined_keyframes(own, said, tree, parts), loops)
         yield from row_findings(self.rows, tree, actuators)
 
         ground = Ground(tree, shapes, robot.mesh_dir)

@@ -19,9 +19,10 @@ from dataclasses import dataclass, field, replace
 from assetbuild.errors import Gather, did_you_mean
 from assetbuild.robot.actuator_table import ActuatorRow, Motor
 from assetbuild.robot.dynamics import dynamics
-from assetbuild.robot.model import Actuator, Joint, Tree
+from assetbuild.robot.model import Actuator, Joint, Loop, Tree
 from assetbuild.robot.motors import RowError as RowError
 from assetbuild.robot.motors import extended
+from assetbuild.robot.reflected import felt_inertia
 
 DRIVEN: frozenset[str] = frozenset({"pd", "ideal_pd", "dc_motor", "velocity", "motor"})
 """Models that push, so they need an effort limit."""
@@ -68,11 +69,13 @@ def resolve(
     motors: Mapping[str, Motor],
     start: Mapping[str, float] | None = None,
     driven: Collection[str] = (),
+    loops: Sequence[Loop] = (),
 ) -> tuple[Actuator, ...]:
     """One actuator for each moving joint, in tree order. Raises RowError, see the module.
 
     start: positions by joint name at which `inertia: home` is taken, rad or m; None = all 0.
-    driven: joints that need no row, because their source says what drives them.
+    driven: joints that need no row, because their source says what drives them. loops: closed at
+    `start`; what a joint of theirs moves there is taken with all that follows through them.
     """
     wrong, table = Gather(RowError), []
     for index, row in enumerate(rows):
@@ -91,7 +94,7 @@ def resolve(
     for joint in tree.moving_joints:
         matched = by_joint.get(joint.name)
         made.append(_driven(joint, matched) if matched else _passive(joint))
-    return _with_gains(tree, tuple(made), by_joint, start or {})
+    return _with_gains(tree, tuple(made), by_joint, start or {}, loops)
 
 
 def _motor_of(index: int, row: ActuatorRow, motors: Mapping[str, Motor]) -> Motor:
@@ -257,9 +260,10 @@ def _with_gains(
     actuators: tuple[Actuator, ...],
     by_joint: Mapping[str, _Matched],
     start: Mapping[str, float],
+    loops: Sequence[Loop],
 ) -> tuple[Actuator, ...]:
     """Gains by natural frequency and damping ratio as numbers, and ranges that follow from them."""
-    inertias = _inertias(tree, actuators, by_joint, start)
+    inertias = _inertias(tree, actuators, by_joint, start, loops)
     done = []
     for actuator in actuators:
         entry = by_joint.get(actuator.joint)
@@ -278,6 +282,7 @@ def _inertias(
     actuators: tuple[Actuator, ...],
     by_joint: Mapping[str, _Matched],
     start: Mapping[str, float],
+    loops: Sequence[Loop],
 ) -> dict[str, float]:
     """Return the inertia that each joint moves whose gains need it, kg m2 or kg."""
     wanted = {
@@ -288,7 +293,10 @@ def _inertias(
     armature = {actuator.joint: actuator.armature for actuator in actuators}
     felt: Mapping[str, float] = {}
     if any(entry.row.inertia == "home" for entry in wanted.values()):
-        felt = dynamics(tree, start, armature).effective_inertia
+        balls = any(
+            joint.kind == "ball" for joint in tree.joints
+        )  # no position says where they are
+        felt = felt_inertia(() if balls else loops, dynamics(tree, start, armature))
     found = {}
     for name, entry in wanted.items():
         inertia = felt.get(name, 0.0) if entry.row.inertia == "home" else armature[name]

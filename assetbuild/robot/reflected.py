@@ -6,7 +6,7 @@ centre, so gains that suit one pose may not suit another.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,7 +15,7 @@ from assetbuild.robot.closure import close, free_motions
 from assetbuild.robot.dynamics import Dynamics, dynamics
 from assetbuild.robot.loops import path_of
 from assetbuild.robot.mimic import with_mimics
-from assetbuild.robot.model import Control, Joint, Tree
+from assetbuild.robot.model import Control, Joint, Loop, Tree
 from assetbuild.robot.pose import Array
 
 STEPS = 8
@@ -34,9 +34,11 @@ class Reflected:
     at_most: float
 
 
-def felt_inertia(control: Control, robot: Dynamics) -> dict[str, float]:
+def felt_inertia(loops: Sequence[Loop], robot: Dynamics) -> dict[str, float]:
     """The inertia that each joint feels, kg m2 or kg; infinite where the loops lock the joint."""
-    basis = free_motions(control.loops, robot.motions)
+    if not loops:
+        return robot.effective_inertia
+    basis = free_motions(loops, robot.motions)
     compliance: Array = basis @ np.linalg.pinv(basis.T @ robot.mass @ basis, hermitian=True)
     compliance = compliance @ basis.T
     found = {}
@@ -63,7 +65,7 @@ def reflected_range(
         felt = {}
         for pose in _poses(tree, control, home, chain[name], chain.keys() - driven):
             robot = dynamics(tree, pose, armature)
-            felt[pose[name]] = felt_inertia(control, robot)[name]
+            felt[pose[name]] = felt_inertia(control.loops, robot)[name]
         least, most = min(felt, key=felt.__getitem__), max(felt, key=felt.__getitem__)
         found[name] = Reflected(felt[least], least, felt[most], most)
     return dict(sorted(found.items()))

@@ -74,7 +74,7 @@ def trial(tree: Tree, control: Control, wish: LoopSwing) -> Trial:
     chosen = coordinates(control.loops, robot, driven)
     free = {name for name in robot.joints if robot.column(name) in chosen}
     leading = free & (driven if driven & chain & free else driven | chain)
-    felt = felt_inertia(control, robot)
+    felt = felt_inertia(control.loops, robot)
     servos, table = {}, {row.joint: row for row in control.actuators}
     for name in (joint.name for joint in tree.moving_joints if joint.name in driven | leading):
         row = table.get(name) or Actuator(name, "passive")

@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from tiny import four_bar, run_step, write_robot_ports
 
 from assetbuild.control.control import ControlStep
 from assetbuild.robot.actuator_table import ActuatorRow
-from assetbuild.robot.closure import gaps
+from assetbuild.robot.closure import close, gaps
 from assetbuild.robot.codec import decode_file
+from assetbuild.robot.dynamics import dynamics
 from assetbuild.robot.loops import LoopRow
 from assetbuild.robot.model import Control
 from assetbuild.robot.motors import RowError
@@ -57,6 +60,25 @@ def test_bodies_that_a_loop_joins_do_not_collide(tmp_path: Path):
     inputs = write_robot_ports(tmp_path / "in", four_bar())
     run_step(step(loop()), inputs, tmp_path)
     assert ("coupler", "rocker") in decode_file(Control, tmp_path / "control.json").excludes
+
+
+def test_a_frequency_acts_on_all_that_the_crank_moves_through_its_loop(tmp_path: Path):
+    inputs = write_robot_ports(tmp_path / "in", four_bar())
+    (inputs / "control.json").unlink()
+    drive = {"joints": "crank_joint", "model": "pd", "frequency": 2.0, "damping_ratio": 1.0}
+    run_step(step(loop(), rows=({**drive, "inertia": "home"}, ROWS[1])), inputs, tmp_path)
+    control = decode_file(Control, tmp_path / "control.json")
+    tree, (home,) = four_bar().tree, control.keyframes
+
+    def pose(crank: float) -> dict[str, float]:
+        start = dict(home.joints) | {"crank_joint": crank}
+        return dict(close(tree, control.loops, start, {"coupler_joint", "rocker_joint"}).positions)
+
+    # The kinetic energy at 1 rad/s of the crank, by differences of closed poses.
+    robot, ahead, behind = dynamics(tree, pose(0.3), {}), pose(0.3 + 1e-5), pose(0.3 - 1e-5)
+    rates = np.array([(ahead[name] - behind[name]) / 2e-5 for name in robot.joints])
+    inertia = float(rates @ robot.mass @ rates)
+    assert control.actuators[0].kp == pytest.approx(inertia * (4.0 * math.pi) ** 2, rel=1e-5)
 
 
 def test_a_loop_over_a_link_that_does_not_exist_is_refused():
