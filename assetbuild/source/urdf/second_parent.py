@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from assetbuild.robot.model import Joint
 from assetbuild.robot.pose import IDENTITY, Vec3, rpy_of
 
-LOOPS = {"fixed": "weld", "revolute": "connect", "continuous": "connect"}
+LOOPS = {"fixed": "weld", "revolute": "hinge", "continuous": "hinge"}
 """Kind of the loop by that of the joint that it stands for."""
 
 
@@ -23,10 +23,11 @@ def loop_hint(joints: Sequence[Joint], one: Joint, other: Joint) -> str:
     if kind is None:
         return f"remove `{cut.name}`, and close the loop by the recipe's `loops`"
     X = cut.X_parent_joint
-    turn = f", rpy: {_row(rpy_of(X.quat))}" if kind == "weld" and X.quat != IDENTITY.quat else ""
+    turn = f", rpy: {_row(rpy_of(X.quat))}" if X.quat != IDENTITY.quat else ""
     end = f"{{link: {cut.parent}, xyz: {_row(X.xyz)}{turn}}}"
-    loop = f"{{name: {cut.name}, kind: {kind}, a: {end}, b: {{link: {cut.child}}}}}"
-    more = "" if kind == "weld" else "; it holds the point, and not the axis of the joint"
+    axis = f", axis: {_row(cut.axis)}" if kind == "hinge" else ""
+    loop = f"{{name: {cut.name}, kind: {kind}{axis}, a: {end}, b: {{link: {cut.child}}}}}"
+    more = "; it holds no limits" if cut.kind == "revolute" else ""
     return f"remove `{cut.name}` and write `loops: [{loop}]`{more}"
 
 
