@@ -13,7 +13,7 @@ from assetbuild.simulators.studio import Pixels
 INK, LINE, PAPER = (28, 32, 38), (110, 118, 128), (240, 240, 240)
 SMALL = 256
 """Pixels along a side of the thumbnail."""
-CAPTION = 32
+CAPTION = 36
 """Characters above a tile."""
 PALETTE_STEP = 2
 """The colours of a picture are chosen from one that is so many times smaller."""

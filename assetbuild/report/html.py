@@ -79,7 +79,7 @@ def html_page(
         loading=_loading(subject),
         toc="".join(f'<li><a href="#{key}">{escape(title)}</a></li>' for key, title, _ in shown),
         body="".join(
-            f'<section class="{key}" aria-labelledby="{key}"><h2 id="{key}">{escape(title)}</h2>'
+            f'<section aria-labelledby="{key}"><h2 id="{key}">{escape(title)}</h2>'
             f"{content}</section>"
             for key, title, content in shown
         ),

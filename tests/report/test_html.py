@@ -57,6 +57,13 @@ def test_the_verdict_comes_before_the_findings_and_they_before_the_card():
     assert order == sorted(order)
 
 
+def test_a_section_has_no_class_that_something_inside_it_has_too():
+    """The grid of the pictures laid out the heading of their section as well."""
+    text = page()
+    assert '<div class="pictures">' in text
+    assert not re.search(r"<section[^>]* class=", text)
+
+
 def test_a_finding_shows_rule_place_numbers_fix_and_how_to_waive_it():
     finding = Finding("inertia.radius", "warning", "link a", "0.6 m", "check", data={"r_m": 0.6})
     text = page([finding])
