@@ -104,8 +104,8 @@ class Children:
         return Ended(status=worker.process.poll(), over="worker", log=log)
 
     def prepare(self, step: Step) -> None:
-        """Start the worker of such steps, if there is none."""
-        with suppress(CancelledError):
+        """Start the worker of such steps, if there is none and the machine lets us."""
+        with suppress(CancelledError, OSError):  # `run` says what is wrong
             self._worker(Kind.of(step))
 
     def _worker(self, kind: Kind) -> Worker:
