@@ -10,8 +10,8 @@
 
 A row's own range of the command (`ctrl`) comes before these rules; a motor that may be asked for
 more than its effort has that as its forcerange. A drive of an MJCF keeps its `gear`: gains, limits
-and commands are divided by it again. With a gear the first two laws are a `<general>`, as Newton 1.8
-drops the gear of a `<position>` and of a `<velocity>`.
+and commands are divided by it again. With a gear the laws of `<position>` and `<velocity>` are a
+`<general>`, as Newton 1.8 drops the gear of these two.
 
 Damping of the joint and `kv` of the drive add up in MuJoCo, as `damping` and `kd` do here.
 `dampratio` is not written: its meaning changed between versions of MuJoCo.
