@@ -13,6 +13,7 @@ from assetbuild.facts.table import Key, Table, Value, Writer, pair_name
 from assetbuild.facts.usd_about import expected_metadata
 from assetbuild.facts.usd_actuators import expected_actuators
 from assetbuild.facts.usd_inventory import inventory
+from assetbuild.facts.usd_isaac_expected import expected_schema
 from assetbuild.robot.initial import initial_pose
 from assetbuild.robot.joint_springs import as_drives
 from assetbuild.robot.limit_springs import limit_springs
@@ -82,6 +83,7 @@ def usd_table(robot: str, own: Table, reference: Reference) -> Table:
             book.put("loop", loop.name, {"usd:torqueScale": 0.0})
     expected_actuators(control.actuators, book)
     expected_metadata(robot, reference, book)
+    expected_schema(reference, options, book)
     for shape in reference.shapes.shapes:
         _shape(shape, reference, options, book)
     _shape_pairs(reference, book)

@@ -12,6 +12,7 @@ from assetbuild.facts.reference import Reference
 from assetbuild.facts.table import Key, Value
 from assetbuild.facts.usd_actuators import EXPLICIT, clamp_of
 from assetbuild.facts.usd_actuators import LAW as LAW_OF_DRIVE
+from assetbuild.facts.usd_isaac_expected import JOINT, LINK, ROBOT, SITE, overrides, pose_prims
 from assetbuild.robot.joint_springs import as_drives
 from assetbuild.robot.model import MOVING, Actuator, Body, Joint
 from assetbuild.robot.pose import Vec3
@@ -22,6 +23,7 @@ from assetbuild.simulators.usd_names import (
     LOOKS,
     LOOPS,
     PHYSICS_MATERIALS,
+    POSES,
     ROOT_JOINT,
     body_identifiers,
     joint_identifiers,
@@ -63,11 +65,12 @@ def inventory(
     top = f"/{usd_identifier(robot)}"
     tree, shapes = reference.tree, reference.shapes
     bodies = {name: f"{top}/{short}" for name, short in body_identifiers(tree).items()}
-    rows: list[Row] = [(top, "Xform", ())]
+    rows: list[Row] = [(top, "Xform", (ROBOT,))]
     rows += _bodies(reference, bodies)
     rows += _joints(reference, f"{top}/{JOINTS}", facts)
     rows += _loops(reference, f"{top}/{LOOPS}")
     rows += _actuators(reference, f"{top}/{ACTUATORS}")
+    rows += pose_prims(reference.control, f"{top}/{POSES}")
     rows += _shapes(reference, bodies)
     materials = usd_identifiers(material.name for material in shapes.materials)
     rows += [(f"{top}/{LOOKS}", "Scope", ())] if materials else []
@@ -83,6 +86,8 @@ def inventory(
         yield from prim_facts(*row)
         if set(row[2]) >= BOUND:
             yield Key("prim", row[0], STRENGTH), "weakerThanDescendants"
+    for path, word, name in overrides(reference, top, f"{top}/{JOINTS}"):
+        yield Key("prim", path, word), name
     for name, short in joint_identifiers(tree).items():
         if facts.get(Key("joint", name, "velocity"), 0.0) is None:
             for attribute in _velocities(tree.by_joint[name]):
@@ -93,10 +98,14 @@ def _bodies(reference: Reference, paths: Mapping[str, str]) -> Iterator[Row]:
     tree = reference.tree
     for body in tree.bodies:
         root = tree.base == "floating" and body.name == tree.root
-        yield paths[body.name], "Xform", (*BODY, *_mass(body), *(ARTICULATION if root else ()))
+        yield (
+            paths[body.name],
+            "Xform",
+            (LINK, *BODY, *_mass(body), *(ARTICULATION if root else ())),
+        )
     frames = usd_identifiers((frame.name for frame in tree.frames), ("visuals", "collisions"))
     for frame in tree.frames:
-        yield f"{paths[frame.body]}/{frames[frame.name]}", "Xform", ()
+        yield f"{paths[frame.body]}/{frames[frame.name]}", "Xform", (SITE,)
 
 
 def _mass(body: Body) -> tuple[str, ...]:
@@ -109,11 +118,11 @@ def _joints(reference: Reference, scope: str, facts: Mapping[Key, Value]) -> Ite
     if tree.joints or tree.base == "fixed":
         yield scope, "Scope", ()
     if tree.base == "fixed":
-        yield f"{scope}/{ROOT_JOINT}", "PhysicsFixedJoint", ARTICULATION
+        yield f"{scope}/{ROOT_JOINT}", "PhysicsFixedJoint", (JOINT, *ARTICULATION)
     names, springs = joint_identifiers(tree), as_drives(control)
     for joint in tree.joints:
         kind = JOINT_TYPES.get(joint.kind, "PhysicsRevoluteJoint")
-        schemas = [*_moving(joint, control.by_joint.get(joint.name), joint.name in springs)]
+        schemas = [JOINT, *_moving(joint, control.by_joint.get(joint.name), joint.name in springs)]
         if Key("joint", joint.name, "usd:solreflimit") in facts:
             schemas.append("MjcJointAPI")
         if Key("joint", joint.name, "mimics") in facts:

@@ -15,6 +15,8 @@ from pxr import Usd, UsdGeom, UsdPhysics, UsdShade
 from assetbuild.facts.known_files import KnownFiles
 from assetbuild.facts.reference import pose_value
 from assetbuild.facts.table import Table, Value, Writer
+from assetbuild.facts.usd_isaac import read_schema
+from assetbuild.facts.usd_isaac_expected import JOINT, LINK, POSE, SITE
 from assetbuild.facts.usd_joints import JointPrim, joint_facts, read_actuators
 from assetbuild.facts.usd_looks import Looks, take_bindings
 from assetbuild.facts.usd_prims import Places, Prim, acts, listed, quat_of_gf
@@ -67,6 +69,7 @@ class Sorted:
     materials: list[Prim] = field(default_factory=list)
     shaders: list[Prim] = field(default_factory=list)
     actuators: list[Prim] = field(default_factory=list)
+    poses: list[Prim] = field(default_factory=list)
     others: list[Prim] = field(default_factory=list)
 
 
@@ -106,6 +109,14 @@ def _read(stage: Usd.Stage, known: KnownFiles) -> Table:
     ]
     apart = [frozenset(j.ends) for j in joints if len(j.ends) == 2 and not j.touching]
     pair_facts(colliders, names, filters, apart, _articulated(found), book)
+    parts = {
+        LINK: found.bodies,
+        SITE: {prim.path: prim for prim, _ in found.frames},
+        JOINT: {prim.path: prim for prim in found.joints},
+    }
+    angular = {joint.prim.path: joint.angular for joint in joints}
+    robot = next(prim for prim in _all(found) if prim.prim == top)
+    read_schema(robot, parts, angular, found.poses, units, book)
     looks.unbound()
     for prim in _all(found):
         take_bindings(prim)
@@ -116,7 +127,14 @@ def _read(stage: Usd.Stage, known: KnownFiles) -> Table:
 def _all(found: Sorted) -> list[Prim]:
     shapes = [prim for shape in found.shapes for prim in shape.prims]
     frames = [prim for prim, _ in found.frames]
-    rest = [*found.joints, *found.materials, *found.shaders, *found.actuators, *found.others]
+    rest = [
+        *found.joints,
+        *found.materials,
+        *found.shaders,
+        *found.actuators,
+        *found.poses,
+        *found.others,
+    ]
     kept = {prim.path: prim for prim in (*found.bodies.values(), *shapes, *frames, *rest)}
     return list(kept.values())
 
@@ -149,6 +167,8 @@ def _sort(prim: Usd.Prim, above: Above, found: Sorted, book: Writer) -> None:
         found.shapes.append(ShapePrim(one, above.body, above.group, above.holder, collider))
     elif one.type == "NewtonActuator":
         found.actuators.append(one)
+    elif one.type == POSE:
+        found.poses.append(one)
     elif one.type in CONTAINERS:
         above = _below(one, above, str(parent.GetPath()), found)
     else:

@@ -11,6 +11,8 @@ from assetbuild.robot.model import Loop, Tree
 JOINTS, LOOKS, PHYSICS_MATERIALS = "Joints", "Looks", "PhysicsMaterials"
 ACTUATORS, LOOPS = "Actuators", "Loops"
 """Groups beside the bodies, below the robot."""
+POSES = "NamedPoses"
+"""Keyframes, as Isaac Sim's robot schema has them."""
 SCENE = ("physics", "floor", "light", PHYSICS_MATERIALS)
 """Prims beside the robot in `scene.usda`."""
 METADATA = "SimReady_Metadata"
@@ -21,6 +23,7 @@ ROBOT_QCODE = "Q11012"
 ROOT_JOINT = "root_joint"
 """Holds a fixed base to the world."""
 
+_GROUPS = (JOINTS, LOOKS, PHYSICS_MATERIALS, LOOPS, ACTUATORS, POSES)
 _IDENTIFIER = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
 
 
@@ -67,7 +70,7 @@ def scene_identifier(robot: str) -> str:
 
 def body_identifiers(tree: Tree) -> dict[str, str]:
     """Prim name by body name."""
-    return usd_identifiers(tree.by_body, (JOINTS, LOOKS, PHYSICS_MATERIALS, LOOPS, ACTUATORS))
+    return usd_identifiers(tree.by_body, _GROUPS)
 
 
 def loop_identifiers(loops: Iterable[Loop]) -> dict[str, str]:

@@ -28,6 +28,18 @@ class UsdRigidBody(Model):
     )
 
 
+RobotType = Literal[
+    "End Effector",
+    "Manipulator",
+    "Humanoid",
+    "Wheeled",
+    "Holonomic",
+    "Quadruped",
+    "Mobile Manipulators",
+    "Aerial",
+]
+"""Kinds of robots in Isaac Sim's robot schema."""
+
 OF_TREES, OF_LOOPS = 1, 16
 """Velocity iterations of PhysX's solver: with 4 the two rods of an ankle went to infinity."""
 
@@ -65,6 +77,11 @@ class UsdOptions(Model):
     )
     mimics: bool = Field(
         True, description="couple mimic joints; false = they move freely, as Isaac Lab can choose"
+    )
+    robot_type: RobotType | None = Field(
+        None,
+        description="`isaac:robotType` of Isaac Sim's robot schema; without it `Default` holds, "
+        "which NVIDIA's SimReady does not count as a kind of robot",
     )
     rigid_body: UsdRigidBody = Field(default_factory=lambda: UsdRigidBody.model_validate({}))
     articulation: UsdArticulation = Field(

@@ -23,6 +23,7 @@ from assetbuild.targets.usd.colliders import (
     touching_neighbours,
 )
 from assetbuild.targets.usd.geometry import write_instances, write_library, write_materials
+from assetbuild.targets.usd.isaac import apply_robot_schema
 from assetbuild.targets.usd.joints import apply_articulation, define_joints, define_loops
 from assetbuild.targets.usd.layers import PAYLOADS, new_interface, new_layer, save
 from assetbuild.targets.usd.names import PrimPaths
@@ -60,6 +61,7 @@ def write_asset(
     apply_articulation(stage, names, options.articulation.solving(control.loops))
     apply_filtered_pairs(stage, names, shapes, control)
     apply_masks(stage, names, shapes, control)
+    apply_robot_schema(stage, names, control, options)
     save(stage)
     interface = new_interface(folder / main, names)
     write_metadata(interface, robot, tree, origin)

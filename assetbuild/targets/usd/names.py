@@ -11,6 +11,7 @@ The composed stage, with `go1` as the robot's name:
     /go1/Loops/<loop>            joints outside of the articulation, which close loops
     /go1/Looks/<material>
     /go1/PhysicsMaterials/contact
+    /go1/NamedPoses/<keyframe>
 """
 
 from __future__ import annotations
