@@ -74,7 +74,7 @@ def test_a_reason_makes_an_error_a_warning_and_stands_in_the_table():
     assert row.verdict == "error"
     known = replace(row, because="soft")
     assert known.verdict == "warning"
-    assert known.shown()["because"] == "soft"
+    assert known.shown("PhysX")["because"] == "soft"
     (finding,) = findings_of([known, replace(row, off=0.25)])
     assert finding.severity == "error", "an unexplained row weighs more than a larger known one"
 
