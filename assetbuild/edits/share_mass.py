@@ -12,7 +12,7 @@ from assetbuild.engine.step import Files
 from assetbuild.errors import RecipeError
 from assetbuild.findings import Finding, Rule
 from assetbuild.kinds import Edit, Edited
-from assetbuild.quantities import Pattern
+from assetbuild.quantities import Pattern, Positive
 from assetbuild.robot.chains import Chain, find_chains
 from assetbuild.robot.inertia import combine, principal_moments, pseudo_inertia
 from assetbuild.robot.model import Body, Inertial, Joint, Tree
@@ -24,6 +24,8 @@ SHARE = 0.1
 BALL = 1e-9
 """Moment of each new mass, as a share of the body's least: no engine takes a point of 0. Where no
 point is still, the share of its mass too: PhysX moves the links as MuJoCo does down to 1e-12."""
+LEAST = 1e-14
+"""kg m2; the moments of a new mass are no less."""
 MEETS_M = 1e-9
 """Axes that pass a point at this distance pass through it."""
 
@@ -43,10 +45,14 @@ class ShareMass(Edit):
     link; kinetic and potential energy stay as they are, but for a share of 1e-9 of the moments,
     which keeps the new mass from being a point. Where there is no such point (the axes do not
     meet, or a joint slides), the link gets 1e-9 of the body's mass instead, which changes the
-    energies by no more.
+    energies by no more. Newton gives a body with a moment below 1e-10 kg m2 one of 1e-6: state
+    `moments` for it.
     """
 
     link: Pattern = Field(description="massless links between two joints, by whole name")
+    moments: Positive | None = Field(
+        None, description="kg m2, of each link; without it 1e-9 of the body's least"
+    )
 
     def edit(self, tree: Tree, shapes: SourceShapes, files: Files) -> Edited:
         """See `Edit`."""
@@ -63,7 +69,7 @@ class ShareMass(Edit):
         for chain in chains:
             links = [link for link in chain.between if re.fullmatch(self.link, link)]
             if links:
-                shared = _shared(tree, chain, links)
+                shared = _shared(tree, chain, links, self.moments)
                 inertials |= shared
                 findings.append(_finding(tree, chain, links, shared))
         bodies = tuple(
@@ -72,10 +78,15 @@ class ShareMass(Edit):
         return Edited(replace(tree, bodies=bodies), shapes, tuple(findings))
 
 
-def _shared(tree: Tree, chain: Chain, links: list[str]) -> dict[str, Inertial]:
-    """New mass properties of the links and of the body at the end of the chain."""
+def _shared(
+    tree: Tree, chain: Chain, links: list[str], stated: float | None
+) -> dict[str, Inertial]:
+    """New mass properties of the links and of the body at the end of the chain.
+
+    stated: the moments of the links, kg m2.
+    """
     rest = _inertial(tree.by_body[chain.body])
-    moment = max(BALL * principal_moments(rest.inertia_com_kg_m2)[0], 1e-14)
+    moment = stated or max(BALL * principal_moments(rest.inertia_com_kg_m2)[0], LEAST)
     ball = (moment, moment, moment, 0.0, 0.0, 0.0)
     made: dict[str, Inertial] = {}
     for link in links:
@@ -132,10 +143,18 @@ def meeting_point(joints: tuple[Joint, ...]) -> Vec3 | None:
 def _finding(tree: Tree, chain: Chain, links: list[str], shared: dict[str, Inertial]) -> Finding:
     before, after = _inertial(tree.by_body[chain.body]), shared[chain.body]
     moved = ", ".join(f"{shared[link].mass_kg:.3g} kg to {link}" for link in links)
+    moment = shared[links[0]].inertia_com_kg_m2[0]
+    share = moment / principal_moments(before.inertia_com_kg_m2)[0]
+    same = share <= 2.0 * BALL or moment <= LEAST
+    motion = (
+        "the motion is the same"
+        if same
+        else f"their moments, {moment:.3g} kg m², add {share:.2g} of its least to the motion"
+    )
     return SHARE_MASS(
         f"link {chain.body}",
         f"mass {before.mass_kg:.6g} -> {after.mass_kg:.6g} kg: {moved}, where the axes of "
-        "the joints between meet, or 1e-9 of the whole; the motion is the same",
+        f"the joints between meet, or 1e-9 of the whole; {motion}",
         data={
             "before_kg": before.mass_kg,
             "after_kg": after.mass_kg,

@@ -18,9 +18,9 @@ from assetbuild.kinds import ConvertedMesh
 from assetbuild.mesh.material import MaterialPart, SurfaceMaterial
 from assetbuild.mesh.obj import read_triangles
 from assetbuild.mesh.quality import Distance, surface_distance
+from assetbuild.mesh.simplify import simplified
 from assetbuild.mesh.triangles import TriangleMesh, merged
 from assetbuild.mesh.volume import area
-from assetbuild.mesh.weld import drop_collapsed, weld
 from assetbuild.robot.codec import decode_file
 
 AREA = (0.98, 1.02)
@@ -34,9 +34,8 @@ FARTHEST = 0.02
 BOX = 0.005
 """No side of the box around it moves by more than this share of the diagonal: the tip of a
 propeller is less than 1 % of its surface, which samples miss."""
-SPEED = 3.0
-"""fast-simplification's `agg`: how fast its error threshold grows. Its default of 7 costs a trunk
-of 309 components 10 % of its area at 29,000 triangles; 3 keeps it to 0.2 % for the same time."""
+DECIMALS = 7
+"""Of a metre: far below the error of decimation, and the text is half as long."""
 
 DECIMATED = Rule(
     "visual.decimated",
@@ -185,28 +184,10 @@ class DecimateMesh(Step):
 
 
 def _simplified(mesh: TriangleMesh, goal: int) -> TriangleMesh:
-    """About `goal` triangles; normals are left to the viewer, they belong to the old surface."""
-    import fast_simplification
-
-    if goal >= len(mesh.faces):
-        return mesh
-    # Moved to the origin and to unit size, so that no threshold inside depends on the scale.
-    lower, upper = mesh.bounds
-    size = max(float((upper - lower).max()), 1e-300)
-    middle = (lower + upper) / 2.0
-    vertices, faces = fast_simplification.simplify(
-        np.ascontiguousarray((mesh.vertices - middle) / size),
-        mesh.faces.astype(np.int32),
-        target_count=goal,
-        agg=SPEED,
-    )
-    made = TriangleMesh(
-        np.asarray(vertices, dtype=np.float64) * size + middle, np.asarray(faces, dtype=np.int64)
-    )
-    if not len(made.faces) or not np.isfinite(made.vertices).all():
+    made = simplified(mesh, goal, DECIMALS)
+    if not len(made.faces):
         raise StepError("fast-simplification returned no usable mesh")
-    # Micrometres: far below the error of decimation, and the text is half as long.
-    return weld(drop_collapsed(weld(TriangleMesh(np.round(made.vertices, 7), made.faces))))
+    return made
 
 
 def _judged(made: Sequence[TriangleMesh], meshes: Sequence[TriangleMesh]) -> _Attempt:

@@ -14,6 +14,7 @@ from assetbuild.engine.step import Files, Limits, Step
 from assetbuild.findings import Finding
 from assetbuild.mesh.obj import obj_bytes, read_triangles
 from assetbuild.mesh.quality import NearestSurface, surface_samples
+from assetbuild.mesh.simplify import clustered, simplified
 from assetbuild.mesh.triangles import TriangleMesh
 from assetbuild.mesh.weld import cleaned
 from assetbuild.robot.pose import Array
@@ -23,10 +24,16 @@ SMALLEST = 400
 OWN, WHOLE = 0.0025, 0.0006
 """Error that is allowed, as a share of the mesh's own diagonal and of the largest mesh's: 0.4 mm
 on a trunk of 0.6 m, less than a pixel of the view. The larger of the two counts."""
-SAMPLES = 2500
+SAMPLES = 1000
 """Points of both surfaces between which the error is measured."""
+CELLS = (2.0, 1.0)
+"""Sides of the cells within which vertices become one, in allowed errors; the first that fits."""
 HALVINGS = 3
-"""A mesh keeps an eighth of its triangles, or more."""
+"""How often quadric decimation may halve the triangles after that."""
+STALLED = 0.9
+"""Decimation that keeps more than 90 % of the triangles finds no more to take."""
+DECIMALS = 5
+"""Of a metre, to which vertices are rounded."""
 FEW, SURELY = 250, 0.05
 """Where more than 5 % of so few points err, more than 1 % of all do."""
 
@@ -40,7 +47,7 @@ class Lighten(Step):
     Nothing of this is physics, and no target reads it.
     """
 
-    usual_s = 3.0
+    usual_s = 1.0
     outputs = ("light/",)
     isolated = True
     preload = ("numpy", "scipy.spatial", "fast_simplification")
@@ -75,28 +82,39 @@ class Lighten(Step):
         total = sum(len(light.get(name, mesh).faces) for name, mesh in plain.items())
         share = self.max_faces / max(total, 1)
         if share < 1.0:
-            light = {n: _simplified(m, int(len(m.faces) * share)) or m for n, m in light.items()}
+            light = {n: _thinned(m, int(len(m.faces) * share)) for n, m in light.items()}
         return {name: mesh for name, mesh in light.items() if mesh is not plain[name]}
 
 
 def _light(mesh: TriangleMesh, error_m: float) -> TriangleMesh:
-    """Halve the triangles up to three times, and return the smallest mesh that keeps its shape.
+    """The smallest mesh that keeps its shape; `mesh` itself where there is none.
 
-    Each is made from the one before, until even a few of its points lie too far off. The smallest
-    whose points all lie near enough is taken; `mesh` itself where none does.
+    Vertices that nearly touch become one; then the triangles are halved up to three times. Each
+    mesh is made from the one before, until even a few of its points lie too far off. The smallest
+    whose points all lie near enough is taken.
     """
     surface = NearestSurface(mesh)
     points = surface_samples(mesh, SAMPLES, 1)[0]
-    halved = [mesh]
-    for _ in range(HALVINGS):
-        made = _simplified(halved[-1], max(SMALLEST, len(halved[-1].faces) // 2))
-        if made is None or len(made.faces) >= len(halved[-1].faces):
-            break
+
+    def fits_at_a_glance(made: TriangleMesh) -> bool:
         few = surface.distance(surface_samples(made, FEW, 0)[0])
-        if np.count_nonzero(few > error_m) > SURELY * FEW:
+        return bool(np.count_nonzero(few > error_m) <= SURELY * FEW)
+
+    found = [mesh]
+    for cells in CELLS:
+        made = clustered(mesh, cells * error_m, DECIMALS)
+        if 4 <= len(made.faces) < len(mesh.faces) and fits_at_a_glance(made):
+            found.append(made)
             break
-        halved.append(made)
-    for made in halved[:0:-1]:
+    for halving in range(1, HALVINGS + 1):
+        goal = max(SMALLEST, len(mesh.faces) >> halving)
+        if goal >= len(found[-1].faces):
+            continue
+        made = _thinned(found[-1], goal)
+        if len(made.faces) > STALLED * len(found[-1].faces) or not fits_at_a_glance(made):
+            break
+        found.append(made)
+    for made in found[:0:-1]:
         theirs = surface_samples(made, SAMPLES, 0)[0]
         if _p99(surface, theirs) <= error_m and _p99(NearestSurface(made), points) <= error_m:
             return made
@@ -107,20 +125,6 @@ def _p99(surface: NearestSurface, points: Array) -> float:
     return float(np.quantile(surface.distance(points), 0.99))
 
 
-def _simplified(mesh: TriangleMesh, goal: int) -> TriangleMesh | None:
-    import fast_simplification
-
-    if goal >= len(mesh.faces):
-        return None
-    # At the origin and of unit size, so that no threshold inside depends on the scale.
-    lower, upper = mesh.bounds
-    size = max(float((upper - lower).max()), 1e-300)
-    vertices, faces = fast_simplification.simplify(
-        np.ascontiguousarray((mesh.vertices - lower) / size),
-        mesh.faces.astype(np.int32),
-        target_count=goal,
-        agg=3.0,
-    )
-    points = np.round(np.asarray(vertices, dtype=np.float64) * size + lower, 5)
-    light = cleaned(TriangleMesh(points, np.asarray(faces, dtype=np.int64)))
-    return light if len(light.faces) >= 4 else None  # None: a flat sheet that vanished
+def _thinned(mesh: TriangleMesh, goal: int) -> TriangleMesh:
+    made = simplified(mesh, goal, DECIMALS)
+    return made if len(made.faces) >= 4 else mesh  # a flat sheet vanishes

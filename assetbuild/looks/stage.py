@@ -33,7 +33,9 @@ NEAR = 0.22
 """Half of the least size of what a picture of one limb shows, as a share of the robot's size."""
 MOST_JOINTS = 80
 """More joints than this are not shown one by one, and their axes have no names."""
-BODY = (2, 3)
+COLLISION = 3
+"""The group of collision geometry."""
+BODY = (2, COLLISION)
 """What stands for the robot: visual geometry, and collision geometry of bodies without any."""
 HULLS = ("mjVIS_CONVEXHULL",)
 """A collision mesh that is not convex is shown as what MuJoCo collides: its hull."""

@@ -95,7 +95,7 @@ def excite(
     remote = remote_cache(request.remote, say, write=request.cache_write)
     lock = pin(loaded, frozen=False, say=say)
     with open_session(loaded, remote=remote) as session:
-        add = functools.partial(_plan_excite, loaded, lock, seconds)
+        add = functools.partial(plan_excite, loaded, lock, seconds)
         done = settle(add, session, jobs=request.jobs, on_event=on_event)
         if done.errors:
             raise done.errors[0]
@@ -104,7 +104,8 @@ def excite(
         return Excitation(session.read(result["excite.csv"]), expected, result.findings)
 
 
-def _plan_excite(loaded: LoadedRecipe, lock: Lock | None, seconds: float, p: Planner) -> None:
+def plan_excite(loaded: LoadedRecipe, lock: Lock | None, seconds: float, p: Planner) -> None:
+    """Add the node `excite` and what it needs."""
     unfitted = replace(loaded, recipe=loaded.recipe.model_copy(update={"identify": ()}))
     outline = _plan(unfitted, lock, p)
     if outline.tree is not None and outline.robot:

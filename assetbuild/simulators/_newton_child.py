@@ -82,8 +82,8 @@ def readings(model: Any, held: Any, *, usd: bool) -> dict[str, Any]:
         return str(names.get(name, name))
 
     turning = [i for i in range(held.njnt) if int(held.jnt_type[i]) in (2, 3)]  # slide, hinge
-    drives = {int(held.actuator_trnid[i, 0]): i for i in range(held.nu)}
-    joints = {named(index): joint(held, index, drives.get(index)) for index in turning}
+    drives = driven(held)
+    joints = {named(index): joint(held, index, *drives.get(index, ())) for index in turning}
     for index in range(held.neq):
         if int(held.eq_type[index]) == 2 and int(held.eq_obj2id[index]) >= 0:  # mjEQ_JOINT
             joints[named(int(held.eq_obj1id[index]))] |= {
@@ -98,6 +98,31 @@ def readings(model: Any, held: Any, *, usd: bool) -> dict[str, Any]:
     for name, law in actuators(model).items() if usd else ():
         joints[name] |= law
     return {"bodies": bodies(model), "dof": int(held.nv), "joints": joints}
+
+
+def driven(held: Any) -> dict[int, tuple[int, float]]:
+    """By joint, its actuator and the gear by which this acts there, m or rad per m or rad.
+
+    An actuator of a fixed tendon acts on the joint that all joints of the tendon follow.
+    """
+    leaders = {
+        int(held.eq_obj1id[i]): (int(held.eq_obj2id[i]), float(held.eq_data[i, 1]))
+        for i in range(held.neq)
+        if int(held.eq_type[i]) == 2 and int(held.eq_obj2id[i]) >= 0
+    }
+    found: dict[int, tuple[int, float]] = {}
+    for index in range(held.nu):
+        moved, gear = int(held.actuator_trnid[index, 0]), float(held.actuator_gear[index, 0])
+        parts = {moved: gear}
+        if int(held.actuator_trntype[index]) == 3:  # mjTRN_TENDON
+            first, count = int(held.tendon_adr[moved]), int(held.tendon_num[moved])
+            parts = {}
+            for wrap in range(first, first + count):
+                name, share = leaders.get(int(held.wrap_objid[wrap]), (held.wrap_objid[wrap], 1.0))
+                parts[int(name)] = parts.get(int(name), 0.0) + gear * share * held.wrap_prm[wrap]
+        if len(parts) == 1:
+            found |= {name: (index, abs(float(gear))) for name, gear in parts.items()}
+    return found
 
 
 def actuators(model: Any) -> dict[str, dict[str, float | None]]:
@@ -140,10 +165,9 @@ def bodies(model: Any) -> dict[str, dict[str, Any]]:
     return found
 
 
-def joint(held: Any, index: int, drive: int | None) -> dict[str, Any]:
+def joint(held: Any, index: int, drive: int | None = None, gear: float = 1.0) -> dict[str, Any]:
     """One joint of the solver's model; its drive as it acts on the joint, behind the gear."""
     dof = int(held.jnt_dofadr[index])
-    gear = abs(float(held.actuator_gear[drive, 0])) if drive is not None else 1.0
     efforts = [float(held.jnt_actfrcrange[index, 1])] if held.jnt_actfrclimited[index] else []
     if drive is not None and held.actuator_forcelimited[drive]:
         efforts.append(gear * float(held.actuator_forcerange[drive, 1]))

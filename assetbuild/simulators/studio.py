@@ -31,6 +31,9 @@ PENUMBRA = 1.0 / 130.0
 """How far shadows on the floor are blurred, as a share of the picture's width."""
 BLUR_STEP = 4
 """Shadows are blurred in a picture that is so many times smaller."""
+GHOST_AHEAD = 0.006
+"""How far a second state is brought before the first, which it would flicker through where both
+coincide, as a share of the radius."""
 GOLDEN_ANGLE = 2.399963
 """rad; points that turn by it fill a disc evenly."""
 
@@ -186,6 +189,8 @@ class Studio:
             robot = mujoco.mjtCatBit.mjCAT_DYNAMIC.value
             mujoco.mjv_addGeoms(self.model, shot.ghost, option, mujoco.MjvPerturb(), robot, scene)
             self._paint(scene.geoms[shown : scene.ngeom], shot.ghost_paint)
+            for geom in scene.geoms[shown : scene.ngeom]:
+                geom.pos[:] -= GHOST_AHEAD * self.radius * shot.camera.forward
 
     def _paint(self, geoms: Any, paint: Paint | None) -> None:  # Any: mjvGeom
         for geom in geoms:

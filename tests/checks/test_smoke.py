@@ -176,6 +176,21 @@ def test_another_robot_in_newton_is_an_error() -> None:
     ]
 
 
+def test_a_solver_that_newton_lacks_names_the_key_that_helps() -> None:
+    robot = tiny_quadruped()
+    refused = {"failure": "ValueError: invalid literal for int() with base 10: 'pgs'"}
+    (found,) = judge_newton("mjcf", refused, robot.tree, robot.control)
+    assert "`mjcf: {solver: Newton}`" in found.hint
+
+
+def test_what_newton_adds_to_a_light_body_names_the_edits_that_help() -> None:
+    robot, reading = tiny_quadruped(), newton_reading()
+    reading["bodies"]["FR_calf"]["inertia"][0] += 1e-6
+    found = list(judge_newton("usd", reading, robot.tree, robot.control))
+    assert [finding.rule for finding in found] == ["equal.newton.inertia"]
+    assert "`moments: 2e-10`" in found[0].hint
+
+
 def test_a_mimic_that_newton_couples_otherwise_is_an_error() -> None:
     robot = with_mimic(tiny_quadruped(), "FR_calf_joint", "FR_thigh_joint", -2.0, 0.1)
     assert newton_says(newton_reading(robot), robot) == []

@@ -63,11 +63,24 @@ source:
   patches: [{file: xml/pole.xml, find: kp="4", replace: kp="5", because: a misprint}]
 targets: [mjcf, usd]
 randomize: {links: {pole: {density: [0.9, 1.1], stretch: 0.1}}, friction: [0.5, 1.0]}
+identify:
+  - logs: [{file: pole.csv}]
+    columns: {time: t, position: "q_{joint}", target: "u_{joint}"}
+    fit: [damping]
 """
 MJCF = """<mujoco><asset><mesh file="../lump.stl"/></asset><worldbody><body name="pole" pos="0 0 1">
-  <joint name="swing" range="-1 1"/><geom type="mesh" mesh="lump" mass="1"/>
+  <joint name="swing" range="-60 60"/><geom type="mesh" mesh="lump" mass="1"/>
 </body></worldbody><actuator><position joint="swing" kp="4"/></actuator></mujoco>
 """
+
+
+def swinging() -> str:
+    """A log of 4 s: what the pole is told, and how it follows some 60 ms later."""
+    lines = ["t,q_swing,u_swing"]
+    for t in np.arange(0.0, 4.0, 0.01):
+        told, done = (0.3 * np.sin(2 * np.pi * (0.5 + 0.2 * s) * s) for s in (t, t - 0.06))
+        lines.append(f"{t:.2f},{done:.5f},{told:.5f}")
+    return "\n".join(lines) + "\n"
 
 
 def write_robots(folder: Path) -> list[Path]:
@@ -107,7 +120,7 @@ def write_robots(folder: Path) -> list[Path]:
         for name in ("arm.urdf", "lump.stl", "tile.obj", "tile.mtl", "skin.png"):
             archive.write(folder / name, name)
     texts = {"arm.yaml": ARM, "cart.yaml": CART, "pole.yaml": POLE}
-    texts |= {"post.xacro": XACRO, "xml/pole.xml": MJCF}
+    texts |= {"post.xacro": XACRO, "xml/pole.xml": MJCF, "pole.csv": swinging()}
     (folder / "xml").mkdir()
     for name, text in texts.items():
         (folder / name).write_text(text)

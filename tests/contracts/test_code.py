@@ -10,6 +10,7 @@ import subprocess
 import sys
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import grimp
@@ -27,6 +28,7 @@ from assetbuild.engine.staging import stage
 from assetbuild.engine.step import Step
 from assetbuild.engine.store import Store
 from assetbuild.engine.wire import step_to_json
+from assetbuild.pipeline.identifying import plan_excite
 from assetbuild.pipeline.recipes import load_recipe
 from assetbuild.pipeline.reference import package_modules
 from assetbuild.pipeline.sampling_plan import plan_samples
@@ -145,6 +147,9 @@ def runs(tmp_path_factory: pytest.TempPathFactory) -> list[Seen]:
                     runner,
                 )
                 assert not sampled.errors
+            if loaded.recipe.identify:
+                add = partial(plan_excite, loaded, None, 10.0)
+                assert not settle(add, session, runner).errors
             for number, (kind, action) in enumerate(runner.first.items()):
                 place = folder / f"{recipe.stem}-{number}"
                 steps.append((kind, laid_out(action, session, place)))

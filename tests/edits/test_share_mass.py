@@ -115,3 +115,13 @@ def test_a_body_that_is_not_solid_is_refused():
     tree = replace(hip(), bodies=(*hip().bodies[:3], flat))
     with pytest.raises(RecipeError, match="not those of a solid body"):
         shared(tree)
+
+
+def test_stated_moments_are_those_of_the_links_and_the_finding_tells_what_they_add():
+    done = ShareMass(link="yaw|roll", moments=2e-10).edit(
+        hip(), SourceShapes(), Files(Path(), Path())
+    )
+    moments = [done.tree.by_body[link].inertial for link in ("yaw", "roll")]
+    assert [made.inertia_com_kg_m2[:3] for made in moments if made] == [(2e-10,) * 3] * 2
+    assert "2e-10 kg m², add 2" in done.findings[0].message
+    assert "the motion is the same" in shared(hip())[1][0].message

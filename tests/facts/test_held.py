@@ -28,7 +28,7 @@ from assetbuild.facts.table import Key, Table, Value, Writer
 from assetbuild.facts.vocabulary import VOCABULARY
 from assetbuild.report.summary import WITHHELD, public_message
 from assetbuild.robot.pose import Pose, quat_of
-from assetbuild.simulators import physx
+from assetbuild.simulators import _newton_child, physx
 from assetbuild.simulators.experiments import Motion
 from assetbuild.simulators.physx_couplings import Coupling, experiments, measurable, measured
 
@@ -140,3 +140,36 @@ def test_a_geom_of_any_group_is_a_shape_of_physx_where_it_may_touch(
     book = Writer()
     read_model(mujoco.MjModel.from_xml_string(text), book)
     assert as_physx(book.table()).of("body", "ball")["physx:shapes"] == count
+
+
+TENDON = """<mujoco><worldbody>
+  <body><joint name="left" type="hinge"/><geom size="0.1"/></body>
+  <body><joint name="right" type="hinge"/><geom size="0.1"/></body>
+  <body><joint name="other" type="hinge"/><geom size="0.1"/></body>
+</worldbody>
+<equality><joint joint1="right" joint2="left" polycoef="0 {share} 0 0 0"/></equality>
+<tendon><fixed name="split">
+  <joint joint="right" coef="0.5"/><joint joint="{one}" coef="0.5"/>
+</fixed></tendon>
+<actuator>
+  <position tendon="split" gear="4" kp="10" kv="1" forcerange="-5 5"/>
+</actuator></mujoco>"""
+
+
+@pytest.mark.parametrize(
+    ("share", "one", "left"),
+    [
+        (1.0, "left", (160.0, 16.0, 20.0)),
+        (3.0, "left", (640.0, 64.0, 40.0)),
+        (1.0, "other", (0.0, 0.0, None)),
+    ],
+    ids=["both", "right thrice as far", "two free joints"],
+)
+def test_newton_holds_a_tendon_s_drive_at_the_joint_that_the_others_follow(
+    share: float, one: str, left: tuple[float, float, float | None]
+) -> None:
+    held = mujoco.MjModel.from_xml_string(TENDON.format(share=share, one=one))
+    drives = _newton_child.driven(held)
+    row = _newton_child.joint(held, 0, *drives.get(0, ()))
+    assert (row["kp"], row["kd"], row["effort"]) == left
+    assert set(drives) == ({0} if one == "left" else set())

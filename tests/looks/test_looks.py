@@ -206,6 +206,38 @@ def test_every_picture_shows_something_of_its_own(rendered):
         assert pixels.std() > 3.0, name
 
 
+@pytest.mark.parametrize("collides", [False, True])
+def test_all_but_the_robot_itself_is_drawn_with_light_meshes(tmp_path: Path, collides: bool):
+    """The light mesh is a cube here, so that one sees which was drawn."""
+    if renderer(World()) == "none":
+        pytest.skip("no OpenGL without a window: apt-get install libegl1 libgl1-mesa-dri")
+    robot = ball_robot()
+    if collides:
+        both = (*robot.shapes.shapes, Shape("c", robot.tree.root, "collision", Mesh("ball-1")))
+        robot = replace(robot, shapes=replace(robot.shapes, shapes=both))
+    inputs = write_robot_ports(tmp_path / "in", robot)
+    run_step(Mjcf(robot="ball"), inputs, tmp_path / "model")
+    cube = trimesh.creation.box([0.1, 0.1, 0.1])
+    text = obj_bytes(TriangleMesh(np.array(cube.vertices), np.array(cube.faces)))
+    drawn = []
+    for name in ("heavy", "light"):
+        folder = tmp_path / name / "light"
+        folder.mkdir(parents=True)
+        if name == "light":
+            (tmp_path / "light" / LIGHT).write_bytes(text)
+        (tmp_path / name / "mjcf").symlink_to(tmp_path / "model/mjcf")
+        found = run_step(
+            Render(renderer=renderer(World())), tmp_path / name, tmp_path / f"o-{name}"
+        )
+        if found:
+            pytest.skip(found[0].message)
+        images = tmp_path / f"o-{name}/images"
+        drawn.append({path.stem: path.read_bytes() for path in images.iterdir()})
+    same = {name for name in drawn[0] if drawn[0][name] == drawn[1][name]}
+    assert {"hero", "visual", "thumbnail"} <= same
+    assert ("turntable" in same) == collides
+
+
 def test_a_robot_of_collision_geometry_alone_is_seen_and_a_notch_is_not(tmp_path: Path):
     """The hull is what collides; an empty floor says nothing about a robot."""
     if renderer(World()) == "none":
