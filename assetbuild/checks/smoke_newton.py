@@ -97,8 +97,11 @@ def judged(
         coupled=lambda joint: alike or (mimics and _is_of_one_kind(tree, joint)),
         usd=not alike,
     )
-    bodies = {} if alike else {file: name for name, file in body_identifiers(tree).items()}
-    joints = {} if alike else {file: name for name, file in joint_identifiers(tree).items()}
+    bodies = {file: name for name, file in body_identifiers(tree).items()}
+    joints = {file: name for name, file in joint_identifiers(tree).items()}
+    if alike:  # of an MJCF's names Newton changes this alone
+        bodies = {body.name.replace("-", "_"): body.name for body in tree.bodies}
+        joints = {joint.name.replace("-", "_"): joint.name for joint in tree.joints}
     found = differences(table, newton_table(reading, bodies, joints, table), NEWTON)
     for finding in equality_findings(found, "newton", f"the {kind.upper()} as Newton holds it", {}):
         light = finding.rule.endswith(".inertia")

@@ -13,7 +13,7 @@ from assetbuild.errors import RecipeError
 from assetbuild.findings import Finding, Rule
 from assetbuild.kinds import Edit, Edited
 from assetbuild.quantities import Pattern, Positive
-from assetbuild.robot.chains import Chain, find_chains
+from assetbuild.robot.chains import Chain, find_chains, is_massless
 from assetbuild.robot.inertia import combine, principal_moments, pseudo_inertia
 from assetbuild.robot.model import Body, Inertial, Joint, Tree
 from assetbuild.robot.pose import Array, Vec3, vec3
@@ -71,7 +71,7 @@ class ShareMass(Edit):
             if links:
                 shared = _shared(tree, chain, links, self.moments)
                 inertials |= shared
-                findings.append(_finding(tree, chain, links, shared))
+                findings.append(_finding(tree, links, shared))
         bodies = tuple(
             replace(body, inertial=inertials.get(body.name, body.inertial)) for body in tree.bodies
         )
@@ -85,7 +85,9 @@ def _shared(
 
     stated: the moments of the links, kg m2.
     """
-    rest = _inertial(tree.by_body[chain.body])
+    held = _held(tree, chain.body)
+    solid = held[-1].child if held else chain.body
+    rest = _inertial(tree.by_body[solid])
     moment = stated or max(BALL * principal_moments(rest.inertia_com_kg_m2)[0], LEAST)
     ball = (moment, moment, moment, 0.0, 0.0, 0.0)
     made: dict[str, Inertial] = {}
@@ -96,7 +98,7 @@ def _shared(
             made[link] = Inertial(BALL * rest.mass_kg, (0.0, 0.0, 0.0), ball)
             rest = replace(rest, mass_kg=rest.mass_kg - made[link].mass_kg)
             continue
-        X_link_body = Chain(below, ()).pose_in_parent
+        X_link_body = Chain((*below, *held), ()).pose_in_parent
         in_body = vec3(X_link_body.inverse().apply(point))
         homogeneous = np.array([*in_body, 1.0])
         # J - m p pᵀ stays positive definite up to m = 1 / (pᵀ J⁻¹ p), J the pseudo-inertia.
@@ -105,7 +107,19 @@ def _shared(
         made[link] = Inertial(mass, point, ball)
         # The body less a point mass: one body with a part of negative mass.
         rest = combine([rest, Inertial(-mass, in_body, (0.0,) * 6)])
-    return made | {chain.body: rest}
+    return made | {solid: rest}
+
+
+def _held(tree: Tree, body: str) -> tuple[Joint, ...]:
+    """The fixed joints from a body without mass to the heaviest one that they hold to it."""
+    if not is_massless(tree.by_body[body]):
+        return ()
+    ways: list[tuple[Joint, ...]] = [()]
+    for way in ways:  # grows while it is walked
+        end = way[-1].child if way else body
+        ways += [(*way, j) for j in tree.joints if j.parent == end and j.kind == "fixed"]
+    ends = {way: tree.by_body[way[-1].child].inertial for way in ways if way}
+    return max(ends, key=lambda way: made.mass_kg if (made := ends[way]) else 0.0)
 
 
 def _inertial(body: Body) -> Inertial:
@@ -140,8 +154,9 @@ def meeting_point(joints: tuple[Joint, ...]) -> Vec3 | None:
     return vec3(point) if max(distances) <= MEETS_M else None
 
 
-def _finding(tree: Tree, chain: Chain, links: list[str], shared: dict[str, Inertial]) -> Finding:
-    before, after = _inertial(tree.by_body[chain.body]), shared[chain.body]
+def _finding(tree: Tree, links: list[str], shared: dict[str, Inertial]) -> Finding:
+    solid = next(name for name in shared if name not in links)
+    before, after = _inertial(tree.by_body[solid]), shared[solid]
     moved = ", ".join(f"{shared[link].mass_kg:.3g} kg to {link}" for link in links)
     moment = shared[links[0]].inertia_com_kg_m2[0]
     share = moment / principal_moments(before.inertia_com_kg_m2)[0]
@@ -152,7 +167,7 @@ def _finding(tree: Tree, chain: Chain, links: list[str], shared: dict[str, Inert
         else f"their moments, {moment:.3g} kg m², add {share:.2g} of its least to the motion"
     )
     return SHARE_MASS(
-        f"link {chain.body}",
+        f"link {solid}",
         f"mass {before.mass_kg:.6g} -> {after.mass_kg:.6g} kg: {moved}, where the axes of "
         f"the joints between meet, or 1e-9 of the whole; {motion}",
         data={

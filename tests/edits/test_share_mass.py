@@ -117,6 +117,26 @@ def test_a_body_that_is_not_solid_is_refused():
         shared(tree)
 
 
+def test_an_end_without_mass_shares_that_of_what_fixed_joints_hold(tmp_path: Path):
+    """A mobile base in an MJCF: a frame with the joints, and the bodies fixed to it."""
+    tree, here = hip(), Pose((0.02, -0.1, 0.3), TURNED)
+    light = Body("foot", box_inertial(0.1, (0.1, 0.1, 0.1)))
+    frame = replace(tree.by_body["leg"], inertial=None)
+    heavy = replace(tree.by_body["leg"], name="shank")
+    fixed = (
+        Joint("a", "fixed", "leg", "foot", Pose((0.0, 0.1, 0.0))),
+        Joint("b", "fixed", "leg", "shank", here),
+    )
+    bodies = (*tree.bodies[:-1], frame, light, heavy)
+    tree = replace(tree, bodies=bodies, joints=(*tree.joints, *fixed))
+    after, findings = shared(tree)
+    assert findings[0].subject == "link shank" and after.by_body["yaw"].inertial
+    for one, other in zip(
+        dynamics(tree, tmp_path / "a"), dynamics(after, tmp_path / "b"), strict=True
+    ):
+        np.testing.assert_allclose(other, one, rtol=1e-6, atol=1e-8)
+
+
 def test_stated_moments_are_those_of_the_links_and_the_finding_tells_what_they_add():
     done = ShareMass(link="yaw|roll", moments=2e-10).edit(
         hip(), SourceShapes(), Files(Path(), Path())

@@ -214,6 +214,13 @@ def test_a_folded_servo_without_its_gear_moves_as_the_geared_one(tmp_path: Path)
     same_motion(text, tmp_path / "folded.xml", scale=1 / 6)
 
 
+@pytest.mark.parametrize("drive", [SERVO, WHEEL])
+def test_a_gear_is_written_where_newton_reads_it(drive: str, tmp_path: Path):
+    """Newton 1.8 takes the gear of a `<position>` and of a `<velocity>` for 1."""
+    text = written(arm("", drive.format(6)), tmp_path).xml.read_text()
+    assert "<general " in text and "<position" not in text and "<velocity" not in text
+
+
 def test_a_keyframe_s_command_of_a_geared_servo_holds_its_pose(tmp_path: Path):
     pose = {"home": {"joints": {"j": 0.3}}}
     done = written(arm("", SERVO.format(6)), tmp_path, keyframes=pose)
@@ -233,7 +240,11 @@ def test_a_row_of_the_recipe_has_no_gear(tmp_path: Path):
     [
         ('gear="6"', 'gear="6.1"', "gear"),
         (' gear="6"', "", "gear"),
-        ('kp="20"', 'kp="20.5"', "kp"),
+        (
+            '"20" biastype="affine" biasprm="0 -20 ',
+            '"20.5" biastype="affine" biasprm="0 -20.5 ',
+            "kp",
+        ),
         ('forcerange="-4 4"', 'forcerange="-4.1 4.1"', "effort"),
     ],
 )

@@ -10,7 +10,8 @@
 
 A row's own range of the command (`ctrl`) comes before these rules; a motor that may be asked for
 more than its effort has that as its forcerange. A drive of an MJCF keeps its `gear`: gains, limits
-and commands are divided by it again.
+and commands are divided by it again. With a gear the laws of `<position>` and `<velocity>` are a
+`<general>`, as Newton 1.8 drops the gear of these two.
 
 Damping of the joint and `kv` of the drive add up in MuJoCo, as `damping` and `kd` do here.
 `dampratio` is not written: its meaning changed between versions of MuJoCo.
@@ -126,18 +127,22 @@ def _drive(joint: Joint, actuator: Actuator) -> dict[str, dict[str, str | None]]
         case "passive":
             return {}
         case "pd":
-            tag, said = (
-                "position",
-                {
-                    "kp": number(actuator.kp / square),
-                    "kv": number(actuator.kd / square) if actuator.kd else None,
-                    "forcerange": effort,
-                    "inheritrange": "1" if _range(joint) and gear == 1.0 else None,
-                },
-            )
+            tag = "position"
+            said = {
+                "kp": number(actuator.kp),
+                "kv": number(actuator.kd) if actuator.kd else None,
+                "forcerange": effort,
+                "inheritrange": "1" if _range(joint) else None,
+            }
+            if gear != 1.0:
+                tag, said = "general", _geared(actuator.kp, actuator.kd, square, actuator.kp)
+                said["forcerange"] = effort
         case "velocity":
             tag = "velocity"
-            said = {"kv": number(actuator.kd / square), "forcerange": effort, "ctrlrange": speed}
+            said = {"kv": number(actuator.kd), "forcerange": effort, "ctrlrange": speed}
+            if gear != 1.0:
+                tag, said = "general", _geared(0.0, actuator.kd, square, actuator.kd)
+                said |= {"forcerange": effort, "ctrlrange": speed}
         case "general":
             tag, said = "general", {"forcerange": effort, **_general(actuator)}
         case _:
@@ -150,6 +155,12 @@ def _drive(joint: Joint, actuator: Actuator) -> dict[str, dict[str, str | None]]
     if gear != 1.0:
         said["gear"] = number(gear)
     return {tag: said}
+
+
+def _geared(kp: float, kd: float, square: float, gain: float) -> dict[str, str | None]:
+    """The law of a `<position>` or `<velocity>`; gains on the joint, square: of the gear."""
+    bias = numbers((0.0, -kp / square, -kd / square))
+    return {"gainprm": number(gain / square), "biastype": "affine", "biasprm": bias}
 
 
 def _general(actuator: Actuator) -> dict[str, str | None]:

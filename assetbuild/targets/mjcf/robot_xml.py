@@ -320,13 +320,9 @@ class RobotXml:
     def _ctrl(self, key: Keyframe) -> list[float]:
         """Position drives aim at the pose, all others at rest."""
         values = dict(key.joints)
-        gears = {row.joint: row.gear for row in self.control.actuators}
-        return [
-            values.get(row.joint.name, 0.0) * gears[row.joint.name]
-            if row.drive == "position"
-            else 0.0
-            for row in self.driven
-        ]
+        aims = {row.joint: row.gear for row in self.control.actuators if row.model == "pd"}
+        names = (row.joint.name for row in self.driven)
+        return [values.get(name, 0.0) * aims.get(name, 0.0) for name in names]
 
 
 def _inertial(inertial: Inertial) -> Element:
