@@ -9,9 +9,9 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import ClassVar
 
-from assetbuild.checks.alignment.pair import Engine, FloorLimits, Pair
-from assetbuild.checks.alignment.row import findings_of
-from assetbuild.checks.alignment.rows import newton_rows
+from assetbuild.alignment.pair import Engine, FloorLimits, Pair
+from assetbuild.alignment.row import findings_of
+from assetbuild.alignment.rows import newton_rows
 from assetbuild.engine.step import Files
 from assetbuild.findings import Finding, Rule
 from assetbuild.kinds import write_figures

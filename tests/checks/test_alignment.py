@@ -24,11 +24,11 @@ from tiny import (
     write_robot_ports,
 )
 
+from assetbuild.alignment.pair import stand_row
+from assetbuild.alignment.row import Row, findings_of
+from assetbuild.alignment.rows import _pulled, fact_rows, scene_rows
+from assetbuild.alignment.touching import touching_in_usd, touching_row
 from assetbuild.checks.alignment import Alignment
-from assetbuild.checks.alignment.pair import stand_row
-from assetbuild.checks.alignment.row import Row, findings_of
-from assetbuild.checks.alignment.rows import _pulled, fact_rows, scene_rows
-from assetbuild.checks.alignment.touching import touching_in_usd, touching_row
 from assetbuild.facts.table import Key, Table, Value
 from assetbuild.findings import Finding
 from assetbuild.pipeline.recipes import whole_model

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from tiny import box_inertial, pendulum, run_step, write_robot_ports
 
-from assetbuild.checks.alignment.response import Responses
-from assetbuild.checks.alignment.row import Row, findings_of
+from assetbuild.alignment.response import Responses
+from assetbuild.alignment.row import Row, findings_of
 from assetbuild.robot.model import Actuator, Body, Control, Simulation
 from assetbuild.simulators.experiments import Motion, Sine, Swing
 from assetbuild.targets.mjcf import Mjcf

@@ -12,8 +12,8 @@ import pytest
 from pxr import Usd
 from tiny import pendulum, run_step, tiny_quadruped, write_robot_ports
 
-from assetbuild.checks.alignment.row import findings_of
-from assetbuild.checks.alignment.stops import into_stop, stop_rows
+from assetbuild.alignment.row import findings_of
+from assetbuild.alignment.stops import into_stop, stop_rows
 from assetbuild.checks.newton_alignment import NewtonAlignment
 from assetbuild.engine.world import World
 from assetbuild.findings import Finding

@@ -12,8 +12,8 @@ from typing import Any
 
 import numpy as np
 
-from assetbuild.checks.alignment.row import NUMBER, Limits, Row
-from assetbuild.checks.alignment.touching import touching_row
+from assetbuild.alignment.row import NUMBER, Limits, Row
+from assetbuild.alignment.touching import touching_row
 from assetbuild.errors import AssetBuildError
 from assetbuild.facts.compare import shown, slug
 from assetbuild.facts.held import as_newton, as_physx, newton_table, physx_table

@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterator
 from typing import Literal
 
-from assetbuild.checks.alignment.row import Row
+from assetbuild.alignment.row import Row
 from assetbuild.robot.mimic import with_mimics
 from assetbuild.robot.model import Control, Tree
 from assetbuild.simulators.experiments import (

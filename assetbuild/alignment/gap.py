@@ -15,7 +15,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping, Sequence
 
-from assetbuild.checks.alignment.row import Row
+from assetbuild.alignment.row import Row
 from assetbuild.findings import Finding, Rule
 from assetbuild.robot.model import Control
 

@@ -10,11 +10,11 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import Any, ClassVar
 
-from assetbuild.checks.alignment.gap import told
-from assetbuild.checks.alignment.pair import Engine, FloorLimits, Pair
-from assetbuild.checks.alignment.row import Row, findings_of
-from assetbuild.checks.alignment.rows import physx_rows
-from assetbuild.checks.alignment.touching import touching_in_usd, touching_row
+from assetbuild.alignment.gap import told
+from assetbuild.alignment.pair import Engine, FloorLimits, Pair
+from assetbuild.alignment.row import Row, findings_of
+from assetbuild.alignment.rows import physx_rows
+from assetbuild.alignment.touching import touching_in_usd, touching_row
 from assetbuild.engine.step import Files, Limits
 from assetbuild.errors import StepError
 from assetbuild.findings import Finding, Rule

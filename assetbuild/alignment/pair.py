@@ -10,11 +10,11 @@ from typing import Any, Literal
 import numpy as np
 from pydantic import Field
 
-from assetbuild.checks.alignment.gap import Ranges, ranges_of
-from assetbuild.checks.alignment.response import Responses
-from assetbuild.checks.alignment.row import Row
-from assetbuild.checks.alignment.rows import scene_rows
-from assetbuild.checks.alignment.stops import ENDS, End, into_stop, stop_rows
+from assetbuild.alignment.gap import Ranges, ranges_of
+from assetbuild.alignment.response import Responses
+from assetbuild.alignment.row import Row
+from assetbuild.alignment.rows import scene_rows
+from assetbuild.alignment.stops import ENDS, End, into_stop, stop_rows
 from assetbuild.engine.step import Files
 from assetbuild.quantities import Model, Positive
 from assetbuild.robot.initial import initial_pose

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from assetbuild.checks.alignment.row import Row
+from assetbuild.alignment.row import Row
 from assetbuild.robot.model import Tree
 from assetbuild.simulators import mujoco, usd_pairs
 
