@@ -25,7 +25,7 @@ import numpy as np
 
 from assetbuild.robot.pose import Array
 
-ROUNDS = 8
+ROUNDS = 14
 """Most Gauss-Newton steps."""
 DIRECTIONS = 12.0
 """K, see the module: of 1, all of what the model lacks would look like the parameter."""

@@ -13,7 +13,7 @@ from assetbuild.robot.initial import initial_pose
 from assetbuild.robot.model import Actuator, Control, Tree
 from assetbuild.robot.pose import IDENTITY, Array
 from assetbuild.robot.shapes import Shapes
-from assetbuild.simulators.mujoco import mass_matrix
+from assetbuild.simulators.mujoco import caught_warnings, mass_matrix
 from assetbuild.targets.mjcf.files import robot_element
 from assetbuild.targets.mjcf.options import MjcfOptions
 from assetbuild.targets.mjcf.robot_xml import RobotXml, Solver
@@ -27,8 +27,8 @@ FINEST_S = 0.001
 """Longest step of the simulation: the fitted numbers are those of continuous time."""
 CHUNK = 4000
 """Steps that are simulated at once, so that memory is bounded."""
-HELD = 1e9
-"""Armature (kg m2 or kg) of joints that no log holds: they stay where they are."""
+HELD, HELD_RAD_S = 1e3, 100.0
+"""Joints that no log holds: their armature, in largest inertias of the others; of their spring."""
 OF_JOINTS = ("joint", "equality", "tendon", "mimic")
 """Places of `MjcfOnly` that move joints; the others need shapes, or are drives."""
 
@@ -148,13 +148,9 @@ class Plant:
         drives = {int(model.actuator_trnid[a][0]): a for a in range(len(model.actuator_trntype))}
         self.drive = np.array([drives[joint.id] for joint in found])
         self.rest = _rest(model, tree, control)
-        free = np.setdiff1d(np.arange(model.nv), self.dof)
-        followers = {int(model.jnt_dofadr[j]) for j in _followers(model)}
-        for dof in free:
-            if int(dof) not in followers:
-                model.dof_armature[dof] = HELD
         self.branches = _branches(model, self.dof)
         self.inertia = self._inertia()
+        self._hold_others()
 
     def changed(self, drives: Sequence[Drive], dt: float) -> Any:  # Any: mujoco.MjModel
         """A copy of the model with these drives, in the order of `joints`, and a timestep.
@@ -170,7 +166,7 @@ class Plant:
         late = np.zeros(len(drives))
         if self.simulator_step is None:
             late = dt / 2.0 * (table[:, 1] + np.array([d.kd for d in drives]))
-            late = np.minimum(late, 0.5 * (self.inertia + table[:, 0]))
+            late = np.minimum(late, self._most_late(table[:, 0]))
         model.dof_armature[self.dof], model.dof_damping[self.dof] = table[:, 0], table[:, 1]
         model.dof_frictionloss[self.dof] = table[:, 2]
         for actuator, drive in zip(self.drive, drives, strict=True):
@@ -180,6 +176,8 @@ class Plant:
         # MuJoCo's friction creeps by an amount that depends on the inertia of the joints.
         mujoco.mj_setConst(model, mujoco.MjData(model))
         model.dof_armature[self.dof] -= late
+        # The solver stops by it, and held joints would make it stop at once.
+        model.stat.meaninertia = float(np.mean(self.inertia + table[:, 0]))
         return model
 
     def simulate(self, record: Record, variants: Sequence[Sequence[Drive]]) -> tuple[Array, Array]:
@@ -221,7 +219,8 @@ class Plant:
         v = [np.repeat(v0[None, None], count, axis=0).repeat(lead + 1, axis=1)]
         datas, first = [data], 1 + models[0].nq
         for start in range(lead * stride, len(targets), chunk):
-            part, _ = rollout.rollout(models, datas, states, held[:, start : start + chunk])
+            with caught_warnings():  # one that is unstable does not fit, which is enough
+                part, _ = rollout.rollout(models, datas, states, held[:, start : start + chunk])
             states = part[:, -1].copy()
             sampled = part[:, stride - 1 :: stride]
             q.append(sampled[:, :, 1 + self.at])
@@ -229,16 +228,46 @@ class Plant:
         position, velocity = np.concatenate(q, axis=1), np.concatenate(v, axis=1)
         return position, _torque(position, velocity, variants, record)
 
+    def _most_late(self, armature: Array) -> Array:
+        """(J,) what may be taken off, so that all inertias stay positive."""
+        most: Array = 0.25 * (self.inertia + armature)
+        return most
+
+    def unsure_armature(self, drives: Sequence[Drive]) -> Array:
+        """(J,) kg m2 or kg: what was not taken off where damping is strong beside the inertia."""
+        damped = np.array([d.damping + d.kd for d in drives])
+        most = self._most_late(np.array([d.armature for d in drives]))
+        unsure: Array = np.maximum(FINEST_S / 2.0 * damped - most, 0.0)
+        return unsure
+
+    def _hold_others(self) -> None:
+        """Joints that no log holds stay where they are: heavy, on a spring without swing.
+
+        Not heavier than needed: beside 1e9 kg m2 the solver lost the friction of the others.
+        """
+        model = self.model
+        heavy = HELD * float(np.max(self.inertia))
+        followers = _followers(model)
+        for joint in range(model.njnt):
+            dof, at = int(model.jnt_dofadr[joint]), int(model.jnt_qposadr[joint])
+            if dof in self.dof or joint in followers:
+                continue
+            model.dof_armature[dof] = heavy
+            model.dof_damping[dof] = 2.0 * HELD_RAD_S * heavy
+            model.jnt_stiffness[joint] = 0.0
+            model.jnt_stiffness.reshape(model.njnt, -1)[joint, 0] = HELD_RAD_S**2 * heavy
+            model.qpos_spring[at] = self.rest[at]
+
     def _inertia(self) -> Array:
-        """(J,) what each joint moves at rest without its armature, kg m2 or kg."""
+        """(J,) what a torque at each joint moves at rest, without armatures, kg m2 or kg."""
         import mujoco
 
         data = mujoco.MjData(self.model)
         data.qpos[:] = self.rest
         mujoco.mj_forward(self.model, data)
-        diagonal = np.diag(mass_matrix(self.model, data))
-        own: Array = diagonal[self.dof] - self.model.dof_armature[self.dof]
-        return own
+        inverse = np.linalg.pinv(mass_matrix(self.model, data)[np.ix_(self.dof, self.dof)])
+        felt: Array = 1.0 / np.maximum(np.diag(inverse), 1e-12)
+        return felt
 
     def rigid_torque(self, q: Array, v: Array, a: Array) -> Array:
         """(N, J) torque that the links alone need for a motion, by inverse dynamics.

@@ -81,6 +81,8 @@ def solve(
     if plant.simulator_step is None:
         drives = with_values(priors, every, found.theta)
         floor += [clock_error(unknown, drives, _has_torque(records)) for unknown in every]
+        unsure = plant.unsure_armature(drives)
+        floor += [max(unsure[list(u.joints)]) * (u.name == "armature") for u in every]
     low = np.minimum(found.low, found.theta - floor)
     high = np.maximum(found.high, found.theta + floor)
     refused = _refusals(every, found, low, high, widest)

@@ -293,9 +293,8 @@ def _inertias(
     armature = {actuator.joint: actuator.armature for actuator in actuators}
     felt: Mapping[str, float] = {}
     if any(entry.row.inertia == "home" for entry in wanted.values()):
-        balls = any(
-            joint.kind == "ball" for joint in tree.joints
-        )  # no position says where they are
+        # No position says where a ball joint stands.
+        balls = any(joint.kind == "ball" for joint in tree.joints)
         felt = felt_inertia(() if balls else loops, dynamics(tree, start, armature))
     found = {}
     for name, entry in wanted.items():

@@ -35,6 +35,9 @@ DT, NOISE, TICKS, DELAY = 0.00025, 3e-4, 2.0 * np.pi / 2**14, 0.005
 SOFTER, LOOSER = 0.5, 0.15
 """Gains while recording, as shares of the recipe's kp and kd."""
 
+FULL_ERROR = 0.3
+"""rad: the error at which the drive gives all its effort, at least."""
+
 
 @dataclass
 class Row:
@@ -142,8 +145,10 @@ class Truth:
         self.names = [joint.name for joint in self.joints]
         self.at = np.array([int(j.qposadr[0]) for j in self.joints])
         self.dof = np.array([int(j.dofadr[0]) for j in self.joints])
-        self.kp = SOFTER * m.actuator_gainprm[self.drives, 0]
-        self.kd = LOOSER * -m.actuator_biasprm[self.drives, 2]
+        self.effort = m.actuator_forcerange[self.drives, 1]
+        kp = m.actuator_gainprm[self.drives, 0]
+        self.kp = np.minimum(SOFTER * kp, self.effort / FULL_ERROR)
+        self.kd = LOOSER * -m.actuator_biasprm[self.drives, 2] * self.kp / (SOFTER * kp)
         self._hide()
 
     def _hide(self) -> None:
@@ -159,7 +164,7 @@ class Truth:
         self.hidden = {
             "armature": armature * draw(0.6, 1.6, count),
             "damping": self.kd * draw(0.1, 0.5, count) + 1e-3,
-            "friction": self.kp * 0.02 * draw(0.3, 1.2, count),
+            "friction": np.minimum(0.02 * self.kp, 0.1 * self.effort) * draw(0.3, 1.2, count),
         }
         m.dof_armature[self.dof] = self.hidden["armature"]
         m.dof_damping[self.dof] = self.hidden["damping"]

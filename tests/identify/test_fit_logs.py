@@ -3,6 +3,7 @@
 import json
 from dataclasses import replace
 
+import mujoco
 import numpy as np
 import pytest
 from logs import (
@@ -14,9 +15,11 @@ from logs import (
     KD,
     KP,
     RATE_HZ,
+    TWO_LINKS,
     arm,
     chirps,
     prior,
+    recorded,
     two_links,
 )
 from tiny import run_step
@@ -34,7 +37,7 @@ def fitted(folder, target, position, torque=None, kp=KP, **keys):
     for name in ("records", "about"):
         (inputs / name).mkdir(parents=True, exist_ok=True)
     (inputs / "tree.json").write_bytes(encode(arm()))
-    rows = tuple(replace(prior(joint), kp=kp) for joint in JOINTS)
+    rows = tuple(replace(prior(joint), kp=kp) for joint in keys.get("joints", JOINTS))
     (inputs / "prior.json").write_bytes(encode(Control(rows)))
     arrays = {"period_s": np.array(1 / RATE_HZ), "position_0": position, "target_0": target}
     np.savez(
@@ -121,3 +124,21 @@ def test_tied_joints_have_one_value(tmp_path):
     fit, _ = fitted(tmp_path, target, position, fit=names, tied=(".*",))
     (both,) = fit.parameters
     assert both.joints == JOINTS and both.value > 0.0
+
+
+def test_joints_that_no_log_holds_stay_and_change_nothing(tmp_path):
+    """The elbow is bolted at 0 in the recording and is not in the log."""
+    text = TWO_LINKS.format(dt=0.0002, a=ARMATURE, d=DAMPING, f=FRICTION, kp=KP, kd=KD)
+    spec = mujoco.MjSpec.from_string(text)
+    spec.delete(spec.joint("elbow"))
+    spec.delete(spec.actuators[1])
+    target = chirps(12.0, joints=1)
+    position, _ = recorded(spec.compile(), target)
+    names = ("armature", "damping", "friction", "delay")
+    fit, findings = fitted(
+        tmp_path, target, position, joints=("shoulder",), fit=(("shoulder", names),)
+    )
+    assert not findings
+    assert [p.value for p in fit.parameters] == pytest.approx(
+        [truth(p) for p in fit.parameters], rel=0.05
+    )
