@@ -18,6 +18,7 @@ from assetbuild.simulators.consumers import FAILED, ConsumerCheck
 from assetbuild.simulators.environments import Environment
 from assetbuild.simulators.experiments import Motion
 from assetbuild.simulators.loop_swing import LoopSwing, Trial
+from assetbuild.simulators.newton import HOME
 from assetbuild.simulators.usd_names import joint_identifiers
 
 BEYOND_IMPORTS = ("assetbuild.simulators._newton_loops_child",)
@@ -30,7 +31,7 @@ class NewtonLoops(ConsumerCheck):
     needs: ClassVar[tuple[str, ...]] = ("usd",)
     reads: ClassVar[tuple[str, ...]] = ("tree.json", "control.json")
     consumer: ClassVar[str] = "newton"
-    home: ClassVar[Environment] = Environment("newton", ("newton[sim,importers]==1.8.0",))
+    home: ClassVar[Environment] = HOME
     sections: ClassVar[Mapping[str, str]] = {"validate.loops": "wish"}
 
     wish: LoopSwing = LoopSwing()

@@ -21,6 +21,7 @@ from assetbuild.robot.model import Control, Joint, Tree
 from assetbuild.robot.shapes import Shapes
 from assetbuild.simulators.consumers import FAILED, NOT_FINITE, ConsumerCheck
 from assetbuild.simulators.environments import Environment
+from assetbuild.simulators.newton import HOME
 from assetbuild.simulators.usd_names import body_identifiers, joint_identifiers
 
 BEYOND_IMPORTS = ("assetbuild.simulators._newton_child",)
@@ -38,7 +39,7 @@ class SmokeNewton(ConsumerCheck):
     needs: ClassVar[tuple[str, ...]] = ("mjcf", "usd")
     reads: ClassVar[tuple[str, ...]] = ("tree.json", "control.json")
     consumer: ClassVar[str] = "newton"
-    home: ClassVar[Environment] = Environment("newton", ("newton[sim,importers]==1.8.0",))
+    home: ClassVar[Environment] = HOME
 
     told: ClassVar[Mapping[str, str]] = {"mimics": "usd.mimics"}
 

@@ -176,7 +176,8 @@ def _hold_base(stage: Usd.Stage) -> None:
                 )
                 copy.Set(attribute.Get())
         root.RemoveAPI(UsdPhysics.ArticulationRootAPI)
-        root.RemoveAppliedSchema("PhysxArticulationAPI")
+        for schema in ("PhysxArticulationAPI", "NewtonArticulationRootAPI"):
+            root.RemoveAppliedSchema(schema)  # Newton's means a root by itself
 
 
 def _change(prim: Usd.Prim, names: StageNames, setting: Setting) -> None:

@@ -118,11 +118,15 @@ def sine_of(
         width = min(width, SHARE_OF_RANGE * (upper - lower))
         room = 1.25 * width  # a small swing too: weight may press its joint against the stop
         actuator = control.by_joint.get(joint.name)
-        limit = actuator.velocity if actuator else joint.limits.velocity
-        if limit is not None:
-            width = min(width, SHARE_OF_SPEED * limit / (2.0 * math.pi * frequency_hz))
-        middle[joint.name] = min(max(home.get(joint.name, 0.0), lower + room), upper - room)
         by_speed = actuator is not None and actuator.model == "velocity" and actuator.kd > 0.0
+        limits = [actuator.velocity if actuator else joint.limits.velocity]
+        if by_speed and actuator is not None and actuator.ctrl is not None:
+            limits += [-actuator.ctrl[0], actuator.ctrl[1]]  # what may be asked of it
+        for limit in limits:
+            if limit is not None:
+                fastest = SHARE_OF_SPEED * max(limit, 0.0)
+                width = min(width, fastest / (2.0 * math.pi * frequency_hz))
+        middle[joint.name] = min(max(home.get(joint.name, 0.0), lower + room), upper - room)
         driven = by_speed or (actuator is not None and actuator.kp > 0.0)
         swing[joint.name] = width if driven and joint.mimic is None else 0.0
         if by_speed:

@@ -11,7 +11,7 @@ import math
 import os
 import shutil
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -155,7 +155,7 @@ class Experiment:
 class Outcome:
     """held, motion: None where PhysX did not get that far, and `failure` says why."""
 
-    held: Held | None
+    held: Any  # `Held` of PhysX; JSON of Newton
     motion: Motion | None
     failure: str = ""
 
@@ -172,14 +172,31 @@ def clear_of_floor(base: Pose | None) -> Pose:
     return Pose((x, y, z + CLEARANCE_M), base.quat)
 
 
+Start = Callable[[list[dict[str, object]], Path, float], str]
+"""Runs an engine's program on some jobs in a folder; how it died, or "" when it ended well."""
+
+
 def perform(
     main: Path, experiments: Sequence[Experiment], seconds: float = 240.0, *, copied: bool = True
 ) -> dict[str, Outcome]:
-    """Run experiments on the asset `main`, by name. A crash or a NaN ends only its own.
+    """Run experiments in PhysX on the asset `main`, by name. A crash or a NaN ends only its own.
 
     seconds: wall-clock limit of the whole. copied: with its whole folder, as the inputs of a step
     must be: they are links into the store, and a resolver that follows them gets lost.
     """
+    return perform_in(_start, _held, main, experiments, seconds, copied=copied)
+
+
+def perform_in(
+    start: Start,
+    read: Callable[[dict[str, Any], StageNames], Any],  # Any: JSON; what an engine holds
+    main: Path,
+    experiments: Sequence[Experiment],
+    seconds: float,
+    *,
+    copied: bool = True,
+) -> dict[str, Outcome]:
+    """As `perform`, in the engine whose program `start` runs. read: what the engine then holds."""
     with TemporaryDirectory(prefix="physx-") as temporary:
         folder = Path(temporary).resolve()
         asset = main.resolve()
@@ -194,7 +211,7 @@ def perform(
         waiting = list(jobs)
         failures: dict[str, str] = {}
         while waiting:
-            died = _start([jobs[name][2] for name in waiting], folder, seconds)
+            died = start([jobs[name][2] for name in waiting], folder, seconds)
             done = [n for n in waiting if (folder / f"{n}.done").exists()]
             waiting = waiting[len(done) :]
             if waiting and died:
@@ -203,7 +220,7 @@ def perform(
                 failures |= dict.fromkeys(waiting, "it stopped without a word")
                 waiting = []
         return {
-            name: _outcome(folder, names, experiment, failures.get(name, ""))
+            name: _outcome(folder, names, experiment, failures.get(name, ""), read)
             for name, (experiment, names, _) in jobs.items()
         }
 
@@ -231,6 +248,7 @@ def _job(experiment: Experiment, names: StageNames, stage: Path) -> dict[str, ob
         "dt": dt,
         "steps": experiment.steps,
         "every": experiment.every,
+        "contacts": experiment.setting.contacts,
         "start": {paths[n]: _shown(n, v, names) for n, v in start.items()},
         "turn": {path: _shown(name, TURN, names) for path, name in names.joints.items()},
         "targets": {
@@ -258,17 +276,23 @@ def _start(runs: list[dict[str, object]], folder: Path, seconds: float) -> str:
     return f"PhysX {ended}" if ended else ""
 
 
-def _outcome(folder: Path, names: StageNames, experiment: Experiment, failure: str) -> Outcome:
+def _outcome(
+    folder: Path,
+    names: StageNames,
+    experiment: Experiment,
+    failure: str,
+    read: Callable[[dict[str, Any], StageNames], Any],  # Any: as `perform_in`
+) -> Outcome:
     held, motion = None, None
     answer = folder / f"{experiment.name}.json"
     if answer.exists():
-        held = _held(json.loads(answer.read_bytes()), names)
+        held = read(json.loads(answer.read_bytes()), names)
     track = folder / f"{experiment.name}.npz"
     if track.exists():
         with np.load(track) as data:
             motion = _motion({key: data[key] for key in data.files}, names)
         if not failure and not motion.finite:
-            failure = f"PhysX lost its numbers (NaN) after {motion.time[-1]:.3g} s"
+            failure = f"it lost its numbers (NaN) after {motion.time[-1]:.3g} s"
     return Outcome(held, motion, failure)
 
 

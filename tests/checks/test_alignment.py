@@ -24,11 +24,11 @@ from tiny import (
     write_robot_ports,
 )
 
+from assetbuild.alignment.pair import stand_row
+from assetbuild.alignment.row import Row, findings_of
+from assetbuild.alignment.rows import _pulled, fact_rows, scene_rows
+from assetbuild.alignment.touching import touching_in_usd, touching_row
 from assetbuild.checks.alignment import Alignment
-from assetbuild.checks.alignment.pair import stand_row
-from assetbuild.checks.alignment.row import Row, findings_of
-from assetbuild.checks.alignment.rows import _pulled, fact_rows, scene_rows
-from assetbuild.checks.alignment.touching import touching_row
 from assetbuild.facts.table import Key, Table, Value
 from assetbuild.findings import Finding
 from assetbuild.pipeline.recipes import whole_model
@@ -173,7 +173,7 @@ def test_a_row_is_a_fact_that_both_tables_state() -> None:
 
 def test_a_limit_that_one_engine_lacks_is_an_error() -> None:
     (_, row) = fact_rows(table_of(type="rotary", effort=5.0), table_of(type="rotary", effort=None))
-    assert (row.name, row.physx, row.verdict) == ("effort", math.inf, "error")
+    assert (row.name, row.theirs, row.verdict) == ("effort", math.inf, "error")
 
 
 def test_a_joint_that_one_engine_alone_holds_is_a_critical_error() -> None:
@@ -270,10 +270,10 @@ def test_a_touch_that_one_engine_alone_has_is_an_error(tmp_path: Path, does: str
         root = stage.GetPrimAtPath("/robot/trunk")
         root.GetAttribute("physxArticulation:enabledSelfCollisions").Set(False)
     model = mujoco.load(inputs / "mjcf/robot.xml").model
-    row = touching_row(model, stage, robot.tree)
+    row = touching_row(model, touching_in_usd(stage), robot.tree)
     assert row.verdict == ("ok" if does == "nothing" else "error")
     if does == "forgets a pair":
-        assert "`FL_foot` and `FL_thigh`" in str(row.physx)
+        assert "`FL_foot` and `FL_thigh`" in str(row.theirs)
     if does == "filters one too many":
         assert "`FL_foot` and `FR_foot`" in str(row.mujoco)
 
@@ -289,7 +289,7 @@ def test_that_physx_has_no_contacts_of_a_joint_is_a_warning(tmp_path: Path) -> N
     run_step(Mjcf(robot="robot"), write_robot_ports(tmp_path / "in", bolted), tmp_path / "out")
     model = mujoco.load(tmp_path / "out/mjcf/robot.xml").model
     stage = Usd.Stage.Open(str(inputs / "usd/robot.usda"))
-    row = touching_row(model, stage, tree)
+    row = touching_row(model, touching_in_usd(stage), tree)
     assert (row.verdict, row.off) == ("warning", 4.0)
 
 

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from tiny import box_inertial, pendulum, run_step, write_robot_ports
 
-from assetbuild.checks.alignment.response import Responses
-from assetbuild.checks.alignment.row import Row, findings_of
+from assetbuild.alignment.response import Responses
+from assetbuild.alignment.row import Row, findings_of
 from assetbuild.robot.model import Actuator, Body, Control, Simulation
 from assetbuild.simulators.experiments import Motion, Sine, Swing
 from assetbuild.targets.mjcf import Mjcf
@@ -74,7 +74,7 @@ def test_a_reason_makes_an_error_a_warning_and_stands_in_the_table():
     assert row.verdict == "error"
     known = replace(row, because="soft")
     assert known.verdict == "warning"
-    assert known.shown()["because"] == "soft"
+    assert known.shown("PhysX")["because"] == "soft"
     (finding,) = findings_of([known, replace(row, off=0.25)])
     assert finding.severity == "error", "an unexplained row weighs more than a larger known one"
 

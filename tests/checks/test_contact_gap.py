@@ -8,8 +8,8 @@ from typing import Any
 import pytest
 from tiny import tiny_quadruped
 
-from assetbuild.checks.alignment.gap import ranges_of, told
-from assetbuild.checks.alignment.row import Row
+from assetbuild.alignment.gap import ranges_of, told
+from assetbuild.alignment.row import Row
 from assetbuild.report.summary import public_message
 
 CONTROL = tiny_quadruped().control

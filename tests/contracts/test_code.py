@@ -69,6 +69,7 @@ ELSEWHERE = {
     "assetbuild.checks.mjcf_doctor": "needs the extra `lint`",
     "assetbuild.checks.simcheck": "needs the extra `lint`",
     "assetbuild.checks.alignment": "needs PhysX",
+    "assetbuild.checks.newton_alignment": "needs the trainer",
     "assetbuild.checks.newton_loops": "needs the trainer",
     "assetbuild.checks.physx_free_fall": "needs PhysX",
     "assetbuild.checks.physx_loops": "needs PhysX",

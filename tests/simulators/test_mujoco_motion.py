@@ -71,3 +71,11 @@ def test_a_drive_of_speeds_follows_the_speed_of_the_sine(tmp_path: Path) -> None
     wanted = sine.middle[drive.joint] + width * np.sin(2.0 * np.pi * moved.time)
     assert width > 0.0
     np.testing.assert_allclose(moved.joints[drive.joint], wanted, atol=0.05 * width)
+
+
+def test_a_drive_of_speeds_is_asked_for_no_more_than_its_command_holds() -> None:
+    """MuJoCo clips a command beyond `ctrlrange` and PhysX does not: they would part."""
+    robot = pendulum()
+    drive = replace(robot.control.actuators[0], model="velocity", kp=0.0, kd=5.0, ctrl=(-0.5, 0.8))
+    sine = sine_of(robot.tree, replace(robot.control, actuators=(drive,)), {}, 1.0, 1.0)
+    assert 0.0 < 2.0 * np.pi * sine.swing[drive.joint] < 0.5

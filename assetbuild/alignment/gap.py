@@ -15,7 +15,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping, Sequence
 
-from assetbuild.checks.alignment.row import Row
+from assetbuild.alignment.row import Row
 from assetbuild.findings import Finding, Rule
 from assetbuild.robot.model import Control
 
@@ -75,11 +75,11 @@ def told(ranges: Ranges) -> Iterator[Finding]:
 
 
 def _both(row: Row | None) -> tuple[float, float] | None:
-    if row is None or isinstance(row.mujoco, str) or isinstance(row.physx, str):
+    if row is None or isinstance(row.mujoco, str) or isinstance(row.theirs, str):
         return None
-    if not (math.isfinite(row.mujoco) and math.isfinite(row.physx)):
+    if not (math.isfinite(row.mujoco) and math.isfinite(row.theirs)):
         return None
-    return row.mujoco, row.physx
+    return row.mujoco, row.theirs
 
 
 def _damping(rows: Sequence[Row], control: Control, omega: float) -> Iterator[float]:

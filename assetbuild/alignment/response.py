@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from assetbuild.checks.alignment.row import SLOWER, SOFT, Row
+from assetbuild.alignment.row import SLOWER, SOFT, Row
 from assetbuild.robot.model import Actuator, Control, Tree
 from assetbuild.simulators import mujoco_motion
 from assetbuild.simulators.experiments import Motion, Sine, Swing, compare_response, phasor

@@ -1,4 +1,5 @@
-"""MuJoCo beside PhysX, row by row: the form that people fill in by hand before a sim-to-sim move.
+"""MuJoCo beside PhysX or Newton, row by row: the form that people fill in by hand before they
+move from one simulator to another.
 
 Rows are ranked: CRITICAL ones decide whether the two simulate the same robot, LOW ones inform.
 Each row has two limits: the design's, for a warning, and the coarse one of practice, for an error.
@@ -7,16 +8,19 @@ Each row has two limits: the design's, for a warning, and the coarse one of prac
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from typing import ClassVar
+from typing import Any, ClassVar
 
-from assetbuild.checks.alignment.gap import told
-from assetbuild.checks.alignment.pair import FloorLimits, Pair
-from assetbuild.checks.alignment.row import findings_of
+from assetbuild.alignment.gap import told
+from assetbuild.alignment.pair import Engine, FloorLimits, Pair
+from assetbuild.alignment.row import Row, findings_of
+from assetbuild.alignment.rows import physx_rows
+from assetbuild.alignment.touching import touching_in_usd, touching_row
 from assetbuild.engine.step import Files, Limits
 from assetbuild.errors import StepError
 from assetbuild.findings import Finding, Rule
 from assetbuild.kinds import Check, write_figures
 from assetbuild.robot.files import RobotFiles
+from assetbuild.robot.model import Tree
 from assetbuild.simulators import mujoco, physx
 from assetbuild.simulators.experiments import Fall, Swing
 from assetbuild.simulators.physx_causes import cause_of
@@ -61,6 +65,8 @@ class Alignment(Check):
 
     def run(self, files: Files) -> Iterator[Finding]:
         """Figures: all rows, worst first within their rank."""
+        from pxr import Usd
+
         robot = RobotFiles(files.inputs)
         tree, control = robot.tree, robot.control
         try:
@@ -69,14 +75,21 @@ class Alignment(Check):
             write_figures(files, {"skipped": "the MJCF does not load"})
             yield LOAD("robot", f"nothing to compare: {error.message}")
             return
-        pair = Pair(
-            files, self.robot, tree, control, self.sine, self.iterations, self.fall, self.floor
-        )
-        main, experiments = files.inputs / f"usd/{self.robot}.usda", pair.experiments()
+        main = files.inputs / f"usd/{self.robot}.usda"
+
+        def held(model: Any, held: physx.Held, tree: Tree) -> Iterator[Row]:
+            # Any: mujoco.MjModel
+            stage = Usd.Stage.Open(str(main.with_name("scene.usda")))
+            yield touching_row(model, touching_in_usd(stage), tree)
+            yield from physx_rows(model, held, tree)
+
+        engine = Engine("PhysX", self.iterations, held)
+        pair = Pair(files, self.robot, tree, control, self.sine, engine, self.fall, self.floor)
+        experiments = pair.experiments()
         outcomes = physx.perform(main, experiments)
         broken = {name: done for name, done in outcomes.items() if not done.finite}
         rows = tuple(pair.rows(outcomes))
-        shown = [row.shown() for row in rows]
+        shown = [row.shown(engine.name) for row in rows]
         ranges = dict(pair.ranges(rows))
         write_figures(files, {"rows": shown, "randomize": ranges, "isaac_lab": UNMEASURED})
         for name, done in broken.items():

@@ -3,18 +3,18 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
 
 import numpy as np
 from pydantic import Field
 
-from assetbuild.checks.alignment.gap import Ranges, ranges_of
-from assetbuild.checks.alignment.response import Responses
-from assetbuild.checks.alignment.row import Row
-from assetbuild.checks.alignment.rows import held_rows, scene_rows
-from assetbuild.checks.alignment.touching import touching_row
+from assetbuild.alignment.gap import Ranges, ranges_of
+from assetbuild.alignment.response import Responses
+from assetbuild.alignment.row import Row
+from assetbuild.alignment.rows import scene_rows
+from assetbuild.alignment.stops import ENDS, End, into_stop, stop_rows
 from assetbuild.engine.step import Files
 from assetbuild.quantities import Model, Positive
 from assetbuild.robot.initial import initial_pose
@@ -33,7 +33,7 @@ LANDING_S = math.sqrt(2.0 * DROP_M / 9.81)
 
 
 class FloorLimits(Model):
-    """Where MuJoCo and PhysX may part on a floor: a warning, and an error."""
+    """Where two engines may part on a floor: a warning, and an error."""
 
     stand_height: tuple[Positive, Positive] = Field(
         (0.005, 0.01), description="m, between the roots after standing"
@@ -41,6 +41,18 @@ class FloorLimits(Model):
     landing: tuple[Positive, Positive] = Field(
         (0.03, 0.1), description="share of the time that a fall from 1 m takes, of either engine"
     )
+
+
+@dataclass(frozen=True)
+class Engine:
+    """The engine beside MuJoCo. iterations: how often it applies gravity in a step.
+
+    held: the rows of what both hold, of MuJoCo's model, what the other engine holds, and the tree.
+    """
+
+    name: str
+    iterations: int
+    held: Callable[[Any, Any, Tree], Iterator[Row]]
 
 
 @dataclass
@@ -52,7 +64,7 @@ class Pair:
     tree: Tree
     control: Control
     wish: Swing | None
-    iterations: int
+    engine: Engine
     fall: Fall
     floor: FloorLimits
 
@@ -81,7 +93,7 @@ class Pair:
         return {a.joint: a for a in self.control.actuators if a.model in EXTERNAL and a.kp > 0.0}
 
     def experiments(self) -> list[physx.Experiment]:
-        """What PhysX does."""
+        """What the other engine does."""
         gravity, dt = self.control.simulation.gravity, self.control.simulation.timestep
         plain = physx.Setting(dt, gravity)
         made = [physx.Experiment("load", plain)]
@@ -94,9 +106,40 @@ class Pair:
             )
         if (sine := self.sine()) is not None:
             made += self._sines(sine)
+        made += self._into_stops()
         if self.stands:
             made += self._on_floor()
         return made
+
+    @property
+    def stops(self) -> dict[End, Sine]:
+        """The ways into the limits; none where no sine is asked for."""
+        asked = (
+            {} if self.wish is None else {e: into_stop(self.tree, self.control, e) for e in ENDS}
+        )
+        return {end: sine for end, sine in asked.items() if sine is not None}
+
+    def _into_stops(self) -> list[physx.Experiment]:
+        gravity, dt = self.control.simulation.gravity, self.control.simulation.timestep
+        base: Literal["asset", "held"] = "held" if self.tree.base == "floating" else "asset"
+        setting = physx.Setting(dt, gravity, base, contacts=False, drives=self.servos)
+        return [
+            physx.Experiment(
+                f"into_{end}", setting, round(sine.seconds / dt), start=sine.middle, sine=sine
+            )
+            for end, sine in self.stops.items()
+        ]
+
+    def _stopped(self, outcomes: Mapping[str, physx.Outcome]) -> Iterator[Row]:
+        dt = self.control.simulation.timestep
+        for end, sine in self.stops.items():
+            done = outcomes[f"into_{end}"]
+            if done.finite and done.motion is not None:
+                model = mujoco_motion.held_model(self.files.inputs / "mjcf" / f"{self.robot}.xml")
+                mujoco_motion.drive_as(model, self.servos)
+                model.actuator_ctrllimited[:] = 0  # it would clip what asks for more
+                ours = mujoco_motion.held_sine(model, sine, dt, contacts=False, rubbing=True)
+                yield from stop_rows(self.tree, sine, end, ours, done.motion)
 
     def _sines(self, sine: Sine) -> list[physx.Experiment]:
         gravity, dt = self.control.simulation.gravity, self.control.simulation.timestep
@@ -168,11 +211,11 @@ class Pair:
         held = outcomes["load"].held
         model = self._model(f"{self.robot}.xml")
         made = [*scene_rows(self.files.inputs, self.robot, self._model("scene.xml"))]
-        made.append(touching_row(model, self._stage("scene.usda"), self.tree))
         if held is not None:
-            made += held_rows(model, held, self.tree)
+            made += self.engine.held(model, held, self.tree)
         made += self._falls(outcomes)
         made += self._responses(outcomes)
+        made += self._stopped(outcomes)
         if self.stands:
             made += self._on_floor_rows(outcomes)
         ranks = ("CRITICAL", "HIGH", "MEDIUM", "LOW")
@@ -182,18 +225,13 @@ class Pair:
     def _model(self, name: str) -> Any:  # Any: mujoco.MjModel
         return mujoco.load(self.files.inputs / "mjcf" / name).model
 
-    def _stage(self, name: str) -> Any:  # Any: Usd.Stage
-        from pxr import Usd
-
-        return Usd.Stage.Open(str(self.files.inputs / "usd" / name))
-
     def _falls(self, outcomes: Mapping[str, physx.Outcome]) -> Iterator[Row]:
         if "fall" not in outcomes or not outcomes["fall"].finite:
             return
         dt, gravity = self.control.simulation.timestep, self.control.simulation.gravity
         ours = mujoco.free_fall(self._model(f"{self.robot}.xml"), 0.4)
         setting = physx.Setting(dt, gravity, contacts=False)
-        theirs = physx.free_fall_of(outcomes["fall"], setting, self.iterations)
+        theirs = physx.free_fall_of(outcomes["fall"], setting, self.engine.iterations)
         off = max(ours.relative_error, theirs.relative_error)
         yield Row(
             "free_fall",

@@ -16,7 +16,8 @@ NUMBER = (1e-5, 0.01)
 """Limits of a number that both only hold: float32 and what reads it, then 1 %."""
 
 HINTS: Mapping[str, str] = {
-    "sine_as_is": "where kd dt is large beside the joint's inertia, PhysX's joint friction sticks: "
+    "sine_as_is PhysX": "where kd dt is large beside the joint's inertia, its joint friction "
+    "sticks: "
     "give the joint its motor's armature, or raise `usd.articulation.solver_position_iterations`",
     "stand_height": "do the soles start inside of the floor, or does a body touch another?",
 }
@@ -41,6 +42,12 @@ OFF = Rule(
         "alignment.physx.root": ("alignment.physx.base_pose",),
     },
 )
+OFF_IN_NEWTON = Rule(
+    "alignment.newton.*",
+    ("warning", "error"),
+    "a row of the comparison of Newton with MuJoCo is off (an error beyond the coarse limit)",
+    "read the report's table of `newton_alignment`",
+)
 
 
 @dataclass(frozen=True)
@@ -48,15 +55,15 @@ class Row:
     """One line of the form.
 
     off: what the limits bound; share, m, s or rad as `unit` says; None = only told.
-    lag_rad: of a response, PhysX behind MuJoCo, where that is a fair comparison. because: a proven
-    reason for the difference, which then is a warning at most; advice: its hint.
+    lag_rad: of a response, the other engine behind MuJoCo, where that is a fair comparison.
+    because: a proven reason for the difference, which then is a warning at most; advice: its hint.
     """
 
     name: str
     rank: Rank
     subject: str
     mujoco: float | str
-    physx: float | str
+    theirs: float | str
     off: float | None = None
     warn: float = math.inf
     error: float = math.inf
@@ -74,11 +81,11 @@ class Row:
             return "error"
         return "ok" if self.off <= self.warn else "warning"
 
-    def shown(self) -> dict[str, object]:
-        """For the figures: no NaN, which JSON lacks."""
+    def shown(self, engine: str) -> dict[str, object]:
+        """For the figures, under the name of the other engine: no NaN, which JSON lacks."""
         values: dict[str, float | str | None] = {
             "mujoco": self.mujoco,
-            "physx": self.physx,
+            engine.lower(): self.theirs,
             "off": self.off if self.off is None else rounded(self.off, self.warn),
         }
         plain = {
@@ -90,8 +97,9 @@ class Row:
         return head | plain | {"unit": self.unit, "verdict": self.verdict} | reason
 
 
-def findings_of(rows: Sequence[Row]) -> Iterator[Finding]:
+def findings_of(rows: Sequence[Row], engine: str = "PhysX") -> Iterator[Finding]:
     """One finding for each kind of row that is off: about the worst of its joints."""
+    off = OFF if engine == "PhysX" else OFF_IN_NEWTON
     for name in dict.fromkeys(row.name for row in rows):
         bad = [row for row in rows if row.name == name and row.verdict in ("warning", "error")]
         if not bad:
@@ -99,13 +107,13 @@ def findings_of(rows: Sequence[Row]) -> Iterator[Finding]:
         worst = max(bad, key=lambda row: (row.verdict == "error", _size(row.off)))
         more = f", and {len(bad) - 1} more" if len(bad) > 1 else ""
         limit = worst.error if worst.verdict == "error" else worst.warn
-        yield OFF.named(name)(
+        yield off.named(name)(
             worst.subject,
-            f"{worst.rank}: MuJoCo {_text(worst.mujoco)}, PhysX {_text(worst.physx)}: "
+            f"{worst.rank}: MuJoCo {_text(worst.mujoco)}, {engine} {_text(worst.theirs)}: "
             f"{worst.off:.3g} {worst.unit} apart, more than {limit:.3g}"
             f"{f'; {worst.because}' if worst.because else ''}{more}",
             severity="error" if worst.verdict == "error" else "warning",
-            hint=_hint(worst),
+            hint=_hint(worst, engine),
             data={"rank": worst.rank, "off": _finite(worst.off), "rows": len(bad)},
         )
 
@@ -115,10 +123,11 @@ def _size(off: float | None) -> float:
     return math.inf if off is None or math.isnan(off) else off
 
 
-def _hint(row: Row) -> str:
+def _hint(row: Row, engine: str) -> str:
     if row.because:
         return row.advice
-    return HINTS.get(row.name, "the report's table of `alignment` has every row")
+    known = HINTS.get(f"{row.name} {engine}") or HINTS.get(row.name)
+    return known or "the report's table of the check has every row"
 
 
 def _finite(value: float | None) -> float | None:

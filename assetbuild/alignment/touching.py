@@ -1,10 +1,10 @@
-"""Which bodies of the robot may touch one another in MuJoCo, and which in PhysX."""
+"""Which bodies of the robot may touch one another in MuJoCo, and which in another engine."""
 
 from __future__ import annotations
 
 from typing import Any
 
-from assetbuild.checks.alignment.row import Row
+from assetbuild.alignment.row import Row
 from assetbuild.robot.model import Tree
 from assetbuild.simulators import mujoco, usd_pairs
 
@@ -13,20 +13,23 @@ Pairs = set[frozenset[str]]
 """A pair of bodies, by name."""
 
 
-def touching_row(model: mujoco.Model, stage: Any, tree: Tree) -> Row:  # Any: Usd.Stage
+def touching_in_usd(stage: Any) -> Pairs:  # Any: Usd.Stage
+    """Pairs of bodies that may touch in PhysX."""
+    owners = usd_pairs.colliders(stage)
+    bodies = {path: _name(stage.GetPrimAtPath(path)) for path in set(owners.values()) if path}
+    return {frozenset(bodies[owners[path]] for path in pair) for pair in usd_pairs.touching(stage)}
+
+
+def touching_row(model: mujoco.Model, theirs: Pairs, tree: Tree, engine: str = "PhysX") -> Row:
     """Off: number of pairs of bodies that may touch in one engine alone.
 
-    A contact that only one engine has is an error, but for those that PhysX cannot have: between
+    A contact that only one engine has is an error, but for those that PhysX and Newton
+    cannot have: between
     the two bodies of a joint, and where an MJCF asks for it by a `<pair>`.
     """
     names = {name: body for body, name in mujoco.body_names(tree).items()}
     ours = _named(model, mujoco.touching_geoms(model), names)
     asked = _named(model, mujoco.explicit_pairs(model), names)
-    owners = usd_pairs.colliders(stage)
-    bodies = {path: _name(stage.GetPrimAtPath(path)) for path in set(owners.values()) if path}
-    theirs: Pairs = {
-        frozenset(bodies[owners[path]] for path in pair) for pair in usd_pairs.touching(stage)
-    }
     jointed = {frozenset((joint.parent, joint.child)) for joint in tree.joints}
     here, there = (ours | asked) - theirs, theirs - (ours | asked)
     impossible = not there and here <= jointed | asked
@@ -40,7 +43,7 @@ def touching_row(model: mujoco.Model, stage: Any, tree: Tree) -> Row:  # Any: Us
         0.0,
         0.5,
         "pairs",
-        because="PhysX has no contacts between the bodies of a joint, nor `<pair>`"
+        because=f"{engine} has no contacts between the bodies of a joint, nor `<pair>`"
         if impossible
         else "",
         advice="`collision.exclude.adjacent: true` lets both engines ignore them",

@@ -1,0 +1,1 @@
+"""One robot in two engines: what both are asked, and the rows that come of it."""

@@ -1,0 +1,105 @@
+"""The rows of MuJoCo beside Newton: agreement where the USD is right, a row where it is not."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from pxr import Usd
+from tiny import pendulum, run_step, tiny_quadruped, write_robot_ports
+
+from assetbuild.alignment.row import findings_of
+from assetbuild.alignment.stops import into_stop, stop_rows
+from assetbuild.checks.newton_alignment import NewtonAlignment
+from assetbuild.engine.world import World
+from assetbuild.findings import Finding
+from assetbuild.robot.model import Actuator, Control
+from assetbuild.simulators import newton
+from assetbuild.simulators.experiments import Motion, Swing
+from assetbuild.targets.mjcf import Mjcf
+from assetbuild.targets.usd import Usd as UsdTarget
+
+needs_newton = pytest.mark.skipif(
+    newton.HOME.python(World()) is None, reason="needs `assetbuild smoke --consumer newton` once"
+)
+
+
+def motion(joint: str, angle: np.ndarray) -> Motion:
+    time = 0.01 * np.arange(len(angle))
+    still = np.zeros((len(time), 3))
+    return Motion(time, {joint: angle}, still, np.ones((len(time), 4)), still)
+
+
+@pytest.mark.parametrize(("further", "verdict"), [(0.005, "ok"), (0.02, "warning"), (0.3, "error")])
+def test_a_limit_that_gives_way_further_than_mujocos_is_a_row(further: float, verdict: str):
+    tree = pendulum().tree
+    (joint,) = tree.moving_joints
+    drive = Actuator(joint.name, "pd", kp=20.0, kd=0.2)
+    sine = into_stop(tree, Control((drive,), ()), "upper")
+    assert sine is not None and joint.limits.upper is not None
+    assert sine.target(joint.name, 0.25) > joint.limits.upper > sine.middle[joint.name]
+    ours, theirs = (
+        motion(joint.name, np.array([0.0, joint.limits.upper + past]))
+        for past in (0.03, 0.03 + further)
+    )
+    (row,) = stop_rows(tree, sine, "upper", ours, theirs)
+    assert (row.name, row.verdict) == ("past_upper", verdict)
+    found = [finding.rule for finding in findings_of([row], "Newton")]
+    assert found == ([] if verdict == "ok" else ["alignment.newton.past_upper"])
+
+
+def test_a_joint_without_limits_or_drive_runs_into_none():
+    tree = pendulum().tree
+    assert into_stop(tree, Control((), ()), "lower") is None
+
+
+Spoil = Callable[[Usd.Stage], object]
+
+
+def check(folder: Path, spoil: Spoil | None = None) -> tuple[list[Finding], list[dict[str, Any]]]:
+    inputs = write_robot_ports(folder / "inputs", tiny_quadruped())
+    for target, name in ((Mjcf(robot="robot"), "mjcf"), (UsdTarget(robot="robot"), "usd")):
+        run_step(target, inputs, folder / "built")
+        (folder / "built" / name).rename(inputs / name)
+    if spoil is not None:
+        stage = Usd.Stage.Open(str(inputs / "usd/robot.usda"))
+        spoil(stage)
+        stage.Save()
+        del stage
+    short = Swing(frequency=4.0, seconds=0.75)
+    step = NewtonAlignment(robot="robot", environment="newton", sine=short)
+    found = run_step(step, inputs, folder / "out")
+    return found, json.loads((folder / "out/figures.json").read_text())["rows"]
+
+
+@needs_newton
+@pytest.mark.slow  # eight experiments in two engines
+def test_newton_moves_the_quadruped_as_mujoco_does(tmp_path: Path):
+    found, rows = check(tmp_path)
+    assert found == []
+    assert {row["verdict"] for row in rows} == {"ok", "told"}
+    judged = {row["row"] for row in rows}
+    assert {"mass", "kp", "self_collision", "free_fall", "sine", "sine_as_is"} < judged
+    assert {"past_lower", "past_upper", "stand_height", "landing_s"} < judged
+    assert max(row["off"] for row in rows if row["row"] in ("sine", "past_upper")) < 1e-4
+
+
+@needs_newton
+@pytest.mark.slow  # as above
+def test_soft_limits_and_wrong_gains_in_the_usd_are_rows(tmp_path: Path):
+    def spoil(stage: Usd.Stage) -> None:
+        for prim in stage.Traverse():
+            if softness := prim.GetAttribute("mjc:solreflimit"):
+                softness.Set([0.2, 1.0])
+            damping = prim.GetAttribute("drive:angular:physics:damping")
+            if damping and prim.GetName().startswith("FL"):
+                damping.Set(3.0)  # N m s/rad where N m s/deg belong
+
+    found, _ = check(tmp_path, spoil)
+    errors = {finding.rule for finding in found if finding.severity == "error"}
+    assert {"alignment.newton.kd", "alignment.newton.sine"} < errors
+    assert "alignment.newton.past_upper" in {finding.rule for finding in found}
