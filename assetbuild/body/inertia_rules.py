@@ -7,7 +7,7 @@ implies the next; size, density and smallness are judged besides.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from dataclasses import dataclass, replace
 
 from assetbuild.findings import Finding, Rule, Scalar, Severity, steady
@@ -85,15 +85,21 @@ DENSE = Rule(
 MASS_SMALL = Rule(
     "inertia.mass_small",
     ("warning", "info"),
-    "a moving body weighs less than 1 g (info in the source)",
+    "a moving body weighs less than 1 g (info in the source, and of the links of `split_joint`)",
     "merge it, or give its real mass",
 )
 
 
 def inertia_findings(
-    tree: Tree, shapes: Shapes | SourceShapes, bounds: InertiaBounds, worst: Severity
+    tree: Tree,
+    shapes: Shapes | SourceShapes,
+    bounds: InertiaBounds,
+    worst: Severity,
+    made: Collection[str] = (),
 ) -> Iterator[Finding]:
     """Findings on all bodies of a tree, none graver than `worst`.
+
+    made: links that `split_joint` put between joints, which are meant to weigh little.
 
     What a fixed joint carries may lack mass: before merging it is a frame in all but name and
     nothing is said, afterwards it was kept as a body and some engines would invent a mass. So may
@@ -122,7 +128,7 @@ def inertia_findings(
             for finding in _Judged(subject, body.inertial, bounds, worst).findings():
                 kept = _of_this(finding, moves=body.name in driven, shows=body.name in shaped)
                 if kept:
-                    yield kept
+                    yield _of_split(kept) if body.name in made else kept
 
 
 def _of_this(finding: Finding, *, moves: bool, shows: bool) -> Finding | None:
@@ -134,6 +140,13 @@ def _of_this(finding: Finding, *, moves: bool, shows: bool) -> Finding | None:
     if finding.rule == RADIUS.id:  # what never turns may be as lazy as it likes
         return replace(finding, severity=_below(finding.severity))
     return finding if finding.rule != MASS_SMALL.id else None
+
+
+def _of_split(finding: Finding) -> Finding:
+    if finding.rule != MASS_SMALL.id:
+        return finding
+    message = f"{finding.message}: `split_joint` made the link, and another edit gave it this mass"
+    return replace(finding, severity="info", message=message, hint="")
 
 
 def _carried(subject: str) -> Finding:

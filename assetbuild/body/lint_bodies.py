@@ -8,18 +8,27 @@ from assetbuild.body.inertia_rules import inertia_findings
 from assetbuild.body.limit_rule import crossed_limits
 from assetbuild.engine.step import Files, Step
 from assetbuild.findings import Finding
+from assetbuild.robot.codec import decode
 from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.inertia import InertiaBounds
+from assetbuild.robot.model import Tree
+from assetbuild.robot.split_joints import made_links
 
 
 class LintBodies(Step):
-    """`tree.json`, `shapes.json` -> findings only, by the same rules as `lint_links`."""
+    """`tree.json`, `shapes.json` -> findings only, by the same rules as `lint_links`.
+
+    `source_links.json`, where it is there, tells the links that `split_joint` has made.
+    """
 
     bounds: InertiaBounds = InertiaBounds()
 
     def run(self, files: Files) -> Iterator[Finding]:
         """Findings in tree order."""
         robot = RobotFiles(files.inputs)
-        yield from inertia_findings(robot.tree, robot.source_shapes, self.bounds, "error")
+        made, source = frozenset[str](), files.inputs / "source_links.json"
+        if source.exists():
+            made = made_links(decode(Tree, source.read_bytes()))
+        yield from inertia_findings(robot.tree, robot.source_shapes, self.bounds, "error", made)
         for joint in robot.tree.moving_joints:
             yield from crossed_limits(joint, "error")

@@ -9,24 +9,23 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass
 from typing import Any, ClassVar
 
-import numpy as np
 from pydantic import Field
 
 from assetbuild.engine.step import Files
 from assetbuild.findings import Finding, Rule
 from assetbuild.kinds import Check, RecipeView, write_figures
 from assetbuild.quantities import Positive
-from assetbuild.robot.dynamics import Dynamics, dynamics, holding_torques
+from assetbuild.robot.dynamics import dynamics, holding_torques
 from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.initial import initial_pose
 from assetbuild.robot.model import Actuator, Control, Tree
-from assetbuild.robot.pose import Array
 from assetbuild.robot.reflected import felt_inertia, reflected_range
-from assetbuild.robot.shapes import Mesh, Shape, Shapes, Sphere
+from assetbuild.robot.shapes import Shapes
+from assetbuild.robot.soles import soles
 
 EXPLICIT = frozenset({"ideal_pd", "dc_motor"})
 """Models whose gains a controller applies once a step, instead of the integrator."""
@@ -151,8 +150,8 @@ class Gains(Check):
             control.simulation.gravity,
             tree.root_pose(start),
         )
-        soles = _soles(tree, shapes, robot, self.feet)
-        torque, left_over = holding_torques(robot, soles)
+        ground = soles(tree, shapes, robot, self.feet)
+        torque, left_over = holding_torques(robot, ground)
         if left_over > UNBALANCED and tree.base == "floating":
             torque = {}  # it would not stand, so no joint can be said to hold anything
         closed = bool(control.loops) and not any(joint.kind == "ball" for joint in tree.joints)
@@ -161,13 +160,15 @@ class Gains(Check):
         found: dict[str, Effective] = {}
         for name in robot.joints:
             actuator = control.by_joint.get(name)
+            if math.isinf(inertia[name]):
+                continue  # its loops lock it: `loop.locked`
             if actuator is not None and actuator.model in ("pd", *EXPLICIT):
                 found[name] = self._effective(actuator, inertia[name], torque.get(name), control)
         write_figures(
             files,
             {
                 "keyframe": start.name or None,
-                "soles": len(soles),
+                "soles": len(ground),
                 "unbalanced": left_over,
                 "joints": {name: asdict(one) for name, one in found.items()},
                 **({"reflected": {n: asdict(r) for n, r in reflected.items()}} if closed else {}),
@@ -372,31 +373,3 @@ def _kind(tree: Tree, shapes: Shapes, feet: str | None) -> str | None:
         return None
     soles = {s.link for s in shapes.of("collision") if re.fullmatch(feet, s.link)}
     return {2: "humanoid", 4: "quadruped"}.get(len(soles))
-
-
-# --- where it stands ------------------------------------------------------------------------
-
-
-def _soles(
-    tree: Tree, shapes: Shapes, robot: Dynamics, feet: str | None
-) -> Sequence[tuple[str, Array]]:
-    """(body, world point) where each foot's shapes touch the ground: below their centres."""
-    found = []
-    for shape in shapes.of("collision"):
-        if feet is not None and re.fullmatch(feet, shape.link) is None:
-            continue
-        body, X_body_link = tree.placement(shape.link)
-        X_world_shape = robot.motions[body].pose @ X_body_link @ shape.X_link_shape
-        found.append((body, np.asarray(X_world_shape.xyz) - (0.0, 0.0, _drop(shape))))
-    if feet is None and found:
-        ground = min(point[2] for _, point in found)
-        found = [(body, point) for body, point in found if point[2] - ground < 0.01]
-    return found
-
-
-def _drop(shape: Shape) -> float:
-    """From the centre of a shape to its lowest point where that needs no mesh, m."""
-    geometry = shape.geometry
-    if isinstance(geometry, Mesh):
-        return 0.0
-    return geometry.radius if isinstance(geometry, Sphere) else 0.0

@@ -25,6 +25,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--write", action="store_true", help="write what is identified into the recipe's rows"
     )
     parser.add_argument(
+        "--ranges", action="store_true", help="print the intervals as `randomize.joints`"
+    )
+    parser.add_argument(
         "--excite", action="store_true", help="fit nothing: write commands that are worth recording"
     )
     parser.add_argument(
@@ -71,6 +74,8 @@ def run(arguments: argparse.Namespace) -> int:
         print(line, file=sys.stderr)
     if arguments.json:
         print(json.dumps(_plain(found), indent=1))
+    elif arguments.ranges:
+        print(found.ranges)
     else:
         for fit in found.fits:
             _print(fit)
@@ -141,8 +146,7 @@ for step in range(300):  # go to the first pose in three seconds
 time.sleep(2.0)
 begin = time.perf_counter()
 for row in rows:
-    while time.perf_counter() - begin < row["time"]:
-        pass
+    time.sleep(max(0.0, begin + row["time"] - time.perf_counter()))  # threads of a driver run on
     now, position = time.perf_counter() - begin, read()
     send({j: row[f"target_{j}"] for j in joints})
     log.append([now, *(position[j] for j in joints), *(row[f"target_{j}"] for j in joints)])

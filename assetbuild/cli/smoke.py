@@ -9,7 +9,7 @@ from dataclasses import replace
 from assetbuild.cli.build import add_plain_arguments
 
 HELP = "build the bundle and let a trainer load, step and train it for a moment"
-CONSUMERS = ("mjlab", "newton", "isaaclab")
+CONSUMERS = ("mjlab", "newton", "isaaclab", "simready")
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -25,7 +25,7 @@ def run(arguments: argparse.Namespace) -> int:
     from assetbuild.cli.build import build_and_print, requests_of
     from assetbuild.cli.public import shown_figures
     from assetbuild.engine.world import World
-    from assetbuild.pipeline.smoking import lacks, make_environments
+    from assetbuild.pipeline.smoking import check_name, lacks, make_environments
 
     consumers = tuple(dict.fromkeys(arguments.consumer))
     requests = [replace(request, smoke=consumers) for request in requests_of(arguments)]
@@ -34,7 +34,7 @@ def run(arguments: argparse.Namespace) -> int:
     reports = [outcome.report for outcome in outcomes if outcome.report is not None]
     for report in reports:
         for name in consumers:
-            result = report.checks.get(f"smoke_{name}")
+            result = report.checks.get(check_name(name))
             if result is not None:
                 figures = ", ".join(f"{k} {v}" for k, v in sorted(result.figures.items()))
                 print(f"{report.robot} in {name}: {result.status}; {shown_figures(name, figures)}")

@@ -207,7 +207,11 @@ def solved_findings(before: Keyframe, after: Keyframe) -> Iterator[Finding]:
 
 
 def source_findings(
-    tree: Tree, loops: Sequence[Loop], keyframes: Sequence[Keyframe], driven: Collection[str]
+    tree: Tree,
+    loops: Sequence[Loop],
+    keyframes: Sequence[Keyframe],
+    start: Keyframe,
+    driven: Collection[str],
 ) -> Iterator[Finding]:
     """How well the keyframes of an MJCF close its loops, and whether these lock a drive."""
     for key in keyframes:
@@ -220,6 +224,5 @@ def source_findings(
                 severity="warning" if residual > VISIBLE_M else "info",
                 data={"keyframe": key.name, "loop": name, "open": residual},
             )
-    for key in keyframes[:1]:
-        for joint in locked_joints(hinged(tree), loops, positions_of(tree, key), driven):
-            yield LOCKED(f"joint {joint}", "the loops leave this driven joint no motion")
+    for joint in locked_joints(hinged(tree), loops, positions_of(tree, start), driven):
+        yield LOCKED(f"joint {joint}", "the loops leave this driven joint no motion")

@@ -211,8 +211,8 @@ class ControlStep(Step):
             control = joined.control
             yield from joined.findings
             if loops:
-                kept = control.keyframes[len(own) :]
-                yield from source_findings(tree, loops, kept, driven)
+                kept, start = control.keyframes[len(own) :], initial_pose(tree, control)
+                yield from source_findings(tree, loops, kept, start, driven)
         control = _with_sampled(control, files.inputs / "sampled_pairs.json")
         only_mjcf = sum(item.place == "actuator" for item in control.mjcf_only)
         yield from actuator_findings(

@@ -15,6 +15,7 @@ from assetbuild.facts.mjcf_loops import LOOPS, loop_facts
 from assetbuild.facts.mjcf_meshes import Meshes, pose_of
 from assetbuild.facts.table import Value, Writer, pair_name
 from assetbuild.simulators.joint_drives import Drive, read_drives
+from assetbuild.simulators.levers import tendon_coupling
 from assetbuild.simulators.mujoco import Model, inertia_of, name_of, passes
 
 BALL = 1
@@ -209,10 +210,14 @@ def _equality(model: Model, index: int, followers: set[str], book: Writer) -> bo
     if kind in LOOPS and model.eq_active0[index]:
         book.put("loop", str(model.eq(index).name), loop_facts(model, index))
         return True
-    if kind != 2:  # mjEQ_JOINT
-        return False
     follower, leader = int(model.eq_obj1id[index]), int(model.eq_obj2id[index])
-    name, data = _name(model, "joint", follower), _numbers(model.eq_data[index])
+    data = _numbers(model.eq_data[index])
+    if kind == 3 and (coupling := tendon_coupling(model, index)):  # mjEQ_TENDON
+        follower, leader, multiplier, offset = coupling
+        data = (offset, multiplier, 0.0, 0.0, 0.0)
+    elif kind != 2:  # mjEQ_JOINT
+        return False
+    name = _name(model, "joint", follower)
     if name in followers:
         return False  # a second one acts beside the first
     followers.add(name)

@@ -26,6 +26,7 @@ from assetbuild.robot.model import (
     Joint,
     Keyframe,
     Loop,
+    Mimic,
     Sensor,
     Tree,
 )
@@ -80,8 +81,12 @@ class Reference:
         """Read the ports of a step; `ratings.json` stands for the control where it has no other."""
         files = RobotFiles(folder)
         assets = decode(Assets, (folder / "assets.json").read_bytes())
-        rated = (folder / "ratings.json").is_file() and not (folder / "control.json").is_file()
-        control = files.ratings if rated else files.control
+        if not (folder / "control.json").is_file():
+            control = files.ratings
+        elif (folder / "ratings.json").is_file():
+            control = replace(files.control, loop_mimics=files.ratings.loop_mimics)
+        else:
+            control = files.control
         return cls(files.links, files.tree, files.shapes, control, assets, options)
 
     def to_json(self) -> str:
@@ -217,13 +222,16 @@ def joint_facts(joint: Joint) -> dict[str, Value]:
         }
     elif joint.kind == "planar":
         facts["axis"] = tuple(joint.axis)
-    if joint.mimic is not None:
-        facts |= {
-            "mimics": joint.mimic.joint,
-            "mimic multiplier": joint.mimic.multiplier,
-            "mimic offset": joint.mimic.offset,
-        }
-    return facts
+    return facts | (mimic_facts(joint.mimic) if joint.mimic is not None else {})
+
+
+def mimic_facts(mimic: Mimic) -> dict[str, Value]:
+    """What a joint follows, and how; rad or m."""
+    return {
+        "mimics": mimic.joint,
+        "mimic multiplier": mimic.multiplier,
+        "mimic offset": mimic.offset,
+    }
 
 
 def loop_facts(loop: Loop) -> dict[str, Value]:

@@ -289,7 +289,7 @@ def _root(
         "base": "fixed" if held_bodies else "floating",
         "articulation root": ", ".join(roots),
     }
-    children = {j.child for j in joints if j.parent}
+    children = {j.child for j in joints if j.parent and not j.closes_loop}
     first = next((prim for path, prim in found.bodies.items() if path not in children), None)
     if first is not None:
         facts["base pose"] = pose_value(places.rigid(first.prim)[0])

@@ -64,7 +64,9 @@ class Problem:
 class Estimate:
     """theta, low, high: (P,), 95 % intervals. correlation: (P, P) of the Fisher information.
 
-    condition: of the scaled information; sigma: (C,) RMS of the residuals; simulated: (N, C).
+    condition: of the scaled information; sigma: (C,) RMS of the residuals; simulated: (N, C);
+    effect: (P, N, C) of the parameters on it; covariance: (P, P) of white noise; lacking: (P,) what
+    residuals above the noise would add to either side of an interval.
     """
 
     theta: Array
@@ -74,6 +76,15 @@ class Estimate:
     condition: float
     sigma: Array
     simulated: Array
+    effect: Array
+    covariance: Array
+    lacking: Array
+
+    def moved_by(self, simulated: Array) -> Array:
+        """(P,) how far a fit with this prediction instead would lie from this one."""
+        pull = np.einsum("pnc,nc->p", self.effect, (self.simulated - simulated) / self.sigma**2)
+        found: Array = self.covariance @ pull
+        return found
 
 
 def estimate(problem: Problem) -> Estimate:
@@ -166,21 +177,25 @@ def _inverse(information: Array, scale: Array) -> tuple[Array, Array, float]:
 def _newton(
     problem: Problem, jacobian: Array, simulated: Array, sigma: Array, theta: Array
 ) -> tuple[Array, Array]:
-    """The step to the minimum of the linear model within the bounds, and standard errors."""
+    """The step to the minimum of the linear model within the bounds, and standard errors.
+
+    No parameter goes further than `FURTHEST`; the others then take what is best beside it.
+    """
     residual = ((problem.measured - simulated) / sigma).reshape(-1)
     weighted = (jacobian / sigma).reshape(len(theta), -1)
     information, gradient = weighted @ weighted.T, weighted @ residual
     whole = information + np.diag(1.0 / _scale(problem, theta) ** 2)
+    furthest = np.maximum(np.abs(theta), FURTHEST * np.abs(problem.steps))
+    least = np.maximum(problem.lower - theta, -furthest)
     step, free = np.zeros_like(theta), np.ones(len(theta), bool)
     for _ in range(len(theta)):
-        step[:] = 0.0
-        step[~free] = (problem.lower - theta)[~free]
         rest = gradient[free] - whole[np.ix_(free, ~free)] @ step[~free]
         step[free] = np.linalg.solve(whole[np.ix_(free, free)], rest)
-        below = free & (theta + step < problem.lower - 1e-15)
-        if not below.any():
+        outside = free & ((step < least - 1e-15) | (step > furthest))
+        step = np.clip(step, least, furthest)
+        if not outside.any():
             break
-        free &= ~below
+        free &= ~outside
     covariance, _, _ = _inverse(information, _scale(problem, theta))
     return step, np.sqrt(np.diag(covariance))
 
@@ -195,8 +210,6 @@ def _walk(
         return found if np.isfinite(found) else np.inf
 
     now = cost(simulated)
-    furthest = np.maximum(np.abs(theta), FURTHEST * np.abs(problem.steps))
-    step = step * min(1.0, float(np.min(furthest / np.maximum(np.abs(step), 1e-300))))
     for share in (1.0, 0.3, 0.1, 0.03):
         there = np.maximum(theta + share * step, problem.lower)
         prediction = problem.simulate([there])[0]
@@ -217,8 +230,19 @@ def _judged(
     robust = covariance @ (scores.T @ scores) @ covariance * count / max(1, count - 1)
     error = np.sqrt(np.maximum(np.diag(robust), np.diag(covariance)))
     half = stats.t.ppf(0.975, max(1, count - 1)) * error
-    half += 2.0 * np.sqrt(np.diag(covariance) / DIRECTIONS) * _lacking(problem, sigma)
-    return Estimate(theta, theta - half, theta + half, correlation, condition, sigma, simulated)
+    lacking = 2.0 * np.sqrt(np.diag(covariance) / DIRECTIONS) * _lacking(problem, sigma)
+    return Estimate(
+        theta,
+        theta - half,
+        theta + half,
+        correlation,
+        condition,
+        sigma,
+        simulated,
+        jacobian,
+        covariance,
+        lacking,
+    )
 
 
 def _lacking(problem: Problem, sigma: Array) -> Array:

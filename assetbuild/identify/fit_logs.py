@@ -15,7 +15,7 @@ import numpy as np
 from assetbuild.engine.step import Files, Limits, Step
 from assetbuild.findings import Finding, Rule
 from assetbuild.identify.plant import Drive, Plant, Record
-from assetbuild.identify.solve import Solution, Unknown, solve
+from assetbuild.identify.solve import LACKS, Solution, Unknown, solve
 from assetbuild.robot.codec import decode_file, encode
 from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.identified import (
@@ -79,6 +79,7 @@ class FitLogs(Step):
     hold_out: float
     gravity: tuple[float, float, float]
     widest: float
+    effective: bool = False
     simulator_step: float | None = None
 
     def run(self, files: Files) -> Iterator[Finding]:
@@ -94,7 +95,8 @@ class FitLogs(Step):
         ]
         cut = [int(len(record.position) * (1.0 - self.hold_out)) for record in whole]
         fitted = [record.until(n) for record, n in zip(whole, cut, strict=True)]
-        solution = solve(plant, fitted, priors, self._unknowns(tree, priors), self.widest)
+        unknowns = self._unknowns(tree, priors)
+        solution = solve(plant, fitted, priors, unknowns, self.widest, self.effective)
         parameters = tuple(self._parameters(tree, solution))
         predictions = tuple(_predictions(plant, whole, cut, priors, solution))
         fit = Fit(
@@ -285,7 +287,9 @@ def _findings(fit: Fit) -> Iterator[Finding]:
         yield REFUSED(
             f"joint {each.joints[0]}",
             f"{each.label} is not identified: {each.refused}; it keeps {kept}",
-            hint="`assetbuild identify RECIPE --excite` writes commands that excite it",
+            hint="did the robot carry or touch something, or were commands late? check `recorded`"
+            if LACKS in each.refused
+            else "`assetbuild identify RECIPE --excite` writes commands that excite it",
             data={"parameter": each.name, "low": each.low, "high": each.high},
         )
         outside = each.prior is not None and not each.low <= each.prior <= each.high

@@ -170,6 +170,7 @@ def _fit(
         hold_out=entry.hold_out,
         gravity=entry.gravity,
         widest=entry.widest,
+        effective=entry.values == "effective",
         simulator_step=entry.simulator_step,
     )
     return p.add(f"fit_logs {number}", fit, {**inputs, "prior.json": prior["prior.json"]})

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -23,10 +24,13 @@ CUTOFF_HZ = 20.0
 LEAD_S = 0.03
 QUIET_S = 1.5
 """A calm moment is looked for in so much of the beginning of a record."""
-FINEST_S = 0.001
-"""Longest step of the simulation: the fitted numbers are those of continuous time."""
+LONGEST_S, LIGHT_S = 0.001, 0.00025
+"""Longest steps of the simulation: the fitted numbers are those of continuous time. The second is
+for robots of which a joint is so light that its damping stops it within a step."""
 CHUNK = 4000
 """Steps that are simulated at once, so that memory is bounded."""
+AT_ONCE = 16
+"""Variants that are simulated together, for the same reason."""
 HELD, HELD_RAD_S = 1e3, 100.0
 """Joints that no log holds: their armature, in largest inertias of the others; of their spring."""
 OF_JOINTS = ("joint", "equality", "tendon", "mimic")
@@ -151,6 +155,20 @@ class Plant:
         self.branches = _branches(model, self.dof)
         self.inertia = self._inertia()
         self._hold_others()
+        self.longest_s = LONGEST_S
+
+    def in_steps(self, longest_s: float) -> Plant:
+        """The same in steps of so many seconds at most; of a simulator's log they stay."""
+        plant = copy.copy(self)
+        plant.longest_s = longest_s
+        return plant
+
+    def longest_for(self, drives: Sequence[Drive]) -> float:
+        """s: the steps that these drives need."""
+        armature = np.array([drive.armature for drive in drives])
+        damped = np.array([drive.damping + drive.kd for drive in drives])
+        light = np.max(LONGEST_S * damped / (self.inertia + armature)) > 1.0
+        return LIGHT_S if light else LONGEST_S
 
     def changed(self, drives: Sequence[Drive], dt: float) -> Any:  # Any: mujoco.MjModel
         """A copy of the model with these drives, in the order of `joints`, and a timestep.
@@ -185,11 +203,21 @@ class Plant:
 
         The first samples, from which the simulation begins, are the measured ones.
         """
+        parts = [
+            self._simulate(record, variants[first : first + AT_ONCE])
+            for first in range(0, len(variants), AT_ONCE)
+        ]
+        q, torque = (np.concatenate(part) for part in zip(*parts, strict=True))
+        return q, torque
+
+    def _simulate(self, record: Record, variants: Sequence[Sequence[Drive]]) -> tuple[Array, Array]:
         import mujoco
         from mujoco import rollout
 
-        finest = self.simulator_step or FINEST_S
-        stride = max(1, round(record.period_s / finest + (0.499 if finest is FINEST_S else 0.0)))
+        if self.simulator_step is None:
+            stride = math.ceil(record.period_s / self.longest_s - 1e-6)
+        else:
+            stride = max(1, round(record.period_s / self.simulator_step))
         dt = record.period_s / stride
         models = [self.changed(drives, dt) for drives in variants]
         lead, (q0, v0) = record.lead, record.begin()
@@ -232,13 +260,6 @@ class Plant:
         """(J,) what may be taken off, so that all inertias stay positive."""
         most: Array = 0.25 * (self.inertia + armature)
         return most
-
-    def unsure_armature(self, drives: Sequence[Drive]) -> Array:
-        """(J,) kg m2 or kg: what was not taken off where damping is strong beside the inertia."""
-        damped = np.array([d.damping + d.kd for d in drives])
-        most = self._most_late(np.array([d.armature for d in drives]))
-        unsure: Array = np.maximum(FINEST_S / 2.0 * damped - most, 0.0)
-        return unsure
 
     def _hold_others(self) -> None:
         """Joints that no log holds stay where they are: heavy, on a spring without swing.

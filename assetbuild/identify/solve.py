@@ -9,13 +9,15 @@ import numpy as np
 
 from assetbuild.identify.estimate import Estimate, Problem, estimate
 from assetbuild.identify.plant import Drive, Plant, Record, cutoff_hz, smooth
-from assetbuild.identify.start import first_guess, motion
+from assetbuild.identify.start import first_guess
 from assetbuild.robot.pose import Array
 
 SETTLE_S = 0.5
 """The beginning of each record, which depends on how it started, is not compared."""
 BLOCK_S = 1.0
 """Residuals further apart than this count as independent."""
+WINDOW_S = 0.25
+"""The noise of the sensors is read off in windows of this length."""
 RATE_HZ = 250.0
 """Faster samples are averaged to this rate before they are compared."""
 FLOOR = 0.01
@@ -24,8 +26,15 @@ and the stiffness of the links are not known better."""
 CLOCK_S = 0.0002
 """A controller samples, so its damping acts late by a time that no log states: so much of it times
 the damping is inertia that cannot be told from the armature. Of logs of a simulator it is known."""
-DELAY_S = 0.0005
+DELAY_S = 0.001
 """A delay whose interval is no wider is identified, however short it is."""
+STEP_ERROR = 2.0
+"""What the steps of the simulation do to a parameter, in differences that half of the step makes:
+an error of first order is twice that."""
+MISSED = 2.0
+"""Residuals above so many times the noise are said with a refusal."""
+LACKS = "so it lacks something"
+"""In the reason for a refusal, where residuals are above the noise."""
 SAME = 0.99
 """Correlation from which two parameters cannot be told apart."""
 
@@ -63,8 +72,9 @@ def solve(
     priors: Sequence[Drive],
     unknowns: Sequence[Unknown],
     widest: float,
+    effective: bool = False,
 ) -> Solution:
-    """Fit the unknowns to the records. widest: share of a value, see `Identify.widest`."""
+    """Fit the unknowns to the records. widest, effective: see `Identify.widest`, `.values`."""
     offsets = [Unknown("offset", (j,), 0.0, wanted=False) for j in range(len(priors))]
     if _has_torque(records):
         offsets.append(Unknown("lag", tuple(range(len(priors))), 0.0, wanted=False))
@@ -73,19 +83,21 @@ def solve(
         frozenset(u.name for u in every if j in u.joints and u.wanted) for j in range(len(priors))
     ]
     records = [record.from_rest() for record in records]
-    motions = [motion(plant, record) for record in records]
-    guess = first_guess(records, motions, priors, wanted)
+    guess = first_guess(plant, records, priors, wanted)
+    plant = plant.in_steps(plant.longest_for(guess))
     problem = make_problem(plant, records, guess, every)
     found = estimate(problem)
     floor = FLOOR * np.abs(found.theta)
     if plant.simulator_step is None:
         drives = with_values(priors, every, found.theta)
         floor += [clock_error(unknown, drives, _has_torque(records)) for unknown in every]
-        unsure = plant.unsure_armature(drives)
-        floor += [max(unsure[list(u.joints)]) * (u.name == "armature") for u in every]
-    low = np.minimum(found.low, found.theta - floor)
-    high = np.maximum(found.high, found.theta + floor)
-    refused = _refusals(every, found, low, high, widest)
+        finer = make_problem(plant.in_steps(plant.longest_s / 2.0), records, guess, every)
+        floor += STEP_ERROR * np.abs(found.moved_by(finer.simulate([found.theta])[0]))
+    lacking = 0.0 * floor if effective else found.lacking
+    low = np.minimum(found.low - lacking, found.theta - floor)
+    high = np.maximum(found.high + lacking, found.theta + floor)
+    blame = [_missed(unknown, found, problem.noise) for unknown in every]
+    refused = _refusals(every, found, low, high, widest, blame)
     values = [
         value if not why else unknown.prior
         for unknown, value, why in zip(every, found.theta, refused, strict=True)
@@ -134,7 +146,7 @@ def make_problem(
     )
     start = np.array([np.mean([getattr(guess[j], u.name) for j in u.joints]) for u in unknowns])
     steps = np.array(
-        [_step(u, value, guess, records) for u, value in zip(unknowns, start, strict=True)]
+        [_step(u, value, plant, guess, records) for u, value in zip(unknowns, start, strict=True)]
     )
     lower = np.array([-np.inf if u.name in ("offset", "lag") else 0.0 for u in unknowns])
     noise = np.sqrt(np.mean([_noise(r, has_torque) ** 2 for r in records], axis=0))
@@ -152,12 +164,17 @@ def _channels(record: Record, has_torque: bool) -> Array:
 
 
 def _noise(record: Record, has_torque: bool) -> Array:
-    """(C,) of the channels after `thinned`: what is faster than any joint moves, taken as white."""
+    """(C,) of the channels after `thinned`: what is faster than any joint moves, taken as white.
+
+    The median over short windows, because a joint that sticks and slips moves fast now and then.
+    """
     values = _channels(record, has_torque)
     rate = 1.0 / record.period_s
     fast = values - smooth(values, rate)
     share = 1.0 - 2.0 * cutoff_hz(rate) / rate
-    found: Array = np.std(fast, axis=0) / np.sqrt(share * _every(record))
+    count = max(1, int(len(fast) / (WINDOW_S * rate)))
+    windows = np.stack([np.std(part, axis=0) for part in np.array_split(fast, count)])
+    found: Array = np.median(windows, axis=0) / np.sqrt(share * _every(record))
     return found
 
 
@@ -182,7 +199,11 @@ def _blocks(record: Record, number: int) -> Array:
 
 
 def _step(
-    unknown: Unknown, value: float, drives: Sequence[Drive], records: Sequence[Record]
+    unknown: Unknown,
+    value: float,
+    plant: Plant,
+    drives: Sequence[Drive],
+    records: Sequence[Record],
 ) -> float:
     """For differences: large enough for the solver's tolerance, small beside what matters."""
     drive = drives[unknown.joints[0]]
@@ -191,7 +212,7 @@ def _step(
     )
     torque = drive.kp * float(np.std(moved)) + 1e-6
     scale = {
-        "armature": max(value, 1e-3 * drive.kp / 100.0),
+        "armature": max(value, 1e-5 * drive.kp, 0.1 * float(plant.inertia[unknown.joints[0]])),
         "damping": max(value, 0.05 * (drive.kd + 1e-3 * drive.kp)),
         "friction": max(value, 0.05 * torque),
         "kp": max(value, 1e-3),
@@ -222,10 +243,27 @@ def clock_error(unknown: Unknown, drives: Sequence[Drive], has_torque: bool) -> 
     return 0.0
 
 
+def _missed(unknown: Unknown, found: Estimate, noise: Array) -> str:
+    """By how much the model misses the log, in words; "" where the noise explains it."""
+    ratio = found.sigma / np.maximum(noise, 1e-12)
+    worst = max(unknown.joints, key=lambda j: float(ratio[j]))
+    if found.sigma[worst] < MISSED * noise[worst]:
+        return ""
+    return (
+        f"; the model misses the log by {found.sigma[worst]:.2g}, {LACKS} "
+        f"(the noise is {noise[worst]:.2g})"
+    )
+
+
 def _refusals(
-    unknowns: Sequence[Unknown], found: Estimate, low: Array, high: Array, widest: float
+    unknowns: Sequence[Unknown],
+    found: Estimate,
+    low: Array,
+    high: Array,
+    widest: float,
+    blame: Sequence[str],
 ) -> tuple[str, ...]:
-    """Why the data do not show each unknown; "" where they do."""
+    """Why the data do not show each unknown; "" where they do. blame: what widens intervals."""
     same = np.abs(found.correlation) > SAME
     np.fill_diagonal(same, False)
     reasons = []
@@ -236,11 +274,14 @@ def _refusals(
             reasons.append("")
         elif others:
             reasons.append(f"the data show it only together with {others[0]}")
+        elif unknown.name == "delay" and width <= DELAY_S:
+            reasons.append("")
         elif value <= 0.0:
-            reasons.append(f"the best value is 0, at most {high[i]:.3g}")
-        elif width > max(widest * value, DELAY_S if unknown.name == "delay" else 0.0):
+            reasons.append(f"the best value is 0, at most {high[i]:.3g}{blame[i]}")
+        elif width > widest * value:
             reasons.append(
-                f"its interval is {width / value:.0%} of its value, above the limit of {widest:.0%}"
+                f"its interval is {width / value:.0%} of its value, above the limit of "
+                f"{widest:.0%}{blame[i]}"
             )
         else:
             reasons.append("")

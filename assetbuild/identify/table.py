@@ -3,21 +3,25 @@
 from __future__ import annotations
 
 import csv
-import itertools
 from collections.abc import Iterator, Sequence
 from pathlib import Path
+from typing import TextIO
 
 import numpy as np
 from numpy.typing import NDArray
 
 from assetbuild.errors import StepError, did_you_mean
+from assetbuild.identify.bags import BAGS, read_bag
 from assetbuild.robot.pose import Array
 
 MOST_ROWS = 1_500_000
 """Rows of a log that are kept: 25 minutes at 1 kHz."""
+BLOCK = 4_000_000
+"""Characters of a CSV file that are read at once."""
 CHUNK = 50_000
+"""Rows of a Parquet file that are read at once."""
 PARQUET = (".parquet", ".pq")
-FORMATS = (".csv", ".txt", *PARQUET)
+FORMATS = (".csv", ".txt", *PARQUET, *BAGS)
 
 
 def read_columns(
@@ -28,7 +32,8 @@ def read_columns(
     file: the name for errors. unit: seconds of one unit of time. StepError for a log that has not
     these columns, or whose numbers are none.
     """
-    pieces = (_parquet if file.endswith(PARQUET) else _csv)(path, file, columns)
+    read = _parquet if file.endswith(PARQUET) else read_bag if file.endswith(BAGS) else _csv
+    pieces = read(path, file, columns)
     kept, count, row = [], 0, 0
     for piece in pieces:
         piece[:, 0] *= unit
@@ -77,21 +82,37 @@ def _missing(file: str, wanted: Sequence[str], known: Sequence[str]) -> StepErro
 
 
 def _csv(path: Path, file: str, columns: Sequence[str]) -> Iterator[Array]:
-    with path.open(encoding="utf-8-sig", errors="replace", newline="") as lines:
-        head = lines.readline(1_000_000)
+    with path.open(encoding="utf-8-sig", errors="replace") as lines:
+        head = lines.readline(BLOCK)
         comma = max(",;\t", key=head.count)
         names = [name.strip() for name in next(csv.reader([head.lstrip("#")], delimiter=comma), [])]
         if not set(columns) <= set(names):
             raise _missing(file, columns, names)
         places = [names.index(name) for name in columns]
         number = 1
-        while chunk := list(itertools.islice(lines, CHUNK)):
+        for chunk in _pieces(lines, file):
             try:
                 piece = np.loadtxt(chunk, delimiter=comma, usecols=places, ndmin=2, comments=None)
             except ValueError:
                 piece = _slowly(chunk, comma, places, file, columns, number)
             number += len(chunk)
             yield piece
+
+
+def _pieces(lines: TextIO, file: str) -> Iterator[list[str]]:
+    """Whole lines, of `BLOCK` characters together, without pieces that are blank."""
+    rest = ""
+    while block := lines.read(BLOCK):
+        whole, newline, rest = (rest + block).rpartition("\n")
+        if not newline:
+            raise StepError(
+                f"{file}: a line of more than {BLOCK:,} characters",
+                hint="a log has one line for each sample",
+            )
+        if whole.strip():
+            yield whole.split("\n")
+    if rest.strip():
+        yield [rest]
 
 
 def _slowly(

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections import defaultdict
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 
@@ -20,8 +20,9 @@ from assetbuild.init.anatomy import Leg
 from assetbuild.init.strength import Guess, is_locked, unit_of
 from assetbuild.robot.dynamics import dynamics, holding_torques
 from assetbuild.robot.inertia import total_mass
-from assetbuild.robot.model import Joint, Tree
+from assetbuild.robot.model import Joint, Loop, Tree
 from assetbuild.robot.pose import Array
+from assetbuild.robot.reflected import felt_inertia, held_by
 
 FULL_ERROR = {"rad": 0.3, "m": 0.02}
 """Tracking error at which a drive gives all its effort."""
@@ -116,17 +117,21 @@ def drive_rows(
     legs: tuple[Leg, ...],
     guesses: Mapping[str, Guess] = MappingProxyType({}),
     armature: Mapping[str, float] = MappingProxyType({}),
+    loops: Sequence[Loop] = (),
+    passive: Collection[str] = (),
 ) -> tuple[DriveRow, ...]:
     """Joints grouped by kind, effort and velocity, with gains; mimic joints need no row.
+
+    loops: closed in the pose; passive: joints that they move, which get no row.
 
     guesses: of the efforts that the source does not state; the tree has them. Such joints are
     grouped by what they are part of.
     armature: of rotors, by joint, kg m2 or kg.
     """
-    felt = _felt(tree, pose, legs, armature)
+    felt = _felt(tree, pose, legs, armature, loops, passive)
     groups: dict[DriveRow, list[Joint]] = defaultdict(list)
     for joint in tree.moving_joints:
-        if joint.mimic is None:
+        if joint.mimic is None and joint.name not in passive:
             kind = _kind(joint, guesses.get(joint.name))
             groups[replace(kind, armature=armature.get(joint.name, 0.0))].append(joint)
     rows = []
@@ -223,7 +228,12 @@ def _rounded(value: float) -> float:
 
 
 def _felt(
-    tree: Tree, pose: Mapping[str, float], legs: tuple[Leg, ...], armature: Mapping[str, float]
+    tree: Tree,
+    pose: Mapping[str, float],
+    legs: tuple[Leg, ...],
+    armature: Mapping[str, float],
+    loops: Sequence[Loop],
+    passive: Collection[str],
 ) -> dict[str, _Felt]:
     """By joint, from the mass matrix at home; the feet carry the robot, where it has any.
 
@@ -241,7 +251,9 @@ def _felt(
     torque, left_over = holding_torques(robot, feet)
     if tree.base == "floating" and left_over > 0.05:
         torque = {}  # it would tip over: nothing is held
-    found, inertias = {}, robot.effective_inertia
+    if torque:
+        torque = held_by(loops, robot, torque, [n for n in robot.joints if n not in passive])
+    found, inertias = {}, felt_inertia(loops, robot)
     for joint in tree.moving_joints:
         name, moved = joint.name, inertias.get(joint.name, 0.0)
         inertia = moved if math.isfinite(moved) else 0.0

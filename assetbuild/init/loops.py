@@ -8,12 +8,12 @@ from __future__ import annotations
 
 import itertools
 import re
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
 
 from assetbuild.init.drives import DriveRow
 from assetbuild.init.look import InspectedRobot
-from assetbuild.init.words import inline, plain, quoted, some
+from assetbuild.init.words import inline, plain, some
 from assetbuild.robot.closure import close, coordinates, locked_joints
 from assetbuild.robot.dynamics import dynamics
 from assetbuild.robot.loops import LoopRow, path_of, resolve_loops
@@ -40,13 +40,19 @@ class FoundLoops:
     remarks: tuple[str, ...] = ()
 
     def drives(self, rows: tuple[DriveRow, ...]) -> tuple[DriveRow, ...]:
-        """The drives of all other joints, and one row for those that the loops move."""
-        kept = [
-            replace(r, joints=tuple(j for j in r.joints if j not in self.passive)) for r in rows
-        ]
-        moved = tuple(j for row in rows for j in row.joints if j in self.passive)
+        """The drives, and one row for the joints that the loops move."""
+        moved = tuple(sorted(self.passive))
         own = DriveRow(moved, None, None, "rad", 0.0, role="loop")
-        return (*(row for row in kept if row.joints), *((own,) if moved else ()))
+        return (*rows, own) if moved else rows
+
+    def closed(
+        self, tree: Tree, pose: Mapping[str, float]
+    ) -> tuple[tuple[Loop, ...], Mapping[str, float]]:
+        """The loops on this tree, and the pose in which a build closes them."""
+        if not self.rows:
+            return (), pose
+        loops = resolve_loops(tree, self.rows)
+        return loops, close(tree, loops, self.pose(pose), self.chain).positions
 
     def pose(self, pose: Mapping[str, float]) -> dict[str, float]:
         """The pose without joints of loops, which a build moves until these close."""
@@ -55,20 +61,24 @@ class FoundLoops:
     def text(self) -> Iterator[str]:
         """The section `loops:`."""
         if self.rows:
-            yield "loops:   # by the names of the frames; joints of loops without a drive follow"
+            yield "loops:   # as the frames or joints are called; joints without a drive follow"
         for row in self.rows:
-            a, b = quoted(row.a.link), quoted(row.b.link)
-            head = f"  - {{name: {quoted(row.name)}, kind: {row.kind}"
-            yield f"{head}, a: {{link: {a}}}, b: {{link: {b}}}}}"
+            ends = row.model_dump(exclude_defaults=True)
+            yield f"  - {inline({'name': row.name, 'kind': row.kind, **ends})}"
         yield from (f"# {plain(remark, 300)}" for remark in self.remarks)
 
 
 NO_LOOPS = FoundLoops()
 
 
-def find_loops(robot: InspectedRobot) -> FoundLoops:
-    """Pairs of frames that are named as the two sides of a cut and can meet; all others said."""
-    tree, rows, remarks = robot.tree, list[LoopRow](), list[str]()
+def find_loops(
+    robot: InspectedRobot, cut: Sequence[LoopRow] = (), said: Sequence[str] = ()
+) -> FoundLoops:
+    """Pairs of frames that are named as the two sides of a cut and can meet; all others said.
+
+    cut: in place of joints that were taken away, said: of these.
+    """
+    tree, rows, remarks = robot.tree, list(cut), list(said)
     for stem, one, other in _pairs(robot.links):
         row, why = _row(tree, stem, one, other)
         if row is not None:
@@ -82,9 +92,11 @@ def find_loops(robot: InspectedRobot) -> FoundLoops:
     found = close(tree, loops, {}, chain)
     if not found.closed:
         names = some([row.name for row in rows])
-        remark = f"loops {names} each close, together they stay open by {found.residual:.3g} m"
-        return FoundLoops(remarks=(*remarks, remark))
-    motors = {name for name in chain if MOTOR.search(name)}
+        remark = f"loops {names} stay open together, by {found.residual:.3g} m"
+        # A joint that was taken away has its loop: the build says what cannot close.
+        return FoundLoops(tuple(cut), remarks=(*remarks, remark))
+    stated = {joint.name for joint in tree.moving_joints if joint.limits.effort} & chain
+    motors = {name for name in chain if MOTOR.search(name)} or stated
     robot_now = dynamics(tree, found.positions, {})
     chosen = coordinates(loops, robot_now, motors)
     free = {name for name in chain & set(robot_now.joints) if robot_now.column(name) in chosen}

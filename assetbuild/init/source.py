@@ -20,6 +20,7 @@ from assetbuild.init.packages import (
 from assetbuild.init.xacro import Expanded, Removal, expand, is_xacro, leftovers, without
 from assetbuild.recipe.loader import read_small_file, shown_path
 from assetbuild.recipe.source import Patch
+from assetbuild.robot.loops import LoopRow
 from assetbuild.source.urdf.read_urdf import ReadUrdf
 from assetbuild.source.urdf.xml import parse
 
@@ -31,7 +32,8 @@ class UrdfSource:
     root: absolute, without links; file and the package folders: below it, `/` between.
     args: as given; defaults: of all arguments that the xacro declares, as it spells them.
     relative_to, absolute, patches: see `recipe.source`; absent: packages that the source lacks;
-    missing: visual meshes that it lacks.
+    missing: visual meshes that it lacks; loops: in place of joints that patches take away, remarks:
+    what is to be said of these.
     """
 
     key: Literal["urdf", "xacro"]
@@ -46,6 +48,8 @@ class UrdfSource:
     absent: tuple[str, ...] = ()
     missing: tuple[str, ...] = ()
     patches: tuple[Patch, ...] = ()
+    loops: tuple[LoopRow, ...] = ()
+    remarks: tuple[str, ...] = ()
 
     @property
     def shown(self) -> str:

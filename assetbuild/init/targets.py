@@ -6,7 +6,9 @@ from collections.abc import Collection
 
 from assetbuild.init.look import InspectedRobot
 from assetbuild.init.words import plain, some
-from assetbuild.robot.chains import find_chains, is_massless, weighs
+from assetbuild.robot.chains import is_massless, weighs
+
+MERGED = "`fixed_joints: {merge: true}`, and the edit `share_mass` for links without mass above it"
 
 
 def targets(
@@ -39,12 +41,8 @@ def targets(
 def not_in_usd(robot: InspectedRobot) -> str:
     """Why no articulation of PhysX is this robot, exactly; "" when one is."""
     shown = {shape.link for shape in robot.shapes.shapes}
-    for chain in find_chains(robot.links, shown):
-        # Edits come before merging: an end that fixed joints will give a mass has none to share.
-        if is_massless(robot.links.by_body[chain.body]):
-            return f"bodies without mass between the joints of {chain.body}"
     for name in carried(robot):
-        return f"{name} has no mass but for the bodies that fixed joints hold to it"
+        return f"{name} has no mass but for the bodies that fixed joints hold to it; {MERGED}"
     for body in robot.tree.bodies:
         above = robot.tree.joint_above.get(body.name)
         if above is None or above.kind != "fixed":

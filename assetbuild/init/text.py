@@ -65,7 +65,7 @@ def recipe_text(robot: InspectedRobot, anatomy: Anatomy, source: UrdfSource, pat
     up_axis, turn = turned(source, robot)
     whole = mended(robot, source.root, edits, turn)
     tree, guesses = strengthened(whole.tree, anatomy, wheel_radii(whole, source.root))
-    soles, loops = soles_of(whole, anatomy), find_loops(whole)
+    soles, loops = soles_of(whole, anatomy), find_loops(whole, source.loops, source.remarks)
 
     def attempt(tuning: Tuning) -> Trial:
         step = {"timestep": tuning.timestep}
@@ -73,7 +73,7 @@ def recipe_text(robot: InspectedRobot, anatomy: Anatomy, source: UrdfSource, pat
         control = tables(tree, drives, pose, step, loops.rows)
         return try_to_stand(whole, source.root, soles, control, turned=turn)
 
-    tuning, trial = tune(tree, anatomy, guesses, attempt)
+    tuning, trial = tune(tree, anatomy, guesses, attempt, loops=loops)
     drives, pose = loops.drives(tuning.drives), loops.pose(tuning.pose)
     tuning = replace(tuning, drives=drives, pose=pose)
     chosen = tables(tree, drives, pose, {"timestep": tuning.timestep}, loops.rows)

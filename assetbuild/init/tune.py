@@ -15,6 +15,7 @@ from assetbuild.findings import Finding
 from assetbuild.init.anatomy import Anatomy, Leg
 from assetbuild.init.drives import STEP_S, DriveRow, drive_rows
 from assetbuild.init.home import home_pose
+from assetbuild.init.loops import NO_LOOPS, FoundLoops
 from assetbuild.init.patterns import patterns_of
 from assetbuild.init.strength import (
     FEW,
@@ -50,7 +51,7 @@ class Tuning:
     """A choice of drives, and what made it. tree: with the guessed efforts.
 
     notes: what was corrected and why; unmended: what could not be, each with the edit that mends
-    it. armature: by joint, kg m2 or kg.
+    it. armature: by joint, kg m2 or kg. loops: the joints that they move have no drive.
     """
 
     tree: Tree
@@ -61,6 +62,7 @@ class Tuning:
     armature: Mapping[str, float]
     notes: tuple[str, ...] = ()
     unmended: tuple[str, ...] = ()
+    loops: FoundLoops = NO_LOOPS
 
 
 def tune(
@@ -70,6 +72,7 @@ def tune(
     attempt: Try,
     rotors: Mapping[str, float] = MappingProxyType({}),
     longest_step: float = STEP_S,
+    loops: FoundLoops = NO_LOOPS,
 ) -> tuple[Tuning, Trial]:
     """The first choice of drives that the trial has nothing against, else the last.
 
@@ -77,7 +80,7 @@ def tune(
     longest_step: s.
     """
     armature = _heavy_rotors(tree, guesses) | {name: own for name, own in rotors.items() if own}
-    start = Tuning(tree, {}, (), 0.0, guesses, armature)
+    start = Tuning(tree, {}, (), 0.0, guesses, armature, loops=loops)
     tuning = _chosen(start, anatomy.legs, longest_step)
     trial = attempt(tuning)
     for _ in range(ROUNDS):
@@ -109,7 +112,9 @@ def _chosen(tuning: Tuning, legs: tuple[Leg, ...], step: float = 0.0) -> Tuning:
     """The same with pose, drives and time step chosen anew; step: no longer than this, s."""
     tree = tuning.tree
     pose = home_pose(tree, legs)
-    drives = drive_rows(tree, pose, legs, tuning.guesses, tuning.armature)
+    loops, closed = tuning.loops.closed(tree, pose)
+    passive = tuning.loops.passive
+    drives = drive_rows(tree, closed, legs, tuning.guesses, tuning.armature, loops, passive)
     hops = any(row.outruns(STEP_S) for row in drives)
     own = SHORT_STEP_S if hops or total_mass(tree) < LIGHT_KG else STEP_S
     return replace(tuning, pose=pose, drives=drives, timestep=min(own, step or own))

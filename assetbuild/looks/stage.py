@@ -66,6 +66,7 @@ class Extent:
     """What is to be seen of a robot.
 
     points: (n, 3) m, of all geometry; looks: of what it looks like; size: m, diagonal of its box.
+    bare: it has no geometry, and the points are those of its inertia ellipsoids.
     """
 
     points: Array
@@ -73,6 +74,7 @@ class Extent:
     middle: Array
     size: float
     lowest: float
+    bare: bool = False
 
 
 def extent(model: Model, data: Data) -> Extent:
@@ -81,13 +83,20 @@ def extent(model: Model, data: Data) -> Extent:
     shown = (np.asarray(model.geom_bodyid) != 0) & (groups < 4)
     points = robot_points(model, data, np.flatnonzero(shown).tolist())
     looks = robot_points(model, data, np.flatnonzero(shown & (groups == 2)).tolist())
-    if not len(points):
-        middle = np.array(data.subtree_com[0])
-        points = middle + np.array([[-0.5, -0.5, -0.5], [0.5, 0.5, 0.5]])
+    bare = not len(points)
+    if bare:
+        points = ellipsoid_points(model, data)
+        if not len(points):
+            points = np.array(data.subtree_com[0]) + np.array([[-0.5] * 3, [0.5] * 3])
     lower, upper = points.min(axis=0), points.max(axis=0)
     size = max(float(np.linalg.norm(upper - lower)), 1e-3)
     return Extent(
-        points, looks if len(looks) else points, (lower + upper) / 2.0, size, float(lower[2])
+        points,
+        looks if len(looks) else points,
+        (lower + upper) / 2.0,
+        size,
+        float(lower[2]),
+        bare,
     )
 
 
@@ -117,6 +126,11 @@ class Stage:
     def hero(self) -> Iterator[Picture]:
         """The picture that stands for the robot."""
         before, after = (self._whole(way, self.extent.looks) for way in (FRONT, BEHIND))
+        if self.extent.bare:
+            pixels = self._large(before, flags=("mjVIS_INERTIA",))
+            alt = "it has no geometry: the inertia ellipsoids of its bodies at home"
+            yield Picture(HERO, "The robot", alt, pixels)
+            return
         pixels = self._large(before, groups=self.looks, samples=HERO_SAMPLES, soft=True)
         yield Picture(HERO, "The robot", f"{self.seen} at home", pixels)
         behind = self._large(after, groups=self.looks[1:])
@@ -124,6 +138,9 @@ class Stage:
 
     def views(self) -> Iterator[Picture]:
         """Large pictures of what one does not see of a robot that stands before one."""
+        if self.extent.bare:
+            yield self._axes()
+            return
         ghost = self._faded(0.16, spare=False)
         shots: tuple[tuple[str, str, str, dict[str, Any]], ...] = (  # Any: the fields of Shot
             ("collision", "Collision", "the collision geometry, a colour for each piece",
@@ -137,8 +154,9 @@ class Stage:
             ("contacts", "Contacts", f"where it touches at home: {self.data.ncon} points",
              {"groups": (3,), "flags": ("mjVIS_CONTACTPOINT",), "paint": ghost}),
         )  # fmt: skip
+        there = {"contacts": self.data.ncon, "collision": self._pieces, "overlay": self._pieces}
         for name, title, alt, more in shots:
-            if name != "contacts" or self.data.ncon:
+            if there.get(name, True):
                 camera = self._whole(FRONT, more.pop("points", self.extent.points))
                 yield Picture(f"{name}.png", title, alt, self._large(camera, **more))
         yield self._axes()
@@ -173,14 +191,14 @@ class Stage:
             for n in range(count)
         ]
         tiles = [self.studio.frame(self.data, _tile(camera, self.looks[1:])) for camera in cameras]
-        if tiles:
+        if tiles and not self.extent.bare:
             alt = f"{self.seen} from {count} sides"
             yield Picture("turntable.png", "Turntable", alt, sheet(tiles, [""] * count))
 
     def directions(self) -> Iterator[Picture]:
         """Each joint turned by +0.3 rad from home, seen from the side of its limb."""
         joints = self._joints()
-        if not joints or len(joints) > MOST_JOINTS:
+        if not joints or len(joints) > MOST_JOINTS or self.extent.bare:
             return
         tiles, texts = zip(*map(self._direction, joints), strict=True)
         alt = "each joint moved forward from home (grey); the part that moves is orange"

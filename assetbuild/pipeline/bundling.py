@@ -7,7 +7,7 @@ import json
 import os
 import platform
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -169,6 +169,8 @@ class _Built:
         ports = self.outline.robot
         links, assets = (self.read(ports[port]) for port in ("links.json", "assets.json"))
         tree, shapes, control = self.robot()
+        ratings = decode(Control, self.read(ports["ratings.json"]))
+        control = replace(control, loop_mimics=ratings.loop_mimics)
         held = decode(Assets, assets)
         return Reference(decode(Tree, links), tree, shapes, control, held, options)
 

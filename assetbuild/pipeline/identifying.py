@@ -13,6 +13,7 @@ from assetbuild.engine.execute import Listener
 from assetbuild.engine.planner import Planner, settle
 from assetbuild.errors import AssetBuildError, RecipeError
 from assetbuild.findings import Finding
+from assetbuild.identify.as_ranges import as_ranges
 from assetbuild.identify.plan import excite as add_excite
 from assetbuild.lock import Lock
 from assetbuild.pipeline.opening import open_session, pin, remote_cache
@@ -44,6 +45,11 @@ class Identified:
     actuators: tuple[Actuator, ...] = ()
     findings: tuple[Finding, ...] = ()
     errors: tuple[AssetBuildError, ...] = ()
+
+    @property
+    def ranges(self) -> str:
+        """The intervals as `randomize.joints`, YAML."""
+        return as_ranges(self.fits, self.loaded.recipe.simulation.timestep)
 
 
 def identify(

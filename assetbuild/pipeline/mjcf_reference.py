@@ -29,7 +29,9 @@ an MJCF is the source of a robot.
 - **MJCF only, moves**: the same, and the robot moves otherwise without it: the warning
   `mjcf.motion`, and the error `usd.motion` where the recipe asks for a USD (springs:
   `mjcf.spring`, `usd.spring`). A fixed tendon over joints that follow one another, with an actuator
-  that is a drive of the one that leads, moves alike in every format (`mjcf.own_drive`).
+  that is a drive of the one that leads, moves alike in every format (`mjcf.own_drive`). An
+  equality of fixed tendons is a mimic joint in every format where to MuJoCo it is the same
+  constraint: two joints in all, coefficients of 1 or -1, and no mass that both move.
 - **left out**: reported as `mjcf.dropped`.
 - **refused**: an error with file and line.
 

@@ -8,17 +8,24 @@ from dataclasses import replace
 from assetbuild.engine.world import World
 from assetbuild.errors import MachineError
 from assetbuild.kinds import Check
-from assetbuild.plugins import load_plugin
+from assetbuild.plugins import load_plugin, plugin_names
 from assetbuild.recipe.loader import LoadedRecipe
 from assetbuild.report.document import Report
+from assetbuild.report.verdict import TRAINER_CHECKS
 from assetbuild.simulators.consumers import ConsumerCheck
 
 
 def check_of(consumer: str) -> type[ConsumerCheck]:
     """The check that asks this consumer."""
-    check = load_plugin(Check, f"smoke_{consumer}")
+    check = load_plugin(Check, check_name(consumer))
     assert issubclass(check, ConsumerCheck)  # noqa: S101 # all of that name are
     return check
+
+
+def check_name(consumer: str) -> str:
+    """Of its check: one that trains nothing is called as it is."""
+    name = f"{TRAINER_CHECKS}{consumer}"
+    return name if name in plugin_names(Check) else consumer
 
 
 def make_environments(consumers: Sequence[str], say: Callable[[str], None]) -> None:
@@ -47,7 +54,7 @@ def lacks(reports: Iterable[Report], consumers: Sequence[str]) -> Iterator[str]:
     """Consumers that were asked for and did not run, with the reason."""
     for report in reports:
         for consumer in consumers:
-            result = report.checks.get(f"smoke_{consumer}")
+            result = report.checks.get(check_name(consumer))
             if result is None or result.status == "skip":
                 why = result.note if result else "its check did not run"
                 yield f"{report.robot}: {consumer} was not asked: {why}"

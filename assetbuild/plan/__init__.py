@@ -212,6 +212,7 @@ def _merge(recipe: Recipe, ready: Ready, p: Planner) -> Node:
     )
     tree = p.add("merge_fixed_joints", step, inputs)
     linted = {"tree.json": tree["tree.json"], "shapes.json": edited["shapes.json"]}
+    linted["source_links.json"] = ready.read.robot["links.json"]
     p.add("lint_bodies", LintBodies(bounds=recipe.validate_.inertia), linted)
     return tree
 
@@ -221,7 +222,8 @@ def _merge(recipe: Recipe, ready: Ready, p: Planner) -> Node:
 
 def _robot(links: Ref, tree: Node, assembled: Node, control: Ref, p: Planner) -> dict[str, Ref]:
     """The finished robot: what targets and checks read, by port."""
-    ratings = p.add("ratings", KeepRatings(), {"control.json": control})
+    ports = {"control.json": control, "tree.json": tree["tree.json"]}
+    ratings = p.add("ratings", KeepRatings(), ports)
     shapes = {port: assembled[port] for port in ("shapes.json", "meshes/")}
     measured = p.add("measure_assets", MeasureAssets(), shapes)
     return shapes | {

@@ -154,6 +154,27 @@ def _pairs(f: Figures) -> str:
     )
 
 
+def _loops(f: Figures) -> str:
+    if "skipped" in f:
+        return str(f["skipped"])
+    gap = _length(float(f["largest_gap"]))
+    return (
+        f"{len(f['open'])} loops stay closed while the drives swing for {float(f['seconds']):.3g} "
+        f"s: the largest gap is {gap}"
+    )
+
+
+def _contract(f: Figures) -> str:
+    return (
+        f"mjlab finds the names that the module states among {f['sites']} sites and "
+        f"{f['sensors']} sensors"
+    )
+
+
+def _simready(f: Figures) -> str:
+    return f"{f['met']} of {f['of']} features of {f['profile']} are met"
+
+
 SENTENCES: Mapping[str, Callable[[Figures], str]] = {
     "oracle": _oracle,
     "urdf_kinematics": _kinematics,
@@ -168,6 +189,15 @@ SENTENCES: Mapping[str, Callable[[Figures], str]] = {
     "trials": _trials,
     "mjcf_compiles": _compiles,
     "mjx_pairs": _pairs,
-    "textures": lambda f: "" if f["materials"] else "no material has a texture",
+    "loops": _loops,
+    "physx_loops": _loops,
+    "newton_loops": _loops,
+    "mjlab_contract": _contract,
+    "simready": _simready,
+    "textures": lambda f: (
+        f"{f['materials']} materials wear the picture of the source in every format"
+        if f["materials"]
+        else "no material has a texture"
+    ),
 }
 """Name of the check -> its sentence, from figures that it always has when it ran."""

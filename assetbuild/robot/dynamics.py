@@ -95,7 +95,7 @@ def dynamics(
         tensor = turn @ matrix_of(inertial.inertia_com_kg_m2) @ turn.T
         mass += inertial.mass_kg * linear.T @ linear + motion.angular.T @ tensor @ motion.angular
         held -= inertial.mass_kg * np.asarray(gravity) @ linear
-    for name, gain in _coordinates(tree, leaders).items():
+    for name, gain in leader_gains(tree, leaders).items():
         mass += armature.get(name, 0.0) * np.outer(*[np.pad(gain, (free, 0))] * 2)
     return Dynamics(leaders, free, mass, held, moving.bodies)
 
@@ -113,13 +113,13 @@ def motions(tree: Tree, positions: Mapping[str, float], base: Pose | None = None
     """Jacobians of every body in one pose; the arguments are those of `dynamics`."""
     free = 6 if tree.base == "floating" else 0
     leaders = tuple(joint.name for joint in tree.moving_joints if joint.mimic is None)
-    gains = _coordinates(tree, leaders)
+    gains = leader_gains(tree, leaders)
     q, X_world_root = with_mimics(tree, positions), base or tree.X_world_root
     return Motions(leaders, free, _motions(tree, q, X_world_root, free, gains))
 
 
-def _coordinates(tree: Tree, leaders: Sequence[str]) -> dict[str, Array]:
-    """dq of each moving joint over d of the leaders' coordinates: mimics move with a leader."""
+def leader_gains(tree: Tree, leaders: Sequence[str]) -> dict[str, Array]:
+    """Return dq of each moving joint over d of the leaders' coordinates, in tree order."""
     gains: dict[str, Array] = {}
     for joint in tree.moving_joints:
         factor, leader = 1.0, joint

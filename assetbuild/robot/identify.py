@@ -20,7 +20,9 @@ class LogFile(Model):
     """One recording."""
 
     file: str = Field(
-        min_length=1, max_length=500, description="CSV or Parquet, relative to the recipe"
+        min_length=1,
+        max_length=500,
+        description="CSV, Parquet, MCAP or ROS bag, relative to the recipe",
     )
     interval: tuple[Real, Real] | None = Field(
         None, description="the part to use, s on the log's own clock; without it all"
@@ -98,6 +100,12 @@ class Identify(Model):
         0.1,
         description="a parameter with a 95 % interval wider than this share of its value is "
         "refused and keeps its prior",
+    )
+    values: Literal["physical", "effective"] = Field(
+        "physical",
+        description="physical: what the model lacks (a payload, friction that grows with the load) "
+        "widens all intervals; effective: it does not, and the numbers are those with which this "
+        "model follows the logs best",
     )
     simulator_step: Positive | None = Field(
         None,

@@ -20,7 +20,8 @@ TIME_S, RATIO, IMPEDANCE = 0.02, 1.0, 0.95
 def limit_springs(tree: Tree, control: Control) -> dict[str, tuple[float, float]]:
     """Return the stiffness and damping of the limits of each moving joint at q = 0.
 
-    N m/rad and N m s/rad, or N/m and N s/m. A joint that moves no mass has none.
+    N m/rad and N m s/rad, or N/m and N s/m. A joint that moves no mass has none. Of a robot with
+    loops, too, MuJoCo scales by the inertia of its tree (`dof_invweight0` knows no equality).
     """
     armature = {row.joint: row.armature for row in control.actuators}
     inertia = dynamics(tree, {}, armature).effective_inertia

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
-from typing import Literal, Self
+from typing import Annotated, Literal, Self
 
 import numpy as np
 from pydantic import Field, model_validator
@@ -22,12 +22,19 @@ HINGE_M = 0.1
 HINT_SAME = "a loop closes a chain of joints: name two links with moving joints between them"
 
 
+FAR = 1e4
+"""m, rad: no coordinate of a loop is larger; squares of far larger ones overflow."""
+Near = Annotated[Real, Field(ge=-FAR, le=FAR)]
+Impedance = Annotated[Real, Field(ge=1e-4, le=0.9999)]
+"""MuJoCo cuts an impedance beyond these bounds without a word."""
+
+
 class LoopFrame(Model):
     """A frame on a link, by which a loop holds it."""
 
     link: str = Field(description="link of the source, before merging")
-    xyz: tuple[Real, Real, Real] = Field((0.0, 0.0, 0.0), description="in the link, m")
-    rpy: tuple[Real, Real, Real] = Field(
+    xyz: tuple[Near, Near, Near] = Field((0.0, 0.0, 0.0), description="in the link, m")
+    rpy: tuple[Near, Near, Near] = Field(
         (0.0, 0.0, 0.0), description="roll, pitch, yaw in the link, rad; a `connect` ignores it"
     )
 
@@ -46,11 +53,17 @@ class LoopRow(Model):
     solref: tuple[Positive, Positive] = Field(
         (0.005, 1.0), description="MuJoCo's softness: time constant in s, damping ratio"
     )
-    solimp: tuple[Real, Real, Positive, Real, Positive] = Field(
-        (0.999, 0.9999, 0.001, 0.5, 2.0), description="MuJoCo's impedance of the constraint"
+    solimp: tuple[Impedance, Impedance, Positive, Impedance, Annotated[Real, Field(ge=1.0)]] = (
+        Field((0.999, 0.9999, 0.001, 0.5, 2.0), description="MuJoCo's impedance of the constraint")
     )
-    axis: tuple[Real, Real, Real] | None = Field(
+    axis: tuple[Near, Near, Near] | None = Field(
         None, description="of a hinge: its direction, in frame a as well as in frame b"
+    )
+
+    urdf: Literal["open", "mimic"] = Field(
+        "open",
+        description="in the URDF, which has no loops: open leaves the tree open; mimic lets each "
+        "joint of the loop follow its one driven joint linearly, and reports the error",
     )
 
     @model_validator(mode="after")
@@ -70,9 +83,9 @@ class LoopRow(Model):
         )
         if self.axis is None:
             kind: Literal["connect", "weld"] = "weld" if self.kind == "weld" else "connect"
-            return (Loop(self.name, kind, a, b, self.solref, self.solimp),)
+            return (Loop(self.name, kind, a, b, self.solref, self.solimp, urdf=self.urdf),)
         along = Pose(vec3(HINGE_M * np.asarray(self.axis) / np.linalg.norm(self.axis)))
-        point = Loop(self.name, "connect", a, b, self.solref, self.solimp)
+        point = Loop(self.name, "connect", a, b, self.solref, self.solimp, urdf=self.urdf)
         a, b = (LoopEnd(end.body, end.X_body_end @ along) for end in (a, b))
         return point, replace(point, name=self.name + AXIS, a=a, b=b)
 

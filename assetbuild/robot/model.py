@@ -309,7 +309,8 @@ class Loop:
 
     kind: `connect` keeps the origins of both frames together, `weld` the whole frames.
     solref, solimp: MuJoCo's softness of the constraint. torque_scale: MuJoCo's weight of a weld's
-    rotation against its translation, m.
+    rotation against its translation, m. urdf: whether a URDF, which has no loops, leaves it open or
+    approximates it, see `LoopMimic`.
     """
 
     name: str
@@ -319,6 +320,7 @@ class Loop:
     solref: tuple[float, ...] = (0.005, 1.0)
     solimp: tuple[float, ...] = (0.999, 0.9999, 0.001, 0.5, 2.0)
     torque_scale: float = 1.0
+    urdf: Literal["open", "mimic"] = "open"
 
     @property
     def ends(self) -> tuple[LoopEnd, LoopEnd]:
@@ -327,10 +329,25 @@ class Loop:
 
 
 @dataclass(frozen=True)
+class LoopMimic:
+    """A straight line through the positions that a loop gives a joint, for formats without loops.
+
+    mimic: rad or m; off: its largest error, rad or m, over this range of the leader.
+    """
+
+    loop: str
+    joint: str
+    mimic: Mimic
+    off: float
+    range: tuple[float, float]
+
+
+@dataclass(frozen=True)
 class Control:
     """Everything a recipe adds to the geometry. excludes: pairs of body names, each sorted.
 
     contact: of all collision shapes; contacts: of those that differ, by the shape's name.
+    loop_mimics: for the URDF alone, where the recipe asks for them.
     """
 
     actuators: tuple[Actuator, ...] = ()
@@ -343,6 +360,7 @@ class Control:
     cameras: tuple[Camera, ...] = ()
     mjcf_only: tuple[MjcfOnly, ...] = ()
     loops: tuple[Loop, ...] = ()
+    loop_mimics: tuple[LoopMimic, ...] = ()
 
     @cached_property
     def by_joint(self) -> dict[str, Actuator]:

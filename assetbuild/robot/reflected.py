@@ -49,13 +49,29 @@ def felt_inertia(loops: Sequence[Loop], robot: Dynamics) -> dict[str, float]:
     return found
 
 
+def held_by(
+    loops: Sequence[Loop], robot: Dynamics, torque: Mapping[str, float], driven: Sequence[str]
+) -> dict[str, float]:
+    """Torques of the driven joints that hold what those of all joints hold, N m or N.
+
+    Both do the same work in every motion that keeps the loops closed; the smallest such torques.
+    """
+    if not loops:
+        return dict(torque)
+    basis = free_motions(loops, robot.motions)[robot.free :]
+    work = basis.T @ np.array([torque.get(name, 0.0) for name in robot.joints])
+    rows = basis[[robot.joints.index(name) for name in driven]]
+    found = np.linalg.lstsq(rows.T, work, rcond=None)[0]
+    return dict(zip(driven, map(float, found), strict=True))
+
+
 def reflected_range(
     tree: Tree, control: Control, home: Mapping[str, float]
 ) -> dict[str, Reflected]:
     """Of each driven joint of the loops, while it alone moves away from `home`.
 
     The undriven joints of the loops follow. The range ends at the joint's limits, and where the
-    loops do not close any more.
+    loops do not close any more. Poses in which they lock the joint are left out.
     """
     armature = {row.joint: row.armature for row in control.actuators}
     driven = {row.joint for row in control.actuators if row.model != "passive"}
@@ -63,18 +79,22 @@ def reflected_range(
     found = {}
     for name in chain.keys() & driven:
         felt = {}
-        for pose in _poses(tree, control, home, chain[name], chain.keys() - driven):
+        for pose in poses_along(tree, control, home, chain[name], chain.keys() - driven):
             robot = dynamics(tree, pose, armature)
-            felt[pose[name]] = felt_inertia(control.loops, robot)[name]
+            here = felt_inertia(control.loops, robot)[name]
+            if np.isfinite(here):
+                felt[pose[name]] = here
+        if not felt:
+            continue
         least, most = min(felt, key=felt.__getitem__), max(felt, key=felt.__getitem__)
         found[name] = Reflected(felt[least], least, felt[most], most)
     return dict(sorted(found.items()))
 
 
-def _poses(
+def poses_along(
     tree: Tree, control: Control, home: Mapping[str, float], joint: Joint, free: set[str]
 ) -> Iterator[dict[str, float]]:
-    """Closed ones, the first one included; each starts from its neighbour."""
+    """Closed ones while one joint moves away from home, the first included; `free` ones follow."""
     first = with_mimics(tree, home)
     yield first
     reach = REACH[joint.kind == "prismatic"]

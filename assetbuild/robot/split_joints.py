@@ -42,6 +42,12 @@ def between(joint: Joint) -> tuple[str, ...]:
     return tuple(each.child for each in _row(joint)[:-1])
 
 
+def made_links(source: Tree) -> frozenset[str]:
+    """Names of the links that splits of all joints of several coordinates would add."""
+    split_ones = [joint for joint in source.joints if joint.kind in ROWS]
+    return frozenset(name for joint in split_ones for name in between(joint)) - {*source.by_body}
+
+
 def angles_of(turn: Quat) -> tuple[float, float, float]:
     """Angles of the three hinges of a ball: R = Rx(a) Ry(b) Rz(c), rad."""
     r = rotation_of(turn)

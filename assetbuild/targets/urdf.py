@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import shutil
 import xml.etree.ElementTree as ET
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from pathlib import Path
 
 from assetbuild.engine.step import Files
@@ -12,7 +13,8 @@ from assetbuild.errors import StepError
 from assetbuild.findings import Finding, Rule
 from assetbuild.kinds import Target
 from assetbuild.robot.files import RobotFiles
-from assetbuild.robot.model import Actuator, Body, Inertial, Joint, Loop, Tree
+from assetbuild.robot.loops import by_constraint
+from assetbuild.robot.model import Actuator, Body, Control, Inertial, Joint, LoopMimic, Tree
 from assetbuild.robot.pose import Pose, rpy_of
 from assetbuild.robot.shapes import (
     Box,
@@ -41,6 +43,13 @@ LOOP = Rule(
     "hangs free",
     "use the MJCF or the USD where the robot moves, or close the loops in the program that reads "
     "the URDF",
+)
+LOOP_MIMIC = Rule(
+    "urdf.loop_mimic",
+    "warning",
+    "the written URDF approximates a closed loop by mimic joints, as its `urdf: mimic` asks: "
+    "straight lines through the positions that the loop gives, with their largest error",
+    "use the MJCF or the USD where the robot moves",
 )
 LIMIT_UNSTATED = Rule(
     "urdf.limit.unstated",
@@ -73,7 +82,8 @@ class Urdf(Target):
         robot = RobotFiles(files.inputs)
         tree = held_by_world(robot.links)
         yield from _held(robot.links, tree)
-        yield from _open_loops(robot.ratings.loops)
+        yield from _open_loops(robot.ratings)
+        mimics = {each.joint: each.mimic for each in robot.ratings.loop_mimics}
         root = ET.Element("robot", name=tree.name)
         for material in robot.shapes.materials:
             _add_material(root, material)
@@ -82,8 +92,8 @@ class Urdf(Target):
             _add_link(root, body, [s for s in robot.shapes.shapes if s.link == body.name], meshes)
         for joint in tree.joints:
             actuator = robot.ratings.by_joint.get(joint.name)
-            _add_joint(root, joint, actuator)
-            yield from _unstated(joint, actuator)
+            _add_joint(root, replace(joint, mimic=mimics.get(joint.name, joint.mimic)), actuator)
+        yield from _unstated(tree, robot.ratings)
         ET.indent(root, "  ")
         folder = files.outputs / "urdf"
         folder.mkdir()
@@ -93,7 +103,26 @@ class Urdf(Target):
         meshes.write(robot.mesh_dir, folder / "meshes")
 
 
-def _open_loops(loops: Sequence[Loop]) -> Iterator[Finding]:
+def _open_loops(ratings: Control) -> Iterator[Finding]:
+    followed: dict[str, list[LoopMimic]] = {}
+    for each in ratings.loop_mimics:
+        followed.setdefault(each.loop, []).append(each)
+    for name, mimics in followed.items():
+        told = ", ".join(
+            f"`{m.joint}` = {m.mimic.offset:.4g} {m.mimic.multiplier:+.4g} x `{m.mimic.joint}`, "
+            f"off by up to {m.off:.3g}"
+            for m in mimics
+        )
+        (low, high), leader = mimics[0].range, mimics[0].mimic.joint
+        yield LOOP_MIMIC(
+            f"loop {name}",
+            f"the URDF follows it by mimic joints: {told} rad or m, where `{leader}` is "
+            f"{low:.3g} to {high:.3g}",
+            "use the MJCF or the USD where the robot moves",
+            data={m.joint: m.off for m in mimics},
+        )
+    by_name = by_constraint(ratings.loops).items()
+    loops = [loop for name, some in by_name for loop in some if name not in followed]
     if loops:
         listed = ", ".join(f"`{loop.name}` ({loop.a.body} to {loop.b.body})" for loop in loops[:6])
         yield LOOP(
@@ -277,19 +306,25 @@ def _limits(joint: Joint, actuator: Actuator | None) -> dict[str, float | None]:
     return stated
 
 
-def _unstated(joint: Joint, actuator: Actuator | None) -> Iterator[Finding]:
+def _unstated(tree: Tree, ratings: Control) -> Iterator[Finding]:
     """URDF asks for effort and velocity; a number nobody stated is not invented."""
-    if joint.kind not in ("revolute", "prismatic"):
-        return
-    limits = _limits(joint, actuator)
-    missing = [name for name in ("effort", "velocity") if limits[name] is None]
-    if missing:
-        words = " and ".join(f"`{name}`" for name in missing)
+    lacking: dict[str, list[str]] = {}
+    for joint in tree.joints:
+        limits = _limits(joint, ratings.by_joint.get(joint.name))
+        missing = [name for name in ("effort", "velocity") if limits[name] is None]
+        if missing and joint.kind in ("revolute", "prismatic"):
+            lacking.setdefault(" and ".join(f"`{name}`" for name in missing), []).append(joint.name)
+    if lacking:
+        counted = [
+            f"{words} of {len(names)} joints ({', '.join(f'`{n}`' for n in names[:6])}"
+            f"{', ...' if len(names) > 6 else ''})"
+            for words, names in lacking.items()
+        ]
         yield LIMIT_UNSTATED(
-            f"joint {joint.name}",
-            f"neither source nor recipe states {words}; <limit> leaves it out",
+            "robot",
+            f"neither source nor recipe states {'; '.join(counted)}; <limit> leaves it out",
             hint="some URDF parsers refuse that: the actuator table or `edits: set_limits` give it",
-            data={"missing": tuple(missing)},
+            data={words.replace("`", ""): tuple(names) for words, names in lacking.items()},
         )
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -11,9 +12,11 @@ from tiny import TinyRobot, box_inertial, pendulum, run_step, tiny_quadruped, wr
 from assetbuild.body.lint_bodies import LintBodies
 from assetbuild.findings import Finding
 from assetbuild.pipeline.recipes import whole_model
+from assetbuild.robot.codec import encode
 from assetbuild.robot.inertia import InertiaBounds
 from assetbuild.robot.model import Body, Inertial, Joint, Limits, Tree
 from assetbuild.robot.shapes import SourceShape, SourceShapes, Sphere
+from assetbuild.robot.split_joints import split
 
 BRICK = box_inertial(1.0, (0.1, 0.1, 0.1))
 
@@ -71,6 +74,28 @@ def test_each_rule_fires_on_the_body_that_breaks_it(
     (finding,) = lint(inertial, tmp_path)
     assert (finding.rule, finding.severity, finding.subject) == (rule, severity, "link arm")
     assert finding.hint
+
+
+def test_the_light_links_of_a_split_joint_are_no_fault(tmp_path: Path):
+    ball = Tree(
+        "arm",
+        "floating",
+        (Body("base", BRICK), Body("arm", BRICK)),
+        (Joint("j", "ball", "base", "arm"),),
+    )
+    light = body(1e-5, 1e-9, 1e-9, 1e-9)
+    tree = split(ball, frozenset({"j"}))
+    bodies = tuple(replace(b, inertial=b.inertial or light) for b in tree.bodies)
+    tree = replace(tree, bodies=(*bodies, Body("mote", light)))
+    tree = replace(tree, joints=(*tree.joints, Joint("k", "continuous", "arm", "mote")))
+    inputs = write_source_ports(tmp_path / "in", TinyRobot(tree, tree))
+    (inputs / "source_links.json").write_bytes(encode(ball))
+    found = run_step(LintBodies(), inputs, tmp_path / "out")
+    assert [(f.subject, f.severity) for f in found if f.rule == "inertia.mass_small"] == [
+        ("link j_x_link", "info"),
+        ("link j_y_link", "info"),
+        ("link mote", "warning"),
+    ]
 
 
 def test_a_body_with_a_shape_is_no_denser_than_osmium(tmp_path: Path):

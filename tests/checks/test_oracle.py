@@ -250,3 +250,19 @@ def test_the_mass_matrix_of_a_closed_loop_is_that_of_the_two_libraries(
     figures = json.loads((folder / "figures.json").read_text())
     assert figures["closed_poses"] == 10
     assert moved or figures["constrained_mass_matrix_error"] < 1e-8
+
+
+def test_a_mimic_beside_the_loop_is_folded_into_its_leader(tmp_path: Path):
+    follower = JOINT.format("geared", "base", "arm", 0.3)
+    follower = follower.replace("</joint>", '<mimic joint="motor" multiplier="-2"/></joint>')
+    more = LINK.format("arm", 0.05) + follower + "</robot>"
+    folder = robot_folder(FOUR_BAR.replace("</robot>", more), tmp_path / "robot", "fixed")
+    said = {"name": "loop", "a": {"link": "tip"}, "b": {"link": "rocker", "xyz": (0.15, 0.0, 0.0)}}
+    control = encode(Control(loops=LoopRow.model_validate(said).loops))
+    for name in ("ratings.json", "control.json"):
+        (folder / name).write_bytes(control)
+    (folder / "shapes.json").write_bytes(encode(Shapes()))
+    (folder / "meshes").mkdir()
+    run_step(Mjcf(robot="bot"), folder, folder)
+    assert run_step(Oracle(robot="bot"), folder, folder) == []
+    assert json.loads((folder / "figures.json").read_text())["closed_poses"] == 10

@@ -92,6 +92,7 @@ def lab(tmp_path: Path) -> Lab:
     return Lab(tmp_path)
 
 
+@pytest.mark.slow
 def test_a_pull_request_builds_what_it_touches_and_comments_what_changed(lab: Lab) -> None:
     lab.write("two", 25)
     lab.commit()

@@ -95,7 +95,6 @@ def test_a_mesh_saved_anew_with_the_same_geometry_runs_only_its_conversion(place
 @pytest.mark.parametrize(
     "kernels",
     [
-        {"OPENBLAS_CORETYPE": "SkylakeX", "NPY_DISABLE_CPU_FEATURES": "X86_V4 AVX512_ICL"},
         {"OPENBLAS_CORETYPE": "Zen", "NPY_DISABLE_CPU_FEATURES": "X86_V3 X86_V4 AVX512_ICL"},
         {"OPENBLAS_CORETYPE": "Prescott", "GLIBC_TUNABLES": "glibc.cpu.hwcaps=-AVX2,-FMA"},
     ],

@@ -96,8 +96,23 @@ LINE = RECIPE[: RECIPE.index(PIN)].count("\n") + 1
             "loops: `pin` locks joint `crank_joint`, which is driven",
             "a loop must leave its driven joints a motion",
         ),
+        (
+            "link: rocker, xyz: [0.15", "link: coupler, xyz: [0.15", LINE,
+            "loops[0]: no joint moves between `coupler` and `coupler`, so loop `pin` holds nothing",
+            "name two links with moving joints between them",
+        ),
+        (PIN, PIN + PIN, LINE + 1, "loops[1]: a second loop is named `pin`", "choose another name"),
+        ("[0.2, 0, 0]", "[.nan, 0, 0]", LINE, "loops[0].a.xyz[0]: must be finite", ""),
+        ("[0.2, 0, 0]", "[1.0e+300, 0, 0]", LINE, "loops[0].a.xyz[0]: must be at most 10000", ""),
+        (
+            "name: pin,", "name: pin, solimp: [1, 0.99, 0.001, 0.5, 2],", LINE,
+            "loops[0].solimp[0]: must be at most 0.9999", "",
+        ),
     ],
-    ids=["no such link", "cannot close", "contradict", "locked drive"],
+    ids=[
+        "no such link", "cannot close", "contradict", "locked drive", "one link", "two of a name",
+        "not a number", "far away", "impedance",
+    ],
 )  # fmt: skip
 def test_a_wrong_loop_is_one_error_with_its_line(
     old: str, new: str, line: int, message: str, hint: str,

@@ -19,7 +19,7 @@ from assetbuild.cli.progress import (
     shown_time,
 )
 from assetbuild.cli.public import shown_figures, shown_next_step, shown_rows
-from assetbuild.cli.steps import step_words
+from assetbuild.cli.steps import CHECKS, step_words
 from assetbuild.cli.summary import every_finding_line, finding_lines
 from assetbuild.collision import CollisionMethod
 from assetbuild.engine.costs import Costs
@@ -27,7 +27,7 @@ from assetbuild.engine.execute import Event
 from assetbuild.engine.explain import Change, Explanation
 from assetbuild.engine.make import NodeResult
 from assetbuild.findings import Finding, worst_first
-from assetbuild.kinds import Target
+from assetbuild.kinds import Check, Target
 from assetbuild.plugins import plugin_names
 from assetbuild.report.document import make_report
 from assetbuild.report.summary import WITHHELD
@@ -106,6 +106,11 @@ def test_every_step_of_a_build_has_words():
 def test_targets_and_collision_methods_have_words():
     labels = [*plugin_names(Target), *plugin_names(CollisionMethod)]
     assert [label for label in labels if step_words(label) == label] == []
+
+
+def test_checks_have_words_that_say_more_than_their_names():
+    bare = [name for name in plugin_names(Check) if step_words(f"check {name}")[:9] == "checking "]
+    assert [name for name in bare if name not in CHECKS] == []
 
 
 def test_the_expected_time_is_the_work_shared_among_cores_or_the_longest_chain():

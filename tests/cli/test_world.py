@@ -167,6 +167,7 @@ def test_the_link_of_a_texture_that_leads_elsewhere_now_is_followed(warm_legs: L
     assert (0, 0, 255) in colours
 
 
+@pytest.mark.slow
 def test_pictures_come_back_when_the_variable_goes_that_forbade_them(
     warm_legs: Legs, monkeypatch: pytest.MonkeyPatch
 ):

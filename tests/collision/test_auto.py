@@ -255,6 +255,7 @@ def test_a_thin_walled_mesh_is_left_to_vhacd(tmp_path):
     assert findings["collision.gap"].data["method"] == "V-HACD"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", [VHacd, CoAcd])
 def test_a_library_over_its_time_falls_to_a_hull(tmp_path, kind):
     busy = {"vhacd": VHacdOptions(resolution=50_000_000)} if kind is VHacd else {}

@@ -77,6 +77,7 @@ ELSEWHERE = {
     "assetbuild.checks.smoke_isaaclab": "needs the trainer",
     "assetbuild.checks.smoke_mjlab": "needs the trainer",
     "assetbuild.checks.smoke_newton": "needs the trainer",
+    "assetbuild.checks.simready": "needs the validator",
     "assetbuild.source.get.fetch": "needs the network",
     "assetbuild.source.get.fetch_git": "needs the network",
     "assetbuild.source.get.fetch_url": "needs the network",
@@ -249,12 +250,15 @@ COMPUTED_WITH = {
 """Modules of the engine that steps compute with; another would run most steps when it changes."""
 
 
+ASKING = ("smoke_", "newton", "simready")
+"""Checks that ask a program in an environment of its own: they look for that environment."""
+
+
 def test_steps_compute_with_these_modules_of_the_engine_and_no_others(code: Code):
     found = {
         name
         for step in step_classes()
-        # Those look for a trainer.
-        if not step.__module__.startswith(("assetbuild.checks.smoke_", "assetbuild.checks.newton"))
+        if not step.__module__.removeprefix("assetbuild.checks.").startswith(ASKING)
         for name in code.of(step).modules
         if name.startswith("assetbuild.engine")
     }

@@ -63,6 +63,7 @@ def run(site: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
     )
 
 
+@pytest.mark.slow
 def test_the_page_of_the_how_to_builds_a_robot(site: Path):
     done = run(site, "build", "crate.yaml", "-o", "out", "--fail-on", "never")
     assert done.returncode == 0, done.stderr

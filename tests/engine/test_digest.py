@@ -83,6 +83,7 @@ def test_a_same_size_edit_with_its_mtime_put_back_is_noticed(tmp_path, later):
     assert cache.digest(path) != first
 
 
+@pytest.mark.slow
 def test_a_thousand_quick_edits_are_all_noticed(tmp_path):
     path = tmp_path / "a"
     cache = Stamps()

@@ -4,6 +4,7 @@ import json
 
 import mujoco
 import numpy as np
+import pytest
 from logs import JOINTS, arm, prior
 from tiny import run_step
 
@@ -58,6 +59,7 @@ def test_what_will_be_shown_is_said_before_anybody_records(tmp_path):
     assert rows["elbow", "damping"]["confounded"] and rows["elbow", "kd"]["confounded"]
 
 
+@pytest.mark.slow
 def test_a_robot_beside_a_wall_swings_less(tmp_path):
     findings, table, _ = excited(tmp_path, wall=0.25)
     assert [finding.rule for finding in findings] == ["identify.excite"]

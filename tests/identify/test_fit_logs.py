@@ -67,6 +67,7 @@ def truth(parameter):
     ]
 
 
+@pytest.mark.slow
 def test_hidden_parameters_come_out_within_their_intervals(tmp_path):
     target, position, _ = two_links(16.0)
     fit, findings = fitted(tmp_path, target, position)
@@ -77,6 +78,7 @@ def test_hidden_parameters_come_out_within_their_intervals(tmp_path):
     assert all(p.after < 0.1 * p.before for p in fit.predictions)
 
 
+@pytest.mark.slow
 def test_the_same_log_gives_the_same_bytes(tmp_path):
     target, position, _ = two_links(6.0)
     texts = []
@@ -88,6 +90,7 @@ def test_the_same_log_gives_the_same_bytes(tmp_path):
     assert shown.joint == "shoulder" and len(shown.measured) == len(shown.after)
 
 
+@pytest.mark.slow
 def test_drive_damping_and_joint_damping_are_one_without_a_torque(tmp_path):
     target, position, torque = two_links(20.0)
     torque = torque + np.random.default_rng(1).normal(0.0, 0.1, torque.shape)
@@ -126,6 +129,7 @@ def test_tied_joints_have_one_value(tmp_path):
     assert both.joints == JOINTS and both.value > 0.0
 
 
+@pytest.mark.slow
 def test_joints_that_no_log_holds_stay_and_change_nothing(tmp_path):
     """The elbow is bolted at 0 in the recording and is not in the log."""
     text = TWO_LINKS.format(dt=0.0002, a=ARMATURE, d=DAMPING, f=FRICTION, kp=KP, kd=KD)
@@ -142,3 +146,15 @@ def test_joints_that_no_log_holds_stay_and_change_nothing(tmp_path):
     assert [p.value for p in fit.parameters] == pytest.approx(
         [truth(p) for p in fit.parameters], rel=0.05
     )
+
+
+def test_a_log_that_the_model_cannot_follow_says_by_how_much(tmp_path):
+    """The elbow shakes by 20 mrad, by nothing that the model has."""
+    target, position, _ = two_links(6.0)
+    position[:, 1] += 0.02 * np.sin(2 * np.pi * 3.0 * np.arange(len(position)) / RATE_HZ)
+    fit, findings = fitted(
+        tmp_path, target, position, fit=(("elbow", ("armature",)), ("shoulder", ()))
+    )
+    (armature,) = fit.parameters
+    assert "the model misses the log by" in armature.refused
+    assert "did the robot carry" in findings[0].hint

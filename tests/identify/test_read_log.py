@@ -1,5 +1,8 @@
 """A log that cannot be what the recipe says is refused in one sentence that says why."""
 
+import subprocess
+import sys
+
 import numpy as np
 import pytest
 from logs import JOINTS, RATE_HZ, chirps, columns_of, write_csv
@@ -132,7 +135,7 @@ def test_a_log_without_end_is_refused_after_so_many_rows(tmp_path, good, monkeyp
     from assetbuild.identify import table
 
     monkeypatch.setattr(table, "MOST_ROWS", 1000)
-    monkeypatch.setattr(table, "CHUNK", 300)
+    monkeypatch.setattr(table, "BLOCK", 20_000)
     assert "more than 1,000 rows" in refused(tmp_path, good)
 
 
@@ -148,3 +151,44 @@ def test_two_joints_need_two_columns(tmp_path, good):
         ReadLog(
             file="log.csv", joints=JOINTS, columns=Columns(position="position_shoulder")
         )._names()
+
+
+def test_a_file_without_lines_is_not_read_to_its_end(tmp_path, good, monkeypatch):
+    from assetbuild.identify import table
+
+    monkeypatch.setattr(table, "BLOCK", 20_000)
+    write_csv(tmp_path / "log", good)
+    head = (tmp_path / "log").read_bytes().partition(b"\n")[0]
+    (tmp_path / "log").write_bytes(head + b"\n" + b"0" * 100_000)
+    columns = [name for name in good if "elbow" in name]
+    with pytest.raises(StepError, match="a line of more than 20,000 characters"):
+        table.read_columns(tmp_path / "log", "log.csv", ["time", *columns], None, 1.0)
+
+
+@pytest.mark.slow
+def test_the_memory_that_a_large_log_takes_does_not_grow_with_the_file(tmp_path, good):
+    """60 MB, of which the last seconds are used: 40 MB more at most than 6 s of it alone."""
+    text = write_csv(tmp_path / "part", good).read_text()
+    head, _, body = text.partition("\n")
+    with (tmp_path / "large").open("w") as file:
+        file.write(f"{head}\n")
+        for _ in range(60_000_000 // len(body)):
+            file.write(body)
+        end = "\n".join(f"{1e4 + n / 250:.4f},0,0,0,0" for n in range(1000))
+        file.write(f"{end}\n")
+    lines = (
+        "import resource, sys; from pathlib import Path\n"
+        "from assetbuild.identify.table import read_columns\n"
+        f"names = {list(good)!r}\n"
+        "rows = read_columns(Path(sys.argv[1]), 'log.csv', names, (float(sys.argv[2]), 1e9), 1.0)\n"
+        "print(len(rows), resource.getrusage(resource.RUSAGE_SELF).ru_maxrss)"
+    )
+    found = {}
+    for name, begin in (("part", 0.0), ("large", 1e4)):
+        done = subprocess.run(
+            [sys.executable, "-c", lines, str(tmp_path / name), str(begin)],
+            capture_output=True, text=True, check=True,
+        )  # fmt: skip
+        found[name] = [int(word) for word in done.stdout.split()]
+    assert found["large"][0] == 1000
+    assert found["large"][1] - found["part"][1] < 40_000  # kB

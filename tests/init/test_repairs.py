@@ -158,16 +158,16 @@ def test_links_between_joints_get_a_share(tmp_path: Path):
     assert edits_for(chain("", inertial(1.0)), tmp_path) == [{"share_mass": {"link": "link0"}}]
 
 
-def test_a_base_on_slides_whose_weight_comes_by_a_fixed_joint_has_no_usd(tmp_path: Path):
-    """The edit comes before merging, and finds no mass to share at the end of the slides."""
+def test_a_base_on_slides_whose_weight_comes_by_a_fixed_joint_shares_that(tmp_path: Path):
+    """The edit comes before merging, and takes the mass of what will be merged."""
     cart = chain("", "").replace(
         "</robot>",
         f"<link name='arm'>{inertial(2.0)}</link><joint name='bolt' type='fixed'>"
         "<parent link='link1'/><child link='arm'/></joint></robot>",
     )
-    assert edits_for(cart.replace('"revolute"', '"prismatic"'), tmp_path) == []
-    assert load_recipe(tmp_path / "bot.yaml").recipe.targets == ("urdf", "mjcf")
-    assert "bodies without mass between the joints of link1" in (tmp_path / "bot.yaml").read_text()
+    (edit,) = edits_for(cart.replace('"revolute"', '"prismatic"'), tmp_path)
+    assert "share_mass" in str(edit)
+    assert load_recipe(tmp_path / "bot.yaml").recipe.targets == ("urdf", "mjcf", "usd")
 
 
 def test_crossed_limits_change_places(tmp_path: Path):

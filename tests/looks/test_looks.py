@@ -206,6 +206,7 @@ def test_every_picture_shows_something_of_its_own(rendered):
         assert pixels.std() > 3.0, name
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("collides", [False, True])
 def test_all_but_the_robot_itself_is_drawn_with_light_meshes(tmp_path: Path, collides: bool):
     """The light mesh is a cube here, so that one sees which was drawn."""
@@ -263,6 +264,21 @@ def test_a_robot_of_collision_geometry_alone_is_seen_and_a_notch_is_not(tmp_path
     different = np.abs(shown[0]["collision"] - shown[1]["collision"]).max(axis=2) > 40
     assert different.mean() < 0.005, "the cross is drawn as its hull"
     assert shown[1]["hero"].std() > 10, "the floor alone is one grey"
+
+
+def test_no_picture_is_empty_where_there_is_no_geometry(tmp_path: Path):
+    """Its inertia is what there is to see."""
+    if renderer(World()) == "none":
+        pytest.skip("no OpenGL without a window: apt-get install libegl1 libgl1-mesa-dri")
+    robot = ball_robot()
+    inputs = write_robot_ports(tmp_path / "in", replace(robot, shapes=Shapes(), meshes={}))
+    run_step(Mjcf(robot="pendulum"), inputs, tmp_path / "model")
+    found = run_step(Render(renderer=renderer(World())), tmp_path / "model", tmp_path / "out")
+    if found:
+        pytest.skip(found[0].message)
+    files = {p.stem: Image.open(p).convert("RGB") for p in (tmp_path / "out/images").iterdir()}
+    assert set(files) == {"hero", "joints", "thumbnail"}
+    assert all(np.asarray(image).std() > 5 for image in files.values())
 
 
 def test_large_pictures_are_1600_pixels_along_their_longer_side(rendered):

@@ -51,6 +51,7 @@ def test_two_bodies_apart_come_apart():
     assert [part.bounds[1][0] < 0.5 for part in parts].count(True) == 1
 
 
+@pytest.mark.slow
 @settings(max_examples=15, deadline=None)
 @given(st.lists(st.tuples(*(st.floats(0.2, 1.0) for _ in range(6))), min_size=2, max_size=4))
 def test_the_hulls_of_the_parts_cover_every_vertex_and_nearly_the_whole_volume(boxes):

@@ -9,10 +9,12 @@ import numpy as np
 import pytest
 from tiny import four_bar
 
+from assetbuild.init.drives import drive_rows
 from assetbuild.robot.closure import close
-from assetbuild.robot.dynamics import dynamics
+from assetbuild.robot.dynamics import dynamics, holding_torques
 from assetbuild.robot.initial import initial_pose
-from assetbuild.robot.reflected import felt_inertia, reflected_range
+from assetbuild.robot.reflected import felt_inertia, held_by, reflected_range
+from assetbuild.robot.tree import forward_kinematics
 
 BAR = four_bar("connect")
 DRIVEN = next(row.joint for row in BAR.control.actuators if row.model != "passive")
@@ -36,6 +38,33 @@ def test_the_inertia_is_twice_the_kinetic_energy_at_one_radian_per_second(angle:
         speeds[robot.column(name)] = (after[name] - before[name]) / (2.0 * step)
     energy = 0.5 * float(speeds @ robot.mass @ speeds)
     assert felt_inertia(BAR.control.loops, robot)[DRIVEN] == pytest.approx(2.0 * energy, rel=1e-6)
+
+
+@pytest.mark.parametrize("angle", [0.3, 0.9])
+def test_the_drive_alone_holds_what_gravity_does_along_the_closed_path(angle: float):
+    def height(pose: dict[str, float]) -> float:
+        """m kg: the sum of each body's mass and the height of its centre."""
+        placed = forward_kinematics(BAR.tree, pose)
+        heavy = [body for body in BAR.tree.bodies if body.inertial is not None]
+        centres = [placed[body.name].apply(body.inertial.com_m)[2] for body in heavy]
+        return sum(b.inertial.mass_kg * z for b, z in zip(heavy, centres, strict=True))
+
+    step = 1e-5
+    slope = (height(posed(angle + step)) - height(posed(angle - step))) / (2.0 * step)
+    robot = dynamics(BAR.tree, posed(angle), {})
+    torques, _ = holding_torques(robot, [])
+    found = held_by(BAR.control.loops, robot, torques, [DRIVEN])
+    assert found == {DRIVEN: pytest.approx(9.81 * slope, rel=1e-6)}
+
+
+def test_the_gains_that_init_proposes_fit_what_the_drive_moves_with_its_loop_closed():
+    home = posed(0.9)
+    (row,) = drive_rows(BAR.tree, home, (), loops=BAR.control.loops, passive=FREE)
+    closed = felt_inertia(BAR.control.loops, dynamics(BAR.tree, home, {}))[DRIVEN]
+    (open_one,) = (r for r in drive_rows(BAR.tree, home, ()) if DRIVEN in r.joints)
+    assert row.joints == (DRIVEN,)
+    assert row.inertia == pytest.approx(closed)
+    assert abs(row.inertia / open_one.inertia - 1.0) > 0.1
 
 
 def test_a_joint_that_the_loops_lock_feels_no_end_of_inertia():

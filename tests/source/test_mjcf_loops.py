@@ -8,7 +8,10 @@ import mujoco
 import numpy as np
 import pytest
 from mjcfs import Written, read, write
+from tiny import run_step
 
+from assetbuild.checks.gains import Gains
+from assetbuild.errors import SourceError
 from assetbuild.robot.model import Loop
 from assetbuild.robot.pose import vec3
 
@@ -96,3 +99,24 @@ def test_a_constraint_that_is_switched_off_closes_nothing(tmp_path: Path):
     assert done.control.loops == ()
     model = mujoco.MjModel.from_xml_path(str(done.xml))
     assert model.neq == 1 and not model.eq_active0[0]
+
+
+@pytest.mark.parametrize(
+    "equality",
+    [
+        BY_ANCHOR.replace("0.2 0", "1e300 0"),
+        BY_ANCHOR.replace("0.2 0", "nan 0"),
+        BY_SITES.replace("0.004", "nan"),
+        '<joint name="pin" joint1="rocker" joint2="crank" polycoef="0 nan 0 0 0"/>',
+    ],
+)
+def test_a_number_that_is_none_is_refused_with_its_line(equality: str, tmp_path: Path):
+    with pytest.raises(SourceError, match="not finite, or above 10000") as refused:
+        built(equality, tmp_path)
+    assert refused.value.where is not None and refused.value.where.line == 14
+
+
+def test_a_drive_that_the_source_locks_is_a_warning_and_its_gains_are_not_judged(tmp_path: Path):
+    done = built('<weld name="pin" body1="crank" body2="base"/>', tmp_path)
+    assert [f.subject for f in done.findings if f.rule == "loop.locked"] == ["joint crank"]
+    assert run_step(Gains(integrator="Euler"), done.inputs, tmp_path / "gains") == []

@@ -34,12 +34,15 @@ FIXED = (
     '<tendon><fixed name="t" {}><joint joint="ja" coef="1"/><joint joint="jb" coef="2"/>'
     "</fixed></tendon>"
 )
+MIRROR = FIXED.format("").replace('"2"', '"-1"') + '<equality><tendon tendon1="t"/></equality>'
+"""Arms that follow each other: to MuJoCo an equality of joints unless both move the same mass."""
 MOVES = {
     "a polynomial": arms(
         '<equality><joint joint1="ja" joint2="jb" polycoef="0 1 .3 0 0"/></equality>'
     ),
     "held at a position": arms('<equality><joint joint1="ja" polycoef=".1 0 0 0 0"/></equality>'),
     "couplings of tendons": arms(FIXED.format("") + '<equality><tendon tendon1="t"/></equality>'),
+    "couplings": arms(MIRROR).replace('<body name="base">', '<body name="base"><freejoint/>'),
     "tendons that pull": arms(FIXED.format('stiffness="3"')),
     "tendons that pull, brake or stop": arms(FIXED.format('range="-1 1"')),
     "actuators": arms(FIXED.format("") + '<actuator><motor tendon="t"/></actuator>'),
@@ -65,6 +68,7 @@ STILL = {
         '<equality><joint joint1="ja" joint2="jb" polycoef="0 1 .3 0 0" active="false"/></equality>'
     ),
     "a tendon without a force": arms(FIXED.format("")),
+    "a coupling by a tendon that is one of joints": arms(MIRROR),
     "a linear coupling": arms('<equality><joint joint1="ja" joint2="jb"/></equality>'),
 }
 

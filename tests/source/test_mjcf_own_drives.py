@@ -12,7 +12,7 @@ from tiny import run_step
 
 from assetbuild.checks.mjcf_source import MjcfSource
 from assetbuild.robot.files import RobotFiles
-from assetbuild.robot.model import Actuator
+from assetbuild.robot.model import Actuator, Mimic
 from assetbuild.simulators.joint_drives import read_drives
 from assetbuild.simulators.usd_options import UsdOptions
 from assetbuild.targets.usd.unsupported import unsupported
@@ -113,10 +113,44 @@ def test_it_stays_in_the_mjcf_and_nothing_is_lost_elsewhere(tmp_path: Path):
     assert done.control.by_joint["r"].model == "passive"
 
 
+MIRROR = """<tendon><fixed name="m1"><joint joint="r" coef="{0}"/>{1}</fixed>{2}</tendon>
+<equality><tendon name="mirror" tendon1="m1" {3} solref=".01 1"/></equality>"""
+
+
+@pytest.mark.parametrize(
+    "coupling",
+    [
+        MIRROR.format(1, '<joint joint="l" coef="-1"/>', "", ""),
+        MIRROR.format(-1, "", '<fixed name="m2"><joint joint="l" coef="1"/></fixed>',
+                      'tendon2="m2" polycoef="0 -1 0 0 0"'),
+    ],
+    ids=["one tendon", "two tendons"],
+)  # fmt: skip
+def test_tendons_that_couple_two_joints_as_an_equality_of_joints_does_are_that(
+    coupling: str, tmp_path: Path
+):
+    text = hand(c=(0, 0, 0), extra=coupling)
+    done = written(text, tmp_path)
+    assert run_step(MjcfSource(robot="robot"), done.inputs, tmp_path / "check") == []
+    assert lost(done) == set()
+    mimic = RobotFiles(done.inputs).tree.by_joint["r"].mimic
+    assert mimic == Mimic("l", 1.0, 0.0)
+    assert row(done).model == "pd"
+    ours, theirs = (mujoco.MjModel.from_xml_string(t) for t in (done.xml.read_text(), text))
+    ends = []
+    for model in (ours, theirs):
+        data = mujoco.MjData(model)
+        data.ctrl[:] = 0.7
+        mujoco.mj_step(model, data, 100)
+        ends.append(data.joint("r").qpos[0])
+    assert ends[0] == pytest.approx(ends[1], rel=1e-9)
+
+
 @pytest.mark.parametrize(
     "text",
     [
         hand(c=(0, 0, 0)),
+        hand(c=(0, 0, 0), extra=MIRROR.format(1, '<joint joint="l" coef="-2"/>', "", "")),
         hand(c=(0, 1, 0.2)),
         hand(c=(0.1, 1, 0)),
         hand(a=1.0, b=-1.0),
@@ -124,7 +158,16 @@ def test_it_stays_in_the_mjcf_and_nothing_is_lost_elsewhere(tmp_path: Path):
         hand(joint='actuatorfrcrange="-1 1"'),
         hand(SERVO + SERVO.replace("grip", "again")),
     ],
-    ids=["loose", "curved", "offset", "no lever", "limit", "joint's limit", "two drives"],
+    ids=[
+        "loose",
+        "geared tendon",
+        "curved",
+        "offset",
+        "no lever",
+        "limit",
+        "joint's limit",
+        "two drives",
+    ],
 )
 def test_what_is_no_drive_of_one_joint_is_still_lost_motion(text: str, tmp_path: Path):
     done = written(text, tmp_path)

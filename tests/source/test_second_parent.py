@@ -32,9 +32,9 @@ def bar(last: str = "continuous", drive: str = "j3") -> str:
 
 
 def hint(text: str, folder: Path, capsys: pytest.CaptureFixture[str]) -> str:
-    file = folder / "bar.urdf"
-    file.write_text(text)
-    assert main(["init", str(file), "-o", str(folder / "bar.yaml")]) == 2
+    (folder / "bar.urdf").write_text(text)
+    (folder / "bar.yaml").write_text(RECIPE)
+    assert main(["check", str(folder / "bar.yaml")]) == 2
     said = capsys.readouterr().err
     assert "link `b` already hangs on joint `j3`" in said
     return said

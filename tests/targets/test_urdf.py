@@ -108,7 +108,8 @@ def test_a_limit_that_nobody_stated_is_left_out_and_told(tmp_path: Path):
     )
     links = replace(robot.links, joints=(joint,))
     folder, (finding,) = emit(replace(robot, links=links, control=control), tmp_path)
-    assert (finding.rule, finding.subject) == ("urdf.limit.unstated", "joint swing_joint")
+    assert (finding.rule, finding.subject) == ("urdf.limit.unstated", "robot")
+    assert finding.data == {"effort and velocity": ("swing_joint",)}
     assert xml(folder).find("joint/limit").attrib == {"lower": "-1.0", "upper": "1.0"}  # type: ignore[union-attr] # it is there
 
 

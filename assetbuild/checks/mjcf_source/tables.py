@@ -13,6 +13,7 @@ from assetbuild.facts.mjcf import read_spec
 from assetbuild.facts.mjcf_words import COVERED, Spec
 from assetbuild.facts.table import Value, pair_name
 from assetbuild.simulators.joint_drives import read_drive
+from assetbuild.simulators.levers import tendon_coupling
 from assetbuild.simulators.mujoco import Model, actuators, first_command, name_of, passes
 
 Subjects = dict[tuple[str, str], dict[str, Value]]
@@ -185,7 +186,10 @@ def _couplings(model: Model, facts: Subjects) -> None:
         own = facts.get(("equality", name), {})
         kind, connects = int(model.eq_objtype[index]), mujoco.mjtEq.mjEQ_CONNECT
         welds = mujoco.mjtEq.mjEQ_WELD
-        if own and kind == mujoco.mjtObj.mjOBJ_SITE:
+        if tendon_coupling(model, index):  # told as a mimic
+            for word in ("type", "name1", "name2", "data"):
+                own.pop(f"mjcf:{word}", None)
+        elif own and kind == mujoco.mjtObj.mjOBJ_SITE:
             own |= {name: f"site {own[name]}" for name in ("mjcf:name1", "mjcf:name2")}
         elif own and int(model.eq_type[index]) == welds and kind == mujoco.mjtObj.mjOBJ_BODY:
             own.pop("mjcf:data", None)  # the relative pose as compiled

@@ -101,8 +101,8 @@ class Oracle(Check):
         worst: _Worst,
         figures: dict[str, object],
     ) -> None:
-        """The mass matrix that is left where the loops are closed; mimic joints have none there."""
-        if not loops or any(joint.mimic for joint in pin.tree.joints):
+        """The mass matrix that is left where the loops are closed; mimics follow their leaders."""
+        if not loops:
             return
         count = 0
         for positions in closed_poses(pin.tree, loops, CLOSED_POSES):

@@ -15,7 +15,7 @@ import numpy as np
 
 from assetbuild.checks.oracle.sides import MujocoSide, PinocchioSide
 from assetbuild.robot.closure import close, coordinates, free_motions
-from assetbuild.robot.dynamics import dynamics, motions
+from assetbuild.robot.dynamics import dynamics, leader_gains, motions
 from assetbuild.robot.initial import initial_pose
 from assetbuild.robot.loops import path_of
 from assetbuild.robot.model import Control, Loop, Tree
@@ -52,12 +52,12 @@ def constrained_error(
 
     Both robots stand there already. The base stays where it is.
     """
-    tree = mj.tree
-    joints = [joint.name for joint in tree.moving_joints if joint.mimic is None]
-    held = replace(tree, base="fixed")
-    chosen = list(coordinates(loops, dynamics(held, q, {}), ()))
+    held = replace(mj.tree, base="fixed")
+    robot = dynamics(held, q, {})
+    chosen = list(coordinates(loops, robot, ()))
+    gains = leader_gains(held, robot.joints)
     reduced = [
-        _reduced(side.mass_matrix(), jacobian, [side.dof[name] for name in joints], chosen)
+        _reduced(side.mass_matrix(), jacobian, [side.dof[name] for name in gains], chosen, gains)
         for side, jacobian in (
             (mj, mj.constraint_jacobian()),
             (pin, pin.constraint_jacobian(loops)),
@@ -67,9 +67,17 @@ def constrained_error(
     return float((np.abs(reduced[0] - reduced[1]) / np.outer(root, root)).max(initial=0.0))
 
 
-def _reduced(mass: Array, jacobian: Array, columns: Sequence[int], chosen: Sequence[int]) -> Array:
-    """N^T M N over the joints' columns, N the identity in the chosen ones."""
-    mass, jacobian = mass[np.ix_(columns, columns)], jacobian[:, columns]
+def _reduced(
+    mass: Array,
+    jacobian: Array,
+    columns: Sequence[int],
+    chosen: Sequence[int],
+    gains: Mapping[str, Array],
+) -> Array:
+    """N^T M N over the joints' columns, mimics folded into their leaders; N is 1 in the chosen."""
+    leaders = np.array(list(gains.values()))
+    mass = leaders.T @ mass[np.ix_(columns, columns)] @ leaders
+    jacobian = jacobian[:, columns] @ leaders
     _, sizes, rows = np.linalg.svd(jacobian, full_matrices=True)
     rank = int((sizes > 1e-8 * max(float(sizes.max(initial=0.0)), 1.0)).sum())
     basis = rows[rank:].T

@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Literal
 
 from assetbuild.findings import Data, Finding, Rule
+from assetbuild.robot.loops import FAR
 from assetbuild.robot.model import (
     Joint,
     Keyframe,
     Loop,
     LoopEnd,
-    Mimic,
     MjcfOnly,
     Place,
     Sensor,
@@ -20,6 +21,7 @@ from assetbuild.robot.model import (
 )
 from assetbuild.robot.pose import IDENTITY, Pose, Vec3, vec3
 from assetbuild.source.mjcf.compiled import Model, pose_at
+from assetbuild.source.mjcf.couplings import coupled, coupling_of
 from assetbuild.source.mjcf.drives import Drives
 from assetbuild.source.mjcf.links import FREE, JOINT_REF, Links, tendon_rest
 from assetbuild.source.mjcf.opaque import element_text, keys, leftover, words
@@ -27,6 +29,7 @@ from assetbuild.source.mjcf.scenery import NAMES
 from assetbuild.source.mjcf.text import (
     DROPPED,
     WORLD,
+    error_at,
     own_attributes,
     where_of,
 )
@@ -140,7 +143,13 @@ class _Reader:
 
     def equality(self, element: _Element, said: dict[str, str]) -> None:
         """A coupled joint may be a mimic, and two bodies a loop; frames may have moved."""
-        if element.tag == "joint" and self._mimic(element, said):
+        index = self.links.source.id_of("equality", str(element.get("name")))
+        softness = (*self.model.eq_solref[index], *self.model.eq_solimp[index])
+        is_near = all(abs(float(value)) <= FAR for value in self.model.eq_data[index])
+        if not is_near or not all(map(math.isfinite, softness)):
+            message = f"<{element.tag}> `{element.get('name')}` has a number that is not finite"
+            raise error_at(element, f"{message}, or above {FAR:g}", "correct the number")
+        if element.tag in ("joint", "tendon") and self._mimic(element, said):
             return
         if element.tag in ("connect", "weld") and self._loop(element, said):
             return
@@ -152,20 +161,16 @@ class _Reader:
         self._keep("equality", element, said)
 
     def _mimic(self, element: _Element, said: Mapping[str, str]) -> bool:
-        """q1 = c0 + c1 q2, counted from the joints' `ref`, as the Robot counts."""
+        """A linear coupling of two joints; its words that are no mimic's stay with it."""
         index = self.links.source.id_of("equality", str(element.get("name")))
-        c = [float(v) for v in self.model.eq_data[index][:5]]
-        follower, leader = said.get("joint1", ""), said.get("joint2", "")
-        by_name = {joint.name: joint for joint in self.found.joints}
-        if not leader or any(c[2:]) or c[1] == 0.0 or not bool(self.model.eq_active0[index]):
+        coupling = coupling_of(str(element.tag), self.model, index, said)
+        joints = coupling and coupled(self.found.joints, *coupling)
+        if not coupling or not joints:
             return False
-        if by_name[follower].mimic or _follows(by_name, leader, follower):
-            return False
-        by_name[follower] = replace(by_name[follower], mimic=Mimic(leader, c[1], c[0]))
-        self.found.joints = list(by_name.values())
-        more = leftover(said, keys("joint1 joint2 polycoef active"))
+        self.found.joints = joints
+        more = leftover(said, keys("joint1 joint2 tendon1 tendon2 polycoef active"))
         more["name"] = str(element.get("name"))
-        self.found.mjcf_only.append(MjcfOnly("mimic", element_text("joint", more), follower))
+        self.found.mjcf_only.append(MjcfOnly("mimic", element_text("joint", more), coupling[0]))
         return True
 
     def _loop(self, element: _Element, said: Mapping[str, str]) -> bool:
@@ -324,15 +329,6 @@ def _kind(key: str, said: Mapping[str, str]) -> str:
     if key in ("objname", "refname"):
         return said.get(key.replace("name", "type"), "").removeprefix("x")
     return NAMES.get(key, "")
-
-
-def _follows(joints: Mapping[str, Joint], name: str, leader: str) -> bool:
-    """Whether a joint already follows `leader`: no circles."""
-    while (mimic := joints[name].mimic) is not None:
-        name = mimic.joint
-        if name == leader:
-            return True
-    return False
 
 
 def _tether(element: _Element) -> Finding:

@@ -13,7 +13,7 @@ from assetbuild.facts.reader import Reader
 from assetbuild.facts.readers.urdf.assets import Assets, looks_of, pixels_of
 from assetbuild.facts.readers.urdf.joints import read_joints
 from assetbuild.facts.readers.urdf.links import Links
-from assetbuild.facts.reference import Reference, geometry_facts, robot_table
+from assetbuild.facts.reference import Reference, geometry_facts, mimic_facts, robot_table
 from assetbuild.facts.sketch import SKETCH
 from assetbuild.facts.table import Key, Table, Value, Writer
 from assetbuild.facts.xml import Walk
@@ -114,8 +114,12 @@ class UrdfFacts(Reader):
         book.put("robot", "", {"urdf:name": links.name})
         for body in links.bodies:
             book.put("body", body.name, {"urdf:link": True})
+        follows = {each.joint: each.mimic for each in reference.control.loop_mimics}
         for joint in links.joints:
-            book.put("joint", joint.name, dict(_ratings(joint, reference.control)))
+            facts = dict(_ratings(joint, reference.control))
+            if joint.name in follows:
+                facts |= mimic_facts(follows[joint.name])
+            book.put("joint", joint.name, facts)
         capsules = set()
         for shape in reference.shapes.shapes:
             if isinstance(shape.geometry, Capsule):

@@ -1,0 +1,38 @@
+"""SimReady's validator judges a USD: runs in its environment, without assetbuild.
+
+`python _simready_child.py job.json`: the features of the profile, as the validator reports them.
+"""
+
+from __future__ import annotations
+
+import json
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+
+def main(path: Path) -> None:
+    """Writes `answer.json` beside the job."""
+    job = json.loads(path.read_text(encoding="utf-8"))
+    report = path.with_name("report.json")
+    # The validator resolves links, and would find the layers outside of the asset's folder.
+    copy = shutil.copytree(Path(job["file"]).parent, path.with_name("usd"))
+    words = ["--profile", job["profile"], "--version", job["version"], "--output", str(report)]
+    program = [sys.executable, "-P", "-c", "from simready.validate._cli import main; main()"]
+    done = subprocess.run(
+        [*program, *words, str(copy / Path(job["file"]).name)],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    if not report.exists():
+        lines = [line for line in (done.stdout + done.stderr).splitlines() if line.strip()]
+        raise SystemExit(lines[-1] if lines else f"simready-validate ended with {done.returncode}")
+    (result,) = json.loads(report.read_text(encoding="utf-8")).values()
+    answer = {"features": result["features_summary"]}
+    path.with_name("answer.json").write_text(json.dumps(answer), encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1]))
