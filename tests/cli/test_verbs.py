@@ -5,10 +5,15 @@ from __future__ import annotations
 import json
 import subprocess
 import sys
+from itertools import pairwise
 
+import networkx
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from assetbuild.cli import VERBS
+from assetbuild.pipeline.drawing import critical_path
 
 from .conftest import Workplace
 
@@ -104,7 +109,29 @@ def test_a_key_without_another_value_is_told(place: Workplace):
 
 
 def test_plan_names_what_a_build_waits_for(place: Workplace):
+    asked = ("plan", "recipes/go1.yaml", "--format", "json")
+    nodes = json.loads(place.run(*asked).stdout)["nodes"]
+    reads = {n["label"]: {ref.rpartition(":")[0] for ref in n["inputs"].values()} for n in nodes}
+    rows = json.loads(place.run(*asked, "--critical").stdout)
+    path = [row["label"] for row in rows]
+    assert len(path) > 3
+    assert all(maker in reads[reader] for maker, reader in pairwise(path))
     told = place.run("plan", "recipes/go1.yaml", "--critical").stdout.splitlines()
-    assert told[0].startswith("a build with enough cores waits for ")
-    order = [line.split()[-1] for line in told[1:]]
-    assert order.index("assemble") < len(order) - 1
+    assert told[0].startswith(f"a build with enough cores waits for {len(path)} steps")
+    assert [line.split()[-1] for line in told[1:]] == path
+
+
+@given(
+    st.lists(st.tuples(st.sets(st.integers(0, 7)), st.integers(1, 50)), min_size=1, max_size=8),
+)
+def test_the_critical_path_is_the_longest(steps: list[tuple[set[int], int]]):
+    net = networkx.MultiDiGraph()
+    for index, (_, seconds) in enumerate(steps):
+        net.add_node(index, kind="step", seconds=float(seconds))
+    net.add_edges_from((m, i) for i, (makers, _) in enumerate(steps) for m in makers if m < i)
+    ends: list[int] = []  # seconds until each step is done, with cores enough
+    for index, (makers, seconds) in enumerate(steps):
+        ends.append(seconds + max((ends[m] for m in makers if m < index), default=0))
+    path = critical_path(net)
+    assert sum(steps[index][1] for index in path) == max(ends)
+    assert all(maker in steps[reader][0] for maker, reader in pairwise(path))
