@@ -105,13 +105,17 @@ def _stage(robot: str, reference: Reference, book: Writer) -> None:
         "usd:defaultPrim": identifier,
         "usd:displayName": robot if identifier != robot else None,
         "usd:kind": "component",
+        "usd:extentsHint": "its bounds" if reference.shapes.shapes else None,
         "usd:type": "Xform",
         "usd:upAxis of layers": ("Z",),
         "usd:metersPerUnit of layers": ("1.0",),
         "usd:kilogramsPerUnit of layers": ("1.0",),
-        "usd:variants of Physics": ("none", "physics"),
+        "usd:variants of Physics": ("mujoco", "newton", "none", "physics", "physx"),
         "usd:selected Physics": "physics",
         "usd:variant Physics=none": "",
+        "usd:amiss in Physics=mujoco": (),
+        "usd:amiss in Physics=newton": (),
+        "usd:amiss in Physics=physx": (),
     })  # fmt: skip
 
 
@@ -232,6 +236,7 @@ def _shape(shape: Shape, reference: Reference, options: UsdOptions, book: Writer
         surface = dict(reference.control.contacts).get(shape.name, reference.control.contact)
         facts["collides"] = bool(surface.mask or surface.partners)
         facts["usd:dynamicFriction"] = surface.friction[0]
+        facts["usd:frictionCombineMode"] = "max"
     book.put("shape", shape.name, facts)
 
 

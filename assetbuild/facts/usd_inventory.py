@@ -36,8 +36,8 @@ BY_PAIRS = "PhysicsFilteredPairsAPI"
 """Either of two bodies may carry this schema; the pairs that never touch are compared instead."""
 ARTICULATION = ("PhysicsArticulationRootAPI", "PhysxArticulationAPI", "NewtonArticulationRootAPI")
 BODY = ("PhysicsRigidBodyAPI", "PhysxRigidBodyAPI")
-SURFACE = ("PhysicsMaterialAPI", "NewtonMaterialAPI")
-MESH = ("PhysicsMeshCollisionAPI", "PhysxConvexHullCollisionAPI")
+SURFACE = ("PhysicsMaterialAPI", "NewtonMaterialAPI", "PhysxMaterialAPI")
+MESH = ("PhysicsMeshCollisionAPI", "PhysxConvexHullCollisionAPI", "NewtonMeshCollisionAPI")
 LAW = "PhysxMimicJointAPI"
 """Applied once for an axis, whose name the facts of the joint hold."""
 BOUND = frozenset({"PhysicsCollisionAPI", "MaterialBindingAPI"})
@@ -65,7 +65,8 @@ def inventory(
     top = f"/{usd_identifier(robot)}"
     tree, shapes = reference.tree, reference.shapes
     bodies = {name: f"{top}/{short}" for name, short in body_identifiers(tree).items()}
-    rows: list[Row] = [(top, "Xform", (ROBOT,))]
+    hinted = ("GeomModelAPI",) if shapes.shapes else ()
+    rows: list[Row] = [(top, "Xform", (ROBOT, *hinted))]
     rows += _bodies(reference, bodies)
     rows += _joints(reference, f"{top}/{JOINTS}", facts)
     rows += _loops(reference, f"{top}/{LOOPS}")

@@ -58,6 +58,10 @@ class Above:
     collider: Prim | None = None
 
 
+HINT = 1e-6
+"""Metres, and share of a bound, by which `extentsHint` may be off: it is in single precision."""
+
+
 @dataclass
 class Sorted:
     """The prims of a robot by what they are; bodies by path."""
@@ -309,7 +313,24 @@ def _root(
         if prim.prim == top:
             prim.metadata.pop("kind", None)
             shown = prim.metadata.pop("displayName", None)
-            book.put("stage", "", {"usd:displayName": None if shown is None else str(shown)})
+            book.put("stage", "", {
+                "usd:displayName": None if shown is None else str(shown),
+                "usd:extentsHint": _hint(prim),
+            })  # fmt: skip
+
+
+def _hint(robot: Prim) -> str | None:
+    """Whether the hint is the bounds by purpose, in words."""
+    stated = robot.take("extentsHint", "GeomModelAPI")
+    if stated is None:
+        return None
+    purposes = UsdGeom.Imageable.GetOrderedPurposeTokens()
+    cache = UsdGeom.BBoxCache(Usd.TimeCode.Default(), purposes)
+    bounds = np.array(UsdGeom.ModelAPI(robot.prim).ComputeExtentsHint(cache))
+    found = np.array(stated, dtype=np.float64).reshape(-1, 3)
+    if found.shape == bounds.shape and np.allclose(found, bounds, rtol=HINT, atol=HINT):
+        return "its bounds"
+    return f"{found.round(6).tolist()} for bounds of {bounds.round(6).tolist()}"
 
 
 def _articulation(prim: Prim, book: Writer) -> None:

@@ -33,7 +33,7 @@ PRIMS: tuple[tuple[str, str, tuple[str, ...]], ...] = (
     ("/World/floor", "Plane", ("PhysicsCollisionAPI", "MaterialBindingAPI")),
     ("/World/light", "DomeLight", ()),
     ("/World/PhysicsMaterials", "Scope", ()),
-    ("/World/PhysicsMaterials/floor", "Material", (*SURFACE, "PhysxMaterialAPI")),
+    ("/World/PhysicsMaterials/floor", "Material", SURFACE),
 )
 """Path, type and applied schemas of each prim of the scene but the robot's."""
 

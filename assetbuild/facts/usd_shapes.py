@@ -117,6 +117,7 @@ def _hull(prim: Prim) -> dict[str, Value]:
     """How PhysX takes a mesh."""
     if prim.type != "Mesh":
         return {}
+    prim.has("NewtonMeshCollisionAPI")  # its presence is a fact of the prim
     return {
         "usd:approximation": prim.text("physics:approximation", MESH_COLLISION) or "none",
         "usd:hullVertexLimit": prim.number("physxConvexHullCollision:hullVertexLimit", HULL),

@@ -14,6 +14,7 @@ from assetbuild.facts.reader import StatementError
 from assetbuild.facts.table import Value, Writer
 from assetbuild.facts.usd_about import metadata_facts
 from assetbuild.facts.usd_prims import PLAIN, Units
+from assetbuild.facts.usd_variants import VARIANT_SET, variants_amiss
 from assetbuild.simulators.usd_names import METADATA
 
 
@@ -105,6 +106,9 @@ def stage_facts(stage: Usd.Stage, units: Units, book: Writer) -> None:
 def variant_facts(prim: Usd.Prim, book: Writer) -> None:
     """Variant sets with their selections, and what the variants say that are not selected."""
     sets = prim.GetVariantSets()
+    amiss = variants_amiss(prim.GetStage())
+    for variant, names in amiss.items():
+        book.put("stage", "", {f"usd:amiss in {VARIANT_SET}={variant}": names})
     for name in sets.GetNames():
         chosen = sets.GetVariantSelection(name)
         book.put("stage", "", {
@@ -114,7 +118,7 @@ def variant_facts(prim: Usd.Prim, book: Writer) -> None:
         for spec in prim.GetPrimStack():
             found = spec.variantSets[name].variants if name in spec.variantSets else {}
             for variant in found.keys():  # noqa: SIM118 # a proxy of USD, not a dictionary
-                if variant != chosen:
+                if variant != chosen and (name != VARIANT_SET or variant not in amiss):
                     said = " ".join(_said_by(found[variant].primSpec))
                     book.put("stage", "", {f"usd:variant {name}={variant}": said})
 

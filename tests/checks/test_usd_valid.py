@@ -90,7 +90,7 @@ def test_main_file_copied_alone_is_caught(tmp_path: Path) -> None:
     (inputs / "usd/payloads").rename(tmp_path / "left_behind")
     findings = run_step(UsdValid(robot="robot"), inputs, tmp_path / "out")
     unresolved = [f.message for f in findings if f.rule == "usd.unresolved"]
-    assert len(unresolved) == 2
+    assert len(unresolved) == 5
 
 
 def test_absolute_reference_is_caught_even_where_it_still_resolves(tmp_path: Path) -> None:

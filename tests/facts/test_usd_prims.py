@@ -44,7 +44,9 @@ def copy(path: str) -> Spoil:
     return spoil
 
 
-BASE, PHYSICS, LOOKS = (f"payloads/{name}.usda" for name in ("base", "physics", "materials"))
+BASE, PHYSICS, PHYSX, LOOKS = (
+    f"payloads/{name}.usda" for name in ("base", "physics", "physx", "materials")
+)
 
 
 @pytest.mark.parametrize(
@@ -70,10 +72,10 @@ BASE, PHYSICS, LOOKS = (f"payloads/{name}.usda" for name in ("base", "physics", 
          lambda s: UsdPhysics.DriveAPI.Apply(s.GetPrimAtPath(HIP), "linear")),
         ("schema_materialbindingapi", FOOT, PHYSICS,
          lambda s: s.GetPrimAtPath(FOOT).RemoveAppliedSchema("MaterialBindingAPI")),
-        ("viscousfrictioncoefficient", HIP, PHYSICS,
+        ("viscousfrictioncoefficient", HIP, PHYSX,
          lambda s: s.GetPrimAtPath(HIP).RemoveProperty(
              "physxJointAxis:angular:viscousFrictionCoefficient")),
-        ("enabledselfcollisions", "/robot/trunk", PHYSICS,
+        ("enabledselfcollisions", "/robot/trunk", PHYSX,
          lambda s: s.GetPrimAtPath("/robot/trunk").RemoveProperty(
              "physxArticulation:enabledSelfCollisions")),
         ("body0", HIP, PHYSICS,

@@ -140,7 +140,8 @@ def alarms(bundle: Path, *files: str) -> dict[tuple[str, str], list[str]]:
 
 
 def test_files_that_are_written_anew_are_the_same_robot(legs: Path):
-    files = ("mjcf/legs.xml", "urdf/legs.urdf", "usd/payloads/physics.usda", "report/robot.json")
+    usd = (f"usd/payloads/{name}.usda" for name in ("physics", "physx", "newton", "mujoco"))
+    files = ("mjcf/legs.xml", "urdf/legs.urdf", *usd, "report/robot.json")
     assert alarms(legs, *files) == {}
 
 

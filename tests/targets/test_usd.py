@@ -95,7 +95,7 @@ def test_physics_is_a_selected_variant_and_none_takes_all_of_it_away(
     variants = quadruped.GetDefaultPrim().GetVariantSet("Physics")
     assert variants.HasAuthoredVariantSelection()
     assert variants.GetVariantSelection() == "physics"
-    assert variants.GetVariantNames() == ["none", "physics"]
+    assert variants.GetVariantNames() == ["mujoco", "newton", "none", "physics", "physx"]
     variants.SetVariantSelection("none")
     physics = (UsdPhysics.RigidBodyAPI, UsdPhysics.CollisionAPI, UsdPhysics.ArticulationRootAPI)
     assert not [p for p in everything(quadruped) if any(p.HasAPI(api) for api in physics)]
@@ -542,7 +542,10 @@ def test_files_name_one_another_relatively_and_no_other_place(tmp_path: Path) ->
         "payloads/geometries.usdc",
         "payloads/instances.usda",
         "payloads/materials.usda",
+        "payloads/mujoco.usda",
+        "payloads/newton.usda",
         "payloads/physics.usda",
+        "payloads/physx.usda",
     }
     for name, data in files.items():
         assert str(tmp_path).encode() not in data

@@ -48,7 +48,16 @@ def write_metadata(stage: Usd.Stage, robot: str, tree: Tree, origin: Origin) -> 
     said["mass"] = total_mass(tree)
     if (size := extents(stage)) is not None:
         said["asset_extents"] = size
+        hint_extents(stage)
     stage.GetRootLayer().customLayerData = {METADATA: said}
+
+
+def hint_extents(stage: Usd.Stage) -> None:
+    """Author the bounds by purpose, so that a viewer frames the robot before it loads it."""
+    purposes = UsdGeom.Imageable.GetOrderedPurposeTokens()
+    cache = UsdGeom.BBoxCache(Usd.TimeCode.Default(), purposes)
+    model = UsdGeom.ModelAPI.Apply(stage.GetDefaultPrim())
+    model.SetExtentsHint(model.ComputeExtentsHint(cache))
 
 
 def extents(stage: Usd.Stage) -> Gf.Vec3f | None:

@@ -22,6 +22,7 @@ from assetbuild.targets.usd.colliders import (
     define_colliders,
     touching_neighbours,
 )
+from assetbuild.targets.usd.engines import save_by_engine
 from assetbuild.targets.usd.geometry import write_instances, write_library, write_materials
 from assetbuild.targets.usd.isaac import apply_robot_schema
 from assetbuild.targets.usd.joints import apply_articulation, define_joints, define_loops
@@ -49,7 +50,7 @@ def write_asset(
     write_materials(payloads, names, shapes, meshes)
     write_instances(payloads, names, shapes, instanceable=options.instanceable)
     write_base(payloads, names, robot)
-    # What the variant `physics` adds to the robot.
+    # What the variants of `Physics` add to the robot.
     stage = new_layer(payloads / "physics.usda", names)
     weightless = whole_gravity(control.mjcf_only)
     yield from apply_rigid_bodies(stage, names, options.rigid_body, weightless)
@@ -62,7 +63,7 @@ def write_asset(
     apply_filtered_pairs(stage, names, shapes, control)
     apply_masks(stage, names, shapes, control)
     apply_robot_schema(stage, names, control, options)
-    save(stage)
+    save_by_engine(stage, payloads, names)
     interface = new_interface(folder / main, names)
     write_metadata(interface, robot, tree, origin)
     save(interface)

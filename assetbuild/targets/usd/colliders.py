@@ -83,6 +83,7 @@ def _apply_hull(prim: Usd.Prim) -> None:
     mesh.CreateApproximationAttr(UsdPhysics.Tokens.convexHull)
     name = "physxConvexHullCollision"
     apply_foreign(prim, "PhysxConvexHullCollisionAPI", name, {"hullVertexLimit": HULL_VERTICES})
+    apply_foreign(prim, "NewtonMeshCollisionAPI", "newton", {})
 
 
 def _hull_findings(shape: Shape, geometry: Mesh, shapes: Shapes) -> Iterator[Finding]:
@@ -105,7 +106,10 @@ def _hull_findings(shape: Shape, geometry: Mesh, shapes: Shapes) -> Iterator[Fin
 
 
 def define_surface(stage: Usd.Stage, path: str, friction: Vec3) -> UsdShade.Material:
-    """The physics material: MuJoCo has one sliding friction, so static equals dynamic."""
+    """The physics material: MuJoCo has one sliding friction, so static equals dynamic.
+
+    As in MuJoCo the larger friction of two surfaces acts; PhysX would take their mean.
+    """
     material = UsdShade.Material.Define(stage, path)
     sliding, torsional, rolling = friction
     surface = UsdPhysics.MaterialAPI.Apply(material.GetPrim())
@@ -114,6 +118,8 @@ def define_surface(stage: Usd.Stage, path: str, friction: Vec3) -> UsdShade.Mate
     surface.CreateRestitutionAttr(0.0)
     beyond = {"torsionalFriction": torsional, "rollingFriction": rolling}
     apply_foreign(material.GetPrim(), "NewtonMaterialAPI", "newton", beyond)
+    combined = {"frictionCombineMode": "max"}
+    apply_foreign(material.GetPrim(), "PhysxMaterialAPI", "physxMaterial", combined)
     return material
 
 

@@ -5,7 +5,8 @@ payloads/base.usda           bodies and frames; sublayers instances.usda and mat
 payloads/instances.usda      what is seen: instances of the meshes, primitives
 payloads/materials.usda      materials for the eye, textures/ beside it
 payloads/geometries.usdc     each mesh once
-payloads/physics.usda        variant `physics`: masses, joints, drives, colliders
+payloads/physics.usda        masses, joints, drives, colliders in USD's own words
+payloads/<engine>.usda       what PhysX, Newton and MuJoCo add, for the variants of `VARIANTS`
 """
 
 from __future__ import annotations
@@ -23,6 +24,15 @@ PAYLOADS = "payloads"
 GEOMETRIES = "geometries.usdc"
 CRATE_VERSIONS = ((0, 8, 0), (0, 10, 0))
 """First and last version of the binary format that usd-core 24.5 reads and writes."""
+VARIANTS = {
+    "none": (),
+    "physics": ("physics", "physx", "newton", "mujoco"),
+    "physx": ("physics", "physx"),
+    "newton": ("physics", "newton", "mujoco"),
+    "mujoco": ("physics", "newton", "mujoco"),
+}
+"""Payloads of the variants of `Physics`. Newton runs MuJoCo's solver and reads its words, and
+MuJoCo's schema builds on Newton's."""
 _UNSIGNED = frozenset({"timeStepsPerSecond"})
 """Whole numbers that their schema declares without a sign."""
 
@@ -83,11 +93,13 @@ def new_interface(path: Path, names: PrimPaths) -> Usd.Stage:
     Usd.ModelAPI(prim).SetKind(Kind.Tokens.component)
     prim.GetPayloads().AddPayload(f"./{PAYLOADS}/base.usda")
     variants = prim.GetVariantSets().AddVariantSet("Physics")
-    for variant in ("none", "physics"):
+    for variant, payloads in VARIANTS.items():
         variants.AddVariant(variant)
+        variants.SetVariantSelection(variant)
+        with variants.GetVariantEditContext():
+            for payload in payloads:
+                prim.GetPayloads().AddPayload(f"./{PAYLOADS}/{payload}.usda")
     variants.SetVariantSelection("physics")
-    with variants.GetVariantEditContext():
-        prim.GetPayloads().AddPayload(f"./{PAYLOADS}/physics.usda")
     return stage
 
 

@@ -62,9 +62,6 @@ def _define_floor(stage: Usd.Stage, ground: Floor) -> None:
     UsdPhysics.CollisionAPI.Apply(floor.GetPrim())
     UsdGeom.Scope.Define(stage, f"/World/{PHYSICS_MATERIALS}")
     surface = define_surface(stage, f"/World/{PHYSICS_MATERIALS}/floor", ground.friction)
-    # As in MuJoCo the larger friction of two surfaces acts; PhysX would take their mean.
-    combined = {"frictionCombineMode": "max"}
-    apply_foreign(surface.GetPrim(), "PhysxMaterialAPI", "physxMaterial", combined)
     UsdShade.MaterialBindingAPI.Apply(floor.GetPrim()).Bind(
         surface, UsdShade.Tokens.weakerThanDescendants, "physics"
     )
