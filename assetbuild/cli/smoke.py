@@ -9,7 +9,7 @@ from dataclasses import replace
 from assetbuild.cli.build import add_plain_arguments
 
 HELP = "build the bundle and let a trainer load, step and train it for a moment"
-CONSUMERS = ("mjlab", "newton", "isaaclab", "simready")
+CONSUMERS = ("mjlab", "newton", "isaaclab", "simready", "asset_validator")
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

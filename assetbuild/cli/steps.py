@@ -76,6 +76,7 @@ CHECKS = {
     "physx_free_fall": "letting it fall freely in PhysX",
     "physx_loops": "swinging the drives of its loops in PhysX",
     "physx_readback": "reading it back from PhysX",
+    "asset_validator": "asking NVIDIA's asset validator about the USD",
     "simready": "asking SimReady's validator about the USD",
     "simcheck": "asking simcheck about the MJCF",
     "smoke_isaaclab": "trying it in Isaac Lab",

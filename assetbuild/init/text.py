@@ -39,6 +39,7 @@ from assetbuild.recipe.loader import shown_path
 from assetbuild.robot.contact import Exclude
 from assetbuild.robot.inertia import total_mass
 from assetbuild.robot.model import Tree
+from assetbuild.targets.mjcf.files import SCENES
 
 MANY_LEGS = 4
 """Robots on as many legs usually stand."""
@@ -46,9 +47,9 @@ DROPPED = {"damping": "it would creep for minutes", "friction": "it takes most o
 
 
 def recipe_name(name: str) -> str:
-    """The robot's name as a recipe may spell it."""
+    """The robot's name as a recipe may spell it; many an MJCF is called `scene`, as ours are."""
     plain = re.sub(r"[^A-Za-z0-9_.-]", "_", name)
-    return (plain if plain[:1].isalpha() else f"robot_{plain}")[:64]
+    return (plain if plain[:1].isalpha() and plain not in SCENES else f"robot_{plain}")[:64]
 
 
 @dataclass(frozen=True)

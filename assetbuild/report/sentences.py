@@ -175,6 +175,10 @@ def _simready(f: Figures) -> str:
     return f"{f['met']} of {f['of']} features of {f['profile']} are met"
 
 
+def _validator(f: Figures) -> str:
+    return f"{f['failures']} rules fail, {f['warnings']} warnings"
+
+
 SENTENCES: Mapping[str, Callable[[Figures], str]] = {
     "oracle": _oracle,
     "urdf_kinematics": _kinematics,
@@ -194,6 +198,7 @@ SENTENCES: Mapping[str, Callable[[Figures], str]] = {
     "newton_loops": _loops,
     "mjlab_contract": _contract,
     "simready": _simready,
+    "asset_validator": _validator,
     "textures": lambda f: (
         f"{f['materials']} materials wear the picture of the source in every format"
         if f["materials"]

@@ -77,6 +77,7 @@ ELSEWHERE = {
     "assetbuild.checks.smoke_isaaclab": "needs the trainer",
     "assetbuild.checks.smoke_mjlab": "needs the trainer",
     "assetbuild.checks.smoke_newton": "needs the trainer",
+    "assetbuild.checks.asset_validator": "needs the validator",
     "assetbuild.checks.simready": "needs the validator",
     "assetbuild.source.get.fetch": "needs the network",
     "assetbuild.source.get.fetch_git": "needs the network",
@@ -250,7 +251,7 @@ COMPUTED_WITH = {
 """Modules of the engine that steps compute with; another would run most steps when it changes."""
 
 
-ASKING = ("smoke_", "newton", "simready")
+ASKING = ("smoke_", "newton", "simready", "asset_validator")
 """Checks that ask a program in an environment of its own: they look for that environment."""
 
 

@@ -23,11 +23,13 @@ SHARED_LOOKS = Rule(
     "mjcf.looks", "info", "materials that look alike share one name in the MJCF", "nothing"
 )
 TEXTURE = Rule("mjcf.texture", "warning", "a texture is missing or is not a PNG", "convert it")
+SCENES = ("scene", "scene_mjx")
+"""Names of the files beside the robot's."""
 
 
 def refuse_name(robot: str) -> None:
     """StepError for a robot whose file would be the scene."""
-    if robot in ("scene", "scene_mjx"):
+    if robot in SCENES:
         raise StepError(
             f"a robot named `{robot}` has no room beside {robot}.xml",
             hint="change `robot` in the recipe",
