@@ -176,6 +176,23 @@ def test_surfaces_are_those_of_the_classes(arm: Reading):
     assert contacts["knob"].priority == 2
 
 
+def test_colours_that_differ_by_less_than_a_shade_are_two(tmp_path: Path):
+    """Materials of such colours are called after the nearest of 256 shades."""
+    colours = ("0.631817 0.804656 0.9 1", "0.631836 0.804648 0.9 1", "0.631817 0.804656 0.9 1")
+    seen = "".join(
+        f'<geom name="g{i}" size=".1" contype="0" conaffinity="0" rgba="{rgba}"/>'
+        for i, rgba in enumerate(colours)
+    )
+    found = read(
+        robot(f'<body name="a"><inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/>{seen}</body>'),
+        tmp_path,
+    )
+    materials = {m.name: m.rgba for m in found.shapes.materials}
+    worn = [materials[shape.material or ""] for shape in found.shapes.shapes]
+    assert worn == [tuple(map(float, rgba.split())) for rgba in colours]
+    assert len(materials) == 2
+
+
 def test_a_shape_that_only_mjcf_has_stays_whole(arm: Reading):
     assert 'type="ellipsoid"' in arm.only("body")["base"]
     assert not any(shape.name == "egg" for shape in arm.shapes.shapes)

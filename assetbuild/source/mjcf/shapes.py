@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from itertools import chain, count
 from typing import TYPE_CHECKING, Any
 
 from assetbuild.findings import Data, Finding, Rule
@@ -183,8 +184,12 @@ class _Reader:
         known = self._look(look, str(look.get("name"))) if look is not None else Material("rgba")
         if look is not None and known.rgba == colour:
             return known.name
-        name = "_".join((known.name, *(f"{round(v * 255):d}" for v in colour)))
-        if name not in self.geoms.materials:
+        base = "_".join((known.name, *(f"{round(v * 255):d}" for v in colour)))
+        for name in chain((base,), (f"{base}_{n}" for n in count(2))):
+            found = self.geoms.materials.get(name)
+            if found is None or found == replace(known, name=name, rgba=colour):
+                break
+        if found is None:
             self.geoms.materials[name] = replace(known, name=name, rgba=colour)
             stated = [
                 i for i in self.geoms.mjcf_only if (i.place, i.owner) == ("material", known.name)
