@@ -8,8 +8,9 @@ are compared as facts) and with the constraint solver run to the end. A row is "
 joints agree to a relative 1e-6, "reported" where a warning or error of the build names something
 that only a part of the source has, and "SILENT" otherwise; the program then ends with 1.
 
-A source that MuJoCo cannot repeat is compared as long as it can: a second run of the source whose
-start is moved by 1e-14 goes along, and where that is off by 1e-6, the row ends with its step.
+A source whose motion is decided by rounding is compared as long as it is not: a second run of the
+source goes along, whose speeds are rounded by 1e-14 in each step, and where that is off by 1e-6,
+the row ends with its step.
 """
 
 from __future__ import annotations
@@ -151,7 +152,6 @@ def _difference(
         model.opt.iterations, model.opt.tolerance = 300, 1e-15
         model.opt.solver = int(mujoco.mjtSolver.mjSOL_NEWTON)
     one, twin, other = mujoco.MjData(source), mujoco.MjData(source), mujoco.MjData(result)
-    twin.qvel += NUDGE
     rows = []  # (place in one, place in the other, width, what the source counts from)
     for a, b in joints:
         kind = int(source.jnt_type[a])
@@ -161,12 +161,14 @@ def _difference(
         other.qpos[there : there + WIDTHS[kind]] = one.qpos[at : at + WIDTHS[kind]] - rest
     rests = {a: row[3] for (a, _), row in zip(joints, rows, strict=True)}
     shifts = {a: _shift(source, a, rests) for a, _ in drives}
-    random, worst, size = np.random.default_rng(1), 0.0, 1e-9
+    random, noise = np.random.default_rng(1), np.random.default_rng(2)
+    worst, size = 0.0, 1e-9
     for step in range(STEPS):
         for a, b in drives:
             low, high = source.actuator_ctrlrange[a] if source.actuator_ctrllimited[a] else (-1, 1)
             one.ctrl[a] = twin.ctrl[a] = random.uniform(low, high)
             other.ctrl[b] = one.ctrl[a] - shifts.get(a, 0.0)
+        twin.qvel *= 1.0 + NUDGE * noise.standard_normal(source.nv)
         for model, data in ((source, one), (source, twin), (result, other)):
             mujoco.mj_step(model, data)
         own = [one.qpos[at : at + width] - rest for at, _, width, rest in rows]
