@@ -56,7 +56,7 @@ def newton_rows(model: Any, held: Reading, tree: Tree) -> Iterator[Row]:  # Any:
     )
     bodies = {file: name for name, file in body_identifiers(tree).items()}
     joints = {file: name for name, file in joint_identifiers(tree).items()}
-    yield from fact_rows(ours, newton_table(held, bodies, joints, ours))
+    yield from fact_rows(ours, newton_table(held, bodies, joints, {}, ours))
     theirs = {frozenset(bodies.get(name, name) for name in pair) for pair in held["touching"]}
     yield touching_row(model, theirs, tree, "Newton")
 

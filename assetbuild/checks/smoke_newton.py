@@ -22,7 +22,7 @@ from assetbuild.robot.shapes import Shapes
 from assetbuild.simulators.consumers import FAILED, NOT_FINITE, ConsumerCheck
 from assetbuild.simulators.environments import Environment
 from assetbuild.simulators.newton import HOME
-from assetbuild.simulators.usd_names import body_identifiers, joint_identifiers
+from assetbuild.simulators.usd_names import body_identifiers, joint_identifiers, usd_identifiers
 
 BEYOND_IMPORTS = ("assetbuild.simulators._newton_child",)
 LIGHT = (
@@ -37,7 +37,7 @@ class SmokeNewton(ConsumerCheck):
     """Loads `usd/<robot>.usda` and `mjcf/<robot>.xml`, reads them back, steps them."""
 
     needs: ClassVar[tuple[str, ...]] = ("mjcf", "usd")
-    reads: ClassVar[tuple[str, ...]] = ("tree.json", "control.json")
+    reads: ClassVar[tuple[str, ...]] = ("tree.json", "shapes.json", "control.json")
     consumer: ClassVar[str] = "newton"
     home: ClassVar[Environment] = HOME
 
@@ -64,7 +64,9 @@ class SmokeNewton(ConsumerCheck):
         for kind in paths:
             reading = answer[kind]
             assert isinstance(reading, dict)  # noqa: S101 # as the child writes it
-            findings = list(judged(kind, reading, robot.tree, robot.control, mimics=self.mimics))
+            findings = list(
+                judged(kind, reading, robot.tree, robot.control, robot.shapes, mimics=self.mimics)
+            )
             yield from findings
             figures[kind] = reading.get("failure") or {
                 "mass_kg": round(math.fsum(b["mass"] for b in reading["bodies"].values()), 4),
@@ -78,7 +80,13 @@ class SmokeNewton(ConsumerCheck):
 
 
 def judged(
-    kind: str, reading: Reading, tree: Tree, control: Control, *, mimics: bool = True
+    kind: str,
+    reading: Reading,
+    tree: Tree,
+    control: Control,
+    shapes: Shapes,
+    *,
+    mimics: bool = True,
 ) -> Iterator[Finding]:
     """What Newton holds of one file, beside the robot; separate, to be tried on bad readings."""
     if "failure" in reading:
@@ -94,15 +102,19 @@ def judged(
     alike = kind == "mjcf"
     table = newton_expected(
         Reference(tree, tree, Shapes(), control, Assets(), {}),
+        shapes,
         coupled=lambda joint: alike or (mimics and _is_of_one_kind(tree, joint)),
         usd=not alike,
     )
     bodies = {file: name for name, file in body_identifiers(tree).items()}
     joints = {file: name for name, file in joint_identifiers(tree).items()}
+    solid = {usd: name for name, usd in usd_identifiers(s.name for s in shapes.shapes).items()}
     if alike:  # of an MJCF's names Newton changes this alone
         bodies = {body.name.replace("-", "_"): body.name for body in tree.bodies}
         joints = {joint.name.replace("-", "_"): joint.name for joint in tree.joints}
-    found = differences(table, newton_table(reading, bodies, joints, table), NEWTON)
+        solid = {shape.name.replace("-", "_"): shape.name for shape in shapes.shapes}
+    held = newton_table(reading, bodies, joints, solid, table)
+    found = differences(table, held, NEWTON)
     for finding in equality_findings(found, "newton", f"the {kind.upper()} as Newton holds it", {}):
         light = finding.rule.endswith(".inertia")
         yield replace(finding, hint=LIGHT) if light else finding

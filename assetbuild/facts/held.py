@@ -7,19 +7,20 @@ MJCF. So one form serves the read-backs and the comparison of two simulators.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from typing import Any
 
 import numpy as np
 
 from assetbuild.facts.compare import Precision
-from assetbuild.facts.reference import SOLREF, Reference, pose_value, robot_table
+from assetbuild.facts.reference import SOLREF, Reference, pose_value, robot_table, surface_facts
 from assetbuild.facts.table import Key, Table, Value, Writer
 from assetbuild.facts.usd_actuators import explicit_law
 from assetbuild.robot.initial import initial_pose
 from assetbuild.robot.joint_springs import as_drives
-from assetbuild.robot.model import Joint, Tree
+from assetbuild.robot.model import Control, Joint, Tree
 from assetbuild.robot.pose import Pose
+from assetbuild.robot.shapes import Shapes
 from assetbuild.simulators import physx
 from assetbuild.simulators.physx_couplings import Coupling, measurable
 
@@ -79,7 +80,7 @@ NEWTON_LACKS: Mapping[str, str] = {
     **dict.fromkeys(("joint stiffness", "joint spring reference"), _NO_SPRING),
     **{key: why for key, why in PHYSX_LACKS.items() if why == _OUTSIDE},
     "joint drive name": "a drive is part of its joint",
-    "shape": _UNREAD,
+    "shape": "what its surface is like is read back; where it is, in the file",
     "loop": _UNREAD,
     "pair": _UNREAD,
     "sensor": "it has its own",
@@ -91,6 +92,7 @@ NEWTON_LACKS: Mapping[str, str] = {
 """As above, of Newton's MuJoCo solver."""
 NEWTON_UNLIMITED = 1e6
 """Newton's word for an effort or a range without limit, at least."""
+SURFACE = frozenset({"friction", "condim", "priority", "solref", "solimp", "margin", "gap"})
 OF_DRIVES = frozenset({"kp", "kd", "effort", "damping"})
 WEIGHT = ("mass", "centre of mass", "inertia")
 SIX = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
@@ -308,9 +310,12 @@ def _held_joint(joint: physx.HeldJoint) -> dict[str, Value]:
 # --- Newton --------------------------------------------------------------------------------------
 
 
-def newton_expected(reference: Reference, *, coupled: Callable[[Joint], bool], usd: bool) -> Table:
+def newton_expected(
+    reference: Reference, shapes: Shapes, *, coupled: Callable[[Joint], bool], usd: bool
+) -> Table:
     """Return what Newton must hold of the robot.
 
+    reference: needs no shapes, whose geometry is not read back.
     coupled: does a file say that a joint mimics? usd: read from the USD, which alone says how soft
     limits are and which law an explicit drive has.
     """
@@ -329,20 +334,39 @@ def newton_expected(reference: Reference, *, coupled: Callable[[Joint], bool], u
         row = reference.control.by_joint.get(joint.name)
         for name, value in explicit_law(row).items() if row else ():
             book.put("joint", joint.name, {f"newton:actuator {name}": value})
+    for name, facts in _surfaces_of(shapes, reference.control):
+        book.put("shape", name, facts)
     return expected | book.table()
 
 
+def _surfaces_of(shapes: Shapes, control: Control) -> Iterator[tuple[str, dict[str, Value]]]:
+    """Of each shape that may touch something; a gap of 0 leaves Newton its own, which only finds
+    contacts earlier."""
+    own, common = dict(control.contacts), control.contact
+    for shape in shapes.of("collision"):
+        contact = own.get(shape.name, common)
+        if contact.mask or contact.partners:
+            facts = surface_facts(contact)
+            wanted = SURFACE if contact.gap else SURFACE - {"gap"}
+            yield shape.name, {word: facts[word] for word in sorted(wanted)}
+
+
 def newton_table(
-    reading: Mapping[str, Any], bodies: Mapping[str, str], joints: Mapping[str, str], like: Table
-) -> Table:  # Any: JSON
-    """What Newton holds of a file. bodies, joints: the robot's names by the file's.
+    reading: Mapping[str, Any],  # Any: JSON
+    bodies: Mapping[str, str],
+    joints: Mapping[str, str],
+    shapes: Mapping[str, str],
+    like: Table,
+) -> Table:
+    """What Newton holds of a file. bodies, joints, shapes: the robot's names by the file's.
 
     like: what is expected; gains of drives that it does not state are left out.
     """
     book = Writer()
     book.put("robot", "", {"newton:dof": float(reading["dof"])})
     for kind, rows, names in (
-        ("body", reading["bodies"], bodies), ("joint", reading["joints"], joints)
+        ("body", reading["bodies"], bodies), ("joint", reading["joints"], joints),
+        ("shape", reading["shapes"], shapes),
     ):  # fmt: skip
         for name, facts in rows.items():
             said: dict[str, Value] = {
@@ -351,6 +375,8 @@ def newton_table(
             known = like.of(kind, names.get(name, name))
             if kind == "joint" and "kp" not in known:
                 said = {q: v for q, v in said.items() if q not in OF_DRIVES}
+            if kind == "shape":
+                said = {q: v for q, v in said.items() if q in known}
             if isinstance(leader := said.get("mimics"), str):
                 said["mimics"] = names.get(leader, leader)
             if known:

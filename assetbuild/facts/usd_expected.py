@@ -237,6 +237,9 @@ def _shape(shape: Shape, reference: Reference, options: UsdOptions, book: Writer
         facts["collides"] = bool(surface.mask or surface.partners)
         facts["usd:dynamicFriction"] = surface.friction[0]
         facts["usd:frictionCombineMode"] = "max"
+        if surface.margin or surface.gap:
+            facts["usd:newton:contactMargin"] = surface.margin
+            facts["usd:newton:contactGap"] = surface.gap or None
     book.put("shape", shape.name, facts)
 
 

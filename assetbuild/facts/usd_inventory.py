@@ -173,6 +173,7 @@ def _velocities(joint: Joint) -> tuple[str, ...]:
 def _shapes(reference: Reference, bodies: Mapping[str, str]) -> Iterator[Row]:
     """Visual meshes lie below the prim that names and shares them; a collider is its mesh."""
     tree, shapes = reference.tree, reference.shapes
+    own, common = dict(reference.control.contacts), reference.control.contact
     names = usd_identifiers(shape.name for shape in shapes.shapes)
     groups = set()
     for shape in shapes.shapes:
@@ -184,6 +185,10 @@ def _shapes(reference: Reference, bodies: Mapping[str, str]) -> Iterator[Row]:
         bound = ("MaterialBindingAPI",) if collides or shape.material is not None else ()
         if not is_mesh or collides:
             solid = ("PhysicsCollisionAPI", "MjcCollisionAPI") if collides else ()
+            if collides and any(
+                (own.get(shape.name, common).margin, own.get(shape.name, common).gap)
+            ):
+                solid = (*solid, "NewtonCollisionAPI")
             yield path, _type(shape), (*bound, *solid, *(MESH if is_mesh else ()))
         else:
             yield path, "Xform", bound

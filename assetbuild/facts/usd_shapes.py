@@ -26,6 +26,7 @@ CONTACT: Mapping[str, tuple[float, ...]] = {
     "gap": (0.0,),
 }
 """Attributes of MuJoCo's `MjcCollisionAPI` with what they are where they are not stated."""
+NEWTON_COLLISION, NEWTON_OFFSETS = "NewtonCollisionAPI", ("contactMargin", "contactGap")
 MESH_COLLISION, HULL = "PhysicsMeshCollisionAPI", "PhysxConvexHullCollisionAPI"
 
 
@@ -110,6 +111,8 @@ def _mujoco_contact(prim: Prim) -> dict[str, Value]:
         stated = prim.take(f"mjc:{name}", schema)
         values = usual if stated is None else tuple(map(float, np.ravel(np.asarray(stated))))
         facts[name] = values if len(usual) > 1 else values[0]
+    for name in NEWTON_OFFSETS if prim.has(NEWTON_COLLISION) else ():
+        facts[f"usd:newton:{name}"] = prim.number(f"newton:{name}")
     return facts
 
 

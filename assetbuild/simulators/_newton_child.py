@@ -97,7 +97,8 @@ def readings(model: Any, held: Any, *, usd: bool) -> dict[str, Any]:
         row["newton:solreflimit"] = held.jnt_solref[index].tolist() if limited else None
     for name, law in actuators(model).items() if usd else ():
         joints[name] |= law
-    return {"bodies": bodies(model), "dof": int(held.nv), "joints": joints}
+    found = {"bodies": bodies(model), "dof": int(held.nv), "joints": joints}
+    return found | {"shapes": shapes(model, held)}
 
 
 def driven(held: Any) -> dict[int, tuple[int, float]]:
@@ -162,6 +163,25 @@ def bodies(model: Any) -> dict[str, dict[str, Any]]:
             "centre of mass": [float(v) for v in centre],
             "inertia": [float(tensor[i][j]) for i, j in six],
         }
+    return found
+
+
+def shapes(model: Any, held: Any) -> dict[str, dict[str, Any]]:
+    """The surface of each shape that may touch something; the solver's own margins are Newton's."""
+    margins, gaps = model.shape_margin.numpy(), model.shape_gap.numpy()
+    found = {}
+    for index in range(held.ngeom):
+        label, _, shape = held.geom(index).name.rpartition("_")  # Newton appends its number
+        if label and (held.geom_contype[index] or held.geom_conaffinity[index]):
+            found[label.rsplit("/", 1)[-1]] = {
+                "friction": held.geom_friction[index].tolist(),
+                "condim": float(held.geom_condim[index]),
+                "priority": float(held.geom_priority[index]),
+                "solref": held.geom_solref[index].tolist(),
+                "solimp": held.geom_solimp[index].tolist(),
+                "margin": float(margins[int(shape)]),
+                "gap": float(gaps[int(shape)]),
+            }
     return found
 
 

@@ -143,12 +143,26 @@ def newton_reading(robot: TinyRobot | None = None, **changed: Any) -> dict[str, 
         for body in robot.tree.bodies
         if body.inertial
     }
-    return {"finite": True, "dof": 18, "bodies": bodies, "joints": joints} | changed
+    contact = robot.control.contact
+    shapes = {
+        shape.name: {
+            "friction": list(contact.friction),
+            "condim": float(contact.condim),
+            "priority": float(contact.priority),
+            "solref": [0.02, 1.0],
+            "solimp": [0.9, 0.95, 0.001, 0.5, 2.0],
+            "margin": contact.margin,
+            "gap": 0.1,  # Newton's own
+        }
+        for shape in robot.shapes.of("collision")
+    }
+    found = {"bodies": bodies, "joints": joints, "shapes": shapes}
+    return {"finite": True, "dof": 18} | found | changed
 
 
 def newton_says(reading: dict[str, Any], robot: TinyRobot | None = None) -> list[tuple[str, str]]:
     robot = robot or tiny_quadruped()
-    found = judge_newton("usd", reading, robot.tree, robot.control)
+    found = judge_newton("usd", reading, robot.tree, robot.control, robot.shapes)
     return [(finding.rule, finding.subject) for finding in found]
 
 
@@ -168,7 +182,7 @@ def test_newton_s_names_of_an_mjcf_are_known_again() -> None:
     reading = newton_reading()
     for row in reading["joints"].values():
         del row["newton:solreflimit"]  # the USD alone says it
-    assert list(judge_newton("mjcf", reading, tree, robot.control)) == []
+    assert list(judge_newton("mjcf", reading, tree, robot.control, robot.shapes)) == []
 
 
 def test_another_robot_in_newton_is_an_error() -> None:
@@ -192,17 +206,40 @@ def test_another_robot_in_newton_is_an_error() -> None:
     ]
 
 
+@pytest.mark.parametrize(
+    ("word", "value"),
+    [
+        ("friction", [0.5, 0.02, 0.01]),
+        ("condim", 6.0),
+        ("priority", 1.0),
+        ("solref", [0.05, 1.0]),
+        ("solimp", [0.8, 0.95, 0.001, 0.5, 2.0]),
+        ("margin", 0.001),
+    ],
+)
+def test_another_surface_in_newton_is_an_error(word: str, value: object) -> None:
+    reading = newton_reading()
+    reading["shapes"]["FR_foot_collision"][word] = value
+    assert newton_says(reading) == [(f"equal.newton.{word}", "shape FR_foot_collision")]
+
+
+def test_a_shape_that_newton_lacks_is_an_error() -> None:
+    reading = newton_reading()
+    del reading["shapes"]["FR_foot_collision"]
+    assert ("equal.newton.condim", "shape FR_foot_collision") in newton_says(reading)
+
+
 def test_a_solver_that_newton_lacks_names_the_key_that_helps() -> None:
     robot = tiny_quadruped()
     refused = {"failure": "ValueError: invalid literal for int() with base 10: 'pgs'"}
-    (found,) = judge_newton("mjcf", refused, robot.tree, robot.control)
+    (found,) = judge_newton("mjcf", refused, robot.tree, robot.control, robot.shapes)
     assert "`mjcf: {solver: Newton}`" in found.hint
 
 
 def test_what_newton_adds_to_a_light_body_names_the_edits_that_help() -> None:
     robot, reading = tiny_quadruped(), newton_reading()
     reading["bodies"]["FR_calf"]["inertia"][0] += 1e-6
-    found = list(judge_newton("usd", reading, robot.tree, robot.control))
+    found = list(judge_newton("usd", reading, robot.tree, robot.control, robot.shapes))
     assert [finding.rule for finding in found] == ["equal.newton.inertia"]
     assert "`moments: 2e-10`" in found[0].hint
 

@@ -28,6 +28,7 @@ from assetbuild.facts.table import Key, Table, Value, Writer
 from assetbuild.facts.vocabulary import VOCABULARY
 from assetbuild.report.summary import WITHHELD, public_message
 from assetbuild.robot.pose import Pose, quat_of
+from assetbuild.robot.shapes import Shapes
 from assetbuild.simulators import _newton_child, physx
 from assetbuild.simulators.experiments import Motion
 from assetbuild.simulators.physx_couplings import Coupling, experiments, measurable, measured
@@ -45,7 +46,7 @@ def expected(robot: TinyRobot, drive_type: str = "force", mimics: bool = True) -
 
 
 def newton(robot: TinyRobot) -> Table:
-    return newton_expected(reference(robot), coupled=lambda joint: True, usd=True)
+    return newton_expected(reference(robot), Shapes(), coupled=lambda joint: True, usd=True)
 
 
 @pytest.mark.parametrize("lacks", [PHYSX_LACKS, NEWTON_LACKS], ids=["physx", "newton"])

@@ -65,7 +65,10 @@ def define_colliders(
 
 
 def _apply_contact(prim: Usd.Prim, contact: Contact) -> None:
-    """What only MuJoCo's contacts have; Newton reads it, PhysX does not."""
+    """What only MuJoCo's contacts have; Newton reads it, PhysX does not.
+
+    Newton has words of its own for the margin; without a gap it takes one that suits its search.
+    """
     values: dict[str, int | float | tuple[float, ...]] = {
         "condim": contact.condim,
         "priority": contact.priority,
@@ -75,6 +78,9 @@ def _apply_contact(prim: Usd.Prim, contact: Contact) -> None:
         "gap": contact.gap,
     }
     apply_mujoco(prim, "MjcCollisionAPI", values)
+    if contact.margin or contact.gap:
+        offsets = {"contactMargin": contact.margin, "contactGap": contact.gap or None}
+        apply_foreign(prim, "NewtonCollisionAPI", "newton", offsets)
 
 
 def _apply_hull(prim: Usd.Prim) -> None:
