@@ -114,8 +114,11 @@ class Pair:
     @property
     def stops(self) -> dict[End, Sine]:
         """The ways into the limits; none where no sine is asked for."""
+        home = dict(self.start.joints)
         asked = (
-            {} if self.wish is None else {e: into_stop(self.tree, self.control, e) for e in ENDS}
+            {}
+            if self.wish is None
+            else {end: into_stop(self.tree, self.control, home, end) for end in ENDS}
         )
         return {end: sine for end, sine in asked.items() if sine is not None}
 
