@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from typing import Literal
 
 from assetbuild.alignment.row import Row
@@ -26,6 +27,9 @@ SHARP = 2.0
 it stood before it."""
 RAD, METRE = (0.01, 0.1), (0.001, 0.01)
 """How much further than in MuJoCo: a warning, an error."""
+FINER = 8
+"""So many times shorter steps tell a difference of integrators from one of the robot."""
+SHORTER = "a shorter `simulation.timestep` brings them together"
 End = Literal["lower", "upper"]
 ENDS: tuple[End, End] = ("lower", "upper")
 
@@ -76,6 +80,20 @@ def stop_rows(tree: Tree, sine: Sine, end: End, ours: Motion, theirs: Motion) ->
             *(METRE if linear else RAD),
             "m further" if linear else "rad further",
         )
+
+
+def explained(rows: Sequence[Row], fine: Sequence[Row], dt: float) -> list[Row]:
+    """The rows, with the integrator as the reason where steps of dt s bring both together."""
+    apart = {row.subject: row for row in fine}
+    return [
+        replace(row, because=f"the integrators part: in steps of {dt:g} s, {known.off:.2g} apart",
+                advice=SHORTER)
+        if row.verdict in ("warning", "error")
+        and (known := apart.get(row.subject)) is not None
+        and known.verdict == "ok"
+        else row
+        for row in rows
+    ]  # fmt: skip
 
 
 def _past(motion: Motion, joint: str, ends: tuple[float, float], end: End) -> float:

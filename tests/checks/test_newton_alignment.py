@@ -13,8 +13,8 @@ import pytest
 from pxr import Usd
 from tiny import four_bar, pendulum, run_step, tiny_quadruped, write_robot_ports
 
-from assetbuild.alignment.row import findings_of
-from assetbuild.alignment.stops import into_stop, stop_rows
+from assetbuild.alignment.row import Row, findings_of
+from assetbuild.alignment.stops import explained, into_stop, stop_rows
 from assetbuild.checks.newton_alignment import NewtonAlignment
 from assetbuild.engine.world import World
 from assetbuild.findings import Finding
@@ -51,6 +51,26 @@ def test_a_limit_that_gives_way_further_than_mujocos_is_a_row(further: float, ve
     assert (row.name, row.verdict) == ("past_upper", verdict)
     found = [finding.rule for finding in findings_of([row], "Newton")]
     assert found == ([] if verdict == "ok" else ["alignment.newton.past_upper"])
+
+
+def test_a_limit_that_gives_way_in_long_steps_alone_names_the_integrator():
+    tree = pendulum().tree
+    (joint,) = tree.moving_joints
+    sine = into_stop(tree, Control((Actuator(joint.name, "pd", kp=20.0),), ()), {}, "upper")
+    assert sine is not None and joint.limits.upper is not None
+
+    def rows(further: float) -> list[Row]:
+        ours, theirs = (
+            motion(joint.name, np.array([0.0, (joint.limits.upper or 0.0) + past]))
+            for past in (0.03, 0.03 + further)
+        )
+        return list(stop_rows(tree, sine, "upper", ours, theirs))
+
+    (named,) = explained(rows(0.2), rows(0.001), 2.5e-4)
+    assert named.verdict == "warning" and "integrators part" in named.because
+    assert "`simulation.timestep`" in named.advice
+    (same,) = explained(rows(0.2), rows(0.15), 2.5e-4)
+    assert same.verdict == "error" and not same.because
 
 
 def test_a_joint_without_limits_or_drive_runs_into_none():
