@@ -14,7 +14,7 @@ from assetbuild.alignment.gap import Ranges, ranges_of
 from assetbuild.alignment.response import Responses
 from assetbuild.alignment.row import Row
 from assetbuild.alignment.rows import scene_rows
-from assetbuild.alignment.stops import ENDS, End, into_stop, stop_rows
+from assetbuild.alignment.stops import ENDS, FINER, End, explained, into_stop, stop_rows
 from assetbuild.engine.step import Files
 from assetbuild.quantities import Model, Positive
 from assetbuild.robot.initial import initial_pose
@@ -114,32 +114,53 @@ class Pair:
     @property
     def stops(self) -> dict[End, Sine]:
         """The ways into the limits; none where no sine is asked for."""
+        home = dict(self.start.joints)
         asked = (
-            {} if self.wish is None else {e: into_stop(self.tree, self.control, e) for e in ENDS}
+            {}
+            if self.wish is None
+            else {end: into_stop(self.tree, self.control, home, end) for end in ENDS}
         )
         return {end: sine for end, sine in asked.items() if sine is not None}
 
+    @property
+    def _stop_steps(self) -> tuple[float, float]:
+        """Seconds: the robot's own timestep, and one in which integrators agree."""
+        own = self.control.simulation.timestep
+        return own, own / FINER
+
     def _into_stops(self) -> list[physx.Experiment]:
-        gravity, dt = self.control.simulation.gravity, self.control.simulation.timestep
+        gravity = self.control.simulation.gravity
         base: Literal["asset", "held"] = "held" if self.tree.base == "floating" else "asset"
-        setting = physx.Setting(dt, gravity, base, contacts=False, drives=self.servos)
         return [
             physx.Experiment(
-                f"into_{end}", setting, round(sine.seconds / dt), start=sine.middle, sine=sine
+                f"into_{end}_{dt}",
+                physx.Setting(dt, gravity, base, contacts=False, drives=self.servos),
+                round(sine.seconds / dt),
+                start=sine.middle,
+                sine=sine,
             )
             for end, sine in self.stops.items()
+            for dt in self._stop_steps
         ]
 
     def _stopped(self, outcomes: Mapping[str, physx.Outcome]) -> Iterator[Row]:
-        dt = self.control.simulation.timestep
-        for end, sine in self.stops.items():
-            done = outcomes[f"into_{end}"]
-            if done.finite and done.motion is not None:
-                model = mujoco_motion.held_model(self.files.inputs / "mjcf" / f"{self.robot}.xml")
-                mujoco_motion.drive_as(model, self.servos)
-                model.actuator_ctrllimited[:] = 0  # it would clip what asks for more
-                ours = mujoco_motion.held_sine(model, sine, dt, contacts=False, rubbing=True)
-                yield from stop_rows(self.tree, sine, end, ours, done.motion)
+        own, fine = self._stop_steps
+        for end in self.stops:
+            rows = list(self._stop_rows(outcomes, end, own))
+            if any(row.verdict in ("warning", "error") for row in rows):
+                rows = explained(rows, list(self._stop_rows(outcomes, end, fine)), fine)
+            yield from rows
+
+    def _stop_rows(
+        self, outcomes: Mapping[str, physx.Outcome], end: End, dt: float
+    ) -> Iterator[Row]:
+        sine, done = self.stops[end], outcomes[f"into_{end}_{dt}"]
+        if done.finite and done.motion is not None:
+            model = mujoco_motion.held_model(self.files.inputs / "mjcf" / f"{self.robot}.xml")
+            mujoco_motion.drive_as(model, self.servos)
+            model.actuator_ctrllimited[:] = 0  # it would clip what asks for more
+            ours = mujoco_motion.held_sine(model, sine, dt, contacts=False, rubbing=True)
+            yield from stop_rows(self.tree, sine, end, ours, done.motion)
 
     def _sines(self, sine: Sine) -> list[physx.Experiment]:
         gravity, dt = self.control.simulation.gravity, self.control.simulation.timestep

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from typing import Literal
 
 from assetbuild.alignment.row import Row
+from assetbuild.robot.loops import path_of
 from assetbuild.robot.mimic import with_mimics
 from assetbuild.robot.model import Control, Tree
 from assetbuild.simulators.experiments import (
@@ -25,23 +27,29 @@ SHARP = 2.0
 it stood before it."""
 RAD, METRE = (0.01, 0.1), (0.001, 0.01)
 """How much further than in MuJoCo: a warning, an error."""
+FINER = 8
+"""So many times shorter steps tell a difference of integrators from one of the robot."""
+SHORTER = "a shorter `simulation.timestep` brings them together"
 End = Literal["lower", "upper"]
 ENDS: tuple[End, End] = ("lower", "upper")
 
 
-def into_stop(tree: Tree, control: Control, end: End) -> Sine | None:
+def into_stop(tree: Tree, control: Control, home: Mapping[str, float], end: End) -> Sine | None:
     """Return a sine that starts before the limits and passes them; None where no joint has one.
 
-    Loops stop their joints before the limits do, and a joint that mimics goes with its leader.
+    Loops stop their joints before the limits do: these stay at home, where all loops are closed. A
+    joint that mimics goes with its leader.
     """
+    chain = {joint.name for loop in control.loops for joint in path_of(tree, loop)}
     middle, swing = {}, {}
     for joint in tree.moving_joints:
         lower, upper = bounds(joint)
         stop = upper if end == "upper" else lower
         drive = control.by_joint.get(joint.name)
         driven = drive is not None and drive.kp > 0.0 and joint.mimic is None
-        middle[joint.name], swing[joint.name] = min(max(0.0, lower), upper), 0.0
-        if not driven or not math.isfinite(stop) or upper <= lower or control.loops:
+        rest = home.get(joint.name, 0.0) if joint.name in chain else 0.0
+        middle[joint.name], swing[joint.name] = min(max(rest, lower), upper), 0.0
+        if not driven or not math.isfinite(stop) or upper <= lower or joint.name in chain:
             continue
         room = min(SWING_M if joint.kind == "prismatic" else SWING_RAD,
                    SHARE_OF_RANGE * (upper - lower))  # fmt: skip
@@ -72,6 +80,20 @@ def stop_rows(tree: Tree, sine: Sine, end: End, ours: Motion, theirs: Motion) ->
             *(METRE if linear else RAD),
             "m further" if linear else "rad further",
         )
+
+
+def explained(rows: Sequence[Row], fine: Sequence[Row], dt: float) -> list[Row]:
+    """The rows, with the integrator as the reason where steps of dt s bring both together."""
+    apart = {row.subject: row for row in fine}
+    return [
+        replace(row, because=f"the integrators part: in steps of {dt:g} s, {known.off:.2g} apart",
+                advice=SHORTER)
+        if row.verdict in ("warning", "error")
+        and (known := apart.get(row.subject)) is not None
+        and known.verdict == "ok"
+        else row
+        for row in rows
+    ]  # fmt: skip
 
 
 def _past(motion: Motion, joint: str, ends: tuple[float, float], end: End) -> float:

@@ -330,7 +330,8 @@ def _hint(robot: Prim) -> str | None:
     found = np.array(stated, dtype=np.float64).reshape(-1, 3)
     if found.shape == bounds.shape and np.allclose(found, bounds, rtol=HINT, atol=HINT):
         return "its bounds"
-    return f"{found.round(6).tolist()} for bounds of {bounds.round(6).tolist()}"
+    told = [" ".join(f"{value:.6g}" for value in box.flat) for box in (found, bounds)]
+    return f"({told[0]}) for bounds of ({told[1]})"
 
 
 def _articulation(prim: Prim, book: Writer) -> None:

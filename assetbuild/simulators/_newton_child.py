@@ -167,12 +167,12 @@ def bodies(model: Any) -> dict[str, dict[str, Any]]:
 
 
 def shapes(model: Any, held: Any) -> dict[str, dict[str, Any]]:
-    """The surface of each shape that may touch something; the solver's own margins are Newton's."""
+    """The surface of each collision shape; margin and gap are Newton's, whose solver has none."""
     margins, gaps = model.shape_margin.numpy(), model.shape_gap.numpy()
     found = {}
     for index in range(held.ngeom):
         label, _, shape = held.geom(index).name.rpartition("_")  # Newton appends its number
-        if label and (held.geom_contype[index] or held.geom_conaffinity[index]):
+        if label:
             found[label.rsplit("/", 1)[-1]] = {
                 "friction": held.geom_friction[index].tolist(),
                 "condim": float(held.geom_condim[index]),

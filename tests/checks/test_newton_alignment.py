@@ -4,20 +4,21 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 from pxr import Usd
-from tiny import pendulum, run_step, tiny_quadruped, write_robot_ports
+from tiny import four_bar, pendulum, run_step, tiny_quadruped, write_robot_ports
 
-from assetbuild.alignment.row import findings_of
-from assetbuild.alignment.stops import into_stop, stop_rows
+from assetbuild.alignment.row import Row, findings_of
+from assetbuild.alignment.stops import explained, into_stop, stop_rows
 from assetbuild.checks.newton_alignment import NewtonAlignment
 from assetbuild.engine.world import World
 from assetbuild.findings import Finding
-from assetbuild.robot.model import Actuator, Control
+from assetbuild.robot.model import Actuator, Control, Joint, Limits
 from assetbuild.simulators import newton
 from assetbuild.simulators.experiments import Motion, Swing
 from assetbuild.targets.mjcf import Mjcf
@@ -39,7 +40,7 @@ def test_a_limit_that_gives_way_further_than_mujocos_is_a_row(further: float, ve
     tree = pendulum().tree
     (joint,) = tree.moving_joints
     drive = Actuator(joint.name, "pd", kp=20.0, kd=0.2)
-    sine = into_stop(tree, Control((drive,), ()), "upper")
+    sine = into_stop(tree, Control((drive,), ()), {}, "upper")
     assert sine is not None and joint.limits.upper is not None
     assert sine.target(joint.name, 0.25) > joint.limits.upper > sine.middle[joint.name]
     ours, theirs = (
@@ -52,9 +53,43 @@ def test_a_limit_that_gives_way_further_than_mujocos_is_a_row(further: float, ve
     assert found == ([] if verdict == "ok" else ["alignment.newton.past_upper"])
 
 
+def test_a_limit_that_gives_way_in_long_steps_alone_names_the_integrator():
+    tree = pendulum().tree
+    (joint,) = tree.moving_joints
+    sine = into_stop(tree, Control((Actuator(joint.name, "pd", kp=20.0),), ()), {}, "upper")
+    assert sine is not None and joint.limits.upper is not None
+
+    def rows(further: float) -> list[Row]:
+        ours, theirs = (
+            motion(joint.name, np.array([0.0, (joint.limits.upper or 0.0) + past]))
+            for past in (0.03, 0.03 + further)
+        )
+        return list(stop_rows(tree, sine, "upper", ours, theirs))
+
+    (named,) = explained(rows(0.2), rows(0.001), 2.5e-4)
+    assert named.verdict == "warning" and "integrators part" in named.because
+    assert "`simulation.timestep`" in named.advice
+    (same,) = explained(rows(0.2), rows(0.15), 2.5e-4)
+    assert same.verdict == "error" and not same.because
+
+
 def test_a_joint_without_limits_or_drive_runs_into_none():
     tree = pendulum().tree
-    assert into_stop(tree, Control((), ()), "lower") is None
+    assert into_stop(tree, Control((), ()), {}, "lower") is None
+
+
+def test_joints_of_a_loop_stay_where_it_is_closed_while_others_run_into_their_limits():
+    bar = four_bar()
+    flag = Joint("flag_joint", "revolute", bar.tree.root, "flag", limits=Limits(-0.5, 0.7))
+    bodies = (*bar.tree.bodies, replace(bar.tree.bodies[-1], name="flag"))
+    tree = replace(bar.tree, bodies=bodies, joints=(*bar.tree.joints, flag))
+    rows = (*bar.control.actuators, Actuator("flag_joint", "pd", kp=20.0, kd=0.2))
+    home = {joint.name: 0.1 for joint in bar.tree.moving_joints}
+    sine = into_stop(tree, replace(bar.control, actuators=rows), home, "upper")
+    assert sine is not None
+    assert {name for name, width in sine.swing.items() if width} == {"flag_joint"}
+    assert {sine.middle[name] for name in home} == {0.1}
+    assert into_stop(bar.tree, bar.control, home, "upper") is None
 
 
 Spoil = Callable[[Usd.Stage], object]

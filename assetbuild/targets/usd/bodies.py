@@ -19,6 +19,8 @@ from assetbuild.targets.usd.layers import apply_foreign, label, new_layer, place
 from assetbuild.targets.usd.names import PrimPaths
 from assetbuild.targets.usd.units import to_usd_degrees
 
+EDGE = 4e-7
+"""Share of the largest moment: what turning a tensor in single precision may lose."""
 MASS_MISSING = Rule(
     "usd.mass_missing",
     ("error", "info"),
@@ -89,6 +91,7 @@ def apply_rigid_bodies(
 
 def _apply_mass(prim: Usd.Prim, inertial: Inertial) -> None:
     moments, axes = principal_axes(inertial.inertia_com_kg_m2)
+    moments = within_float32(moments)
     mass = UsdPhysics.MassAPI.Apply(prim)
     mass.CreateMassAttr(inertial.mass_kg)
     mass.CreateCenterOfMassAttr(Gf.Vec3f(*inertial.com_m))
@@ -105,6 +108,21 @@ def _no_mass(body: Body, *, is_held: bool) -> Finding:
         if is_held
         else "give the link an <inertial>; between the hinges of a ball joint: edit `share_mass`",
     )
+
+
+def within_float32(moments: Vec3) -> Vec3:
+    """The moments such that A + B >= C holds for whoever turns them in single precision.
+
+    Of a flat body A + B is C, and rounding alone would make it a tensor that Newton refuses: the
+    least is raised by a few roundings, at most 2 EDGE of C.
+    """
+    least, middle, most = sorted(range(3), key=lambda index: moments[index])
+    lacking = moments[most] * (1.0 + EDGE) - moments[least] - moments[middle]
+    if not 0.0 < lacking <= 2.0 * EDGE * moments[most]:
+        return moments  # more is no rounding, and `inertia.triangle` has said so
+    raised = list(moments)
+    raised[least] += lacking
+    return vec3(raised)
 
 
 def principal_axes(tensor: Tensor) -> tuple[Vec3, Quat]:
