@@ -110,8 +110,8 @@ def test_bodies_without_weight_are_so_in_physx(tmp_path: Path):
     stage = UsdCore.Stage.Open(str(inputs / "usd/robot.usda"))
     stage.GetPrimAtPath("/robot/arm").GetAttribute("physxRigidBody:disableGravity").Set(False)
     stage.Save()
-    (changed,) = run_step(reader, inputs, tmp_path / "changed")
-    assert (changed.rule, changed.subject) == ("equal.usd.disablegravity", "body arm")
+    changed = run_step(reader, inputs, tmp_path / "changed")
+    assert ("equal.usd.disablegravity", "body arm") in [(f.rule, f.subject) for f in changed]
 
 
 def test_a_drive_that_makes_the_compensation_itself_is_lost(tmp_path: Path):

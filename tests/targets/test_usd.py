@@ -54,7 +54,7 @@ from assetbuild.robot.shapes import (
 )
 from assetbuild.simulators.usd_names import usd_identifier, usd_identifiers
 from assetbuild.targets.usd import Usd
-from assetbuild.targets.usd.bodies import principal_axes, within_float32
+from assetbuild.targets.usd.bodies import EDGE, principal_axes, within_float32
 from assetbuild.targets.usd.joints import joint_axis
 
 
@@ -91,7 +91,7 @@ def test_a_flat_body_keeps_its_triangle_in_single_precision(
     """As Newton does it: the tensor turned in float32, whose moments MuJoCo then compares."""
     flat = (*two, sum(two) * (1.0 - gap))
     moments = within_float32(tuple(flat[i] for i in order))
-    assert moments == pytest.approx([flat[i] for i in order], rel=0.0, abs=5e-7 * flat[2])
+    assert moments == pytest.approx([flat[i] for i in order], rel=0.0, abs=2.0 * EDGE * flat[2])
     axes = rotation_of(quat_of_rpy(*turn)).astype(np.float32)
     turned = axes @ np.diag(np.array(moments, dtype=np.float32)) @ axes.T
     a, b, c = np.linalg.eigvalsh((turned + turned.T).astype(float) / 2.0)
