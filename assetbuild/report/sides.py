@@ -16,6 +16,7 @@ from assetbuild.errors import AssetBuildError, UsageError
 from assetbuild.facts.coherence import leaves
 from assetbuild.facts.compare import EXACT, FLOAT32, Precision
 from assetbuild.facts.reader import BROKEN, Reader
+from assetbuild.facts.readings import readings_table
 from assetbuild.facts.reference import Assets, Reference, robot_table
 from assetbuild.facts.table import Key, Table, Value
 from assetbuild.plugins import load_plugin, plugin_names
@@ -23,7 +24,7 @@ from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.model import Control
 from assetbuild.robot.shapes import Shapes
 from assetbuild.robot.tree import merge_fixed_joints
-from assetbuild.simulators.readings import FALL, FORMAT, HEIGHT, fall_m
+from assetbuild.simulators.readings import FALL, HEIGHT, fall_m
 from assetbuild.source.urdf.read_urdf import ReadUrdf, named_packages
 
 ROBOT = "robot"
@@ -208,31 +209,11 @@ def _merged_urdf(path: Path) -> Table:
 def readings(path: Path) -> tuple[Table, str]:
     """(facts, simulator) that Isaac Lab measured by a bundle's `<robot>_isaaclab_measure.py`."""
     try:
-        raw = json.loads(path.read_bytes())
-        if raw["format"] != FORMAT:
-            raise ValueError(f"its format is `{raw['format']}`, not `{FORMAT}`")
-        facts = {
-            _read_key(str(kind), str(name), str(quantity)): _value(value)
-            for kind, name, quantity, value in raw["facts"]
-        }
-        return Table(facts), str(raw.get("simulator", "unnamed"))
+        return readings_table(json.loads(path.read_bytes()))
     except OSError as error:
         raise UsageError(f"cannot read `{path}`: {error.strerror}") from None
     except (ValueError, TypeError, KeyError, RecursionError) as error:
         raise UsageError(f"`{path}` holds no readings: {error}") from None
-
-
-READ_AS = {
-    "mass, kg": ("", "mass"),
-    "timestep, s": ("simulation", "timestep"),
-    "gravity, m/s2": ("simulation", "gravity"),
-}
-"""Quantity of a reading -> (kind where it is another, name in the vocabulary)."""
-
-
-def _read_key(kind: str, name: str, quantity: str) -> Key:
-    other, named = READ_AS.get(quantity, ("", quantity))
-    return Key(other or kind, "" if kind == "robot" else name, named)
 
 
 def config_side(path: Path, name: str, known: Side | None) -> Side:
@@ -256,9 +237,3 @@ def _motion(report: Mapping[str, Any], reference: Reference) -> dict[Key, Value]
     if isinstance(height, float):
         facts[Key("robot", "", HEIGHT)] = height
     return facts
-
-
-def _value(value: object) -> Value:
-    if isinstance(value, list):
-        return tuple(float(part) for part in value)
-    return value if value is None or isinstance(value, str) else float(str(value))

@@ -30,15 +30,19 @@ MADE = "assetbuild.json"
 
 @dataclass(frozen=True)
 class Environment:
-    """Packages that one consumer needs. requirements: as pip reads them, pinned."""
+    """Packages that one consumer needs. requirements: as pip reads them, pinned.
+
+    version: of Python, where the packages ask for another one than ours may be.
+    """
 
     name: str
     requirements: tuple[str, ...]
+    version: tuple[int, int] = sys.version_info[:2]
 
     @property
     def folder(self) -> Path:
         """Where it lies, made or not."""
-        said = json.dumps([self.requirements, sys.version_info[:2]])
+        said = json.dumps([self.requirements, self.version])
         digest = hashlib.sha256(said.encode()).hexdigest()[:12]
         return Path(cache_root()) / "environments" / f"{self.name}-{digest}"
 
@@ -56,7 +60,7 @@ class Environment:
         half = self.folder.with_name(f"{self.folder.name}.{os.getpid()}.half")
         half.parent.mkdir(parents=True, exist_ok=True)
         try:
-            _run([sys.executable, "-m", "venv", str(half)])
+            _run([self._interpreter(), "-m", "venv", str(half)])
             _install(str(half / "bin" / "python"), self.requirements, say)
             if not self.folder.exists():
                 half.rename(self.folder)
@@ -65,6 +69,23 @@ class Environment:
         made = json.dumps({"requirements": self.requirements}) + "\n"
         (self.folder / MADE).write_text(made, encoding="utf-8")
         return self.folder / "bin" / "python"
+
+    def _interpreter(self) -> str:
+        """A Python of this version; MachineError where there is none."""
+        if self.version == sys.version_info[:2]:
+            return sys.executable
+        name = "python{}.{}".format(*self.version)
+        found = shutil.which(name)
+        # What is found may be a stand-in for a version that nobody chose.
+        if (
+            found is None
+            or subprocess.run([found, "-V"], check=False, capture_output=True).returncode
+        ):
+            raise MachineError(
+                f"{self.name} needs {name}, which is not on the PATH",
+                hint=f"your system's packages have it, or `uv python install {name[6:]}`",
+            )
+        return found
 
 
 def ask(

@@ -10,8 +10,6 @@ from typing import Any
 import pytest
 from tiny import TinyRobot, run_step, tiny_quadruped, with_mimic, write_robot_ports
 
-from assetbuild.checks.smoke_isaaclab import SmokeIsaacLab
-from assetbuild.checks.smoke_isaaclab import judged as judge_isaac
 from assetbuild.checks.smoke_mjlab import SmokeMjlab, _shown, judged
 from assetbuild.checks.smoke_newton import judged as judge_newton
 from assetbuild.engine.world import World
@@ -251,17 +249,6 @@ def test_a_mimic_that_newton_couples_otherwise_is_an_error() -> None:
     reading["joints"]["FR_calf_joint"]["mimic multiplier"] = 2.0
     wrong = [("equal.newton.mimic_multiplier", "joint FR_calf_joint")]
     assert newton_says(reading, robot) == wrong
-
-
-def test_isaac_lab_is_asked_only_where_it_is(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.delenv("ASSETBUILD_ISAACLAB", raising=False)
-    step = SmokeIsaacLab.configure(recipe(validate={"smoke": ["isaaclab"]}, base="floating"))
-    assert step is not None
-    assert "ASSETBUILD_ISAACLAB" in step.missing(World())
-    good = {"finite": True, "start_m": 0.3, "height_m": 0.28}
-    assert list(judge_isaac(good, "floating", BOUNDS)) == []
-    for rule, bad in {"smoke.finite": {"finite": False}, "smoke.height": {"height_m": 0.1}}.items():
-        assert [f.rule for f in judge_isaac({**good, **bad}, "floating", BOUNDS)] == [rule]
 
 
 def test_mjlab_takes_the_tiny_robot(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -1,7 +1,7 @@
 """The script with which a user of Isaac Lab fills in Isaac Lab's half of the comparison.
 
 It runs in Isaac Lab only, writes readings beside itself, and `assetbuild diff BUNDLE READINGS`
-ranks them against the robot's. `report/sides.py` reads them.
+ranks them against the robot's. The check `smoke_isaaclab` runs it, too.
 """
 
 from __future__ import annotations
@@ -16,7 +16,8 @@ from assetbuild.simulators.usd_names import body_identifiers, joint_identifiers
 TEXT = '''\
 """What {robot} is in Isaac Lab: read back, dropped, left standing.
 
-    ./isaaclab.sh -p {module}_isaaclab_measure.py --headless
+    python {module}_isaaclab_measure.py --physics newton_mjwarp     # Isaac Lab 3; or ovphysx, physx
+    ./isaaclab.sh -p {module}_isaaclab_measure.py --headless        # Isaac Lab 2, in Isaac Sim
     assetbuild diff BUNDLE {module}_isaaclab.json
 """
 
@@ -25,36 +26,99 @@ import importlib.util
 import json
 from pathlib import Path
 
-from isaaclab.app import AppLauncher
-
-parser = argparse.ArgumentParser(description=__doc__)
-AppLauncher.add_app_launcher_args(parser)
-app = AppLauncher(parser.parse_args()).app  # the rest of Isaac Lab can be imported only now
-
-import isaaclab.sim as sim_utils  # noqa: E402
-from isaaclab.assets import Articulation  # noqa: E402
-
 GENERATION = 3 if importlib.util.find_spec("isaaclab_physx") else 2
-if GENERATION == 3:
-    from {module}_isaaclab_3 import {upper}_CFG, SIMULATION_CFG  # noqa: E402
-else:
-    from {module}_isaaclab_2 import {upper}_CFG, SIMULATION_CFG  # noqa: E402
-
 BODIES = {bodies}
 """Names of the robot by names of the USD, where they differ."""
 JOINTS = {joints}
 FALL_S, SETTLE_S, RAISED_M = {fall!r}, {settle!r}, 1.0
 
 
+def main():
+    parser = argparse.ArgumentParser(description="Read a robot back in Isaac Lab.")
+    file = Path(__file__).with_name("{module}_isaaclab.json")
+    parser.add_argument("--output", type=Path, default=file, help="where the readings go")
+    if GENERATION == 3:
+        from isaaclab.app import add_launcher_args, launch_simulation
+        from isaaclab.physics import PhysicsCfg
+
+        add_launcher_args(parser)
+        parser.add_argument("--physics", default="physx", help="physx, ovphysx or newton_mjwarp")
+        said = parser.parse_args()
+        with launch_simulation(PhysicsCfg(), said) as physics:
+            from {module}_isaaclab_3 import {upper}_CFG, SIMULATION_CFG
+
+            simulation = SIMULATION_CFG.replace(physics=physics, device=said.device)
+            write(measure({upper}_CFG, simulation), f"Isaac Lab 3, {{said.physics}}", said.output)
+    else:
+        from isaaclab.app import AppLauncher
+
+        AppLauncher.add_app_launcher_args(parser)
+        said = parser.parse_args()
+        app = AppLauncher(said).app  # the rest can be imported only now
+        from {module}_isaaclab_2 import {upper}_CFG, SIMULATION_CFG
+
+        write(measure({upper}_CFG, SIMULATION_CFG), "Isaac Lab 2", said.output)
+        app.close()
+
+
+def write(told, simulator, file):
+    told["simulator"] = simulator
+    file.write_text(json.dumps(told, indent=1) + "\\n", encoding="utf-8")
+    print(f"written: {{file}}\\nnext: assetbuild diff BUNDLE {{file}}")
+
+
+def measure(robot_cfg, simulation_cfg):
+    """Return the readings of one robot that stands and of one that falls from a metre."""
+    import isaaclab.sim as sim_utils
+    from isaaclab.assets import AssetBaseCfg
+    from isaaclab.scene import InteractiveScene, InteractiveSceneCfg
+
+    simulation = sim_utils.SimulationContext(simulation_cfg)
+    collides = "UsdPhysicsCollisionCfg" if GENERATION == 3 else "CollisionPropertiesCfg"
+    solid = getattr(sim_utils, collides)()
+    plan = InteractiveSceneCfg(num_envs=1, env_spacing=20.0)
+    plan.floor = AssetBaseCfg(
+        prim_path="/World/floor",
+        spawn=sim_utils.CuboidCfg(size=(40.0, 40.0, 1.0), collision_props=solid),
+        init_state=AssetBaseCfg.InitialStateCfg(pos=(0.0, 0.0, -0.5)),
+    )
+    plan.standing = placed(robot_cfg, "standing", 0.0, 0.0)
+    plan.falling = placed(robot_cfg, "falling", 10.0, RAISED_M)
+    scene = InteractiveScene(plan)
+    simulation.reset()
+    standing, falling = scene["standing"], scene["falling"]
+    dt, moves = simulation_cfg.dt, not standing.is_fixed_base
+    facts, start = readings(standing, simulation_cfg), height(falling)
+    for step in range(1, round(SETTLE_S / dt) + 1):
+        for robot in (standing, falling):
+            held(robot)
+        scene.write_data_to_sim()
+        simulation.step()
+        scene.update(dt)
+        if step == round(FALL_S / dt) and moves:
+            facts.append(["robot", "robot", {fall_name!r}, start - height(falling)])
+    if moves:
+        facts.append(["robot", "robot", {height_name!r}, height(standing)])
+    return {{"format": {format!r}, "start_m": start - RAISED_M, "facts": facts}}
+
+
+def placed(robot_cfg, name, x, z):
+    x0, y0, z0 = robot_cfg.init_state.pos
+    start = robot_cfg.init_state.replace(pos=(x0 + x, y0, z0 + z))
+    return robot_cfg.replace(prim_path="{{ENV_REGEX_NS}}/" + name, init_state=start)
+
+
+def held(robot):
+    target = getattr(robot.data.default_joint_pos, "torch", robot.data.default_joint_pos)
+    if GENERATION == 3:
+        robot.actuators.target_command.set_position_index(value=target)
+    else:
+        robot.set_joint_position_target(target)
+
+
 def numbers(values):
-    """Return the values of the first environment as plain lists; Isaac Lab 3 wraps its tensors."""
+    """Return the first environment's values as lists; Isaac Lab 3 wraps its tensors."""
     return getattr(values, "torch", values)[0].cpu().tolist()
-
-
-def placed(path, x, z):
-    x0, y0, z0 = {upper}_CFG.init_state.pos
-    start = {upper}_CFG.init_state.replace(pos=(x0 + x, y0, z0 + z))
-    return Articulation({upper}_CFG.replace(prim_path=path, init_state=start))
 
 
 def height(robot):
@@ -62,7 +126,7 @@ def height(robot):
 
 
 def drives(robot):
-    """Stiffness and damping by joint, of drives inside and outside of the solver alike."""
+    """Return stiffness and damping by joint, of drives in and outside of the solver alike."""
     names, found = robot.joint_names, {{}}
     for group in robot.actuators.values():
         for column, name in enumerate(group.joint_names):
@@ -70,16 +134,25 @@ def drives(robot):
     return [found.get(name, [None, None]) for name in names]
 
 
-def readings(robot):
+def readings(robot, simulation_cfg):
     data, facts = robot.data, []
     masses = numbers(data.body_mass if hasattr(data, "body_mass") else data.default_mass)
-    for name, mass in zip(robot.body_names, masses):
-        facts.append(["body", BODIES.get(name, name), "mass, kg", mass])
+    inertias = numbers(data.body_inertia if hasattr(data, "body_inertia") else data.default_inertia)
+    for name, mass, centre, rows in zip(
+        robot.body_names, masses, numbers(data.body_com_pos_b), inertias
+    ):
+        own = ["body", BODIES.get(name, name)]
+        facts.append([*own, "mass, kg", mass])
+        if mass > 0.0:
+            facts.append([*own, "centre of mass", centre])
+            facts.append([*own, "inertia", [rows[place] for place in (0, 4, 8, 1, 2, 5)]])
     columns = zip(
         robot.joint_names,
         numbers(data.joint_pos_limits),
         drives(robot),
         numbers(data.joint_armature),
+        numbers(data.joint_friction_coeff),
+        numbers(data.joint_viscous_friction_coeff),
         numbers(data.joint_effort_limits),
     )
     implicit = {{
@@ -88,51 +161,25 @@ def readings(robot):
         if getattr(group, "is_implicit_model", False)
         for name in group.joint_names
     }}
-    for name, limits, (kp, kd), armature, effort in columns:
+    for name, limits, (kp, kd), armature, friction, damping, effort in columns:
         own = ["joint", JOINTS.get(name, name)]
         for quantity, limit in zip(("lower", "upper"), limits):
             facts.append([*own, quantity, limit if abs(limit) < 1e6 else None])  # it turns freely
-        facts.append([*own, "armature", armature])
+        facts += [[*own, "armature", armature], [*own, "friction", friction]]
+        facts.append([*own, "damping", damping])
         if kp is not None:
             facts += [[*own, "kp", kp], [*own, "kd", kd]]
         if name in implicit:  # else the solver's limit is none of the robot's
             facts.append([*own, "effort", effort])
     facts.append(["robot", "robot", "total mass, kg", sum(masses)])
     facts.append(["robot", "robot", "base", "fixed" if robot.is_fixed_base else "floating"])
-    facts.append(["robot", "robot", "timestep, s", SIMULATION_CFG.dt])
-    facts.append(["robot", "robot", "gravity, m/s2", list(SIMULATION_CFG.gravity)])
+    facts.append(["robot", "robot", "timestep, s", simulation_cfg.dt])
+    facts.append(["robot", "robot", "gravity, m/s2", list(simulation_cfg.gravity)])
     return facts
 
 
-def main():
-    simulation = sim_utils.SimulationContext(SIMULATION_CFG)
-    floor = sim_utils.GroundPlaneCfg()
-    floor.func("/World/floor", floor)
-    standing = placed("/World/standing", 0.0, 0.0)
-    falling = placed("/World/falling", 10.0, RAISED_M)
-    simulation.reset()
-    dt = SIMULATION_CFG.dt
-    facts, start = readings(standing), height(falling)
-    for step in range(1, round(SETTLE_S / dt) + 1):
-        for robot in (standing, falling):
-            target = getattr(robot.data.default_joint_pos, "torch", robot.data.default_joint_pos)
-            robot.set_joint_position_target(target)
-            robot.write_data_to_sim()
-        simulation.step()
-        for robot in (standing, falling):
-            robot.update(dt)
-        if step == round(FALL_S / dt) and not standing.is_fixed_base:
-            facts.append(["robot", "robot", {fall_name!r}, start - height(falling)])
-    if not standing.is_fixed_base:
-        facts.append(["robot", "robot", {height_name!r}, height(standing)])
-    file = Path(__file__).with_name("{module}_isaaclab.json")
-    told = {{"format": {format!r}, "simulator": f"Isaac Lab {{GENERATION}}", "facts": facts}}
-    file.write_text(json.dumps(told, indent=1) + "\\n", encoding="utf-8")
-    print(f"written: {{file}}\\nnext: assetbuild diff BUNDLE {{file}}")
-
-
-main()
-app.close()
+if __name__ == "__main__":
+    main()
 '''
 
 

@@ -1,0 +1,182 @@
+"""What Isaac Lab holds of a bundle is the robot, and another robot's readings are told.
+
+The slow ones ask the real Isaac Lab 3, on Newton and on PhysX.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+from pxr import Usd
+from tiny import TinyRobot, pendulum, run_step, tiny_quadruped, write_robot_ports
+
+from assetbuild.checks.smoke_isaaclab import SmokeIsaacLab, judged
+from assetbuild.engine.world import World
+from assetbuild.facts.reference import Assets, Reference, robot_table
+from assetbuild.findings import Finding
+from assetbuild.pipeline.recipes import whole_model
+from assetbuild.robot.model import Actuator
+from assetbuild.robot.shapes import Shapes
+from assetbuild.simulators.consumers import SmokeBounds
+from assetbuild.simulators.readings import FALL, FORMAT, HEIGHT, fall_m
+from assetbuild.targets.isaaclab import IsaacLab
+from assetbuild.targets.usd import Usd as UsdTarget
+
+READ = {
+    "body": {"mass", "centre of mass", "inertia"},
+    "joint": {"lower", "upper", "armature", "friction", "damping", "kp", "kd", "effort"},
+    "robot": {"base"},
+    "simulation": {"timestep", "gravity"},
+}
+DEGREES = 57.29577951308232
+Spoil = Callable[[dict[tuple[str, str, str], Any]], object]
+real = [
+    pytest.mark.slow,
+    pytest.mark.skipif(
+        SmokeIsaacLab.home.python(World()) is None,
+        reason="needs `assetbuild smoke RECIPE --consumer isaaclab` once, with Python 3.12 at hand",
+    ),
+]
+
+
+def readings(robot: TinyRobot, spoil: Spoil = lambda facts: None) -> dict[str, Any]:
+    """As the script would write them of a robot that stands and falls as it should."""
+    whole = Reference(robot.tree, robot.tree, Shapes(), robot.control, Assets(), {})
+    facts: dict[tuple[str, str, str], Any] = {
+        (key.kind, key.name, key.quantity): value
+        for key, value in robot_table(whole).facts.items()
+        if key.quantity in READ.get(key.kind, ()) and value is not None
+    }
+    if robot.tree.base == "floating":
+        facts["robot", "", FALL] = fall_m(9.81, robot.control.simulation.timestep)
+        facts["robot", "", HEIGHT] = 0.28
+    spoil(facts)
+    # As JSON gives them back.
+    rows = [[*key, list(v) if isinstance(v, tuple) else v] for key, v in facts.items()]
+    return {"format": FORMAT, "simulator": "Isaac Lab 3", "start_m": 0.3, "facts": rows}
+
+
+def found(robot: TinyRobot, spoil: Spoil = lambda facts: None) -> list[Finding]:
+    answer, bounds = readings(robot, spoil), SmokeBounds.model_validate({})
+    return list(judged(answer, robot.tree, robot.control, bounds, "newton"))
+
+
+@pytest.mark.parametrize("robot", [tiny_quadruped(), pendulum()], ids=["floating", "fixed"])
+def test_the_robot_itself_is_no_finding(robot: TinyRobot) -> None:
+    assert found(robot) == []
+
+
+def times(key: tuple[str, str, str], factor: float) -> Spoil:
+    return lambda facts: facts.update({key: facts[key] * factor})
+
+
+def without(kind: str, name: str) -> Spoil:
+    def spoil(facts: dict[tuple[str, str, str], Any]) -> None:
+        for key in [key for key in facts if key[:2] == (kind, name)]:
+            del facts[key]
+
+    return spoil
+
+
+KNEE = "FR_calf_joint"
+SPOILT: dict[str, tuple[Spoil, tuple[str, str]]] = {
+    "gain in degrees": (
+        times(("joint", KNEE, "kp"), DEGREES),
+        ("equal.isaaclab_newton.kp", f"joint {KNEE}"),
+    ),
+    "lighter": (
+        times(("body", "FR_calf", "mass"), 0.99),
+        ("equal.isaaclab_newton.mass", "body FR_calf"),
+    ),
+    "other limit": (
+        times(("joint", KNEE, "lower"), 1.01),
+        ("equal.isaaclab_newton.lower", f"joint {KNEE}"),
+    ),
+    "no joint": (without("joint", KNEE), ("equal.isaaclab_newton.missing", f"joint {KNEE}")),
+    "no body": (without("body", "FR_calf"), ("equal.isaaclab_newton.missing", "body FR_calf")),
+    "one body more": (
+        lambda facts: facts.update({("body", "ghost", "mass"): 1.0}),
+        ("equal.isaaclab_newton.extra", "body ghost"),
+    ),
+    "weaker gravity": (times(("robot", "", FALL), 0.9), ("smoke.fall", "robot")),
+    "knees that give": (times(("robot", "", HEIGHT), 0.5), ("smoke.height", "robot")),
+    "no number": (times(("body", "FR_calf", "mass"), float("nan")), ("smoke.finite", "robot")),
+}
+
+
+@pytest.mark.parametrize("what", SPOILT)
+def test_another_robot_is_told(what: str) -> None:
+    spoil, told = SPOILT[what]
+    assert [(f.rule, f.subject) for f in found(tiny_quadruped(), spoil)] == [told]
+
+
+def test_isaac_lab_is_asked_only_where_it_is(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    said = {"schema": "assetbuild/v1", "robot": "r", "source": {"path": ".", "urdf": "r.urdf"}}
+    recipe = whole_model().model_validate(said | {"validate": {"smoke": ["isaaclab"]}})
+    step = SmokeIsaacLab.configure(recipe)
+    assert step is not None
+    monkeypatch.setenv("ASSETBUILD_ISAACLAB", str(tmp_path / "nothing"))
+    missing = step.missing(World())
+    assert "`assetbuild smoke RECIPE --consumer isaaclab`" in missing
+    assert "ASSETBUILD_ISAACLAB" in missing
+    (tmp_path / "nothing").touch()
+    assert step.missing(World()) == ""
+
+
+MODELS = ("pd", "ideal_pd", "dc_motor", "velocity", "motor")
+
+
+def every_drive() -> TinyRobot:
+    """One hip of each model; the others are PD."""
+    robot = tiny_quadruped()
+    hips = [row.joint for row in robot.control.actuators if "hip" in row.joint]
+    models = dict(zip(hips, MODELS[1:], strict=True))
+
+    def driven(row: Actuator) -> Actuator:
+        model = models.get(row.joint, "pd")
+        kp = 0.0 if model in ("velocity", "motor") else row.kp
+        kd = 0.0 if model == "motor" else row.kd
+        stall = 2.0 * (row.effort or 1.0) if model == "dc_motor" else None
+        return replace(row, model=model, kp=kp, kd=kd, stall=stall)
+
+    rows = tuple(driven(row) for row in robot.control.actuators)
+    return replace(robot, control=replace(robot.control, actuators=rows))
+
+
+def asked(folder: Path, spoil: Callable[[Usd.Stage], object]) -> set[tuple[str, str]]:
+    inputs = write_robot_ports(folder / "inputs", every_drive())
+    for target, name in (
+        (UsdTarget(robot="robot"), "usd"),
+        (IsaacLab(robot="robot"), "isaaclab"),
+    ):
+        run_step(target, inputs, folder / "built")
+        (folder / "built" / name).rename(inputs / name)
+    stage = Usd.Stage.Open(str(inputs / "usd/robot.usda"))
+    spoil(stage)
+    stage.Save()
+    del stage
+    step = SmokeIsaacLab(robot="robot", environment="isaaclab")
+    return {(f.rule, f.subject) for f in run_step(step, inputs, folder / "out")}
+
+
+@pytest.mark.parametrize("_", [pytest.param("", marks=real, id="isaaclab")])
+def test_isaac_lab_holds_drives_of_every_model(_: str, tmp_path: Path) -> None:
+    assert asked(tmp_path, lambda stage: None) == set()
+
+
+@pytest.mark.parametrize("_", [pytest.param("", marks=real, id="isaaclab")])
+def test_isaac_lab_tells_a_heavier_calf(_: str, tmp_path: Path) -> None:
+    def spoil(stage: Usd.Stage) -> None:
+        mass = stage.GetAttributeAtPath("/robot/FR_calf.physics:mass")
+        mass.Set(mass.Get() * 1.5)
+
+    assert {
+        ("equal.isaaclab_newton.mass", "body FR_calf"),
+        ("equal.isaaclab_physx.mass", "body FR_calf"),
+    } <= asked(tmp_path, spoil)
