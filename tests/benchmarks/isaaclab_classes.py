@@ -78,7 +78,8 @@ for name, value in vars(module).items() if module else ():
     elif not name.startswith("__"):
         walk(value, made)
         if name.endswith("_CFG"):
-            (value.replace(prim_path="/World/robot") if hasattr(value, "spawn") else value).validate()
+            placed = {"prim_path": "/World/robot"} if hasattr(value, "spawn") else {}
+            value.replace(**placed).validate()
 told["made"] = sorted(one for one in made if "Cfg" in one)
 print("ANSWER" + json.dumps(told))
 """

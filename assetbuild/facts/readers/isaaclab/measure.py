@@ -73,7 +73,7 @@ def measure(robot_cfg, simulation_cfg):
     facts, start = (readings(standing, simulation_cfg), height(falling))
     for step in range(1, round(SETTLE_S / dt) + 1):
         for robot in (standing, falling):
-            held(robot)
+            hold(robot)
         scene.write_data_to_sim()
         simulation.step()
         scene.update(dt)
@@ -90,7 +90,7 @@ def placed(robot_cfg, name, x, z):
     return robot_cfg.replace(prim_path="{ENV_REGEX_NS}/" + name, init_state=start)
 
 
-def held(robot):
+def hold(robot):
     target = getattr(robot.data.default_joint_pos, "torch", robot.data.default_joint_pos)
     if GENERATION == 3:
         robot.actuators.target_command.set_position_index(value=target)
@@ -107,11 +107,39 @@ def height(robot):
 
 
 def drives(robot):
-    names, found = (robot.joint_names, {})
-    for group in robot.actuators.values():
-        for column, name in enumerate(group.joint_names):
-            found[name] = [numbers(group.stiffness)[column], numbers(group.damping)[column]]
-    return [found.get(name, [None, None]) for name in names]
+    found = {}
+    for name, group in robot.actuators.items():
+        if hasattr(group, "stiffness"):
+            joints = group.joint_names
+            columns = {"kp": group.stiffness, "kd": group.damping}
+            if getattr(group, "is_implicit_model", False):
+                limits = numbers(robot.data.joint_effort_limits)
+                for joint, limit in zip(robot.joint_names, limits):
+                    if joint in joints:
+                        found.setdefault(joint, {})["effort"] = limit
+            else:
+                columns["effort"] = group.effort_limit
+        else:
+            joints = robot.find_joints(robot.cfg.actuators[name].joint_names_expr)[1]
+            columns = dict(in_newton(robot, name))
+        for word, values in columns.items():
+            for joint, value in zip(joints, numbers(values)):
+                found.setdefault(joint, {})[word] = value
+    return found
+
+
+def in_newton(robot, name):
+    from isaaclab.actuators.newton import read_group_parameter
+
+    words = {"kp": ["kp"], "kd": ["kd"]}
+    words |= {"effort": ["max_effort", "max_motor_effort"], "stall": ["saturation_effort"]}
+    for word, attributes in words.items():
+        part = "controller" if word in ("kp", "kd") else "clamping"
+        for attribute in attributes:
+            try:
+                yield (word, read_group_parameter(robot.actuators, name, part, attribute))
+            except ValueError:
+                pass
 
 
 def readings(robot, simulation_cfg):
@@ -131,28 +159,19 @@ def readings(robot, simulation_cfg):
     columns = zip(
         robot.joint_names,
         numbers(data.joint_pos_limits),
-        drives(robot),
         numbers(data.joint_armature),
         numbers(data.joint_friction_coeff),
         numbers(data.joint_viscous_friction_coeff),
-        numbers(data.joint_effort_limits),
     )
-    implicit = {
-        name
-        for group in robot.actuators.values()
-        if getattr(group, "is_implicit_model", False)
-        for name in group.joint_names
-    }
-    for name, limits, (kp, kd), armature, friction, damping, effort in columns:
+    held = drives(robot)
+    for name, limits, armature, friction, damping in columns:
         own = ["joint", JOINTS.get(name, name)]
         for quantity, limit in zip(("lower", "upper"), limits):
             facts.append([*own, quantity, limit if abs(limit) < 1000000.0 else None])
         facts += [[*own, "armature", armature], [*own, "friction", friction]]
         facts.append([*own, "damping", damping])
-        if kp is not None:
-            facts += [[*own, "kp", kp], [*own, "kd", kd]]
-        if name in implicit:
-            facts.append([*own, "effort", effort])
+        for word, value in held.get(name, {}).items():
+            facts.append([*own, word, value if abs(value) < 1000000.0 else None])
     facts.append(["robot", "robot", "total mass, kg", sum(masses)])
     facts.append(["robot", "robot", "base", "fixed" if robot.is_fixed_base else "floating"])
     facts.append(["robot", "robot", "timestep, s", simulation_cfg.dt])
