@@ -36,7 +36,10 @@ def run(arguments: argparse.Namespace) -> int:
         for name in consumers:
             result = report.checks.get(check_name(name))
             if result is not None:
-                figures = ", ".join(f"{k} {v}" for k, v in sorted(result.figures.items()))
+                figures = str(
+                    result.figures.get("summary")
+                    or ", ".join(f"{k} {v}" for k, v in sorted(result.figures.items()))
+                )
                 print(f"{report.robot} in {name}: {result.status}; {shown_figures(name, figures)}")
     missing = list(lacks(reports, consumers))
     for line in missing:
