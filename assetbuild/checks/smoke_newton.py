@@ -30,6 +30,12 @@ LIGHT = (
     "1e-6 of its largest: the edits `set_inertia`, or `share_mass` with `moments: 2e-10`"
 )
 NO_PGS = "Newton has no solver PGS, which the source asks for: `mjcf: {solver: Newton}`"
+FLAT = (
+    "Newton turns an inertia in single precision, where A + B of a flat body may come out below C; "
+    "the USD leaves room for that, for the MJCF raise the least moment by a millionth: `set_inertia`"
+)
+HINTS = {"'pgs'": NO_PGS, "A + B >= C": FLAT}
+"""By words of Newton's message."""
 Reading = Mapping[str, Any]  # Any: JSON of the child
 
 
@@ -93,7 +99,10 @@ def judged(
         yield FAILED(
             "robot",
             f"Newton does not take the {kind.upper()}: {reading['failure']}",
-            hint=NO_PGS if "'pgs'" in reading["failure"] else "the message is Newton's",
+            hint=next(
+                (hint for words, hint in HINTS.items() if words in reading["failure"]),
+                "the message is Newton's",
+            ),
         )
         return
     if not reading["finite"]:

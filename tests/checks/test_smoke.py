@@ -227,11 +227,14 @@ def test_a_shape_that_newton_lacks_is_an_error() -> None:
     assert ("equal.newton.condim", "shape FR_foot_collision") in newton_says(reading)
 
 
-def test_a_solver_that_newton_lacks_names_the_key_that_helps() -> None:
+def test_what_newton_refuses_names_the_key_that_helps() -> None:
     robot = tiny_quadruped()
     refused = {"failure": "ValueError: invalid literal for int() with base 10: 'pgs'"}
     (found,) = judge_newton("mjcf", refused, robot.tree, robot.control, robot.shapes)
     assert "`mjcf: {solver: Newton}`" in found.hint
+    refused = {"failure": "ValueError: Error: inertia must satisfy A + B >= C"}
+    (found,) = judge_newton("mjcf", refused, robot.tree, robot.control, robot.shapes)
+    assert "single precision" in found.hint
 
 
 def test_what_newton_adds_to_a_light_body_names_the_edits_that_help() -> None:
