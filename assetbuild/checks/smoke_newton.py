@@ -32,7 +32,7 @@ LIGHT = (
 NO_PGS = "Newton has no solver PGS, which the source asks for: `mjcf: {solver: Newton}`"
 FLAT = (
     "Newton turns an inertia in single precision, where A + B of a flat body may come out below C; "
-    "the USD leaves room for that, for the MJCF raise the least moment by a millionth: `set_inertia`"
+    "the USD leaves room for that; for the MJCF, `set_inertia` with its least moment a millionth up"
 )
 HINTS = {"'pgs'": NO_PGS, "A + B >= C": FLAT}
 """By words of Newton's message."""
