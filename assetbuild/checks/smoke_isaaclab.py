@@ -17,10 +17,11 @@ from assetbuild.facts.compare import Difference, differences, equality_findings
 from assetbuild.facts.held import NEWTON
 from assetbuild.facts.readings import readings_table
 from assetbuild.facts.reference import Assets, Reference, robot_table
-from assetbuild.facts.table import Key, Table, Value
+from assetbuild.facts.table import Key, Table, Value, Writer
 from assetbuild.findings import Finding, Rule
 from assetbuild.kinds import write_figures
 from assetbuild.robot.files import RobotFiles
+from assetbuild.robot.joint_springs import as_drives
 from assetbuild.robot.model import Control, Tree
 from assetbuild.robot.shapes import Shapes
 from assetbuild.simulators.consumers import FAILED, NOT_FINITE, SINKS, ConsumerCheck, SmokeBounds
@@ -100,7 +101,7 @@ def _shown(answer: Mapping[str, Any]) -> dict[str, object]:
     table, simulator = readings_table(answer)
     height = table.facts.get(Key("robot", "", HEIGHT))
     shown: dict[str, object] = {"simulator": simulator, "compared": len(table.facts)}
-    if isinstance(height, float):
+    if isinstance(height, float) and math.isfinite(height):
         shown |= {"start_m": round(answer["start_m"], 3), "height_m": round(height, 3)}
     return shown
 
@@ -117,7 +118,7 @@ def judged(
     if not all(map(_is_finite, held.facts.values())):
         yield NOT_FINITE("robot", f"{name}: readings are not finite", "see the engine's own checks")
         return
-    table = robot_table(Reference(tree, tree, Shapes(), control, Assets(), {}))
+    table = _as_held(robot_table(Reference(tree, tree, Shapes(), control, Assets(), {})), control)
     # A body without mass is the engine's guess, of which `usd.mass_missing` tells.
     light = {b.name for b in tree.bodies if not table.facts[Key("body", b.name, "mass")]}
     own = {"body": {b.name for b in tree.bodies}, "joint": {j.name for j in tree.moving_joints}}
@@ -130,6 +131,17 @@ def judged(
     found += differences(expected, held.only(lambda key: key in expected.facts), NEWTON)
     yield from equality_findings(found, f"isaaclab_{engine}", name, {})
     yield from _motion(held, float(answer["start_m"]), tree, control, bounds, name)
+
+
+def _as_held(table: Table, control: Control) -> Table:
+    """A spring is the stiffness of its joint's group; where there is no drive, nothing limits it."""
+    springs, book = as_drives(control), Writer()
+    for name in table.names("joint"):
+        if table.facts.get(Key("joint", name, "model"), "passive") == "passive":
+            spring = springs.get(name)
+            book.put("joint", name, {"kp": spring.stiffness if spring else 0.0})
+    loose = set(book.table().names("joint"))
+    return table.only(lambda key: key.quantity != "effort" or key.name not in loose) | book.table()
 
 
 def _is_finite(value: Value) -> bool:

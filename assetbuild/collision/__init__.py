@@ -35,7 +35,7 @@ from assetbuild.mesh.weld import cleaned
 from assetbuild.quantities import Length, Share
 from assetbuild.robot.codec import decode_file, encode
 from assetbuild.robot.pose import IDENTITY, Pose, quat_of, vec3
-from assetbuild.robot.shapes import Mesh
+from assetbuild.robot.shapes import Box, Capsule, Cylinder, Mesh, Primitive, Sphere
 
 PRELOAD = (
     "numpy",
@@ -75,6 +75,8 @@ class CollisionMethod(Step):
     isolated = True
     preload = PRELOAD
     limits: ClassVar[Limits] = Limits(wall_s=7200.0, memory_mb=4096)
+    keeps: ClassVar[tuple[type[Primitive], ...]] = (Box, Sphere, Cylinder, Capsule)
+    """Primitives of the source that stay, as they are convex and exact already."""
     scope: ClassVar[Literal["shape", "shapes", "link"]] = "shape"
     """Works on each source shape, shared by all links that use it; on all shapes of a link
     together (a single one is shared, too); or in the frame of the link, whatever its shapes."""
@@ -105,7 +107,7 @@ class CollisionMethod(Step):
     def exact(self) -> tuple[ConvexPiece, ...] | None:
         """The answer when none needs to be searched: a single primitive is convex as it is."""
         source = self.sources[0]
-        if len(self.sources) > 1 or source.primitive is None:
+        if len(self.sources) > 1 or not isinstance(source.primitive, self.keeps):
             return None
         return (ConvexPiece(source.primitive, source.pose),)
 

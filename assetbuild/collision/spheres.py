@@ -28,6 +28,8 @@ class Spheres(CollisionMethod):
     Greedy covering is within 1 - 1/e of the best choice (Nemhauser et al., 1978).
     """
 
+    keeps = (Sphere,)
+
     max_hulls: int = Field(16, ge=1, le=1024, description="most spheres")
     margin: Share = Field(
         0.02,

@@ -132,9 +132,8 @@ def _jobs_of(loaded: LoadedRecipe, link: str, links: Tree, shapes: SourceShapes)
         files = _own_meshes(rule, fields, loaded.folder(key))
         return [Job(link, own, method, fields, rule.keep_open, rule.regions, files)]
     return [
-        # The source's primitive is convex and exact already.
         Job(link, (shape,))
-        if not isinstance(shape.geometry, MeshFile)
+        if isinstance(shape.geometry, method.keeps)
         else Job(link, (shape,), method, fields, rule.keep_open, rule.regions)
         for shape in own
     ]
@@ -272,6 +271,8 @@ def _by_mesh(jobs: Sequence[Job], meshes: Meshes) -> dict[tuple[str, str], list[
         if job.method is None or job.method.step_name() not in DECOMPOSING:
             continue
         if job.per_link or job.keep_open or job.regions:
+            continue
+        if not isinstance(job.shapes[0].geometry, MeshFile):
             continue
         options = json.dumps([job.method.step_name(), job.fields], sort_keys=True, default=str)
         found.setdefault((_mesh_node(job, meshes).label, options), []).append(job)

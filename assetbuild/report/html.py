@@ -27,7 +27,7 @@ HERO = "The robot"
 GROUPS: tuple[tuple[str, str, tuple[str, ...]], ...] = (
     ("equality", "The same robot in every format",
      ("oracle", "urdf_", "bare_", "dr_", "isaaclab_", "mjcf_", "mjlab_", "mjx_", "scene_", "usd_",
-      "counts")),
+      "xrdf_", "counts")),
     ("alignment", "Simulators agree", ("alignment", "physx", "newton", "free_fall")),
     ("gains", "Drives and their effect", ("gains", "stand", "trials")),
     ("collision", "Collision quality", ("coverage", "collision")),

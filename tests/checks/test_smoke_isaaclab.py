@@ -19,7 +19,7 @@ from assetbuild.engine.world import World
 from assetbuild.facts.reference import Assets, Reference, robot_table
 from assetbuild.findings import Finding
 from assetbuild.pipeline.recipes import whole_model
-from assetbuild.robot.model import Actuator
+from assetbuild.robot.model import Actuator, MjcfOnly
 from assetbuild.robot.shapes import Shapes
 from assetbuild.simulators.consumers import SmokeBounds
 from assetbuild.simulators.readings import FALL, FORMAT, HEIGHT, fall_m
@@ -68,6 +68,18 @@ def found(robot: TinyRobot, spoil: Spoil = lambda facts: None) -> list[Finding]:
 @pytest.mark.parametrize("robot", [tiny_quadruped(), pendulum()], ids=["floating", "fixed"])
 def test_the_robot_itself_is_no_finding(robot: TinyRobot) -> None:
     assert found(robot) == []
+
+
+def test_a_spring_is_the_stiffness_of_a_joint_without_a_drive() -> None:
+    robot = pendulum()
+    hinge = robot.tree.moving_joints[0].name
+    spring = MjcfOnly("joint", '<joint stiffness="0.5"/>', hinge)
+    loose = replace(robot.control, actuators=(), mjcf_only=(spring,))
+    sprung = replace(robot, control=loose)
+    held: Spoil = lambda facts: facts.update({("joint", hinge, "kp"): 0.5})  # noqa: E731
+    assert found(sprung, held) == []
+    (told,) = found(sprung, times(("joint", hinge, "damping"), 1.0))
+    assert told.rule == "equal.isaaclab_newton.kp"
 
 
 def times(key: tuple[str, str, str], factor: float) -> Spoil:

@@ -322,6 +322,20 @@ def test_spheres_fill_a_bar_without_sticking_out_far(tmp_path):
     assert data["max_missing"] < 0.15
 
 
+def test_a_box_becomes_spheres_and_a_sphere_stays(tmp_path):
+    """Planners take nothing else; other methods leave a primitive as it is."""
+    box = (PlacedSource.of_primitive(Box((0.1, 0.1, 0.4)), Pose((0.0, 0.0, 0.2))),)
+    pieces, _, findings, _ = fit(tmp_path / "box", Spheres(sources=box, max_hulls=8), BOX)
+    assert len(pieces) == 8
+    assert {type(piece.geometry) for piece in pieces} == {Sphere}
+    assert findings["collision.gap"].data["max_missing"] < 0.3
+    ball = (PlacedSource.of_primitive(Sphere(0.1), Pose()),)
+    (piece,), _, _, _ = fit(tmp_path / "ball", Spheres(sources=ball), BOX)
+    assert piece.geometry == Sphere(0.1)
+    (piece,), _, _, _ = fit(tmp_path / "hull", Hull(sources=box), BOX)
+    assert piece.geometry == Box((0.1, 0.1, 0.4))
+
+
 def test_explicit_pieces_are_measured_and_left_as_they_are(tmp_path):
     half = ExplicitPiece(type="box", size=(0.5, 1.0, 1.0), xyz=(-0.25, 0.0, 0.0))
     (piece,), _, findings, _ = fit(tmp_path, Explicit(sources=MESH, pieces=(half,)), BOX)

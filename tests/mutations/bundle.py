@@ -15,7 +15,7 @@ from pathlib import Path
 from tests.mutations import assets, leaves, markup, module
 from tests.mutations.change import Mutation
 
-FORMATS = ("mjcf", "urdf", "usd", "python", "dr", "robot")
+FORMATS = ("mjcf", "urdf", "usd", "python", "dr", "xrdf", "robot")
 Walk = Callable[[Path, str, random.Random], Iterator[Mutation]]
 Apply = Callable[[Path, tuple[object, ...]], None]
 
@@ -43,6 +43,7 @@ def tools_of(file: str) -> tuple[Walk, Apply] | None:
         ".py": (module.walk, module.apply),
         ".json": (leaves.walk, leaves.apply),
         ".yaml": (leaves.walk, leaves.apply),
+        ".xrdf": (leaves.walk, leaves.apply),
         ".obj": (assets.walk_mesh, assets.apply_mesh),
         ".mtl": (assets.walk_mesh, assets.apply_mesh),
         ".png": (assets.walk_picture, assets.apply_picture),

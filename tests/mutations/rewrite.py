@@ -53,6 +53,7 @@ def ways(file: str) -> Mapping[str, Rewriting]:
         ".py": {"unparsed": _unparse},
         ".json": {"indented": _indent},
         ".yaml": {"dumped": _dump},
+        ".xrdf": {"dumped": _dump},
         ".obj": {"comments": _obj_comments},
         ".png": {"compressed": _compress},
     }
