@@ -17,7 +17,7 @@ from assetbuild.facts.compare import Difference, differences, equality_findings
 from assetbuild.facts.held import NEWTON
 from assetbuild.facts.readings import readings_table
 from assetbuild.facts.reference import Assets, Reference, robot_table
-from assetbuild.facts.table import Key, Table, Value, Writer
+from assetbuild.facts.table import Key, Table, Writer
 from assetbuild.findings import Finding, Rule
 from assetbuild.kinds import write_figures
 from assetbuild.robot.files import RobotFiles
@@ -115,9 +115,6 @@ def judged(
 ) -> Iterator[Finding]:
     """What is wrong with an answer; separate, to be tried on bad ones."""
     held, name = readings_table(answer)[0], f"Isaac Lab on {ENGINES[engine]}"
-    if not all(map(_is_finite, held.facts.values())):
-        yield NOT_FINITE("robot", f"{name}: readings are not finite", "see the engine's own checks")
-        return
     table = _as_held(robot_table(Reference(tree, tree, Shapes(), control, Assets(), {})), control)
     # A body without mass is the engine's guess, of which `usd.mass_missing` tells.
     light = {b.name for b in tree.bodies if not table.facts[Key("body", b.name, "mass")]}
@@ -134,7 +131,7 @@ def judged(
 
 
 def _as_held(table: Table, control: Control) -> Table:
-    """A spring is the stiffness of its joint's group; where there is no drive, nothing limits it."""
+    """A spring is the stiffness of its joint's group; no effort limits a joint without drive."""
     springs, book = as_drives(control), Writer()
     for name in table.names("joint"):
         if table.facts.get(Key("joint", name, "model"), "passive") == "passive":
@@ -144,16 +141,15 @@ def _as_held(table: Table, control: Control) -> Table:
     return table.only(lambda key: key.quantity != "effort" or key.name not in loose) | book.table()
 
 
-def _is_finite(value: Value) -> bool:
-    numbers = value if isinstance(value, tuple) else (value,)
-    return all(math.isfinite(n) for n in numbers if isinstance(n, float))
-
-
 def _motion(
     held: Table, start: float, tree: Tree, control: Control, bounds: SmokeBounds, name: str
 ) -> Iterator[Finding]:
     fall, height = (held.facts.get(Key("robot", "", word)) for word in (FALL, HEIGHT))
     if tree.base != "floating" or not isinstance(fall, float) or not isinstance(height, float):
+        return
+    if not math.isfinite(fall) or not math.isfinite(height):
+        message = f"{name}: what stands or falls is no longer anywhere: {fall:g} m, {height:g} m"
+        yield NOT_FINITE("robot", message, "see the checks of this engine; a smaller timestep?")
         return
     simulation = control.simulation
     wanted = fall_m(math.dist(simulation.gravity, (0.0, 0.0, 0.0)), simulation.timestep)

@@ -116,7 +116,14 @@ SPOILT: dict[str, tuple[Spoil, tuple[str, str]]] = {
     ),
     "weaker gravity": (times(("robot", "", FALL), 0.9), ("smoke.fall", "robot")),
     "knees that give": (times(("robot", "", HEIGHT), 0.5), ("smoke.height", "robot")),
-    "no number": (times(("body", "FR_calf", "mass"), float("nan")), ("smoke.finite", "robot")),
+    "thrown out of the world": (
+        times(("robot", "", HEIGHT), float("nan")),
+        ("smoke.finite", "robot"),
+    ),
+    "no number": (
+        times(("body", "FR_calf", "mass"), float("nan")),
+        ("equal.isaaclab_newton.mass", "body FR_calf"),
+    ),
 }
 
 
