@@ -149,7 +149,8 @@ def _motion(
         return
     if not math.isfinite(fall) or not math.isfinite(height):
         message = f"{name}: what stands or falls is no longer anywhere: {fall:g} m, {height:g} m"
-        yield NOT_FINITE("robot", message, "see the checks of this engine; a smaller timestep?")
+        hint = "a smaller timestep, or armature on the joints of light bodies"
+        yield NOT_FINITE("robot", message, hint)
         return
     simulation = control.simulation
     wanted = fall_m(math.dist(simulation.gravity, (0.0, 0.0, 0.0)), simulation.timestep)

@@ -63,7 +63,8 @@ def shown(value: float | str | None) -> str:
 def differing(report: Mapping[str, Any], check: str, *keys: str) -> str:
     """Numbers of differences that a check counted, by engine or file."""
     figures = report["checks"].get(check, {}).get("figures") or {}
-    return ", ".join(str(figures.get(key, {}).get("differences", "refused")) for key in keys)
+    found = (figures.get(key) for key in keys)
+    return ", ".join(str(f["differences"]) if isinstance(f, dict) else "refused" for f in found)
 
 
 def off(rows: Sequence[Row]) -> str:
