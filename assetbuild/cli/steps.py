@@ -54,7 +54,6 @@ STEPS = {
     "usd": "writing the USD",
     "mjlab": "writing the module for mjlab",
     "isaaclab": "writing the module for Isaac Lab",
-    "xrdf": "writing the XRDF for planners",
 }
 """First words of a step's label -> what it does, to be followed by its subject."""
 CHECKS = {
@@ -102,7 +101,6 @@ NAMES = {
     "urdf": "the URDF",
     "usd": "the USD",
     "usd_scene": "the USD scene",
-    "xrdf": "the XRDF",
 }
 """What a check compares with the robot, by its name before `_equal`."""
 

@@ -4,16 +4,19 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
+from assetbuild.errors import UsageError, Where
 from assetbuild.facts.reader import Reader
 from assetbuild.facts.reference import Reference
 from assetbuild.facts.table import Table, Value, Writer
 from assetbuild.facts.vocabulary import VOCABULARY
-from assetbuild.facts.yaml_leaves import SECTION, yaml_leaves
 from assetbuild.robot.model import Actuator, Inertial
+
+if TYPE_CHECKING:
+    from yaml import Node
 
 RANGES = "how the robot may vary; what it is stands in the other files"
 FACTORS = ("kp", "kd", "damping", "friction", "armature", "effort")
@@ -39,6 +42,8 @@ KNOWN: Mapping[str, frozenset[str]] = {
 }  # fmt: skip
 """What `dr.yaml` may say of each kind of subject; keys within keys are joined by a space."""
 SECTIONS = {"links": "body", "joints": "joint", "payloads": "payload"}
+SECTION = "section"
+"""Each section stands there, however empty."""
 
 
 class Dr(Reader):
@@ -63,7 +68,7 @@ class Dr(Reader):
     def read(self, path: Path) -> Table:
         """Every leaf of the YAML; UsageError where it is none."""
         book = Writer()
-        for where, keys, value in yaml_leaves(path, (*SECTIONS, "contact"), ("payloads",)):
+        for where, keys, value in _leaves(path):
             kind, name, rest = _subject(keys)
             word = " ".join(rest)
             found = _value(value, word)
@@ -191,3 +196,52 @@ def _value(value: Any, word: str) -> Value:  # Any: of YAML or JSON
         if all(isinstance(n, float) for part in tuples for n in part):
             return tuple(float(n) for part in tuples for n in part)  # type: ignore[arg-type] # floats
     return None
+
+
+def _leaves(path: Path) -> Iterator[tuple[str, tuple[str, ...], Any]]:  # Any: YAML's scalars
+    """(file:line, keys, value) of everything that is no mapping; a list of them counts from 0."""
+    import yaml
+
+    try:
+        loader = yaml.SafeLoader(path.read_text(encoding="utf-8"))
+        node = loader.get_single_node()
+        if node is None:
+            return
+        tops = node.value if isinstance(node, yaml.MappingNode) else ()
+        for key, _ in tops:
+            if key.value in (*SECTIONS, "contact"):
+                yield f"{path.name}:{key.start_mark.line + 1}", (key.value, SECTION), True
+        found = list(_below(node, ()))
+        for keys, leaf in found:
+            line = leaf.start_mark.line + 1
+            yield f"{path.name}:{line}", keys, loader.construct_object(leaf, deep=True)
+    except (yaml.YAMLError, UnicodeDecodeError, RecursionError) as error:
+        mark = getattr(error, "problem_mark", None)
+        where = Where(path.name, mark.line + 1 if mark else 0)
+        problem = getattr(error, "problem", None) or "no UTF-8 text"
+        raise UsageError(f"not readable as YAML: {problem}", where=where) from None
+    except OSError as error:
+        raise UsageError(f"cannot read `{path}`: {error.strerror}") from None
+
+
+def _below(node: Node, keys: tuple[str, ...]) -> Iterator[tuple[tuple[str, ...], Node]]:
+    """A key that stands twice has `(again)` behind its name, which nothing knows."""
+    import yaml
+
+    if isinstance(node, yaml.MappingNode):
+        seen: set[str] = set()
+        for key, value in node.value:
+            name = str(key.value)
+            while name in seen:
+                name += " (again)"
+            seen.add(name)
+            yield from _below(value, (*keys, name))
+        if not node.value and keys not in {(section,) for section in (*SECTIONS, "contact")}:
+            yield keys, node
+        return
+    rows = node.value if isinstance(node, yaml.SequenceNode) else ()
+    if rows and all(isinstance(row, yaml.MappingNode) for row in rows):
+        for number, row in enumerate(rows):
+            yield from _below(row, (*keys, str(number)))
+    elif keys != ("payloads",) or rows:
+        yield keys, node
