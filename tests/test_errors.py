@@ -7,7 +7,7 @@ import pytest
 from assetbuild.cli import VERBS
 from assetbuild.errors import edits, nearest
 
-TARGETS = ("isaaclab", "mjcf", "mjlab", "mjx", "urdf", "usd")
+TARGETS = ("isaaclab", "mjcf", "mjlab", "mjx", "urdf", "usd", "xrdf")
 KEYS = ("actuators", "base", "collision", "contact", "edits", "feet", "imu", "kd", "keyframes",
         "kp", "motors", "rules", "source", "targets", "validate", "variants", "visual")  # fmt: skip
 JOINTS = ("FL_calf_joint", "FL_hip_joint", "FR_calf_joint", "FR_hip_joint")

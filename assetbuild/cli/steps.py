@@ -54,6 +54,7 @@ STEPS = {
     "usd": "writing the USD",
     "mjlab": "writing the module for mjlab",
     "isaaclab": "writing the module for Isaac Lab",
+    "xrdf": "fitting spheres and writing the XRDF",
 }
 """First words of a step's label -> what it does, to be followed by its subject."""
 CHECKS = {
@@ -101,6 +102,7 @@ NAMES = {
     "urdf": "the URDF",
     "usd": "the USD",
     "usd_scene": "the USD scene",
+    "xrdf": "the XRDF",
 }
 """What a check compares with the robot, by its name before `_equal`."""
 

@@ -40,19 +40,25 @@ class Spheres(CollisionMethod):
 
     def fit(self, reference: Reference) -> Fitted:
         """Inner spheres, grown a little; volume outside counts against them."""
-        cloud = sobol(POINTS, *reference.mesh.bounds)
-        inside = reference.solid.contains(cloud)
-        centres = cloud[inside][:CENTRES] if inside.any() else cloud[:CENTRES]
-        deep = reference.surface.distance(centres)
         beyond = self.margin * reference.diagonal
         if self.max_outside is not None:
             beyond = min(beyond, self.max_outside)
-        chosen = _greedy(cloud, inside, centres, deep, beyond, self.max_hulls)
-        pieces = tuple(
-            ConvexPiece(Sphere(round(radius, 6)), Pose(vec3(np.round(centre, 6))))
-            for centre, radius in chosen
-        )
-        return Fitted(pieces, how="spheres")
+        return Fitted(covering_spheres(reference, self.max_hulls, beyond), how="spheres")
+
+
+def covering_spheres(reference: Reference, most: int, beyond: float) -> tuple[ConvexPiece, ...]:
+    """At most so many spheres that cover a mesh, in its frame, rounded to a micrometre.
+
+    beyond: how far one may stick out, m; volume outside of the mesh counts against it.
+    """
+    cloud = sobol(POINTS, *reference.mesh.bounds)
+    inside = reference.solid.contains(cloud)
+    centres = cloud[inside][:CENTRES] if inside.any() else cloud[:CENTRES]
+    deep = reference.surface.distance(centres)
+    return tuple(
+        ConvexPiece(Sphere(round(radius, 6)), Pose(vec3(np.round(centre, 6))))
+        for centre, radius in _greedy(cloud, inside, centres, deep, beyond, most)
+    )
 
 
 def _greedy(
@@ -68,11 +74,12 @@ def _greedy(
     middles = np.tile(centres, (len(GROWTH), 1))
     apart = np.linalg.norm(cloud[None] - centres[:, None], axis=2)
     holds = np.concatenate([apart <= (deep + share * beyond)[:, None] for share in GROWTH])
-    value = np.where(inside, 1.0, -1.0)
+    worth = holds.astype(np.float32)  # sums of whole numbers below 2^24: exact, and quick
+    value = np.where(inside, 1.0, -1.0).astype(np.float32)
     left = np.ones(len(cloud), dtype=bool)
     chosen: list[tuple[Array, float]] = []
     while len(chosen) < most:
-        gains = holds @ (value * left)
+        gains = worth @ (value * left)
         best = int(np.argmax(gains))
         if gains[best] <= LEAST * max(int(inside.sum()), 1):
             break

@@ -13,7 +13,7 @@ Figures = Mapping[str, Any]  # Any: plain JSON, of as many shapes as there are c
 FILES = {
     "urdf": "URDF", "mjcf": "MJCF", "mjx": "MJX model", "bare": "bare MJCF", "scene": "scene",
     "scene_mjx": "MJX scene", "usd": "USD", "usd_scene": "USD scene", "dr": "`dr.yaml`",
-    "mjlab": "mjlab module", "isaaclab": "Isaac Lab module",
+    "mjlab": "mjlab module", "isaaclab": "Isaac Lab module", "xrdf": "XRDF",
 }  # fmt: skip
 
 

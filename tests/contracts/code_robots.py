@@ -61,7 +61,8 @@ source:
   mjcf: xml/pole.xml
   license: MIT
   patches: [{file: xml/pole.xml, find: kp="4", replace: kp="5", because: a misprint}]
-targets: [mjcf, usd]
+targets: [urdf, mjcf, usd, xrdf]
+xrdf: {acceleration: 10, jerk: 100, tool_frames: [pole]}
 randomize: {links: {pole: {density: [0.9, 1.1], stretch: 0.1}}, friction: [0.5, 1.0]}
 identify:
   - logs: [{file: pole.csv}]

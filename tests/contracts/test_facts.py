@@ -17,7 +17,7 @@ from assetbuild.robot.pose import Pose
 from assetbuild.robot.shapes import Material
 
 READERS = {name: load_plugin(Reader, name) for name in plugin_names(Reader)}
-OPTIONS = {"feet": {"links": ".*_foot"}, "imu": {"link": "trunk"}}
+OPTIONS = {"feet": {"links": ".*_foot"}, "imu": {"link": "trunk"}, "xrdf": {"max_spheres": 1}}
 
 
 def rich() -> list[TinyRobot]:

@@ -1,0 +1,170 @@
+"""The reader of facts of the XRDF derives every number again and finds each wrong one."""
+
+from __future__ import annotations
+
+import random
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+import yaml
+from tiny import TinyRobot, box_obj, run_step, tiny_quadruped, write_robot_ports
+
+from assetbuild.facts.readers.xrdf import Xrdf as XrdfFacts
+from assetbuild.facts.reference import Reference
+from assetbuild.findings import Finding
+from assetbuild.robot.shapes import Box, Cylinder, Mesh, MeshAsset, Shape
+from assetbuild.targets.urdf import Urdf
+from assetbuild.targets.xrdf import Xrdf
+from assetbuild.targets.xrdf.options import XrdfOptions
+from tests.mutations import leaves
+
+SAID = XrdfOptions(
+    acceleration={"FR_.*": 7.0, ".*": 9.0}, jerk=100, tool_frames=("FR_foot", "imu"), max_spheres=2
+)
+FOOT = "FR_foot:\n      - center: [0.0, 0.0, 0.0]\n        radius: 0.02"
+OPTIONS = {"xrdf": SAID.model_dump(mode="json")}
+
+
+def robot_with_a_mesh() -> TinyRobot:
+    """The quadruped with a hull as its trunk."""
+    robot = tiny_quadruped()
+    asset = MeshAsset("hull", "hull.obj", 8, 12, convex=True)
+    shapes = tuple(
+        Shape(s.name, s.link, s.role, Mesh("hull"), s.X_link_shape)
+        if s.role == "collision" and isinstance(s.geometry, Box)
+        else s
+        for s in robot.shapes.shapes
+    )
+    meshes = {**robot.meshes, "hull.obj": box_obj((0.4, 0.2, 0.1))}
+    held = replace(robot.shapes, shapes=shapes, meshes=(*robot.shapes.meshes, asset))
+    return replace(robot, shapes=held, meshes=meshes)
+
+
+@pytest.fixture(scope="module")
+def ports(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("xrdf")
+    ports = write_robot_ports(folder, robot_with_a_mesh())
+    run_step(Urdf(robot="tiny"), ports, ports)
+    run_step(Xrdf(robot="tiny", options=SAID), ports, ports)
+    return ports
+
+
+def proved(ports: Path, folder: Path, *edits: tuple[str, str]) -> list[Finding]:
+    """The XRDF, edited, against the recipe and the robot."""
+    path = ports / "xrdf/tiny.xrdf"
+    before = text = path.read_text()
+    for old, new in edits:
+        assert old in text, text
+        text = text.replace(old, new, 1)
+    try:
+        path.write_text(text)
+        return run_step(XrdfFacts(robot="tiny", options=OPTIONS), ports, folder)
+    finally:
+        path.write_text(before)
+
+
+def test_what_we_write_is_the_robot(ports: Path, tmp_path: Path):
+    assert proved(ports, tmp_path) == []
+    assert '"facts": 0' not in (tmp_path / "figures.json").read_text()
+
+
+@pytest.mark.parametrize(
+    ("subject", "quantity", "old", "new"),
+    [
+        ("sphere FR_foot/0", "radius", FOOT, FOOT.replace("0.02", "0.021")),
+        ("sphere FR_foot/0", "centre", FOOT, FOOT.replace("[0.0, 0.0", "[0.0, 0.1")),
+        ("joint FR_hip_joint", "place", "[FR_hip_joint, FR_thigh_joint",
+         "[FR_thigh_joint, FR_hip_joint"),
+        ("joint FR_hip_joint", "acceleration", "limits: [7.0", "limits: [7.1"),
+        ("joint FR_hip_joint", "jerk", "limits: [100.0", "limits: [101.0"),
+        ("joint FR_thigh_joint", "default", "FR_thigh_joint: 0.8", "FR_thigh_joint: 0.9"),
+        ("planner", "tool_frames", "[FR_foot, imu]", "[imu, FR_foot]"),
+        ("planner", "format_version", "version: 1.0", "version: 2.0"),
+        ("pair FR_hip trunk", "ignored", "trunk: [FR_hip, ", "trunk: ["),
+    ],
+)  # fmt: skip
+def test_a_wrong_number_is_named(
+    subject: str, quantity: str, old: str, new: str, ports: Path, tmp_path: Path
+):
+    findings = proved(ports, tmp_path, (old, new))
+    named = {(f.rule, s) for f in findings for s in (f.subject, *f.data.get("subjects", ()))}
+    assert (f"equal.xrdf.{quantity}", subject) in named
+
+
+def test_a_missing_link_is_found(ports: Path, tmp_path: Path):
+    lines = (ports / "xrdf/tiny.xrdf").read_text().splitlines(keepends=True)
+    start = lines.index("      FR_calf:\n")
+    length = next(i for i, line in enumerate(lines[start + 1 :]) if not line.startswith("      -")
+                  and not line.startswith("        ")) + 1  # fmt: skip
+    gone = "".join(lines[start : start + length])
+    found = proved(ports, tmp_path, (gone, ""))
+    assert {f.subject.partition("/")[0] for f in found} == {"sphere FR_calf"}
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "told"),
+    [
+        ("format:", "modifiers: []\nformat:", "`modifiers`"),
+        ("format: xrdf", "format: xrdf\nformat: xrdf", "`planner : format (again)`"),
+        ("tool_frames", "tool_frames: []\ntools", "`tool_frames`"),
+    ],
+)
+def test_what_has_no_known_meaning_is_reported(
+    old: str, new: str, told: str, ports: Path, tmp_path: Path
+):
+    found = proved(ports, tmp_path, (old, new))
+    assert told in {f.data.get("attribute") for f in found if f.rule == "equal.unread"}
+
+
+@pytest.mark.parametrize("text", ["[", "a: b: c", ""])
+def test_what_is_no_yaml_is_one_error(text: str, ports: Path, tmp_path: Path):
+    whole = (ports / "xrdf/tiny.xrdf").read_text()
+    (found,) = proved(ports, tmp_path, (whole, text))
+    assert found.rule == "equal.unreadable"
+
+
+def test_a_mesh_of_the_urdf_that_is_gone_is_one_error(ports: Path, tmp_path: Path):
+    mesh = ports / "urdf/meshes/hull.obj"
+    data = mesh.read_bytes()
+    mesh.unlink()
+    try:
+        (found,) = proved(ports, tmp_path)
+    finally:
+        mesh.write_bytes(data)
+    assert found.rule == "equal.unreadable" and "hull.obj" in found.message
+
+
+def test_a_collision_that_changed_is_found(ports: Path):
+    """The XRDF is as it was; the robot has another hip."""
+    reference = Reference.of_ports(ports, OPTIONS)
+    shapes = tuple(
+        replace(s, geometry=Cylinder(0.04, 0.04)) if s.name == "FR_hip_collision" else s
+        for s in reference.shapes.shapes
+    )
+    other = replace(reference, shapes=replace(reference.shapes, shapes=shapes))
+    proof = XrdfFacts(robot="tiny", options=OPTIONS).prove(other, ports / "xrdf/tiny.xrdf")
+    assert {f.subject.partition("/")[0] for f in proof.findings} == {"sphere FR_hip"}
+
+
+@pytest.mark.slow
+def test_single_changes_are_found(ports: Path, tmp_path: Path):
+    """Every leaf changed, deleted or written twice; an order that means nothing is left out."""
+    path = ports / "xrdf/tiny.xrdf"
+    reference = Reference.of_ports(ports, OPTIONS)
+    reader = XrdfFacts(robot="tiny", options=OPTIONS)
+    before, text = yaml.safe_load(path.read_text()), path.read_text()
+    drawn = list(leaves.walk(path, "xrdf/tiny.xrdf", random.Random(0)))
+    drawn = random.Random(0).sample(drawn, 60)
+    missed: list[Any] = []
+    try:
+        for one in drawn:
+            leaves.apply(path, one.key)
+            same = yaml.safe_load(path.read_text()) == before
+            if not same and not reader.prove(reference, path).findings:
+                missed.append(one)
+            path.write_text(text)
+    finally:
+        path.write_text(text)
+    assert len(missed) <= 0.05 * len(drawn), missed
