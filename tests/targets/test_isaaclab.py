@@ -166,6 +166,10 @@ def stubs(generation: int) -> dict[str, types.ModuleType]:
         }
         newton = {"NewtonArticulationCfg": stub("Newton", "self_collision_enabled")}
         found["isaaclab_newton.sim.schemas"] = newton
+        found["isaaclab_newton.physics"] = {
+            "MJWarpSolverCfg": stub("MJWarpSolverCfg", "integrator"),
+            "NewtonCfg": stub("NewtonCfg", "solver_cfg"),
+        }
     found["isaaclab.sim"] = sim
     modules = {}
     for name, content in found.items():

@@ -24,6 +24,7 @@ TEXT = '''\
 import argparse
 import importlib.util
 import json
+import tempfile
 from pathlib import Path
 
 GENERATION = 3 if importlib.util.find_spec("isaaclab_physx") else 2
@@ -31,6 +32,16 @@ BODIES = {bodies}
 """Names of the robot by names of the USD, where they differ."""
 JOINTS = {joints}
 FALL_S, SETTLE_S, RAISED_M = {fall!r}, {settle!r}, 1.0
+FLOOR = """#usda 1.0
+( defaultPrim = "floor"
+  metersPerUnit = 1
+  upAxis = "Z" )
+def Xform "floor" {{
+    def Plane "plane" ( prepend apiSchemas = ["PhysicsCollisionAPI"] ) {{
+        uniform token axis = "Z"
+    }}
+}}
+"""
 
 
 def main():
@@ -45,8 +56,9 @@ def main():
         parser.add_argument("--physics", default="physx", help="physx, ovphysx or newton_mjwarp")
         said = parser.parse_args()
         with launch_simulation(PhysicsCfg(), said) as physics:
-            from {module}_isaaclab_3 import {upper}_CFG, SIMULATION_CFG
+            from {module}_isaaclab_3 import {upper}_CFG, NEWTON_CFG, SIMULATION_CFG
 
+            physics = NEWTON_CFG if said.physics == "newton_mjwarp" else physics
             simulation = SIMULATION_CFG.replace(physics=physics, device=said.device)
             write(measure({upper}_CFG, simulation), f"Isaac Lab 3, {{said.physics}}", said.output)
     else:
@@ -74,13 +86,11 @@ def measure(robot_cfg, simulation_cfg):
     from isaaclab.scene import InteractiveScene, InteractiveSceneCfg
 
     simulation = sim_utils.SimulationContext(simulation_cfg)
-    collides = "UsdPhysicsCollisionCfg" if GENERATION == 3 else "CollisionPropertiesCfg"
-    solid = getattr(sim_utils, collides)()
     plan = InteractiveSceneCfg(num_envs=1, env_spacing=20.0)
+    floor = Path(tempfile.mkdtemp()) / "floor.usda"
+    floor.write_text(FLOOR, encoding="utf-8")
     plan.floor = AssetBaseCfg(
-        prim_path="/World/floor",
-        spawn=sim_utils.CuboidCfg(size=(40.0, 40.0, 1.0), collision_props=solid),
-        init_state=AssetBaseCfg.InitialStateCfg(pos=(0.0, 0.0, -0.5)),
+        prim_path="/World/floor", spawn=sim_utils.UsdFileCfg(usd_path=str(floor))
     )
     plan.standing = placed(robot_cfg, "standing", 0.0, 0.0)
     plan.falling = placed(robot_cfg, "falling", 10.0, RAISED_M)

@@ -85,7 +85,7 @@ GRAVITY = {simulation.gravity!r}  # m/s2
 
 SIMULATION_CFG = sim_utils.SimulationCfg(dt=DT, render_interval=DECIMATION, gravity=GRAVITY)
 """What the robot was checked with; use its values in your environment."""
-
+{self._newton()}
 {module_name(self.robot).upper()}_CFG = ArticulationCfg(
     spawn=sim_utils.UsdFileCfg(
         usd_path=USD,
@@ -116,10 +116,21 @@ SIMULATION_CFG = sim_utils.SimulationCfg(dt=DT, render_interval=DECIMATION, grav
             lines += events.IMPORTS
         if self.generation == 3:
             lines += [
+                "from isaaclab_newton.physics import MJWarpSolverCfg, NewtonCfg",
                 "from isaaclab_newton.sim.schemas import NewtonArticulationCfg",
                 "from isaaclab_physx.sim.schemas import PhysxArticulationCfg, PhysxRigidBodyCfg",
             ]
         return "\n".join(lines)
+
+    def _newton(self) -> str:
+        """Isaac Lab's default, `euler`, damps drives explicitly: a built G1 falls over."""
+        if self.generation == 2:
+            return ""
+        return (
+            '\nNEWTON_CFG = NewtonCfg(solver_cfg=MJWarpSolverCfg(integrator="implicitfast"))\n'
+            '"""For `SIMULATION_CFG.replace(physics=NEWTON_CFG)`: stiff drives want an integrator '
+            'that damps\nthem implicitly, as MuJoCo\'s in the MJCF does."""\n'
+        )
 
     def _rigid_body(self) -> str:
         old = self.generation == 2

@@ -15,6 +15,7 @@ from assetbuild.facts.readers.isaaclab.said import (
     IMPLICIT,
     KNOWN,
     LIMITS,
+    READ,
     SELF_COLLISIONS,
     Generation,
     model_of,
@@ -65,7 +66,8 @@ def read_module(module: Module, generation: Generation, names: Names) -> Writer:
     }
     book.put("simulation", "", options)
     paths = {"USD": str(module.constant("USD"))}
-    paths |= dict(flat(module.constant("SIMULATION_CFG"), "SIMULATION_CFG"))  # type: ignore[arg-type] # values of a table
+    for said in ("SIMULATION_CFG", "NEWTON_CFG")[: generation - 1]:
+        paths |= dict(flat(module.constant(said), said))  # type: ignore[arg-type] # values of a table
     book.put("robot", "", {f"{FORM}:{path}": value for path, value in paths.items()})
     if config is not None:
         drives = config.take("actuators")
@@ -81,8 +83,7 @@ def read_module(module: Module, generation: Generation, names: Names) -> Writer:
     events = module.attributes("EventCfg")
     if events is not None:
         read_events(events, FORM, names, book)
-    read = ("USD", "DT", "DECIMATION", "GRAVITY", "SIMULATION_CFG", "EventCfg", name)
-    put_words(module, FORM, book, read, part=str(generation))
+    put_words(module, FORM, book, (*READ, name), part=str(generation))
     return book
 
 

@@ -16,6 +16,7 @@ from assetbuild.facts.readers.isaaclab.said import (
     IMPLICIT,
     LIMITS,
     PROPERTIES,
+    READ,
     SELF_COLLISIONS,
     SPAWN,
     Generation,
@@ -44,6 +45,11 @@ LOOPS = ("pd", "ideal_pd", "dc_motor")
 """Models with a stiffness."""
 MATERIALS = 64
 """Contact materials to draw from; PhysX has room for 64000 in all environments."""
+NEWTON = {
+    "NEWTON_CFG": "NewtonCfg",
+    "NEWTON_CFG.solver_cfg": "MJWarpSolverCfg",
+    "NEWTON_CFG.solver_cfg.integrator": "implicitfast",
+}
 CLEARANCE_M = 0.001
 """Soles that start inside of the floor are thrown off it."""
 
@@ -53,6 +59,8 @@ def expected_module(reference: Reference, robot: str, generation: Generation) ->
     book = Writer()
     asked = reference.options.get("isaaclab") or {}
     _robot(reference, robot, asked, book)
+    if generation == 3:
+        book.put("robot", "", {f"{FORM}:{word}": value for word, value in NEWTON.items()})
     _spawn(reference, robot, asked, generation, book)
     for joint, position in start_of(reference).joints:
         book.put("joint", joint, {"start": position, f"{FORM}:start velocity": 0.0})
@@ -62,8 +70,7 @@ def expected_module(reference: Reference, robot: str, generation: Generation) ->
         event.put(FORM, book)
     text = _text(python_name(robot), classes, generation, draws=randomize is not None)
     config = f"{python_name(robot).upper()}_CFG"
-    read = ("USD", "DT", "DECIMATION", "GRAVITY", "SIMULATION_CFG", "EventCfg", config)
-    put_words(Module.parsed(text, "expected"), FORM, book, read, part=str(generation))
+    put_words(Module.parsed(text, "expected"), FORM, book, (*READ, config), part=str(generation))
     return book
 
 
@@ -270,11 +277,13 @@ def _text(module: str, classes: set[str], generation: Generation, *, draws: bool
         ]
     if generation == 3:
         lines += [
+            "from isaaclab_newton.physics import MJWarpSolverCfg, NewtonCfg",
             "from isaaclab_newton.sim.schemas import NewtonArticulationCfg",
             "from isaaclab_physx.sim.schemas import PhysxArticulationCfg, PhysxRigidBodyCfg",
         ]
-    names = ("USD", "DT", "DECIMATION", "GRAVITY", "SIMULATION_CFG", f"{module.upper()}_CFG")
-    lines += [f"{name} = 0" for name in names]
+    names = ["USD", "DT", "DECIMATION", "GRAVITY", "SIMULATION_CFG"]
+    names += ["NEWTON_CFG"] if generation == 3 else []
+    lines += [f"{name} = 0" for name in (*names, f"{module.upper()}_CFG")]
     lines += ["@configclass", "class EventCfg:", "    term = 0"] if draws else []
     return "\n".join(lines)
 

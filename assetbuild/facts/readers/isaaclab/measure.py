@@ -8,12 +8,14 @@ SCRIPT = r"""
 import argparse
 import importlib.util
 import json
+import tempfile
 from pathlib import Path
 
 GENERATION = 3 if importlib.util.find_spec("isaaclab_physx") else 2
 BODIES = BODY_NAMES
 JOINTS = JOINT_NAMES
 FALL_S, SETTLE_S, RAISED_M = (0.3, 2.0, 1.0)
+FLOOR = '#usda 1.0\n( defaultPrim = "floor"\n  metersPerUnit = 1\n  upAxis = "Z" )\ndef Xform "floor" {\n    def Plane "plane" ( prepend apiSchemas = ["PhysicsCollisionAPI"] ) {\n        uniform token axis = "Z"\n    }\n}\n'
 
 
 def main():
@@ -28,8 +30,9 @@ def main():
         parser.add_argument("--physics", default="physx", help="physx, ovphysx or newton_mjwarp")
         said = parser.parse_args()
         with launch_simulation(PhysicsCfg(), said) as physics:
-            from MODULE_isaaclab_3 import ROBOT_CFG, SIMULATION_CFG
+            from MODULE_isaaclab_3 import ROBOT_CFG, NEWTON_CFG, SIMULATION_CFG
 
+            physics = NEWTON_CFG if said.physics == "newton_mjwarp" else physics
             simulation = SIMULATION_CFG.replace(physics=physics, device=said.device)
             write(measure(ROBOT_CFG, simulation), f"Isaac Lab 3, {said.physics}", said.output)
     else:
@@ -56,13 +59,11 @@ def measure(robot_cfg, simulation_cfg):
     from isaaclab.scene import InteractiveScene, InteractiveSceneCfg
 
     simulation = sim_utils.SimulationContext(simulation_cfg)
-    collides = "UsdPhysicsCollisionCfg" if GENERATION == 3 else "CollisionPropertiesCfg"
-    solid = getattr(sim_utils, collides)()
     plan = InteractiveSceneCfg(num_envs=1, env_spacing=20.0)
+    floor = Path(tempfile.mkdtemp()) / "floor.usda"
+    floor.write_text(FLOOR, encoding="utf-8")
     plan.floor = AssetBaseCfg(
-        prim_path="/World/floor",
-        spawn=sim_utils.CuboidCfg(size=(40.0, 40.0, 1.0), collision_props=solid),
-        init_state=AssetBaseCfg.InitialStateCfg(pos=(0.0, 0.0, -0.5)),
+        prim_path="/World/floor", spawn=sim_utils.UsdFileCfg(usd_path=str(floor))
     )
     plan.standing = placed(robot_cfg, "standing", 0.0, 0.0)
     plan.falling = placed(robot_cfg, "falling", 10.0, RAISED_M)
@@ -181,4 +182,4 @@ def readings(robot, simulation_cfg):
 
 if __name__ == "__main__":
     main()
-"""
+"""  # noqa: E501 # the text of the floor

@@ -10,6 +10,8 @@ FORM = "isaaclab"
 Generation = Literal[2, 3]
 GENERATIONS: tuple[Generation, ...] = (2, 3)
 
+READ = ("USD", "DT", "DECIMATION", "GRAVITY", "SIMULATION_CFG", "NEWTON_CFG", "EventCfg")
+"""Names of a module whose values are facts; the configuration of the robot is one more."""
 IMPLICIT = "ImplicitActuatorCfg"
 LIMITS: dict[tuple[int, bool], tuple[str, tuple[str, ...]]] = {
     (2, True): ("effort_limit_sim", ("velocity_limit_sim",)),
