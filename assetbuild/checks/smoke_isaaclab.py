@@ -7,7 +7,7 @@ an installation, of 2.x in Isaac Sim too, names it by an environment variable.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -92,15 +92,30 @@ class SmokeIsaacLab(ConsumerCheck):
             else:
                 found = list(judged(answer, robot.tree, robot.control, self.bounds, engine))
                 yield from found
-                figures[engine] = _shown(answer) | {"differences": len(found)}
-                told.append(f"{name}: {len(found)} differences")
+                figures[engine] = _shown(answer, found)
+                told.append(f"{name}: {_in_words(found)}")
         write_figures(files, figures | {"summary": f"read back: {', '.join(told)}"})
 
 
-def _shown(answer: Mapping[str, Any]) -> dict[str, object]:
+def _in_words(found: Sequence[Finding]) -> str:
+    """How many readings differ, and what the robot did."""
+    different = sum(f.rule.startswith("equal.") for f in found)
+    did = {f.rule: f" and `{f.rule}`" for f in found if not f.rule.startswith("equal.")}
+    return f"{different} difference{'s' if different != 1 else ''}{''.join(did.values())}"
+
+
+def _shown(
+    answer: Mapping[str, Any],  # Any: JSON of the script
+    found: Sequence[Finding],
+) -> dict[str, object]:
     table, simulator = readings_table(answer)
     height = table.facts.get(Key("robot", "", HEIGHT))
-    shown: dict[str, object] = {"simulator": simulator, "compared": len(table.facts)}
+    shown: dict[str, object] = {
+        "simulator": simulator,
+        "compared": len(table.facts),
+        "differences": sum(f.rule.startswith("equal.") for f in found),
+        "moved": sorted({f.rule for f in found if not f.rule.startswith("equal.")}),
+    }
     if isinstance(height, float) and math.isfinite(height):
         shown |= {"start_m": round(answer["start_m"], 3), "height_m": round(height, 3)}
     return shown

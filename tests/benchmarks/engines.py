@@ -64,7 +64,12 @@ def differing(report: Mapping[str, Any], check: str, *keys: str) -> str:
     """Numbers of differences that a check counted, by engine or file."""
     figures = report["checks"].get(check, {}).get("figures") or {}
     found = (figures.get(key) for key in keys)
-    return ", ".join(str(f["differences"]) if isinstance(f, dict) else "refused" for f in found)
+    return ", ".join(
+        " ".join((str(f["differences"]), *(f"`{rule}`" for rule in f.get("moved", ()))))
+        if isinstance(f, dict)
+        else "refused"
+        for f in found
+    )
 
 
 def off(rows: Sequence[Row]) -> str:
