@@ -7,6 +7,7 @@ from: a kept shape that moved by 3 cm is nobody's result.
 from __future__ import annotations
 
 import functools
+from collections import Counter
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
@@ -28,7 +29,7 @@ from assetbuild.quantities import Positive
 from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.model import Tree
 from assetbuild.robot.pose import IDENTITY, Array, Pose
-from assetbuild.robot.shapes import Mesh, Role, Shape
+from assetbuild.robot.shapes import Mesh, Role, Shape, Sphere
 
 MOST_POINTS = 4000
 """Most visual vertices of a body, evenly spread over their list: enough for a percentile."""
@@ -38,8 +39,9 @@ BETTER = 0.5
 """A shape is beside its place when its distance from the visual surface would be less than this
 share of what it is, and of the move that is allowed: then it fits. Simplified shapes are as far
 from it wherever they go."""
-MOST_MESHES = 4
-"""A body with more collision meshes was cut into pieces, inside of which others may fit better."""
+MOST_ALIKE = 4
+"""A body with more collision meshes, or more spheres, was cut into pieces or filled with spheres,
+inside of which others may fit better."""
 LEFT = 0.1
 """A hole of which less than this is left is filled."""
 
@@ -237,9 +239,10 @@ def _moves(parts: Parts, bodies: Collection[str]) -> dict[str, tuple[str, Move]]
         around = _neighbours(parts.tree, body).items()
         target = Target(np.concatenate([X.apply(seen[n]) for n, X in around if n in seen]))
         own = parts.collision(body)
-        cut = sum(isinstance(shape.geometry, Mesh) for shape, _ in own) > MOST_MESHES
+        alike = Counter(type(shape.geometry) for shape, _ in own)
+        pieces = {kind for kind in (Mesh, Sphere) if alike[kind] > MOST_ALIKE}
         for shape, X_body_shape in own:
-            if cut and isinstance(shape.geometry, Mesh):
+            if type(shape.geometry) in pieces:
                 continue
             surface = parts.surface(shape, X_body_shape)
             points = surface_samples(surface, SHAPE_POINTS, 0)[0]

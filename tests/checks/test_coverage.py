@@ -143,6 +143,14 @@ def test_one_shape_of_several_that_moved_is_told(shift: Vec3, tmp_path: Path):
     assert bar_of_two(shift, tmp_path / "allowed", max_shape_shift=0.04) == []
 
 
+def test_spheres_that_fill_a_body_are_not_judged_one_by_one(tmp_path: Path):
+    """A ball half as thick as the bar fits its surface better anywhere near the skin."""
+    balls = [(Sphere(SIZE[0] / 4), (0.0, 0.0, SIZE[2] * at)) for at in (-0.4, -0.2, 0.0, 0.2, 0.4)]
+    assert bar_of_two((0.0, 0.0, 0.0), tmp_path, *balls) == []
+    rows = json.loads((tmp_path / "out/figures.json").read_text())["shapes"]
+    assert {row["shape"] for row in rows} == {"upper", "lower"}
+
+
 def test_a_shape_that_fits_nowhere_has_not_moved(tmp_path: Path):
     """Nothing that is seen looks like it, so its place cannot be judged by what is seen."""
     guard = (Sphere(0.06), (0.1, 0.0, 0.0))
