@@ -37,6 +37,13 @@ FALLS = Rule(
     "a robot that nothing holds falls by more or less than gravity says",
     "look at the gravity of the scene, and at what the robot touches",
 )
+ALWAYS = {
+    "body": ("mass", "centre of mass", "inertia"),
+    "joint": ("lower", "upper", "armature", "friction", "damping"),
+    "simulation": ("timestep", "gravity"),
+}
+OF_DRIVES = ("kp", "kd", "effort")
+"""Quantities that each body, joint and drive must be read back with; others may be read."""
 FALL_SLACK = 0.05
 """Relative, as in `alignment`: the engines do not start their first step alike."""
 
@@ -45,14 +52,14 @@ class Installed(Environment):
     """The user's own installation where an environment variable names it, else ours."""
 
     def python(self, world: World) -> Path | None:
-        """None where neither is there."""
+        """Return the named interpreter, else our environment's; None where it is missing."""
         named = world.variable(VARIABLE)
         if named:
             return Path(named) if world.is_file(Path(named)) else None
         return super().python(world)
 
     def make(self, say: Callable[[str], None]) -> Path:
-        """Nothing is made beside a named installation."""
+        """Return the named interpreter, else make our environment."""
         named = World().variable(VARIABLE)
         return Path(named) if named else super().make(say)
 
@@ -70,7 +77,7 @@ class SmokeIsaacLab(ConsumerCheck):
 
     @classmethod
     def absent(cls) -> str:
-        """With the other way, for who has it."""
+        """Return how to make the environment, or how to name an installation."""
         return f"{super().absent()}, or set {VARIABLE} to your installation's Python"
 
     def run(self, files: Files) -> Iterator[Finding]:
@@ -88,7 +95,7 @@ class SmokeIsaacLab(ConsumerCheck):
                 figures[engine] = {"failure": failure}
                 told.append(f"{name}: refused")
             elif "absent" in answer:
-                told.append(f"{name}: not there ({answer['absent']})")
+                told.append(f"{name}: not tried ({answer['absent']})")
             else:
                 found = list(judged(answer, robot.tree, robot.control, self.bounds, engine))
                 yield from found
@@ -131,7 +138,7 @@ def judged(
     """What is wrong with an answer; separate, to be tried on bad ones."""
     held, name = readings_table(answer)[0], f"Isaac Lab on {ENGINES[engine]}"
     table = _as_held(robot_table(Reference(tree, tree, Shapes(), control, Assets(), {})), control)
-    # A body without mass is the engine's guess, of which `usd.mass_missing` tells.
+    # Of a body without mass the engine makes one up, which `usd.mass_missing` reports.
     light = {b.name for b in tree.bodies if not table.facts[Key("body", b.name, "mass")]}
     own = {"body": {b.name for b in tree.bodies}, "joint": {j.name for j in tree.moving_joints}}
     found = []
@@ -139,14 +146,25 @@ def judged(
         read = set(held.names(kind))
         for what, some in (("missing", names - read), ("extra", read - names)):
             found += [Difference(Key(kind, name, ""), None, None, what) for name in sorted(some)]
-    expected = table.only(lambda key: key in held.facts and key.name not in light)
+    driven = {a.joint for a in control.actuators if a.model != "passive"}
+
+    def is_read(key: Key) -> bool:
+        if key.name in light or (key.kind in own and key.name not in held.names(key.kind)):
+            return False
+        of_drive = key.name in driven and key.quantity in OF_DRIVES
+        return key in held.facts or of_drive or key.quantity in ALWAYS.get(key.kind, ())
+
+    expected = table.only(is_read)
     found += differences(expected, held.only(lambda key: key in expected.facts), NEWTON)
     yield from equality_findings(found, f"isaaclab_{engine}", name, {})
     yield from _motion(held, float(answer["start_m"]), tree, control, bounds, name)
 
 
 def _as_held(table: Table, control: Control) -> Table:
-    """A spring is the stiffness of its joint's group; no effort limits a joint without drive."""
+    """Return the table in Isaac Lab's terms.
+
+    A spring is the stiffness of its joint's group; no effort limits a joint without a drive.
+    """
     springs, book = as_drives(control), Writer()
     for name in table.names("joint"):
         if table.facts.get(Key("joint", name, "model"), "passive") == "passive":
@@ -163,14 +181,16 @@ def _motion(
     if tree.base != "floating" or not isinstance(fall, float) or not isinstance(height, float):
         return
     if not math.isfinite(fall) or not math.isfinite(height):
-        message = f"{name}: what stands or falls is no longer anywhere: {fall:g} m, {height:g} m"
+        message = (
+            f"{name}: the root's position is not finite (fall {fall:g} m, height {height:g} m)"
+        )
         hint = "a smaller timestep, or armature on the joints of light bodies"
         yield NOT_FINITE("robot", message, hint)
         return
     simulation = control.simulation
     wanted = fall_m(math.dist(simulation.gravity, (0.0, 0.0, 0.0)), simulation.timestep)
     if abs(fall - wanted) > FALL_SLACK * wanted:
-        yield FALLS("robot", f"{name}: it falls {fall:.4f} m where gravity says {wanted:.4f} m")
+        yield FALLS("robot", f"{name}: it falls {fall:.4g} m, {wanted:.4g} m are due to gravity")
     if height < bounds.low * start:
         message = f"{name}: the root sinks from {start:.3f} to {height:.3f} m"
         yield SINKS("robot", message, "see the checks of this engine")

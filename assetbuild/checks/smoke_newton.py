@@ -35,7 +35,7 @@ FLAT = (
     "the USD leaves room for that; for the MJCF, `set_inertia` with its least moment a millionth up"
 )
 HINTS = {"'pgs'": NO_PGS, "A + B >= C": FLAT}
-"""By words of Newton's message."""
+"""Hints by the words that Newton's message contains."""
 Reading = Mapping[str, Any]  # Any: JSON of the child
 
 

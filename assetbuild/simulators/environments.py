@@ -32,7 +32,7 @@ MADE = "assetbuild.json"
 class Environment:
     """Packages that one consumer needs. requirements: as pip reads them, pinned.
 
-    version: of Python, where the packages ask for another one than ours may be.
+    version: of Python; ours unless the packages need another.
     """
 
     name: str
@@ -76,7 +76,7 @@ class Environment:
             return sys.executable
         name = "python{}.{}".format(*self.version)
         found = shutil.which(name)
-        # What is found may be a stand-in for a version that nobody chose.
+        # pyenv puts a shim on the PATH for versions that are not selected; it fails when called.
         if (
             found is None
             or subprocess.run([found, "-V"], check=False, capture_output=True).returncode

@@ -1,4 +1,4 @@
-"""What Isaac Lab holds of a bundle is the robot, and another robot's readings are told.
+"""Isaac Lab's readings of a bundle match the robot; those of another robot are reported.
 
 The slow ones ask the real Isaac Lab 3, on Newton and on PhysX.
 """
@@ -44,7 +44,7 @@ real = [
 
 
 def readings(robot: TinyRobot, spoil: Spoil = lambda facts: None) -> dict[str, Any]:
-    """As the script would write them of a robot that stands and falls as it should."""
+    """Return what the script writes for a robot that stands and falls as it should."""
     whole = Reference(robot.tree, robot.tree, Shapes(), robot.control, Assets(), {})
     facts: dict[tuple[str, str, str], Any] = {
         (key.kind, key.name, key.quantity): value
@@ -114,6 +114,14 @@ SPOILT: dict[str, tuple[Spoil, tuple[str, str]]] = {
     "other limit": (
         times(("joint", KNEE, "lower"), 1.01),
         ("equal.isaaclab_newton.lower", f"joint {KNEE}"),
+    ),
+    "no gain": (
+        lambda facts: facts.pop(("joint", KNEE, "kp")),
+        ("equal.isaaclab_newton.kp", f"joint {KNEE}"),
+    ),
+    "no inertia": (
+        lambda facts: facts.pop(("body", "FR_calf", "inertia")),
+        ("equal.isaaclab_newton.inertia", "body FR_calf"),
     ),
     "no joint": (without("joint", KNEE), ("equal.isaaclab_newton.missing", f"joint {KNEE}")),
     "no body": (without("body", "FR_calf"), ("equal.isaaclab_newton.missing", "body FR_calf")),

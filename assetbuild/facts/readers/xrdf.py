@@ -61,7 +61,7 @@ class Xrdf(Reader):
         return root / f"{robot}.xrdf"
 
     def prove(self, reference: Reference, path: Path) -> Proof:
-        """With the meshes of the URDF, which lie beside, to find the spheres again."""
+        """Compare the file; the URDF's meshes are needed to fit the spheres again."""
         meshes = str(path.parent.parent / "urdf/meshes")
         return super().prove(
             replace(reference, options={**reference.options, MESHES: meshes}), path

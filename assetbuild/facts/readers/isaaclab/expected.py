@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import json
 import math
 import re
 from collections.abc import Iterator
 from dataclasses import asdict, replace
 from typing import Any
 
-from assetbuild.facts.readers.isaaclab.measure import SCRIPT
 from assetbuild.facts.readers.isaaclab.said import (
     BODY_PROPERTIES,
     FORM,
@@ -38,7 +36,8 @@ from assetbuild.facts.trainers import (
 from assetbuild.robot.joint_springs import as_drives
 from assetbuild.robot.model import Actuator
 from assetbuild.robot.ranges import Randomize, claimed, per_axis
-from assetbuild.simulators.usd_names import body_identifiers, joint_identifiers
+from assetbuild.simulators.isaaclab_script import script
+from assetbuild.simulators.usd_names import body_identifiers
 from assetbuild.simulators.usd_options import UsdOptions
 
 LOOPS = ("pd", "ideal_pd", "dc_motor")
@@ -290,10 +289,5 @@ def _text(module: str, classes: set[str], generation: Generation, *, draws: bool
 
 def expected_script(reference: Reference, robot: str) -> Module:
     """The script that measures in Isaac Lab, statement by statement."""
-    tree, module = reference.tree, python_name(robot)
-    bodies, joints = body_identifiers(tree), joint_identifiers(tree)
-    text = SCRIPT.replace("ROBOT", module.upper()).replace("MODULE", module)
-    for name, there in (("BODY_NAMES", bodies), ("JOINT_NAMES", joints)):
-        other = {usd: own for own, usd in there.items() if usd != own}
-        text = text.replace(name, json.dumps(other))
+    text = script(robot, python_name(robot), reference.tree)
     return Module.parsed(text, "expected")

@@ -1,10 +1,27 @@
-"""The script that measures in Isaac Lab, as `assetbuild diff` needs its readings.
+"""The script with which a user of Isaac Lab fills in Isaac Lab's half of the comparison.
 
-It drops one robot from a metre for 0.3 s, lets another one stand for 2 s, and reads back what Isaac
-Lab made of the robot's numbers. `MODULE`, `ROBOT` and the names stand for the robot's own.
+It runs in Isaac Lab only, writes readings beside itself, and `assetbuild diff BUNDLE READINGS`
+ranks them against the robot's. The check `smoke_isaaclab` runs it, too. The target writes it, and
+the reader of facts compares the file with it; what it measures is proven in Isaac Lab itself.
 """
 
-SCRIPT = r"""
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+
+from assetbuild.robot.model import Tree
+from assetbuild.simulators.readings import FALL, FALL_S, FORMAT, HEIGHT, SETTLE_S
+from assetbuild.simulators.usd_names import body_identifiers, joint_identifiers
+
+TEXT = '''\
+"""What {robot} is in Isaac Lab: read back, dropped, left standing.
+
+    python {module}_isaaclab_measure.py --physics newton_mjwarp     # Isaac Lab 3; or ovphysx, physx
+    ./isaaclab.sh -p {module}_isaaclab_measure.py --headless        # Isaac Lab 2, in Isaac Sim
+    assetbuild diff BUNDLE {module}_isaaclab.json
+"""
+
 import argparse
 import importlib.util
 import json
@@ -12,15 +29,25 @@ import tempfile
 from pathlib import Path
 
 GENERATION = 3 if importlib.util.find_spec("isaaclab_physx") else 2
-BODIES = BODY_NAMES
-JOINTS = JOINT_NAMES
-FALL_S, SETTLE_S, RAISED_M = (0.3, 2.0, 1.0)
-FLOOR = '#usda 1.0\n( defaultPrim = "floor"\n  metersPerUnit = 1\n  upAxis = "Z" )\ndef Xform "floor" {\n    def Plane "plane" ( prepend apiSchemas = ["PhysicsCollisionAPI"] ) {\n        uniform token axis = "Z"\n    }\n}\n'
+BODIES = {bodies}
+"""Names of the robot by names of the USD, where they differ."""
+JOINTS = {joints}
+FALL_S, SETTLE_S, RAISED_M = {fall!r}, {settle!r}, 1.0
+FLOOR = """#usda 1.0
+( defaultPrim = "floor"
+  metersPerUnit = 1
+  upAxis = "Z" )
+def Xform "floor" {{
+    def Plane "plane" ( prepend apiSchemas = ["PhysicsCollisionAPI"] ) {{
+        uniform token axis = "Z"
+    }}
+}}
+"""
 
 
 def main():
     parser = argparse.ArgumentParser(description="Read a robot back in Isaac Lab.")
-    file = Path(__file__).with_name("MODULE_isaaclab.json")
+    file = Path(__file__).with_name("{module}_isaaclab.json")
     parser.add_argument("--output", type=Path, default=file, help="where the readings go")
     if GENERATION == 3:
         from isaaclab.app import add_launcher_args, launch_simulation
@@ -30,48 +57,49 @@ def main():
         parser.add_argument("--physics", default="physx", help="physx, ovphysx or newton_mjwarp")
         said = parser.parse_args()
         with launch_simulation(PhysicsCfg(), said) as physics:
-            from MODULE_isaaclab_3 import ROBOT_CFG, NEWTON_CFG, SIMULATION_CFG
+            from {module}_isaaclab_3 import {upper}_CFG, NEWTON_CFG, SIMULATION_CFG
 
             physics = NEWTON_CFG if said.physics == "newton_mjwarp" else physics
             simulation = SIMULATION_CFG.replace(physics=physics, device=said.device)
-            write(measure(ROBOT_CFG, simulation), f"Isaac Lab 3, {said.physics}", said.output)
+            write(measure({upper}_CFG, simulation), f"Isaac Lab 3, {{said.physics}}", said.output)
     else:
         from isaaclab.app import AppLauncher
 
         AppLauncher.add_app_launcher_args(parser)
         said = parser.parse_args()
-        app = AppLauncher(said).app
-        from MODULE_isaaclab_2 import ROBOT_CFG, SIMULATION_CFG
+        app = AppLauncher(said).app  # the rest can be imported only now
+        from {module}_isaaclab_2 import {upper}_CFG, SIMULATION_CFG
 
-        write(measure(ROBOT_CFG, SIMULATION_CFG), "Isaac Lab 2", said.output)
+        write(measure({upper}_CFG, SIMULATION_CFG), "Isaac Lab 2", said.output)
         app.close()
 
 
 def write(told, simulator, file):
     told["simulator"] = simulator
-    file.write_text(json.dumps(told, indent=1) + "\n", encoding="utf-8")
-    print(f"written: {file}\nnext: assetbuild diff BUNDLE {file}")
+    file.write_text(json.dumps(told, indent=1) + "\\n", encoding="utf-8")
+    print(f"written: {{file}}\\nnext: assetbuild diff BUNDLE {{file}}")
 
 
 def measure(robot_cfg, simulation_cfg):
+    """Return the readings of one robot that stands and of one that falls from a metre."""
     import isaaclab.sim as sim_utils
     from isaaclab.assets import AssetBaseCfg
     from isaaclab.scene import InteractiveScene, InteractiveSceneCfg
 
     simulation = sim_utils.SimulationContext(simulation_cfg)
     plan = InteractiveSceneCfg(num_envs=1, env_spacing=20.0)
-    floor = Path(tempfile.mkdtemp()) / "floor.usda"
-    floor.write_text(FLOOR, encoding="utf-8")
-    plan.floor = AssetBaseCfg(
-        prim_path="/World/floor", spawn=sim_utils.UsdFileCfg(usd_path=str(floor))
-    )
     plan.standing = placed(robot_cfg, "standing", 0.0, 0.0)
     plan.falling = placed(robot_cfg, "falling", 10.0, RAISED_M)
-    scene = InteractiveScene(plan)
-    simulation.reset()
-    standing, falling = (scene["standing"], scene["falling"])
-    dt, moves = (simulation_cfg.dt, not standing.is_fixed_base)
-    facts, start = (readings(standing, simulation_cfg), height(falling))
+    with tempfile.TemporaryDirectory() as folder:
+        floor = Path(folder) / "floor.usda"
+        floor.write_text(FLOOR, encoding="utf-8")
+        spawned = sim_utils.UsdFileCfg(usd_path=str(floor))
+        plan.floor = AssetBaseCfg(prim_path="/World/floor", spawn=spawned)
+        scene = InteractiveScene(plan)
+        simulation.reset()
+    standing, falling = scene["standing"], scene["falling"]
+    dt, moves = simulation_cfg.dt, not standing.is_fixed_base
+    facts, start = readings(standing, simulation_cfg), height(falling)
     for step in range(1, round(SETTLE_S / dt) + 1):
         for robot in (standing, falling):
             hold(robot)
@@ -79,16 +107,16 @@ def measure(robot_cfg, simulation_cfg):
         simulation.step()
         scene.update(dt)
         if step == round(FALL_S / dt) and moves:
-            facts.append(["robot", "robot", "fall in 0.3 s, m", start - height(falling)])
+            facts.append(["robot", "robot", {fall_name!r}, start - height(falling)])
     if moves:
-        facts.append(["robot", "robot", "height after 2 s, m", height(standing)])
-    return {"format": "assetbuild.readings/v1", "start_m": start - RAISED_M, "facts": facts}
+        facts.append(["robot", "robot", {height_name!r}, height(standing)])
+    return {{"format": {format!r}, "start_m": start - RAISED_M, "facts": facts}}
 
 
 def placed(robot_cfg, name, x, z):
     x0, y0, z0 = robot_cfg.init_state.pos
     start = robot_cfg.init_state.replace(pos=(x0 + x, y0, z0 + z))
-    return robot_cfg.replace(prim_path="{ENV_REGEX_NS}/" + name, init_state=start)
+    return robot_cfg.replace(prim_path="{{ENV_REGEX_NS}}/" + name, init_state=start)
 
 
 def hold(robot):
@@ -100,6 +128,7 @@ def hold(robot):
 
 
 def numbers(values):
+    """Return the first environment's values as lists; Isaac Lab 3 wraps its tensors."""
     return getattr(values, "torch", values)[0].cpu().tolist()
 
 
@@ -108,16 +137,17 @@ def height(robot):
 
 
 def drives(robot):
-    found = {}
+    """Return what drives hold, by joint; Isaac Lab 3 lets Newton compute explicit ones."""
+    found = {{}}
     for name, group in robot.actuators.items():
         if hasattr(group, "stiffness"):
             joints = group.joint_names
-            columns = {"kp": group.stiffness, "kd": group.damping}
+            columns = {{"kp": group.stiffness, "kd": group.damping}}
             if getattr(group, "is_implicit_model", False):
                 limits = numbers(robot.data.joint_effort_limits)
                 for joint, limit in zip(robot.joint_names, limits):
                     if joint in joints:
-                        found.setdefault(joint, {})["effort"] = limit
+                        found.setdefault(joint, {{}})["effort"] = limit
             else:
                 columns["effort"] = group.effort_limit
         else:
@@ -125,30 +155,28 @@ def drives(robot):
             columns = dict(in_newton(robot, name))
         for word, values in columns.items():
             for joint, value in zip(joints, numbers(values)):
-                found.setdefault(joint, {})[word] = value
+                found.setdefault(joint, {{}})[word] = value
     return found
 
 
 def in_newton(robot, name):
     from isaaclab.actuators.newton import read_group_parameter
 
-    words = {"kp": ["kp"], "kd": ["kd"]}
-    words |= {"effort": ["max_effort", "max_motor_effort"], "stall": ["saturation_effort"]}
+    words = {{"kp": ["kp"], "kd": ["kd"]}}
+    words |= {{"effort": ["max_effort", "max_motor_effort"], "stall": ["saturation_effort"]}}
     for word, attributes in words.items():
         part = "controller" if word in ("kp", "kd") else "clamping"
         for attribute in attributes:
             try:
-                yield (word, read_group_parameter(robot.actuators, name, part, attribute))
+                yield word, read_group_parameter(robot.actuators, name, part, attribute)
             except ValueError:
-                pass
+                pass  # a drive of another kind
 
 
 def readings(robot, simulation_cfg):
-    data, facts = (robot.data, [])
+    data, facts = robot.data, []
     masses = numbers(data.body_mass if hasattr(data, "body_mass") else data.default_mass)
-    inertias = numbers(
-        data.body_inertia if hasattr(data, "body_inertia") else data.default_inertia
-    )
+    inertias = numbers(data.body_inertia if hasattr(data, "body_inertia") else data.default_inertia)
     for name, mass, centre, rows in zip(
         robot.body_names, masses, numbers(data.body_com_pos_b), inertias
     ):
@@ -168,11 +196,11 @@ def readings(robot, simulation_cfg):
     for name, limits, armature, friction, damping in columns:
         own = ["joint", JOINTS.get(name, name)]
         for quantity, limit in zip(("lower", "upper"), limits):
-            facts.append([*own, quantity, limit if abs(limit) < 1000000.0 else None])
+            facts.append([*own, quantity, limit if abs(limit) < 1e6 else None])  # it turns freely
         facts += [[*own, "armature", armature], [*own, "friction", friction]]
         facts.append([*own, "damping", damping])
-        for word, value in held.get(name, {}).items():
-            facts.append([*own, word, value if abs(value) < 1000000.0 else None])
+        for word, value in held.get(name, {{}}).items():
+            facts.append([*own, word, value if abs(value) < 1e6 else None])
     facts.append(["robot", "robot", "total mass, kg", sum(masses)])
     facts.append(["robot", "robot", "base", "fixed" if robot.is_fixed_base else "floating"])
     facts.append(["robot", "robot", "timestep, s", simulation_cfg.dt])
@@ -182,4 +210,24 @@ def readings(robot, simulation_cfg):
 
 if __name__ == "__main__":
     main()
-"""  # noqa: E501 # the text of the floor
+'''
+
+
+def script(robot: str, module: str, tree: Tree) -> str:
+    """The text of `<module>_isaaclab_measure.py`; `module` is the robot's name in Python."""
+    return TEXT.format(
+        robot=robot,
+        module=module,
+        upper=module.upper(),
+        bodies=_other_names(body_identifiers(tree)),
+        joints=_other_names(joint_identifiers(tree)),
+        fall=FALL_S,
+        settle=SETTLE_S,
+        format=FORMAT,
+        fall_name=FALL,
+        height_name=HEIGHT,
+    )
+
+
+def _other_names(identifiers: Mapping[str, str]) -> str:
+    return json.dumps({usd: own for own, usd in identifiers.items() if usd != own})
