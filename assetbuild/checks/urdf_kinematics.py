@@ -37,11 +37,11 @@ class UrdfKinematics(Check):
     isolated: ClassVar = True
     preload: ClassVar = (
         "numpy",
-        "trimesh",
         "collada",
         "lxml.etree",
         "PIL.Image",
-    )  # as convert_mesh
+        "trimesh",
+    )  # as convert_mesh of a glTF
     needs: ClassVar = ("urdf",)
     reads: ClassVar = ("links.json",)
 

@@ -71,7 +71,7 @@ class Kind:
     @classmethod
     def of(cls, step: Step) -> Kind:
         """The kind of worker that a step asks for."""
-        return cls(step.preload, max(1, step.limits.cpus), step.network)
+        return cls(step.modules(), max(1, step.limits.cpus), step.network)
 
 
 class Children:

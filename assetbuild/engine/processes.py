@@ -197,7 +197,8 @@ def how_it_ended(action: Action, ended: Ended, log: Path) -> str:
         return f"{name} ran over its time limit of {limits.wall_s:g} s and was stopped"
     if ended.over == "worker" or ended.status is None:
         last = f"; last line: {ended.log}" if ended.log else ""
-        loads = f" while it loads {', '.join(action.step.preload)}" if action.step.preload else ""
+        modules = action.step.modules()
+        loads = f" while it loads {', '.join(modules)}" if modules else ""
         return f"the process that runs {name} died{loads}{last or '; ' + ended.over}"
     if os.WIFSIGNALED(ended.status):
         number = os.WTERMSIG(ended.status)

@@ -83,6 +83,10 @@ class Step(BaseModel):
         """Read `files.inputs`, write `files.outputs`, yield findings."""
         raise NotImplementedError
 
+    def modules(self) -> tuple[str, ...]:
+        """What its child has imported beforehand: `preload`, unless the fields ask for more."""
+        return self.preload
+
     @classmethod
     def step_name(cls) -> str:
         """`read_urdf` for `assetbuild.source.urdf.read_urdf`: the file name is the name."""

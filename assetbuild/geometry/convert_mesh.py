@@ -18,7 +18,7 @@ from assetbuild.kinds import ConvertedMesh, MeshPart
 from assetbuild.mesh.material import MaterialPart, SurfaceMaterial, corner_normals
 from assetbuild.mesh.obj import obj_bytes
 from assetbuild.mesh.picture import has_holes, png_of
-from assetbuild.mesh.read import Format, UpAxis, read_mesh
+from assetbuild.mesh.read import BY_TRIMESH, Format, UpAxis, read_mesh
 from assetbuild.mesh.split import with_four_corners
 from assetbuild.mesh.triangles import TriangleMesh, merged, unit_vectors
 from assetbuild.mesh.volume import area, is_closed, signed_volume
@@ -71,7 +71,7 @@ class ConvertMesh(Step):
     outputs = ("parts/", "mesh.json")
     isolated = True
     all_told = True
-    preload = ("numpy", "trimesh", "collada", "lxml.etree", "PIL.Image")
+    preload = ("numpy", "collada", "lxml.etree", "PIL.Image")
     limits: ClassVar[Limits] = Limits(wall_s=120.0, memory_mb=4096)
 
     format: Format
@@ -86,6 +86,10 @@ class ConvertMesh(Step):
     """Keep texture coordinates without a texture: the description brings one."""
     subject: str = "mesh"
     """What findings and errors call it. Part of the key: name no path to share the result."""
+
+    def modules(self) -> tuple[str, ...]:
+        """Few robots have meshes that trimesh reads, which takes half a second to import."""
+        return (*self.preload, "trimesh") if self.format in BY_TRIMESH else self.preload
 
     def run(self, files: Files) -> Iterable[Finding]:
         """Convert; raises StepError for a mesh that is broken, empty or not finite."""

@@ -15,7 +15,7 @@ SMALL = 256
 """Pixels along a side of the thumbnail."""
 CAPTION = 36
 """Characters above a tile."""
-PALETTE_STEP = 2
+PALETTE_STEP = 3
 """The colours of a picture are chosen from one that is so many times smaller."""
 COLUMNS = 4
 """Tiles in a row of a sheet."""
@@ -98,7 +98,7 @@ def png(pixels: Pixels, *, every_colour: bool = False) -> bytes:
         palette = image.reduce(PALETTE_STEP).quantize(256, method=Image.Quantize.MEDIANCUT)
         image = image.quantize(palette=palette, dither=Image.Dither.NONE)
     out = io.BytesIO()
-    image.save(out, "PNG", compress_level=6)
+    image.save(out, "PNG", compress_level=4)
     return out.getvalue()
 
 

@@ -22,10 +22,12 @@ from assetbuild.looks.annotate import png, thumbnail
 from assetbuild.looks.stage import HERO, Extent, Picture, Stage, extent
 from assetbuild.simulators import mujoco, offscreen
 from assetbuild.simulators.mujoco import Data, Model
-from assetbuild.simulators.studio import studio
+from assetbuild.simulators.studio import opengl, studio
 
 DRAWING_S = 400.0
 """Wall clock for all pictures; a driver that hangs costs only them."""
+ROOM = (stage.LONG, stage.LONG)
+"""Pixels of the largest frame."""
 THUMBNAIL = "thumbnail.png"
 """The hero, small: it lies beside the USD and is not in the list."""
 NO_PICTURES = Rule(
@@ -90,18 +92,19 @@ class Render(Step):
         data = mujoco.at_key(model)
         seen = extent(model, data)
         made: list[Picture] = []
-        with self._stage(model, data, seen) as robot:
-            made += robot.hero()
-        light = _lightened(model, files.inputs)
-        with self._stage(light, mujoco.at_key(light), seen) as robot:
-            made += [*robot.views(), *robot.turntable(self.turntable), *robot.directions()]
-            return made, robot.studio.driver()
+        with opengl(self.renderer, ROOM):
+            with _stage(model, data, seen) as robot:
+                made += robot.hero()
+            light = _lightened(model, files.inputs)
+            with _stage(light, mujoco.at_key(light), seen) as robot:
+                made += [*robot.views(), *robot.turntable(self.turntable), *robot.directions()]
+                return made, robot.studio.driver()
 
-    @contextmanager
-    def _stage(self, model: Model, data: Data, seen: Extent) -> Iterator[Stage]:
-        room, radius = (stage.LONG, stage.LONG), seen.size / 2.0
-        with studio(model, self.renderer, room, seen.middle, radius, seen.lowest) as opened:
-            yield Stage(opened, model, data, seen)
+
+@contextmanager
+def _stage(model: Model, data: Data, seen: Extent) -> Iterator[Stage]:
+    with studio(model, ROOM, seen.middle, seen.size / 2.0, seen.lowest) as opened:
+        yield Stage(opened, model, data, seen)
 
 
 def _lightened(model: Model, inputs: Path) -> Model:

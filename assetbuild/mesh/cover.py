@@ -37,6 +37,8 @@ LEAST_INSIDE = 32
 """With fewer of POINTS inside, their share says nothing."""
 GRID = 48
 """Rays of the see-through test along each edge of a square, for six directions."""
+FIRST_LOOK = 128
+"""Points that are looked at first for the one that lies farthest outside; then twice as many."""
 CLOSE = 1e-4
 """A surface sample nearer to the mesh than this share of the diagonal lies on it."""
 
@@ -259,10 +261,21 @@ def _covered(pieces: Sequence[ConvexPiece], points: Array) -> NDArray[np.bool_]:
 
 
 def outside(reference: Reference, points: Array) -> float:
-    """How far the farthest of points (n, 3) lies outside the mesh, m; 0 when none does."""
-    away = points[~reference.solid.contains(points)] if len(points) else points
-    found = float(reference.surface.distance(away).max(initial=0.0))
-    return found if found > CLOSE * reference.diagonal else 0.0
+    """How far the farthest of points (n, 3) lies outside the mesh, m; 0 when none does.
+
+    Those that may lie farthest are looked at first, and the others not at all once none of them
+    can lie farther.
+    """
+    most = reference.surface.at_most(points)
+    order = np.argsort(-most, kind="stable")
+    found, least = 0.0, CLOSE * reference.diagonal
+    start, count = 0, FIRST_LOOK
+    while start < len(order) and most[order[start]] > max(found, least):
+        some = points[order[start : start + count]]
+        away = some[~reference.solid.contains(some)]
+        found = float(reference.surface.distance(away).max(initial=found))
+        start, count = start + count, 2 * count
+    return found if found > least else 0.0
 
 
 def outside_in(reference: Reference, pieces: Sequence[ConvexPiece], probe: Probe) -> float:

@@ -6,7 +6,7 @@ import warnings
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -74,10 +74,10 @@ def _read_own(data: bytes) -> TriangleMesh | None:
     vertices = _numbers(data[: ends[0]], 3)
     uv = _numbers(data[uv_at : ends[uv_at]], 2) if uv_at else None
     normals = _numbers(data[normals_at : ends[normals_at]], 3) if normals_at else None
-    corners = _numbers(data[faces_at:].replace(b"/", b" "), 3 * columns)
+    corners = _numbers(data[faces_at:].replace(b"/", b" "), 3 * columns, np.int64)
     if vertices is None or corners is None or (uv_at and uv is None):
         return None
-    index = corners.astype(np.int64).reshape(-1, 3, columns) - 1
+    index = corners.reshape(-1, 3, columns) - 1
     sizes = [len(table) for table in (vertices, uv, normals) if table is not None]
     if len(sizes) != columns or (index < 0).any() or (index.max(axis=(0, 1)) >= sizes).any():
         return None  # the careful reader says what is wrong, and where
@@ -89,13 +89,13 @@ def _read_own(data: bytes) -> TriangleMesh | None:
     )
 
 
-def _numbers(block: bytes, width: int) -> Array | None:
+def _numbers(block: bytes, width: int, kind: type = np.float64) -> NDArray[Any] | None:
     """Rows of `width` numbers, one a line after its keyword; None when a line differs."""
     text = block.translate(None, b"vntf")
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("error", DeprecationWarning)  # of text that is no number
-            values = np.fromstring(text, dtype=np.float64, sep=" ")
+            values: NDArray[Any] = np.fromstring(text, dtype=kind, sep=" ")
     except (ValueError, DeprecationWarning):
         return None
     return values.reshape(-1, width) if values.size == width * block.count(b"\n") else None

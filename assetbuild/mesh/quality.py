@@ -75,6 +75,13 @@ class NearestSurface:
                 tree = cKDTree(points, balanced_tree=False, compact_nodes=False)
                 self._levels.append((tree, level[owner]))
 
+    def at_most(self, points: Array) -> Array:
+        """(n,) upper bounds of the distances of points (n, 3), quickly; m."""
+        nearest = np.full(len(points), np.inf)
+        for tree, _ in self._levels if len(points) else ():
+            nearest = np.minimum(nearest, tree.query(points)[0])
+        return nearest
+
     def distance(self, points: Array) -> Array:
         """(n,) unsigned distances of points (n, 3), m."""
         nearest = np.full(len(points), np.inf)

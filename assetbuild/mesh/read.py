@@ -30,6 +30,7 @@ from assetbuild.mesh.stl import read_stl
 from assetbuild.mesh.triangles import TriangleMesh
 
 Format = Literal["dae", "stl", "obj", "ply", "glb", "gltf"]
+BY_TRIMESH: tuple[Format, ...] = ("ply", "glb", "gltf")
 UpAxis = Literal["ignore", "honour"]
 
 # Rows are the axes of a Z-up frame in the file's own axes (COLLADA 1.4.1, <up_axis>).

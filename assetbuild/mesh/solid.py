@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -113,7 +114,11 @@ def _beyond_box(lower: Array, upper: Array, points: Array) -> Array:
 
 def sobol(count: int, lower: Array, upper: Array, seed: int = 0) -> Array:
     """(count, 3) scrambled Sobol points in a box; count: a power of two."""
+    return np.asarray(lower + _unit_sobol(count, seed) * (upper - lower), dtype=np.float64)
+
+
+@lru_cache(4)
+def _unit_sobol(count: int, seed: int) -> Array:
     from scipy.stats import qmc
 
-    sampler = qmc.Sobol(3, scramble=True, rng=np.random.default_rng(seed))
-    return np.asarray(lower + sampler.random(count) * (upper - lower), dtype=np.float64)
+    return qmc.Sobol(3, scramble=True, rng=np.random.default_rng(seed)).random(count)

@@ -3,11 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from assetbuild.mesh.triangles import Indices, TriangleMesh
 from assetbuild.robot.pose import Array
+
+GOLDEN = np.uint64(0x9E3779B97F4A7C15)
+"""2^64 / the golden ratio: multiplying by it spreads bits well (Knuth)."""
 
 
 def first_seen(rows: Array) -> tuple[Indices, Indices]:
@@ -16,17 +21,44 @@ def first_seen(rows: Array) -> tuple[Indices, Indices]:
     rows: (n, k), compared exactly; values are numbered in the order of first appearance.
     """
     # Adding zero turns -0.0 into 0.0, which are equal numbers but different bits.
-    bits = np.ascontiguousarray(rows + 0.0).view(np.int64)
-    order = np.lexsort(bits.T[::-1])
-    new = np.ones(len(rows), dtype=bool)
-    new[1:] = (bits[order[1:]] != bits[order[:-1]]).any(axis=1)
-    group = np.cumsum(new) - 1
-    first = order[new]  # lexsort is stable: the first of equal rows comes first
-    rank = np.empty(len(first), dtype=np.int64)
-    rank[np.argsort(first, kind="stable")] = np.arange(len(first))
+    bits = np.ascontiguousarray(rows + 0.0).view(np.uint64)
+    groups = _grouped(_mixed(bits))
+    if (bits[groups.order] != bits[groups.first[groups.number]]).any():  # two values, one hash
+        groups = _grouped(np.unique(bits, axis=0, return_inverse=True)[1].ravel())
+    by_first = np.argsort(groups.first)
+    rank = np.empty(len(by_first), dtype=np.int64)
+    rank[by_first] = np.arange(len(by_first))
     number = np.empty(len(rows), dtype=np.int64)
-    number[order] = rank[group]
-    return np.sort(first), number
+    number[groups.order] = rank[groups.number]
+    return groups.first[by_first], number
+
+
+class _Groups(NamedTuple):
+    """Rows sorted by their key. order: (n,) row numbers; number: (n,) group of each of these;
+    first: (groups,) least row number of each."""
+
+    order: Indices
+    number: Indices
+    first: Indices
+
+
+def _grouped(keys: NDArray[Any]) -> _Groups:
+    order = np.argsort(keys)
+    ordered = keys[order]
+    new = np.ones(len(keys), dtype=bool)
+    new[1:] = ordered[1:] != ordered[:-1]
+    starts = np.flatnonzero(new)
+    first = np.minimum.reduceat(order, starts) if len(starts) else order
+    return _Groups(order, np.cumsum(new) - 1, first)
+
+
+def _mixed(bits: NDArray[np.uint64]) -> NDArray[np.uint64]:
+    """(n,) a hash of each row of (n, k): one key sorts faster than k."""
+    keys = np.zeros(len(bits), dtype=np.uint64)
+    for column in bits.T:
+        keys = (keys ^ column) * GOLDEN
+        keys ^= keys >> np.uint64(32)
+    return keys
 
 
 def weld(mesh: TriangleMesh) -> TriangleMesh:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ctypes
 import importlib
 import math
 from collections.abc import Callable, Iterator
@@ -31,6 +32,8 @@ PENUMBRA = 1.0 / 130.0
 """How far shadows on the floor are blurred, as a share of the picture's width."""
 BLUR_STEP = 4
 """Shadows are blurred in a picture that is so many times smaller."""
+EDGE = 2
+"""Pixels at the edge of the floor that hold some of what stands there: they are not blurred."""
 GHOST_AHEAD = 0.006
 """How far a second state is brought before the first, which it would flicker through where both
 coincide, as a share of the radius."""
@@ -103,7 +106,7 @@ class Studio:
 
         self.model, self.middle, self.radius, self.floor = model, middle, radius, floor
         self._plain_sky()
-        self._context = mujoco.MjrContext(model, mujoco.mjtFontScale.mjFONTSCALE_100.value)
+        self._context = mujoco.MjrContext(model, mujoco.mjtFontScale.mjFONTSCALE_50.value)
         self._context.shadowClip = 1.6 * radius
         mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN.value, self._context)
         self._scene = mujoco.MjvScene(model, maxgeom=20_000)
@@ -121,9 +124,9 @@ class Studio:
 
     def driver(self) -> str:
         """OpenGL's own name for what draws, such as `llvmpipe (LLVM 15.0.6, 256 bits)`."""
-        from OpenGL import GL
+        from OpenGL.raw.GL.VERSION.GL_1_0 import GL_RENDERER, glGetString
 
-        return str(GL.glGetString(GL.GL_RENDERER).decode("utf-8", "replace"))
+        return ctypes.string_at(glGetString(GL_RENDERER)).decode("utf-8", "replace")
 
     def frame(self, data: Data, shot: Shot) -> Pixels:
         """(height, width, 3) colours."""
@@ -163,10 +166,10 @@ class Studio:
         mujoco.mjr_readPixels(pixels, None, rect, self._context)
         flags[[flag.value for flag in numbered]] = 0
         geoms = self._scene.geoms[: self._scene.ngeom]
-        floors = np.array([0, *(1 + geom.segid for geom in geoms if _is_plane(geom))])
-        colours = np.stack([floors % 256, floors // 256 % 256, floors // 65536], axis=1)
-        seen = [(pixels == colour).all(axis=2) for colour in colours]
-        return np.asarray(np.any(seen, axis=0), dtype=np.bool_)
+        red, green, blue = (pixels[..., channel].astype(np.uint32) for channel in range(3))
+        number = red | green << 8 | blue << 16
+        floors = [0, *(1 + geom.segid for geom in geoms if _is_plane(geom))]
+        return np.asarray(np.isin(number, np.array(floors, dtype=np.uint32)), dtype=np.bool_)
 
     def _arrange(self, data: Data, shot: Shot) -> None:
         import mujoco
@@ -282,11 +285,9 @@ def _is_geom(geom: Any) -> bool:  # Any: mjvGeom
 
 def _blurred(pixels: NDArray[Any], where: NDArray[np.bool_], radius: int) -> NDArray[Any]:
     """Two box filters over the pixels of a mask, which take nothing from outside of it."""
-    from PIL import Image, ImageFilter
+    from PIL import Image
 
-    # Pixels at an edge hold some of what stands there.
-    shrunk = Image.fromarray(where.astype(np.uint8) * 255).filter(ImageFilter.MinFilter(5))
-    inside = np.asarray(shrunk) > 0
+    inside = _shrunk(where, EDGE)
     size = (where.shape[1] // BLUR_STEP, where.shape[0] // BLUR_STEP)
 
     def smooth(values: NDArray[Any]) -> NDArray[np.float32]:
@@ -303,6 +304,16 @@ def _blurred(pixels: NDArray[Any], where: NDArray[np.bool_], radius: int) -> NDA
     return np.where(inside[..., None], level[..., None], pixels)
 
 
+def _shrunk(where: NDArray[np.bool_], pixels: int) -> NDArray[np.bool_]:
+    """The mask without what lies within so many pixels of its edge."""
+    kept = where.copy()
+    for before, after in ((where, kept), (kept.copy().T, kept.T)):
+        for shift in range(1, pixels + 1):
+            after[shift:] &= before[:-shift]
+            after[:-shift] &= before[shift:]
+    return kept
+
+
 def _box_mean(rows: NDArray[np.float32], radius: int) -> NDArray[np.float32]:
     """The mean of each value and its neighbours in its column, up to `radius` rows away."""
     padded = np.pad(rows, ((radius + 1, radius), (0, 0)), mode="edge")
@@ -316,17 +327,14 @@ def _unit(vector: Array) -> Array:
 
 
 @contextmanager
-def studio(
-    model: Model, renderer: str, size: tuple[int, int], middle: Array, radius: float, floor: float
-) -> Iterator[Studio]:
-    """A studio on the named renderer for frames up to `size` pixels; StepError without OpenGL.
+def opengl(renderer: str, size: tuple[int, int]) -> Iterator[None]:
+    """OpenGL without a window, on the named renderer; StepError where there is none.
 
-    The context's class is taken from MuJoCo's own module: its environment variable is read once,
-    at import, which is too early for a process that serves many steps.
+    One context for all studios: it compiles its shaders once. Its class is taken from MuJoCo's own
+    module: MuJoCo's environment variable is read once, at import, which is too early for a process
+    that serves many steps.
     """
     kind = renderer.partition(" ")[0]
-    model.vis.global_.offwidth, model.vis.global_.offheight = size
-    model.vis.quality.offsamples, model.vis.quality.shadowsize = 0, SHADOW_MAP
     try:
         context = importlib.import_module(f"mujoco.{kind}").GLContext(*size)
         context.make_current()
@@ -334,10 +342,20 @@ def studio(
         text = " ".join(str(error).split())[:200]
         raise StepError(f"OpenGL by {kind} does not start: {text}") from error
     try:
-        opened = Studio(model, middle, radius, floor)
-        try:
-            yield opened
-        finally:
-            opened.free()
+        yield
     finally:
         context.free()
+
+
+@contextmanager
+def studio(
+    model: Model, size: tuple[int, int], middle: Array, radius: float, floor: float
+) -> Iterator[Studio]:
+    """A studio in the current OpenGL context for frames up to `size` pixels."""
+    model.vis.global_.offwidth, model.vis.global_.offheight = size
+    model.vis.quality.offsamples, model.vis.quality.shadowsize = 0, SHADOW_MAP
+    opened = Studio(model, middle, radius, floor)
+    try:
+        yield opened
+    finally:
+        opened.free()

@@ -11,6 +11,7 @@ from assetbuild.mesh.cover import (
     Reference,
     blocked_by,
     measure,
+    outside,
     outside_in,
     rough,
     union_of,
@@ -55,6 +56,20 @@ def test_half_a_box_covers_half_of_it_exactly():
     assert quality.over == pytest.approx(0.0, abs=1e-9)
     assert quality.max_outside_m == 0.0
     assert quality.max_m == pytest.approx(0.5, abs=0.02)  # from the far face to the cut
+
+
+@pytest.mark.parametrize("mesh", [portal()[0], open_box(), tessellate(Sphere(0.4))])
+def test_the_farthest_point_outside_is_that_of_a_look_at_all_points(mesh):
+    reference = Reference(mesh)
+    for seed in range(5):
+        points = np.random.default_rng(seed).normal(scale=0.6, size=(3000, 3))
+        away = points[~reference.solid.contains(points)]
+        most = reference.surface.at_most(points)
+        assert (most >= reference.surface.distance(points) - 1e-12).all()
+        assert outside(reference, points) == reference.surface.distance(away).max()
+        inside = points[reference.solid.contains(points)]
+        assert outside(reference, inside) == 0.0
+    assert outside(reference, np.zeros((0, 3))) == 0.0
 
 
 def test_a_box_that_is_a_fifth_larger_is_known_by_its_volume_and_corners():

@@ -3,11 +3,20 @@
 from __future__ import annotations
 
 import numpy as np
+from hypothesis import given
+from hypothesis import strategies as st
 
 from assetbuild.mesh.primitives import tessellate
 from assetbuild.mesh.triangles import TriangleMesh
 from assetbuild.mesh.volume import is_closed
-from assetbuild.mesh.weld import cleaned, drop_collapsed, drop_repeated, first_seen, weld
+from assetbuild.mesh.weld import (
+    _mixed,
+    cleaned,
+    drop_collapsed,
+    drop_repeated,
+    first_seen,
+    weld,
+)
 from assetbuild.robot.shapes import Box
 
 
@@ -36,6 +45,25 @@ def test_minus_zero_is_zero():
     first, number = first_seen(np.array([[0.0, 1.0], [-0.0, 1.0], [0.0, 2.0]]))
     assert first.tolist() == [0, 2]
     assert number.tolist() == [0, 0, 1]
+
+
+def test_two_rows_of_one_hash_stay_two():
+    first, other = np.array([[0.25, 0.5]]).view(np.uint64), np.uint64(0x3FF0000000000000)
+    before = _mixed(np.array([[first[0, 0]], [other]]))
+    collides = first[0, 1] ^ before[0] ^ before[1]
+    rows = np.array([[other, collides], first[0], first[0]], dtype=np.uint64)
+    assert len(set(_mixed(rows).tolist())) == 1
+    found, number = first_seen(rows.view(np.float64))
+    assert found.tolist() == [0, 1]
+    assert number.tolist() == [0, 1, 1]
+
+
+@given(st.lists(st.tuples(*[st.sampled_from([0.0, -0.0, 1.0, 1e-300, np.pi])] * 3), max_size=40))
+def test_rows_are_counted_as_a_dictionary_counts_them(rows):
+    first, number = first_seen(np.array(rows, dtype=np.float64).reshape(-1, 3))
+    distinct = list(dict.fromkeys(rows))
+    assert first.tolist() == [rows.index(row) for row in distinct]
+    assert number.tolist() == [distinct.index(row) for row in rows]
 
 
 def test_collapsed_and_repeated_faces_go_and_the_back_side_stays():
