@@ -31,8 +31,11 @@ DIRECTIONS = 12.0
 """K, see the module: of 1, all of what the model lacks would look like the parameter."""
 NOISE_MARGIN = 1.15
 """Residuals up to so many times the noise are noise."""
-ENOUGH = 0.02
-"""Steps below this share of each standard error end the fit."""
+ENOUGH, STALLED = 0.05, 0.5
+"""Steps below this share of each standard error end the fit; the second, where they do no good."""
+ROUGHLY, NEAR, NEARLY = 0.5, 0.15, 0.5
+"""The first as `ENOUGH` of a coarse fit. Within this share of each parameter's size the effects of the parameters count as the same; the
+last likewise of a coarse fit."""
 FURTHEST = 25.0
 """A step changes no parameter by more than its size, or so many times its step for differences."""
 
@@ -47,7 +50,8 @@ class Problem:
     measured: (N, C). blocks: (N,) number of the block of time of each sample. start, lower, steps:
     (P,); steps: for finite differences. noise: (C,) of the sensors, as the record itself shows it.
     parts: for each parameter the channels that it can move; parameters that move no common channel
-    are perturbed in one simulation.
+    are perturbed in one simulation. sense: a faster simulation for the differences; an error of it
+    slows the fit down, but does not bias it, because the residuals are those of `simulate`.
     """
 
     simulate: Simulate
@@ -58,6 +62,7 @@ class Problem:
     steps: Array
     parts: tuple[frozenset[int], ...]
     noise: Array
+    sense: Simulate | None = None
 
 
 @dataclass(frozen=True)
@@ -89,18 +94,37 @@ class Estimate:
 
 def estimate(problem: Problem) -> Estimate:
     """Fit and judge."""
-    theta = np.array(problem.start, float)
+    return _judged(problem, *_fitted(problem, ENOUGH, NEAR))
+
+
+def approach(problem: Problem) -> Array:
+    """(P,) where a coarse fit ends."""
+    return _fitted(problem, ROUGHLY, NEARLY)[0]
+
+
+def _fitted(problem: Problem, enough: float, near: float) -> tuple[Array, Array, Array, Array]:
+    """theta, the effect of the parameters there, what is simulated, its sigma.
+
+    Effects are taken anew only where the parameters went far; in between, each step corrects them
+    by what it did (Broyden 1965).
+    """
+    theta = at = np.array(problem.start, float)
     simulated = problem.simulate([theta])[0]
     sigma = _sigma(problem, simulated)
+    jacobian = _jacobian(problem, theta, simulated)
     for _ in range(ROUNDS):
-        jacobian = _jacobian(problem, theta, simulated)
         step, error = _newton(problem, jacobian, simulated, sigma, theta)
+        before, predicted = theta, simulated
         theta, simulated, moved = _walk(problem, theta, step, simulated, sigma)
         sigma = _sigma(problem, simulated)
-        if not moved or np.all(np.abs(step) <= ENOUGH * error):
+        left = float(np.max(np.abs(step) / error))
+        if left <= enough or (not moved and (left <= STALLED or np.array_equal(at, theta))):
             break
-    jacobian = _jacobian(problem, theta, simulated)
-    return _judged(problem, theta, jacobian, simulated, sigma)
+        if not moved or _is_far(problem, theta, at, near):
+            jacobian, at = _jacobian(problem, theta, simulated), theta
+        else:
+            _correct(problem, jacobian, theta - before, simulated - predicted)
+    return theta, jacobian, simulated, sigma
 
 
 def predicted_errors(problem: Problem, sigma: Array) -> tuple[Array, Array]:
@@ -141,11 +165,30 @@ def _jacobian(problem: Problem, theta: Array, simulated: Array) -> Array:
         moved[together] += problem.steps[together]
         vectors.append(moved)
     found = np.zeros((len(theta), *simulated.shape))
-    for together, outcome in zip(rounds, problem.simulate(vectors), strict=True):
+    if problem.sense is None:
+        outcomes = problem.simulate(vectors)
+    else:
+        simulated, *outcomes = problem.sense([theta, *vectors])
+    for together, outcome in zip(rounds, outcomes, strict=True):
         for index in together:
             own = sorted(problem.parts[index])
             found[index][:, own] = (outcome - simulated)[:, own] / problem.steps[index]
     return found
+
+
+def _is_far(problem: Problem, theta: Array, at: Array, near: float) -> bool:
+    return bool(np.any(np.abs(theta - at) > near * _size(problem, theta)))
+
+
+def _correct(problem: Problem, jacobian: Array, step: Array, change: Array) -> None:
+    """In place: the smallest change of the effects with which they predict this step's."""
+    scaled = step * _size(problem, step) ** -2
+    missing = change - np.einsum("p,pnc->nc", step, jacobian)
+    for channel in range(change.shape[1]):
+        own = [p for p, part in enumerate(problem.parts) if channel in part]
+        length = float(step[own] @ scaled[own])
+        if length > 0.0:
+            jacobian[own, :, channel] += np.outer(scaled[own], missing[:, channel]) / length
 
 
 def _information(jacobian: Array, sigma: Array) -> Array:
@@ -155,8 +198,13 @@ def _information(jacobian: Array, sigma: Array) -> Array:
 
 
 def _scale(problem: Problem, theta: Array) -> Array:
-    """What counts as a large change of each parameter: ten times its size or its step."""
-    size: Array = 10.0 * np.maximum(np.abs(theta), 10.0 * np.abs(problem.steps))
+    """What counts as a large change of each parameter."""
+    return 10.0 * _size(problem, theta)
+
+
+def _size(problem: Problem, theta: Array) -> Array:
+    """Of each parameter: its own or ten of its steps."""
+    size: Array = np.maximum(np.abs(theta), 10.0 * np.abs(problem.steps))
     return size
 
 

@@ -6,7 +6,7 @@ import json
 import math
 import re
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import ClassVar
 
@@ -98,18 +98,17 @@ class FitLogs(Step):
         unknowns = self._unknowns(tree, priors)
         solution = solve(plant, fitted, priors, unknowns, self.widest, self.effective)
         parameters = tuple(self._parameters(tree, solution))
-        predictions = tuple(_predictions(plant, whole, cut, priors, solution))
+        shown = [_shown(plant, *both, priors, solution) for both in zip(whole, cut, strict=True)]
         fit = Fit(
             logs=tuple(self._used(files.inputs)),
             parameters=parameters,
-            predictions=predictions,
+            predictions=tuple(_predictions(plant, shown)),
             related=tuple(_related(parameters, solution)),
             condition=short(solution.estimate.condition),
             recorded=tuple((row.joint, row.kp, row.kd) for row in prior.actuators),
         )
         (files.outputs / "fit.json").write_bytes(encode(fit))
-        curves = _curves(plant, whole[0], cut[0], priors, solution)
-        (files.outputs / "curves.json").write_bytes(encode(curves))
+        (files.outputs / "curves.json").write_bytes(encode(_curves(plant, shown[0])))
         yield from _findings(fit)
 
     def _unknowns(self, tree: Tree, priors: Sequence[Drive]) -> list[Unknown]:
@@ -217,22 +216,33 @@ def _before(priors: Sequence[Drive], solution: Solution) -> list[Drive]:
     ]
 
 
-def _predictions(
-    plant: Plant,
-    whole: Sequence[Record],
-    cut: Sequence[int],
-    priors: Sequence[Drive],
-    solution: Solution,
-) -> Iterator[Prediction]:
-    """The RMS of each joint, of records that are simulated in one go over both parts."""
+@dataclass(frozen=True)
+class _Shown:
+    """A record from a calm moment on. cut: samples fitted. before, after: (N, J), simulated."""
+
+    record: Record
+    cut: int
+    before: Array
+    after: Array
+
+
+def _shown(
+    plant: Plant, record: Record, cut: int, priors: Sequence[Drive], solution: Solution
+) -> _Shown:
+    """Both parts in one go, as the priors and the fit predict them."""
+    calm = record.from_rest()
+    q, _ = plant.simulate(calm, [_before(priors, solution), solution.drives])
+    return _Shown(calm, max(0, cut - (len(record.position) - len(calm.position))), q[0], q[1])
+
+
+def _predictions(plant: Plant, shown: Sequence[_Shown]) -> Iterator[Prediction]:
+    """The RMS of each joint."""
     squares: dict[str, list[Array]] = {"fitted": [], "before": [], "after": []}
-    for record, n in zip(whole, cut, strict=True):
-        record, n = _calm(record, n)
-        q, _ = plant.simulate(record, [_before(priors, solution), solution.drives])
-        error = q - record.position
-        squares["fitted"].append(error[1, record.lead : n] ** 2)
-        squares["before"].append(error[0, n:] ** 2)
-        squares["after"].append(error[1, n:] ** 2)
+    for each in shown:
+        before, after = (each.before - each.record.position, each.after - each.record.position)
+        squares["fitted"].append(after[each.record.lead : each.cut] ** 2)
+        squares["before"].append(before[each.cut :] ** 2)
+        squares["after"].append(after[each.cut :] ** 2)
     rms = {
         name: np.sqrt(np.concatenate(parts).mean(axis=0)) if sum(map(len, parts)) else None
         for name, parts in squares.items()
@@ -244,17 +254,8 @@ def _predictions(
         yield Prediction(joint, **values)
 
 
-def _calm(record: Record, cut: int) -> tuple[Record, int]:
-    """As it is simulated: from a calm moment on; the cut moves along."""
-    calm = record.from_rest()
-    return calm, max(0, cut - (len(record.position) - len(calm.position)))
-
-
-def _curves(
-    plant: Plant, record: Record, cut: int, priors: Sequence[Drive], solution: Solution
-) -> Curves:
-    record, cut = _calm(record, cut)
-    q, _ = plant.simulate(record, [_before(priors, solution), solution.drives])
+def _curves(plant: Plant, shown: _Shown) -> Curves:
+    record = shown.record
     every = max(1, len(record.position) // POINTS)
     time = tuple(short(n * record.period_s) for n in range(0, len(record.position), every))
 
@@ -267,9 +268,9 @@ def _curves(
                 joint,
                 time,
                 drawn(record.position[:, j]),
-                drawn(q[0, :, j]),
-                drawn(q[1, :, j]),
-                short(cut * record.period_s),
+                drawn(shown.before[:, j]),
+                drawn(shown.after[:, j]),
+                short(shown.cut * record.period_s),
             )
             for j, joint in enumerate(plant.joints)
         )

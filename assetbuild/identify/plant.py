@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import copy
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -24,9 +24,11 @@ CUTOFF_HZ = 20.0
 LEAD_S = 0.03
 QUIET_S = 1.5
 """A calm moment is looked for in so much of the beginning of a record."""
-LONGEST_S, LIGHT_S = 0.001, 0.00025
-"""Longest steps of the simulation: the fitted numbers are those of continuous time. The second is
-for robots of which a joint is so light that its damping stops it within a step."""
+LONGEST_S = 0.001
+"""Longest steps of the simulation: the fitted numbers are those of continuous time."""
+STEPS_S = ((0.3, LONGEST_S), (0.7, LONGEST_S / 2.0), (math.inf, LONGEST_S / 4.0))
+"""Shorter ones where a joint is so light that its damping takes at most this share of its speed
+within the longest step."""
 CHUNK = 4000
 """Steps that are simulated at once, so that memory is bounded."""
 AT_ONCE = 16
@@ -152,7 +154,7 @@ class Plant:
         drives = {int(model.actuator_trnid[a][0]): a for a in range(len(model.actuator_trntype))}
         self.drive = np.array([drives[joint.id] for joint in found])
         self.rest = _rest(model, tree, control)
-        self.branches = _branches(model, self.dof)
+        self.moved = _moved(model, self.dof)
         self.inertia = self._inertia()
         self._hold_others()
         self.longest_s = LONGEST_S
@@ -167,8 +169,8 @@ class Plant:
         """s: the steps that these drives need."""
         armature = np.array([drive.armature for drive in drives])
         damped = np.array([drive.damping + drive.kd for drive in drives])
-        light = np.max(LONGEST_S * damped / (self.inertia + armature)) > 1.0
-        return LIGHT_S if light else LONGEST_S
+        lightest = float(np.max(LONGEST_S * damped / (self.inertia + armature)))
+        return next(step for share, step in STEPS_S if lightest <= share)
 
     def changed(self, drives: Sequence[Drive], dt: float) -> Any:  # Any: mujoco.MjModel
         """A copy of the model with these drives, in the order of `joints`, and a timestep.
@@ -345,20 +347,29 @@ def _followers(model: Any) -> list[int]:  # Any: as above
     return [int(j) for j in model.eq_obj1id[coupled]]
 
 
-def _branches(model: Any, dof: Array) -> tuple[int, ...]:  # Any: as above
-    """The branch of the robot that each joint is in: on a fixed root they do not feel each other.
-
-    One branch where loops or tendons may join them.
-    """
+def _moved(model: Any, dof: Array) -> tuple[frozenset[int], ...]:  # Any: as above
+    """For each joint the joints that feel it: those beyond it, and those before it up to where the
+    branch forks. An arm also shakes the torso and by that the other arm, but that is little."""
     if model.neq or model.ntendon:
-        return (0,) * len(dof)
-    tops = []
-    for address in dof:
-        top = int(address)
-        while int(model.dof_parentid[top]) >= 0:
-            top = int(model.dof_parentid[top])
-        tops.append(top)
-    return tuple(tops)
+        return (frozenset(range(len(dof))),) * len(dof)
+    parent = [int(p) for p in model.dof_parentid]
+    children = [sum(p == d for p in parent) for d in range(len(parent))]
+    numbers = {int(d): j for j, d in enumerate(dof)}
+
+    def chain(address: int, forks: bool) -> Iterator[int]:
+        while address >= 0:
+            yield address
+            address = parent[address]
+            if not forks and address >= 0 and children[address] > 1:
+                return
+
+    before = [{numbers[d] for d in chain(int(a), False) if d in numbers} for a in dof]
+    beyond: list[set[int]] = [set() for _ in dof]
+    for j, address in enumerate(dof):
+        for d in chain(int(address), True):
+            if d in numbers:
+                beyond[numbers[d]].add(j)
+    return tuple(frozenset(a | b) for a, b in zip(before, beyond, strict=True))
 
 
 def _delayed(target: Array, steps: float) -> Array:

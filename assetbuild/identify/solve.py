@@ -7,13 +7,15 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from assetbuild.identify.estimate import Estimate, Problem, estimate
+from assetbuild.identify.estimate import Estimate, Problem, approach, estimate
 from assetbuild.identify.plant import Drive, Plant, Record, cutoff_hz, smooth
 from assetbuild.identify.start import first_guess
 from assetbuild.robot.pose import Array
 
 SETTLE_S = 0.5
 """The beginning of each record, which depends on how it started, is not compared."""
+BEGINNING, BEGINNING_S = 0.3, 10.0
+"""Share of a record, or s, that the fit begins with: it is cheap to be nearly right."""
 BLOCK_S = 1.0
 """Residuals further apart than this count as independent."""
 WINDOW_S = 0.25
@@ -84,8 +86,13 @@ def solve(
     ]
     records = [record.from_rest() for record in records]
     guess = first_guess(plant, records, priors, wanted)
-    plant = plant.in_steps(plant.longest_for(guess))
+    beginning = make_problem(plant, [_beginning(r) for r in records], guess, every)
+    guess = with_values(guess, every, approach(beginning))
     problem = make_problem(plant, records, guess, every)
+    if plant.longest_for(guess) < plant.longest_s:
+        plant = plant.in_steps(plant.longest_for(guess))
+        fine = make_problem(plant, records, guess, every)
+        problem = replace(fine, sense=problem.simulate)
     found = estimate(problem)
     floor = FLOOR * np.abs(found.theta)
     if plant.simulator_step is None:
@@ -137,13 +144,8 @@ def make_problem(
 
     measured = np.concatenate([thinned(_channels(r, has_torque), r) for r in records])
     blocks = np.concatenate([_blocks(r, n) for n, r in enumerate(records)])
-    branches = [
-        [j for j in range(count) if any(plant.branches[j] == plant.branches[k] for k in u.joints)]
-        for u in unknowns
-    ]
-    parts = tuple(
-        frozenset((*branch, *(j + count for j in branch if has_torque))) for branch in branches
-    )
+    moved = [frozenset[int]().union(*(plant.moved[j] for j in u.joints)) for u in unknowns]
+    parts = tuple(own | {j + count for j in own if has_torque} for own in moved)
     start = np.array([np.mean([getattr(guess[j], u.name) for j in u.joints]) for u in unknowns])
     steps = np.array(
         [_step(u, value, plant, guess, records) for u, value in zip(unknowns, start, strict=True)]
@@ -151,6 +153,11 @@ def make_problem(
     lower = np.array([-np.inf if u.name in ("offset", "lag") else 0.0 for u in unknowns])
     noise = np.sqrt(np.mean([_noise(r, has_torque) ** 2 for r in records], axis=0))
     return Problem(simulate, measured, blocks, start, lower, steps, parts, noise)
+
+
+def _beginning(record: Record) -> Record:
+    least = round(BEGINNING_S / record.period_s)
+    return record.until(max(least, round(BEGINNING * len(record.position))))
 
 
 def _has_torque(records: Sequence[Record]) -> bool:
