@@ -33,9 +33,9 @@ NOISE_MARGIN = 1.15
 """Residuals up to so many times the noise are noise."""
 ENOUGH, STALLED = 0.05, 0.5
 """Steps below this share of each standard error end the fit; the second, where they do no good."""
-ROUGHLY, NEAR, NEARLY = 0.5, 0.15, 0.5
-"""The first as `ENOUGH` of a coarse fit. Within this share of each parameter's size the effects of the parameters count as the same; the
-last likewise of a coarse fit."""
+OTHERWISE, ROUGHLY = 0.1, (0.5, 0.3)
+"""Effects are stale whose prediction of a step misses more than this share of the squares of what
+it did. The second: `ENOUGH` and this of a coarse fit."""
 FURTHEST = 25.0
 """A step changes no parameter by more than its size, or so many times its step for differences."""
 
@@ -94,19 +94,19 @@ class Estimate:
 
 def estimate(problem: Problem) -> Estimate:
     """Fit and judge."""
-    return _judged(problem, *_fitted(problem, ENOUGH, NEAR))
+    return _judged(problem, *_fitted(problem, ENOUGH, OTHERWISE))
 
 
 def approach(problem: Problem) -> Array:
     """(P,) where a coarse fit ends."""
-    return _fitted(problem, ROUGHLY, NEARLY)[0]
+    return _fitted(problem, *ROUGHLY)[0]
 
 
-def _fitted(problem: Problem, enough: float, near: float) -> tuple[Array, Array, Array, Array]:
+def _fitted(problem: Problem, enough: float, otherwise: float) -> tuple[Array, Array, Array, Array]:
     """theta, the effect of the parameters there, what is simulated, its sigma.
 
-    Effects are taken anew only where the parameters went far; in between, each step corrects them
-    by what it did (Broyden 1965).
+    Effects are taken anew only where a step did something else than they said; in between, each
+    step corrects them by what it did (Broyden 1965).
     """
     theta = at = np.array(problem.start, float)
     simulated = problem.simulate([theta])[0]
@@ -120,10 +120,12 @@ def _fitted(problem: Problem, enough: float, near: float) -> tuple[Array, Array,
         left = float(np.max(np.abs(step) / error))
         if left <= enough or (not moved and (left <= STALLED or np.array_equal(at, theta))):
             break
-        if not moved or _is_far(problem, theta, at, near):
+        step, change = theta - before, simulated - predicted
+        expected = np.einsum("p,pnc->nc", step, jacobian)
+        if not moved or _is_stale(expected, change, sigma, otherwise):
             jacobian, at = _jacobian(problem, theta, simulated), theta
         else:
-            _correct(problem, jacobian, theta - before, simulated - predicted)
+            _correct(problem, jacobian, step, change - expected)
     return theta, jacobian, simulated, sigma
 
 
@@ -168,7 +170,7 @@ def _jacobian(problem: Problem, theta: Array, simulated: Array) -> Array:
     if problem.sense is None:
         outcomes = problem.simulate(vectors)
     else:
-        simulated, *outcomes = problem.sense([theta, *vectors])
+        simulated, outcomes = problem.sense([theta])[0], problem.sense(vectors)
     for together, outcome in zip(rounds, outcomes, strict=True):
         for index in together:
             own = sorted(problem.parts[index])
@@ -176,15 +178,17 @@ def _jacobian(problem: Problem, theta: Array, simulated: Array) -> Array:
     return found
 
 
-def _is_far(problem: Problem, theta: Array, at: Array, near: float) -> bool:
-    return bool(np.any(np.abs(theta - at) > near * _size(problem, theta)))
+def _is_stale(expected: Array, change: Array, sigma: Array, otherwise: float) -> bool:
+    """Whether a step did something else in some channel; less than noise does not count."""
+    did = np.sum((change / sigma) ** 2, axis=0)
+    missing = np.sum(((change - expected) / sigma) ** 2, axis=0)
+    return bool(np.any(missing > np.maximum(otherwise * did, 1.0)))
 
 
-def _correct(problem: Problem, jacobian: Array, step: Array, change: Array) -> None:
+def _correct(problem: Problem, jacobian: Array, step: Array, missing: Array) -> None:
     """In place: the smallest change of the effects with which they predict this step's."""
     scaled = step * _size(problem, step) ** -2
-    missing = change - np.einsum("p,pnc->nc", step, jacobian)
-    for channel in range(change.shape[1]):
+    for channel in range(missing.shape[1]):
         own = [p for p, part in enumerate(problem.parts) if channel in part]
         length = float(step[own] @ scaled[own])
         if length > 0.0:

@@ -17,6 +17,7 @@ from assetbuild.errors import did_you_mean
 from assetbuild.identify.excite import Excite
 from assetbuild.identify.fit_logs import FitLogs
 from assetbuild.identify.keep_prior import POSITION, KeepPrior
+from assetbuild.identify.lerobot import info_beside
 from assetbuild.identify.read_log import ReadLog
 from assetbuild.identify.table import FORMATS
 from assetbuild.identify.use_fits import UseFits
@@ -146,13 +147,18 @@ def _fit(
             names=dict(entry.names),
             columns=entry.columns,
             interval=log.interval,
+            episode=log.episode,
             time_unit=entry.time_unit,
             angle_unit=entry.angle_unit,
             torque_constants=None
             if None in constants
             else tuple(float(c or 0.0) for c in constants),
         )
-        record = p.add(f"read_log {number}.{index}", step, {"tree.json": merged, "log": source})
+        ports = {"tree.json": merged, "log": source}
+        info = info_beside(path)
+        if info is not None and p.world.is_file(info):
+            ports["info.json"] = p.source(info)
+        record = p.add(f"read_log {number}.{index}", step, ports)
         inputs[f"records/{index}.npz"] = record["record.npz"]
         inputs[f"about/{index}.json"] = record["about.json"]
     prior = p.add(

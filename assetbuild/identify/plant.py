@@ -27,8 +27,7 @@ QUIET_S = 1.5
 LONGEST_S = 0.001
 """Longest steps of the simulation: the fitted numbers are those of continuous time."""
 STEPS_S = ((0.3, LONGEST_S), (0.7, LONGEST_S / 2.0), (math.inf, LONGEST_S / 4.0))
-"""Shorter ones where a joint is so light that its damping takes at most this share of its speed
-within the longest step."""
+"""Shorter ones, by the share of a light joint's speed that its damping takes in the longest."""
 CHUNK = 4000
 """Steps that are simulated at once, so that memory is bounded."""
 AT_ONCE = 16
@@ -169,8 +168,8 @@ class Plant:
         """s: the steps that these drives need."""
         armature = np.array([drive.armature for drive in drives])
         damped = np.array([drive.damping + drive.kd for drive in drives])
-        lightest = float(np.max(LONGEST_S * damped / (self.inertia + armature)))
-        return next(step for share, step in STEPS_S if lightest <= share)
+        taken = float(np.max(LONGEST_S * damped / (self.inertia + armature)))
+        return next(step for share, step in STEPS_S if taken <= share)
 
     def changed(self, drives: Sequence[Drive], dt: float) -> Any:  # Any: mujoco.MjModel
         """A copy of the model with these drives, in the order of `joints`, and a timestep.
@@ -363,13 +362,12 @@ def _moved(model: Any, dof: Array) -> tuple[frozenset[int], ...]:  # Any: as abo
             if not forks and address >= 0 and children[address] > 1:
                 return
 
-    before = [{numbers[d] for d in chain(int(a), False) if d in numbers} for a in dof]
-    beyond: list[set[int]] = [set() for _ in dof]
+    found = [{numbers[d] for d in chain(int(a), False) if d in numbers} for a in dof]
     for j, address in enumerate(dof):
         for d in chain(int(address), True):
             if d in numbers:
-                beyond[numbers[d]].add(j)
-    return tuple(frozenset(a | b) for a, b in zip(before, beyond, strict=True))
+                found[numbers[d]].add(j)
+    return tuple(map(frozenset, found))
 
 
 def _delayed(target: Array, steps: float) -> Array:

@@ -14,6 +14,7 @@ from pydantic import Field
 from assetbuild.engine.step import Files, Limits, Step
 from assetbuild.errors import StepError
 from assetbuild.findings import Finding, Rule
+from assetbuild.identify.lerobot import element_names
 from assetbuild.identify.suspect import suspicions
 from assetbuild.identify.table import read_columns
 from assetbuild.robot.files import RobotFiles
@@ -41,7 +42,7 @@ class ReadLog(Step):
     """`log`, `tree.json` -> `record.npz`: `period_s`, and for each stretch n `position_n`,
     `target_n` and, if measured, `torque_n`, (N, J) each; `about.json`.
 
-    rad or m, N m or N, in the order of `joints`.
+    rad or m, N m or N, in the order of `joints`. `info.json` of a LeRobot data set is read, too.
     """
 
     outputs = ("record.npz", "about.json")
@@ -54,6 +55,7 @@ class ReadLog(Step):
     names: dict[str, str] = Field(default_factory=dict)
     columns: Columns
     interval: tuple[float, float] | None = None
+    episode: int | None = None
     time_unit: str = "s"
     angle_unit: str | int = "rad"
     torque_constants: tuple[float, ...] | None = None
@@ -62,7 +64,13 @@ class ReadLog(Step):
         """Raises StepError, in one sentence, for a log that cannot be what the recipe says."""
         tree = RobotFiles(files.inputs).tree
         table = read_columns(
-            files.inputs / "log", self.file, self._names(), self.interval, SECONDS[self.time_unit]
+            files.inputs / "log",
+            self.file,
+            self._names(),
+            self.interval,
+            SECONDS[self.time_unit],
+            self._elements(files.inputs / "info.json"),
+            self.episode,
         )
         time = table[:, 0]
         self._check_clock(time)
@@ -109,6 +117,9 @@ class ReadLog(Step):
                 hint="`{joint}` in `columns` stands for the joint's name in the log",
             )
         return found
+
+    def _elements(self, info: Path) -> dict[str, tuple[str, ...]]:
+        return element_names(info.read_bytes(), self.file) if info.is_file() else {}
 
     def _scale(self, tree: Tree, joint: str) -> float:
         """Radians in one unit of the log's angles; joints that slide are in metres."""

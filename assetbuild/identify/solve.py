@@ -86,13 +86,15 @@ def solve(
     ]
     records = [record.from_rest() for record in records]
     guess = first_guess(plant, records, priors, wanted)
-    beginning = make_problem(plant, [_beginning(r) for r in records], guess, every)
-    guess = with_values(guess, every, approach(beginning))
-    problem = make_problem(plant, records, guess, every)
-    if plant.longest_for(guess) < plant.longest_s:
-        plant = plant.in_steps(plant.longest_for(guess))
-        fine = make_problem(plant, records, guess, every)
-        problem = replace(fine, sense=problem.simulate)
+    beginnings = [_beginning(record) for record in records]
+    guess = with_values(guess, every, approach(make_problem(plant, beginnings, guess, every)))
+    fine = plant.longest_for(guess)
+    if fine < plant.longest_s:
+        guess = with_values(
+            guess, every, approach(_in_steps(plant, fine, beginnings, guess, every))
+        )
+    problem = _in_steps(plant, fine, records, guess, every)
+    plant = plant.in_steps(fine)
     found = estimate(problem)
     floor = FLOOR * np.abs(found.theta)
     if plant.simulator_step is None:
@@ -153,6 +155,21 @@ def make_problem(
     lower = np.array([-np.inf if u.name in ("offset", "lag") else 0.0 for u in unknowns])
     noise = np.sqrt(np.mean([_noise(r, has_torque) ** 2 for r in records], axis=0))
     return Problem(simulate, measured, blocks, start, lower, steps, parts, noise)
+
+
+def _in_steps(
+    plant: Plant,
+    fine: float,
+    records: Sequence[Record],
+    guess: Sequence[Drive],
+    unknowns: Sequence[Unknown],
+) -> Problem:
+    """With residuals of fine steps, s, and differences of twice as long ones."""
+    problem = make_problem(plant.in_steps(fine), records, guess, unknowns)
+    if fine >= plant.longest_s:
+        return problem
+    coarse = make_problem(plant.in_steps(2.0 * fine), records, guess, unknowns)
+    return replace(problem, sense=coarse.simulate)
 
 
 def _beginning(record: Record) -> Record:

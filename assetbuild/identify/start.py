@@ -120,9 +120,12 @@ def _guesses(
 def _errors(plant: Plant, records: Sequence[Record], tried: Sequence[Sequence[Drive]]) -> Array:
     """(tried, J) RMS of what each predicts of the first seconds of the first record."""
     record = records[0].until(int(TRIED_S / records[0].period_s))
-    q, _ = plant.simulate(record, tried)
-    errors = np.sqrt(np.mean((q - record.position) ** 2, axis=1))
-    found: Array = np.nan_to_num(errors, nan=np.inf) + 1e-9
+    errors = []
+    for drives in tried:
+        steps = plant.in_steps(plant.longest_for(drives))
+        q, _ = steps.simulate(record, [drives])
+        errors.append(np.sqrt(np.mean((q[0] - record.position) ** 2, axis=0)))
+    found: Array = np.nan_to_num(np.array(errors), nan=np.inf) + 1e-9
     return found
 
 

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import csv
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
+from types import MappingProxyType
 from typing import TextIO
 
 import numpy as np
@@ -12,6 +13,7 @@ from numpy.typing import NDArray
 
 from assetbuild.errors import StepError, did_you_mean
 from assetbuild.identify.bags import BAGS, read_bag
+from assetbuild.identify.lerobot import EPISODE
 from assetbuild.robot.pose import Array
 
 MOST_ROWS = 1_500_000
@@ -25,15 +27,24 @@ FORMATS = (".csv", ".txt", *PARQUET, *BAGS)
 
 
 def read_columns(
-    path: Path, file: str, columns: Sequence[str], interval: tuple[float, float] | None, unit: float
+    path: Path,
+    file: str,
+    columns: Sequence[str],
+    interval: tuple[float, float] | None,
+    unit: float,
+    elements: Mapping[str, Sequence[str]] = MappingProxyType({}),
+    episode: int | None = None,
 ) -> Array:
     """(rows, columns) of the rows whose time lies in the interval; the first column is the time.
 
-    file: the name for errors. unit: seconds of one unit of time. StepError for a log that has not
-    these columns, or whose numbers are none.
+    file: the name for errors. unit: seconds of one unit of time. elements: names of the elements of
+    columns of lists; episode: the only one that is read, both of Parquet. StepError for a log that
+    has not these columns, or whose numbers are none.
     """
-    read = _parquet if file.endswith(PARQUET) else read_bag if file.endswith(BAGS) else _csv
-    pieces = read(path, file, columns)
+    if file.endswith(PARQUET):
+        pieces = _parquet(path, file, columns, elements, episode)
+    else:
+        pieces = (read_bag if file.endswith(BAGS) else _csv)(path, file, columns)
     kept, count, row = [], 0, 0
     for piece in pieces:
         piece[:, 0] *= unit
@@ -141,7 +152,13 @@ def _slowly(
     return np.array(rows, float).reshape(len(rows), len(columns))
 
 
-def _parquet(path: Path, file: str, columns: Sequence[str]) -> Iterator[Array]:
+def _parquet(
+    path: Path,
+    file: str,
+    columns: Sequence[str],
+    elements: Mapping[str, Sequence[str]],
+    episode: int | None,
+) -> Iterator[Array]:
     """Columns; `state[3]` is the fourth element of a column of lists, as LeRobot writes them."""
     try:
         import pyarrow.parquet as parquet
@@ -157,16 +174,52 @@ def _parquet(path: Path, file: str, columns: Sequence[str]) -> Iterator[Array]:
     names = list(table.schema_arrow.names)
     if not set(plain) <= set(names):
         raise _missing(file, [n for n in plain if n not in names] or plain, names)
-    for batch in table.iter_batches(CHUNK, columns=list(dict.fromkeys(plain))):
-        yield np.stack([_element(batch, name, file) for name in columns], axis=1)
+    places = [_place(name, elements, file) for name in columns]
+    wanted = list(dict.fromkeys([*plain, *([EPISODE] if EPISODE in names else [])]))
+    seen: set[int] = set()
+    for batch in table.iter_batches(CHUNK, columns=wanted):
+        piece = np.stack([_element(batch, *place, file) for place in places], axis=1)
+        if EPISODE in names:
+            of = np.asarray(batch.column(EPISODE).to_numpy(zero_copy_only=False), int)
+            seen |= set(map(int, np.unique(of)))
+            piece = piece if episode is None else piece[of == episode]
+            _refuse_many_episodes(file, seen, episode)
+        yield piece
+    if episode is not None and episode not in seen:
+        held = f"it has {min(seen)}..{max(seen)}" if seen else f"it has no column `{EPISODE}`"
+        raise StepError(f"{file} has no episode {episode}; {held}")
 
 
-def _element(batch: object, name: str, file: str) -> Array:
+def _refuse_many_episodes(file: str, seen: set[int], episode: int | None) -> None:
+    if episode is None and len(seen) > 1:
+        raise StepError(
+            f"{file} holds several episodes, {min(seen)} and more, each with its own clock",
+            hint=f"choose one in `logs`: `{{file: {file}, episode: {min(seen)}}}`; an entry of "
+            "`logs` may name the same file again with another episode",
+        )
+
+
+def _place(name: str, elements: Mapping[str, Sequence[str]], file: str) -> tuple[str, int | None]:
+    """The column and the element of it that `name` stands for."""
     column, _, place = name.partition("[")
+    place = place.rstrip("]")
+    if not place or place.isdigit():
+        return column, int(place) if place else None
+    known = list(elements.get(column, ()))
+    if place in known:
+        return column, known.index(place)
+    there = ", ".join(f"`{each}`" for each in known[:12])
+    raise StepError(
+        f"{file}: column `{column}` has no element `{place}`",
+        hint=did_you_mean(place, known)
+        or (f"meta/info.json names {there}" if known else "state the number of the element"),
+    )
+
+
+def _element(batch: object, column: str, index: int | None, file: str) -> Array:
     values = batch.column(column)  # type: ignore[attr-defined] # pyarrow's RecordBatch
-    if not place:
+    if index is None:
         return np.asarray(values.to_numpy(zero_copy_only=False), float)
-    index = int(place.rstrip("]"))
     try:
         return np.array([row[index] for row in values.to_pylist()], float)
     except (IndexError, TypeError):

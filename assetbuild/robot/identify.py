@@ -28,6 +28,10 @@ class LogFile(Model):
         None, description="the part to use, s on the log's own clock; without it all"
     )
 
+    episode: Annotated[int, Field(ge=0)] | None = Field(
+        None, description="the episode to use, of a Parquet file that holds several, as LeRobot's"
+    )
+
     @model_validator(mode="after")
     def _rising(self) -> LogFile:
         if self.interval is not None and not self.interval[0] < self.interval[1]:
