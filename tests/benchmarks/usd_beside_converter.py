@@ -1,11 +1,12 @@
-"""Size and seconds of our USD beside urdf-usd-converter's, on the same robots, in one run.
+"""Size and seconds of our USD beside those of two converters, on the same robots, in one run.
 
     ASSETBUILD_TEST_DATA=.../share python tests/benchmarks/usd_beside_converter.py PYTHON [ROBOT...]
 
-PYTHON: the interpreter of an environment with urdf-usd-converter; it brings a `pxr` of its own,
-which breaks ours, so it may not be this one. Ours is a cold build with an empty store: meshes read
-and split, joints merged, the USD written *and* checked; theirs is the conversion. Same goals for
-both: no decimation, collision as in the source.
+PYTHON: the interpreter of an environment with urdf-usd-converter and mujoco-usd-converter; they
+bring a `pxr` of their own, which breaks ours, so it may not be this one. Ours is a cold build with
+an empty store: meshes read and split, joints merged, the USD written *and* checked; theirs are the
+conversions, of the URDF and of the MJCF that we make of it. Same goals for all: no decimation,
+collision as in the source.
 """
 
 from __future__ import annotations
@@ -38,7 +39,7 @@ source:
   urdf: {urdf}
   packages: {{example-robot-data: .}}
 collision: {{default: {{method: keep, from: collision}}}}
-targets: [usd]
+targets: [{target}]
 validate: {{free_fall: null}}
 """
 
@@ -68,40 +69,48 @@ def _cpu() -> float:
     return used.ru_utime + used.ru_stime
 
 
-def ours(name: str, root: Path, place: Path) -> Made:
+def ours(name: str, root: Path, place: Path, target: str) -> Made:
     """A cold build, checks included."""
-    recipe = place / "robot.yaml"
-    recipe.write_text(RECIPE.format(root=root, urdf=f"robots/{ROBOTS[name]}"), encoding="utf-8")
-    environment = os.environ | {"ASSETBUILD_CACHE": str(place / "store")}
-    command = [sys.executable, "-m", "assetbuild", "build", str(recipe), "-o", str(place / "ours")]
-    return run([*command, "--fail-on", "never"], place / "ours" / "usd", environment)
+    recipe = place / f"{target}.yaml"
+    urdf = f"robots/{ROBOTS[name]}"
+    recipe.write_text(RECIPE.format(root=root, urdf=urdf, target=target), encoding="utf-8")
+    environment = os.environ | {"ASSETBUILD_CACHE": str(place / f"store-{target}")}
+    command = [sys.executable, "-m", "assetbuild", "build", str(recipe), "-o", str(place / target)]
+    return run([*command, "--fail-on", "never"], place / target / target, environment)
 
 
-def theirs(name: str, root: Path, place: Path, python: str) -> Made:
-    """One conversion."""
+def of_urdf(name: str, root: Path, place: Path, python: str) -> Made:
+    """One conversion by urdf-usd-converter."""
     tool = str(Path(python).with_name("urdf_usd_converter"))
     package = f"example-robot-data={root}"
     source = str(root / "robots" / ROBOTS[name])
-    command = [tool, source, str(place / "theirs"), "--package", package]
-    return run(command, place / "theirs", dict(os.environ))
+    command = [tool, source, str(place / "of_urdf"), "--package", package]
+    return run(command, place / "of_urdf", dict(os.environ))
+
+
+def of_mjcf(place: Path, python: str) -> Made:
+    """One conversion by mujoco-usd-converter, of our MJCF."""
+    tool = str(Path(python).with_name("mujoco_usd_converter"))
+    command = [tool, str(place / "mjcf" / "mjcf" / "robot.xml"), str(place / "of_mjcf")]
+    return run(command, place / "of_mjcf", dict(os.environ))
 
 
 def main() -> None:
     """Print a table in Markdown."""
     python, names = sys.argv[1], sys.argv[2:] or list(ROBOTS)
     root = Path(os.environ["ASSETBUILD_TEST_DATA"]).resolve() / "example-robot-data"
-    print("| robot | ours, s (CPU) | theirs, s (CPU) | ours, MB | theirs, MB | exit codes |")
-    print("| --- | --- | --- | --- | --- | --- |")
+    print("| robot | ours, s (CPU) | of the URDF | of the MJCF | MB: ours | URDF | MJCF | codes |")
+    print("| --- | --- | --- | --- | --- | --- | --- | --- |")
     for name in names:
         with tempfile.TemporaryDirectory() as folder:
             place = Path(folder)
-            a, b = ours(name, root, place), theirs(name, root, place, python)
-        print(
-            f"| {name} | {a.seconds:.1f} ({a.cpu:.1f}) | {b.seconds:.1f} ({b.cpu:.1f}) | "
-            f"{a.megabytes:.1f} | "
-            f"{b.megabytes:.1f} | {a.code}, {b.code} |",
-            flush=True,
-        )
+            made = [ours(name, root, place, "usd"), of_urdf(name, root, place, python)]
+            ours(name, root, place, "mjcf")
+            made.append(of_mjcf(place, python))
+        cells = [f"{each.seconds:.1f} ({each.cpu:.1f})" for each in made]
+        cells += [f"{each.megabytes:.1f}" for each in made]
+        codes = ", ".join(str(each.code) for each in made)
+        print(f"| {name} | {' | '.join(cells)} | {codes} |", flush=True)
 
 
 if __name__ == "__main__":

@@ -10,6 +10,7 @@ import math
 from dataclasses import replace
 from pathlib import Path
 
+import mujoco
 import numpy as np
 import pytest
 
@@ -387,6 +388,41 @@ def test_a_surface_like_ice_or_glue_is_told_with_the_plausible_range(run, contac
         assert (found.severity, found.subject) == ("warning", "link FL_foot")
         assert said in found.message
         assert (found.data["lower"], found.data["upper"]) == (0.2, 3.0)
+
+
+@pytest.mark.parametrize(
+    ("keys", "constant"),
+    [
+        ({"contact": {"solref": [0.004, 1], "priority": 1}}, 0.004),
+        ({"contact": {"solref": [0.01, 1], "priority": 1}}, None),
+        ({"contact": {"solref": [0.004, 1]}}, None),  # mixed with the floor's 0.02 s
+        ({"contact": {"solref": [-4000, -100], "priority": 1}}, None),  # a spring, taken as it is
+        ({"simulation": {"timestep": 0.02, "decimation": 1}}, 0.02),
+        ({}, None),
+    ],
+)
+def test_a_time_constant_that_mujoco_raises_is_said(run, keys, constant):
+    _, findings = run(quadruped(), feet(), recipe(**keys))
+    assert ("contact.softness" in findings) == (constant is not None)
+    if constant is not None:
+        found = findings["contact.softness"]
+        step = keys.get("simulation", {}).get("timestep", 0.005)
+        assert (found.severity, found.data["places"]) == ("info", 4)
+        assert (found.data["stated_s"], found.data["taken_s"]) == (constant, 2 * step)
+
+
+@pytest.mark.parametrize(("constant", "raised"), [(0.004, 0.01), (0.009, 0.01), (0.02, 0.02)])
+def test_mujoco_raises_a_time_constant_to_two_steps(constant, raised):
+    text = """<mujoco><option timestep="0.005"/><worldbody><geom type="plane" size="1 1 1"/>
+        <body pos="0 0 0.09"><freejoint/><geom size="0.1" solref="{} 1" priority="1"/></body>
+        </worldbody></mujoco>"""
+    falls = []
+    for each in (constant, raised):
+        model = mujoco.MjModel.from_xml_string(text.format(each))
+        data = mujoco.MjData(model)
+        mujoco.mj_step(model, data, nstep=20)
+        falls.append(float(data.qpos[2]))
+    assert falls[0] == falls[1]
 
 
 def test_some_joints_that_equal_limits_lock_need_no_drive(run):
