@@ -3,13 +3,21 @@
 from __future__ import annotations
 
 import csv
+import json
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import mujoco
 import numpy as np
+from tiny import run_step
 
-from assetbuild.robot.model import Actuator, Body, Inertial, Joint, Limits, Tree
+from assetbuild.findings import Finding
+from assetbuild.identify.fit_logs import FitLogs
+from assetbuild.robot.codec import decode_file, encode
+from assetbuild.robot.identified import Fit
+from assetbuild.robot.model import Actuator, Body, Control, Inertial, Joint, Limits, Tree
 from assetbuild.robot.pose import Pose
 
 TWO_LINKS = """
@@ -120,3 +128,39 @@ def arm() -> Tree:
 def prior(joint: str) -> Actuator:
     """A row of the table that knows nothing of the hidden parameters."""
     return Actuator(joint, "pd", KP, KD, 0.1, 0.1, 0.005, effort=50.0)
+
+
+def fitted(
+    folder: Path,
+    target: np.ndarray,
+    position: np.ndarray,
+    torque: np.ndarray | None = None,
+    kp: float = KP,
+    base: np.ndarray | None = None,
+    **keys: Any,  # Any: fields of the step
+) -> tuple[Fit, Sequence[Finding]]:
+    """The step `FitLogs` on one record."""
+    inputs = folder / "in"
+    for name in ("records", "about"):
+        (inputs / name).mkdir(parents=True, exist_ok=True)
+    (inputs / "tree.json").write_bytes(encode(arm()))
+    rows = tuple(replace(prior(joint), kp=kp) for joint in keys.get("joints", JOINTS))
+    (inputs / "prior.json").write_bytes(encode(Control(rows)))
+    arrays = {"period_s": np.array(1 / RATE_HZ), "position_0": position, "target_0": target}
+    measured = {"torque_0": torque, "base_0": base}
+    arrays |= {name: values for name, values in measured.items() if values is not None}
+    np.savez(inputs / "records/0.npz", **arrays)
+    about = {"file": "log.csv", "rate_hz": RATE_HZ, "seconds": len(target) / RATE_HZ}
+    (inputs / "about/0.json").write_text(json.dumps(about))
+    names = ("armature", "damping", "friction", "delay")
+    values = {
+        "joints": JOINTS,
+        "logs": ("log.csv",),
+        "digests": ("0" * 64,),
+        "fit": tuple((joint, names) for joint in JOINTS),
+        "hold_out": 0.2,
+        "gravity": (0.0, 0.0, -9.81),
+        "widest": 0.1,
+    }
+    findings = run_step(FitLogs(**values | keys), inputs, folder / "out")
+    return decode_file(Fit, folder / "out/fit.json"), findings

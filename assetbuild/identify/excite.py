@@ -20,7 +20,8 @@ from assetbuild.errors import StepError
 from assetbuild.findings import Finding, Rule
 from assetbuild.identify.estimate import predicted_errors
 from assetbuild.identify.fit_logs import drive_of, short
-from assetbuild.identify.plant import Drive, Plant, Record
+from assetbuild.identify.plant import Plant
+from assetbuild.identify.record import Drive, Record
 from assetbuild.identify.solve import Unknown, clock_error, make_problem
 from assetbuild.robot.codec import decode_file
 from assetbuild.robot.files import RobotFiles

@@ -14,7 +14,8 @@ import numpy as np
 
 from assetbuild.engine.step import Files, Limits, Step
 from assetbuild.findings import Finding, Rule
-from assetbuild.identify.plant import Drive, Plant, Record
+from assetbuild.identify.plant import Plant
+from assetbuild.identify.record import Drive, Record, smooth
 from assetbuild.identify.solve import LACKS, Solution, Unknown, solve
 from assetbuild.robot.codec import decode_file, encode
 from assetbuild.robot.files import RobotFiles
@@ -81,12 +82,14 @@ class FitLogs(Step):
     widest: float
     effective: bool = False
     simulator_step: float | None = None
+    moving: bool = False
+    """The root moved, and the records say how."""
 
     def run(self, files: Files) -> Iterator[Finding]:
         """Yields a finding for each parameter that is refused."""
         tree = RobotFiles(files.inputs).tree
         prior = decode_file(Control, files.inputs / "prior.json")
-        plant = Plant(tree, prior, self.joints, self.gravity, self.simulator_step)
+        plant = Plant(tree, prior, self.joints, self.gravity, self.simulator_step, self.moving)
         priors = [drive_of(row) for row in prior.actuators]
         whole = [
             record
@@ -180,6 +183,7 @@ def read_records(path: Path) -> list[Record]:
                 arrays[f"position_{n}"],
                 arrays[f"target_{n}"],
                 arrays[f"torque_{n}"] if f"torque_{n}" in arrays.files else None,
+                smooth(arrays[f"base_{n}"], 1.0 / period) if f"base_{n}" in arrays.files else None,
             )
             for n in range(count)
         ]

@@ -178,5 +178,6 @@ def _fit(
         widest=entry.widest,
         effective=entry.values == "effective",
         simulator_step=entry.simulator_step,
+        moving=entry.base == "measured",
     )
     return p.add(f"fit_logs {number}", fit, {**inputs, "prior.json": prior["prior.json"]})

@@ -5,11 +5,13 @@ from __future__ import annotations
 import copy
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
+from assetbuild.identify.base import Moving, commands, on_moving_base, speeds
+from assetbuild.identify.record import Drive, Record
 from assetbuild.robot.initial import initial_pose
 from assetbuild.robot.model import Actuator, Control, Tree
 from assetbuild.robot.pose import IDENTITY, Array
@@ -20,10 +22,6 @@ from assetbuild.targets.mjcf.options import MjcfOptions
 from assetbuild.targets.mjcf.robot_xml import RobotXml, Solver
 from assetbuild.targets.mjcf.xml import document
 
-CUTOFF_HZ = 20.0
-LEAD_S = 0.03
-QUIET_S = 1.5
-"""A calm moment is looked for in so much of the beginning of a record."""
 LONGEST_S = 0.001
 """Longest steps of the simulation: the fitted numbers are those of continuous time."""
 STEPS_S = ((0.3, LONGEST_S), (0.7, LONGEST_S / 2.0), (math.inf, LONGEST_S / 4.0))
@@ -38,92 +36,6 @@ OF_JOINTS = ("joint", "equality", "tendon", "mimic")
 """Places of `MjcfOnly` that move joints; the others need shapes, or are drives."""
 
 
-def cutoff_hz(rate_hz: float) -> float:
-    """Where `smooth` cuts a record of so many samples in a second."""
-    return min(CUTOFF_HZ, 0.2 * rate_hz)
-
-
-def smooth(values: Array, rate_hz: float) -> Array:
-    """Without what is faster than the joints move; no lag."""
-    from scipy import signal
-
-    cutoff = cutoff_hz(rate_hz)
-    sections = signal.butter(4, cutoff, fs=rate_hz, output="sos")
-    short = min(len(values) - 1, int(3 * rate_hz / cutoff))
-    filtered: Array = signal.sosfiltfilt(sections, values, axis=0, padlen=short)
-    return filtered
-
-
-@dataclass(frozen=True)
-class Drive:
-    """A joint of the log: gains of the controller, what the joint itself has, delay in s.
-
-    offset: constant torque, which stands for a zero that is off, a cable, a sensor's bias.
-    lag: s, by which the command in a measured torque is older than the position of the same row.
-    """
-
-    kp: float
-    kd: float
-    armature: float
-    damping: float
-    friction: float
-    effort: float
-    delay: float = 0.0
-    offset: float = 0.0
-    lag: float = 0.0
-
-
-@dataclass(frozen=True)
-class Record:
-    """A stretch of a log without a gap, on a uniform grid. J: joints of the log.
-
-    period_s: of the samples. position, target, torque: (N, J); target[n] holds from sample n on.
-    """
-
-    period_s: float
-    position: Array
-    target: Array
-    torque: Array | None = None
-
-    @property
-    def lead(self) -> int:
-        """Samples before the simulation begins: what it begins with is read off around there."""
-        return max(2, round(LEAD_S / self.period_s))
-
-    def begin(self) -> tuple[Array, Array]:
-        """(J,) position and velocity at sample `lead`, of the parabola through its neighbours.
-
-        A joint that sticks remembers where it began, so the state must be right.
-        """
-        n = np.arange(-self.lead, self.lead + 1)
-        terms = np.stack([np.ones(len(n)), n * self.period_s, (n * self.period_s) ** 2], axis=1)
-        x, *_ = np.linalg.lstsq(terms, self.position[: len(n)], rcond=None)
-        return x[0], x[1]
-
-    def from_rest(self) -> Record:
-        """Without a beginning in which the joints speed up: its state could not be read off."""
-        rate = 1.0 / self.period_s
-        within = max(1, min(int(QUIET_S * rate), len(self.position) // 4))
-        q = smooth(self.position[: within + 2 * self.lead + int(0.5 * rate)], rate)
-        speed = np.gradient(q, self.period_s, axis=0)
-        change = np.gradient(speed, self.period_s, axis=0)
-        scale = np.std(change, axis=0) + 1e-9
-        loud = np.max(np.abs(change) / scale, axis=1)
-        width = 2 * self.lead + 1
-        loudest = np.array([loud[n : n + width].max() for n in range(within)])
-        return self.after(int(np.argmin(loudest)))
-
-    def after(self, sample: int) -> Record:
-        """The record from a sample on."""
-        torque = None if self.torque is None else self.torque[sample:]
-        return Record(self.period_s, self.position[sample:], self.target[sample:], torque)
-
-    def until(self, sample: int) -> Record:
-        """The record before a sample."""
-        torque = None if self.torque is None else self.torque[:sample]
-        return Record(self.period_s, self.position[:sample], self.target[:sample], torque)
-
-
 class Plant:
     """A model whose joints `joints` have drives, and whose other joints are held."""
 
@@ -134,11 +46,15 @@ class Plant:
         joints: Sequence[str],
         gravity: tuple[float, float, float],
         simulator_step: float | None = None,
+        moving: bool = False,
     ) -> None:
-        """simulator_step: s, of the simulator that recorded the logs; None = the real robot."""
+        """simulator_step: s, of the simulator that recorded the logs; None = the real robot.
+
+        moving: the root moves as the records say.
+        """
         self.joints = tuple(joints)
         self.simulator_step = simulator_step
-        self.model = _compiled(tree, control, joints)
+        self.model, self.base = _compiled(tree, control, joints, moving)
         import mujoco
 
         model = self.model
@@ -147,6 +63,7 @@ class Plant:
         model.opt.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
         model.actuator_ctrllimited[:] = 0
         model.actuator_forcelimited[:] = 1
+        model.actuator_forcelimited[list(self.base.drive)] = 0
         found = [model.joint(name) for name in joints]
         self.dof = np.array([int(joint.dofadr[0]) for joint in found])
         self.at = np.array([int(joint.qposadr[0]) for joint in found])
@@ -228,6 +145,9 @@ class Plant:
         data.qpos[self.at] = q0
         data.qvel[self.dof] = v0
         kind = mujoco.mjtState.mjSTATE_FULLPHYSICS
+        if record.base is not None:
+            data.qpos[list(self.base.at)] = record.base[lead]
+            data.qvel[list(self.base.dof)] = speeds(record.base, record.period_s)[0][lead]
         state = np.zeros(mujoco.mj_stateSize(models[0], kind))
         mujoco.mj_getState(models[0], data, state, kind)
         states = np.repeat(state[None], len(models), axis=0)
@@ -235,13 +155,16 @@ class Plant:
         # A step of MuJoCo is a kick in its middle: a command that holds from t on acts from t on
         # only if it comes half a step later.
         half = 0.5 if self.simulator_step is None else 0.0
-        commands = [
+        sent = [
             np.stack(
                 [_delayed(targets[:, j], d.delay / dt + half) for j, d in enumerate(drives)], axis=1
             )
             for drives in variants
         ]
-        held[:, :, self.drive] = np.array(commands)
+        held[:, :, self.drive] = np.array(sent)
+        if record.base is not None:
+            at = np.arange(len(targets)) / stride
+            held[:, :, list(self.base.drive)] = commands(record.base, record.period_s, at)
         chunk = max(1, CHUNK // stride) * stride
         known, count = record.position[None, : lead + 1], len(models)
         q = [np.repeat(known, count, axis=0)]
@@ -272,7 +195,7 @@ class Plant:
         followers = _followers(model)
         for joint in range(model.njnt):
             dof, at = int(model.jnt_dofadr[joint]), int(model.jnt_qposadr[joint])
-            if dof in self.dof or joint in followers:
+            if dof in self.dof or dof in self.base.dof or joint in followers:
                 continue
             model.dof_armature[dof] = heavy
             model.dof_damping[dof] = 2.0 * HELD_RAD_S * heavy
@@ -291,10 +214,13 @@ class Plant:
         felt: Array = 1.0 / np.maximum(np.diag(inverse), 1e-12)
         return felt
 
-    def rigid_torque(self, q: Array, v: Array, a: Array) -> Array:
+    def rigid_torque(
+        self, q: Array, v: Array, a: Array, base: tuple[Array, Array, Array] | None = None
+    ) -> Array:
         """(N, J) torque that the links alone need for a motion, by inverse dynamics.
 
-        q, v, a: (N, J). Without armature, damping, friction and limits.
+        q, v, a: (N, J); base: the same of the root, (N, 6). Without armature, damping, friction
+        and limits.
         """
         import mujoco
 
@@ -307,12 +233,17 @@ class Plant:
         found = np.zeros_like(q)
         for n in range(len(q)):
             data.qpos[self.at], data.qvel[self.dof], data.qacc[self.dof] = q[n], v[n], a[n]
+            if base is not None:
+                at, dof = list(self.base.at), list(self.base.dof)
+                data.qpos[at], data.qvel[dof], data.qacc[dof] = (part[n] for part in base)
             mujoco.mj_inverse(model, data)
             found[n] = data.qfrc_inverse[self.dof]
         return found
 
 
-def _compiled(tree: Tree, control: Control, joints: Sequence[str]) -> Any:  # Any: as above
+def _compiled(
+    tree: Tree, control: Control, joints: Sequence[str], moving: bool
+) -> tuple[Any, Moving]:  # Any: as above
     import mujoco
 
     stand = replace(tree, base="fixed", X_world_root=IDENTITY)
@@ -324,7 +255,10 @@ def _compiled(tree: Tree, control: Control, joints: Sequence[str]) -> Any:  # An
     own = Control(actuators=tuple(rows), loops=control.loops)
     xml = RobotXml("stand", Solver.of(MjcfOptions()), stand, Shapes(), own)
     root = robot_element(xml, opaque, bare=True)
-    return mujoco.MjModel.from_xml_string(document(root, ""))
+    text = document(root, "")
+    if moving:
+        return on_moving_base(text)
+    return mujoco.MjModel.from_xml_string(text), Moving((), (), ())
 
 
 def _rest(model: Any, tree: Tree, control: Control) -> Array:  # Any: as above

@@ -14,6 +14,7 @@ from pydantic import Field
 from assetbuild.engine.step import Files, Limits, Step
 from assetbuild.errors import StepError
 from assetbuild.findings import Finding, Rule
+from assetbuild.identify.base import poses
 from assetbuild.identify.lerobot import element_names
 from assetbuild.identify.suspect import suspicions
 from assetbuild.identify.table import read_columns
@@ -40,7 +41,7 @@ DROPPED = Rule(
 
 class ReadLog(Step):
     """`log`, `tree.json` -> `record.npz`: `period_s`, and for each stretch n `position_n`,
-    `target_n` and, if measured, `torque_n`, (N, J) each; `about.json`.
+    `target_n` and, if measured, `torque_n`, (N, J) each, and `base_n`, (N, 6); `about.json`.
 
     rad or m, N m or N, in the order of `joints`. `info.json` of a LeRobot data set is read, too.
     """
@@ -85,11 +86,16 @@ class ReadLog(Step):
         wrong = suspicions(tree, self.joints, time, values)
         if wrong:
             raise StepError(f"{self.file}: {wrong[0].message}", hint=wrong[0].hint)
+        if self.columns.base_orientation:
+            rest = table[:, 1 + len(self._kinds) * count :]
+            values["base"] = poses(
+                rest[:, :4], rest[:, 4:] if rest.shape[1] > 4 else None, self.file
+            )
         stretches, period, lost = self._stretches(time)
         yield from self._about_gaps(time, stretches, lost)
         arrays: dict[str, Array] = {"period_s": np.array(period)}
         for n, (first, last) in enumerate(stretches):
-            for name in ("position", "target", "torque"):
+            for name in ("position", "target", "torque", "base"):
                 if name in values:
                     arrays[f"{name}_{n}"] = _uniform(
                         time[first:last], values[name][first:last], period, held=name == "target"
@@ -110,6 +116,9 @@ class ReadLog(Step):
         for kind in self._kinds:
             pattern = str(getattr(self.columns, kind))
             found += [pattern.replace("{joint}", self.names.get(j, j)) for j in self.joints]
+        turned, moved = self.columns.base_orientation, self.columns.base_position
+        found += [turned.replace("{axis}", axis) for axis in "wxyz"] if turned else []
+        found += [moved.replace("{axis}", axis) for axis in "xyz"] if moved else []
         twice = {name for name in found if found.count(name) > 1}
         if twice:
             raise StepError(

@@ -8,7 +8,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from assetbuild.identify.estimate import Estimate, Problem, approach, estimate
-from assetbuild.identify.plant import Drive, Plant, Record, cutoff_hz, smooth
+from assetbuild.identify.plant import Plant
+from assetbuild.identify.record import Drive, Record, cutoff_hz, smooth
 from assetbuild.identify.start import first_guess
 from assetbuild.robot.pose import Array
 

@@ -16,7 +16,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from assetbuild.identify.plant import Drive, Plant, Record, smooth
+from assetbuild.identify.base import speeds
+from assetbuild.identify.plant import Plant
+from assetbuild.identify.record import Drive, Record, smooth
 from assetbuild.robot.pose import Array
 
 SLOWEST_HZ = 250.0
@@ -49,7 +51,11 @@ def motion(plant: Plant, record: Record) -> Motion:
     a = np.gradient(v, record.period_s, axis=0)
     every = max(1, int(rate / SLOWEST_HZ))
     at = np.arange(0, len(q), every)
-    sparse = plant.rigid_torque(q[at], v[at], a[at])
+    base = None
+    if record.base is not None:
+        first, second = speeds(record.base, record.period_s)
+        base = (record.base[at], first[at], second[at])
+    sparse = plant.rigid_torque(q[at], v[at], a[at], base)
     n = np.arange(len(q))
     columns = [np.interp(n, at, sparse[:, j]) for j in range(q.shape[1])]
     return Motion(q, v, a, np.stack(columns, axis=1))

@@ -51,6 +51,16 @@ class Columns(Model):
     torque: str | None = Field(
         None, description="measured torque, or the current if `torque_constant` is given"
     )
+    base_orientation: str | None = Field(
+        None,
+        description="orientation of the root in the world, where `base` is measured: four columns "
+        "of a unit quaternion, `{axis}` stands for w, x, y and z",
+    )
+    base_position: str | None = Field(
+        None,
+        description="position of the root in the world, m: three columns, `{axis}` stands for x, y "
+        "and z; without it the root only turns",
+    )
 
 
 class Recorded(Model):
@@ -94,8 +104,10 @@ class Identify(Model):
     hold_out: Annotated[float, Field(ge=0.0, le=0.5)] = Field(
         0.2, description="share at the end of each log that is predicted, not fitted"
     )
-    base: Literal["fixed"] = Field(
-        "fixed", description="the root stood still while recording, on a stand"
+    base: Literal["fixed", "measured"] = Field(
+        "fixed",
+        description="fixed: the root stood still while recording, on a stand; measured: it moved, "
+        "and columns of the log say how",
     )
     gravity: tuple[Real, Real, Real] = Field(
         (0.0, 0.0, -9.81), description="while recording, in the axes of the root, m/s2"
@@ -117,6 +129,17 @@ class Identify(Model):
         "its error of integration is then part of the fit",
     )
     use: bool = Field(True, description="false: fit and report, but build with the priors")
+
+    @model_validator(mode="after")
+    def _base_has_columns(self) -> Identify:
+        columns = self.columns
+        if self.base == "measured" and columns.base_orientation is None:
+            raise ValueError("`base: measured` needs `base_orientation` in `columns`")
+        if self.base == "fixed" and (columns.base_orientation or columns.base_position):
+            raise ValueError("columns of the base are for `base: measured`")
+        if columns.base_position and not columns.base_orientation:
+            raise ValueError("`base_position` needs `base_orientation`")
+        return self
 
 
 def by_joint(table: V | Mapping[str, V], joint: str) -> V | None:

@@ -1,8 +1,5 @@
 """Parameters that were hidden in a log come out of it, those that it does not show are refused."""
 
-import json
-from dataclasses import replace
-
 import mujoco
 import numpy as np
 import pytest
@@ -16,47 +13,16 @@ from logs import (
     KP,
     RATE_HZ,
     TWO_LINKS,
-    arm,
     chirps,
-    prior,
+    fitted,
     recorded,
     two_links,
 )
-from tiny import run_step
 
-from assetbuild.identify.fit_logs import FitLogs
-from assetbuild.robot.codec import decode_file, encode
-from assetbuild.robot.identified import Curves, Fit
-from assetbuild.robot.model import Control
+from assetbuild.robot.codec import decode_file
+from assetbuild.robot.identified import Curves
 
 HIDDEN = {"armature": ARMATURE, "damping": DAMPING, "friction": FRICTION}
-
-
-def fitted(folder, target, position, torque=None, kp=KP, **keys):
-    inputs = folder / "in"
-    for name in ("records", "about"):
-        (inputs / name).mkdir(parents=True, exist_ok=True)
-    (inputs / "tree.json").write_bytes(encode(arm()))
-    rows = tuple(replace(prior(joint), kp=kp) for joint in keys.get("joints", JOINTS))
-    (inputs / "prior.json").write_bytes(encode(Control(rows)))
-    arrays = {"period_s": np.array(1 / RATE_HZ), "position_0": position, "target_0": target}
-    np.savez(
-        inputs / "records/0.npz", **arrays, **({"torque_0": torque} if torque is not None else {})
-    )
-    about = {"file": "log.csv", "rate_hz": RATE_HZ, "seconds": len(target) / RATE_HZ}
-    (inputs / "about/0.json").write_text(json.dumps(about))
-    names = ("armature", "damping", "friction", "delay")
-    values = {
-        "joints": JOINTS,
-        "logs": ("log.csv",),
-        "digests": ("0" * 64,),
-        "fit": tuple((joint, names) for joint in JOINTS),
-        "hold_out": 0.2,
-        "gravity": (0.0, 0.0, -9.81),
-        "widest": 0.1,
-    }
-    findings = run_step(FitLogs(**values | keys), inputs, folder / "out")
-    return decode_file(Fit, folder / "out/fit.json"), findings
 
 
 def truth(parameter):
