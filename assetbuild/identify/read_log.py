@@ -194,11 +194,18 @@ class ReadLog(Step):
 
 
 def _uniform(time: Array, values: Array, period: float, *, held: bool) -> Array:
-    """At each period from the first time on. held: a command, which lasts until the next."""
+    """At each period from the first time on. held: a command, which lasts until the next.
+
+    Of a command that comes within a period, the mean over the period is taken: it has the same
+    impulse, while the nearest tick would shift it.
+    """
     count = math.floor((time[-1] - time[0]) / period + 1e-6) + 1
-    at = time[0] + period * np.arange(count)
+    at = time[0] + period * np.arange(count + held)
     if held:
-        rows = np.searchsorted(time, at + 0.5 * period, side="right") - 1
-        found: Array = values[np.clip(rows, 0, len(time) - 1)]
+        ends = np.append(time, at[-1] + period)
+        areas = values * np.diff(ends)[:, None]
+        area = np.concatenate([np.zeros((1, values.shape[1])), areas]).cumsum(axis=0)
+        until = np.stack([np.interp(at, ends, column) for column in area.T], axis=1)
+        found: Array = np.diff(until, axis=0) / period
         return found
     return np.stack([np.interp(at, time, column) for column in values.T], axis=1)
