@@ -33,6 +33,9 @@ NOISE_MARGIN = 1.15
 """Residuals up to so many times the noise are noise."""
 ENOUGH, STALLED = 0.05, 0.5
 """Steps below this share of each standard error end the fit; the second, where they do no good."""
+WORTH = 0.2
+"""So does a step that lowers the weighted squares by less than this for each parameter: half a
+standard error of each lowers them by 0.25."""
 OTHERWISE, ROUGHLY = 0.1, (0.5, 0.3)
 """Effects are stale whose prediction of a step misses more than this share of the squares of what
 it did. The second: `ENOUGH` and this of a coarse fit."""
@@ -116,9 +119,12 @@ def _fitted(problem: Problem, enough: float, otherwise: float) -> tuple[Array, A
         step, error = _newton(problem, jacobian, simulated, sigma, theta)
         before, predicted = theta, simulated
         theta, simulated, moved = _walk(problem, theta, step, simulated, sigma)
+        gain = _cost(problem, predicted, sigma) - _cost(problem, simulated, sigma)
         sigma = _sigma(problem, simulated)
         left = float(np.max(np.abs(step) / error))
         if left <= enough or (not moved and (left <= STALLED or np.array_equal(at, theta))):
+            break
+        if moved and gain <= WORTH * len(theta):
             break
         step, change = theta - before, simulated - predicted
         expected = np.einsum("p,pnc->nc", step, jacobian)
@@ -257,17 +263,19 @@ def _walk(
 ) -> tuple[Array, Array, bool]:
     """As far along the step as the squares fall."""
 
-    def cost(prediction: Array) -> float:
-        found = float(np.sum(((problem.measured - prediction) / sigma) ** 2))
-        return found if np.isfinite(found) else np.inf
-
-    now = cost(simulated)
+    now = _cost(problem, simulated, sigma)
     for share in (1.0, 0.3, 0.1, 0.03):
         there = np.maximum(theta + share * step, problem.lower)
         prediction = problem.simulate([there])[0]
-        if cost(prediction) <= now:
+        if _cost(problem, prediction, sigma) <= now:
             return there, prediction, True
     return theta, simulated, False
+
+
+def _cost(problem: Problem, prediction: Array, sigma: Array) -> float:
+    """The weighted squares of the residuals."""
+    found = float(np.sum(((problem.measured - prediction) / sigma) ** 2))
+    return found if np.isfinite(found) else np.inf
 
 
 def _judged(

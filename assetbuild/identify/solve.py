@@ -38,6 +38,7 @@ MISSED = 2.0
 """Residuals above so many times the noise are said with a refusal."""
 LACKS = "so it lacks something"
 """In the reason for a refusal, where residuals are above the noise."""
+BESIDE_FRICTION = ("armature", "damping")
 SAME = 0.99
 """Correlation from which two parameters cannot be told apart."""
 
@@ -280,6 +281,15 @@ def _missed(unknown: Unknown, found: Estimate, noise: Array) -> str:
     )
 
 
+def _slides_freely(unknown: Unknown, unknowns: Sequence[Unknown], low: Array) -> bool:
+    """Whether a friction that is fitted beside it may be 0: a joint that sticks most of the time
+    looks like one of much damping, too, and a drive without dry friction is rare."""
+    return any(
+        other.name == "friction" and low[i] <= 0.0 and set(other.joints) & set(unknown.joints)
+        for i, other in enumerate(unknowns)
+    )
+
+
 def _refusals(
     unknowns: Sequence[Unknown],
     found: Estimate,
@@ -303,6 +313,11 @@ def _refusals(
             reasons.append("")
         elif value <= 0.0:
             reasons.append(f"the best value is 0, at most {high[i]:.3g}{blame[i]}")
+        elif unknown.name in BESIDE_FRICTION and _slides_freely(unknown, unknowns, low):
+            reasons.append(
+                "the best friction of the joint is 0, as where a fit ends beside its minimum; "
+                "`fit` without friction for a joint that has none"
+            )
         elif width > widest * value:
             reasons.append(
                 f"its interval is {width / value:.0%} of its value, above the limit of "
