@@ -316,7 +316,7 @@ def _refusals(
         elif unknown.name in BESIDE_FRICTION and _slides_freely(unknown, unknowns, low):
             reasons.append(
                 "the best friction of the joint is 0, as where a fit ends beside its minimum; "
-                "`fit` without friction for a joint that has none"
+                "a joint that has none needs 0 in the table and `fit` without friction"
             )
         elif width > widest * value:
             reasons.append(
