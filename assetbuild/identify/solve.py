@@ -313,15 +313,15 @@ def _refusals(
             reasons.append("")
         elif value <= 0.0:
             reasons.append(f"the best value is 0, at most {high[i]:.3g}{blame[i]}")
-        elif unknown.name in BESIDE_FRICTION and _slides_freely(unknown, unknowns, low):
-            reasons.append(
-                "the best friction of the joint is 0, as where a fit ends beside its minimum; "
-                "a joint that has none needs 0 in the table and `fit` without friction"
-            )
         elif width > widest * value:
             reasons.append(
                 f"its interval is {width / value:.0%} of its value, above the limit of "
                 f"{widest:.0%}{blame[i]}"
+            )
+        elif unknown.name in BESIDE_FRICTION and _slides_freely(unknown, unknowns, low):
+            reasons.append(
+                "the best friction of the joint is 0, as where a fit ends beside its minimum; "
+                "a joint that has none needs 0 in the table and `fit` without friction"
             )
         else:
             reasons.append("")

@@ -180,9 +180,8 @@ def _equations(record: Record, moved: Motion, j: int, drive: Drive) -> tuple[Arr
     else:
         n = np.arange(len(record.target)) - drive.delay / record.period_s
         late = np.interp(n, np.arange(len(record.target)), record.target[:, j])
-        raw = drive.kp * (late - record.position[:, j])
+        raw = drive.kp * (late - record.position[:, j]) - drive.kd * moved.v[:, j]
         torque = smooth(np.clip(raw, -drive.effort, drive.effort), rate)
-        torque = torque - drive.kd * moved.v[:, j]
     v = moved.v[:, j]
     width = 0.02 * np.sqrt(np.mean(v**2)) + 1e-9
     dry = smooth(np.tanh(v / width), rate)
