@@ -10,6 +10,7 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass
+from pathlib import Path
 
 from assetbuild.engine.graph import Node, Ref
 from assetbuild.engine.planner import Planner
@@ -138,7 +139,6 @@ def _fit(
             raise loaded.error(
                 key, f"`{log.file}`: there is no such file", "paths begin at the recipe"
             )
-        source = p.source(path)
         digests.append(p.world.digest(path))
         constants = [by_joint(entry.torque_constant, joint) for joint in joints]
         step = ReadLog(
@@ -154,10 +154,7 @@ def _fit(
             if None in constants
             else tuple(float(c or 0.0) for c in constants),
         )
-        ports = {"tree.json": merged, "log": source}
-        info = info_beside(path)
-        if info is not None and p.world.is_file(info):
-            ports["info.json"] = p.source(info)
+        ports = {"tree.json": merged, **_files(path, p)}
         record = p.add(f"read_log {number}.{index}", step, ports)
         inputs[f"records/{index}.npz"] = record["record.npz"]
         inputs[f"about/{index}.json"] = record["about.json"]
@@ -181,3 +178,11 @@ def _fit(
         moving=entry.base == "measured",
     )
     return p.add(f"fit_logs {number}", fit, {**inputs, "prior.json": prior["prior.json"]})
+
+
+def _files(log: Path, p: Planner) -> dict[str, Ref]:
+    """The log, and what describes the data set that it belongs to."""
+    files, info = {"log": p.source(log)}, info_beside(log)
+    if info is not None and p.world.is_file(info):
+        files["info.json"] = p.source(info)
+    return files
