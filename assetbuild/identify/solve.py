@@ -87,9 +87,9 @@ def solve(
         frozenset(u.name for u in every if j in u.joints and u.wanted) for j in range(len(priors))
     ]
     records = [record.from_rest() for record in records]
-    guess = first_guess(plant, records, priors, wanted)
+    first = first_guess(plant, records, priors, wanted)
     beginnings = [_beginning(record) for record in records]
-    guess = with_values(guess, every, approach(make_problem(plant, beginnings, guess, every)))
+    guess = with_values(first, every, approach(make_problem(plant, beginnings, first, every)))
     fine = plant.longest_for(guess)
     if fine < plant.longest_s:
         guess = with_values(
@@ -98,6 +98,9 @@ def solve(
     problem = _in_steps(plant, fine, records, guess, every)
     plant = plant.in_steps(fine)
     found = estimate(problem)
+    if bool(np.any(found.sigma > MISSED * problem.noise)):  # the beginning may have misled it
+        other = estimate(_in_steps(plant, fine, records, first, every))
+        found = min(found, other, key=lambda each: float(np.sum(np.log(each.sigma))))
     floor = FLOOR * np.abs(found.theta)
     if plant.simulator_step is None:
         drives = with_values(priors, every, found.theta)

@@ -19,6 +19,7 @@ from logs import (
     two_links,
 )
 
+from assetbuild.identify import solve
 from assetbuild.robot.codec import decode_file
 from assetbuild.robot.identified import Curves
 
@@ -42,6 +43,17 @@ def test_hidden_parameters_come_out_within_their_intervals(tmp_path):
         assert each.value == pytest.approx(truth(each), rel=0.05), each
         assert each.low <= truth(each) <= each.high, each
     assert all(p.after < 0.1 * p.before for p in fit.predictions)
+
+
+@pytest.mark.slow
+def test_a_beginning_that_misleads_is_not_the_last_word(tmp_path, monkeypatch):
+    """Joints that stick for good move for no parameter: the regression begins anew."""
+    monkeypatch.setattr(solve, "approach", lambda problem: np.full_like(problem.start, 40.0))
+    target, position, _ = two_links(8.0)
+    fit, _ = fitted(tmp_path, target, position)
+    called = [each for each in fit.parameters if not each.refused]
+    assert len(called) >= 5
+    assert all(each.value == pytest.approx(truth(each), rel=0.05) for each in called)
 
 
 @pytest.mark.slow
