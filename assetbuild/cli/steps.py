@@ -87,6 +87,7 @@ CHECKS = {
     "textures": "comparing textures",
     "trials": "letting it fall and settle",
     "urdf_kinematics": "comparing poses of the URDF with yourdfpy",
+    "urdf_loads": "reading the URDF with urdfdom",
     "usd_valid": "validating the USD",
 }
 """Name of a check -> what it does. Other checks get their words from their names."""

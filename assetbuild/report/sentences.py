@@ -182,6 +182,7 @@ def _validator(f: Figures) -> str:
 SENTENCES: Mapping[str, Callable[[Figures], str]] = {
     "oracle": _oracle,
     "urdf_kinematics": _kinematics,
+    "urdf_loads": lambda f: f"urdfdom reads the URDF: {f['joints']} joints",
     "free_fall": _free_fall,
     "stand": _stand,
     "mass": _mass,

@@ -68,6 +68,10 @@ class Limits:
     velocity: float | None = None
 
 
+URDF_UNLIMITED = 1e9
+"""What a URDF states where nothing limits a joint: urdfdom wants a number, and 0 would hold it."""
+
+
 @dataclass(frozen=True)
 class Mimic:
     """q = offset + multiplier * q(joint)."""

@@ -14,7 +14,17 @@ from assetbuild.findings import Finding, Rule
 from assetbuild.kinds import Target
 from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.loops import by_constraint
-from assetbuild.robot.model import Actuator, Body, Control, Inertial, Joint, LoopMimic, Tree
+from assetbuild.robot.model import (
+    MOVING,
+    URDF_UNLIMITED,
+    Actuator,
+    Body,
+    Control,
+    Inertial,
+    Joint,
+    LoopMimic,
+    Tree,
+)
 from assetbuild.robot.pose import Pose, rpy_of
 from assetbuild.robot.shapes import (
     Box,
@@ -53,14 +63,12 @@ LOOP_MIMIC = Rule(
 )
 LIMIT_UNSTATED = Rule(
     "urdf.limit.unstated",
-    "warning",
-    "neither the source nor the recipe states effort or velocity, so the written URDF has none",
-    "give them in the actuator table",
+    "info",
+    "neither the source nor the recipe states a limit that urdfdom wants in `<limit>`: the written "
+    "URDF says 1e9, which means unlimited",
+    "planners need real numbers: give effort and velocity in the actuator table, a range by `edits: "
+    "set_limits`",
 )
-
-
-BOUNDLESS = 1e9
-"""m: the limits of a prismatic joint without any, as a limit that is left out means 0 in URDF."""
 
 
 class Urdf(Target):
@@ -274,7 +282,8 @@ def _add_joint(robot: ET.Element, joint: Joint, actuator: Actuator | None) -> No
     ET.SubElement(element, "child", link=joint.child)
     if joint.kind in ("revolute", "continuous", "prismatic", "planar"):
         ET.SubElement(element, "axis", xyz=_words(joint.axis))
-    _add_numbers(element, "limit", _limits(joint, actuator))
+    if limits := _limits(joint, actuator):
+        _add_numbers(element, "limit", {name: _bound(name, v) for name, v in limits.items()})
     said = actuator or joint
     _add_numbers(element, "dynamics", {"damping": said.damping, "friction": said.friction})
     if joint.mimic is not None:
@@ -290,29 +299,35 @@ def _add_numbers(parent: ET.Element, tag: str, values: Mapping[str, float | None
         ET.SubElement(parent, tag, stated)
 
 
-def _limits(joint: Joint, actuator: Actuator | None) -> dict[str, float | None]:
-    """The attributes of <limit>; None = nobody stated it.
+def _bound(name: str, stated: float | None) -> float:
+    unlimited = -URDF_UNLIMITED if name == "lower" else URDF_UNLIMITED
+    return unlimited if stated is None else stated
 
-    Where the source says 0 and the actuator takes it as unlimited, the 0 stays: URDF has no other
-    word for it, and parsers refuse a <limit> without the attribute.
+
+def _limits(joint: Joint, actuator: Actuator | None) -> dict[str, float | None]:
+    """The attributes of <limit>; None = nobody stated it. Empty where a joint needs no <limit>.
+
+    A limit of 0 in the source says nothing, as for the actuator: the joint could never move.
     """
-    stated = {"lower": joint.limits.lower, "upper": joint.limits.upper}
-    if joint.kind == "prismatic":
-        for side, far in (("lower", -BOUNDLESS), ("upper", BOUNDLESS)):
-            stated[side] = far if stated[side] is None else stated[side]
+    if joint.kind not in MOVING:
+        return {}
+    limits: dict[str, float | None] = {}
+    if joint.kind != "continuous":
+        limits = {"lower": joint.limits.lower, "upper": joint.limits.upper}
     for name in ("effort", "velocity"):
         driven: float | None = getattr(actuator, name) if actuator else None
-        stated[name] = getattr(joint.limits, name) if driven is None else driven
-    return stated
+        limits[name] = (getattr(joint.limits, name) or None) if driven is None else driven
+    needed = joint.kind != "continuous" or any(value is not None for value in limits.values())
+    return limits if needed else {}
 
 
 def _unstated(tree: Tree, ratings: Control) -> Iterator[Finding]:
-    """URDF asks for effort and velocity; a number nobody stated is not invented."""
+    """What is written as unlimited: urdfdom refuses a <limit> without effort and velocity."""
     lacking: dict[str, list[str]] = {}
     for joint in tree.joints:
         limits = _limits(joint, ratings.by_joint.get(joint.name))
-        missing = [name for name in ("effort", "velocity") if limits[name] is None]
-        if missing and joint.kind in ("revolute", "prismatic"):
+        missing = [name for name, value in limits.items() if value is None]
+        if missing:
             lacking.setdefault(" and ".join(f"`{name}`" for name in missing), []).append(joint.name)
     if lacking:
         counted = [
@@ -322,8 +337,10 @@ def _unstated(tree: Tree, ratings: Control) -> Iterator[Finding]:
         ]
         yield LIMIT_UNSTATED(
             "robot",
-            f"neither source nor recipe states {'; '.join(counted)}; <limit> leaves it out",
-            hint="some URDF parsers refuse that: the actuator table or `edits: set_limits` give it",
+            f"neither source nor recipe states {'; '.join(counted)}: <limit> says "
+            f"{URDF_UNLIMITED:g}, unlimited",
+            hint="for planners the actuator table gives effort and velocity, `edits: set_limits` a "
+            "range",
             data={words.replace("`", ""): tuple(names) for words, names in lacking.items()},
         )
 

@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 import json
+import re
 import xml.etree.ElementTree as ET
 from dataclasses import replace
 from pathlib import Path
 
+import pinocchio
 import pytest
 from hypothesis import HealthCheck, given, settings
 from tiny import TinyRobot, examples, pendulum, robots, run_step, tiny_quadruped, write_robot_ports
 
+from assetbuild.checks.urdf_loads import UrdfLoads
 from assetbuild.findings import Finding
 from assetbuild.robot.codec import decode
-from assetbuild.robot.model import Limits, Tree
+from assetbuild.robot.model import JointKind, Limits, Tree
 from assetbuild.robot.shapes import Material, Shapes, SourceShapes
 from assetbuild.robot.tree import depth_first, held_by_world
 from assetbuild.source.urdf.read_urdf import ReadUrdf
@@ -100,31 +103,61 @@ def test_effort_velocity_damping_and_friction_are_the_actuators(tmp_path: Path):
     assert joint.find("dynamics").attrib == {"damping": "0.25", "friction": "0.75"}  # type: ignore[union-attr] # as above
 
 
-def test_a_limit_that_nobody_stated_is_left_out_and_told(tmp_path: Path):
-    robot = pendulum()
-    joint = replace(robot.links.joints[0], limits=Limits(-1.0, 1.0))
-    control = replace(
-        robot.control, actuators=(replace(robot.control.actuators[0], effort=None, velocity=None),)
-    )
-    links = replace(robot.links, joints=(joint,))
-    folder, (finding,) = emit(replace(robot, links=links, control=control), tmp_path)
-    assert (finding.rule, finding.subject) == ("urdf.limit.unstated", "robot")
-    assert finding.data == {"effort and velocity": ("swing_joint",)}
-    assert xml(folder).find("joint/limit").attrib == {"lower": "-1.0", "upper": "1.0"}  # type: ignore[union-attr] # it is there
+UNLIMITED = 1e9
 
 
-def test_a_limit_of_0_that_counts_as_unlimited_stays_0(tmp_path: Path):
-    """Or no parser of URDFs would take the file."""
+def one_joint(kind: JointKind, limits: Limits) -> TinyRobot:
+    """A pendulum on such a joint, whose row in the actuator table limits nothing."""
     robot = pendulum()
-    joint = replace(robot.links.joints[0], limits=Limits(-1.0, 1.0, 0.0, 0.0))
-    control = replace(
-        robot.control, actuators=(replace(robot.control.actuators[0], effort=None, velocity=None),)
-    )
+    joint = replace(robot.links.joints[0], kind=kind, limits=limits)
+    row = replace(robot.control.actuators[0], effort=None, velocity=None)
     links = replace(robot.links, joints=(joint,))
-    folder, findings = emit(replace(robot, links=links, control=control), tmp_path)
-    limit = xml(folder).find("joint/limit").attrib  # type: ignore[union-attr] # it is there
-    assert (limit["effort"], limit["velocity"]) == ("0.0", "0.0")
-    assert not findings
+    return replace(robot, links=links, control=replace(robot.control, actuators=(row,)))
+
+
+@pytest.mark.parametrize(
+    ("kind", "limits", "unstated"),
+    [
+        ("revolute", Limits(-1.0, 1.0), "effort and velocity"),
+        ("revolute", Limits(-1.0, 1.0, 5.0), "velocity"),
+        ("revolute", Limits(-1.0, None, 5.0, 2.0), "upper"),
+        ("revolute", Limits(-1.0, 1.0, 0.0, 0.0), "effort and velocity"),
+        ("prismatic", Limits(), "lower and upper and effort and velocity"),
+        ("continuous", Limits(None, None, 5.0), "velocity"),
+        ("continuous", Limits(None, None, None, 2.0), "effort"),
+        ("continuous", Limits(), ""),
+        ("revolute", Limits(-1.0, 1.0, 5.0, 2.0), ""),
+    ],
+)
+def test_a_limit_that_nobody_stated_is_unlimited_for_urdfdom_and_for_us(
+    kind: JointKind, limits: Limits, unstated: str, tmp_path: Path
+):
+    """pinocchio, which reads through urdfdom, sees 1e9 or none; our reader sees the same robot."""
+    robot = one_joint(kind, limits)
+    folder, findings = emit(robot, tmp_path)
+    assert [(f.rule, f.severity, f.data) for f in findings] == (
+        [("urdf.limit.unstated", "info", {unstated: ("swing_joint",)})] if unstated else []
+    )
+    model = pinocchio.buildModelFromUrdf(str(folder / "bot.urdf"))
+    for name, theirs in (("effort", model.effortLimit), ("velocity", model.velocityLimit)):
+        stated = getattr(limits, name) or None
+        assert theirs[0] == stated if stated else theirs[0] >= UNLIMITED
+    if kind != "continuous":
+        assert model.upperPositionLimit[0] == (limits.upper or UNLIMITED)
+    again = read_back(folder, "fixed")[0].joints[0]
+    wanted = replace(limits, effort=limits.effort or None, velocity=limits.velocity or None)
+    assert (again.kind, again.limits) == (kind, wanted)
+
+
+@pytest.mark.parametrize("attribute", ["effort", "velocity"], ids=lambda name: f"without {name}")
+def test_a_urdf_that_urdfdom_refuses_is_an_error(attribute: str, tmp_path: Path):
+    folder, _ = emit(pendulum(), tmp_path)
+    path, inputs = folder / "bot.urdf", folder.parent
+    assert run_step(UrdfLoads(robot="bot"), inputs, tmp_path / "good") == []
+    path.write_text(re.sub(f' {attribute}="[^"]*"', "", path.read_text()))
+    (finding,) = run_step(UrdfLoads(robot="bot"), inputs, tmp_path / "bad")
+    assert (finding.rule, finding.severity) == ("urdf.refused", "error")
+    assert f"limit has no {attribute}" in finding.message
 
 
 def test_any_name_is_escaped(tmp_path: Path):

@@ -9,7 +9,16 @@ from typing import cast, get_args
 
 from assetbuild.errors import did_you_mean
 from assetbuild.findings import Data, Finding, Rule
-from assetbuild.robot.model import Base, Body, Joint, JointKind, Limits, Mimic, Tree
+from assetbuild.robot.model import (
+    URDF_UNLIMITED,
+    Base,
+    Body,
+    Joint,
+    JointKind,
+    Limits,
+    Mimic,
+    Tree,
+)
 from assetbuild.robot.pose import Vec3, vec3
 from assetbuild.robot.tree import depth_first
 from assetbuild.source.urdf.links import read_origin
@@ -29,6 +38,12 @@ LIMIT_OMITTED = Rule(
     "warning",
     "`<limit>` lacks attributes; a missing lower or upper counts as 0",
     "state them",
+)
+LIMIT_UNLIMITED = Rule(
+    "urdf.limit.unlimited",
+    "info",
+    "a limit of 1e9 or more counts as unlimited; built URDFs state it where there is none",
+    "nothing, or state the limit",
 )
 LIMIT_IGNORED = Rule(
     "urdf.limit.ignored",
@@ -170,13 +185,23 @@ def _read_limits(node: Node, kind: str) -> tuple[Limits, list[Finding]]:
         return Limits(), []
     lower, upper = element.optional("lower"), element.optional("upper")
     effort, velocity = element.not_negative("effort"), element.not_negative("velocity")
+    stated = {"lower": lower, "upper": upper, "effort": effort, "velocity": velocity}
     if kind == "continuous":
         findings = _ignored_range(node, lower, upper)
-        return Limits(None, None, effort, velocity), findings
-    stated = {"lower": lower, "upper": upper, "effort": effort, "velocity": velocity}
-    missing = [name for name, value in stated.items() if value is None]
-    limits = Limits(lower or 0.0, upper or 0.0, effort, velocity)
-    return limits, _omitted(node, missing) if missing else []
+        stated |= {"lower": None, "upper": None}
+    else:
+        missing = [name for name, value in stated.items() if value is None]
+        findings = _omitted(node, missing) if missing else []
+        stated |= {"lower": lower or 0.0, "upper": upper or 0.0}
+    free = [name for name, value in stated.items() if abs(value or 0.0) >= URDF_UNLIMITED]
+    limits = Limits(**(stated | dict.fromkeys(free)))
+    return limits, findings + (_unlimited(node, free) if free else [])
+
+
+def _unlimited(node: Node, free: list[str]) -> list[Finding]:
+    words = ", ".join(f"`{name}`" for name in free)
+    message = f"<limit> states {URDF_UNLIMITED:g} or more for {words}: it counts as unlimited"
+    return [LIMIT_UNLIMITED(node.subject, message, data={"unlimited": tuple(free)})]
 
 
 def _ignored_range(node: Node, lower: float | None, upper: float | None) -> list[Finding]:

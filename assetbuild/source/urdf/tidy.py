@@ -11,7 +11,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 
 from assetbuild.findings import Data, Finding, Rule
-from assetbuild.robot.model import Base
+from assetbuild.robot.model import URDF_UNLIMITED, Base
 from assetbuild.source.urdf.orientation import tidy_orientation
 from assetbuild.source.urdf.shape_text import tidy_shapes
 from assetbuild.source.urdf.xml import Node, Problems, parse_untidy
@@ -321,7 +321,8 @@ def _tidy_limit(joint: Node) -> Iterator[Finding]:
             yield _not_stated(limit, name, "counts as not stated")
             del limit.element.attrib[name]
     ends = [_float(limit.get(name)) for name in ("lower", "upper")]
-    if ends == [-math.inf, math.inf] and joint.get("type") == "revolute":
+    endless = ends[0] <= -URDF_UNLIMITED and ends[1] >= URDF_UNLIMITED
+    if endless and joint.get("type") == "revolute":
         yield _not_stated(limit, "lower", "has no end: the joint counts as continuous")
         joint.element.set("type", "continuous")
         for name in ("lower", "upper"):

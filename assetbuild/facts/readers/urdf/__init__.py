@@ -22,8 +22,6 @@ from assetbuild.robot.pose import Pose
 from assetbuild.robot.shapes import Capsule, Cylinder, Mesh, Shape, Sphere
 from assetbuild.robot.tree import held_by_world
 
-BOUNDLESS = 1e9
-"""m: URDF has no word for a prismatic joint without a limit, and one left out means 0."""
 _CONTACT = "URDF has no contact parameters"
 _DRIVE = "URDF has no drives: a joint has limits, damping and friction alone"
 LACKS: Mapping[str, str] = {
@@ -138,28 +136,19 @@ class UrdfFacts(Reader):
 
 
 def _ratings(joint: Joint, control: Control) -> Iterator[tuple[str, Value]]:
-    """Effort and velocity are the drive's where it limits them, else the source's.
+    """Effort and velocity are the drive's where it limits them, else the source's, where not 0.
 
-    What the source says of a joint that does not move by one coordinate is a word.
+    What the source says of losses of a joint that does not move by one coordinate is a word.
     """
     yield "urdf:type", joint.kind
+    if joint.kind not in MOVING:
+        own = {"damping": joint.damping, "friction": joint.friction}
+        yield from ((f"urdf:{name}", value) for name, value in own.items() if value is not None)
+        return
     row, limits = control.by_joint.get(joint.name), joint.limits
     for name in ("effort", "velocity"):
         driven = getattr(row, name) if row else None
-        value = getattr(limits, name) if driven is None else driven
-        if joint.kind in MOVING:
-            yield name, value
-        elif value is not None:
-            yield f"urdf:{name}", value
-    if joint.kind == "prismatic":
-        yield "lower", -BOUNDLESS if limits.lower is None else limits.lower
-        yield "upper", BOUNDLESS if limits.upper is None else limits.upper
-    own: dict[str, float | None] = {}
-    if joint.kind not in ("revolute", "prismatic"):
-        own |= {"lower": limits.lower, "upper": limits.upper}
-    if joint.kind not in MOVING:
-        own |= {"damping": joint.damping, "friction": joint.friction}
-    yield from ((f"urdf:{name}", value) for name, value in own.items() if value is not None)
+        yield name, (getattr(limits, name) or None) if driven is None else driven
 
 
 def _pieces(shape: Shape, capsule: Capsule) -> Iterator[tuple[str, dict[str, Value]]]:

@@ -15,6 +15,8 @@ if TYPE_CHECKING:
 
 TYPES = {"revolute": "rotary", "continuous": "rotary", "prismatic": "linear"}
 BOUNDED = ("revolute", "prismatic")
+UNLIMITED = 1e9
+"""From here on a limit limits nothing: URDF has no word for that, and one left out means 0."""
 
 
 def read_joints(walk: Walk, book: Writer, unique: Callable[[str, str], str]) -> None:
@@ -53,13 +55,17 @@ def _axis(walk: Walk, joint: _Element, kind: str) -> dict[str, Value]:
 def _numbers(walk: Walk, joint: _Element, kind: str) -> dict[str, Value]:
     """Limits and losses; words of the format where they mean nothing to such a joint."""
     limit, dynamics = walk.first(joint, "limit"), walk.first(joint, "dynamics")
-    said = {name: walk.number(limit, name) for name in ("lower", "upper", "effort", "velocity")}
+    limits = {name: walk.number(limit, name) for name in ("lower", "upper", "effort", "velocity")}
+    said = {
+        name: None if value is not None and abs(value) >= UNLIMITED else value
+        for name, value in limits.items()
+    }
     said |= {name: walk.number(dynamics, name) for name in ("damping", "friction")}
     stated: dict[str, Value] = {name: value for name, value in said.items() if value is not None}
     facts: dict[str, Value] = {}
     if kind in BOUNDED and limit is not None:
         for side in ("lower", "upper"):
-            facts[side] = said[side] or 0.0  # which one left out means
+            facts[side] = 0.0 if limits[side] is None else said[side]  # left out, it means 0
     meant = ("effort", "velocity", "damping", "friction") if kind in TYPES else ()
     facts |= {name: stated[name] for name in meant if name in stated}
     return facts | {
