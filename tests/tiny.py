@@ -534,6 +534,17 @@ def with_mimic(
     return replace(robot, tree=replace(robot.tree, joints=joints))
 
 
+def with_kinds(robot: TinyRobot, **kinds: JointKind) -> TinyRobot:
+    """The same robot; these joints are of other kinds, a continuous one without its range."""
+    joints = tuple(
+        replace(j, kind=kinds[j.name], limits=replace(j.limits, lower=None, upper=None))
+        if kinds.get(j.name) == "continuous"
+        else replace(j, kind=kinds.get(j.name, j.kind))
+        for j in robot.tree.joints
+    )
+    return replace(robot, tree=replace(robot.tree, joints=joints))
+
+
 def _depth_first(parents: list[int]) -> list[int]:
     order: list[int] = []
     waiting = [0]

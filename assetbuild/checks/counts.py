@@ -155,7 +155,9 @@ def _equal(source: Table, links: Tree) -> Generator[Finding, None, int]:
 
 
 def _with_locked(source: Table) -> Table:
-    """The source as it moves: a joint that mimics a fixed one stays where that puts it."""
+    """The source as it moves: a joint that mimics a fixed one stays where that puts it, and
+    so does one that follows by a multiplier of 0.
+    """
     joints = {name: source.of("joint", name) for name in source.names("joint")}
     book = Writer()
 
@@ -165,8 +167,9 @@ def _with_locked(source: Table) -> Table:
         leader = facts.get("mimics")
         if facts.get("type") == "fixed":
             return 0.0
-        at = position(str(leader), (*above, name)) if leader and name not in above else None
         slope, offset = facts.get("mimic multiplier"), facts.get("mimic offset")
+        led = bool(leader) and name not in above
+        at = 0.0 if slope == 0.0 else position(str(leader), (*above, name)) if led else None
         if at is None or not isinstance(slope, float) or not isinstance(offset, float):
             return None
         return offset + slope * at

@@ -17,7 +17,7 @@ from assetbuild.facts.reference import Assets, Reference
 from assetbuild.findings import Finding
 from assetbuild.kinds import write_figures
 from assetbuild.robot.files import RobotFiles
-from assetbuild.robot.model import Control, Joint, Tree
+from assetbuild.robot.model import Control, Tree
 from assetbuild.robot.shapes import Shapes
 from assetbuild.simulators.consumers import FAILED, NOT_FINITE, ConsumerCheck
 from assetbuild.simulators.environments import Environment
@@ -112,7 +112,7 @@ def judged(
     table = newton_expected(
         Reference(tree, tree, Shapes(), control, Assets(), {}),
         shapes,
-        coupled=lambda joint: alike or (mimics and _is_of_one_kind(tree, joint)),
+        coupled=alike or mimics,
         usd=not alike,
     )
     bodies = {file: name for name, file in body_identifiers(tree).items()}
@@ -127,9 +127,3 @@ def judged(
     for finding in equality_findings(found, "newton", f"the {kind.upper()} as Newton holds it", {}):
         light = finding.rule.endswith(".inertia")
         yield replace(finding, hint=LIGHT) if light else finding
-
-
-def _is_of_one_kind(tree: Tree, joint: Joint) -> bool:
-    """An angle that follows a length has no unit in USD."""
-    leader = tree.by_joint[joint.mimic.joint] if joint.mimic else joint
-    return (leader.kind == "prismatic") == (joint.kind == "prismatic")

@@ -7,7 +7,7 @@ MJCF. So one form serves the read-backs and the comparison of two simulators.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 import numpy as np
@@ -18,7 +18,7 @@ from assetbuild.facts.table import Key, Table, Value, Writer
 from assetbuild.facts.usd_actuators import explicit_law
 from assetbuild.robot.initial import initial_pose
 from assetbuild.robot.joint_springs import as_drives
-from assetbuild.robot.model import Control, Joint, Tree
+from assetbuild.robot.model import Control, Tree
 from assetbuild.robot.pose import Pose
 from assetbuild.robot.shapes import Shapes
 from assetbuild.simulators import physx
@@ -90,8 +90,8 @@ NEWTON_LACKS: Mapping[str, str] = {
     "floor": "the caller decides it",
 }  # fmt: skip
 """As above, of Newton's MuJoCo solver."""
-NEWTON_UNLIMITED = 1e6
-"""Newton's word for an effort or a range without limit, at least."""
+UNLIMITED = 1e6
+"""Newton's word for an effort or a range without limit, at least; PhysX's for joints that mimic."""
 SURFACE = frozenset({"friction", "condim", "priority", "solref", "solimp", "margin", "gap"})
 OF_DRIVES = frozenset({"kp", "kd", "effort", "damping"})
 WEIGHT = ("mass", "centre of mass", "inertia")
@@ -193,8 +193,8 @@ def as_newton(table: Table) -> Table:
 
 
 def _stated(limit: Value) -> Value:
-    """None where Newton calls it unlimited."""
-    unlimited = isinstance(limit, float) and abs(limit) >= NEWTON_UNLIMITED
+    """None where it limits nothing."""
+    unlimited = isinstance(limit, float) and abs(limit) >= UNLIMITED
     return None if unlimited else limit
 
 
@@ -291,8 +291,8 @@ def _motion(X: Pose) -> dict[str, Value]:
 def _held_joint(joint: physx.HeldJoint) -> dict[str, Value]:
     driven = joint.drive != 0.0
     return {
-        "lower": joint.lower,
-        "upper": joint.upper,
+        "lower": _stated(joint.lower),
+        "upper": _stated(joint.upper),
         "kp": joint.kp,
         "kd": joint.kd,
         "effort": joint.effort if driven else None,
@@ -310,20 +310,15 @@ def _held_joint(joint: physx.HeldJoint) -> dict[str, Value]:
 # --- Newton --------------------------------------------------------------------------------------
 
 
-def newton_expected(
-    reference: Reference, shapes: Shapes, *, coupled: Callable[[Joint], bool], usd: bool
-) -> Table:
+def newton_expected(reference: Reference, shapes: Shapes, *, coupled: bool, usd: bool) -> Table:
     """Return what Newton must hold of the robot.
 
     reference: needs no shapes, whose geometry is not read back.
-    coupled: does a file say that a joint mimics? usd: read from the USD, which alone says how soft
+    coupled: does the file say which joint mimics? usd: read from the USD, which alone says how soft
     limits are and which law an explicit drive has.
     """
     tree, table = reference.tree, as_newton(robot_table(reference))
-    free = {
-        joint.name for joint in tree.moving_joints if joint.mimic is not None and not coupled(joint)
-    }
-    expected = table.only(lambda key: key.name not in free or not key.quantity.startswith("mimic"))
+    expected = table.only(lambda key: coupled or not key.quantity.startswith("mimic"))
     dof = float(len(tree.moving_joints) + (6 if tree.base == "floating" else 0))
     book = Writer()
     book.put("robot", "", {"newton:dof": dof})

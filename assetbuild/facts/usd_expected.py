@@ -71,7 +71,7 @@ def usd_table(robot: str, own: Table, reference: Reference) -> Table:
                     "kp": sprung[joint.name].stiffness, "drive target": rest,
                     "usd:drive type": "force", "usd:targetVelocity": 0.0,
                 })  # fmt: skip
-            _mimic(tree, joint, options, book)
+            _mimic(joint, options, book)
     for loop in control.loops:
         ends = frozenset((loop.a.body, loop.b.body))
         book.put("loop", loop.name, {
@@ -192,18 +192,16 @@ def _driven(
         })  # fmt: skip
 
 
-def _mimic(tree: Tree, joint: Joint, options: UsdOptions, book: Writer) -> None:
-    """An angle that follows a length has no unit in USD; `mimics: false` couples none."""
+def _mimic(joint: Joint, options: UsdOptions, book: Writer) -> None:
+    """`mimics: false` couples none."""
     if joint.mimic is None:
         return
-    leader = tree.by_joint[joint.mimic.joint]
-    mixed = (leader.kind == "prismatic") != (joint.kind == "prismatic")
-    if mixed or not options.mimics:
+    if not options.mimics:
         for quantity in ("mimics", "mimic multiplier", "mimic offset"):
             book.facts.pop(Key("joint", joint.name, quantity), None)
         return
     book.put("joint", joint.name, {
-        "usd:newton:mimicJoint": leader.name,
+        "usd:newton:mimicJoint": joint.mimic.joint,
         "usd:newton:mimicCoef0": joint.mimic.offset,
         "usd:newton:mimicCoef1": joint.mimic.multiplier,
         "usd:mimic axis": "the joint's own",

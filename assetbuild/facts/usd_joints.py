@@ -26,6 +26,8 @@ TYPES = {
     "PhysicsJoint": "free",
 }
 MOVING = ("rotary", "linear")
+UNLIMITED = 1e6
+"""rad or m: from here on a limit limits nothing; PhysX couples two angles only within limits."""
 LIMIT_SPRING = ("limitStiffness", "limitDamping")
 """What Newton holds a joint limit with."""
 SOFT_LOOP = "MjcEqualityWeldAPI"
@@ -135,10 +137,14 @@ def _motion(joint: JointPrim, name: str, book: Writer) -> None:
     start = prim.number(f"state:{word}:physics:position", f"PhysicsJointStateAPI:{word}", unit)
     book.put("joint", name, {
         "axis": tuple(float(v) for v in axis),
-        "lower": prim.number("physics:lowerLimit", unit=unit),
-        "upper": prim.number("physics:upperLimit", unit=unit),
+        "lower": _limit(prim.number("physics:lowerLimit", unit=unit)),
+        "upper": _limit(prim.number("physics:upperLimit", unit=unit)),
         "start": start,
     })  # fmt: skip
+
+
+def _limit(stated: float | None) -> float | None:
+    return None if stated is None or abs(stated) >= UNLIMITED else stated
 
 
 def _drive(joint: JointPrim, name: str, book: Writer) -> None:
@@ -205,7 +211,9 @@ def _passive(joint: JointPrim, name: str, book: Writer) -> None:
 
 
 def _mimic(joint: JointPrim, name: str, by_path: dict[str, JointPrim], book: Writer) -> None:
-    """PhysX: q + gearing q' + offset = 0. Newton: q = coef0 + coef1 q'."""
+    """PhysX: q + gearing q' + offset = 0, in the file's units. Newton: q = coef0 + coef1 q', where
+    coef1 is in SI.
+    """
     prim, unit = joint.prim, joint.units.length(joint.angular)
     physx = [s for s in prim.applied if s.startswith("PhysxMimicJointAPI:")]
     newton = prim.targets("newton:mimicJoint", "NewtonMimicAPI")
@@ -222,14 +230,16 @@ def _mimic(joint: JointPrim, name: str, by_path: dict[str, JointPrim], book: Wri
         where = schema.partition(":")[2]
         start = f"physxMimicJoint:{where}"
         leader = prim.targets(f"{start}:referenceJoint", schema)
-        gearing = prim.number(f"{start}:gearing", schema)
+        led = by_path[leader[0]] if leader and leader[0] in by_path else joint
+        ratio = unit / joint.units.length(led.angular)
+        gearing = prim.number(f"{start}:gearing", schema, ratio)
         shift = prim.number(f"{start}:offset", schema, unit) or 0.0
         axis = prim.text(f"{start}:referenceJointAxis", schema)
         facts = {"mimics": _leader(leader, by_path), "mimic offset": 0.0 - shift,
                  "mimic multiplier": None if gearing is None else 0.0 - gearing}  # fmt: skip
         words["usd:mimic axis"] = _agrees(where, joint.token)
-        if leader and leader[0] in by_path:
-            words["usd:reference axis"] = _agrees(str(axis), by_path[leader[0]].token)
+        if led is not joint:
+            words["usd:reference axis"] = _agrees(str(axis), led.token)
     book.put("joint", name, facts | words)
 
 

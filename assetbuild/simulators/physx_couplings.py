@@ -41,12 +41,9 @@ class Coupling:
 
 
 def measurable(tree: Tree) -> Mapping[str, tuple[float, float]]:
-    """Follower -> range of its leader, rad or m, of joints that PhysX couples.
-
-    It couples joints of one kind, and a follower that has limits: `usd.mimic` reports others.
-    """
+    """Follower -> range of its leader, rad or m."""
     ranges: dict[str, tuple[float, float]] = {}
-    followers = [j for j in tree.moving_joints if j.mimic is not None and _is_coupled(tree, j)]
+    followers = [j for j in tree.moving_joints if j.mimic and j.mimic.multiplier]
     for joint in followers:
         assert joint.mimic is not None  # noqa: S101 # chosen above
         leader = tree.by_joint[joint.mimic.joint]
@@ -55,14 +52,6 @@ def measurable(tree: Tree) -> Mapping[str, tuple[float, float]]:
         ranges[leader.name] = max(low, min(ends)), min(high, max(ends))
     found = {joint.name: ranges[_leader(tree, joint.name)] for joint in followers}
     return {name: (low, high) for name, (low, high) in found.items() if high - low > NARROW}
-
-
-def _is_coupled(tree: Tree, joint: Joint) -> bool:
-    if joint.mimic is None or not joint.mimic.multiplier:
-        return False
-    leader = tree.by_joint[joint.mimic.joint]
-    alike = (leader.kind == "prismatic") == (joint.kind == "prismatic")
-    return alike and None not in (joint.limits.lower, joint.limits.upper)
 
 
 def _range(joint: Joint) -> tuple[float, float]:

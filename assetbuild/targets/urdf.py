@@ -66,8 +66,7 @@ LIMIT_UNSTATED = Rule(
     "info",
     "neither the source nor the recipe states a limit that urdfdom wants in `<limit>`: the written "
     "URDF says 1e9, which means unlimited",
-    "planners need real numbers: give effort and velocity in the actuator table, a range by `edits: "
-    "set_limits`",
+    "for planners give effort and velocity in the actuator table, a range by `edits: set_limits`",
 )
 
 

@@ -23,7 +23,7 @@ from tiny import (
 from assetbuild.checks.physx_readback import PhysxReadback
 from assetbuild.findings import Finding
 from assetbuild.pipeline.recipes import whole_model
-from assetbuild.robot.model import Actuator, Body, Control, Joint, Limits, Mimic, Tree
+from assetbuild.robot.model import Actuator, Body, Control, Joint, JointKind, Limits, Mimic, Tree
 from assetbuild.robot.pose import Pose
 from assetbuild.robot.shapes import Shapes
 from assetbuild.simulators import physx
@@ -182,6 +182,36 @@ def coupled() -> TinyRobot:
 
 def test_a_robot_with_a_mimic_is_what_it_was(tmp_path: Path) -> None:
     assert check(coupled(), tmp_path) == []
+
+
+@pytest.mark.parametrize(
+    ("follower", "leader", "multiplier", "offset"),
+    [
+        ("prismatic", "revolute", 0.02, 0.0),
+        ("prismatic", "revolute", -0.05, 0.03),
+        ("revolute", "prismatic", 20.0, 0.1),
+        ("continuous", "revolute", -3.0, 0.1),
+        ("continuous", "continuous", -2.0, 0.0),
+        ("prismatic", "prismatic", -1.0, 0.01),
+    ],
+)
+def test_physx_couples_joints_of_any_two_kinds(
+    follower: JointKind, leader: JointKind, multiplier: float, offset: float, tmp_path: Path
+) -> None:
+    robot = coupled()
+    kinds = {"lead": leader, "follow": follower}
+    ends = {"prismatic": Limits(-0.1, 0.1, 50.0, 10.0), "continuous": Limits(None, None, 50.0)}
+    joints = tuple(
+        replace(
+            joint,
+            kind=kinds[joint.name],
+            limits=ends.get(kinds[joint.name], joint.limits),
+            mimic=joint.mimic and Mimic("lead", multiplier, offset),
+        )
+        for joint in robot.tree.joints
+    )
+    tree = replace(robot.tree, joints=joints)
+    assert check(replace(robot, tree=tree, links=tree), tmp_path) == []
 
 
 @pytest.mark.parametrize("changed", ["multiplier", "offset", "lost"])

@@ -21,6 +21,7 @@ from tiny import (
     run_step,
     sprung,
     tiny_quadruped,
+    with_kinds,
     with_mimic,
 )
 
@@ -113,7 +114,9 @@ def test_a_spring_that_no_drive_can_be_is_not_written(joint: str, tmp_path: Path
 
 def test_untouched_robots_are_equal(tmp_path: Path) -> None:
     mimic = with_mimic(tiny_quadruped(), "FL_hip_joint", "FR_hip_joint", -1.0, 0.1)
-    for i, robot in enumerate((tiny_quadruped(), pendulum(), mimic, gripper())):
+    rack = with_kinds(mimic, FL_hip_joint="prismatic")
+    gears = with_kinds(mimic, FL_hip_joint="continuous", FR_hip_joint="continuous")
+    for i, robot in enumerate((tiny_quadruped(), pendulum(), mimic, rack, gears, gripper())):
         assert check(robot, tmp_path / str(i)) == []
 
 

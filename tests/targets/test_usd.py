@@ -31,6 +31,7 @@ from tiny import (
     run_step,
     tiny_quadruped,
     unit_vectors,
+    with_kinds,
     with_mimic,
     write_robot_ports,
 )
@@ -39,7 +40,7 @@ from assetbuild.errors import StepError
 from assetbuild.facts.readers.usd import UsdReader
 from assetbuild.findings import Finding
 from assetbuild.robot.inertia import matrix_of
-from assetbuild.robot.model import Body, Frame, Inertial, Joint, Keyframe, Limits, Tree
+from assetbuild.robot.model import Body, Frame, Inertial, Joint, JointKind, Keyframe, Limits, Tree
 from assetbuild.robot.pose import Pose, Vec3, quat_of_rpy, rotation_of
 from assetbuild.robot.shapes import (
     Box,
@@ -390,6 +391,47 @@ def test_mimic_is_written_for_physx_and_newton(tmp_path: Path) -> None:
     for name in ("physxMimicJoint:rotX:referenceJoint", "newton:mimicJoint"):
         targets = stage.GetPrimAtPath(joint).GetRelationship(name).GetTargets()
         assert [str(t) for t in targets] == ["/robot/Joints/FR_hip_joint"]
+    assert "usd.mimic" not in [f.rule for f in findings]
+
+
+ARC = 180.0 / math.pi
+"""deg in one rad."""
+
+
+@pytest.mark.parametrize(
+    ("follower", "leader", "multiplier", "gearing"),
+    [
+        ("prismatic", "revolute", 0.02, -0.02 / ARC),
+        ("revolute", "prismatic", -20.0, 20.0 * ARC),
+        ("prismatic", "continuous", -0.01, 0.01 / ARC),
+        ("prismatic", "prismatic", 2.0, -2.0),
+        ("continuous", "continuous", 0.5, -0.5),
+    ],
+)
+def test_a_mimic_of_any_two_joints_is_in_the_units_of_each_engine(
+    follower: JointKind, leader: JointKind, multiplier: float, gearing: float, tmp_path: Path
+) -> None:
+    """PhysX counts an angle in degrees, Newton in radians, and both a length in metres: measured.
+
+    PhysX couples angles within limits alone; Newton takes a limit of 1e6 rad or more for none.
+    """
+    robot = with_mimic(tiny_quadruped(), "FL_hip_joint", "FR_hip_joint", multiplier, 0.1)
+    kinds: dict[str, JointKind] = {"FL_hip_joint": follower, "FR_hip_joint": leader}
+    usd, findings = build(with_kinds(robot, **kinds), tmp_path)
+    stage = UsdCore.Stage.Open(str(usd / "robot.usda"))
+    path = "/robot/Joints/FL_hip_joint"
+    shift = 0.1 if follower == "prismatic" else 0.1 * ARC
+    for name, expected in (
+        ("physxMimicJoint:rotX:gearing", gearing),
+        ("physxMimicJoint:rotX:offset", -shift),
+        ("newton:mimicCoef1", multiplier),
+        ("newton:mimicCoef0", shift),
+    ):
+        assert value(stage, f"{path}.{name}") == pytest.approx(expected, rel=1e-6)
+    for name, kind in kinds.items():
+        if kind == "continuous":
+            stated = float(value(stage, f"/robot/Joints/{name}.physics:upperLimit"))
+            assert 1e6 * ARC < stated < math.inf
     assert "usd.mimic" not in [f.rule for f in findings]
 
 

@@ -54,7 +54,7 @@ LIMIT_IGNORED = Rule(
 MIMIC_FIXED = Rule(
     "joint.mimic_fixed",
     "warning",
-    "the joint mimics a fixed one, so it is locked where that puts it",
+    "the joint mimics a fixed one, or with a multiplier of 0, so it is locked where that puts it",
     "make it fixed too, or give its leader a type that moves",
 )
 
@@ -261,7 +261,10 @@ def _refuse_mimic_loops(joints: list[Joint], nodes: Mapping[str, Node]) -> None:
 def _hold_followers(
     joints: list[Joint], nodes: Mapping[str, Node]
 ) -> tuple[list[Joint], list[Finding]]:
-    """Joints that mimic a fixed one, directly or through others, are locked where it puts them."""
+    """Joints that mimic a fixed one, directly or through others, are locked where it puts them.
+
+    So are those that follow by a multiplier of 0, which PhysX does not couple.
+    """
     by_name = {joint.name: joint for joint in joints}
     held: dict[str, float] = {}
 
@@ -271,6 +274,8 @@ def _hold_followers(
             return 0.0
         if joint.mimic is None:
             return None
+        if joint.mimic.multiplier == 0.0:
+            return joint.mimic.offset
         leader = by_name[joint.mimic.joint]
         if leader.kind in ("planar", "floating"):
             raise _at(nodes, joint.name).error(
@@ -287,7 +292,7 @@ def _hold_followers(
     findings = [
         MIMIC_FIXED(
             f"joint {name}",
-            f"mimics a joint that is fixed: locked at {at:g}",
+            f"mimics a joint that is fixed, or with a multiplier of 0: locked at {at:g}",
             "make it `fixed` too, or give the joint that it mimics a type that moves",
             data={"position": at},
         )

@@ -21,7 +21,14 @@ from assetbuild.simulators.usd_names import JOINTS, LOOPS, loop_identifiers
 from assetbuild.simulators.usd_options import UsdArticulation, UsdOptions
 from assetbuild.targets.usd.layers import apply_foreign, apply_mujoco, label
 from assetbuild.targets.usd.names import PrimPaths
-from assetbuild.targets.usd.units import coordinate, gain, instance, is_angular, limits
+from assetbuild.targets.usd.units import (
+    COUPLED_DEG,
+    coordinate,
+    gain,
+    instance,
+    is_angular,
+    limits,
+)
 
 NEAR = 1e-9
 SOLREF_LIMIT = (0.02, 1.0)
@@ -68,8 +75,10 @@ def define_joints(
         UsdGeom.Scope.Define(stage, f"/{names.root}/{JOINTS}")
     starts = dict(initial_pose(tree, control).joints)
     springs, limited = as_drives(control), limit_springs(tree, control)
+    mimics = {j.name: j.mimic.joint for j in tree.joints if j.mimic and options.mimics}
+    coupled = mimics.keys() | set(mimics.values())
     for joint in tree.joints:
-        prim = _define_joint(stage, names, joint)
+        prim = _define_joint(stage, names, joint, coupled)
         # As in MuJoCo, bodies that a joint connects do not collide, but for those on the world.
         touch = frozenset((joint.parent, joint.child)) in touching
         UsdPhysics.Joint(prim).CreateCollisionEnabledAttr(touch)
@@ -84,7 +93,7 @@ def define_joints(
             if joint.name in limited:
                 _apply_limit_spring(prim, joint, limited[joint.name])
             _apply_start(prim, joint, starts[joint.name])
-            if options.mimics:
+            if joint.name in mimics:
                 _apply_mimic(prim, names, joint)
 
 
@@ -138,7 +147,9 @@ def _apply_start(prim: Usd.Prim, joint: Joint, position: float) -> None:
     apply_foreign(prim, f"PhysicsJointStateAPI:{axis}", f"state:{axis}:physics", where)
 
 
-def _define_joint(stage: Usd.Stage, names: PrimPaths, joint: Joint) -> Usd.Prim:
+def _define_joint(
+    stage: Usd.Stage, names: PrimPaths, joint: Joint, coupled: Collection[str]
+) -> Usd.Prim:
     path = names.joint(joint.name)
     if joint.kind == "fixed":
         made = UsdPhysics.FixedJoint.Define(stage, path)
@@ -149,6 +160,8 @@ def _define_joint(stage: Usd.Stage, names: PrimPaths, joint: Joint) -> Usd.Prim:
         token, turn = joint_axis(joint.axis)
         made.CreateAxisAttr(token)
         lower, upper = limits(joint)
+        if joint.name in coupled and is_angular(joint):
+            lower, upper = max(lower, -COUPLED_DEG), min(upper, COUPLED_DEG)
         made.CreateLowerLimitAttr(lower)
         made.CreateUpperLimitAttr(upper)
     else:
@@ -245,17 +258,19 @@ def _apply_spring(prim: Usd.Prim, joint: Joint, spring: Spring) -> None:
 
 
 def _apply_mimic(prim: Usd.Prim, names: PrimPaths, joint: Joint) -> None:
-    """q = offset + multiplier q(leader), for Newton as it is, for PhysX as q + G q' + c = 0."""
-    if joint.mimic is None:
-        return
+    """q = offset + multiplier q(leader), for Newton as it is, for PhysX as q + G q' + c = 0.
+
+    Where an angle follows a length or a length an angle, PhysX counts the angle in degrees and
+    Newton in radians: measured, Newton's schema gives no unit.
+    """
+    assert joint.mimic is not None  # noqa: S101 # the caller has looked
     leader = names.tree.by_joint[joint.mimic.joint]
-    if is_angular(leader) != is_angular(joint):
-        return  # an angle that follows a length has no unit here; `usd.mimic` says so
     offset, multiplier = coordinate(joint, joint.mimic.offset), joint.mimic.multiplier
+    units = coordinate(joint, 1.0) / coordinate(leader, 1.0)
     instance_name = f"rot{joint_axis(joint.axis)[0]}"
     prefix = f"physxMimicJoint:{instance_name}"
     physx: dict[str, float | str] = {
-        "gearing": -multiplier,
+        "gearing": -multiplier * units,
         "offset": -offset,
         "referenceJointAxis": f"rot{joint_axis(leader.axis)[0]}",
     }

@@ -7,6 +7,8 @@ import math
 from assetbuild.robot.model import Joint
 
 UNLIMITED = math.inf
+COUPLED_DEG = 1e8
+"""PhysX couples two angles only where both have limits; Newton takes these for none."""
 
 
 def is_angular(joint: Joint) -> bool:

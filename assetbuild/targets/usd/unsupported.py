@@ -94,10 +94,9 @@ GRAVITY = Rule(
 )
 MIMIC = Rule(
     "usd.mimic",
-    ("warning", "info"),
-    "a mimic joint that USD cannot hold (angle and length mixed) or that PhysX does not couple "
-    "(no limits) (info where the recipe says `usd.mimics: false`)",
-    "give it limits, or couple the joints in the simulator",
+    "info",
+    "a mimic joint that the USD does not couple, because the recipe says `usd.mimics: false`",
+    "couple the joints in the simulator",
 )
 
 _ROLLING = "torsional and rolling friction"
@@ -117,7 +116,7 @@ def unsupported(tree: Tree, control: Control, options: UsdOptions) -> Iterator[F
     """Findings for all that is missing, clamped or read differently."""
     for joint in tree.moving_joints:
         yield from _limits(joint)
-        yield from _mimic(tree, joint, options)
+        yield from _mimic(joint, options)
     yield from _actuators(control)
     yield from _springs(control)
     yield from _motion(control)
@@ -165,27 +164,11 @@ def _limits(joint: Joint) -> Iterator[Finding]:
         )
 
 
-def _mimic(tree: Tree, joint: Joint, options: UsdOptions) -> Iterator[Finding]:
-    if joint.mimic is None:
-        return
-    subject, leader = f"joint {joint.name}", tree.by_joint[joint.mimic.joint]
-    if not options.mimics:
+def _mimic(joint: Joint, options: UsdOptions) -> Iterator[Finding]:
+    if joint.mimic is not None and not options.mimics:
         yield MIMIC(
-            subject,
-            f"does not follow `{leader.name}` in USD: the recipe says `usd.mimics: false`",
-            severity="info",
-        )
-    elif is_angular(leader) != is_angular(joint):
-        yield MIMIC(
-            subject,
-            f"follows `{leader.name}`, an angle a length: USD cannot hold it, it is free",
-            hint="drive both joints, or couple them in the simulator",
-        )
-    elif joint.limits.lower is None or joint.limits.upper is None:
-        yield MIMIC(
-            subject,
-            f"follows `{leader.name}` but has no limits; PhysX wants both to couple them",
-            hint="give the joint limits",
+            f"joint {joint.name}",
+            f"does not follow `{joint.mimic.joint}` in USD: the recipe says `usd.mimics: false`",
         )
 
 
