@@ -113,7 +113,9 @@ def explain_opaque(items: tuple[MjcfOnly, ...]) -> Iterator[Finding]:
         own = (*EFFORT_WORDS.get(item.place, ()), *(SPRING_WORDS if item.place == "joint" else ()))
         for name in own:
             element.attrib.pop(name, None)  # the robot's effort limit holds it, or `SPRING` says it
-        if own and not element.attrib:
+        for name in [name for name, value in element.attrib.items() if not value]:
+            element.attrib.pop(name)  # what the source leaves to MuJoCo
+        if not element.attrib and (own or item.place == "camera"):
             continue
         said = _SAID_OF.get(item.place, _element_of)(element)
         groups.setdefault((item.place, said), []).append(item.owner or element.get("name", ""))

@@ -92,7 +92,10 @@ class Reader(Check):
     """Endings of files that it may read when a person names one; none: only in a bundle."""
     precision: ClassVar[Precision] = Precision()
     lacks: ClassVar[Mapping[str, str]] = {}
-    """`kind quantity`, or a whole `kind` -> why this format cannot say it."""
+    """`kind quantity`, or a whole `kind` -> why this format cannot say it; `Lost`: it goes without,
+    which `facts.losses` reports."""
+    simulated: ClassVar[bool] = True
+    """Whether robots are simulated from this format; else it describes them."""
     asks: ClassVar[tuple[str, ...]] = ()
     """Sections of the recipe that decide how the format is written."""
 

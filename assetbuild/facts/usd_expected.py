@@ -23,6 +23,8 @@ from assetbuild.robot.pose import IDENTITY
 from assetbuild.robot.shapes import Material, Mesh, Shape
 from assetbuild.simulators.usd_names import (
     body_identifiers,
+    camera_identifiers,
+    frame_identifiers,
     joint_identifiers,
     loop_identifiers,
     usd_identifier,
@@ -32,6 +34,10 @@ from assetbuild.simulators.usd_options import UsdArticulation, UsdOptions, UsdRi
 
 HULL_VERTICES = 64.0
 """Most vertices of a convex hull that PhysX collides on a GPU."""
+
+
+CLIPPING_M = (0.01, 1000.0)
+"""Nearest and farthest depth that a camera sees."""
 
 
 def usd_table(robot: str, own: Table, reference: Reference) -> Table:
@@ -81,6 +87,11 @@ def usd_table(robot: str, own: Table, reference: Reference) -> Table:
         })  # fmt: skip
         if loop.kind == "connect":
             book.put("loop", loop.name, {"usd:torqueScale": 0.0})
+    for camera in control.cameras:
+        width, height = camera.resolution
+        book.put("camera", camera.name, {
+            "usd:aspect": width / height, "usd:clippingRange": CLIPPING_M,
+        })  # fmt: skip
     expected_actuators(control.actuators, book)
     expected_metadata(robot, reference, book)
     expected_schema(reference, options, book)
@@ -339,7 +350,8 @@ def _identifiers(reference: Reference, book: Writer) -> None:
         ("body", body_identifiers(tree)),
         ("joint", joint_identifiers(tree)),
         ("loop", loop_identifiers(reference.control.loops)),
-        ("frame", usd_identifiers((f.name for f in tree.frames), ("visuals", "collisions"))),
+        ("frame", frame_identifiers(tree)),
+        ("camera", camera_identifiers(tree, reference.control.cameras)),
         ("shape", usd_identifiers(s.name for s in shapes.shapes)),
         ("material", usd_identifiers(m.name for m in shapes.materials)),
     ):

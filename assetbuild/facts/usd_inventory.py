@@ -26,6 +26,8 @@ from assetbuild.simulators.usd_names import (
     POSES,
     ROOT_JOINT,
     body_identifiers,
+    camera_identifiers,
+    frame_identifiers,
     joint_identifiers,
     loop_identifiers,
     usd_identifier,
@@ -67,7 +69,7 @@ def inventory(
     bodies = {name: f"{top}/{short}" for name, short in body_identifiers(tree).items()}
     hinted = ("GeomModelAPI",) if shapes.shapes else ()
     rows: list[Row] = [(top, "Xform", (ROBOT, *hinted))]
-    rows += _bodies(reference, bodies)
+    rows += _bodies(reference, top, bodies)
     rows += _joints(reference, f"{top}/{JOINTS}", facts)
     rows += _loops(reference, f"{top}/{LOOPS}")
     rows += _actuators(reference, f"{top}/{ACTUATORS}")
@@ -95,7 +97,7 @@ def inventory(
                 yield Key("prim", f"{top}/{JOINTS}/{short}", f"usd:{attribute}"), "not stated"
 
 
-def _bodies(reference: Reference, paths: Mapping[str, str]) -> Iterator[Row]:
+def _bodies(reference: Reference, top: str, paths: Mapping[str, str]) -> Iterator[Row]:
     tree = reference.tree
     for body in tree.bodies:
         root = tree.base == "floating" and body.name == tree.root
@@ -104,9 +106,13 @@ def _bodies(reference: Reference, paths: Mapping[str, str]) -> Iterator[Row]:
             "Xform",
             (LINK, *BODY, *_mass(body), *(ARTICULATION if root else ())),
         )
-    frames = usd_identifiers((frame.name for frame in tree.frames), ("visuals", "collisions"))
+    frames = frame_identifiers(tree)
     for frame in tree.frames:
         yield f"{paths[frame.body]}/{frames[frame.name]}", "Xform", (SITE,)
+    cameras = camera_identifiers(tree, reference.control.cameras)
+    for camera in reference.control.cameras:
+        above = paths[tree.placement(camera.link)[0]] if camera.link else top
+        yield f"{above}/{cameras[camera.name]}", "Camera", ()
 
 
 def _mass(body: Body) -> tuple[str, ...]:

@@ -6,8 +6,10 @@ never defined, which it reports: nothing there acts, whatever it says.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from pxr import Usd, UsdGeom, UsdPhysics, UsdShade
@@ -70,6 +72,7 @@ class Sorted:
     joints: list[Prim] = field(default_factory=list)
     shapes: list[ShapePrim] = field(default_factory=list)
     frames: list[tuple[Prim, str]] = field(default_factory=list)
+    cameras: list[tuple[Prim, str]] = field(default_factory=list)
     materials: list[Prim] = field(default_factory=list)
     shaders: list[Prim] = field(default_factory=list)
     actuators: list[Prim] = field(default_factory=list)
@@ -105,6 +108,8 @@ def _read(stage: Usd.Stage, known: KnownFiles) -> Table:
             "frame", name, {"body": names[body], "pose": _within(places, prim, found.bodies[body])}
         )
         prim.placed()
+    for prim, body in found.cameras:
+        _camera(prim, found.bodies.get(body), names.get(body, ""), places, book)
     _root(top, found, joints, names, places, book)
     filters = [
         (prim.path, target)
@@ -130,7 +135,7 @@ def _read(stage: Usd.Stage, known: KnownFiles) -> Table:
 
 def _all(found: Sorted) -> list[Prim]:
     shapes = [prim for shape in found.shapes for prim in shape.prims]
-    frames = [prim for prim, _ in found.frames]
+    frames = [prim for prim, _ in (*found.frames, *found.cameras)]
     rest = [
         *found.joints,
         *found.materials,
@@ -169,6 +174,8 @@ def _sort(prim: Usd.Prim, above: Above, found: Sorted, book: Writer) -> None:
     elif prim.IsA(UsdGeom.Gprim):
         collider = one if one.has("PhysicsCollisionAPI") else above.collider
         found.shapes.append(ShapePrim(one, above.body, above.group, above.holder, collider))
+    elif one.type == "Camera":
+        found.cameras.append((one, above.body))
     elif one.type == "NewtonActuator":
         found.actuators.append(one)
     elif one.type == POSE:
@@ -234,6 +241,24 @@ def _within(places: Places, prim: Prim, above: Prim) -> tuple[float, ...]:
     outer, _ = places.rigid(above.prim)
     inner, _ = places.rigid(prim.prim)
     return pose_value(outer.inverse() @ inner)
+
+
+def _camera(prim: Prim, above: Prim | None, body: str, places: Places, book: Writer) -> None:
+    """What it sees follows from the ratios of its apertures to its focal length."""
+    pose = _within(places, prim, above) if above else pose_value(places.rigid(prim.prim)[0])
+    length, tall, wide = (
+        prim.number(name) or math.nan
+        for name in ("focalLength", "verticalAperture", "horizontalAperture")
+    )
+    near: Any = prim.take("clippingRange")  # Any: a Gf vector
+    book.put("camera", prim.named("camera"), {
+        "body": body,
+        "pose": pose,
+        "field of view": 2.0 * math.atan(tall / (2.0 * length)),
+        "usd:aspect": wide / tall,
+        "usd:clippingRange": None if near is None else tuple(float(v) for v in near),
+    })  # fmt: skip
+    prim.placed()
 
 
 def _mass(prim: Prim, places: Places) -> dict[str, Value]:

@@ -21,7 +21,9 @@ INTRODUCTION = """\
 Every element and attribute that the schema of MuJoCo {version} knows, and what becomes of it when
 an MJCF is the source of a robot.
 
-- **every format**: the robot holds it, so each format has it that can say it ([Facts](facts.md)).
+- **every format**: the robot holds it, so each format has it that can say it ([Facts](facts.md));
+  `lost.urdf` and `lost.usd` report what a URDF or a USD goes without. A URDF has no cameras; a USD
+  has their place and field of view, and the ratio of their `resolution`.
 - **resolved**: it says how the file is to be read (units, classes, folders, copies); its effect
   stands in the numbers.
 - **MJCF only**: our MJCF has it exactly; the others are written without it (`mjcf.only`,

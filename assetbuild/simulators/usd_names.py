@@ -6,11 +6,13 @@ import hashlib
 import re
 from collections.abc import Iterable
 
-from assetbuild.robot.model import Loop, Tree
+from assetbuild.robot.model import Camera, Loop, Tree
 
 JOINTS, LOOKS, PHYSICS_MATERIALS = "Joints", "Looks", "PhysicsMaterials"
 ACTUATORS, LOOPS = "Actuators", "Loops"
 """Groups beside the bodies, below the robot."""
+SHAPES = ("visuals", "collisions")
+"""Groups of shapes below a body."""
 POSES = "NamedPoses"
 """Keyframes, as Isaac Sim's robot schema has them."""
 SCENE = ("physics", "floor", "light", PHYSICS_MATERIALS)
@@ -76,6 +78,17 @@ def body_identifiers(tree: Tree) -> dict[str, str]:
 def loop_identifiers(loops: Iterable[Loop]) -> dict[str, str]:
     """Prim name by the name of a loop."""
     return usd_identifiers(loop.name for loop in loops)
+
+
+def frame_identifiers(tree: Tree) -> dict[str, str]:
+    """Prim name by the name of a merged link, beside the groups of shapes of its body."""
+    return usd_identifiers((frame.name for frame in tree.frames), SHAPES)
+
+
+def camera_identifiers(tree: Tree, cameras: Iterable[Camera]) -> dict[str, str]:
+    """Prim name by the name of a camera; it stands among frames, or in the world among bodies."""
+    parts = (*body_identifiers(tree).values(), *frame_identifiers(tree).values())
+    return usd_identifiers((camera.name for camera in cameras), (*_GROUPS, *SHAPES, *parts))
 
 
 def joint_identifiers(tree: Tree) -> dict[str, str]:

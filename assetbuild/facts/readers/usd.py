@@ -9,6 +9,7 @@ from typing import ClassVar
 
 from assetbuild.facts.compare import FLOAT32, Precision
 from assetbuild.facts.known_files import KnownFiles
+from assetbuild.facts.losses import Lost
 from assetbuild.facts.reader import Reader
 from assetbuild.facts.reference import Reference, robot_table
 from assetbuild.facts.table import Table
@@ -49,6 +50,7 @@ class UsdReader(Reader):
         {
             ("body", "pose"): 1e-9,
             ("frame", "pose"): 1e-9,
+            ("camera", "pose"): 1e-9,
             ("shape", "pose"): 1e-9,
             ("shape", "size"): 1e-9,
             ("robot", "base pose"): 1e-9,
@@ -68,8 +70,9 @@ class UsdReader(Reader):
         "joint spring reference": _SPRING,
         "shape mask": _BITS,
         "shape partners": _BITS,
-        "sensor": "UsdPhysics has none; simulators add their own",
-        "camera": "frameworks add their own",
+        "sensor": Lost("UsdPhysics has none; simulators add their own"),
+        "camera resolution": "what renders decides it; the shape of the picture is compared",
+        "camera tracking": Lost("a camera of USD is fixed to what carries it"),
         "keyframe": "USD has none: the start of each joint is the initial one",
         "robot start pose": "`scene.usda` has it",
         "simulation": "`scene.usda` says it",

@@ -93,7 +93,7 @@ class _Reader:
     def read(self, geom: _Element, body: str) -> None:
         name, said = str(geom.get("name")), self.classes.attributes(geom)
         if said.get("type") == "hfield":
-            self.geoms.findings.append(_scenery(geom, self.classes))
+            self.geoms.findings.append(_height_field(name, body))
             return
         index = self.source.id_of("geom", name)
         touches = bool(self.full.geom_contype[index] or self.full.geom_conaffinity[index])
@@ -268,8 +268,18 @@ def _scenery(geom: _Element, classes: Classes) -> Finding:
         f"shape {geom.get('name')}",
         f"the {kind} `{geom.get('name')}` of the world was left out: it is scenery",
         "`scene.xml` has a floor of its own; a part of the robot belongs into a body",
-        severity="info" if kind in ("plane", "hfield") else "warning",
+        severity="info" if kind == "plane" else "warning",
         data={"element": "geom of worldbody", "count": 1},
+    )
+
+
+def _height_field(name: str, body: str) -> Finding:
+    return DROPPED(
+        f"shape {name}",
+        f"the height field `{name}` of `{body}` was left out: no format of a robot has terrain",
+        "the floor of `scene.xml` is flat: add the terrain to your own scene",
+        severity="warning",
+        data={"element": "geom of type hfield", "count": 1},
     )
 
 

@@ -49,7 +49,7 @@ def write_asset(
     write_library(payloads, names, shapes, meshes)
     write_materials(payloads, names, shapes, meshes)
     write_instances(payloads, names, shapes, instanceable=options.instanceable)
-    write_base(payloads, names, robot)
+    write_base(payloads, names, robot, control.cameras)
     # What the variants of `Physics` add to the robot.
     stage = new_layer(payloads / "physics.usda", names)
     weightless = whole_gravity(control.mjcf_only)

@@ -1,9 +1,10 @@
-"""Bodies: where they are (base layer) and what they weigh (physics layer)."""
+"""Bodies and cameras: where they are (base layer) and what they weigh (physics layer)."""
 
 from __future__ import annotations
 
 import itertools
-from collections.abc import Collection, Iterator
+import math
+from collections.abc import Collection, Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -11,9 +12,10 @@ from pxr import Gf, Usd, UsdGeom, UsdPhysics
 
 from assetbuild.findings import Finding, Rule
 from assetbuild.robot.inertia import Tensor, matrix_of
-from assetbuild.robot.model import Body, Inertial
+from assetbuild.robot.model import Body, Camera, Inertial
 from assetbuild.robot.pose import IDENTITY, Array, Quat, Vec3, quat_of, vec3
 from assetbuild.robot.tree import forward_kinematics
+from assetbuild.simulators.usd_names import camera_identifiers
 from assetbuild.simulators.usd_options import UsdRigidBody
 from assetbuild.targets.usd.layers import apply_foreign, label, new_layer, place, save
 from assetbuild.targets.usd.names import PrimPaths
@@ -30,8 +32,8 @@ MASS_MISSING = Rule(
 )
 
 
-def write_base(folder: Path, names: PrimPaths, robot: str) -> None:
-    """`base.usda`: an Xform per body where it stands at q = 0, frames below it.
+def write_base(folder: Path, names: PrimPaths, robot: str, cameras: Sequence[Camera]) -> None:
+    """`base.usda`: an Xform per body where it stands at q = 0, frames and cameras below it.
 
     Where a fixed root is held stands on the robot's own prim, and the root link in its origin: a
     framework that spawns the robot replaces that pose and takes it for the root link's.
@@ -55,7 +57,34 @@ def write_base(folder: Path, names: PrimPaths, robot: str) -> None:
         prim = UsdGeom.Xform.Define(stage, path).GetPrim()
         place(prim, pose)
         label(prim, name)
+    identifiers = camera_identifiers(tree, cameras)
+    for camera in cameras:
+        _define_camera(stage, names, camera, identifiers[camera.name])
     save(stage)
+
+
+FOCAL_LENGTH = 24.0
+"""Isaac Lab's default; only its ratio to the apertures says what a camera sees."""
+CLIPPING_M = (0.01, 1000.0)
+"""Nearest and farthest depth; USD's own default sees nothing within a metre."""
+
+
+def _define_camera(stage: Usd.Stage, names: PrimPaths, camera: Camera, identifier: str) -> None:
+    """As in MuJoCo it looks along -z, with +y up; the field of view is the vertical one."""
+    tree, above = names.tree, f"/{names.root}"
+    X_above_link = tree.X_world_root.inverse()
+    if camera.link is not None:
+        body, X_above_link = tree.placement(camera.link)
+        above = names.body(body)
+    made = UsdGeom.Camera.Define(stage, f"{above}/{identifier}")
+    place(made.GetPrim(), X_above_link @ camera.X_link_camera)
+    label(made.GetPrim(), camera.name)
+    width, height = camera.resolution
+    vertical = 2.0 * FOCAL_LENGTH * math.tan(camera.fovy / 2.0)
+    made.CreateFocalLengthAttr(FOCAL_LENGTH)
+    made.CreateVerticalApertureAttr(vertical)
+    made.CreateHorizontalApertureAttr(vertical * width / height)
+    made.CreateClippingRangeAttr(Gf.Vec2f(*CLIPPING_M))
 
 
 def apply_rigid_bodies(

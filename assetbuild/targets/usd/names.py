@@ -5,6 +5,7 @@ The composed stage, with `go1` as the robot's name:
     /go1                         default prim, variant set `Physics`
     /go1/<body>                  one Xform per body, flat, at its world pose for q = 0
     /go1/<body>/<frame>          links that fixed joints merged into the body
+    /go1/<body>/<camera>         one in the world stands beside the bodies
     /go1/<body>/visuals/<shape>
     /go1/<body>/collisions/<shape>
     /go1/Joints/<joint>
@@ -28,13 +29,15 @@ from assetbuild.simulators.usd_names import (
     LOOKS,
     PHYSICS_MATERIALS,
     ROOT_JOINT,
+    SHAPES,
     body_identifiers,
+    frame_identifiers,
     joint_identifiers,
     usd_identifier,
     usd_identifiers,
 )
 
-VISUALS, COLLISIONS = "visuals", "collisions"
+VISUALS, COLLISIONS = SHAPES
 
 RENAMED = Rule(
     "usd.renamed",
@@ -63,7 +66,7 @@ class PrimPaths:
         return cls(
             root=usd_identifier(robot),
             bodies=body_identifiers(tree),
-            frames=usd_identifiers((f.name for f in tree.frames), (VISUALS, COLLISIONS)),
+            frames=frame_identifiers(tree),
             joints=joint_identifiers(tree),
             shapes=usd_identifiers(s.name for s in shapes.shapes),
             materials=usd_identifiers(m.name for m in shapes.materials),

@@ -9,6 +9,7 @@ from typing import ClassVar
 
 from assetbuild.errors import UsageError, Where
 from assetbuild.facts.known_files import KnownFiles
+from assetbuild.facts.losses import Lost
 from assetbuild.facts.reader import Reader
 from assetbuild.facts.readers.urdf.assets import Assets, looks_of, pixels_of
 from assetbuild.facts.readers.urdf.joints import read_joints
@@ -22,8 +23,9 @@ from assetbuild.robot.pose import Pose
 from assetbuild.robot.shapes import Capsule, Cylinder, Mesh, Shape, Sphere
 from assetbuild.robot.tree import held_by_world
 
-_CONTACT = "URDF has no contact parameters"
-_DRIVE = "URDF has no drives: a joint has limits, damping and friction alone"
+_CONTACT = Lost("URDF has no contact parameters")
+_DRIVE = Lost("URDF has no drives: a joint has limits, damping and friction alone")
+_SPRING = "URDF has no springs; the finding `mjcf.spring` says so"
 LACKS: Mapping[str, str] = {
     "robot base": "URDF does not say whether the root is free",
     "robot base pose": "a fixed joint to a link `world` holds a root away from the origin",
@@ -35,8 +37,8 @@ LACKS: Mapping[str, str] = {
     "frame": "a merged link is a link of its own, as in the source",
     "joint anchor": "the child's frame is the joint's: the axis runs through its origin",
     "joint armature": _DRIVE,
-    "joint stiffness": _DRIVE,
-    "joint spring reference": _DRIVE,
+    "joint stiffness": _SPRING,
+    "joint spring reference": _SPRING,
     **{
         f"joint {name}": _DRIVE
         for name in (
@@ -52,11 +54,11 @@ LACKS: Mapping[str, str] = {
         )
     },
     "loop": "URDF has trees alone; the finding `urdf.loop` says so",
-    "pair": "URDF has no list of pairs; SRDF has",
-    "sensor": "URDF has no sensors",
-    "camera": "URDF has no cameras",
-    "keyframe": "URDF has no poses of the whole robot; SRDF has",
-    "simulation": "URDF describes a robot, not a simulation",
+    "pair": Lost("URDF has no list of pairs; SRDF has"),
+    "sensor": Lost("URDF has no sensors"),
+    "camera": Lost("URDF has no cameras"),
+    "keyframe": Lost("URDF has no poses of the whole robot; SRDF has"),
+    "simulation": Lost("URDF describes a robot, not a simulation"),
     "floor": "URDF describes a robot, not a scene",
     "robot start pose": "URDF has no initial pose",
     "robot soft limits": "URDF has hard limits alone",
@@ -77,6 +79,7 @@ class UrdfFacts(Reader):
     behind: ClassVar[tuple[str, ...]] = ("urdf/*",)
     suffixes: ClassVar[tuple[str, ...]] = (".urdf",)
     lacks: ClassVar[Mapping[str, str]] = LACKS
+    simulated: ClassVar[bool] = False
 
     def file(self, root: Path, robot: str) -> Path | None:
         """`<robot>.urdf`."""

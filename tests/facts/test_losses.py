@@ -1,0 +1,113 @@
+"""Everything that a format goes without is reported once, and what that is worth."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from tiny import TinyRobot, check_inputs, pendulum, run_step, tiny_quadruped, with_mimic
+
+from assetbuild.checks.losses import Losses
+from assetbuild.facts.losses import Lost, losses, lost_facts
+from assetbuild.facts.readers.urdf import UrdfFacts
+from assetbuild.facts.readers.usd import UsdReader
+from assetbuild.facts.reference import Assets, Reference, robot_table
+from assetbuild.facts.table import Table
+from assetbuild.findings import Finding
+from assetbuild.robot.model import Camera, Control, Keyframe, Place, Sensor
+from assetbuild.robot.pose import IDENTITY
+from assetbuild.robot.shapes import Shapes
+from assetbuild.targets.urdf import Urdf
+
+
+def table(robot: TinyRobot, control: Control) -> Table:
+    """All facts but those of the shapes."""
+    return robot_table(Reference(robot.tree, robot.tree, Shapes(), control, Assets(), {}))
+
+
+SENSING = Control(
+    sensors=(
+        Sensor("gyro", "gyro", Place("frame", "arm")),
+        Sensor("push", "touch", Place("frame", "arm")),
+    ),
+    cameras=(Camera("eye", "arm", IDENTITY), Camera("chase", None, IDENTITY, tracking="trackcom")),
+    keyframes=(Keyframe("home", (("swing_joint", 0.1),)), Keyframe("up", (("swing_joint", 3.0),))),
+)
+
+
+@pytest.mark.parametrize(
+    ("control", "urdf", "usd"),
+    [
+        (Control(), {"simulation": 1}, {}),
+        (SENSING, {"sensor": 2, "camera": 2, "keyframe": 2, "simulation": 1},
+         {"sensor": 2, "camera": 1}),
+        (replace(SENSING, sensors=(), cameras=SENSING.cameras[:1]),
+         {"camera": 1, "keyframe": 2, "simulation": 1}, {}),
+        (replace(pendulum().control, keyframes=()), {"joint": 1, "simulation": 1}, {}),
+        (pendulum().control, {"joint": 1, "keyframe": 1, "simulation": 1}, {}),
+    ],
+    ids=["nothing beyond the tree", "senses and poses", "a fixed camera", "a drive",
+         "a drive and a pose"],
+)  # fmt: skip
+def test_what_a_format_goes_without_is_counted(
+    control: Control, urdf: Mapping[str, int], usd: Mapping[str, int]
+):
+    """The expected numbers are the robot's own: how many sensors, cameras and poses it states."""
+    facts = table(pendulum(), control)
+    for reader, expected in ((UrdfFacts, urdf), (UsdReader, usd)):
+        found = list(losses(facts, reader.form, "it", reader.lacks, simulated=reader.simulated))
+        assert [(f.rule, f.severity, f.data) for f in found] == (
+            [(f"lost.{reader.form}", "info", expected)] if expected else []
+        )
+
+
+def test_a_value_that_means_nothing_is_no_loss():
+    """The pendulum's motor has no gains, no gear and no delay: only what it states is lost."""
+    lost = {k.quantity for k in lost_facts(table(pendulum(), pendulum().control), UrdfFacts.lacks)}
+    assert {"model", "timestep"} <= lost
+    assert not {"kp", "kd", "gear", "delay", "drive name", "stiffness"} & lost
+
+
+@pytest.mark.parametrize(
+    ("lacks", "simulated", "severity"),
+    [
+        ({"joint mimics": Lost("none")}, True, "error"),
+        ({"joint mimics": Lost("none")}, False, "warning"),
+        ({"joint upper": Lost("none")}, True, "error"),
+        ({"joint kp": Lost("none")}, True, "info"),
+        ({"joint mimics": "in other words"}, True, None),
+        ({"joint": Lost("none")}, True, "error"),
+        ({}, True, None),
+    ],
+)
+def test_a_lost_motion_is_an_error_where_robots_are_simulated(
+    lacks: Mapping[str, str], simulated: bool, severity: str | None
+):
+    robot = with_mimic(tiny_quadruped(), "FL_hip_joint", "FR_hip_joint", -1.0, 0.1)
+    found = list(losses(table(robot, robot.control), "x", "an X", lacks, simulated=simulated))
+    assert [(f.rule, f.severity) for f in found] == ([("lost.x", severity)] if severity else [])
+
+
+def check(robot: TinyRobot, folder: Path, *targets: str) -> list[Finding]:
+    inputs = check_inputs(folder, robot, Urdf(robot="robot"), "urdf")
+    return run_step(Losses(robot="robot", targets=targets), inputs, folder / "out")
+
+
+def test_only_formats_that_are_built_are_reported(tmp_path: Path):
+    robot = tiny_quadruped()
+    both = check(robot, tmp_path / "a", "urdf", "mjcf", "usd")
+    assert {f.rule for f in both if f.rule != "lost.usd"} == {"lost.urdf"}
+    assert check(robot, tmp_path / "b", "mjcf") == []
+
+
+def test_the_declared_reasons_of_every_format_are_about_known_quantities():
+    """A reason under a misspelt key would excuse nothing and say nothing."""
+    from assetbuild.facts.reader import Reader
+    from assetbuild.facts.vocabulary import VOCABULARY
+    from assetbuild.plugins import load_plugin, plugin_names
+
+    known = {kind for kind, _ in VOCABULARY} | {" ".join(pair) for pair in VOCABULARY}
+    for name in plugin_names(Reader):
+        assert set(load_plugin(Reader, name).lacks) <= known, name
