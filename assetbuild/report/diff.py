@@ -23,8 +23,7 @@ from assetbuild.simulators.readings import FALL, HEIGHT
 DEGREES = 180.0 / math.pi
 MOTION = {FALL: 0.02, HEIGHT: 0.01}
 """m; what two simulators may differ by: 5 % of the fall, a centimetre of height."""
-SHOWN_NAMES = 3
-SHOWN_LINES = 3
+SHOWN_NAMES = SHOWN_LINES = 3
 PAGES = ("report/report.json", "report/index.html", "report/report.md", "model_card.md")
 """What a build writes of the facts, the findings and the figures."""
 NOISE = 0.01
@@ -124,7 +123,9 @@ def _facts(before: Side, after: Side) -> tuple[list[Change], frozenset[str]]:
     found: list[Change] = []
     telling: set[str] = set()
     both = [form for form in before.forms if form in after.forms]
-    for one, other in [(form, form) for form in both] or [_nearest(before, after)]:
+    # Where no form is common, a model's own is compared with a bundle's robot.
+    nearest = next(iter(before.forms)), next(iter(after.forms))
+    for one, other in [(form, form) for form in both] or [nearest]:
         if _unchanged(before, after, one) and one == other:
             continue
         try:
@@ -155,11 +156,6 @@ def _unchanged(before: Side, after: Side, form: str) -> bool:
     return bool(old) and old == new
 
 
-def _nearest(before: Side, after: Side) -> tuple[str, str]:
-    """Forms to compare where none is common: a model's own with a bundle's robot."""
-    return next(iter(before.forms)), next(iter(after.forms))
-
-
 def _compared(before: Side, one: str, after: Side, other: str) -> list[Difference]:
     old, new = before.forms[one](), after.forms[other]()
     precision = before.precision[one].coarser(after.precision[other])
@@ -172,7 +168,8 @@ def _compared(before: Side, one: str, after: Side, other: str) -> list[Differenc
             side.holds[form](key) if form in side.holds else True for side, form in every
         )
 
-    kinds = {(k.kind, k.quantity) for k in old.facts} & {(k.kind, k.quantity) for k in new.facts}
+    stated = [{(k.kind, k.quantity) for k in table.facts} for table in (old, new)]
+    kinds = (stated[0] & stated[1]) | {pair for pair in stated[0] ^ stated[1] if _counts(*pair)}
     old, new = (
         t.only(lambda key: said(key) and (key.kind, key.quantity) in kinds) for t in (old, new)
     )
@@ -196,9 +193,15 @@ def _unread(old: Table, new: Table) -> Iterator[Difference]:
 
 def _tells(key: Key, table: Table) -> bool:
     """Whether a table states a fact, or means something by not stating it."""
-    quantity = VOCABULARY.get((key.kind, key.quantity))
-    default = quantity.unstated if quantity else None
-    return key in table.facts or not (default is None or isinstance(default, Required))
+    row = VOCABULARY.get((key.kind, key.quantity))
+    return key in table.facts or not (row is None or isinstance(row.unstated, Required | None))
+
+
+def _counts(kind: str, quantity: str) -> bool:
+    """Whether a quantity counts that a whole file never states: no joint of it mimics."""
+    row = VOCABULARY.get((kind, quantity)) if kind in ("body", "joint") else None
+    told = _tells(Key(kind, "", quantity), Table({}))
+    return row is not None and row.rank == "CRITICAL" and told
 
 
 def _is_near(item: Difference) -> bool:

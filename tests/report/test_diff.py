@@ -12,13 +12,14 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from tiny import TinyRobot, run_step, tiny_quadruped, write_robot_ports
+from tiny import TinyRobot, run_step, tiny_quadruped, with_mimic, write_robot_ports
 
 from assetbuild.errors import UsageError
 from assetbuild.facts.compare import Precision
 from assetbuild.facts.reference import Reference, robot_table
 from assetbuild.report.diff import Changes, changes, counts, diff_markdown, diff_text
 from assetbuild.report.sides import Side, bundle_side, foreign_side
+from assetbuild.simulators.usd_options import UsdOptions
 from assetbuild.targets.mjcf import Mjcf
 from assetbuild.targets.urdf import Urdf
 from assetbuild.targets.usd import Usd
@@ -222,6 +223,20 @@ def test_our_own_files_say_the_same_as_the_robot(
     name = {Mjcf: "mjcf/tiny.xml", Usd: "usd/tiny.usda", Urdf: "urdf/tiny.urdf"}[target]
     found = changes(side(), foreign_side(tmp_path / "out" / name)).rows
     assert [c for c in found if c.rank in ("CRITICAL", "HIGH")] == []
+
+
+@pytest.mark.parametrize("coupled", [True, False])
+def test_a_usd_without_any_mimic_is_critical_beside_a_urdf_with_one(coupled: bool, tmp_path: Path):
+    led = "FL_hip_joint", "FR_hip_joint", -1.0, 0.1
+    links = with_mimic(replace(ROBOT, tree=ROBOT.links), *led).tree
+    inputs = write_robot_ports(tmp_path / "in", replace(with_mimic(ROBOT, *led), links=links))
+    options = UsdOptions.model_validate({"mimics": coupled})
+    for target in (Usd(robot="bot", options=options), Urdf(robot="bot")):
+        run_step(target, inputs, tmp_path / type(target).__name__)
+    usd, urdf = (next(tmp_path.rglob(name)) for name in ("usd/bot.usda", "urdf/bot.urdf"))
+    found = changes(foreign_side(usd), foreign_side(urdf)).rows
+    lost = [(row.rank, row.subjects) for row in found if row.quantity == "mimics"]
+    assert lost == ([] if coupled else [("CRITICAL", ("joint FL_hip_joint",))])
 
 
 @pytest.mark.parametrize("content", ["", "[1, 2]", "<html/>"])
