@@ -119,14 +119,17 @@ def explain_opaque(items: tuple[MjcfOnly, ...]) -> Iterator[Finding]:
             continue
         said = _SAID_OF.get(item.place, _element_of)(element)
         groups.setdefault((item.place, said), []).append(item.owner or element.get("name", ""))
-    for (place, said), owners in groups.items():
-        listed = _listed(owners)
-        of = f" of {_WORDS.get(place, place)} {listed}" if listed else ""
+    told = tuple(_told(place, said, _listed(names)) for (place, said), names in groups.items())
+    if told:
         yield ONLY_IN_MJCF(
             "robot",
-            f"{said}{of}: in the MJCF only, the other formats are written without it",
-            data={"place": place, "said": said, "count": len(owners)},
+            f"in the MJCF only, the other formats are written without it: {'; '.join(told)}",
+            data={"said": told},
         )
+
+
+def _told(place: str, said: str, listed: str) -> str:
+    return f"{said} of {_WORDS.get(place, place)} {listed}" if listed else said
 
 
 def _own_drive(item: MjcfOnly) -> Finding:
