@@ -13,7 +13,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from tiny import TinyRobot, examples, pendulum, robots, run_step, tiny_quadruped, write_robot_ports
 
-from assetbuild.checks.urdf_loads import UrdfLoads
+from assetbuild.checks.urdf_loads import UrdfLoads, loaded
 from assetbuild.findings import Finding
 from assetbuild.robot.codec import decode
 from assetbuild.robot.model import JointKind, Limits, Tree
@@ -101,6 +101,13 @@ def test_effort_velocity_damping_and_friction_are_the_actuators(tmp_path: Path):
         "velocity": "2.5",
     }
     assert joint.find("dynamics").attrib == {"damping": "0.25", "friction": "0.75"}  # type: ignore[union-attr] # as above
+
+
+@settings(max_examples=examples(20), suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(robot=robots())
+def test_any_robot_loads_in_urdfdom(robot: TinyRobot, tmp_path_factory: pytest.TempPathFactory):
+    folder, _ = emit(robot, tmp_path_factory.mktemp("u"))
+    assert loaded(folder / "bot.urdf")[1] == ""
 
 
 UNLIMITED = 1e9

@@ -241,6 +241,7 @@ def _read_mimic(node: Node, name: str, joint_names: set[str]) -> Mimic | None:
     leader = element.text("joint")
     if leader not in joint_names:
         hint = did_you_mean(leader, joint_names)
+        hint = hint or "name the joint that is meant, or remove <mimic>, by `source.patches`"
         raise element.error(f"mimic joint `{leader}` does not exist", hint)
     if leader == name:
         raise element.error("a joint cannot mimic itself")
