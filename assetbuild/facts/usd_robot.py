@@ -247,9 +247,9 @@ def _camera(prim: Prim, above: Prim | None, body: str, places: Places, book: Wri
     """What it sees follows from the ratios of its apertures to its focal length."""
     pose = _within(places, prim, above) if above else pose_value(places.rigid(prim.prim)[0])
     length, tall, wide = (
-        prim.number(name) or math.nan
+        prim.number(name) or float(prim.prim.GetAttribute(name).Get()) or math.nan
         for name in ("focalLength", "verticalAperture", "horizontalAperture")
-    )
+    )  # the schema has defaults of its own
     near: Any = prim.take("clippingRange")  # Any: a Gf vector
     book.put("camera", prim.named("camera"), {
         "body": body,
