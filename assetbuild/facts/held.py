@@ -13,11 +13,19 @@ from typing import Any
 import numpy as np
 
 from assetbuild.facts.compare import Precision
-from assetbuild.facts.reference import SOLREF, Reference, pose_value, robot_table, surface_facts
+from assetbuild.facts.reference import (
+    SOLREF,
+    Reference,
+    mimic_facts,
+    pose_value,
+    robot_table,
+    surface_facts,
+)
 from assetbuild.facts.table import Key, Table, Value, Writer
 from assetbuild.facts.usd_actuators import explicit_law
 from assetbuild.robot.initial import initial_pose
 from assetbuild.robot.joint_springs import as_drives
+from assetbuild.robot.mimic import first_leader
 from assetbuild.robot.model import Control, Tree
 from assetbuild.robot.pose import Pose
 from assetbuild.robot.shapes import Shapes
@@ -326,6 +334,8 @@ def newton_expected(reference: Reference, shapes: Shapes, *, coupled: bool, usd:
         ends = expected.of("joint", joint.name)
         limited = ends.get("lower") is not None or ends.get("upper") is not None
         book.put("joint", joint.name, {"newton:solreflimit": SOLREF if limited else None})
+        if coupled and joint.mimic is not None:
+            book.put("joint", joint.name, mimic_facts(first_leader(tree, joint.mimic)))
         row = reference.control.by_joint.get(joint.name)
         for name, value in explicit_law(row).items() if row else ():
             book.put("joint", joint.name, {f"newton:actuator {name}": value})

@@ -18,6 +18,7 @@ from assetbuild.robot.initial import initial_pose
 from assetbuild.robot.joint_springs import as_drives
 from assetbuild.robot.limit_springs import limit_springs
 from assetbuild.robot.lost_motion import whole_gravity
+from assetbuild.robot.mimic import first_leader
 from assetbuild.robot.model import MOVING, Actuator, Joint, Tree
 from assetbuild.robot.pose import IDENTITY
 from assetbuild.robot.shapes import Material, Mesh, Shape
@@ -77,7 +78,7 @@ def usd_table(robot: str, own: Table, reference: Reference) -> Table:
                     "kp": sprung[joint.name].stiffness, "drive target": rest,
                     "usd:drive type": "force", "usd:targetVelocity": 0.0,
                 })  # fmt: skip
-            _mimic(joint, options, book)
+            _mimic(tree, joint, options, book)
     for loop in control.loops:
         ends = frozenset((loop.a.body, loop.b.body))
         book.put("loop", loop.name, {
@@ -203,7 +204,7 @@ def _driven(
         })  # fmt: skip
 
 
-def _mimic(joint: Joint, options: UsdOptions, book: Writer) -> None:
+def _mimic(tree: Tree, joint: Joint, options: UsdOptions, book: Writer) -> None:
     """`mimics: false` couples none."""
     if joint.mimic is None:
         return
@@ -211,10 +212,11 @@ def _mimic(joint: Joint, options: UsdOptions, book: Writer) -> None:
         for quantity in ("mimics", "mimic multiplier", "mimic offset"):
             book.facts.pop(Key("joint", joint.name, quantity), None)
         return
+    first = first_leader(tree, joint.mimic)
     book.put("joint", joint.name, {
-        "usd:newton:mimicJoint": joint.mimic.joint,
-        "usd:newton:mimicCoef0": joint.mimic.offset,
-        "usd:newton:mimicCoef1": joint.mimic.multiplier,
+        "usd:newton:mimicJoint": first.joint,
+        "usd:newton:mimicCoef0": first.offset,
+        "usd:newton:mimicCoef1": first.multiplier,
         "usd:mimic axis": "the joint's own",
         "usd:reference axis": "the joint's own",
     })  # fmt: skip

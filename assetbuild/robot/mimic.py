@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from assetbuild.robot.model import Joint, Tree
+from assetbuild.robot.model import Joint, Mimic, Tree
 
 
 def with_mimics(tree: Tree, q: Mapping[str, float]) -> dict[str, float]:
@@ -38,3 +38,12 @@ def _value(tree: Tree, joint: Joint, q: Mapping[str, float], seen: tuple[str, ..
         raise ValueError(f"mimic joints in a circle: {' -> '.join((*seen, joint.name))}")
     leader = _value(tree, tree.by_joint[joint.mimic.joint], q, (*seen, joint.name))
     return joint.mimic.offset + joint.mimic.multiplier * leader
+
+
+def first_leader(tree: Tree, mimic: Mimic) -> Mimic:
+    """The same motion, led by the joint that follows none: Newton takes no chain of mimics."""
+    above = tree.by_joint[mimic.joint].mimic
+    if above is None:
+        return mimic
+    offset = mimic.offset + mimic.multiplier * above.offset
+    return first_leader(tree, Mimic(above.joint, mimic.multiplier * above.multiplier, offset))

@@ -116,7 +116,9 @@ def test_untouched_robots_are_equal(tmp_path: Path) -> None:
     mimic = with_mimic(tiny_quadruped(), "FL_hip_joint", "FR_hip_joint", -1.0, 0.1)
     rack = with_kinds(mimic, FL_hip_joint="prismatic")
     gears = with_kinds(mimic, FL_hip_joint="continuous", FR_hip_joint="continuous")
-    for i, robot in enumerate((tiny_quadruped(), pendulum(), mimic, rack, gears, gripper())):
+    chain = with_mimic(rack, "RL_hip_joint", "FL_hip_joint", 20.0, 0.2)
+    kinds = (tiny_quadruped(), pendulum(), mimic, rack, gears, chain, gripper())
+    for i, robot in enumerate(kinds):
         assert check(robot, tmp_path / str(i)) == []
 
 

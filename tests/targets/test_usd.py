@@ -435,6 +435,20 @@ def test_a_mimic_of_any_two_joints_is_in_the_units_of_each_engine(
     assert "usd.mimic" not in [f.rule for f in findings]
 
 
+def test_newton_is_led_by_the_first_of_a_chain(tmp_path: Path) -> None:
+    """q = -2 (3 q' + 0.1) + 0.5; Newton refuses a leader that follows, PhysX takes it."""
+    robot = with_mimic(tiny_quadruped(), "FL_hip_joint", "FR_hip_joint", 3.0, 0.1)
+    robot = with_mimic(robot, "RL_hip_joint", "FL_hip_joint", -2.0, 0.5)
+    usd, _ = build(robot, tmp_path)
+    stage = UsdCore.Stage.Open(str(usd / "robot.usda"))
+    last = stage.GetPrimAtPath("/robot/Joints/RL_hip_joint")
+    (newton,) = last.GetRelationship("newton:mimicJoint").GetTargets()
+    (physx,) = last.GetRelationship("physxMimicJoint:rotX:referenceJoint").GetTargets()
+    assert (newton.name, physx.name) == ("FR_hip_joint", "FL_hip_joint")
+    assert last.GetAttribute("newton:mimicCoef1").Get() == -6.0
+    assert last.GetAttribute("newton:mimicCoef0").Get() == pytest.approx(0.3 * ARC)
+
+
 def test_excluded_pairs_are_filtered_without_speaking_for_the_whole_robot(tmp_path: Path) -> None:
     robot = tiny_quadruped()
     extra = (("FL_hip", "FR_hip"), ("FR_thigh", "trunk"))

@@ -15,6 +15,7 @@ from assetbuild.errors import StepError
 from assetbuild.robot.initial import initial_pose
 from assetbuild.robot.joint_springs import Spring, as_drives
 from assetbuild.robot.limit_springs import limit_springs
+from assetbuild.robot.mimic import first_leader
 from assetbuild.robot.model import MOVING, Actuator, Control, Joint
 from assetbuild.robot.pose import IDENTITY, Pose, Quat, Vec3, quat_between, quat_multiply
 from assetbuild.simulators.usd_names import JOINTS, LOOPS, loop_identifiers
@@ -275,10 +276,12 @@ def _apply_mimic(prim: Usd.Prim, names: PrimPaths, joint: Joint) -> None:
         "referenceJointAxis": f"rot{joint_axis(leader.axis)[0]}",
     }
     apply_foreign(prim, f"PhysxMimicJointAPI:{instance_name}", prefix, physx)
-    newton = {"mimicCoef0": offset, "mimicCoef1": multiplier}
+    first = first_leader(names.tree, joint.mimic)
+    newton = {"mimicCoef0": coordinate(joint, first.offset), "mimicCoef1": first.multiplier}
     apply_foreign(prim, "NewtonMimicAPI", "newton", newton)
-    for relation in (f"{prefix}:referenceJoint", "newton:mimicJoint"):
-        prim.CreateRelationship(relation, custom=False).SetTargets([names.joint(leader.name)])
+    leaders = {f"{prefix}:referenceJoint": leader.name, "newton:mimicJoint": first.joint}
+    for relation, name in leaders.items():
+        prim.CreateRelationship(relation, custom=False).SetTargets([names.joint(name)])
 
 
 def apply_articulation(stage: Usd.Stage, names: PrimPaths, options: UsdArticulation) -> None:
