@@ -78,6 +78,8 @@ def fate(path: Path, attribute: str) -> str:
         return LEFT_OUT if section == "extension" else NO
     if section in ("mujoco", "compiler", "default"):
         return RESOLVED
+    if path[1:] == ("size",) and attribute == "memory":
+        return MJCF
     if section in sections.NOT_READ or (section == "asset" and "skin" in path):
         return LEFT_OUT
     return _SECTIONS[section](path, tag, attribute)
