@@ -286,7 +286,9 @@ def crowd(links: int, boxes: int, size: str = "", excludes: str = "") -> str:
     opened = "".join(
         f'<body name="b{i}" pos="0 0 {0.001 if i else 0.45}">'
         + (f'<joint name="j{i}" axis="0 1 0"/>' if i else "<freejoint/>")
-        + "".join(f'<geom type="box" size=".05 .05 .05" pos="{k / 1000} 0 0"/>' for k in range(boxes))
+        + "".join(
+            f'<geom type="box" size=".05 .05 .05" pos="{k / 1000} 0 0"/>' for k in range(boxes)
+        )
         for i in range(links)
     )
     pose = " ".join(["0 0 .45 1 0 0 0", *["0"] * (links - 1)])
