@@ -75,6 +75,13 @@ def slivers(share: float, count: int) -> str:
     return file
 
 
+@pytest.mark.parametrize("kind", ["ellipsoid", "capsule", "box"])
+def test_a_shape_fitted_to_a_mesh_is_as_mujoco_fits_it(kind: str, tmp_path: Path):
+    text = FLOATING.replace('type="mesh" mesh="tet"', f'type="{kind}" mesh="tet" fitscale="1.1"')
+    written = write(read(text, tmp_path / "read", tet_obj=TET), tmp_path / "out")
+    assert compared(written) == []
+
+
 @pytest.mark.parametrize("share", [9e-7, 9.99e-7, 1e-6, 1.0001e-6, 1.1e-6, 1e-5])
 def test_however_thin_a_triangle_it_is_no_difference(share: float, tmp_path: Path):
     """MuJoCo turns both meshes in float32, which makes a short edge shorter in one of them."""

@@ -314,7 +314,7 @@ def test_contacts_that_fill_the_memory_of_mujoco_are_a_finding(links: int, boxes
     (full,) = [finding for finding in found if finding.rule == "trials.memory"]
     pairs = (links - 1) * (links - 2) // 2
     assert full.data["contacts"] == 4 * boxes * boxes * pairs
-    assert f"of them between b" in full.message
+    assert "of them between b" in full.message
     assert "settle" not in figures
 
 
