@@ -101,7 +101,7 @@ def _range(joint: Joint) -> Iterator[Finding]:
     elif joint.kind == "prismatic" and upper - lower > LONGEST_SLIDE_M:
         message = f"range {upper - lower:.4g} m is longer than {LONGEST_SLIDE_M:g} m"
         hint = "right for a few rails and cranes; else were millimetres written for metres?"
-        yield RANGE(subject, message, hint, data=data, severity="warning")
+        yield RANGE(subject, message, hint, data=data)
 
 
 def _drive(joint: Joint) -> Iterator[Finding]:
