@@ -124,8 +124,14 @@ def _lightened(model: Model, inputs: Path) -> Model:
 
 
 def _loaded(scene: Path) -> Model:
-    """Without contacts, which no picture shows and which may be too many for MuJoCo's memory."""
-    return mujoco.without(mujoco.load(scene).model, "CONTACT")
+    """Without its contacts where they are too many for MuJoCo's memory."""
+    model = mujoco.load(scene).model
+    try:
+        with mujoco.caught_warnings():
+            mujoco.at_key(model)
+    except mujoco.ArenaFullError:
+        return mujoco.without(model, "CONTACT")
+    return model
 
 
 def _file_of(model: Model, mesh: int) -> str:

@@ -391,3 +391,15 @@ def test_what_weighs_by_its_fixed_bodies_alone_moves_on_several_joints(tmp_path:
     assert int(model.body("base").jntnum[0]) == 3
     assert float(model.body("base").mass[0]) == 0.0
     assert compared(written) == []
+
+
+@pytest.mark.parametrize(("memory", "kept"), [("64M", 2**26), ("1M", None)])
+def test_more_memory_than_mujoco_takes_by_itself_is_kept(
+    memory: str, kept: int | None, tmp_path: Path
+):
+    text = FLOATING.replace("<worldbody>", f'<size memory="{memory}"/><worldbody>')
+    written = write(read(text, tmp_path / "read", tet_obj=TET), tmp_path / "out")
+    assert ("<size" in written.xml.read_text()) is (kept is not None)
+    if kept is not None:
+        assert int(mujoco.load(written.xml).model.narena) == kept
+    assert compared(written) == []
