@@ -165,7 +165,7 @@ def _listed(nodes: list[Node]) -> str:
         named = (one.get("name") for one in (node.element, *node.element.iterancestors()))
         owner = node.get("reference") or next((name for name in named if name), "robot")
         words = [child.tag for child in node.all("*")]
-        words = words or [str(key) for key in dict(node.element.attrib) if key not in _WHOSE]
+        words = words or [str(key) for key in node.element.attrib if key not in _WHOSE]
         said.append(f"`{owner}` ({', '.join(words[:SHOWN])})" if words else f"`{owner}`")
     return ", ".join(said) + (", ..." if len(nodes) > SHOWN else "")
 
