@@ -26,13 +26,7 @@ from assetbuild.source.mjcf.drives import Drives
 from assetbuild.source.mjcf.links import FREE, JOINT_REF, Links, tendon_rest
 from assetbuild.source.mjcf.opaque import element_text, keys, leftover, words
 from assetbuild.source.mjcf.scenery import NAMES
-from assetbuild.source.mjcf.text import (
-    DROPPED,
-    WORLD,
-    error_at,
-    own_attributes,
-    where_of,
-)
+from assetbuild.source.mjcf.text import DROPPED, WORLD, error_at, own_attributes, where_of
 
 if TYPE_CHECKING:
     from lxml.etree import _Element
