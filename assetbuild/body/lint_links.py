@@ -35,9 +35,12 @@ LOCKED = Rule(
 RANGE = Rule(
     "joint.range",
     ("warning", "info"),
-    "a revolute joint turns by more than 4 pi (info: by more than 2 pi, as many arms do)",
-    "check whether degrees were written for radians",
+    "a revolute joint turns by more than 4 pi (info: by more than 2 pi, as many arms do), or a "
+    "prismatic one slides by more than 10 m",
+    "check whether degrees were written for radians, or millimetres for metres",
 )
+LONGEST_SLIDE_M = 10.0
+"""Longer than the rails of robots but for a few cranes."""
 EFFORT_ZERO = Rule(
     "joint.effort_zero",
     "warning",
@@ -95,6 +98,10 @@ def _range(joint: Joint) -> Iterator[Finding]:
         hint = "right for some arms; else were degrees written for radians?"
         usual = upper - lower <= 4 * math.pi * (1 + 1e-3)
         yield RANGE(subject, message, hint, data=data, severity="info" if usual else "warning")
+    elif joint.kind == "prismatic" and upper - lower > LONGEST_SLIDE_M:
+        message = f"range {upper - lower:.4g} m is longer than {LONGEST_SLIDE_M:g} m"
+        hint = "right for a few rails and cranes; else were millimetres written for metres?"
+        yield RANGE(subject, message, hint, data=data)
 
 
 def _drive(joint: Joint) -> Iterator[Finding]:

@@ -19,7 +19,7 @@ from assetbuild.quantities import Positive, Real
 from assetbuild.robot.action import Action
 from assetbuild.robot.files import RobotFiles
 from assetbuild.simulators import mujoco, mujoco_motion, mujoco_policy, mujoco_trials
-from assetbuild.simulators.mujoco import floors, turning
+from assetbuild.simulators.mujoco import ArenaFullError, floors, turning
 from assetbuild.simulators.mujoco_stand import Gains, outcome_figures, stand
 from assetbuild.simulators.mujoco_trials import Settled, Support
 
@@ -41,6 +41,14 @@ LARGE = Rule(
     "info",
     "there are more than 300 degrees of freedom, so `validate` simulates nothing",
     "remove the cloth or the other robots",
+)
+MEMORY = Rule(
+    "trials.memory",
+    "error",
+    "MuJoCo's own memory does not hold the contacts of the robot: it goes on without any "
+    "constraint, or stops",
+    "exclude pairs that always touch, use fewer collision shapes, or give MuJoCo more memory "
+    "(`<size memory>` in the source's MJCF)",
 )
 DEAD = Rule(
     "trials.dead",
@@ -234,13 +242,22 @@ class Trials(Check):
             return
         yield from self._drives(model, figures)
         yield from self._numerics(model, figures)
+        try:
+            yield from self._touching(model, figures, torques or {})
+        except ArenaFullError as error:
+            yield _too_crowded(model, error)
+
+    def _touching(
+        self, model: mujoco.Model, figures: dict[str, object], torques: Mapping[str, Gains]
+    ) -> Iterator[Finding]:
+        """Experiments with contacts; ArenaFullError where MuJoCo's memory does not hold them."""
         yield from self._collisions(model, figures)
         dropped: list[Finding] = []
         if model.nkey and mujoco_trials.stands_free(model):
             dropped += self._floor(model, figures)
         alone: list[Finding] = []
         if self.alone and model.nkey and floors(model):
-            alone += self._left_alone(model, figures, torques or {})
+            alone += self._left_alone(model, figures, torques)
         falls = any(finding.rule == FALL.id for finding in alone)
         # A robot that falls by itself also lies, rolls and moves after a drop.
         yield from ((_as_consequence(f) if falls else f) for f in dropped)
@@ -371,6 +388,8 @@ class Trials(Check):
         """Nobody touches the robot at its first keyframe; its drives hold what they can."""
         try:
             stood = stand(model, 0, ALONE_S, torques)
+        except ArenaFullError:
+            raise
         except StepError:  # a shape whose lowest point is not known
             return
         did = outcome_figures(stood, ALONE_FALL)
@@ -421,6 +440,20 @@ class Trials(Check):
             hint="move the feet of the keyframe under the centre of mass",
             data={"margin_m": under.margin_m, "limit_m": self.support},
         )
+
+
+def _too_crowded(model: mujoco.Model, error: ArenaFullError) -> Finding:
+    crowd = mujoco.crowd(model)
+    a, b, count = crowd.between
+    most = f", {count:,} of them between {a} and {b}" if count else ""
+    return MEMORY(
+        "robot",
+        f"MuJoCo's memory of {crowd.memory_mb:.0f} MB does not hold the contacts "
+        f"({crowd.contacts:,} where the robot starts{most}): {error.message}",
+        hint="look for shapes that always touch: `collision.exclude.pairs`, or fewer collision "
+        f'shapes; `<size memory="{crowd.enough_mb}M"/>` in a source\'s MJCF gives more memory',
+        data={"contacts": crowd.contacts, "memory_mb": round(crowd.memory_mb, 1)},
+    )
 
 
 def _settled_figures(settled: Settled) -> dict[str, object]:

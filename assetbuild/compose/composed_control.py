@@ -21,7 +21,7 @@ REFERENCES = keys(
     "camera material objname refname"
 )
 """Attributes that name something of the robot, in the elements that `MjcfOnly` holds."""
-OF_THE_BASE = ("option", "root", "freejoint")
+OF_THE_BASE = ("option", "size", "root", "freejoint")
 """What a part says for itself alone: how it is simulated, and where it stands in its own world."""
 TIMESTEP_S = 0.002
 """MuJoCo's own, where nothing is stated."""

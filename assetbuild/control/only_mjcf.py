@@ -172,7 +172,7 @@ def _element_of(element: ElementTree.Element) -> str:
 
 
 _SAID_OF: Mapping[str, Callable[[ElementTree.Element], str]] = dict.fromkeys(
-    ("joint", "shape", "frame", "camera", "material", "option", "drive", "mimic", "root"),
+    ("joint", "shape", "frame", "camera", "material", "option", "size", "drive", "mimic", "root"),
     _attributes_of,
 )
 _WORDS = {"shape": "geom", "frame": "site", "drive": "actuator", "mimic": "coupled joint"}

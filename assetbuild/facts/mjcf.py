@@ -59,17 +59,17 @@ def read_spec(
     stated: Collection[str] = (),
     known: KnownFiles | None = None,
     *,
-    welded: bool = False,
+    by_area: bool = False,
 ) -> tuple[Model, Table]:
     """A specification compiled, and as facts; MuJoCo's ValueError where it refuses it.
 
-    stated, welded: see `Meshes`; known: see `leave_out_copies`.
+    stated, by_area: see `Meshes`; known: see `leave_out_copies`.
     """
     book = Writer()
     said = words(spec)
     copies = leave_out_copies(spec, known) if known else None
     model = spec.compile()
-    meshes = Meshes(model, copies, stated, welded=welded)
+    meshes = Meshes(model, copies, stated, by_area=by_area)
     told = read_model(model, book, opaque.subjects, meshes)
     return model, _known(Table({**book.facts, **said}), opaque, told)
 

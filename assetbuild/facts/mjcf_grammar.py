@@ -1,4 +1,4 @@
-"""Words of MJCF that MuJoCo 3.11 does not know: the difference of `mj_printSchema` to 4.0.
+"""MuJoCo's schema of MJCF, and the words of it that 3.11 does not know: the difference to 4.0.
 
 mjlab 1.6 pins 3.11, so a file with one of these does not train there. A source that has one is
 refused unless the recipe says `mjcf: {grammar: 4.0}`.
@@ -6,8 +6,12 @@ refused unless the recipe says `mjcf: {grammar: 4.0}`.
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Mapping
 
+Path = tuple[str, ...]
+"""The tags from the root down to an element; what is in a body or the world is in `BODY`."""
+BODY = "(world)body"
 OLDEST, NEWEST = "3.11", "4.0"
 NEWER_TAGS: frozenset[str] = frozenset({"pid"})
 NEWER_ATTRIBUTES: Mapping[str, frozenset[str]] = {
@@ -40,6 +44,24 @@ NEWER_VALUES: Mapping[tuple[str, str], frozenset[str]] = {
 """Values of attributes that 3.11 has, but not with these."""
 UNWRITTEN = frozenset({"compiler", "model", "texture", "key", "flex", "flexcomp", "elasticity"})
 """Elements of a source whose newer words are resolved, left out, or refused with the element."""
+
+
+@functools.cache
+def schema() -> tuple[tuple[Path, tuple[str, ...]], ...]:
+    """(path of an element, its attributes) of MuJoCo's schema, in its order; from the library."""
+    import mujoco
+
+    found: list[tuple[Path, list[str]]] = []
+    above: list[str] = []
+    for line in str(mujoco.mj_printSchema(False, False)).splitlines():
+        head, words = line[:30].rstrip(), line[30:].split()
+        if head.strip():
+            depth = (len(head) - len(head.lstrip())) // 3
+            above[depth:] = [head.split()[0]]
+            found.append((tuple(above), words))
+        elif found:
+            found[-1][1].extend(words)
+    return tuple((path, tuple(words)) for path, words in found)
 
 
 def newer_words(tag: str, attributes: Mapping[str, str]) -> list[str]:

@@ -20,16 +20,12 @@ from assetbuild.mesh.obj import read_triangles
 from assetbuild.robot.pose import Pose, normalised_quat, vec3
 from assetbuild.simulators.mujoco import Model, name_of
 
-NO_LENGTH = 1e-6
-"""Of an edge, relative to the longest of the mesh: ten times what float32 rounds."""
-
 
 class Meshes:
     """The meshes of a model in their own frames.
 
     copies: what its files hold that were left out. stated: meshes whose files state normals; of
-    the others MuJoCo makes its own. welded: leave out triangles with an edge of `NO_LENGTH`, which
-    float32 may make none.
+    the others MuJoCo makes its own. by_area: see `measure`; float32 may take a triangle its area.
     """
 
     def __init__(
@@ -38,10 +34,10 @@ class Meshes:
         copies: Copies | None = None,
         stated: Collection[str] = (),
         *,
-        welded: bool = False,
+        by_area: bool = False,
     ) -> None:
         self._model, self._copies, self._stated = model, copies or Copies(), stated
-        self._welded = welded
+        self._by_area = by_area
 
     @functools.cache  # noqa: B019 # lives as long as one reading
     def of(self, mesh: int) -> Surface:
@@ -64,11 +60,9 @@ class Meshes:
         # The build drops triangles that use one vertex twice: they have no area.
         a, b, c = model.mesh_face[faces].T
         whole = (a != b) & (b != c) & (c != a)
-        if self._welded:
-            edges = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2)
-            whole &= edges.min(axis=1) > NO_LENGTH * edges.max(initial=0.0)
         uv = None if uv is None else uv[whole]
-        return measure(corners[whole], uv, None if normals is None else normals[whole])
+        normals = None if normals is None else normals[whole]
+        return measure(corners[whole], uv, normals, by_area=self._by_area)
 
     @functools.cache  # noqa: B019 # as above
     def pixels(self, texture: int) -> str:

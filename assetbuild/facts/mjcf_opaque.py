@@ -54,7 +54,7 @@ def opaque_of(items: tuple[MjcfOnly, ...], reference: Reference) -> Opaque:
     names = mjcf_names(reference.tree)
     for item in items:
         kind = OWNERS.get(item.place)
-        if item.place in ("option", "keyframe", "freejoint"):
+        if item.place in ("option", "size", "keyframe", "freejoint"):
             continue
         if kind is None or (item.place == "body" and not item.element.startswith("<body")):
             own = _parsed(_document(item, names))

@@ -75,16 +75,28 @@ class Surface:
 
 
 def measure(
-    corners: ArrayLike, uv: ArrayLike | None = None, normals: ArrayLike | None = None
+    corners: ArrayLike,
+    uv: ArrayLike | None = None,
+    normals: ArrayLike | None = None,
+    *,
+    by_area: bool = False,
 ) -> Surface:
-    """Measure (n, 3, 3) corners, m, with (n, 3, 2) texture coordinates and (n, 3, 3) normals."""
+    """Measure (n, 3, 3) corners, m, with (n, 3, 2) texture coordinates and (n, 3, 3) normals.
+
+    by_area: each triangle counts by its area in mean and moments, so that it makes no difference
+    whether one without area is there.
+    """
     points: Array = np.asarray(corners, dtype=np.float64).reshape(-1, 3, 3)
     a, b, c = points[:, 0], points[:, 1], points[:, 2]
     across = cross(b - a, c - a)
-    area = float(lengths(across).sum()) / 2.0
+    doubled = lengths(across)
+    area = float(doubled.sum()) / 2.0
     flat = points.reshape(-1, 3)
     count = max(1, len(flat))
     mean, moments = flat.sum(axis=0) / count, flat.T @ flat / count
+    if by_area and area:
+        weighed = flat * np.repeat(doubled / (6.0 * area), 3)[:, None]
+        mean, moments = weighed.sum(axis=0), weighed.T @ flat
     volume = float(np.einsum("ij,ij->", a - mean, across)) / 6.0
     return Surface(
         len(points), area, volume,

@@ -13,6 +13,7 @@ from pathlib import Path, PurePosixPath
 from assetbuild.engine.step import Files, Step
 from assetbuild.findings import Finding, Rule
 from assetbuild.kinds import ConvertedMesh, MeshPart, Pieces
+from assetbuild.mesh.picture import mean_colour
 from assetbuild.robot.codec import decode_file, encode
 from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.pose import IDENTITY, Pose
@@ -44,7 +45,14 @@ NO_COORDINATES = Rule(
     "texture.no_coordinates",
     "warning",
     "a textured material is on a primitive, or on a mesh without texture coordinates",
-    "use a mesh with texture coordinates",
+    "use a mesh with texture coordinates; until then it has the mean colour of the picture",
+)
+OWN_MATERIAL = Rule(
+    "material.of_mesh",
+    "info",
+    "a mesh file brings its own materials, which count instead of the URDF's, as in RViz; MuJoCo "
+    "and PyBullet paint it in the URDF's colour",
+    "remove the one that is not meant",
 )
 NO_COLLISION = Rule(
     "collision.none",
@@ -153,7 +161,7 @@ def _visual_shapes(
     use: VisualUse, shape: SourceShape, inputs: Path, library: _Library, palette: _Palette
 ) -> list[Shape]:
     if use.folder is None:
-        material = palette.of_source(shape.material, uv=False)
+        material = palette.of_source(shape.material, uv=False, mean=not use.named)
         return [Shape("", shape.link, "visual", _primitive(shape), shape.X_link_shape, material)]
     folder = inputs / use.folder
     mesh = decode_file(ConvertedMesh, folder / "mesh.json")
@@ -161,7 +169,9 @@ def _visual_shapes(
     for part in mesh.parts:
         asset = library.add(folder / "parts" / part.file, use.stem, part)
         own = palette.of_part(part, folder / "parts")
-        material = own or palette.of_source(shape.material, uv=part.uv)
+        if own and not use.named:
+            palette.passed_over(shape)
+        material = own or palette.of_source(shape.material, uv=part.uv, mean=not use.named)
         made.append(Shape("", shape.link, "visual", Mesh(asset), shape.X_link_shape, material))
     return made
 
@@ -259,16 +269,29 @@ class _Palette:
         self._pictures, self._library = pictures, library
         self._used: dict[str, Material] = {}
         self._told: dict[tuple[str, str], Finding] = {}
+        self._own: list[str] = []
 
-    def of_source(self, name: str | None, *, uv: bool) -> str | None:
+    def of_source(self, name: str | None, *, uv: bool, mean: bool) -> str | None:
         """The material that the description gives; None stays None.
 
         uv: does the shape have texture coordinates? Without them no texture can lie on it.
+        mean: then it has the mean colour of the picture; the colour of an MJCF stays as it is.
         """
         material = self._source.get(name) if name is not None else None
         if material is None:
             return None
-        return self._take(replace(material, texture=self._texture(material, uv)))
+        shown = replace(material, texture=self._texture(material, uv))
+        png = self._pictures.get(material.texture or "")
+        if mean and not uv and png is not None and png.is_file():
+            pairs = zip(material.rgba, mean_colour(png.read_bytes()), strict=False)
+            r, g, b = (stated * own for stated, own in pairs)
+            shown = replace(shown, rgba=(r, g, b, material.rgba[3]))
+        return self._take(shown)
+
+    def passed_over(self, shape: SourceShape) -> None:
+        """Note that a mesh's own material counts instead of the description's."""
+        if shape.material in self._source:
+            self._own.append(shape.name)
 
     def of_part(self, part: MeshPart, folder: Path) -> str | None:
         """The material inside the mesh file, when it has a colour or a texture in `folder`."""
@@ -282,8 +305,14 @@ class _Palette:
 
     @property
     def findings(self) -> tuple[Finding, ...]:
-        """Textures of the source that are not shown, each once."""
-        return tuple(self._told.values())
+        """Textures and materials of the source that are not shown, each once."""
+        own = list(dict.fromkeys(self._own))
+        if not own:
+            return tuple(self._told.values())
+        shown = ", ".join(f"`{name}`" for name in own[:4]) + (", ..." if len(own) > 4 else "")
+        message = f"the meshes of {len(own)} shapes bring materials of their own, which count "
+        message += f"instead of the URDF's: {shown}"
+        return (*self._told.values(), OWN_MATERIAL("robot", message, data={"shapes": len(own)}))
 
     def _texture(self, material: Material, uv: bool) -> str | None:
         if material.texture is None:
@@ -295,7 +324,7 @@ class _Palette:
         if not png.is_file():
             return None  # `convert_texture` says why
         if not uv:
-            what = "lies on shapes without texture coordinates: they get its colour alone"
+            what = "lies on shapes without texture coordinates: they get one colour"
             self._tell(NO_COORDINATES, material, what, "use a mesh with coordinates")
             return None
         stem = re.sub(r"[^A-Za-z0-9_]+", "_", PurePosixPath(material.texture).stem)

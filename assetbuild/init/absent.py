@@ -10,9 +10,9 @@ from dataclasses import replace
 from pathlib import Path, PurePosixPath
 
 from assetbuild.engine.scratch import scratch
-from assetbuild.errors import SourceError, Where, did_you_mean
+from assetbuild.errors import SourceError, Where, nearest
 from assetbuild.init.file_names import elsewhere
-from assetbuild.init.packages import files_named, is_file
+from assetbuild.init.packages import files_named, is_file, lacking
 from assetbuild.init.patches import patched, retyped, shortened
 from assetbuild.init.source import UrdfSource
 from assetbuild.init.words import some
@@ -61,11 +61,12 @@ def _refused(source: UrdfSource, absent: list[dict[str, str]]) -> SourceError:
     first, others = absent[0], [f"`{mesh['path']}`" for mesh in absent[1:]]
     near = (source.root / first["path"]).parent
     names = [str(PurePosixPath(first["path"]).parent / f.name) for f in _listing(near)]
+    close, (lack, meant) = nearest(first["path"], names), lacking(source.root, first["path"])
     more = f" (and {len(others)} more: {some(others)})" if others else ""
     return SourceError(
         f"{first['subject']}: no file `{first['path']}`{more}",
         where=Where(source.shown, int(first["line"])),
-        hint=did_you_mean(first["path"], names) or f"no folder `{near.name}` lies there",
+        hint=f"did you mean `{close}`?" if close else meant or f"the source holds {lack}",
     )
 
 

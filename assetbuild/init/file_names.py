@@ -5,26 +5,68 @@ from __future__ import annotations
 import os
 import re
 from collections.abc import Iterator, Mapping
+from itertools import chain
 from pathlib import Path, PurePosixPath
+from urllib.parse import unquote
 
 from assetbuild.errors import SourceError, Where
-from assetbuild.init.packages import Uses, above, find_package, is_file
-from assetbuild.init.xacro import Removal
+from assetbuild.init.packages import (
+    PACKAGE,
+    Uses,
+    above,
+    files_named,
+    find_package,
+    is_file,
+    package_folders,
+)
+from assetbuild.init.xacro import Rewrite
 from assetbuild.recipe.loader import shown_path
+from assetbuild.source.urdf.xml import parse
 
 SHORTEST = 2
 """Names at the end of an absolute path that must agree: a file's name alone proves nothing."""
 
 _NO_PACKAGE = re.compile(rb"package:///([^\"'<>]*)")
+_FIND = re.compile(r"^(?:(?:file|package):/*)?\$\(\s*find\s+([^)\s]+)\s*\)/*")
+FIND = "xacro and ROS 1 launch files know `$(find ...)`, readers of URDF do not"
+ENCODED = "the name is percent-encoded, which ROS' `file://` decodes; the file has the decoded name"
 PACKAGELESS = "no package is named: pinocchio reads such names from each package's folder"
 
 
-def packageless(file: Path, data: bytes) -> tuple[Removal, ...]:
+def packageless(file: Path, data: bytes) -> tuple[Rewrite, ...]:
     """The `package:///` before names that lie beside a URDF, as Onshape's exporters write it."""
     names = {*_NO_PACKAGE.findall(data)}
     if file.suffix != ".urdf" or not names or any(b"/" in name for name in names):
         return ()
-    return (Removal(file, "package:///", PACKAGELESS),)
+    return (Rewrite(file, "package:///", PACKAGELESS),)
+
+
+def respelled(file: Path, data: bytes, known: Mapping[str, Path]) -> tuple[Rewrite, ...]:
+    """Names of a URDF as its readers spell them: `$(find NAME)/` and percent-encoding resolved.
+
+    An encoded name that leads to a file as it stands is that file's.
+    """
+    text, made = data.decode("utf-8", "replace"), []
+    for uri in dict.fromkeys(uri for uri, _ in files_named(parse(data, shown_path(file)))):
+        named, because = _FIND.sub(r"package://\1/", uri), FIND
+        decoded = unquote(named)
+        if decoded != named and not _leads(named, file, known) and _leads(decoded, file, known):
+            named, because = decoded, ENCODED if named == uri else f"{FIND}; {ENCODED}"
+        if named != uri and not set(named) & set("\"'<>&"):
+            quoted = ((f"{mark}{uri}{mark}", f"{mark}{named}{mark}") for mark in "\"'")
+            made += [Rewrite(file, old, because, new) for old, new in quoted if old in text]
+    return tuple(made)
+
+
+def _leads(uri: str, file: Path, known: Mapping[str, Path]) -> bool:
+    """Whether a name, taken literally, may be that of a file here."""
+    if inside := PACKAGE.fullmatch(uri):
+        name, path = inside[1], inside[2]
+        likely = [[known[name]]] if name in known else package_folders(name, file)
+        return any(is_file(at / path) for at in chain(above(file), *likely))
+    if (path := absolute_path(uri)) is not None:
+        return any(True for _ in _hits(path, file))
+    return any(is_file(folder / uri.removeprefix("file://")) for folder in above(file))
 
 
 def relative_start(uses: Uses, file: Path) -> Path | None:

@@ -6,7 +6,7 @@ import functools
 import os
 import re
 from collections.abc import Iterable, Iterator, Mapping
-from pathlib import Path
+from pathlib import Path, PurePosixPath
 
 from assetbuild.errors import UsageError
 from assetbuild.recipe.loader import shown_path
@@ -19,7 +19,7 @@ NEAR, DEEPEST, MOST_FOLDERS = 4, 5, 20_000
 """Folders above a file in no repository below which packages are looked for; how deep, and how many
 folders below each."""
 
-_PACKAGE = re.compile(r"(?:package|model):/*([^/]+)/(.+)")
+PACKAGE = re.compile(r"(?:package|model):/*([^/]+)/(.+)")
 _NAMED = re.compile(r"<name>\s*([^<\s]+)\s*</name>")
 Uses = list[tuple[str, Node]]
 """(uri, element) of meshes and textures."""
@@ -39,7 +39,7 @@ def find_packages(uses: Uses, file: Path, known: Mapping[str, Path]) -> dict[str
     """
     inside: dict[str, Uses] = {}
     for uri, node in uses:
-        if match := _PACKAGE.fullmatch(uri):
+        if match := PACKAGE.fullmatch(uri):
             inside.setdefault(match[1], []).append((match[2], node))
     return {name: known.get(name) or _searched(name, inside[name], file) for name in inside}
 
@@ -92,10 +92,37 @@ def _searched(name: str, inside: Uses, file: Path) -> Path:
             raise node.error(f"`{uri}`: {len(holding)} folders are package `{name}`", choices)
         if holding:
             return Path(os.path.realpath(holding[0]))
+    known = next(package_folders(name, file), [])
+    if known:
+        lack, hint = lacking(known[0], inside[0][0])
+        hint = hint or f"bring the file, or say where the package is: `--package {name}=FOLDER`"
+        raise node.error(
+            f"`{uri}`: package `{name}` is `{shown_path(known[0])}`, which holds {lack}", hint
+        )
     raise node.error(
         f"`{uri}`: no folder above the URDF holds the package `{name}`",
         f"say where it is: `--package {name}=FOLDER`",
     )
+
+
+def lacking(root: Path, path: str) -> tuple[str, str]:
+    """The first part of a path below a folder that is not there; where such a file is, or ""."""
+    here, (*folders, name) = root, PurePosixPath(path).parts
+    lack = f"no file `{name}`"
+    for folder in folders:
+        if not (here / folder).is_dir():
+            lack = f"no folder `{folder}`"
+            break
+        here = here / folder
+    if here != root:
+        lack += f" in `{here.relative_to(root).as_posix()}`"
+    circles = [here, *(above for above in here.parents if above.is_relative_to(root))]
+    for top in circles[:NEAR]:
+        walked = ((at, one) for at, names in _walk(top) for one in names)
+        if found := [at / one for at, one in walked if one.lower() == name.lower()]:
+            others = f", and {len(found) - 1} more of that name" if len(found) > 1 else ""
+            return lack, f"is `{found[0].relative_to(root).as_posix()}` meant{others}?"
+    return lack, ""
 
 
 def _workspace(file: Path) -> list[Path]:
@@ -109,14 +136,20 @@ def _workspace(file: Path) -> list[Path]:
 def packages_below(top: Path) -> Mapping[str, tuple[Path, ...]]:
     """Every package that a `package.xml` below a folder declares; nothing behind links."""
     found: dict[str, tuple[Path, ...]] = {}
+    for here, names in _walk(top):
+        if "package.xml" in names and (name := declared(here)):
+            found[name] = (*found.get(name, ()), here)
+    return found
+
+
+def _walk(top: Path) -> Iterator[tuple[Path, list[str]]]:
+    """The folders at most `DEEPEST` below one, with the names of their files; no links."""
     for count, (here, folders, names) in enumerate(os.walk(top)):
         deep = len(Path(here).relative_to(top).parts)
         folders[:] = [] if deep >= DEEPEST else sorted(f for f in folders if f[0] != ".")
-        if "package.xml" in names and (name := declared(Path(here))):
-            found[name] = (*found.get(name, ()), Path(here))
+        yield Path(here), names
         if count > MOST_FOLDERS:
             break
-    return found
 
 
 def declared(folder: Path) -> str | None:

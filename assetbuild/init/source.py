@@ -9,7 +9,13 @@ from pathlib import Path
 from typing import Literal
 
 from assetbuild.errors import SourceError, UsageError, Where
-from assetbuild.init.file_names import absolute_folders, elsewhere, packageless, relative_start
+from assetbuild.init.file_names import (
+    absolute_folders,
+    elsewhere,
+    packageless,
+    relative_start,
+    respelled,
+)
 from assetbuild.init.packages import (
     common_folder,
     files_named,
@@ -17,7 +23,7 @@ from assetbuild.init.packages import (
     packages_below,
     stated,
 )
-from assetbuild.init.xacro import Expanded, Removal, expand, is_xacro, leftovers, without
+from assetbuild.init.xacro import Expanded, Rewrite, expand, is_xacro, leftovers, rewritten
 from assetbuild.recipe.loader import read_small_file, shown_path
 from assetbuild.recipe.source import Patch
 from assetbuild.robot.loops import LoopRow
@@ -82,8 +88,11 @@ def find_source(
     folders = {name: stated(name, folder) for name, folder in packages.items()}
     real = Path(os.path.realpath(file))
     left = (*leftovers(real, data), *packageless(real, data))
-    data = without(data, left)
+    data = rewritten(data, left)
     by_xacro = is_xacro(file, data)
+    if not by_xacro:
+        left = (*left, *respelled(real, data, folders))
+        data = rewritten(data, left)
     if args and not by_xacro:
         raise UsageError("`--arg` is for a xacro file", where=Where(name), hint="leave it out")
     read = expand(real, data, folders, args) if by_xacro else Expanded(data)
@@ -106,17 +115,17 @@ def find_source(
         relative_to=start.relative_to(root).as_posix() if start else None,
         absolute={of: to.relative_to(root).as_posix() for of, to in sorted(absolute.items())},
         absent=read.absent,
-        patches=tuple(_removal(each, root) for each in (*left, *read.removed)),
+        patches=tuple(_patch(each, root) for each in (*left, *read.removed)),
     )
 
 
-def _removal(removed: Removal, root: Path) -> Patch:
-    """The patch that takes an element away."""
-    text = removed.file.read_bytes().decode("utf-8", "replace")
+def _patch(passage: Rewrite, root: Path) -> Patch:
+    """The patch of a passage, everywhere."""
+    text = passage.file.read_bytes().decode("utf-8", "replace")
     return Patch(
-        file=removed.file.relative_to(root).as_posix(),
-        find=removed.tag,
-        replace="",
-        times=text.count(removed.tag),
-        because=removed.because,
+        file=passage.file.relative_to(root).as_posix(),
+        find=passage.tag,
+        replace=passage.instead,
+        times=text.count(passage.tag),
+        because=passage.because,
     )

@@ -49,12 +49,13 @@ _OWN = {
 
 
 @dataclass(frozen=True)
-class Removal:
-    """Text that no reader can follow, and that the robot can do without. tag: the text itself."""
+class Rewrite:
+    """Text that no reader can follow, and what is read in its place. tag: the text itself."""
 
     file: Path
     tag: str
     because: str
+    instead: str = ""
 
 
 @dataclass(frozen=True)
@@ -68,7 +69,7 @@ class Expanded:
     args: Mapping[str, str] = field(default_factory=dict)
     defaults: Mapping[str, str] = field(default_factory=dict)
     absent: tuple[str, ...] = ()
-    removed: tuple[Removal, ...] = ()
+    removed: tuple[Rewrite, ...] = ()
 
 
 def is_xacro(file: Path, data: bytes) -> bool:
@@ -76,20 +77,20 @@ def is_xacro(file: Path, data: bytes) -> bool:
     return file.suffix == ".xacro" or _XACRO.search(data) is not None
 
 
-def leftovers(file: Path, data: bytes) -> tuple[Removal, ...]:
+def leftovers(file: Path, data: bytes) -> tuple[Rewrite, ...]:
     """Calls of macros in a `.urdf` that defines and includes none: what xacro has left behind."""
     text = data.decode("utf-8", "replace")
     elements = {*_CALL.findall(text)}
     if file.suffix != ".urdf" or not elements or elements & _OWN:
         return ()
     calls = dict.fromkeys(found[0] for found in _WHOLE_CALL.finditer(text))
-    return tuple(Removal(file, call, LEFTOVER) for call in calls)
+    return tuple(Rewrite(file, call, LEFTOVER) for call in calls)
 
 
-def without(data: bytes, removed: Iterable[Removal]) -> bytes:
-    """The text without these elements."""
-    for removal in removed:
-        data = data.replace(removal.tag.encode(), b"")
+def rewritten(data: bytes, rewrites: Iterable[Rewrite]) -> bytes:
+    """The text with what is read in the place of each passage."""
+    for one in rewrites:
+        data = data.replace(one.tag.encode(), one.instead.encode())
     return data
 
 
@@ -112,13 +113,13 @@ def expand(
 
 @dataclass
 class _Attempt:
-    """One expansion; what it lacked is given to the next. lacking: what a removal was made for."""
+    """One expansion; what it lacked is given to the next. lacking: what a rewrite was made for."""
 
     file: Path
     folders: dict[str, Path]
     args: dict[str, str]
     absent: list[str] = field(default_factory=list)
-    removed: list[Removal] = field(default_factory=list)
+    removed: list[Rewrite] = field(default_factory=list)
     lacking: SourceError | None = None
 
     @property
@@ -135,7 +136,7 @@ class _Attempt:
         )
         tree = (self.file, *_readable(self.file.parent), *chain(*map(_readable, folders.values())))
         with scratch() as ports:
-            for path in {removal.file for removal in self.removed}:
+            for path in {one.file for one in self.removed}:
                 ports.put(f"tree/{path.relative_to(root)}", self._without(path))
             for path in tree:
                 ports.link(f"tree/{path.relative_to(root)}", path)
@@ -203,7 +204,7 @@ class _Attempt:
             return False
         self.lacking = self.lacking or _reworded(error, self.file)
         because = f"{read[1]} is not here, and the robot calls none of its macros"
-        self.removed += [Removal(path, one, because) for one in found]
+        self.removed += [Rewrite(path, one, because) for one in found]
         return True
 
     def _calls_unknown(self, text: str) -> bool:
@@ -214,7 +215,7 @@ class _Attempt:
         return bool({*_CALL.findall(text)} - known - _OWN)
 
     def _without(self, path: Path) -> bytes:
-        return without(path.read_bytes(), [each for each in self.removed if each.file == path])
+        return rewritten(path.read_bytes(), [each for each in self.removed if each.file == path])
 
 
 def _reworded(error: SourceError, file: Path) -> SourceError:

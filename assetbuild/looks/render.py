@@ -88,7 +88,7 @@ class Render(Step):
             raise StepError(
                 "no OpenGL without a window (EGL or OSMesa) here, or `MUJOCO_GL` says so"
             )
-        model = mujoco.load(files.inputs / "mjcf" / "scene.xml").model
+        model = _loaded(files.inputs / "mjcf" / "scene.xml")
         data = mujoco.at_key(model)
         seen = extent(model, data)
         made: list[Picture] = []
@@ -120,7 +120,18 @@ def _lightened(model: Model, inputs: Path) -> Model:
             if mesh.name not in kept and b"\nvt " not in text and light.is_file():
                 mesh.unlink()
                 mesh.symlink_to(light)
-        return mujoco.load(copy / "scene.xml").model
+        return _loaded(copy / "scene.xml")
+
+
+def _loaded(scene: Path) -> Model:
+    """Without its contacts where they are too many for MuJoCo's memory."""
+    model = mujoco.load(scene).model
+    try:
+        with mujoco.caught_warnings():
+            mujoco.at_key(model)
+    except mujoco.ArenaFullError:
+        return mujoco.without(model, "CONTACT")
+    return model
 
 
 def _file_of(model: Model, mesh: int) -> str:

@@ -40,6 +40,15 @@ def png_of(data: bytes, name: str) -> bytes:
     return encoded(image, name)
 
 
+def mean_colour(png: bytes) -> tuple[float, float, float]:
+    """The mean of the pixels of a picture, red, green and blue from 0 to 1."""
+    from PIL import Image
+
+    pixels = np.asarray(Image.open(io.BytesIO(png)).convert("RGB"), dtype=np.float64)
+    r, g, b = (round(float(v) / 255.0, 6) for v in pixels.reshape(-1, 3).mean(axis=0))
+    return r, g, b
+
+
 def has_holes(png: bytes) -> bool:
     """Does a PNG of ours have transparent parts? Colour type 6 of its header says so."""
     return png[25] == 6

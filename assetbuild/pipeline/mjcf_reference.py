@@ -8,13 +8,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from assetbuild.facts.mjcf_grammar import NEWER_ATTRIBUTES, NEWER_TAGS, OLDEST
+from assetbuild.facts.mjcf_grammar import NEWER_ATTRIBUTES, NEWER_TAGS, OLDEST, Path, schema
 from assetbuild.robot import lost_motion
 from assetbuild.source.mjcf import details, sections, shapes
 from assetbuild.source.mjcf.flatten_mjcf import REFUSED
 from assetbuild.source.mjcf.opaque import keys
 
-Path = tuple[str, ...]
 INTRODUCTION = """\
 # MJCF, word by word
 
@@ -56,23 +55,6 @@ _OF_DRIVE = keys(
 _DRIVES = ("general", "motor", "position", "velocity", "damper", "cylinder")
 
 
-def schema() -> tuple[tuple[Path, tuple[str, ...]], ...]:
-    """(path of an element, its attributes) of MuJoCo's schema, in its order; from the library."""
-    import mujoco
-
-    found: list[tuple[Path, list[str]]] = []
-    above: list[str] = []
-    for line in str(mujoco.mj_printSchema(False, False)).splitlines():
-        head, words = line[:30].rstrip(), line[30:].split()
-        if head.strip():
-            depth = (len(head) - len(head.lstrip())) // 3
-            above[depth:] = [head.split()[0]]
-            found.append((tuple(above), words))
-        elif found:
-            found[-1][1].extend(words)
-    return tuple((path, tuple(words)) for path, words in found)
-
-
 def fate(path: Path, attribute: str) -> str:
     """What becomes of an attribute; KeyError of an element that nobody has thought of."""
     section, tag = (path[1] if len(path) > 1 else "mujoco"), path[-1]
@@ -80,6 +62,8 @@ def fate(path: Path, attribute: str) -> str:
         return LEFT_OUT if section == "extension" else NO
     if section in ("mujoco", "compiler", "default"):
         return RESOLVED
+    if path[1:] == ("size",) and attribute == "memory":
+        return MJCF
     if section in sections.NOT_READ or (section == "asset" and "skin" in path):
         return LEFT_OUT
     return _SECTIONS[section](path, tag, attribute)

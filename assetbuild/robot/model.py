@@ -287,7 +287,7 @@ class Camera:
 class MjcfOnly:
     """What only MJCF can say: kept as it was for the MJCF, reported for all other formats.
 
-    place: the section it stands in (equality, tendon, actuator, sensor, asset, option), or
+    place: the section it stands in (equality, tendon, actuator, sensor, asset, option, size), or
     "body", "joint", "shape", "frame", "camera" with the `owner`'s name in the Robot.
     element: with a section or a body, one XML element whose references are names in the Robot;
     with the others, an empty element whose attributes belong on the owner's element.

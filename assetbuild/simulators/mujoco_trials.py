@@ -184,23 +184,27 @@ def touching_pairs(model: Model, poses: int) -> Mapping[tuple[str, str], float]:
 
     counts: dict[tuple[str, str], int] = {}
     random = np.random.default_rng(SEED)
-    data = at_key(model)
     joints = turning(model)
-    for _ in range(poses):
-        for joint in joints:
-            limited = bool(model.jnt_limited[joint])
-            lower, upper = model.jnt_range[joint] if limited else (-math.pi, math.pi)
-            data.qpos[int(model.jnt_qposadr[joint])] = random.uniform(lower, upper)
-        follow(model, data)
-        mujoco.mj_fwdPosition(model, data)
-        for pair, depth in overlaps(model, data, "body").items():
-            counts[pair] = counts.get(pair, 0) + (depth > 1e-3)
+    with caught_warnings():
+        data = at_key(model)
+        for _ in range(poses):
+            for joint in joints:
+                limited = bool(model.jnt_limited[joint])
+                lower, upper = model.jnt_range[joint] if limited else (-math.pi, math.pi)
+                data.qpos[int(model.jnt_qposadr[joint])] = random.uniform(lower, upper)
+            follow(model, data)
+            mujoco.mj_kinematics(model, data)  # no constraints: the contacts of a crowd are enough
+            mujoco.mj_comPos(model, data)
+            mujoco.mj_collision(model, data)
+            for pair, depth in overlaps(model, data, "body").items():
+                counts[pair] = counts.get(pair, 0) + (depth > 1e-3)
     return _largest_first({pair: count / poses for pair, count in counts.items() if count})
 
 
 def overlaps_at_home(model: Model) -> Mapping[tuple[str, str], float]:
     """Depth (m) in which bodies of the robot lie in one another in the initial pose."""
-    return _largest_first(overlaps(model, at_key(model), "body"))
+    with caught_warnings():
+        return _largest_first(overlaps(model, at_key(model), "body"))
 
 
 def _largest_first(found: Mapping[tuple[str, str], float]) -> Mapping[tuple[str, str], float]:

@@ -54,6 +54,14 @@ def test_joint_limits_that_cannot_be_meant(
     assert (finding.rule, finding.severity, finding.subject) == (rule, severity, "joint j")
 
 
+@pytest.mark.parametrize(
+    ("travel", "said"), [(300.0, True), (10.5, True), (10.0, False), (0.3, False)]
+)
+def test_a_slide_of_more_than_ten_metres_is_reported(travel: float, said: bool, tmp_path: Path):
+    found = lint(arm(Limits(0.0, travel, 1.0, 1.0), kind="prismatic"), tmp_path)
+    assert [(f.rule, f.severity) for f in found] == [("joint.range", "warning")] * said
+
+
 def coupled(multiplier: float, offset: float = 0.0) -> Tree:
     """A finger of 0 to 0.5 rad that mimics another of the same range."""
     lead = Joint("lead", "revolute", "base", "a", limits=Limits(0.0, 0.5, 1.0, 1.0))

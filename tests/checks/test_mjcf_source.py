@@ -66,6 +66,40 @@ def test_triangles_with_two_corners_in_one_point_are_no_difference(tmp_path: Pat
     assert compared(write(reading, tmp_path / "out")) == []
 
 
+def slivers(share: float, count: int) -> str:
+    """A tetrahedron with needles whose short edge is a share of the longest edge, 3.6 m."""
+    file = TET
+    for number in range(count):
+        file += f"v {number / 50!r} 0 0\nv {number / 50!r} {share * 3.6!r} 0\nv 1 1 1\n"
+        file += "f -3 -2 -1\n"
+    return file
+
+
+@pytest.mark.parametrize("kind", ["ellipsoid", "capsule", "box"])
+def test_a_shape_fitted_to_a_mesh_is_as_mujoco_fits_it(kind: str, tmp_path: Path):
+    text = FLOATING.replace('type="mesh" mesh="tet"', f'type="{kind}" mesh="tet" fitscale="1.1"')
+    written = write(read(text, tmp_path / "read", tet_obj=TET), tmp_path / "out")
+    assert compared(written) == []
+
+
+@pytest.mark.parametrize("share", [9e-7, 9.99e-7, 1e-6, 1.0001e-6, 1.1e-6, 1e-5])
+def test_however_thin_a_triangle_it_is_no_difference(share: float, tmp_path: Path):
+    """MuJoCo turns both meshes in float32, which makes a short edge shorter in one of them."""
+    reading = read(FLOATING, tmp_path / "read", tet_obj=slivers(share, 20))
+    assert compared(write(reading, tmp_path / "out")) == []
+
+
+def test_a_vertex_that_moved_is_a_difference_among_thin_triangles(tmp_path: Path):
+    written = write(read(FLOATING, tmp_path / "read", tet_obj=slivers(1e-6, 20)), tmp_path / "out")
+    (mesh,) = (written.xml.parent / "assets").glob("*.obj")
+    lines = mesh.read_text().splitlines()
+    tip = max((line for line in lines if line.startswith("v ")), key=lambda line: line.split()[-1])
+    x, y, z = map(float, tip.split()[1:])
+    mesh.write_text(mesh.read_text().replace(tip, f"v {x} {y} {z + 1e-4}", 1))
+    rules = {finding.rule for finding in compared(written)}
+    assert {"equal.source.area", "equal.source.mean_corner"} <= rules
+
+
 def test_a_mesh_whose_file_names_materials_stays_one_mesh(tmp_path: Path):
     """MuJoCo reads no material of an OBJ: cut into pieces, each would have a hull of its own."""
     head, *faces = TET.split("f ")
@@ -356,4 +390,16 @@ def test_what_weighs_by_its_fixed_bodies_alone_moves_on_several_joints(tmp_path:
     model = mujoco.load(written.xml).model
     assert int(model.body("base").jntnum[0]) == 3
     assert float(model.body("base").mass[0]) == 0.0
+    assert compared(written) == []
+
+
+@pytest.mark.parametrize(("memory", "kept"), [("64M", 2**26), ("1M", None)])
+def test_more_memory_than_mujoco_takes_by_itself_is_kept(
+    memory: str, kept: int | None, tmp_path: Path
+):
+    text = FLOATING.replace("<worldbody>", f'<size memory="{memory}"/><worldbody>')
+    written = write(read(text, tmp_path / "read", tet_obj=TET), tmp_path / "out")
+    assert ("<size" in written.xml.read_text()) is (kept is not None)
+    if kept is not None:
+        assert int(mujoco.load(written.xml).model.narena) == kept
     assert compared(written) == []

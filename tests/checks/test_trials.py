@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import json
 import math
+import re
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import mujoco
 import numpy as np
 import pytest
 from tiny import TinyRobot, pendulum, run_step, tiny_quadruped, write_robot_ports
@@ -274,3 +276,65 @@ def test_what_has_neither_drives_nor_joints_rests(tmp_path: Path):
     )
     assert tried(box, tmp_path) == []
     assert figures(tmp_path)["untouched"]["outcome"] == "rests"
+
+
+# --- more contacts than MuJoCo's memory holds -------------------------------------------------
+
+
+def crowd(links: int, boxes: int, size: str = "", excludes: str = "") -> str:
+    """A chain of bodies in nearly one place: all but neighbours touch, 4 rows a contact."""
+    opened = "".join(
+        f'<body name="b{i}" pos="0 0 {0.001 if i else 0.45}">'
+        + (f'<joint name="j{i}" axis="0 1 0"/>' if i else "<freejoint/>")
+        + "".join(
+            f'<geom type="box" size=".05 .05 .05" pos="{k / 1000} 0 0"/>' for k in range(boxes)
+        )
+        for i in range(links)
+    )
+    pose = " ".join(["0 0 .45 1 0 0 0", *["0"] * (links - 1)])
+    return f"""<mujoco>{size}<worldbody>{opened}{"</body>" * links}</worldbody>
+      <contact>{excludes}</contact><keyframe><key name="home" qpos="{pose}"/></keyframe></mujoco>"""
+
+
+def compiled(text: str) -> Any:  # Any: MuJoCo's model
+    return mujoco.MjModel.from_xml_string(text)
+
+
+def all_pairs(links: int) -> str:
+    return "".join(
+        f'<exclude body1="b{a}" body2="b{b}"/>' for a in range(links) for b in range(a + 2, links)
+    )
+
+
+@pytest.mark.parametrize(("links", "boxes"), [(20, 3), (30, 2), (20, 5)])
+def test_contacts_that_fill_the_memory_of_mujoco_are_a_finding(links: int, boxes: int):
+    """Each pair of boxes that touch has 4 contacts; b and b + 1 are parent and child."""
+    figures: dict[str, object] = {}
+    found = list(Trials(poses=2).examine(compiled(crowd(links, boxes)), figures))
+    (full,) = [finding for finding in found if finding.rule == "trials.memory"]
+    pairs = (links - 1) * (links - 2) // 2
+    assert full.data["contacts"] == 4 * boxes * boxes * pairs
+    assert "of them between b" in full.message
+    assert "settle" not in figures
+
+
+def test_the_memory_that_the_finding_proposes_is_enough():
+    (full,) = [
+        finding
+        for finding in Trials(poses=2).examine(compiled(crowd(20, 3)), {})
+        if finding.rule == "trials.memory"
+    ]
+    size = re.search(r"<size memory=\"\d+M\"/>", full.hint)
+    assert size is not None
+    model = compiled(crowd(20, 3, size=size[0]))
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    assert (data.ncon, data.nefc) == (6156, 4 * 6156)
+
+
+@pytest.mark.parametrize(
+    "text", [crowd(20, 3, excludes=all_pairs(20)), crowd(6, 2)], ids=["excluded", "few"]
+)
+def test_contacts_that_fit_are_no_finding(text: str):
+    found = list(Trials(poses=2).examine(compiled(text), {}))
+    assert "trials.memory" not in rules(found)

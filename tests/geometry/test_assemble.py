@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
+from PIL import Image
 from tiny import box_obj, run_step
 
 from assetbuild.geometry.assemble import Assemble, CollisionUse, VisualUse, called
@@ -152,3 +153,49 @@ def test_the_pieces_of_a_named_shape_are_found_as_the_shape_was(source: str, sec
     """mjlab's configs look for `.*_collision` with digits at most behind it."""
     pieces = [Shape("", "base", "collision", Sphere(1.0))] * 2
     assert [shape.name for shape in called(pieces, source)] == [source, second]
+
+
+def half_black(folder: Path, left: tuple[int, int, int]) -> None:
+    """A picture, 8 x 4, whose right half is black."""
+    picture = Image.new("RGB", (8, 4), (0, 0, 0))
+    picture.paste(left, (0, 0, 4, 4))
+    folder.mkdir(parents=True)
+    picture.save(folder / "texture.png")
+
+
+@pytest.mark.parametrize("named", [False, True], ids=["URDF", "MJCF"])
+@pytest.mark.parametrize("how", ["mesh", "primitive"])
+@pytest.mark.parametrize("left", [(0, 0, 0), (255, 0, 51)], ids=["black", "red"])
+def test_a_texture_without_coordinates_gives_its_mean_colour(
+    left: tuple[int, int, int], how: str, named: bool, tmp_path: Path
+):
+    """The right half is black: half of each channel, times the stated opacity. An MJCF's colour is
+    compared with MuJoCo's own, which no picture changes."""
+    half_black(tmp_path / "in/textures/0", left)
+    converted(tmp_path / "in/visual/a", (box_obj((1.0, 1.0, 1.0)), MeshPart("0.obj", 8, 12)))
+    geometry = MeshFile("a.stl") if how == "mesh" else Box((1.0, 1.0, 1.0))
+    material = Material("m", (1.0, 1.0, 1.0, 0.5), "m.png")
+    shape = SourceShape("a", "arm", "visual", geometry, material="m")
+    use = VisualUse(shape="a", folder="visual/a" if how == "mesh" else None, named=named)
+    step = Assemble(visuals=(use,), collisions=(), textures=("m.png",))
+    shapes, _ = assembled(tmp_path, SourceShapes((shape,), (material,)), step)
+    mean = (1.0, 1.0, 1.0) if named else tuple(v / 2 / 255 for v in left)
+    assert shapes.materials[0].rgba == pytest.approx((*mean, 0.5), abs=1e-6)
+    assert shapes.materials[0].texture is None
+
+
+@pytest.mark.parametrize(
+    ("own", "stated", "count"), [(RED, "silver", 1), (None, "silver", 0), (RED, None, 0)]
+)
+def test_a_material_that_the_mesh_overrules_is_said(
+    own: tuple[float, ...] | None, stated: str | None, count: int, tmp_path: Path
+):
+    """RViz gives the URDF's material to parts without one of their own only."""
+    part = MeshPart("0.obj", 8, 12, "own" if own else None, own)  # type: ignore[arg-type] # four
+    converted(tmp_path / "in/visual/a", (box_obj((1.0, 1.0, 1.0)), part))
+    shape = SourceShape("a", "arm", "visual", MeshFile("a.obj"), material=stated)
+    source = SourceShapes((shape,), (Material("silver", (0.7, 0.7, 0.8, 1.0)),))
+    (tmp_path / "in/shapes.json").write_bytes(encode(source))
+    step = Assemble(visuals=(VisualUse(shape="a", folder="visual/a"),), collisions=())
+    found = run_step(step, tmp_path / "in", tmp_path / "out")
+    assert [f.rule for f in found if f.rule == "material.of_mesh"] == ["material.of_mesh"] * count

@@ -277,3 +277,87 @@ def test_a_name_that_only_windows_would_find_is_patched(tmp_path: Path, name: st
     assert patch["replace"] == f'"{own}"'.replace("\\", "/")
     assert patch["times"] == 2
     assert said(findings, "source.patch").data["file"] == "arm.urdf"
+
+
+# --- percent-encoded names, `$(find ...)`, and what is not there --------------------------------
+
+PACKAGE = "<package><name>rob</name></package>"
+ENCODED = {
+    "package": ("package://rob/mesh%20dir/Part%20A.obj", "rob/mesh dir/Part A.obj"),
+    "relative": ("../mesh%20dir/a.obj", "rob/mesh dir/a.obj"),
+    "absolute": ("file:///home/me/rob/my%20meshes/a.obj", "rob/my meshes/a.obj"),
+    "plus": ("package://rob/a%2Bb.obj", "rob/a+b.obj"),
+    "letters of UTF-8": ("package://rob/K%C3%B6rper.obj", "rob/K\u00f6rper.obj"),
+    "half": ("package://rob/mesh dir/Part%20A.obj", "rob/mesh dir/Part A.obj"),
+    "find": ("file://$(find rob)/meshes/a.obj", "rob/meshes/a.obj"),
+    "find without a scheme": ("$(find rob)/meshes/a.obj", "rob/meshes/a.obj"),
+    "find, encoded": ("file://$(find rob)/my%20meshes/a.obj", "rob/my meshes/a.obj"),
+    "find of a neighbour": ("file://$( find  looks )/a.obj", "looks/a.obj"),
+}
+
+
+@pytest.mark.parametrize("role", ["visual", "collision"])
+@pytest.mark.parametrize("how", ENCODED)
+def test_a_name_of_the_web_or_of_ros_is_found_and_said(how: str, role: str, tmp_path: Path):
+    """`urllib.parse.unquote`, and the folder of the package.xml, say which file is meant."""
+    uri, path = ENCODED[how]
+    files = {"rob/package.xml": PACKAGE, "rob/urdf/arm.urdf": arm(uri, role=role), path: OBJ}
+    looks = "<package><name>looks</name></package>"
+    source, found = built(lay(tmp_path, files | {"looks/package.xml": looks}), "rob/urdf/arm.urdf")
+    (patch,) = source["patches"]
+    assert "missing" not in source
+    assert patch["find"] == f"'{uri}'" or patch["find"] == f'"{uri}"'
+    assert said(found, "source.patch").severity == "info"
+
+
+@pytest.mark.parametrize("also", [{}, {"rob/a b.obj": OTHER}], ids=["alone", "both"])
+def test_a_file_whose_own_name_has_a_percent_sign_is_meant(also: dict[str, str], tmp_path: Path):
+    files = {"rob/package.xml": PACKAGE, "rob/arm.urdf": arm("package://rob/a%20b.obj")}
+    source, _ = built(lay(tmp_path, files | {"rob/a%20b.obj": OBJ} | also), "rob/arm.urdf")
+    assert "patches" not in source and "missing" not in source
+
+
+LACKING = {
+    "a folder": (
+        "package://rob/mesh%20dir/a.obj",
+        ("package `rob` is `", "which holds no folder `mesh%20dir`"),
+    ),
+    "a file": ("package://rob/meshes/a.obj", ("which holds no file `a.obj` in `meshes`",)),
+    "a file of a sister folder": (
+        "package://rob/meshes/collision/b.obj",
+        ("no folder `collision` in `meshes`", "is `meshes/visual/b.obj` meant?"),
+    ),
+    "a package": ("package://bob/meshes/a.obj", ("no folder above", "the package `bob`")),
+    "a package to find": ("$(find bob)/a.obj", ("holds the package `bob`",)),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("what", LACKING)
+def test_what_is_there_and_what_is_not_is_said(what: str, tmp_path: Path):
+    uri, words = LACKING[what]
+    files = {"rob/package.xml": PACKAGE, "rob/arm.urdf": arm(uri, role="collision")}
+    folder = lay(tmp_path, files | {"rob/meshes/visual/b.obj": OBJ})
+    with pytest.raises(SourceError) as caught:
+        built(folder, "rob/arm.urdf")
+    for one in words:
+        assert one in str(caught.value)
+
+
+def test_a_relative_name_of_a_sister_folder_gets_a_hint(tmp_path: Path):
+    files = {
+        "rob/urdf/arm.urdf": arm("../meshes/collision/b.obj", role="collision"),
+        "rob/meshes/visual/b.obj": OBJ,
+    }
+    with pytest.raises(SourceError, match=r"is `meshes/visual/b\.obj` meant"):
+        built(lay(tmp_path, files), "rob/urdf/arm.urdf")
+
+
+def test_a_build_without_init_says_how_the_file_is_called(tmp_path: Path):
+    folder = lay(tmp_path, {"rob/arm.urdf": arm("my%20a.obj"), "rob/my a.obj": OBJ})
+    built(folder, "rob/arm.urdf")
+    recipe = folder / "arm.yaml"
+    lines = recipe.read_text().splitlines(keepends=True)
+    kept = [line for line in lines if "patches:" not in line and "my%20a" not in line]
+    recipe.write_text("".join(kept))
+    with pytest.raises(SourceError, match=r"did you mean `my a\.obj`"):
+        check(recipe)

@@ -127,6 +127,8 @@ TAKEN = {
     "a collision box of size 0": (robot(collision('<box size="0 0 0"/>')), 3, "urdf.collision.nothing", "py"),
     "a collision sphere of radius 0": (robot(collision('<sphere radius="0.0"/>')), 3, "urdf.collision.nothing", "py"),
     "a collision cylinder of size 0": (robot(collision('<cylinder radius="0" length="0"/>')), 3, "urdf.collision.nothing", "py"),
+    "a collision plate": (robot(collision('<box size="1 1 0"/>')), 3, "urdf.collision.nothing", "py"),
+    "a collision disc": (robot(collision('<cylinder radius=".2" length="0"/>')), 3, "urdf.collision.nothing", "py"),
     "a visual line": (robot(collision('<box size="0 1 0"/>', "visual")), 3, "urdf.visual.nothing", "py"),
     "a visual plate": (robot(collision('<box size="1 1 0"/>', "visual")), 3, "urdf.visual.nothing", "py"),
     "a geometry without a shape": (robot(collision("")), 3, "urdf.collision.nothing", "p"),
@@ -273,6 +275,39 @@ def test_limits_of_1_2_are_left_out_with_a_warning(tmp_path: Path):
     assert {f.severity for f in told} == {"warning"}
 
 
+GAZEBO = {
+    "a spring": ("<springStiffness>3</springStiffness><springReference>.2</springReference>", True),
+    "no gravity": ("<mu1>0.2</mu1><gravity>false</gravity>", True),
+    "gravity off": ("<turnGravityOff>true</turnGravityOff>", True),
+    "gravity": ("<gravity>true</gravity>", False),
+    "a look": ("<material>Gazebo/Red</material>", False),
+    "friction": ("<mu1>0.2</mu1><mu2>0.2</mu2>", False),
+}
+
+
+@pytest.mark.parametrize("what", GAZEBO)
+def test_what_gazebo_alone_reads_is_named(what: str, tmp_path: Path):
+    words, moves = GAZEBO[what]
+    found = read(robot(extra=f'<gazebo reference="arm">{words}</gazebo>'), tmp_path)
+    told = found.told("urdf.dropped")
+    assert "`arm` (" in told.message
+    assert all(tag in told.message for tag in re.findall(r"</(\w+)>", words))
+    assert told.severity == ("warning" if moves else "info")
+
+
+def test_whose_safety_controller_is_left_out_is_said(tmp_path: Path):
+    soft = '<safety_controller soft_lower_limit="-.5" k_velocity="5"/>'
+    told = read(robot(joint=ORIGIN + AXIS + LIMIT + soft), tmp_path).told("urdf.dropped")
+    assert told.message.endswith("was left out: `j` (soft_lower_limit, k_velocity)")
+
+
+@pytest.mark.parametrize("start", ["#usda 1.0\n(\n)\n", "PXR-USDC\0\0"])
+def test_a_usd_is_no_source(start: str, tmp_path: Path):
+    message = refused(start, tmp_path)
+    assert "this is USD" in message
+    assert "cut off" not in message
+
+
 def test_what_a_fixed_joint_says_of_axis_and_limits_is_not_read(tmp_path: Path):
     text = robot(joint='<axis xyz="x"/><limit effort="nan"/>', kind="fixed")
     assert read(text, tmp_path).findings == []
@@ -286,7 +321,6 @@ REFUSED = {
     "a C number": (robot(joint=limit('effort="9.0f" velocity="5"')), 4, "give a decimal number"),
     "a hexadecimal number": (robot(joint=limit('effort="0x10" velocity="5"')), 4, "give a decimal number"),
     "a range that ends at one side": (robot(joint=ORIGIN + AXIS + '<limit lower="0" upper="inf"/>'), 4, "not a finite number"),
-    "a collision plate": (robot(collision('<box size="1 1 0"/>')), 3, "a plate needs a thickness"),
     "a negative size": (robot(collision('<sphere radius="-1"/>')), 3, "must be positive"),
     "a shape without size": (robot(collision("<box/>")), 3, "<box> without `size`"),
     "a scale of two numbers": (robot(collision('<mesh filename="a.stl" scale="1 1"/>')), 3, "needs 3 numbers, found 2"),

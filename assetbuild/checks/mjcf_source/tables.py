@@ -63,7 +63,7 @@ class Side:
 def read_side(spec: Spec) -> Side:
     """Compile and read; MuJoCo's ValueError where it refuses."""
     _fold_gravity(spec.option)
-    model, table = read_spec(spec, welded=True)
+    model, table = read_spec(spec, by_area=True)
     every: Subjects = {}
     for key, value in table.facts.items():
         every.setdefault((key.kind, key.name), {})[key.quantity] = value

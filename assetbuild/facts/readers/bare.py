@@ -20,7 +20,7 @@ TASK_SENSORS = {
     "imu_upvector": "framezaxis", "root_angmom": "subtreeangmom",
 }  # fmt: skip
 """What mjlab's velocity task reads, by name, and its kind."""
-BROUGHT = ("actuator", "option", "keyframe", "drive")
+BROUGHT = ("actuator", "option", "size", "keyframe", "drive")
 """Sections of a source's MJCF that mjlab's configuration brings itself."""
 
 

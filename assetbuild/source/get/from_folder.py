@@ -5,6 +5,7 @@ from __future__ import annotations
 import posixpath
 from collections.abc import Collection
 from pathlib import Path, PurePosixPath
+from urllib.parse import unquote
 
 from assetbuild.engine.graph import Ref
 from assetbuild.engine.planner import Planner
@@ -37,6 +38,9 @@ class FolderFiles:
             other = self._in_other_case(path)
             beside = self._world.names(full.parent)
             near = [(PurePosixPath(path).parent / name).as_posix() for name in beside]
+            decoded = unquote(path)
+            if decoded != path and self._world.is_file(self.root / decoded):
+                other = decoded
             hint = f"did you mean `{other}`?" if other else did_you_mean(path, near)
             hint = hint or "check `source.root` and `source.packages`"
             raise SourceError(f"{what}: no file `{path}` in the source", where=where, hint=hint)

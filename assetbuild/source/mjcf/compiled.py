@@ -19,7 +19,16 @@ from assetbuild.errors import SourceError, Where
 from assetbuild.lfs import refuse_pointer
 from assetbuild.robot.pose import Pose, normalised_quat, vec3
 from assetbuild.simulators.mujoco import caught_warnings
-from assetbuild.source.mjcf.text import AT, WORLD, Classes, bodies, remove, where_of
+from assetbuild.source.mjcf.text import (
+    AT,
+    WORLD,
+    Classes,
+    bodies,
+    of_bodies,
+    own_fault,
+    remove,
+    where_of,
+)
 
 if TYPE_CHECKING:
     from lxml.etree import _Element
@@ -92,14 +101,17 @@ def compile_source(root: _Element, files: Mapping[str, bytes]) -> Compiled:
         refuse_pointer(content, where=Where(path))
     bare = plain(root)
     full, said = _compiled(bare, _by_number(bare, files))
-    places, _ = _compiled(without_meshes(bare), {})
+    try:
+        places, _ = _compiled(without_meshes(bare), {})
+    except SourceError as error:
+        raise own_fault(root, error.message) from None
     return Compiled(root, full, places, said)
 
 
 def _by_number(root: _Element, files: Mapping[str, bytes]) -> dict[str, bytes]:
     """Number the mesh files: to MuJoCo, files of one name in two folders are one."""
     names = {path: f"{number}_{posixpath.basename(path)}" for number, path in enumerate(files)}
-    for mesh in root.iter("mesh"):
+    for mesh in root.iterfind("asset/mesh"):
         if mesh.get("file") in names:
             mesh.set("file", names[str(mesh.get("file"))])
     return {names[path]: content for path, content in files.items()}
@@ -145,8 +157,8 @@ def plain(root: _Element) -> _Element:
     for element in bare.iter("material", "light"):
         element.attrib.pop("texture", "")
     classes = Classes(bare)
-    for geom in list(bare.iter("geom")):
-        if not _is_default(geom) and classes.attributes(geom).get("type") == "hfield":
+    for geom in of_bodies(bare, "geom"):
+        if classes.attributes(geom).get("type") == "hfield":
             remove(geom)
     for compiler in bare.iterchildren("compiler"):
         compiler.attrib.pop("discardvisual", "")
@@ -158,21 +170,13 @@ def without_meshes(root: _Element) -> _Element:
     """The source with small spheres in the places of its meshes."""
     spheres = copy.deepcopy(root)
     classes = Classes(spheres)
-    meshed = [
-        geom
-        for geom in spheres.iter("geom", "site")
-        if not _is_default(geom) and classes.attributes(geom).get("mesh")
-    ]
-    for geom in meshed:
+    shapes = of_bodies(spheres, "geom", "site")
+    for geom in [one for one in shapes if classes.attributes(one).get("mesh")]:
         geom.set("type", "sphere")
         geom.set("size", "0.01")
         geom.attrib.pop("fitscale", "")
     for element in spheres.iter("geom", "site"):
         element.attrib.pop("mesh", "")
-    for mesh in [m for m in spheres.iter("mesh") if not _is_default(m)]:
+    for mesh in spheres.findall("asset/mesh"):
         remove(mesh)
     return spheres
-
-
-def _is_default(element: _Element) -> bool:
-    return next(element.iterancestors("default"), None) is not None

@@ -2,23 +2,25 @@
 
 MuJoCo reads the text and writes it again with every copy, its names and what refers to them. That
 both mean the same is compiled and compared. Each element keeps its line: by its name, of which the
-copies' names are made, or by a mark where it has none.
+copies' names are made, or by a mark where it has none and MuJoCo's schema lets it have one.
 """
 
 from __future__ import annotations
 
 import base64
 import copy
+import functools
 import re
 from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from assetbuild.errors import SourceError
+from assetbuild.errors import AssetBuildError, SourceError
+from assetbuild.facts.mjcf_grammar import Path, schema
 from assetbuild.simulators.mujoco import caught_warnings
 from assetbuild.source.mjcf.compiled import plain, without_meshes
-from assetbuild.source.mjcf.text import AT, error_at, remove, where_of
+from assetbuild.source.mjcf.text import AT, error_at, own_fault, path_of, remove, where_of
 
 if TYPE_CHECKING:
     from lxml.etree import _Element
@@ -31,10 +33,6 @@ STANDING_IN = {
     ),
 }
 """A tetrahedron and a grey picture: MuJoCo opens all files before it writes, and keeps none."""
-NAMED = {
-    "body", "frame", "joint", "freejoint", "geom", "site", "camera", "light", "mesh", "material",
-}  # fmt: skip
-SECTIONS = {"contact", "equality", "tendon", "actuator", "sensor"}
 DEEPEST = 4
 """Models that attach models that attach models."""
 MOST = 100_000
@@ -66,19 +64,15 @@ def write_out(root: _Element, load: Callable[[_Element], _Element], depth: int =
         root,
         {str(e.get("name")): len(list(models[str(e.get("file"))].iter("*"))) for e in elements},
     )
-    lines = _Lines([root, *models.values()])
     files = _stand_in([root, *models.values()])
-    spec = _spec(root, models, first)
-    if not hasattr(spec.compiler, "savecanonical"):
-        hint = "build with MuJoCo 3.16 or newer, or write the copies out"
-        raise error_at(first, f"this MuJoCo does not write <{first.tag}> out exactly", hint)
-    spec.compiler.savecompiled = spec.compiler.savecanonical = False
+    source = copy.deepcopy(root), copy.deepcopy(models)
+    lines = _Lines([root, *models.values()])
     try:
         with caught_warnings():
-            made = lines.of(spec.to_xml())
+            made = lines.of(_written(_spec(root, models), first))
+            _compare(root, models, made, first)
     except ValueError as error:
-        raise _refused(error, first) from None
-    _compare(root, models, made, first)
+        raise _refused(error, first, *source) from None
     lines.unmark(made)
     for element in made.iterfind("asset/*"):
         element.attrib.update({k: files[str(v)] for k, v in element.attrib.items() if v in files})
@@ -97,10 +91,28 @@ def _stand_in(roots: list[_Element]) -> dict[str, str]:
     return paths
 
 
-def _refused(error: ValueError, first: _Element) -> SourceError:
+def _written(spec: Any, first: _Element) -> str:  # Any: MjSpec
+    if not hasattr(spec.compiler, "savecanonical"):
+        hint = "build with MuJoCo 3.16 or newer, or write the copies out"
+        raise error_at(first, f"this MuJoCo does not write <{first.tag}> out exactly", hint)
+    spec.compiler.savecompiled = spec.compiler.savecanonical = False
+    return str(spec.to_xml())
+
+
+def _refused(
+    error: ValueError, first: _Element, root: _Element, models: Mapping[str, _Element]
+) -> AssetBuildError:
+    """root, models: the texts without our marks; it is our fault where MuJoCo takes these."""
     words = " ".join(str(error).split())
-    message = f"MuJoCo does not write <{first.tag}> out: {words}"
-    return SourceError(message, where=where_of(first))
+    try:
+        with caught_warnings():
+            spec = _spec(plain(root), {name: plain(model) for name, model in models.items()})
+            spec.compile()
+            _written(spec, first)
+    except ValueError:
+        message = f"MuJoCo does not write <{first.tag}> out: {words}"
+        return SourceError(message, where=where_of(first))
+    return own_fault(first, words)
 
 
 def _rename_classes(model: _Element, number: int) -> None:
@@ -129,12 +141,12 @@ class _Lines:
 
     def __init__(self, roots: list[_Element]) -> None:
         self._marked: list[str] = []
-        self._named: dict[tuple[str, str], str] = {}
+        self._named: dict[tuple[Path, str], str] = {}
         self._root = str(roots[0].get(AT))
         for element in (e for root in roots for e in root.iter("*")):
             name, place = element.get("name"), str(element.get(AT))
             if name:
-                self._named.setdefault((str(element.tag), name), place)
+                self._named.setdefault((path_of(element), name), place)
             elif _takes_name(element):
                 element.set("name", f"at-{len(self._marked)}-at")
                 self._marked.append(place)
@@ -148,14 +160,14 @@ class _Lines:
         for element in root.iterdescendants("*"):
             parent = element.getparent()
             above = str(parent.get(AT)) if parent is not None else self._root
-            element.set(AT, self._place(str(element.tag), element.get("name", "")) or above)
+            element.set(AT, self._place(path_of(element), element.get("name", "")) or above)
         return root
 
-    def _place(self, tag: str, name: str) -> str:
+    def _place(self, path: Path, name: str) -> str:
         if found := MARK.search(name):
             return self._marked[int(found[1])]
-        known = (own for kind, own in self._named if kind == tag and own in name)
-        return self._named.get((tag, max(known, key=len, default="")), "")
+        known = (own for place, own in self._named if place == path and own in name)
+        return self._named.get((path, max(known, key=len, default="")), "")
 
     def unmark(self, root: _Element) -> None:
         """Elements without names of their own lose the marks."""
@@ -165,13 +177,16 @@ class _Lines:
 
 
 def _takes_name(element: _Element) -> bool:
-    if any(True for _ in element.iterancestors("default")):
-        return False
-    parent = element.getparent()
-    return element.tag in NAMED or (parent is not None and parent.tag in SECTIONS)
+    nameless = element.tag in ("worldbody", "replicate")  # which the schema does not tell apart
+    return not nameless and path_of(element) in _named_places()
 
 
-def _spec(root: _Element, models: Mapping[str, _Element], first: _Element) -> Any:  # Any: MjSpec
+@functools.cache
+def _named_places() -> frozenset[Path]:
+    return frozenset(path for path, attributes in schema() if "name" in attributes)
+
+
+def _spec(root: _Element, models: Mapping[str, _Element]) -> Any:  # Any: MjSpec
     import mujoco
 
     files = {name: _text(child).encode() for name, child in models.items()}
@@ -182,11 +197,7 @@ def _spec(root: _Element, models: Mapping[str, _Element], first: _Element) -> An
         for key, name in element.attrib.items()
         if str(key).startswith("file") and element.tag != "model"
     }
-    with caught_warnings():
-        try:
-            return mujoco.MjSpec.from_string(_text(root), include=files, assets=assets)
-        except ValueError as error:
-            raise _refused(error, first) from None
+    return mujoco.MjSpec.from_string(_text(root), include=files, assets=assets)
 
 
 def _text(root: _Element) -> str:
@@ -203,13 +214,8 @@ def _compare(
 ) -> None:
     """SourceError where the text that MuJoCo wrote is another robot."""
     bare = {name: without_meshes(plain(child)) for name, child in models.items()}
-    before = _spec(without_meshes(plain(root)), bare, first)
-    after = _spec(without_meshes(plain(made)), {}, first)
-    try:
-        with caught_warnings():
-            one, two = before.compile(), after.compile()
-    except ValueError as error:
-        raise _refused(error, first) from None
+    one = _spec(without_meshes(plain(root)), bare).compile()
+    two = _spec(without_meshes(plain(made)), {}).compile()
     for name in dir(one):
         a, b = getattr(one, name), getattr(two, name)
         if isinstance(a, np.ndarray) and not _close(a, b):

@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from lxml.etree import _Element
 
 REFUSED = {
-    "composite": "a robot of this kind is not a tree of rigid bodies",
+    "composite": "MuJoCo 4 has none; MuJoCo 3 writes its bodies out (`mj_saveLastXML`): build that",
     "flexcomp": "a robot of this kind is not a tree of rigid bodies",
     "flex": "a robot of this kind is not a tree of rigid bodies",
     "plugin": "what a plug-in of MuJoCo does cannot be said of the robot",

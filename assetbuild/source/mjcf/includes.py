@@ -45,7 +45,7 @@ class ListIncludes(Step):
                 continue
             try:
                 root = _parsed(path, tree, None)
-                for element in root.iter("include", "model"):
+                for element in [*root.iter("include"), *root.iterfind("asset/model")]:
                     if element.get("file"):
                         found = below(element, posixpath.dirname(main))
                         waiting.append((found, main if element.tag == "include" else found))

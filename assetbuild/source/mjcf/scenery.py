@@ -12,7 +12,16 @@ from typing import TYPE_CHECKING
 
 from assetbuild.errors import SourceError, did_you_mean
 from assetbuild.findings import Finding, Rule
-from assetbuild.source.mjcf.text import DROPPED, Classes, bodies, error_at, parts, remove, where_of
+from assetbuild.source.mjcf.text import (
+    DROPPED,
+    Classes,
+    bodies,
+    error_at,
+    of_bodies,
+    parts,
+    remove,
+    where_of,
+)
 
 if TYPE_CHECKING:
     from lxml.etree import _Element
@@ -198,7 +207,7 @@ def _cut(root: _Element, gone: Iterable[_Element], lost: _Names) -> Iterator[tup
                 lost.add((section, str(element.get("name"))))
                 remove(element)
                 yield element, missing[0][1]
-    for watching in list(root.iter("camera", "light")):
+    for watching in of_bodies(root, "camera", "light"):
         if ("body", watching.get("target", "")) in lost:
             remove(watching)
             yield watching, str(watching.get("target"))

@@ -26,13 +26,7 @@ from assetbuild.source.mjcf.drives import Drives
 from assetbuild.source.mjcf.links import FREE, JOINT_REF, Links, tendon_rest
 from assetbuild.source.mjcf.opaque import element_text, keys, leftover, words
 from assetbuild.source.mjcf.scenery import NAMES
-from assetbuild.source.mjcf.text import (
-    DROPPED,
-    WORLD,
-    error_at,
-    own_attributes,
-    where_of,
-)
+from assetbuild.source.mjcf.text import DROPPED, WORLD, error_at, own_attributes, where_of
 
 if TYPE_CHECKING:
     from lxml.etree import _Element
@@ -81,6 +75,8 @@ LOOP_WORDS = keys(
     "name class body1 body2 site1 site2 anchor relpose solref solimp torquescale active"
 )
 """Attributes of a `connect` or `weld` that a loop of the robot holds."""
+USUAL_ARENA = 2**24
+"""Bytes: MuJoCo 4 by itself takes 13 to 16 MB for a robot."""
 AT_REST = keys("qvel act mpos mquat time")
 """What a keyframe says beyond a pose at rest."""
 SENSOR = keys("name cutoff noise objtype objname reftype refname")
@@ -95,6 +91,9 @@ def read_sections(links: Links, drives: Drives) -> Sections:
         timestep=float(source.model.opt.timestep), gravity=_gravity(source.model)
     )
     found.mjcf_only.append(_options(source.root, source.model))
+    if int(source.model.narena) > USUAL_ARENA and source.root.find("size[@memory]") is not None:
+        memory = {"memory": str(int(source.model.narena))}
+        found.mjcf_only.append(MjcfOnly("size", element_text("size", memory)))
     for section, read in (
         ("contact", reader.contact),
         ("equality", reader.equality),

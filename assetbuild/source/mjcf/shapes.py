@@ -131,11 +131,11 @@ class _Reader:
     def _only_mjcf(self, geom: _Element, said: dict[str, str], body: str, index: int) -> None:
         """A shape that only MJCF has, whole: ellipsoids, planes, signed distance fields."""
         kind = said.get("type", "sphere")
-        if kind == "sdf" or said.get("mesh"):
+        if kind == "sdf":
             hint = "use a mesh or a primitive"
             raise error_at(geom, f"geom `{geom.get('name')}`: a {kind} of a mesh is not read", hint)
         pose = self.links.in_link(body, self.source.pose_of("geom", str(geom.get("name"))))
-        kept = leftover(said, PLACING)
+        kept = leftover(said, PLACING | {"mesh", "fitscale"})  # of a fit: as compiled
         if kept.pop("material", None):
             kept["rgba"] = words(self._colour(index))
         size = words(self.full.geom_size[index])
@@ -158,7 +158,8 @@ class _Reader:
         turn = normalised_quat((w, -x, -y, -z))
         uneven = len(set(scale)) > 1
         if uneven and turn != (1.0, 0.0, 0.0, 0.0):
-            hint = "write the turned mesh into a file of its own"
+            hint = "save the vertices `scale * (R(refquat)^T (v - refpos))` as a file (trimesh: "
+            hint += "`apply_transform`), and omit the three attributes"
             raise error_at(element, f"mesh `{name}`: turned, then scaled unevenly", hint)
         offset = rotation_of(turn) @ [-v * s for v, s in zip(p, scale, strict=True)]
         if lost := tuple(sorted(set(said) & LOST_OF_MESH)):

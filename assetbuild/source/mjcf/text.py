@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from itertools import groupby
 from typing import TYPE_CHECKING
 
-from assetbuild.errors import SourceError, Where
+from assetbuild.errors import SourceError, StepError, Where
+from assetbuild.facts.mjcf_grammar import BODY, Path
 from assetbuild.findings import Rule
 
 if TYPE_CHECKING:
@@ -15,6 +17,7 @@ AT = "_at"
 """Attribute that carries `file:line` of an element while it is worked on."""
 WORLD = "world"
 SPATIAL = ("body", "frame")
+OF_BODIES = frozenset(("worldbody", "body", "frame", "replicate"))
 _DEFAULT_TAG = {"spatial": "tendon", "fixed": "tendon", "freejoint": None}
 """Element -> the element of `<default>` that speaks for it, where the two differ."""
 
@@ -38,6 +41,12 @@ def error_at(element: _Element, message: str, hint: str = "") -> SourceError:
     return SourceError(message, where=where_of(element), hint=hint)
 
 
+def own_fault(element: _Element, words: str) -> StepError:
+    """The error where another program refuses what we made of a source that it takes."""
+    message = f"a bug in assetbuild: what it made of the source's text is refused: {words}"
+    return StepError(message, where=where_of(element), hint="please report it with this file")
+
+
 def own_attributes(element: _Element) -> dict[str, str]:
     """What an element itself says, its name and class among it."""
     return {str(key): str(value) for key, value in element.attrib.items() if key != AT}
@@ -48,6 +57,21 @@ def remove(element: _Element) -> None:
     parent = element.getparent()
     if parent is not None:
         parent.remove(element)
+
+
+def path_of(element: _Element) -> Path:
+    """Where an element stands, as MuJoCo's schema says it: a <joint> of a tendon is no joint.
+
+    All bodies, frames and copies are one place, and so are all classes.
+    """
+    tags = (str(one.tag) for one in (element, *element.iterancestors()))
+    places = [BODY if tag in OF_BODIES else tag for tag in tags][::-1]
+    return tuple(place for place, _ in groupby(places))
+
+
+def of_bodies(root: _Element, *tags: str) -> list[_Element]:
+    """The elements that stand in bodies, in document order; none of classes, tendons, sensors."""
+    return [one for one in root.iter(*tags) if path_of(one)[1:] == (BODY, one.tag)]
 
 
 def parts(body: _Element, *tags: str) -> Iterator[_Element]:

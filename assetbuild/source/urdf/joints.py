@@ -240,8 +240,10 @@ def _read_mimic(node: Node, name: str, joint_names: set[str]) -> Mimic | None:
         return None
     leader = element.text("joint")
     if leader not in joint_names:
-        hint = did_you_mean(leader, joint_names)
-        hint = hint or "name the joint that is meant, or remove <mimic>, by `source.patches`"
+        near = did_you_mean(leader, joint_names - {name})
+        hint = f"{near}; " if near else ""
+        hint += "to let the joint move by itself, take the element out in the recipe: `source: "
+        hint += "{patches: [{file: URDF, find: '<mimic ...>', replace: '', because: ...}]}`"
         raise element.error(f"mimic joint `{leader}` does not exist", hint)
     if leader == name:
         raise element.error("a joint cannot mimic itself")

@@ -40,6 +40,9 @@ XML_VERSION = Rule(
 )
 NAMELESS = Rule("urdf.name.missing", "info", "`<robot>` has no name", "give it one")
 
+_WHOSE = ("name", "reference")
+SHOWN = 6
+"""Elements that one finding lists, and words of each."""
 LIMITS_OF_1_2 = frozenset(f"{name} of limit" for name in ("acceleration", "deceleration", "jerk"))
 """A simulated joint may move faster than they allow."""
 
@@ -108,7 +111,7 @@ class ReadUrdf(Step):
         lines |= {subject: node.line for subject, node in nodes.items()}
         lines |= geometries.lines
         lines |= {f"mesh {use.path}": use.line for use in geometries.meshes}
-        lines |= {f"element {kind}": line for kind, (_, line) in homeless(root).items()}
+        lines |= {f"element {kind}": nodes[0].line for kind, nodes in homeless(root).items()}
         return {"file": self.file, "lines": lines}
 
 
@@ -140,16 +143,41 @@ def _robot_name(root: Node) -> tuple[str, list[Finding]]:
 
 def _dropped(root: Node) -> Iterator[Finding]:
     """One finding for each kind of thing that the robot model has no place for."""
-    for kind, (count, _) in homeless(root).items():
+    for kind, nodes in homeless(root).items():
         attribute, _, tag = kind.rpartition(" of ")
         what = f"attribute `{attribute}` of <{tag}>" if attribute else f"<{kind}>"
+        times = f", {len(nodes)} times" if len(nodes) > 1 else ""
+        moves = kind in LIMITS_OF_1_2 or any(map(_moves, nodes))
         yield DROPPED(
             "robot",
-            f"{what} was left out, {count} times" if count > 1 else f"{what} was left out",
-            hint="no target has a place for it; the source keeps it",
-            severity="warning" if kind in LIMITS_OF_1_2 else "info",
-            data={"element": kind, "count": count},
+            f"{what} was left out{times}" + ("" if attribute else f": {_listed(nodes)}"),
+            hint="no target has a place for it; the source keeps it"
+            + ("; the robot moves otherwise without it" if moves else ""),
+            severity="warning" if moves else "info",
+            data={"element": kind, "count": len(nodes)},
         )
+
+
+def _listed(nodes: list[Node]) -> str:
+    """Whose they are and what they say: `d` (mu1, gravity)."""
+    said = []
+    for node in nodes[:SHOWN]:
+        named = (one.get("name") for one in (node.element, *node.element.iterancestors()))
+        owner = node.get("reference") or next((name for name in named if name), "robot")
+        words = [child.tag for child in node.all("*")]
+        words = words or [str(key) for key in node.element.attrib if key not in _WHOSE]
+        said.append(f"`{owner}` ({', '.join(words[:SHOWN])})" if words else f"`{owner}`")
+    return ", ".join(said) + (", ..." if len(nodes) > SHOWN else "")
+
+
+def _moves(node: Node) -> bool:
+    """Whether Gazebo's words make the robot move otherwise: a spring, or no gravity."""
+    said = {child.tag: (child.element.text or "").strip().lower() for child in node.all("*")}
+    if node.tag != "gazebo":
+        return False
+    pulls = said.get("gravity", "true") not in ("false", "0")
+    pulls = pulls and said.get("turnGravityOff", "false") in ("false", "0")
+    return not pulls or "springStiffness" in said
 
 
 def _write(files: Files, tree: Tree, geometries: Geometries, source_map: dict[str, object]) -> None:

@@ -18,8 +18,8 @@ VISUAL_NOTHING = Rule(
 COLLISION_NOTHING = Rule(
     "urdf.collision.nothing",
     "warning",
-    "a `<collision>` names no shape, or one without width (a sphere of radius 0, a box with two "
-    "edges of 0): it was left out",
+    "a `<collision>` names no shape, or one without width or thickness (a sphere of radius 0, a "
+    "box with an edge of 0, a cylinder of length 0): it was left out",
     "remove it, or give its size",
 )
 CAPSULE_BALL = Rule(
@@ -70,7 +70,7 @@ def _tidy_shape(link: Node, shape: Node) -> Iterator[Finding]:
         del size.element.attrib["length"]
         message = f"a <capsule> of length 0 on line {size.line} is read as a <sphere>"
         yield CAPSULE_BALL(link.subject, message, "write <sphere>", data={"line": size.line})
-    elif flat == "one" and shape.tag == "visual":
+    elif flat == "one":
         yield _left_out(link, shape, f"is a <{size.tag}> without thickness")
     yield from _tidy_scale(link, size)
 

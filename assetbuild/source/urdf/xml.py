@@ -21,6 +21,8 @@ T = TypeVar("T")
 MAX_BYTES = 64 * 1024 * 1024
 XACRO = ("http://www.ros.org/wiki/xacro", "http://ros.org/wiki/xacro", "http://wiki.ros.org/xacro")
 
+USD = (b"#usda", b"PXR-USDC")
+"""How a text and a binary file of USD start."""
 _VERSION = re.compile(rb"""\A\s*<\?xml\s+version\s*=\s*["'](?!1\.[01]["'])([0-9.]{1,8})["']""")
 
 _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?", re.ASCII)
@@ -236,6 +238,11 @@ def _read(data: bytes, file: str, what: str, reader: Callable[[bytes], T]) -> T:
         size = f"{len(data) / 1e6:.0f} MB"
         raise SourceError(f"{size} of {what}; at most 64 MiB are read", where=Where(file))
     refuse_pointer(data, where=Where(file))
+    if data.startswith(USD) or file.lower().endswith(".usdz"):
+        hint = "give the URDF, xacro or MJCF that it was made from, or convert it (Isaac Sim has "
+        hint += "an exporter to URDF); `assetbuild validate` reads a USD"
+        message = "this is USD, which is no source of a robot"
+        raise SourceError(message, where=Where(file), hint=hint)
     try:
         return reader(in_xml_1(data))
     except NotXml as error:
@@ -323,29 +330,24 @@ _HOME: dict[str, tuple[frozenset[str], frozenset[str]]] = {
 """What the robot model has a place for, by element: attributes and children."""
 
 
-def homeless(root: Node) -> dict[str, tuple[int, int]]:
-    """(count, first line) of each kind of element or attribute that the model has no place for.
+def homeless(root: Node) -> dict[str, list[Node]]:
+    """The elements of each kind that the model has no place for, or that have such an attribute.
 
     Keys: `transmission`, `name of visual` for an attribute. Nothing below a homeless element
     is looked at.
     """
-    found: dict[str, tuple[int, int]] = {}
-
-    def note(kind: str, line: int) -> None:
-        count, first = found.get(kind, (0, line))
-        found[kind] = (count + 1, first)
-
+    found: dict[str, list[Node]] = {}
     stack = [root]
     while stack:
         node = stack.pop()
         attributes, children = _HOME[node.tag]
         for name in node.element.attrib:
             if name not in attributes:
-                note(f"{_shown(str(name), None)} of {node.tag}", node.line)
+                found.setdefault(f"{_shown(str(name), None)} of {node.tag}", []).append(node)
         inside = [Node(child, node.file) for child in node.element.iterchildren("*")]
         for child in inside:
             if child.tag not in children:
-                note(child.tag, child.line)
+                found.setdefault(child.tag, []).append(child)
         stack += [child for child in inside if child.tag in children][::-1]
     return dict(sorted(found.items()))
 

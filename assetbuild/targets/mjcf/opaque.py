@@ -9,7 +9,7 @@ from assetbuild.robot.model import MjcfOnly
 from assetbuild.targets.mjcf.xml import element, number
 
 SECTIONS = (
-    "compiler", "option", "default", "asset", "worldbody", "contact", "equality", "tendon",
+    "compiler", "option", "size", "default", "asset", "worldbody", "contact", "equality", "tendon",
     "actuator", "sensor", "keyframe",
 )  # fmt: skip
 """In Menagerie's order."""
@@ -69,9 +69,9 @@ class _Opaque:
         owner = self._body_names.get(item.owner, item.owner)
         if item.place == "keyframe":
             self._keys[item.owner] = said
-        elif item.place == "option":
-            self._added["option", ""] = dict(said.attrib)
-            self._inside.setdefault(("option", ""), []).extend(said)
+        elif item.place in ("option", "size"):
+            self._added[item.place, ""] = dict(said.attrib)
+            self._inside.setdefault((item.place, ""), []).extend(said)
         elif item.place in SECTIONS:
             self._inside.setdefault((item.place, ""), []).append(self._renamed(said))
         elif item.place == "body" and said.tag != "body":

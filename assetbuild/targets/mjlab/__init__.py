@@ -37,7 +37,7 @@ from assetbuild.targets.mjlab.options import MjlabOptions
 
 TASK_SENSORS = {"gyro": "imu_ang_vel", "velocimeter": "imu_lin_vel", "accelerometer": "imu_lin_acc"}
 """Sensors that mjlab's tasks look for, at the IMU."""
-NOT_BARE = ("actuator", "option", "keyframe")
+NOT_BARE = ("actuator", "option", "size", "keyframe")
 """Sections of the source's own MJCF that mjlab's configs bring."""
 NOT_IN_MJLAB = frozenset({"general"})
 
