@@ -73,6 +73,7 @@ class SetLimits(Edit):
         data: dict[str, Scalar | tuple[Scalar, ...]] = {
             "before": tuple(getattr(old, name) for name in FIELDS),
             "after": tuple(getattr(new, name) for name in FIELDS),
+            "stated": (*given, *(("lower", "upper") if self.unlimited else ())),
         }
         finding = SET_LIMITS(f"joint {joint.name}", ", ".join(changes), data=data)
         return replace(joint, kind=kind, limits=new), finding

@@ -22,6 +22,7 @@ from assetbuild.source.urdf.xml import (
     Problems,
     canonical,
     homeless,
+    strays,
     xml_version,
 )
 
@@ -31,6 +32,13 @@ DROPPED = Rule(
     "elements or attributes that the robot model has no place for (transmission, gazebo, ...) "
     "were left out (a warning for limits of acceleration, deceleration and jerk, URDF 1.2)",
     "nothing; the source keeps them",
+)
+STRAY = Rule(
+    "urdf.stray",
+    "warning",
+    "an element of the format stands where it has no place (an `<inertial>` outside of its "
+    "link), and no reader counts it",
+    "move the element into the link or joint that it is part of",
 )
 XML_VERSION = Rule(
     "urdf.xml_version",
@@ -109,6 +117,7 @@ class ReadUrdf(Step):
         lines |= geometries.lines
         lines |= {f"mesh {use.path}": use.line for use in geometries.meshes}
         lines |= {f"element {kind}": line for kind, (_, line) in homeless(root).items()}
+        lines |= {f"element {stray.tag}": stray.line for stray in reversed(strays(root))}
         return {"file": self.file, "lines": lines}
 
 
@@ -140,6 +149,7 @@ def _robot_name(root: Node) -> tuple[str, list[Finding]]:
 
 def _dropped(root: Node) -> Iterator[Finding]:
     """One finding for each kind of thing that the robot model has no place for."""
+    yield from _strays(root)
     for kind, (count, _) in homeless(root).items():
         attribute, _, tag = kind.rpartition(" of ")
         what = f"attribute `{attribute}` of <{tag}>" if attribute else f"<{kind}>"
@@ -149,6 +159,22 @@ def _dropped(root: Node) -> Iterator[Finding]:
             hint="no target has a place for it; the source keeps it",
             severity="warning" if kind in LIMITS_OF_1_2 else "info",
             data={"element": kind, "count": count},
+        )
+
+
+def _strays(root: Node) -> Iterator[Finding]:
+    """Parts of links and joints that stand elsewhere, with the mass that vanishes with them."""
+    for stray in strays(root):
+        tag = stray.tag
+        mass = stray if tag == "mass" else stray.only("mass")
+        value = mass.get("value") if mass is not None else None
+        weighs = f" of {value} kg" if value else ""
+        yield STRAY(
+            f"element {tag}",
+            f"<{tag}>{weighs} on line {stray.line} stands where it has no place and is left out: "
+            "no reader counts it",
+            hint="move it into the <link> or <joint> that it is part of",
+            data={"element": tag, "line": stray.line, "mass_kg": value},
         )
 
 
