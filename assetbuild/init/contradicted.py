@@ -28,7 +28,7 @@ from assetbuild.robot.pose import Array, vec3
 from assetbuild.robot.shapes import MeshFile
 from assetbuild.robot.tree import forward_kinematics
 
-BOX = 0.02
+BOX = 0.05
 """Of a shape's size: how far its box may be from the mirror image of its twin's."""
 
 

@@ -38,8 +38,8 @@ DUMMY_DENSITY = 1e6
 """kg/m3: fifty times the densest matter. Below, a small inertia is odd but can be simulated."""
 
 EDITS = """\
-# The source says what no simulator takes; these edits repair it. Check the numbers: the
-# report compares before and after.
+# The source states what no simulator takes, or what contradicts itself; these edits repair it.
+# Check the numbers: the report compares before and after.
 edits:"""
 
 _BROKEN = {"inertia.missing", "inertia.mass", "inertia.positive", "inertia.dense"}

@@ -14,6 +14,7 @@ from dataclasses import dataclass, field, replace
 from assetbuild.engine.make import NodeResult
 from assetbuild.findings import Finding
 from assetbuild.recipe.models import Recipe
+from assetbuild.robot.motors import extended
 
 _EDIT = re.compile(r"edit \d+ (\w+)")
 
@@ -88,7 +89,7 @@ def answers(recipe: Recipe, results: Mapping[str, NodeResult], prefix: str) -> A
 def _rows(recipe: Recipe) -> Iterator[tuple[str, frozenset[str]]]:
     """(pattern of joints, which limits the row or its motor states)."""
     for row in recipe.actuators or ():
-        motor = recipe.motors.get(row.motor) if row.motor else None
+        motor = extended(row.motor, recipe.motors) if row.motor else None
         both = [
             name
             for name in ("effort", "velocity")

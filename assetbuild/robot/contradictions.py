@@ -17,7 +17,7 @@ from itertools import product
 import numpy as np
 
 from assetbuild.findings import Finding, Rule
-from assetbuild.robot.inertia import TRIANGLE_ROUNDING, matrix_of
+from assetbuild.robot.inertia import matrix_of
 from assetbuild.robot.model import Control, Inertial, Joint, Tree
 from assetbuild.robot.pose import Array
 from assetbuild.robot.tree import forward_kinematics
@@ -30,6 +30,10 @@ LIKE_VOLUME, LIKE_MOMENT = 1.1, 1.25
 """Largest over smallest, of the hulls of two shapes that count as one."""
 NEGLIGIBLE = 0.01
 """Of the largest moment: smaller ones are the noise of a slender part."""
+DENSEST = 25_000.0
+"""kg/m3, as `InertiaBounds.density`: the shapes are then no measure of the body, but a marker."""
+PLANAR = 1e-3
+"""Of the largest moment: what the sum of the others exceeds it by in a body with thickness."""
 SURE = math.log(2.0)
 """By so much more must one of two twins differ from an even filling of its shape to be blamed."""
 
@@ -137,6 +141,8 @@ def beyond_reach(tree: Tree, extents: Mapping[str, Extent]) -> dict[str, float]:
         inertial, extent = tree.by_body[name].inertial, extents.get(name)
         if inertial is None or extent is None or not axes:
             continue
+        if inertial.mass_kg > DENSEST * extent.volume_m3:
+            continue
         scale = inertial.mass_kg * _reach(inertial, extent) ** 2
         matrix = matrix_of(inertial.inertia_com_kg_m2)
         one = all(_parallel(axes[0], axis) for axis in axes)
@@ -229,16 +235,16 @@ def _placed_alike(
 def _blame(
     part: Part, extent: Extent | None, beyond: Mapping[str, float]
 ) -> tuple[bool, bool, float]:
-    """What speaks against it: no mass has it, its shapes rule it out, how far it is from them."""
+    """What speaks against it: no solid has it, its shapes rule it out, how far it is from them."""
     moments = _moments(part)
-    impossible = bool(
-        moments[0] <= 0.0 or 2.0 * moments[2] > (1.0 + TRIANGLE_ROUNDING) * moments.sum()
-    )
+    a, b, c = moments
+    impossible = bool(a <= 0.0 or a + b <= (1.0 + PLANAR) * c)
     if extent is None or not extent.volume_m3 > 0.0:
         return impossible, part.name in beyond, 0.0
     even = part.mass * extent.moments_m5 / extent.volume_m3
     off = np.abs(np.log(np.maximum(moments, 1e-30) / even))
-    return impossible, part.name in beyond, float(off.max())
+    ruled_out = part.name in beyond or part.mass > DENSEST * extent.volume_m3
+    return impossible, ruled_out, float(off.max())
 
 
 def _moments(part: Part) -> Array:

@@ -33,11 +33,13 @@ DROPPED = Rule(
     "were left out (a warning for limits of acceleration, deceleration and jerk, URDF 1.2)",
     "nothing; the source keeps them",
 )
+HARMLESS = ("origin", "material", "color", "texture")
+"""Elements that weigh, touch and move nothing where they stray."""
 STRAY = Rule(
     "urdf.stray",
-    "warning",
+    ("warning", "info"),
     "an element of the format stands where it has no place (an `<inertial>` outside of its "
-    "link), and no reader counts it",
+    "link), and no reader counts it (info: it weighs, touches and moves nothing)",
     "move the element into the link or joint that it is part of",
 )
 XML_VERSION = Rule(
@@ -174,6 +176,7 @@ def _strays(root: Node) -> Iterator[Finding]:
             f"<{tag}>{weighs} on line {stray.line} stands where it has no place and is left out: "
             "no reader counts it",
             hint="move it into the <link> or <joint> that it is part of",
+            severity="info" if tag in HARMLESS else "warning",
             data={"element": tag, "line": stray.line, "mass_kg": value},
         )
 
