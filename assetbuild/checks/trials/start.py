@@ -64,7 +64,9 @@ def overlapping(
 
 def starting(model: mujoco.Model, figures: dict[str, object]) -> Iterator[Finding]:
     """What of the robot starts inside the floor; whether anything of it can touch a floor."""
-    depths = mujoco_trials.depths_in_floor(model)
+    free = mujoco_trials.stands_free(model)
+    placed = model.nkey or not free  # where a free robot starts, a keyframe alone says
+    depths = mujoco_trials.depths_in_floor(model) if placed else {}
     figures["in_floor"] = [{"body": body, "depth_m": depth} for body, depth in depths.items()]
     for body, depth in depths.items():
         if depth >= DEEP_M:
@@ -76,7 +78,7 @@ def starting(model: mujoco.Model, figures: dict[str, object]) -> Iterator[Findin
                 data={"depth_m": depth, "limit_m": START_M},
                 blocks=depth > START_M,
             )
-    if mujoco_trials.stands_free(model) and not mujoco_trials.touches_floors(model):
+    if free and not mujoco_trials.touches_floors(model):
         yield NOTHING_TOUCHES(
             "robot",
             "it floats, and none of its shapes can touch the floor: it falls through",
