@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Mapping
-from dataclasses import dataclass, field
-from functools import cached_property
+from dataclasses import dataclass
+from functools import cached_property, lru_cache
 from pathlib import Path
 
 import numpy as np
@@ -38,7 +38,6 @@ class Weighed:
 
     robot: InspectedRobot
     root: Path
-    _points: dict[MeshFile, Array | None] = field(default_factory=dict)
 
     @cached_property
     def by_link(self) -> dict[str, Extent]:
@@ -76,11 +75,11 @@ class Weighed:
         }
 
     def _points_of(self, mesh: MeshFile) -> Array | None:
-        if mesh not in self._points:
-            read = mesh_of(self.root, mesh)
-            whole = None if read is None else extent_of([scaled_points(read, mesh)]).points
-            self._points[mesh] = whole
-        return self._points[mesh]
+        try:
+            stamp = (self.root / mesh.path).stat()
+        except OSError:
+            return None
+        return _hull_points(self.root, mesh, (stamp.st_mtime_ns, stamp.st_size))
 
     def findings(self) -> tuple[Finding, ...]:
         """What a build will find contradicted."""
@@ -125,6 +124,13 @@ class Weighed:
         size = float(np.ptp(here, axis=0).max())
         apart = [abs(a(here, axis=0) - a(there, axis=0)).max() for a in (np.min, np.max)]
         return bool(max(apart) <= BOX * size)
+
+
+@lru_cache(maxsize=1024)
+def _hull_points(root: Path, mesh: MeshFile, stamp: tuple[int, int]) -> Array | None:
+    """Corners (n, 3) of a mesh's hull, m; None where it cannot be read. stamp: of its file."""
+    read = mesh_of(root, mesh)
+    return None if read is None else extent_of([scaled_points(read, mesh)]).points
 
 
 def unmended(weighed: Weighed) -> Iterator[str]:

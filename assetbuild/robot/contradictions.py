@@ -111,8 +111,8 @@ def _of_twins(pair: Apart) -> Finding:
         said = f"it weighs {wrong.mass:.4g} kg, its mirror twin `{right.name}` {right.mass:.4g} kg"
         factor = pair.mass_factor
     else:
-        said = f"its principal moments {_shown(wrong)} are up to {pair.inertia_factor:.3g} times "
-        said += f"apart from those of its mirror twin `{right.name}`, {_shown(right)}"
+        said = f"its principal moments {_shown(wrong)} are {pair.inertia_factor:.3g} times "
+        said += f"or more apart from those of its mirror twin `{right.name}`, {_shown(right)}"
         factor = pair.inertia_factor
     doubt = "" if pair.sure else "; which of the two is wrong cannot be told"
     return TWIN(
