@@ -36,6 +36,7 @@ class Finding:
         `recipe collision.links`: the key into the source map.
     where: `file:line`, filled in by the report; empty inside steps.
     data: the numbers behind the message, SI units, names carry the unit.
+    blocks: whether as a warning it keeps the robot from being ready, as every error does.
     """
 
     rule: str
@@ -45,6 +46,12 @@ class Finding:
     hint: str = ""
     where: str = ""
     data: Data = field(default_factory=dict)
+    blocks: bool = False
+
+    @property
+    def unready(self) -> bool:
+        """Whether the robot is not ready because of it. What a waiver makes information is not."""
+        return self.severity == "error" or (self.blocks and self.severity == "warning")
 
     def at(self, where: str) -> Finding:
         """The same finding with its place in the source filled in."""
@@ -77,6 +84,7 @@ class Rule:
     meaning, remedy: a cell each of docs/reference/rules/<family>.md, in Markdown.
     was: old ids, which recipes may still waive for one minor version -> patterns of what says it
     now, as `equal.usd.lower`, or `equal.mjcf.* joint`: of joints alone.
+    blocks: whether its warnings keep a robot from being ready, though its files are right.
     """
 
     id: str
@@ -84,6 +92,7 @@ class Rule:
     meaning: str
     remedy: str
     was: Mapping[str, tuple[str, ...]] = field(default_factory=dict, hash=False)
+    blocks: bool = False
 
     def __post_init__(self) -> None:
         """The old ids are known as soon as the rule is declared."""
@@ -109,15 +118,20 @@ class Rule:
         severity: Severity | None = None,
         where: str = "",
         data: Data | None = None,
+        blocks: bool | None = None,
     ) -> Finding:
-        """A finding of this rule, of its usual severity unless another declared one is given."""
+        """A finding of this rule, of its usual severity unless another declared one is given.
+
+        blocks: None = as the rule says.
+        """
         severity = severity or self.severities[0]
         if severity not in self.severities:
             raise ValueError(f"rule `{self.id}` does not declare the severity `{severity}`")
         if self.id.endswith("*"):
             raise ValueError(f"rule `{self.id}` has a part without a name: `named` gives it one")
         told = {name: steady(value) for name, value in (data or {}).items()}
-        return Finding(self.id, severity, subject, message, hint, where, told)
+        stops = self.blocks if blocks is None else blocks
+        return Finding(self.id, severity, subject, message, hint, where, told, stops)
 
 
 def steady(value: T) -> T:
@@ -156,6 +170,7 @@ def finding_from_json(raw: Mapping[str, object]) -> Finding:
         hint=str(raw.get("hint", "")),
         where=str(raw.get("where", "")),
         data={k: tuple(v) if isinstance(v, list) else v for k, v in data.items()},
+        blocks=bool(raw.get("blocks", False)),
     )
 
 

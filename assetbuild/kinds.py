@@ -27,11 +27,12 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, ClassVar, Protocol, Self, get_args
 
-from pydantic import ConfigDict
+from pydantic import ConfigDict, Field
 from pydantic.fields import FieldInfo
 
 from assetbuild.engine.step import Files, Step
 from assetbuild.findings import Finding, rounded
+from assetbuild.quantities import Pattern
 from assetbuild.robot.codec import encode
 from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.model import Body, Inertial, Joint, Tree
@@ -135,6 +136,17 @@ class Edit(Step):
         (files.outputs / "links.json").write_bytes(encode(done.tree))
         (files.outputs / "shapes.json").write_bytes(encode(done.shapes))
         return done.findings
+
+
+class MassEdit(Edit):
+    """An edit that can give links a mass."""
+
+    link: Pattern = Field(description="links, by whole name")
+    guessed: bool = Field(
+        False,
+        description="true: nobody measured the mass; a robot all of whose masses are guesses is "
+        "not ready",
+    )
 
 
 @dataclass(frozen=True)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Iterator
 
 from assetbuild.body.inertia_rules import inertia_findings
@@ -11,7 +12,7 @@ from assetbuild.engine.step import Files, Step
 from assetbuild.findings import Finding, Rule
 from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.inertia import InertiaBounds
-from assetbuild.robot.mimic import led_range
+from assetbuild.robot.mimic import common_range, leading, led_range
 from assetbuild.robot.model import Joint, Tree
 from assetbuild.robot.shapes import SourceShapes
 from assetbuild.robot.tree import PLACEHOLDER_KG
@@ -23,8 +24,9 @@ MIMIC_LIMITS = Rule(
     "joint.mimic_limits",
     "warning",
     "a mimic joint is driven beyond its own limits: PhysX blows up on it, MuJoCo holds both "
-    "joints back",
-    "`set_limits` to the range that its leader asks for; check the sign of the multiplier",
+    "joints back (not ready where no range of the leader suits both)",
+    "`set_limits` of the leader, to the range in which all joints keep theirs; check the sign of "
+    "the multiplier",
 )
 LOCKED = Rule(
     "joint.locked",
@@ -61,24 +63,49 @@ NO_COLLISION = Rule(
 )
 
 
+INVENTED = Rule(
+    "inertia.invented",
+    "warning",
+    "every mass of the robot is a guess of the recipe's edits, so the robot is not ready",
+    "give the real masses in the edits, then remove `guessed`",
+    blocks=True,
+)
+
+
 class LintLinks(Step):
-    """`links.json`, `shapes.json` -> findings only.
+    """`links.json`, `shapes.json` -> findings only; of the source and again after the edits.
 
     Mass properties and crossed limits are warnings at most: an edit can heal them, merging fixed
     joints a placeholder, and `lint_bodies` judges what will be simulated.
     """
 
     bounds: InertiaBounds = InertiaBounds()
+    guessed: tuple[str, ...] = ()
+    """Patterns of links whose mass an edit has guessed."""
 
     def run(self, files: Files) -> Iterator[Finding]:
         """Findings in the order of the source's tree."""
         robot = RobotFiles(files.inputs)
+        yield from _invented(robot.links, self.guessed)
         yield from inertia_findings(robot.links, robot.source_shapes, self.bounds, "warning")
         for joint in robot.links.moving_joints:
             yield from _range(joint)
             yield from _drive(joint)
             yield from _led(robot.links, joint)
         yield from _without_collision(robot.links, robot.source_shapes)
+
+
+def _invented(tree: Tree, guessed: tuple[str, ...]) -> Iterator[Finding]:
+    heavy = [body for body in tree.bodies if body.inertial and body.inertial.mass_kg > 0.0]
+    guesses = [b for b in heavy if any(re.fullmatch(pattern, b.name) for pattern in guessed)]
+    if heavy and len(guesses) == len(heavy):
+        yield INVENTED(
+            "robot",
+            f"the masses of all {len(heavy)} links that have one are guesses, as the source states "
+            "none: weights, torques and balance mean nothing",
+            "give the real masses under `edits`, then remove `guessed`",
+            data={"links": len(heavy)},
+        )
 
 
 def _range(joint: Joint) -> Iterator[Finding]:
@@ -117,7 +144,7 @@ def _drive(joint: Joint) -> Iterator[Finding]:
                 f"joint {joint.name}",
                 f"{name} limit is 0 {unit}: taken literally, it cannot move",
                 hint=f"give `{name}` in the recipe's actuator table",
-                data={name: value},
+                data={name: value, "missing": (name,)},
             )
 
 
@@ -130,13 +157,30 @@ def _led(tree: Tree, joint: Joint) -> Iterator[Finding]:
     if joint.mimic is None or over <= CONTRADICTION * max(led[1] - led[0], upper - lower):
         return
     unit = "m" if joint.kind == "prismatic" else "rad"
+    leader, _, _ = leading(tree, joint)
+    common = common_range(tree, leader)
+    apart = common is not None and not has_room(leader, common)
+    said = f"no position of `{leader.name}` suits both: " if apart else ""
+    hint = "has the multiplier a wrong sign? correct the limits of one by `set_limits`"
+    if not apart and common is not None:
+        hint = f"`set_limits: {{joint: {leader.name}, lower: {common[0]:.4g}, "
+        hint += f"upper: {common[1]:.4g}}}` keeps all joints in their ranges; or has the "
+        hint += "multiplier a wrong sign?"
     yield MIMIC_LIMITS(
         f"joint {joint.name}",
         f"mimics `{joint.mimic.joint}` from {led[0]:.4g} to {led[1]:.4g} {unit}, but its limits "
-        f"are {lower:g} to {upper:g}: PhysX blows up on the contradiction, MuJoCo holds both back",
-        "edit `set_limits`: the range that it is led to; or has the multiplier a wrong sign?",
+        f"are {lower:g} to {upper:g}: {said}PhysX blows up on the contradiction, MuJoCo holds both "
+        "back",
+        hint,
         data={"led_lower": led[0], "led_upper": led[1], "lower": lower, "upper": upper},
+        blocks=apart,
     )
+
+
+def has_room(leader: Joint, common: tuple[float, float]) -> bool:
+    """Whether more than rounding is left of a leader's range when its followers keep theirs."""
+    lower, upper = leader.limits.lower or 0.0, leader.limits.upper or 0.0
+    return common[1] - common[0] > CONTRADICTION * (upper - lower)
 
 
 def _without_collision(tree: Tree, shapes: SourceShapes) -> Iterator[Finding]:

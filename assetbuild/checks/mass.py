@@ -2,7 +2,8 @@
 
 The reference is the convex hull of a body's visual geometry (of its collision geometry where it
 has no other), filled evenly. Real parts are hollow or heavy at one end, so only what no part can
-explain is told: a slip of a factor of ten, a tensor in other axes, a centre outside of the part.
+explain is reported: a slip of a factor of ten, a tensor in other axes, a centre outside of the
+part, and what `robot.contradictions` finds.
 """
 
 from __future__ import annotations
@@ -18,10 +19,11 @@ from assetbuild.engine.step import Files
 from assetbuild.errors import StepError
 from assetbuild.findings import Finding, Rule
 from assetbuild.kinds import Check, write_figures
-from assetbuild.mesh.hulls import common_hull, hulls_by_body
+from assetbuild.mesh.hulls import common_hull, extent_of, hulls_by_body
 from assetbuild.mesh.triangles import TriangleMesh
 from assetbuild.mesh.volume import solid_moments
 from assetbuild.quantities import Positive
+from assetbuild.robot.contradictions import Extent, contradictions
 from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.inertia import matrix_of
 from assetbuild.robot.model import Body, Tree
@@ -142,6 +144,7 @@ class Mass(Check):
         for name, row in found.items():
             yield from self._judge(name, row, total)
         yield from _outside(found)
+        yield from contradictions(tree, _extents(hulls))
 
     def _judge_total(self, total: float) -> Iterator[Finding]:
         if self.total_kg is None:
@@ -174,6 +177,14 @@ class Mass(Check):
                 hint="was the tensor given in other axes than the link's? `edits: set_inertia`",
                 data={"angle_rad": row.angle_rad},
             )
+
+
+def _extents(hulls: Mapping[tuple[str, Role], Sequence[TriangleMesh]]) -> dict[str, Extent]:
+    """By body, of all that is seen of it and all that collides."""
+    points: dict[str, list[Array]] = {}
+    for (name, _), own in hulls.items():
+        points.setdefault(name, []).extend(part.vertices for part in own)
+    return {name: extent_of(own) for name, own in points.items()}
 
 
 def _outside(found: Mapping[str, Filled]) -> Iterator[Finding]:

@@ -15,6 +15,7 @@ NO_ACTUATOR = Rule(
     "all moving joints are passive: nothing drives the robot, which is not ready for training",
     "add `actuators` with `effort` and gains; where nothing is meant to drive it, state "
     "`actuators: []` and give the reason as `because` of this rule in `rules`",
+    blocks=True,
 )
 ON_PURPOSE = (
     "; where nothing is meant to drive it: `actuators: []` and "
@@ -172,6 +173,7 @@ def _nothing_drives(joints: int, *, has_table: bool, only_mjcf: int) -> Iterator
             f"other formats the {joints} moving joints are passive",
             hint="add `actuators:` to the recipe",
             data=data | {"in_mjcf": only_mjcf},
+            blocks=False,
         )
     elif has_table:
         message = f"all {joints} moving joints are passive: nothing drives the robot"

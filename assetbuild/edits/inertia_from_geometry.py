@@ -14,14 +14,14 @@ from pydantic import Field, model_validator
 from assetbuild.engine.step import Files, Limits
 from assetbuild.errors import RecipeError, StepError
 from assetbuild.findings import Finding, Rule
-from assetbuild.kinds import ConvertedMesh, Edit, Edited, edit_inertials
+from assetbuild.kinds import ConvertedMesh, Edited, MassEdit, edit_inertials
 from assetbuild.mesh.hull import convex_hull
 from assetbuild.mesh.obj import read_triangles
 from assetbuild.mesh.primitives import volume_of
 from assetbuild.mesh.triangles import merged
 from assetbuild.mesh.volume import is_closed, solid_moments
 from assetbuild.mesh.weld import cleaned
-from assetbuild.quantities import Pattern, Positive
+from assetbuild.quantities import Positive
 from assetbuild.robot.codec import decode_file
 from assetbuild.robot.inertia import combine, move_inertial, tensor_of
 from assetbuild.robot.model import Body, Inertial, Tree
@@ -44,7 +44,7 @@ INERTIA_FROM_GEOMETRY = Rule(
 )
 
 
-class InertiaFromGeometry(Edit):
+class InertiaFromGeometry(MassEdit):
     """Solid, of one density: `density` for each shape, or `mass` for the link as a whole.
 
     A mesh must be closed; `open: hull` takes the convex hull of one that is not. Several shapes
@@ -54,7 +54,6 @@ class InertiaFromGeometry(Edit):
     isolated = True
     limits = Limits(wall_s=120.0)
 
-    link: Pattern = Field(description="links, by whole name")
     density: Positive | None = Field(None, description="kg/m3")
     mass: Positive | None = Field(None, description="kg, of the whole link")
     from_: Literal["visual", "collision"] = Field(
@@ -150,6 +149,7 @@ class InertiaFromGeometry(Edit):
                 "after_kg_m2": after.inertia_com_kg_m2,
                 "volume_m3": volume,
                 "density_kg_m3": density,
+                "stated": ("inertia", "mass"),
             },
         )
 

@@ -7,8 +7,8 @@ from pydantic import Field
 from assetbuild.engine.step import Files
 from assetbuild.errors import RecipeError
 from assetbuild.findings import Finding, Rule
-from assetbuild.kinds import Edit, Edited, edit_inertials
-from assetbuild.quantities import Model, Pattern, Positive, Real
+from assetbuild.kinds import Edited, MassEdit, edit_inertials
+from assetbuild.quantities import Model, Positive, Real
 from assetbuild.robot.inertia import Tensor
 from assetbuild.robot.model import Body, Inertial, Tree
 from assetbuild.robot.pose import Vec3
@@ -28,10 +28,9 @@ class Moments(Model):
     iyz: Real = Field(0.0, description="kg m2")
 
 
-class SetInertia(Edit):
+class SetInertia(MassEdit):
     """What is not given stays; a link without an inertial needs `mass`."""
 
-    link: Pattern = Field(description="links, by whole name")
     inertia: Moments = Field(description="ixx iyy izz ixy ixz iyz, kg m2, about the centre of mass")
     mass: Positive | None = Field(None, description="kg; without it the mass stays")
     com: tuple[Real, Real, Real] | None = Field(
@@ -64,6 +63,7 @@ class SetInertia(Edit):
                 "after_m": com,
                 "before_kg_m2": old.inertia_com_kg_m2,
                 "after_kg_m2": tensor,
+                "stated": ("inertia",) if self.mass is None else ("inertia", "mass"),
             },
         )
         return Inertial(mass, com, tensor), finding

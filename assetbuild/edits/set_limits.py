@@ -56,13 +56,15 @@ class SetLimits(Edit):
                     f"set_limits: joint `{joint.name}` slides: it cannot be unlimited"
                 )
             kind, new = "continuous", replace(new, lower=None, upper=None)
-        if new.lower is not None and new.upper is not None and new.lower >= new.upper:
+        lower, upper = new.lower, new.upper
+        stated = bool({"lower", "upper"} & given.keys())
+        if stated and lower is not None and upper is not None and lower >= upper:
             raise RecipeError(
-                f"set_limits: joint `{joint.name}` would go from {new.lower:g} to {new.upper:g}",
+                f"set_limits: joint `{joint.name}` would go from {lower:g} to {upper:g}",
                 hint="lower must be below upper; what is not given stays",
             )
-        if kind == "continuous" and {"lower", "upper"} & given.keys():
-            if new.lower is None or new.upper is None:
+        if kind == "continuous" and stated:
+            if lower is None or upper is None:
                 raise RecipeError(
                     f"set_limits: joint `{joint.name}` is continuous: give both `lower` and `upper`"
                 )
@@ -73,6 +75,7 @@ class SetLimits(Edit):
         data: dict[str, Scalar | tuple[Scalar, ...]] = {
             "before": tuple(getattr(old, name) for name in FIELDS),
             "after": tuple(getattr(new, name) for name in FIELDS),
+            "stated": (*given, *(("lower", "upper") if self.unlimited else ())),
         }
         finding = SET_LIMITS(f"joint {joint.name}", ", ".join(changes), data=data)
         return replace(joint, kind=kind, limits=new), finding

@@ -9,8 +9,8 @@ from pydantic import Field
 from assetbuild.engine.step import Files
 from assetbuild.errors import RecipeError
 from assetbuild.findings import Finding, Rule
-from assetbuild.kinds import Edit, Edited, edit_inertials
-from assetbuild.quantities import Pattern, Positive
+from assetbuild.kinds import Edited, MassEdit, edit_inertials
+from assetbuild.quantities import Positive
 from assetbuild.robot.inertia import Tensor
 from assetbuild.robot.model import Body, Inertial, Tree
 from assetbuild.robot.shapes import SourceShapes
@@ -20,10 +20,9 @@ SET_MASS = Rule(
 )
 
 
-class SetMass(Edit):
+class SetMass(MassEdit):
     """The inertia grows with the mass (same shape, denser), unless `inertia: keep`."""
 
-    link: Pattern = Field(description="links, by whole name")
     mass: Positive = Field(description="kg")
     inertia: Literal["scale", "keep"] = Field(
         "scale", description="scale: in proportion to the mass; keep: as it is"
@@ -54,6 +53,7 @@ class SetMass(Edit):
                 "after_kg": self.mass,
                 "before_kg_m2": before.inertia_com_kg_m2,
                 "after_kg_m2": tensor,
+                "stated": ("mass",),
             },
         )
         return Inertial(self.mass, before.com_m, tensor), finding

@@ -13,12 +13,17 @@ from pathlib import Path
 
 import numpy as np
 
+from assetbuild.body.lint_links import MIMIC_LIMITS
 from assetbuild.findings import Finding
+from assetbuild.init.contradicted import Weighed, keys_of
 from assetbuild.init.look import InspectedRobot
 from assetbuild.init.mesh_points import is_flat, mesh_of, scaled_points
 from assetbuild.init.patterns import patterns_of
 from assetbuild.init.targets import not_in_usd
 from assetbuild.init.words import inline, plain, some
+from assetbuild.robot.contradictions import FACTOR
+from assetbuild.robot.inertia import principal_moments
+from assetbuild.robot.mimic import common_range, has_range, leading
 from assetbuild.robot.model import Tree
 from assetbuild.robot.shapes import MeshFile
 from assetbuild.source.urdf.joints import LIMIT_OMITTED
@@ -33,8 +38,8 @@ DUMMY_DENSITY = 1e6
 """kg/m3: fifty times the densest matter. Below, a small inertia is odd but can be simulated."""
 
 EDITS = """\
-# The source says what no simulator takes; these edits repair it. Check the numbers: the
-# report compares before and after.
+# The source states what no simulator takes, or what contradicts itself; these edits repair it.
+# Check the numbers: the report compares before and after.
 edits:"""
 
 _BROKEN = {"inertia.missing", "inertia.mass", "inertia.positive", "inertia.dense"}
@@ -92,15 +97,38 @@ def _subject(finding: Finding) -> str:
 
 
 def _inertias(robot: InspectedRobot, root: Path) -> Iterator[Repair]:
-    """One repair for each link that makes a body impossible."""
-    for link, findings in _broken_links(robot).items():
-        rules = {finding.rule for finding in findings}
-        worst = next((f for f in findings if f.rule in _BROKEN), findings[0])
-        if rules & _BROKEN:
-            yield _remade(robot, root, link, worst)
-        else:
+    """One repair for each link that makes a body impossible or contradicts its shapes or twin.
+
+    A mirror twin of the same shape says what is right; without one, the link's own shapes do.
+    """
+    weighed, broken = Weighed(robot, root), _broken_links(robot)
+    wrong = {**weighed.wrong_links(), **{link: _worst(own) for link, own in broken.items()}}
+    for link, finding in wrong.items():
+        twin = weighed.from_twin(link, wrong)
+        rules = {finding.rule for finding in broken.get(link, ())}
+        if twin is not None:
+            name, inertial = twin
+            keys = keys_of(inertial, robot.links.by_body[link].inertial)
+            why = f"the mirror image of `{name}`, its twin, which has the same shape"
+            yield Repair(link, "set_inertia", keys, why, finding.message)
+        elif rules and not rules & _BROKEN and _is_near(robot, link):
             why = "MuJoCo refuses such a tensor; the smallest moment is raised as far as needed"
-            yield Repair(link, "balance_inertia", {}, why, worst.message)
+            yield Repair(link, "balance_inertia", {}, why, finding.message)
+        else:
+            yield _remade(robot, root, link, finding)
+
+
+def _worst(findings: Sequence[Finding]) -> Finding:
+    return next((f for f in findings if f.rule in _BROKEN), findings[0])
+
+
+def _is_near(robot: InspectedRobot, link: str) -> bool:
+    """Whether the largest moment is not so much too large that no smaller one can explain it."""
+    inertial = robot.links.by_body[link].inertial
+    if inertial is None:
+        return False
+    a, b, c = principal_moments(inertial.inertia_com_kg_m2)
+    return c <= FACTOR * (a + b)
 
 
 def _broken_links(robot: InspectedRobot) -> dict[str, list[Finding]]:
@@ -143,10 +171,10 @@ def _remade(robot: InspectedRobot, root: Path, link: str, finding: Finding) -> R
         return _ball(link, mass, _box_m3(robot, root, link), finding)
     how = {"open": "hull"} if shown[0] == "visual" else {"from": shown[0], "open": "hull"}
     if mass > 0.0:
-        matter = {"mass": mass}
+        matter: dict[str, object] = {"mass": mass}
         why = f"its mass as it is, spread over its {shown[0]} shapes (an open mesh: over its hull)"
     else:
-        matter = {"density": GUESSED_DENSITY}
+        matter = {"density": GUESSED_DENSITY, "guessed": True}
         why = (
             f"a guess, as the source states no mass: the volume of its {shown[0]} shapes times the "
             "density of water; put the `mass` here when you know it"
@@ -178,7 +206,7 @@ def _ball(link: str, mass: float, box_m3: float, finding: Finding) -> Repair:
     ball = mass or max(GUESSED_MASS, float(f"{BOARDS * box_m3:.2g}"))
     radius = (3.0 * ball / (4.0 * math.pi * GUESSED_DENSITY)) ** (1.0 / 3.0)
     moment = float(f"{0.4 * ball * radius**2:.3g}")
-    keys: dict[str, object] = {} if mass else {"mass": ball}
+    keys: dict[str, object] = {} if mass else {"mass": ball, "guessed": True}
     keys["inertia"] = dict.fromkeys(("ixx", "iyy", "izz"), moment)
     why = f"a guess, as it has no solid shape: a ball of {ball:g} kg and the density of water"
     return Repair(link, "set_inertia", keys, why, finding.message)
@@ -224,10 +252,41 @@ def _limits(robot: InspectedRobot) -> Iterator[Repair]:
             limits = robot.links.by_joint[name].limits
             keys = {"lower": limits.upper, "upper": limits.lower}
             yield Repair(name, "set_limits", keys, "the two limits change places", finding.message)
-        elif finding.rule == "joint.mimic_limits":
-            keys = {e: float(f"{finding.data[f'led_{e}']:.9g}") for e in ("lower", "upper")}
-            why = "no simulator holds both orders: it gets the range that it is led to"
-            yield Repair(name, "set_limits", keys, why, finding.message)
+    yield from _led(robot)
+
+
+def _led(robot: InspectedRobot) -> Iterator[Repair]:
+    """A leader is narrowed until its followers keep their ranges: no stop is moved outwards.
+
+    A follower that states no range gets the one that it is led to. Where no range suits both,
+    nothing is repaired: see `unmended`.
+    """
+    narrowed = set()
+    for finding in robot.link_findings:
+        if finding.rule != MIMIC_LIMITS.id or finding.blocks:
+            continue
+        follower = robot.links.by_joint[_subject(finding)]
+        leader, _, _ = leading(robot.links, follower)
+        common = common_range(robot.links, leader)
+        if not has_range(follower):
+            ends = (finding.data["led_lower"], finding.data["led_upper"])
+            why = "it states no range of its own: it gets the one that it is led to"
+            yield Repair(follower.name, "set_limits", _ends(ends), why, finding.message)
+        elif common is not None and leader.name not in narrowed:
+            narrowed.add(leader.name)
+            why = "the leader is narrowed: no simulator holds both orders, and no stop is passed"
+            yield Repair(leader.name, "set_limits", _ends(common), why, finding.message)
+
+
+def _ends(ends: Sequence[object]) -> dict[str, object]:
+    return {n: float(f"{end:.9g}") for n, end in zip(("lower", "upper"), ends, strict=True)}
+
+
+def unmended(robot: InspectedRobot) -> Iterator[str]:
+    """Stated ranges that contradict each other, each a sentence with the edit that mends it."""
+    for finding in robot.link_findings:
+        if finding.rule == MIMIC_LIMITS.id and finding.blocks:
+            yield f"{finding.subject}: {finding.message} ({finding.hint})"
 
 
 def _has_no_range(robot: InspectedRobot, finding: Finding) -> bool:

@@ -8,6 +8,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+from assetbuild.init import contradicted
 from assetbuild.init.anatomy import Anatomy, Leg
 from assetbuild.init.collision import collision, compound_pairs, soles_of
 from assetbuild.init.drives import (
@@ -26,7 +27,7 @@ from assetbuild.init.look import InspectedRobot
 from assetbuild.init.loops import NO_LOOPS, FoundLoops, find_loops
 from assetbuild.init.mend import mended
 from assetbuild.init.patterns import pattern_of, patterns_of
-from assetbuild.init.repairs import repairs, repairs_text
+from assetbuild.init.repairs import repairs, repairs_text, unmended
 from assetbuild.init.source import UrdfSource
 from assetbuild.init.strength import MARGIN, ROTOR_RULE, is_locked, strengthened
 from assetbuild.init.targets import targets
@@ -81,7 +82,8 @@ def recipe_text(robot: InspectedRobot, anatomy: Anatomy, source: UrdfSource, pat
     pairs = Exclude(adjacent=True, pairs=tuple(compound_pairs(robot.tree, anatomy.size_m)))
     chosen = chosen.model_copy(update={"exclude": pairs})
     trial = try_whole(whole, source.root, soles, chosen, trial, turn)
-    tuning = replace(tuning, unmended=(*_locked(tree), *tuning.unmended))
+    left = (*unmended(robot), *contradicted.unmended(contradicted.Weighed(whole, source.root)))
+    tuning = replace(tuning, unmended=(*_locked(tree), *left, *tuning.unmended))
     more = (*_arguments(source), *_packages(source), *up_axis)
     text = written(
         head(whole, anatomy, path, tuning.unmended),

@@ -11,7 +11,10 @@ from assetbuild.errors import StepError
 from assetbuild.mesh.hull import convex_hull
 from assetbuild.mesh.primitives import tessellate
 from assetbuild.mesh.triangles import TriangleMesh
+from assetbuild.mesh.volume import solid_moments
+from assetbuild.robot.contradictions import Extent
 from assetbuild.robot.files import RobotFiles
+from assetbuild.robot.pose import Array
 from assetbuild.robot.shapes import Mesh, Role, Shapes
 
 
@@ -62,3 +65,14 @@ def common_hull(hulls: Sequence[TriangleMesh]) -> TriangleMesh:
     if len(hulls) == 1 and len(hulls[0].faces):
         return hulls[0]
     return convex_hull(np.concatenate([hull.vertices for hull in hulls]))
+
+
+def extent_of(points: Sequence[Array]) -> Extent:
+    """What points (n, 3) of one body's shapes span; without volume where they lie in a plane."""
+    cloud = np.concatenate(points)
+    try:
+        hull = convex_hull(cloud)
+    except StepError:
+        return Extent(cloud, 0.0, np.zeros(3))
+    volume, _, inertia = solid_moments(hull)
+    return Extent(hull.vertices, float(volume), np.asarray(np.linalg.eigvalsh(inertia), np.float64))

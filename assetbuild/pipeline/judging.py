@@ -17,9 +17,11 @@ from assetbuild.findings import Finding
 from assetbuild.kinds import Check
 from assetbuild.lock import lock_path, place_of_pin
 from assetbuild.looks.plan import PICTURE_MODEL
+from assetbuild.pipeline.answers import answers
 from assetbuild.pipeline.licences import licence_findings
 from assetbuild.plan import Outline
 from assetbuild.plan.asked import asked
+from assetbuild.plan.edits import AGAIN
 from assetbuild.plugins import plugin_names
 from assetbuild.recipe.loader import LoadedRecipe
 from assetbuild.recipe.models import Recipe, Waiver
@@ -102,10 +104,15 @@ def findings_of(
 ) -> list[Finding]:
     """What the steps say, under the names of the robot: a step knows neither mesh nor part."""
     findings: list[Finding] = []
+    said = {"": answers(loaded.recipe, results, "")}
+    for row, part in zip(loaded.recipe.compose, loaded.parts, strict=True):
+        said[row.as_] = answers(part.recipe, results, f"{row.as_} ")
     for label, result in results.items():
         if label != PICTURE_MODEL:  # the target `mjcf` says the same
-            subject = outline.subjects.get(label)
-            own = _of_part(loaded, label, result.findings)
+            subject, again = outline.subjects.get(label), results.get(label + AGAIN)
+            whose = said.get(label.partition(" ")[0], said[""])
+            left = whose.left_open(result.findings, again.findings if again else None)
+            own = _of_part(loaded, label, left)
             findings += (replace(f, subject=subject) for f in own) if subject else own
     return findings
 

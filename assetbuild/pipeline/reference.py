@@ -31,7 +31,9 @@ rules: {inertia.radius: {severity: info, because: "carbon tube"}}
 ```
 
 `*` stands for a part that names what differs. Where a rule has several severities, the usual one
-comes first.
+comes first. A robot is not ready where an error is found, or a warning that blocks: of the rules
+marked here, and of others in the cases that their meaning names. A finding on the source that an
+edit or the actuator table answers is information, and names it.
 
 - The limits behind the rules are keys of the recipe: `validate.inertia`, `validate.gains`,
   `validate.stand`, `validate.free_fall`, `validate.trials`, `validate.mass`, `validate.mirror`.
@@ -119,7 +121,7 @@ def _page(family: str, held: list[Entry]) -> str:
 
 
 def _row(rule: Rule) -> str:
-    severities = ", ".join(rule.severities)
+    severities = ", ".join(rule.severities) + (" (blocks)" if rule.blocks else "")
     cells = (f"`{rule.id}`", severities, rule.meaning, rule.remedy)
     return "| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |\n"
 

@@ -33,7 +33,7 @@ from assetbuild.kinds import Check, Target, lacking
 from assetbuild.lock import Lock, lock_path, read_lock
 from assetbuild.looks.plan import lightened, looks
 from assetbuild.plan.agree import check_against_robot, check_names, turned_meshes
-from assetbuild.plan.edits import apply_edits, edit_keys
+from assetbuild.plan.edits import AGAIN, apply_edits, edit_keys, guessed_links
 from assetbuild.plugins import load_plugin, plugin_names
 from assetbuild.recipe.loader import LoadedRecipe
 from assetbuild.recipe.models import Recipe
@@ -149,7 +149,8 @@ def _prepare(loaded: LoadedRecipe, lock: Lock | None, outline: Outline, p: Plann
     read = read_description(loaded.recipe, source, description, p)
     if read is None:
         return None
-    p.add("lint_links", LintLinks(bounds=loaded.recipe.validate_.inertia), dict(read.robot))
+    bounds = loaded.recipe.validate_.inertia
+    p.add("lint_links", LintLinks(bounds=bounds), dict(read.robot))
     lint_export(loaded.recipe, source, description, read, p)
     outline.source_map = read.source_map
     outline.expanded = description.ref if loaded.recipe.source.xacro else None
@@ -159,6 +160,9 @@ def _prepare(loaded: LoadedRecipe, lock: Lock | None, outline: Outline, p: Plann
     edited = apply_edits(loaded, read.robot, geometry, p)
     if edited is None:
         return None
+    if loaded.recipe.edits:  # what the edits answered, and what they left or made
+        lint = LintLinks(bounds=bounds, guessed=guessed_links(loaded))
+        p.add(f"lint_links{AGAIN}", lint, edited)
     return Ready(read, edited, geometry, read.source_map, (own_side(loaded.recipe),))
 
 

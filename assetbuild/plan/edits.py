@@ -9,13 +9,15 @@ from assetbuild.engine.graph import Ref
 from assetbuild.engine.planner import Planner
 from assetbuild.errors import did_you_mean
 from assetbuild.geometry.plan import Geometry
-from assetbuild.kinds import Edit
+from assetbuild.kinds import Edit, MassEdit
 from assetbuild.recipe.loader import LoadedRecipe
 from assetbuild.robot.codec import decode
 from assetbuild.robot.model import Tree
 from assetbuild.robot.shapes import MeshFile, SourceShapes
 
 Key = tuple[str | int, ...]
+AGAIN = " edited"
+"""What a lint's label ends with that runs on the edited robot."""
 
 
 def edits_of(loaded: LoadedRecipe) -> list[tuple[str, Edit, Key]]:
@@ -50,6 +52,12 @@ def apply_edits(
         node = p.add(edit_label(number, name), edit, inputs)
         robot = {port: node[port] for port in robot}
     return robot
+
+
+def guessed_links(loaded: LoadedRecipe) -> tuple[str, ...]:
+    """Patterns of the links whose mass an edit only guesses."""
+    edits = [edit for _, edit, _ in edits_of(loaded) if isinstance(edit, MassEdit)]
+    return tuple(edit.link for edit in edits if edit.guessed)
 
 
 def edit_label(number: int, name: str) -> str:

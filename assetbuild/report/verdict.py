@@ -6,7 +6,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from typing import Literal, get_args
 
-from assetbuild.control.actuator_findings import NO_ACTUATOR
 from assetbuild.findings import Finding, Rule, is_consequence
 
 Status = Literal["pass", "fail", "skip"]
@@ -19,12 +18,14 @@ NOT_RUN = Rule(
     "warning",
     "the recipe asks for a check that did not run, so the robot is not ready for training",
     "provide what the message names, or remove the request from `validate`",
+    blocks=True,
 )
 NOT_COMPARED = Rule(
     "formats.not_compared",
     "warning",
     "no reader of facts compares what a target wrote with the robot, so the robot is not ready",
     "write a reader for the format (docs/how-to/plugins.md), or waive the rule with the reason",
+    blocks=True,
 )
 EXPERIMENTS = (("stand", "stood"), ("trials", "untouched"))
 """Checks that leave the robot alone under its drives, and the figure that says what it did."""
@@ -146,7 +147,7 @@ def _blocked(
     findings: Sequence[Finding], checks: Mapping[str, CheckResult]
 ) -> tuple[tuple[str, ...], str]:
     """The rules that block training, and the next step."""
-    blocking = [f for f in findings if _blocks(f)]
+    blocking = [f for f in findings if f.unready]
     if blocking:
         causes = [f for f in blocking if not is_consequence(f)] or blocking
         first = causes[0]
@@ -159,17 +160,6 @@ def _blocked(
         return (), f"read {them}, then train"
     skipped = sorted(name for name, check in checks.items() if check.status == "skip")
     return (), f"train; not checked here: {', '.join(skipped)}" if skipped else "train"
-
-
-def _blocks(finding: Finding) -> bool:
-    """Errors, and warnings of what makes a robot useless for training though its files are right.
-
-    A robot that nothing drives is none of these where its source's MJCF has drives of its own.
-    """
-    if finding.severity == "error":
-        return True
-    useless = finding.rule in (NOT_RUN.id, NOT_COMPARED.id, NO_ACTUATOR.id)
-    return useless and finding.severity == "warning" and "in_mjcf" not in finding.data
 
 
 # --- formats ----------------------------------------------------------------------------------

@@ -31,6 +31,44 @@ def led_range(tree: Tree, joint: Joint) -> tuple[float, float] | None:
     return min(ends), max(ends)
 
 
+def leading(tree: Tree, joint: Joint) -> tuple[Joint, float, float]:
+    """(leader, multiplier, offset): the joint at the head of its chain, and what it asks of this.
+
+    q(joint) = offset + multiplier * q(leader); the joint itself, 1 and 0 where it mimics nothing.
+    """
+    if joint.mimic is None:
+        return joint, 1.0, 0.0
+    leader, factor, offset = leading(tree, tree.by_joint[joint.mimic.joint])
+    own = joint.mimic
+    return leader, own.multiplier * factor, own.offset + own.multiplier * offset
+
+
+def common_range(tree: Tree, leader: Joint) -> tuple[float, float] | None:
+    """(lower, upper) of a leader in which all that follow it stay in their own ranges, rad or m.
+
+    A follower whose two limits are equal states no range. None = the leader has no limits; lower
+    is above upper where no position suits all.
+    """
+    lower, upper = leader.limits.lower, leader.limits.upper
+    if lower is None or upper is None:
+        return None
+    for joint in tree.moving_joints:
+        own_leader, factor, offset = leading(tree, joint)
+        ends = joint.limits.lower, joint.limits.upper
+        if joint.mimic is None or own_leader.name != leader.name or not has_range(joint):
+            continue
+        if factor != 0.0:
+            at = sorted((end - offset) / factor for end in ends if end is not None)
+            lower, upper = max(lower, at[0]), min(upper, at[1])
+    return lower, upper
+
+
+def has_range(joint: Joint) -> bool:
+    """Whether it states two limits that leave it room."""
+    lower, upper = joint.limits.lower, joint.limits.upper
+    return joint.kind != "continuous" and None not in (lower, upper) and lower != upper
+
+
 def _value(tree: Tree, joint: Joint, q: Mapping[str, float], seen: tuple[str, ...]) -> float:
     if joint.mimic is None:
         return float(q.get(joint.name, 0.0))

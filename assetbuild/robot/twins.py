@@ -163,7 +163,7 @@ def twins(parts: Sequence[Part], tolerance_m: float = PLACE_M) -> Twins:
     named = _named(parts)
     found = [
         Twins(
-            tuple((a, b) for a, b in named if _opposite(a.place, b.place, axis, tolerance_m)),
+            tuple((a, b) for a, b in named if is_opposite(a.place, b.place, axis, tolerance_m)),
             axis,
         )
         for axis in PLANES
@@ -172,7 +172,8 @@ def twins(parts: Sequence[Part], tolerance_m: float = PLACE_M) -> Twins:
     return replace(best, behind=tuple(_behind(parts)))
 
 
-def _opposite(p: Array, q: Array, axis: int, tolerance_m: float) -> bool:
+def is_opposite(p: Array, q: Array, axis: int, tolerance_m: float = PLACE_M) -> bool:
+    """Whether two places (3,), m, mirror each other in a plane through the root, off that plane."""
     image = np.array(p)
     image[axis] *= -1.0
     return bool(np.linalg.norm(image - q) <= tolerance_m <= abs(p[axis]))

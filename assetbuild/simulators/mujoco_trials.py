@@ -18,6 +18,7 @@ from assetbuild.simulators.mujoco import (
     Model,
     at_key,
     caught_warnings,
+    explicit_pairs,
     floors,
     follow,
     is_finite,
@@ -25,6 +26,7 @@ from assetbuild.simulators.mujoco import (
     overlaps,
     raise_base,
     step_for,
+    touching_geoms,
     turning,
     without,
 )
@@ -205,6 +207,24 @@ def overlaps_at_home(model: Model) -> Mapping[tuple[str, str], float]:
     """Depth (m) in which bodies of the robot lie in one another in the initial pose."""
     with caught_warnings():
         return _largest_first(overlaps(model, at_key(model), "body"))
+
+
+def depths_in_floor(model: Model) -> Mapping[str, float]:
+    """Depth (m) in which moving bodies of the robot lie in a floor in the initial pose."""
+    found: dict[str, float] = {}
+    data, planes = at_key(model), floors(model)
+    for contact in data.contact[: data.ncon]:
+        pair = {int(contact.geom1), int(contact.geom2)}
+        for geom in pair - set(planes) if pair & set(planes) else ():
+            body = name_of(model, "body", int(model.geom_bodyid[geom]))
+            found[body] = max(found.get(body, 0.0), -float(contact.dist))
+    return dict(sorted(found.items(), key=lambda item: (-item[1], item[0])))
+
+
+def touches_floors(model: Model) -> bool:
+    """Whether a shape of the robot can touch a floor, by MuJoCo's masks or an explicit pair."""
+    planes = set(floors(model))
+    return any(planes & set(pair) for pair in (*touching_geoms(model), *explicit_pairs(model)))
 
 
 def _largest_first(found: Mapping[tuple[str, str], float]) -> Mapping[tuple[str, str], float]:

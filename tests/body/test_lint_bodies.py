@@ -149,8 +149,9 @@ def test_the_bound_itself_is_allowed(tmp_path: Path):
 
 
 def test_a_kept_body_without_mass_is_a_warning(tmp_path: Path):
-    (finding,) = lint(None, tmp_path, kind="fixed")
+    finding, empty = lint(None, tmp_path, kind="fixed")
     assert (finding.rule, finding.severity) == ("inertia.missing", "warning")
+    assert (empty.rule, empty.unready) == ("robot.empty", True)  # nothing moves or has a shape
 
 
 def test_go1s_singular_base_is_valid_once_merged(go1_root: Path, tmp_path: Path):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -15,9 +16,12 @@ from assetbuild.robot.shapes import Box, SourceShape, SourceShapes
 BRICK = box_inertial(1.0, (0.1, 0.1, 0.1))
 
 
-def lint(tree: Tree, tmp_path: Path, shapes: SourceShapes | None = None) -> list[Finding]:
+def lint(
+    tree: Tree, tmp_path: Path, shapes: SourceShapes | None = None, guessed: tuple[str, ...] = ()
+) -> list[Finding]:
     robot = TinyRobot(tree, tree, shapes or SourceShapes())
-    return run_step(LintLinks(), write_source_ports(tmp_path / "in", robot), tmp_path / "out")
+    step = LintLinks(guessed=guessed)
+    return run_step(step, write_source_ports(tmp_path / "in", robot), tmp_path / "out")
 
 
 def arm(
@@ -75,16 +79,24 @@ def coupled(multiplier: float, offset: float = 0.0) -> Tree:
 
 
 @pytest.mark.parametrize(
-    ("multiplier", "offset", "led"),
-    [(-1.0, 0.0, (-0.5, 0.0)), (1.5, 0.0, (0.0, 0.75)), (1.0, 0.3, (0.3, 0.8))],
+    ("multiplier", "offset", "led", "apart"),
+    [
+        (-1.0, 0.0, (-0.5, 0.0), True),  # only 0 suits both
+        (1.5, 0.0, (0.0, 0.75), False),  # the leader may go to 0.333
+        (1.0, 0.3, (0.3, 0.8), False),  # to 0.2
+        (1.0, 0.7, (0.7, 1.2), True),
+        (2.0, -0.2, (-0.2, 0.8), False),  # from 0.1 to 0.35
+    ],
 )
 def test_a_finger_that_is_led_over_its_limits(
-    multiplier: float, offset: float, led: tuple[float, float], tmp_path: Path
+    multiplier: float, offset: float, led: tuple[float, float], apart: bool, tmp_path: Path
 ):
+    """It is not ready where no position of the leader suits both."""
     (finding,) = lint(coupled(multiplier, offset), tmp_path)
     assert (finding.rule, finding.severity) == ("joint.mimic_limits", "warning")
     assert finding.subject == "joint follow"
     assert (finding.data["led_lower"], finding.data["led_upper"]) == pytest.approx(led)
+    assert finding.unready == apart
 
 
 @pytest.mark.parametrize(("multiplier", "offset"), [(1.0, 0.0), (-1.0, 0.5), (0.4, 0.1)])
@@ -114,3 +126,16 @@ def test_a_link_on_a_fixed_joint_may_be_a_frame_without_mass(tmp_path: Path):
     nothing = Inertial(0.0, (0.0,) * 3, (0.0,) * 6)
     assert lint(arm(inertial=nothing, kind="fixed"), tmp_path) == []
     assert lint(arm(inertial=None, kind="fixed"), tmp_path / "b") == []
+
+
+@pytest.mark.parametrize(
+    ("guessed", "invented"),
+    [((), False), (("arm",), False), (("arm", "base"), True), ((".*",), True), (("ar",), False)],
+)
+def test_a_robot_all_of_whose_masses_are_guesses_is_not_ready(
+    guessed: tuple[str, ...], invented: bool, tmp_path: Path
+):
+    robot = arm()
+    bodies = tuple(replace(body, inertial=BRICK) for body in robot.bodies)
+    found = lint(replace(robot, bodies=bodies), tmp_path, guessed=guessed)
+    assert [(f.rule, f.unready) for f in found] == [("inertia.invented", True)] * invented

@@ -209,6 +209,48 @@ def test_bodies_that_lie_in_one_another_at_home_are_told_with_their_depth(tmp_pa
     assert all("where it starts" in f.message for f in deep)
 
 
+def at_height(metres: float) -> TinyRobot:
+    """The quadruped so much above the place where its feet touch the floor."""
+    control = QUADRUPED.control
+    keys = tuple(replace(k, base=replace(k.base, xyz=(*k.base.xyz[:2], k.base.xyz[2] + metres)))
+                 if k.base else k for k in control.keyframes)  # fmt: skip
+    return replace(QUADRUPED, control=replace(control, keyframes=keys))
+
+
+@pytest.mark.parametrize(
+    ("height", "depth", "unready"),
+    [(0.0, None, False), (0.03, None, False), (-0.003, 0.003, False), (-0.02, 0.02, True)],
+)
+def test_a_robot_that_starts_in_the_floor_is_not_ready(
+    height: float, depth: float | None, unready: bool, tmp_path: Path
+):
+    """Its feet are spheres: they lie as deep as the base is low."""
+    found = [f for f in tried(at_height(height), tmp_path) if f.rule == "trials.floor"]
+    assert {f.unready for f in found} == ({unready} if depth else set())
+    for finding in found:
+        assert finding.data["depth_m"] == pytest.approx(depth, abs=2e-4)
+
+
+def test_what_is_bolted_to_the_floor_may_reach_into_it(tmp_path: Path):
+    """A base that does not move touches nothing; the arm on it does."""
+    found = [f for f in tried(pendulum(), tmp_path) if f.rule == "trials.floor"]
+    assert all(f.subject != "link base" for f in found)
+
+
+def test_a_floating_robot_without_collision_is_not_ready(tmp_path: Path):
+    bare = replace(QUADRUPED, shapes=Shapes(QUADRUPED.shapes.of("visual")))
+    (found,) = [f for f in tried(bare, tmp_path) if f.rule == "trials.nothing_touches"]
+    assert found.unready
+    fixed = replace(bare, tree=replace(bare.tree, base="fixed"))
+    assert "trials.nothing_touches" not in rules(tried(fixed, tmp_path / "fixed"))
+
+
+def test_only_a_deep_overlap_at_the_start_keeps_a_robot_from_being_ready(tmp_path: Path):
+    found = [f for f in tried(wide_trunk(), tmp_path) if "depth_m" in f.data]
+    assert found
+    assert all(f.unready == (float(str(f.data["depth_m"])) > 0.005) for f in found)
+
+
 def figures(folder: Path) -> dict[str, Any]:
     return json.loads((folder / "out/figures.json").read_text())
 

@@ -30,6 +30,7 @@ RULES = {
     "limits": "a lower limit lies above the upper one",
     "absurd": "a link weighs more than 10 t, all that is stated is less than 1 g, or a joint lies "
     "more than 30 m from its parent",
+    "massless": "no link of the URDF states a mass above zero: every mass would be invented",
     "soft": "the MJCF has flexes, which are no rigid bodies",
 }
 
@@ -126,6 +127,8 @@ def _numbers(robot: Element, joints: list[Element]) -> Iterator[str]:
         moments = np.linalg.eigvalsh([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
         if moments[0] < -1e-6 * abs(moments[2]):
             yield f"tensor: {name} has the principal moment {moments[0]:.3g} kg m2"
+    if total == 0.0:
+        yield "massless: no link states a mass above zero"
     if stated and 0 < total < 1e-3:
         yield f"absurd: it weighs {total:g} kg"
     for joint in joints:

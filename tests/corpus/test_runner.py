@@ -72,6 +72,7 @@ def test_a_list_is_split_by_the_names(sources: Path):
         ('lower="-1"', 'lower="2"', "limits"),
         ('value="2"', 'value="-2"', "mass"),
         ('value="2"', 'value="20000"', "absurd"),
+        ('<mass value="', '<mass value="0" was="', "massless"),
         ('value="2"', 'value="nan"', "number"),
         ('ixx="0.01"', 'ixx="-0.01"', "tensor"),
         (GOOD, "<robot name=", "readers"),

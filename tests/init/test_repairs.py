@@ -119,17 +119,117 @@ def test_a_dummy_that_is_positive_is_computed_too(tmp_path: Path):
     assert edits_for(chain(dense), tmp_path) == []
 
 
-def test_a_mimic_joint_gets_the_range_that_it_is_led_to(tmp_path: Path):
-    text = chain(inertial(1.0), inertial(1.0))
-    mimic = "<mimic joint='joint0' multiplier='-2' offset='0.5'/></joint></robot>"
-    text = text.replace("</joint>\n</robot>", mimic)
-    (edit,) = edits_for(text, tmp_path)
+MIMIC = "<mimic joint='joint0' multiplier='{}' offset='{}'/>"
+
+
+def led(multiplier: float, offset: float, lower: float = -1.0, upper: float = 1.0) -> str:
+    """A leader of -1 to 1 rad, and a follower with a range of its own."""
+    limit = f"<limit lower='{lower}' upper='{upper}' effort='9' velocity='5'/>"
+    head, _, tail = chain(inertial(1.0), inertial(1.0)).rpartition(LIMIT)
+    return head + limit + MIMIC.format(multiplier, offset) + tail
+
+
+@pytest.mark.parametrize(
+    ("follower", "lower", "upper"),
+    [
+        (led(-2.0, 0.5), -0.25, 0.75),  # 0.5 - 2 q in -1 .. 1
+        (led(1.0, 0.0, -0.5, 3.0), -0.5, 1.0),
+        (led(3.0, 0.0), -1 / 3, 1 / 3),
+        (led(1.0, 0.2), -1.0, 0.8),
+        (led(-1.0, 0.0, -0.2, 0.6), -0.6, 0.2),
+    ],
+)
+def test_a_leader_is_narrowed_and_no_stop_is_passed(
+    follower: str, lower: float, upper: float, tmp_path: Path
+):
+    (edit,) = edits_for(follower, tmp_path)
+    limits = edit["set_limits"]
+    assert limits["joint"] == "joint0"
+    assert (limits["lower"], limits["upper"]) == pytest.approx((lower, upper))
+
+
+def test_a_follower_without_a_range_gets_the_one_that_it_is_led_to(tmp_path: Path):
+    (edit,) = edits_for(led(-2.0, 0.5, 0.0, 0.0), tmp_path)
     assert edit == {"set_limits": {"joint": "joint1", "lower": -1.5, "upper": 2.5}}
+
+
+def test_two_ranges_that_share_no_position_are_left_and_said_to_be(tmp_path: Path):
+    assert edits_for(led(1.0, 0.0, 2.0, 3.0), tmp_path) == []
+    text = (tmp_path / "bot.yaml").read_text()
+    assert "# NOT READY: joint joint1: mimics `joint0`" in text
+
+
+@pytest.mark.parametrize("multiplier", [1.0, -1.0, 0.5])
+def test_ranges_that_fit_are_left_alone(multiplier: float, tmp_path: Path):
+    assert edits_for(led(multiplier, 0.0), tmp_path) == []
+
+
+# --- twins ------------------------------------------------------------------------------------
+
+HIP = tensor(0.0004, 0.0005, 0.00045)
+"""kg m2, of 0.6 kg in a box of 10 cm."""
+
+
+def hips(right: str, *, turned: str = "", mass: float = 0.6) -> str:
+    """Two hips at mirrored places. turned: of the right one's frame, rpy."""
+    parts = [link("base", inertial(5.0))]
+    for side, y, own, kg in (("left", 0.1, HIP, 0.6), ("right", -0.1, right, mass)):
+        name = f"{side}_hip"
+        content = inertial(kg, own) + shape("collision", box())
+        hinge = joint(f"{name}_joint", "base", name, xyz=f"0.2 {y} 0", axis="1 0 0")
+        if turned and side == "right":
+            hinge = hinge.replace("<origin xyz", f'<origin rpy="{turned}" xyz')
+        parts += [link(name, content), hinge]
+    return robot(*parts, name="bot")
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        tensor(0.0004, 0.0005, 0.09),  # 200 times, and beyond A + B
+        tensor(0.08, 0.1, 0.09),  # valid, but beyond m r²
+        tensor(0.0, 0.0, 0.0),
+        tensor(1.0, 1.0, 1.0),
+        tensor(0.00001, 0.0005, 0.0005),
+    ],
+)
+def test_an_impossible_tensor_becomes_its_twins(wrong: str, tmp_path: Path):
+    (edit,) = edits_for(hips(wrong), tmp_path)
+    assert edit == {
+        "set_inertia": {
+            "link": "right_hip",
+            "inertia": {"ixx": 0.0004, "iyy": 0.0005, "izz": 0.00045},
+        }
+    }
+
+
+def test_the_twins_tensor_is_turned_into_the_links_own_frame(tmp_path: Path):
+    """A frame that is turned by 90° about x has y where z was."""
+    (edit,) = edits_for(hips(tensor(1, 1, 1), turned="1.5707963267948966 0 0"), tmp_path)
+    moments = edit["set_inertia"]["inertia"]
+    assert [moments[k] for k in ("ixx", "iyy", "izz")] == pytest.approx([4e-4, 4.5e-4, 5e-4])
+
+
+def test_a_mass_far_from_the_twins_is_taken_from_it_too(tmp_path: Path):
+    (edit,) = edits_for(hips(tensor(0.04, 0.05, 0.045), mass=60.0), tmp_path)
+    assert edit["set_inertia"]["mass"] == 0.6
+
+
+def test_twins_within_a_factor_of_three_are_left_alone(tmp_path: Path):
+    assert edits_for(hips(tensor(0.0009, 0.001, 0.0009)), tmp_path) == []
+
+
+def test_a_placeholder_without_a_twin_is_computed_from_the_shapes(tmp_path: Path):
+    """1 kg m2 on 2 kg in a box of 10 cm is 67 times m r²."""
+    wrong = inertial(2.0, tensor(1, 1, 1)) + shape("visual", box())
+    (edit,) = edits_for(chain(inertial(1.0), wrong), tmp_path)
+    assert edit == {"inertia_from_geometry": {"link": "link1", "mass": 2.0, "open": "hull"}}
 
 
 def test_a_missing_mass_is_a_guess_that_says_so(tmp_path: Path):
     (edit,) = edits_for(chain(shape("visual", box())), tmp_path)
-    assert edit == {"inertia_from_geometry": {"link": "link0", "density": 1000, "open": "hull"}}
+    guess = {"link": "link0", "guessed": True, "density": 1000, "open": "hull"}
+    assert edit == {"inertia_from_geometry": guess}
     assert "a guess, as the source states no mass" in (tmp_path / "bot.yaml").read_text()
 
 
@@ -141,7 +241,7 @@ def test_a_flat_picture_has_no_volume_to_weigh(tmp_path: Path):
     """The build would refuse `open: hull` of it: the collision shape is taken, or a ball."""
     (tmp_path / "sheet.obj").write_text(SHEET)
     (edit,) = edits_for(chain(DRAWN_FLAT + shape("collision", box())), tmp_path)
-    told = {"link": "link0", "density": 1000, "from": "collision", "open": "hull"}
+    told = {"link": "link0", "guessed": True, "density": 1000, "from": "collision", "open": "hull"}
     assert edit == {"inertia_from_geometry": told}
     (edit,) = edits_for(chain(DRAWN_FLAT), tmp_path)
     assert edit["set_inertia"]["mass"] == 0.01
@@ -151,7 +251,8 @@ def test_without_any_shape_it_becomes_a_ball(tmp_path: Path):
     """10 g of water: 1.337 cm, 0.4 m r^2 = 7.145e-7 kg m2."""
     (edit,) = edits_for(chain(""), tmp_path)
     moments = {"ixx": 7.14e-07, "iyy": 7.14e-07, "izz": 7.14e-07}
-    assert edit == {"set_inertia": {"link": "link0", "mass": 0.01, "inertia": moments}}
+    ball = {"link": "link0", "guessed": True, "mass": 0.01, "inertia": moments}
+    assert edit == {"set_inertia": ball}
 
 
 def test_links_between_joints_get_a_share(tmp_path: Path):

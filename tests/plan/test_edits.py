@@ -27,8 +27,9 @@ def findings(folder: Path, *edits: str):
 
 def test_lints_see_the_source_before_and_the_bodies_after(tmp_path):
     found = findings(tmp_path, "balance_inertia: {link: tip}")
-    triangle = [f.severity for f in found if f.rule == "inertia.triangle"]
-    assert triangle == ["warning"]  # of the raw link; the body has none any more
+    (triangle,) = (f for f in found if f.rule == "inertia.triangle")
+    assert triangle.severity == "info"  # of the raw link; the body has none any more
+    assert triangle.data["answered_by"] == ("balance_inertia",)
     (edit,) = (f for f in found if f.rule == "edit.balance_inertia")
     assert edit.data["after_smallest_kg_m2"] == pytest.approx(0.9)
 

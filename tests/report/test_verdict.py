@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from assetbuild.findings import Finding
+from assetbuild.findings import Finding, Rule, finding_from_json
 from assetbuild.report.document import make_report
 from assetbuild.report.verdict import (
     NOT_RUN,
@@ -122,6 +122,17 @@ def test_a_check_that_was_asked_for_and_did_not_run_blocks_until_it_is_waived():
     assert not verdict(missing).ready
     waived = Finding(missing.rule, "info", missing.subject, missing.message)
     assert verdict(waived).ready
+
+
+def test_a_rule_says_itself_whether_its_warnings_block():
+    rule = Rule("some.rule", ("warning", "info"), "odd", "mend it", blocks=True)
+    told = rule("link a", "odd")
+    assert (verdict(told).ready, verdict(told).blocked_by) == (False, ("some.rule",))
+    assert verdict(rule("link a", "odd", severity="info")).ready
+    assert verdict(rule("link a", "odd", blocks=False)).ready
+    assert finding_from_json(told.to_json()) == told
+    of_before = {key: value for key, value in told.to_json().items() if key != "blocks"}
+    assert not finding_from_json(of_before).blocks
 
 
 def test_a_check_that_nobody_asked_for_is_only_named():

@@ -308,6 +308,33 @@ def test_a_usd_is_no_source(start: str, tmp_path: Path):
     assert "cut off" not in message
 
 
+STRAY = '<inertial><mass value="1.3"/></inertial>'
+
+
+@pytest.mark.parametrize(
+    ("text", "tag", "severity", "mass"),
+    [
+        (robot(extra=STRAY), "inertial", "warning", "1.3"),
+        (robot(joint=ORIGIN + AXIS + LIMIT + STRAY), "inertial", "warning", "1.3"),
+        (robot(link=INERTIAL + '<mass value="2"/>'), "mass", "warning", "2"),
+        (robot(link=INERTIAL + '<geometry><box size="1 1 1"/></geometry>'), "geometry", "warning", None),
+        (robot(extra='<limit effort="3"/>'), "limit", "warning", None),
+        (robot(link=INERTIAL + '<origin xyz="0 0 1"/>'), "origin", "info", None),
+    ],
+)  # fmt: skip
+def test_a_part_outside_of_its_element_is_told_with_the_mass_that_vanishes(
+    text: str, tag: str, severity: str, mass: str | None, tmp_path: Path
+):
+    found = read(text, tmp_path).told("urdf.stray")
+    assert (found.severity, found.data["element"], found.data["mass_kg"]) == (severity, tag, mass)
+    assert (f"of {mass} kg" in found.message) == (mass is not None)
+
+
+def test_what_belongs_to_other_programs_is_no_stray(tmp_path: Path):
+    gazebo = "<gazebo><inertial/></gazebo><transmission><joint name='j'/></transmission>"
+    assert "urdf.stray" not in {f.rule for f in read(robot(extra=gazebo), tmp_path).findings}
+
+
 def test_what_a_fixed_joint_says_of_axis_and_limits_is_not_read(tmp_path: Path):
     text = robot(joint='<axis xyz="x"/><limit effort="nan"/>', kind="fixed")
     assert read(text, tmp_path).findings == []

@@ -124,7 +124,13 @@ class LintExport(Step):
                 f"all {len(joints)} joints have effort {effort:g} and velocity {velocity:g}: what "
                 "an exporter writes where nobody stated them?",
                 "give the motors' own in the recipe's actuator table, or by the edit `set_limits`",
-                data={"effort": effort, "velocity": velocity, "joints": len(joints)},
+                data={
+                    "effort": effort,
+                    "velocity": velocity,
+                    "joints": len(joints),
+                    "joint_names": tuple(joint.name for joint in joints),
+                    "missing": ("effort", "velocity"),
+                },
             )
 
 

@@ -22,6 +22,7 @@ from assetbuild.source.urdf.xml import (
     Problems,
     canonical,
     homeless,
+    strays,
     xml_version,
 )
 
@@ -31,6 +32,15 @@ DROPPED = Rule(
     "elements or attributes that the robot model has no place for (transmission, gazebo, ...) "
     "were left out (a warning for limits of acceleration, deceleration and jerk, URDF 1.2)",
     "nothing; the source keeps them",
+)
+HARMLESS = ("origin", "material", "color", "texture")
+"""Elements that weigh, touch and move nothing where they stray."""
+STRAY = Rule(
+    "urdf.stray",
+    ("warning", "info"),
+    "an element of the format stands where it has no place (an `<inertial>` outside of its "
+    "link), and no reader counts it (info: it weighs, touches and moves nothing)",
+    "move the element into the link or joint that it is part of",
 )
 XML_VERSION = Rule(
     "urdf.xml_version",
@@ -112,6 +122,7 @@ class ReadUrdf(Step):
         lines |= geometries.lines
         lines |= {f"mesh {use.path}": use.line for use in geometries.meshes}
         lines |= {f"element {kind}": nodes[0].line for kind, nodes in homeless(root).items()}
+        lines |= {f"element {stray.tag}": stray.line for stray in reversed(strays(root))}
         return {"file": self.file, "lines": lines}
 
 
@@ -143,6 +154,7 @@ def _robot_name(root: Node) -> tuple[str, list[Finding]]:
 
 def _dropped(root: Node) -> Iterator[Finding]:
     """One finding for each kind of thing that the robot model has no place for."""
+    yield from _strays(root)
     for kind, nodes in homeless(root).items():
         attribute, _, tag = kind.rpartition(" of ")
         what = f"attribute `{attribute}` of <{tag}>" if attribute else f"<{kind}>"
@@ -178,6 +190,23 @@ def _moves(node: Node) -> bool:
     pulls = said.get("gravity", "true") not in ("false", "0")
     pulls = pulls and said.get("turnGravityOff", "false") in ("false", "0")
     return not pulls or "springStiffness" in said
+
+
+def _strays(root: Node) -> Iterator[Finding]:
+    """Parts of links and joints that stand elsewhere, with the mass that vanishes with them."""
+    for stray in strays(root):
+        tag = stray.tag
+        mass = stray if tag == "mass" else stray.only("mass")
+        value = mass.get("value") if mass is not None else None
+        weighs = f" of {value} kg" if value else ""
+        yield STRAY(
+            f"element {tag}",
+            f"<{tag}>{weighs} on line {stray.line} stands where it has no place and is left out: "
+            "no reader counts it",
+            hint="move it into the <link> or <joint> that it is part of",
+            severity="info" if tag in HARMLESS else "warning",
+            data={"element": tag, "line": stray.line, "mass_kg": value},
+        )
 
 
 def _write(files: Files, tree: Tree, geometries: Geometries, source_map: dict[str, object]) -> None:

@@ -283,7 +283,7 @@ def _tidy_inertial(link: Node) -> Iterator[Finding]:
     mass, tensor = inertial.only("mass"), inertial.only("inertia")
     if mass is None or mass.get("value") is None:
         inertial.remove()
-        yield _incomplete(inertial, "it states no mass and counts as absent")
+        yield _incomplete(inertial, "it states no mass and counts as absent", "mass", "inertia")
         return
     if tensor is None:
         tensor = inertial.added("inertia")
@@ -293,20 +293,21 @@ def _tidy_inertial(link: Node) -> Iterator[Finding]:
     if any(name in missing for name in ("ixx", "iyy", "izz")):
         for name in _NUMBERS["inertia"]:
             tensor.element.set(name, "0")
-        yield _incomplete(inertial, "it states no tensor (`ixx`, `iyy`, `izz`), which counts as 0")
+        what = "it states no tensor (`ixx`, `iyy`, `izz`), which counts as 0"
+        yield _incomplete(inertial, what, "inertia")
     else:
         for name in missing:
             tensor.element.set(name, "0")
         words = ", ".join(f"`{name}`" for name in missing)
-        yield _incomplete(inertial, f"<inertia> lacks {words}: taken as 0")
+        yield _incomplete(inertial, f"<inertia> lacks {words}: taken as 0", "inertia")
 
 
-def _incomplete(inertial: Node, what: str) -> Finding:
+def _incomplete(inertial: Node, what: str, *missing: str) -> Finding:
     return INCOMPLETE(
         inertial.subject,
         f"<inertial> on line {inertial.line}: {what}",
         hint="state the mass and all six numbers, or use the edit `inertia_from_geometry`",
-        data={"line": inertial.line},
+        data={"line": inertial.line, "missing": missing},
     )
 
 
@@ -334,7 +335,12 @@ def _not_stated(limit: Node, name: str, what: str) -> Finding:
         limit.subject,
         f"limit {name} `{limit.get(name)}` on line {limit.line} {what}",
         hint="readers take it differently: state it in the URDF, or in the recipe's actuator table",
-        data={"limit": name, "stated": limit.get(name), "line": limit.line},
+        data={
+            "limit": name,
+            "stated": limit.get(name),
+            "line": limit.line,
+            "missing": (name,),
+        },
     )
 
 

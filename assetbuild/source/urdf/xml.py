@@ -334,22 +334,33 @@ def homeless(root: Node) -> dict[str, list[Node]]:
     """The elements of each kind that the model has no place for, or that have such an attribute.
 
     Keys: `transmission`, `name of visual` for an attribute. Nothing below a homeless element
-    is looked at.
+    is looked at; `strays` are not among them.
     """
     found: dict[str, list[Node]] = {}
+    for node, others in _housed(root):
+        for name in node.element.attrib:
+            if name not in _HOME[node.tag][0]:
+                found.setdefault(f"{_shown(str(name), None)} of {node.tag}", []).append(node)
+        for child in others:
+            if child.tag not in _HOME:
+                found.setdefault(child.tag, []).append(child)
+    return dict(sorted(found.items()))
+
+
+def strays(root: Node) -> list[Node]:
+    """Elements of the format in a place where it has none of them: an <inertial> in the <robot>."""
+    return [child for _, others in _housed(root) for child in others if child.tag in _HOME]
+
+
+def _housed(root: Node) -> Iterator[tuple[Node, list[Node]]]:
+    """Each element that stands where the model has a place for it, and its children that do not."""
     stack = [root]
     while stack:
         node = stack.pop()
-        attributes, children = _HOME[node.tag]
-        for name in node.element.attrib:
-            if name not in attributes:
-                found.setdefault(f"{_shown(str(name), None)} of {node.tag}", []).append(node)
+        children = _HOME[node.tag][1]
         inside = [Node(child, node.file) for child in node.element.iterchildren("*")]
-        for child in inside:
-            if child.tag not in children:
-                found.setdefault(child.tag, []).append(child)
+        yield node, [child for child in inside if child.tag not in children]
         stack += [child for child in inside if child.tag in children][::-1]
-    return dict(sorted(found.items()))
 
 
 def _shown(tag: str, prefix: str | None) -> str:

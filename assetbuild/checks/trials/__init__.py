@@ -11,6 +11,7 @@ from typing import Any, ClassVar, NamedTuple
 
 from pydantic import Field
 
+from assetbuild.checks.trials.start import START_M, overlapping, starting
 from assetbuild.engine.step import Files
 from assetbuild.errors import StepError
 from assetbuild.findings import Finding, Rule
@@ -26,8 +27,6 @@ from assetbuild.simulators.mujoco_trials import Settled, Support
 EXTERNAL = frozenset({"ideal_pd", "dc_motor"})
 """Models whose PD law runs outside of the simulator: here it is put inside."""
 SHOWN_PAIRS = 40
-DEEP_M = 0.001
-"""Two bodies may overlap by this at the start: hulls are a little rounder than meshes."""
 LARGEST_DOFS = 300
 """A file of anybody may hold a cloth; steps of it take minutes."""
 ALONE_S, ALONE_FALL = 2.0, 0.5
@@ -68,12 +67,6 @@ TIMESTEP = Rule(
     "warning",
     "the drives move differently at a quarter of the timestep",
     "a smaller timestep or kp",
-)
-OVERLAP = Rule(
-    "trials.overlap",
-    "warning",
-    "two bodies touch in almost all random poses, or are inside each other where the robot starts",
-    "exclude the pair, or use smaller shapes; in the second case another pose helps, too",
 )
 BALANCE = Rule(
     "trials.balance",
@@ -220,6 +213,7 @@ class Trials(Check):
             "energy_drift": self.energy,
             "timestep_error": self.timestep,
             "share_of_poses": self.always,
+            "depth_m": START_M,
             "fastest_joint": self.speed,
             "deepest_contact_m": self.penetration,
             **dict.fromkeys(("drift_m", "support_margin_m"), self.drift),
@@ -252,6 +246,7 @@ class Trials(Check):
     ) -> Iterator[Finding]:
         """Experiments with contacts; ArenaFullError where MuJoCo's memory does not hold them."""
         yield from self._collisions(model, figures)
+        yield from starting(model, figures)
         dropped: list[Finding] = []
         if model.nkey and mujoco_trials.stands_free(model):
             dropped += self._floor(model, figures)
@@ -319,24 +314,7 @@ class Trials(Check):
             {"a": a, "b": b, "share_of_poses": share}
             for (a, b), share in list(pairs.items())[:SHOWN_PAIRS]
         ]
-        for (a, b), share in pairs.items():
-            if share >= self.always:
-                yield OVERLAP(
-                    f"link {a}",
-                    f"runs into {b} in {share:.0%} of {self.poses} random poses",
-                    hint=f"`collision.exclude.pairs: [[{a}, {b}]]`, or smaller shapes",
-                    data={"share": share, "poses": self.poses},
-                )
-        always = {frozenset(pair) for pair, share in pairs.items() if share >= self.always}
-        for (a, b), depth in mujoco_trials.overlaps_at_home(model).items():
-            if depth >= DEEP_M and frozenset((a, b)) not in always:
-                yield OVERLAP(
-                    f"link {a}",
-                    f"lies {depth * 1e3:.3g} mm in {b} where it starts: PhysX throws them apart",
-                    hint=f"another pose, `collision.exclude.pairs: [[{a}, {b}]]`, or smaller "
-                    "shapes",
-                    data={"depth_m": depth},
-                )
+        yield from overlapping(model, pairs, self.poses, self.always)
 
     def _floor(self, model: mujoco.Model, figures: dict[str, object]) -> Iterator[Finding]:
         figures["without_drives"] = mujoco_trials.passive(model)

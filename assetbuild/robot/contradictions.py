@@ -1,0 +1,261 @@
+"""Mass properties that a body's own shapes, or its mirror twin, contradict.
+
+A hollow part, a heavy end and a rounded number are no contradiction. No mass has a moment of
+inertia above m r², where r reaches from its centre to its farthest point; and two parts of one
+shape on both sides of a robot were built alike. Beyond `FACTOR` of either, one number is wrong.
+Over 189 public URDFs (934 pairs) that is found in 9 robots: placeholders of 1 kg m² on small links,
+a tensor that lost digits, a rotor weighed as a rod.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from itertools import product
+
+import numpy as np
+
+from assetbuild.findings import Finding, Rule
+from assetbuild.robot.inertia import matrix_of
+from assetbuild.robot.model import Control, Inertial, Joint, Tree
+from assetbuild.robot.pose import Array
+from assetbuild.robot.tree import forward_kinematics
+from assetbuild.robot.twins import PLANES, Part, is_opposite, parts_of, twins
+
+FACTOR = 3.0
+"""From here on a value is contradicted. So much of a body may be undrawn: its reach is then 1.7
+times what its shapes show."""
+LIKE_VOLUME, LIKE_MOMENT = 1.1, 1.25
+"""Largest over smallest, of the hulls of two shapes that count as one."""
+NEGLIGIBLE = 0.01
+"""Of the largest moment: smaller ones are the noise of a slender part."""
+DENSEST = 25_000.0
+"""kg/m3, as `InertiaBounds.density`: the shapes are then no measure of the body, but a marker."""
+PLANAR = 1e-3
+"""Of the largest moment: what the sum of the others exceeds it by in a body with thickness."""
+SURE = math.log(2.0)
+"""By so much more must one of two twins differ from an even filling of its shape to be blamed."""
+
+REACH = Rule(
+    "inertia.reach",
+    "warning",
+    "the inertia is more than three times that of the whole mass at the farthest point of the "
+    "body's shapes, so the robot is not ready",
+    "`set_inertia`, or `inertia_from_geometry` with the link's `mass`",
+    blocks=True,
+)
+TWIN = Rule(
+    "inertia.twin",
+    "warning",
+    "mass or inertia differ by more than a factor of three from the mirror twin's, which has the "
+    "same shape, so the robot is not ready",
+    "`set_inertia` of the side that is wrong, to its twin's",
+    blocks=True,
+)
+
+
+@dataclass(frozen=True, eq=False)
+class Extent:
+    """What the shapes of a body occupy. points: (n, 3) m, in its frame, their hull's at least.
+
+    volume_m3, moments_m5: of that hull, filled evenly; (3,) principal, rising, for density 1.
+    """
+
+    points: Array
+    volume_m3: float
+    moments_m5: Array
+
+    def is_like(self, other: Extent) -> bool:
+        """Whether the two have one shape, however they are turned or mirrored."""
+        volumes = sorted((self.volume_m3, other.volume_m3))
+        if not volumes[0] > 0.0 or volumes[1] > LIKE_VOLUME * volumes[0]:
+            return False
+        return _ratio(self.moments_m5, other.moments_m5) <= LIKE_MOMENT
+
+
+@dataclass(frozen=True, eq=False)
+class Apart:
+    """Two twins of one shape, of which one is wrong. sure: whether it is known which."""
+
+    wrong: Part
+    right: Part
+    axis: int
+    mass_factor: float
+    inertia_factor: float
+    sure: bool
+
+
+def contradictions(tree: Tree, extents: Mapping[str, Extent]) -> Iterator[Finding]:
+    """`inertia.reach` and `inertia.twin` of all bodies; extents: by body, of those with shapes."""
+    for name, factor in beyond_reach(tree, extents).items():
+        inertial = tree.by_body[name].inertial
+        assert inertial is not None  # noqa: S101 # it has been compared
+        reach = _reach(inertial, extents[name])
+        yield REACH(
+            f"link {name}",
+            f"its inertia is {factor:.3g} times m r² ({inertial.mass_kg:.4g} kg, and the farthest "
+            f"point of its shapes is {1e3 * reach:.4g} mm from the centre of mass; limit "
+            f"{FACTOR:g}): no mass of this size has it",
+            "a placeholder, or other units? edit `inertia_from_geometry` with its `mass`, or "
+            "`set_inertia`",
+            data={"factor": factor, "reach_m": reach, "limit": FACTOR},
+        )
+    for pair in twins_apart(tree, extents):
+        yield _of_twins(pair)
+
+
+def _of_twins(pair: Apart) -> Finding:
+    wrong, right = pair.wrong, pair.right
+    if pair.mass_factor > FACTOR:
+        said = f"it weighs {wrong.mass:.4g} kg, its mirror twin `{right.name}` {right.mass:.4g} kg"
+        factor = pair.mass_factor
+    else:
+        said = f"its principal moments {_shown(wrong)} are {pair.inertia_factor:.3g} times "
+        said += f"or more apart from those of its mirror twin `{right.name}`, {_shown(right)}"
+        factor = pair.inertia_factor
+    doubt = "" if pair.sure else "; which of the two is wrong cannot be told"
+    return TWIN(
+        f"link {wrong.name}",
+        f"{said}, though both have one shape (limit {FACTOR:g}){doubt}",
+        "edit `set_inertia` of the side that is wrong, to its twin's",
+        data={"factor": factor, "other": right.name, "limit": FACTOR, "sure": pair.sure},
+    )
+
+
+def _shown(part: Part) -> str:
+    return f"({', '.join(f'{v:.3g}' for v in _moments(part))}) kg m²"
+
+
+# --- its own shapes -----------------------------------------------------------------------------
+
+
+def beyond_reach(tree: Tree, extents: Mapping[str, Extent]) -> dict[str, float]:
+    """Body -> its largest moment over m r², where that exceeds `FACTOR`.
+
+    r: from the centre of mass to the farthest point of its own shapes. Only axes count about which
+    the body can turn: the first link of a fixed arm has one, and no motion shows the others.
+    """
+    found = {}
+    for name, axes in _axes(tree).items():
+        inertial, extent = tree.by_body[name].inertial, extents.get(name)
+        if inertial is None or extent is None or not axes:
+            continue
+        if inertial.mass_kg > DENSEST * extent.volume_m3:
+            continue
+        scale = inertial.mass_kg * _reach(inertial, extent) ** 2
+        matrix = matrix_of(inertial.inertia_com_kg_m2)
+        one = all(_parallel(axes[0], axis) for axis in axes)
+        largest = axes[0] @ matrix @ axes[0] if one else np.linalg.eigvalsh(matrix)[-1]
+        if 0.0 < FACTOR * scale < largest:
+            found[name] = float(largest) / scale
+    return found
+
+
+def _reach(inertial: Inertial, extent: Extent) -> float:
+    return float(np.linalg.norm(extent.points - np.asarray(inertial.com_m), axis=1).max())
+
+
+def _axes(tree: Tree) -> dict[str, list[Array]]:
+    """Body -> unit axes, in its own frame at 0, about which joints turn it; of a free one, all."""
+    poses = forward_kinematics(tree, {})
+    free = [*np.eye(3)] if tree.base == "floating" else []
+    in_root: dict[str, list[Array]] = {tree.root: free}
+    for joint in tree.joints:
+        axes = _turns(joint, poses[joint.child].rotation)
+        in_root[joint.child] = [*in_root[joint.parent], *axes]
+    return {name: [poses[name].rotation.T @ axis for axis in axes]
+            for name, axes in in_root.items()}  # fmt: skip
+
+
+def _turns(joint: Joint, rotation: Array) -> list[Array]:
+    if joint.kind in ("revolute", "continuous"):
+        return [rotation @ np.asarray(joint.axis)]
+    return [] if joint.kind in ("fixed", "prismatic") else [*np.eye(3)]
+
+
+def _parallel(one: Array, other: Array) -> bool:
+    return bool(np.linalg.norm(np.cross(one, other)) < 1e-6)
+
+
+# --- its twin -----------------------------------------------------------------------------------
+
+
+def twins_apart(tree: Tree, extents: Mapping[str, Extent]) -> Iterator[Apart]:
+    """Twins of one shape whose masses or principal moments differ by more than `FACTOR`."""
+    beyond = beyond_reach(tree, extents)
+    for left, right, axis in alike(tree, extents):
+        masses = sorted((left.mass, right.mass))
+        if not masses[0] > 0.0:
+            continue
+        factor = _ratio(_moments(left), _moments(right))
+        if max(masses[1] / masses[0], factor) <= FACTOR:
+            continue
+        blame = [_blame(part, extents.get(part.name), beyond) for part in (left, right)]
+        sure = blame[0][:2] != blame[1][:2] or abs(blame[0][2] - blame[1][2]) > SURE
+        wrong, other = (left, right) if blame[0] > blame[1] else (right, left)
+        yield Apart(wrong, other, axis, masses[1] / masses[0], factor, sure)
+
+
+def alike(tree: Tree, extents: Mapping[str, Extent]) -> Iterator[tuple[Part, Part, int]]:
+    """Pairs at mirrored places of one shape, or named left and right where neither has a shape."""
+    parts = parts_of(tree, Control())
+    named = twins(parts)
+    known = {part.name for pair in named.pairs for part in pair}
+    for left, right in named.pairs:
+        one, other = extents.get(left.name), extents.get(right.name)
+        bare = one is None and other is None
+        if bare or (one is not None and other is not None and one.is_like(other)):
+            yield left, right, named.axis
+    left_over = [part for part in parts if part.name not in known and part.name in extents]
+    planes = (named.axis,) if named.pairs else PLANES
+    found = {axis: _placed_alike(left_over, extents, axis) for axis in planes}
+    axis = max(found, key=lambda axis: len(found[axis]))
+    yield from ((left, right, axis) for left, right in found[axis])
+
+
+def _placed_alike(
+    parts: list[Part], extents: Mapping[str, Extent], axis: int
+) -> list[tuple[Part, Part]]:
+    """Each with the only part of its shape at its mirrored place."""
+    twins_of: dict[str, list[Part]] = {}
+    for one, other in product(parts, parts):
+        mirrored = one is not other and is_opposite(one.place, other.place, axis)
+        if mirrored and extents[one.name].is_like(extents[other.name]):
+            twins_of.setdefault(one.name, []).append(other)
+    return [
+        (one, twins_of[one.name][0])
+        for one in parts
+        if one.place[axis] > 0.0
+        and len(twins_of.get(one.name, ())) == 1
+        and len(twins_of[twins_of[one.name][0].name]) == 1
+    ]
+
+
+def _blame(
+    part: Part, extent: Extent | None, beyond: Mapping[str, float]
+) -> tuple[bool, bool, float]:
+    """What speaks against it: no solid has it, its shapes rule it out, how far it is from them."""
+    moments = _moments(part)
+    a, b, c = moments
+    impossible = bool(a <= 0.0 or a + b <= (1.0 + PLANAR) * c)
+    if extent is None or not extent.volume_m3 > 0.0:
+        return impossible, part.name in beyond, 0.0
+    even = part.mass * extent.moments_m5 / extent.volume_m3
+    off = np.abs(np.log(np.maximum(moments, 1e-30) / even))
+    ruled_out = part.name in beyond or part.mass > DENSEST * extent.volume_m3
+    return impossible, ruled_out, float(off.max())
+
+
+def _moments(part: Part) -> Array:
+    """(3,) principal, rising, kg m²."""
+    return np.asarray(np.linalg.eigvalsh(part.inertia), dtype=np.float64)
+
+
+def _ratio(one: Array, other: Array) -> float:
+    """Largest over smallest of two triples of rising moments, tiny ones left out."""
+    least = NEGLIGIBLE * max(one[-1], other[-1])
+    if not least > 0.0:
+        return 1.0
+    low, high = np.maximum(np.minimum(one, other), least), np.maximum(one, other)
+    return float((high / low).max())
