@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import os
 from collections.abc import Collection, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from assetbuild.control.close_loops import placed_loops
@@ -24,7 +24,6 @@ from assetbuild.init.targets import carried, not_in_usd, targets
 from assetbuild.init.text import Recipe, actuators, head, home, validation
 from assetbuild.init.trial import Trial, tables, try_to_stand
 from assetbuild.init.tune import Tuning, tune
-from assetbuild.init.wheels import wheel_radii
 from assetbuild.init.words import inline, quoted, some, source_section, written
 from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.joint_springs import joint_springs, no_drives
@@ -112,7 +111,9 @@ def _read(root: Path, name: str, bodies: tuple[str, ...] = ()) -> MjcfSource:
         read = RobotFiles(ports.folder)
         said = read.source_control or SourceControl()
         links, shapes = read.links, read.source_shapes
-        robot, built = (judge(links, shapes, links.base, kept=k) for k in ((), said.bodies))
+        robot, built = (
+            judge(links, shapes, links.base, kept=k, root=root) for k in ((), said.bodies)
+        )
         weak = _weak(built)
         if weak:
             mended = next(_mended(links, shapes, said.bodies, built, weak), None)
@@ -143,7 +144,7 @@ def _mended(
     inertia is to its shank.
     """
     for kept in (_without_held(links, bodies, weak), _without_weak(links, bodies, weak)):
-        mended = judge(links, shapes, links.base, kept=kept)
+        mended = judge(links, shapes, links.base, kept=kept, root=built.root)
         if not _weak(mended) and (_wrong(built) or not not_in_usd(mended)):
             yield mended
 
@@ -175,7 +176,7 @@ def _included(ports: Scratch, root: Path, name: str) -> bool:
 def mjcf_text(found: MjcfSource, path: Path) -> Recipe:
     """The whole recipe, as it will lie at `path`."""
     robot, control = found.robot, found.control
-    anatomy = study(robot)
+    anatomy = replace(study(robot), doubt="")  # the source says its base
     idle = not _driven(control) and robot.tree.moving_joints
     tuning = _tuned(found, anatomy) if idle else None
     unmended = tuning.unmended if tuning else ()
@@ -200,7 +201,7 @@ def mjcf_text(found: MjcfSource, path: Path) -> Recipe:
 def _tuned(found: MjcfSource, anatomy: Anatomy) -> Tuning:
     """Drives for a source that has none, with its own rotors and at most its own time step."""
     robot, control = found.robot, found.control
-    tree, guesses = strengthened(robot.tree, anatomy, wheel_radii(robot, found.root))
+    tree, guesses = strengthened(robot.tree, anatomy)
 
     def attempt(tuning: Tuning) -> Trial:
         step = tables(tree, tuning.drives, tuning.pose, {"timestep": tuning.timestep})
