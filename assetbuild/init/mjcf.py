@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -39,6 +40,9 @@ from assetbuild.source.mjcf.read_mjcf import ReadMjcf
 from assetbuild.source.mjcf.scenery import SeveralRobotsError
 from assetbuild.source.urdf.xml import MAX_BYTES
 
+INCLUDE = re.compile(rb"""<include\s[^>]*?file\s*=\s*["']([^"']+)["']""")
+VAGUE = {"", "scene", "robot", "model", "mujoco", "mjcf", "xml", "xmls", "assets", "world", "main"}
+"""Words that name no robot."""
 DRIVES = "# The source drives no joint; mjlab's robots, for one, are driven from Python."
 
 
@@ -118,7 +122,27 @@ def _read(root: Path, name: str, bodies: tuple[str, ...] = ()) -> MjcfSource:
         if weak:
             mended = next(_mended(links, shapes, said.bodies, built, weak), None)
             built, weak = (mended, weak) if mended else (built, ())
+    called = robot_name(robot.links.name, root / name)
+    robot = replace(robot, links=replace(robot.links, name=called))
     return MjcfSource(root, name, robot, built, said.control, weak, bodies, newer)
+
+
+def robot_name(stated: str, file: Path) -> str:
+    """What an MJCF calls its robot; of a scene, by what else names it.
+
+    First without the word `scene`, then as the files that it includes and that have bodies, as
+    itself, as its folder.
+    """
+    try:
+        beside = [file.parent / name.decode() for name in INCLUDE.findall(file.read_bytes())]
+        holders = [path.stem for path in beside if is_file(path) and b"<body" in path.read_bytes()]
+    except (OSError, ValueError):
+        holders = []
+    for name in (stated, *holders, file.stem, file.parent.name, file.parent.parent.name):
+        words = [word for word in re.split(r"[ _.-]+", name) if word.lower() != "scene"]
+        if not VAGUE.issuperset(word.lower() for word in words):
+            return "_".join(words) if "scene" in name.lower() else name
+    return stated
 
 
 def _weak(robot: InspectedRobot) -> tuple[str, ...]:

@@ -44,6 +44,7 @@ TRAIL = 0.15
 """A caster follows its swivel by at least this share of its radius."""
 ALIKE = 0.2
 ROTORS = 3
+COINCIDENT_M = 1e-3
 
 _WHEEL = re.compile(r"(?i).*(wheel|caster|castor|tyre).*")
 _CASTER = re.compile(r"(?i).*(caster|castor|roller).*")
@@ -70,7 +71,7 @@ class _Disc:
     """The body on such a joint. Root frame, m; lowest: infinite without a shape.
 
     roundness: smallest over largest half-width about the axis; off_axis: of its centre of mass.
-    is_last: nothing hangs on it but what turns without end itself, as the rollers of a wheel.
+    is_last: nothing hangs on it but what turns without end inside it, as the rollers of a wheel.
     """
 
     joint: Joint
@@ -238,24 +239,35 @@ def _disc(
 ) -> _Disc:
     tree, X_root_body = robot.tree, at_zero[joint.child]
     axis, origin = _axis(at_zero, joint), np.asarray(X_root_body.xyz)
-    below = {other.child for other in free}
-    is_last = all(body in below for body in bodies_below(tree, joint.child)[1:])
     inertial = tree.by_body[joint.child].inertial
     clouds = [X_root_body.apply(cloud) for cloud in _clouds(robot, joint.child)]
     if not clouds:
+        is_last = _is_last(tree, at_zero, joint, free, 0.0)
         return _Disc(joint, axis, origin, 0.0, math.inf, 0.0, 0.0, is_last)
     middle = np.mean([(c.min(axis=0) + c.max(axis=0)) / 2.0 for c in clouds], axis=0)
     com = X_root_body.apply(inertial.com_m) if inertial and inertial.mass_kg else middle
     widths = [_half_widths(cloud - origin, axis) for cloud in clouds]
+    radius = max(float(width.max()) for width in widths)
     return _Disc(
         joint,
         axis,
         origin + axis * float((middle - origin) @ axis),
-        max(float(width.max()) for width in widths),
+        radius,
         min(float(cloud[:, 2].min()) for cloud in clouds),
         max(float(width.min() / max(width.max(), 1e-9)) for width in widths),
         float(np.linalg.norm(np.cross(np.asarray(com) - origin, axis))),
-        is_last,
+        _is_last(tree, at_zero, joint, free, radius),
+    )
+
+
+def _is_last(
+    tree: Tree, at_zero: Mapping[str, Pose], joint: Joint, free: Sequence[Joint], radius: float
+) -> bool:
+    """Whether all that hangs on the body turns freely and has its place within the radius."""
+    spins, centre = {other.child for other in free}, at_zero[joint.child].xyz
+    return all(
+        body in spins and math.dist(at_zero[body].xyz, centre) <= radius + COINCIDENT_M
+        for body in bodies_below(tree, joint.child)[1:]
     )
 
 
@@ -279,26 +291,24 @@ def _ground(robot: InspectedRobot, at_zero: Mapping[str, Pose]) -> float:
 
     Meshes that cannot be read are left out.
     """
-    heights = [
-        float(at_zero[body.name].apply(cloud)[:, 2].min())
-        for body in robot.tree.bodies
-        for cloud in _clouds(robot, body.name, once=True)
-    ]
-    return min(heights, default=0.0)
+    clouds = ((body.name, next(_clouds(robot, body.name), None)) for body in robot.tree.bodies)
+    return min(
+        (float(at_zero[body].apply(c)[:, 2].min()) for body, c in clouds if c is not None),
+        default=0.0,
+    )
 
 
-def _clouds(robot: InspectedRobot, body: str, *, once: bool = False) -> Iterator[Array]:
-    """(n, 3) m, in the frame of the body: the points of each of its shapes.
-
-    once: of what is drawn only where nothing collides.
-    """
+def _clouds(robot: InspectedRobot, body: str) -> Iterator[Array]:
+    """(n, 3) m, in the frame of the body: all points that collide, then all that are drawn."""
     links = set(robot.links_of(body))
-    own = [shape for shape in robot.shapes.shapes if shape.link in links]
-    solid = [shape for shape in own if shape.role == "collision"]
-    for shape in (solid or own) if once else own:
-        X_body_link = robot.tree.placement(shape.link)[1]
-        if (points := _points(robot, shape)) is not None:
-            yield (X_body_link @ shape.X_link_shape).apply(points)
+    for role in ("collision", "visual"):
+        found = []
+        for shape in robot.shapes.of(role):
+            if shape.link in links and (points := _points(robot, shape)) is not None:
+                X_body_link = robot.tree.placement(shape.link)[1]
+                found.append((X_body_link @ shape.X_link_shape).apply(points))
+        if found:
+            yield np.concatenate(found)
 
 
 def _points(robot: InspectedRobot, shape: SourceShape) -> Array | None:
