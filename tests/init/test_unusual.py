@@ -171,7 +171,8 @@ def test_a_cart_that_a_planar_joint_moves_over_its_root_does_not_float_as_well(t
     """Else its light root would swing, and not the cart."""
     wheels = [link(f"wheel_{side}") for side in "lr"]
     rolls = [
-        urdfs.joint(f"w{side}", "cart", f"wheel_{side}", "continuous", axis="0 1 0") for side in "lr"
+        urdfs.joint(f"w{side}", "cart", f"wheel_{side}", "continuous", axis="0 1 0")
+        for side in "lr"
     ]
     plane = joint("p", "root", "cart", "planar")
     cart = initialised(robot(link("root", ""), link("cart"), plane, *wheels, *rolls), tmp_path)
