@@ -41,7 +41,20 @@ from assetbuild.source.mjcf.scenery import SeveralRobotsError
 from assetbuild.source.urdf.xml import MAX_BYTES
 
 INCLUDE = re.compile(rb"""<include\s[^>]*?file\s*=\s*["']([^"']+)["']""")
-VAGUE = {"", "scene", "robot", "model", "mujoco", "mjcf", "xml", "xmls", "assets", "world", "main"}
+VAGUE = {
+    "",
+    "assets",
+    "scene",
+    "mjx",
+    "robot",
+    "model",
+    "mujoco",
+    "mjcf",
+    "xml",
+    "xmls",
+    "world",
+    "main",
+}
 """Words that name no robot."""
 DRIVES = "# The source drives no joint; mjlab's robots, for one, are driven from Python."
 

@@ -29,15 +29,17 @@ def test_the_recipe_says_what_it_takes_from_the_source(tmp_path: Path):
 
 
 @pytest.mark.parametrize("name", ["scene", "scene_mjx"])
-def test_a_robot_that_is_called_like_a_file_of_the_bundle_gets_another_name(
+def test_a_robot_that_is_called_like_a_file_of_the_bundle_is_called_like_its_folder(
     tmp_path: Path, name: str
 ):
-    (tmp_path / "a.obj").write_text(TET)
+    folder = tmp_path / "one_leg"
+    folder.mkdir()
+    (folder / "a.obj").write_text(TET)
     text = LEG.replace('"one leg"', f'"{name}"').replace("../meshes", ".")
-    (tmp_path / "scene.xml").write_text(text)
+    (folder / "scene.xml").write_text(text)
     out = tmp_path / "leg.yaml"
-    write(propose(tmp_path / "scene.xml", out, {}), force=True)
-    assert load_recipe(out).recipe.robot == f"robot_{name}"
+    write(propose(folder / "scene.xml", out, {}), force=True)
+    assert load_recipe(out).recipe.robot == "one_leg"
 
 
 def test_meshes_beside_the_folder_of_the_mjcf_are_found(tmp_path: Path):
