@@ -366,10 +366,10 @@ def _stays(robot: InspectedRobot) -> tuple[Base, str]:
 
 def _doubt(root: str) -> str:
     return (
-        "nothing in this robot is recognised: no legs or wheels on the ground, no rotors, no chain "
-        f"of joints as an arm has; it is taken as bolted at `{root}`, with position drives. Decide "
-        "`base` (`floating` if nothing holds it) and the `model` of each drive (`velocity` for "
-        "what turns without end)"
+        "nothing tells what this robot is: it has no legs, no two wheels on the ground, no rotors "
+        f"and no chain of joints as an arm has. It is taken as bolted at `{root}`. Decide `base` "
+        "(`floating` if nothing holds it) and check the `model` of each drive (`velocity` for what "
+        "turns without end)"
     )
 
 
