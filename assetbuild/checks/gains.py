@@ -16,7 +16,7 @@ from typing import Any, ClassVar
 from pydantic import Field
 
 from assetbuild.engine.step import Files
-from assetbuild.findings import Finding, Rule
+from assetbuild.findings import Data, Finding, Rule
 from assetbuild.kinds import Check, RecipeView, write_figures
 from assetbuild.quantities import Positive
 from assetbuild.robot.dynamics import dynamics, holding_torques
@@ -66,7 +66,8 @@ UNDERDAMPED = Rule(
 OVERDAMPED = Rule(
     "gains.overdamped",
     "warning",
-    "the joint creeps: its damping ratio is above 10, with kd and damping summed",
+    "the joint creeps: with kd and damping summed its damping ratio is above 3, and it lags its "
+    "target by more than 0.1 s",
     "lower kd",
 )
 DAMPED_TWICE = Rule(
@@ -124,7 +125,12 @@ class Gains(Check):
         2.0, description="times stiffer before the drive diverges at this timestep, warning below"
     )
     damping_ratio: tuple[Positive, Positive] = Field(
-        (0.1, 10.0), description="least and most, warning"
+        (0.1, 3.0), description="least, and most of a joint that lags, warning"
+    )
+    lag: Positive = Field(
+        0.1,
+        description="s that an overdamped joint may need for 63 % of a step, kd and damping over "
+        "kp; warning",
     )
     integrator: str = "implicitfast"
     feet: str | None = None
@@ -239,7 +245,7 @@ class Gains(Check):
         yield from _judge_strength(actuator, one, subject, units, (self.torque, self.sag))
         timestep = control.simulation.timestep
         yield from _judge_stability(one, timestep, subject, self.margin)
-        yield from _judge_damping(actuator, one, subject, self.damping_ratio)
+        yield from _judge_damping(actuator, one, subject, self.damping_ratio, self.lag)
 
 
 def _judge_strength(
@@ -296,18 +302,33 @@ def _judge_stability(
 
 
 def _judge_damping(
-    actuator: Actuator, one: Effective, subject: str, allowed: tuple[float, float]
+    actuator: Actuator,
+    one: Effective,
+    subject: str,
+    allowed: tuple[float, float],
+    longest_lag: float,
 ) -> Iterator[Finding]:
+    """Far above a ratio of 1, a step is followed as exp(-t kp / damping): a light joint that is
+    damped so follows in no time all the same.
+    """
     ratio, (least, most) = one.damping_ratio, allowed
-    if ratio is not None and not least <= ratio <= most:
-        low = ratio < least
-        rule = UNDERDAMPED if low else OVERDAMPED
-        yield rule(
+    damping = actuator.kd + actuator.damping
+    data: Data = {"damping_ratio": ratio, "frequency_hz": one.frequency_hz}
+    if ratio is not None and ratio < least:
+        yield UNDERDAMPED(
             subject,
-            f"damping ratio {ratio:.3g} at {one.frequency_hz:.3g} Hz: it "
-            f"{'rings' if low else 'creeps to its target'}",
-            hint=f"{'raise' if low else 'lower'} kd; 0.5 to 2 suits most joints",
-            data={"damping_ratio": ratio, "frequency_hz": one.frequency_hz},
+            f"damping ratio {ratio:.3g} at {one.frequency_hz:.3g} Hz: it rings",
+            hint="raise kd; 0.5 to 2 suits most joints",
+            data=data,
+        )
+    lag = damping / actuator.kp if actuator.kp else 0.0
+    if ratio is not None and ratio > most and lag > longest_lag:
+        yield OVERDAMPED(
+            subject,
+            f"damping ratio {ratio:.3g}: it creeps to its target, with a time constant of "
+            f"{lag:.3g} s (damping {damping:.3g} over kp {actuator.kp:.3g})",
+            hint="lower kd or damping, or raise kp; a damping ratio of 0.5 to 2 suits most joints",
+            data={**data, "lag_s": lag},
         )
     if actuator.kd and actuator.damping > 0.2 * actuator.kd:
         yield DAMPED_TWICE(

@@ -65,6 +65,8 @@ def run(arguments: argparse.Namespace) -> int:
     proposal = propose(arguments.robot, out, dict(arguments.package), dict(arguments.arg))
     for problem in proposal.unmended:
         print(f"not ready: {problem}", file=sys.stderr)
+    if proposal.undecided:
+        print(f"undecided: {proposal.undecided}", file=sys.stderr)
     if printed:
         print(proposal.text, end="")
         return 0

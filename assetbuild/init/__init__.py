@@ -26,11 +26,13 @@ class Proposal:
     """A recipe that is not written yet. path: where it belongs.
 
     unmended: what keeps its robot from being ready, each with the edit that mends it.
+    undecided: that the robot matches nothing known and what to decide, "" for one that does.
     """
 
     path: Path
     text: str
     unmended: tuple[str, ...] = ()
+    undecided: str = ""
 
 
 def propose(
@@ -55,10 +57,10 @@ def propose(
     robot = look(source)
     anatomy = study(robot)
     judged = judge(robot.links, robot.shapes, anatomy.base, robot.source_findings)
-    robot = replace(judged, planar=robot.planar)
+    robot = replace(judged, planar=robot.planar, root=robot.root)
     path = out or Path(f"{recipe_name(robot.links.name)}.yaml")
     recipe = recipe_text(robot, anatomy, source, path)
-    return Proposal(path, recipe.text, recipe.unmended)
+    return Proposal(path, recipe.text, recipe.unmended, anatomy.doubt)
 
 
 def write(proposal: Proposal, *, force: bool) -> None:

@@ -1,7 +1,7 @@
-"""What kind of robot this is: legs, feet, wheels, sensors, and so whether its base is bolted down.
+"""What a robot is and what its joints are part of: legs, wheels, rotors, fingers, sensors.
 
-Heuristics, judged at the pose where every joint is 0; each says its reason, which goes into the
-recipe for the user to judge.
+And so whether its base is bolted down. Heuristics, judged at the pose where every joint is 0; each
+says its reason, which goes into the recipe for the user to judge.
 """
 
 from __future__ import annotations
@@ -9,16 +9,20 @@ from __future__ import annotations
 import math
 import re
 from collections import Counter
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from collections.abc import Collection, Iterator, Mapping
+from dataclasses import dataclass, field
+from typing import Literal
 
 import numpy as np
 
 from assetbuild.init.look import InspectedRobot
+from assetbuild.init.wheels import Turning, TurningRole, bodies_below, turns_freely, what_turns
 from assetbuild.robot.model import MOVING, Base, Joint, Tree
 from assetbuild.robot.pose import Pose, vec3
 from assetbuild.robot.shapes import Capsule, Cylinder, Sphere
 from assetbuild.robot.tree import forward_kinematics
+
+Role = TurningRole | Literal["leg", "finger", "arm"]
 
 SENSORS: Mapping[str, str] = {
     "IMU": r"(?i)(.*[_-])?(imu|gyro|accelerometer)([_0-9-].*)?",
@@ -32,7 +36,7 @@ _FOOT = re.compile(r"(?i).*(foot|feet|sole|toe|ankle_roll).*")
 _ARM = re.compile(r"(?i).*(arm|shoulder|elbow|wrist|hand|grip|finger|thumb|nub).*")
 _LEG = re.compile(r"(?i).*(leg|foot|hip|knee|ankle|thigh|calf|shank).*")
 _SHANK = re.compile(r"(?i).*(shank|shin|calf|thigh|leg|knee).*")
-WHEEL = re.compile(r"(?i).*(wheel|caster).*")
+_FINGER = re.compile(r"(?i).*(finger|thumb|grip|palm|knuckle|digit|pinky|pinkie|phalan|hand).*")
 _FLYING = re.compile(r"(?i).*(propeller|flying|drone|copter|quadrotor|hector|iris).*")
 _PROP = re.compile(r"(?i)(.*[_/-])?prop_?\d*([_-].*)?")
 """Something that flies has several of these; a gripper may have one `prop`, too."""
@@ -44,11 +48,17 @@ ANKLE = 5
 """A leg with as many joints can lay its foot flat on the ground."""
 REACH = 0.25
 """A leg reaches down by at least this share of the robot's height."""
+LEVEL = 0.35
+"""Upward part of an axis about which a leg swings, at most."""
+_LIGHT_KG, _SHORT_M = 0.4, 0.25
+"""A limb that is lighter and shorter is a finger, whatever it is called."""
 
 
 @dataclass(frozen=True)
 class Leg:
     """joints: moving joints from the trunk down. tip: its last body; foot: the source link there.
+
+    A wheel at its end is its foot: neither its joint nor its body is of the leg.
 
     X_tip_foot: where it touches the ground, about; X_root_foot: the same at the zero pose.
     soles: links that may touch the floor, the foot among them.
@@ -60,6 +70,7 @@ class Leg:
     X_tip_foot: Pose
     X_root_foot: Pose
     soles: tuple[str, ...]
+    rolls: bool = False
 
     @property
     def length(self) -> float:
@@ -73,7 +84,8 @@ class Anatomy:
     """base_reason: why it is floating or fixed. sensors: kind -> names of source links.
 
     size_m: largest extent of the links' origins. called_legs: of a robot that stands on none at
-    the zero pose, limbs that must be legs by their names.
+    the zero pose, limbs that must be legs by their names. turning: by joint, what turns without
+    end. doubt: that the robot matches nothing known and what to decide, "" for one that does.
     """
 
     base: Base
@@ -82,6 +94,8 @@ class Anatomy:
     sensors: Mapping[str, tuple[str, ...]]
     size_m: float
     called_legs: tuple[Leg, ...] = ()
+    turning: Mapping[str, Turning] = field(default_factory=dict, hash=False)
+    doubt: str = ""
 
     @property
     def walks_on(self) -> tuple[Leg, ...]:
@@ -95,12 +109,67 @@ def study(robot: InspectedRobot) -> Anatomy:
     at_zero = forward_kinematics(robot.links, {})
     origins = np.array([pose.xyz for pose in at_zero.values()])
     extent = np.ptp(origins, axis=0)
-    limbs = [_limb(robot, at_zero, tip) for tip in _leaves(tree)]
+    turning = what_turns(robot)
+    wheels = frozenset(name for name, part in turning.items() if part.role == "wheel")
+    limbs = [_limb(robot, at_zero, tip, wheels) for tip in _leaves(tree)]
     legs = _legs(limbs, at_zero, float(extent[2]))
     size = float(extent.max()) if tree.joints else 0.0
-    base, reason = _base(robot, legs, limbs)
+    base, reason = _moves(robot, legs, turning, limbs) or _stays(robot)
+    doubt = _doubt(tree.root) if reason == UNKNOWN else ""
     called = () if legs or base == "fixed" else _called_legs(limbs)
-    return Anatomy(base, reason, legs, _sensors(robot.links), size, called)
+    return Anatomy(base, reason, legs, _sensors(robot.links), size, called, turning, doubt)
+
+
+def roles(tree: Tree, anatomy: Anatomy) -> dict[str, Role]:
+    """What each moving joint is part of, by the robot's anatomy, its names and its size."""
+    legs = {joint.name for leg in anatomy.walks_on for joint in leg.joints}
+    found: dict[str, Role] = {}
+    for joint in tree.moving_joints:
+        called = _FINGER.fullmatch(joint.name) or _FINGER.fullmatch(joint.child)
+        if joint.name in legs:
+            found[joint.name] = "leg"
+        elif joint.name in anatomy.turning:
+            found[joint.name] = anatomy.turning[joint.name].role
+        elif _is_small(tree, joint.child if called else limb_of(tree, joint)):
+            found[joint.name] = "finger"
+        else:
+            found[joint.name] = "arm"
+    return found
+
+
+def limb_of(tree: Tree, joint: Joint) -> str:
+    """The body after the last branch above a joint: fingers are limbs of their own."""
+    children: dict[str, int] = {}
+    for other in tree.moving_joints:
+        children[other.parent] = children.get(other.parent, 0) + 1
+    for above in reversed(chain_to(tree, joint.child)):
+        if children.get(above.parent, 0) > 1 or above.parent == tree.root:
+            return above.child
+    return joint.child
+
+
+def _is_small(tree: Tree, body: str) -> bool:
+    """Whether what hangs on a body is as light and short as a finger."""
+    below = bodies_below(tree, body)
+    masses = [i.mass_kg for name in below if (i := tree.by_body[name].inertial)]
+    return math.fsum(masses) < _LIGHT_KG and length_below(tree, body) < _SHORT_M
+
+
+def length_below(tree: Tree, body: str) -> float:
+    """From a body's origin to the furthest end of what hangs on it, stretched out; m."""
+    far = {body: _own_length(tree, body)}
+    longest, at = far[body], {body: 0.0}
+    for joint in tree.joints:
+        if joint.parent in at:
+            at[joint.child] = at[joint.parent] + math.hypot(*joint.X_parent_joint.xyz)
+            longest = max(longest, at[joint.child] + _own_length(tree, joint.child))
+    return longest
+
+
+def _own_length(tree: Tree, body: str) -> float:
+    """About how far a body reaches beyond its origin: twice the way to its centre of mass."""
+    inertial = tree.by_body[body].inertial
+    return 2.0 * float(np.linalg.norm(inertial.com_m)) if inertial else 0.0
 
 
 def chain_to(tree: Tree, body: str) -> tuple[Joint, ...]:
@@ -121,7 +190,7 @@ def _legs(limbs: list[Leg], at_zero: Mapping[str, Pose], height: float) -> tuple
     lowest = min((limb.X_root_foot.xyz[2] for limb in limbs), default=0.0)
     down = []
     for limb in limbs:
-        if _can_walk(limb) and not _is_arm(limb):
+        if _can_walk(limb, at_zero) and not _is_arm(limb):
             start, end = at_zero[limb.joints[0].child].xyz[2], limb.X_root_foot.xyz[2]
             if end - lowest <= LOW * height and start - end >= REACH * height:
                 down.append(limb)
@@ -140,13 +209,18 @@ def _alike(limbs: list[Leg], least: int) -> tuple[Leg, ...]:
     return tuple(limb for limb, own in zip(limbs, kinds, strict=True) if kinds.count(own) >= least)
 
 
-def _can_walk(limb: Leg) -> bool:
-    """It bends, and is no wheel: what turns without end at the tip, unless it is called a leg."""
+def _can_walk(limb: Leg, at_zero: Mapping[str, Pose] | None = None) -> bool:
+    """It bends, and its last joint has an end, unless it is called a leg.
+
+    at_zero: of a limb that may end in a wheel: two joints must swing it, as no steering does.
+    """
     if len(limb.joints) < 2:
         return False
     last = limb.joints[-1]
-    called_leg = _LEG.fullmatch(last.child) and not WHEEL.fullmatch(last.child + last.name)
-    return last.kind != "continuous" or bool(called_leg)
+    if at_zero is not None and limb.rolls:
+        axes = [at_zero[joint.child].rotation @ np.asarray(joint.axis) for joint in limb.joints]
+        return sum(abs(float(axis[2])) < LEVEL for axis in axes) >= 2
+    return last.kind != "continuous" or bool(_LEG.fullmatch(last.child))
 
 
 def _is_arm(limb: Leg) -> bool:
@@ -160,8 +234,10 @@ def _leaves(tree: Tree) -> list[str]:
     return [body.name for body in tree.bodies if body.name not in parents]
 
 
-def _limb(robot: InspectedRobot, at_zero: Mapping[str, Pose], tip: str) -> Leg:
-    """The chain from the last body where the robot branches to `tip`."""
+def _limb(
+    robot: InspectedRobot, at_zero: Mapping[str, Pose], tip: str, wheels: Collection[str]
+) -> Leg:
+    """The chain from the last body where the robot branches to `tip`. wheels: joints."""
     tree, leaves = robot.tree, _leaves(robot.tree)
     # A last body on a joint that nothing drives, as Cassie's heel, is no limb of its own.
     # Where no joint states an effort, 0 says nothing.
@@ -176,6 +252,12 @@ def _limb(robot: InspectedRobot, at_zero: Mapping[str, Pose], tip: str) -> Leg:
         if branches[joint.parent] > 1:
             break
     links, solid = robot.links_of(tip), robot.solid_links
+    above = tree.joint_above.get(tip)
+    if above is not None and above.name in wheels:
+        soles = tuple(link for link in links if link in solid) or (tip,)
+        X_tip, shank = above.X_parent_joint, above.parent
+        joints = [joint for joint in joints if joint is not above]
+        return Leg(tuple(joints[::-1]), shank, tip, X_tip, at_zero[tip], soles, rolls=True)
     foot = max(
         links,
         key=lambda link: (  # what touches the ground: with collision, called a foot, lowest
@@ -223,7 +305,13 @@ def _holders(links: Tree, foot: str, tip: str) -> Iterator[str]:
 # --- base and sensors -----------------------------------------------------------------------
 
 
-def _base(robot: InspectedRobot, legs: tuple[Leg, ...], limbs: list[Leg]) -> tuple[Base, str]:
+UNKNOWN = "taken as bolted: nothing recognised that stands, rolls, flies or reaches; see above"
+
+
+def _moves(
+    robot: InspectedRobot, legs: tuple[Leg, ...], turning: Mapping[str, Turning], limbs: list[Leg]
+) -> tuple[Base, str] | None:
+    """The base where the source states it, or the robot has what carries it about."""
     links, tree = robot.links, robot.tree
     if robot.floats:
         return "floating", "a floating joint holds it to an empty root link"
@@ -235,13 +323,14 @@ def _base(robot: InspectedRobot, legs: tuple[Leg, ...], limbs: list[Leg]) -> tup
     if legs:
         feet = ", ".join(leg.foot for leg in legs)
         return "floating", f"{len(legs)} legs of like joints reach the ground: {feet}"
-    rolling = [
-        joint.child
-        for joint in tree.joints
-        if joint.kind == "continuous" and WHEEL.fullmatch(joint.child + joint.name)
-    ]
-    if len(rolling) >= 2:
+    by_role = {
+        role: [tree.by_joint[name].child for name, part in turning.items() if part.role == role]
+        for role in ("wheel", "rotor")
+    }
+    if len(rolling := by_role["wheel"]) >= 2:
         return "floating", f"it rolls on {len(rolling)} wheels: {', '.join(rolling)}"
+    if rotors := by_role["rotor"]:
+        return "floating", f"it flies on {len(rotors)} rotors: {', '.join(rotors)}"
     names = [links.name, *links.by_body]
     props = [name for name in names[1:] if _PROP.fullmatch(name)]
     flying = [name for name in names if _FLYING.fullmatch(name)] + props[: len(props) // 2]
@@ -252,7 +341,36 @@ def _base(robot: InspectedRobot, legs: tuple[Leg, ...], limbs: list[Leg]) -> tup
         return "floating", f"{named}: legs by their names, but at 0 they do not reach down"
     if not tree.moving_joints:
         return "floating", "nothing moves in it: a loose object"
-    return "fixed", f"no legs and no wheels: an arm or a hand, bolted at `{tree.root}`"
+    return None
+
+
+def _stays(robot: InspectedRobot) -> tuple[Base, str]:
+    """Bolted: an arm or a hand, or what nothing tells of.
+
+    An arm is a chain of two joints or more; what turns without end at its tip bends nothing. A hand
+    has two limbs or more that are small, or slide.
+    """
+    tree = robot.tree
+    ends = [tree.joint_above[tip] for tip in _leaves(tree) if tip in tree.joint_above]
+    held = [joint for joint in ends if not turns_freely(robot, joint)]
+    loose = {joint.name for joint in ends} - {joint.name for joint in held}
+    chains = [[j for j in chain_to(tree, end.child) if j.kind in MOVING] for end in ends]
+    longest = max(len([j for j in chain if j.name not in loose]) for chain in chains)
+    if longest >= 2:
+        return "fixed", f"no legs and no wheels: an arm or a hand, bolted at `{tree.root}`"
+    fingers = [j for j in held if j.kind == "prismatic" or _is_small(tree, j.child)]
+    if len(fingers) >= 2:
+        return "fixed", f"{len(fingers)} fingers and no arm: a hand, bolted at `{tree.root}`"
+    return "fixed", UNKNOWN
+
+
+def _doubt(root: str) -> str:
+    return (
+        "nothing tells what this robot is: it has no legs, no two wheels on the ground, no rotors "
+        f"and no chain of joints as an arm has. It is taken as bolted at `{root}`. Decide `base` "
+        "(`floating` if nothing holds it) and check the `model` of each drive (`velocity` for what "
+        "turns without end)"
+    )
 
 
 def _sensors(links: Tree) -> dict[str, tuple[str, ...]]:

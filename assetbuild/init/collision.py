@@ -172,7 +172,7 @@ def _ball_feet(robot: InspectedRobot, anatomy: Anatomy, root: Path) -> list[str]
     balls = []
     for leg in anatomy.legs:
         own = [s for s in solid if s.link == leg.foot]
-        separate = leg.foot != leg.tip or len(leg.joints) >= 4
+        separate = not leg.rolls and (leg.foot != leg.tip or len(leg.joints) >= 4)
         if own and separate and all(_is_ball(root, shape) for shape in own):
             balls.append(leg.foot)
     return balls

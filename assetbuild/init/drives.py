@@ -1,9 +1,9 @@
 """An actuator table from the source's limits, by rules that the recipe states.
 
-Two kinds of row. Where one pair of gains suits all joints with the same limits, kp and kd. Where
-their inertias lie too far apart for that (the joints of a hand share one motor, a fingertip is a
-thousandth of a finger), a natural frequency and a damping ratio, which the build turns into gains
-joint by joint.
+Two kinds of row. Joints with the same limits that move about as much share one pair of gains, kp
+and kd. Where their inertias make too many classes for that (the joints of a hand share one motor, a
+fingertip is a thousandth of a finger), a natural frequency and a damping ratio, which the build
+turns into gains joint by joint.
 """
 
 from __future__ import annotations
@@ -16,8 +16,10 @@ from types import MappingProxyType
 
 import numpy as np
 
+from assetbuild.checks.gains import Gains
 from assetbuild.init.anatomy import Leg
 from assetbuild.init.strength import Guess, is_locked, unit_of
+from assetbuild.init.wheels import VELOCITY_DRIVEN, Turning
 from assetbuild.robot.dynamics import dynamics, holding_torques
 from assetbuild.robot.inertia import total_mass
 from assetbuild.robot.model import Joint, Loop, Tree
@@ -40,8 +42,14 @@ FASTEST_LEG_HZ = 6.0
 USUAL_HZ = 8.0
 """Where a row states a frequency."""
 DAMPING_RATIO = 0.7
-MOST_DAMPED = 4.0
-"""Damping ratio of the lightest joint that shares gains with others."""
+MOST_DAMPED = Gains().damping_ratio[1]
+"""Damping ratio at most, that of the joint's own damping included: a build warns of more."""
+SPAN = 8.0
+"""Largest over smallest inertia in a row: the lightest is damped twice as much as it needs."""
+TWINS = 1.1
+"""Inertias that are closer than this are never parted."""
+CLASSES = 2
+"""More classes of inertia than this get a frequency instead."""
 MOST_DAMPED_LEG = 9.0
 """The same of a leg's joint, in the air: there an ankle moves a foot, on the ground the robot."""
 STUCK = 0.3
@@ -66,7 +74,8 @@ class DriveRow:
     never move (friction).
     locked: equal limits hold them, so that a drive could move nothing.
     standing: least inertia of those that belong to a standing leg; 0 without one.
-    guess: why the effort is a guess, "" for the source's own; role: of such joints.
+    guess: why the effort is a guess, "" for the source's own; role: of such joints, and of those
+    that turn without end, whose role names their drive.
     """
 
     joints: tuple[str, ...]
@@ -87,7 +96,7 @@ class DriveRow:
         """The row of the recipe, but for `joints`."""
         if self.locked or self.effort is None:
             return {"model": "passive"}
-        keys: dict[str, object] = {"model": "velocity" if self.role == "wheel" else "pd"}
+        keys: dict[str, object] = {"model": "velocity" if self.role in VELOCITY_DRIVEN else "pd"}
         if self.guess:
             keys["effort"] = self.effort
         keys |= self.gains
@@ -119,6 +128,7 @@ def drive_rows(
     armature: Mapping[str, float] = MappingProxyType({}),
     loops: Sequence[Loop] = (),
     passive: Collection[str] = (),
+    turning: Mapping[str, Turning] = MappingProxyType({}),
 ) -> tuple[DriveRow, ...]:
     """Joints grouped by kind, effort and velocity, with gains; mimic joints need no row.
 
@@ -126,42 +136,67 @@ def drive_rows(
 
     guesses: of the efforts that the source does not state; the tree has them. Such joints are
     grouped by what they are part of.
-    armature: of rotors, by joint, kg m2 or kg.
+    armature: of rotors, by joint, kg m2 or kg. turning: what turns without end, by joint.
     """
     felt = _felt(tree, pose, legs, armature, loops, passive)
     groups: dict[DriveRow, list[Joint]] = defaultdict(list)
     for joint in tree.moving_joints:
         if joint.mimic is None and joint.name not in passive:
-            kind = _kind(joint, guesses.get(joint.name))
+            kind = _kind(joint, guesses.get(joint.name), turning.get(joint.name))
             groups[replace(kind, armature=armature.get(joint.name, 0.0))].append(joint)
     rows = []
     for kind, joints in groups.items():
-        found = [felt[joint.name] for joint in joints]
-        inertia = max(one.inertia for one in found)
-        names = tuple(joint.name for joint in joints)
-        row = replace(kind, joints=names, inertia=inertia)
-        rows.append(_driven(row, row.effort, found) if row.effort is not None else row)
+        for found in _classes(kind, [felt[joint.name] for joint in joints]):
+            inertia = max(one.inertia for one in found)
+            names = tuple(one.joint.name for one in found)
+            row = replace(kind, joints=names, inertia=inertia)
+            rows.append(_driven(row, row.effort, found) if row.effort is not None else row)
     return tuple(rows)
 
 
-def _kind(joint: Joint, guess: Guess | None) -> DriveRow:
+def _classes(kind: DriveRow, felt: Sequence[_Felt]) -> list[list[_Felt]]:
+    """Joints of one kind, parted by what they move; those of standing legs all move the robot."""
+    legs, others = [one for one in felt if one.load], [one for one in felt if not one.load]
+    found = [legs] * bool(legs)
+    positions = kind.effort is not None and kind.role not in VELOCITY_DRIVEN
+    if not positions or any(one.inertia <= 0.0 for one in others):
+        return [*found, others] if others else found
+    alike: list[list[_Felt]] = []
+    for one in sorted(others, key=lambda one: -one.inertia):
+        last = alike[-1] if alike else []
+        near = last and last[-1].inertia < TWINS * one.inertia
+        if near or (last and last[0].inertia <= SPAN * one.inertia):
+            last.append(one)
+        else:
+            alike.append([one])
+    if len(alike) > CLASSES:
+        return [*found, others]
+    return [*found, *([one for one in others if one in part] for part in alike)]
+
+
+def _kind(joint: Joint, guess: Guess | None, part: Turning | None) -> DriveRow:
     """The row of one joint, without what depends on the others."""
     unit, limits, locked = unit_of(joint), joint.limits, is_locked(joint)
     effort = None if locked else limits.effort or None
     row = DriveRow((), effort, limits.velocity or None, unit, 0.0, locked=locked)
-    if guess is None:
-        return row
-    return replace(row, guess=guess.why, role=guess.role)
+    if guess is not None:
+        return replace(row, guess=guess.why, role=guess.role)
+    if part is not None and part.role == "caster":
+        return replace(row, effort=None, role=part.role)
+    return replace(row, role=part.role) if part and part.role in VELOCITY_DRIVEN else row
 
 
 def _driven(row: DriveRow, effort: float, felt: Sequence[_Felt]) -> DriveRow:
-    if row.role == "wheel":
+    if row.role in VELOCITY_DRIVEN:
         return replace(row, gains={"kd": _rounded(effort / FULL_SLIP)})
     row = _with_gains(row, effort, felt)
     cannot_be_meant = {
         "damping": max(_own_ratio(row, one) for one in felt) > MOST_DAMPED,
         "friction": any((one.joint.friction or 0.0) > STUCK * effort for one in felt),
     }
+    if "kd" in row.gains and not cannot_be_meant["damping"]:
+        own = min(one.joint.damping or 0.0 for one in felt)
+        row = replace(row, gains={**row.gains, "kd": _rounded(max(row.gains["kd"] - own, 0.0))})
     return replace(row, drops=tuple(word for word, bad in cannot_be_meant.items() if bad))
 
 
@@ -188,7 +223,7 @@ def _with_gains(row: DriveRow, effort: float, felt: Sequence[_Felt]) -> DriveRow
         max(one.inertia * _square(FASTEST_HZ), one.load * _square(FASTEST_LEG_HZ)) for one in felt
     ]
     standing = any(one.load for one in felt)
-    alike = math.sqrt(max(moved) / min(moved)) * DAMPING_RATIO <= MOST_DAMPED
+    alike = max(moved) <= SPAN * TWINS * min(moved)
     if not standing and (not alike or max(floors) > min(roofs)):
         return _by_frequency(row, felt)
     kp = min(max(effort / FULL_ERROR[unit], max(floors)), max(roofs))

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import json
 import os
+import re
 from collections.abc import Collection, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from assetbuild.control.close_loops import placed_loops
@@ -24,7 +25,6 @@ from assetbuild.init.targets import carried, not_in_usd, targets
 from assetbuild.init.text import Recipe, actuators, head, home, validation
 from assetbuild.init.trial import Trial, tables, try_to_stand
 from assetbuild.init.tune import Tuning, tune
-from assetbuild.init.wheels import wheel_radii
 from assetbuild.init.words import inline, quoted, some, source_section, written
 from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.joint_springs import joint_springs, no_drives
@@ -40,6 +40,22 @@ from assetbuild.source.mjcf.read_mjcf import ReadMjcf
 from assetbuild.source.mjcf.scenery import SeveralRobotsError
 from assetbuild.source.urdf.xml import MAX_BYTES
 
+INCLUDE = re.compile(rb"""<include\s[^>]*?file\s*=\s*["']([^"']+)["']""")
+VAGUE = {
+    "",
+    "assets",
+    "scene",
+    "mjx",
+    "robot",
+    "model",
+    "mujoco",
+    "mjcf",
+    "xml",
+    "xmls",
+    "world",
+    "main",
+}
+"""Words that name no robot."""
 DRIVES = "# The source drives no joint; mjlab's robots, for one, are driven from Python."
 
 
@@ -112,12 +128,34 @@ def _read(root: Path, name: str, bodies: tuple[str, ...] = ()) -> MjcfSource:
         read = RobotFiles(ports.folder)
         said = read.source_control or SourceControl()
         links, shapes = read.links, read.source_shapes
-        robot, built = (judge(links, shapes, links.base, kept=k) for k in ((), said.bodies))
+        robot, built = (
+            judge(links, shapes, links.base, kept=k, root=root) for k in ((), said.bodies)
+        )
         weak = _weak(built)
         if weak:
             mended = next(_mended(links, shapes, said.bodies, built, weak), None)
             built, weak = (mended, weak) if mended else (built, ())
+    called = robot_name(robot.links.name, root / name)
+    robot = replace(robot, links=replace(robot.links, name=called))
     return MjcfSource(root, name, robot, built, said.control, weak, bodies, newer)
+
+
+def robot_name(stated: str, file: Path) -> str:
+    """What an MJCF calls its robot; of a scene, by what else names it.
+
+    First without the word `scene`, then as the files that it includes and that have bodies, as
+    itself, as its folder.
+    """
+    try:
+        beside = [file.parent / name.decode() for name in INCLUDE.findall(file.read_bytes())]
+        holders = [path.stem for path in beside if is_file(path) and b"<body" in path.read_bytes()]
+    except (OSError, ValueError):
+        holders = []
+    for name in (stated, *holders, file.stem, file.parent.name, file.parent.parent.name):
+        words = [word for word in re.split(r"[ _.-]+", name) if word.lower() != "scene"]
+        if not VAGUE.issuperset(word.lower() for word in words):
+            return "_".join(words) if "scene" in name.lower() else name
+    return stated
 
 
 def _weak(robot: InspectedRobot) -> tuple[str, ...]:
@@ -143,7 +181,7 @@ def _mended(
     inertia is to its shank.
     """
     for kept in (_without_held(links, bodies, weak), _without_weak(links, bodies, weak)):
-        mended = judge(links, shapes, links.base, kept=kept)
+        mended = judge(links, shapes, links.base, kept=kept, root=built.root)
         if not _weak(mended) and (_wrong(built) or not not_in_usd(mended)):
             yield mended
 
@@ -175,7 +213,7 @@ def _included(ports: Scratch, root: Path, name: str) -> bool:
 def mjcf_text(found: MjcfSource, path: Path) -> Recipe:
     """The whole recipe, as it will lie at `path`."""
     robot, control = found.robot, found.control
-    anatomy = study(robot)
+    anatomy = replace(study(robot), doubt="")  # the source says its base
     idle = not _driven(control) and robot.tree.moving_joints
     tuning = _tuned(found, anatomy) if idle else None
     unmended = tuning.unmended if tuning else ()
@@ -200,7 +238,7 @@ def mjcf_text(found: MjcfSource, path: Path) -> Recipe:
 def _tuned(found: MjcfSource, anatomy: Anatomy) -> Tuning:
     """Drives for a source that has none, with its own rotors and at most its own time step."""
     robot, control = found.robot, found.control
-    tree, guesses = strengthened(robot.tree, anatomy, wheel_radii(robot, found.root))
+    tree, guesses = strengthened(robot.tree, anatomy)
 
     def attempt(tuning: Tuning) -> Trial:
         step = tables(tree, tuning.drives, tuning.pose, {"timestep": tuning.timestep})

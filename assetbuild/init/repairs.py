@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection, Iterator, Mapping, Sequence
-from dataclasses import astuple, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -16,7 +16,7 @@ import numpy as np
 from assetbuild.body.lint_links import MIMIC_LIMITS
 from assetbuild.findings import Finding
 from assetbuild.init.contradicted import Weighed, keys_of
-from assetbuild.init.look import InspectedRobot
+from assetbuild.init.look import InspectedRobot, zeroed
 from assetbuild.init.mesh_points import is_flat, mesh_of, scaled_points
 from assetbuild.init.patterns import patterns_of
 from assetbuild.init.targets import not_in_usd
@@ -26,7 +26,6 @@ from assetbuild.robot.inertia import principal_moments
 from assetbuild.robot.mimic import common_range, has_range, leading
 from assetbuild.robot.model import Tree
 from assetbuild.robot.shapes import MeshFile
-from assetbuild.source.urdf.joints import LIMIT_OMITTED
 
 GUESSED_DENSITY = 1000
 """kg/m3, of links without a mass: water's, and that of many a printed or hollow part."""
@@ -233,14 +232,13 @@ def _shares(robot: InspectedRobot) -> Iterator[Repair]:
 
 def _limits(robot: InspectedRobot) -> Iterator[Repair]:
     free = {"unlimited": True}
-    for finding in robot.source_findings:
-        if finding.rule == LIMIT_OMITTED.id and _has_no_range(robot, finding):
-            why = (
-                "without a range urdfdom locks it at 0; MuJoCo, PyBullet and Isaac Sim let it "
-                "turn: put `lower` and `upper` here when you know them"
-            )
-            yield Repair(_subject(finding), "set_limits", free, why, "<limit> states no range")
-    for name in _zeros(robot.links):
+    for name in robot.unranged:
+        why = (
+            "without a range urdfdom locks it at 0; MuJoCo, PyBullet and Isaac Sim let it "
+            "turn: put `lower` and `upper` here when you know them"
+        )
+        yield Repair(name, "set_limits", free, why, "<limit> states no range")
+    for name in zeroed(robot.links):
         why = (
             "exporters write zeros where nobody states limits, and MuJoCo lets it turn: put "
             "`lower` and `upper` here when you know them"
@@ -287,22 +285,6 @@ def unmended(robot: InspectedRobot) -> Iterator[str]:
     for finding in robot.link_findings:
         if finding.rule == MIMIC_LIMITS.id and finding.blocks:
             yield f"{finding.subject}: {finding.message} ({finding.hint})"
-
-
-def _has_no_range(robot: InspectedRobot, finding: Finding) -> bool:
-    """Whether the finding is of a joint that turns by itself and states neither end of a range."""
-    joint, missing = robot.links.by_joint[_subject(finding)], finding.data.get("missing", ())
-    both = isinstance(missing, tuple) and {"lower", "upper"} <= set(missing)
-    return both and joint.kind == "revolute" and joint.mimic is None
-
-
-def _zeros(tree: Tree) -> list[str]:
-    """Hinges of a robot that could move nothing, as all its limits are stated as 0."""
-    moving = [joint for joint in tree.moving_joints if joint.mimic is None]
-    stated = [value for joint in moving for value in astuple(joint.limits)]
-    if any(value != 0.0 for value in stated):
-        return []
-    return [joint.name for joint in moving if joint.kind == "revolute"]
 
 
 def _hints(robot: InspectedRobot, mended: Collection[str]) -> Iterator[str]:

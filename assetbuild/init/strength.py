@@ -8,9 +8,10 @@ physics: a drive holds what hangs on it in the worst pose, with a margin, and ac
 ACCELERATION is what makers state of their arms (Franka Robotics' limits of the Panda are 7.5 to 20
 rad/s2 at its joints and 13 m/s2 at its hand, so a longer arm turns slower). A leg holds its share
 of the robot on half of the legs with its knee bent square; a finger presses with GRIP_N at its tip;
-a wheel pushes until its tyre slips. Within a limb motors differ less than loads do (a wrist's motor
-also carries a payload that no URDF states), so no drive is weaker than LEAST_SHARE of the strongest
-of its limb: 40 of 320 N m in an iiwa, 12 of 87 in a Panda, 28 of 150 in a UR5e.
+a wheel pushes until its tyre slips; a rotor turns in the air that carries its share. Within a limb
+motors differ less than loads do (a wrist's motor also carries a payload that no URDF states), so no
+drive is weaker than LEAST_SHARE of the strongest of its limb: 40 of 320 N m in an iiwa, 12 of 87 in
+a Panda, 28 of 150 in a UR5e.
 """
 
 from __future__ import annotations
@@ -20,17 +21,13 @@ import re
 from collections import Counter
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
-from typing import Literal
 
-import numpy as np
-
-from assetbuild.init.anatomy import WHEEL, Anatomy, Leg, chain_to
+from assetbuild.init.anatomy import Anatomy, Leg, Role, chain_to, length_below, limb_of, roles
 from assetbuild.init.gravity import GRAVITY, sample_poses, worst_loads
+from assetbuild.init.wheels import VELOCITY_DRIVEN
 from assetbuild.robot.dynamics import dynamics
 from assetbuild.robot.inertia import total_mass
 from assetbuild.robot.model import Joint, Tree
-
-Role = Literal["leg", "wheel", "finger", "arm"]
 
 MARGIN = 2.0
 """Times the gravity of the worst pose."""
@@ -47,7 +44,10 @@ GRIP_N = 10.0
 ADHESION = 0.8
 """Friction of a tyre on a floor."""
 WHEEL_M = 0.1
-"""Radius of a wheel without a shape."""
+"""Radius of a wheel or a rotor without a shape."""
+DRAG = 0.15
+"""Torque of a rotor over its thrust times its radius: 0.12 to 0.25 in the models of RotorS (Iris,
+Hummingbird, Firefly) and the Crazyflie's."""
 WEAKEST = {"rad": 0.01, "m": 0.1}
 """N m and N; no drive of the field is weaker."""
 BEYOND_MEANING = 1000.0
@@ -64,9 +64,6 @@ ROTOR = {"rad": 6000.0, "m": 600.0}
 8,700, a Go1 5,900, a UR10 3,300, a Panda 870: the guess is the least that such a motor has."""
 ROTOR_RULE = f"effort / {ROTOR['rad']:g} rad/s2 (slides: {ROTOR['m']:g} m/s2)"
 
-_FINGER = re.compile(r"(?i).*(finger|thumb|grip|palm|knuckle|digit|pinky|pinkie|phalan|hand).*")
-_LIGHT_KG, _SHORT_M = 0.4, 0.25
-"""A limb that is lighter and shorter is a finger, whatever it is called."""
 _IDLE = re.compile(r"(?i).*(passive|caster|castor|spring|rocker|bogie|roller|achilles|plantar).*")
 
 
@@ -79,15 +76,10 @@ class Guess:
     role: Role
 
 
-def strengthened(
-    tree: Tree, anatomy: Anatomy, radii: Mapping[str, float]
-) -> tuple[Tree, dict[str, Guess]]:
-    """The tree with a guess for each effort that is unknown, and these guesses by joint.
-
-    radii: of wheels, by joint, m.
-    """
+def strengthened(tree: Tree, anatomy: Anatomy) -> tuple[Tree, dict[str, Guess]]:
+    """The tree with a guess for each effort that is unknown, and these guesses by joint."""
     parts = roles(tree, anatomy)
-    physics, guesses = physical_efforts(tree, anatomy, radii, parts), {}
+    physics, guesses = physical_efforts(tree, anatomy, parts), {}
     meaningless = _placeholders(tree, physics)
     why = {name: _unknown(tree.by_joint[name], physics[name], meaningless) for name in physics}
     stated = [name for name in physics if not why[name]]
@@ -164,10 +156,13 @@ def is_locked(joint: Joint) -> bool:
 
 
 def stays_passive(tree: Tree, joint: Joint, anatomy: Anatomy) -> bool:
-    """A caster, a spring: by its name, or as the last joint of a leg whose others are driven.
+    """A caster, whatever it states; a spring, by its name or as the last of a driven leg.
 
     Cassie's heel springs state an effort of 0 where its motors state theirs.
     """
+    part = anatomy.turning.get(joint.name)
+    if part is not None and part.role == "caster":
+        return True
     if joint.limits.effort:
         return False
     if _IDLE.fullmatch(joint.name) or _IDLE.fullmatch(joint.child):
@@ -181,13 +176,11 @@ def stays_passive(tree: Tree, joint: Joint, anatomy: Anatomy) -> bool:
 # --- the guess ------------------------------------------------------------------------------
 
 
-def physical_efforts(
-    tree: Tree, anatomy: Anatomy, radii: Mapping[str, float], parts: Mapping[str, Role]
-) -> dict[str, float]:
+def physical_efforts(tree: Tree, anatomy: Anatomy, parts: Mapping[str, Role]) -> dict[str, float]:
     """What each joint needs, by the formula of this module; N m or N."""
     gravity, inertia = worst_loads(tree), largest_inertias(tree)
-    wheels = [name for name, role in parts.items() if role == "wheel"]
     weight, found = total_mass(tree) * GRAVITY, {}
+    turned = _turned(anatomy, weight)
     share = weight / max(1, len(anatomy.walks_on) // 2)
     legs = {j.name: _standing_load(leg, share) for leg in anatomy.walks_on for j in leg.joints}
     for joint in tree.moving_joints:
@@ -196,29 +189,41 @@ def physical_efforts(
         name, unit = joint.name, unit_of(joint)
         accelerated = ACCELERATION[unit]
         if unit == "rad":
-            reach = _length(tree, joint.child)
+            reach = length_below(tree, joint.child)
             accelerated = min(accelerated, TIP_ACCELERATION / max(reach, 1e-3))
         need = MARGIN * gravity[name] + accelerated * inertia.get(name, 0.0)
-        if parts[name] == "wheel":
-            need = max(need, ADHESION * weight * radii.get(name, WHEEL_M) / len(wheels))
-        elif parts[name] == "finger":
-            need = max(need, GRIP_N * (_length(tree, joint.child) if unit == "rad" else 1.0))
+        need = max(need, turned.get(name, 0.0))
+        if parts[name] == "finger":
+            need = max(need, GRIP_N * (length_below(tree, joint.child) if unit == "rad" else 1.0))
         elif parts[name] == "leg":
             need = max(need, legs[name])
         found[name] = max(need, WEAKEST[unit])
     return _within_limbs(tree, found, parts)
 
 
+def _turned(anatomy: Anatomy, weight: float) -> dict[str, float]:
+    """N m that a wheel needs to slip, and a rotor to carry MARGIN times its share."""
+    alike = Counter(part.role for part in anatomy.turning.values())
+    per_metre = {"wheel": ADHESION * weight, "rotor": MARGIN * DRAG * weight}
+    return {
+        name: per_metre[part.role] / alike[part.role] * (part.radius_m or WHEEL_M)
+        for name, part in anatomy.turning.items()
+        if part.role in per_metre
+    }
+
+
 def _within_limbs(
     tree: Tree, found: Mapping[str, float], parts: Mapping[str, Role]
 ) -> dict[str, float]:
-    """None but a wheel is weaker than a share of the strongest of its limb."""
+    """None but what turns without end is weaker than a share of the strongest of its limb."""
     limbs = {n: (limb_of(tree, tree.by_joint[n]), unit_of(tree.by_joint[n])) for n in found}
     strongest: dict[tuple[str, str], float] = {}
     for name, need in found.items():
         strongest[limbs[name]] = max(need, strongest.get(limbs[name], 0.0))
     return {
-        name: need if parts[name] == "wheel" else max(need, LEAST_SHARE * strongest[limbs[name]])
+        name: need
+        if parts[name] in VELOCITY_DRIVEN
+        else max(need, LEAST_SHARE * strongest[limbs[name]])
         for name, need in found.items()
     }
 
@@ -247,68 +252,6 @@ def largest_inertias(tree: Tree) -> dict[str, float]:
     return largest
 
 
-def roles(tree: Tree, anatomy: Anatomy) -> dict[str, Role]:
-    """What each moving joint is part of, by the robot's anatomy, its names and its size."""
-    legs = {joint.name for leg in anatomy.walks_on for joint in leg.joints}
-    found: dict[str, Role] = {}
-    for joint in tree.moving_joints:
-        called = _FINGER.fullmatch(joint.name) or _FINGER.fullmatch(joint.child)
-        if joint.name in legs:
-            found[joint.name] = "leg"
-        elif joint.kind == "continuous" and WHEEL.fullmatch(joint.child + joint.name):
-            found[joint.name] = "wheel"
-        elif _is_small(tree, joint.child if called else limb_of(tree, joint)):
-            found[joint.name] = "finger"
-        else:
-            found[joint.name] = "arm"
-    return found
-
-
-def _is_small(tree: Tree, body: str) -> bool:
-    """Whether what hangs on a body is as light and short as a finger."""
-    below = _below(tree, body)
-    mass = math.fsum(b.inertial.mass_kg for b in tree.bodies if b.name in below and b.inertial)
-    return mass < _LIGHT_KG and _length(tree, body) < _SHORT_M
-
-
-def _below(tree: Tree, body: str) -> set[str]:
-    found = {body}
-    for joint in tree.joints:  # parents come first
-        if joint.parent in found:
-            found.add(joint.child)
-    return found
-
-
-def _length(tree: Tree, body: str) -> float:
-    """From a body's origin to the furthest end of what hangs on it, stretched out; m."""
-    far = {body: _own_length(tree, body)}
-    longest, at = far[body], {body: 0.0}
-    for joint in tree.joints:
-        if joint.parent in at:
-            at[joint.child] = at[joint.parent] + math.dist(
-                joint.X_parent_joint.xyz, (0.0, 0.0, 0.0)
-            )
-            longest = max(longest, at[joint.child] + _own_length(tree, joint.child))
-    return longest
-
-
-def _own_length(tree: Tree, body: str) -> float:
-    """About how far a body reaches beyond its origin: twice the way to its centre of mass."""
-    inertial = tree.by_body[body].inertial
-    return 2.0 * float(np.linalg.norm(inertial.com_m)) if inertial else 0.0
-
-
 def _standing_load(leg: Leg, weight: float) -> float:
     """N m of a leg that carries its share on half of the legs, half its length off its foot."""
     return weight * leg.length / 2.0
-
-
-def limb_of(tree: Tree, joint: Joint) -> str:
-    """The body after the last branch above a joint: fingers are limbs of their own."""
-    children: dict[str, int] = {}
-    for other in tree.moving_joints:
-        children[other.parent] = children.get(other.parent, 0) + 1
-    for above in reversed(chain_to(tree, joint.child)):
-        if children.get(above.parent, 0) > 1 or above.parent == tree.root:
-            return above.child
-    return joint.child

@@ -34,7 +34,6 @@ from assetbuild.init.targets import targets
 from assetbuild.init.trial import Trial, tables, try_to_stand, try_whole
 from assetbuild.init.tune import LIGHT_KG, Tuning, tune
 from assetbuild.init.up_axis import turned
-from assetbuild.init.wheels import wheel_radii
 from assetbuild.init.words import flow, inline, plain, quoted, some, source_section, written
 from assetbuild.recipe.loader import shown_path
 from assetbuild.robot.contact import Exclude
@@ -66,7 +65,7 @@ def recipe_text(robot: InspectedRobot, anatomy: Anatomy, source: UrdfSource, pat
     edits = repairs(robot, source.root)
     up_axis, turn = turned(source, robot)
     whole = mended(robot, source.root, edits, turn)
-    tree, guesses = strengthened(whole.tree, anatomy, wheel_radii(whole, source.root))
+    tree, guesses = strengthened(whole.tree, anatomy)
     soles, loops = soles_of(whole, anatomy), find_loops(whole, source.loops, source.remarks)
 
     def attempt(tuning: Tuning) -> Trial:
@@ -128,6 +127,8 @@ def head(
     yield f"#   assetbuild build {plain(shown_path(path))}"
     for problem in unmended:
         yield f"# NOT READY: {plain(problem, 300)}"
+    if anatomy.doubt:
+        yield f"# UNDECIDED: {plain(anatomy.doubt, 500)}"
     if anatomy.sensors:
         yield "# Frames that survive as sites under the names of their links:"
     for kind, names in anatomy.sensors.items():
@@ -190,7 +191,8 @@ def actuators(tree: Tree, tuning: Tuning) -> Iterator[str]:
     rows = tuning.drives
     if not rows:
         return
-    yield "# Effort and velocity limits are the source's; joints with equal limits share a row."
+    yield "# Effort and velocity limits are the source's. Joints with equal limits that move about"
+    yield "# as much share a row."
     yield (
         f"# kp gives all the effort at an error of {FULL_ERROR['rad']:g} rad "
         f"({1e3 * FULL_ERROR['m']:g} mm for slides), but keeps the natural"
@@ -230,6 +232,10 @@ def _row(pattern: str, row: DriveRow) -> Iterator[str]:
         return
     if row.role == "loop":
         yield f"  # {count} that the loops move"
+        yield f"  - {line}"
+        return
+    if row.role == "caster":
+        yield f"  # {count} of casters, which follow where the wheels go"
         yield f"  - {line}"
         return
     if row.effort is None:

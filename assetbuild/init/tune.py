@@ -8,12 +8,12 @@ the rotors, and a shorter step still. What the source states and cannot be is le
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 
 from assetbuild.findings import Finding
 from assetbuild.init.anatomy import Anatomy, Leg
-from assetbuild.init.drives import STEP_S, DriveRow, drive_rows
+from assetbuild.init.drives import MOST_DAMPED, STEP_S, DriveRow, drive_rows
 from assetbuild.init.home import home_pose
 from assetbuild.init.loops import NO_LOOPS, FoundLoops
 from assetbuild.init.patterns import patterns_of
@@ -27,6 +27,7 @@ from assetbuild.init.strength import (
     with_efforts,
 )
 from assetbuild.init.trial import Trial
+from assetbuild.init.wheels import Turning
 from assetbuild.robot.inertia import total_mass
 from assetbuild.robot.model import Tree
 
@@ -41,7 +42,6 @@ DAMPED = 1.25
 """Times the damping ratio that was refused."""
 WANDERS_M = 0.1
 """Farther than this, a robot that stands for two seconds does not stand: it hops."""
-MOST_DAMPED = 4.0
 
 Try = Callable[["Tuning"], Trial]
 
@@ -52,6 +52,7 @@ class Tuning:
 
     notes: what was corrected and why; unmended: what could not be, each with the edit that mends
     it. armature: by joint, kg m2 or kg. loops: the joints that they move have no drive.
+    turning: what turns without end, by joint.
     """
 
     tree: Tree
@@ -63,6 +64,7 @@ class Tuning:
     notes: tuple[str, ...] = ()
     unmended: tuple[str, ...] = ()
     loops: FoundLoops = NO_LOOPS
+    turning: Mapping[str, Turning] = field(default_factory=dict)
 
 
 def tune(
@@ -80,7 +82,7 @@ def tune(
     longest_step: s.
     """
     armature = _heavy_rotors(tree, guesses) | {name: own for name, own in rotors.items() if own}
-    start = Tuning(tree, {}, (), 0.0, guesses, armature, loops=loops)
+    start = Tuning(tree, {}, (), 0.0, guesses, armature, loops=loops, turning=anatomy.turning)
     tuning = _chosen(start, anatomy.legs, longest_step)
     trial = attempt(tuning)
     for _ in range(ROUNDS):
@@ -114,7 +116,8 @@ def _chosen(tuning: Tuning, legs: tuple[Leg, ...], step: float = 0.0) -> Tuning:
     pose = home_pose(tree, legs)
     loops, closed = tuning.loops.closed(tree, pose)
     passive = tuning.loops.passive
-    drives = drive_rows(tree, closed, legs, tuning.guesses, tuning.armature, loops, passive)
+    said = (tuning.guesses, tuning.armature, loops, passive, tuning.turning)
+    drives = drive_rows(tree, closed, legs, *said)
     hops = any(row.outruns(STEP_S) for row in drives)
     own = SHORT_STEP_S if hops or total_mass(tree) < LIGHT_KG else STEP_S
     return replace(tuning, pose=pose, drives=drives, timestep=min(own, step or own))
@@ -136,7 +139,7 @@ def _corrected(tuning: Tuning, trial: Trial, legs: tuple[Leg, ...]) -> Tuning | 
 
 
 def _damped_more(tuning: Tuning, trial: Trial) -> Tuning | None:
-    """More than the joints' own damping makes; damping that makes more than 4 is dropped."""
+    """More than the joints' own damping makes; damping that makes too much is dropped."""
     key = trial.refused.key if trial.refused else ()
     if len(key) < 3 or key[2] != "damping_ratio" or not isinstance(key[1], int):
         return None

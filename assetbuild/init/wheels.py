@@ -1,43 +1,343 @@
-"""How large the wheels are."""
+"""What turns without end: wheels, casters, rotors; by their shape, their axis and the ground.
+
+Judged at the pose where every joint is 0, in the frame of the root. A wheel is round about a
+horizontal axis and as low as the robot reaches. A caster is a wheel on a swivel that it trails
+behind, on a robot that has others to drive by; with no trail or no other wheels, the swivel steers.
+Rotors are three or more alike, balanced about upright axes, above the ground. Names decide where
+there is no shape to look at, and confirm a wheel that hangs above the ground among others.
+"""
 
 from __future__ import annotations
 
-from pathlib import Path
+import math
+import re
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cache
+from typing import Literal
 
 import numpy as np
 
-from assetbuild.init.anatomy import WHEEL
-from assetbuild.init.look import InspectedRobot
+from assetbuild.init.look import InspectedRobot, zeroed
 from assetbuild.init.mesh_points import mesh_of, scaled_points
-from assetbuild.robot.shapes import Box, MeshFile, SourceShape
+from assetbuild.robot.model import Joint, Tree
+from assetbuild.robot.pose import Array, Pose
+from assetbuild.robot.shapes import Box, Cylinder, MeshFile, SourceGeometry, SourceShape, Sphere
+from assetbuild.robot.tree import forward_kinematics
+
+TurningRole = Literal["wheel", "caster", "steering", "rotor", "spinner"]
+
+VELOCITY_DRIVEN = ("wheel", "rotor", "spinner")
+"""Roles of joints that are asked for a speed, not for a place."""
+ENDLESS_RAD = 20.0
+"""A range of more than three turns is none; many arms state two."""
+LEVEL, UPRIGHT = 0.35, 0.7
+"""Upward part of an axis: at most, of a wheel; at least, of a rotor, which may be tilted."""
+SWIVEL = 0.9
+ROUND = 0.85
+"""Smallest over largest half-width about the axis; a square has 0.71, an octagon 0.92."""
+BALANCED = 0.15
+"""A rotor's centre of mass is off its axis by at most this share of its radius."""
+ON_GROUND = 0.25
+"""A wheel's lowest point is above the robot's by at most this share of its radius."""
+TRAIL = 0.15
+"""A caster follows its swivel by at least this share of its radius."""
+ALIKE = 0.2
+ROTORS = 3
+COINCIDENT_M = 1e-3
+
+_WHEEL = re.compile(r"(?i).*(wheel|caster|castor|tyre).*")
+_CASTER = re.compile(r"(?i).*(caster|castor|roller).*")
+_ROTOR = re.compile(r"(?i).*(rotor|propeller|(^|[_/-])prop_?\d*([_-]|$)).*")
+_SPINNER = re.compile(
+    r"(?i).*(rotor|propeller|fan|blade|brush|lidar|laser|velodyne|hokuyo|radar|fly_?wheel|spin).*"
+)
 
 
-def wheel_radii(robot: InspectedRobot, root: Path) -> dict[str, float]:
-    """Return the radius of each wheel by its joint, m; wheels without a shape are left out.
+Height = Callable[[], float]
+"""Of the robot's lowest point, m: read from its meshes when it is asked for."""
 
-    root: of the source's files.
+
+@dataclass(frozen=True)
+class Turning:
+    """What a joint that turns without end carries. radius_m: about its axis, 0 without a shape."""
+
+    role: TurningRole
+    radius_m: float = 0.0
+
+
+@dataclass(frozen=True)
+class _Disc:
+    """The body on such a joint. Root frame, m; lowest: infinite without a shape.
+
+    roundness: smallest over largest half-width about the axis; off_axis: of its centre of mass.
+    is_last: nothing hangs on it but what turns without end inside it, as the rollers of a wheel.
     """
-    found = {}
-    for joint in robot.tree.moving_joints:
-        if joint.kind == "continuous" and WHEEL.fullmatch(joint.child + joint.name):
-            links = robot.links_of(joint.child)
-            own = [shape for shape in robot.shapes.shapes if shape.link in links]
-            sizes = [size for shape in own if (size := _radius(shape, root))]
-            if sizes:
-                found[joint.name] = max(sizes)
+
+    joint: Joint
+    axis: Array
+    centre: Array
+    radius: float
+    lowest: float
+    roundness: float
+    off_axis: float
+    is_last: bool
+
+    @property
+    def name(self) -> str:
+        """What the words are looked for in."""
+        return f"{self.joint.child}/{self.joint.name}"
+
+    @property
+    def is_level(self) -> bool:
+        return bool(abs(self.axis[2]) < LEVEL)
+
+
+def what_turns(robot: InspectedRobot) -> dict[str, Turning]:
+    """By joint, in the order of the tree; joints that turn without end and are none are left out.
+
+    A swivel is among them whatever its range.
+    """
+    free = [joint for joint in robot.tree.moving_joints if turns_freely(robot, joint)]
+    if not free:
+        return {}
+    at_zero = forward_kinematics(robot.tree, {})
+    discs = [_disc(robot, at_zero, joint, free) for joint in free]
+    ground = cache(lambda: _ground(robot, at_zero))
+    wheels = _wheels(discs, ground)
+    found = {disc.joint.name: Turning("wheel", disc.radius) for disc in wheels}
+    found |= _followers(robot.tree, at_zero, wheels, discs)
+    others = [disc for disc in discs if disc.is_last and disc.joint.name not in found]
+    rotors = _rotors(others, ground, rolls=len(wheels) > 1)
+    found |= {disc.joint.name: Turning("rotor", disc.radius) for disc in rotors}
+    for disc in others:
+        named = _SPINNER.fullmatch(disc.name) or (_WHEEL.fullmatch(disc.name) and disc.is_level)
+        if named and disc.joint.name not in found:
+            found[disc.joint.name] = Turning("spinner", disc.radius)
+    return {joint.name: found[joint.name] for joint in robot.tree.joints if joint.name in found}
+
+
+def turns_freely(robot: InspectedRobot, joint: Joint) -> bool:
+    """Whether no limit stops the joint: it has none, or none that could be meant."""
+    lower, upper = joint.limits.lower, joint.limits.upper
+    if joint.kind != "revolute":
+        return joint.kind == "continuous"
+    if joint.name in {*robot.unranged, *zeroed(robot.links)} or lower is None or upper is None:
+        return True
+    return upper - lower > ENDLESS_RAD
+
+
+# --- wheels ---------------------------------------------------------------------------------
+
+
+def _wheels(discs: Sequence[_Disc], ground: Height) -> list[_Disc]:
+    """Discs that roll on the ground; the topmost of each chain, as a wheel may carry rollers."""
+    level = [disc for disc in discs if disc.is_level and disc.is_last]
+    named = [disc for disc in level if _WHEEL.fullmatch(disc.name)]
+    rolling = [d for d in level if d.roundness >= ROUND and _touches(d, ground)]
+    found = [disc for disc in rolling if disc in named or len(_like(disc, rolling)) > 1]
+    found += [d for d in named if d not in found and (not d.radius or _touches(d, ground))]
+    found += [d for d in named if d not in found and len(_like(d, [*found, *named])) > 1]
+    above = {disc.joint.child for disc in found}
+    return [disc for disc in found if disc.joint.parent not in above]
+
+
+def _touches(disc: _Disc, ground: Height) -> bool:
+    return disc.lowest - ground() <= ON_GROUND * disc.radius
+
+
+def _like(disc: _Disc, others: Sequence[_Disc]) -> list[_Disc]:
+    """Those of its size on parallel axes, itself among them."""
+    return [
+        other
+        for other in {other.joint.name: other for other in others}.values()
+        if abs(other.radius - disc.radius) <= ALIKE * disc.radius
+        and abs(float(other.axis @ disc.axis)) > SWIVEL
+    ]
+
+
+def _followers(
+    tree: Tree, at_zero: Mapping[str, Pose], wheels: Sequence[_Disc], discs: Sequence[_Disc]
+) -> dict[str, Turning]:
+    """Casters with their swivels, what steers, the rollers of wheels and the axes of balls.
+
+    A ball turns about several axes in one point: bodies without a shape, down to the ball.
+    """
+    below = {disc.joint.name: bodies_below(tree, disc.joint.child)[1:] for disc in wheels}
+    named = [disc for disc in wheels if _CASTER.fullmatch(disc.name)]
+    balls = [disc for disc in wheels if not disc.radius and below[disc.joint.name]]
+    others = [disc for disc in wheels if disc not in balls]
+    swivels = {disc.joint.name: _swivel(tree, at_zero, disc, wheels) for disc in others}
+    steady = [d for d in others if d not in named and swivels[d.joint.name] is None]
+    found: dict[str, Turning] = {}
+    for disc in wheels:
+        swivel = swivels.get(disc.joint.name)
+        trails = swivel is not None and _trail(at_zero, swivel, disc) > TRAIL * disc.radius
+        follows = disc in balls or (len(steady) > 1 and (trails or disc in named))
+        if follows:
+            found[disc.joint.name] = Turning("caster", disc.radius)
+        if swivel is not None:
+            found[swivel.name] = Turning("caster" if follows else "steering")
+    carried = {body for bodies in below.values() for body in bodies}
+    for disc in discs:
+        if disc.joint.child in carried:
+            found[disc.joint.name] = Turning("caster", disc.radius)
     return found
 
 
-def _radius(shape: SourceShape, root: Path) -> float:
-    """Half of the second largest extent: a wheel is as high as it is long, or wider than both."""
-    geometry = shape.geometry
+def _swivel(
+    tree: Tree, at_zero: Mapping[str, Pose], wheel: _Disc, wheels: Sequence[_Disc]
+) -> Joint | None:
+    """The upright joint of a fork that carries the wheel, and nothing but wheels."""
+    above = tree.joint_above.get(wheel.joint.parent)
+    if above is None or above.kind not in ("revolute", "continuous"):
+        return None
+    rolling = {body for disc in wheels for body in bodies_below(tree, disc.joint.child)}
+    is_fork = set(bodies_below(tree, above.child)) <= {above.child, *rolling}
+    return above if is_fork and abs(_axis(at_zero, above)[2]) > SWIVEL else None
+
+
+def _trail(at_zero: Mapping[str, Pose], swivel: Joint, wheel: _Disc) -> float:
+    """How far the wheel's axle passes by the axis of its swivel, m."""
+    away = wheel.centre - np.asarray(at_zero[swivel.child].xyz)
+    forward = np.cross(wheel.axis, (0.0, 0.0, 1.0))
+    return abs(float(away @ forward)) / max(float(np.linalg.norm(forward)), 1e-9)
+
+
+# --- rotors ---------------------------------------------------------------------------------
+
+
+def _rotors(discs: Sequence[_Disc], ground: Height, *, rolls: bool) -> list[_Disc]:
+    """Alike, balanced, upright and apart from each other, above the ground.
+
+    Several that are called so are believed; what rolls must call them so.
+    """
+    named = [disc for disc in discs if _ROTOR.fullmatch(disc.name)]
+    found = named if len(named) > 1 else []
+    upright = [d for d in discs if abs(d.axis[2]) >= UPRIGHT and d.off_axis <= BALANCED * d.radius]
+    alike = [[o for o in upright if abs(o.radius - d.radius) <= ALIKE * d.radius] for d in upright]
+    family = max(alike, key=len, default=[])
+    if rolls or len(_apart(family)) < ROTORS or any(_touches(disc, ground) for disc in family):
+        return found
+    return [disc for disc in discs if disc in family or disc in found]
+
+
+def _apart(discs: Sequence[_Disc]) -> list[_Disc]:
+    """Without those that turn above or below another, seen from above."""
+    found: list[_Disc] = []
+    for disc in discs:
+        if all(math.dist(disc.centre[:2], other.centre[:2]) > disc.radius for other in found):
+            found.append(disc)
+    return found
+
+
+# --- shapes ---------------------------------------------------------------------------------
+
+
+def _disc(
+    robot: InspectedRobot, at_zero: Mapping[str, Pose], joint: Joint, free: Sequence[Joint]
+) -> _Disc:
+    tree, X_root_body = robot.tree, at_zero[joint.child]
+    axis, origin = _axis(at_zero, joint), np.asarray(X_root_body.xyz)
+    inertial = tree.by_body[joint.child].inertial
+    clouds = [X_root_body.apply(cloud) for cloud in _clouds(robot, joint.child)]
+    if not clouds:
+        is_last = _is_last(tree, at_zero, joint, free, 0.0)
+        return _Disc(joint, axis, origin, 0.0, math.inf, 0.0, 0.0, is_last)
+    middle = np.mean([(c.min(axis=0) + c.max(axis=0)) / 2.0 for c in clouds], axis=0)
+    com = X_root_body.apply(inertial.com_m) if inertial and inertial.mass_kg else middle
+    widths = [_half_widths(cloud - origin, axis) for cloud in clouds]
+    radius = max(float(width.max()) for width in widths)
+    return _Disc(
+        joint,
+        axis,
+        origin + axis * float((middle - origin) @ axis),
+        radius,
+        min(float(cloud[:, 2].min()) for cloud in clouds),
+        max(float(width.min() / max(width.max(), 1e-9)) for width in widths),
+        float(np.linalg.norm(np.cross(np.asarray(com) - origin, axis))),
+        _is_last(tree, at_zero, joint, free, radius),
+    )
+
+
+def _is_last(
+    tree: Tree, at_zero: Mapping[str, Pose], joint: Joint, free: Sequence[Joint], radius: float
+) -> bool:
+    """Whether all that hangs on the body turns freely and has its place within the radius."""
+    spins, centre = {other.child for other in free}, at_zero[joint.child].xyz
+    return all(
+        body in spins and math.dist(at_zero[body].xyz, centre) <= radius + COINCIDENT_M
+        for body in bodies_below(tree, joint.child)[1:]
+    )
+
+
+def _half_widths(points: Array, axis: Array) -> Array:
+    """(16,) m: how far the points reach in directions around an axis through the origin."""
+    one = np.cross(axis, (1.0, 0.0, 0.0) if abs(axis[0]) < UPRIGHT else (0.0, 1.0, 0.0))
+    one = one / np.linalg.norm(one)
+    turns = np.arange(16) * (math.pi / 8.0)
+    directions = np.outer(np.cos(turns), one) + np.outer(np.sin(turns), np.cross(axis, one))
+    widths: Array = (points @ directions.T).max(axis=0)
+    return widths
+
+
+def _axis(at_zero: Mapping[str, Pose], joint: Joint) -> Array:
+    axis: Array = at_zero[joint.child].rotation @ np.asarray(joint.axis)
+    return axis
+
+
+def _ground(robot: InspectedRobot, at_zero: Mapping[str, Pose]) -> float:
+    """Height of the robot's lowest point, m, by what collides of a body where anything does.
+
+    Meshes that cannot be read are left out.
+    """
+    clouds = ((body.name, next(_clouds(robot, body.name), None)) for body in robot.tree.bodies)
+    return min(
+        (float(at_zero[body].apply(c)[:, 2].min()) for body, c in clouds if c is not None),
+        default=0.0,
+    )
+
+
+def _clouds(robot: InspectedRobot, body: str) -> Iterator[Array]:
+    """(n, 3) m, in the frame of the body: all points that collide, then all that are drawn."""
+    links = set(robot.links_of(body))
+    for role in ("collision", "visual"):
+        found = []
+        for shape in robot.shapes.of(role):
+            if shape.link in links and (points := _points(robot, shape)) is not None:
+                X_body_link = robot.tree.placement(shape.link)[1]
+                found.append((X_body_link @ shape.X_link_shape).apply(points))
+        if found:
+            yield np.concatenate(found)
+
+
+def _points(robot: InspectedRobot, shape: SourceShape) -> Array | None:
+    geometry: SourceGeometry = shape.geometry
+    if isinstance(geometry, MeshFile):
+        read = mesh_of(robot.root, geometry)
+        return None if read is None else scaled_points(read, geometry)
     if isinstance(geometry, Box):
-        extents = np.asarray(geometry.size)
-    elif isinstance(geometry, MeshFile):
-        read = mesh_of(root, geometry)
-        if read is None:
-            return 0.0
-        extents = np.ptp(scaled_points(read, geometry), axis=0)
+        corners = np.array(np.meshgrid(*[(-0.5, 0.5)] * 3)).reshape(3, -1).T
+        return np.asarray(corners * np.asarray(geometry.size))
+    turns, tilts = (np.arange(32) * (math.pi / 16.0), np.arange(-8, 9) * (math.pi / 16.0))
+    half = 0.0 if isinstance(geometry, Sphere) else geometry.length / 2.0
+    if isinstance(geometry, Cylinder):
+        rings = [(geometry.radius, -half), (geometry.radius, half)]
     else:
-        return geometry.radius
-    return float(np.sort(extents)[1]) / 2.0
+        r = geometry.radius
+        rings = [
+            (r * math.cos(tilt), r * math.sin(tilt) + math.copysign(half, tilt)) for tilt in tilts
+        ]
+    circles = [
+        np.column_stack([r * np.cos(turns), r * np.sin(turns), 0 * turns + z]) for r, z in rings
+    ]
+    return np.concatenate(circles)
+
+
+def bodies_below(tree: Tree, body: str) -> list[str]:
+    """The body and all that hangs on it, parents before children."""
+    found = [body]
+    for joint in tree.joints:  # parents come first
+        if joint.parent in found:
+            found.append(joint.child)
+    return found

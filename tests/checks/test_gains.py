@@ -78,6 +78,21 @@ def test_each_rule_speaks_on_a_bad_arm(rule: str, tmp_path: Path) -> None:
     assert rule in rules(findings)
 
 
+@pytest.mark.parametrize(
+    ("kp", "ratio", "creeps"),
+    [(40.0, 2.9, False), (40.0, 3.2, True), (4000.0, 3.2, False), (3.0, 2.0, False)],
+)
+def test_a_joint_creeps_by_its_damping_and_by_how_long_it_takes(
+    kp: float, ratio: float, creeps: bool, tmp_path: Path
+) -> None:
+    """A ratio of 3.2 at 40 N m/rad lags by 2 * 3.2 * sqrt(I / kp) = 0.29 s, at 4000 by 29 ms."""
+    findings, _ = judged(arm(kp=kp, kd=2.0 * ratio * math.sqrt(kp * ROD)), tmp_path)
+    creeping = [each for each in findings if each.rule == "gains.overdamped"]
+    assert bool(creeping) == creeps
+    for each in creeping:
+        assert each.data["lag_s"] == pytest.approx(2 * ratio * math.sqrt(ROD / kp), rel=1e-3)
+
+
 def test_a_drive_that_outruns_the_step_elsewhere_in_its_loop_is_found(tmp_path: Path) -> None:
     """A crank feels a fifth of the inertia where the loop turns it another way."""
     bar, stretched = four_bar(), {"crank_joint": 0.3, "coupler_joint": -1.4, "rocker_joint": -1.7}

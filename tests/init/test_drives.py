@@ -15,6 +15,7 @@ from assetbuild.init.look import InspectedRobot, judge, look
 from assetbuild.init.relief import HEAVY
 from assetbuild.init.source import find_source
 from assetbuild.init.text import recipe_text
+from assetbuild.robot.dynamics import dynamics
 
 LINK = """\
 <link name="{name}"><inertial><mass value="{mass}"/><origin xyz="{reach} 0 0"/>
@@ -64,8 +65,8 @@ def test_joints_of_a_hand_get_a_frequency_each_and_its_impossible_dampers_go(tmp
 
 
 def test_dampers_that_can_be_meant_stay(tmp_path: Path):
-    _, (row,) = rows_of(arm(tmp_path, [(2.0, 0.2), (1.0, 0.2)], damping=0.1, friction=0.1))
-    assert row.drops == ()
+    _, rows = rows_of(arm(tmp_path, [(2.0, 0.2), (1.0, 0.2)], damping=0.1, friction=0.1))
+    assert [row.drops for row in rows] == [()] * len(rows)
 
 
 def test_one_pair_of_gains_holds_the_arm_and_neither_rings_nor_creeps(tmp_path: Path):
@@ -75,6 +76,34 @@ def test_one_pair_of_gains_holds_the_arm_and_neither_rings_nor_creeps(tmp_path: 
     assert 4.0 * 9.81 * 0.2 / kp <= SAG["rad"]
     inertia = 4.0 * 0.2**2 * 1.1
     assert 0.65 <= kd / (2 * math.sqrt(kp * inertia)) <= MOST_DAMPED
+
+
+def test_joints_of_one_motor_that_move_unlike_loads_get_a_row_each(tmp_path: Path):
+    """A shoulder moves fifty times what its wrist does; before, one kp served both.
+
+    Each row's damping ratio, of the lightest and the heaviest of its joints, by the mass matrix of
+    the chain laid out straight.
+    """
+    robot = arm(tmp_path, [(1.0, 0.1), (0.5, 0.06)], effort=9.0, damping=0.2)
+    pose, rows = rows_of(robot)
+    assert [row.joints for row in rows] == [("j0",), ("j1",)]
+    inertia = dynamics(robot.tree, pose, {}).effective_inertia
+    for row in rows:
+        (name,) = row.joints
+        damping = row.gains["kd"] + 0.2  # the drive's and the source's
+        ratio = damping / (2 * math.sqrt(row.gains["kp"] * inertia[name]))
+        assert 0.65 <= ratio <= MOST_DAMPED
+
+
+def test_the_damping_of_the_source_is_part_of_what_the_drive_would_add(tmp_path: Path):
+    total = []
+    for damping in (0.0, 1.0):
+        (tmp_path / str(damping)).mkdir()
+        _, (row,) = rows_of(
+            arm(tmp_path / str(damping), [(4.0, 0.2)], effort=60.0, damping=damping)
+        )
+        total.append(row.gains["kd"] + damping)
+    assert total[1] == pytest.approx(total[0], rel=0.02)
 
 
 @pytest.mark.parametrize(("effort", "hangs"), [(14.0, False), (7.0, True)])

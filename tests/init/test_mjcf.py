@@ -9,6 +9,7 @@ from mjcfs import ROBOTS, TET
 
 from assetbuild.errors import SourceError
 from assetbuild.init import propose, write
+from assetbuild.init.mjcf import robot_name
 from assetbuild.pipeline.checking import check
 from assetbuild.pipeline.recipes import load_recipe
 
@@ -28,15 +29,17 @@ def test_the_recipe_says_what_it_takes_from_the_source(tmp_path: Path):
 
 
 @pytest.mark.parametrize("name", ["scene", "scene_mjx"])
-def test_a_robot_that_is_called_like_a_file_of_the_bundle_gets_another_name(
+def test_a_robot_that_is_called_like_a_file_of_the_bundle_is_called_like_its_folder(
     tmp_path: Path, name: str
 ):
-    (tmp_path / "a.obj").write_text(TET)
+    folder = tmp_path / "one_leg"
+    folder.mkdir()
+    (folder / "a.obj").write_text(TET)
     text = LEG.replace('"one leg"', f'"{name}"').replace("../meshes", ".")
-    (tmp_path / "scene.xml").write_text(text)
+    (folder / "scene.xml").write_text(text)
     out = tmp_path / "leg.yaml"
-    write(propose(tmp_path / "scene.xml", out, {}), force=True)
-    assert load_recipe(out).recipe.robot == f"robot_{name}"
+    write(propose(folder / "scene.xml", out, {}), force=True)
+    assert load_recipe(out).recipe.robot == "one_leg"
 
 
 def test_meshes_beside_the_folder_of_the_mjcf_are_found(tmp_path: Path):
@@ -213,3 +216,32 @@ def test_springs_beside_guessed_drives_are_not_proposed_as_usd(tmp_path: Path):
     targets, text = proposed(tmp_path, base)
     assert "actuators:" in text
     assert targets == ("urdf", "mjcf")
+
+
+@pytest.mark.parametrize(
+    ("stated", "file", "called"),
+    [
+        ("go9 scene", "scene.xml", "go9"),
+        ("scene", "scene.xml", "hexapod"),  # the file that it includes and that has bodies
+        ("scene", "scene_hexapod.xml", "hexapod"),
+        ("robot", "hexapod.xml", "hexapod"),  # a model without a name reads as `robot`
+        ("scenery_bot", "scene.xml", "scenery_bot"),
+        ("arm_model", "scene.xml", "arm_model"),
+    ],
+)
+def test_a_scene_is_called_like_the_robot_in_it(
+    stated: str, file: str, called: str, tmp_path: Path
+):
+    (tmp_path / "floor.xml").write_text("<mujoco><asset/></mujoco>")
+    (tmp_path / "hexapod.xml").write_text(
+        '<mujoco><worldbody><body name="b"/></worldbody></mujoco>'
+    )
+    if file == "scene.xml":
+        text = '<mujoco><include file="floor.xml"/><include file="hexapod.xml"/></mujoco>'
+        (tmp_path / file).write_text(text)
+    assert robot_name(stated, tmp_path / file) == called
+
+
+def test_a_scene_without_a_name_is_called_like_its_folder(tmp_path: Path):
+    (tmp_path / "acme_arm").mkdir()
+    assert robot_name("scene", tmp_path / "acme_arm" / "scene.xml") == "acme_arm"

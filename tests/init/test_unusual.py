@@ -170,7 +170,10 @@ def test_a_planar_base_is_split_and_keeps_its_usd(tmp_path: Path):
 def test_a_cart_that_a_planar_joint_moves_over_its_root_does_not_float_as_well(tmp_path: Path):
     """Else its light root would swing, and not the cart."""
     wheels = [link(f"wheel_{side}") for side in "lr"]
-    rolls = [joint(f"w{side}", "cart", f"wheel_{side}", "continuous") for side in "lr"]
+    rolls = [
+        urdfs.joint(f"w{side}", "cart", f"wheel_{side}", "continuous", axis="0 1 0")
+        for side in "lr"
+    ]
     plane = joint("p", "root", "cart", "planar")
     cart = initialised(robot(link("root", ""), link("cart"), plane, *wheels, *rolls), tmp_path)
     assert cart.base == "fixed"

@@ -1,0 +1,282 @@
+"""What a robot is and what its joints are part of: by axis, shape and ground, not by names."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+import urdfs
+import yaml
+
+from assetbuild.init import Proposal, propose
+from assetbuild.init.anatomy import Anatomy, roles, study
+from assetbuild.init.look import look
+from assetbuild.init.source import find_source
+
+ENDLESS = '<limit effort="5" velocity="20"/>'
+BOUNDED = '<limit lower="-1" upper="1" effort="5" velocity="20"/>'
+
+
+def body(name: str, geometry: str = "", xyz: str = "0 0 0", mass: float = 0.3) -> str:
+    """One link that weighs and, with a geometry, collides."""
+    shape = urdfs.shape("collision", geometry, xyz) if geometry else ""
+    return urdfs.link(name, urdfs.inertial(mass, urdfs.tensor(1e-3, 1e-3, 1e-3), xyz), shape)
+
+
+def spin(
+    name: str, parent: str, xyz: str, axis: str = "0 1 0", kind: str = "continuous", limit: str = ""
+) -> str:
+    """The joint of a link `name`."""
+    return urdfs.joint(f"{name}_j", parent, name, kind, limit or ENDLESS, xyz=xyz, axis=axis)
+
+
+HUGE = '<limit lower="-1e16" upper="1e16" effort="5" velocity="20"/>'
+BALL = '<sphere radius="0.05"/>'
+TRUNK = body("trunk", '<box size="0.3 0.2 0.04"/>', mass=5.0)
+"""From -20 to 20 mm; what turns at 30 mm below its middle with a radius of 50 mm reaches lower."""
+
+
+def pair(first: str, second: str, xyz: str, **how: str) -> str:
+    """Two balls, mirrored left and right."""
+    x, y, z = xyz.split()
+    return "".join(
+        body(name, BALL) + spin(name, "trunk", f"{x} {sign}{y} {z}", **how)
+        for name, sign in ((first, ""), (second, "-"))
+    )
+
+
+WHEELS = pair("port", "starboard", "0 0.12 -0.03")
+
+
+def seen(folder: Path, *parts: str) -> tuple[Anatomy, dict[str, str]]:
+    """The anatomy and the role of each link's joint."""
+    path = folder / "r.urdf"
+    path.write_text(urdfs.robot(*parts))
+    robot = look(find_source(path, {}))
+    anatomy = study(robot)
+    found = roles(robot.tree, anatomy)
+    return anatomy, {j.child: found[j.name] for j in robot.tree.moving_joints}
+
+
+def proposed(folder: Path, *parts: str) -> tuple[Proposal, dict[str, dict[str, object]]]:
+    """The proposal, and the row of the recipe of each joint that a pattern names alone."""
+    path = folder / "r.urdf"
+    path.write_text(urdfs.robot(*parts))
+    proposal = propose(path, folder / "r.yaml", {})
+    return proposal, {row["joints"]: row for row in yaml.safe_load(proposal.text)["actuators"]}
+
+
+# --- wheels ---------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("wheels", "rolls"),
+    [
+        (WHEELS, True),
+        (pair("a", "b", "0 0.12 -0.03", kind="revolute", limit=HUGE), True),
+        (pair("a", "b", "0 0.12 -0.03", kind="revolute", limit=ENDLESS), True),  # no range at all
+        (pair("a", "b", "0 0.12 -0.03", kind="revolute", limit=BOUNDED), False),
+        (pair("a", "b", "0 0.12 0.2"), False),  # 130 mm above the floor
+        (pair("wheel_a", "wheel_b", "0 0.12 0.2"), True),  # called so, two alike
+        (pair("a", "b", "0 0.12 -0.03", axis="0 0 1"), False),  # an upright axis rolls nowhere
+        (pair("wheel_a", "wheel_b", "0 0.12 -0.03", axis="0 0 1"), False),
+        (WHEELS.replace(BALL, '<box size="0.1 0.02 0.1"/>'), False),  # not round
+        (body("only", BALL) + spin("only", "trunk", "0 0 -0.03"), False),  # one alone, unnamed
+    ],
+)
+def test_what_is_round_about_a_level_axis_on_the_ground_is_a_wheel(
+    wheels: str, rolls: bool, tmp_path: Path
+):
+    anatomy, found = seen(tmp_path, TRUNK, wheels)
+    assert ("wheel" in found.values()) == rolls
+    assert anatomy.base == ("floating" if rolls else "fixed")
+
+
+@pytest.mark.parametrize("limit", [ENDLESS, "<dynamics/>"], ids=["stated", "unstated"])
+def test_a_wheel_is_driven_by_speed_whether_the_source_states_its_effort_or_not(
+    limit: str, tmp_path: Path
+):
+    _, rows = proposed(tmp_path, TRUNK, WHEELS.replace(ENDLESS, limit))
+    (row,) = rows.values()
+    assert row["model"] == "velocity"
+    # Full effort at 1 rad/s; unstated: 0.8 m g r / 2 = 0.8 * 5.6 * 9.81 * 0.05 / 2 = 1.1 N m.
+    assert (row["kd"], "effort" in row) == ((5.0, False) if limit == ENDLESS else (2.0, True))
+
+
+def caster(trail: float, effort: str = "", name: str = "fork") -> str:
+    """A swivel whose ball of 20 mm follows by `trail`, m; it reaches as low as the wheels."""
+    return (
+        body(name)
+        + spin(name, "trunk", "-0.12 0 -0.02", "0 0 1", limit=effort)
+        + body("follower", '<sphere radius="0.02"/>')
+        + spin("follower", name, f"{-trail} 0 -0.04", limit=effort)
+    )
+
+
+@pytest.mark.parametrize("effort", ["<dynamics/>", ENDLESS])
+@pytest.mark.parametrize(
+    ("trail", "wheels", "swivel", "end"),
+    [
+        (0.02, WHEELS, "caster", "caster"),
+        (0.0, WHEELS, "steering", "wheel"),
+        (0.02, pair("wheel_x", "b", "0 0.12 0.3"), "steering", "wheel"),  # nothing else rolls
+    ],
+    ids=["trails", "steers", "alone"],
+)
+def test_a_swivel_with_trail_beside_wheels_is_a_caster(
+    trail: float, wheels: str, swivel: str, end: str, effort: str, tmp_path: Path
+):
+    named = caster(trail, effort).replace("follower", "wheel_follower")
+    _, found = seen(tmp_path, TRUNK, wheels, named)
+    assert (found["fork"], found["wheel_follower"]) == (swivel, end)
+
+
+def test_casters_stay_passive_and_wheels_are_driven_whatever_they_state(tmp_path: Path):
+    _, rows = proposed(
+        tmp_path, TRUNK, WHEELS, caster(0.02, ENDLESS).replace("follower", "wheel_c")
+    )
+    models = {name: row["model"] for name, row in rows.items()}
+    assert set(models.values()) == {"velocity", "passive"}
+    assert rows["(port|starboard)_j"]["model"] == "velocity"
+
+
+def test_a_caster_of_three_axes_in_one_point_is_one(tmp_path: Path):
+    """As Toyota's HSR has them: two bodies without a shape, then the ball."""
+    axes = ["1 0 0", "0 1 0", "0 0 1"]
+    names = ["passive_wheel_x", "passive_wheel_y", "passive_wheel_z"]
+    parts, above, place = "", "trunk", "-0.12 0 -0.04"
+    for name, axis in zip(names, axes, strict=True):
+        ball = '<sphere radius="0.04"/>' if name == names[-1] else ""
+        parts += body(name, ball) + spin(name, above, place, axis)
+        above, place = name, "0 0 0"
+    _, found = seen(tmp_path, TRUNK, WHEELS, parts)
+    assert [found[name] for name in names] == ["caster"] * 3
+
+
+def test_rollers_of_an_omnidirectional_wheel_are_not_driven(tmp_path: Path):
+    rollers = "".join(
+        body(f"r{i}", '<sphere radius="0.006"/>') + spin(f"r{i}", "port", place, "1 0 0")
+        for i, place in enumerate(("0 0 -0.045", "0 0 0.045"))
+    )
+    _, found = seen(tmp_path, TRUNK, WHEELS, rollers)
+    assert (found["port"], found["r0"], found["r1"]) == ("wheel", "caster", "caster")
+
+
+def test_a_leg_may_end_in_a_wheel_that_is_no_joint_of_the_leg(tmp_path: Path):
+    """The wheels touch the ground at 0.2 + 0.2 + 0.05 m below the hips."""
+    rod = '<box size="0.02 0.02 0.2"/>'
+    parts = [TRUNK]
+    for name, place in (
+        ("fl", "0.2 0.1"),
+        ("fr", "0.2 -0.1"),
+        ("hl", "-0.2 0.1"),
+        ("hr", "-0.2 -0.1"),
+    ):
+        parts += [body(f"{name}_a", rod, "0 0 -0.1"), body(f"{name}_b", rod, "0 0 -0.1")]
+        parts += [body(f"{name}_c", BALL), spin(f"{name}_c", f"{name}_b", "0 0 -0.2")]
+        parts.append(spin(f"{name}_a", "trunk", f"{place} 0", kind="revolute", limit=BOUNDED))
+        parts.append(spin(f"{name}_b", f"{name}_a", "0 0 -0.2", kind="revolute", limit=BOUNDED))
+    anatomy, found = seen(tmp_path, *parts)
+    assert [len(leg.joints) for leg in anatomy.legs] == [2] * 4
+    assert {(leg.tip[3:], leg.foot[3:]) for leg in anatomy.legs} == {("b", "c")}
+    assert {part for name, part in found.items() if name.endswith("_c")} == {"wheel"}
+    assert anatomy.legs[0].length == pytest.approx(0.4)
+
+
+# --- rotors ---------------------------------------------------------------------------------
+
+DISC = '<cylinder radius="0.06" length="0.005"/>'
+PLACES = ("0.12 0.12", "-0.12 0.12", "0.12 -0.12", "-0.12 -0.12")
+
+
+def drone(
+    names: str = "part_{}",
+    disc: str = DISC,
+    axis: str = "0 0 1",
+    off: str = "0 0 0",
+    z: float = 0.03,
+) -> str:
+    return TRUNK + "".join(
+        body(names.format(i), disc, off, 0.005)
+        + spin(names.format(i), "trunk", f"{place} {z}", axis, limit="<dynamics/>")
+        for i, place in enumerate(PLACES)
+    )
+
+
+@pytest.mark.parametrize(
+    ("robot", "flies"),
+    [
+        (drone(), True),
+        (drone("rotor_{}"), True),
+        (drone(axis="0.35 0 0.94"), True),  # tilted by 20 degrees
+        (drone(disc='<box size="0.12 0.01 0.002"/>'), True),  # two blades
+        (drone("prop_{}", axis="1 0 0"), True),  # tilted over, but called so
+        (drone(axis="1 0 0"), False),
+        (drone(off="0.05 0 0"), False),  # swings out of balance, as a finger
+        (drone(z=-0.03), False),  # brushes on the floor
+        (TRUNK + body("turret", DISC) + spin("turret", "trunk", "0 0 0.1", "0 0 1"), False),
+        (drone() + WHEELS, False),  # it rolls, and what turns on top of it is no rotor by itself
+    ],
+)
+def test_three_or_more_balanced_upright_discs_above_the_ground_are_rotors(
+    robot: str, flies: bool, tmp_path: Path
+):
+    anatomy, found = seen(tmp_path, robot)
+    assert ("rotor" in found.values()) == flies
+    assert anatomy.base_reason.startswith("it flies") == flies
+
+
+def test_rotors_are_driven_by_speed_with_what_carries_the_robot(tmp_path: Path):
+    """5.02 kg on four discs of 60 mm: 2 * 0.15 * 5.02 * 9.81 * 0.06 / 4 = 0.22 N m, so 0.5."""
+    proposal, rows = proposed(tmp_path, drone())
+    (row,) = rows.values()
+    assert (row["model"], row["effort"]) == ("velocity", 0.5)
+    assert proposal.undecided == ""
+
+
+# --- neither --------------------------------------------------------------------------------
+
+
+def chain(kinds: str) -> str:
+    """A column of rods, each on a joint: r revolute, c continuous."""
+    parts, above, place = body("foot", '<box size="0.3 0.3 0.02"/>'), "foot", "0 0 0.02"
+    for i, kind in enumerate(kinds):
+        parts += body(f"rod{i}", '<box size="0.03 0.03 0.2"/>', "0 0 0.1")
+        said = ("continuous", ENDLESS) if kind == "c" else ("revolute", BOUNDED)
+        parts += spin(f"rod{i}", above, place, "0 1 0", *said)
+        above, place = f"rod{i}", "0 0 0.2"
+    return parts
+
+
+SLIDE = '<limit lower="0" upper="0.04" effort="5" velocity="1"/>'
+
+
+@pytest.mark.parametrize(
+    ("robot", "known"),
+    [
+        (chain("rrr"), True),
+        (chain("ccccccc"), True),  # as a Kinova's: neither wheels nor rotors
+        (chain("rr"), True),
+        (chain("r"), False),  # a door
+        (chain("rc"), False),  # a pendulum on a hinge
+        (TRUNK + body("turret", DISC) + spin("turret", "trunk", "0 0 0.1", "0 0 1"), False),
+        (TRUNK + body("w", DISC) + spin("w", "trunk", "0 0 0.4", "0 1 0"), False),  # a water wheel
+        (TRUNK + pair("l", "r", "0 0.02 0.1", kind="prismatic", limit=SLIDE), True),  # a gripper
+    ],
+)
+def test_what_matches_nothing_is_said_to_with_what_to_decide(
+    robot: str, known: bool, tmp_path: Path
+):
+    proposal, rows = proposed(tmp_path, robot)
+    assert "velocity" not in {row["model"] for row in rows.values()}
+    assert bool(proposal.undecided) != known
+    assert ("\n# UNDECIDED: " in proposal.text) != known
+    assert "\nbase: fixed" in proposal.text
+    if not known:
+        assert "`base` (`floating` if nothing holds it)" in proposal.undecided
+
+
+def test_what_turns_on_top_is_driven_by_speed_where_it_is_called_so(tmp_path: Path):
+    lidar = body("lidar", '<cylinder radius="0.03" length="0.05"/>')
+    _, found = seen(tmp_path, TRUNK, WHEELS, lidar, spin("lidar", "trunk", "0 0 0.1", "0 0 1"))
+    assert found["lidar"] == "spinner"
