@@ -16,9 +16,10 @@ from types import MappingProxyType
 
 import numpy as np
 
-from assetbuild.init.anatomy import Leg
+from assetbuild.init.anatomy import ANKLE, Leg
+from assetbuild.init.gravity import GRAVITY
 from assetbuild.init.strength import Guess, is_locked, unit_of
-from assetbuild.robot.dynamics import dynamics, holding_torques
+from assetbuild.robot.dynamics import Dynamics, dynamics, holding_torques
 from assetbuild.robot.inertia import total_mass
 from assetbuild.robot.model import Joint, Loop, Tree
 from assetbuild.robot.pose import Array
@@ -35,6 +36,8 @@ SAG = {"rad": 0.05, "m": 0.005}
 SLOWEST_HZ = 3.0
 FASTEST_HZ = 25.0
 """Natural frequency of a drive with what it moves: no slower, no faster."""
+UPRIGHT = 2.0
+"""Times the stiffness at which a robot on flat feet would just tip over: see `_tipping`."""
 FASTEST_LEG_HZ = 6.0
 """The same of a standing leg under its share of the robot: stiffer ones bounce."""
 USUAL_HZ = 8.0
@@ -103,12 +106,16 @@ class DriveRow:
 
 @dataclass(frozen=True)
 class _Felt:
-    """What one drive feels at home. inertia: 1 / (M^-1)_ii; holding: N m or N; load: kg m2."""
+    """What one drive feels at home. inertia: 1 / (M^-1)_ii; holding: N m or N; load: kg m2.
+
+    tipping: N m/rad with which the robot leans onto a joint of a leg that holds it upright.
+    """
 
     joint: Joint
     inertia: float
     holding: float
     load: float
+    tipping: float = 0.0
 
 
 def drive_rows(
@@ -181,7 +188,11 @@ def _with_gains(row: DriveRow, effort: float, felt: Sequence[_Felt]) -> DriveRow
         return _by_frequency(row, unheld)
     stiffest = effort / LEAST_ERROR[unit]
     floors = [
-        max(min(one.inertia * _square(SLOWEST_HZ), stiffest), one.holding / SAG[unit])
+        max(
+            min(one.inertia * _square(SLOWEST_HZ), stiffest),
+            one.holding / SAG[unit],
+            UPRIGHT * one.tipping,
+        )
         for one in felt
     ]
     roofs = [
@@ -253,9 +264,30 @@ def _felt(
         torque = {}  # it would tip over: nothing is held
     if torque:
         torque = held_by(loops, robot, torque, [n for n in robot.joints if n not in passive])
-    found, inertias = {}, felt_inertia(loops, robot)
+    found, inertias, tipping = {}, felt_inertia(loops, robot), _tipping(tree, robot, legs)
     for joint in tree.moving_joints:
         name, moved = joint.name, inertias.get(joint.name, 0.0)
         inertia = moved if math.isfinite(moved) else 0.0
-        found[name] = _Felt(joint, inertia, abs(torque.get(name, 0.0)), loads.get(name, 0.0))
+        held = abs(torque.get(name, 0.0))
+        found[name] = _Felt(joint, inertia, held, loads.get(name, 0.0), tipping.get(name, 0.0))
     return found
+
+
+def _tipping(tree: Tree, robot: Dynamics, legs: tuple[Leg, ...]) -> dict[str, float]:
+    """Of each joint of a leg with an ankle: weight times height of the centre of mass over it.
+
+    N m/rad, the leg's share: a pendulum on its head stands on ankles that are stiffer.
+    """
+    weight, height = total_mass(tree) * GRAVITY, _com_height(tree, robot)
+    found = {}
+    for leg in legs:
+        for joint in leg.joints if len(leg.joints) >= ANKLE else ():
+            over = height - robot.motions[joint.child].pose.xyz[2]
+            found[joint.name] = weight * max(over, 0.0) / len(legs)
+    return found
+
+
+def _com_height(tree: Tree, robot: Dynamics) -> float:
+    poses = [(b.inertial, robot.motions[b.name].pose) for b in tree.bodies if b.inertial]
+    moments = [i.mass_kg * float(pose.apply(i.com_m)[2]) for i, pose in poses]
+    return math.fsum(moments) / total_mass(tree)
