@@ -22,7 +22,7 @@ from assetbuild.init.repairs import repairs, repairs_text
 from assetbuild.init.strength import strengthened
 from assetbuild.init.targets import carried, not_in_usd, targets
 from assetbuild.init.text import Recipe, actuators, head, home, validation
-from assetbuild.init.trial import Trial, tables, try_to_stand
+from assetbuild.init.trial import Trial, staged, tables
 from assetbuild.init.tune import Tuning, tune
 from assetbuild.init.wheels import wheel_radii
 from assetbuild.init.words import inline, quoted, some, source_section, written
@@ -202,12 +202,14 @@ def _tuned(found: MjcfSource, anatomy: Anatomy) -> Tuning:
     robot, control = found.robot, found.control
     tree, guesses = strengthened(robot.tree, anatomy, wheel_radii(robot, found.root))
 
-    def attempt(tuning: Tuning) -> Trial:
-        step = tables(tree, tuning.drives, tuning.pose, {"timestep": tuning.timestep})
-        return try_to_stand(robot, found.root, soles_of(robot, anatomy), step)
-
     rotors = {actuator.joint: actuator.armature for actuator in control.actuators}
-    return tune(tree, anatomy, guesses, attempt, rotors, control.simulation.timestep)[0]
+    with staged(robot, found.root, soles_of(robot, anatomy), whole=False) as stage:
+
+        def attempt(tuning: Tuning) -> Trial:
+            step = {"timestep": tuning.timestep}
+            return stage.attempt(tables(tree, tuning.drives, tuning.pose, step))
+
+        return tune(tree, anatomy, guesses, attempt, rotors, control.simulation.timestep)[0]
 
 
 def _pose(found: MjcfSource, anatomy: Anatomy, tuning: Tuning | None) -> Mapping[str, float]:
@@ -307,5 +309,6 @@ def _validate(found: MjcfSource, anatomy: Anatomy) -> Iterator[str]:
     step = {"timestep": control.simulation.timestep}
     home = control.initial_keyframe
     pose = dict(home.joints) if home else home_pose(robot.tree, legs)
-    trial = try_to_stand(robot, found.root, soles, tables(robot.tree, (), pose, step), control)
+    with staged(robot, found.root, soles, whole=False) as stage:
+        trial = stage.attempt(tables(robot.tree, (), pose, step), control)
     yield from validation(robot, legs, trial)

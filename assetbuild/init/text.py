@@ -30,7 +30,7 @@ from assetbuild.init.repairs import repairs, repairs_text
 from assetbuild.init.source import UrdfSource
 from assetbuild.init.strength import MARGIN, ROTOR_RULE, is_locked, strengthened
 from assetbuild.init.targets import targets
-from assetbuild.init.trial import Trial, tables, try_to_stand, try_whole
+from assetbuild.init.trial import Trial, staged, tables
 from assetbuild.init.tune import LIGHT_KG, Tuning, tune
 from assetbuild.init.up_axis import turned
 from assetbuild.init.wheels import wheel_radii
@@ -68,19 +68,18 @@ def recipe_text(robot: InspectedRobot, anatomy: Anatomy, source: UrdfSource, pat
     tree, guesses = strengthened(whole.tree, anatomy, wheel_radii(whole, source.root))
     soles, loops = soles_of(whole, anatomy), find_loops(whole, source.loops, source.remarks)
 
-    def attempt(tuning: Tuning) -> Trial:
-        step = {"timestep": tuning.timestep}
-        drives, pose = loops.drives(tuning.drives), loops.pose(tuning.pose)
-        control = tables(tree, drives, pose, step, loops.rows)
-        return try_to_stand(whole, source.root, soles, control, turned=turn)
+    exclude = Exclude(adjacent=True, pairs=tuple(compound_pairs(robot.tree, anatomy.size_m)))
+    with staged(whole, source.root, soles, turn) as stage:
 
-    tuning, trial = tune(tree, anatomy, guesses, attempt, loops=loops)
+        def attempt(tuning: Tuning) -> Trial:
+            drives, pose = loops.drives(tuning.drives), loops.pose(tuning.pose)
+            step = {"timestep": tuning.timestep}
+            return stage.attempt(tables(tree, drives, pose, step, loops.rows, exclude))
+
+        depths = stage.depths(exclude) if not loops.rows else lambda pose: {}
+        tuning, trial = tune(tree, anatomy, guesses, attempt, loops=loops, depths=depths)
     drives, pose = loops.drives(tuning.drives), loops.pose(tuning.pose)
     tuning = replace(tuning, drives=drives, pose=pose)
-    chosen = tables(tree, drives, pose, {"timestep": tuning.timestep}, loops.rows)
-    pairs = Exclude(adjacent=True, pairs=tuple(compound_pairs(robot.tree, anatomy.size_m)))
-    chosen = chosen.model_copy(update={"exclude": pairs})
-    trial = try_whole(whole, source.root, soles, chosen, trial, turn)
     tuning = replace(tuning, unmended=(*_locked(tree), *tuning.unmended))
     more = (*_arguments(source), *_packages(source), *up_axis)
     text = written(
@@ -268,7 +267,7 @@ def home(
         yield "    # each foot below its hip, all at one height"
     others = [name for name in pose if name not in legged]
     if any(abs(pose[name] - resting(tree.by_joint[name])) > 1e-3 for name in others):
-        yield "    # what the drives could not hold against gravity is turned"
+        yield "    # turned: what the drives could not hold, or what lay in the floor or in itself"
     yield "    # joints not named here are 0, which their limits allow"
     yield "    joints:"
     for value in dict.fromkeys(shown.values()):

@@ -7,16 +7,20 @@ the rotors, and a shorter step still. What the source states and cannot be is le
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from types import MappingProxyType
 
+import numpy as np
+
 from assetbuild.findings import Finding
 from assetbuild.init.anatomy import Anatomy, Leg
 from assetbuild.init.drives import STEP_S, DriveRow, drive_rows
-from assetbuild.init.home import home_pose
+from assetbuild.init.home import UPRIGHT, Stance, home_pose
 from assetbuild.init.loops import NO_LOOPS, FoundLoops
 from assetbuild.init.patterns import patterns_of
+from assetbuild.init.relief import Depths
 from assetbuild.init.strength import (
     FEW,
     ROTOR_RULE,
@@ -42,6 +46,8 @@ DAMPED = 1.25
 WANDERS_M = 0.1
 """Farther than this, a robot that stands for two seconds does not stand: it hops."""
 MOST_DAMPED = 4.0
+BALANCED_M = 0.003
+"""Nearer to the middle of its feet the centre of mass is not brought."""
 
 Try = Callable[["Tuning"], Trial]
 
@@ -63,6 +69,8 @@ class Tuning:
     notes: tuple[str, ...] = ()
     unmended: tuple[str, ...] = ()
     loops: FoundLoops = NO_LOOPS
+    stance: Stance = UPRIGHT
+    depths: Depths = lambda pose: {}
 
 
 def tune(
@@ -73,6 +81,7 @@ def tune(
     rotors: Mapping[str, float] = MappingProxyType({}),
     longest_step: float = STEP_S,
     loops: FoundLoops = NO_LOOPS,
+    depths: Depths = lambda pose: {},
 ) -> tuple[Tuning, Trial]:
     """The first choice of drives that the trial has nothing against, else the last.
 
@@ -80,7 +89,7 @@ def tune(
     longest_step: s.
     """
     armature = _heavy_rotors(tree, guesses) | {name: own for name, own in rotors.items() if own}
-    start = Tuning(tree, {}, (), 0.0, guesses, armature, loops=loops)
+    start = Tuning(tree, {}, (), 0.0, guesses, armature, loops=loops, depths=depths)
     tuning = _chosen(start, anatomy.legs, longest_step)
     trial = attempt(tuning)
     for _ in range(ROUNDS):
@@ -111,7 +120,7 @@ def _heavy_rotors(tree: Tree, guesses: Mapping[str, Guess]) -> dict[str, float]:
 def _chosen(tuning: Tuning, legs: tuple[Leg, ...], step: float = 0.0) -> Tuning:
     """The same with pose, drives and time step chosen anew; step: no longer than this, s."""
     tree = tuning.tree
-    pose = home_pose(tree, legs)
+    pose = home_pose(tree, legs, tuning.stance, tuning.depths)
     loops, closed = tuning.loops.closed(tree, pose)
     passive = tuning.loops.passive
     drives = drive_rows(tree, closed, legs, tuning.guesses, tuning.armature, loops, passive)
@@ -226,12 +235,52 @@ def _shorter(tuning: Tuning, step: float, said: str, legs: tuple[Leg, ...]) -> T
 def _standing(
     tuning: Tuning, trial: Trial, legs: tuple[Leg, ...], attempt: Try
 ) -> tuple[Tuning, Trial]:
-    """A shorter step where that makes the robot stand; else as it was."""
-    if tuning.timestep <= SHORT_STEP_S or not legs:
-        return tuning, trial
-    shorter = _shorter(tuning, SHORT_STEP_S, f"it {trial.sentence}", legs)
-    again = attempt(shorter)
-    return (shorter, again) if again.is_fine and again.stands else (tuning, trial)
+    """The first remedy that makes the robot stand; else as it was, with what was tried."""
+    now, seen, tried = tuning, trial, list[str]()
+    for remedy in REMEDIES if legs else ():
+        found = remedy(now, seen, legs)
+        if found is None:
+            continue
+        what, again = found
+        after = attempt(again)
+        if after.is_fine and after.stands:
+            note = f"{what}: otherwise it {trial.sentence}"
+            return replace(again, notes=(*tuning.notes, note)), after
+        tried.append(f"{what} (it {after.sentence})")
+        if after.is_fine and math.hypot(*after.off) < math.hypot(*seen.off):
+            now, seen = again, after
+    return tuning, replace(trial, tried=tuple(tried))
+
+
+Remedy = Callable[[Tuning, Trial, tuple[Leg, ...]], tuple[str, Tuning] | None]
+
+
+def _balanced(tuning: Tuning, trial: Trial, legs: tuple[Leg, ...]) -> tuple[str, Tuning] | None:
+    """The feet under the centre of mass, where they are not."""
+    if math.hypot(*trial.off) < BALANCED_M:
+        return None
+    ahead, aside = np.add(tuning.stance.shift_m, trial.off)
+    stance = replace(tuning.stance, shift_m=(float(ahead), float(aside)))
+    where = f"feet {1e3 * math.hypot(ahead, aside):.0f} mm off, under the centre of mass"
+    return where, _chosen(replace(tuning, stance=stance), legs, tuning.timestep)
+
+
+def _bent(tuning: Tuning, trial: Trial, legs: tuple[Leg, ...]) -> tuple[str, Tuning] | None:
+    if tuning.stance.bent or len(legs) >= 4:
+        return None
+    stance = replace(tuning.stance, bent=True)
+    return "bent knees", _chosen(replace(tuning, stance=stance), legs, tuning.timestep)
+
+
+def _hasty(tuning: Tuning, trial: Trial, legs: tuple[Leg, ...]) -> tuple[str, Tuning] | None:
+    if tuning.timestep <= SHORT_STEP_S:
+        return None
+    return f"a time step of {1e3 * SHORT_STEP_S:g} ms", _chosen(tuning, legs, SHORT_STEP_S)
+
+
+REMEDIES: tuple[Remedy, ...] = (_balanced, _balanced, _hasty, _bent, _balanced, _balanced)
+"""What may make a robot stand, in the order in which it is tried; what brings its feet under its
+centre of mass is kept for the next."""
 
 
 def _still(

@@ -203,6 +203,27 @@ def overlaps_at_home(model: Model) -> Mapping[tuple[str, str], float]:
     return _largest_first(overlaps(model, at_key(model), "body"))
 
 
+def depths(model: Model, positions: Mapping[str, float]) -> dict[tuple[str, str], float]:
+    """Depth (m) of the bodies of a scene in one another, and of a fixed robot's in its floor, in a
+    pose by joint name. The floor's pairs are ("", body).
+    """
+    import mujoco
+
+    data = at_key(model)
+    for name, value in positions.items():
+        data.qpos[int(model.joint(name).qposadr[0])] = value
+    mujoco.mj_fwdPosition(model, data)
+    found = overlaps(model, data, "body")
+    if model.njnt and int(model.jnt_type[0]) == int(mujoco.mjtJoint.mjJNT_FREE):
+        return found  # it is put on the floor
+    for contact in data.contact[: data.ncon]:
+        bodies = [int(model.geom_bodyid[geom]) for geom in (contact.geom1, contact.geom2)]
+        if 0 in bodies:
+            pair = "", name_of(model, "body", max(bodies))
+            found[pair] = max(found.get(pair, 0.0), -float(contact.dist))
+    return found
+
+
 def _largest_first(found: Mapping[tuple[str, str], float]) -> Mapping[tuple[str, str], float]:
     return dict(sorted(found.items(), key=lambda item: (-item[1], item[0])))
 
@@ -212,10 +233,14 @@ def _largest_first(found: Mapping[tuple[str, str], float]) -> Mapping[tuple[str,
 
 @dataclass(frozen=True)
 class Support:
-    """margin_m: of the centre of mass inside the support polygon, negative outside."""
+    """margin_m: of the centre of mass inside the support polygon, negative outside.
+
+    off_m: centre of mass beyond the middle of the points' extent, x and y; 0 without points.
+    """
 
     margin_m: float | None
     points: int
+    off_m: tuple[float, float] = (0.0, 0.0)
 
 
 def support(model: Model) -> Support:
@@ -233,7 +258,10 @@ def support(model: Model) -> Support:
             if 0 in (model.geom_bodyid[contact.geom1], model.geom_bodyid[contact.geom2])
         ]
         com = np.array(data.subtree_com[0][:2])
-    return Support(polygon_margin(np.array(points), com), len(points))
+    if not points:
+        return Support(None, 0)
+    x, y = com - (np.min(points, axis=0) + np.max(points, axis=0)) / 2.0
+    return Support(polygon_margin(np.array(points), com), len(points), (float(x), float(y)))
 
 
 def polygon_margin(points: Array, inside: Array) -> float | None:
