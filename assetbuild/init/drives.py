@@ -16,7 +16,7 @@ from types import MappingProxyType
 
 import numpy as np
 
-from assetbuild.init.anatomy import ANKLE, Leg
+from assetbuild.init.anatomy import Leg
 from assetbuild.init.gravity import GRAVITY
 from assetbuild.init.strength import Guess, is_locked, unit_of
 from assetbuild.robot.dynamics import Dynamics, dynamics, holding_torques
@@ -36,8 +36,10 @@ SAG = {"rad": 0.05, "m": 0.005}
 SLOWEST_HZ = 3.0
 FASTEST_HZ = 25.0
 """Natural frequency of a drive with what it moves: no slower, no faster."""
-UPRIGHT = 2.0
-"""Times the stiffness at which a robot on flat feet would just tip over: see `_tipping`."""
+FIRM, FIRMER = 2.0, 4.0
+"""Times the stiffness at which a robot on two legs would just tip over: see `_tipping`. The joints
+of a leg yield one after another, so that twice is not always enough."""
+TABLE = 3
 FASTEST_LEG_HZ = 6.0
 """The same of a standing leg under its share of the robot: stiffer ones bounce."""
 USUAL_HZ = 8.0
@@ -108,7 +110,7 @@ class DriveRow:
 class _Felt:
     """What one drive feels at home. inertia: 1 / (M^-1)_ii; holding: N m or N; load: kg m2.
 
-    tipping: N m/rad with which the robot leans onto a joint of a leg that holds it upright.
+    tipping: least stiffness of a leg's joint that holds the robot upright, N m/rad.
     """
 
     joint: Joint
@@ -126,6 +128,7 @@ def drive_rows(
     armature: Mapping[str, float] = MappingProxyType({}),
     loops: Sequence[Loop] = (),
     passive: Collection[str] = (),
+    firmness: float = FIRM,
 ) -> tuple[DriveRow, ...]:
     """Joints grouped by kind, effort and velocity, with gains; mimic joints need no row.
 
@@ -134,8 +137,9 @@ def drive_rows(
     guesses: of the efforts that the source does not state; the tree has them. Such joints are
     grouped by what they are part of.
     armature: of rotors, by joint, kg m2 or kg.
+    firmness: of two legs, times what keeps the robot from tipping over.
     """
-    felt = _felt(tree, pose, legs, armature, loops, passive)
+    felt = _felt(tree, pose, legs, armature, loops, passive, firmness)
     groups: dict[DriveRow, list[Joint]] = defaultdict(list)
     for joint in tree.moving_joints:
         if joint.mimic is None and joint.name not in passive:
@@ -191,7 +195,7 @@ def _with_gains(row: DriveRow, effort: float, felt: Sequence[_Felt]) -> DriveRow
         max(
             min(one.inertia * _square(SLOWEST_HZ), stiffest),
             one.holding / SAG[unit],
-            UPRIGHT * one.tipping,
+            one.tipping,
         )
         for one in felt
     ]
@@ -245,6 +249,7 @@ def _felt(
     armature: Mapping[str, float],
     loops: Sequence[Loop],
     passive: Collection[str],
+    firmness: float,
 ) -> dict[str, _Felt]:
     """By joint, from the mass matrix at home; the feet carry the robot, where it has any.
 
@@ -268,20 +273,21 @@ def _felt(
     for joint in tree.moving_joints:
         name, moved = joint.name, inertias.get(joint.name, 0.0)
         inertia = moved if math.isfinite(moved) else 0.0
-        held = abs(torque.get(name, 0.0))
-        found[name] = _Felt(joint, inertia, held, loads.get(name, 0.0), tipping.get(name, 0.0))
+        held, firm = abs(torque.get(name, 0.0)), firmness * tipping.get(name, 0.0)
+        found[name] = _Felt(joint, inertia, held, loads.get(name, 0.0), firm)
     return found
 
 
 def _tipping(tree: Tree, robot: Dynamics, legs: tuple[Leg, ...]) -> dict[str, float]:
-    """Of each joint of a leg with an ankle: weight times height of the centre of mass over it.
+    """Of each joint of two legs: weight times height of the centre of mass over it.
 
-    N m/rad, the leg's share: a pendulum on its head stands on ankles that are stiffer.
+    N m/rad, the leg's share: a pendulum on its head stands on ankles that are stiffer. On more legs
+    a robot stands as a table does.
     """
     weight, height = total_mass(tree) * GRAVITY, _com_height(tree, robot)
     found = {}
     for leg in legs:
-        for joint in leg.joints if len(leg.joints) >= ANKLE else ():
+        for joint in leg.joints if len(legs) < TABLE else ():
             over = height - robot.motions[joint.child].pose.xyz[2]
             found[joint.name] = weight * max(over, 0.0) / len(legs)
     return found

@@ -49,6 +49,8 @@ JUDGE = StandCheck()
 """The check `stand` with its defaults, by which a build judges what `init` tries here."""
 CORNERS = 64
 """Most vertices of a hull."""
+SOLE_M = 0.02
+"""What of a foot is so near to the floor may carry the robot: not every sole is drawn level."""
 PUSHED_RAD = JUDGE.max_tilt / 2.0
 """Tilt of the base at which `init` asks whether overlapping bodies push the robot askew."""
 
@@ -61,7 +63,7 @@ Pairs = Mapping[tuple[str, str], float]
 class Trial:
     """What came of it. stands: None where it could not be tried; sentence: what it did, or why.
 
-    drift: how far its base wandered, m.
+    drift: how far its base wandered, m. lean: how far it tilted, rad.
     off: centre of mass beyond the middle of what stands on the floor at the start, x and y, m.
     errors: what the checks say of drives and pose that a build would stop at.
     refused: the key of the recipe that no build takes, and why.
@@ -72,6 +74,7 @@ class Trial:
     stands: bool | None
     sentence: str
     drift: float = 0.0
+    lean: float = 0.0
     off: tuple[float, float] = (0.0, 0.0)
     errors: tuple[Finding, ...] = ()
     refused: RowError | None = None
@@ -120,7 +123,7 @@ class Stage:
             if not any(shape.link in self.soles for shape in self.shapes.shapes):
                 return Trial(None, "no shape of its soles can be read", errors=errors)
             trial = self._tried(model, control, made)
-            return replace(trial, errors=errors, off=support(model).off_m)
+            return replace(trial, errors=errors, off=support(model, SOLE_M).off_m)
         except RowError as error:
             return Trial(None, error.message, refused=error)
         except AssetBuildError as error:
@@ -194,7 +197,7 @@ class Stage:
             if error is not None:
                 return Trial(False, f"stands, but {error.subject}: {error.message}")
         sentence = str(outcome_figures(stood, JUDGE.fall)["sentence"])
-        return Trial(True, sentence, stood.drift_m)
+        return Trial(True, sentence, stood.drift_m, stood.tilt_rad)
 
 
 def _stays(stood: Stand) -> bool:

@@ -16,7 +16,7 @@ import numpy as np
 
 from assetbuild.findings import Finding
 from assetbuild.init.anatomy import Anatomy, Leg
-from assetbuild.init.drives import STEP_S, DriveRow, drive_rows
+from assetbuild.init.drives import FIRM, FIRMER, STEP_S, TABLE, DriveRow, drive_rows
 from assetbuild.init.home import UPRIGHT, Stance, home_pose
 from assetbuild.init.loops import NO_LOOPS, FoundLoops
 from assetbuild.init.patterns import patterns_of
@@ -30,7 +30,7 @@ from assetbuild.init.strength import (
     rounded_up,
     with_efforts,
 )
-from assetbuild.init.trial import Trial
+from assetbuild.init.trial import PUSHED_RAD, Trial
 from assetbuild.robot.inertia import total_mass
 from assetbuild.robot.model import Tree
 
@@ -70,6 +70,7 @@ class Tuning:
     unmended: tuple[str, ...] = ()
     loops: FoundLoops = NO_LOOPS
     stance: Stance = UPRIGHT
+    firmness: float = FIRM
     depths: Depths = lambda pose: {}
 
 
@@ -97,7 +98,7 @@ def tune(
         if better is None:
             break
         tuning, trial = better, attempt(better)
-    if trial.is_fine and trial.stands is False:
+    if trial.is_fine and (trial.stands is False or trial.lean > PUSHED_RAD):
         tuning, trial = _standing(tuning, trial, anatomy.legs, attempt)
     if trial.is_fine and trial.stands and trial.drift > WANDERS_M:
         tuning, trial = _still(tuning, trial, anatomy.legs, attempt)
@@ -123,7 +124,8 @@ def _chosen(tuning: Tuning, legs: tuple[Leg, ...], step: float = 0.0) -> Tuning:
     pose = home_pose(tree, legs, tuning.stance, tuning.depths)
     loops, closed = tuning.loops.closed(tree, pose)
     passive = tuning.loops.passive
-    drives = drive_rows(tree, closed, legs, tuning.guesses, tuning.armature, loops, passive)
+    rotors, firmness = tuning.armature, tuning.firmness
+    drives = drive_rows(tree, closed, legs, tuning.guesses, rotors, loops, passive, firmness)
     hops = any(row.outruns(STEP_S) for row in drives)
     own = SHORT_STEP_S if hops or total_mass(tree) < LIGHT_KG else STEP_S
     return replace(tuning, pose=pose, drives=drives, timestep=min(own, step or own))
@@ -235,21 +237,31 @@ def _shorter(tuning: Tuning, step: float, said: str, legs: tuple[Leg, ...]) -> T
 def _standing(
     tuning: Tuning, trial: Trial, legs: tuple[Leg, ...], attempt: Try
 ) -> tuple[Tuning, Trial]:
-    """The first remedy that makes the robot stand; else as it was, with what was tried."""
-    now, seen, tried = tuning, trial, list[str]()
+    """The first remedy that makes the robot stand upright, else the most upright of those with
+    which one that fell stands; else as it was, with what was tried.
+    """
+    now, seen = tuning, trial
+    stood: list[tuple[Tuning, Trial]] = []
+    tried: list[str] = []
     for remedy in REMEDIES if legs else ():
         found = remedy(now, seen, legs)
         if found is None:
             continue
         what, again = found
         after = attempt(again)
+        tried.append(f"{what} (it {after.sentence})")
         if after.is_fine and after.stands:
             note = f"{what}: otherwise it {trial.sentence}"
-            return replace(again, notes=(*tuning.notes, note)), after
-        tried.append(f"{what} (it {after.sentence})")
-        if after.is_fine and math.hypot(*after.off) < math.hypot(*seen.off):
+            stood.append((replace(again, notes=(*tuning.notes, note)), after))
+            if after.lean <= PUSHED_RAD:
+                return stood[-1]
+        if after.is_fine and math.hypot(*after.off) < math.hypot(*seen.off) + BALANCED_M:
             now, seen = again, after
-    return tuning, replace(trial, tried=tuple(tried))
+    if trial.stands:
+        return tuning, trial
+    return min(
+        stood, key=lambda it: it[1].lean, default=(tuning, replace(trial, tried=tuple(tried)))
+    )
 
 
 Remedy = Callable[[Tuning, Trial, tuple[Leg, ...]], tuple[str, Tuning] | None]
@@ -265,8 +277,15 @@ def _balanced(tuning: Tuning, trial: Trial, legs: tuple[Leg, ...]) -> tuple[str,
     return where, _chosen(replace(tuning, stance=stance), legs, tuning.timestep)
 
 
+def _firmer(tuning: Tuning, trial: Trial, legs: tuple[Leg, ...]) -> tuple[str, Tuning] | None:
+    if tuning.firmness >= FIRMER or len(legs) >= TABLE:
+        return None
+    firm = _chosen(replace(tuning, firmness=FIRMER), legs, tuning.timestep)
+    return f"legs {FIRMER:g} times as stiff as would let it tip over", firm
+
+
 def _bent(tuning: Tuning, trial: Trial, legs: tuple[Leg, ...]) -> tuple[str, Tuning] | None:
-    if tuning.stance.bent or len(legs) >= 4:
+    if tuning.stance.bent or len(legs) >= TABLE:
         return None
     stance = replace(tuning.stance, bent=True)
     return "bent knees", _chosen(replace(tuning, stance=stance), legs, tuning.timestep)
@@ -278,7 +297,7 @@ def _hasty(tuning: Tuning, trial: Trial, legs: tuple[Leg, ...]) -> tuple[str, Tu
     return f"a time step of {1e3 * SHORT_STEP_S:g} ms", _chosen(tuning, legs, SHORT_STEP_S)
 
 
-REMEDIES: tuple[Remedy, ...] = (_balanced, _balanced, _hasty, _bent, _balanced, _balanced)
+REMEDIES: tuple[Remedy, ...] = (_balanced, _balanced, _hasty, _firmer, _bent, _balanced)
 """What may make a robot stand, in the order in which it is tried; what brings its feet under its
 centre of mass is kept for the next."""
 

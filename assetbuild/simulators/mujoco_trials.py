@@ -243,14 +243,16 @@ class Support:
     off_m: tuple[float, float] = (0.0, 0.0)
 
 
-def support(model: Model) -> Support:
+def support(model: Model, near_m: float = TOUCH_M) -> Support:
     """Where the centre of mass stands over the feet in the initial pose of a scene.
+
+    near_m: what is nearer to the floor stands on it.
 
     margin None: the robot touches the floor in less than three points that span an area.
     """
     model = without(model)
     with caught_warnings():
-        model.geom_margin[:] = TOUCH_M
+        model.geom_margin[:] = near_m
         data = at_key(model)
         points = [
             np.array(contact.pos[:2])
