@@ -13,7 +13,7 @@ import numpy as np
 
 from assetbuild.init.anatomy import ANKLE, Leg, chain_to
 from assetbuild.init.joint_range import bounds, resting
-from assetbuild.init.relief import Depths, relieved
+from assetbuild.init.relief import Depths, nothing_deep, relieved
 from assetbuild.robot.model import Joint, Tree
 from assetbuild.robot.pose import Array, Pose
 from assetbuild.robot.tree import forward_kinematics
@@ -46,7 +46,7 @@ def home_pose(
     tree: Tree,
     legs: tuple[Leg, ...],
     stance: Stance = UPRIGHT,
-    depths: Depths = lambda pose: {},
+    depths: Depths = nothing_deep,
 ) -> dict[str, float]:
     """A value for each moving joint that mimics no other, rad or m, 3 decimals.
 

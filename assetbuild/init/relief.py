@@ -12,7 +12,7 @@ is the start.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence, Set
 from dataclasses import dataclass
 
 import numpy as np
@@ -20,6 +20,7 @@ import numpy as np
 from assetbuild.init.anatomy import Leg, chain_to
 from assetbuild.init.gravity import gravity_loads, sample_poses
 from assetbuild.init.joint_range import bounds
+from assetbuild.robot.inertia import total_mass
 from assetbuild.robot.model import Joint, Tree
 
 HEAVY = 0.7
@@ -37,6 +38,8 @@ STEPS = (0.05, 0.1, 0.2, 0.4, 0.8)
 PULL, PULL_BEYOND = 0.05, 0.3
 """Overload that the other end of its range is worth, of the overloaded joint and of the joints
 beyond it: a limb folds where that helps much, and not into itself for little."""
+TRUNK = 30.0
+"""Times that pull is stronger for a joint that carries all of the robot: a hand turns first."""
 ROUNDS = 12
 FEW = 6
 """Random poses that show which bodies always lie in each other."""
@@ -44,36 +47,61 @@ STARTS = 20
 """Random poses of which the best is a start, where the search from the pose of rest fails."""
 
 Pose = Mapping[str, float]
-Depths = Callable[[Pose], Mapping[tuple[str, str], float]]
-"""Joint values -> how deep two bodies lie in each other, or "" (the floor) and one; m."""
+Pair = tuple[str, str]
+Depths = Callable[[Pose, bool], Mapping[Pair, float]]
+"""Joint values -> how deep two bodies lie in each other, or "" (the floor) and one; m. Of their
+hulls, which is quick, or (True) of their meshes where the hulls are deep."""
+
+
+def nothing_deep(pose: Pose, really: bool) -> Mapping[Pair, float]:
+    """Of a robot whose shapes are not known."""
+    return {}
 
 
 @dataclass(frozen=True)
 class _Search:
-    """free: joints that may turn; rest: where they would like to be; always: pairs to overlook."""
+    """free: joints that may turn; rest: where they would like to be;
+    among: pairs of bodies that may be apart.
+    """
 
     tree: Tree
     free: Sequence[Joint]
     rest: Pose
     depths: Depths
-    always: frozenset[tuple[str, str]]
+    overlooked: Set[Pair]
 
-    def must_turn(self, pose: Pose) -> bool:
+    def best(self, others: Sequence[Pose]) -> dict[str, float]:
+        """From the pose of rest; from the best of other poses where a build takes none from there,
+        and then with as many joints at rest as may be.
+        """
+        found = self.from_pose(self.rest)
+        if not self._must_turn(found):
+            return found
+        start = min(others, key=lambda pose: math.fsum(self.objections(pose).values()))
+        again = self.from_pose(start)
+        if self._must_turn(again):
+            return found
+        for joint in self.free:
+            rested = {**again, joint.name: self.rest[joint.name]}
+            again = again if self.objections(rested) else rested
+        return again
+
+    def _must_turn(self, pose: Pose) -> bool:
         """Whether a build rejects the pose, and a joint might help."""
         over = self.objections(pose)
         return any(v > REJECTED and self._movers(what) for what, v in over.items())
 
-    def objections(self, pose: Pose) -> dict[str | tuple[str, str], float]:
+    def objections(self, pose: Pose) -> dict[str | Pair, float]:
         """By joint what it bears beyond HEAVY, by pair of bodies its depth beyond DEEP_M."""
         loads = _loads(self.tree, pose, self.free)
-        depths = self.depths(pose).items()
-        deep = {p: (d - DEEP_M) / FULL_DEPTH_M for p, d in depths if p not in self.always}
+        depths = self.depths(pose, False).items()
+        deep = {p: (d - DEEP_M) / FULL_DEPTH_M for p, d in depths if p not in self.overlooked}
         found = {**{name: load - HEAVY for name, load in loads.items()}, **deep}
         return {what: over for what, over in found.items() if over > 0.0}
 
     def from_pose(self, pose: Pose) -> dict[str, float]:
         """The pose after ROUNDS of turning what objects most."""
-        found, stuck = dict(pose), set[str | tuple[str, str]]()
+        found, stuck = dict(pose), set[str | Pair]()
         for _ in range(ROUNDS):
             over = {w: v for w, v in self.objections(found).items() if w not in stuck}
             if not over:
@@ -85,25 +113,45 @@ class _Search:
             found = better
         return found
 
-    def _turned(self, now: Pose, worst: str | tuple[str, str]) -> dict[str, float]:
-        """Joint after joint, from the tip inward, takes its best value."""
-        found = dict(now)
+    def _turned(self, now: Pose, worst: str | Pair) -> dict[str, float]:
+        """Joint after joint, from the tip inward, takes its best value: of a limb that is too heavy
+        until it can be held. Where two bodies meet, the joint turns that frees them best.
+        """
+        found, tries = dict(now), []
         for mover in sorted(self._movers(worst), key=lambda j: -len(chain_to(self.tree, j.child))):
-            at = found[mover.name]
-            values = [at, *_values(mover, at, fine=not isinstance(worst, str))]
-            pull = PULL if mover.name == worst else PULL_BEYOND
-            pull /= max(values) - min(values) or 1.0
-
-            def cost(value: float, mover: Joint = mover, pull: float = pull) -> float:
-                over = math.fsum(self.objections({**found, mover.name: value}).values())
-                return over + pull * abs(value - self.rest[mover.name])
-
-            found[mover.name] = min(values, key=cost)
-            if worst not in self.objections(found):
-                break
+            best, over = self._best(found, mover, worst)
+            if isinstance(worst, str):
+                found[mover.name] = best
+                if worst not in self.objections(found):
+                    break
+            else:
+                tries.append((over, mover.name, best))
+        if tries:
+            _, name, best = min(tries, key=lambda it: it[0])
+            found[name] = best
         return found
 
-    def _movers(self, worst: str | tuple[str, str]) -> list[Joint]:
+    def _best(self, now: Pose, mover: Joint, worst: str | Pair) -> tuple[float, float]:
+        """The value of a joint that costs least, and what it costs."""
+        at = now[mover.name]
+        values = [at, *_values(mover, at, fine=not isinstance(worst, str))]
+        pull = PULL if mover.name == worst else PULL_BEYOND
+        pull *= 1.0 + TRUNK * self._share(mover)
+        pull /= max(values) - min(values) or 1.0
+
+        def cost(value: float) -> float:
+            over = math.fsum(self.objections({**now, mover.name: value}).values())
+            return over + pull * abs(value - self.rest[mover.name])
+
+        best = min(values, key=cost)
+        return best, cost(best)
+
+    def _share(self, joint: Joint) -> float:
+        """What the joint carries, of all mass."""
+        carried = [b for b in self.tree.bodies if joint in chain_to(self.tree, b.name)]
+        return math.fsum(b.inertial.mass_kg for b in carried if b.inertial) / total_mass(self.tree)
+
+    def _movers(self, worst: str | Pair) -> list[Joint]:
         """The joint and those beyond it; those that move one body against the other."""
         if isinstance(worst, str):
             joint = self.tree.by_joint[worst]
@@ -113,29 +161,29 @@ class _Search:
 
 
 def relieved(
-    tree: Tree, pose: Pose, legs: tuple[Leg, ...], depths: Depths = lambda pose: {}
+    tree: Tree, pose: Pose, legs: tuple[Leg, ...], depths: Depths = nothing_deep
 ) -> dict[str, float]:
     """The pose with overloaded limbs lowered and none in another; legs stay as they stand.
 
-    Bodies that lie in each other in every pose do so by their shape.
+    Bodies that lie in each other in every pose do so by their shape; those whose meshes do not are
+    overlooked as long as that is so.
     """
     standing = {joint.name for leg in legs for joint in chain_to(tree, leg.tip)}
     free = [j for j in tree.moving_joints if j.mimic is None and j.name not in standing]
     drawn = [{**pose, **other} for other in sample_poses(free, STARTS)[1:]]
-    always = set(depths(pose)).intersection(*map(depths, drawn[:FEW])) if depths(pose) else set()
-    search = _Search(tree, free, pose, depths, frozenset(always))
-    found = search.from_pose(pose)
-    if not search.must_turn(found):
-        return found
-    again = search.from_pose(
-        min(drawn, key=lambda start: math.fsum(search.objections(start).values()))
-    )
-    if search.must_turn(again):
-        return found
-    for joint in free:
-        rested = {**again, joint.name: pose[joint.name]}
-        again = again if search.objections(rested) else rested
-    return again
+    deep = [_deep(depths, q, really=False) for q in (pose, *drawn[:FEW])]
+    always = set.intersection(*deep)
+    seeming = deep[0] - _deep(depths, pose, really=True) if deep[0] else set()
+    found = dict(pose)
+    for overlooked in (always | seeming, always):
+        found = _Search(tree, free, pose, depths, overlooked).best(drawn)
+        if not seeming & _deep(depths, found, really=True):
+            break
+    return found
+
+
+def _deep(depths: Depths, pose: Pose, *, really: bool) -> set[Pair]:
+    return {pair for pair, depth in depths(pose, really).items() if depth > DEEP_M}
 
 
 def _values(joint: Joint, now: float, fine: bool) -> list[float]:

@@ -26,6 +26,7 @@ from assetbuild.init.look import InspectedRobot
 from assetbuild.init.loops import NO_LOOPS, FoundLoops, find_loops
 from assetbuild.init.mend import mended
 from assetbuild.init.patterns import pattern_of, patterns_of
+from assetbuild.init.relief import nothing_deep
 from assetbuild.init.repairs import repairs, repairs_text
 from assetbuild.init.source import UrdfSource
 from assetbuild.init.strength import MARGIN, ROTOR_RULE, is_locked, strengthened
@@ -76,7 +77,7 @@ def recipe_text(robot: InspectedRobot, anatomy: Anatomy, source: UrdfSource, pat
             step = {"timestep": tuning.timestep}
             return stage.attempt(tables(tree, drives, pose, step, loops.rows, exclude))
 
-        depths = stage.depths(exclude) if not loops.rows else lambda pose: {}
+        depths = stage.depths(exclude) if not loops.rows else nothing_deep
         tuning, trial = tune(tree, anatomy, guesses, attempt, loops=loops, depths=depths)
     drives, pose = loops.drives(tuning.drives), loops.pose(tuning.pose)
     tuning = replace(tuning, drives=drives, pose=pose)

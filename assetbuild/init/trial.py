@@ -12,6 +12,8 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
+import numpy as np
+
 from assetbuild.checks.gains import Gains
 from assetbuild.checks.stand import Stand as StandCheck
 from assetbuild.checks.trials import Trials
@@ -22,12 +24,14 @@ from assetbuild.findings import Finding
 from assetbuild.init.drives import DriveRow
 from assetbuild.init.look import InspectedRobot
 from assetbuild.init.mesh_points import mesh_of, scaled_points
+from assetbuild.init.overlap import Overlaps
 from assetbuild.init.patterns import patterns_of
-from assetbuild.init.relief import Depths
+from assetbuild.init.relief import DEEP_M, Depths, Pair, nothing_deep
 from assetbuild.mesh.hull import convex_hull
 from assetbuild.mesh.material import SourceMesh
 from assetbuild.mesh.obj import obj_bytes
 from assetbuild.mesh.read import UpAxis
+from assetbuild.mesh.triangles import TriangleMesh, merged
 from assetbuild.robot.actuator_table import ActuatorRow
 from assetbuild.robot.actuators import RowError
 from assetbuild.robot.codec import encode
@@ -98,6 +102,7 @@ class Stage:
     robot: InspectedRobot
     soles: Sequence[str]
     shapes: Shapes
+    overlaps: Overlaps
     ports: Scratch
     whole: bool
 
@@ -136,11 +141,19 @@ class Stage:
             list(self.ports.run(ControlStep(keyframes=home, exclude=exclude)))
             model = self._compiled()
         except AssetBuildError:  # what only the build can read, it judges
-            return lambda pose: {}
-        tree = self.robot.tree
+            return nothing_deep
+        tree, real = self.robot.tree, self.overlaps
 
-        def measured(pose: Mapping[str, float]) -> dict[tuple[str, str], float]:
-            return mujoco_trials.depths(model, with_mimics(tree, pose))
+        def measured(pose: Mapping[str, float], really: bool) -> dict[Pair, float]:
+            found: dict[Pair, float] = {}
+            positions = with_mimics(tree, pose)
+            for (one, other), depth in mujoco_trials.depths(model, positions).items():
+                if really and one and depth > DEEP_M:
+                    depth = min(depth, real.depth(one, other, positions))
+                bodies = real.body_of(one), real.body_of(other)
+                pair = min(bodies), max(bodies)
+                found[pair] = max(depth, found.get(pair, 0.0))
+            return found
 
         return measured
 
@@ -165,10 +178,10 @@ class Stage:
         stood = stand(scene, "home", JUDGE.seconds, _laws(made))
         if not self.whole or (_stays(stood) and stood.tilt_rad <= PUSHED_RAD):
             return self._judged(stood)
-        body = {s.name: self.robot.tree.placement(s.link)[0] for s in self.shapes.shapes}
+        body = self.overlaps.body_of
         deep: dict[tuple[str, str], float] = {}
         for (a, b), depth in stood.overlapping.items():
-            pair = min(body[a], body[b]), max(body[a], body[b])
+            pair = min(body(a), body(b)), max(body(a), body(b))
             if depth > JUDGE.sole:
                 deep[pair] = max(depth, deep.get(pair, 0.0))
         if deep:
@@ -219,8 +232,9 @@ def staged(
     """
     links = sorted(robot.solid_links | set(soles))
     with scratch() as ports:
-        shapes = _laid_out(robot, root, links, ports, turned)
-        yield Stage(robot, soles, shapes, ports, whole)
+        shapes, meshes = _laid_out(robot, root, links, ports, turned)
+        real = Overlaps(robot.tree, {shape.name: shape for shape in shapes.shapes}, meshes)
+        yield Stage(robot, soles, shapes, real, ports, whole)
 
 
 def _laws(control: Control) -> dict[str, held.Gains]:
@@ -264,18 +278,24 @@ def _laid_out(
     links: Sequence[str],
     ports: Scratch,
     turned: Collection[str],
-) -> Shapes:
-    """The robot as a build has it, with a hull or primitive for each shape of these links."""
+) -> tuple[Shapes, dict[str, TriangleMesh]]:
+    """The robot as a build has it, with a hull or primitive for each shape of these links.
+
+    Besides the meshes that the hulls are of, by the shape's name.
+    """
     (ports.folder / "meshes").mkdir()
-    shapes, assets = [], []
+    shapes, assets, meshes = [], [], {}
     for index, shape in enumerate(_shapes_of(robot, links)):
         name, source = f"shape_{index}", shape.geometry
         geometry: Geometry
         if isinstance(source, MeshFile):
             up_axis: UpAxis = "honour" if source.path in turned else "ignore"
-            asset = _hull(shape, mesh_of(root, source, up_axis), name, ports)
-            if asset is None:
+            read = mesh_of(root, source, up_axis)
+            asset = _hull(shape, read, name, ports)
+            if read is None or asset is None:
                 continue
+            whole = merged([part.mesh for part in read.parts])
+            meshes[name] = TriangleMesh(whole.vertices * np.array(source.scale), whole.faces)
             assets.append(asset)
             geometry = Mesh(asset.name)
         else:
@@ -284,7 +304,7 @@ def _laid_out(
     made = Shapes(tuple(shapes), (), tuple(assets))
     for name, value in (("links", robot.links), ("tree", robot.tree), ("shapes", made)):
         ports.put(f"{name}.json", encode(value))
-    return made
+    return made, meshes
 
 
 def _shapes_of(robot: InspectedRobot, links: Sequence[str]) -> Iterator[SourceShape]:

@@ -20,7 +20,7 @@ from assetbuild.init.drives import FIRM, FIRMER, STEP_S, TABLE, DriveRow, drive_
 from assetbuild.init.home import UPRIGHT, Stance, home_pose
 from assetbuild.init.loops import NO_LOOPS, FoundLoops
 from assetbuild.init.patterns import patterns_of
-from assetbuild.init.relief import Depths
+from assetbuild.init.relief import Depths, nothing_deep
 from assetbuild.init.strength import (
     FEW,
     ROTOR_RULE,
@@ -71,7 +71,7 @@ class Tuning:
     loops: FoundLoops = NO_LOOPS
     stance: Stance = UPRIGHT
     firmness: float = FIRM
-    depths: Depths = lambda pose: {}
+    depths: Depths = nothing_deep
 
 
 def tune(
@@ -82,7 +82,7 @@ def tune(
     rotors: Mapping[str, float] = MappingProxyType({}),
     longest_step: float = STEP_S,
     loops: FoundLoops = NO_LOOPS,
-    depths: Depths = lambda pose: {},
+    depths: Depths = nothing_deep,
 ) -> tuple[Tuning, Trial]:
     """The first choice of drives that the trial has nothing against, else the last.
 

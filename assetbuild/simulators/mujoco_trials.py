@@ -204,8 +204,8 @@ def overlaps_at_home(model: Model) -> Mapping[tuple[str, str], float]:
 
 
 def depths(model: Model, positions: Mapping[str, float]) -> dict[tuple[str, str], float]:
-    """Depth (m) of the bodies of a scene in one another, and of a fixed robot's in its floor, in a
-    pose by joint name. The floor's pairs are ("", body).
+    """Depth (m) of the geoms of a scene in one another, and of a fixed robot's in its floor, in a
+    pose by joint name. The floor's pairs are ("", geom).
     """
     import mujoco
 
@@ -213,13 +213,14 @@ def depths(model: Model, positions: Mapping[str, float]) -> dict[tuple[str, str]
     for name, value in positions.items():
         data.qpos[int(model.joint(name).qposadr[0])] = value
     mujoco.mj_fwdPosition(model, data)
-    found = overlaps(model, data, "body")
+    found = overlaps(model, data, "geom")
     if model.njnt and int(model.jnt_type[0]) == int(mujoco.mjtJoint.mjJNT_FREE):
         return found  # it is put on the floor
     for contact in data.contact[: data.ncon]:
-        bodies = [int(model.geom_bodyid[geom]) for geom in (contact.geom1, contact.geom2)]
-        if 0 in bodies:
-            pair = "", name_of(model, "body", max(bodies))
+        geoms = int(contact.geom1), int(contact.geom2)
+        if 0 in model.geom_bodyid[list(geoms)]:
+            own = next(geom for geom in geoms if model.geom_bodyid[geom])
+            pair = "", name_of(model, "geom", own)
             found[pair] = max(found.get(pair, 0.0), -float(contact.dist))
     return found
 
