@@ -22,7 +22,6 @@ from assetbuild.init.loops import NO_LOOPS, FoundLoops
 from assetbuild.init.patterns import patterns_of
 from assetbuild.init.relief import Depths, nothing_deep
 from assetbuild.init.strength import (
-    FEW,
     ROTOR_RULE,
     Guess,
     largest_inertias,
@@ -172,33 +171,21 @@ def _drive_of(tuning: Tuning, row: int) -> int:
 
 
 def _stronger(tuning: Tuning, weak: list[Finding], legs: tuple[Leg, ...]) -> Tuning | None:
-    """Efforts that are guesses grow; so do those that all joints state as one number."""
+    """Efforts that are guesses grow."""
     guesses, grown = dict(tuning.guesses), []
     for error in weak:
         name = error.subject.partition(" ")[2]
         effort = tuning.tree.by_joint[name].limits.effort or 0.0
-        if name not in guesses and not _is_one_for_all(tuning, effort):
-            continue
-        load = float(str(error.data.get("load", 1.0)))
-        why = f"the source's effort of {effort:g}, the same for every joint, cannot hold its weight"
-        known = guesses.get(name) or Guess(effort, why, "arm")
-        guesses[name] = replace(known, effort=rounded_up(max(load, 1.0) * STRONGER * effort))
-        grown.append(name)
+        if name in guesses:
+            load = max(float(str(error.data.get("load", 1.0))), 1.0)
+            guesses[name] = replace(guesses[name], effort=rounded_up(load * STRONGER * effort))
+            grown.append(name)
     if not grown:
         return None
     tree = with_efforts(tuning.tree, {name: guesses[name].effort for name in grown})
     armature = {name: rotor_inertia(tree.by_joint[name]) for name in tuning.armature}
     again = replace(tuning, tree=tree, guesses=guesses, armature=armature)
     return _chosen(again, legs, tuning.timestep)
-
-
-def _is_one_for_all(tuning: Tuning, effort: float) -> bool:
-    stated = [
-        joint.limits.effort
-        for joint in tuning.tree.moving_joints
-        if joint.mimic is None and joint.limits.effort and joint.name not in tuning.guesses
-    ]
-    return len(stated) > FEW and set(stated) == {effort}
 
 
 def _calmer(tuning: Tuning, error: Finding, legs: tuple[Leg, ...]) -> Tuning | None:
