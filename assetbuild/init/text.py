@@ -310,14 +310,15 @@ def validation(robot: InspectedRobot, legs: Sequence[Leg], trial: Trial) -> Iter
     line, said = standing(robot, legs), plain(trial.sentence, 200)
     yield "validate:"
     if trial.stands:
-        yield f"  # In MuJoCo, on its soles, it {said}."
+        yield f"  # In MuJoCo, with the hulls of its links, it {said}."
         yield f"  {line}   # a fall is an error"
     elif trial.stands is None and len(legs) >= MANY_LEGS:
         yield f"  # Judged by its legs to stand, but not tried: {said}."
         yield f"  {line}"
     else:
-        seen = "In MuJoCo, on its soles, it" if trial.stands is not None else "Not tried:"
+        seen = "In MuJoCo it" if trial.stands is not None else "Not tried:"
         yield f"  # {seen} {said}."
+        yield from (f"  # Tried besides: {plain(what, 200)}." for what in trial.tried)
         yield "  # Once its gains and pose are balanced, ask it to stand:"
         yield f"  # {line}"
         yield "  free_fall: {}"
