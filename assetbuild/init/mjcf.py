@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import json
 import os
+import re
 from collections.abc import Collection, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from assetbuild.control.close_loops import placed_loops
@@ -25,7 +26,7 @@ from assetbuild.init.text import Recipe, actuators, head, home, validation
 from assetbuild.init.trial import Trial, staged, tables
 from assetbuild.init.tune import Tuning, tune
 from assetbuild.init.wheels import wheel_radii
-from assetbuild.init.words import inline, quoted, some, source_section, written
+from assetbuild.init.words import inline, plain, quoted, some, source_section, written
 from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.joint_springs import joint_springs, no_drives
 from assetbuild.robot.loops import path_of
@@ -40,6 +41,7 @@ from assetbuild.source.mjcf.read_mjcf import ReadMjcf
 from assetbuild.source.mjcf.scenery import SeveralRobotsError
 from assetbuild.source.urdf.xml import MAX_BYTES
 
+INCLUDED = rb"<include\s+file\s*=\s*[\"'](?:\./)?%s[\"']"
 DRIVES = "# The source drives no joint; mjlab's robots, for one, are driven from Python."
 
 
@@ -51,6 +53,7 @@ class MjcfSource:
     calls a body, except what is merged into the bodies `weak`.
     bodies: of the robots in its world, where there are several; the first is read.
     newer: words that MuJoCo 3.11 does not know.
+    posed: pose of the keyframe in a scene beside it, where it has none itself; scene: its name.
     """
 
     root: Path
@@ -61,6 +64,8 @@ class MjcfSource:
     weak: tuple[str, ...] = ()
     bodies: tuple[str, ...] = ()
     newer: tuple[str, ...] = ()
+    posed: Mapping[str, float] = field(default_factory=dict)
+    scene: str = ""
 
 
 def is_mjcf(file: Path, data: bytes) -> bool:
@@ -78,7 +83,7 @@ def find_mjcf(file: Path) -> MjcfSource:
     problem: SourceError | None = None
     for root in above(real):
         try:
-            return _read(root, real.relative_to(root).as_posix())
+            return _posed(_read(root, real.relative_to(root).as_posix()), real)
         except SeveralRobotsError as several:
             return _read(root, real.relative_to(root).as_posix(), several.names)
         except SourceError as error:
@@ -87,6 +92,24 @@ def find_mjcf(file: Path) -> MjcfSource:
             problem = problem or error
     assert problem is not None  # noqa: S101 # every path has a folder
     raise problem
+
+
+def _posed(found: MjcfSource, file: Path) -> MjcfSource:
+    """With the initial keyframe of a scene beside it that includes it, where it has none."""
+    if found.control.keyframes:
+        return found
+    for scene in sorted(set(file.parent.glob("*.xml")) - {file}):
+        text = scene.read_bytes() if scene.stat().st_size <= MAX_BYTES else b""
+        if b"<key" not in text or re.search(INCLUDED % re.escape(file.name).encode(), text) is None:
+            continue
+        try:
+            there = _read(found.root, scene.relative_to(found.root).as_posix()).control
+        except SourceError:
+            continue
+        pose = dict(key.joints) if (key := there.initial_keyframe) else {}
+        if pose and pose.keys() <= found.robot.tree.by_joint.keys():
+            return replace(found, posed=pose, scene=scene.name)
+    return found
 
 
 def _read(root: Path, name: str, bodies: tuple[str, ...] = ()) -> MjcfSource:
@@ -191,7 +214,7 @@ def mjcf_text(found: MjcfSource, path: Path) -> Recipe:
         _merging(found),
         _collision(robot),
         _drives(found, tuning),
-        () if control.keyframes else home(robot, anatomy, _pose(found, anatomy, tuning)),
+        () if control.keyframes else _home(found, anatomy, tuning),
         [targets(found.built, springs, lost), *_validate(found, anatomy)],
     )
     return Recipe(text, unmended)
@@ -212,12 +235,22 @@ def _tuned(found: MjcfSource, anatomy: Anatomy) -> Tuning:
         return tune(tree, anatomy, guesses, attempt, rotors, control.simulation.timestep)[0]
 
 
+def _home(found: MjcfSource, anatomy: Anatomy, tuning: Tuning | None) -> Iterator[str]:
+    pose = _pose(found, anatomy, tuning)
+    if not found.scene:
+        return home(found.robot, anatomy, pose)
+    return home(
+        found.robot, anatomy, pose, why=f"as the keyframe of {plain(found.scene)} beside it"
+    )
+
+
 def _pose(found: MjcfSource, anatomy: Anatomy, tuning: Tuning | None) -> Mapping[str, float]:
     """The pose in which the drives were tried; of a source with drives, one for its limits.
 
     Without the joints that loops move, which a build finds.
     """
     pose = tuning.pose if tuning else home_pose(found.robot.tree, anatomy.legs)
+    pose = {**pose, **found.posed}
     tree, control = found.robot.tree, found.control
     chain = {j.name for p in placed_loops(tree, control.loops) for j in path_of(tree, p)}
     driven = {row.joint for row in control.actuators if row.model != "passive"}
@@ -308,7 +341,7 @@ def _validate(found: MjcfSource, anatomy: Anatomy) -> Iterator[str]:
     soles = [sole for leg in legs for sole in leg.soles]
     step = {"timestep": control.simulation.timestep}
     home = control.initial_keyframe
-    pose = dict(home.joints) if home else home_pose(robot.tree, legs)
+    pose = dict(home.joints) if home else found.posed or home_pose(robot.tree, legs)
     with staged(robot, found.root, soles, whole=False) as stage:
         trial = stage.attempt(tables(robot.tree, (), pose, step), control)
     yield from validation(robot, legs, trial)

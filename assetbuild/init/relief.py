@@ -93,10 +93,12 @@ class _Search:
 
     def objections(self, pose: Pose) -> dict[str | Pair, float]:
         """By joint what it bears beyond HEAVY, by pair of bodies its depth beyond DEEP_M."""
-        loads = _loads(self.tree, pose, self.free)
-        depths = self.depths(pose, False).items()
-        deep = {p: (d - DEEP_M) / FULL_DEPTH_M for p, d in depths if p not in self.overlooked}
-        found = {**{name: load - HEAVY for name, load in loads.items()}, **deep}
+        found: dict[str | Pair, float] = {}
+        for name, load in _loads(self.tree, pose, self.free).items():
+            found[name] = load - HEAVY
+        for pair, depth in self.depths(pose, False).items():
+            if pair not in self.overlooked:
+                found[pair] = (depth - DEEP_M) / FULL_DEPTH_M
         return {what: over for what, over in found.items() if over > 0.0}
 
     def from_pose(self, pose: Pose) -> dict[str, float]:

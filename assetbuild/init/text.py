@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -26,7 +26,7 @@ from assetbuild.init.look import InspectedRobot
 from assetbuild.init.loops import NO_LOOPS, FoundLoops, find_loops
 from assetbuild.init.mend import mended
 from assetbuild.init.patterns import pattern_of, patterns_of
-from assetbuild.init.relief import nothing_deep
+from assetbuild.init.relief import DEEP_M, Pair, nothing_deep
 from assetbuild.init.repairs import repairs, repairs_text
 from assetbuild.init.source import UrdfSource
 from assetbuild.init.strength import MARGIN, ROTOR_RULE, is_locked, strengthened
@@ -42,6 +42,9 @@ from assetbuild.robot.inertia import total_mass
 from assetbuild.robot.model import Tree
 from assetbuild.targets.mjcf.files import SCENES
 
+TURNED = "turned: what the drives could not hold, or what lay in the floor or in itself"
+SHOWN = 8
+"""Most overlaps that are named."""
 MANY_LEGS = 4
 """Robots on as many legs usually stand."""
 DROPPED = {"damping": "it would creep for minutes", "friction": "it takes most of the effort"}
@@ -79,6 +82,7 @@ def recipe_text(robot: InspectedRobot, anatomy: Anatomy, source: UrdfSource, pat
 
         depths = stage.depths(exclude) if not loops.rows else nothing_deep
         tuning, trial = tune(tree, anatomy, guesses, attempt, loops=loops, depths=depths)
+        left = {p: d for p, d in depths(tuning.pose, True).items() if d > DEEP_M}
     drives, pose = loops.drives(tuning.drives), loops.pose(tuning.pose)
     tuning = replace(tuning, drives=drives, pose=pose)
     tuning = replace(tuning, unmended=(*_locked(tree), *tuning.unmended))
@@ -94,6 +98,7 @@ def recipe_text(robot: InspectedRobot, anatomy: Anatomy, source: UrdfSource, pat
         collision(robot, anatomy, source.root, trial.overlaps),
         actuators(tree, tuning),
         home(robot, anatomy, tuning.pose, loops),
+        _left(left, trial.overlaps),
         _simulation(whole, anatomy, tuning, trial),
         _variants(robot, anatomy),
     )
@@ -249,8 +254,9 @@ def home(
     anatomy: Anatomy,
     pose: Mapping[str, float],
     loops: FoundLoops = NO_LOOPS,
+    why: str = TURNED,
 ) -> Iterator[str]:
-    """The keyframe `home`."""
+    """The keyframe `home`. why: joints other than the legs' are not at rest there."""
     tree = robot.tree
     if not pose and tree.base == "fixed" and not loops.rows:
         return
@@ -268,13 +274,24 @@ def home(
         yield "    # each foot below its hip, all at one height"
     others = [name for name in pose if name not in legged]
     if any(abs(pose[name] - resting(tree.by_joint[name])) > 1e-3 for name in others):
-        yield "    # turned: what the drives could not hold, or what lay in the floor or in itself"
+        yield f"    # {why}"
     yield "    # joints not named here are 0, which their limits allow"
     yield "    joints:"
     for value in dict.fromkeys(shown.values()):
         names = [name for name, v in shown.items() if v == value]
         patterns = patterns_of(names, list(pose))
         yield from (f"      {quoted(pattern)}: {value!r}" for pattern in patterns)
+
+
+def _left(depths: Mapping[Pair, float], excluded: Collection[Pair]) -> Iterator[str]:
+    """What no pose that was tried frees, and who must act."""
+    left = [(pair, depth) for pair, depth in depths.items() if pair not in excluded]
+    for (a, b), depth in sorted(left, key=lambda item: -item[1])[:SHOWN]:
+        where = f"{plain(b)} in the floor" if not a else f"{plain(a)} in {plain(b)}"
+        yield f"# No home was found without {where}: {1e3 * depth:.3g} mm"
+    if left:
+        yield "# Another `home` may free them; bodies that are made so belong into"
+        yield "# `collision.exclude.pairs`."
 
 
 # --- trying it out --------------------------------------------------------------------------
