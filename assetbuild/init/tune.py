@@ -230,6 +230,8 @@ def _standing(
     now, seen = tuning, trial
     stood: list[tuple[Tuning, Trial]] = []
     tried: list[str] = []
+    kept: list[str] = []
+    failed = f"leans by {trial.lean:.2g} rad" if trial.stands else trial.sentence
     for remedy in REMEDIES if legs else ():
         found = remedy(now, seen, legs)
         if found is None:
@@ -238,12 +240,13 @@ def _standing(
         after = attempt(again)
         tried.append(f"{what} (it {after.sentence})")
         if after.is_fine and after.stands:
-            note = f"{what}: otherwise it {trial.sentence}"
+            note = f"{', '.join(dict.fromkeys((*kept, what)))}: otherwise it {failed}"
             stood.append((replace(again, notes=(*tuning.notes, note)), after))
             if after.lean <= PUSHED_RAD:
                 return stood[-1]
         if after.is_fine and math.hypot(*after.off) < math.hypot(*seen.off) + BALANCED_M:
             now, seen = again, after
+            kept.append(what)
     if trial.stands:
         return tuning, trial
     return min(
@@ -260,8 +263,9 @@ def _balanced(tuning: Tuning, trial: Trial, legs: tuple[Leg, ...]) -> tuple[str,
         return None
     ahead, aside = np.add(tuning.stance.shift_m, trial.off)
     stance = replace(tuning.stance, shift_m=(float(ahead), float(aside)))
-    where = f"feet {1e3 * math.hypot(ahead, aside):.0f} mm off, under the centre of mass"
-    return where, _chosen(replace(tuning, stance=stance), legs, tuning.timestep)
+    return "feet under the centre of mass", _chosen(
+        replace(tuning, stance=stance), legs, tuning.timestep
+    )
 
 
 def _firmer(tuning: Tuning, trial: Trial, legs: tuple[Leg, ...]) -> tuple[str, Tuning] | None:
