@@ -18,9 +18,10 @@ import numpy as np
 
 from assetbuild.checks.gains import Gains
 from assetbuild.init.anatomy import Leg
+from assetbuild.init.gravity import GRAVITY
 from assetbuild.init.strength import Guess, is_locked, unit_of
 from assetbuild.init.wheels import VELOCITY_DRIVEN, Turning
-from assetbuild.robot.dynamics import dynamics, holding_torques
+from assetbuild.robot.dynamics import Dynamics, dynamics, holding_torques
 from assetbuild.robot.inertia import total_mass
 from assetbuild.robot.model import Joint, Loop, Tree
 from assetbuild.robot.pose import Array
@@ -37,6 +38,10 @@ SAG = {"rad": 0.05, "m": 0.005}
 SLOWEST_HZ = 3.0
 FASTEST_HZ = 25.0
 """Natural frequency of a drive with what it moves: no slower, no faster."""
+FIRM, FIRMER = 2.0, 4.0
+"""Times the stiffness at which a robot on two legs would just tip over: see `_tipping`. The joints
+of a leg yield one after another, so that twice is not always enough."""
+TABLE = 3
 FASTEST_LEG_HZ = 6.0
 """The same of a standing leg under its share of the robot: stiffer ones bounce."""
 USUAL_HZ = 8.0
@@ -112,12 +117,16 @@ class DriveRow:
 
 @dataclass(frozen=True)
 class _Felt:
-    """What one drive feels at home. inertia: 1 / (M^-1)_ii; holding: N m or N; load: kg m2."""
+    """What one drive feels at home. inertia: 1 / (M^-1)_ii; holding: N m or N; load: kg m2.
+
+    tipping: least stiffness of a leg's joint that holds the robot upright, N m/rad.
+    """
 
     joint: Joint
     inertia: float
     holding: float
     load: float
+    tipping: float = 0.0
 
 
 def drive_rows(
@@ -129,6 +138,7 @@ def drive_rows(
     loops: Sequence[Loop] = (),
     passive: Collection[str] = (),
     turning: Mapping[str, Turning] = MappingProxyType({}),
+    firmness: float = FIRM,
 ) -> tuple[DriveRow, ...]:
     """Joints grouped by kind, effort and velocity, with gains; mimic joints need no row.
 
@@ -137,8 +147,9 @@ def drive_rows(
     guesses: of the efforts that the source does not state; the tree has them. Such joints are
     grouped by what they are part of.
     armature: of rotors, by joint, kg m2 or kg. turning: what turns without end, by joint.
+    firmness: of two legs, times what keeps the robot from tipping over.
     """
-    felt = _felt(tree, pose, legs, armature, loops, passive)
+    felt = _felt(tree, pose, legs, armature, loops, passive, firmness)
     groups: dict[DriveRow, list[Joint]] = defaultdict(list)
     for joint in tree.moving_joints:
         if joint.mimic is None and joint.name not in passive:
@@ -216,7 +227,11 @@ def _with_gains(row: DriveRow, effort: float, felt: Sequence[_Felt]) -> DriveRow
         return _by_frequency(row, unheld)
     stiffest = effort / LEAST_ERROR[unit]
     floors = [
-        max(min(one.inertia * _square(SLOWEST_HZ), stiffest), one.holding / SAG[unit])
+        max(
+            min(one.inertia * _square(SLOWEST_HZ), stiffest),
+            one.holding / SAG[unit],
+            one.tipping,
+        )
         for one in felt
     ]
     roofs = [
@@ -269,6 +284,7 @@ def _felt(
     armature: Mapping[str, float],
     loops: Sequence[Loop],
     passive: Collection[str],
+    firmness: float,
 ) -> dict[str, _Felt]:
     """By joint, from the mass matrix at home; the feet carry the robot, where it has any.
 
@@ -288,9 +304,31 @@ def _felt(
         torque = {}  # it would tip over: nothing is held
     if torque:
         torque = held_by(loops, robot, torque, [n for n in robot.joints if n not in passive])
-    found, inertias = {}, felt_inertia(loops, robot)
+    found, inertias, tipping = {}, felt_inertia(loops, robot), _tipping(tree, robot, legs)
     for joint in tree.moving_joints:
         name, moved = joint.name, inertias.get(joint.name, 0.0)
         inertia = moved if math.isfinite(moved) else 0.0
-        found[name] = _Felt(joint, inertia, abs(torque.get(name, 0.0)), loads.get(name, 0.0))
+        held, firm = abs(torque.get(name, 0.0)), firmness * tipping.get(name, 0.0)
+        found[name] = _Felt(joint, inertia, held, loads.get(name, 0.0), firm)
     return found
+
+
+def _tipping(tree: Tree, robot: Dynamics, legs: tuple[Leg, ...]) -> dict[str, float]:
+    """Of each joint of two legs: weight times height of the centre of mass over it.
+
+    N m/rad, the leg's share: a pendulum on its head stands on ankles that are stiffer. On more legs
+    a robot stands as a table does.
+    """
+    weight, height = total_mass(tree) * GRAVITY, _com_height(tree, robot)
+    found = {}
+    for leg in legs:
+        for joint in leg.joints if len(legs) < TABLE else ():
+            over = height - robot.motions[joint.child].pose.xyz[2]
+            found[joint.name] = weight * max(over, 0.0) / len(legs)
+    return found
+
+
+def _com_height(tree: Tree, robot: Dynamics) -> float:
+    poses = [(b.inertial, robot.motions[b.name].pose) for b in tree.bodies if b.inertial]
+    moments = [i.mass_kg * float(pose.apply(i.com_m)[2]) for i, pose in poses]
+    return math.fsum(moments) / total_mass(tree)

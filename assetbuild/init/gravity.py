@@ -48,19 +48,32 @@ def gravity_loads(
 
 def worst_loads(tree: Tree) -> dict[str, float]:
     """The largest of `gravity_loads` over the joints' ranges; what mimics a joint loads it too."""
+    loads = _sampled_loads(tree)
+    return {joint.name: max(load[joint.name] for load in loads) for joint in tree.moving_joints}
+
+
+def overloaded(tree: Tree) -> dict[str, float]:
+    """Share of the random poses that need more than the stated effort, by joint that states one."""
+    loads = _sampled_loads(tree)[1:]
+    stated = {j.name: j.limits.effort for j in tree.moving_joints if j.limits.effort}
+    return {n: sum(load[n] > most for load in loads) / len(loads) for n, most in stated.items()}
+
+
+def _sampled_loads(tree: Tree) -> list[dict[str, float]]:
+    """`gravity_loads` in the pose of zeros and in random ones."""
     joints = tree.moving_joints
-    worst = dict.fromkeys((joint.name for joint in joints), 0.0)
+    found = []
     for pose in sample_poses(joints, SAMPLES):
-        for name, load in gravity_loads(tree, pose, joints).items():
-            worst[name] = max(worst[name], load)
-    for joint in joints:
-        leader, factor = joint, 1.0
-        while leader.mimic is not None:
-            factor *= abs(leader.mimic.multiplier)
-            leader = tree.by_joint[leader.mimic.joint]
-        if leader is not joint:
-            worst[leader.name] += factor * worst[joint.name]
-    return worst
+        loads = gravity_loads(tree, pose, joints)
+        for joint in joints:
+            leader, factor = joint, 1.0
+            while leader.mimic is not None:
+                factor *= abs(leader.mimic.multiplier)
+                leader = tree.by_joint[leader.mimic.joint]
+            if leader is not joint:
+                loads[leader.name] += factor * loads[joint.name]
+        found.append(loads)
+    return found
 
 
 def sample_poses(joints: Sequence[Joint], count: int) -> list[dict[str, float]]:

@@ -1,19 +1,19 @@
 """A home pose inside the limits: legs under their hips, everything else at 0 where it may be.
 
-What the drives could not hold there hangs: see `relief`.
+What the drives could not hold there hangs, and nothing lies in anything: see `relief`.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from assetbuild.init.anatomy import ANKLE, Leg, chain_to
 from assetbuild.init.joint_range import bounds, resting
-from assetbuild.init.relief import relieved
+from assetbuild.init.relief import Depths, nothing_deep, relieved
 from assetbuild.robot.model import Joint, Tree
 from assetbuild.robot.pose import Array, Pose
 from assetbuild.robot.tree import forward_kinematics
@@ -22,20 +22,42 @@ CROUCH = 0.75
 """Height of the hips of a walker on four legs or more, as a share of the stretched legs'."""
 FOLDED = 0.25
 """Height of a hip at the zero pose, as a share of the leg's length, below which a leg is folded."""
+BENT = 0.92
+"""The same of two legs that bend their knees to stand."""
 SETTLE = 0.97
 """The same on two legs, where a joint of the leg cannot be 0."""
 MARGIN_RAD = 0.02
 BEHIND_M = 0.02
 
 
-def home_pose(tree: Tree, legs: tuple[Leg, ...]) -> dict[str, float]:
-    """A value for each moving joint that mimics no other, rad or m, 3 decimals."""
+@dataclass(frozen=True)
+class Stance:
+    """How legs stand. shift_m: of the feet from below the hips, x and y; bent: legs that could be
+    straight."""
+
+    shift_m: tuple[float, float] = (0.0, 0.0)
+    bent: bool = False
+
+
+UPRIGHT = Stance()
+
+
+def home_pose(
+    tree: Tree,
+    legs: tuple[Leg, ...],
+    stance: Stance = UPRIGHT,
+    depths: Depths = nothing_deep,
+) -> dict[str, float]:
+    """A value for each moving joint that mimics no other, rad or m, 3 decimals.
+
+    depths: of bodies in each other and in the floor, which joints other than the legs' avoid.
+    """
     pose = {j.name: resting(j) for j in tree.moving_joints if j.mimic is None}
-    bent = len(legs) >= 4 or any(resting(j) != 0.0 for leg in legs for j in leg.joints)
-    if legs and bent:
+    bends = len(legs) >= 4 or any(resting(j) != 0.0 for leg in legs for j in leg.joints)
+    if legs and (bends or stance != UPRIGHT):
         for leg in legs:
-            pose |= _planted(tree, leg, legs, pose)
-    pose = relieved(tree, pose, legs)
+            pose |= _planted(tree, leg, legs, pose, stance, bends or stance.bent)
+    pose = relieved(tree, pose, legs, depths)
     return {name: _inside(tree.by_joint[name], value) for name, value in pose.items()}
 
 
@@ -50,9 +72,16 @@ def _inside(joint: Joint, value: float) -> float:
 
 
 def _planted(
-    tree: Tree, leg: Leg, legs: tuple[Leg, ...], others: Mapping[str, float]
+    tree: Tree,
+    leg: Leg,
+    legs: tuple[Leg, ...],
+    others: Mapping[str, float],
+    stance: Stance,
+    bends: bool,
 ) -> dict[str, float]:
     """Joint values that put the foot below its hip, all feet at one height.
+
+    A straight leg's foot stays below where it was drawn.
 
     Least squares on the foot's position (and, with an ankle to turn it by, its tilt), with a weak
     pull to the bent knee it starts from; SciPy's bounded trust region method.
@@ -72,9 +101,14 @@ def _planted(
     hip_x = at_zero[(swing or leg.joints[0]).child].xyz[0]
     behind = swing is not None and straight.xyz[0] - hip_x < -BEHIND_M
     lower, upper = np.array([_room(joint) for joint in leg.joints]).T
-    start = np.clip(_bent(leg, at_zero, behind), lower, upper)
-    across = (at_zero[leg.tip] @ X_tip_foot).xyz[1]
-    target = np.array([hip_x, across, _floor(legs, at_zero)])
+    bent = _bent(leg, at_zero, behind) if bends else [others[name] for name in names]
+    start = np.clip(bent, lower, upper)
+    drawn = (at_zero[leg.tip] @ X_tip_foot).xyz
+    ahead, aside = stance.shift_m
+    target = np.array(
+        [hip_x if bends else drawn[0], drawn[1], _floor(legs, at_zero, bends, stance)]
+    )
+    target += (ahead, aside, 0.0)
     flat = len(leg.joints) >= ANKLE
 
     def residual(q: Array) -> Array:
@@ -94,9 +128,12 @@ def _room(joint: Joint) -> tuple[float, float]:
     return max(lower + margin, -math.pi), min(upper - margin, math.pi)
 
 
-def _floor(legs: tuple[Leg, ...], at_zero: Mapping[str, Pose]) -> float:
+def _floor(
+    legs: tuple[Leg, ...], at_zero: Mapping[str, Pose], bends: bool, stance: Stance
+) -> float:
     """Height of the ground that all feet meet, in the root's frame, m."""
-    share = CROUCH if len(legs) >= 4 else SETTLE
+    share = CROUCH if len(legs) >= 4 else SETTLE if bends else 1.0
+    share = min(share, BENT) if stance.bent else share
     heights = []
     for leg in legs:
         hip = at_zero[leg.joints[0].child].xyz[2]

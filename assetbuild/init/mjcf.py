@@ -6,7 +6,7 @@ import json
 import os
 import re
 from collections.abc import Collection, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from assetbuild.control.close_loops import placed_loops
@@ -23,9 +23,9 @@ from assetbuild.init.repairs import repairs, repairs_text
 from assetbuild.init.strength import strengthened
 from assetbuild.init.targets import carried, not_in_usd, targets
 from assetbuild.init.text import Recipe, actuators, head, home, validation
-from assetbuild.init.trial import Trial, tables, try_to_stand
+from assetbuild.init.trial import Trial, staged, tables
 from assetbuild.init.tune import Tuning, tune
-from assetbuild.init.words import inline, quoted, some, source_section, written
+from assetbuild.init.words import inline, plain, quoted, some, source_section, written
 from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.joint_springs import joint_springs, no_drives
 from assetbuild.robot.loops import path_of
@@ -67,6 +67,7 @@ class MjcfSource:
     calls a body, except what is merged into the bodies `weak`.
     bodies: of the robots in its world, where there are several; the first is read.
     newer: words that MuJoCo 3.11 does not know.
+    posed: pose of the keyframe in a scene beside it, where it has none itself; scene: its name.
     """
 
     root: Path
@@ -77,6 +78,8 @@ class MjcfSource:
     weak: tuple[str, ...] = ()
     bodies: tuple[str, ...] = ()
     newer: tuple[str, ...] = ()
+    posed: Mapping[str, float] = field(default_factory=dict)
+    scene: str = ""
 
 
 def is_mjcf(file: Path, data: bytes) -> bool:
@@ -94,7 +97,7 @@ def find_mjcf(file: Path) -> MjcfSource:
     problem: SourceError | None = None
     for root in above(real):
         try:
-            return _read(root, real.relative_to(root).as_posix())
+            return _posed(_read(root, real.relative_to(root).as_posix()), real)
         except SeveralRobotsError as several:
             return _read(root, real.relative_to(root).as_posix(), several.names)
         except SourceError as error:
@@ -103,6 +106,27 @@ def find_mjcf(file: Path) -> MjcfSource:
             problem = problem or error
     assert problem is not None  # noqa: S101 # every path has a folder
     raise problem
+
+
+def _posed(found: MjcfSource, file: Path) -> MjcfSource:
+    """With the initial keyframe of a scene beside it that includes it, where it has none."""
+    if found.control.keyframes:
+        return found
+    for scene in sorted(set(file.parent.glob("*.xml")) - {file}):
+        text = scene.read_bytes() if scene.stat().st_size <= MAX_BYTES else b""
+        included = {
+            name.decode(errors="replace").removeprefix("./") for name in INCLUDE.findall(text)
+        }
+        if b"<key" not in text or file.name not in included:
+            continue
+        try:
+            there = _read(found.root, scene.relative_to(found.root).as_posix()).control
+        except SourceError:
+            continue
+        pose = dict(key.joints) if (key := there.initial_keyframe) else {}
+        if pose and pose.keys() <= found.robot.tree.by_joint.keys():
+            return replace(found, posed=pose, scene=scene.name)
+    return found
 
 
 def _read(root: Path, name: str, bodies: tuple[str, ...] = ()) -> MjcfSource:
@@ -229,7 +253,7 @@ def mjcf_text(found: MjcfSource, path: Path) -> Recipe:
         _merging(found),
         _collision(robot),
         _drives(found, tuning),
-        () if control.keyframes else home(robot, anatomy, _pose(found, anatomy, tuning)),
+        () if control.keyframes else _home(found, anatomy, tuning),
         [targets(found.built, springs, lost), *_validate(found, anatomy)],
     )
     return Recipe(text, unmended)
@@ -240,12 +264,23 @@ def _tuned(found: MjcfSource, anatomy: Anatomy) -> Tuning:
     robot, control = found.robot, found.control
     tree, guesses = strengthened(robot.tree, anatomy)
 
-    def attempt(tuning: Tuning) -> Trial:
-        step = tables(tree, tuning.drives, tuning.pose, {"timestep": tuning.timestep})
-        return try_to_stand(robot, found.root, soles_of(robot, anatomy), step)
-
     rotors = {actuator.joint: actuator.armature for actuator in control.actuators}
-    return tune(tree, anatomy, guesses, attempt, rotors, control.simulation.timestep)[0]
+    with staged(robot, found.root, soles_of(robot, anatomy), whole=False) as stage:
+
+        def attempt(tuning: Tuning) -> Trial:
+            step = {"timestep": tuning.timestep}
+            return stage.attempt(tables(tree, tuning.drives, tuning.pose, step))
+
+        return tune(tree, anatomy, guesses, attempt, rotors, control.simulation.timestep)[0]
+
+
+def _home(found: MjcfSource, anatomy: Anatomy, tuning: Tuning | None) -> Iterator[str]:
+    pose = _pose(found, anatomy, tuning)
+    if not found.scene:
+        return home(found.robot, anatomy, pose)
+    return home(
+        found.robot, anatomy, pose, why=f"as the keyframe of {plain(found.scene)} beside it"
+    )
 
 
 def _pose(found: MjcfSource, anatomy: Anatomy, tuning: Tuning | None) -> Mapping[str, float]:
@@ -254,6 +289,7 @@ def _pose(found: MjcfSource, anatomy: Anatomy, tuning: Tuning | None) -> Mapping
     Without the joints that loops move, which a build finds.
     """
     pose = tuning.pose if tuning else home_pose(found.robot.tree, anatomy.legs)
+    pose = {**pose, **found.posed}
     tree, control = found.robot.tree, found.control
     chain = {j.name for p in placed_loops(tree, control.loops) for j in path_of(tree, p)}
     driven = {row.joint for row in control.actuators if row.model != "passive"}
@@ -344,6 +380,7 @@ def _validate(found: MjcfSource, anatomy: Anatomy) -> Iterator[str]:
     soles = [sole for leg in legs for sole in leg.soles]
     step = {"timestep": control.simulation.timestep}
     home = control.initial_keyframe
-    pose = dict(home.joints) if home else home_pose(robot.tree, legs)
-    trial = try_to_stand(robot, found.root, soles, tables(robot.tree, (), pose, step), control)
+    pose = dict(home.joints) if home else found.posed or home_pose(robot.tree, legs)
+    with staged(robot, found.root, soles, whole=False) as stage:
+        trial = stage.attempt(tables(robot.tree, (), pose, step), control)
     yield from validation(robot, legs, trial)

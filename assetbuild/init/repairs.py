@@ -24,7 +24,6 @@ from assetbuild.init.words import inline, plain, some
 from assetbuild.robot.contradictions import FACTOR
 from assetbuild.robot.inertia import principal_moments
 from assetbuild.robot.mimic import common_range, has_range, leading
-from assetbuild.robot.model import Tree
 from assetbuild.robot.shapes import MeshFile
 
 GUESSED_DENSITY = 1000

@@ -23,7 +23,7 @@ from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
 
 from assetbuild.init.anatomy import Anatomy, Leg, Role, chain_to, length_below, limb_of, roles
-from assetbuild.init.gravity import GRAVITY, sample_poses, worst_loads
+from assetbuild.init.gravity import GRAVITY, overloaded, sample_poses, worst_loads
 from assetbuild.init.wheels import VELOCITY_DRIVEN
 from assetbuild.robot.dynamics import dynamics
 from assetbuild.robot.inertia import total_mass
@@ -56,6 +56,9 @@ example-robot-data that state efforts of their own, the median is 1.4 and none b
 above 130."""
 PLACEHOLDER = 100.0
 """The same of a number that looks like a placeholder: from ROUND on, or stated by all joints."""
+WEAK_POSES = 0.5
+"""Share of random poses that a drive may be too weak for: an effort of less is none of its motor's.
+"""
 ROUND = 900.0
 FEW = 3
 """Joints that may share one effort by chance."""
@@ -80,8 +83,12 @@ def strengthened(tree: Tree, anatomy: Anatomy) -> tuple[Tree, dict[str, Guess]]:
     """The tree with a guess for each effort that is unknown, and these guesses by joint."""
     parts = roles(tree, anatomy)
     physics, guesses = physical_efforts(tree, anatomy, parts), {}
-    meaningless = _placeholders(tree, physics)
-    why = {name: _unknown(tree.by_joint[name], physics[name], meaningless) for name in physics}
+    over = overloaded(tree)
+    meaningless = _placeholders(tree, physics, over)
+    why = {
+        name: _unknown(tree.by_joint[name], physics[name], over.get(name, 0.0), meaningless)
+        for name in physics
+    }
     stated = [name for name in physics if not why[name]]
     for name, reason in why.items():
         joint = tree.by_joint[name]
@@ -126,28 +133,36 @@ def rounded_up(value: float) -> float:
     return float(f"{step * power:.3g}")
 
 
-def _unknown(joint: Joint, need: float, meaningless: Collection[float]) -> str:
-    """Why the stated effort cannot be meant; "" for one that can."""
+def _unknown(joint: Joint, need: float, over: float, meaningless: Collection[float]) -> str:
+    """Why the stated effort cannot be meant; "" for one that can.
+
+    over: share of random poses that it cannot hold.
+    """
     stated = joint.limits.effort
     if stated is None:
         return "the source states no effort"
     if stated == 0.0:
         return "the source states an effort of 0"
+    if over > WEAK_POSES:
+        return f"the source's effort of {stated:g} cannot hold {over:.0%} of random poses"
     if stated in meaningless or stated > BEYOND_MEANING * need:
         return f"the source's effort of {stated:g} is a placeholder"
     return ""
 
 
-def _placeholders(tree: Tree, physics: Mapping[str, float]) -> set[float]:
+def _placeholders(
+    tree: Tree, physics: Mapping[str, float], over: Mapping[str, float]
+) -> set[float]:
     """Efforts that several joints state and one of them cannot have."""
     stated = {name: e for name in physics if (e := tree.by_joint[name].limits.effort)}
     counts = Counter(stated.values())
-    return {
-        effort
-        for name, effort in stated.items()
-        if effort > PLACEHOLDER * physics[name]
-        and (effort >= ROUND or FEW < counts[effort] == len(stated))
-    }
+    found = set()
+    for name, effort in stated.items():
+        for_all = FEW < counts[effort] == len(stated)
+        too_strong = effort > PLACEHOLDER * physics[name] and (effort >= ROUND or for_all)
+        if too_strong or (for_all and over[name] > WEAK_POSES):
+            found.add(effort)
+    return found
 
 
 def is_locked(joint: Joint) -> bool:

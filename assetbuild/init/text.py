@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -27,11 +27,12 @@ from assetbuild.init.look import InspectedRobot
 from assetbuild.init.loops import NO_LOOPS, FoundLoops, find_loops
 from assetbuild.init.mend import mended
 from assetbuild.init.patterns import pattern_of, patterns_of
+from assetbuild.init.relief import DEEP_M, Pair, nothing_deep
 from assetbuild.init.repairs import repairs, repairs_text, unmended
 from assetbuild.init.source import UrdfSource
 from assetbuild.init.strength import MARGIN, ROTOR_RULE, is_locked, strengthened
 from assetbuild.init.targets import targets
-from assetbuild.init.trial import Trial, tables, try_to_stand, try_whole
+from assetbuild.init.trial import Trial, staged, tables
 from assetbuild.init.tune import LIGHT_KG, Tuning, tune
 from assetbuild.init.up_axis import turned
 from assetbuild.init.words import flow, inline, plain, quoted, some, source_section, written
@@ -41,6 +42,9 @@ from assetbuild.robot.inertia import total_mass
 from assetbuild.robot.model import Tree
 from assetbuild.targets.mjcf.files import SCENES
 
+TURNED = "turned: what the drives could not hold, or what lay in the floor or in itself"
+SHOWN = 8
+"""Most overlaps that are named."""
 MANY_LEGS = 4
 """Robots on as many legs usually stand."""
 DROPPED = {"damping": "it would creep for minutes", "friction": "it takes most of the effort"}
@@ -68,21 +72,22 @@ def recipe_text(robot: InspectedRobot, anatomy: Anatomy, source: UrdfSource, pat
     tree, guesses = strengthened(whole.tree, anatomy)
     soles, loops = soles_of(whole, anatomy), find_loops(whole, source.loops, source.remarks)
 
-    def attempt(tuning: Tuning) -> Trial:
-        step = {"timestep": tuning.timestep}
-        drives, pose = loops.drives(tuning.drives), loops.pose(tuning.pose)
-        control = tables(tree, drives, pose, step, loops.rows)
-        return try_to_stand(whole, source.root, soles, control, turned=turn)
+    exclude = Exclude(adjacent=True, pairs=tuple(compound_pairs(robot.tree, anatomy.size_m)))
+    with staged(whole, source.root, soles, turn) as stage:
 
-    tuning, trial = tune(tree, anatomy, guesses, attempt, loops=loops)
+        def attempt(tuning: Tuning) -> Trial:
+            drives, pose = loops.drives(tuning.drives), loops.pose(tuning.pose)
+            step = {"timestep": tuning.timestep}
+            return stage.attempt(tables(tree, drives, pose, step, loops.rows, exclude))
+
+        depths = stage.depths(exclude) if not loops.rows else nothing_deep
+        tuning, trial = tune(tree, anatomy, guesses, attempt, loops=loops, depths=depths)
+        left = {p: d for p, d in depths(tuning.pose, True).items() if d > DEEP_M}
     drives, pose = loops.drives(tuning.drives), loops.pose(tuning.pose)
     tuning = replace(tuning, drives=drives, pose=pose)
-    chosen = tables(tree, drives, pose, {"timestep": tuning.timestep}, loops.rows)
-    pairs = Exclude(adjacent=True, pairs=tuple(compound_pairs(robot.tree, anatomy.size_m)))
-    chosen = chosen.model_copy(update={"exclude": pairs})
-    trial = try_whole(whole, source.root, soles, chosen, trial, turn)
-    left = (*unmended(robot), *contradicted.unmended(contradicted.Weighed(whole, source.root)))
-    tuning = replace(tuning, unmended=(*_locked(tree), *left, *tuning.unmended))
+    contrary = contradicted.unmended(contradicted.Weighed(whole, source.root))
+    unrepaired = (*_locked(tree), *unmended(robot), *contrary)
+    tuning = replace(tuning, unmended=(*unrepaired, *tuning.unmended))
     more = (*_arguments(source), *_packages(source), *up_axis)
     text = written(
         head(whole, anatomy, path, tuning.unmended),
@@ -95,6 +100,7 @@ def recipe_text(robot: InspectedRobot, anatomy: Anatomy, source: UrdfSource, pat
         collision(robot, anatomy, source.root, trial.overlaps),
         actuators(tree, tuning),
         home(robot, anatomy, tuning.pose, loops),
+        _left(left, trial.overlaps),
         _simulation(whole, anatomy, tuning, trial),
         _variants(robot, anatomy),
     )
@@ -257,8 +263,9 @@ def home(
     anatomy: Anatomy,
     pose: Mapping[str, float],
     loops: FoundLoops = NO_LOOPS,
+    why: str = TURNED,
 ) -> Iterator[str]:
-    """The keyframe `home`."""
+    """The keyframe `home`. why: joints other than the legs' are not at rest there."""
     tree = robot.tree
     if not pose and tree.base == "fixed" and not loops.rows:
         return
@@ -276,13 +283,24 @@ def home(
         yield "    # each foot below its hip, all at one height"
     others = [name for name in pose if name not in legged]
     if any(abs(pose[name] - resting(tree.by_joint[name])) > 1e-3 for name in others):
-        yield "    # what the drives could not hold against gravity is turned"
+        yield f"    # {why}"
     yield "    # joints not named here are 0, which their limits allow"
     yield "    joints:"
     for value in dict.fromkeys(shown.values()):
         names = [name for name, v in shown.items() if v == value]
         patterns = patterns_of(names, list(pose))
         yield from (f"      {quoted(pattern)}: {value!r}" for pattern in patterns)
+
+
+def _left(depths: Mapping[Pair, float], excluded: Collection[Pair]) -> Iterator[str]:
+    """What no pose that was tried frees, and who must act."""
+    left = [(pair, depth) for pair, depth in depths.items() if pair not in excluded]
+    for (a, b), depth in sorted(left, key=lambda item: -item[1])[:SHOWN]:
+        where = f"{plain(b)} in the floor" if not a else f"{plain(a)} in {plain(b)}"
+        yield f"# No home was found without {where}: {1e3 * depth:.3g} mm"
+    if left:
+        yield "# Another `home` may free them; bodies that are made so belong into"
+        yield "# `collision.exclude.pairs`."
 
 
 # --- trying it out --------------------------------------------------------------------------
@@ -318,14 +336,15 @@ def validation(robot: InspectedRobot, legs: Sequence[Leg], trial: Trial) -> Iter
     line, said = standing(robot, legs), plain(trial.sentence, 200)
     yield "validate:"
     if trial.stands:
-        yield f"  # In MuJoCo, on its soles, it {said}."
+        yield f"  # In MuJoCo, with the hulls of its links, it {said}."
         yield f"  {line}   # a fall is an error"
     elif trial.stands is None and len(legs) >= MANY_LEGS:
         yield f"  # Judged by its legs to stand, but not tried: {said}."
         yield f"  {line}"
     else:
-        seen = "In MuJoCo, on its soles, it" if trial.stands is not None else "Not tried:"
+        seen = "In MuJoCo it" if trial.stands is not None else "Not tried:"
         yield f"  # {seen} {said}."
+        yield from (f"  # Tried besides: {plain(what, 200)}." for what in trial.tried)
         yield "  # Once its gains and pose are balanced, ask it to stand:"
         yield f"  # {line}"
         yield "  free_fall: {}"

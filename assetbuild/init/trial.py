@@ -1,16 +1,18 @@
 """The recipe's drives and pose, tried before they are written, by the code of the checks.
 
-In MuJoCo, first on the hulls of the robot's soles alone, for that is quick: a robot that stands
-touches the floor with them. One that stands so is tried once more with the hulls of all its links,
-which may lie inside each other at home and throw the robot over.
+In MuJoCo, with the hulls of all its links, which may lie inside each other at home and throw the
+robot over. What random commands do to its drives is tried on the hulls of its soles alone.
 """
 
 from __future__ import annotations
 
 import re
 from collections.abc import Collection, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+
+import numpy as np
 
 from assetbuild.checks.gains import Gains
 from assetbuild.checks.stand import Stand as StandCheck
@@ -22,33 +24,41 @@ from assetbuild.findings import Finding
 from assetbuild.init.drives import DriveRow
 from assetbuild.init.look import InspectedRobot
 from assetbuild.init.mesh_points import mesh_of, scaled_points
+from assetbuild.init.overlap import Overlaps
 from assetbuild.init.patterns import patterns_of
+from assetbuild.init.relief import DEEP_M, Depths, Pair, nothing_deep
 from assetbuild.mesh.hull import convex_hull
 from assetbuild.mesh.material import SourceMesh
 from assetbuild.mesh.obj import obj_bytes
 from assetbuild.mesh.read import UpAxis
+from assetbuild.mesh.triangles import TriangleMesh, merged
 from assetbuild.robot.actuator_table import ActuatorRow
 from assetbuild.robot.actuators import RowError
 from assetbuild.robot.codec import encode
 from assetbuild.robot.contact import Exclude
 from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.loops import LoopRow
+from assetbuild.robot.mimic import with_mimics
 from assetbuild.robot.model import Control, Tree
 from assetbuild.robot.poses import Keyframe
 from assetbuild.robot.shapes import Geometry, Mesh, MeshAsset, MeshFile, Shape, Shapes, SourceShape
 from assetbuild.robot.simulation import Simulation
-from assetbuild.simulators import mujoco
+from assetbuild.simulators import mujoco, mujoco_trials
 from assetbuild.simulators import mujoco_stand as held
 from assetbuild.simulators.mujoco_stand import Stand, outcome, outcome_figures, stand
+from assetbuild.simulators.mujoco_trials import support
 from assetbuild.targets.mjcf import Mjcf
 
 JUDGE = StandCheck()
 """The check `stand` with its defaults, by which a build judges what `init` tries here."""
 CORNERS = 64
 """Most vertices of a hull."""
+SOLE_M = 0.02
+"""What of a foot is so near to the floor may carry the robot: not every sole is drawn level."""
 PUSHED_RAD = JUDGE.max_tilt / 2.0
 """Tilt of the base at which `init` asks whether overlapping bodies push the robot askew."""
 
+ADJACENT = Exclude(adjacent=True)
 Pairs = Mapping[tuple[str, str], float]
 """Two bodies -> how deep one is inside the other at home, m."""
 
@@ -57,18 +67,23 @@ Pairs = Mapping[tuple[str, str], float]
 class Trial:
     """What came of it. stands: None where it could not be tried; sentence: what it did, or why.
 
-    drift: how far its base wandered, m.
+    drift: how far its base wandered, m. lean: how far it tilted, rad.
+    off: centre of mass beyond the middle of what stands on the floor at the start, x and y, m.
     errors: what the checks say of drives and pose that a build would stop at.
     refused: the key of the recipe that no build takes, and why.
     overlaps: bodies whose hulls must not collide, for else the robot falls or leans.
+    tried: what did not make it stand, each with what it did then.
     """
 
     stands: bool | None
     sentence: str
     drift: float = 0.0
+    lean: float = 0.0
+    off: tuple[float, float] = (0.0, 0.0)
     errors: tuple[Finding, ...] = ()
     refused: RowError | None = None
     overlaps: Pairs = field(default_factory=dict)
+    tried: tuple[str, ...] = ()
 
     @property
     def is_fine(self) -> bool:
@@ -76,107 +91,150 @@ class Trial:
         return not self.errors and self.refused is None
 
 
-def try_to_stand(
-    robot: InspectedRobot,
-    root: Path,
-    soles: Sequence[str],
-    control: ControlStep,
-    driven_by: Control | None = None,
-    turned: Collection[str] = (),
-) -> Trial:
-    """Two seconds at `home` on the soles. root: of the source's files; soles: source links.
+@dataclass(frozen=True)
+class Stage:
+    """The robot as a build has it, with a hull or primitive for each shape, in a folder of its own.
 
-    Without soles nothing is to stand, or nothing can. control: the tables of the recipe;
-    driven_by: the drives of a source that has its own, which are not judged here.
-    turned: paths of the meshes that the recipe turns as their files say.
+    soles: source links that it stands on; without any nothing is to stand, or nothing can.
+    whole: whether all its links touch the floor and each other, or its soles alone.
     """
-    try:
-        with scratch() as ports:
-            shapes = _laid_out(robot, root, soles, ports, turned)
-            said = list(ports.run(control))
-            made = RobotFiles(ports.folder).control
+
+    robot: InspectedRobot
+    soles: Sequence[str]
+    shapes: Shapes
+    overlaps: Overlaps
+    ports: Scratch
+    whole: bool
+
+    def attempt(self, control: ControlStep, driven_by: Control | None = None) -> Trial:
+        """Two seconds at `home`. control: the tables of the recipe.
+
+        driven_by: the drives of a source that has its own, which are not judged here.
+        """
+        try:
+            said = list(self.ports.run(control))
+            made = RobotFiles(self.ports.folder).control
             if driven_by is not None:
                 made = replace(made, actuators=driven_by.actuators)
-                ports.put("control.json", encode(made))
+                self.ports.put("control.json", encode(made))
             else:
-                said += ports.run(Gains(feet="|".join(map(re.escape, soles)) or None))
-            ports.run(Mjcf(robot="robot"))
-            model = mujoco.load(ports.folder / "mjcf" / "scene.xml", visuals=False).model
+                said += self.ports.run(Gains(feet="|".join(map(re.escape, self.soles)) or None))
+            model = self._compiled()
             if driven_by is None:
-                said += Trials().dangers(model)
+                said += Trials().dangers(self._on_soles(model))
             errors = tuple(finding for finding in said if finding.severity == "error")
-            if not soles:
+            if not self.soles:
                 return Trial(False, "has no shape on its feet to stand on", errors=errors)
-            if not shapes.shapes:
+            if not any(shape.link in self.soles for shape in self.shapes.shapes):
                 return Trial(None, "no shape of its soles can be read", errors=errors)
-            return replace(_judged(stand(model, "home", JUDGE.seconds, _laws(made))), errors=errors)
-    except RowError as error:
-        return Trial(None, error.message, refused=error)
-    except AssetBuildError as error:
-        return Trial(None, error.message)
+            trial = self._tried(model, control, made)
+            return replace(trial, errors=errors, off=support(model, SOLE_M).off_m)
+        except RowError as error:
+            return Trial(None, error.message, refused=error)
+        except AssetBuildError as error:
+            return Trial(None, error.message)
+
+    def depths(self, exclude: Exclude) -> Depths:
+        """How deep bodies lie in each other or in the floor, in any pose; {} without shapes."""
+        home = {"home": Keyframe.model_validate({})}
+        try:
+            list(self.ports.run(ControlStep(keyframes=home, exclude=exclude)))
+            model = self._compiled()
+        except AssetBuildError:  # what only the build can read, it judges
+            return nothing_deep
+        tree, real = self.robot.tree, self.overlaps
+
+        def measured(pose: Mapping[str, float], really: bool) -> dict[Pair, float]:
+            found: dict[Pair, float] = {}
+            positions = with_mimics(tree, pose)
+            for (one, other), depth in mujoco_trials.depths(model, positions).items():
+                if really and one and depth > DEEP_M:
+                    depth = min(depth, real.depth(one, other, positions))
+                bodies = real.body_of(one), real.body_of(other)
+                pair = min(bodies), max(bodies)
+                found[pair] = max(depth, found.get(pair, 0.0))
+            return found
+
+        return measured
+
+    def _compiled(self) -> mujoco.Model:
+        self.ports.run(Mjcf(robot="robot"))
+        return mujoco.load(self.ports.folder / "mjcf" / "scene.xml", visuals=False).model
+
+    def _on_soles(self, model: mujoco.Model) -> mujoco.Model:
+        """The same with no other link of the robot that touches anything."""
+        soles = {shape.name for shape in self.shapes.shapes if shape.link in self.soles}
+        alone = mujoco.without(model)
+        for geom in mujoco.collision_geoms(model):
+            if mujoco.name_of(model, "geom", geom) not in soles:
+                alone.geom_contype[geom] = alone.geom_conaffinity[geom] = 0
+        return alone
+
+    def _tried(self, model: mujoco.Model, control: ControlStep, made: Control) -> Trial:
+        """A mesh becomes smaller pieces than its hull, so overlaps count only where they push the
+        robot over or askew. It is then tried without the collisions of these pairs.
+        """
+        scene = model if self.whole else self._on_soles(model)
+        stood = stand(scene, "home", JUDGE.seconds, _laws(made))
+        if not self.whole or (_stays(stood) and stood.tilt_rad <= PUSHED_RAD):
+            return self._judged(stood)
+        body = self.overlaps.body_of
+        deep: dict[tuple[str, str], float] = {}
+        for (a, b), depth in stood.overlapping.items():
+            pair = min(body(a), body(b)), max(body(a), body(b))
+            if depth > JUDGE.sole:
+                deep[pair] = max(depth, deep.get(pair, 0.0))
+        if deep:
+            without = Exclude(adjacent=True, pairs=(*control.exclude.pairs, *deep))
+            list(self.ports.run(control.model_copy(update={"exclude": without})))
+            freed = stand(self._compiled(), "home", JUDGE.seconds, _laws(made))
+            if _stays(freed) and freed.tilt_rad <= PUSHED_RAD:
+                return replace(self._judged(freed), overlaps=deep)
+        return self._judged(stood)
+
+    def _judged(self, stood: Stand) -> Trial:
+        """A robot that leans may fall on the shapes of the build, and so may one whose soles are
+        not on the floor; below the floor is no height.
+        """
+        did = outcome(stood, JUDGE.fall)
+        if did != "stands":
+            verb = "becomes unstable" if did == "unstable" else "falls"
+            return Trial(False, f"{verb} within {JUDGE.seconds:g} s")
+        if stood.tilt_rad > JUDGE.max_tilt:
+            leans = f"leans by {stood.tilt_rad:.2g} rad after {JUDGE.seconds:g} s"
+            return Trial(False, f"{leans}, more than {JUDGE.max_tilt:g}")
+        if self.whole:
+            judge = JUDGE.model_copy(update={"feet": "|".join(map(re.escape, self.soles))})
+            said = judge.judged(stood, self.robot.tree, self.shapes)
+            error = next((finding for finding in said if finding.severity == "error"), None)
+            if error is not None:
+                return Trial(False, f"stands, but {error.subject}: {error.message}")
+        sentence = str(outcome_figures(stood, JUDGE.fall)["sentence"])
+        return Trial(True, sentence, stood.drift_m, stood.tilt_rad)
 
 
-def try_whole(
+def _stays(stood: Stand) -> bool:
+    return outcome(stood, JUDGE.fall) == "stands"
+
+
+@contextmanager
+def staged(
     robot: InspectedRobot,
     root: Path,
     soles: Sequence[str],
-    control: ControlStep,
-    trial: Trial,
     turned: Collection[str] = (),
-) -> Trial:
-    """The trial of a robot that stands on its soles, tried with the hulls of all its links.
+    *,
+    whole: bool = True,
+) -> Iterator[Stage]:
+    """Lay the robot out. root: of the source's files; soles: source links.
 
-    A mesh becomes smaller pieces than its hull, so overlaps count only where they push it over or
-    askew. It is then tried without the collisions of these pairs.
+    turned: paths of the meshes that the recipe turns as their files say.
     """
-    if not trial.stands:
-        return trial
     links = sorted(robot.solid_links | set(soles))
-    try:
-        with scratch() as ports:
-            shapes = _laid_out(robot, root, links, ports, turned)
-            body = {s.name: robot.tree.placement(s.link)[0] for s in shapes.shapes}
-            stood = _stood(ports, control)
-            if outcome(stood, JUDGE.fall) == "stands" and stood.tilt_rad <= PUSHED_RAD:
-                return _objected(trial, stood, robot.tree, shapes, soles)
-            deep: dict[tuple[str, str], float] = {}
-            for (a, b), depth in stood.overlapping.items():
-                pair = min(body[a], body[b]), max(body[a], body[b])
-                if depth > JUDGE.sole:
-                    deep[pair] = max(depth, deep.get(pair, 0.0))
-            if deep:
-                without = Exclude(adjacent=True, pairs=(*control.exclude.pairs, *deep))
-                freed = _stood(ports, control.model_copy(update={"exclude": without}))
-                if outcome(freed, JUDGE.fall) == "stands" and freed.tilt_rad <= PUSHED_RAD:
-                    freely = replace(trial, overlaps=deep)
-                    return _objected(freely, freed, robot.tree, shapes, soles)
-            if outcome(stood, JUDGE.fall) == "stands":
-                return _objected(trial, stood, robot.tree, shapes, soles)
-    except AssetBuildError:  # what only the build can read, it judges
-        return trial
-    falls = "becomes unstable" if outcome(stood, JUDGE.fall) == "unstable" else "falls"
-    with_all = f"stands, but {falls} within {JUDGE.seconds:g} s with the hulls of all its links"
-    return replace(trial, stands=False, sentence=with_all)
-
-
-def _objected(
-    trial: Trial, stood: Stand, tree: Tree, shapes: Shapes, soles: Sequence[str]
-) -> Trial:
-    """Return the trial of a robot that stands, as one that does not where the check objects."""
-    judge = JUDGE.model_copy(update={"feet": "|".join(map(re.escape, soles))})
-    said = judge.judged(stood, tree, shapes)
-    error = next((finding for finding in said if finding.severity == "error"), None)
-    if error is None:
-        return trial
-    return replace(trial, stands=False, sentence=f"stands, but {error.subject}: {error.message}")
-
-
-def _stood(ports: Scratch, control: ControlStep) -> Stand:
-    """What the robot that lies there does at `home`."""
-    list(ports.run(control))
-    ports.run(Mjcf(robot="robot"))
-    model = mujoco.load(ports.folder / "mjcf" / "scene.xml", visuals=False).model
-    return stand(model, "home", JUDGE.seconds, _laws(RobotFiles(ports.folder).control))
+    with scratch() as ports:
+        shapes, meshes = _laid_out(robot, root, links, ports, turned)
+        real = Overlaps(robot.tree, {shape.name: shape for shape in shapes.shapes}, meshes)
+        yield Stage(robot, soles, shapes, real, ports, whole)
 
 
 def _laws(control: Control) -> dict[str, held.Gains]:
@@ -188,24 +246,13 @@ def _laws(control: Control) -> dict[str, held.Gains]:
     }
 
 
-def _judged(stood: Stand) -> Trial:
-    """A robot that leans may fall on the shapes of the build; below the floor is no height."""
-    did = outcome(stood, JUDGE.fall)
-    if did == "stands" and stood.tilt_rad <= JUDGE.max_tilt:
-        return Trial(True, str(outcome_figures(stood, JUDGE.fall)["sentence"]), stood.drift_m)
-    leans = (
-        f"leans by {stood.tilt_rad:.2g} rad after {JUDGE.seconds:g} s, more than {JUDGE.max_tilt:g}"
-    )
-    falls = f"{'becomes unstable' if did == 'unstable' else 'falls'} within {JUDGE.seconds:g} s"
-    return Trial(False, leans if did == "stands" else falls)
-
-
 def tables(
     tree: Tree,
     drives: Sequence[DriveRow],
     pose: Mapping[str, float],
     simulation: Mapping[str, object],
     loops: tuple[LoopRow, ...] = (),
+    exclude: Exclude = ADJACENT,
 ) -> ControlStep:
     """The step that a build of the recipe would run, with a row for each drive's pattern."""
     everything = [joint.name for joint in tree.moving_joints]
@@ -221,6 +268,7 @@ def tables(
         keyframes={"home": home},
         simulation=Simulation.model_validate(simulation),
         loops=loops,
+        exclude=exclude,
     )
 
 
@@ -230,18 +278,24 @@ def _laid_out(
     links: Sequence[str],
     ports: Scratch,
     turned: Collection[str],
-) -> Shapes:
-    """The robot as a build has it, with a hull or primitive for each shape of these links."""
+) -> tuple[Shapes, dict[str, TriangleMesh]]:
+    """The robot as a build has it, with a hull or primitive for each shape of these links.
+
+    Besides the meshes that the hulls are of, by the shape's name.
+    """
     (ports.folder / "meshes").mkdir()
-    shapes, assets = [], []
+    shapes, assets, meshes = [], [], {}
     for index, shape in enumerate(_shapes_of(robot, links)):
         name, source = f"shape_{index}", shape.geometry
         geometry: Geometry
         if isinstance(source, MeshFile):
             up_axis: UpAxis = "honour" if source.path in turned else "ignore"
-            asset = _hull(shape, mesh_of(root, source, up_axis), name, ports)
-            if asset is None:
+            read = mesh_of(root, source, up_axis)
+            asset = _hull(shape, read, name, ports)
+            if read is None or asset is None:
                 continue
+            whole = merged([part.mesh for part in read.parts])
+            meshes[name] = TriangleMesh(whole.vertices * np.array(source.scale), whole.faces)
             assets.append(asset)
             geometry = Mesh(asset.name)
         else:
@@ -250,7 +304,7 @@ def _laid_out(
     made = Shapes(tuple(shapes), (), tuple(assets))
     for name, value in (("links", robot.links), ("tree", robot.tree), ("shapes", made)):
         ports.put(f"{name}.json", encode(value))
-    return made
+    return made, meshes
 
 
 def _shapes_of(robot: InspectedRobot, links: Sequence[str]) -> Iterator[SourceShape]:

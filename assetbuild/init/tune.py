@@ -7,18 +7,21 @@ the rotors, and a shorter step still. What the source states and cannot be is le
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 
+import numpy as np
+
 from assetbuild.findings import Finding
 from assetbuild.init.anatomy import Anatomy, Leg
-from assetbuild.init.drives import MOST_DAMPED, STEP_S, DriveRow, drive_rows
-from assetbuild.init.home import home_pose
+from assetbuild.init.drives import FIRM, FIRMER, MOST_DAMPED, STEP_S, TABLE, DriveRow, drive_rows
+from assetbuild.init.home import UPRIGHT, Stance, home_pose
 from assetbuild.init.loops import NO_LOOPS, FoundLoops
 from assetbuild.init.patterns import patterns_of
+from assetbuild.init.relief import Depths, nothing_deep
 from assetbuild.init.strength import (
-    FEW,
     ROTOR_RULE,
     Guess,
     largest_inertias,
@@ -26,7 +29,7 @@ from assetbuild.init.strength import (
     rounded_up,
     with_efforts,
 )
-from assetbuild.init.trial import Trial
+from assetbuild.init.trial import PUSHED_RAD, Trial
 from assetbuild.init.wheels import Turning
 from assetbuild.robot.inertia import total_mass
 from assetbuild.robot.model import Tree
@@ -42,6 +45,8 @@ DAMPED = 1.25
 """Times the damping ratio that was refused."""
 WANDERS_M = 0.1
 """Farther than this, a robot that stands for two seconds does not stand: it hops."""
+BALANCED_M = 0.003
+"""Nearer to the middle of its feet the centre of mass is not brought."""
 
 Try = Callable[["Tuning"], Trial]
 
@@ -65,6 +70,9 @@ class Tuning:
     unmended: tuple[str, ...] = ()
     loops: FoundLoops = NO_LOOPS
     turning: Mapping[str, Turning] = field(default_factory=dict)
+    stance: Stance = UPRIGHT
+    firmness: float = FIRM
+    depths: Depths = nothing_deep
 
 
 def tune(
@@ -75,6 +83,7 @@ def tune(
     rotors: Mapping[str, float] = MappingProxyType({}),
     longest_step: float = STEP_S,
     loops: FoundLoops = NO_LOOPS,
+    depths: Depths = nothing_deep,
 ) -> tuple[Tuning, Trial]:
     """The first choice of drives that the trial has nothing against, else the last.
 
@@ -82,7 +91,17 @@ def tune(
     longest_step: s.
     """
     armature = _heavy_rotors(tree, guesses) | {name: own for name, own in rotors.items() if own}
-    start = Tuning(tree, {}, (), 0.0, guesses, armature, loops=loops, turning=anatomy.turning)
+    start = Tuning(
+        tree,
+        {},
+        (),
+        0.0,
+        guesses,
+        armature,
+        loops=loops,
+        turning=anatomy.turning,
+        depths=depths,
+    )
     tuning = _chosen(start, anatomy.legs, longest_step)
     trial = attempt(tuning)
     for _ in range(ROUNDS):
@@ -90,7 +109,7 @@ def tune(
         if better is None:
             break
         tuning, trial = better, attempt(better)
-    if trial.is_fine and trial.stands is False:
+    if trial.is_fine and (trial.stands is False or trial.lean > PUSHED_RAD):
         tuning, trial = _standing(tuning, trial, anatomy.legs, attempt)
     if trial.is_fine and trial.stands and trial.drift > WANDERS_M:
         tuning, trial = _still(tuning, trial, anatomy.legs, attempt)
@@ -113,10 +132,10 @@ def _heavy_rotors(tree: Tree, guesses: Mapping[str, Guess]) -> dict[str, float]:
 def _chosen(tuning: Tuning, legs: tuple[Leg, ...], step: float = 0.0) -> Tuning:
     """The same with pose, drives and time step chosen anew; step: no longer than this, s."""
     tree = tuning.tree
-    pose = home_pose(tree, legs)
+    pose = home_pose(tree, legs, tuning.stance, tuning.depths)
     loops, closed = tuning.loops.closed(tree, pose)
     passive = tuning.loops.passive
-    said = (tuning.guesses, tuning.armature, loops, passive, tuning.turning)
+    said = (tuning.guesses, tuning.armature, loops, passive, tuning.turning, tuning.firmness)
     drives = drive_rows(tree, closed, legs, *said)
     hops = any(row.outruns(STEP_S) for row in drives)
     own = SHORT_STEP_S if hops or total_mass(tree) < LIGHT_KG else STEP_S
@@ -164,33 +183,21 @@ def _drive_of(tuning: Tuning, row: int) -> int:
 
 
 def _stronger(tuning: Tuning, weak: list[Finding], legs: tuple[Leg, ...]) -> Tuning | None:
-    """Efforts that are guesses grow; so do those that all joints state as one number."""
+    """Efforts that are guesses grow."""
     guesses, grown = dict(tuning.guesses), []
     for error in weak:
         name = error.subject.partition(" ")[2]
         effort = tuning.tree.by_joint[name].limits.effort or 0.0
-        if name not in guesses and not _is_one_for_all(tuning, effort):
-            continue
-        load = float(str(error.data.get("load", 1.0)))
-        why = f"the source's effort of {effort:g}, the same for every joint, cannot hold its weight"
-        known = guesses.get(name) or Guess(effort, why, "arm")
-        guesses[name] = replace(known, effort=rounded_up(max(load, 1.0) * STRONGER * effort))
-        grown.append(name)
+        if name in guesses:
+            load = max(float(str(error.data.get("load", 1.0))), 1.0)
+            guesses[name] = replace(guesses[name], effort=rounded_up(load * STRONGER * effort))
+            grown.append(name)
     if not grown:
         return None
     tree = with_efforts(tuning.tree, {name: guesses[name].effort for name in grown})
     armature = {name: rotor_inertia(tree.by_joint[name]) for name in tuning.armature}
     again = replace(tuning, tree=tree, guesses=guesses, armature=armature)
     return _chosen(again, legs, tuning.timestep)
-
-
-def _is_one_for_all(tuning: Tuning, effort: float) -> bool:
-    stated = [
-        joint.limits.effort
-        for joint in tuning.tree.moving_joints
-        if joint.mimic is None and joint.limits.effort and joint.name not in tuning.guesses
-    ]
-    return len(stated) > FEW and set(stated) == {effort}
 
 
 def _calmer(tuning: Tuning, error: Finding, legs: tuple[Leg, ...]) -> Tuning | None:
@@ -229,12 +236,73 @@ def _shorter(tuning: Tuning, step: float, said: str, legs: tuple[Leg, ...]) -> T
 def _standing(
     tuning: Tuning, trial: Trial, legs: tuple[Leg, ...], attempt: Try
 ) -> tuple[Tuning, Trial]:
-    """A shorter step where that makes the robot stand; else as it was."""
-    if tuning.timestep <= SHORT_STEP_S or not legs:
+    """The first remedy that makes the robot stand upright, else the most upright of those with
+    which one that fell stands; else as it was, with what was tried.
+    """
+    now, seen = tuning, trial
+    stood: list[tuple[Tuning, Trial]] = []
+    tried: list[str] = []
+    kept: list[str] = []
+    failed = f"leans by {trial.lean:.2g} rad" if trial.stands else trial.sentence
+    for remedy in REMEDIES if legs else ():
+        found = remedy(now, seen, legs)
+        if found is None:
+            continue
+        what, again = found
+        after = attempt(again)
+        tried.append(f"{what} (it {after.sentence})")
+        if after.is_fine and after.stands:
+            note = f"{', '.join(dict.fromkeys((*kept, what)))}: otherwise it {failed}"
+            stood.append((replace(again, notes=(*tuning.notes, note)), after))
+            if after.lean <= PUSHED_RAD:
+                return stood[-1]
+        if after.is_fine and math.hypot(*after.off) < math.hypot(*seen.off) + BALANCED_M:
+            now, seen = again, after
+            kept.append(what)
+    if trial.stands:
         return tuning, trial
-    shorter = _shorter(tuning, SHORT_STEP_S, f"it {trial.sentence}", legs)
-    again = attempt(shorter)
-    return (shorter, again) if again.is_fine and again.stands else (tuning, trial)
+    return min(
+        stood, key=lambda it: it[1].lean, default=(tuning, replace(trial, tried=tuple(tried)))
+    )
+
+
+Remedy = Callable[[Tuning, Trial, tuple[Leg, ...]], tuple[str, Tuning] | None]
+
+
+def _balanced(tuning: Tuning, trial: Trial, legs: tuple[Leg, ...]) -> tuple[str, Tuning] | None:
+    """The feet under the centre of mass, where they are not."""
+    if math.hypot(*trial.off) < BALANCED_M:
+        return None
+    ahead, aside = np.add(tuning.stance.shift_m, trial.off)
+    stance = replace(tuning.stance, shift_m=(float(ahead), float(aside)))
+    return "feet under the centre of mass", _chosen(
+        replace(tuning, stance=stance), legs, tuning.timestep
+    )
+
+
+def _firmer(tuning: Tuning, trial: Trial, legs: tuple[Leg, ...]) -> tuple[str, Tuning] | None:
+    if tuning.firmness >= FIRMER or len(legs) >= TABLE:
+        return None
+    firm = _chosen(replace(tuning, firmness=FIRMER), legs, tuning.timestep)
+    return f"legs {FIRMER:g} times as stiff as would let it tip over", firm
+
+
+def _bent(tuning: Tuning, trial: Trial, legs: tuple[Leg, ...]) -> tuple[str, Tuning] | None:
+    if tuning.stance.bent or len(legs) >= TABLE:
+        return None
+    stance = replace(tuning.stance, bent=True)
+    return "bent knees", _chosen(replace(tuning, stance=stance), legs, tuning.timestep)
+
+
+def _hasty(tuning: Tuning, trial: Trial, legs: tuple[Leg, ...]) -> tuple[str, Tuning] | None:
+    if tuning.timestep <= SHORT_STEP_S:
+        return None
+    return f"a time step of {1e3 * SHORT_STEP_S:g} ms", _chosen(tuning, legs, SHORT_STEP_S)
+
+
+REMEDIES: tuple[Remedy, ...] = (_balanced, _balanced, _hasty, _firmer, _bent, _balanced)
+"""What may make a robot stand, in the order in which it is tried; what brings its feet under its
+centre of mass is kept for the next."""
 
 
 def _still(

@@ -242,8 +242,8 @@ def lowest_z(model: Model, data: Data, geom: int) -> float:
 
 
 def _on_floor(model: Model, data: Data, floor: int) -> set[str]:
-    touching = [{int(c.geom1), int(c.geom2)} for c in data.contact[: data.ncon]]
-    others = set().union(*(pair for pair in touching if floor in pair)) - {floor}
+    pairs = np.array(data.contact.geom[: data.ncon]).reshape(-1, 2)
+    others = set(map(int, pairs[(pairs == floor).any(axis=1)].ravel())) - {floor}
     return {name_of(model, "geom", geom) for geom in others}
 
 

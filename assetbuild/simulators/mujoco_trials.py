@@ -227,6 +227,28 @@ def touches_floors(model: Model) -> bool:
     return any(planes & set(pair) for pair in (*touching_geoms(model), *explicit_pairs(model)))
 
 
+def depths(model: Model, positions: Mapping[str, float]) -> dict[tuple[str, str], float]:
+    """Depth (m) of the geoms of a scene in one another, and of a fixed robot's in its floor, in a
+    pose by joint name. The floor's pairs are ("", geom).
+    """
+    import mujoco
+
+    data = at_key(model)
+    for name, value in positions.items():
+        data.qpos[int(model.joint(name).qposadr[0])] = value
+    mujoco.mj_fwdPosition(model, data)
+    found = overlaps(model, data, "geom")
+    if model.njnt and int(model.jnt_type[0]) == int(mujoco.mjtJoint.mjJNT_FREE):
+        return found  # it is put on the floor
+    for contact in data.contact[: data.ncon]:
+        geoms = int(contact.geom1), int(contact.geom2)
+        if 0 in model.geom_bodyid[list(geoms)]:
+            own = next(geom for geom in geoms if model.geom_bodyid[geom])
+            pair = "", name_of(model, "geom", own)
+            found[pair] = max(found.get(pair, 0.0), -float(contact.dist))
+    return found
+
+
 def _largest_first(found: Mapping[tuple[str, str], float]) -> Mapping[tuple[str, str], float]:
     return dict(sorted(found.items(), key=lambda item: (-item[1], item[0])))
 
@@ -236,20 +258,26 @@ def _largest_first(found: Mapping[tuple[str, str], float]) -> Mapping[tuple[str,
 
 @dataclass(frozen=True)
 class Support:
-    """margin_m: of the centre of mass inside the support polygon, negative outside."""
+    """margin_m: of the centre of mass inside the support polygon, negative outside.
+
+    off_m: centre of mass beyond the middle of the points' extent, x and y; 0 without points.
+    """
 
     margin_m: float | None
     points: int
+    off_m: tuple[float, float] = (0.0, 0.0)
 
 
-def support(model: Model) -> Support:
+def support(model: Model, near_m: float = TOUCH_M) -> Support:
     """Where the centre of mass stands over the feet in the initial pose of a scene.
+
+    near_m: what is nearer to the floor stands on it.
 
     margin None: the robot touches the floor in less than three points that span an area.
     """
     model = without(model)
     with caught_warnings():
-        model.geom_margin[:] = TOUCH_M
+        model.geom_margin[:] = near_m
         data = at_key(model)
         points = [
             np.array(contact.pos[:2])
@@ -257,7 +285,10 @@ def support(model: Model) -> Support:
             if 0 in (model.geom_bodyid[contact.geom1], model.geom_bodyid[contact.geom2])
         ]
         com = np.array(data.subtree_com[0][:2])
-    return Support(polygon_margin(np.array(points), com), len(points))
+    if not points:
+        return Support(None, 0)
+    x, y = com - (np.min(points, axis=0) + np.max(points, axis=0)) / 2.0
+    return Support(polygon_margin(np.array(points), com), len(points), (float(x), float(y)))
 
 
 def polygon_margin(points: Array, inside: Array) -> float | None:

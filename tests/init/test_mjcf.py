@@ -245,3 +245,30 @@ def test_a_scene_is_called_like_the_robot_in_it(
 def test_a_scene_without_a_name_is_called_like_its_folder(tmp_path: Path):
     (tmp_path / "acme_arm").mkdir()
     assert robot_name("scene", tmp_path / "acme_arm" / "scene.xml") == "acme_arm"
+
+
+PENDULA = """<mujoco model="r"><worldbody><body name="a" pos="0 0 .5">
+<joint name="j" axis="0 1 0" range="-90 90"/><geom type="capsule" size=".03 .1" mass="1"/>
+<body name="b" pos="0 0 .2"><joint name="k" axis="0 1 0" range="-90 90"/>
+<geom type="capsule" size=".03 .1" mass="1"/></body></body></worldbody><actuator>
+<position joint="j" kp="50" kv="2"/><position joint="k" kp="50" kv="2"/></actuator></mujoco>"""
+
+
+@pytest.mark.parametrize(
+    ("scene", "found"),
+    [
+        ('<include file="robot.xml"/>', True),
+        ("<include file='./robot.xml'/>", True),
+        ('<include file="other.xml"/>', False),
+    ],
+)
+def test_home_is_the_keyframe_of_the_scene_that_includes_the_robot(
+    scene: str, found: bool, tmp_path: Path
+):
+    key = '<keyframe><key name="home" qpos="0.4 -0.7"/></keyframe>'
+    for name in ("robot", "other"):
+        (tmp_path / f"{name}.xml").write_text(PENDULA)
+    (tmp_path / "scene.xml").write_text(f'<mujoco model="s">{scene}{key}</mujoco>')
+    text = propose(tmp_path / "robot.xml", tmp_path / "r.yaml", {}).text
+    assert ("      j: 0.4\n      k: -0.7\n" in text) is found
+    assert ("as the keyframe of scene.xml beside it" in text) is found

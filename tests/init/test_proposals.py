@@ -57,8 +57,7 @@ def accepted(recipe: Path) -> None:
 def test_every_proposal_of_a_robot_with_legs_is_accepted(urdf: str, go1_root: Path, tmp_path: Path):
     recipe = tmp_path / "robot.yaml"
     keys = proposed(go1_root / "robots" / urdf, recipe, **{PACKAGE: go1_root})
-    stand = [] if "go1" in urdf else ["stand"]  # of four legs it is on
-    assert keys == ["license", *stand, "feet", "imu"]
+    assert keys == ["license", "feet", "imu"]  # `stand` is on
     accepted(recipe)
 
 

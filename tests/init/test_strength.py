@@ -133,9 +133,25 @@ def test_one_effort_for_all_that_cannot_hold_the_robot_is_a_placeholder_too(tmp_
 
 
 def test_what_cannot_be_mended_is_said_first(tmp_path: Path):
-    """A stated effort is not replaced: a tenth of a gram metre cannot swing the arm."""
-    weak = [Segment(8.0, 0.5, 'effort="0.001"'), Segment(4.0, 0.5, 'effort="5"')]
+    """A stated effort that bears no weight stays: a tenth of a gram metre cannot turn the arm."""
+    weak = [Segment(8.0, 0.5, 'effort="0.001"', "0 0 1"), Segment(4.0, 0.5, 'effort="5"')]
     proposal = chain(tmp_path, weak)
     assert "segment_0_joint" in proposal.unmended[0]
     head = proposal.text.partition("\nschema:")[0]
     assert "\n# NOT READY: actuator segment_0_joint" in head
+
+
+@pytest.mark.parametrize("mass", [2.0, 40.0, 406.0])
+@pytest.mark.parametrize(("share", "guessed"), [(0.05, True), (0.4, True), (0.9, False)])
+def test_an_effort_that_cannot_hold_most_poses_is_guessed_and_home_stays(
+    mass: float, share: float, guessed: bool, tmp_path: Path
+):
+    """A rod that turns about the horizontal needs m g l/2 |sin q|: more than s of its most in
+    1 - 2/pi asin(s) of all poses, which is half of them at s = 0.71.
+    """
+    effort = share * mass * GRAVITY * 0.5
+    rod = Segment(mass, 1.0, f'effort="{effort}"')
+    proposal = chain(tmp_path, [Segment(1.0, 0.1, 'effort="50"', "0 0 1"), rod])
+    assert row_of(proposal, "segment_1_joint").get("guessed", False) is guessed
+    assert ("of random poses" in proposal.text) is guessed
+    assert proposal.unmended == ()

@@ -1,0 +1,160 @@
+"""A home that `init` writes lies neither in the floor nor in itself, and a biped stands in it.
+
+MuJoCo reads the source itself, without us, and says how deep its shapes lie in each other.
+"""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import mujoco
+import pytest
+import yaml
+
+from assetbuild.init import propose
+
+LIMIT_M = 0.005
+
+
+def link(name: str, mass: float, shape: str, at: str = "0 0 0") -> str:
+    """A link of one solid shape."""
+    inertia = f'ixx="{mass * 0.01}" iyy="{mass * 0.01}" izz="{mass * 0.01}"'
+    return (
+        f'<link name="{name}"><inertial><origin xyz="{at}"/><mass value="{mass}"/>'
+        f'<inertia {inertia} ixy="0" ixz="0" iyz="0"/></inertial><collision><origin xyz="{at}"/>'
+        f"<geometry>{shape}</geometry></collision></link>"
+    )
+
+
+def joint(
+    name: str, above: str, below: str, at: str, axis: str = "0 1 0", effort: float = 90
+) -> str:
+    """A hinge of nearly half a turn to both sides."""
+    return (
+        f'<joint name="{name}" type="revolute"><parent link="{above}"/><child link="{below}"/>'
+        f'<origin xyz="{at}"/><axis xyz="{axis}"/>'
+        f'<limit lower="-3" upper="3" effort="{effort}" velocity="9"/></joint>'
+    )
+
+
+BALL, ROD = '<sphere radius="0.05"/>', '<box size="0.04 0.04 0.3"/>'
+LONG = '<box size="0.4 0.04 0.04"/>'
+POST = (
+    '<link name="world"/>'
+    + '<joint name="fix" type="fixed"><parent link="world"/>'
+    + ('<child link="post"/></joint>')
+)
+
+
+def arm(side: str, y: float, z: float, reach: str = "0.4 0 0", turned: str = "0 0 1") -> str:
+    """A long box and a ball at its end, from a shoulder at height z."""
+    return (
+        joint(f"{side}_shoulder", "post", f"{side}_arm", f"0 {y} {z}", turned)
+        + link(f"{side}_arm", 1.0, LONG, "0.25 0 0")
+        + joint(f"{side}_wrist", f"{side}_arm", f"{side}_hand", reach)
+        + link(f"{side}_hand", 0.3, BALL, "0.1 0 0")
+    )
+
+
+ROBOTS = {
+    "an arm whose hand lies 30 mm in the floor": (
+        POST + link("post", 5, ROD, "0 0 0.15") + arm("a", 0, 0.14, "0.4 0 -0.12", "0 1 0"),
+        True,
+    ),
+    "an arm whose hand hangs 2 mm in the floor": (
+        POST + link("post", 5, ROD, "0 0 0.15") + arm("a", 0, 0.14, "0.4 0 -0.092", "0 1 0"),
+        False,
+    ),
+    "two arms whose hands meet": (
+        POST + link("post", 5, ROD, "0 0 0.15") + arm("l", 0.04, 0.4) + arm("r", -0.04, 0.4),
+        True,
+    ),
+    "two arms whose hands touch by 2 mm": (
+        POST + link("post", 5, ROD, "0 0 0.15") + arm("l", 0.049, 0.4) + arm("r", -0.049, 0.4),
+        False,
+    ),
+    "a hand folded into its post": (
+        POST + link("post", 5, ROD, "0 0 0.15") + arm("a", 0.2, 0.25, "-0.1 -0.17 0"),
+        True,
+    ),
+    "a hand above the floor and beside the post": (
+        POST + link("post", 5, ROD, "0 0 0.15") + arm("a", 0.2, 0.25),
+        False,
+    ),
+}
+
+
+def home_of(text: str, names: list[str]) -> dict[str, float]:
+    """Joint values of the recipe's `home`."""
+    stated = yaml.safe_load(text).get("keyframes", {}).get("home", {}).get("joints", {})
+    found = dict.fromkeys(names, 0.0)
+    for pattern, value in stated.items():
+        found |= {name: value for name in names if re.fullmatch(pattern, name)}
+    return found
+
+
+def deepest(urdf: str, pose: dict[str, float]) -> float:
+    """By MuJoCo's own reader of URDF, with a floor at z = 0, m."""
+    spec = mujoco.MjSpec.from_string(urdf)
+    floor = spec.worldbody.add_geom(type=mujoco.mjtGeom.mjGEOM_PLANE, size=[5, 5, 0.1])
+    floor.name = "floor"
+    model = spec.compile()
+    data = mujoco.MjData(model)
+    for name, value in pose.items():
+        data.qpos[model.joint(name).qposadr[0]] = value
+    mujoco.mj_forward(model, data)
+    return max((-float(c.dist) for c in data.contact[: data.ncon]), default=0.0)
+
+
+@pytest.mark.parametrize("name", ROBOTS)
+def test_home_is_clear_of_the_floor_and_of_itself(name: str, tmp_path: Path):
+    body, deep = ROBOTS[name]
+    urdf = f'<robot name="r">{body}</robot>'
+    (tmp_path / "r.urdf").write_text(urdf)
+    text = propose(tmp_path / "r.urdf", tmp_path / "r.yaml", {}).text
+    names = re.findall(r'joint name="(\w+)" type="rev', urdf)
+    home = home_of(text, names)
+    assert (deepest(urdf, dict.fromkeys(names, 0.0)) > LIMIT_M) is deep
+    assert deepest(urdf, home) <= LIMIT_M
+    assert any(home.values()) is deep
+
+
+def biped(ahead: float, ankle: float, foot: str = '<box size="0.2 0.08 0.04"/>') -> str:
+    """30 kg on two legs of 0.8 m. ahead: of the trunk's mass before the hips, m; ankle: N m."""
+    parts = [link("trunk", 20, '<box size="0.2 0.3 0.4"/>', f"{ahead} 0 0.25")]
+    for side, y in (("left", 0.12), ("right", -0.12)):
+        above = "trunk"
+        for part, axis, down, effort in (
+            ("hip_yaw", "0 0 1", 0.0, 90.0),
+            ("hip_roll", "1 0 0", 0.05, 90.0),
+            ("hip_pitch", "0 1 0", 0.05, 90.0),
+            ("knee", "0 1 0", 0.35, 90.0),
+            ("ankle_pitch", "0 1 0", 0.35, ankle),
+            ("ankle_roll", "1 0 0", 0.02, ankle),
+        ):
+            at = f"0 {y if above == 'trunk' else 0} {-down}"
+            parts.append(joint(f"{side}_{part}", above, f"{side}_{part}_link", at, axis, effort))
+            above = f"{side}_{part}_link"
+            shape = foot if part == "ankle_roll" else '<sphere radius="0.02"/>'
+            at = "0.03 0 -0.04" if part == "ankle_roll" else "0 0 0"
+            parts.append(link(above, 0.8, shape, at))
+    return f'<robot name="biped">{"".join(parts)}</robot>'
+
+
+@pytest.mark.parametrize(
+    ("ahead", "ankle", "foot", "stands"),
+    [
+        (0.03, 30.0, '<box size="0.2 0.08 0.04"/>', True),  # kp by effort: 100 N m/rad of 140
+        (0.06, 60.0, '<box size="0.2 0.08 0.04"/>', True),  # its mass lies before its feet
+        (-0.10, 60.0, '<box size="0.2 0.08 0.04"/>', True),  # and behind them
+        (0.03, 30.0, '<sphere radius="0.02"/>', False),  # nothing stands on two points
+    ],
+)
+def test_a_biped_gets_gains_and_a_home_in_which_it_stands(
+    ahead: float, ankle: float, foot: str, stands: bool, tmp_path: Path
+):
+    (tmp_path / "biped.urdf").write_text(biped(ahead, ankle, foot))
+    text = propose(tmp_path / "biped.urdf", tmp_path / "biped.yaml", {}).text
+    assert ("  stand: {keyframe: home" in text) is stands
+    assert ("# Tried besides: " in text) is not stands
