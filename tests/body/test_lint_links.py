@@ -106,3 +106,25 @@ def test_a_link_on_a_fixed_joint_may_be_a_frame_without_mass(tmp_path: Path):
     nothing = Inertial(0.0, (0.0,) * 3, (0.0,) * 6)
     assert lint(arm(inertial=nothing, kind="fixed"), tmp_path) == []
     assert lint(arm(inertial=None, kind="fixed"), tmp_path / "b") == []
+
+
+@pytest.mark.parametrize(
+    ("bare", "seen", "severity"),
+    [(0, 4, None), (1, 1, "info"), (1, 4, "info"), (2, 4, "info"), (3, 4, "warning"),
+     (13, 17, "warning"), (4, 4, "warning")],
+)  # fmt: skip
+def test_links_without_collision_are_one_finding(
+    bare: int, seen: int, severity: str | None, tmp_path: Path
+):
+    """A warning where more than half of what is seen passes through everything else."""
+    names = [f"l{k}" for k in range(seen)]
+    joints = tuple(Joint(f"j{n}", "fixed", names[0], n) for n in names[1:])
+    tree = Tree("r", "fixed", tuple(Body(n, BRICK) for n in names), joints)
+    box = Box((0.1, 0.1, 0.1))
+    shapes = [SourceShape(f"{n}_seen", n, "visual", box) for n in names]
+    shapes += [SourceShape(f"{n}_felt", n, "collision", box) for n in names[bare:]]
+    found = lint(tree, tmp_path, SourceShapes(tuple(shapes)))
+    assert [f.severity for f in found] == ([severity] if severity else [])
+    for finding in found:
+        assert finding.message.startswith(f"{bare} of {seen} links")
+        assert finding.data["links"] == tuple(names[:bare])
