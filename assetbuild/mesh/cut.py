@@ -57,7 +57,8 @@ def cut_parts(mesh: TriangleMesh, filling: Array, cell_m3: float, count: int) ->
             cut = _best_cut(part, ledges, same_m)
             gain = part.hull_m3 - cut.hulls_m3
             surely_hollow, _ = part.hollow_m3(cell_m3)
-            if gain < NOISE * part.hull_m3 < surely_hollow and np.isfinite(gain):
+            vain = gain < NOISE * part.hull_m3 < surely_hollow
+            if part is whole and vain and np.isfinite(gain):
                 cut, gain = _look_ahead(part, cut)
             worth = max(gain, PROMISE * surely_hollow) if np.isfinite(gain) else 0.0
             heapq.heappush(queue, (-worth, number, part, cut))
