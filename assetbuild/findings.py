@@ -130,8 +130,13 @@ class Rule:
         if self.id.endswith("*"):
             raise ValueError(f"rule `{self.id}` has a part without a name: `named` gives it one")
         told = {name: steady(value) for name, value in (data or {}).items()}
-        stops = self.blocks if blocks is None else blocks
-        return Finding(self.id, severity, subject, message, hint, where, told, stops)
+        stops, advice = self.blocks if blocks is None else blocks, hint or self.advice
+        return Finding(self.id, severity, subject, message, advice, where, told, stops)
+
+    @property
+    def advice(self) -> str:
+        """What to do where a finding has no hint of its own; "" where there is nothing to do."""
+        return "" if self.remedy.startswith("nothing") else self.remedy
 
 
 def steady(value: T) -> T:

@@ -3,6 +3,9 @@
 A kind of plug-in is a step class with a `group`: `targets` stands for the files of
 `assetbuild/targets/` and for the entry points of the group `assetbuild.targets`, each of which
 names a module, or a class in one. A plug-in's name is its file's or its entry point's.
+
+A plug-in of another distribution is imported where a recipe names it, and nowhere else: an
+installed package changes nothing for robots that do not ask for it.
 """
 
 from __future__ import annotations
@@ -10,7 +13,8 @@ from __future__ import annotations
 import functools
 import importlib
 import pkgutil
-from collections.abc import Mapping
+import warnings
+from collections.abc import Iterator, Mapping
 from importlib.metadata import EntryPoint, entry_points
 from types import ModuleType
 from typing import TypeVar
@@ -21,9 +25,32 @@ from assetbuild.errors import MachineError
 P = TypeVar("P", bound=Step)
 
 
+class PluginWarning(UserWarning):
+    """A plug-in of another distribution that is left out, and why."""
+
+
 def plugin_names(kind: type[Step]) -> tuple[str, ...]:
-    """Names of the plug-ins of a kind; imports none of them. MachineError: two have one name."""
+    """Names of the plug-ins of a kind; imports none of them."""
     return tuple(sorted((*_own(_group(kind)), *_foreign(_group(kind)))))
+
+
+def own_names(kind: type[Step]) -> tuple[str, ...]:
+    """Names of those that assetbuild itself brings."""
+    return _own(_group(kind))
+
+
+def foreign_names(kind: type[Step]) -> tuple[str, ...]:
+    """Names of those that other distributions bring."""
+    return tuple(sorted(_foreign(_group(kind))))
+
+
+def usable_plugins(kind: type[P]) -> Iterator[tuple[str, type[P]]]:
+    """(name, plug-in) of all that can be loaded; a PluginWarning names each that cannot."""
+    for name in plugin_names(kind):
+        try:
+            yield name, load_plugin(kind, name)
+        except MachineError as broken:
+            warnings.warn(broken.message, PluginWarning, stacklevel=2)
 
 
 def load_plugin(kind: type[P], name: str) -> type[P]:
@@ -35,11 +62,14 @@ def load_plugin(kind: type[P], name: str) -> type[P]:
     if name in _own(group):
         module = importlib.import_module(f"assetbuild.{group}.{name}")
         return _only(kind, module, module.__name__)
-    point = _foreign(group)[name]
+    point = _only_one(_foreign(group)[name], f"`{name}` ({group})")
     whose = f"plug-in `{name}` ({group}) of {_distribution(point)}"
     try:
         found = point.load()
-    except Exception as problem:  # whatever somebody else's module does when it is imported
+    except (
+        Exception,
+        SystemExit,
+    ) as problem:  # whatever somebody else's module does when it is imported
         reason = f"{type(problem).__name__}: {problem}"
         raise MachineError(
             f"{whose} cannot be loaded: {reason}", hint="repair or uninstall it"
@@ -67,22 +97,31 @@ def _own(group: str) -> tuple[str, ...]:
 
 
 @functools.cache
-def _foreign(group: str) -> Mapping[str, EntryPoint]:
-    """Entry points of other distributions, by name."""
-    found: dict[str, EntryPoint] = {}
+def _foreign(group: str) -> Mapping[str, tuple[EntryPoint, ...]]:
+    """Entry points of other distributions, by name; a name of assetbuild's own is left out."""
+    found: dict[str, tuple[EntryPoint, ...]] = {}
     for point in _points():
         if point.group != f"assetbuild.{group}":
             continue
-        taken = _distribution(found[point.name]) if point.name in found else ""
-        taken = "assetbuild itself" if point.name in _own(group) else taken
-        if taken:
-            raise MachineError(
-                f"two plug-ins are called `{point.name}` ({group}): "
-                f"of {_distribution(point)} and of {taken}",
-                hint="uninstall one of them",
+        if point.name in _own(group):
+            message = (
+                f"plug-in `{point.name}` ({group}) of {_distribution(point)} is not used: "
+                "assetbuild itself has one of this name"
             )
-        found[point.name] = point
+            warnings.warn(message, PluginWarning, stacklevel=2)
+        else:
+            found[point.name] = (*found.get(point.name, ()), point)
     return found
+
+
+def _only_one(points: tuple[EntryPoint, ...], name: str) -> EntryPoint:
+    """The entry point of a name. MachineError: two distributions have the name."""
+    if len(points) > 1:
+        whose = " and of ".join(map(_distribution, points))
+        raise MachineError(
+            f"two plug-ins are called {name}: of {whose}", hint="uninstall one of them"
+        )
+    return points[0]
 
 
 @functools.cache

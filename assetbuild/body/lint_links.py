@@ -55,10 +55,13 @@ VELOCITY_ZERO = Rule(
     "the velocity limit is 0, which simulators take literally",
     "give it in the actuator table",
 )
+NAMED = 6
+"""Links that one finding names."""
 NO_COLLISION = Rule(
     "link.no_collision",
-    "info",
-    "a link with mass and visual geometry has no collision geometry",
+    ("info", "warning"),
+    "links with mass and visual geometry have no collision geometry (a warning for more than half "
+    "of them)",
     "`collision: {from: visual}`",
 )
 
@@ -184,13 +187,25 @@ def has_room(leader: Joint, common: tuple[float, float]) -> bool:
 
 
 def _without_collision(tree: Tree, shapes: SourceShapes) -> Iterator[Finding]:
+    """One finding for all such links; a warning for more than half of what is seen."""
     seen = {shape.link for shape in shapes.of("visual")}
     solid = {shape.link for shape in shapes.of("collision")}
-    for body in tree.bodies:
-        heavy = body.inertial is not None and body.inertial.mass_kg >= PLACEHOLDER_KG
-        if heavy and body.name in seen - solid:
-            yield NO_COLLISION(
-                f"link {body.name}",
-                "it has mass and a visual, but no collision geometry in the source",
-                hint="`from: visual` in the recipe's collision rule makes one from what is seen",
-            )
+    heavy = [
+        body.name
+        for body in tree.bodies
+        if body.inertial is not None and body.inertial.mass_kg >= PLACEHOLDER_KG
+    ]
+    bare = [name for name in heavy if name in seen - solid]
+    drawn = [name for name in heavy if name in seen]
+    if not bare:
+        return
+    names = ", ".join(f"`{name}`" for name in bare[:NAMED])
+    more = f" and {len(bare) - NAMED} more" if len(bare) > NAMED else ""
+    yield NO_COLLISION(
+        f"link {bare[0]}",
+        f"{len(bare)} of {len(drawn)} links with mass and a visual have no collision geometry in "
+        f"the source: {names}{more}",
+        hint="`from: visual` in the recipe's collision rule makes one from what is seen",
+        severity="warning" if 2 * len(bare) > len(drawn) > 1 else "info",
+        data={"links": tuple(bare), "seen": len(drawn)},
+    )

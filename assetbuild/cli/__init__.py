@@ -9,8 +9,10 @@ import sys
 import tempfile
 import threading
 import traceback
+import warnings
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 from assetbuild import __version__
 from assetbuild.cli.parser import Parser
@@ -35,6 +37,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         parser.print_help()
         return 0
     _end_as_by_ctrl_c()
+    _show_plugin_warnings()
     try:
         return int(module_of(arguments.verb).run(arguments))
     except AssetBuildError as error:
@@ -105,6 +108,19 @@ def _print_any_name() -> None:
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="backslashreplace")
+
+
+def _show_plugin_warnings() -> None:
+    """One line for each plug-in that is left out, once."""
+    shown = warnings.showwarning
+
+    def show(message: Warning | str, category: type[Warning], *place: Any) -> None:  # Any: unread
+        if category.__name__ == "PluginWarning":
+            print(f"warning: {message}", file=sys.stderr)
+        else:
+            shown(message, category, *place)
+
+    warnings.showwarning = show  # type: ignore[assignment] # its names of `place` are not ours
 
 
 def print_error(error: AssetBuildError) -> None:

@@ -80,6 +80,7 @@ def examine() -> Iterator[Row]:
             yield Row(f"extra {extra}", "ok", use)
         else:
             yield Row(f"extra {extra}", "optional", use, f"pip install 'assetbuild[{extra}]'")
+    yield from _plugins()
 
 
 def _libraries() -> Iterator[Row]:
@@ -97,6 +98,24 @@ def _libraries() -> Iterator[Row]:
     if importlib.util.find_spec("pxr") and _installed("usd-exchange"):
         fix = "pip uninstall usd-exchange, then pip install --force-reinstall usd-core"
         yield Row("pxr", "broken", "usd-exchange and usd-core overwrite each other", fix)
+
+
+def _plugins() -> Iterator[Row]:
+    """Plug-ins of other packages; one that cannot be loaded hurts only recipes that name it."""
+    from assetbuild.collision import CollisionMethod
+    from assetbuild.errors import MachineError
+    from assetbuild.facts.reader import Reader
+    from assetbuild.kinds import Check, Edit, Target
+    from assetbuild.plugins import foreign_names, load_plugin
+
+    for kind in (Target, Reader, Check, Edit, CollisionMethod):
+        for name in foreign_names(kind):
+            row = f"plug-in {name}"
+            try:
+                load_plugin(kind, name)
+                yield Row(row, "ok", kind.group)
+            except MachineError as error:
+                yield Row(row, "missing", error.message, error.hint)
 
 
 def _installed(name: str) -> bool:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import signal
+import site
 import socket
 import subprocess
 import sys
@@ -142,6 +143,7 @@ class Worker:
         self._groups: dict[Path, int] = {}
         self._lock = threading.Lock()
         config = {
+            "sites": [site.getusersitepackages()] if site.ENABLE_USER_SITE else [],
             "sys_path": [os.path.abspath(p) for p in sys.path if p],  # noqa: PTH100 - strings
             "preload": kind.preload,
             "parent": os.getpid(),

@@ -31,10 +31,15 @@ from typing import Any, NoReturn
 from assetbuild.engine.claims import die_with_parent
 
 BOOT = (
-    "import json, sys; sys.path[:] = json.loads(sys.argv[1])['sys_path']; "
+    "import json, site, sys; given = json.loads(sys.argv[1]); "
+    "[site.addsitedir(folder) for folder in given['sites']]; sys.path[:] = given['sys_path']; "
     "from assetbuild.engine import worker; worker.main()"
 )
-"""Program text of a worker; its one argument is a JSON object. Nothing comes from the cwd."""
+"""Program text of a worker; its one argument is a JSON object. Nothing comes from the cwd.
+
+`-s` and another HOME hide the user's site folder; the `.pth` files in it may hold the import hook
+of an editable installation, so it is one of the `sites`.
+"""
 
 NO_SPACE = os.EX_IOERR
 """Exit status of a step's process that could not write its result: the disk is full."""
@@ -171,8 +176,7 @@ class Zygote:
             os.close(self._wake)
             os.close(self._waker)
             if self.fresh:
-                path = json.loads(sys.argv[1])["sys_path"]
-                text = json.dumps({"sys_path": path, "once": job})
+                text = json.dumps({**json.loads(sys.argv[1]), "once": job})
                 argv = [sys.executable, "-P", "-s", "-c", BOOT, text]
                 os.execv(sys.executable, argv)  # noqa: S606 - our own interpreter
             _perform_job(json.loads(Path(job).read_bytes()))

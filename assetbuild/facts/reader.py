@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from fnmatch import fnmatchcase
@@ -24,7 +24,6 @@ from assetbuild.facts.reference import Reference, robot_table
 from assetbuild.facts.table import Key, Table
 from assetbuild.findings import Finding, Rule, Scalar
 from assetbuild.kinds import Check, RecipeView, write_figures
-from assetbuild.plugins import load_plugin, plugin_names
 
 UNREADABLE = Rule(
     "equal.unreadable",
@@ -190,9 +189,8 @@ class Reader(Check):
         yield from proof.findings
 
 
-def asked_sections() -> tuple[str, ...]:
-    """The sections of the recipe that any reader asks for."""
-    readers = (load_plugin(Reader, name) for name in plugin_names(Reader))
+def asked_sections(readers: Iterable[type[Reader]]) -> tuple[str, ...]:
+    """The sections of the recipe that any of these readers asks for."""
     return tuple(sorted({section for reader in readers for section in reader.asks}))
 
 

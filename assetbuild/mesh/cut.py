@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import heapq
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -24,13 +24,17 @@ SKIN, SEEN = 8_000, 1_000
 PLACES, HALVINGS, LEDGES = 8, 2, 4
 """Planes are tried at seven places along each axis, then on both sides of the best, twice, then
 where most vertices near the best have their place: a face or an edge of a machined part."""
+AHEAD = 8
+"""Of the samples of the surface every so many is looked at where two cuts are tried at once."""
 SAME = 1e-6
 """Of the diagonal: vertices that lie closer along an axis share a place."""
 DIRECTIONS = 1024
 """A ball's hull loses half a percent of its volume with so many."""
 PROMISE = 0.1
-"""Of what is empty in its hull a part may gain so much by later cuts: the first one through a ring
-gains nothing."""
+"""Of what is empty in its hull a part may gain so much by later cuts."""
+NOISE = 0.01
+"""Of the hull's volume: a cut that seems to gain less gains nothing but for the samples. The first
+one through a ring is such a cut wherever it goes, and only a second one shows where to begin."""
 LEAST_GAIN = 1e-3
 """A cut that saves less than this share of the hull's volume is not worth a part."""
 
@@ -53,6 +57,9 @@ def cut_parts(mesh: TriangleMesh, filling: Array, cell_m3: float, count: int) ->
             cut = _best_cut(part, ledges, same_m)
             gain = part.hull_m3 - cut.hulls_m3
             surely_hollow, _ = part.hollow_m3(cell_m3)
+            vain = gain < NOISE * part.hull_m3 < surely_hollow
+            if part is whole and vain and np.isfinite(gain):
+                cut, gain = _look_ahead(part, cut)
             worth = max(gain, PROMISE * surely_hollow) if np.isfinite(gain) else 0.0
             heapq.heappush(queue, (-worth, number, part, cut))
             continue
@@ -138,13 +145,18 @@ class _Part:
     def cut(self, mesh: TriangleMesh, cut: _Cut) -> Iterator[_Part]:
         """The part below the plane, then the part above it."""
         faces, clipped = _clip(mesh, self.faces, self.clipped, cut)
-        for side, above in enumerate((False, True)):
+        for side, half in enumerate(self.halves(cut)):
+            yield replace(half, faces=faces[side], clipped=clipped[side])
+
+    def halves(self, cut: _Cut) -> Iterator[_Part]:
+        """Both sides without their triangles, which a search does not look at."""
+        for above in (False, True):
             skin, kept, inner = (
                 points[(points[:, cut.axis] > cut.place_m) == above]
                 for points in (self.skin, self.kept, self.inner)
             )
             kept = np.concatenate([kept, self.cap(cut.axis, cut.place_m, above=above)])
-            yield _Part(skin, kept, inner, faces[side], clipped[side], self.reach_m)
+            yield _Part(skin, kept, inner, self.faces[:0], self.clipped[:0], self.reach_m)
 
 
 def _whole(mesh: TriangleMesh, filling: Array, cell_m3: float) -> _Part:
@@ -164,15 +176,41 @@ def _ledges(places_m: Array, same_m: float) -> tuple[Array, Indices]:
     return places_m[first], count
 
 
-def _best_cut(part: _Part, ledges: Sequence[tuple[Array, Indices]], same_m: float) -> _Cut:
-    """The plane after which the hulls are smallest."""
+def _planes(part: _Part, places: int) -> tuple[list[_Cut], Array]:
+    """(Planes across each axis that divide the part's extent into `places`, how far apart)."""
     lower, upper = part.seen.min(axis=0), part.seen.max(axis=0)
-    step = (upper - lower) / PLACES
+    step = (upper - lower) / places
     tried = [
         _tried(part, axis, float(lower[axis] + k * step[axis]))
         for axis in range(3)
-        for k in range(1, PLACES)
+        for k in range(1, places)
     ]
+    return tried, step
+
+
+def _look_ahead(part: _Part, best: _Cut) -> tuple[_Cut, float]:
+    """(The plane after which one more cut of each side saves most, what both steps save, m3).
+
+    The second cut of a side goes through the middle of its extent along one of the axes.
+    """
+    sparse = replace(part, skin=part.skin[::AHEAD])
+    first, _ = _planes(sparse, PLACES)
+    saved, chosen = part.hull_m3 - best.hulls_m3, best
+    for cut in first:
+        if not np.isfinite(cut.hulls_m3):
+            continue
+        left = 0.0
+        for half in sparse.halves(cut):
+            after = min(again.hulls_m3 for again in _planes(half, 2)[0])
+            left += min(half.hull_m3, after)
+        if sparse.hull_m3 - left > saved:
+            saved, chosen = sparse.hull_m3 - left, cut
+    return chosen, saved
+
+
+def _best_cut(part: _Part, ledges: Sequence[tuple[Array, Indices]], same_m: float) -> _Cut:
+    """The plane after which the hulls are smallest."""
+    tried, step = _planes(part, PLACES)
     best = min(tried, key=lambda cut: cut.hulls_m3)
     for halving in range(1, HALVINGS + 1):
         aside = float(step[best.axis]) / 2**halving

@@ -34,6 +34,7 @@ from assetbuild.pipeline.publish import (
     publish,
 )
 from assetbuild.plan import Outline, part_lock
+from assetbuild.plan.asked import readers_of
 from assetbuild.recipe.loader import LoadedRecipe
 from assetbuild.recipe.models import Recipe
 from assetbuild.report.bundle import (
@@ -70,7 +71,8 @@ def bundle_files(
     told = [(each, dict(pin.model_dump()) if pin else {}) for each, pin in pins]
     tree, shapes, control = built.robot()
     subject = Subject(recipe, told[0][1], tree, shapes, control, built.measured(), built.fits())
-    reference = built.reference(stated_options(recipe, asked_sections()))
+    sections = asked_sections(reader for _, reader in readers_of(recipe))
+    reference = built.reference(stated_options(recipe, sections))
     files = [
         *built.targets(),
         *built.thumbnail(recipe.robot),

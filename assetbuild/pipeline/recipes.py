@@ -8,12 +8,13 @@ from __future__ import annotations
 
 import functools
 import operator
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, Literal, Union
 
 from pydantic import BaseModel, Discriminator, Field, Tag, create_model
+from pydantic_core import PydanticUndefined
 
 from assetbuild.collision import CollisionMethod
 from assetbuild.engine.world import World
@@ -21,7 +22,13 @@ from assetbuild.errors import did_you_mean
 from assetbuild.facts.reader import Reader
 from assetbuild.geometry.jobs import BUILT_IN
 from assetbuild.kinds import Check, Edit, Plugin, Target
-from assetbuild.plugins import load_plugin, plugin_names
+from assetbuild.plugins import (
+    foreign_names,
+    load_plugin,
+    own_names,
+    plugin_names,
+    usable_plugins,
+)
 from assetbuild.quantities import Model, Pattern, unstated
 from assetbuild.recipe.collision import CollisionRule, ShapedRule
 from assetbuild.recipe.loader import LoadedRecipe, load
@@ -31,6 +38,8 @@ from assetbuild.recipe.validation import Key, Misnamed
 from assetbuild.recipe.yaml_tree import Node
 
 Fields = dict[str, Any]  # Any: what create_model takes
+LISTS = ("linters", "smoke")
+"""Lists of `validate` that name checks."""
 
 
 def load_recipe(
@@ -49,8 +58,18 @@ def schema_text() -> str:
 
 
 def whole_model() -> type[Recipe]:
-    """A recipe that may name any plug-in."""
-    return _model(_Named(plugin_names(Target), plugin_names(Edit), _method_names()))
+    """A recipe that may name any plug-in; one that cannot be loaded is left out, with a warning."""
+    foreign = {kind: set(foreign_names(kind)) for kind in (Check, Reader)}
+    return _model(
+        _Named(
+            _names(usable_plugins(Target)),
+            _names(usable_plugins(Edit)),
+            (*_names(usable_plugins(CollisionMethod)), *BUILT_IN),
+            _names(each for each in usable_plugins(Check) if each[0] in foreign[Check]),
+            _names(each for each in usable_plugins(Reader) if each[0] in foreign[Reader]),
+        ),
+        any_recipe=True,
+    )
 
 
 def model_of(root: Node) -> tuple[type[Recipe], list[Misnamed]]:
@@ -77,6 +96,9 @@ class _Named:
     targets: tuple[str, ...]
     edits: tuple[str, ...]
     methods: tuple[str, ...]
+    checks: tuple[str, ...]
+    readers: tuple[str, ...]
+    """Of checks and readers those of other distributions alone; assetbuild's own always count."""
 
 
 def _named(root: Node) -> _Named:
@@ -86,7 +108,50 @@ def _named(root: Node) -> _Named:
     methods = {"auto"} | {str(stated.value) for _, stated in _methods(root)}
     known = (plugin_names(Target), plugin_names(Edit), _method_names())
     pairs = zip((targets, edits, methods), known, strict=True)
-    return _Named(*(tuple(sorted(named & set(names))) for named, names in pairs))
+    found = [tuple(sorted(named & set(names))) for named, names in pairs]
+    return _Named(found[0], found[1], found[2], _named_checks(root), _named_readers(found[0]))
+
+
+def _named_checks(root: Node) -> tuple[str, ...]:
+    """The foreign checks that a tree asks for, by a key of `validate` or in one of its lists."""
+    validate = _child(root, "validate")
+    asked = _keys(validate)
+    if validate is not None:
+        asked |= {str(node.value) for key in LISTS for _, node in _items(validate, key)}
+    named = asked & set(foreign_names(Check))
+    if foreign_names(Check) and (unknown := asked - named - _own_words()):
+        named |= {name for name, check in usable_plugins(Check) if unknown & _words(check)}
+    return tuple(sorted(named - set(own_names(Check))))
+
+
+def _own_words() -> set[str]:
+    checks = tuple(load_plugin(Check, name) for name in own_names(Check))
+    fields = {info.alias or name for name, info in _validate(_built_in()).model_fields.items()}
+    return fields | {check.listed_as() for check in checks if check.listed_in}
+
+
+def _words(check: type[Check]) -> set[str]:
+    """What a recipe may say below `validate` to ask for a check."""
+    paths = {path.removeprefix("validate.") for path in (check.section, *check.sections)}
+    keys = set(check.keys()) if check.section == "validate" else set()
+    return paths | keys | ({check.listed_as()} if check.listed_in else set())
+
+
+def _named_readers(targets: Iterable[str]) -> tuple[str, ...]:
+    """The foreign readers of the foreign targets that a recipe names."""
+    foreign = set(targets) & set(foreign_names(Target))
+    if not foreign:
+        return ()
+    own = own_names(Reader)
+    return _names(
+        (name, reader)
+        for name, reader in usable_plugins(Reader)
+        if name not in own and foreign & set(reader.needs)
+    )
+
+
+def _names(plugins: Iterable[tuple[str, object]]) -> tuple[str, ...]:
+    return tuple(name for name, _ in plugins)
 
 
 def _misnamed(root: Node) -> Iterator[Misnamed]:
@@ -155,12 +220,19 @@ def _items(root: Node, key: str) -> Iterator[tuple[int, Node]]:
 
 
 @functools.cache
-def _model(named: _Named) -> type[Recipe]:
-    checks = [load_plugin(Check, name) for name in plugin_names(Check)]
-    checks += [load_plugin(Reader, name) for name in plugin_names(Reader)]
+def _model(named: _Named, *, any_recipe: bool = False) -> type[Recipe]:
+    """any_recipe: a section that a plug-in needs may be missing, as in a recipe without it."""
+    checks = (*_built_in(), *((load_plugin(Check, name), name) for name in named.checks))
+    readers = ((load_plugin(Reader, name), name if any_recipe else "") for name in named.readers)
+    checks = (*checks, *readers)
     targets = [load_plugin(Target, name) for name in named.targets]
     fields: Fields = {path: field for target in targets for path, field in _sections(target)}
-    validate = _validate(tuple(checks))
+    if any_recipe:
+        fields = {
+            path: (kind, None if default is PydanticUndefined else default)
+            for path, (kind, default) in fields.items()
+        }
+    validate = _validate(checks)
     edit: Any = _one_edit(named.edits)  # Any: a model made just now
     collision = _collision(named.methods)
     fields |= {
@@ -168,18 +240,39 @@ def _model(named: _Named) -> type[Recipe]:
         "edits": (tuple[edit, ...], Recipe.model_fields["edits"]),
         "validate_": (validate, Field(validate(), alias="validate")),
     }
-    return create_model("Recipe", __base__=Recipe, __doc__=Recipe.__doc__, **fields)
+    model = create_model("Recipe", __base__=Recipe, __doc__=Recipe.__doc__, **fields)
+    model.foreign_checks, model.foreign_readers = named.checks, named.readers
+    return model
 
 
-def _sections(plugin: type[Plugin]) -> Iterator[tuple[str, tuple[Any, Any]]]:  # Any: as Fields
-    """(path, field) of every section that a plug-in declares."""
+Checks = tuple[tuple[type[Check], str], ...]
+"""(check or reader, name that a foreign one has in a recipe; "" for one of assetbuild's own)."""
+
+
+@functools.cache
+def _built_in() -> Checks:
+    kinds: tuple[type[Check], ...] = (Check, Reader)
+    return tuple((load_plugin(kind, name), "") for kind in kinds for name in own_names(kind))
+
+
+def _sections(plugin: type[Plugin], foreign: str = "") -> Iterator[tuple[str, tuple[Any, Any]]]:
+    """(path, field) of every section that a plug-in declares; Any: as in `Fields`.
+
+    foreign: the name of a check that runs only where a recipe states its section.
+    """
     for path, name in plugin.sections.items():
         info = plugin.model_fields[name]
-        yield path, (info.annotation, info.get_default(call_default_factory=True))
-    if plugin.keys() and plugin.section != "validate":
+        default = None if foreign else info.get_default(call_default_factory=True)
+        yield path, (info.annotation, default)
+    section = plugin.section
+    listed = issubclass(plugin, Check) and plugin.listed_in
+    if foreign and not (plugin.keys() or plugin.sections or listed):
+        section = f"validate.{foreign}"  # a check without keys: `wind: {}`
+    if section != "validate" and (plugin.keys() or section != plugin.section):
         keys = _own_keys(plugin)
-        default = keys() if plugin.wanted else None
-        yield plugin.section, (keys, Field(default, description=plugin.about or None))
+        complete = not any(info.is_required() for info in keys.model_fields.values())
+        default = keys() if plugin.wanted and complete and not foreign else None
+        yield section, (keys, Field(default, description=plugin.about or None))
 
 
 def _own_keys(plugin: type[Plugin]) -> type[BaseModel]:
@@ -188,16 +281,16 @@ def _own_keys(plugin: type[Plugin]) -> type[BaseModel]:
 
 
 @functools.cache
-def _validate(checks: tuple[type[Check], ...]) -> type[Validate]:
+def _validate(checks: Checks) -> type[Validate]:
     """`validate` with the keys of all checks; null turns a check off."""
     fields: Fields = {}
-    for check in checks:
-        for path, (kind, default) in _sections(check):
+    for check, foreign in checks:
+        for path, (kind, default) in _sections(check, foreign):
             fields[path.removeprefix("validate.")] = (Union[kind, None], default)  # noqa: UP007 # a runtime type
         if check.section == "validate":
             fields |= {name: (info.annotation, info) for name, info in check.keys().items()}
-    for key in ("linters", "smoke"):
-        names = {check.listed_as() for check in checks if check.listed_in == f"validate.{key}"}
+    for key in LISTS:
+        names = {check.listed_as() for check, _ in checks if check.listed_in == f"validate.{key}"}
         word: Any = Literal[tuple(sorted(names))]  # Any: a type made just now
         fields[key] = (tuple[word, ...], Validate.model_fields[key])
     return create_model("Validate", __base__=Validate, __doc__=Validate.__doc__, **fields)

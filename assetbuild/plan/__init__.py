@@ -24,7 +24,6 @@ from assetbuild.control.keep_ratings import KeepRatings
 from assetbuild.control.plan import control, control_step, own_side
 from assetbuild.engine.graph import Node, Ref
 from assetbuild.engine.planner import Planner
-from assetbuild.facts.reader import Reader
 from assetbuild.geometry.companions import companions
 from assetbuild.geometry.measure_assets import MeasureAssets
 from assetbuild.geometry.plan import Geometry, assemble, lint_density, lint_meshes
@@ -33,8 +32,9 @@ from assetbuild.kinds import Check, Target, lacking
 from assetbuild.lock import Lock, lock_path, read_lock
 from assetbuild.looks.plan import lightened, looks
 from assetbuild.plan.agree import check_against_robot, check_names, turned_meshes
+from assetbuild.plan.asked import checks_of, readers_of
 from assetbuild.plan.edits import AGAIN, apply_edits, edit_keys, guessed_links
-from assetbuild.plugins import load_plugin, plugin_names
+from assetbuild.plugins import load_plugin
 from assetbuild.recipe.loader import LoadedRecipe
 from assetbuild.recipe.models import Recipe
 from assetbuild.robot.codec import decode
@@ -273,7 +273,7 @@ def _checks(
     """Every check whose needs are built; those that this machine cannot run are named."""
     possible = {*outline.targets, *sources, "source"}
     possible |= {"source_mjcf"} if recipe.source.mjcf else set()
-    for name, check in _all_checks():
+    for name, check in _all_checks(recipe):
         if not set(check.needs) <= possible:
             continue
         step = check.configure(recipe)
@@ -294,12 +294,10 @@ def _checks(
         outline.checks[name] = p.add(f"check {name}", step, inputs)
 
 
-def _all_checks() -> Iterator[tuple[str, type[Check]]]:
+def _all_checks(recipe: Recipe) -> Iterator[tuple[str, type[Check]]]:
     """Every check by its name in the report; a reader of facts is the check of its format."""
-    for name in plugin_names(Check):
-        yield name, load_plugin(Check, name)
-    for name in plugin_names(Reader):
-        yield f"{name}_equal", load_plugin(Reader, name)
+    yield from sorted(checks_of(recipe))
+    yield from ((f"{name}_equal", reader) for name, reader in readers_of(recipe))
 
 
 _WITHOUT = {

@@ -1,12 +1,14 @@
-"""The checks that a recipe asks for by name; those that run in any build are not among them."""
+"""The checks of a recipe: those that run in any build, and those that it asks for by name."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 
+from assetbuild.facts.reader import Reader
 from assetbuild.kinds import Check
-from assetbuild.plugins import load_plugin, plugin_names
+from assetbuild.plugins import load_plugin, own_names
 from assetbuild.recipe.models import Recipe
 
 USUAL = "mujoco"
@@ -27,11 +29,28 @@ class Asked:
 
 def asked(recipe: Recipe) -> tuple[Asked, ...]:
     """Stated sections of `validate`, entries of its lists, and simulators besides MuJoCo."""
-    checks = {name: load_plugin(Check, name) for name in plugin_names(Check)}
+    checks = dict(checks_of(recipe))
     return tuple(
         Asked(key, names, _lack([checks[name] for name in names], recipe))
         for key, names in _requests(checks, recipe)
     )
+
+
+def checks_of(recipe: Recipe) -> Iterator[tuple[str, type[Check]]]:
+    """(name, check) of assetbuild's own checks and of the foreign ones that the recipe names."""
+    for name in own_names(Check):
+        yield name, load_plugin(Check, name)
+    for name in recipe.foreign_checks:
+        with suppress(KeyError):
+            if recipe.value(f"validate.{name}") is None:
+                continue  # `validate: {wind: null}`
+        yield name, load_plugin(Check, name)
+
+
+def readers_of(recipe: Recipe) -> Iterator[tuple[str, type[Reader]]]:
+    """(name, reader) of assetbuild's own readers and of those of the foreign targets."""
+    for name in sorted((*own_names(Reader), *recipe.foreign_readers)):
+        yield name, load_plugin(Reader, name)
 
 
 def _requests(

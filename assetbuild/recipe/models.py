@@ -5,7 +5,7 @@ Patterns are regular expressions that must match a whole name of the *source*, b
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal, Self
+from typing import Annotated, Any, ClassVar, Literal, Self
 
 from pydantic import AfterValidator, BaseModel, Field, model_validator
 
@@ -126,6 +126,10 @@ class OneEdit(Model):
 
 class Recipe(Model):
     """`recipes/<robot>.yaml`."""
+
+    foreign_checks: ClassVar[tuple[str, ...]] = ()
+    foreign_readers: ClassVar[tuple[str, ...]] = ()
+    """Plug-ins of other distributions that the recipe asks for, by name."""
 
     schema_: Literal["assetbuild/v1"] = Field(alias="schema", description="version of this format")
     robot: Name = Field(description="name of the robot and of its bundle")

@@ -19,7 +19,7 @@ from assetbuild.facts.reader import BROKEN, Reader
 from assetbuild.facts.readings import readings_table
 from assetbuild.facts.reference import Assets, Reference, robot_table
 from assetbuild.facts.table import Key, Table, Value
-from assetbuild.plugins import load_plugin, plugin_names
+from assetbuild.plugins import usable_plugins
 from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.model import Control
 from assetbuild.robot.shapes import Shapes
@@ -88,8 +88,7 @@ def bundle_readers(
     bundle: Path, robot: str, reference: Reference
 ) -> Iterator[tuple[str, Reader, Path]]:
     """(form, reader, main file) of every format that lies in a bundle."""
-    for name in plugin_names(Reader):
-        kind = load_plugin(Reader, name)
+    for _, kind in usable_plugins(Reader):
         reader = kind(robot=robot, options={k: reference.options[k] for k in kind.asks
                                             if k in reference.options})  # fmt: skip
         file = reader.file(bundle / kind.folder, robot)
@@ -159,8 +158,7 @@ def foreign_side(path: Path) -> Side:
         raise UsageError(f"cannot read `{path}`: {error.strerror}") from None
     if b"<robot" in text:
         return _side(path, "merged urdf", _merged_urdf(path), Precision(), NOT_IN_URDF)
-    for name in plugin_names(Reader):
-        kind = load_plugin(Reader, name)
+    for _, kind in usable_plugins(Reader):
         if suffix in kind.suffixes and suffix != ".urdf" and (not text or b"<mujoco" in text):
             table = kind(robot=path.stem).read(path)
             made = _side(path, kind.form, table, kind.precision)

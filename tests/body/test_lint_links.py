@@ -139,3 +139,25 @@ def test_a_robot_all_of_whose_masses_are_guesses_is_not_ready(
     bodies = tuple(replace(body, inertial=BRICK) for body in robot.bodies)
     found = lint(replace(robot, bodies=bodies), tmp_path, guessed=guessed)
     assert [(f.rule, f.unready) for f in found] == [("inertia.invented", True)] * invented
+
+
+@pytest.mark.parametrize(
+    ("bare", "seen", "severity"),
+    [(0, 4, None), (1, 1, "info"), (1, 4, "info"), (2, 4, "info"), (3, 4, "warning"),
+     (13, 17, "warning"), (4, 4, "warning")],
+)  # fmt: skip
+def test_links_without_collision_are_one_finding(
+    bare: int, seen: int, severity: str | None, tmp_path: Path
+):
+    """A warning where more than half of what is seen passes through everything else."""
+    names = [f"l{k}" for k in range(seen)]
+    joints = tuple(Joint(f"j{n}", "fixed", names[0], n) for n in names[1:])
+    tree = Tree("r", "fixed", tuple(Body(n, BRICK) for n in names), joints)
+    box = Box((0.1, 0.1, 0.1))
+    shapes = [SourceShape(f"{n}_seen", n, "visual", box) for n in names]
+    shapes += [SourceShape(f"{n}_felt", n, "collision", box) for n in names[bare:]]
+    found = lint(tree, tmp_path, SourceShapes(tuple(shapes)))
+    assert [f.severity for f in found] == ([severity] if severity else [])
+    for finding in found:
+        assert finding.message.startswith(f"{bare} of {seen} links")
+        assert finding.data["links"] == tuple(names[:bare])

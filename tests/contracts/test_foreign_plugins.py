@@ -7,11 +7,14 @@ import os
 import re
 import subprocess
 import sys
+import sysconfig
 import tomllib
 from pathlib import Path
 
 import pytest
 from tiny import box_obj
+
+import assetbuild
 
 PAGE = Path(__file__).parents[2] / "docs/how-to/plugins.md"
 BLOCK = re.compile(r"^```\w+ file=(\S+)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
@@ -51,13 +54,26 @@ def site(tmp_path: Path) -> Path:
     return site
 
 
+def plain(site: Path, more: str = "") -> str:
+    """The name of a recipe of the same robot that asks for nothing of the package."""
+    (site.parent / "plain.yaml").write_text(
+        "schema: assetbuild/v1\nrobot: crate\nbase: floating\n"
+        f"source: {{path: ., urdf: crate.urdf, license: MIT}}\ntargets: [urdf, mjcf]\n{more}"
+    )
+    return "plain.yaml"
+
+
 def run(site: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
+    return python(site, "-m", "assetbuild", *arguments)
+
+
+def python(site: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
     environment = {
         **os.environ,
         "PYTHONPATH": os.pathsep.join([str(site), *filter(None, [os.environ.get("PYTHONPATH")])]),
         "ASSETBUILD_CACHE": str(site.parent / "cache"),
     }
-    command = [sys.executable, "-m", "assetbuild", *arguments]
+    command = [sys.executable, *arguments]
     return subprocess.run(
         command, cwd=site.parent, env=environment, capture_output=True, text=True, timeout=300
     )
@@ -137,20 +153,107 @@ def test_a_broken_plug_in_is_one_error_that_names_its_distribution(site: Path):
     assert "Traceback" not in done.stderr
 
 
-def test_two_plug_ins_of_one_name_are_one_error(site: Path):
-    install(site, "other-assets", {"assetbuild.targets": {"mjcf": "acme_assets.sdf"}})
+def test_two_plug_ins_of_one_name_are_one_error_where_a_recipe_names_it(site: Path):
+    install(site, "other-assets", {"assetbuild.targets": {"sdf": "acme_assets.sdf"}})
     done = run(site, "check", "crate.yaml")
     assert done.returncode == 1
-    assert "two plug-ins are called `mjcf` (targets)" in done.stderr
-    assert "of other-assets 0.1 and of assetbuild itself" in done.stderr
+    assert "two plug-ins are called `sdf` (targets)" in done.stderr
+    assert "acme-assets 0.1" in done.stderr
+    assert "other-assets 0.1" in done.stderr
+    assert run(site, "check", plain(site)).stderr == ""
 
 
-def test_only_what_a_recipe_names_is_imported(site: Path):
-    (site / "acme_assets/sdf.py").write_text("raise RuntimeError('imported')\n")
-    recipe = site.parent / "crate.yaml"
-    text = recipe.read_text().replace(", sdf]", "]").replace("sdf: {static: true}\n", "")
-    recipe.write_text(text)
+def test_a_plug_in_with_a_name_of_ours_is_left_out_and_named(site: Path):
+    install(site, "other-assets", {"assetbuild.targets": {"mjcf": "acme_assets.nothing"}})
+    done = run(site, "check", "crate.yaml")
+    assert done.returncode == 0
+    (line,) = done.stderr.splitlines()
+    assert line.startswith("warning: plug-in `mjcf` (targets) of other-assets 0.1 is not used")
+
+
+FAILS = {
+    "raises": "raise RuntimeError('imported')\n",
+    "leaves": "raise SystemExit(3)\n",
+    "imports": "import nothing_like_that\n",
+    "does not parse": "def (\n",
+    "holds no plug-in": "\n",
+}
+
+
+@pytest.mark.parametrize("text", FAILS.values(), ids=list(FAILS))
+def test_a_plug_in_that_nobody_names_is_not_imported(site: Path, text: str):
+    for path in (site / "acme_assets").glob("*.py"):
+        path.write_text(text)
+    done = run(site, "check", plain(site))
+    assert (done.returncode, done.stderr) == (0, "")
+
+
+def test_a_broken_plug_in_does_not_stand_in_front_of_another_recipe_s_mistake(site: Path):
+    (site / "acme_assets/wind.py").write_text("import nothing_like_that\n")
+    recipe = site.parent / plain(site)
+    recipe.write_text(recipe.read_text().replace("base:", "bse:"))
+    done = run(site, "check", recipe.name)
+    assert done.returncode == 2
+    warnings = [line for line in done.stderr.splitlines() if line.startswith("warning:")]
+    assert len(warnings) == 1
+    assert "plug-in `wind` (checks) of acme-assets 0.1 cannot be loaded" in warnings[0]
+    assert "did you mean `base`?" in done.stderr
+
+
+def test_a_required_key_is_asked_of_those_alone_who_name_the_check(site: Path):
+    check = site / "acme_assets/wind.py"
+    check.write_text(check.read_text().replace("Field(10.0, ", "Field("))
+    target = site / "acme_assets/sdf.py"
+    text = target.read_text().replace("SdfOptions = SdfOptions()", "SdfOptions")
+    target.write_text(text)
+    other = run(site, "check", plain(site))
+    assert (other.returncode, other.stderr) == (0, "")
     assert run(site, "check", "crate.yaml").returncode == 0
+    recipe = site.parent / "crate.yaml"
+    recipe.write_text(recipe.read_text().replace("speed: 30, ", ""))
+    own = run(site, "check", "crate.yaml")
+    assert own.returncode == 2
+    assert "validate.wind" in own.stderr
+    assert "missing key `speed`" in own.stderr
+    schema = json.loads(run(site, "schema").stdout)
+    assert "sdf" in schema["properties"]
+    assert "sdf" not in schema["required"]
+
+
+ASKS = {
+    "by its name": ("", "wind: {}", True),
+    "with its keys": ("", "wind: {speed: 30}", True),
+    "by null": ("", "wind: null", False),
+    "not at all": ("", "mass: {}", False),
+    "by a section of another name": ('"validate.wind"|"validate.gust"', "gust: {}", True),
+    "by a key among those of validate": ('"validate.wind"|"validate"', "speed: 30", True),
+    "in a list": (
+        'section = "validate.wind"|listed_in = "validate.linters"', "linters: [wind]", True),
+    "without keys of its own": (
+        'section = "validate.wind"||Field(10.0, description="m/s, of the gust")|10.0'
+        '|Field(0.1, description="m2 that it meets")|0.1', "wind: {}", True),
+    "null, without keys of its own": (
+        'section = "validate.wind"||Field(10.0, description="m/s, of the gust")|10.0'
+        '|Field(0.1, description="m2 that it meets")|0.1', "wind: null", False),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(("change", "stated", "runs"), ASKS.values(), ids=list(ASKS))
+def test_a_check_runs_where_a_recipe_names_it(site: Path, change: str, stated: str, runs: bool):
+    check = site / "acme_assets/wind.py"
+    words = change.split("|") if change else []
+    for old, new in zip(words[::2], words[1::2], strict=True):
+        assert old in check.read_text()
+        check.write_text(check.read_text().replace(old, new))
+    recipe = plain(site, f"validate: {{{stated}}}\n")
+    program = (
+        "import sys; from assetbuild.pipeline.recipes import load_recipe; "
+        "from assetbuild.plan.asked import checks_of; "
+        "print([n for n, c in checks_of(r) if n == 'wind' and c.configure(r)]"
+        " if (r := load_recipe(sys.argv[1]).recipe) else '')"
+    )
+    done = python(site, "-c", program, recipe)
+    assert (done.stdout.strip() == "['wind']") is runs, done.stderr
 
 
 @pytest.mark.slow
@@ -174,3 +277,67 @@ def test_an_edit_of_its_code_is_no_null_build(site: Path):
     assert not builds()
     (plugin.parent / "new.py").write_text("", encoding="utf-8")
     assert builds()
+
+
+BACKENDS = {
+    "setuptools": ("setuptools.build_meta", '[tool.setuptools]\npackages = ["acme_assets"]\n'),
+    "hatchling": (
+        "hatchling.build",
+        '[tool.hatch.build.targets.wheel]\npackages = ["acme_assets"]\n',
+    ),
+}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("backend", BACKENDS)
+@pytest.mark.parametrize("user", [False, True], ids=["in the environment", "in the user's folder"])
+def test_an_editable_installation_works_and_changes_no_other_robot(
+    site: Path, tmp_path: Path, backend: str, user: bool
+):
+    """setuptools leaves an import hook, hatchling a path; both in a `.pth` file."""
+    for metadata in site.glob("*.dist-info"):
+        metadata.rename(tmp_path / metadata.name)
+    builder, more = BACKENDS[backend]
+    project = site / "pyproject.toml"
+    own = project.read_text().replace('dependencies = ["assetbuild"]', "dependencies = []")
+    system = f'[build-system]\nrequires = ["{backend}"]\nbuild-backend = "{builder}"\n'
+    project.write_text(f"{own}\n{system}\n{more}")
+    (site / "acme_assets/__init__.py").touch()
+    venv = tmp_path / "venv"
+    subprocess.run([sys.executable, "-m", "venv", "--system-site-packages", venv], check=True)
+    (packages,) = venv.glob("lib/python*/site-packages")
+    ours = [*sysconfig.get_paths()["purelib"].split(), str(Path(assetbuild.__file__).parents[1])]
+    (packages / "ours.pth").write_text("\n".join(ours))
+    environment = {
+        **os.environ,
+        "PYTHONUSERBASE": str(tmp_path / "user"),
+        "ASSETBUILD_CACHE": str(tmp_path / "cache"),
+        "MUJOCO_GL": "disable",
+    }
+
+    def call(*words: str) -> subprocess.CompletedProcess[str]:
+        return subprocess.run(
+            [venv / "bin/python", "-m", *words],
+            cwd=tmp_path, env=environment, capture_output=True, text=True, timeout=300,
+        )  # fmt: skip
+
+    def manifest() -> dict[str, str]:
+        done = call("assetbuild", "build", plain(site), "-o", "plain", "--fail-on", "never")
+        assert done.returncode == 0, done.stderr
+        assert "warning: plug-in" not in done.stderr
+        assert not any("wind" in line for line in done.stderr.splitlines())
+        files = json.loads((tmp_path / "plain/manifest.json").read_bytes())["files"]
+        return {file["path"]: file["sha256"] for file in files}
+
+    before = manifest()
+    words = ("install", "--no-deps", *(["--user"] if user else []), "-e", str(site))
+    done = call("pip", *words)
+    if done.returncode and backend != "setuptools":
+        pytest.skip(f"pip cannot get {backend}")
+    assert done.returncode == 0, done.stderr
+    assert manifest() == before
+    done = call("assetbuild", "build", "crate.yaml", "-o", "out", "--fail-on", "never")
+    assert done.returncode == 0, done.stderr
+    assert "<static>true</static>" in (tmp_path / "out/sdf/crate.sdf").read_text()
+    report = json.loads((tmp_path / "out/report/report.json").read_bytes())
+    assert report["checks"]["wind"]["figures"]["force_N"] == pytest.approx(0.5 * 1.2 * 900 * 0.5)

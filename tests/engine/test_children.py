@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+import importlib
 import json
 import os
+import site
+import sys
 import time
+from pathlib import Path
 
 import pytest
 from builds_for_tests import is_alive, one
@@ -181,3 +185,50 @@ def test_a_failure_of_its_own_is_not_tried_again(session, monkeypatch, how):
     monkeypatch.setattr(Children, "run", lambda *a: jobs.append(a) or run(*a))
     assert one(session, Misbehave(how=how)).status == "failed"
     assert len(jobs) == 1
+
+
+STEP = """
+from assetbuild.engine.step import Step
+
+class Behind(Step):
+    outputs = ("out",)
+
+    def run(self, files):
+        (files.outputs / "out").write_text("found")
+"""
+HOOK = """
+import importlib.util, sys
+
+class Finder:
+    @classmethod
+    def find_spec(cls, name, path=None, target=None):
+        if name == "behind_a_hook":
+            return importlib.util.spec_from_file_location(name, {file!r})
+
+def install():
+    sys.meta_path.append(Finder)
+"""
+
+
+def test_a_child_has_the_import_hooks_of_the_user_s_own_site_folder(session, tmp_path, monkeypatch):
+    """`pip install --user -e` leaves such a hook; a child with `-s` and another HOME skips it."""
+    module, folder = tmp_path / "project/behind_a_hook.py", tmp_path / "site-packages"
+    module.parent.mkdir()
+    folder.mkdir()
+    module.write_text(STEP)
+    (folder / "a_hook.py").write_text(HOOK.format(file=str(module)))
+    (folder / "a_hook.pth").write_text("import a_hook; a_hook.install()\n")
+    monkeypatch.setattr(site, "ENABLE_USER_SITE", True)
+    monkeypatch.setattr(site, "USER_SITE", str(folder))
+    monkeypatch.setattr(sys, "path", list(sys.path))
+    monkeypatch.setattr(sys, "meta_path", list(sys.meta_path))
+    site.addsitedir(str(folder))
+    assert not any(Path(entry) == module.parent for entry in sys.path)
+    step = importlib.import_module("behind_a_hook").Behind()
+    try:
+        result = one(session, step)
+    finally:
+        for name in ("behind_a_hook", "a_hook"):
+            del sys.modules[name]
+    assert result.error is None
+    assert session.read(result["out"]) == b"found"

@@ -44,6 +44,21 @@ def test_the_inner_corner_may_lie_anywhere():
     )
 
 
+@pytest.mark.parametrize("middle", [(0.0, 0.0), (0.1, -0.1)])
+def test_the_first_cut_of_a_frame_gains_nothing_and_the_second_one_shows_where_it_goes(middle):
+    """A frame of four bars: any single plane leaves two hulls that are as large as its own."""
+    x, y = middle
+    left, right, low, high = x - 0.3, x + 0.3, y - 0.25, y + 0.25
+    bars = [((-0.5, left), (-0.4, 0.4)), ((right, 0.5), (-0.4, 0.4)),
+            ((left, right), (-0.4, low)), ((left, right), (high, 0.4))]  # fmt: skip
+    mesh = solid(*(
+        ((b - a, d - c, 0.2), ((a + b) / 2.0, (c + d) / 2.0, 0.0)) for (a, b), (c, d) in bars
+    ))  # fmt: skip
+    hulls = parts_of(mesh, 16)
+    free = 0.6 * 0.5 * 0.2
+    assert sum(map(signed_volume, hulls)) == pytest.approx(1.0 * 0.8 * 0.2 - free, rel=0.05)
+
+
 def test_two_bodies_apart_come_apart():
     ball = tessellate(Sphere(0.1))
     two = merged([ball, ball.placed(Pose((1.0, 0.0, 0.0)))])
