@@ -26,6 +26,7 @@ from assetbuild.init.joint_range import resting
 from assetbuild.init.look import InspectedRobot
 from assetbuild.init.loops import NO_LOOPS, FoundLoops, find_loops
 from assetbuild.init.mend import mended
+from assetbuild.init.packages import lacking
 from assetbuild.init.patterns import pattern_of, patterns_of
 from assetbuild.init.relief import DEEP_M, Pair, nothing_deep
 from assetbuild.init.repairs import repairs, repairs_text, unmended
@@ -177,6 +178,8 @@ def _missing(source: UrdfSource) -> Iterator[str]:
     if source.missing:
         yield "    # Visual meshes that the source lacks: nothing is drawn for them."
         yield from flow("    visuals: [", [quoted(path) for path in source.missing], "]")
+        meant = ((path, lacking(source.root, path)[1]) for path in source.missing)
+        yield from (f"    # {plain(path)}: {plain(hint)}" for path, hint in meant if hint)
     if source.absent:
         yield "    # Packages that the xacro asks for and reads nothing of (controllers, Gazebo)."
         yield f"    packages: {inline(source.absent)}"

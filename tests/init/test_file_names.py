@@ -352,6 +352,18 @@ def test_a_relative_name_of_a_sister_folder_gets_a_hint(tmp_path: Path):
         built(lay(tmp_path, files), "rob/urdf/arm.urdf")
 
 
+def test_a_visual_mesh_in_a_sister_folder_is_named_beside_what_is_missing(tmp_path: Path):
+    files = {
+        "rob/urdf/arm.urdf": arm("../meshes/seen/b.obj", "../meshes/c.obj"),
+        "rob/meshes/visual/b.obj": OBJ,
+        "rob/meshes/c.obj": OBJ,
+    }
+    source, _ = built(lay(tmp_path, files), "rob/urdf/arm.urdf")
+    assert source["missing"] == {"visuals": ["meshes/seen/b.obj"]}
+    hint = "# meshes/seen/b.obj: is `meshes/visual/b.obj` meant?"
+    assert hint in (tmp_path / "arm.yaml").read_text()
+
+
 def test_a_build_without_init_says_how_the_file_is_called(tmp_path: Path):
     folder = lay(tmp_path, {"rob/arm.urdf": arm("my%20a.obj"), "rob/my a.obj": OBJ})
     built(folder, "rob/arm.urdf")
