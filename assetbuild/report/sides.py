@@ -151,7 +151,9 @@ def foreign_side(path: Path) -> Side:
     if suffix == ".json":
         measured, simulator = readings(path)
         read = _side(path, "readings", measured, Precision(FLOAT32))
-        return replace(read, name=f"{path} ({simulator})")
+        told = {(key.kind, key.quantity) for key in measured.facts}  # it measures some facts only
+        holds = {"readings": lambda key: (key.kind, key.quantity) in told}
+        return replace(read, name=f"{path} ({simulator})", holds=holds)
     try:
         text = path.read_bytes() if suffix in (".xml", ".urdf", ".mjcf") else b""
     except OSError as error:
