@@ -177,8 +177,9 @@ TOOLS = {"mutations", "benchmarks", "corpus", "faults"}
 
 
 def literals(tree: ast.Module) -> Iterator[str]:
-    """Strings that code uses: neither docstrings nor comments."""
+    """Strings that code uses: no docstrings, and nothing of a finding that a test makes up."""
     idle = {id(node.value) for node in ast.walk(tree) if isinstance(node, ast.Expr)}
+    idle |= {id(part) for name in ("Finding", "Rule") for c in calls(tree, name) for part in c.args}
     for node in ast.walk(tree):
         if isinstance(node, ast.Constant) and isinstance(node.value, str) and id(node) not in idle:
             yield node.value
