@@ -104,9 +104,7 @@ def test_inertia_from_geoms_is_that_of_the_solid(tmp_path: Path):
     assert inertial.inertia_com_kg_m2[0] == pytest.approx(xx, rel=1e-14)
 
 
-@pytest.mark.skipif(
-    mujoco.__version__.startswith("3."), reason="MuJoCo 3 takes `settotalmass` without a word"
-)
+@pytest.mark.skipif(mujoco.__version__.startswith("3."), reason="a warning of MuJoCo 4")
 def test_what_mujoco_warns_about_is_passed_on(tmp_path: Path):
     ball, head = '<body name="a"><geom size=".1"/></body>', '<compiler settotalmass="9"/>'
     warned = read(robot(ball, head=head), tmp_path / "a")
