@@ -6,6 +6,7 @@ import json
 
 import pytest
 
+from assetbuild.cli.summary import every_finding_line
 from assetbuild.engine.step import Files
 from assetbuild.findings import Finding, Rule
 from assetbuild.kinds import write_figures
@@ -29,6 +30,25 @@ def test_a_call_may_state_another_declared_severity():
 def test_a_severity_that_was_not_declared_is_refused():
     with pytest.raises(ValueError, match=r"`stand\.sag` does not declare the severity `info`"):
         SAG("robot", "sank", severity="info")
+
+
+NONE = Rule("stand.still", "info", "the base stands", "nothing, where that is meant")
+
+
+@pytest.mark.parametrize(
+    ("rule", "hint", "shown"),
+    [
+        (SAG, "", ["hint: raise kp"]),
+        (SAG, "kp 80", ["hint: kp 80"]),
+        (NONE, "", []),
+        (NONE, "kp 80", ["hint: kp 80"]),
+        (EQUAL.named("mass"), "", ["hint: report it"]),
+    ],
+)
+def test_a_finding_without_a_hint_shows_the_advice_of_its_rule(
+    rule: Rule, hint: str, shown: list[str]
+):
+    assert [line.strip() for line in every_finding_line([rule("robot", "sank", hint)])[1:]] == shown
 
 
 def test_a_call_names_the_part_that_differs():

@@ -94,12 +94,17 @@ class Alignment(Check):
         write_figures(files, {"rows": shown, "randomize": ranges, "isaac_lab": UNMEASURED})
         for name, done in broken.items():
             asked = next(each for each in experiments if each.name == name)
-            cause, hint = cause_of(main, asked, tree, control) or ("", "see `physx.finite`")
-            yield FAILED_RUN(
-                "robot",
-                f"no comparison of `{name}`: {done.failure}{f'; it is {cause}' if cause else ''}",
-                hint=hint,
-                data={"simulator": "physx"},
-            )
+            yield failed_run(name, done, cause_of(main, asked, tree, control))
         yield from findings_of(rows)
         yield from told(ranges)
+
+
+def failed_run(name: str, done: physx.Outcome, cause: tuple[str, str] | None) -> Finding:
+    """cause: what it is and what to write, where that is known."""
+    said, hint = cause or ("", FAILED_RUN.advice)
+    return FAILED_RUN(
+        "robot",
+        f"no comparison of `{name}`: {done.failure}{f'; it is {said}' if said else ''}",
+        hint=hint,
+        data={"simulator": "physx"},
+    )

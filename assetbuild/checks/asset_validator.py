@@ -56,12 +56,10 @@ class AssetValidator(ConsumerCheck):
         """Figures: failures and warnings."""
         file = (files.inputs / f"usd/{self.robot}.usda").absolute()
         answer, failure = self.answer("_asset_validator_child.py", {"file": str(file)})
-        issues = (answer or {}).get("issues")
-        if not isinstance(issues, list):
-            yield NO_RESULT("robot", f"no result: {failure or 'no list of issues'}")
-            issues = []
-        yield from judged(issues)
-        counts = Counter("warnings" if is_mild(issue) else "failures" for issue in issues)
+        found = (answer or {}).get("issues")
+        issues = found if isinstance(found, list) else None
+        yield from judged(issues, failure)
+        counts = Counter("warnings" if is_mild(issue) else "failures" for issue in issues or ())
         write_figures(files, {word: counts[word] for word in ("failures", "warnings")})
 
 
@@ -70,8 +68,14 @@ def is_mild(issue: Mapping[str, Any]) -> bool:
     return issue["severity"] in ("WARNING", "INFO")
 
 
-def judged(issues: Sequence[Mapping[str, Any]]) -> Iterator[Finding]:
-    """An error for each failure; one line for each rule that warns."""
+def judged(issues: Sequence[Mapping[str, Any]] | None, failure: str = "") -> Iterator[Finding]:
+    """An error for each failure; one line for each rule that warns.
+
+    issues: None where the validator gave no list of them; failure: how it failed, where it did.
+    """
+    if issues is None:
+        yield NO_RESULT("robot", f"no result: {failure or 'no list of issues'}")
+        return
     mild: dict[str, list[Mapping[str, Any]]] = {}
     for issue in issues:
         if is_mild(issue):

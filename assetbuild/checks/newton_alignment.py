@@ -20,6 +20,7 @@ from assetbuild.simulators import newton
 from assetbuild.simulators.consumers import ConsumerCheck
 from assetbuild.simulators.environments import Environment
 from assetbuild.simulators.experiments import Fall, Swing
+from assetbuild.simulators.physx import Outcome
 
 FAILED_RUN = Rule(
     "alignment.newton.run",
@@ -54,7 +55,12 @@ class NewtonAlignment(ConsumerCheck):
         outcomes = newton.perform(main, pair.experiments(), self.limits.wall_s)
         rows = tuple(pair.rows(outcomes))
         write_figures(files, {"rows": [row.shown(ENGINE.name) for row in rows]})
-        for name, done in outcomes.items():
-            if not done.finite:
-                yield FAILED_RUN("robot", f"no comparison of `{name}`: {done.failure}")
+        yield from failed_runs(outcomes)
         yield from findings_of(rows, ENGINE.name)
+
+
+def failed_runs(outcomes: Mapping[str, Outcome]) -> Iterator[Finding]:
+    """One for each experiment that Newton did not bring to its end, or not with numbers."""
+    for name, done in outcomes.items():
+        if not done.finite:
+            yield FAILED_RUN("robot", f"no comparison of `{name}`: {done.failure}")

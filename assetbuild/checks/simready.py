@@ -58,13 +58,9 @@ class SimReady(ConsumerCheck):
         file = (files.inputs / f"usd/{self.robot}.usda").absolute()
         job: dict[str, object] = {"file": str(file), "profile": profile, "version": VERSION}
         answer, failure = self.answer("_simready_child.py", job)
-        features = (answer or {}).get("features")
-        if not isinstance(features, dict) or not features:
-            yield NO_RESULT(
-                "robot", f"no result for {profile} {VERSION}: {failure or 'no feature'}"
-            )
-            features = {}
-        yield from judged(features, profile)
+        found = (answer or {}).get("features")
+        features = found if isinstance(found, dict) else {}
+        yield from judged(features, profile, failure)
         met = sum(_is_met(feature) for feature in features.values())
         write_figures(files, {"profile": f"{profile} {VERSION}", "met": met, "of": len(features)})
 
@@ -74,8 +70,15 @@ def _is_met(feature: Mapping[str, Any]) -> bool:
     return bool(feature["passed"]) or (bool(failing) and set(failing) <= set(DRAWN_LATER))
 
 
-def judged(features: Mapping[str, Mapping[str, Any]], profile: str) -> Iterator[Finding]:
-    """One error for each requirement that is not met, one line for all optional features."""
+def judged(
+    features: Mapping[str, Mapping[str, Any]], profile: str, failure: str = ""
+) -> Iterator[Finding]:
+    """One error for each requirement that is not met, one line for all optional features.
+
+    features: none where the validator gave no result; failure: how it failed, where it did.
+    """
+    if not features:
+        yield NO_RESULT("robot", f"no result for {profile} {VERSION}: {failure or 'no feature'}")
     missing = {}
     for name, feature in sorted(features.items()):
         if feature["passed"]:

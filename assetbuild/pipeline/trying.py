@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import functools
 import tempfile
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
 
@@ -94,6 +94,11 @@ def try_usd(file: Path) -> Iterator[Finding]:
         ),
         copied=False,
     )
+    yield from tried(done, air)
+
+
+def tried(done: Mapping[str, physx.Outcome], air: physx.Setting) -> Iterator[Finding]:
+    """What is wrong with a stage that PhysX dropped (`fall`, in `air`) and left on a `floor`."""
     held = done["fall"].held
     if held is None or held.articulations + len(held.loose) == 0:
         why = done["fall"].failure or "it holds no body that moves"

@@ -100,11 +100,15 @@ def _proved(bundle: Path) -> dict[str, Validated]:
             for finding in reader.prove(reference, file).findings
         ]
         found[name] = Validated(name, form, tuple(findings))
+    lost = {finding.where: finding for finding in lost_files(bundle)}
+    return found | {name: Validated(name, "file", (finding,)) for name, finding in lost.items()}
+
+
+def lost_files(bundle: Path) -> Iterator[Finding]:
+    """One for each file that the manifest lists and the bundle does not hold."""
     for name in manifest_of(bundle):
         if not (bundle / name).is_file():
-            lost = LOST("robot", "the manifest lists it, and it is not there", where=name)
-            found[name] = Validated(name, "file", (lost,))
-    return found
+            yield LOST("robot", "the manifest lists it, and it is not there", where=name)
 
 
 def _named(bundle: Path) -> str:

@@ -28,7 +28,7 @@ from assetbuild.alignment.pair import stand_row
 from assetbuild.alignment.row import Row, findings_of
 from assetbuild.alignment.rows import _pulled, fact_rows, scene_rows
 from assetbuild.alignment.touching import touching_in_usd, touching_row
-from assetbuild.checks.alignment import Alignment
+from assetbuild.checks.alignment import Alignment, failed_run
 from assetbuild.facts.table import Key, Table, Value
 from assetbuild.findings import Finding
 from assetbuild.pipeline.recipes import whole_model
@@ -36,6 +36,7 @@ from assetbuild.report.summary import WITHHELD, public_message
 from assetbuild.robot.pose import Pose
 from assetbuild.simulators import mujoco
 from assetbuild.simulators.experiments import Motion, Swing
+from assetbuild.simulators.physx import Outcome
 from assetbuild.targets.isaaclab import IsaacLab
 from assetbuild.targets.mjcf import Mjcf
 from assetbuild.targets.mjlab import Mjlab
@@ -198,6 +199,14 @@ def test_mjcf_that_does_not_load_is_an_error(tmp_path: Path) -> None:
     (inputs / "mjcf/scene.xml").write_text("<mujoco>")
     found = run_step(Alignment(robot="robot"), inputs, tmp_path / "out")
     assert [(f.rule, f.severity) for f in found] == [("alignment.physx.load", "error")]
+
+
+def test_a_run_that_went_to_infinity_is_an_error_with_its_cause_where_that_is_known() -> None:
+    lost = Outcome(None, None, "it lost its numbers (NaN) after 0.1 s")
+    plain, known = (failed_run("fall", lost, cause) for cause in (None, ("too fast", "brake")))
+    assert (plain.rule, plain.hint) == ("alignment.physx.run", "see `physx.finite`")
+    assert plain.message == "no comparison of `fall`: it lost its numbers (NaN) after 0.1 s"
+    assert (known.message, known.hint) == (f"{plain.message}; it is too fast", "brake")
 
 
 def standing(height: float, tilt: float) -> Motion:

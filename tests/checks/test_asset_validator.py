@@ -20,12 +20,22 @@ def test_failures_are_errors_and_warnings_are_counted_by_rule():
     assert (untyped.rule, untyped.severity) == ("asset_validator.failure", "error")
     assert (untyped.subject, untyped.message) == ("prim /r/x", "TypeChecker: untyped")
     assert (cannot.subject, cannot.severity) == ("robot", "error")
-    assert (loose.severity, loose.data["times"]) == ("info", 2)
+    assert (loose.rule, loose.severity) == ("asset_validator.warning", "info")
+    assert loose.data["times"] == 2
     assert "`/r/m`, `/r/n`" in loose.message
 
 
 def test_nothing_is_silence():
     assert list(judged([])) == []
+
+
+@pytest.mark.parametrize(
+    ("failure", "said"), [("it ended by signal 11", "by signal 11"), ("", "no list of issues")]
+)
+def test_no_answer_is_an_error(failure: str, said: str):
+    (finding,) = judged(None, failure)
+    assert (finding.rule, finding.severity) == ("asset_validator.no_result", "error")
+    assert finding.message.endswith(said)
 
 
 @pytest.mark.slow

@@ -54,6 +54,12 @@ def test_a_hard_arm_comes_out_as_it_went_in(tmp_path: Path):
     assert compared(write(hard_arm(tmp_path / "read"), tmp_path / "out")) == []
 
 
+def test_an_mjcf_that_mujoco_refuses_is_compared_with_nothing(tmp_path: Path):
+    written = write(hard_arm(tmp_path / "read"), tmp_path / "out")
+    written.xml.write_text("<mujoco>")
+    assert [finding.rule for finding in compared(written)] == ["equal.source.load"]
+
+
 def test_triangles_without_area_are_no_difference(tmp_path: Path):
     flat = TET + "f 1 1 2\nf 3 4 3\n"
     reading = read(FLOATING, tmp_path / "read", tet_obj=flat)

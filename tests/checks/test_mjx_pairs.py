@@ -48,6 +48,12 @@ def test_with_self_collision_a_cylinder_and_a_box_are_refused(tmp_path: Path) ->
     assert "mjx.pair" in {f.rule for f in findings}
 
 
+def test_a_model_that_mujoco_refuses_has_no_pairs(tmp_path: Path) -> None:
+    (tmp_path / "mjx").mkdir()
+    (tmp_path / "mjx/scene_mjx.xml").write_text("<mujoco>")
+    assert [f.rule for f in run_step(MjxPairs(), tmp_path, tmp_path / "out")] == ["mjx.load"]
+
+
 def test_a_margin_on_a_mesh_is_refused(tmp_path: Path) -> None:
     robot = tiny_quadruped()
     shapes = tuple(

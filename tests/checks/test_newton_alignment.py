@@ -15,12 +15,13 @@ from tiny import four_bar, pendulum, run_step, tiny_quadruped, write_robot_ports
 
 from assetbuild.alignment.row import Row, findings_of
 from assetbuild.alignment.stops import explained, into_stop, stop_rows
-from assetbuild.checks.newton_alignment import NewtonAlignment
+from assetbuild.checks.newton_alignment import NewtonAlignment, failed_runs
 from assetbuild.engine.world import World
 from assetbuild.findings import Finding
 from assetbuild.robot.model import Actuator, Control, Joint, Limits
 from assetbuild.simulators import newton
 from assetbuild.simulators.experiments import Motion, Swing
+from assetbuild.simulators.physx import Outcome
 from assetbuild.targets.mjcf import Mjcf
 from assetbuild.targets.usd import Usd as UsdTarget
 
@@ -71,6 +72,16 @@ def test_a_limit_that_gives_way_in_long_steps_alone_names_the_integrator():
     assert "`simulation.timestep`" in named.advice
     (same,) = explained(rows(0.2), rows(0.15), 2.5e-4)
     assert same.verdict == "error" and not same.because
+
+
+def test_a_run_that_newton_refuses_or_loses_is_an_error():
+    fine = motion("j", np.zeros(3))
+    lost = replace(fine, root=np.full((3, 3), np.nan))
+    runs = {"fall": fine, "sine": lost, "load": None}
+    why = {"load": "it refuses the stage"}
+    outcomes = {name: Outcome({}, made, why.get(name, "")) for name, made in runs.items()}
+    found = [(f.rule, f.message.split("`")[1]) for f in failed_runs(outcomes)]
+    assert found == [("alignment.newton.run", "sine"), ("alignment.newton.run", "load")]
 
 
 def test_a_joint_without_limits_or_drive_runs_into_none():

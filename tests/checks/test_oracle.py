@@ -95,15 +95,23 @@ def test_an_mjcf_written_by_hand_is_the_same_robot(robots: Path, tmp_path: Path)
 @pytest.mark.parametrize(
     ("rules", "old", "new"),
     [
-        ({"inertia", "mass_matrix", "gravity"}, 'mass="1"', 'mass="1.000001"'),
-        ({"inertia", "mass_matrix"}, "0.02 0.02 0.001", "0.02 0.02000001 0.001"),
-        ({"kinematics", "mass_matrix", "gravity"}, 'axis="0 1 0"', 'axis="0 -1 0"'),
-        ({"kinematics", "mass_matrix", "gravity"}, 'pos="0 0 0.5"', 'pos="0 0 0.500001"'),
-        ({"kinematics"}, 'pos="0 0 -0.4"', 'pos="0 0 -0.400001"'),
-        ({"structure"}, 'name="swing"', 'name="swung"'),
-        ({"structure"}, 'name="arm"', 'name="army"'),
-        ({"structure"}, "<freejoint/>", ""),
-        ({"load"}, "</mujoco>", ""),
+        ({"oracle.inertia", "oracle.mass_matrix", "oracle.gravity"}, 'mass="1"', 'mass="1.000001"'),
+        ({"oracle.inertia", "oracle.mass_matrix"}, "0.02 0.02 0.001", "0.02 0.02000001 0.001"),
+        (
+            {"oracle.kinematics", "oracle.mass_matrix", "oracle.gravity"},
+            'axis="0 1 0"',
+            'axis="0 -1 0"',
+        ),
+        (
+            {"oracle.kinematics", "oracle.mass_matrix", "oracle.gravity"},
+            'pos="0 0 0.5"',
+            'pos="0 0 0.500001"',
+        ),
+        ({"oracle.kinematics"}, 'pos="0 0 -0.4"', 'pos="0 0 -0.400001"'),
+        ({"oracle.structure"}, 'name="swing"', 'name="swung"'),
+        ({"oracle.structure"}, 'name="arm"', 'name="army"'),
+        ({"oracle.structure"}, "<freejoint/>", ""),
+        ({"oracle.load"}, "</mujoco>", ""),
     ],
 )
 def test_a_wrong_mjcf_is_found_out(
@@ -111,7 +119,7 @@ def test_a_wrong_mjcf_is_found_out(
 ):
     assert old in BY_HAND
     findings = by_hand(robots, tmp_path, BY_HAND.replace(old, new))
-    assert {f.rule for f in findings} == {f"oracle.{rule}" for rule in rules}
+    assert {f.rule for f in findings} == rules
     assert {f.severity for f in findings} == {"error"}
 
 

@@ -8,6 +8,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 from pxr import Gf, Usd, UsdPhysics
 from tiny import (
@@ -20,23 +21,37 @@ from tiny import (
     tiny_quadruped,
 )
 
-from assetbuild.checks.physx_readback import PhysxReadback
+from assetbuild.checks.physx_readback import PhysxReadback, _judge_motion
 from assetbuild.findings import Finding
 from assetbuild.pipeline.recipes import whole_model
-from assetbuild.robot.model import Actuator, Body, Control, Joint, JointKind, Limits, Mimic, Tree
+from assetbuild.robot.model import (
+    Actuator,
+    Base,
+    Body,
+    Control,
+    Joint,
+    JointKind,
+    Limits,
+    Mimic,
+    Tree,
+)
 from assetbuild.robot.pose import Pose
 from assetbuild.robot.shapes import Shapes
 from assetbuild.simulators import physx
+from assetbuild.simulators.experiments import Motion
 from assetbuild.targets.usd import Usd as UsdTarget
-
-pytest.importorskip("ovphysx", reason="needs the extra `physx`")
-pytest.importorskip("warp", reason="needs the extra `physx`")
 
 Spoil = Callable[[Usd.Stage], object]
 
 
+def need_physx() -> None:
+    for module in ("ovphysx", "warp"):
+        pytest.importorskip(module, reason="needs the extra `physx`")
+
+
 def check(robot: TinyRobot, folder: Path, spoil: Spoil | None = None) -> list[Finding]:
     """Findings on the robot's asset after `spoil` has edited the main file's own layer."""
+    need_physx()
     inputs = check_inputs(folder, robot, UsdTarget(robot="robot"), "usd")
     if spoil is not None:
         stage = Usd.Stage.Open(str(inputs / "usd/robot.usda"))
@@ -73,6 +88,20 @@ def test_fixed_base_does_not_move(tmp_path: Path) -> None:
     assert check(pendulum(), tmp_path) == []
 
 
+@pytest.mark.parametrize(
+    ("base", "moved_m", "drifts"),
+    [("fixed", 1e-6, [1e-6]), ("fixed", 0.0, []), ("floating", 1, [])],
+)
+def test_a_fixed_base_that_moves_is_an_error(base: Base, moved_m: float, drifts: list[float]):
+    root = np.array([[0.0, 0.0, 1.0], [0.0, moved_m, 1.0]])
+    motion = Motion(np.array([0.0, 1.0]), {}, root, np.ones((2, 4)), root)
+    tree = replace(pendulum().tree, base=base)
+    found = list(_judge_motion(tree, physx.Outcome(None, motion), "on a floor"))
+    assert [f.data["drift_m"] for f in found if f.rule == "physx.drift"] == drifts
+    lost = physx.Outcome(None, motion, "it lost its numbers")
+    assert list(_judge_motion(tree, lost, "on a floor")) == []  # `physx.finite`
+
+
 def test_a_spring_is_held_where_nothing_else_drives_the_joint(tmp_path: Path) -> None:
     assert check(sprung(), tmp_path / "sprung") == []
     robot = sprung()
@@ -82,6 +111,7 @@ def test_a_spring_is_held_where_nothing_else_drives_the_joint(tmp_path: Path) ->
 
 def test_a_sprung_arm_settles_where_spring_and_weight_are_equal(tmp_path: Path) -> None:
     """m g r sin q = k (rest - q), by Newton's method; 1 kg, 0.25 m, 6 N m/rad, 0.5 rad."""
+    need_physx()
     main = check_inputs(tmp_path, sprung(), UsdTarget(robot="robot"), "usd") / "usd/robot.usda"
     run = physx.Experiment("swing", physx.Setting(0.002, (0.0, 0.0, -9.81)), steps=3000, every=100)
     motion = physx.perform(main, [run])["swing"].motion

@@ -43,6 +43,14 @@ def test_the_thumbnail_is_drawn_beside_the_checks():
     assert len(list(judged({"FET_031_STANDARD": both}, "Robot-Body"))) == 1
 
 
+def test_no_answer_is_an_error():
+    (finding,) = judged({}, "Robot-Body", "it took more than 600 s")
+    assert (finding.rule, finding.severity) == ("simready.no_result", "error")
+    assert "it took more than 600 s" in finding.message
+    (finding,) = judged({}, "Robot-Body")
+    assert "no feature" in finding.message
+
+
 def test_all_met_is_silence():
     assert list(judged({"FET_001_STANDARD": MET}, "Robot-Body")) == []
 

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import json
+import sys
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
+import pxr
 import pytest
 from hypothesis import given, settings
 from pxr import Sdf, Usd, UsdPhysics
@@ -191,6 +193,16 @@ def test_what_the_validators_of_usd_say_is_passed_on(tmp_path: Path) -> None:
         scaled.GetAttribute("xformOpOrder").Set(order)
 
     assert rules(check(tiny_quadruped(), tmp_path, spoil)) == {"usd.validation"}
+
+
+def test_a_usd_core_without_validators_is_reported(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As before 25.2: the module cannot be imported."""
+    monkeypatch.delattr(pxr, "UsdValidation", raising=False)
+    monkeypatch.setitem(sys.modules, "pxr.UsdValidation", None)
+    found = check(pendulum(), tmp_path)
+    assert [(f.rule, f.severity) for f in found] == [("usd.validation_skipped", "info")]
 
 
 def test_inertia_that_is_not_positive_is_caught(tmp_path: Path) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -10,6 +11,7 @@ import numpy as np
 import pytest
 from tiny import four_bar, run_step, write_robot_ports
 
+from assetbuild.control.close_loops import source_findings
 from assetbuild.control.control import ControlStep
 from assetbuild.robot.actuator_table import ActuatorRow
 from assetbuild.robot.closure import close, gaps
@@ -17,7 +19,9 @@ from assetbuild.robot.codec import decode_file
 from assetbuild.robot.dynamics import dynamics
 from assetbuild.robot.loops import LoopRow
 from assetbuild.robot.model import Control
+from assetbuild.robot.model import Keyframe as SourceKeyframe
 from assetbuild.robot.motors import RowError
+from assetbuild.robot.pose import Pose
 from assetbuild.robot.poses import Keyframe
 
 COUPLER = {"link": "coupler", "xyz": (0.2, 0.0, 0.0)}
@@ -53,7 +57,8 @@ def test_joints_without_a_value_are_moved_until_the_loop_closes(tmp_path: Path):
     (home,) = control.keyframes
     assert dict(home.joints)["crank_joint"] == 0.3
     assert max(gaps(four_bar().tree, control.loops, dict(home.joints)).values()) < 1e-9
-    assert "loop.home" in {finding.rule for finding in findings}
+    rules = {finding.rule for finding in findings}
+    assert "loop.home" in rules and "actuator.tuned" not in rules
 
 
 def test_bodies_that_a_loop_joins_do_not_collide(tmp_path: Path):
@@ -66,7 +71,8 @@ def test_a_frequency_acts_on_all_that_the_crank_moves_through_its_loop(tmp_path:
     inputs = write_robot_ports(tmp_path / "in", four_bar())
     (inputs / "control.json").unlink()
     drive = {"joints": "crank_joint", "model": "pd", "frequency": 2.0, "damping_ratio": 1.0}
-    run_step(step(loop(), rows=({**drive, "inertia": "home"}, ROWS[1])), inputs, tmp_path)
+    rows = ({**drive, "inertia": "home"}, ROWS[1])
+    findings = run_step(step(loop(), rows=rows), inputs, tmp_path)
     control = decode_file(Control, tmp_path / "control.json")
     tree, (home,) = four_bar().tree, control.keyframes
 
@@ -78,7 +84,25 @@ def test_a_frequency_acts_on_all_that_the_crank_moves_through_its_loop(tmp_path:
     robot, ahead, behind = dynamics(tree, pose(0.3), {}), pose(0.3 + 1e-5), pose(0.3 - 1e-5)
     rates = np.array([(ahead[name] - behind[name]) / 2e-5 for name in robot.joints])
     inertia = float(rates @ robot.mass @ rates)
-    assert control.actuators[0].kp == pytest.approx(inertia * (4.0 * math.pi) ** 2, rel=1e-5)
+    kp = pytest.approx(inertia * (4.0 * math.pi) ** 2, rel=1e-5)
+    assert control.actuators[0].kp == kp
+    assert [f.data["kp_max"] for f in findings if f.rule == "actuator.tuned"] == [kp]
+
+
+# All bars lie along x: the ends of the loop are 0.2 + 0.15 and 0.1 + 0.2 m from the crank's axis.
+@pytest.mark.parametrize(
+    ("ground", "severities"), [(0.2, ["warning"]), (0.1505, ["info"]), (0.15, [])]
+)
+def test_a_keyframe_of_the_source_that_leaves_a_loop_open_is_reported(
+    ground: float, severities: list[str]
+):
+    robot = four_bar()
+    *others, rocker = robot.tree.joints
+    moved = replace(rocker, X_parent_joint=Pose((ground, 0.0, 0.0)))
+    tree, zeros = replace(robot.tree, joints=(*others, moved)), SourceKeyframe("zero", ())
+    found = list(source_findings(tree, robot.control.loops, [zeros], zeros, ()))
+    assert [(f.rule, f.severity) for f in found] == [("loop.open_keyframe", s) for s in severities]
+    assert [f.data["open"] for f in found] == pytest.approx([ground - 0.15] * len(found))
 
 
 def test_a_loop_over_a_link_that_does_not_exist_is_refused():

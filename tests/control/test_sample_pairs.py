@@ -53,6 +53,7 @@ def test_what_always_and_what_never_touches_is_found(tmp_path):
     assert ["arm", "far"] in never
     assert ["base", "far"] not in always + never  # a joint connects them
     assert not any({"arm", "pin"} == set(pair) for pair in always + never)  # now and then
+    assert finding.rule == "exclude.sampled"
     assert finding.data == {"pairs": 6, "always": len(always), "never": len(never)}
 
 

@@ -34,4 +34,5 @@ def test_what_no_longer_touches_is_reported(
     excludes: list[tuple[str, str]], merge: bool, lost: list[str]
 ):
     tree, _ = merge_fixed_joints(LINKS, merge, ())
-    assert [finding.subject for finding in wider_excludes(excludes, tree, SHAPES)] == lost
+    found = [(finding.rule, finding.subject) for finding in wider_excludes(excludes, tree, SHAPES)]
+    assert found == [("mjcf.wider_exclude", pair) for pair in lost]

@@ -39,8 +39,11 @@ from assetbuild.robot.shapes import (
 EMPTY = SourceShapes()
 
 
-def edited(tmp_path: Path, name: str, tree: Tree, shapes=EMPTY, meshes=(), **fields):
-    """(Tree, SourceShapes, findings) after an edit; meshes: (shape, OBJ bytes) it reads."""
+def edited(tmp_path: Path, rule: str, tree: Tree, shapes=EMPTY, meshes=(), **fields):
+    """(Tree, SourceShapes, findings) after the edit that reports `rule`.
+
+    meshes: (shape, OBJ bytes) it reads.
+    """
     inputs, outputs = tmp_path / "in", tmp_path / "out"
     inputs.mkdir(exist_ok=True)
     (inputs / "links.json").write_bytes(encode(tree))
@@ -50,9 +53,9 @@ def edited(tmp_path: Path, name: str, tree: Tree, shapes=EMPTY, meshes=(), **fie
         source.mkdir()
         (source / "mesh").write_bytes(data)
         run_step(ConvertMesh(format="obj"), source, inputs / "mesh" / str(index))
-    step = load_plugin(Edit, name).model_validate(fields, strict=True)
+    step = load_plugin(Edit, rule.removeprefix("edit.")).model_validate(fields, strict=True)
     findings = run_step(step, inputs, outputs)
-    assert all(f.rule == f"edit.{name}" for f in findings)
+    assert {f.rule for f in findings} == {rule}
     made = decode(Tree, (outputs / "links.json").read_bytes())
     return made, decode(SourceShapes, (outputs / "shapes.json").read_bytes()), findings
 
@@ -66,7 +69,7 @@ BOX = box_inertial(2.0, (0.1, 0.2, 0.3), com=(0.01, 0.02, 0.03))
 
 
 def test_set_mass_makes_the_same_shape_denser(tmp_path):
-    tree, _, (finding,) = edited(tmp_path, "set_mass", one(BOX), link="a", mass=5.0)
+    tree, _, (finding,) = edited(tmp_path, "edit.set_mass", one(BOX), link="a", mass=5.0)
     expected = box_inertial(5.0, (0.1, 0.2, 0.3))
     assert tree.bodies[0].inertial.mass_kg == 5.0
     assert tree.bodies[0].inertial.com_m == BOX.com_m
@@ -75,20 +78,20 @@ def test_set_mass_makes_the_same_shape_denser(tmp_path):
 
 
 def test_set_mass_can_keep_the_inertia_and_needs_one(tmp_path):
-    tree, _, _ = edited(tmp_path, "set_mass", one(BOX), link="a", mass=5.0, inertia="keep")
+    tree, _, _ = edited(tmp_path, "edit.set_mass", one(BOX), link="a", mass=5.0, inertia="keep")
     assert tree.bodies[0].inertial == replace(BOX, mass_kg=5.0)
     with pytest.raises(RecipeError, match="`a` has no inertial"):
-        edited(tmp_path, "set_mass", one(None), link="a", mass=5.0)
+        edited(tmp_path, "edit.set_mass", one(None), link="a", mass=5.0)
 
 
 def test_set_inertia_changes_what_is_given(tmp_path):
     moments = {"ixx": 1.0, "iyy": 2.0, "izz": 2.5, "ixy": 0.1}
-    tree, _, _ = edited(tmp_path, "set_inertia", one(BOX), link="a", inertia=moments)
+    tree, _, _ = edited(tmp_path, "edit.set_inertia", one(BOX), link="a", inertia=moments)
     assert tree.bodies[0].inertial == replace(BOX, inertia_com_kg_m2=(1, 2, 2.5, 0.1, 0, 0))
     with pytest.raises(RecipeError, match="no mass"):
-        edited(tmp_path, "set_inertia", one(None), link="a", inertia=moments)
+        edited(tmp_path, "edit.set_inertia", one(None), link="a", inertia=moments)
     whole = {"inertia": moments, "mass": 3.0, "com": (0.0, 0.0, 1.0)}
-    tree, _, _ = edited(tmp_path, "set_inertia", one(None), link="a", **whole)
+    tree, _, _ = edited(tmp_path, "edit.set_inertia", one(None), link="a", **whole)
     assert tree.bodies[0].inertial == Inertial(3.0, (0, 0, 1), (1, 2, 2.5, 0.1, 0, 0))
 
 
@@ -108,7 +111,7 @@ def test_balance_inertia_raises_the_smallest_moment_and_nothing_else(
     if triangle_violation(tensor) < 1e-6:
         return
     tree, _, _ = edited(
-        tmp_path_factory.mktemp("e"), "balance_inertia", one(Inertial(1.0, (0, 0, 0), tensor)),
+        tmp_path_factory.mktemp("e"), "edit.balance_inertia", one(Inertial(1.0, (0, 0, 0), tensor)),
         link="a",
     )  # fmt: skip
     after = tree.bodies[0].inertial.inertia_com_kg_m2
@@ -126,7 +129,7 @@ def test_balance_inertia_raises_the_smallest_moment_and_nothing_else(
 
 
 def test_balance_inertia_leaves_a_good_link_alone_and_says_so(tmp_path):
-    tree, _, (finding,) = edited(tmp_path, "balance_inertia", one(BOX), link="a")
+    tree, _, (finding,) = edited(tmp_path, "edit.balance_inertia", one(BOX), link="a")
     assert tree == one(BOX)
     assert finding.severity == "warning"
 
@@ -144,7 +147,12 @@ PRIMITIVES = [Box((0.1, 0.2, 0.3)), Sphere(0.2), Cylinder(0.1, 0.5), Capsule(0.1
 @pytest.mark.parametrize("primitive", PRIMITIVES, ids=lambda p: type(p).__name__)
 def test_the_formula_of_a_primitive_is_that_of_its_own_mesh(tmp_path, primitive):
     tree, _, _ = edited(
-        tmp_path, "inertia_from_geometry", one(None), shown_by(primitive), link="a", density=1000.0
+        tmp_path,
+        "edit.inertia_from_geometry",
+        one(None),
+        shown_by(primitive),
+        link="a",
+        density=1000.0,
     )
     # The inscribed mesh of 64 corners misses less than 1 % of volume and moments.
     volume, _, inertia = solid_moments(tessellate(primitive))
@@ -168,7 +176,7 @@ def test_moments_of_a_mesh_equal_trimeshs_and_do_not_depend_on_its_side(tmp_path
 def test_a_mesh_gets_the_mass_and_the_place_it_is_given(tmp_path):
     pose = Pose((1.0, 0.0, 0.0), (np.sqrt(0.5), 0.0, 0.0, np.sqrt(0.5)))  # x of the box along y
     tree, _, (finding,) = edited(
-        tmp_path, "inertia_from_geometry", one(BOX), shown_by(MeshFile("box.obj"), pose),
+        tmp_path, "edit.inertia_from_geometry", one(BOX), shown_by(MeshFile("box.obj"), pose),
         [("a_visual", box_obj((0.1, 0.2, 0.3)))], link="a", mass=3.0,
     )  # fmt: skip
     expected = box_inertial(3.0, (0.2, 0.1, 0.3))
@@ -186,11 +194,11 @@ def test_an_open_mesh_has_no_volume_unless_its_hull_is_meant(tmp_path):
     fields = {"link": "a", "density": 1000.0}
     arguments = (one(None), shown_by(MeshFile("m.obj")), [("a_visual", text.encode())])
     with pytest.raises(RecipeError, match="is open") as caught:
-        edited(tmp_path, "inertia_from_geometry", *arguments, **fields)
+        edited(tmp_path, "edit.inertia_from_geometry", *arguments, **fields)
     assert "open: hull" in caught.value.hint
     again = tmp_path / "again"
     again.mkdir()
-    tree, _, _ = edited(again, "inertia_from_geometry", *arguments, **fields, open="hull")
+    tree, _, _ = edited(again, "edit.inertia_from_geometry", *arguments, **fields, open="hull")
     assert tree.bodies[0].inertial.mass_kg == pytest.approx(6.0)
 
 
@@ -198,7 +206,14 @@ def test_a_flat_mesh_has_no_volume_and_the_hint_is_of_this_edit(tmp_path):
     sheet = b"v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nf 1 2 3\nf 1 3 4\n"
     arguments = (one(None), shown_by(MeshFile("m.obj")), [("a_visual", sheet)])
     with pytest.raises(RecipeError, match="spans no volume") as caught:
-        edited(tmp_path, "inertia_from_geometry", *arguments, link="a", density=1000.0, open="hull")
+        edited(
+            tmp_path,
+            "edit.inertia_from_geometry",
+            *arguments,
+            link="a",
+            density=1000.0,
+            open="hull",
+        )
     assert caught.value.hint == "take `from: collision`, or state it: edit `set_inertia`"
 
 
@@ -209,7 +224,7 @@ def test_rename_moves_every_mention(tmp_path):
     robot = tiny_quadruped()
     links, joints = robot.links.bodies, robot.links.joints
     tree, shapes, findings = edited(
-        tmp_path, "rename", robot.links, as_source(robot.shapes),
+        tmp_path, "edit.rename", robot.links, as_source(robot.shapes),
         links={"(.*)": r"r_\1"}, joints={"(.*)_joint": r"\1"},
     )  # fmt: skip
     assert [b.name for b in tree.bodies] == [f"r_{b.name}" for b in links]
@@ -223,7 +238,7 @@ def test_rename_moves_every_mention(tmp_path):
 
 def test_rename_refuses_one_name_for_two_links(tmp_path):
     with pytest.raises(RecipeError, match="would both be called `leg`"):
-        edited(tmp_path, "rename", tiny_quadruped().links, links={".*": "leg"})
+        edited(tmp_path, "edit.rename", tiny_quadruped().links, links={".*": "leg"})
 
 
 def pair(first: Limits, mimic: Mimic) -> Tree:
@@ -237,7 +252,7 @@ def pair(first: Limits, mimic: Mimic) -> Tree:
 
 def test_flip_axis_mirrors_limits_and_couplings(tmp_path):
     tree, _, (finding,) = edited(
-        tmp_path, "flip_axis", pair(Limits(-0.5, 2.0), Mimic("j", 2.0, 0.1)), joint="j"
+        tmp_path, "edit.flip_axis", pair(Limits(-0.5, 2.0), Mimic("j", 2.0, 0.1)), joint="j"
     )
     j, k = tree.joints
     assert j.axis == (0.0, 0.0, -1.0)
@@ -245,7 +260,7 @@ def test_flip_axis_mirrors_limits_and_couplings(tmp_path):
     assert k.mimic == Mimic("j", -2.0, 0.1)  # the same motion of k for the same motion of j
     assert finding.data["before_limits"] == (-0.5, 2.0)
     kept, _, _ = edited(
-        tmp_path, "flip_axis", pair(Limits(-0.5, 2.0), Mimic("j")), joint="j", limits="keep"
+        tmp_path, "edit.flip_axis", pair(Limits(-0.5, 2.0), Mimic("j")), joint="j", limits="keep"
     )
     assert kept.joints[0].limits == Limits(-0.5, 2.0)
     assert kept.joints[1].mimic == Mimic("j")
@@ -253,11 +268,13 @@ def test_flip_axis_mirrors_limits_and_couplings(tmp_path):
 
 def test_set_limits_keeps_what_is_not_given(tmp_path):
     tree = pair(Limits(-0.5, 2.0, effort=1.0), Mimic("j"))
-    done, _, (finding,) = edited(tmp_path, "set_limits", tree, joint="j", upper=1.0, velocity=3.0)
+    done, _, (finding,) = edited(
+        tmp_path, "edit.set_limits", tree, joint="j", upper=1.0, velocity=3.0
+    )
     assert done.joints[0].limits == Limits(-0.5, 1.0, 1.0, 3.0)
     assert finding.data["before"] == (-0.5, 2.0, 1.0, None)
     with pytest.raises(RecipeError, match=r"from -0\.5 to -1"):
-        edited(tmp_path, "set_limits", tree, joint="j", upper=-1.0)
+        edited(tmp_path, "edit.set_limits", tree, joint="j", upper=-1.0)
 
 
 def test_a_wheel_with_limits_is_no_wheel(tmp_path):
@@ -265,18 +282,18 @@ def test_a_wheel_with_limits_is_no_wheel(tmp_path):
     wheel = replace(links, joints=tuple(replace(j, kind="continuous") for j in links.joints[:1]))
     wheel = replace(wheel, bodies=links.bodies[:2])
     name = wheel.joints[0].name
-    done, _, _ = edited(tmp_path, "set_limits", wheel, joint=name, lower=-1.0, upper=1.0)
+    done, _, _ = edited(tmp_path, "edit.set_limits", wheel, joint=name, lower=-1.0, upper=1.0)
     assert done.joints[0].kind == "revolute"
 
 
 def test_a_hinge_without_limits_is_continuous(tmp_path):
     tree = pair(Limits(0.0, 0.0, effort=1.0), Mimic("j"))
-    done, _, (finding,) = edited(tmp_path, "set_limits", tree, joint="j", unlimited=True)
+    done, _, (finding,) = edited(tmp_path, "edit.set_limits", tree, joint="j", unlimited=True)
     assert (done.joints[0].kind, done.joints[0].limits) == ("continuous", Limits(effort=1.0))
     assert "revolute -> continuous" in finding.message
     slide = replace(tree, joints=tuple(replace(j, kind="prismatic") for j in tree.joints))
     with pytest.raises(RecipeError, match="cannot be unlimited"):
-        edited(tmp_path, "set_limits", slide, joint="j", unlimited=True)
+        edited(tmp_path, "edit.set_limits", slide, joint="j", unlimited=True)
 
 
 @pytest.mark.parametrize("name", plugin_names(Edit))
@@ -295,7 +312,7 @@ def test_the_box_of_these_tests_is_closed():
 def test_perturb_axis_turns_a_plain_axis_by_eps(tmp_path, axis):
     joint = Joint("j", "revolute", "a", "b", axis=axis)
     tree = Tree("r", "fixed", (Body("a"), Body("b")), (joint,))
-    made, _, (finding,) = edited(tmp_path, "perturb_axis", tree, joint="j", eps=1e-4)
+    made, _, (finding,) = edited(tmp_path, "edit.perturb_axis", tree, joint="j", eps=1e-4)
     turned = np.array(made.joints[0].axis)
     assert np.linalg.norm(turned) == pytest.approx(1.0, abs=1e-15)
     angle = math.acos(float(turned @ np.array(axis)))
@@ -306,6 +323,6 @@ def test_perturb_axis_turns_a_plain_axis_by_eps(tmp_path, axis):
 def test_perturb_axis_leaves_a_slanted_axis_alone(tmp_path):
     joint = Joint("j", "revolute", "a", "b", axis=(0.6, 0.0, 0.8))
     tree = Tree("r", "fixed", (Body("a"), Body("b")), (joint,))
-    made, _, (finding,) = edited(tmp_path, "perturb_axis", tree, joint="j")
+    made, _, (finding,) = edited(tmp_path, "edit.perturb_axis", tree, joint="j")
     assert made.joints[0].axis == (0.6, 0.0, 0.8)
     assert "left as it is" in finding.message

@@ -199,3 +199,18 @@ def test_a_material_that_the_mesh_overrules_is_said(
     step = Assemble(visuals=(VisualUse(shape="a", folder="visual/a"),), collisions=())
     found = run_step(step, tmp_path / "in", tmp_path / "out")
     assert [f.rule for f in found if f.rule == "material.of_mesh"] == ["material.of_mesh"] * count
+
+
+@pytest.mark.parametrize(
+    ("listed", "rules"), [((), ["texture.missing"]), (("m.png",), ["texture.no_coordinates"])]
+)
+def test_a_texture_that_the_source_lacks_is_told(
+    listed: tuple[str, ...], rules: list[str], tmp_path: Path
+):
+    half_black(tmp_path / "in/textures/0", (255, 0, 51))
+    shape = SourceShape("a", "arm", "visual", Box((1.0, 1.0, 1.0)), material="m")
+    source = SourceShapes((shape,), (Material("m", (1.0, 1.0, 1.0, 1.0), "m.png"),))
+    (tmp_path / "in/shapes.json").write_bytes(encode(source))
+    step = Assemble(visuals=(VisualUse(shape="a"),), collisions=(), textures=listed)
+    found = run_step(step, tmp_path / "in", tmp_path / "out")
+    assert [f.rule for f in found if f.rule.startswith("texture.")] == rules

@@ -20,8 +20,9 @@ from logs import (
 )
 
 from assetbuild.identify import solve
+from assetbuild.identify.fit_logs import _findings
 from assetbuild.robot.codec import decode_file
-from assetbuild.robot.identified import Curves
+from assetbuild.robot.identified import Curves, Fit, Parameter, Prediction
 
 HIDDEN = {"armature": ARMATURE, "damping": DAMPING, "friction": FRICTION}
 
@@ -97,6 +98,26 @@ def test_a_joint_at_rest_shows_nothing(tmp_path):
     names = ("armature", "damping", "friction")
     fit, _ = fitted(tmp_path, target, position, fit=(("shoulder", ()), ("elbow", names)))
     assert all(each.refused for each in fit.parameters if each.name != "damping")
+
+
+@pytest.mark.parametrize(
+    ("prior", "refused", "after", "rules"),
+    [
+        (0.3, "", 0.5, []),
+        (0.3, "too much noise", 0.5, ["identify.refused"]),
+        (0.6, "too much noise", 0.5, ["identify.refused", "identify.prior"]),
+        (0.6, "together with kd", 0.5, ["identify.refused"]),
+        (0.3, "", 1.04, []),
+        (0.3, "", 1.06, ["identify.worse"]),
+    ],
+)
+def test_what_the_logs_contradict_or_predict_no_better_is_told(
+    prior: float, refused: str, after: float, rules: list[str]
+):
+    """The logs allow 0.2 to 0.4 N m; the priors miss the held-out part by 1 rad."""
+    friction = Parameter("friction", ("elbow",), 0.3, 0.2, 0.4, prior, refused, "N m")
+    fit = Fit((), (friction,), (Prediction("elbow", 0.5, 1.0, after),))
+    assert [finding.rule for finding in _findings(fit)] == rules
 
 
 def test_tied_joints_have_one_value(tmp_path):

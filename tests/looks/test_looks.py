@@ -158,6 +158,16 @@ def test_the_library_is_whole_and_says_whose_it_is():
     assert "WebGLRenderer" in text and "</script" not in text
 
 
+def test_a_trimesh_without_the_library_leaves_the_page_without_a_view(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    inputs = write_robot_ports(tmp_path / "in", ball_robot())
+    assert run_step(Viewer(), inputs, tmp_path / "with") == []
+    monkeypatch.setattr(trimesh.__spec__, "origin", str(tmp_path / "trimesh/__init__.py"))
+    assert [f.rule for f in run_step(Viewer(), inputs, tmp_path / "out")] == ["viewer.none"]
+    assert view_of(tmp_path / "out")["shapes"]
+
+
 def test_a_machine_without_opengl_says_so_and_goes_on(tmp_path: Path):
     (tmp_path / "in").mkdir()
     found = run_step(Render(renderer="none"), tmp_path / "in", tmp_path / "out")

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from assetbuild.pipeline.trying import GRAVITY, TIMESTEP_S, _fell
+from assetbuild.pipeline.trying import GRAVITY, TIMESTEP_S, _fell, tried
 from assetbuild.simulators import physx
 from assetbuild.simulators.experiments import Motion
 
@@ -32,3 +34,28 @@ def test_what_falls_as_a_solver_of_any_iterations_must_is_no_finding(iterations:
 def test_what_is_welded_damped_or_pushed_is_told(drop: float, sideways: float) -> None:
     (finding,) = _fell(fallen(drop, sideways), physx.Setting(TIMESTEP_S, GRAVITY))
     assert finding.rule == "physx.free_fall"
+
+
+WHOLE = physx.Held(1, False, None, 0, {}, {}, 1, ())
+AIR = physx.Setting(TIMESTEP_S, GRAVITY)
+FALL = fallen(9.81 / 2 * SECONDS * (SECONDS + TIMESTEP_S))
+
+
+@pytest.mark.parametrize(
+    ("held", "failure", "found"),
+    [
+        (WHOLE, "", []),
+        (None, "PhysX crashed", [("physx.load", "error")]),
+        (replace(WHOLE, articulations=0), "", [("physx.load", "error")]),
+        (WHOLE, "it lost its numbers", [("physx.finite", "error")]),
+        (replace(WHOLE, articulations=2), "", [("physx.articulation", "warning")]),
+        (replace(WHOLE, loose=("lid",)), "", [("physx.loose_body", "warning")]),
+    ],
+)
+def test_what_physx_does_not_load_hold_or_keep_is_told(
+    held: physx.Held | None, failure: str, found: list[tuple[str, str]]
+) -> None:
+    """The failure is that of the fall where nothing was loaded, else that of the floor."""
+    fall = replace(FALL, held=held, failure=failure * (held is None))
+    done = {"fall": fall, "floor": replace(FALL, held=held, failure=failure)}
+    assert [(finding.rule, finding.severity) for finding in tried(done, AIR)] == found

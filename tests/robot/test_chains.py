@@ -56,7 +56,8 @@ def hip(kinds: tuple[str, ...] = ("revolute", "prismatic", "revolute")) -> TinyR
 
 def built(robot: TinyRobot, folder: Path) -> mujoco.MjModel:
     inputs = write_robot_ports(folder / "in", robot)
-    run_step(Mjcf(robot="hip"), inputs, inputs)
+    found = run_step(Mjcf(robot="hip"), inputs, inputs)
+    assert [f.rule for f in found if f.subject == "link leg"] == ["mjcf.chain"]
     return mujoco.MjModel.from_xml_path(str(inputs / "mjcf/hip.xml"))
 
 

@@ -10,7 +10,7 @@ from tiny import box_inertial
 
 from assetbuild.mesh.hulls import extent_of
 from assetbuild.mesh.primitives import tessellate
-from assetbuild.robot.contradictions import Extent, beyond_reach, contradictions, twins_apart
+from assetbuild.robot.contradictions import REACH, Extent, beyond_reach, contradictions, twins_apart
 from assetbuild.robot.model import Base, Body, Inertial, Joint, Tree
 from assetbuild.robot.pose import Pose, Vec3
 from assetbuild.robot.shapes import Box
@@ -49,6 +49,8 @@ EXTENTS = {name: extent() for name in ("base", "first", "second")}
 def test_no_mass_has_three_times_the_inertia_of_its_farthest_point(times: float, wrong: bool):
     found = beyond_reach(arm(weighing(times), "floating"), EXTENTS)
     assert found == (dict.fromkeys(EXTENTS, pytest.approx(times)) if wrong else {})
+    told = contradictions(arm(weighing(times), "floating"), EXTENTS)
+    assert [(f.rule, f.unready) for f in told] == [("inertia.reach", True)] * len(found)
 
 
 def test_a_hollow_shell_is_no_fault():
@@ -110,7 +112,9 @@ def test_one_of_two_twins_is_wrong(names: tuple[str, str], factor: float):
     shapes = dict.fromkeys(("base", *names), extent())
     (apart,) = twins_apart(pair(times(factor), names), shapes)
     assert (apart.wrong.name, apart.right.name, apart.sure) == (names[1], names[0], True)
-    assert all(f.unready for f in contradictions(pair(times(factor), names), shapes))
+    found = [f for f in contradictions(pair(times(factor), names), shapes) if f.rule != REACH.id]
+    assert [(f.rule, f.subject) for f in found] == [("inertia.twin", f"link {names[1]}")]
+    assert found[0].unready
 
 
 @pytest.mark.parametrize("names", NAMES)

@@ -72,6 +72,14 @@ def test_arguments_macros_includes_and_yaml_make_the_robot(tmp_path):
     assert findings == []
 
 
+@pytest.mark.parametrize(("name", "warns"), [("pi", True), ("pie", False)])
+def test_what_xacro_warns_about_is_passed_on_once(name: str, warns: bool, tmp_path):
+    """`pi` is xacro's own."""
+    body = f'<xacro:property name="{name}" value="3"/>' * 2
+    _, _, findings = expand(tmp_path, {"pkg/r.xacro": robot(body)})
+    assert [finding.rule for finding in findings] == ["xacro.warning"] * warns
+
+
 def test_paths_of_the_machine_come_out_as_packages(tmp_path):
     body = (
         '<mesh filename="file://$(find pkg)/a.stl"/><mesh filename="$(find pkg)/b.stl"/>'

@@ -64,6 +64,9 @@ def test_a_joint_that_stands_elsewhere_moves_the_frame_and_keeps_the_old_one(arm
 
 def test_positions_count_from_ref_and_degrees_become_radians(arm: Reading):
     elbow = arm.links.by_joint["elbow"]
+    refs = {f.subject: f.data["ref"] for f in arm.findings if f.rule == "mjcf.joint_ref"}
+    assert refs["joint elbow"] == pytest.approx(math.radians(20), abs=1e-12)
+    assert "joint shoulder" not in refs
     assert elbow.limits.lower == pytest.approx(math.radians(-20), abs=1e-15)
     assert elbow.limits.upper == pytest.approx(math.radians(80), abs=1e-15)
     values = dict(arm.control.keyframes[0].joints)
@@ -99,6 +102,16 @@ def test_inertia_from_geoms_is_that_of_the_solid(tmp_path: Path):
     assert inertial.mass_kg == pytest.approx(mass, rel=1e-15)
     xx = mass / 12 * (0.4**2 + 0.6**2)
     assert inertial.inertia_com_kg_m2[0] == pytest.approx(xx, rel=1e-14)
+
+
+@pytest.mark.skipif(mujoco.__version__.startswith("3."), reason="a warning of MuJoCo 4")
+def test_what_mujoco_warns_about_is_passed_on(tmp_path: Path):
+    ball, head = '<body name="a"><geom size=".1"/></body>', '<compiler settotalmass="9"/>'
+    warned = read(robot(ball, head=head), tmp_path / "a")
+    inertial = warned.links.by_body["a"].inertial
+    assert inertial is not None and inertial.mass_kg == pytest.approx(9.0)
+    assert "mjcf.source_warning" in warned.rules()
+    assert "mjcf.source_warning" not in read(robot(ball), tmp_path / "b").rules()
 
 
 def test_a_free_joint_makes_the_base_float_and_the_recipe_may_hold_it(tmp_path: Path):

@@ -360,6 +360,25 @@ def test_limits_left_out_are_told(tmp_path: Path):
     reading = read(_arm(_joint('<limit upper="1"/>', "revolute")), tmp_path)
     assert reading.tree.joints[0].limits == Limits(0.0, 1.0, None, None)
     assert reading.findings[0].data["missing"] == ("lower", "effort", "velocity")
+    assert reading.rules() == ["urdf.limit.omitted"]
+    whole = '<limit lower="0" upper="1" effort="2" velocity="3"/>'
+    assert read(_arm(_joint(whole, "revolute")), tmp_path, name="b").rules() == []
+
+
+@pytest.mark.parametrize(
+    ("velocity", "free"), [("1e9", ("velocity",)), ("1e12", ("velocity",)), ("9e8", ())]
+)
+def test_a_limit_of_a_billion_is_none(velocity: str, free: tuple[str, ...], tmp_path: Path):
+    limit = f'<limit lower="0" upper="1" effort="2" velocity="{velocity}"/>'
+    reading = read(_arm(_joint(limit, "revolute")), tmp_path)
+    assert reading.tree.joints[0].limits.velocity == (None if free else float(velocity))
+    told = [f.data["unlimited"] for f in reading.findings if f.rule == "urdf.limit.unlimited"]
+    assert told == [free] * bool(free)
+
+
+def test_a_robot_without_a_name_gets_one(tmp_path: Path):
+    reading = read('<robot><link name="a"/></robot>', tmp_path)
+    assert (reading.tree.name, reading.rules()) == ("robot", ["urdf.name.missing"])
 
 
 def test_a_range_on_a_continuous_joint_is_told(tmp_path: Path):

@@ -18,7 +18,7 @@ from assetbuild.checks.mjlab_contract import MjlabContract
 from assetbuild.errors import StepError
 from assetbuild.facts.readers.mjlab import MjlabReader
 from assetbuild.robot.codec import decode
-from assetbuild.robot.model import Actuator, General, Tree
+from assetbuild.robot.model import Actuator, General, Place, Sensor, Tree
 from assetbuild.robot.pose import Pose
 from assetbuild.robot.ranges import Randomize
 from assetbuild.robot.shapes import Mesh
@@ -94,6 +94,17 @@ def test_a_pattern_that_leaves_nothing_to_stand_on_is_refused(tmp_path: Path) ->
         built(tiny_quadruped(), tmp_path, target)
 
 
+@pytest.mark.parametrize(("touching", "untouchable"), [(".*_foot", [13]), (".*", [])])
+def test_links_that_touch_nothing_are_counted(
+    touching: str, untouchable: list[int], tmp_path: Path
+) -> None:
+    """The trunk and three links of each leg."""
+    inputs = write_robot_ports(tmp_path / "in", tiny_quadruped())
+    target = Mjx(robot="robot", options=MjxOptions.model_validate({"touching": touching}))
+    found = run_step(target, inputs, tmp_path / "out")
+    assert [f.data["links"] for f in found if f.rule == "mjx.untouchable"] == untouchable
+
+
 MJLAB = Mjlab(robot="robot", feet=".*_foot", imu="imu", rows=(".*_(hip|thigh)_joint", ".*_calf_joint"))  # fmt: skip # noqa: E501
 
 
@@ -106,6 +117,24 @@ def test_the_bare_model_keeps_the_contract(tmp_path: Path) -> None:
     assert not model.dof_damping.any()
     assert not model.dof_frictionloss.any()
     assert "<option" not in (inputs / "mjlab/mjcf/robot_bare.xml").read_text()
+
+
+def test_sensors_that_mjlab_makes_itself_are_left_out(tmp_path: Path) -> None:
+    robot = tiny_quadruped()
+    touch = Sensor("touch", "contact", Place("body", "FR_calf"))
+    gyro = Sensor("gyro", "gyro", Place("frame", "imu"))
+    control = replace(robot.control, sensors=(touch, gyro))
+    inputs = write_robot_ports(tmp_path / "in", replace(robot, control=control))
+    found = run_step(MJLAB, inputs, tmp_path / "out")
+    assert [f.data["sensors"] for f in found if f.rule == "mjlab.sensors"] == [("touch",)]
+
+
+def test_a_bare_model_that_mujoco_refuses_is_reported(tmp_path: Path) -> None:
+    inputs = write_robot_ports(tmp_path / "in", tiny_quadruped())
+    (inputs / "mjlab/mjcf").mkdir(parents=True)
+    (inputs / "mjlab/mjcf/robot_bare.xml").write_text("<mujoco>")
+    found = run_step(MjlabContract(robot="robot"), inputs, tmp_path / "out")
+    assert [f.rule for f in found] == ["mjlab.load"]
 
 
 SPOILT = {
