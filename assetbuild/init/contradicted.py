@@ -22,7 +22,7 @@ from assetbuild.robot.contradictions import (
     contradictions,
     twins_apart,
 )
-from assetbuild.robot.inertia import tensor_of
+from assetbuild.robot.inertia import principal_moments, tensor_of
 from assetbuild.robot.model import Inertial
 from assetbuild.robot.pose import Array, vec3
 from assetbuild.robot.shapes import MeshFile
@@ -91,8 +91,25 @@ class Weighed:
         bodies = {finding.subject.removeprefix("link "): finding for finding in self.findings()}
         wrong = {*beyond_reach(links, self.by_link)}
         wrong |= {pair.wrong.name for pair in twins_apart(links, self.by_link) if pair.sure}
-        placed = {link: tree.placement(link)[0] for link in wrong}
+        beyond = beyond_reach(tree, self.by_body)
+        wrong |= {link for body in beyond for link in self.robot.links_of(body)
+                  if self._is_beyond(link, body)}  # fmt: skip
+        placed = {link: tree.placement(link)[0] for link in links.by_body if link in wrong}
         return {link: bodies[body] for link, body in placed.items() if body in bodies}
+
+    def _is_beyond(self, link: str, body: str) -> bool:
+        """Whether the shapes of a merged body rule out the inertia of one of its links.
+
+        That link may have no shape of its own: a fingertip's frame with a placeholder.
+        """
+        inertial = self.robot.links.by_body[link].inertial
+        if inertial is None:
+            return False
+        X_body_link = self.robot.tree.placement(link)[1]
+        away = self.by_body[body].points - X_body_link.apply(inertial.com_m)
+        reach = float(np.linalg.norm(away, axis=1).max())
+        largest = principal_moments(inertial.inertia_com_kg_m2)[-1]
+        return largest > FACTOR * inertial.mass_kg * reach**2
 
     def from_twin(self, link: str, doubtful: Collection[str]) -> tuple[str, Inertial] | None:
         """The link's twin and the mirror image of its mass properties, in the frame of the link.

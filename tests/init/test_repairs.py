@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
+import numpy as np
 import pytest
 import trimesh
 from urdfs import LIMIT, box, inertial, joint, link, mesh, robot, shape, tensor
@@ -224,6 +225,21 @@ def test_a_placeholder_without_a_twin_is_computed_from_the_shapes(tmp_path: Path
     wrong = inertial(2.0, tensor(1, 1, 1)) + shape("visual", box())
     (edit,) = edits_for(chain(inertial(1.0), wrong), tmp_path)
     assert edit == {"inertia_from_geometry": {"link": "link1", "mass": 2.0, "open": "hull"}}
+
+
+def test_a_frame_without_shapes_that_spoils_its_body_becomes_a_ball(tmp_path: Path):
+    """1 g of water is a ball of 6.2 mm, and 2/5 m r² of it is 1.54e-8 kg m2."""
+    parts = [
+        link("base", inertial(5.0)),
+        link("finger", inertial(0.6, HIP) + shape("collision", box())),
+        link("tip", inertial(0.001, tensor(1, 1, 1))),
+        joint("hinge", "base", "finger", axis="1 0 0"),
+        joint("held", "finger", "tip", kind="fixed"),
+    ]
+    (edit,) = edits_for(robot(*parts, name="bot"), tmp_path)
+    assert edit["set_inertia"]["link"] == "tip"
+    radius = (3.0 * 0.001 / (4.0 * np.pi * 1000.0)) ** (1.0 / 3.0)
+    assert edit["set_inertia"]["inertia"]["ixx"] == pytest.approx(0.4e-3 * radius**2, rel=2e-3)
 
 
 def test_a_missing_mass_is_a_guess_that_says_so(tmp_path: Path):
