@@ -142,7 +142,7 @@ def test_another_place_is_no_twin():
 
 @pytest.mark.parametrize("near", [0.004, 0.006])
 def test_a_part_beside_the_middle_plane_has_a_twin_from_one_side_only(near: float):
-    """5 mm decide what lies off the plane: one of two unlike places may be beyond, the other not."""
+    """5 mm decide what lies off the plane: of two unlike places one may be beyond."""
     tree = pair(times(0.05), ("hip_1", "hip_2"), place=(0.2, -near, 0.0))
     first = replace(tree.joints[0], X_parent_joint=Pose((0.2, 0.010 - near, 0.0)))
     tree = replace(tree, joints=(first, tree.joints[1]))
