@@ -186,6 +186,8 @@ class Auto(CollisionMethod):
         axes; and the view that libraries, whose cuts go across x, y and z too, take of the mesh."""
         drawn = _View(reference, np.eye(3))
         cuts = self._by_cuts(reference, drawn)
+        if cuts is not None and _fewest(cuts) <= (0.0, 2):  # fewer would be one hull, which failed
+            return cuts, drawn
         axes, share = box_axes(reference)
         if share > TILTED:
             return cuts, drawn
