@@ -8,12 +8,12 @@ import manifold3d
 import numpy as np
 import pytest
 from scipy.spatial import ConvexHull
-from test_auto import MESH, fit, solid
 
 from assetbuild.collision.auto import PRESETS, Auto
 from assetbuild.mesh.obj import read_triangles
 from assetbuild.mesh.triangles import TriangleMesh
 from assetbuild.robot.pose import Pose, quat_of_rpy
+from tests.collision.test_auto import MESH, fit, solid
 
 
 def drilled(body: manifold3d.Manifold, *bores: tuple[float, float, float]) -> TriangleMesh:
@@ -37,7 +37,7 @@ BOLTS = [
 POLYGON = 24.0 * np.sin(2.0 * np.pi / 48)
 BORED = {
     "ring": (drilled(disc(0.05, 0.02), (0, 0, 0.03)), [(0, 0, 0.03)],
-             POLYGON * (0.05**2 - 0.03**2) * 0.02, 12),
+             POLYGON * (0.05**2 - 0.03**2) * 0.02, 16),
     "pipe": (drilled(disc(0.05, 0.2), (0, 0, 0.03)), [(0, 0, 0.03)],
              POLYGON * (0.05**2 - 0.03**2) * 0.2, 12),
     "pipe with a thin wall": (drilled(disc(0.05, 0.2), (0, 0, 0.045)), [(0, 0, 0.045)],
