@@ -24,6 +24,7 @@ from assetbuild.findings import Finding
 from assetbuild.mesh.coacd import CoAcdOptions, Patience, coacd_parts
 from assetbuild.mesh.cover import SAMPLES, Quality, Reference, blocked_by, rough
 from assetbuild.mesh.cut import cut_parts, tips
+from assetbuild.mesh.fit import box_axes
 from assetbuild.mesh.holes import holes
 from assetbuild.mesh.hull import convex_hull
 from assetbuild.mesh.merge import grown_to, hulls_of, merge_steps
@@ -47,6 +48,9 @@ had missed by 0.09, but of 14 links of the G1 none that they had missed by more,
 CPU time of all."""
 CLEAN_FACES = 2_000
 """Of a solid: so few that no library needs more than some seconds."""
+TILTED = 0.9
+"""Smallest box / box along x, y and z of a mesh that is also cut across the axes of the former. A
+pipe tilted by 3 degrees has 0.83."""
 FINE = 64
 """Parts of V-HACD's decomposition, or twice `max_hulls`."""
 COACD_FACES = 12_000
@@ -99,6 +103,18 @@ class _Candidate:
     how: str
 
 
+@dataclass(frozen=True)
+class _View:
+    """A mesh turned so that the columns of axes (3, 3) lie along x, y and z: how it is cut."""
+
+    reference: Reference
+    axes: Array
+
+    def back(self, parts: Sequence[TriangleMesh]) -> list[TriangleMesh]:
+        """Parts of the turned mesh in the mesh's frame."""
+        return [part.mapped(self.axes) for part in parts]
+
+
 class Auto(CollisionMethod):
     """The fewest pieces of each source shape that meet the tolerances, else the best there are."""
 
@@ -134,13 +150,13 @@ class Auto(CollisionMethod):
             return Fitted(
                 one.pieces, (), "convex: one hull" if one.badness else "one hull is enough"
             )
-        cuts = self._by_cuts(reference)
+        cuts, view = self._cut(reference)
         best = min(one, cuts or one, key=_rank)
         by_few = best.badness == 0.0 and len(best.pieces) <= FEW
         dear = cuts is not None and FAR < best.badness < BLOCKED and not self._may_help(reference)
         findings: list[Finding] = []
         for rung in () if by_few or dear else (self._by_coacd, self._by_vhacd):
-            found, said = rung(reference)
+            found, said = rung(reference, view)
             findings += said
             if found is not None and _rank(found) < _rank(best):
                 best = found
@@ -165,12 +181,30 @@ class Auto(CollisionMethod):
             return restored
         return min(restored, self._judged(reference, [capped], "hull"), key=_rank)
 
-    def _by_cuts(self, reference: Reference) -> _Candidate | None:
-        count = min(CUTS * self.max_hulls, 1024)
-        parts = hulls_of(cut_parts(reference.mesh, *reference.filling, count))
-        return self._smallest(reference, hulls_of([tips(p.vertices) for p in parts]), "cuts")
+    def _cut(self, reference: Reference) -> tuple[_Candidate | None, _View]:
+        """The better of the cuts across x, y and z and, in a tilted mesh, of those across its own
+        axes; and the view that libraries, whose cuts go across x, y and z too, take of the mesh."""
+        drawn = _View(reference, np.eye(3))
+        cuts = self._by_cuts(reference, drawn)
+        if cuts is not None and _fewest(cuts) <= (0.0, 2):  # fewer would be one hull, which failed
+            return cuts, drawn
+        axes, share = box_axes(reference)
+        if share > TILTED:
+            return cuts, drawn
+        straight = _View(Reference(reference.mesh.mapped(axes.T)), axes)
+        own = self._by_cuts(reference, straight)
+        better = own is not None and (cuts is None or _fewest(own) < _fewest(cuts))
+        return (own, straight) if better else (cuts, drawn)
 
-    def _by_coacd(self, reference: Reference) -> tuple[_Candidate | None, list[Finding]]:
+    def _by_cuts(self, reference: Reference, view: _View) -> _Candidate | None:
+        count = min(CUTS * self.max_hulls, 1024)
+        parts = hulls_of(cut_parts(view.reference.mesh, *view.reference.filling, count))
+        tipped = hulls_of([tips(part.vertices) for part in view.back(parts)])
+        return self._smallest(reference, tipped, "cuts")
+
+    def _by_coacd(
+        self, reference: Reference, view: _View
+    ) -> tuple[_Candidate | None, list[Finding]]:
         """Only for meshes that CoACD need not remesh, which inflates them and takes minutes."""
         too_large = len(reference.mesh.faces) > COACD_FACES
         if reference.exact is None or too_large or reference.convexity < THIN:
@@ -182,7 +216,7 @@ class Auto(CollisionMethod):
         )
         try:
             parts = coacd_parts(
-                reference.mesh,
+                view.reference.mesh,
                 options,
                 max_hulls=None,
                 max_vertices=256,
@@ -193,12 +227,16 @@ class Auto(CollisionMethod):
             if failure.cause == "stopped":
                 return None, []
             return None, [self.fell("CoACD", failure, "vhacd")]
-        return self._smallest(reference, hulls_of([p.vertices for p in parts]), "CoACD"), []
+        return self._smallest(
+            reference, hulls_of([p.vertices for p in view.back(parts)]), "CoACD"
+        ), []
 
-    def _by_vhacd(self, reference: Reference) -> tuple[_Candidate | None, list[Finding]]:
+    def _by_vhacd(
+        self, reference: Reference, view: _View
+    ) -> tuple[_Candidate | None, list[Finding]]:
         try:
             parts = vhacd_parts(
-                reference.mesh,
+                view.reference.mesh,
                 self.vhacd,
                 max_hulls=max(FINE, min(2 * self.max_hulls, 1024)),
                 max_vertices=self.max_vertices,
@@ -206,11 +244,11 @@ class Auto(CollisionMethod):
             )
         except NativeError as failure:
             return None, [self.fell("V-HACD", failure, "hull")]
-        lower, upper = reference.mesh.bounds
+        lower, upper = view.reference.mesh.bounds
         voxel = float(np.prod(upper - lower) / self.vhacd.resolution) ** (1.0 / 3.0)
         some = reference.mesh.vertices[:: len(reference.mesh.vertices) // CORNERS + 1]
         surface = np.concatenate([some, reference.samples])
-        return self._smallest(reference, grown_to(parts, surface, voxel), "V-HACD"), []
+        return self._smallest(reference, grown_to(view.back(parts), surface, voxel), "V-HACD"), []
 
     def _smallest(
         self, reference: Reference, parts: Sequence[TriangleMesh], how: str
@@ -298,6 +336,11 @@ def _rank(candidate: _Candidate) -> tuple[float, float, int]:
         -round(candidate.quality.iou, 2),
         len(candidate.pieces),
     )
+
+
+def _fewest(candidate: _Candidate) -> tuple[float, int]:
+    """Least badness first (to a hundredth), then the fewest pieces."""
+    return round(candidate.badness, 2), len(candidate.pieces)
 
 
 def _piece(corners: Array) -> ConvexPiece:

@@ -8,7 +8,7 @@ chooses: what sticks out counts once, what is missing twice.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -41,14 +41,28 @@ Fitted = tuple[Primitive, Pose]
 
 def best_primitive(reference: Reference, kinds: Sequence[type[Primitive]] = KINDS) -> Fitted:
     """(primitive, X_frame_primitive) with the lowest over + 2 under of the asked kinds."""
-    score, mesh = _Score(reference), reference.mesh
-    points = reference.hull.vertices
-    search = convex_hull(points, max_vertices=SEARCHED)
-    axes = candidate_axes(mesh, search)
-    samples, _ = surface_samples(mesh, SAMPLES, 0)
-    enclosing = (ENCLOSING[kind](points, search.vertices, axes) for kind in kinds)
+    score = _Score(reference)
+    samples, _ = surface_samples(reference.mesh, SAMPLES, 0)
+    enclosing = _enclosed(reference, kinds)
     fits = (fit for each in enclosing for fit in (each, _least_squares(each, samples)))
     return tidy(first_best(fits, score.of))
+
+
+def box_axes(reference: Reference) -> tuple[Array, float]:
+    """((3, 3) a rotation, its columns the axes of the smallest box about the mesh, that box's
+    volume / volume of the box along x, y and z)."""
+    box, pose = next(_enclosed(reference, [Box]))
+    along_xyz = float(np.prod(np.ptp(reference.hull.vertices, axis=0)))
+    return pose.rotation, volume_of(box) / along_xyz
+
+
+def _enclosed(reference: Reference, kinds: Sequence[type[Primitive]]) -> Iterator[Fitted]:
+    """The smallest of each kind about the mesh."""
+    points = reference.hull.vertices
+    search = convex_hull(points, max_vertices=SEARCHED)
+    axes = candidate_axes(reference.mesh, search)
+    for kind in kinds:
+        yield ENCLOSING[kind](points, search.vertices, axes)
 
 
 def first_best(fits: Iterable[Fitted], score: Callable[[Fitted], float]) -> Fitted:

@@ -8,10 +8,8 @@ import time
 from dataclasses import replace
 from pathlib import Path
 
-import manifold3d
 import numpy as np
 import pytest
-from scipy.spatial import ConvexHull
 from tiny import run_step
 
 from assetbuild.collision import Likeness, PlacedSource, Probe
@@ -25,6 +23,7 @@ from assetbuild.kinds import Pieces
 from assetbuild.mesh import coacd
 from assetbuild.mesh.coacd import CoAcdOptions, Patience
 from assetbuild.mesh.cover import union_of
+from assetbuild.mesh.cut import cut_parts
 from assetbuild.mesh.material import MaterialPart, SurfaceMaterial
 from assetbuild.mesh.native import NativeError, NativeLimits
 from assetbuild.mesh.obj import read_triangles
@@ -35,7 +34,7 @@ from assetbuild.mesh.vhacd import VHacdOptions
 from assetbuild.mesh.volume import face_areas
 from assetbuild.mesh.weld import cleaned
 from assetbuild.robot.codec import decode
-from assetbuild.robot.pose import Pose
+from assetbuild.robot.pose import Pose, quat_of_rpy
 from assetbuild.robot.shapes import Box, Sphere
 
 MESH = (PlacedSource.of_mesh("shapes/0"),)
@@ -147,71 +146,18 @@ def test_what_cuts_miss_by_far_a_library_may_meet_in_a_clean_mesh_of_few_faces(
     assert tried == [1]
 
 
-def drilled(body: manifold3d.Manifold, *bores: tuple[float, float, float]) -> TriangleMesh:
-    """The body without cylinders along z; bores: (x, y, radius) in m."""
-    for x, y, radius in bores:
-        body -= manifold3d.Manifold.cylinder(1.0, radius, radius, 48, True).translate((x, y, 0))
-    mesh = body.to_mesh64()
-    return TriangleMesh(np.asarray(mesh.vert_properties)[:, :3], np.asarray(mesh.tri_verts, int))
-
-
-def disc(radius: float, height: float) -> manifold3d.Manifold:
-    return manifold3d.Manifold.cylinder(height, radius, radius, 48, True)
-
-
-PLATE = manifold3d.Manifold.cube((0.1, 0.08, 0.01), True)
-BOLTS = [
-    (0.038 * np.cos(angle), 0.038 * np.sin(angle), 0.0025)
-    for angle in np.linspace(0.0, 2.0 * np.pi, 6, endpoint=False)
-]
-# (mesh, bores that stay open, volume in m3 by the area of a polygon of 48 corners, most pieces).
-POLYGON = 24.0 * np.sin(2.0 * np.pi / 48)
-BORED = {
-    "ring": (drilled(disc(0.05, 0.02), (0, 0, 0.03)), [(0, 0, 0.03)],
-             POLYGON * (0.05**2 - 0.03**2) * 0.02, 12),
-    "pipe": (drilled(disc(0.05, 0.2), (0, 0, 0.03)), [(0, 0, 0.03)],
-             POLYGON * (0.05**2 - 0.03**2) * 0.2, 12),
-    "pipe with a thin wall": (drilled(disc(0.05, 0.2), (0, 0, 0.045)), [(0, 0, 0.045)],
-             POLYGON * (0.05**2 - 0.045**2) * 0.2, 32),
-    "washer, bored off its axis": (drilled(disc(0.04, 0.006), (0.018, 0.007, 0.012)),
-             [(0.018, 0.007, 0.012)], POLYGON * (0.04**2 - 0.012**2) * 0.006, 8),
-    "flange with bolt holes": (drilled(disc(0.05, 0.012), (0, 0, 0.02), *BOLTS), [(0, 0, 0.02)],
-             POLYGON * (0.05**2 - 0.02**2 - 6 * 0.0025**2) * 0.012, 12),
-    "plate with small holes": (drilled(PLATE, (0.04, 0.03, 0.002), (-0.04, 0.03, 0.002)), [],
-             0.1 * 0.08 * 0.01 - 2 * POLYGON * 0.002**2 * 0.01, 1),
-    "two bores": (drilled(manifold3d.Manifold.cube((0.12, 0.05, 0.02), True),
-             (-0.03, 0, 0.018), (0.03, 0, 0.018)), [(-0.03, 0, 0.018), (0.03, 0, 0.018)],
-             (0.12 * 0.05 - 2 * POLYGON * 0.018**2) * 0.02, 16),
-}  # fmt: skip
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(("mesh", "bores", "volume", "most"), BORED.values(), ids=list(BORED))
-def test_a_bore_wider_than_the_tolerance_stays_open(tmp_path, mesh, bores, volume, most):
-    """Judged without the code's own metric: half-spaces of the hulls, a formula for the volume."""
-    method = Auto.model_validate({"sources": MESH, **ladder.PRESETS["manipulation"]})
-    count, findings = fit(tmp_path, method, mesh)
-    assert count <= most
-    assert "collision.tolerance" not in findings
-    planes = [
-        ConvexHull(read_triangles(file.read_bytes()).vertices).equations
-        for file in (tmp_path / "out/pieces").iterdir()
-    ]
-
-    def covered(points: np.ndarray) -> np.ndarray:
-        return np.any([(points @ p[:, :3].T + p[:, 3] <= 1e-9).all(axis=1) for p in planes], axis=0)
-
-    lower, upper = mesh.bounds
-    cloud = np.random.default_rng(5).uniform(1.1 * lower, 1.1 * upper, (40_000, 3))
-    union = covered(cloud).mean() * np.prod(1.1 * (upper - lower))
-    assert 0.96 < union / volume < 1.22  # 2 % may miss and 20 % be too much, and 3 sigma
-    turn = np.linspace(0.0, 2.0 * np.pi, 24)
-    for x, y, radius in bores:  # 5 mm, the tolerance, off its wall
-        free = radius - 0.0051
-        for z in np.linspace(lower[2], upper[2], 9):
-            ring = [x + free * np.cos(turn), y + free * np.sin(turn), np.full(24, z)]
-            assert not covered(np.stack(ring, axis=1)).any()
-            assert not covered(np.array([[x, y, z]])).any()
+def test_only_a_tilted_mesh_is_cut_along_its_own_axes_too(tmp_path, monkeypatch):
+    seen = []
+    monkeypatch.setattr(
+        ladder, "cut_parts", lambda mesh, *rest: seen.append(mesh) or cut_parts(mesh, *rest)
+    )
+    fit(tmp_path, Auto(sources=MESH, **TIGHT), L_SHAPE)
+    assert len(seen) == 1
+    tilt = Pose(quat=quat_of_rpy(0.6, 0.5, 0.2))
+    fit(tmp_path, Auto(sources=MESH, **TIGHT), L_SHAPE.placed(tilt))
+    assert len(seen) == 3
+    edges = np.ptp(seen[2].vertices, axis=0)
+    assert sorted(edges) == pytest.approx([1.0, 2.0, 2.0], rel=1e-6)  # upright again
 
 
 def test_a_tolerance_that_cannot_be_met_says_by_how_much_and_what_to_change(tmp_path):
