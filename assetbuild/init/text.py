@@ -296,7 +296,7 @@ def _left(depths: Mapping[Pair, float], excluded: Collection[Pair]) -> Iterator[
     """What no pose that was tried frees, and who must act."""
     left = [(pair, depth) for pair, depth in depths.items() if pair not in excluded]
     for (a, b), depth in sorted(left, key=lambda item: -item[1])[:SHOWN]:
-        where = f"{plain(b)} in the floor" if not a else f"{plain(a)} in {plain(b)}"
+        where = f"{plain(b)} below z = 0" if not a else f"{plain(a)} in {plain(b)}"
         yield f"# No home was found without {where}: {1e3 * depth:.3g} mm"
     if left:
         yield "# Another `home` may free them; bodies that are made so belong into"
