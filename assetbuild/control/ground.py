@@ -153,7 +153,7 @@ def with_reach(
     tree: model.Tree, control: model.Control, ground: Ground
 ) -> tuple[model.Control, list[Finding]]:
     """The control with how far a fixed robot's moving shapes reach below z = 0 where it starts."""
-    if tree.base != "fixed":
+    if tree.base != "fixed" or brings_floor(tree, control):
         return control, []
     start = dict(initial_pose(tree, control).joints)
     bottoms = ground.lowest_of_bodies(start, tree.X_world_root)
@@ -161,8 +161,6 @@ def with_reach(
     if not low:
         return control, []
     reaching = replace(control, reach_m=-min(low.values()))
-    if brings_floor(tree, reaching):
-        return reaching, []
     return reaching, list(_below(low, floor_of(tree, reaching).height_m, stands_on_zero(ground)))
 
 
