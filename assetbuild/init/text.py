@@ -27,7 +27,7 @@ from assetbuild.init.look import InspectedRobot
 from assetbuild.init.loops import NO_LOOPS, FoundLoops, find_loops
 from assetbuild.init.mend import mended
 from assetbuild.init.patterns import pattern_of, patterns_of
-from assetbuild.init.relief import DEEP_M, Pair, nothing_deep
+from assetbuild.init.relief import DEEP_M, Pair, made_so, nothing_deep
 from assetbuild.init.repairs import repairs, repairs_text, unmended
 from assetbuild.init.source import UrdfSource
 from assetbuild.init.strength import MARGIN, ROTOR_RULE, is_locked, strengthened
@@ -83,6 +83,7 @@ def recipe_text(robot: InspectedRobot, anatomy: Anatomy, source: UrdfSource, pat
         depths = stage.depths(exclude) if not loops.rows else nothing_deep
         tuning, trial = tune(tree, anatomy, guesses, attempt, loops=loops, depths=depths)
         left = {p: d for p, d in depths(tuning.pose, True).items() if d > DEEP_M}
+        inside = made_so(tree, depths, tuning.pose) if left else {}
     drives, pose = loops.drives(tuning.drives), loops.pose(tuning.pose)
     tuning = replace(tuning, drives=drives, pose=pose)
     contrary = contradicted.unmended(contradicted.Weighed(whole, source.root))
@@ -97,10 +98,10 @@ def recipe_text(robot: InspectedRobot, anatomy: Anatomy, source: UrdfSource, pat
         repairs_text(robot, edits),
         loops.text(),
         ["visual:", "  max_faces: 20000   # finer meshes are thinned, each with a finding"],
-        collision(robot, anatomy, source.root, trial.overlaps),
+        collision(robot, anatomy, source.root, trial.overlaps, inside),
         actuators(tree, tuning),
         home(robot, anatomy, tuning.pose, loops),
-        _left(left, trial.overlaps),
+        _left(left, {*trial.overlaps, *inside}),
         _simulation(whole, anatomy, tuning, trial),
         _variants(robot, anatomy),
     )
@@ -299,8 +300,7 @@ def _left(depths: Mapping[Pair, float], excluded: Collection[Pair]) -> Iterator[
         where = f"{plain(b)} below z = 0" if not a else f"{plain(a)} in {plain(b)}"
         yield f"# No home was found without {where}: {1e3 * depth:.3g} mm"
     if left:
-        yield "# Another `home` may free them; bodies that are made so belong into"
-        yield "# `collision.exclude.pairs`."
+        yield "# Another `home` may free them, or `collision.exclude.pairs` let them pass."
 
 
 # --- trying it out --------------------------------------------------------------------------
