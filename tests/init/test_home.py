@@ -140,10 +140,13 @@ def test_bodies_that_are_made_to_lie_in_each_other_never_collide(
     """A ball that a second hinge carries about the column below the first."""
     at = {"0 0 1": "0 0 0.1", "0 1 0": "0.25 0 0.1" if reach.startswith("-") else "0 0 0.3"}[axis]
     body = (
-        POST + link("post", 5, COLUMN, "0 0 0.3")
-        + joint("turn", "post", "cart", "0 0 0.1", "0 0 1") + link("cart", 0.5, '<sphere radius="0.01"/>')
-        + joint("swing", "cart", "ball", at, axis) + link("ball", 0.5, BALL, reach)
-    )  # fmt: skip
+        POST
+        + link("post", 5, COLUMN, "0 0 0.3")
+        + joint("turn", "post", "cart", "0 0 0.1", "0 0 1")
+        + link("cart", 0.5, '<sphere radius="0.01"/>')
+        + joint("swing", "cart", "ball", at, axis)
+        + link("ball", 0.5, BALL, reach)
+    )
     (tmp_path / "r.urdf").write_text(f'<robot name="r">{body}</robot>')
     said = yaml.safe_load(propose(tmp_path / "r.urdf", tmp_path / "r.yaml", {}).text)
     pairs = [set(pair) for pair in said["collision"]["exclude"].get("pairs", [])]
