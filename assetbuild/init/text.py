@@ -345,8 +345,12 @@ def validation(robot: InspectedRobot, legs: Sequence[Leg], trial: Trial) -> Iter
         seen = "In MuJoCo it" if trial.stands is not None else "Not tried:"
         yield f"  # {seen} {said}."
         yield from (f"  # Tried besides: {plain(what, 200)}." for what in trial.tried)
-        yield "  # Once its gains and pose are balanced, ask it to stand:"
-        yield f"  # {line}"
+        if trial.points:
+            yield "  # Its feet touch the floor in points that span no area: only a controller that"
+            yield "  # balances it keeps it up, so nothing asks it to stand still."
+        else:
+            yield "  # Once its gains and pose are balanced, ask it to stand:"
+            yield f"  # {line}"
         yield "  free_fall: {}"
 
 

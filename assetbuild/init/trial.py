@@ -74,6 +74,7 @@ class Trial:
     refused: the key of the recipe that no build takes, and why.
     overlaps: bodies whose hulls must not collide, for else the robot falls or leans.
     tried: what did not make it stand, each with what it did then.
+    points: whether its feet touch the floor in points that span no area, so that no drive keeps it.
     """
 
     stands: bool | None
@@ -85,6 +86,7 @@ class Trial:
     refused: RowError | None = None
     overlaps: Pairs = field(default_factory=dict)
     tried: tuple[str, ...] = ()
+    points: bool = False
 
     @property
     def is_fine(self) -> bool:
@@ -129,7 +131,8 @@ class Stage:
             if not any(shape.link in self.soles for shape in self.shapes.shapes):
                 return Trial(None, "no shape of its soles can be read", errors=errors)
             trial = self._tried(model, control, made)
-            return replace(trial, errors=errors, off=support(model, SOLE_M).off_m)
+            points = support(model).margin_m is None
+            return replace(trial, errors=errors, off=support(model, SOLE_M).off_m, points=points)
         except RowError as error:
             return Trial(None, error.message, refused=error)
         except AssetBuildError as error:

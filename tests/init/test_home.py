@@ -190,4 +190,4 @@ def test_a_biped_gets_gains_and_a_home_in_which_it_stands(
     (tmp_path / "biped.urdf").write_text(biped(ahead, ankle, foot))
     text = propose(tmp_path / "biped.urdf", tmp_path / "biped.yaml", {}).text
     assert ("  stand: {keyframe: home" in text) is stands
-    assert ("# Tried besides: " in text) is not stands
+    assert ("points that span no area" in text) is not stands
