@@ -131,7 +131,7 @@ class Stage:
             if not any(shape.link in self.soles for shape in self.shapes.shapes):
                 return Trial(None, "no shape of its soles can be read", errors=errors)
             trial = self._tried(model, control, made)
-            points = support(model).margin_m is None
+            points = not support(model).is_area
             return replace(trial, errors=errors, off=support(model, SOLE_M).off_m, points=points)
         except RowError as error:
             return Trial(None, error.message, refused=error)

@@ -32,7 +32,7 @@ LARGEST_DOFS = 300
 ALONE_S, ALONE_FALL = 2.0, 0.5
 """How long nobody touches the robot, and what counts as a fall then: as in the check `stand`."""
 ON_POINTS = (
-    "it touches the floor in points that span no area: only a controller that balances it keeps it "
+    "it stands on points or edges that span no area: only a controller that balances it keeps it "
     "up, or wider feet"
 )
 FINER = 4
@@ -382,7 +382,7 @@ class Trials(Check):
                 "robot" if stood.floats else f"actuator {joint}",
                 f"left alone it {did['sentence']}",
                 hint=ON_POINTS
-                if stood.floats and figures.get("support_margin_m") is None
+                if stood.floats and not mujoco_trials.support(model).is_area
                 else "raise kp, check the effort limits and the pose; "
                 "`validate: {stand: {}}` makes it an error",
                 data={"tilt_rad": stood.tilt_rad, "sag_m": stood.sag_m},
