@@ -79,7 +79,8 @@ def test_a_fixed_robot_hangs_over_the_floor_of_its_scene(
         robot.tree, robot.control, Ground(robot.tree, robot.shapes, tmp_path)
     )
     assert control.reach_m == pytest.approx(below or 0.0, abs=1e-9)
-    assert [f.severity for f in found] == ([severity] if severity else [])
+    expected = [("keyframe.reaches_below", severity)] if severity else []
+    assert [(f.rule, f.severity) for f in found] == expected
     inputs = write_robot_ports(tmp_path / "in", replace(robot, control=control))
     run_step(Mjcf(robot="tiny"), inputs, tmp_path / "out")
     model = mujoco.MjModel.from_xml_path(str(tmp_path / "out/mjcf/scene.xml"))
