@@ -8,6 +8,7 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+from assetbuild.body.lint_links import invented
 from assetbuild.init import contradicted
 from assetbuild.init.anatomy import Anatomy, Leg
 from assetbuild.init.collision import collision, compound_pairs, soles_of
@@ -28,7 +29,7 @@ from assetbuild.init.loops import NO_LOOPS, FoundLoops, find_loops
 from assetbuild.init.mend import mended
 from assetbuild.init.patterns import pattern_of, patterns_of
 from assetbuild.init.relief import DEEP_M, Pair, made_so, nothing_deep
-from assetbuild.init.repairs import repairs, repairs_text, unmended
+from assetbuild.init.repairs import guessed_masses, repairs, repairs_text, unmended
 from assetbuild.init.source import UrdfSource
 from assetbuild.init.strength import MARGIN, ROTOR_RULE, is_locked, strengthened
 from assetbuild.init.targets import targets
@@ -87,7 +88,8 @@ def recipe_text(robot: InspectedRobot, anatomy: Anatomy, source: UrdfSource, pat
     drives, pose = loops.drives(tuning.drives), loops.pose(tuning.pose)
     tuning = replace(tuning, drives=drives, pose=pose)
     contrary = contradicted.unmended(contradicted.Weighed(whole, source.root))
-    unrepaired = (*_locked(tree), *unmended(robot), *contrary)
+    unknown = [f"{f.message} ({f.hint})" for f in invented(whole.links, guessed_masses(edits))]
+    unrepaired = (*_locked(tree), *unmended(robot), *unknown, *contrary)
     tuning = replace(tuning, unmended=(*unrepaired, *tuning.unmended))
     more = (*_arguments(source), *_packages(source), *up_axis)
     text = written(
