@@ -42,8 +42,8 @@ def collision(
 ) -> Iterator[str]:
     """The whole section. root: of the source's files.
 
-    overlaps: bodies whose hulls throw the robot over at home, and depths, m; inside: bodies whose
-    meshes lie in each other in every pose.
+    overlaps: bodies whose hulls throw the robot over at home, and depths, m; inside: bodies that
+    lie in each other in every pose.
     """
     origin, why = "visual", "the source has no collision shapes"
     if robot.shapes.of("collision"):
@@ -78,7 +78,7 @@ def collision(
         "Hulls of these bodies overlap at home and push the robot over or askew.",
         "They pass through each other now; another pose of `home` may free them:",
     )
-    yield from _named(inside, "These bodies are made to lie in each other, whatever the pose:")
+    yield from _named(inside, "These bodies, or their hulls, lie in each other whatever the pose:")
     excluded = dict.fromkeys((*pairs, *overlaps, *inside))
     if excluded:
         yield from flow("    pairs: [", [inline(pair) for pair in excluded], "]")

@@ -84,7 +84,7 @@ def recipe_text(robot: InspectedRobot, anatomy: Anatomy, source: UrdfSource, pat
         depths = stage.depths(exclude) if not loops.rows else nothing_deep
         tuning, trial = tune(tree, anatomy, guesses, attempt, loops=loops, depths=depths)
         left = {p: d for p, d in depths(tuning.pose, True).items() if d > DEEP_M}
-        inside = made_so(tree, depths, tuning.pose) if left else {}
+        inside = made_so(tree, depths, tuning.pose)
     drives, pose = loops.drives(tuning.drives), loops.pose(tuning.pose)
     tuning = replace(tuning, drives=drives, pose=pose)
     contrary = contradicted.unmended(contradicted.Weighed(whole, source.root))
