@@ -89,7 +89,7 @@ class LintLinks(Step):
     def run(self, files: Files) -> Iterator[Finding]:
         """Findings in the order of the source's tree."""
         robot = RobotFiles(files.inputs)
-        yield from _invented(robot.links, self.guessed)
+        yield from invented(robot.links, self.guessed)
         yield from inertia_findings(robot.links, robot.source_shapes, self.bounds, "warning")
         for joint in robot.links.moving_joints:
             yield from _range(joint)
@@ -98,7 +98,8 @@ class LintLinks(Step):
         yield from _without_collision(robot.links, robot.source_shapes)
 
 
-def _invented(tree: Tree, guessed: tuple[str, ...]) -> Iterator[Finding]:
+def invented(tree: Tree, guessed: tuple[str, ...]) -> Iterator[Finding]:
+    """A robot of which no mass is known. guessed: patterns of links whose mass an edit guessed."""
     heavy = [body for body in tree.bodies if body.inertial and body.inertial.mass_kg > 0.0]
     guesses = [b for b in heavy if any(re.fullmatch(pattern, b.name) for pattern in guessed)]
     if heavy and len(guesses) == len(heavy):

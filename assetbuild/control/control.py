@@ -23,7 +23,7 @@ from assetbuild.control.close_loops import (
     source_findings,
 )
 from assetbuild.control.contact_findings import contact_findings
-from assetbuild.control.ground import Ground
+from assetbuild.control.ground import Ground, placed_base, with_reach
 from assetbuild.control.senses import (
     check_sensors,
     contacts,
@@ -45,7 +45,6 @@ from assetbuild.robot.initial import initial_pose
 from assetbuild.robot.joint_springs import joint_springs
 from assetbuild.robot.loops import LoopRow, resolve_loops, row_numbers
 from assetbuild.robot.mimic import with_mimics
-from assetbuild.robot.pose import Pose
 from assetbuild.robot.poses import Keyframe
 from assetbuild.robot.sensing import Camera, Feet, Imu, Sensor
 from assetbuild.robot.shapes import Shapes
@@ -66,18 +65,6 @@ KEYFRAME_TURNS = Rule(
     "warning",
     "a keyframe turns a joint without limits by more than one turn",
     "check whether degrees were written for radians",
-)
-NO_GROUND = Rule(
-    "keyframe.no_ground",
-    "warning",
-    "`on_ground` needs collision geometry, and there is none",
-    "add some, or give `base: [x, y, z]`",
-)
-FIXED_BASE = Rule(
-    "keyframe.fixed_base",
-    "warning",
-    "a keyframe places the base of a fixed robot",
-    "remove it, or `base: floating`",
 )
 
 
@@ -190,7 +177,7 @@ class ControlStep(Step):
             keyframe, q = self.keyframes[pose.name], dict(pose.joints)
             solved = q.keys() - {name for name, v in before.joints if v == q[name]}
             yield from _limit_findings(tree, pose.name, keyframe, q, solved)
-            base, findings = _base(tree, pose.name, keyframe, q, ground)
+            base, findings = placed_base(tree, pose.name, keyframe, q, ground)
             yield from findings
             keyframes.append(replace(pose, base=base))
 
@@ -215,6 +202,8 @@ class ControlStep(Step):
                 kept, start = control.keyframes[len(own) :], initial_pose(tree, control)
                 yield from source_findings(tree, loops, kept, start, driven)
         control = _with_sampled(control, files.inputs / "sampled_pairs.json")
+        control, below = with_reach(tree, control, ground)
+        yield from below
         only_mjcf = sum(item.place == "actuator" for item in control.mjcf_only)
         yield from actuator_findings(
             tree, control.actuators, has_table=bool(self.rows), only_mjcf=only_mjcf
@@ -302,36 +291,6 @@ def _turns_finding(joint: str, name: str, value: float) -> Finding:
         hint=f"angles are in radians: {value:g} degrees would be {math.radians(value):.4g}",
         data={"keyframe": name, "value": value},
     )
-
-
-def _base(
-    tree: model.Tree, name: str, keyframe: Keyframe, q: Mapping[str, float], ground: Ground
-) -> tuple[Pose | None, list[Finding]]:
-    """X_world_root, upright; None for a fixed base."""
-    if tree.base == "fixed":
-        if keyframe.base == "on_ground":
-            return None, []
-        return None, [
-            FIXED_BASE(
-                "robot",
-                f"keyframe `{name}`: its `base` is not used, the robot's base is fixed",
-                hint="remove `base`, or make the robot `base: floating`",
-                data={"keyframe": name},
-            )
-        ]
-    if keyframe.base != "on_ground":
-        return Pose(keyframe.base), []
-    lowest = ground.lowest(q)
-    if lowest is not None:
-        return Pose((0.0, 0.0, 0.0 - lowest)), []
-    return Pose(), [
-        NO_GROUND(
-            "robot",
-            f"keyframe `{name}`: no collision geometry to put on the ground; z = 0",
-            hint="give the links collision geometry, or the keyframe `base: [x, y, z]`",
-            data={"keyframe": name},
-        )
-    ]
 
 
 # --- excludes -------------------------------------------------------------------------------

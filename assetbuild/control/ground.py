@@ -1,17 +1,49 @@
-"""Where the ground is under a robot: its lowest collision point."""
+"""Where the ground is under a robot: its lowest collision point.
+
+A floating robot is put on it. A fixed one stays where it is, and the floor of its scenes lies below
+whatever of it moves: see `robot.floor`.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
+from assetbuild.findings import Finding, Rule
 from assetbuild.mesh.obj import read_triangles
 from assetbuild.robot import model
+from assetbuild.robot.floor import BELOW_M, brings_floor, floor_of
+from assetbuild.robot.initial import initial_pose
 from assetbuild.robot.pose import Array, Pose
+from assetbuild.robot.poses import Keyframe
 from assetbuild.robot.shapes import Box, Capsule, Cylinder, Geometry, Mesh, Shapes, Sphere
 from assetbuild.robot.tree import forward_kinematics
+
+STANDS_M = 0.01
+"""A fixed robot whose base ends so near to z = 0 is drawn to stand on a floor or a table there."""
+
+NO_GROUND = Rule(
+    "keyframe.no_ground",
+    "warning",
+    "`on_ground` needs collision geometry, and there is none",
+    "add some, or give `base: [x, y, z]`",
+)
+FIXED_BASE = Rule(
+    "keyframe.fixed_base",
+    "warning",
+    "a keyframe places the base of a fixed robot",
+    "remove it, or `base: floating`",
+)
+REACHES_BELOW = Rule(
+    "keyframe.reaches_below",
+    ("warning", "info"),
+    "a moving link of a fixed robot starts below z = 0, so the scenes' floor lies below it (a "
+    "warning where its base stands on z = 0)",
+    "turn the joints in the keyframe `home`, or mount the robot higher in your own scene",
+)
 
 
 class Ground:
@@ -24,19 +56,30 @@ class Ground:
 
     def lowest(self, q: Mapping[str, float]) -> float | None:
         """z of the lowest point in the root's frame, m; None without collision geometry."""
+        return min(self.lowest_of_bodies(q, Pose()).values(), default=None)
+
+    def lowest_of_bodies(self, q: Mapping[str, float], X_world_root: Pose) -> dict[str, float]:
+        """z in the world of the lowest point of each body that has collision geometry, m."""
         X_root_body = forward_kinematics(self._tree, q)
-        found = []
+        found: dict[str, float] = {}
         for shape in self._shapes:
             body, X_body_link = self._tree.placement(shape.link)
             X_root_shape = X_root_body[body] @ X_body_link @ shape.X_link_shape
-            found.append(self._bottom(shape.geometry, X_root_shape))
-        return min(found, default=None)
+            bottom = self._bottom(shape.geometry, X_world_root @ X_root_shape)
+            found[body] = min(bottom, found.get(body, bottom))
+        return found
 
-    def _bottom(self, geometry: Geometry, X_root_shape: Pose) -> float:
+    def under_base(self) -> float | None:
+        """z in the world where a fixed robot's base ends below, m; None without its geometry."""
+        moved = moved_bodies(self._tree)
+        bottoms = self.lowest_of_bodies({}, self._tree.X_world_root)
+        return min((z for body, z in bottoms.items() if body not in moved), default=None)
+
+    def _bottom(self, geometry: Geometry, X_world_shape: Pose) -> float:
         if isinstance(geometry, Mesh):
             points = self._mesh(geometry.mesh)
-            return float(X_root_shape.apply(points)[:, 2].min())
-        return X_root_shape.xyz[2] - half_height(geometry, X_root_shape.rotation[2])
+            return float(X_world_shape.apply(points)[:, 2].min())
+        return X_world_shape.xyz[2] - half_height(geometry, X_world_shape.rotation[2])
 
     def _mesh(self, name: str) -> Array:
         if name not in self._vertices:
@@ -59,3 +102,79 @@ def half_height(geometry: Box | Sphere | Cylinder | Capsule, up: Array) -> float
     if isinstance(geometry, Capsule):
         return along + geometry.radius
     return along + geometry.radius * float(np.hypot(up[0], up[1]))
+
+
+def moved_bodies(tree: model.Tree) -> set[str]:
+    """Bodies that a joint moves against the root."""
+    moved: set[str] = set()
+    for joint in tree.joints:  # a parent before its children
+        if joint.kind != "fixed" or joint.parent in moved:
+            moved.add(joint.child)
+    return moved
+
+
+def stands_on_zero(ground: Ground) -> bool:
+    """Whether the base of a fixed robot is drawn to stand on z = 0."""
+    bottom = ground.under_base()
+    return bottom is not None and abs(bottom) <= STANDS_M
+
+
+def placed_base(
+    tree: model.Tree, name: str, keyframe: Keyframe, q: Mapping[str, float], ground: Ground
+) -> tuple[Pose | None, list[Finding]]:
+    """X_world_root, upright; None for a fixed base."""
+    if tree.base == "fixed":
+        if keyframe.base == "on_ground":
+            return None, []
+        return None, [
+            FIXED_BASE(
+                "robot",
+                f"keyframe `{name}`: its `base` is not used, the robot's base is fixed",
+                hint="remove `base`, or make the robot `base: floating`",
+                data={"keyframe": name},
+            )
+        ]
+    if keyframe.base != "on_ground":
+        return Pose(keyframe.base), []
+    lowest = ground.lowest(q)
+    if lowest is not None:
+        return Pose((0.0, 0.0, 0.0 - lowest)), []
+    return Pose(), [
+        NO_GROUND(
+            "robot",
+            f"keyframe `{name}`: no collision geometry to put on the ground; z = 0",
+            hint="give the links collision geometry, or the keyframe `base: [x, y, z]`",
+            data={"keyframe": name},
+        )
+    ]
+
+
+def with_reach(
+    tree: model.Tree, control: model.Control, ground: Ground
+) -> tuple[model.Control, list[Finding]]:
+    """The control with how far a fixed robot's moving shapes reach below z = 0 where it starts."""
+    if tree.base != "fixed" or brings_floor(tree, control):
+        return control, []
+    start = dict(initial_pose(tree, control).joints)
+    bottoms = ground.lowest_of_bodies(start, tree.X_world_root)
+    low = {b: z for b, z in bottoms.items() if b in moved_bodies(tree) and z < -BELOW_M}
+    if not low:
+        return control, []
+    reaching = replace(control, reach_m=-min(low.values()))
+    return reaching, list(_below(low, floor_of(tree, reaching).height_m, stands_on_zero(ground)))
+
+
+def _below(low: Mapping[str, float], floor_m: float, stands: bool) -> Iterator[Finding]:
+    """low: bodies and the z where they end below, m."""
+    body = min(low, key=lambda name: low[name])
+    others = f", and {len(low) - 1} others do less" if len(low) > 1 else ""
+    where = "the plane that its base stands on" if stands else "z = 0"
+    yield REACHES_BELOW(
+        f"link {body}",
+        f"starts {-1e3 * low[body]:.3g} mm below {where}{others}: the scenes' floor lies at "
+        f"z = {floor_m:g} m",
+        severity="warning" if stands else "info",
+        hint="turn the joints in the keyframe `home`, or mount the robot that much higher in a "
+        "scene with a floor or a table at z = 0",
+        data={"below_m": -low[body], "floor_m": floor_m},
+    )

@@ -38,8 +38,13 @@ def collision(
     anatomy: Anatomy,
     root: Path,
     overlaps: Mapping[tuple[str, str], float] = MappingProxyType({}),
+    inside: Mapping[tuple[str, str], float] = MappingProxyType({}),
 ) -> Iterator[str]:
-    """The whole section. root: of the source's files; overlaps: pairs of bodies and depths, m."""
+    """The whole section. root: of the source's files.
+
+    overlaps: bodies whose hulls throw the robot over at home, and depths, m; inside: bodies that
+    lie in each other in every pose.
+    """
     origin, why = "visual", "the source has no collision shapes"
     if robot.shapes.of("collision"):
         seen = {shape.link for shape in robot.shapes.of("visual")}
@@ -68,13 +73,22 @@ def collision(
     pairs = compound_pairs(robot.tree, anatomy.size_m)
     if pairs:
         yield "    # Joints close together make one (a hip, a wrist): hulls overlap there."
-    if overlaps:
-        yield "    # Hulls of these bodies overlap at home and push the robot over or askew."
-        yield "    # They pass through each other now; another pose of `home` may free them:"
-        for (a, b), depth in overlaps.items():
-            yield f"    #   {plain(a)} in {plain(b)}: {1e3 * depth:.3g} mm"
-    if pairs or overlaps:
-        yield from flow("    pairs: [", [inline(pair) for pair in (*pairs, *overlaps)], "]")
+    yield from _named(
+        overlaps,
+        "Hulls of these bodies overlap at home and push the robot over or askew.",
+        "They pass through each other now; another pose of `home` may free them:",
+    )
+    yield from _named(inside, "These bodies, or their hulls, lie in each other whatever the pose:")
+    excluded = dict.fromkeys((*pairs, *overlaps, *inside))
+    if excluded:
+        yield from flow("    pairs: [", [inline(pair) for pair in excluded], "]")
+
+
+def _named(depths: Mapping[tuple[str, str], float], *why: str) -> Iterator[str]:
+    """A comment: why pairs of bodies never collide, and how deep they lie in each other, m."""
+    yield from (f"    # {line}" for line in why if depths)
+    for (a, b), depth in depths.items():
+        yield f"    #   {plain(a)} in {plain(b)}: {1e3 * depth:.3g} mm"
 
 
 def soles_of(robot: InspectedRobot, anatomy: Anatomy) -> list[str]:

@@ -7,7 +7,8 @@ measure (the mass of a link that states none) is a guess that says so.
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Iterator, Mapping, Sequence
+import re
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -277,6 +278,11 @@ def _led(robot: InspectedRobot) -> Iterator[Repair]:
 
 def _ends(ends: Sequence[object]) -> dict[str, object]:
     return {n: float(f"{end:.9g}") for n, end in zip(("lower", "upper"), ends, strict=True)}
+
+
+def guessed_masses(edits: Iterable[Repair]) -> tuple[str, ...]:
+    """Patterns of the links whose mass an edit guesses."""
+    return tuple(re.escape(edit.on) for edit in edits if edit.keys.get("guessed"))
 
 
 def unmended(robot: InspectedRobot) -> Iterator[str]:

@@ -21,6 +21,7 @@ import re
 from collections import Counter
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
+from statistics import fmean
 
 from assetbuild.init.anatomy import Anatomy, Leg, Role, chain_to, length_below, limb_of, roles
 from assetbuild.init.gravity import GRAVITY, overloaded, sample_poses, worst_loads
@@ -83,7 +84,7 @@ def strengthened(tree: Tree, anatomy: Anatomy) -> tuple[Tree, dict[str, Guess]]:
     """The tree with a guess for each effort that is unknown, and these guesses by joint."""
     parts = roles(tree, anatomy)
     physics, guesses = physical_efforts(tree, anatomy, parts), {}
-    over = overloaded(tree)
+    over = _alike(tree, physics, overloaded(tree))
     meaningless = _placeholders(tree, physics, over)
     why = {
         name: _unknown(tree.by_joint[name], physics[name], over.get(name, 0.0), meaningless)
@@ -101,6 +102,22 @@ def strengthened(tree: Tree, anatomy: Anatomy) -> tuple[Tree, dict[str, Guess]]:
                 reason = f"{reason} here and {effort:g} for its like"
             guesses[name] = Guess(effort or rounded_up(physics[name]), reason, parts[name])
     return with_efforts(tree, {name: guess.effort for name, guess in guesses.items()}), guesses
+
+
+def _alike(tree: Tree, physics: Mapping[str, float], over: Mapping[str, float]) -> dict[str, float]:
+    """The share of random poses for joints that state one effort and need about as much: the mean.
+
+    Random poses are not mirrored, and one of two shoulders must not be a guess alone.
+    """
+    stated = {name: tree.by_joint[name].limits.effort for name in over if name in physics}
+    return dict(over) | {
+        name: fmean(
+            over[other]
+            for other in stated
+            if stated[other] == stated[name] and 0.8 < physics[other] / physics[name] < 1.25
+        )
+        for name in stated
+    }
 
 
 def _is_like(tree: Tree, physics: Mapping[str, float], one: str, other: str) -> bool:

@@ -8,6 +8,7 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+from assetbuild.body.lint_links import invented
 from assetbuild.init import contradicted
 from assetbuild.init.anatomy import Anatomy, Leg
 from assetbuild.init.collision import collision, compound_pairs, soles_of
@@ -28,8 +29,8 @@ from assetbuild.init.loops import NO_LOOPS, FoundLoops, find_loops
 from assetbuild.init.mend import mended
 from assetbuild.init.packages import lacking
 from assetbuild.init.patterns import pattern_of, patterns_of
-from assetbuild.init.relief import DEEP_M, Pair, nothing_deep
-from assetbuild.init.repairs import repairs, repairs_text, unmended
+from assetbuild.init.relief import DEEP_M, Pair, made_so, nothing_deep
+from assetbuild.init.repairs import guessed_masses, repairs, repairs_text, unmended
 from assetbuild.init.source import UrdfSource
 from assetbuild.init.strength import MARGIN, ROTOR_RULE, is_locked, strengthened
 from assetbuild.init.targets import targets
@@ -84,10 +85,12 @@ def recipe_text(robot: InspectedRobot, anatomy: Anatomy, source: UrdfSource, pat
         depths = stage.depths(exclude) if not loops.rows else nothing_deep
         tuning, trial = tune(tree, anatomy, guesses, attempt, loops=loops, depths=depths)
         left = {p: d for p, d in depths(tuning.pose, True).items() if d > DEEP_M}
+        inside = made_so(tree, depths, tuning.pose)
     drives, pose = loops.drives(tuning.drives), loops.pose(tuning.pose)
     tuning = replace(tuning, drives=drives, pose=pose)
     contrary = contradicted.unmended(contradicted.Weighed(whole, source.root))
-    unrepaired = (*_locked(tree), *unmended(robot), *contrary)
+    unknown = [f"{f.message} ({f.hint})" for f in invented(whole.links, guessed_masses(edits))]
+    unrepaired = (*_locked(tree), *unmended(robot), *unknown, *contrary)
     tuning = replace(tuning, unmended=(*unrepaired, *tuning.unmended))
     more = (*_arguments(source), *_packages(source), *up_axis)
     text = written(
@@ -98,10 +101,10 @@ def recipe_text(robot: InspectedRobot, anatomy: Anatomy, source: UrdfSource, pat
         repairs_text(robot, edits),
         loops.text(),
         ["visual:", "  max_faces: 20000   # finer meshes are thinned, each with a finding"],
-        collision(robot, anatomy, source.root, trial.overlaps),
+        collision(robot, anatomy, source.root, trial.overlaps, inside),
         actuators(tree, tuning),
         home(robot, anatomy, tuning.pose, loops),
-        _left(left, trial.overlaps),
+        _left(left, {*trial.overlaps, *inside}),
         _simulation(whole, anatomy, tuning, trial),
         _variants(robot, anatomy),
     )
@@ -299,11 +302,10 @@ def _left(depths: Mapping[Pair, float], excluded: Collection[Pair]) -> Iterator[
     """What no pose that was tried frees, and who must act."""
     left = [(pair, depth) for pair, depth in depths.items() if pair not in excluded]
     for (a, b), depth in sorted(left, key=lambda item: -item[1])[:SHOWN]:
-        where = f"{plain(b)} in the floor" if not a else f"{plain(a)} in {plain(b)}"
+        where = f"{plain(b)} below z = 0" if not a else f"{plain(a)} in {plain(b)}"
         yield f"# No home was found without {where}: {1e3 * depth:.3g} mm"
     if left:
-        yield "# Another `home` may free them; bodies that are made so belong into"
-        yield "# `collision.exclude.pairs`."
+        yield "# Another `home` may free them, or `collision.exclude.pairs` let them pass."
 
 
 # --- trying it out --------------------------------------------------------------------------
@@ -348,8 +350,12 @@ def validation(robot: InspectedRobot, legs: Sequence[Leg], trial: Trial) -> Iter
         seen = "In MuJoCo it" if trial.stands is not None else "Not tried:"
         yield f"  # {seen} {said}."
         yield from (f"  # Tried besides: {plain(what, 200)}." for what in trial.tried)
-        yield "  # Once its gains and pose are balanced, ask it to stand:"
-        yield f"  # {line}"
+        if trial.points:
+            yield "  # Its feet touch the floor in points that span no area: only a controller that"
+            yield "  # balances it keeps it up, so nothing asks it to stand still."
+        else:
+            yield "  # Once its gains and pose are balanced, ask it to stand:"
+            yield f"  # {line}"
         yield "  free_fall: {}"
 
 

@@ -18,6 +18,7 @@ from assetbuild.checks.gains import Gains
 from assetbuild.checks.stand import Stand as StandCheck
 from assetbuild.checks.trials import Trials
 from assetbuild.control.control import ControlStep
+from assetbuild.control.ground import Ground, stands_on_zero
 from assetbuild.engine.scratch import Scratch, scratch
 from assetbuild.errors import AssetBuildError, StepError
 from assetbuild.findings import Finding
@@ -73,6 +74,7 @@ class Trial:
     refused: the key of the recipe that no build takes, and why.
     overlaps: bodies whose hulls must not collide, for else the robot falls or leans.
     tried: what did not make it stand, each with what it did then.
+    points: whether its feet touch the floor in points that span no area, so that no drive keeps it.
     """
 
     stands: bool | None
@@ -84,6 +86,7 @@ class Trial:
     refused: RowError | None = None
     overlaps: Pairs = field(default_factory=dict)
     tried: tuple[str, ...] = ()
+    points: bool = False
 
     @property
     def is_fine(self) -> bool:
@@ -128,14 +131,17 @@ class Stage:
             if not any(shape.link in self.soles for shape in self.shapes.shapes):
                 return Trial(None, "no shape of its soles can be read", errors=errors)
             trial = self._tried(model, control, made)
-            return replace(trial, errors=errors, off=support(model, SOLE_M).off_m)
+            points = not support(model).is_area
+            return replace(trial, errors=errors, off=support(model, SOLE_M).off_m, points=points)
         except RowError as error:
             return Trial(None, error.message, refused=error)
         except AssetBuildError as error:
             return Trial(None, error.message)
 
     def depths(self, exclude: Exclude) -> Depths:
-        """How deep bodies lie in each other or in the floor, in any pose; {} without shapes."""
+        """How deep bodies lie in each other, in any pose, or of a fixed robot that is drawn to
+        stand on z = 0 below it: the scenes' floor gives way. {} without shapes.
+        """
         home = {"home": Keyframe.model_validate({})}
         try:
             list(self.ports.run(ControlStep(keyframes=home, exclude=exclude)))
@@ -143,11 +149,16 @@ class Stage:
         except AssetBuildError:  # what only the build can read, it judges
             return nothing_deep
         tree, real = self.robot.tree, self.overlaps
+        ground = Ground(tree, self.shapes, self.ports.folder / "meshes")
+        stands = tree.base == "fixed" and stands_on_zero(ground)
+        model.geom_pos[mujoco.floors(model), 2] = 0.0
 
         def measured(pose: Mapping[str, float], really: bool) -> dict[Pair, float]:
             found: dict[Pair, float] = {}
             positions = with_mimics(tree, pose)
             for (one, other), depth in mujoco_trials.depths(model, positions).items():
+                if not one and not stands:
+                    continue
                 if really and one and depth > DEEP_M:
                     depth = min(depth, real.depth(one, other, positions))
                 bodies = real.body_of(one), real.body_of(other)

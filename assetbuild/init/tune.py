@@ -109,7 +109,8 @@ def tune(
         if better is None:
             break
         tuning, trial = better, attempt(better)
-    if trial.is_fine and (trial.stands is False or trial.lean > PUSHED_RAD):
+    askew = trial.stands is False or trial.lean > PUSHED_RAD
+    if trial.is_fine and askew and not trial.points:
         tuning, trial = _standing(tuning, trial, anatomy.legs, attempt)
     if trial.is_fine and trial.stands and trial.drift > WANDERS_M:
         tuning, trial = _still(tuning, trial, anatomy.legs, attempt)

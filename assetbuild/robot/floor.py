@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,8 +13,12 @@ from assetbuild.robot.model import Control, Tree
 from assetbuild.robot.pose import Array, Vec3
 from assetbuild.robot.tree import forward_kinematics
 
-BELOW_M = 0.01
-"""A bolted robot that reaches further below its base (a hand) hangs over the floor, not in it."""
+BELOW_M, ORIGINS_M = 0.005, 0.01
+"""A fixed robot whose shapes or whose frames reach further below z = 0 (a hand) hangs over the
+floor, not in it."""
+MARGIN_M = 0.01
+"""Least height of a hanging robot's shapes over the floor."""
+_PLANE = re.compile(r"""<geom\b[^>]*\btype="plane\"""")
 
 
 @dataclass(frozen=True)
@@ -33,7 +38,7 @@ def floor_of(tree: Tree, control: Control) -> Floor:
     sliding, torsional, rolling = (
         min(values) for values in zip(*(s.friction for s in surfaces), strict=True)
     )
-    height = _height(tree, starting_origins(tree, control))
+    height = _height(tree, starting_origins(tree, control), control.reach_m)
     return Floor(height, (sliding, torsional, rolling))
 
 
@@ -46,10 +51,19 @@ def starting_origins(tree: Tree, control: Control) -> Array:
     return tree.root_pose(start).apply(np.array(points))
 
 
-def _height(tree: Tree, origins: Array) -> float:
-    """0, or lower under a bolted robot that reaches below its base, m."""
+def _height(tree: Tree, origins: Array, reach_m: float) -> float:
+    """0, or lower under a fixed robot that reaches below z = 0, m."""
     lowest = float(origins[:, 2].min())
-    if tree.base == "floating" or lowest > -BELOW_M:
+    if tree.base == "floating" or (lowest > -ORIGINS_M and reach_m <= BELOW_M):
         return 0.0
-    reach = lowest - math.dist(origins.min(axis=0), origins.max(axis=0)) / 2
-    return math.floor(reach * 10) / 10
+    below = lowest - math.dist(origins.min(axis=0), origins.max(axis=0)) / 2
+    return math.floor(min(below, -reach_m - MARGIN_M) * 10) / 10
+
+
+def brings_floor(tree: Tree, control: Control) -> bool:
+    """Whether the robot, joined to the world of its source, brings a plane from there."""
+    root = tree.bodies[0].name
+    return tree.base == "fixed" and any(
+        item.place == "body" and item.owner in ("", root) and _PLANE.match(item.element)
+        for item in control.mjcf_only
+    )

@@ -352,6 +352,7 @@ class Control:
 
     contact: of all collision shapes; contacts: of those that differ, by the shape's name.
     loop_mimics: for the URDF alone, where the recipe asks for them.
+    reach_m: how far below z = 0 the moving shapes of a fixed robot reach in the initial pose.
     """
 
     actuators: tuple[Actuator, ...] = ()
@@ -365,6 +366,7 @@ class Control:
     mjcf_only: tuple[MjcfOnly, ...] = ()
     loops: tuple[Loop, ...] = ()
     loop_mimics: tuple[LoopMimic, ...] = ()
+    reach_m: float = 0.0
 
     @cached_property
     def by_joint(self) -> dict[str, Actuator]:

@@ -34,6 +34,9 @@ from assetbuild.simulators.mujoco import (
 SWING_RAD, SWING_M = 0.1, 0.02
 """How far a drive is commanded to move its joint; less where the range is short."""
 FREQUENCY_HZ = 2.0
+LEAST_LEAN_RAD = 0.03
+"""Less stands on points or edges: the round feet of Bolt make 0.008 rad and Spryped's 0.02, the
+soles of Talos 0.075, a G1's 0.12."""
 TOUCH_M = 0.005
 """Shapes nearer than this to the floor count as standing on it."""
 SEED = 20_000
@@ -261,11 +264,18 @@ class Support:
     """margin_m: of the centre of mass inside the support polygon, negative outside.
 
     off_m: centre of mass beyond the middle of the points' extent, x and y; 0 without points.
+    lean_rad: by which a robot whose centre of mass is over the middle may lean before it tips.
     """
 
     margin_m: float | None
     points: int
     off_m: tuple[float, float] = (0.0, 0.0)
+    lean_rad: float = 0.0
+
+    @property
+    def is_area(self) -> bool:
+        """Whether drives alone can keep the robot up: a sole carries it, not points or edges."""
+        return self.lean_rad > LEAST_LEAN_RAD
 
 
 def support(model: Model, near_m: float = TOUCH_M) -> Support:
@@ -284,11 +294,23 @@ def support(model: Model, near_m: float = TOUCH_M) -> Support:
             for contact in data.contact[: data.ncon]
             if 0 in (model.geom_bodyid[contact.geom1], model.geom_bodyid[contact.geom2])
         ]
-        com = np.array(data.subtree_com[0][:2])
+        com, height = np.array(data.subtree_com[0][:2]), float(data.subtree_com[0][2])
     if not points:
         return Support(None, 0)
     x, y = com - (np.min(points, axis=0) + np.max(points, axis=0)) / 2.0
-    return Support(polygon_margin(np.array(points), com), len(points), (float(x), float(y)))
+    margin = polygon_margin(np.array(points), com)
+    lean = 0.0 if margin is None else math.atan2(_narrowest(np.array(points)) / 2.0, height)
+    return Support(margin, len(points), (float(x), float(y)), lean)
+
+
+def _narrowest(points: Array) -> float:
+    """Width (m) of points (n, 2) that span an area, in the direction in which it is smallest."""
+    corners = _hull_corners(points)
+    along = np.roll(corners, -1, axis=0) - corners
+    outward = np.column_stack([along[:, 1], -along[:, 0]])
+    outward /= np.linalg.norm(outward, axis=1)[:, None]
+    behind = np.einsum("ijk,ik->ij", corners[None, :, :] - corners[:, None, :], -outward)
+    return float(behind.max(axis=1).min())
 
 
 def polygon_margin(points: Array, inside: Array) -> float | None:

@@ -21,7 +21,7 @@ from assetbuild.pipeline.recipes import whole_model
 from assetbuild.robot.model import Actuator, Control, Keyframe
 from assetbuild.robot.pose import Pose
 from assetbuild.robot.shapes import Box, Shape, Shapes
-from assetbuild.simulators.mujoco_trials import polygon_margin
+from assetbuild.simulators.mujoco_trials import polygon_margin, support
 from assetbuild.targets.mjcf import Mjcf
 
 QUADRUPED = tiny_quadruped()
@@ -198,6 +198,29 @@ def test_the_margin_of_a_square_is_the_distance_to_its_nearest_side():
     assert polygon_margin(square, np.array([-1.0, 1.0])) == pytest.approx(-1.0)
     assert polygon_margin(square[:2], np.array([0.0, 0.0])) is None
     assert polygon_margin(np.array([(0, 0), (1, 1), (2, 2.0)]), np.array([0.0, 0.0])) is None
+
+
+@pytest.mark.parametrize(
+    ("foot", "width", "is_area"),
+    [
+        ('type="box" size="0.1 0.04 0.02"', 0.2, True),  # along x; along y 2 * 0.12 + 2 * 0.04
+        ('type="box" size="0.2 0.04 0.02"', 0.32, True),
+        ('type="box" size="0.03 0.04 0.02"', 0.06, True),  # 0.0375 rad
+        ('type="box" size="0.02 0.04 0.02"', 0.04, False),  # 0.025 rad
+        ('type="box" size="0.002 0.04 0.02"', 0.004, False),
+        ('type="sphere" size="0.02"', 0.0, False),
+    ],
+)
+def test_what_stands_on_points_may_not_lean(foot: str, width: float, is_area: bool):
+    """Half of the narrowest width of the feet over a height of 0.8 m, feet without mass."""
+    feet = "".join(f'<geom {foot} pos="0 {y} 0.02" mass="0"/>' for y in (-0.12, 0.12))
+    model = mujoco.MjModel.from_xml_string(
+        '<mujoco><worldbody><geom type="plane" size="1 1 1"/><body><freejoint/>'
+        f'<inertial mass="9" pos="0 0 0.8" diaginertia="1 1 1"/>{feet}</body></worldbody></mujoco>'
+    )
+    found = support(model)
+    assert found.lean_rad == pytest.approx(math.atan2(width / 2, 0.8), abs=1e-6)
+    assert found.is_area is is_area
 
 
 def test_bodies_that_lie_in_one_another_at_home_are_told_with_their_depth(tmp_path: Path):

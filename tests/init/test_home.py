@@ -13,6 +13,9 @@ import pytest
 import yaml
 
 from assetbuild.init import propose
+from assetbuild.init.relief import _is_linkage
+from assetbuild.robot.model import Body, Joint, Mimic, Tree
+from assetbuild.robot.pose import Pose
 
 LIMIT_M = 0.005
 
@@ -120,6 +123,39 @@ def test_home_is_clear_of_the_floor_and_of_itself(name: str, tmp_path: Path):
     assert any(home.values()) is deep
 
 
+COLUMN = '<cylinder radius="0.05" length="0.6"/>'
+
+
+@pytest.mark.parametrize(
+    ("axis", "reach", "always"),
+    [
+        ("0 0 1", "0 0 0.3", True),  # a sleeve on the column, whatever turns
+        ("0 0 1", "0.02 0 0.3", True),
+        ("0 1 0", "0 0 0.06", True),  # 60 mm from the axis of the column at most
+        ("0 1 0", "-0.25 0 0.25", False),  # in the column at 0 only
+        ("0 0 1", "0.098 0 0.3", False),  # 2 mm
+        ("0 0 1", "0.3 0 0.3", False),
+    ],
+)
+def test_bodies_that_are_made_to_lie_in_each_other_never_collide(
+    axis: str, reach: str, always: bool, tmp_path: Path
+):
+    """A ball that a second hinge carries about the column below the first."""
+    at = {"0 0 1": "0 0 0.1", "0 1 0": "0.25 0 0.1" if reach.startswith("-") else "0 0 0.3"}[axis]
+    body = (
+        POST
+        + link("post", 5, COLUMN, "0 0 0.3")
+        + joint("turn", "post", "cart", "0 0 0.1", "0 0 1")
+        + link("cart", 0.5, '<sphere radius="0.01"/>')
+        + joint("swing", "cart", "ball", at, axis)
+        + link("ball", 0.5, BALL, reach)
+    )
+    (tmp_path / "r.urdf").write_text(f'<robot name="r">{body}</robot>')
+    said = yaml.safe_load(propose(tmp_path / "r.urdf", tmp_path / "r.yaml", {}).text)
+    pairs = [set(pair) for pair in said["collision"]["exclude"].get("pairs", [])]
+    assert ({"post", "ball"} in pairs) is always
+
+
 def biped(ahead: float, ankle: float, foot: str = '<box size="0.2 0.08 0.04"/>') -> str:
     """30 kg on two legs of 0.8 m. ahead: of the trunk's mass before the hips, m; ankle: N m."""
     parts = [link("trunk", 20, '<box size="0.2 0.3 0.4"/>', f"{ahead} 0 0.25")]
@@ -157,4 +193,29 @@ def test_a_biped_gets_gains_and_a_home_in_which_it_stands(
     (tmp_path / "biped.urdf").write_text(biped(ahead, ankle, foot))
     text = propose(tmp_path / "biped.urdf", tmp_path / "biped.yaml", {}).text
     assert ("  stand: {keyframe: home" in text) is stands
-    assert ("# Tried besides: " in text) is not stands
+    assert ("points that span no area" in text) is not stands
+
+
+@pytest.mark.parametrize(
+    ("mimics", "one", "other", "linked"),
+    [
+        ({"b": "a"}, "post", "b", True),
+        ({"b": "a"}, "a", "b", True),  # a hinge between them
+        ({}, "post", "b", False),
+        ({"b": "a", "c": "a"}, "b", "c", True),
+        ({"b": "a"}, "b", "c", False),
+        ({"b": "a", "c": "a"}, "post", "c", True),
+    ],
+)
+def test_a_linkage_is_what_one_coordinate_moves(
+    mimics: dict[str, str], one: str, other: str, linked: bool
+):
+    """A post carries `a`, which carries `b` and `c`."""
+    above = {"a": "post", "b": "a", "c": "a"}
+    joints = tuple(
+        Joint(n, "revolute", up, n, Pose(), (0.0, 1.0, 0.0),
+              mimic=Mimic(mimics[n]) if n in mimics else None)
+        for n, up in above.items()
+    )  # fmt: skip
+    tree = Tree("r", "fixed", tuple(Body(n) for n in ("post", *above)), joints)
+    assert _is_linkage(tree, one, other) is linked

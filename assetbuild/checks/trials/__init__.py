@@ -31,6 +31,10 @@ LARGEST_DOFS = 300
 """A file of anybody may hold a cloth; steps of it take minutes."""
 ALONE_S, ALONE_FALL = 2.0, 0.5
 """How long nobody touches the robot, and what counts as a fall then: as in the check `stand`."""
+ON_POINTS = (
+    "it stands on points or edges that span no area: only a controller that balances it keeps it "
+    "up, or wider feet"
+)
 FINER = 4
 """Steps in place of one: they tell drives that outrun the timestep from a pose that falls."""
 
@@ -377,7 +381,9 @@ class Trials(Check):
             yield FALL(
                 "robot" if stood.floats else f"actuator {joint}",
                 f"left alone it {did['sentence']}",
-                hint="raise kp, check the effort limits and the pose; "
+                hint=ON_POINTS
+                if stood.floats and not mujoco_trials.support(model).is_area
+                else "raise kp, check the effort limits and the pose; "
                 "`validate: {stand: {}}` makes it an error",
                 data={"tilt_rad": stood.tilt_rad, "sag_m": stood.sag_m},
             )

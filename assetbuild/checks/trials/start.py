@@ -23,7 +23,7 @@ FLOOR = Rule(
     "trials.floor",
     "warning",
     "a moving body starts inside the floor of the scene (by more than 5 mm: not ready)",
-    "turn or raise the keyframe `home`; of a fixed robot also `base`",
+    "turn or raise the keyframe `home`",
 )
 NOTHING_TOUCHES = Rule(
     "trials.nothing_touches",

@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import math
-import re
 from xml.etree.ElementTree import Element, fromstring
 
-from assetbuild.robot.floor import Floor, floor_of, starting_origins
-from assetbuild.robot.model import Control, Tree
+from assetbuild.robot.floor import Floor, brings_floor, floor_of, starting_origins
 from assetbuild.robot.pose import Array
 from assetbuild.targets.mjcf.robot_xml import RobotXml
 from assetbuild.targets.mjcf.xml import element, numbers
@@ -38,7 +36,6 @@ _GROUND = """
     reflectance="0.1"/>
 </asset>
 """
-_PLANE = re.compile(r"""<geom\b[^>]*\btype="plane\"""")
 
 
 def scene(model: RobotXml, file: str) -> Element:
@@ -51,7 +48,7 @@ def scene(model: RobotXml, file: str) -> Element:
         element("include", {"file": f"{file}.xml"}),
         element("statistic", {"center": numbers(center), "extent": numbers([extent])}),
     ]
-    if not _has_floor(tree, control):
+    if not brings_floor(tree, control):
         ground = model.free_name("ground")
         root[-2].extend(fromstring(_GROUND.format(ground=ground)))  # noqa: S314 # our own text
         root[-1].append(_floor(ground, model.free_name("floor"), floor_of(tree, control)))
@@ -64,15 +61,6 @@ def view(origins: Array) -> tuple[tuple[float, ...], float]:
     size = max(SMALLEST_EXTENT_M, math.dist(lower, upper))
     center = tuple(round(float(v), 2) for v in (lower + upper) / 2)
     return center, round(size, 2)
-
-
-def _has_floor(tree: Tree, control: Control) -> bool:
-    """Whether the robot, joined to the world of its source, brings a plane from there."""
-    root = tree.bodies[0].name
-    return tree.base == "fixed" and any(
-        item.place == "body" and item.owner in ("", root) and _PLANE.match(item.element)
-        for item in control.mjcf_only
-    )
 
 
 def _floor(material: str, name: str, ground: Floor) -> Element:
