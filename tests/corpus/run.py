@@ -2,7 +2,8 @@
 
     python -m tests.corpus -o table.md [--list example|wide|FILE] [--half a|b] [--jobs N]
 
-Collision is hulls of the source's meshes, whatever `init` proposes. The lists: see `lists.py`.
+Collision is hulls of the source's meshes, whatever `init` proposes; `--as-written` keeps that. The
+lists: see `lists.py`.
 `example` needs `--data FOLDER` or $ASSETBUILD_TEST_DATA (a folder that holds
 `example-robot-data/robots`), else the wheel is fetched once with pip. `wide`, or a list like
 `wide.yaml`, needs `--sources FOLDER`, where the repositories and packages lie or are put by
@@ -47,7 +48,7 @@ def main() -> int:
         writing = Lock()
 
         def do(robot: Robot) -> None:
-            row = in_a_child(robot, work, options.seconds)
+            row = in_a_child(robot, work, options.seconds, hulls=not options.as_written)
             print(f"{robot.name}: {row['result']} ({row['seconds']:.0f} s)", flush=True)
             with writing:
                 rows[robot.name] = row
@@ -74,6 +75,7 @@ def arguments() -> argparse.Namespace:
     parser.add_argument("--data", type=Path, help="of the list `example`")
     parser.add_argument("--sources", type=Path, help="of the wide list")
     parser.add_argument("--fetch", action="store_true", help="fetch the sources that are missing")
+    parser.add_argument("--as-written", action="store_true", help="collision as `init` proposes it")
     parser.add_argument("--again", action="store_true", help="forget earlier results")
     parser.add_argument("--work", type=Path, help="keep recipes and bundles here")
     options = parser.parse_args()
@@ -112,7 +114,7 @@ def line_of(row: tuple[str, dict]) -> str:
     return json.dumps({"robot": row[0], **row[1]}) + "\n"
 
 
-def in_a_child(robot: Robot, work: Path, seconds: float) -> dict:
+def in_a_child(robot: Robot, work: Path, seconds: float, *, hulls: bool = True) -> dict:
     """The robot's row; a child that dies or hangs is an outcome, too."""
     if not robot.file.is_file():
         note = f"file: there is no {robot.file.name}"
@@ -122,6 +124,7 @@ def in_a_child(robot: Robot, work: Path, seconds: float) -> dict:
         "file": str(robot.file),
         "root": str(robot.root),
         "args": robot.args,
+        "hulls": hulls,
         "work": str(work),
         "seconds": seconds,
     }
