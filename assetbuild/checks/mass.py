@@ -180,7 +180,7 @@ class Mass(Check):
 
 
 def _extents(hulls: Mapping[tuple[str, Role], Sequence[TriangleMesh]]) -> dict[str, Extent]:
-    """By body, of all that is seen of it and all that collides."""
+    """Return the extent of each body: all that is drawn and all that collides."""
     points: dict[str, list[Array]] = {}
     for (name, _), own in hulls.items():
         points.setdefault(name, []).extend(part.vertices for part in own)

@@ -47,7 +47,7 @@ FAR = 0.25
 had missed by 0.09, but of 14 links of the G1 none that they had missed by more, in three times the
 CPU time of all."""
 CLEAN_FACES = 2_000
-"""Of a solid: so few that no library needs more than some seconds."""
+"""Faces of a solid; with so few, no library takes more than a few seconds."""
 TILTED = 0.9
 """Smallest box / box along x, y and z of a mesh that is also cut across the axes of the former. A
 pipe tilted by 3 degrees has 0.83."""

@@ -29,7 +29,7 @@ from assetbuild.robot.shapes import MeshFile
 from assetbuild.robot.tree import forward_kinematics
 
 BOX = 0.05
-"""Of a shape's size: how far its box may be from the mirror image of its twin's."""
+"""Share of a shape's size by which its box may differ from the mirror image of its twin's."""
 
 
 @dataclass(frozen=True)
@@ -157,7 +157,7 @@ def unmended(weighed: Weighed) -> Iterator[str]:
 
 
 def keys_of(found: Inertial, own: Inertial | None) -> Mapping[str, object]:
-    """Of `set_inertia`: the tensor; mass and centre where the link's own are none or far off."""
+    """Return the keys of `set_inertia`: mass and centre only if the link's own are far off."""
     names = ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
     tensor = {n: float(f"{v:.9g}") for n, v in zip(names, found.inertia_com_kg_m2, strict=True)}
     moments = {name: value for name, value in tensor.items() if value or name[1] == name[2]}

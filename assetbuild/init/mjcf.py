@@ -109,7 +109,7 @@ def find_mjcf(file: Path) -> MjcfSource:
 
 
 def _posed(found: MjcfSource, file: Path) -> MjcfSource:
-    """With the initial keyframe of a scene beside it that includes it, where it has none."""
+    """Return the source; without a keyframe, with that of a neighbouring scene that includes it."""
     if found.control.keyframes:
         return found
     for scene in sorted(set(file.parent.glob("*.xml")) - {file}):

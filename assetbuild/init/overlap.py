@@ -60,7 +60,7 @@ class Overlaps:
         return self.tree.placement(self.shapes[shape].link)[0] if shape else ""
 
     def depth(self, one: str, other: str, positions: Mapping[str, float]) -> float:
-        """Of two shapes in a pose of all joints, m."""
+        """Depth of the overlap of two shapes in a pose of all joints, m."""
         X_root = forward_kinematics(self.tree, positions)
         here, there = self._surface(one), self._surface(other)
         X_there_here = self._placed(other, X_root).inverse() @ self._placed(one, X_root)

@@ -55,7 +55,7 @@ hulls, which is quick, or (True) of their meshes where the hulls are deep."""
 
 
 def nothing_deep(pose: Pose, really: bool) -> Mapping[Pair, float]:
-    """Of a robot whose shapes are not known."""
+    """Return no overlap: the robot's shapes are not known."""
     return {}
 
 
@@ -93,7 +93,7 @@ class _Search:
         return any(v > REJECTED and self._movers(what) for what, v in over.items())
 
     def objections(self, pose: Pose) -> dict[str | Pair, float]:
-        """By joint what it bears beyond HEAVY, by pair of bodies its depth beyond DEEP_M."""
+        """Return the excess of each joint's load (HEAVY) and of each pair's depth (DEEP_M)."""
         found: dict[str | Pair, float] = {}
         for name, load in _loads(self.tree, pose, self.free).items():
             found[name] = load - HEAVY

@@ -55,7 +55,7 @@ _SPINNER = re.compile(
 
 
 Height = Callable[[], float]
-"""Of the robot's lowest point, m: read from its meshes when it is asked for."""
+"""Height of the robot's lowest point, m; its meshes are read when it is first asked for."""
 
 
 @dataclass(frozen=True)
@@ -94,7 +94,7 @@ class _Disc:
 
 
 def what_turns(robot: InspectedRobot) -> dict[str, Turning]:
-    """By joint, in the order of the tree; joints that turn without end and are none are left out.
+    """Return the role of each joint that turns without end, in the order of the tree.
 
     A swivel is among them whatever its range.
     """

@@ -98,7 +98,7 @@ class _Named:
     methods: tuple[str, ...]
     checks: tuple[str, ...]
     readers: tuple[str, ...]
-    """Of checks and readers those of other distributions alone; assetbuild's own always count."""
+    """Return the checks and readers of other distributions; assetbuild's own always count."""
 
 
 def _named(root: Node) -> _Named:

@@ -30,13 +30,13 @@ times what its shapes show."""
 LIKE_VOLUME, LIKE_MOMENT = 1.1, 1.25
 """Largest over smallest, of the hulls of two shapes that count as one."""
 NEGLIGIBLE = 0.01
-"""Of the largest moment: smaller ones are the noise of a slender part."""
+"""Share of the largest moment; smaller ones are the noise of a slender part."""
 DENSEST = 25_000.0
 """kg/m3, as `InertiaBounds.density`: the shapes are then no measure of the body, but a marker."""
 PLANAR = 1e-3
-"""Of the largest moment: what the sum of the others exceeds it by in a body with thickness."""
+"""Share of the largest moment by which the sum of the others exceeds it in a thick body."""
 SURE = math.log(2.0)
-"""By so much more must one of two twins differ from an even filling of its shape to be blamed."""
+"""One of two twins is blamed if it differs by this much more from an even filling of its shape."""
 
 REACH = Rule(
     "inertia.reach",
