@@ -72,7 +72,7 @@ def _told(kind: str, lost: list[Key], lacks: Mapping[str, str]) -> str:
 
 
 def _names(kind: str, lost: Iterable[Key]) -> list[str]:
-    """Return the subjects' names of a kind; `home/FR_hip_joint` is a part of the keyframe `home`."""
+    """Return the subjects of a kind by name; `home/FR_hip_joint` is part of the keyframe `home`."""
     own = (key.name for key in lost if key.kind == kind)
     return list(dict.fromkeys(n.partition("/")[0] if kind == "keyframe" else n for n in own))
 
