@@ -65,7 +65,6 @@ CHECKS = {
     "gains": "checking gains",
     "mass": "comparing masses with volumes",
     "mirror": "comparing left with right",
-    "losses": "looking for what the formats go without",
     "loops": "swinging the drives of its loops in MuJoCo",
     "mjcf_compiles": "compiling the MJCF",
     "mjcf_doctor": "asking mjcf-doctor about the scene",

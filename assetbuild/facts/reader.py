@@ -20,6 +20,7 @@ from assetbuild.facts.compare import (
     differences,
     equality_findings,
 )
+from assetbuild.facts.losses import losses
 from assetbuild.facts.reference import Reference, robot_table
 from assetbuild.facts.table import Key, Table
 from assetbuild.findings import Finding, Rule, Scalar
@@ -173,7 +174,10 @@ class Reader(Check):
         return Proof(known, tuple(different), tuple(findings), compared)
 
     def run(self, files: Files) -> Iterator[Finding]:
-        """Reads what the target wrote; figures: how many facts were compared and differ."""
+        """Reads what the target wrote; figures: how many facts were compared and differ.
+
+        What the format goes without is one finding besides.
+        """
         reference = Reference.of_ports(files.inputs, self.options)
         path = self.file(files.inputs / self.needs[0], self.robot)
         if path is None:
@@ -187,6 +191,8 @@ class Reader(Check):
         }
         write_figures(files, figures)
         yield from proof.findings
+        all_facts = robot_table(reference)
+        yield from losses(all_facts, self.form, self.called, self.lacks, simulated=self.simulated)
 
 
 def asked_sections(readers: Iterable[type[Reader]]) -> tuple[str, ...]:

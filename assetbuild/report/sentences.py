@@ -183,7 +183,6 @@ SENTENCES: Mapping[str, Callable[[Figures], str]] = {
     "oracle": _oracle,
     "urdf_kinematics": _kinematics,
     "urdf_loads": lambda f: f"urdfdom reads the URDF: {f['joints']} joints",
-    "losses": lambda f: f"{f['formats']} formats go without something that the robot has",
     "free_fall": _free_fall,
     "stand": _stand,
     "mass": _mass,

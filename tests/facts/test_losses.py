@@ -9,13 +9,11 @@ from pathlib import Path
 import pytest
 from tiny import TinyRobot, check_inputs, pendulum, run_step, tiny_quadruped, with_mimic
 
-from assetbuild.checks.losses import Losses
 from assetbuild.facts.losses import Lost, losses, lost_facts
 from assetbuild.facts.readers.urdf import UrdfFacts
 from assetbuild.facts.readers.usd import UsdReader
 from assetbuild.facts.reference import Assets, Reference, robot_table
 from assetbuild.facts.table import Table
-from assetbuild.findings import Finding
 from assetbuild.robot.model import Camera, Control, Keyframe, Place, Sensor
 from assetbuild.robot.pose import IDENTITY
 from assetbuild.robot.shapes import Shapes
@@ -90,16 +88,10 @@ def test_a_lost_motion_is_an_error_where_robots_are_simulated(
     assert [(f.rule, f.severity) for f in found] == ([("lost.x", severity)] if severity else [])
 
 
-def check(robot: TinyRobot, folder: Path, *targets: str) -> list[Finding]:
-    inputs = check_inputs(folder, robot, Urdf(robot="robot"), "urdf")
-    return run_step(Losses(robot="robot", targets=targets), inputs, folder / "out")
-
-
-def test_only_formats_that_are_built_are_reported(tmp_path: Path):
-    robot = tiny_quadruped()
-    both = check(robot, tmp_path / "a", "urdf", "mjcf", "usd")
-    assert {f.rule for f in both if f.rule != "lost.usd"} == {"lost.urdf"}
-    assert check(robot, tmp_path / "b", "mjcf") == []
+def test_the_reader_of_a_format_reports_what_it_goes_without(tmp_path: Path):
+    inputs = check_inputs(tmp_path, tiny_quadruped(), Urdf(robot="robot"), "urdf")
+    found = run_step(UrdfFacts(robot="robot"), inputs, tmp_path / "out")
+    assert [f.rule for f in found] == ["lost.urdf"]
 
 
 def test_the_declared_reasons_of_every_format_are_about_known_quantities():
