@@ -51,7 +51,8 @@ def written(robot: TinyRobot, folder: Path) -> Path:
 
 def proved(ports: Path) -> list[Finding]:
     """What the reader says of it."""
-    return run_step(UrdfFacts(robot="bot"), ports, ports.parent / "out")
+    found = run_step(UrdfFacts(robot="bot"), ports, ports.parent / "out")
+    return [finding for finding in found if finding.rule != "lost.urdf"]
 
 
 def edited(robot: TinyRobot, folder: Path, *edits: tuple[str, str], file: str = "bot.urdf") -> Path:
