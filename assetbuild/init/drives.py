@@ -314,7 +314,7 @@ def _felt(
 
 
 def _tipping(tree: Tree, robot: Dynamics, legs: tuple[Leg, ...]) -> dict[str, float]:
-    """Of each joint of two legs: weight times height of the centre of mass over it.
+    """Return, for each joint of two legs, weight times height of the centre of mass above it.
 
     N m/rad, the leg's share: a pendulum on its head stands on ankles that are stiffer. On more legs
     a robot stands as a table does.

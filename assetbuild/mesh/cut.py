@@ -25,15 +25,15 @@ PLACES, HALVINGS, LEDGES = 8, 2, 4
 """Planes are tried at seven places along each axis, then on both sides of the best, twice, then
 where most vertices near the best have their place: a face or an edge of a machined part."""
 AHEAD = 8
-"""Of the samples of the surface every so many is looked at where two cuts are tried at once."""
+"""Every so many samples of the surface are used where two cuts are tried at once."""
 SAME = 1e-6
 """Of the diagonal: vertices that lie closer along an axis share a place."""
 DIRECTIONS = 1024
 """A ball's hull loses half a percent of its volume with so many."""
 PROMISE = 0.1
-"""Of what is empty in its hull a part may gain so much by later cuts."""
+"""Share of the empty part of its hull that a part may gain by later cuts."""
 NOISE = 0.01
-"""Of the hull's volume: a cut that seems to gain less gains nothing but for the samples. The first
+"""Share of the hull's volume; a cut that gains less gains only by sampling noise. The first
 one through a ring is such a cut wherever it goes, and only a second one shows where to begin."""
 LEAST_GAIN = 1e-3
 """A cut that saves less than this share of the hull's volume is not worth a part."""

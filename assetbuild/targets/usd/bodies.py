@@ -70,7 +70,7 @@ CLIPPING_M = (0.01, 1000.0)
 
 
 def _define_camera(stage: Usd.Stage, names: PrimPaths, camera: Camera, identifier: str) -> None:
-    """As in MuJoCo it looks along -z, with +y up; the field of view is the vertical one."""
+    """The camera looks along -z with +y up, as in MuJoCo; the field of view is vertical."""
     tree, above = names.tree, f"/{names.root}"
     X_above_link = tree.X_world_root.inverse()
     if camera.link is not None:
