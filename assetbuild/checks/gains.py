@@ -67,7 +67,7 @@ OVERDAMPED = Rule(
     "gains.overdamped",
     "warning",
     "the joint creeps: with kd and damping summed its damping ratio is above 3, and it lags its "
-    "target by more than 0.1 s",
+    "target by more than 0.15 s",
     "lower kd",
 )
 DAMPED_TWICE = Rule(
@@ -128,7 +128,7 @@ class Gains(Check):
         (0.1, 3.0), description="least, and most of a joint that lags, warning"
     )
     lag: Positive = Field(
-        0.1,
+        0.15,
         description="s that an overdamped joint may need for 63 % of a step, kd and damping over "
         "kp; warning",
     )
