@@ -30,6 +30,7 @@ from assetbuild.control.senses import (
     placed_cameras,
     placed_sensors,
 )
+from assetbuild.control.soften import softened
 from assetbuild.control.source_control import StatedControl, join, joined_keyframes
 from assetbuild.engine.step import Files, Step
 from assetbuild.errors import Gather, did_you_mean
@@ -50,6 +51,7 @@ from assetbuild.robot.sensing import Camera, Feet, Imu, Sensor
 from assetbuild.robot.shapes import Shapes
 from assetbuild.robot.sides import Side, moving_by_source, side_of
 from assetbuild.robot.simulation import Simulation
+from assetbuild.robot.softness import CouplingError, LimitError
 
 LIMIT_TOLERANCE = 1e-9
 """rad or m; a value that was rounded from the limit itself is inside."""
@@ -82,6 +84,8 @@ class ControlStep(Step):
     keyframes: dict[str, Keyframe] = Field(default_factory=dict)
     contact: Contacts = Contacts.model_validate({})
     simulation: Simulation = Simulation.model_validate({})
+    limit_error: LimitError = LimitError.model_validate({})
+    coupling_error: CouplingError = CouplingError.model_validate({})
     exclude: Exclude = Exclude.model_validate({})
     feet: Feet | None = None
     imu: Imu | None = None
@@ -204,6 +208,8 @@ class ControlStep(Step):
         control = _with_sampled(control, files.inputs / "sampled_pairs.json")
         control, below = with_reach(tree, control, ground)
         yield from below
+        control, soft = softened(tree, control, self.sides, self.limit_error, self.coupling_error)
+        yield from soft
         only_mjcf = sum(item.place == "actuator" for item in control.mjcf_only)
         yield from actuator_findings(
             tree, control.actuators, has_table=bool(self.rows), only_mjcf=only_mjcf

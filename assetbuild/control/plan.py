@@ -30,7 +30,7 @@ def own_side(recipe: Recipe, prefix: str = "") -> Side:
 
 def _stated_keys(recipe: Recipe) -> tuple[str, ...]:
     """What the recipe itself says of all that an MJCF may say too: `simulation.timestep`."""
-    found: list[str] = ["actuators"] if recipe.actuators else []
+    found = [name for name in ("actuators", "limits", "couplings") if recipe.states(name)]
     for name in ("contact", "simulation", "mjcf"):
         found += [f"{name}.{key}" for key in recipe.stated(name)]
     return tuple(sorted(found))
@@ -49,6 +49,8 @@ def control_step(
         keyframes=dict(recipe.keyframes),
         contact=recipe.contact,
         simulation=recipe.simulation,
+        limit_error=recipe.limits,
+        coupling_error=recipe.couplings,
         exclude=recipe.collision.exclude,
         feet=recipe.feet,
         imu=recipe.imu,

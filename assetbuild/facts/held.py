@@ -330,10 +330,12 @@ def newton_expected(reference: Reference, shapes: Shapes, *, coupled: bool, usd:
     dof = float(len(tree.moving_joints) + (6 if tree.base == "floating" else 0))
     book = Writer()
     book.put("robot", "", {"newton:dof": dof})
+    soft = dict(reference.control.soft_limits)
     for joint in tree.moving_joints if usd else ():
         ends = expected.of("joint", joint.name)
         limited = ends.get("lower") is not None or ends.get("upper") is not None
-        book.put("joint", joint.name, {"newton:solreflimit": SOLREF if limited else None})
+        softness = soft[joint.name].solref if joint.name in soft else SOLREF
+        book.put("joint", joint.name, {"newton:solreflimit": softness if limited else None})
         if coupled and joint.mimic is not None:
             book.put("joint", joint.name, mimic_facts(first_leader(tree, joint.mimic)))
         row = reference.control.by_joint.get(joint.name)

@@ -157,6 +157,14 @@ class MjcfReader(Reader):
             ):
                 if tuple(value) != usual:
                     facts[Key("equality", loop.name, f"mjcf:{word}")] = tuple(value)
+        control = reference.control
+        for kind, words_of, held in (
+            ("joint", ("solref_limit", "solimp_limit"), control.soft_limits),
+            ("equality", ("solref", "solimp"), control.soft_couplings),
+        ):
+            for name, soft in held:
+                for word, numbers in zip(words_of, (soft.solref, soft.solimp), strict=True):
+                    facts[Key(kind, name, f"mjcf:{word}")] = numbers
         for sensor in reference.control.sensors:
             if sensor.kind == "contact":
                 facts[Key("sensor", sensor.name, "mjcf:intprm")] = STRONGEST

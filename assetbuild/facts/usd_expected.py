@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import itertools
 
-from assetbuild.facts.reference import SOLREF, Reference, filtered_pairs, pose_value
+from assetbuild.facts.reference import SOLIMP, SOLREF, Reference, filtered_pairs, pose_value
 from assetbuild.facts.sketch import SKETCH
 from assetbuild.facts.table import Key, Table, Value, Writer, pair_name
 from assetbuild.facts.usd_about import expected_metadata
@@ -16,12 +16,12 @@ from assetbuild.facts.usd_inventory import inventory
 from assetbuild.facts.usd_isaac_expected import expected_schema
 from assetbuild.robot.initial import initial_pose
 from assetbuild.robot.joint_springs import as_drives
-from assetbuild.robot.limit_springs import limit_springs
 from assetbuild.robot.lost_motion import whole_gravity
 from assetbuild.robot.mimic import first_leader
 from assetbuild.robot.model import MOVING, Actuator, Joint, Tree
 from assetbuild.robot.pose import IDENTITY
 from assetbuild.robot.shapes import Material, Mesh, Shape
+from assetbuild.robot.softness import limit_springs
 from assetbuild.simulators.usd_names import (
     body_identifiers,
     camera_identifiers,
@@ -59,11 +59,13 @@ def usd_table(robot: str, own: Table, reference: Reference) -> Table:
             book.put("body", body.name, {"usd:physxRigidBody:disableGravity": True})
     starts = dict(initial_pose(tree, control).joints)
     touching, sprung = _jointed_that_touch(reference), as_drives(control)
+    soft = dict(control.soft_limits)
     for name, (stiffness, damping) in limit_springs(tree, control).items():
         book.put("joint", name, {
             "usd:newton:limitStiffness": stiffness,
             "usd:newton:limitDamping": damping,
-            "usd:solreflimit": SOLREF,
+            "usd:solreflimit": soft[name].solref if name in soft else SOLREF,
+            "usd:solimplimit": soft[name].solimp if name in soft else SOLIMP,
         })  # fmt: skip
     for joint in tree.joints:
         book.put("joint", joint.name, {

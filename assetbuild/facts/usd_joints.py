@@ -123,11 +123,15 @@ def _loop(joint: JointPrim, book: Writer) -> None:
     prim = joint.prim
     for word in ("solref", "solimp"):
         soft = prim.take(f"mjc:{word}", SOFT_LOOP)
-        stated = () if soft is None else tuple(map(float, np.ravel(np.asarray(soft))))
+        stated = () if soft is None else _numbers(soft)
         facts[f"usd:{word}"] = stated
     weight = prim.number("mjc:torqueScale", SOFT_LOOP)
     facts["torque scale" if facts["type"] == "weld" else "usd:torqueScale"] = weight
     book.put("loop", prim.named("loop"), facts)
+
+
+def _numbers(stated: object) -> tuple[float, ...]:
+    return tuple(map(float, np.ravel(np.asarray(stated))))
 
 
 def _motion(joint: JointPrim, name: str, book: Writer) -> None:
@@ -202,9 +206,9 @@ def _passive(joint: JointPrim, name: str, book: Writer) -> None:
         springs = {f"newton:{end}": (f"newton:{end}", gain) for end in LIMIT_SPRING}
         prim.words("joint", name, springs, "NewtonJointAPI")
     if prim.has("MjcJointAPI"):
-        soft = prim.take("mjc:solreflimit", "MjcJointAPI")
-        stated = () if soft is None else tuple(map(float, np.ravel(np.asarray(soft))))
-        book.put("joint", name, {"usd:solreflimit": stated})
+        for word in ("solreflimit", "solimplimit"):
+            stated = prim.take(f"mjc:{word}", "MjcJointAPI")
+            book.put("joint", name, {f"usd:{word}": () if stated is None else _numbers(stated)})
     dynamic = f"physxJointAxis:{axis}:dynamicFrictionEffort"
     value = prim.number(dynamic, schemas["physxJointAxis"][0], effort)
     book.put("joint", name, {"usd:dynamicFrictionEffort": value})

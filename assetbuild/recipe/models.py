@@ -35,6 +35,7 @@ from assetbuild.robot.poses import Keyframe as Keyframe
 from assetbuild.robot.ranges import Randomize
 from assetbuild.robot.sensing import Cameras, Feet, Imu, Sensors
 from assetbuild.robot.simulation import Simulation as Simulation
+from assetbuild.robot.softness import CouplingError, LimitError
 
 
 def _no_repeats(values: tuple[str, ...]) -> tuple[str, ...]:
@@ -178,6 +179,8 @@ class Recipe(Model):
     sensors: Sensors = Field(default_factory=dict, description="more sensors, by name")
     cameras: Cameras = Field(default_factory=dict, description="cameras by name")
     simulation: Simulation = Simulation()
+    limits: LimitError = LimitError()
+    couplings: CouplingError = CouplingError()
     randomize: Randomize | None = Field(
         None, description="ranges for `assetbuild sample`, dr.yaml and trainers"
     )

@@ -347,12 +347,21 @@ class LoopMimic:
 
 
 @dataclass(frozen=True)
+class Softness:
+    """How MuJoCo holds a limit or a coupling. solref: time constant in s, damping ratio."""
+
+    solref: tuple[float, float]
+    solimp: tuple[float, float, float, float, float]
+
+
+@dataclass(frozen=True)
 class Control:
     """Everything a recipe adds to the geometry. excludes: pairs of body names, each sorted.
 
     contact: of all collision shapes; contacts: of those that differ, by the shape's name.
     loop_mimics: for the URDF alone, where the recipe asks for them.
     reach_m: how far below z = 0 the moving shapes of a fixed robot reach in the initial pose.
+    soft_limits, soft_couplings: by joint, where MuJoCo's default would not hold full effort.
     """
 
     actuators: tuple[Actuator, ...] = ()
@@ -367,6 +376,8 @@ class Control:
     loops: tuple[Loop, ...] = ()
     loop_mimics: tuple[LoopMimic, ...] = ()
     reach_m: float = 0.0
+    soft_limits: tuple[tuple[str, Softness], ...] = ()
+    soft_couplings: tuple[tuple[str, Softness], ...] = ()
 
     @cached_property
     def by_joint(self) -> dict[str, Actuator]:

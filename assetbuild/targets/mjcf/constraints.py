@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping
 from xml.etree.ElementTree import Element
 
 from assetbuild.robot.contact_filter import ContactFilter
-from assetbuild.robot.model import Control, Joint, Loop, Tree
+from assetbuild.robot.model import Control, Joint, Tree
 from assetbuild.robot.shapes import Shapes
 from assetbuild.targets.mjcf.chains import Seats
 from assetbuild.targets.mjcf.drives import locked_at
@@ -28,7 +28,7 @@ def contact_section(
 
 
 def equality_section(
-    joints: Iterable[Joint], loops: Iterable[Loop], sites: Mapping[str, tuple[str, str]]
+    joints: Iterable[Joint], control: Control, sites: Mapping[str, tuple[str, str]]
 ) -> Element:
     """Mimic joints: q = offset + multiplier * q(leader). Locked ones: q = a constant.
 
@@ -36,6 +36,7 @@ def equality_section(
     sites: names by that of the loop.
     """
     held: list[Element] = []
+    soft = dict(control.soft_couplings)
     for joint in joints:
         leader, offset, multiplier = None, locked_at(joint), 0.0
         if joint.mimic:
@@ -48,8 +49,11 @@ def equality_section(
                 "joint2": leader,
                 "polycoef": numbers((offset, multiplier, 0.0, 0.0, 0.0)),
             }
+            if joint.name in soft:
+                attributes["solref"] = numbers(soft[joint.name].solref)
+                attributes["solimp"] = numbers(soft[joint.name].solimp)
             held.append(element("joint", attributes))
-    for loop in loops:
+    for loop in control.loops:
         is_weld = loop.kind == "weld"
         attributes = {
             "name": loop.name,

@@ -25,7 +25,7 @@ from dataclasses import dataclass
 
 from assetbuild.errors import StepError
 from assetbuild.findings import Finding, Rule
-from assetbuild.robot.model import Actuator, Control, General, Joint, Tree
+from assetbuild.robot.model import Actuator, Control, General, Joint, Softness, Tree
 from assetbuild.targets.mjcf.classes import Said
 from assetbuild.targets.mjcf.xml import direction, number, numbers
 
@@ -64,7 +64,7 @@ class JointRow:
         return next((tag for tag in self.said if tag != "joint"), "")
 
 
-def row_of(joint: Joint, actuator: Actuator | None) -> JointRow:
+def row_of(joint: Joint, actuator: Actuator | None, limits: Softness | None = None) -> JointRow:
     """A moving joint and its actuator; StepError for a range that MJCF cannot express.
 
     Without an actuator the joint keeps the damping and friction of the source.
@@ -80,6 +80,8 @@ def row_of(joint: Joint, actuator: Actuator | None) -> JointRow:
         "damping": number(actuator.damping) if actuator.damping else None,
         "frictionloss": number(actuator.friction) if actuator.friction else None,
         "armature": number(actuator.armature) if actuator.armature else None,
+        "solreflimit": numbers(limits.solref) if limits else None,
+        "solimplimit": numbers(limits.solimp) if limits else None,
     }
     said = {"joint": attributes, **_drive(joint, actuator)}
     return JointRow(

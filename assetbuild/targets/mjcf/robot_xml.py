@@ -86,8 +86,11 @@ class RobotXml:
         self.order, self.joints = depth_first(tree.root, carried)
         self.body_names = body_names(tree)
         self.seats = Seats(tree, shapes)
+        limits = dict(control.soft_limits)
         rows = [
-            row_of(self.seats.seated(joint), control.by_joint.get(joint.name))
+            row_of(
+                self.seats.seated(joint), control.by_joint.get(joint.name), limits.get(joint.name)
+            )
             for joint in self.joints
             if joint in tree.moving_joints
         ]
@@ -111,7 +114,7 @@ class RobotXml:
             self.asset(),
             self.worldbody(),
             contact_section(self.tree, self.shapes, self.control, self.seats, self.body_names),
-            equality_section(self.joints, self.control.loops, self.loop_sites),
+            equality_section(self.joints, self.control, self.loop_sites),
             self.actuator(),
             sensor_section(self.control, self.body_names, self.drive_names),
             *([] if bare else [self.keyframe()]),

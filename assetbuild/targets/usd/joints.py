@@ -14,10 +14,10 @@ from pxr import Gf, Usd, UsdGeom, UsdPhysics
 from assetbuild.errors import StepError
 from assetbuild.robot.initial import initial_pose
 from assetbuild.robot.joint_springs import Spring, as_drives
-from assetbuild.robot.limit_springs import limit_springs
 from assetbuild.robot.mimic import first_leader
-from assetbuild.robot.model import MOVING, Actuator, Control, Joint
+from assetbuild.robot.model import MOVING, Actuator, Control, Joint, Softness
 from assetbuild.robot.pose import IDENTITY, Pose, Quat, Vec3, quat_between, quat_multiply
+from assetbuild.robot.softness import USUAL, limit_springs
 from assetbuild.simulators.usd_names import JOINTS, LOOPS, loop_identifiers
 from assetbuild.simulators.usd_options import UsdArticulation, UsdOptions
 from assetbuild.targets.usd.layers import apply_foreign, apply_mujoco, label
@@ -32,8 +32,6 @@ from assetbuild.targets.usd.units import (
 )
 
 NEAR = 1e-9
-SOLREF_LIMIT = (0.02, 1.0)
-"""MuJoCo's default time constant (s) and damping ratio of a joint limit."""
 _AXES: dict[Vec3, tuple[str, Quat]] = {
     (1.0, 0.0, 0.0): ("X", (1.0, 0.0, 0.0, 0.0)),
     (0.0, 1.0, 0.0): ("Y", (1.0, 0.0, 0.0, 0.0)),
@@ -76,6 +74,7 @@ def define_joints(
         UsdGeom.Scope.Define(stage, f"/{names.root}/{JOINTS}")
     starts = dict(initial_pose(tree, control).joints)
     springs, limited = as_drives(control), limit_springs(tree, control)
+    soft = dict(control.soft_limits)
     mimics = {j.name: j.mimic.joint for j in tree.joints if j.mimic and options.mimics}
     coupled = mimics.keys() | set(mimics.values())
     for joint in tree.joints:
@@ -92,7 +91,7 @@ def define_joints(
             else:
                 _apply_drive(prim, joint, actuator, starts[joint.name], options.drive_type)
             if joint.name in limited:
-                _apply_limit_spring(prim, joint, limited[joint.name])
+                _apply_limit_spring(prim, joint, limited[joint.name], soft.get(joint.name))
             _apply_start(prim, joint, starts[joint.name])
             if joint.name in mimics:
                 _apply_mimic(prim, names, joint)
@@ -207,7 +206,9 @@ def _apply_passive(prim: Usd.Prim, joint: Joint, actuator: Actuator) -> None:
     apply_foreign(prim, "NewtonJointAPI", "newton", newton | {"velocityLimit": velocity})
 
 
-def _apply_limit_spring(prim: Usd.Prim, joint: Joint, spring: tuple[float, float]) -> None:
+def _apply_limit_spring(
+    prim: Usd.Prim, joint: Joint, spring: tuple[float, float], soft: Softness | None
+) -> None:
     """How soft a limit is: MuJoCo's own words, and the spring that they make for other solvers.
 
     With Newton's own defaults a Panda ran 0.4 rad past its limits.
@@ -215,7 +216,9 @@ def _apply_limit_spring(prim: Usd.Prim, joint: Joint, spring: tuple[float, float
     stiffness, damping = (gain(joint, value) for value in spring)
     newton = {"limitStiffness": stiffness, "limitDamping": damping}
     apply_foreign(prim, "NewtonJointAPI", "newton", newton)
-    apply_mujoco(prim, "MjcJointAPI", {"solreflimit": SOLREF_LIMIT})
+    stated = soft or USUAL
+    words = {"solreflimit": stated.solref, "solimplimit": stated.solimp}
+    apply_mujoco(prim, "MjcJointAPI", words)
 
 
 def drive_gains(actuator: Actuator) -> tuple[float, float]:

@@ -8,7 +8,7 @@ import mujoco
 import pytest
 from tiny import TinyRobot, check_inputs, pendulum, tiny_quadruped
 
-from assetbuild.robot.limit_springs import limit_springs
+from assetbuild.robot.softness import limit_springs
 from assetbuild.targets.mjcf import Mjcf
 
 
