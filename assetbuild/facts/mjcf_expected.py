@@ -17,6 +17,7 @@ from assetbuild.facts.mjcf_words import SURFACE
 from assetbuild.facts.reference import Reference, filtered_pairs, pose_value, robot_table
 from assetbuild.facts.table import Key, Table, Value, pair_name, pair_of
 from assetbuild.robot.chains import axis_in_body, find_chains
+from assetbuild.robot.contact_filter import ContactFilter
 from assetbuild.robot.loops import site_names
 from assetbuild.robot.model import Actuator, Joint, Tree
 from assetbuild.robot.pose import IDENTITY, quat_between, rotation_of
@@ -44,6 +45,7 @@ def mjcf_table(reference: Reference) -> Table:
     _limits(tree, facts)
     _shapes(reference, facts)
     _senses(reference, facts)
+    facts |= dict(_redundant_excludes(reference))
     sites = site_names(tree, reference.control.loops)
     for loop in reference.control.loops:  # by sites, which are frames to every reader
         for site, end in zip(sites[loop.name], loop.ends, strict=True):
@@ -94,6 +96,18 @@ def _structure(reference: Reference, facts: dict[Key, Value]) -> dict[Key, Value
         made[Key("body", tree.root, "pose")] = _resting_pose(reference)
         facts.pop(Key("robot", "", "base pose"), None)
     return made
+
+
+def _redundant_excludes(reference: Reference) -> Iterator[tuple[Key, Value]]:
+    """Pairs that MuJoCo passes by itself while the base floats, and no longer when it is pinned."""
+    tree, control = reference.tree, reference.control
+    solid = {shape.link for shape in reference.shapes.shapes}
+    rule = ContactFilter.of(tree, reference.shapes, control)
+    hidden = {link for chain in find_chains(tree, solid) for link in chain.between}
+    for a, b in control.excludes:
+        redundant = rule.passes(a, b) and not rule.holds_without(tree.root, a, b)
+        if redundant and not {a, b} & hidden:
+            yield Key("pair", pair_name(a, b), "mjcf:excludes"), 1.0
 
 
 def _joints(joint: Joint, place: Mapping[str, Value]) -> Iterator[tuple[str, dict[str, Value]]]:
@@ -343,8 +357,7 @@ def _renamed(facts: Mapping[Key, Value], names: Mapping[str, str]) -> dict[Key, 
 def solver_facts(reference: Reference, section: str) -> dict[str, Value]:
     """Solver options by the recipe's section, and by what the source's MJCF says besides."""
     said: Mapping[str, Any] = reference.options.get(section) or {}  # Any: plain JSON
-    floating = reference.tree.base == "floating"
-    cone = said.get("cone") or ("elliptic" if floating else "pyramidal")
+    cone = said.get("cone") or "elliptic"
     impratio = said.get("impratio") or (100.0 if cone == "elliptic" else 1.0)
     found: dict[str, Value] = {
         "integrator": said.get("integrator", "implicitfast"),

@@ -69,9 +69,10 @@ def read_model(
             book.put("shape", _name(model, "geom", geom), _geom(model, geom, meshes))
     for pair in _filtered(model, opaque):
         book.put("pair", pair_name(*pair), {"filtered": True})
-    for pair, count in _excluded(model).items():
-        if count > 1:
-            book.put("pair", pair_name(*pair), {"mjcf:excludes": float(count)})
+    for (a, b), count in _excluded(model).items():
+        if count > 1 or passes(model, a, b):  # one of them changes nothing, unless a base is pinned
+            name = pair_name(_body_name(model, a), _body_name(model, b))
+            book.put("pair", name, {"mjcf:excludes": float(count)})
     _senses(model, book)
     for key in range(model.nkey):
         _keyframe(model, key, moving, drives, book)
@@ -305,11 +306,10 @@ def contact_facts(model: Model, geom: int) -> dict[str, Value]:
     }
 
 
-def _excluded(model: Model) -> Counter[tuple[str, str]]:
-    """How often each pair of bodies (sorted names) is excluded."""
-    ends = ((int(pair) >> 16, int(pair) & 0xFFFF) for pair in model.exclude_signature)
-    names = (sorted((_body_name(model, a), _body_name(model, b))) for a, b in ends)
-    return Counter((first, second) for first, second in names)
+def _excluded(model: Model) -> Counter[tuple[int, int]]:
+    """How often each pair of bodies (sorted numbers) is excluded."""
+    ends = (sorted((int(pair) >> 16, int(pair) & 0xFFFF)) for pair in model.exclude_signature)
+    return Counter((first, second) for first, second in ends)
 
 
 def _filtered(

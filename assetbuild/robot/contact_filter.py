@@ -48,6 +48,16 @@ class ContactFilter:
         switched_off = any("filterparent" in item.element for item in control.mjcf_only)
         return cls(group, carrier, not switched_off)
 
+    def holds_without(self, root: str, a: str, b: str) -> bool:
+        """Whether MuJoCo still lets two bodies pass when the floating root is bolted to the world.
+
+        Of a test stand, where a user takes the free joint out.
+        """
+        base = self.group[root]
+        return self.passes(a, b) and (
+            self.group[a] == self.group[b] or base not in (self.group[a], self.group[b])
+        )
+
     def passes(self, a: str, b: str) -> bool:
         """Whether MuJoCo lets two bodies pass through each other."""
         one, other = self.group[a], self.group[b]

@@ -1,27 +1,185 @@
-"""Limits are as stiff for other engines as MuJoCo makes them."""
+"""Limits and couplings hold full effort in MuJoCo, and other engines get the same numbers."""
 
 from __future__ import annotations
 
+import math
+from dataclasses import replace
 from pathlib import Path
 
 import mujoco
+import numpy as np
 import pytest
-from tiny import TinyRobot, check_inputs, pendulum, tiny_quadruped
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from tiny import TinyRobot, check_inputs, examples, pendulum, tiny_quadruped, with_mimic
 
-from assetbuild.robot.softness import limit_springs
+from assetbuild.robot.model import Control, Tree
+from assetbuild.robot.softness import (
+    CouplingError,
+    LimitError,
+    bare_inertia,
+    limit_springs,
+    soft_couplings,
+    soft_limits,
+    softness,
+)
 from assetbuild.targets.mjcf import Mjcf
+
+LIMITS, COUPLINGS = LimitError.model_validate({}), CouplingError.model_validate({})
+
+
+def stiffened(robot: TinyRobot) -> TinyRobot:
+    """With the wishes of a recipe that states none."""
+    limits = soft_limits(robot.tree, robot.control, LIMITS)
+    coupled = soft_couplings(robot.tree, robot.control, COUPLINGS)
+    control = replace(
+        robot.control,
+        soft_limits=tuple((one.joint, one.softness) for one in limits if one.softness),
+        soft_couplings=tuple((one.joint, one.softness) for one in coupled if one.softness),
+    )
+    return replace(robot, control=control)
+
+
+def compiled(robot: TinyRobot, folder: Path) -> mujoco.MjModel:
+    inputs = check_inputs(folder, robot, Mjcf(robot="robot"), "mjcf")
+    model = mujoco.MjModel.from_xml_path(str(inputs / "mjcf/robot.xml"))
+    model.opt.gravity[:] = 0.0
+    model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONTACT
+    return model
+
+
+def pushed(model: mujoco.MjModel, joint: str, effort: float) -> np.ndarray:
+    """qpos after a slow push at the upper limit; a damper beside it, so that nothing swings."""
+    data = mujoco.MjData(model)
+    address, dof = model.joint(joint).qposadr[0], model.joint(joint).dofadr[0]
+    model.dof_damping[dof] = 2.0 * math.sqrt(effort / model.dof_invweight0[dof])
+    data.qpos[address] = model.joint(joint).range[1]
+    steps = int(2.0 / model.opt.timestep)
+    for step in range(steps):
+        data.qfrc_applied[dof] = effort * min(1.0, 2.0 * step / steps)
+        mujoco.mj_step(model, data)
+    return data.qpos.copy()
 
 
 @pytest.mark.parametrize("robot", [pendulum(), tiny_quadruped()], ids=["pendulum", "quadruped"])
-def test_limits_are_as_stiff_as_mujoco_makes_them(robot: TinyRobot, tmp_path: Path) -> None:
+@pytest.mark.parametrize("stiff", [False, True])
+def test_limits_are_as_stiff_as_mujoco_makes_them(
+    robot: TinyRobot, stiff: bool, tmp_path: Path
+) -> None:
     """MuJoCo's own inverse inertias give k = 1 / (invweight (1 - d) t^2 z^2), c = 2 t z^2 k."""
-    inputs = check_inputs(tmp_path, robot, Mjcf(robot="robot"), "mjcf")
-    model = mujoco.MjModel.from_xml_path(str(inputs / "mjcf/robot.xml"))
+    robot = stiffened(robot) if stiff else robot
+    model = compiled(robot, tmp_path)
     springs = limit_springs(robot.tree, robot.control)
     assert set(springs) == {joint.name for joint in robot.tree.moving_joints}
     for name, (stiffness, damping) in springs.items():
         joint = model.joint(name)
         time, ratio = model.jnt_solref[joint.id]
-        softness = model.dof_invweight0[joint.dofadr[0]] * (1.0 - model.jnt_solimp[joint.id, 1])
-        assert stiffness == pytest.approx(1.0 / (softness * (time * ratio) ** 2), rel=1e-6)
-        assert damping == pytest.approx(2.0 / (softness * time), rel=1e-6)
+        soft = model.dof_invweight0[joint.dofadr[0]] * (1.0 - model.jnt_solimp[joint.id, 1])
+        assert stiffness == pytest.approx(1.0 / (soft * (time * ratio) ** 2), rel=1e-6)
+        assert damping == pytest.approx(2.0 / (soft * time), rel=1e-6)
+
+
+def test_the_inertia_is_mujocos_own(tmp_path: Path) -> None:
+    """`dof_invweight0`, which knows no mimic and no armature of another joint."""
+    robot = coupled()
+    model = compiled(robot, tmp_path)
+    for name, inertia in bare_inertia(robot.tree, robot.control).items():
+        dof = model.joint(name).dofadr[0]
+        assert inertia == pytest.approx(1.0 / model.dof_invweight0[dof], rel=1e-6)
+
+
+def one_bar(effort: float, timestep: float = 0.002) -> TinyRobot:
+    robot = pendulum()
+    joint = robot.tree.moving_joints[0]
+    limits = replace(joint.limits, lower=-1.0, upper=1.0, effort=effort)
+    tree = replace(robot.tree, joints=(replace(joint, kind="revolute", limits=limits),))
+    simulation = robot.control.simulation.model_copy(update={"timestep": timestep})
+    return replace(robot, tree=tree, control=Control(simulation=simulation))
+
+
+@pytest.mark.parametrize("effort", [5.0, 50.0, 500.0])
+@pytest.mark.parametrize("timestep", [0.001, 0.002, 0.005])
+def test_full_effort_stays_within_the_wish(effort: float, timestep: float, tmp_path: Path) -> None:
+    """MuJoCo's steady state at the limit is the error that the formula gives."""
+    robot = one_bar(effort, timestep)
+    name = robot.tree.moving_joints[0].name
+    (held,) = soft_limits(robot.tree, robot.control, LIMITS)
+    past = pushed(compiled(stiffened(robot), tmp_path), name, effort)[0] - 1.0
+    if held.softness is not None:
+        assert past == pytest.approx(held.error, rel=0.02)
+    assert past < 1.01 * LIMITS.turn
+
+
+def test_mujocos_default_does_not_hold(tmp_path: Path) -> None:
+    """What the wish is for: the same push goes past the limit by (1 - d) t^2 F / I."""
+    robot = one_bar(500.0)
+    name = robot.tree.moving_joints[0].name
+    inertia = bare_inertia(robot.tree, robot.control)[name]
+    past = pushed(compiled(robot, tmp_path), name, 500.0)[0] - 1.0
+    assert past == pytest.approx(0.05 * 0.02**2 * 500.0 / inertia, rel=0.02)
+    assert past > LIMITS.turn
+
+
+def coupled() -> TinyRobot:
+    """A calf that follows another, of 36 N m."""
+    return with_mimic(tiny_quadruped(), "FL_calf_joint", "FR_calf_joint", 1.0, 0.0)
+
+
+def parted(robot: TinyRobot, folder: Path) -> float:
+    """How far the calves part, rad, when all the effort of one works against the other."""
+    model = compiled(robot, folder)
+    data = mujoco.MjData(model)
+    leader, follower = (model.joint(f"{leg}_calf_joint") for leg in ("FR", "FL"))
+    for joint in (leader, follower):  # beyond their limits nothing but the coupling would count
+        model.jnt_limited[joint.id] = 0
+        model.dof_damping[joint.dofadr[0]] = 10.0
+    for _ in range(int(2.0 / model.opt.timestep)):
+        data.qfrc_applied[leader.dofadr[0]], data.qfrc_applied[follower.dofadr[0]] = 36.0, -36.0
+        mujoco.mj_step(model, data)
+    return float(data.qpos[leader.qposadr[0]] - data.qpos[follower.qposadr[0]])
+
+
+def test_followers_stay_with_their_leader(tmp_path: Path) -> None:
+    """The error is that of the formula, with MuJoCo's default it would be far larger."""
+    robot = coupled()
+    (held,) = soft_couplings(robot.tree, robot.control, COUPLINGS)
+    assert held.joint == "FL_calf_joint"
+    assert held.softness is not None and held.error <= 1.01 * COUPLINGS.turn
+    found = parted(stiffened(robot), tmp_path / "stiff")
+    assert found == pytest.approx(held.error, rel=0.05)
+    assert parted(robot, tmp_path / "soft") > 3.0 * COUPLINGS.turn
+
+
+@settings(max_examples=examples(200), deadline=None)
+@given(
+    force=st.floats(1e-3, 1e4),
+    inertia=st.floats(1e-7, 1e2),
+    allowed=st.floats(1e-5, 0.1),
+    timestep=st.floats(1e-4, 0.02),
+)
+def test_softness_is_stable_and_as_small_as_the_step_lets_it(
+    force: float, inertia: float, allowed: float, timestep: float
+) -> None:
+    held = softness(force, inertia, allowed, timestep)
+    if held.softness is None:
+        assert held.error <= allowed
+        return
+    time, impedance = held.softness.solref[0], held.softness.solimp[1]
+    assert time >= 2.0 * timestep and 0.95 <= impedance <= 0.9999
+    assert held.error == pytest.approx((1.0 - impedance) * time**2 * force / inertia)
+    if held.error > 1.001 * allowed:
+        assert (time, impedance) == (2.0 * timestep, 0.9999)
+
+
+def test_left_and_right_are_held_alike() -> None:
+    """Tensors that differ in the third digit make no second class of joints."""
+    robot = tiny_quadruped()
+    bodies = tuple(
+        replace(body, inertial=replace(body.inertial, mass_kg=1.003 * body.inertial.mass_kg))
+        if body.inertial is not None and body.name.startswith("FR")
+        else body
+        for body in robot.tree.bodies
+    )
+    tree: Tree = replace(robot.tree, bodies=bodies)
+    held = {one.joint: one.softness for one in soft_limits(tree, robot.control, LIMITS)}
+    assert held["FR_calf_joint"] == held["FL_calf_joint"] == held["RL_calf_joint"]

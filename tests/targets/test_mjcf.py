@@ -80,7 +80,7 @@ def compiled(robot: TinyRobot, folder: Path) -> mujoco.MjModel:
 def test_quadruped_has_the_sizes_of_its_tree(quadruped: Path) -> None:
     model = mujoco.MjModel.from_xml_path(str(quadruped / "robot.xml"))
     sizes = (model.nbody, model.nq, model.nv, model.nu, model.nkey, model.nsite, model.nexclude)
-    assert sizes == (14, 19, 18, 12, 2, 5, 0)
+    assert sizes == (14, 19, 18, 12, 2, 5, 4)
     assert model.joint(0).name == "floating_base_joint"
 
 
@@ -205,11 +205,36 @@ def test_only_pairs_that_mujoco_does_not_filter_are_excluded(tmp_path: Path) -> 
     pairs = (*robot.control.excludes, ("FR_thigh", "trunk"))
     floating = replace(robot, control=replace(robot.control, excludes=pairs))
     text = (write_mjcf(floating, tmp_path / "a") / "robot.xml").read_text()
-    assert re.findall("<exclude [^>]*>", text) == ['<exclude body1="FR_thigh" body2="trunk"/>']
+    excluded = re.findall('<exclude body1="([^"]*)" body2="trunk"/>', text)
+    # The hips for a base that a user pins, see below; no calf and its thigh.
+    assert excluded == ["FL_hip", "FR_hip", "RL_hip", "RR_hip", "FR_thigh"]
+    assert text.count("<exclude ") == 5
     # Bolted down, the trunk is part of the world, whose children MuJoCo does not filter.
     bolted = replace(floating, tree=replace(robot.tree, base="fixed"))
     text = (write_mjcf(bolted, tmp_path / "b") / "robot.xml").read_text()
     assert text.count("<exclude ") == 5
+
+
+def test_a_floating_robot_on_a_test_stand_does_not_touch_itself(tmp_path: Path) -> None:
+    """MuJoCo filters parent and child, but not children of the world, such as a pinned trunk."""
+    spec = mujoco.MjSpec.from_file(str(write_mjcf(tiny_quadruped(), tmp_path) / "robot.xml"))
+    for hip in ("FR_hip", "FL_hip"):  # grown into the trunk
+        spec.body(hip).add_geom(type=mujoco.mjtGeom.mjGEOM_SPHERE, size=[0.15, 0, 0])
+    spec.delete(spec.joint("floating_base_joint"))
+    for key in list(spec.keys):
+        spec.delete(key)
+    pinned = spec.compile()
+    data = mujoco.MjData(pinned)
+    mujoco.mj_forward(pinned, data)
+    trunk = pinned.body("trunk").id
+    touching = {pinned.geom_bodyid[geom] for contact in data.contact for geom in contact.geom}
+    assert trunk not in touching
+    for exclude in list(spec.excludes):
+        spec.delete(exclude)
+    bad = spec.compile()
+    data = mujoco.MjData(bad)
+    mujoco.mj_forward(bad, data)
+    assert trunk in {bad.geom_bodyid[geom] for contact in data.contact for geom in contact.geom}
 
 
 def tensor(inertial: Inertial) -> np.ndarray:

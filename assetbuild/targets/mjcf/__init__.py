@@ -51,7 +51,7 @@ class Mjcf(Target):
     sections: ClassVar[Mapping[str, str]] = {"mjcf": "options"}
 
     options: MjcfOptions = MjcfOptions()
-    """cone None: elliptic for a floating base (feet slip less), else MuJoCo's default;
+    """cone None: elliptic (feet and fingers slip less);
     impratio None: 100 with an elliptic cone, as Menagerie's legged robots have, else MuJoCo's 1."""
 
     def run(self, files: Files) -> Iterator[Finding]:

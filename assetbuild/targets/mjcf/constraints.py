@@ -16,13 +16,16 @@ from assetbuild.targets.mjcf.xml import element, number, numbers
 def contact_section(
     tree: Tree, shapes: Shapes, control: Control, seats: Seats, body_names: Mapping[str, str]
 ) -> Element:
-    """The pairs of the recipe that MuJoCo does not filter itself."""
+    """The pairs of the recipe that MuJoCo does not filter itself, with a floating base or pinned.
+
+    MuJoCo filters a body and its parent, unless the parent is part of the world.
+    """
     rule = ContactFilter.of(tree, shapes, control)
     pairs = [
         element("exclude", {"body1": body_names[a], "body2": body_names[b]})
         for a, b in control.excludes
         if not {a, b} & seats.hidden  # without shapes, they touch nothing
-        and not rule.passes(a, b)
+        and not rule.holds_without(tree.root, a, b)
     ]
     return element("contact", None, pairs)
 

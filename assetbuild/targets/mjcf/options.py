@@ -34,7 +34,7 @@ class MjcfOptions(Model):
         "implicitfast", description="implicitfast integrates gains and damping implicitly"
     )
     cone: Cone | None = Field(
-        None, description="without it elliptic for a floating base (feet slip less), else pyramidal"
+        None, description="of friction; without it elliptic, with which feet and fingers slip less"
     )
     impratio: Positive | None = Field(
         None, description="frictional to normal impedance; without it 100 with an elliptic cone"

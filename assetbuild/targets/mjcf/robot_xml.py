@@ -43,7 +43,7 @@ DEFAULT_GRAVITY = (0.0, 0.0, -9.81)
 class Solver:
     """What `<option>` says beyond the timestep and gravity.
 
-    cone: None = elliptic for a floating base (feet slip less), else MuJoCo's default.
+    cone: None = elliptic (feet and fingers slip less).
     impratio: None = 100 with an elliptic cone, as Menagerie's legged robots have, else MuJoCo's 1.
     """
 
@@ -156,7 +156,7 @@ class RobotXml:
         if solver is None:
             return element("option")
         gravity = simulation.gravity
-        cone = solver.cone or ("elliptic" if self.tree.base == "floating" else "pyramidal")
+        cone = solver.cone or "elliptic"
         impratio = solver.impratio or (100.0 if cone == "elliptic" else 1.0)
         return element(
             "option",
