@@ -12,12 +12,13 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import product
 
 import numpy as np
 
 from assetbuild.findings import Finding, Rule
+from assetbuild.robot.dynamics import dynamics
 from assetbuild.robot.inertia import matrix_of
 from assetbuild.robot.model import Control, Inertial, Joint, Tree
 from assetbuild.robot.pose import Array
@@ -30,7 +31,7 @@ times what its shapes show."""
 LIKE_VOLUME, LIKE_MOMENT = 1.1, 1.25
 """Largest over smallest, of the hulls of two shapes that count as one."""
 NEGLIGIBLE = 0.01
-"""Share of the largest moment; smaller ones are the noise of a slender part."""
+"""Share of the largest moment, or of what a joint turns; smaller ones are noise."""
 DENSEST = 25_000.0
 """kg/m3, as `InertiaBounds.density`: the shapes are then no measure of the body, but a marker."""
 PLANAR = 1e-3
@@ -135,9 +136,10 @@ def beyond_reach(tree: Tree, extents: Mapping[str, Extent]) -> dict[str, float]:
     """Body -> its largest moment over m r², where that exceeds `FACTOR`.
 
     r: from the centre of mass to the farthest point of its own shapes. Only axes count about which
-    the body can turn: the first link of a fixed arm has one, and no motion shows the others.
+    the body can turn: the first link of a fixed arm has one, and no motion shows the others. Nor
+    does a body count that hardly adds to what its joints turn, such as a tool frame of 1e-8 kg m2.
     """
-    found = {}
+    found, felt = {}, _least_felt(tree)
     for name, axes in _axes(tree).items():
         inertial, extent = tree.by_body[name].inertial, extents.get(name)
         if inertial is None or extent is None or not axes:
@@ -148,9 +150,26 @@ def beyond_reach(tree: Tree, extents: Mapping[str, Extent]) -> dict[str, float]:
         matrix = matrix_of(inertial.inertia_com_kg_m2)
         one = all(_parallel(axes[0], axis) for axis in axes)
         largest = axes[0] @ matrix @ axes[0] if one else np.linalg.eigvalsh(matrix)[-1]
-        if 0.0 < FACTOR * scale < largest:
+        if 0.0 < FACTOR * scale < largest and largest > NEGLIGIBLE * felt[name]:
             found[name] = float(largest) / scale
     return found
+
+
+def _least_felt(tree: Tree) -> dict[str, float]:
+    """Body -> the least inertia that one of the coordinates above it turns at 0, kg m2.
+
+    0 where none does; each joint counts with all that it carries, and no mimic adds to it.
+    """
+    free = replace(tree, joints=tuple(replace(joint, mimic=None) for joint in tree.joints))
+    moved = dynamics(free, {}, {})
+    turned = np.diag(moved.mass)
+    felt = {tree.root: float(turned[3:6].min()) if moved.free else math.inf}
+    for joint in tree.joints:
+        own = math.inf
+        if joint.kind in ("revolute", "continuous"):
+            own = float(turned[moved.column(joint.name)])
+        felt[joint.child] = min(felt[joint.parent], own)
+    return {name: value if value < math.inf else 0.0 for name, value in felt.items()}
 
 
 def _reach(inertial: Inertial, extent: Extent) -> float:

@@ -68,6 +68,20 @@ def test_axes_that_no_motion_shows_do_not_count():
     assert set(beyond_reach(arm(about_z), EXTENTS)) == {"first", "second"}
 
 
+def test_a_frame_that_weighs_nothing_is_no_fault():
+    """MJCFs give 1e-8 kg and 1e-8 kg m2 to a tool; what the arm turns does not feel it."""
+    tool = Body("tool", weighing(100.0, mass=1e-8))
+    joint = Joint("j2", "revolute", "second", "tool", Pose((0.0, 0.0, 0.1)), (0.0, 0.0, 1.0))
+    carried = Joint("j3", "revolute", "tool", "load", Pose((0.0, 0.0, 0.1)), (1.0, 0.0, 0.0))
+    tree = arm(weighing(0.3))
+    extents = {**EXTENTS, "tool": extent()}
+    alone = replace(tree, bodies=(*tree.bodies, tool), joints=(*tree.joints, joint))
+    assert set(beyond_reach(alone, extents)) == {"tool"}, "all that its joint turns"
+    load = Body("load", weighing(0.3))
+    bodies, joints = (*alone.bodies, load), (*alone.joints, carried)
+    assert beyond_reach(replace(alone, bodies=bodies, joints=joints), extents) == {}
+
+
 def test_a_marker_too_small_for_the_mass_is_no_measure_of_it():
     """2 kg in 1 mm³ would be 2e9 kg/m³."""
     tiny = dict.fromkeys(EXTENTS, extent((0.001, 0.001, 0.001)))
