@@ -62,6 +62,7 @@ CHECKS = {
     "counts": "looking for what the source had and the files lack",
     "coverage": "measuring how well collision covers the robot",
     "free_fall": "letting it fall freely in MuJoCo",
+    "full_effort": "pushing joints with full effort",
     "gains": "checking gains",
     "mass": "comparing masses with volumes",
     "mirror": "comparing left with right",

@@ -208,8 +208,7 @@ class ControlStep(Step):
         control = _with_sampled(control, files.inputs / "sampled_pairs.json")
         control, below = with_reach(tree, control, ground)
         yield from below
-        control, soft = softened(tree, control, self.sides, self.limit_error, self.coupling_error)
-        yield from soft
+        control = softened(tree, control, self.sides, self.limit_error, self.coupling_error)
         only_mjcf = sum(item.place == "actuator" for item in control.mjcf_only)
         yield from actuator_findings(
             tree, control.actuators, has_table=bool(self.rows), only_mjcf=only_mjcf

@@ -92,6 +92,17 @@ def _free_fall(f: Figures) -> str:
     )
 
 
+def _full_effort(f: Figures) -> str:
+    held = f["mjcf"]
+    said = []
+    for kind, what in (("limits", "past a limit"), ("couplings", "from where it is held")):
+        for error in (held[kind].get("turn"), held[kind].get("slide")):
+            if error and error["error"] is not None:
+                unit = "rad" if error is held[kind].get("turn") else "m"
+                said.append(f"`{error['joint']}` {error['error']:.2g} {unit} {what}")
+    return f"full effort pushes {', '.join(said)} at most" if said else "nothing to push"
+
+
 def _stand(f: Figures) -> str:
     change, tilt = float(f["height_change_m"]), math.degrees(float(f["tilt_rad"]))
     return (
@@ -184,6 +195,7 @@ SENTENCES: Mapping[str, Callable[[Figures], str]] = {
     "urdf_kinematics": _kinematics,
     "urdf_loads": lambda f: f"urdfdom reads the URDF: {f['joints']} joints",
     "free_fall": _free_fall,
+    "full_effort": _full_effort,
     "stand": _stand,
     "mass": _mass,
     "counts": _counts,

@@ -1,0 +1,137 @@
+"""Do limits and mimic joints hold what the drives can bring, in the full model and the mjx file?"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from typing import ClassVar
+
+from assetbuild.engine.step import Files
+from assetbuild.errors import StepError
+from assetbuild.findings import Data, Finding, Rule
+from assetbuild.kinds import Check, write_figures
+from assetbuild.robot.files import RobotFiles
+from assetbuild.robot.model import Control, Tree
+from assetbuild.robot.softness import Allowed, CouplingError, LimitError, effort_at
+from assetbuild.simulators import mujoco, mujoco_pushes
+from assetbuild.simulators.mujoco_pushes import Pushed
+
+MOST = 2.0
+"""Times the wish; the load grows in a fifth of a second, which swings a little."""
+
+LIMITS_SOFT = Rule(
+    "limits.soft",
+    ("info", "warning"),
+    "full effort pushes joints further past their limits in MuJoCo than twice what `limits` allows "
+    "(information where an MJCF source says how soft they are)",
+    "state the rotor's inertia (`motors` or `armature`), or a shorter timestep; of an MJCF, state "
+    "`limits`",
+)
+COUPLINGS_SOFT = Rule(
+    "couplings.soft",
+    ("info", "warning"),
+    "full effort parts joints from those that they follow in MuJoCo by more than twice what "
+    "`couplings` allows (information where an MJCF source says how soft they are)",
+    "state the rotor's inertia (`motors` or `armature`), or a shorter timestep; of an MJCF, state "
+    "`couplings`",
+)
+
+
+class FullEffort(Check):
+    """Pushes joints against their limits, and followers away from their leaders.
+
+    Findings `limits.soft` and `couplings.soft`; figures by file: the largest error of turning and
+    of sliding joints, rad and m.
+    """
+
+    isolated: ClassVar[bool] = True
+    preload: ClassVar[tuple[str, ...]] = ("mujoco",)
+    needs: ClassVar[tuple[str, ...]] = ("mjcf",)
+    also: ClassVar[tuple[str, ...]] = ("mjx",)
+    reads: ClassVar[tuple[str, ...]] = ("tree.json", "control.json")
+
+    engines: ClassVar[tuple[str, ...]] = ("mujoco",)
+    told: ClassVar[Mapping[str, str]] = {
+        "limits_wish": "limits",
+        "couplings_wish": "couplings",
+        "source": "source.mjcf",
+    }
+
+    robot: str
+    limits_wish: LimitError = LimitError.model_validate({})
+    couplings_wish: CouplingError = CouplingError.model_validate({})
+    source: str | None = None
+    """An MJCF that says itself how soft its constraints are."""
+
+    def run(self, files: Files) -> Iterator[Finding]:
+        """Reads the robot, `mjcf/<robot>.xml` and, where it is built, `mjx/<robot>_mjx.xml`."""
+        robot = RobotFiles(files.inputs)
+        efforts = efforts_of(robot.tree, robot.control)
+        figures: dict[str, object] = {}
+        for folder, stem in (("mjcf", self.robot), ("mjx", f"{self.robot}_mjx")):
+            path = files.inputs / folder / f"{stem}.xml"
+            if not path.is_file():
+                continue
+            try:
+                model = mujoco.load(path, visuals=False).model
+            except StepError:
+                figures[folder] = {"skipped": "it does not load"}  # `mjcf.load` reports it
+                continue
+            limits = tuple(mujoco_pushes.past_limits(model, efforts))
+            coupled = tuple(mujoco_pushes.off_couplings(model, efforts))
+            figures[folder] = {"limits": _worst(limits), "couplings": _worst(coupled)}
+            yield from self._judge(LIMITS_SOFT, limits, self.limits_wish, path.name)
+            yield from self._judge(COUPLINGS_SOFT, coupled, self.couplings_wish, path.name)
+        write_figures(files, figures)
+
+    def _judge(
+        self, rule: Rule, pushed: Sequence[Pushed], wish: Allowed, file: str
+    ) -> Iterator[Finding]:
+        """One finding for all joints, the furthest first."""
+
+        def share(one: Pushed) -> float:
+            """Of the limit; a simulation that became unstable comes first."""
+            most = MOST * (wish.slide if one.slides else wish.turn)
+            return one.error / most if math.isfinite(one.error) else math.inf
+
+        far = sorted((one for one in pushed if share(one) > 1.0), key=share, reverse=True)
+        if not far:
+            return
+        shown = ", ".join(f"`{one.joint}` by {_length(one)}" for one in far[:4])
+        verb = "past their limits" if rule is LIMITS_SOFT else "from where they are held"
+        data: Data = {"joints": len(far), "of": len(pushed), "first": far[0].joint}
+        yield rule(
+            "robot",
+            f"{file}: full effort pushes {len(far)} of {len(pushed)} joints {verb}: {shown}"
+            f"{', ...' if len(far) > 4 else ''} (limit {MOST * wish.turn:.3g} rad, "
+            f"{1e3 * MOST * wish.slide:.3g} mm)",
+            hint="state the rotor's inertia (`motors` or `armature`), or a shorter timestep"
+            + ("; or state the section in the recipe" if self.source else ""),
+            severity="info" if self.source else "warning",
+            data=data,
+        )
+
+
+def efforts_of(tree: Tree, control: Control) -> dict[str, float]:
+    """The largest effort at each moving joint, N m or N; of a follower, of its leader."""
+    return {joint.name: effort_at(tree, control, joint) for joint in tree.moving_joints}
+
+
+def _length(one: Pushed) -> str:
+    if not math.isfinite(one.error):
+        return "more than can be simulated"
+    return f"{1e3 * one.error:.3g} mm" if one.slides else f"{one.error:.3g} rad"
+
+
+def _worst(pushed: Sequence[Pushed]) -> dict[str, object]:
+    """Of turning and of sliding joints: the largest error and its joint; None: unstable."""
+    found: dict[str, object] = {"joints": len(pushed)}
+    for kind, slides in (("turn", False), ("slide", True)):
+        alike = [one for one in pushed if one.slides == slides]
+        if alike:
+            one = max(alike, key=lambda o: o.error if math.isfinite(o.error) else math.inf)
+            found[kind] = {
+                "error": one.error if math.isfinite(one.error) else None,
+                "joint": one.joint,
+            }
+    return found
