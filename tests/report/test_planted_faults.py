@@ -16,6 +16,7 @@ import pytest
 from tiny import FOOT_RADIUS_M, SEGMENT_M, TinyRobot, run_step, tiny_quadruped, write_robot_ports
 
 from assetbuild.body.measure_bodies import measure
+from assetbuild.control.soften import softened
 from assetbuild.findings import Finding
 from assetbuild.kinds import Check
 from assetbuild.plugins import load_plugin, plugin_names
@@ -27,6 +28,8 @@ from assetbuild.robot.inertia import rotate_tensor
 from assetbuild.robot.model import Body, Joint
 from assetbuild.robot.pose import Pose, normalised_quat
 from assetbuild.robot.shapes import Box, Capsule, Shape, Sphere
+from assetbuild.robot.sides import Side
+from assetbuild.robot.softness import CouplingError, LimitError
 from assetbuild.targets.mjcf import Mjcf
 
 from .robots_for_tests import recipe
@@ -49,8 +52,13 @@ CHECKS = [
 
 
 def sound() -> TinyRobot:
-    """The tiny quadruped with visual boxes of its inertias' size, so that density makes sense."""
+    """The tiny quadruped with visual boxes of its inertias' size, so that density makes sense.
+
+    Its limits hold full effort, as those of a recipe do.
+    """
     robot = tiny_quadruped()
+    wishes = LimitError.model_validate({}), CouplingError.model_validate({})
+    robot = replace(robot, control=softened(robot.tree, robot.control, (Side(),), *wishes))
     middle = Pose((0.0, 0.0, -SEGMENT_M / 2))
     shapes = [s for s in robot.shapes.shapes if s.role == "collision" and "hip" not in s.name]
     shapes.append(Shape("trunk_visual", "trunk", "visual", Box((0.4, 0.2, 0.1))))
