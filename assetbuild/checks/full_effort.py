@@ -8,7 +8,7 @@ from typing import ClassVar
 
 from assetbuild.engine.step import Files
 from assetbuild.errors import StepError
-from assetbuild.findings import Data, Finding, Rule
+from assetbuild.findings import Data, Finding, Rule, Severity
 from assetbuild.kinds import Check, write_figures
 from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.model import Control, Tree
@@ -80,36 +80,42 @@ class FullEffort(Check):
             limits = tuple(mujoco_pushes.past_limits(model, efforts))
             coupled = tuple(mujoco_pushes.off_couplings(model, efforts))
             figures[folder] = {"limits": _worst(limits), "couplings": _worst(coupled)}
-            yield from self._judge(LIMITS_SOFT, limits, self.limits_wish, path.name)
-            yield from self._judge(COUPLINGS_SOFT, coupled, self.couplings_wish, path.name)
+            for rule, pushed, wish, ours in (
+                (LIMITS_SOFT, limits, self.limits_wish, robot.control.soft_limits),
+                (COUPLINGS_SOFT, coupled, self.couplings_wish, robot.control.soft_couplings),
+            ):
+                # Where none is ours, an MJCF source has decided how soft they are.
+                severity: Severity = "warning" if ours or not self.source else "info"
+                yield from _judge(rule, pushed, wish, path.name, severity)
         write_figures(files, figures)
 
-    def _judge(
-        self, rule: Rule, pushed: Sequence[Pushed], wish: Allowed, file: str
-    ) -> Iterator[Finding]:
-        """One finding for all joints, the furthest first."""
 
-        def share(one: Pushed) -> float:
-            """Of the limit; a simulation that became unstable comes first."""
-            most = MOST * (wish.slide if one.slides else wish.turn)
-            return one.error / most if math.isfinite(one.error) else math.inf
+def _judge(
+    rule: Rule, pushed: Sequence[Pushed], wish: Allowed, file: str, severity: Severity
+) -> Iterator[Finding]:
+    """One finding for all joints, the furthest first."""
 
-        far = sorted((one for one in pushed if share(one) > 1.0), key=share, reverse=True)
-        if not far:
-            return
-        shown = ", ".join(f"`{one.joint}` by {_length(one)}" for one in far[:4])
-        verb = "past their limits" if rule is LIMITS_SOFT else "from where they are held"
-        data: Data = {"joints": len(far), "of": len(pushed), "first": far[0].joint}
-        yield rule(
-            "robot",
-            f"{file}: full effort pushes {len(far)} of {len(pushed)} joints {verb}: {shown}"
-            f"{', ...' if len(far) > 4 else ''} (limit {MOST * wish.turn:.3g} rad, "
-            f"{1e3 * MOST * wish.slide:.3g} mm)",
-            hint="state the rotor's inertia (`motors` or `armature`), or a shorter timestep"
-            + ("; or state the section in the recipe" if self.source else ""),
-            severity="info" if self.source else "warning",
-            data=data,
-        )
+    def share(one: Pushed) -> float:
+        """The error over the limit; an unstable simulation sorts first."""
+        most = MOST * (wish.slide if one.slides else wish.turn)
+        return one.error / most if math.isfinite(one.error) else math.inf
+
+    far = sorted((one for one in pushed if share(one) > 1.0), key=share, reverse=True)
+    if not far:
+        return
+    shown = ", ".join(f"`{one.joint}` by {_length(one)}" for one in far[:4])
+    verb = "past their limits" if rule is LIMITS_SOFT else "from where they are held"
+    data: Data = {"joints": len(far), "of": len(pushed), "first": far[0].joint}
+    yield rule(
+        "robot",
+        f"{file}: full effort pushes {len(far)} of {len(pushed)} joints {verb}: {shown}"
+        f"{', ...' if len(far) > 4 else ''} (limit {MOST * wish.turn:.3g} rad, "
+        f"{1e3 * MOST * wish.slide:.3g} mm)",
+        hint="state the rotor's inertia (`motors` or `armature`), or a shorter timestep"
+        + (f"; or state `{rule.id.partition('.')[0]}` in the recipe" if severity == "info" else ""),
+        severity=severity,
+        data=data,
+    )
 
 
 def efforts_of(tree: Tree, control: Control) -> dict[str, float]:
@@ -124,7 +130,7 @@ def _length(one: Pushed) -> str:
 
 
 def _worst(pushed: Sequence[Pushed]) -> dict[str, object]:
-    """Of turning and of sliding joints: the largest error and its joint; None: unstable."""
+    """The largest error and its joint, for joints that turn and that slide; None if unstable."""
     found: dict[str, object] = {"joints": len(pushed)}
     for kind, slides in (("turn", False), ("slide", True)):
         alike = [one for one in pushed if one.slides == slides]

@@ -93,13 +93,13 @@ def _free_fall(f: Figures) -> str:
 
 
 def _full_effort(f: Figures) -> str:
-    held = f["mjcf"]
     said = []
     for kind, what in (("limits", "past a limit"), ("couplings", "from where it is held")):
-        for error in (held[kind].get("turn"), held[kind].get("slide")):
-            if error and error["error"] is not None:
-                unit = "rad" if error is held[kind].get("turn") else "m"
-                said.append(f"`{error['joint']}` {error['error']:.2g} {unit} {what}")
+        held = f["mjcf"].get(kind, {})  # none, where the MJCF does not load
+        for motion, unit in (("turn", "rad"), ("slide", "m")):
+            error = held[motion]["error"] if motion in held else None
+            if error is not None:
+                said.append(f"`{held[motion]['joint']}` {error:.2g} {unit} {what}")
     return f"full effort pushes {', '.join(said)} at most" if said else "nothing to push"
 
 

@@ -12,7 +12,7 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import product
 
 import numpy as np
@@ -20,6 +20,7 @@ import numpy as np
 from assetbuild.findings import Finding, Rule
 from assetbuild.robot.dynamics import dynamics
 from assetbuild.robot.inertia import matrix_of
+from assetbuild.robot.mimic import without_mimics
 from assetbuild.robot.model import Control, Inertial, Joint, Tree
 from assetbuild.robot.pose import Array
 from assetbuild.robot.tree import forward_kinematics
@@ -160,8 +161,7 @@ def _least_felt(tree: Tree) -> dict[str, float]:
 
     0 where none does; each joint counts with all that it carries, and no mimic adds to it.
     """
-    free = replace(tree, joints=tuple(replace(joint, mimic=None) for joint in tree.joints))
-    moved = dynamics(free, {}, {})
+    moved = dynamics(without_mimics(tree), {}, {})
     turned = np.diag(moved.mass)
     felt = {tree.root: float(turned[3:6].min()) if moved.free else math.inf}
     for joint in tree.joints:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 
 from assetbuild.robot.model import Joint, Mimic, Tree
 
@@ -76,6 +77,11 @@ def _value(tree: Tree, joint: Joint, q: Mapping[str, float], seen: tuple[str, ..
         raise ValueError(f"mimic joints in a circle: {' -> '.join((*seen, joint.name))}")
     leader = _value(tree, tree.by_joint[joint.mimic.joint], q, (*seen, joint.name))
     return joint.mimic.offset + joint.mimic.multiplier * leader
+
+
+def without_mimics(tree: Tree) -> Tree:
+    """The tree with every joint free to move by itself, as MuJoCo counts inertia."""
+    return replace(tree, joints=tuple(replace(joint, mimic=None) for joint in tree.joints))
 
 
 def first_leader(tree: Tree, mimic: Mimic) -> Mimic:

@@ -20,11 +20,13 @@ from pydantic import Field
 
 from assetbuild.quantities import Model, Positive
 from assetbuild.robot.dynamics import dynamics
-from assetbuild.robot.mimic import first_leader
+from assetbuild.robot.mimic import first_leader, without_mimics
 from assetbuild.robot.model import Control, Joint, Softness, Tree
 
 TIME_S, IMPEDANCE = 0.02, 0.95
 """MuJoCo's defaults: the time constant, and the impedance beyond a width of 1 mm or 1 mrad."""
+USUAL = Softness((TIME_S, 1.0), (0.9, IMPEDANCE, 0.001, 0.5, 2.0))
+"""MuJoCo's default softness of limits and couplings."""
 STIFFEST = 0.9999
 """MuJoCo cuts an impedance beyond it without a word."""
 SHORTEST_STEPS = 2.0
@@ -82,12 +84,12 @@ def soft_couplings(tree: Tree, control: Control, allowed: Allowed) -> Iterator[H
 
     MuJoCo adds the inverse inertias of both joints of a coupling.
     """
-    inertia = bare_inertia(tree, control)
-    coupled = []
+    alone = bare_inertia(tree, control)
+    inertia, coupled = dict(alone), []
     for joint in tree.moving_joints:
-        if joint.mimic is not None and joint.name in inertia and joint.mimic.joint in inertia:
-            both = 1.0 / inertia[joint.name] + 1.0 / inertia[joint.mimic.joint]
-            inertia = {**inertia, joint.name: 1.0 / both}
+        if joint.mimic is not None and joint.name in alone and joint.mimic.joint in alone:
+            both = 1.0 / alone[joint.name] + 1.0 / alone[joint.mimic.joint]
+            inertia[joint.name] = 1.0 / both
         if joint.mimic is not None or _is_locked(joint):
             coupled.append(joint)
     yield from _held(tree, control, coupled, allowed, inertia)
@@ -99,8 +101,7 @@ def bare_inertia(tree: Tree, control: Control) -> dict[str, float]:
     MuJoCo's `1 / dof_invweight0`: no coupling counts. Joints that move nothing are left out.
     """
     armature = {row.joint: row.armature for row in control.actuators}
-    free = replace(tree, joints=tuple(replace(joint, mimic=None) for joint in tree.joints))
-    found = dynamics(free, {}, armature).effective_inertia
+    found = dynamics(without_mimics(tree), {}, armature).effective_inertia
     return {name: value for name, value in found.items() if 0.0 < value < math.inf}
 
 
@@ -123,10 +124,6 @@ def limit_springs(tree: Tree, control: Control) -> dict[str, tuple[float, float]
             time, inverse = soft.solref[0], reflected / (1.0 - soft.solimp[1])
             springs[joint.name] = (inverse / time**2, 2.0 * inverse / time)
     return springs
-
-
-USUAL = Softness((TIME_S, 1.0), (0.9, IMPEDANCE, 0.001, 0.5, 2.0))
-"""MuJoCo's default."""
 
 
 def softness(force: float, inertia: float, allowed: float, timestep: float) -> Held:
@@ -164,9 +161,9 @@ def _held(
     allowed: Allowed,
     inertia: Mapping[str, float],
 ) -> Iterator[Held]:
-    """By joint; joints with one effort and about one inertia are held alike, as their drives are.
+    """What holds each joint; joints of equal effort and similar inertia share one softness.
 
-    So left and right legs stay in one class though their tensors differ in the last digits.
+    Left and right legs then share a class, though their tensors differ in the last digits.
     """
     known = [j for j in joints if j.name in inertia and effort_at(tree, control, j) > 0.0]
     lightest = dict[str, float]()

@@ -17,6 +17,7 @@ from assetbuild.simulators.mujoco import (
     Model,
     at_key,
     caught_warnings,
+    is_finite,
     name_of,
     without,
 )
@@ -106,7 +107,7 @@ def _couplings(model: Model) -> list[int]:
 
 
 def _lead(model: Model, data: Data, load: Array) -> None:
-    """Followers where their leaders put them; what pushes a leader's limit pushes not theirs."""
+    """Put followers where their leaders are, and take the load off them: it is the leader's."""
     for index in _couplings(model):
         follower, leader = int(model.eq_obj1id[index]), int(model.eq_obj2id[index])
         offset, gear = model.eq_data[index, :2]
@@ -133,6 +134,9 @@ def _under(model: Model, data: Data, load: Array) -> Iterator[Array]:
         for index in range(round((RISE_S + HOLD_S) / step)):
             data.qfrc_applied[:] = load * min(1.0, (index + 1) * step / RISE_S)
             mujoco.mj_step(model, data)
+            if not is_finite(data):  # MuJoCo starts again from its default pose
+                yield np.full(model.nq, np.nan)
+                return
             yield data.qpos
 
 

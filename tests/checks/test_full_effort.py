@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 from dataclasses import replace
 from pathlib import Path
 
@@ -75,13 +76,7 @@ def test_followers_part_from_a_strong_leader(tmp_path: Path) -> None:
 
 def test_the_mjx_file_is_pushed_too(tmp_path: Path) -> None:
     inputs = check_inputs(tmp_path, stiff(coupled()), Mjcf(robot="robot"), "mjcf")
-    (tmp_path / "mjx").mkdir()
     run_step(Mjx(robot="robot"), inputs, tmp_path / "made")
-    (inputs / "mjx").mkdir(exist_ok=True)
-    for file in (tmp_path / "made/mjx").rglob("*"):
-        if file.is_file():
-            target = inputs / "mjx" / file.relative_to(tmp_path / "made/mjx")
-            target.parent.mkdir(parents=True, exist_ok=True)
-            target.write_bytes(file.read_bytes())
+    shutil.copytree(tmp_path / "made/mjx", inputs / "mjx")
     assert run_step(FullEffort(robot="robot"), inputs, tmp_path / "out") == []
     assert set(json.loads((tmp_path / "out/figures.json").read_text())) == {"mjcf", "mjx"}

@@ -29,7 +29,7 @@ LIMITS, COUPLINGS = LimitError.model_validate({}), CouplingError.model_validate(
 
 
 def stiffened(robot: TinyRobot) -> TinyRobot:
-    """With the wishes of a recipe that states none."""
+    """The robot as built by a recipe without `limits` and `couplings`."""
     limits = soft_limits(robot.tree, robot.control, LIMITS)
     coupled = soft_couplings(robot.tree, robot.control, COUPLINGS)
     control = replace(
