@@ -12,7 +12,6 @@ from assetbuild.robot.model import Control, MjcfOnly, Softness, Tree
 from assetbuild.robot.sides import Side, side_of
 from assetbuild.robot.softness import (
     CouplingError,
-    Held,
     LimitError,
     soft_couplings,
     soft_limits,
@@ -39,15 +38,15 @@ def softened(
 
 
 def _ours(
-    held: Iterable[Held], control: Control, sides: Sequence[Side], section: str
+    held: Iterable[tuple[str, Softness]], control: Control, sides: Sequence[Side], section: str
 ) -> Iterator[tuple[str, Softness]]:
     """Without joints whose softness an MJCF source decides."""
     said = {item.owner for item in control.mjcf_only if _says_softness(item, PLACES[section])}
-    for one in held:
-        side = side_of(sides, one.joint)
+    for joint, soft in held:
+        side = side_of(sides, joint)
         ours = not side.from_mjcf or section in side.stated
-        if one.softness is not None and ours and one.joint not in said:
-            yield one.joint, one.softness
+        if ours and joint not in said:
+            yield joint, soft
 
 
 def _says_softness(item: MjcfOnly, place: str) -> bool:

@@ -14,7 +14,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass, replace
 
 from pydantic import Field
 
@@ -60,27 +59,19 @@ class CouplingError(Allowed):
     slide: Positive = Field(0.0002, description="m between a sliding joint and its leader")
 
 
-@dataclass(frozen=True)
-class Held:
-    """What holds one joint, and the error at full effort in rad or m.
-
-    softness: None where MuJoCo's own is stiff enough.
-    """
-
-    joint: str
-    softness: Softness | None
-    error: float
+Soft = Iterator[tuple[str, Softness]]
+"""By joint, where MuJoCo's default would not hold the effort."""
 
 
-def soft_limits(tree: Tree, control: Control, allowed: Allowed) -> Iterator[Held]:
-    """Each joint with limits and an effort, in tree order."""
+def soft_limits(tree: Tree, control: Control, allowed: Allowed) -> Soft:
+    """How to hold each joint with limits and an effort, in tree order."""
     inertia = bare_inertia(tree, control)
     joints = [joint for joint in tree.moving_joints if _has_range(joint)]
     yield from _held(tree, control, joints, allowed, inertia)
 
 
-def soft_couplings(tree: Tree, control: Control, allowed: Allowed) -> Iterator[Held]:
-    """Each joint that mimics another or is locked by equal limits, and whose effort is known.
+def soft_couplings(tree: Tree, control: Control, allowed: Allowed) -> Soft:
+    """How to hold each joint that mimics another or is locked, and whose effort is known.
 
     MuJoCo adds the inverse inertias of both joints of a coupling.
     """
@@ -126,21 +117,27 @@ def limit_springs(tree: Tree, control: Control) -> dict[str, tuple[float, float]
     return springs
 
 
-def softness(force: float, inertia: float, allowed: float, timestep: float) -> Held:
-    """Return what holds a force to an error; the name is left blank.
+def softness(force: float, inertia: float, allowed: float, timestep: float) -> Softness:
+    """Return what holds a force to an error, MuJoCo's default where that is enough.
 
     force: N m or N; inertia: kg m2 or kg; allowed: rad or m; timestep: s. The time constant is
     shortened first, down to two steps; then the impedance rises, as far as MuJoCo takes it.
     """
     shortest = SHORTEST_STEPS * timestep
-    if (1.0 - IMPEDANCE) * max(TIME_S, shortest) ** 2 * force / inertia <= allowed:
-        return Held("", None, (1.0 - IMPEDANCE) * max(TIME_S, shortest) ** 2 * force / inertia)
+    if error_at_rest(USUAL, force, inertia, timestep) <= allowed:
+        return USUAL
     wanted = math.sqrt(allowed * inertia / ((1.0 - IMPEDANCE) * force))
     time = max(shortest, math.floor(1000.0 * min(wanted, TIME_S)) / 1000.0)
     room = 1.0 - allowed * inertia / (force * time**2)
     impedance = min(max(math.ceil(room * 1e5) / 1e5, IMPEDANCE), STIFFEST)
-    soft = Softness((time, 1.0), (impedance, impedance, *USUAL.solimp[2:]))
-    return Held("", soft, (1.0 - impedance) * time**2 * force / inertia)
+    return Softness((time, 1.0), (impedance, impedance, *USUAL.solimp[2:]))
+
+
+def error_at_rest(soft: Softness, force: float, inertia: float, timestep: float) -> float:
+    """Return how far a force moves what is held, rad or m; the arguments are in N m or N, kg m2
+    or kg, and s."""
+    time = max(soft.solref[0], SHORTEST_STEPS * timestep)
+    return (1.0 - soft.solimp[1]) * time**2 * force / inertia
 
 
 def effort_at(tree: Tree, control: Control, joint: Joint) -> float:
@@ -160,7 +157,7 @@ def _held(
     joints: Iterable[Joint],
     allowed: Allowed,
     inertia: Mapping[str, float],
-) -> Iterator[Held]:
+) -> Soft:
     """What holds each joint; joints of equal effort and similar inertia share one softness.
 
     Left and right legs then share a class, though their tensors differ in the last digits.
@@ -177,8 +174,9 @@ def _held(
     timestep = control.simulation.timestep
     for joint in known:
         force = efforts[joint.name][0]
-        held = softness(force, lightest[joint.name], allowed.of(joint), timestep)
-        yield replace(held, joint=joint.name)
+        soft = softness(force, lightest[joint.name], allowed.of(joint), timestep)
+        if soft != USUAL:
+            yield joint.name, soft
 
 
 def _has_range(joint: Joint) -> bool:
