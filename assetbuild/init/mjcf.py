@@ -16,6 +16,7 @@ from assetbuild.facts.mjcf_grammar import NEWEST, OLDEST, newer_words_of
 from assetbuild.init.anatomy import Anatomy, study
 from assetbuild.init.collision import soles_of
 from assetbuild.init.home import home_pose
+from assetbuild.init.joint_range import bounds
 from assetbuild.init.look import InspectedRobot, judge
 from assetbuild.init.packages import above, is_file
 from assetbuild.init.patterns import patterns_of
@@ -30,7 +31,7 @@ from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.joint_springs import joint_springs, no_drives
 from assetbuild.robot.loops import path_of
 from assetbuild.robot.lost_motion import lost_in_usd
-from assetbuild.robot.model import Control, Tree
+from assetbuild.robot.model import Control, Joint, Tree
 from assetbuild.robot.shapes import SourceShapes
 from assetbuild.robot.source import SourceControl
 from assetbuild.source.mjcf.flatten_mjcf import FlattenMjcf
@@ -67,7 +68,8 @@ class MjcfSource:
     calls a body, except what is merged into the bodies `weak`.
     bodies: of the robots in its world, where there are several; the first is read.
     newer: words that MuJoCo 3.11 does not know.
-    posed: pose of the keyframe in a scene beside it, where it has none itself; scene: its name.
+    posed: pose of the keyframe in a scene beside it, where it has none itself, within the joints'
+    limits; bounded: which it is not there; scene: its name.
     """
 
     root: Path
@@ -79,7 +81,13 @@ class MjcfSource:
     bodies: tuple[str, ...] = ()
     newer: tuple[str, ...] = ()
     posed: Mapping[str, float] = field(default_factory=dict)
+    bounded: bool = False
     scene: str = ""
+
+
+def _within(joint: Joint, value: float) -> float:
+    lower, upper = bounds(joint)
+    return min(max(value, lower), upper)
 
 
 def is_mjcf(file: Path, data: bytes) -> bool:
@@ -124,8 +132,10 @@ def _posed(found: MjcfSource, file: Path) -> MjcfSource:
         except SourceError:
             continue
         pose = dict(key.joints) if (key := there.initial_keyframe) else {}
-        if pose and pose.keys() <= found.robot.tree.by_joint.keys():
-            return replace(found, posed=pose, scene=scene.name)
+        joints = found.robot.tree.by_joint
+        if pose and pose.keys() <= joints.keys():
+            within = {name: _within(joints[name], q) for name, q in pose.items()}
+            return replace(found, posed=within, scene=scene.name, bounded=within != pose)
     return found
 
 
@@ -278,9 +288,10 @@ def _home(found: MjcfSource, anatomy: Anatomy, tuning: Tuning | None) -> Iterato
     pose = _pose(found, anatomy, tuning)
     if not found.scene:
         return home(found.robot, anatomy, pose)
-    return home(
-        found.robot, anatomy, pose, why=f"as the keyframe of {plain(found.scene)} beside it"
-    )
+    why = f"as the keyframe of {plain(found.scene)} beside it"
+    if found.bounded:
+        why += ", within the limits"
+    return home(found.robot, anatomy, pose, why=why)
 
 
 def _pose(found: MjcfSource, anatomy: Anatomy, tuning: Tuning | None) -> Mapping[str, float]:

@@ -272,3 +272,14 @@ def test_home_is_the_keyframe_of_the_scene_that_includes_the_robot(
     text = propose(tmp_path / "robot.xml", tmp_path / "r.yaml", {}).text
     assert ("      j: 0.4\n      k: -0.7\n" in text) is found
     assert ("as the keyframe of scene.xml beside it" in text) is found
+
+
+def test_home_as_in_the_scene_stays_within_the_limits(tmp_path: Path):
+    (tmp_path / "robot.xml").write_text(PENDULA)
+    (tmp_path / "scene.xml").write_text(
+        '<mujoco model="s"><include file="robot.xml"/>'
+        '<keyframe><key name="home" qpos="0.4 -1.8"/></keyframe></mujoco>'
+    )
+    text = propose(tmp_path / "robot.xml", tmp_path / "r.yaml", {}).text
+    assert "as the keyframe of scene.xml beside it, within the limits" in text
+    assert "      j: 0.4\n      k: -1.5707963" in text
