@@ -14,16 +14,19 @@ from assetbuild.findings import Finding, Rule
 from assetbuild.kinds import Check, write_figures
 from assetbuild.quantities import Pattern, Positive
 from assetbuild.robot.files import RobotFiles
-from assetbuild.robot.model import Control, Tree
+from assetbuild.robot.model import Tree
 from assetbuild.robot.shapes import Shapes
 from assetbuild.simulators import mujoco
-from assetbuild.simulators.mujoco_stand import Gains, outcome, outcome_figures, stand
 from assetbuild.simulators.mujoco_stand import Stand as Stood
+from assetbuild.simulators.mujoco_stand import (
+    external_laws,
+    outcome,
+    outcome_figures,
+    stand,
+)
 
 FAR = 10.0
 """Times `sole`: feet so far from the floor at the start are an error; a reset drops the robot."""
-EXTERNAL = frozenset({"ideal_pd", "dc_motor", "motor"})
-"""Actuator models whose PD law this check applies itself, from kp and kd of the table."""
 
 LOAD = Rule("stand.load", "error", "there is no scene, keyframe or floor", "correct the recipe")
 NOT_FINITE = Rule(
@@ -127,7 +130,7 @@ class Stand(Check):
         tree, shapes, control = robot.tree, robot.shapes, robot.control
         try:
             model = mujoco.load(files.inputs / "mjcf" / "scene.xml", visuals=False).model
-            stood = stand(model, self.keyframe, self.seconds, _external(control))
+            stood = stand(model, self.keyframe, self.seconds, external_laws(control))
         except StepError as error:
             write_figures(files, {"skipped": error.message})
             yield LOAD("robot", f"cannot stand: {error.message}")
@@ -288,10 +291,6 @@ def _held_by(tree: Tree, link: str) -> str:
     while (joint := tree.joint_above.get(body)) is not None and joint.kind == "fixed":
         body = joint.parent
     return body
-
-
-def _external(control: Control) -> dict[str, Gains]:
-    return {a.joint: Gains(a.kp, a.kd, a.effort) for a in control.actuators if a.model in EXTERNAL}
 
 
 def _figures(stood: Stood) -> dict[str, object]:

@@ -358,7 +358,7 @@ def solver_facts(reference: Reference, section: str) -> dict[str, Value]:
     """Solver options by the recipe's section, and by what the source's MJCF says besides."""
     said: Mapping[str, Any] = reference.options.get(section) or {}  # Any: plain JSON
     cone = said.get("cone") or "elliptic"
-    impratio = said.get("impratio") or (100.0 if cone == "elliptic" else 1.0)
+    impratio = said.get("impratio") or (50.0 if cone == "elliptic" else 1.0)
     found: dict[str, Value] = {
         "integrator": said.get("integrator", "implicitfast"),
         "cone": cone,

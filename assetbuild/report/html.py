@@ -29,7 +29,8 @@ GROUPS: tuple[tuple[str, str, tuple[str, ...]], ...] = (
      ("oracle", "urdf_", "bare_", "dr_", "isaaclab_", "mjcf_", "mjlab_", "mjx_", "scene_", "usd_",
       "xrdf_", "counts")),
     ("alignment", "Simulators agree", ("alignment", "physx", "newton", "free_fall")),
-    ("gains", "Drives and their effect", ("gains", "stand", "trials", "full_effort")),
+    ("gains", "Drives and their effect", ("gains", "stand", "slope", "grip", "trials",
+      "full_effort")),
     ("collision", "Collision quality", ("coverage", "collision")),
 )  # fmt: skip
 """Anchor, title and the beginnings of the checks' names; all others come last."""

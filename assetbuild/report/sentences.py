@@ -103,6 +103,26 @@ def _full_effort(f: Figures) -> str:
     return f"full effort pushes {', '.join(said)} at most" if said else "nothing to push"
 
 
+def _grip(f: Figures) -> str:
+    said = []
+    for file, hands in f.items():
+        rows = [row for hand in hands.values() if isinstance(hand, list) for row in hand]
+        held = [row for row in rows if row["held"]]
+        worst = max((float(row["slip_m"]) for row in held), default=0.0)
+        said.append(f"{file}: holds {len(held)} of {len(rows)} objects, slip {_length(worst)}")
+    return "; ".join(said)
+
+
+def _slope(f: Figures) -> str:
+    said = [
+        f"{file}: creeps at {1e3 * float(row['speed_m_s']):.2g} mm/s below the angle of friction"
+        if "speed_m_s" in row
+        else f"{file}: {row['skipped']}"
+        for file, row in f.items()
+    ]
+    return "; ".join(said)
+
+
 def _stand(f: Figures) -> str:
     change, tilt = float(f["height_change_m"]), math.degrees(float(f["tilt_rad"]))
     return (
@@ -196,6 +216,8 @@ SENTENCES: Mapping[str, Callable[[Figures], str]] = {
     "urdf_loads": lambda f: f"urdfdom reads the URDF: {f['joints']} joints",
     "free_fall": _free_fall,
     "full_effort": _full_effort,
+    "grip": _grip,
+    "slope": _slope,
     "stand": _stand,
     "mass": _mass,
     "counts": _counts,

@@ -10,6 +10,7 @@ from typing import Literal
 import numpy as np
 
 from assetbuild.errors import StepError
+from assetbuild.robot.model import Control
 from assetbuild.robot.pose import Array
 from assetbuild.simulators.joint_drives import Drive, drives_of, read_drives
 from assetbuild.simulators.mujoco import (
@@ -76,6 +77,8 @@ class Stand:
         return max(off.items(), key=lambda item: (item[1], item[0]), default=("", 0.0))
 
 
+EXTERNAL = frozenset({"ideal_pd", "dc_motor", "motor"})
+"""Actuator models whose PD law acts outside of the simulator, from kp and kd of the table."""
 _SLIDE = 2
 """`mjJNT_SLIDE`."""
 Outcome = Literal["stands", "holds", "falls", "rests", "unstable"]
@@ -146,8 +149,7 @@ def stand(
     if not floors(model):
         raise StepError("the scene has no floor: no plane in its world")
     floor = floors(model)[0]
-    laws = [(d, (external or {})[d.joint_name]) for d in read_drives(model)
-            if d.gain and d.joint_name in (external or {})]  # fmt: skip
+    laws = laws_of(model, external or {})
     holding = [drive.joint_name for drive in read_drives(model) if drive.holds_position]
     with caught_warnings() as said:
         data = at_key(model, key)
@@ -159,7 +161,7 @@ def stand(
         com_start = float(np.array(data.subtree_com[base])[2])
         touched: set[str] = set()
         for _ in range(max(1, round(seconds / model.opt.timestep))):
-            _drive_outside(model, data, target, laws)
+            command(model, data, target, laws)
             mujoco.mj_step(model, data)
             touched |= _on_floor(model, data, floor)
         mujoco.mj_forward(model, data)
@@ -247,10 +249,22 @@ def _on_floor(model: Model, data: Data, floor: int) -> set[str]:
     return {name_of(model, "geom", geom) for geom in others}
 
 
-def _drive_outside(
-    model: Model, data: Data, target: Array, laws: Sequence[tuple[Drive, Gains]]
-) -> None:
-    """What a controller with these gains would command before this step."""
+def external_laws(control: Control) -> dict[str, Gains]:
+    """PD laws by joint of the drives that are plain motors in MJCF, from the actuator table."""
+    return {a.joint: Gains(a.kp, a.kd, a.effort) for a in control.actuators if a.model in EXTERNAL}
+
+
+def laws_of(model: Model, external: Mapping[str, Gains]) -> list[tuple[Drive, Gains]]:
+    """The motors that a law outside of the simulator commands."""
+    motors = (drive for drive in read_drives(model) if drive.gain)
+    return [(drive, external[drive.joint_name]) for drive in motors if drive.joint_name in external]
+
+
+def command(model: Model, data: Data, target: Array, laws: Sequence[tuple[Drive, Gains]]) -> None:
+    """What a controller with these gains would command before this step.
+
+    target: (nq,) positions.
+    """
     for drive, gains in laws:
         q, v = int(model.jnt_qposadr[drive.joint]), int(model.jnt_dofadr[drive.joint])
         torque = gains.kp * (target[q] - data.qpos[q]) - gains.kd * data.qvel[v]

@@ -55,11 +55,16 @@ class MjxOptions(Model):
     integrator: Literal["Euler", "RK4", "implicitfast"] = Field(
         "implicitfast", description="`implicit` does not run on MJX"
     )
-    cone: Cone = Field("pyramidal", description="pyramidal is the faster one there")
-    impratio: Positive | None = Field(None, description="frictional to normal impedance")
+    cone: Cone = Field(
+        "elliptic",
+        description="of friction; pyramidal with 4 iterations is faster, and feet slide",
+    )
+    impratio: Positive | None = Field(
+        None, description="frictional to normal impedance; without it 50 with an elliptic cone"
+    )
     solver: Literal["Newton", "CG"] = Field("Newton", description="of the constraints")
-    iterations: int = Field(4, ge=1, le=10_000, description="of the solver, at most")
-    ls_iterations: int = Field(8, ge=1, le=10_000, description="of its line search")
+    iterations: int = Field(20, ge=1, le=10_000, description="of the solver, at most")
+    ls_iterations: int = Field(50, ge=1, le=10_000, description="of its line search")
     self_collision: bool = Field(
         False, description="parts of the robot touch one another; else only the world (masks)"
     )

@@ -3,7 +3,7 @@
     python -m tests.benchmarks.go1_gains [recipes/go1.yaml]
 
 Builds the variants gains_mjlab, gains_menagerie and gains_isaaclab (MJCF only) and lets each stand
-for two seconds: as built (elliptic cone, impratio 100, soles of condim 6), and with MuJoCo's own
+for two seconds: as built (elliptic cone, impratio 50, soles of condim 6), and with MuJoCo's own
 contact (pyramidal, impratio 1, condim 3), where the soles creep apart and the robot sinks further.
 """
 

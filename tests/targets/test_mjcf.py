@@ -605,7 +605,7 @@ def test_long_chain_needs_no_recursion(tmp_path: Path) -> None:
 def test_a_fixed_robot_grips_with_the_cone_of_a_legged_one(tmp_path: Path) -> None:
     folder = write_mjcf(pendulum(), tmp_path)
     model = mujoco.MjModel.from_xml_path(str(folder / "scene.xml"))
-    assert (model.opt.cone, model.opt.impratio) == (mujoco.mjtCone.mjCONE_ELLIPTIC, 100.0)
+    assert (model.opt.cone, model.opt.impratio) == (mujoco.mjtCone.mjCONE_ELLIPTIC, 50.0)
     assert model.opt.integrator == mujoco.mjtIntegrator.mjINT_IMPLICITFAST
     assert model.geom("floor").type[0] == mujoco.mjtGeom.mjGEOM_PLANE
 

@@ -52,7 +52,7 @@ class Mjcf(Target):
 
     options: MjcfOptions = MjcfOptions()
     """cone None: elliptic (feet and fingers slip less);
-    impratio None: 100 with an elliptic cone, as Menagerie's legged robots have, else MuJoCo's 1."""
+    impratio None: 50 with an elliptic cone, else MuJoCo's 1."""
 
     def run(self, files: Files) -> Iterator[Finding]:
         """Raises StepError for joints and actuators that MJCF cannot say."""

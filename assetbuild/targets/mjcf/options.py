@@ -37,7 +37,7 @@ class MjcfOptions(Model):
         None, description="of friction; without it elliptic, with which feet and fingers slip less"
     )
     impratio: Positive | None = Field(
-        None, description="frictional to normal impedance; without it 100 with an elliptic cone"
+        None, description="frictional to normal impedance; without it 50 with an elliptic cone"
     )
     solver: Literal["Newton", "CG", "PGS"] = Field("Newton", description="of the constraints")
     iterations: int | None = Field(None, ge=1, le=10_000, description="of the solver, at most")

@@ -1,0 +1,144 @@
+"""Does each gripper close on an object, lift it, and hold it while it is shaken?"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import ClassVar
+
+from pydantic import Field
+
+from assetbuild.engine.step import Files
+from assetbuild.errors import StepError
+from assetbuild.findings import Finding, Rule
+from assetbuild.kinds import Check, write_figures
+from assetbuild.quantities import Positive
+from assetbuild.simulators import mujoco
+from assetbuild.simulators.mujoco_grip import SHAPES, Grip, grip, probe_of, with_object
+from assetbuild.simulators.mujoco_hands import Hand, between_keys, find_hands
+
+LEAST_KG = 0.005
+"""Less is not tried for a hand that drops what it should hold."""
+
+NO_HAND = Rule(
+    "grip.hand",
+    "warning",
+    "nothing was found that opens and closes, or no object fits into it",
+    "name keyframes of the open and the closed hand: `validate: {grip: {open: ..., closed: ...}}`",
+)
+LOST = Rule(
+    "grip.lost",
+    "warning",
+    "a gripper loses an object in MuJoCo, or lets it slip",
+    "stiffer contacts of the fingers (`contact.links`: `priority: 1, solref: [0.004, 1]`), "
+    "`cone: elliptic`, the rotors' armature, more effort",
+)
+
+
+class Gripping(Check):
+    """Grips a cube, a cylinder and a sphere of 40 mm, or less where the hand is smaller.
+
+    Friction 1; closed in 1 s on a table, lifted in 1.5 s, shaken for 1 s, held for 5 s. Finding
+    `grip.lost`; figures by file and hand: slip, forces of both sides, and what it held of a load
+    that it lost.
+    """
+
+    isolated: ClassVar[bool] = True
+    preload: ClassVar[tuple[str, ...]] = ("mujoco",)
+    needs: ClassVar[tuple[str, ...]] = ("mjcf",)
+    also: ClassVar[tuple[str, ...]] = ("mjx",)
+    reads: ClassVar[tuple[str, ...]] = ()
+
+    engines: ClassVar[tuple[str, ...]] = ("mujoco",)
+    section: ClassVar[str] = "validate.grip"
+    about: ClassVar[str] = "grip, lift, shake and hold objects in MuJoCo; {} = defaults"
+    wanted: ClassVar[bool] = False
+
+    robot: str
+    masses: tuple[Positive, ...] = Field((0.1, 0.5), description="kg, of the objects")
+    slip: Positive = Field(0.002, description="m that an object may move in the hand, warning")
+    open: str | None = Field(
+        None, description="keyframe of the open hand; without it what one drive closes is found"
+    )
+    closed: str | None = Field(None, description="keyframe of the closed hand")
+
+    def run(self, files: Files) -> Iterator[Finding]:
+        """Reads `mjcf/<robot>.xml` and, where it is built, `mjx/<robot>_mjx.xml`."""
+        figures: dict[str, object] = {}
+        for folder, stem in (("mjcf", self.robot), ("mjx", f"{self.robot}_mjx")):
+            path = files.inputs / folder / f"{stem}.xml"
+            if not path.is_file():
+                continue
+            try:
+                model = with_object(path)
+                hands = self._hands(model)
+            except StepError as error:
+                figures[folder] = {"skipped": error.message}
+                yield NO_HAND("robot", f"{path.name}: {error.message}", hint=error.hint)
+                continue
+            found: dict[str, object] = {}
+            figures[folder] = found
+            if not hands:
+                yield NO_HAND("robot", f"{path.name}: no drive closes anything like a gripper")
+            for hand in hands:
+                palm = mujoco.name_of(model, "body", hand.palm)
+                grips = [found for found in self._grips(model, hand) if found is not None]
+                found[palm] = [_row(one) for one in grips]
+                yield from self._judge(path.name, palm, model, hand, grips)
+        write_figures(files, figures, {"slip_m": self.slip})
+
+    def _hands(self, model: mujoco.Model) -> list[Hand]:
+        probe = probe_of(model)
+        if self.open and self.closed:
+            return [between_keys(model, probe, self.open, self.closed)]
+        return list(find_hands(model, probe))
+
+    def _grips(self, model: mujoco.Model, hand: Hand) -> Iterator[Grip | None]:
+        for shape in SHAPES:
+            for mass in self.masses:
+                yield grip(model, hand, shape, mass)
+
+    def _judge(
+        self, file: str, palm: str, model: mujoco.Model, hand: Hand, grips: Sequence[Grip]
+    ) -> Iterator[Finding]:
+        if not grips:
+            yield NO_HAND("robot", f"{file}: no object fits into the hand of `{palm}`")
+        failed = [one for one in grips if not one.held or one.slip_m > self.slip]
+        if failed:
+            yield LOST(
+                f"link {palm}",
+                f"{file}: of {len(grips)} objects its gripper does not hold {len(failed)}: "
+                + ", ".join(map(_words, failed))
+                + self._holds(model, hand, failed),
+                hint="stiffer contacts of the fingers (`contact.links`: `priority: 1, "
+                "solref: [0.004, 1]`), an elliptic cone, the rotors' armature, more effort",
+                data={"failed": len(failed), "of": len(grips), "limit_m": self.slip},
+            )
+
+    def _holds(self, model: mujoco.Model, hand: Hand, failed: Sequence[Grip]) -> str:
+        """What the hand holds of the shape whose lightest it lost; nothing where it held that."""
+        lightest = next((one for one in failed if one.mass == min(self.masses)), None)
+        if lightest is None:
+            return ""
+        mass = lightest.mass / 2.0
+        while mass >= LEAST_KG:
+            found = grip(model, hand, lightest.shape, mass)
+            if found is not None and found.held and found.slip_m <= self.slip:
+                return f"; it holds a {found.shape} of {mass:.3g} kg"
+            mass /= 2.0
+        return f"; nor a {lightest.shape} of {LEAST_KG:g} kg"
+
+
+def _row(one: Grip) -> dict[str, object]:
+    return {
+        "shape": one.shape,
+        "mass_kg": one.mass,
+        "width_m": one.width_m,
+        "held": one.held,
+        "slip_m": one.slip_m if one.held else None,
+        "forces_n": list(one.forces_n) if one.held else None,
+    }
+
+
+def _words(one: Grip) -> str:
+    did = f"slips by {1e3 * one.slip_m:.3g} mm" if one.held else "is lost"
+    return f"a {one.shape} of {1e3 * one.width_m:.3g} mm and {one.mass:.3g} kg {did}"

@@ -1,0 +1,75 @@
+"""Does a robot that stands stay where it is on a slope that friction holds?"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import ClassVar
+
+from pydantic import Field
+
+from assetbuild.engine.step import Files
+from assetbuild.errors import StepError
+from assetbuild.findings import Finding, Rule
+from assetbuild.kinds import Check, write_figures
+from assetbuild.quantities import Positive
+from assetbuild.robot.files import RobotFiles
+from assetbuild.simulators import mujoco
+from assetbuild.simulators.mujoco_slope import creep
+from assetbuild.simulators.mujoco_stand import external_laws
+
+CREEP = Rule(
+    "slope.creep",
+    "warning",
+    "a standing robot slides in MuJoCo on a slope below the angle of friction",
+    "`cone: elliptic` with `impratio` and enough `iterations`, in `mjcf` or `mjx`",
+)
+
+
+class Slope(Check):
+    """Tilts the ground under the initial pose, in the full model and the mjx file.
+
+    Finding `slope.creep`; figures by file: the slope in rad, its friction and the speed in m/s.
+    """
+
+    isolated: ClassVar[bool] = True
+    preload: ClassVar[tuple[str, ...]] = ("mujoco",)
+    needs: ClassVar[tuple[str, ...]] = ("mjcf",)
+    also: ClassVar[tuple[str, ...]] = ("mjx",)
+    reads: ClassVar[tuple[str, ...]] = ("control.json",)
+
+    engines: ClassVar[tuple[str, ...]] = ("mujoco",)
+    section: ClassVar[str] = "validate.slope"
+    about: ClassVar[str] = "stand on a slope in MuJoCo; null = do not"
+
+    share: float = Field(0.8, gt=0.0, lt=1.0, description="of the angle of friction")
+    speed: Positive = Field(0.001, description="m/s that the feet may slide, warning")
+
+    def run(self, files: Files) -> Iterator[Finding]:
+        """Reads the robot, `mjcf/scene.xml` and, where it is built, `mjx/scene_mjx.xml`."""
+        laws = external_laws(RobotFiles(files.inputs).control)
+        figures: dict[str, object] = {}
+        for folder, name in (("mjcf", "scene.xml"), ("mjx", "scene_mjx.xml")):
+            path = files.inputs / folder / name
+            if not path.is_file():
+                continue
+            try:
+                found = creep(mujoco.load(path, visuals=False).model, self.share, laws)
+            except StepError as error:  # `mjcf.load` reports it
+                found = error.message
+            if isinstance(found, str):
+                figures[folder] = {"skipped": found}
+                continue
+            figures[folder] = {
+                "angle_rad": found.angle,
+                "friction": found.friction,
+                "speed_m_s": found.speed,
+            }
+            if found.speed > self.speed:
+                yield CREEP(
+                    "robot",
+                    f"{name}: its feet slide at {1e3 * found.speed:.3g} mm/s on a slope of "
+                    f"{self.share:.2g} of the angle of friction (limit {1e3 * self.speed:g} mm/s)",
+                    hint="`cone: elliptic`, a larger `impratio`, more `iterations`",
+                    data={"speed_m_s": found.speed, "limit_m_s": self.speed},
+                )
+        write_figures(files, figures, {"speed_m_s": self.speed})

@@ -1,0 +1,358 @@
+"""Grippers of a compiled MuJoCo model: what one drive opens and closes.
+
+Nothing is taken from names. A drive is swept from one end to the other with contacts off, so that
+coupled joints and closed loops take part; where the tips of what it moves come together, or come
+to the body that they are on, it is a hand.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from assetbuild.errors import StepError
+from assetbuild.robot.pose import Array
+from assetbuild.simulators.joint_drives import Drive, read_drives
+from assetbuild.simulators.mujoco import Data, Model, at_key, is_finite, turning, without
+from assetbuild.simulators.mujoco_trials import HELD_KG
+
+SAMPLES = 41
+"""Poses of a sweep."""
+SETTLE_S = 0.06
+"""For which each is commanded."""
+SETTLING = 10
+"""Times as often the first, so that what follows it gets there."""
+TIP_M = 0.01
+"""Depth of the outermost part of a finger that is its tip."""
+MEETS = 0.4
+"""Share of the open width that may be left between the middles of closed fingertips."""
+SKEW = 0.1
+"""rad; fingers that point within this of an axis of the palm point along it."""
+HINGE = 3
+"""`mjJNT_HINGE`."""
+LEAST_OPENING_M = 0.01
+LARGEST_M = 0.3
+"""From the palm to the tips; an elbow or a knee folds, too."""
+
+
+@dataclass(frozen=True)
+class Hand:
+    """What opens and closes.
+
+    palm: body that the fingers are on. sides: bodies that move together against the others; the
+    second is what stands still with the palm where all fingers move the same way.
+    poses: (n, nq) positions of the model from open to closed; targets: (n, k) of its drives, rad
+    or m.
+    fingers: joints that move. tips: (n, 3) world points between the fingertips; along, across:
+    (n, 3) world directions in which the fingers point, and from the first side to the second.
+    """
+
+    palm: int
+    drives: tuple[Drive, ...]
+    sides: tuple[tuple[int, ...], tuple[int, ...]]
+    poses: Array
+    targets: Array
+    fingers: tuple[int, ...]
+    tips: Array
+    along: Array
+    across: Array
+
+
+def find_hands(model: Model, probe: int) -> Iterator[Hand]:
+    """Every gripper that one drive closes; what has a drive for each finger closes in many ways.
+
+    probe: a small sphere of the model that may be put anywhere.
+    """
+    drives = read_drives(model)
+    driven = {drive.joint for drive in drives}
+    for drive in drives:
+        if drive.kp > 0.0 and drive.holds_position and _ends_in(model, drive.joint, driven):
+            swept = _sweep(model, drive)
+            fingers = sorted(_linked(model, drive.joint))
+            found = _hand(model, probe, (drive,), fingers, *swept) if swept is not None else None
+            if found is not None:
+                yield found
+
+
+def between_keys(model: Model, probe: int, opened: str, closed: str) -> Hand:
+    """The hand whose joints differ between two keyframes; each of its drives moves evenly.
+
+    Raises StepError where there is no such keyframe, or nothing closes between the two.
+    """
+    import mujoco
+
+    keys = [mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_KEY, name) for name in (opened, closed)]
+    for key, name in zip(keys, (opened, closed), strict=True):
+        if key < 0:
+            raise StepError(f"there is no keyframe `{name}`", hint="name one of `keyframes`")
+    first, last = (np.array(model.key_qpos[key]) for key in keys)
+    fingers = [j for j in turning(model) if first[(at := model.jnt_qposadr[j])] != last[at]]
+    drives = tuple(d for d in read_drives(model) if d.holds_position and d.joint in fingers)
+    share = np.linspace(0.0, 1.0, SAMPLES)[:, None]
+    poses = first + share * (last - first)
+    places = [int(model.jnt_qposadr[drive.joint]) for drive in drives]
+    found = _hand(model, probe, drives, fingers, poses, poses[:, places]) if drives else None
+    if found is None:
+        raise StepError(
+            f"no fingers come together between the keyframes `{opened}` and `{closed}`",
+            hint="the keyframes differ in the joints of one hand, whose tips meet",
+        )
+    return found
+
+
+def held_but(model: Model, fingers: Sequence[int]) -> None:
+    """Everything stands still but these joints: see `HELD_KG`."""
+    dofs = {int(model.jnt_dofadr[joint]) for joint in fingers}
+    still = [dof for dof in range(model.nv) if dof not in dofs]
+    model.dof_armature[still] = HELD_KG
+
+
+def vertices(model: Model, data: Data, bodies: Sequence[int]) -> Array:
+    """(n, 3) world corners of the shapes of bodies that can touch something."""
+    import mujoco
+
+    found = [np.zeros((0, 3))]
+    for geom in solid_geoms(model, bodies):
+        if int(model.geom_type[geom]) == int(mujoco.mjtGeom.mjGEOM_MESH):
+            mesh = int(model.geom_dataid[geom])
+            first = int(model.mesh_vertadr[mesh])
+            local = np.array(model.mesh_vert[first : first + int(model.mesh_vertnum[mesh])])
+        else:
+            middle, half = np.array(model.geom_aabb[geom]).reshape(2, 3)
+            local = middle + half * np.array(np.meshgrid(*[(-1.0, 1.0)] * 3)).reshape(3, -1).T
+        R = np.array(data.geom_xmat[geom]).reshape(3, 3)
+        found.append(local @ R.T + np.array(data.geom_xpos[geom]))
+    return np.concatenate(found)
+
+
+def solid_geoms(model: Model, bodies: Sequence[int]) -> list[int]:
+    """Shapes of bodies that can touch something."""
+    solid = (model.geom_contype != 0) | (model.geom_conaffinity != 0)
+    return [int(geom) for geom in np.flatnonzero(solid & np.isin(model.geom_bodyid, bodies))]
+
+
+def _ends_in(model: Model, joint: int, driven: set[int]) -> bool:
+    """Whether a limited joint moves no other driven one."""
+    below = _subtree(model, int(model.jnt_bodyid[joint]))
+    return bool(model.jnt_limited[joint]) and not any(
+        int(model.jnt_bodyid[other]) in below for other in driven - {joint}
+    )
+
+
+def _subtree(model: Model, top: int) -> set[int]:
+    found = {top}
+    for body in range(top + 1, model.nbody):
+        if int(model.body_parentid[body]) in found:
+            found.add(body)
+    return found
+
+
+def _sweep(model: Model, drive: Drive) -> tuple[Array, Array] | None:
+    """((n, nq) positions, (n, 1) targets) from one end of a drive to the other.
+
+    None where the simulation becomes unstable.
+    """
+    import mujoco
+
+    model = without(model, "CONTACT")
+    model.opt.gravity[:] = 0.0
+    held_but(model, _linked(model, drive.joint))
+    data = at_key(model)
+    lower, upper = (float(end) for end in model.jnt_range[drive.joint])
+    targets = np.linspace(lower, upper, SAMPLES)
+    poses = []
+    for target in (targets[0],) * SETTLING + tuple(targets):
+        data.ctrl[drive.ctrl_index] = drive.command(float(target))
+        mujoco.mj_step(model, data, max(1, round(SETTLE_S / float(model.opt.timestep))))
+        poses.append(np.array(data.qpos))
+    poses = poses[SETTLING:]
+    return (np.array(poses), targets[:, None]) if is_finite(data) else None
+
+
+def _linked(model: Model, joint: int) -> set[int]:
+    """The joint and all that follow it, directly, through others or in closed loops."""
+    active = (int(equality) for equality in np.flatnonzero(model.eq_active0))
+    groups = [set(_constrained(model, equality)) for equality in active]
+    found = {joint}
+    while more := [group for group in groups if group & found and not group <= found]:
+        found = found.union(*more)
+    return found
+
+
+def _constrained(model: Model, equality: int) -> Iterator[int]:
+    """Joints that an equality couples; of bodies that it connects, all up to a driven one."""
+    import mujoco
+
+    ends = int(model.eq_obj1id[equality]), int(model.eq_obj2id[equality])
+    kind = int(model.eq_type[equality])
+    if kind == int(mujoco.mjtEq.mjEQ_JOINT):
+        yield from (joint for joint in ends if joint >= 0)
+    elif kind in (int(mujoco.mjtEq.mjEQ_CONNECT), int(mujoco.mjtEq.mjEQ_WELD)):
+        driven = {drive.joint for drive in read_drives(model)}
+        sites = int(model.eq_objtype[equality]) == int(mujoco.mjtObj.mjOBJ_SITE)
+        for end in ends:
+            body = int(model.site_bodyid[end]) if sites else end
+            while body:
+                first, count = int(model.body_jntadr[body]), int(model.body_jntnum[body])
+                above = [j for j in range(first, first + count) if j in turning(model)]
+                yield from above
+                body = 0 if set(above) & driven else int(model.body_parentid[body])
+
+
+def _hand(
+    model: Model,
+    probe: int,
+    drives: tuple[Drive, ...],
+    fingers: Sequence[int],
+    poses: Array,
+    targets: Array,
+) -> Hand | None:
+    """The hand that a sweep shows; None where nothing closes."""
+    palm = _palm(model, fingers)
+    tops = [body for body in range(model.nbody) if int(model.body_parentid[body]) == palm]
+    branches = [_subtree(model, top) for top in tops]
+    moved = [b for b in branches if _moves(model, b, fingers) and solid_geoms(model, sorted(b))]
+    if not moved:
+        return None
+    tips = [_tips(model, palm, sorted(branch), poses) for branch in moved]
+    ways = [tip[-1] - tip[0] for tip in tips]
+    main = max(ways, key=lambda way: float(way @ way))
+    sides: list[set[int]] = [set(), set()]
+    for branch, way in zip(moved, ways, strict=True):
+        sides[0 if way @ main > 0.0 else 1] |= branch
+    one = _tips(model, palm, sorted(sides[0]), poses)
+    if sides[1]:
+        other = _tips(model, palm, sorted(sides[1]), poses)
+    else:
+        sides[1] = set(np.flatnonzero(model.body_weldid == model.body_weldid[palm]).tolist())
+        if not solid_geoms(model, sorted(sides[1])):
+            return None
+        other = _opposite(model, probe, sorted(sides[1]), poses, one)
+    widths = np.linalg.norm(one - other, axis=1)
+    if widths[0] < widths[-1]:
+        poses, targets, one, other, widths = (a[::-1] for a in (poses, targets, one, other, widths))
+    data = _at(model, poses[0])
+    first = _first(model, fingers)
+    base = np.mean([data.xanchor[joint] for joint in first], axis=0)
+    if len(first) == 1:  # everything in the plane in which the one finger moves
+        axis = np.array(data.xaxis[first[0]]) * (int(model.jnt_type[first[0]]) == HINGE)
+        other = other + ((one - other) @ axis)[:, None] * axis
+        base = base + ((one[0] - base) @ axis) * axis
+    reach = max(np.linalg.norm(tips - base, axis=1).max() for tips in (one, other))
+    closed_m = float(widths.min())
+    if (
+        widths[0] - closed_m < LEAST_OPENING_M
+        or closed_m > MEETS * widths[0]
+        or reach > LARGEST_M
+        or _stands_on(model, data, sides)
+    ):
+        return None
+    along, across = _axes(model, palm, poses[0], one - base, other - base)
+    return Hand(
+        palm,
+        drives,
+        (tuple(sorted(sides[0])), tuple(sorted(sides[1]))),
+        poses,
+        targets,
+        tuple(fingers),
+        (one + other) / 2.0,
+        along,
+        across,
+    )
+
+
+def _first(model: Model, fingers: Sequence[int]) -> list[int]:
+    """The joints of a hand that no other of its joints moves."""
+    moved = {
+        j: _subtree(model, int(model.jnt_bodyid[j])) - {int(model.jnt_bodyid[j])} for j in fingers
+    }
+    return [j for j in fingers if not any(int(model.jnt_bodyid[j]) in m for m in moved.values())]
+
+
+def _stands_on(model: Model, data: Data, sides: Sequence[set[int]]) -> bool:
+    """Whether a floating robot stands on what would be a finger: a leg."""
+    if not model.njnt or int(model.jnt_type[0]) != 0:
+        return False
+    root = int(model.jnt_bodyid[0])
+    lowest = vertices(model, data, sorted(_subtree(model, root)))[:, 2].min()
+    return any(vertices(model, data, sorted(side))[:, 2].min() < lowest + TIP_M for side in sides)
+
+
+def _axes(model: Model, palm: int, pose: Array, one: Array, other: Array) -> tuple[Array, Array]:
+    """((n, 3) directions between both fingers, (n, 3) from the first to the second across them).
+
+    one, other: (n, 3) of the fingertips from where the fingers begin.
+    """
+
+    def unit(ways: Array) -> Array:
+        units: Array = ways / np.linalg.norm(ways, axis=-1, keepdims=True)
+        return units
+
+    along = np.array([_straight(way, model, pose, palm) for way in unit(unit(one) + unit(other))])
+    gap = other - one
+    gap = np.where(np.linalg.norm(gap, axis=1, keepdims=True) > 2e-3, gap, gap[0])
+    return along, unit(gap - np.sum(gap * along, axis=1, keepdims=True) * along)
+
+
+def _straight(way: Array, model: Model, pose: Array, body: int) -> Array:
+    """The axis of a body that points nearly this way; the way itself where none does."""
+    axes = np.array(_at(model, pose).xmat[body]).reshape(3, 3).T
+    axes = np.concatenate([axes, -axes])
+    best: Array = axes[np.argmax(axes @ way)]
+    return best if best @ way > math.cos(SKEW) * np.linalg.norm(way) else way
+
+
+def _palm(model: Model, fingers: Sequence[int]) -> int:
+    """The last body above all these joints."""
+    above = []
+    for joint in fingers:
+        body, line = int(model.jnt_bodyid[joint]), set()
+        while body:
+            body = int(model.body_parentid[body])
+            line.add(body)
+        above.append(line)
+    return max(set.intersection(*above))
+
+
+def _moves(model: Model, bodies: set[int], fingers: Sequence[int]) -> bool:
+    return any(int(model.jnt_bodyid[joint]) in bodies for joint in fingers)
+
+
+def _at(model: Model, pose: Array) -> Data:
+    import mujoco
+
+    data = mujoco.MjData(model)
+    data.qpos[:] = pose
+    mujoco.mj_kinematics(model, data)
+    return data
+
+
+def _tips(model: Model, palm: int, side: Sequence[int], poses: Array) -> Array:
+    """(n, 3) middle of the outermost corners of a side in every pose, of the same material."""
+    states = [_at(model, pose) for pose in poses]
+    points = [vertices(model, data, side) for data in states]
+    middle = len(poses) // 2
+    far = np.linalg.norm(points[middle] - states[middle].xpos[palm], axis=1)
+    outer = far > far.max() - TIP_M
+    return np.array([(e[outer].min(axis=0) + e[outer].max(axis=0)) / 2.0 for e in points])
+
+
+def _opposite(model: Model, probe: int, side: Sequence[int], poses: Array, tips: Array) -> Array:
+    """(n, 3) in every pose the point of what stands still that the closed fingertip is nearest to.
+
+    tips: (n, 3) of the finger, which is closed at one end.
+    """
+    import mujoco
+
+    best, found = np.inf, np.zeros(3)
+    for pose, tip in ((poses[0], tips[0]), (poses[-1], tips[-1])):
+        data, ends = _at(model, pose), np.zeros(6)
+        data.geom_xpos[probe] = tip
+        for geom in solid_geoms(model, side):
+            distance = mujoco.mj_geomDistance(model, data, probe, geom, LARGEST_M, ends)
+            if distance < best:
+                best, found = distance, np.array(ends[3:])
+    return np.tile(found, (len(poses), 1))
