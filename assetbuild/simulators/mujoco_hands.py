@@ -8,7 +8,7 @@ to the body that they are on, it is a hand.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -103,7 +103,7 @@ def between_keys(model: Model, probe: int, opened: str, closed: str) -> Hand:
     return found
 
 
-def held_but(model: Model, fingers: Sequence[int]) -> None:
+def held_but(model: Model, fingers: Collection[int]) -> None:
     """Everything stands still but these joints: see `HELD_KG`."""
     dofs = {int(model.jnt_dofadr[joint]) for joint in fingers}
     still = [dof for dof in range(model.nv) if dof not in dofs]
