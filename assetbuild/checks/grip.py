@@ -21,8 +21,8 @@ LEAST_KG = 0.005
 
 NO_HAND = Rule(
     "grip.hand",
-    "warning",
-    "nothing was found that opens and closes, or no object fits into it",
+    ("info", "warning"),
+    "no drive alone closes anything (information), or no object fits into it",
     "name keyframes of the open and the closed hand: `validate: {grip: {open: ..., closed: ...}}`",
 )
 LOST = Rule(
@@ -73,12 +73,15 @@ class Gripping(Check):
                 hands = self._hands(model)
             except StepError as error:
                 figures[folder] = {"skipped": error.message}
-                yield NO_HAND("robot", f"{path.name}: {error.message}", hint=error.hint)
+                yield NO_HAND(
+                    "robot", f"{path.name}: {error.message}", hint=error.hint, severity="warning"
+                )
                 continue
             found: dict[str, object] = {}
             figures[folder] = found
             if not hands:
-                yield NO_HAND("robot", f"{path.name}: no drive closes anything like a gripper")
+                message = f"{path.name}: no drive alone closes anything like a gripper"
+                yield NO_HAND("robot", message, severity="info")
             for hand in hands:
                 palm = mujoco.name_of(model, "body", hand.palm)
                 grips = [found for found in self._grips(model, hand) if found is not None]
@@ -101,7 +104,8 @@ class Gripping(Check):
         self, file: str, palm: str, model: mujoco.Model, hand: Hand, grips: Sequence[Grip]
     ) -> Iterator[Finding]:
         if not grips:
-            yield NO_HAND("robot", f"{file}: no object fits into the hand of `{palm}`")
+            message = f"{file}: no object fits into the hand of `{palm}`"
+            yield NO_HAND("robot", message, severity="warning")
         failed = [one for one in grips if not one.held or one.slip_m > self.slip]
         if failed:
             yield LOST(

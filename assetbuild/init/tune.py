@@ -1,8 +1,9 @@
 """Drives, pose and time step of a recipe, corrected until no check of a build objects.
 
 Corrected, in this order: an effort that is unknown and too weak; a damping ratio that the joints'
-own damping exceeds; then, where the simulation outruns its drives, the time step, the inertia of
-the rotors, and a shorter step still. What the source states and cannot be is left, and said.
+own damping exceeds; then, where the simulation outruns its drives, the time step. What the source
+states and cannot be is left, and said. A driven joint whose rotor nobody states gets the least that
+a motor of its effort has: see `rotor_inertia`.
 """
 
 from __future__ import annotations
@@ -22,9 +23,7 @@ from assetbuild.init.loops import NO_LOOPS, FoundLoops
 from assetbuild.init.patterns import patterns_of
 from assetbuild.init.relief import Depths, nothing_deep
 from assetbuild.init.strength import (
-    ROTOR_RULE,
     Guess,
-    largest_inertias,
     rotor_inertia,
     rounded_up,
     with_efforts,
@@ -43,8 +42,6 @@ WEAK = ("gains.torque", "trials.dead")
 STRONGER = 2.0
 DAMPED = 1.25
 """Times the damping ratio that was refused."""
-WANDERS_M = 0.1
-"""Farther than this, a robot that stands for two seconds does not stand: it hops."""
 BALANCED_M = 0.003
 """Nearer to the middle of its feet the centre of mass is not brought."""
 
@@ -56,8 +53,8 @@ class Tuning:
     """A choice of drives, and what made it. tree: with the guessed efforts.
 
     notes: what was corrected and why; unmended: what could not be, each with the edit that mends
-    it. armature: by joint, kg m2 or kg. loops: the joints that they move have no drive.
-    turning: what turns without end, by joint.
+    it. rotors: inertias that the source states, by joint, kg m2 or kg. loops: the joints that they
+    move have no drive. turning: what turns without end, by joint.
     """
 
     tree: Tree
@@ -65,7 +62,7 @@ class Tuning:
     drives: tuple[DriveRow, ...]
     timestep: float
     guesses: Mapping[str, Guess]
-    armature: Mapping[str, float]
+    rotors: Mapping[str, float]
     notes: tuple[str, ...] = ()
     unmended: tuple[str, ...] = ()
     loops: FoundLoops = NO_LOOPS
@@ -73,6 +70,13 @@ class Tuning:
     stance: Stance = UPRIGHT
     firmness: float = FIRM
     depths: Depths = nothing_deep
+
+    @property
+    def armature(self) -> dict[str, float]:
+        """Of the rotors, stated or guessed, by joint, kg m2 or kg."""
+        alone = [joint for joint in self.tree.moving_joints if joint.mimic is None]
+        guessed = {j.name: rotor_inertia(j) for j in alone if j.name not in self.loops.passive}
+        return guessed | {name: own for name, own in self.rotors.items() if own}
 
 
 def tune(
@@ -90,14 +94,13 @@ def tune(
     tree: with the guessed efforts. rotors: inertias that the source states, by joint, kg m2 or kg;
     longest_step: s.
     """
-    armature = _heavy_rotors(tree, guesses) | {name: own for name, own in rotors.items() if own}
     start = Tuning(
         tree,
         {},
         (),
         0.0,
         guesses,
-        armature,
+        rotors,
         loops=loops,
         turning=anatomy.turning,
         depths=depths,
@@ -112,22 +115,10 @@ def tune(
     askew = trial.stands is False or trial.lean > PUSHED_RAD
     if trial.is_fine and askew and not trial.points:
         tuning, trial = _standing(tuning, trial, anatomy.legs, attempt)
-    if trial.is_fine and trial.stands and trial.drift > WANDERS_M:
-        tuning, trial = _still(tuning, trial, anatomy.legs, attempt)
     rest = tuple(f"{error.subject}: {error.message} ({error.hint})" for error in trial.errors)
     if trial.refused is not None:
         rest += (f"{trial.refused.message} ({trial.refused.hint})",)
     return replace(tuning, unmended=rest), trial
-
-
-def _heavy_rotors(tree: Tree, guesses: Mapping[str, Guess]) -> dict[str, float]:
-    """Rotors of guessed drives that are more than what the joint moves, as at a wrist's flange.
-
-    Without them a drive would have next to nothing to hold on to.
-    """
-    moved = largest_inertias(tree) if guesses else {}
-    rotors = {name: rotor_inertia(tree.by_joint[name]) for name in guesses}
-    return {name: rotor for name, rotor in rotors.items() if rotor > moved.get(name, 0.0)}
 
 
 def _chosen(tuning: Tuning, legs: tuple[Leg, ...], step: float = 0.0) -> Tuning:
@@ -196,37 +187,17 @@ def _stronger(tuning: Tuning, weak: list[Finding], legs: tuple[Leg, ...]) -> Tun
     if not grown:
         return None
     tree = with_efforts(tuning.tree, {name: guesses[name].effort for name in grown})
-    armature = {name: rotor_inertia(tree.by_joint[name]) for name in tuning.armature}
-    again = replace(tuning, tree=tree, guesses=guesses, armature=armature)
-    return _chosen(again, legs, tuning.timestep)
+    return _chosen(replace(tuning, tree=tree, guesses=guesses), legs, tuning.timestep)
 
 
 def _calmer(tuning: Tuning, error: Finding, legs: tuple[Leg, ...]) -> Tuning | None:
-    """A step of 2 ms, then rotors, then a step of 1 ms."""
+    """A step of 2 ms, then one of 1 ms."""
     said = f"{error.subject} {error.message}"
     if tuning.timestep > SHORT_STEP_S:
         return _shorter(tuning, SHORT_STEP_S, said, legs)
-    if (heavier := _with_rotors(tuning, said, legs)) is not None:
-        return heavier
     if tuning.timestep > SHORTEST_STEP_S:
         return _shorter(tuning, SHORTEST_STEP_S, said, legs)
     return None
-
-
-def _with_rotors(tuning: Tuning, said: str, legs: tuple[Leg, ...]) -> Tuning | None:
-    """Rotors for all driven joints; None where every one has its own. said: without them."""
-    driven = {name for row in tuning.drives if row.gains for name in row.joints}
-    without_rotor = driven - tuning.armature.keys()
-    if not without_rotor:
-        return None
-    guessed = {name: rotor_inertia(tuning.tree.by_joint[name]) for name in without_rotor}
-    note = (
-        f"armature: a guess, {ROTOR_RULE} as motors of that size have, for the source "
-        f"states no rotors and without them {said}"
-    )
-    armature = guessed | dict(tuning.armature)
-    again = replace(tuning, armature=armature, notes=(*tuning.notes, note))
-    return _chosen(again, legs, tuning.timestep)
 
 
 def _shorter(tuning: Tuning, step: float, said: str, legs: tuple[Leg, ...]) -> Tuning:
@@ -304,16 +275,3 @@ def _hasty(tuning: Tuning, trial: Trial, legs: tuple[Leg, ...]) -> tuple[str, Tu
 REMEDIES: tuple[Remedy, ...] = (_balanced, _balanced, _hasty, _firmer, _bent, _balanced)
 """What may make a robot stand, in the order in which it is tried; what brings its feet under its
 centre of mass is kept for the next."""
-
-
-def _still(
-    tuning: Tuning, trial: Trial, legs: tuple[Leg, ...], attempt: Try
-) -> tuple[Tuning, Trial]:
-    """Rotors where they keep legs from hopping about; else as it was."""
-    said = f"its base wanders by {trial.drift:.2g} m while it stands"
-    heavier = _with_rotors(tuning, said, legs) if legs else None
-    if heavier is None:
-        return tuning, trial
-    again = attempt(heavier)
-    is_still = again.is_fine and again.stands and again.drift < WANDERS_M
-    return (heavier, again) if is_still else (tuning, trial)
