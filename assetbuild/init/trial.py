@@ -68,7 +68,7 @@ Pairs = Mapping[tuple[str, str], float]
 class Trial:
     """What came of it. stands: None where it could not be tried; sentence: what it did, or why.
 
-    drift: how far its base wandered, m. lean: how far it tilted, rad.
+    lean: how far its base tilted, rad.
     off: centre of mass beyond the middle of what stands on the floor at the start, x and y, m.
     errors: what the checks say of drives and pose that a build would stop at.
     refused: the key of the recipe that no build takes, and why.
@@ -79,7 +79,6 @@ class Trial:
 
     stands: bool | None
     sentence: str
-    drift: float = 0.0
     lean: float = 0.0
     off: tuple[float, float] = (0.0, 0.0)
     errors: tuple[Finding, ...] = ()
@@ -221,7 +220,7 @@ class Stage:
             if error is not None:
                 return Trial(False, f"stands, but {error.subject}: {error.message}")
         sentence = str(outcome_figures(stood, JUDGE.fall)["sentence"])
-        return Trial(True, sentence, stood.drift_m, stood.tilt_rad)
+        return Trial(True, sentence, stood.tilt_rad)
 
 
 def _stays(stood: Stand) -> bool:

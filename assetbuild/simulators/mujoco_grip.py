@@ -36,8 +36,9 @@ BEYOND_M = 0.005
 """The object reaches so far beyond the fingertips."""
 OPEN = 0.1
 """Share of its travel that the hand is more open at the start than the object needs."""
-DEPTHS, PLACES, ASIDE = 4, 41, 1.5
-"""Where the object is tried, along the fingers and across them, to so many times its width."""
+DEPTHS, PLACES, ASIDE, EVERY = 4, 31, 1.5, 2
+"""Where the object is tried, along the fingers and across them, to so many times its width, in
+every second pose."""
 TABLE_M, G = 0.02, 9.81
 _OBJECT, _TABLE = "gripped object", "table below the object"
 _TABLE_BIT = 1 << 30
@@ -181,11 +182,11 @@ def _fit(model: Model, hand: Hand, shape: Shape) -> tuple[float, _Place] | None:
         _resize(model, shape, width)
         half = _half(shape, width)
         for out in np.linspace(0.0, half[2], DEPTHS):
-            for index in range(len(hand.poses) - 1, -1, -1):
+            for index in range(len(hand.poses) - 1, -1, -EVERY):
                 place = _room(model, hand, index, half, float(out))
                 if place is not None:
                     return width, place
-        width *= 0.85
+        width *= 0.7
     return None
 
 

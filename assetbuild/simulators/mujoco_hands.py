@@ -7,6 +7,7 @@ to the body that they are on, it is a hand.
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
@@ -24,7 +25,7 @@ SAMPLES = 41
 SETTLE_S = 0.06
 """For which each is commanded."""
 SETTLING = 10
-"""Times as often the first, so that what follows it gets there."""
+"""Poses from the initial one to the first."""
 TIP_M = 0.01
 """Depth of the outermost part of a finger that is its tip."""
 MEETS = 0.4
@@ -62,19 +63,42 @@ class Hand:
 
 
 def find_hands(model: Model, probe: int) -> Iterator[Hand]:
-    """Every gripper that one drive closes; what has a drive for each finger closes in many ways.
+    """Every gripper that one drive closes, or two drives of fingers that face each other.
 
+    What has a drive for each of many joints closes in many ways: see `between_keys`.
     probe: a small sphere of the model that may be put anywhere.
     """
     drives = read_drives(model)
     driven = {drive.joint for drive in drives}
-    for drive in drives:
-        if drive.kp > 0.0 and drive.holds_position and _ends_in(model, drive.joint, driven):
-            swept = _sweep(model, drive)
-            fingers = sorted(_linked(model, drive.joint))
-            found = _hand(model, probe, (drive,), fingers, *swept) if swept is not None else None
-            if found is not None:
-                yield found
+    ends = [d for d in drives if d.holds_position and _ends_in(model, d.joint, driven)]
+    for drive in ends:
+        fingers = sorted(_linked(model, drive.joint))
+        yield from _swept(model, probe, (drive,), (False,), fingers)
+    for one, other in itertools.combinations(ends, 2):
+        above = [int(model.body_parentid[model.jnt_bodyid[d.joint]]) for d in (one, other)]
+        if above[0] == above[1]:
+            for flipped in (False, True):
+                fingers = [one.joint, other.joint]
+                yield from _swept(model, probe, (one, other), (False, flipped), fingers)
+
+
+def _swept(
+    model: Model,
+    probe: int,
+    drives: tuple[Drive, ...],
+    flips: tuple[bool, ...],
+    fingers: Sequence[int],
+) -> Iterator[Hand]:
+    """The hand that drives close from one end to the other, if it is one."""
+    swept = _sweep(model, drives, flips, fingers)
+    found = _hand(model, probe, drives, fingers, *swept) if swept is not None else None
+    if found is not None and (len(drives) == 1 or _is_pair(found)):
+        yield found
+
+
+def _is_pair(hand: Hand) -> bool:
+    """Whether of two fingers one is on each side."""
+    return all(len(hand.sides[side]) > 0 for side in (0, 1)) and hand.palm not in hand.sides[1]
 
 
 def between_keys(model: Model, probe: int, opened: str, closed: str) -> Hand:
@@ -150,26 +174,32 @@ def _subtree(model: Model, top: int) -> set[int]:
     return found
 
 
-def _sweep(model: Model, drive: Drive) -> tuple[Array, Array] | None:
-    """((n, nq) positions, (n, 1) targets) from one end of a drive to the other.
+def _sweep(
+    model: Model, drives: Sequence[Drive], flips: Sequence[bool], fingers: Sequence[int]
+) -> tuple[Array, Array] | None:
+    """((n, nq) positions, (n, k) targets) from one end of the drives to the other.
 
-    None where the simulation becomes unstable.
+    flips: which of them begins at its upper end. None where the simulation becomes unstable.
     """
     import mujoco
 
     model = without(model, "CONTACT")
     model.opt.gravity[:] = 0.0
-    held_but(model, _linked(model, drive.joint))
+    held_but(model, fingers)
     data = at_key(model)
-    lower, upper = (float(end) for end in model.jnt_range[drive.joint])
-    targets = np.linspace(lower, upper, SAMPLES)
+    joints = [drive.joint for drive in drives]
+    ends = [model.jnt_range[j][::-1] if flip else model.jnt_range[j]
+            for j, flip in zip(joints, flips, strict=True)]  # fmt: skip
+    first, last = np.array(ends, dtype=float).T
+    start = np.array([float(data.qpos[int(model.jnt_qposadr[joint])]) for joint in joints])
+    targets = np.linspace(first, last, SAMPLES)
     poses = []
-    for target in (targets[0],) * SETTLING + tuple(targets):
-        data.ctrl[drive.ctrl_index] = drive.command(float(target))
+    for row in (*np.linspace(start, first, SETTLING), *targets):
+        for drive, target in zip(drives, row, strict=True):
+            data.ctrl[drive.ctrl_index] = drive.command(float(target))
         mujoco.mj_step(model, data, max(1, round(SETTLE_S / float(model.opt.timestep))))
         poses.append(np.array(data.qpos))
-    poses = poses[SETTLING:]
-    return (np.array(poses), targets[:, None]) if is_finite(data) else None
+    return (np.array(poses[SETTLING:]), targets) if is_finite(data) else None
 
 
 def _linked(model: Model, joint: int) -> set[int]:
@@ -222,7 +252,7 @@ def _hand(
     main = max(ways, key=lambda way: float(way @ way))
     sides: list[set[int]] = [set(), set()]
     for branch, way in zip(moved, ways, strict=True):
-        sides[0 if way @ main > 0.0 else 1] |= branch
+        sides[0 if way @ main >= 0.0 else 1] |= branch
     one = _tips(model, palm, sorted(sides[0]), poses)
     if sides[1]:
         other = _tips(model, palm, sorted(sides[1]), poses)

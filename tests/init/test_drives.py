@@ -61,7 +61,7 @@ def test_joints_of_a_hand_get_a_frequency_each_and_its_impossible_dampers_go(tmp
     assert 9.81 / (0.01 * 1.1 * (2 * math.pi * row.gains["frequency"]) ** 2) <= SAG["rad"] * 1.1
     source = find_source(tmp_path / "arm.urdf", {})
     text = recipe_text(robot, study(robot), source, tmp_path / "a").text
-    assert "damping_ratio: 1.0, damping: 0, friction: 0}" in text
+    assert "armature: 0.0025, damping: 0, friction: 0}" in text
 
 
 def test_dampers_that_can_be_meant_stay(tmp_path: Path):
@@ -125,7 +125,7 @@ def test_a_leg_whose_drive_outruns_the_step_is_told():
 
 def test_links_that_only_an_edit_gives_a_mass_get_gains_for_that_mass(tmp_path: Path):
     """The two balls of 0.01 kg that the edits make, each 0.2 m further out."""
-    robot = arm(tmp_path, [(0.0, 0.2), (0.0, 0.2)])
+    robot = arm(tmp_path, [(0.0, 0.2), (0.0, 0.2)], effort=0.1)
     source = find_source(tmp_path / "arm.urdf", {})
     text = recipe_text(robot, study(robot), source, tmp_path / "a").text
     assert "set_inertia" in text

@@ -1,0 +1,92 @@
+"""Hands are found by what they do: tips that one drive brings together."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from assetbuild.errors import StepError
+from assetbuild.simulators.mujoco import Model, name_of
+from assetbuild.simulators.mujoco_grip import probe_of, with_object
+from assetbuild.simulators.mujoco_hands import Hand, between_keys, find_hands
+
+FINGER = """<body name="{name}" pos="0 {y} 0"><joint name="{name}" type="slide" axis="0 {axis} 0"
+range="0 0.04" damping="5"/><geom type="box" size=".01 .005 .03" pos="0 {inner} .03"
+mass=".05"/></body>"""
+PINCHER = FINGER.format(name="left", y=0.0, axis=1, inner=0.005) + FINGER.format(
+    name="right", y=0.0, axis=-1, inner=-0.005
+)
+JAW = """<geom type="box" size=".01 .005 .05" pos="0 -.02 .06" mass=".1"/>
+<body name="jaw" pos="0 .015 .01"><joint name="jaw" axis="1 0 0" range="-1.5 0" armature=".01"/>
+<geom type="box" size=".01 .005 .05" pos="0 -.02 .05" mass=".05"/></body>"""
+COUPLED = '<equality><joint joint1="right" joint2="left" polycoef="0 1 0 0 0"/></equality>'
+
+
+def robot(inside: str, joints: list[str], folder: Path, more: str = "", arm: str = "") -> Path:
+    servos = "".join(
+        f'<position joint="{joint}" kp="400" kv="20" forcerange="-40 40"/>' for joint in joints
+    )
+    path = folder / "robot.xml"
+    path.write_text(
+        '<mujoco><compiler angle="radian"/><option timestep="0.002" integrator="implicitfast" '
+        f'cone="elliptic" impratio="50"/><worldbody><body name="base" pos="0 0 .5"><geom size=".03" mass="1" '
+        f'contype="0" conaffinity="0"/>{arm}<body name="palm" pos="0 0 .05">'
+        '<geom type="box" size=".02 .05 .005" mass=".2" pos="0 0 -.005"/>'
+        f"{inside}</body></body></worldbody>{more}<actuator>{servos}</actuator></mujoco>"
+    )
+    return path
+
+
+def found(path: Path) -> tuple[Model, list[Hand]]:
+    model = with_object(path)
+    return model, list(find_hands(model, probe_of(model)))
+
+
+def test_two_fingers_that_follow_each_other_are_a_hand(tmp_path: Path) -> None:
+    model, (hand,) = found(robot(PINCHER, ["left"], tmp_path, COUPLED))
+    assert name_of(model, "body", hand.palm) == "palm"
+    assert {name_of(model, "joint", joint) for joint in hand.fingers} == {"left", "right"}
+    assert abs(hand.across[0] @ (0.0, 1.0, 0.0)) == pytest.approx(1.0)
+    assert hand.along[0] @ (0.0, 0.0, 1.0) == pytest.approx(1.0)
+    assert hand.targets[0] == pytest.approx(0.04)  # open first
+    assert hand.targets[-1] == pytest.approx(0.0)
+
+
+def test_a_jaw_that_closes_on_its_palm_is_a_hand(tmp_path: Path) -> None:
+    model, (hand,) = found(robot(JAW, ["jaw"], tmp_path))
+    sides = [{name_of(model, "body", body) for body in side} for side in hand.sides]
+    assert sides[0] == {"jaw"}
+    assert "palm" in sides[1]
+    assert abs(hand.across[:, 0]).max() < 1e-6  # all in the plane in which the jaw moves
+
+
+def test_what_turns_about_its_own_axis_is_no_hand(tmp_path: Path) -> None:
+    flange = """<body name="flange" pos="0 0 .01"><joint name="roll" axis="0 0 1" range="-3 3"
+    damping=".1"/><geom type="cylinder" size=".02 .02" mass=".05"/></body>"""
+    assert found(robot(flange, ["roll"], tmp_path))[1] == []
+
+
+def test_an_elbow_that_folds_is_no_hand(tmp_path: Path) -> None:
+    """Its end comes near to the upper arm, but it is as long as an arm."""
+    elbow = """<geom type="capsule" size=".02" fromto="0 0 0 0 0 .4" mass="1"/>
+    <body name="forearm" pos="0 0 .45"><joint name="elbow" axis="1 0 0" range="0 3" damping=".1"/>
+    <geom type="capsule" size=".02" fromto="0 0 .03 0 0 .4" mass=".5"/></body>"""
+    assert found(robot(elbow, ["elbow"], tmp_path))[1] == []
+
+
+def test_two_fingers_with_a_drive_each_are_a_hand(tmp_path: Path) -> None:
+    _, (hand,) = found(robot(PINCHER, ["left", "right"], tmp_path))
+    assert [drive.joint_name for drive in hand.drives] == ["left", "right"]
+    np.testing.assert_allclose(hand.targets[[0, -1]], [[0.04, 0.04], [0.0, 0.0]])
+
+
+def test_keyframes_say_how_a_hand_of_many_drives_closes(tmp_path: Path) -> None:
+    keys = '<keyframe><key name="open" qpos=".04 .03"/><key name="shut" qpos="0 .01"/></keyframe>'
+    model = with_object(robot(PINCHER, ["left", "right"], tmp_path, keys))
+    hand = between_keys(model, probe_of(model), "open", "shut")
+    assert [drive.joint_name for drive in hand.drives] == ["left", "right"]
+    np.testing.assert_allclose(hand.targets[[0, -1]], [[0.04, 0.03], [0.0, 0.01]])
+    with pytest.raises(StepError, match="no keyframe `fist`"):
+        between_keys(model, probe_of(model), "open", "fist")
