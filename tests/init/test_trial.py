@@ -15,7 +15,7 @@ from assetbuild.init.look import InspectedRobot, judge, look
 from assetbuild.init.source import find_source
 from assetbuild.init.text import validation
 from assetbuild.init.trial import Trial, staged, tables
-from assetbuild.init.tune import Tuning, tune
+from assetbuild.init.tune import tune
 from assetbuild.pipeline.recipes import load_recipe
 
 DOG = "four_legs.urdf"

@@ -24,15 +24,15 @@ JAW = """<geom type="box" size=".01 .005 .05" pos="0 -.02 .06" mass=".1"/>
 COUPLED = '<equality><joint joint1="right" joint2="left" polycoef="0 1 0 0 0"/></equality>'
 
 
-def robot(inside: str, joints: list[str], folder: Path, more: str = "", arm: str = "") -> Path:
+def robot(inside: str, joints: list[str], folder: Path, more: str = "") -> Path:
     servos = "".join(
         f'<position joint="{joint}" kp="400" kv="20" forcerange="-40 40"/>' for joint in joints
     )
     path = folder / "robot.xml"
     path.write_text(
         '<mujoco><compiler angle="radian"/><option timestep="0.002" integrator="implicitfast" '
-        f'cone="elliptic" impratio="50"/><worldbody><body name="base" pos="0 0 .5"><geom size=".03" mass="1" '
-        f'contype="0" conaffinity="0"/>{arm}<body name="palm" pos="0 0 .05">'
+        'cone="elliptic" impratio="50"/><worldbody><body name="base" pos="0 0 .5">'
+        '<geom size=".03" mass="1" contype="0" conaffinity="0"/><body name="palm" pos="0 0 .05">'
         '<geom type="box" size=".02 .05 .005" mass=".2" pos="0 0 -.005"/>'
         f"{inside}</body></body></worldbody>{more}<actuator>{servos}</actuator></mujoco>"
     )
