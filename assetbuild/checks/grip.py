@@ -81,7 +81,7 @@ class Gripping(Check):
             figures[folder] = found
             if not hands:
                 message = f"{path.name}: no drive alone closes anything like a gripper"
-                yield NO_HAND("robot", message, severity="info")
+                yield NO_HAND("robot", message)
             for hand in hands:
                 palm = mujoco.name_of(model, "body", hand.palm)
                 grips = [found for found in self._grips(model, hand) if found is not None]

@@ -189,7 +189,7 @@ def test_a_planted_change_is_found(
         ("mjcf", "equality", "joint b_joint", r'name="b_joint" joint1', 'name="c" joint1'),
         ("scene", "type", "shape floor_copy", r'(<geom name="floor)("[^>]*/>)', r"\1\2\1_copy\2"),
         ("mjx", "armature", "joint lift", r'armature="0.3"', 'armature="0.5"'),
-        ("mjx", "iterations", "simulation", r' iterations="4"', ' iterations="40"'),
+        ("mjx", "iterations", "simulation", r' iterations="20"', ' iterations="40"'),
         ("bare", "mass", "body base", r' mass="1"', ' mass="3"'),
         ("bare", "axis", "joint lift", r'axis="0 0 -1"', 'axis="0 0 1"'),
         ("scene", "friction", "floor", r' friction="[^"]*"', ' friction="3 0 0"'),

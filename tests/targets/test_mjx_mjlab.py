@@ -42,7 +42,7 @@ def test_the_mjx_model_is_the_robot_with_other_options(tmp_path: Path) -> None:
     for name in ("qpos0", "key_qpos", "key_ctrl", "body_mass", "dof_armature", "jnt_range",
                  "actuator_gainprm", "actuator_biasprm", "actuator_forcerange"):  # fmt: skip
         assert np.array_equal(getattr(a, name), getattr(b, name)), name
-    assert (b.opt.iterations, b.opt.ls_iterations, b.opt.cone) == (4, 8, 0)
+    assert (b.opt.iterations, b.opt.ls_iterations, b.opt.cone) == (20, 50, 1)
     assert (tmp_path / "b/out/mjx/scene_mjx.xml").exists()
 
 

@@ -13,7 +13,7 @@ from assetbuild.facts.table import Key, Table, Value
 from assetbuild.robot.model import Contact
 from assetbuild.robot.shapes import Mesh
 
-DEFAULTS = {"iterations": 4, "ls_iterations": 8, "cone": "pyramidal"}
+DEFAULTS = {"iterations": 20, "ls_iterations": 50, "cone": "elliptic"}
 """Defaults of the recipe's `mjx`, for a bundle that does not state them."""
 
 
