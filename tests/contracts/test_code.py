@@ -66,6 +66,7 @@ for file in job["runs"]:
 """
 """Runs each step in a process of its own, which has loaded nothing but the engine before."""
 ELSEWHERE = {
+    "assetbuild.checks.grip": "only where a recipe asks for it: see its own tests",
     "assetbuild.checks.mjcf_doctor": "needs the extra `lint`",
     "assetbuild.checks.simcheck": "needs the extra `lint`",
     "assetbuild.checks.alignment": "needs PhysX",
