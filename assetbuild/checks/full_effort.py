@@ -68,10 +68,7 @@ class FullEffort(Check):
         robot = RobotFiles(files.inputs)
         efforts = efforts_of(robot.tree, robot.control)
         figures: dict[str, object] = {}
-        for folder, stem in (("mjcf", self.robot), ("mjx", f"{self.robot}_mjx")):
-            path = files.inputs / folder / f"{stem}.xml"
-            if not path.is_file():
-                continue
+        for folder, path in mujoco.full_and_mjx(files.inputs, self.robot):
             try:
                 model = mujoco.load(path, visuals=False).model
             except StepError:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from pathlib import Path
 from typing import ClassVar
 
 from pydantic import Field
@@ -13,7 +14,7 @@ from assetbuild.findings import Finding, Rule
 from assetbuild.kinds import Check, write_figures
 from assetbuild.quantities import Positive
 from assetbuild.simulators import mujoco
-from assetbuild.simulators.mujoco_grip import SHAPES, Grip, grip, probe_of, with_object
+from assetbuild.simulators.mujoco_grip import SHAPES, Grip, fit, grip, probe_of, with_object
 from assetbuild.simulators.mujoco_hands import Hand, between_keys, find_hands
 
 LEAST_KG = 0.005
@@ -23,7 +24,8 @@ NO_HAND = Rule(
     "grip.hand",
     ("info", "warning"),
     "no drive alone closes anything (information), or no object fits into it",
-    "name keyframes of the open and the closed hand: `validate: {grip: {open: ..., closed: ...}}`",
+    "name the keyframes of the open and the closed hand: "
+    "`validate: {grip: {keyframes: [open, closed]}}`",
 )
 LOST = Rule(
     "grip.lost",
@@ -37,9 +39,9 @@ LOST = Rule(
 class Gripping(Check):
     """Grips a cube, a cylinder and a sphere of 40 mm, or less where the hand is smaller.
 
-    Friction 1; closed in 1 s on a table, lifted in 1.5 s, shaken for 1 s, held for 5 s. Finding
-    `grip.lost`; figures by file and hand: slip, forces of both sides, and what it held of a load
-    that it lost.
+    Friction 1; closed in 1 s on a table, lifted in 1.5 s, shaken for 1 s, held for 5 s. Findings
+    `grip.lost` and `grip.hand`; figures by file and palm: of each object the slip in m and the
+    forces of both sides in N.
     """
 
     isolated: ClassVar[bool] = True
@@ -56,49 +58,49 @@ class Gripping(Check):
     robot: str
     masses: tuple[Positive, ...] = Field((0.1, 0.5), description="kg, of the objects")
     slip: Positive = Field(0.002, description="m that an object may move in the hand, warning")
-    open: str | None = Field(
-        None, description="keyframe of the open hand; without it what one drive closes is found"
+    keyframes: tuple[str, str] | None = Field(
+        None,
+        description="of the open and of the closed hand; without them, what one drive closes, or "
+        "two drives of facing fingers, is found",
     )
-    closed: str | None = Field(None, description="keyframe of the closed hand")
 
     def run(self, files: Files) -> Iterator[Finding]:
         """Reads `mjcf/<robot>.xml` and, where it is built, `mjx/<robot>_mjx.xml`."""
         figures: dict[str, object] = {}
-        for folder, stem in (("mjcf", self.robot), ("mjx", f"{self.robot}_mjx")):
-            path = files.inputs / folder / f"{stem}.xml"
-            if not path.is_file():
-                continue
+        for folder, path in mujoco.full_and_mjx(files.inputs, self.robot):
             try:
-                model = with_object(path)
-                hands = self._hands(model)
+                with mujoco.caught_warnings():
+                    figures[folder], findings = self._examine(path)
             except StepError as error:
                 figures[folder] = {"skipped": error.message}
-                yield NO_HAND(
-                    "robot", f"{path.name}: {error.message}", hint=error.hint, severity="warning"
-                )
-                continue
-            found: dict[str, object] = {}
-            figures[folder] = found
-            if not hands:
-                message = f"{path.name}: no drive alone closes anything like a gripper"
-                yield NO_HAND("robot", message)
-            for hand in hands:
-                palm = mujoco.name_of(model, "body", hand.palm)
-                grips = [found for found in self._grips(model, hand) if found is not None]
-                found[palm] = [_row(one) for one in grips]
-                yield from self._judge(path.name, palm, model, hand, grips)
+                message = f"{path.name}: {error.message}"
+                findings = [NO_HAND("robot", message, hint=error.hint, severity="warning")]
+            yield from findings
         write_figures(files, figures, {"slip_m": self.slip})
+
+    def _examine(self, path: Path) -> tuple[dict[str, object], list[Finding]]:
+        """(figures by palm, findings) of one file; StepError where it cannot be tried."""
+        model = with_object(path)
+        hands = self._hands(model)
+        if not hands:
+            message = f"{path.name}: no drive alone closes anything like a gripper"
+            return {}, [NO_HAND("robot", message)]
+        figures: dict[str, object] = {}
+        findings: list[Finding] = []
+        for hand in hands:
+            palm = mujoco.name_of(model, "body", hand.palm)
+            places = (fit(model, hand, shape) for shape in SHAPES)
+            fitted = [place for place in places if place is not None]
+            grips = [grip(model, hand, place, mass) for place in fitted for mass in self.masses]
+            figures[palm] = [_row(one) for one in grips]
+            findings += self._judge(path.name, palm, model, hand, grips)
+        return figures, findings
 
     def _hands(self, model: mujoco.Model) -> list[Hand]:
         probe = probe_of(model)
-        if self.open and self.closed:
-            return [between_keys(model, probe, self.open, self.closed)]
+        if self.keyframes:
+            return [between_keys(model, probe, *self.keyframes)]
         return list(find_hands(model, probe))
-
-    def _grips(self, model: mujoco.Model, hand: Hand) -> Iterator[Grip | None]:
-        for shape in SHAPES:
-            for mass in self.masses:
-                yield grip(model, hand, shape, mass)
 
     def _judge(
         self, file: str, palm: str, model: mujoco.Model, hand: Hand, grips: Sequence[Grip]
@@ -113,8 +115,6 @@ class Gripping(Check):
                 f"{file}: of {len(grips)} objects its gripper does not hold {len(failed)}: "
                 + ", ".join(map(_words, failed))
                 + self._holds(model, hand, failed),
-                hint="stiffer contacts of the fingers (`contact.links`: `priority: 1, "
-                "solref: [0.004, 1]`), an elliptic cone, the rotors' armature, more effort",
                 data={"failed": len(failed), "of": len(grips), "limit_m": self.slip},
             )
 
@@ -125,18 +125,18 @@ class Gripping(Check):
             return ""
         mass = lightest.mass / 2.0
         while mass >= LEAST_KG:
-            found = grip(model, hand, lightest.shape, mass)
-            if found is not None and found.held and found.slip_m <= self.slip:
-                return f"; it holds a {found.shape} of {mass:.3g} kg"
+            found = grip(model, hand, lightest.place, mass)
+            if found.held and found.slip_m <= self.slip:
+                return f"; it holds a {found.place.shape} of {mass:.3g} kg"
             mass /= 2.0
-        return f"; nor a {lightest.shape} of {LEAST_KG:g} kg"
+        return f"; nor a {lightest.place.shape} of {2.0 * mass:.3g} kg"
 
 
 def _row(one: Grip) -> dict[str, object]:
     return {
-        "shape": one.shape,
+        "shape": one.place.shape,
         "mass_kg": one.mass,
-        "width_m": one.width_m,
+        "width_m": one.place.width_m,
         "held": one.held,
         "slip_m": one.slip_m if one.held else None,
         "forces_n": list(one.forces_n) if one.held else None,
@@ -145,4 +145,5 @@ def _row(one: Grip) -> dict[str, object]:
 
 def _words(one: Grip) -> str:
     did = f"slips by {1e3 * one.slip_m:.3g} mm" if one.held else "is lost"
-    return f"a {one.shape} of {1e3 * one.width_m:.3g} mm and {one.mass:.3g} kg {did}"
+    width_mm = 1e3 * one.place.width_m
+    return f"a {one.place.shape} of {width_mm:.3g} mm and {one.mass:.3g} kg {did}"

@@ -21,7 +21,7 @@ CREEP = Rule(
     "slope.creep",
     "warning",
     "a standing robot slides in MuJoCo on a slope below the angle of friction",
-    "`cone: elliptic` with `impratio` and enough `iterations`, in `mjcf` or `mjx`",
+    "`cone: elliptic`, a larger `impratio` or more `iterations`, in `mjcf` or `mjx`",
 )
 
 
@@ -48,10 +48,7 @@ class Slope(Check):
         """Reads the robot, `mjcf/scene.xml` and, where it is built, `mjx/scene_mjx.xml`."""
         laws = external_laws(RobotFiles(files.inputs).control)
         figures: dict[str, object] = {}
-        for folder, name in (("mjcf", "scene.xml"), ("mjx", "scene_mjx.xml")):
-            path = files.inputs / folder / name
-            if not path.is_file():
-                continue
+        for folder, path in mujoco.full_and_mjx(files.inputs, "scene"):
             try:
                 found = creep(mujoco.load(path, visuals=False).model, self.share, laws)
             except StepError as error:  # `mjcf.load` reports it
@@ -67,9 +64,8 @@ class Slope(Check):
             if found.speed > self.speed:
                 yield CREEP(
                     "robot",
-                    f"{name}: its feet slide at {1e3 * found.speed:.3g} mm/s on a slope of "
+                    f"{path.name}: its feet slide at {1e3 * found.speed:.3g} mm/s on a slope of "
                     f"{self.share:.2g} of the angle of friction (limit {1e3 * self.speed:g} mm/s)",
-                    hint="`cone: elliptic`, a larger `impratio`, more `iterations`",
                     data={"speed_m_s": found.speed, "limit_m_s": self.speed},
                 )
         write_figures(files, figures, {"speed_m_s": self.speed})

@@ -398,8 +398,8 @@ def _steps(tuning: Tuning) -> Iterator[str]:
     step = tuning.timestep
     hops = any(row.outruns(STEP_S) for row in tuning.drives)
     if hops:
-        yield f"# At {1e3 * STEP_S:g} ms these legs hop if their rotors are lighter than that."
-        yield "# State it (`armature`, or `rotor_inertia` and `gear`), then try the longer step."
+        yield f"# At {1e3 * STEP_S:g} ms these legs hop if their rotors are lighter than guessed."
+        yield "# State them (`armature`, or `rotor_inertia` and `gear`), then try the longer step."
     light = ", as it is light" if not hops and total_mass(tuning.tree) < LIGHT_KG else ""
     rate = f"{1.0 / step:.0f} Hz physics{light if step < STEP_S else ''}"
     tail = f"# {rate}{';' if light and step < STEP_S else ','} 50 Hz control"

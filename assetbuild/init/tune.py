@@ -73,7 +73,7 @@ class Tuning:
 
     @property
     def armature(self) -> dict[str, float]:
-        """Of the rotors, stated or guessed, by joint, kg m2 or kg."""
+        """The inertia of each joint's rotor, stated or guessed, kg m2 or kg."""
         alone = [joint for joint in self.tree.moving_joints if joint.mimic is None]
         guessed = {j.name: rotor_inertia(j) for j in alone if j.name not in self.loops.passive}
         return guessed | {name: own for name, own in self.rotors.items() if own}

@@ -60,7 +60,7 @@ class CouplingError(Allowed):
 
 
 Soft = Iterator[tuple[str, Softness]]
-"""By joint, where MuJoCo's default would not hold the effort."""
+"""(joint, what holds it), for joints that MuJoCo's default would not hold against full effort."""
 
 
 def soft_limits(tree: Tree, control: Control, allowed: Allowed) -> Soft:

@@ -53,6 +53,19 @@ BYTES_PER_CONTACT = 8192
 25 to 35 degrees of freedom."""
 
 
+def full_and_mjx(inputs: Path, stem: str) -> Iterator[tuple[str, Path]]:
+    """(target, file) of the full model and, where it is built, the mjx model among a check's files.
+
+    stem: the robot's name, or `scene`.
+    """
+    for target, path in (
+        ("mjcf", inputs / "mjcf" / f"{stem}.xml"),
+        ("mjx", inputs / "mjx" / f"{stem}_mjx.xml"),
+    ):
+        if path.is_file():
+            yield target, path
+
+
 @dataclass(frozen=True)
 class Loaded:
     """A compiled model and what MuJoCo said about it."""

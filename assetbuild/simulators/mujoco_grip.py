@@ -8,22 +8,22 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
 
-from assetbuild.errors import StepError
+from assetbuild.errors import StepError, one_line
 from assetbuild.robot.pose import Array
-from assetbuild.simulators.mujoco import Data, Model, caught_warnings, is_finite, without
-from assetbuild.simulators.mujoco_hands import Hand, held_but, solid_geoms, vertices
+from assetbuild.simulators.mujoco import Data, Model, at_key, caught_warnings, is_finite, without
+from assetbuild.simulators.mujoco_hands import Hand, at_pose, held_but, solid_geoms, vertices
 
 Shape = Literal["cube", "cylinder", "sphere"]
 SHAPES: tuple[Shape, ...] = ("cube", "cylinder", "sphere")
 WIDTH_M, LEAST_WIDTH_M = 0.04, 0.008
-"""Of a cube, and diameter of a sphere and of a cylinder, which is one and a half times as tall;
-less where the hand does not open so far."""
+"""A cube is this wide, a sphere this thick, and so is a cylinder, which is one and a half times as
+tall; less where the hand does not open so far."""
 CLOSE_S, LIFT_S, SHAKE_S, HOLD_S = 1.0, 1.5, 1.0, 5.0
 RAMP = 0.75
 """Share of the time to close in which the command gets there."""
@@ -31,33 +31,56 @@ LIFT_M = 0.2
 SHAKE_G, SHAKE_HZ = 0.3, 3.0
 """The shaking in times gravity, in all three directions one after the other."""
 FRICTION = 1.0
-"""Of the object and of the fingers."""
+"""The object and the fingers have it."""
 BEYOND_M = 0.005
 """The object reaches so far beyond the fingertips."""
 OPEN = 0.1
 """Share of its travel that the hand is more open at the start than the object needs."""
+SMALLER = 0.7
+"""Times the width that did not fit, the next one."""
 DEPTHS, PLACES, ASIDE, EVERY = 4, 31, 1.5, 2
-"""Where the object is tried, along the fingers and across them, to so many times its width, in
-every second pose."""
+"""An object is tried at so many depths and at so many places across the hand, which reach to so
+many times its width on both sides, in every second pose."""
 TABLE_M, G = 0.02, 9.81
 _OBJECT, _TABLE = "gripped object", "table below the object"
 _TABLE_BIT = 1 << 30
 
 
 @dataclass(frozen=True)
-class Grip:
-    """How an object was held. width_m: of the object. force_n: mean normal force of both sides.
+class Place:
+    """An object between open fingers. width_m: see `WIDTH_M`.
 
-    slip_m: how far it moved along the fingers that hold it, on average, from when they had closed.
-    held: whether it was in the hand at the end.
+    start: number of the hand's pose from which it closes. xyz: (3,) of the object's centre.
+    R: (3, 3) its axes in the world as columns: x across the hand, z back to the palm.
     """
 
     shape: Shape
-    mass: float
     width_m: float
-    slip_m: float = math.nan
-    forces_n: tuple[float, float] = (0.0, 0.0)
-    held: bool = False
+    start: int
+    xyz: Array
+    R: Array
+
+    @property
+    def down(self) -> Array:
+        """(3,) world direction in which the fingers point."""
+        down: Array = -self.R[:, 2]
+        return down
+
+
+@dataclass(frozen=True)
+class Grip:
+    """How an object of `mass` kg was held.
+
+    slip_m: how far it moved since the hand had closed, seen from the bodies that press on it, the
+    mean of both sides. forces_n: mean normal force of each side in the last second. held: whether
+    it was still in the hand at the end.
+    """
+
+    place: Place
+    mass: float
+    slip_m: float
+    forces_n: tuple[float, float]
+    held: bool
 
 
 def with_object(path: Path) -> Model:
@@ -93,7 +116,7 @@ def with_object(path: Path) -> Model:
         try:
             return spec.compile()
         except ValueError as error:
-            raise StepError(str(error)) from None
+            raise StepError(one_line(error)) from None
 
 
 def probe_of(model: Model) -> int:
@@ -101,126 +124,84 @@ def probe_of(model: Model) -> int:
     return int(model.geom(_OBJECT).id)
 
 
-def grip(model: Model, hand: Hand, shape: Shape, mass: float) -> Grip | None:
-    """Close on an object, lift, shake and hold it; None where none fits between the fingers.
-
-    model: of `with_object`. mass: kg.
-    """
-    model = without(model)
-    fitted = _fit(model, hand, shape)
-    if fitted is None:
-        return None
-    width, place = fitted
-    with caught_warnings():
-        _give_mass(model, shape, width, mass)
-        return _hold(model, hand, Grip(shape, mass, width), place)
-
-
-@dataclass(frozen=True)
-class _Place:
-    """Where an object is gripped. start: number of the pose from which the hand closes.
-
-    xyz: (3,) of its centre. R: (3, 3) its axes in the world as columns: x across the hand, z back
-    to the palm.
-    """
-
-    start: int
-    xyz: Array
-    R: Array
-
-    @property
-    def down(self) -> Array:
-        """(3,) world direction in which the fingers point."""
-        down: Array = -self.R[:, 2]
-        return down
-
-
 def _half(shape: Shape, width: float) -> Array:
-    """Half sizes of an object."""
+    """(3,) half of its size along its axes, m."""
     return np.array((0.5, 0.5, 0.75 if shape == "cylinder" else 0.5)) * width
 
 
 def _resize(model: Model, shape: Shape, width: float) -> None:
     import mujoco
 
-    kinds = mujoco.mjtGeom
-    geom, half = probe_of(model), _half(shape, width)
-    kind = {
-        "cube": kinds.mjGEOM_BOX,
-        "cylinder": kinds.mjGEOM_CYLINDER,
-        "sphere": kinds.mjGEOM_SPHERE,
-    }
-    model.geom_type[geom] = int(kind[shape])
-    model.geom_size[geom] = (
-        half if shape == "cube" else (half[0], half[2] if shape == "cylinder" else 0.0, 0.0)
-    )
+    kinds, half = mujoco.mjtGeom, _half(shape, width)
+    kind, size = {
+        "cube": (kinds.mjGEOM_BOX, half),
+        "cylinder": (kinds.mjGEOM_CYLINDER, (half[0], half[2], 0.0)),
+        "sphere": (kinds.mjGEOM_SPHERE, (half[0], 0.0, 0.0)),
+    }[shape]
+    model.geom_type[probe_of(model)], model.geom_size[probe_of(model)] = int(kind), size
 
 
-def _give_mass(model: Model, shape: Shape, width: float, mass: float) -> None:
-    """Of a homogeneous object, m: width."""
-    import mujoco
-
-    body = int(model.body(_OBJECT).id)
-    full = 2.0 * _half(shape, width)
+def _inertia(shape: Shape, width: float, mass: float) -> Array:
+    """(3,) principal moments of a homogeneous object, kg m2; width in m, mass in kg."""
     if shape == "cube":
-        inertia = mass / 6.0 * np.full(3, full[0] ** 2)
-    elif shape == "sphere":
-        inertia = 0.1 * mass * np.full(3, full[0] ** 2)
-    else:
-        side = mass * (3.0 * (full[0] / 2.0) ** 2 + full[2] ** 2) / 12.0
-        inertia = np.array((side, side, mass * full[0] ** 2 / 8.0))
-    model.body_mass[body], model.body_inertia[body] = mass, inertia
-    mujoco.mj_setConst(model, mujoco.MjData(model))
+        return np.full(3, mass * width**2 / 6.0)
+    if shape == "sphere":
+        return np.full(3, mass * width**2 / 10.0)
+    tall = 2.0 * _half(shape, width)[2]
+    side = mass * (0.75 * width**2 + tall**2) / 12.0
+    return np.array((side, side, mass * width**2 / 8.0))
 
 
-def _fit(model: Model, hand: Hand, shape: Shape) -> tuple[float, _Place] | None:
-    """The largest object up to `WIDTH_M` that is between the fingers where they touch it on both
-    sides: (its width, its place); None where none is.
+def fit(model: Model, hand: Hand, shape: Shape) -> Place | None:
+    """The largest object up to `WIDTH_M` that fingers touch on both sides, as deep as it can be.
+
+    model: of `with_object`. None where none fits between them.
     """
-    width = WIDTH_M
+    model, width = without(model), WIDTH_M
     while width > LEAST_WIDTH_M:
         _resize(model, shape, width)
-        half = _half(shape, width)
-        for out in np.linspace(0.0, half[2], DEPTHS):
+        for out in np.linspace(0.0, _half(shape, width)[2], DEPTHS):
             for index in range(len(hand.poses) - 1, -1, -EVERY):
-                place = _room(model, hand, index, half, float(out))
+                place = _room(model, hand, index, shape, width, float(out))
                 if place is not None:
-                    return width, place
-        width *= 0.7
+                    return place
+        width *= SMALLER
     return None
 
 
-def _room(model: Model, hand: Hand, index: int, half: Array, out: float) -> _Place | None:
+def _room(
+    model: Model, hand: Hand, index: int, shape: Shape, width: float, out: float
+) -> Place | None:
     """A place between the fingers in a pose where the object touches nothing.
 
     out: m, less deep in the hand than can be.
     """
     import mujoco
 
-    data, along, across = _state(model, hand.poses[index]), hand.along[index], hand.across[index]
+    data, along, across = at_pose(model, hand.poses[index]), hand.along[index], hand.across[index]
     R = np.column_stack([across, np.cross(across, along), -along])
     deepest = min(float((vertices(model, data, side) @ along).max()) for side in hand.sides)
-    middle = hand.tips[index] + (deepest + BEYOND_M - half[2] + out) * along
-    middle = middle - (hand.tips[index] @ along) * along
-    places = middle + np.linspace(-ASIDE, ASIDE, PLACES)[:, None] * 2.0 * half[0] * across
+    depth = deepest + BEYOND_M - _half(shape, width)[2] + out
+    middle = hand.tips[index] + (depth - hand.tips[index] @ along) * along
+    places = middle + np.linspace(-ASIDE, ASIDE, PLACES)[:, None] * width * across
     touched = []
-    for place in places:
-        _put(model, data, place, R)
+    for xyz in places:
+        _put(model, data, xyz, R)
         mujoco.mj_kinematics(model, data)
         mujoco.mj_collision(model, data)
         touched.append(_touched(model, data, hand))
     between = _between(touched)
     if between is None:
         return None
-    return _Place(max(0, index - round(OPEN * len(hand.poses))), places[between], R)
+    start = max(0, index - round(OPEN * len(hand.poses)))
+    return Place(shape, width, start, places[between], R)
 
 
 def _touched(model: Model, data: Data, hand: Hand) -> int | None:
     """What the object lies in: a side by its number, -1 for both or other bodies; None: nothing."""
     pairs = [c.geom for c in _contacts(model, data) if c.dist < 0.0]
-    bodies = {int(b) for pair in pairs for b in model.geom_bodyid[pair]} - {
-        int(model.body(_OBJECT).id)
-    }
+    own = int(model.body(_OBJECT).id)
+    bodies = {int(body) for pair in pairs for body in model.geom_bodyid[pair]} - {own}
     for number, side in enumerate(hand.sides):
         if bodies and bodies <= set(side):
             return number
@@ -241,17 +222,20 @@ def _between(touched: Sequence[int | None]) -> int | None:
     return None
 
 
-def _hold(model: Model, hand: Hand, grip: Grip, place: _Place) -> Grip:
-    """Close from a pose on an object at a place, lift, shake and hold it."""
+def grip(model: Model, hand: Hand, place: Place, mass: float) -> Grip:
+    """Close on an object, lift it, shake it and hold it.
+
+    model: of `with_object`. mass: kg.
+    """
     import mujoco
 
-    held_but(model, hand.fingers)
-    model.geom_friction[solid_geoms(model, [b for side in hand.sides for b in side]), 0] = FRICTION
-    data, step = _state(model, hand.poses[place.start]), float(model.opt.timestep)
+    model = _loaded(model, hand, place, mass)
+    data, step = at_key(model), float(model.opt.timestep)  # the rest of the robot aims at its home
+    data.qpos[:] = hand.poses[place.start]
     _put(model, data, place.xyz, place.R)
-    table, below = int(model.body(_TABLE).mocapid[0]), float(_half(grip.shape, grip.width_m)[2])
+    table, below = int(model.body(_TABLE).mocapid[0]), _half(place.shape, place.width_m)[2]
     mujoco.mju_mat2Quat(data.mocap_quat[table], place.R.ravel())
-    pressing, before, forces = [0, 0], np.zeros((2, 3)), []
+    pressing, before, forces = list[int](), np.zeros((2, 3)), []
     total = CLOSE_S + LIFT_S + SHAKE_S + HOLD_S
     start, end = hand.targets[place.start], hand.targets[-1]
     for index in range(round(total / step)):
@@ -263,7 +247,7 @@ def _hold(model: Model, hand: Hand, grip: Grip, place: _Place) -> Grip:
         data.mocap_pos[table] = place.xyz + (below + TABLE_M + lifted) * place.down
         model.opt.gravity[:] = G * (place.down + place.R @ _shaking(time - CLOSE_S - LIFT_S))
         mujoco.mj_step(model, data)
-        if time >= CLOSE_S and not before.any():
+        if time >= CLOSE_S and not pressing:
             pressing = _pressing(model, data, hand)
             before = _seen_from(data, pressing)
         if time > total - 1.0:
@@ -272,12 +256,23 @@ def _hold(model: Model, hand: Hand, grip: Grip, place: _Place) -> Grip:
     slips = np.linalg.norm(_seen_from(data, pressing) - before, axis=1)
     fell = np.linalg.norm(data.body(_OBJECT).xpos - place.xyz) > LIFT_M / 2.0
     one, other = (float(force) for force in np.mean(forces, axis=0))
-    return replace(
-        grip,
-        slip_m=float(slips.mean()),
-        forces_n=(one, other),
-        held=bool(is_finite(data) and not fell and min(one, other) > 0.0),
-    )
+    held = bool(is_finite(data) and not fell and min(one, other) > 0.0)
+    return Grip(place, mass, float(slips.mean()), (one, other), held)
+
+
+def _loaded(model: Model, hand: Hand, place: Place, mass: float) -> Model:
+    """A copy with this object, in which nothing but the fingers moves."""
+    import mujoco
+
+    model, body = without(model), int(model.body(_OBJECT).id)
+    _resize(model, place.shape, place.width_m)
+    model.body_mass[body] = mass
+    model.body_inertia[body] = _inertia(place.shape, place.width_m, mass)
+    mujoco.mj_setConst(model, mujoco.MjData(model))
+    held_but(model, hand.fingers)
+    fingers = solid_geoms(model, [body for side in hand.sides for body in side])
+    model.geom_friction[[*fingers, probe_of(model)], 0] = FRICTION
+    return model
 
 
 def _shaking(time: float) -> Array:
@@ -287,15 +282,6 @@ def _shaking(time: float) -> Array:
     axis = int(3.0 * time / SHAKE_S)
     shaken: Array = SHAKE_G * math.sin(2.0 * math.pi * SHAKE_HZ * time) * np.eye(3)[axis]
     return shaken
-
-
-def _state(model: Model, pose: Array) -> Data:
-    import mujoco
-
-    data = mujoco.MjData(model)
-    data.qpos[:] = pose
-    mujoco.mj_forward(model, data)
-    return data
 
 
 def _put(model: Model, data: Data, xyz: Array, R: Array) -> None:
@@ -327,7 +313,7 @@ def _forces(model: Model, data: Data) -> dict[int, float]:
 
 
 def _pressing(model: Model, data: Data, hand: Hand) -> list[int]:
-    """Of each side the body that presses most."""
+    """The body of each side that presses most on the object."""
     forces = _forces(model, data)
     return [max(side, key=lambda body: forces.get(body, 0.0)) for side in hand.sides]
 

@@ -36,7 +36,7 @@ HINGE = 3
 """`mjJNT_HINGE`."""
 LEAST_OPENING_M = 0.01
 LARGEST_M = 0.3
-"""From the palm to the tips; an elbow or a knee folds, too."""
+"""From a finger's joint to its tip; an elbow or a knee folds, too."""
 
 
 @dataclass(frozen=True)
@@ -92,13 +92,9 @@ def _swept(
     """The hand that drives close from one end to the other, if it is one."""
     swept = _sweep(model, drives, flips, fingers)
     found = _hand(model, probe, drives, fingers, *swept) if swept is not None else None
-    if found is not None and (len(drives) == 1 or _is_pair(found)):
+    # Two fingers are a pair where they close on each other, not both on the palm.
+    if found is not None and (len(drives) == 1 or found.palm not in found.sides[1]):
         yield found
-
-
-def _is_pair(hand: Hand) -> bool:
-    """Whether of two fingers one is on each side."""
-    return all(len(hand.sides[side]) > 0 for side in (0, 1)) and hand.palm not in hand.sides[1]
 
 
 def between_keys(model: Model, probe: int, opened: str, closed: str) -> Hand:
@@ -128,7 +124,7 @@ def between_keys(model: Model, probe: int, opened: str, closed: str) -> Hand:
 
 
 def held_but(model: Model, fingers: Collection[int]) -> None:
-    """Everything stands still but these joints: see `HELD_KG`."""
+    """Hold everything still but these joints, for a model that may be changed: see `HELD_KG`."""
     dofs = {int(model.jnt_dofadr[joint]) for joint in fingers}
     still = [dof for dof in range(model.nv) if dof not in dofs]
     model.dof_armature[still] = HELD_KG
@@ -264,7 +260,7 @@ def _hand(
     widths = np.linalg.norm(one - other, axis=1)
     if widths[0] < widths[-1]:
         poses, targets, one, other, widths = (a[::-1] for a in (poses, targets, one, other, widths))
-    data = _at(model, poses[0])
+    data = at_pose(model, poses[0])
     first = _first(model, fingers)
     base = np.mean([data.xanchor[joint] for joint in first], axis=0)
     if len(first) == 1:  # everything in the plane in which the one finger moves
@@ -296,10 +292,9 @@ def _hand(
 
 def _first(model: Model, fingers: Sequence[int]) -> list[int]:
     """The joints of a hand that no other of its joints moves."""
-    moved = {
-        j: _subtree(model, int(model.jnt_bodyid[j])) - {int(model.jnt_bodyid[j])} for j in fingers
-    }
-    return [j for j in fingers if not any(int(model.jnt_bodyid[j]) in m for m in moved.values())]
+    bodies = [int(model.jnt_bodyid[joint]) for joint in fingers]
+    moved = set[int]().union(*(_subtree(model, body) - {body} for body in bodies))
+    return [joint for joint, body in zip(fingers, bodies, strict=True) if body not in moved]
 
 
 def _stands_on(model: Model, data: Data, sides: Sequence[set[int]]) -> bool:
@@ -329,7 +324,7 @@ def _axes(model: Model, palm: int, pose: Array, one: Array, other: Array) -> tup
 
 def _straight(way: Array, model: Model, pose: Array, body: int) -> Array:
     """The axis of a body that points nearly this way; the way itself where none does."""
-    axes = np.array(_at(model, pose).xmat[body]).reshape(3, 3).T
+    axes = np.array(at_pose(model, pose).xmat[body]).reshape(3, 3).T
     axes = np.concatenate([axes, -axes])
     best: Array = axes[np.argmax(axes @ way)]
     return best if best @ way > math.cos(SKEW) * np.linalg.norm(way) else way
@@ -351,7 +346,8 @@ def _moves(model: Model, bodies: set[int], fingers: Sequence[int]) -> bool:
     return any(int(model.jnt_bodyid[joint]) in bodies for joint in fingers)
 
 
-def _at(model: Model, pose: Array) -> Data:
+def at_pose(model: Model, pose: Array) -> Data:
+    """The model's shapes where (nq,) positions put them; nothing else is computed."""
     import mujoco
 
     data = mujoco.MjData(model)
@@ -362,7 +358,7 @@ def _at(model: Model, pose: Array) -> Data:
 
 def _tips(model: Model, palm: int, side: Sequence[int], poses: Array) -> Array:
     """(n, 3) middle of the outermost corners of a side in every pose, of the same material."""
-    states = [_at(model, pose) for pose in poses]
+    states = [at_pose(model, pose) for pose in poses]
     points = [vertices(model, data, side) for data in states]
     middle = len(poses) // 2
     far = np.linalg.norm(points[middle] - states[middle].xpos[palm], axis=1)
@@ -379,7 +375,7 @@ def _opposite(model: Model, probe: int, side: Sequence[int], poses: Array, tips:
 
     best, found = np.inf, np.zeros(3)
     for pose, tip in ((poses[0], tips[0]), (poses[-1], tips[-1])):
-        data, ends = _at(model, pose), np.zeros(6)
+        data, ends = at_pose(model, pose), np.zeros(6)
         data.geom_xpos[probe] = tip
         for geom in solid_geoms(model, side):
             distance = mujoco.mj_geomDistance(model, data, probe, geom, LARGEST_M, ends)

@@ -1,7 +1,7 @@
 """A robot that stands on a slope, in MuJoCo: does it creep below the angle of friction?
 
-Gravity is turned instead of the floor. A robot that would tip over before it slides gets a floor
-and feet that are as slippery as the slope that it can stand on is flat.
+Gravity is turned instead of the floor. A robot that would tip over before it slides gets a flatter
+slope, and less friction on it, so that friction carries the same share of its load.
 """
 
 from __future__ import annotations
@@ -40,8 +40,8 @@ class Creep:
     """What a robot did on a slope.
 
     angle: of the slope, rad; friction: of the feet on it, lower where the robot would tip over.
-    speed: of what touches the floor, m/s, along the steeper of two slopes; where the friction was
-    lowered, times as much as the load would grow with the robot's own.
+    speed: of what touches the floor, m/s, on the worse of a slope along x and one along y. On a
+    flatter slope it is scaled up with the load that friction would carry on the steep one.
     """
 
     angle: float
@@ -59,10 +59,12 @@ def creep(model: Model, share: float, external: Mapping[str, Gains]) -> Creep | 
     model = without(model)
     with caught_warnings():
         start = at_key(model)
-        _stand(model, start, np.array(start.qpos), external, 0.0, SETTLE_S, np.zeros(2))
+        _stand(model, start, np.array(start.qpos), external, (0.0, 0.0), SETTLE_S, np.zeros(2))
         mu, feet = _footing(model, start)
         if not feet:
             return "it does not touch the floor"
+        if mu <= 0.0:
+            return "its feet have no friction"
         if any(_rolls(model, body, external) for body in feet):
             return "it rolls"
         margin = support(model).margin_m
@@ -85,9 +87,10 @@ def _slide(model: Model, angle: float, down: Array, external: Mapping[str, Gains
     """Speed of the feet down the slope, m/s; nan where the robot fell."""
     data = at_key(model)
     target, up = np.array(data.qpos), np.array(data.xmat[1]).reshape(3, 3)[:, 2]
-    for tilt, seconds in ((0.0, SETTLE_S), (angle, TILT_S + REST_S)):
-        _stand(model, data, target, external, tilt, seconds, down)
-    slid = _stand(model, data, target, external, angle, WATCH_S, down)
+    _stand(model, data, target, external, (0.0, 0.0), SETTLE_S, down)
+    _stand(model, data, target, external, (0.0, angle), TILT_S, down)
+    _stand(model, data, target, external, (angle, angle), REST_S, down)
+    slid = _stand(model, data, target, external, (angle, angle), WATCH_S, down)
     upright = float(up @ np.array(data.xmat[1]).reshape(3, 3)[:, 2]) > math.cos(angle + FALLEN)
     return abs(slid) / WATCH_S if upright and is_finite(data) else math.nan
 
@@ -97,17 +100,16 @@ def _stand(
     data: Data,
     target: Array,
     external: Mapping[str, Gains],
-    angle: float,
+    angles: tuple[float, float],
     seconds: float,
     down: Array,
 ) -> float:
-    """Stand for a while on ground that tilts to an angle; how far the feet slid down it, m."""
+    """Stand on ground that tilts from one angle to another; how far the feet slid down it, m."""
     import mujoco
 
     laws, step = laws_of(model, external), float(model.opt.timestep)
     g, slid = float(np.linalg.norm(model.opt.gravity)), 0.0
-    for index in range(round(seconds / step)):
-        tilt = angle * min(1.0, (index + 1) * step / TILT_S) if seconds < WATCH_S else angle
+    for tilt in np.linspace(*angles, max(1, round(seconds / step))):
         model.opt.gravity[:] = (*(g * math.sin(tilt) * down), -g * math.cos(tilt))
         command(model, data, target, laws)
         mujoco.mj_step(model, data)
@@ -131,8 +133,9 @@ def _sliding(model: Model, data: Data) -> Array:
 def _footing(model: Model, data: Data) -> tuple[float, set[int]]:
     """(least friction on the floor, bodies that touch it)."""
     touching = _floor_contacts(model, data)
-    least = min((float(data.contact[index].friction[0]) for index, _ in touching), default=0.0)
-    return least, {body for _, body in touching}
+    contacts = [data.contact[index] for index, _ in touching]
+    mus = [float(contact.friction[0]) if contact.dim > 1 else 0.0 for contact in contacts]
+    return min(mus, default=0.0), {body for _, body in touching}
 
 
 def _rolls(model: Model, body: int, external: Mapping[str, Gains]) -> bool:

@@ -4,18 +4,23 @@ from __future__ import annotations
 
 import json
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from tiny import check_inputs, run_step, tiny_quadruped
+from tiny import TinyRobot, check_inputs, run_step, tiny_quadruped
 
 from assetbuild.checks.slope import Slope
 from assetbuild.findings import Finding
 from assetbuild.targets.mjcf import Mjcf, MjcfOptions
 
 
-def judged(folder: Path, options: MjcfOptions) -> tuple[list[Finding], dict[str, dict]]:
-    inputs = check_inputs(folder, tiny_quadruped(), Mjcf(robot="robot", options=options), "mjcf")
+def judged(
+    folder: Path, options: MjcfOptions, robot: TinyRobot | None = None
+) -> tuple[list[Finding], dict[str, dict]]:
+    inputs = check_inputs(
+        folder, robot or tiny_quadruped(), Mjcf(robot="robot", options=options), "mjcf"
+    )
     findings = run_step(Slope(), inputs, folder / "out")
     return findings, json.loads((folder / "out/figures.json").read_text())
 
@@ -32,3 +37,12 @@ def test_a_pyramidal_cone_without_impratio_lets_them_slide(tmp_path: Path) -> No
     (found,), figures = judged(tmp_path, MjcfOptions(cone="pyramidal"))
     assert found.rule == "slope.creep"
     assert figures["mjcf"]["speed_m_s"] > 1e-3
+
+
+def test_feet_without_friction_are_not_judged(tmp_path: Path) -> None:
+    robot = tiny_quadruped()
+    contact = robot.control.contact.model_copy(update={"condim": 1})
+    robot = replace(robot, control=replace(robot.control, contact=contact, contacts=()))
+    findings, figures = judged(tmp_path, MjcfOptions(), robot)
+    assert findings == []
+    assert figures["mjcf"]["skipped"] == "its feet have no friction"
