@@ -41,7 +41,7 @@ def test_a_pyramidal_cone_without_impratio_lets_them_slide(tmp_path: Path) -> No
 
 def test_feet_without_friction_are_not_judged(tmp_path: Path) -> None:
     robot = tiny_quadruped()
-    contact = robot.control.contact.model_copy(update={"condim": 1})
+    contact = robot.control.contact.model_copy(update={"condim": 1, "priority": 1})
     robot = replace(robot, control=replace(robot.control, contact=contact, contacts=()))
     findings, figures = judged(tmp_path, MjcfOptions(), robot)
     assert findings == []
