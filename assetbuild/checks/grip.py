@@ -14,8 +14,8 @@ from assetbuild.findings import Finding, Rule
 from assetbuild.kinds import Check, write_figures
 from assetbuild.quantities import Positive
 from assetbuild.simulators import mujoco
-from assetbuild.simulators.mujoco_grip import SHAPES, Grip, fit, grip, probe_of, with_object
-from assetbuild.simulators.mujoco_hands import Hand, between_keys, find_hands
+from assetbuild.simulators.mujoco_grip import Grip, grip, hands_of, named, tries_of, with_object
+from assetbuild.simulators.mujoco_hands import Hand
 
 LEAST_KG = 0.005
 """Less is not tried for a hand that drops what it should hold."""
@@ -81,7 +81,7 @@ class Gripping(Check):
     def _examine(self, path: Path) -> tuple[dict[str, object], list[Finding]]:
         """(figures by palm, findings) of one file; StepError where it cannot be tried."""
         model = with_object(path)
-        hands = self._hands(model)
+        hands = hands_of(model, self.keyframes)
         if not hands:
             message = f"{path.name}: no drive alone closes anything like a gripper"
             return {}, [NO_HAND("robot", message)]
@@ -89,18 +89,11 @@ class Gripping(Check):
         findings: list[Finding] = []
         for hand in hands:
             palm = mujoco.name_of(model, "body", hand.palm)
-            places = (fit(model, hand, shape) for shape in SHAPES)
-            fitted = [place for place in places if place is not None]
-            grips = [grip(model, hand, place, mass) for place in fitted for mass in self.masses]
+            tries = tries_of(model, hand, self.masses)
+            grips = [grip(model, hand, place, mass) for place, mass in tries]
             figures[palm] = [_row(one) for one in grips]
             findings += self._judge(path.name, palm, model, hand, grips)
         return figures, findings
-
-    def _hands(self, model: mujoco.Model) -> list[Hand]:
-        probe = probe_of(model)
-        if self.keyframes:
-            return [between_keys(model, probe, *self.keyframes)]
-        return list(find_hands(model, probe))
 
     def _judge(
         self, file: str, palm: str, model: mujoco.Model, hand: Hand, grips: Sequence[Grip]
@@ -145,5 +138,4 @@ def _row(one: Grip) -> dict[str, object]:
 
 def _words(one: Grip) -> str:
     did = f"slips by {1e3 * one.slip_m:.3g} mm" if one.held else "is lost"
-    width_mm = 1e3 * one.place.width_m
-    return f"a {one.place.shape} of {width_mm:.3g} mm and {one.mass:.3g} kg {did}"
+    return f"{named(one.place, one.mass)} {did}"

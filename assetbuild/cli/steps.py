@@ -77,6 +77,7 @@ CHECKS = {
     "newton_loops": "swinging the drives of its loops in Newton",
     "oracle": "comparing dynamics with pinocchio",
     "physx_free_fall": "letting it fall freely in PhysX",
+    "physx_grip": "gripping objects in PhysX",
     "physx_loops": "swinging the drives of its loops in PhysX",
     "physx_readback": "reading it back from PhysX",
     "asset_validator": "asking NVIDIA's asset validator about the USD",

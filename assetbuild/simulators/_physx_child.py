@@ -20,6 +20,8 @@ from typing import Any
 
 import numpy as np
 
+from assetbuild.simulators._physx_scene import OBJECT, TABLE
+
 Sim = Any  # ovphysx.PhysX: its types are not checked here
 Stage = Any  # ovstage.Stage: as above
 
@@ -169,8 +171,11 @@ def _simulate(sim: Sim, paths: Any, run: dict[str, Any]) -> dict[str, np.ndarray
     tracks: dict[str, list[np.ndarray]] = {"root": [], "turn": [], "com": [], "joints": []}
     kind = SimObjectType.ARTICULATION
     names: list[str] = []
+    course = dict(np.load(run["course"])) if run["course"] else None
     for step in range(int(run["steps"]) + 1):
         if step:
+            if course is not None:
+                _follow(sim, paths, course, step, asked)
             if drive["joints"] and (drive["frequency"] or step == 1):
                 asked |= targets_at(drive, dt * step)
                 _write_joints(sim, paths, "jointPositionTarget", asked)
@@ -190,11 +195,48 @@ def _simulate(sim: Sim, paths: Any, run: dict[str, Any]) -> dict[str, np.ndarray
             ("com", "centerOfMassWorld"),
         ):
             tracks[key].append(_read(sim, paths, kind, attribute)[0][1].ravel())
+        if course is not None:
+            tracks.setdefault("seen", []).append(_seen(sim, paths, course["watched"]))
         times.append(dt * step)
         if not all(np.isfinite(track[-1]).all() for track in tracks.values()):
             break
     out = {key: np.array(track, dtype=np.float64) for key, track in tracks.items()}
     return out | {"time": np.array(times), "names": np.array(names, dtype=str)}
+
+
+def _follow(
+    sim: Sim, paths: Any, course: dict[str, np.ndarray], step: int, asked: dict[str, float]
+) -> None:  # Any: as above
+    """Command drives, move the table and shake the object as the course says for this step."""
+    from ovphysx.types import SimObjectType
+
+    targets = course["targets"][step].tolist()
+    asked |= dict(zip(course["drives"].tolist(), targets, strict=True))
+    _write_joints(sim, paths, "jointPositionTarget", asked)
+    for path, attribute, value in (
+        (TABLE, "kinematicTargetPosition", course["table"][step]),
+        (OBJECT, "force", course["force"][step]),
+    ):
+        with sim.write_sync(SimObjectType.RIGID_BODY, attribute, pattern=path) as writing:
+            for group in writing.groups:
+                group.tensors[0].numpy()[...] = value
+                writing.commit_sync(group)
+
+
+def _seen(sim: Sim, paths: Any, watched: np.ndarray) -> np.ndarray:  # Any: as above
+    """(k, 3) place of the object in the frames of links."""
+    from ovphysx.types import SimObjectType
+
+    link = SimObjectType.ARTICULATION_LINK
+    places, turns = (dict(_read(sim, paths, link, key)) for key in ("position", "orientation"))
+    at = dict(_read(sim, paths, SimObjectType.RIGID_BODY, "position"))[OBJECT].ravel()
+    seen = []
+    for path in watched.tolist():
+        x, w = -turns[path].ravel()[:3], turns[path].ravel()[3]
+        offset = at - places[path].ravel()
+        half = 2.0 * np.cross(x, offset)
+        seen.append(offset + w * half + np.cross(x, half))
+    return np.array(seen)
 
 
 def _joints(sim: Sim, paths: Any, attribute: str) -> dict[str, float]:

@@ -7,20 +7,39 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
+from assetbuild.errors import StepError
 from assetbuild.robot.model import Actuator
-from assetbuild.robot.pose import Pose, Vec3
+from assetbuild.robot.pose import Pose, Vec3, normalised_quat, vec3
 
 if TYPE_CHECKING:
     from pxr import Usd
 
 ROBOT = "/World/robot"
+OBJECT, TABLE = "/World/object", "/World/table"
 FLOOR_M = 100.0
+
+
+@dataclass(frozen=True)
+class Gripped:
+    """A free object on a table that is moved, in the world's frame, m and kg.
+
+    size: (3,) of a cube, or of a cylinder along z, or of a sphere. table: X_world_table of the
+    middle of its upper face, z up.
+    """
+
+    shape: Literal["cube", "cylinder", "sphere"]
+    size: Vec3
+    mass: float
+    inertia: Vec3
+    friction: float
+    X_world_object: Pose
+    X_world_table: Pose
 
 
 @dataclass(frozen=True)
@@ -33,6 +52,7 @@ class Setting:
     limited: False takes the limits of effort and speed. drives: gains to write over the asset's
     own, by joint name; drive_type: of these, per unit of inertia where it is `acceleration`.
     unhurried: joints whose limit of speed is taken. loops: False opens every loop.
+    locked: positions of joints that do not move, rad or m.
     """
 
     timestep: float
@@ -47,6 +67,8 @@ class Setting:
     unhurried: tuple[str, ...] = ()
     loops: bool = True
     drive_type: Literal["force", "acceleration"] = "force"
+    locked: Mapping[str, float] = field(default_factory=dict)
+    gripped: Gripped | None = None
 
 
 @dataclass(frozen=True)
@@ -76,10 +98,26 @@ def write_world(path: Path, main: Path, setting: Setting) -> StageNames:
         _define_floor(stage, setting.floor_friction)
     if setting.base == "held":
         _hold_base(stage)
+    if setting.gripped is not None:
+        _define_object(stage, setting.gripped, names)
     for prim in Usd.PrimRange(robot.GetPrim()):
         _change(prim, names, setting)
     stage.Save()
     return names
+
+
+def root_pose(main: Path, link: str) -> Pose:
+    """X_world_link of a link where the asset puts it."""
+    from pxr import Usd, UsdGeom
+
+    stage = Usd.Stage.Open(str(main))
+    for prim in stage.Traverse():
+        if str(prim.GetMetadata("displayName") or prim.GetName()) == link:
+            placed = UsdGeom.XformCache().GetLocalToWorldTransform(prim)
+            turn = placed.ExtractRotationQuat()
+            quat = (turn.GetReal(), *turn.GetImaginary())
+            return Pose(vec3(placed.ExtractTranslation()), normalised_quat(quat))
+    raise StepError(f"{main.name} has no link `{link}`")
 
 
 def _names(stage: Usd.Stage) -> StageNames:
@@ -135,21 +173,63 @@ def _define_scene(stage: Usd.Stage, setting: Setting) -> None:
 
 
 def _define_floor(stage: Usd.Stage, friction: float) -> None:
-    from pxr import UsdGeom, UsdPhysics, UsdShade
+    from pxr import UsdGeom
 
-    material = UsdShade.Material.Define(stage, "/World/floor_material")
-    surface = UsdPhysics.MaterialAPI.Apply(material.GetPrim())
-    surface.CreateStaticFrictionAttr(friction)
-    surface.CreateDynamicFrictionAttr(friction)
-    surface.CreateRestitutionAttr(0.0)
     floor = UsdGeom.Plane.Define(stage, "/World/floor")
     floor.CreateAxisAttr(UsdGeom.Tokens.z)
     floor.CreateWidthAttr(FLOOR_M)
     floor.CreateLengthAttr(FLOOR_M)
-    UsdPhysics.CollisionAPI.Apply(floor.GetPrim())
-    UsdShade.MaterialBindingAPI.Apply(floor.GetPrim()).Bind(
+    _make_solid(stage, floor.GetPrim(), friction)
+
+
+def _make_solid(stage: Usd.Stage, prim: Usd.Prim, friction: float) -> Usd.Prim:
+    """Make a shape touch things, with a material of its own; returns the material."""
+    from pxr import UsdPhysics, UsdShade
+
+    material = UsdShade.Material.Define(stage, f"{prim.GetPath()}_material")
+    surface = UsdPhysics.MaterialAPI.Apply(material.GetPrim())
+    surface.CreateStaticFrictionAttr(friction)
+    surface.CreateDynamicFrictionAttr(friction)
+    surface.CreateRestitutionAttr(0.0)
+    UsdPhysics.CollisionAPI.Apply(prim)
+    UsdShade.MaterialBindingAPI.Apply(prim).Bind(
         material, UsdShade.Tokens.weakerThanDescendants, "physics"
     )
+    return material.GetPrim()
+
+
+def _define_object(stage: Usd.Stage, gripped: Gripped, names: StageNames) -> None:
+    """The object, whose friction holds for whatever touches it, and the table below it alone."""
+    from pxr import Gf, UsdGeom, UsdPhysics
+
+    kind = {"cube": UsdGeom.Cube, "cylinder": UsdGeom.Cylinder, "sphere": UsdGeom.Sphere}
+    solid = kind[gripped.shape].Define(stage, OBJECT)
+    if gripped.shape == "cube":
+        solid.CreateSizeAttr(gripped.size[0])
+    else:
+        solid.CreateRadiusAttr(gripped.size[0] / 2.0)
+    if gripped.shape == "cylinder":
+        solid.CreateHeightAttr(gripped.size[2])
+    material = _make_solid(stage, solid.GetPrim(), gripped.friction)
+    _foreign(material, "PhysxMaterialAPI", {"physxMaterial:frictionCombineMode": ("Token", "max")})
+    mass = UsdPhysics.MassAPI.Apply(solid.GetPrim())
+    mass.CreateMassAttr(gripped.mass)
+    mass.CreateDiagonalInertiaAttr(Gf.Vec3f(*gripped.inertia))
+    mass.CreatePrincipalAxesAttr(Gf.Quatf(1.0))
+    table = UsdGeom.Xform.Define(stage, TABLE)
+    board = UsdGeom.Cube.Define(stage, f"{TABLE}/board")
+    board.CreateSizeAttr(1.0)
+    UsdGeom.XformCommonAPI(board).SetTranslate((0.0, 0.0, -0.5))
+    _make_solid(stage, board.GetPrim(), gripped.friction)
+    filtered = UsdPhysics.FilteredPairsAPI.Apply(table.GetPrim())
+    filtered.CreateFilteredPairsRel().SetTargets(list(names.bodies))
+    for prim, pose in (
+        (solid.GetPrim(), gripped.X_world_object),
+        (table.GetPrim(), gripped.X_world_table),
+    ):
+        body = UsdPhysics.RigidBodyAPI.Apply(prim)
+        body.CreateKinematicEnabledAttr(prim == table.GetPrim())
+        _place(prim, pose)
 
 
 def _hold_base(stage: Usd.Stage) -> None:
@@ -181,7 +261,7 @@ def _hold_base(stage: Usd.Stage) -> None:
 
 
 def _change(prim: Usd.Prim, names: StageNames, setting: Setting) -> None:
-    from pxr import UsdPhysics
+    from pxr import Sdf, UsdPhysics
 
     if not setting.contacts and prim.HasAPI(UsdPhysics.CollisionAPI):
         UsdPhysics.CollisionAPI(prim).CreateCollisionEnabledAttr(False)
@@ -203,6 +283,11 @@ def _change(prim: Usd.Prim, names: StageNames, setting: Setting) -> None:
     for attribute in prim.GetAttributes():
         if attribute.GetName().endswith(taken):
             attribute.Block()  # unwritten, it is not limited
+    if name in setting.locked:
+        value = setting.locked[name]
+        shown = math.degrees(value) if name in names.angular else value
+        for end in ("lower", "upper"):
+            prim.CreateAttribute(f"physics:{end}Limit", Sdf.ValueTypeNames.Float).Set(shown)
     actuator = (setting.drives or {}).get(name)
     if actuator is not None:
         per = math.pi / 180.0 if name in names.angular else 1.0

@@ -147,7 +147,8 @@ class Motion:
     """Trajectories, sampled at `time` (n,), s. joints: rad or m by name, each (n,).
 
     root: (n, 3) m; turn: (n, 4) wxyz of the root; com: (n, 3) of the whole robot, m.
-    touched: something touched something on the way; False where nobody looked.
+    touched: something touched something on the way; False where nobody looked. seen: (n, k, 3) of
+    an object in the frames of k bodies, m; None without one.
     """
 
     time: Array
@@ -156,6 +157,7 @@ class Motion:
     turn: Array
     com: Array
     touched: bool = False
+    seen: Array | None = None
 
     @property
     def finite(self) -> bool:

@@ -17,7 +17,15 @@ import numpy as np
 from assetbuild.errors import StepError, one_line
 from assetbuild.robot.pose import Array
 from assetbuild.simulators.mujoco import Data, Model, at_key, caught_warnings, is_finite, without
-from assetbuild.simulators.mujoco_hands import Hand, at_pose, held_but, solid_geoms, vertices
+from assetbuild.simulators.mujoco_hands import (
+    Hand,
+    at_pose,
+    between_keys,
+    find_hands,
+    held_but,
+    solid_geoms,
+    vertices,
+)
 
 Shape = Literal["cube", "cylinder", "sphere"]
 SHAPES: tuple[Shape, ...] = ("cube", "cylinder", "sphere")
@@ -25,6 +33,7 @@ WIDTH_M, LEAST_WIDTH_M = 0.04, 0.008
 """A cube is this wide, a sphere this thick, and so is a cylinder, which is one and a half times as
 tall; less where the hand does not open so far."""
 CLOSE_S, LIFT_S, SHAKE_S, HOLD_S = 1.0, 1.5, 1.0, 5.0
+TOTAL_S = CLOSE_S + LIFT_S + SHAKE_S + HOLD_S
 RAMP = 0.75
 """Share of the time to close in which the command gets there."""
 LIFT_M = 0.2
@@ -119,12 +128,31 @@ def with_object(path: Path) -> Model:
             raise StepError(one_line(error)) from None
 
 
+def hands_of(model: Model, keyframes: tuple[str, str] | None) -> list[Hand]:
+    """The hand between two keyframes, or without them all that are found."""
+    probe = probe_of(model)
+    if keyframes:
+        return [between_keys(model, probe, *keyframes)]
+    return list(find_hands(model, probe))
+
+
+def tries_of(model: Model, hand: Hand, masses: Sequence[float]) -> list[tuple[Place, float]]:
+    """What the hand is to hold: each shape that fits, with each mass in kg."""
+    places = (fit(model, hand, shape) for shape in SHAPES)
+    return [(place, mass) for place in places if place is not None for mass in masses]
+
+
+def named(place: Place, mass: float) -> str:
+    """`a cube of 40 mm and 0.5 kg`."""
+    return f"a {place.shape} of {1e3 * place.width_m:.3g} mm and {mass:.3g} kg"
+
+
 def probe_of(model: Model) -> int:
     """The geom of the object."""
     return int(model.geom(_OBJECT).id)
 
 
-def _half(shape: Shape, width: float) -> Array:
+def half_size(shape: Shape, width: float) -> Array:
     """(3,) half of its size along its axes, m."""
     return np.array((0.5, 0.5, 0.75 if shape == "cylinder" else 0.5)) * width
 
@@ -132,7 +160,7 @@ def _half(shape: Shape, width: float) -> Array:
 def _resize(model: Model, shape: Shape, width: float) -> None:
     import mujoco
 
-    kinds, half = mujoco.mjtGeom, _half(shape, width)
+    kinds, half = mujoco.mjtGeom, half_size(shape, width)
     kind, size = {
         "cube": (kinds.mjGEOM_BOX, half),
         "cylinder": (kinds.mjGEOM_CYLINDER, (half[0], half[2], 0.0)),
@@ -141,13 +169,13 @@ def _resize(model: Model, shape: Shape, width: float) -> None:
     model.geom_type[probe_of(model)], model.geom_size[probe_of(model)] = int(kind), size
 
 
-def _inertia(shape: Shape, width: float, mass: float) -> Array:
+def inertia_of(shape: Shape, width: float, mass: float) -> Array:
     """(3,) principal moments of a homogeneous object, kg m2; width in m, mass in kg."""
     if shape == "cube":
         return np.full(3, mass * width**2 / 6.0)
     if shape == "sphere":
         return np.full(3, mass * width**2 / 10.0)
-    tall = 2.0 * _half(shape, width)[2]
+    tall = 2.0 * half_size(shape, width)[2]
     side = mass * (0.75 * width**2 + tall**2) / 12.0
     return np.array((side, side, mass * width**2 / 8.0))
 
@@ -160,7 +188,7 @@ def fit(model: Model, hand: Hand, shape: Shape) -> Place | None:
     model, width = without(model), WIDTH_M
     while width > LEAST_WIDTH_M:
         _resize(model, shape, width)
-        for out in np.linspace(0.0, _half(shape, width)[2], DEPTHS):
+        for out in np.linspace(0.0, half_size(shape, width)[2], DEPTHS):
             for index in range(len(hand.poses) - 1, -1, -EVERY):
                 place = _room(model, hand, index, shape, width, float(out))
                 if place is not None:
@@ -181,7 +209,7 @@ def _room(
     data, along, across = at_pose(model, hand.poses[index]), hand.along[index], hand.across[index]
     R = np.column_stack([across, np.cross(across, along), -along])
     deepest = min(float((vertices(model, data, side) @ along).max()) for side in hand.sides)
-    depth = deepest + BEYOND_M - _half(shape, width)[2] + out
+    depth = deepest + BEYOND_M - half_size(shape, width)[2] + out
     middle = hand.tips[index] + (depth - hand.tips[index] @ along) * along
     places = middle + np.linspace(-ASIDE, ASIDE, PLACES)[:, None] * width * across
     touched = []
@@ -233,24 +261,20 @@ def grip(model: Model, hand: Hand, place: Place, mass: float) -> Grip:
     data, step = at_key(model), float(model.opt.timestep)  # the rest of the robot aims at its home
     data.qpos[:] = hand.poses[place.start]
     _put(model, data, place.xyz, place.R)
-    table, below = int(model.body(_TABLE).mocapid[0]), _half(place.shape, place.width_m)[2]
+    table = int(model.body(_TABLE).mocapid[0])
     mujoco.mju_mat2Quat(data.mocap_quat[table], place.R.ravel())
     pressing, before, forces = list[int](), np.zeros((2, 3)), []
-    total = CLOSE_S + LIFT_S + SHAKE_S + HOLD_S
-    start, end = hand.targets[place.start], hand.targets[-1]
-    for index in range(round(total / step)):
+    for index in range(round(TOTAL_S / step)):
         time = index * step
-        closed = min(1.0, time / (RAMP * CLOSE_S))
-        for drive, target in zip(hand.drives, start + closed * (end - start), strict=True):
+        for drive, target in zip(hand.drives, closing(hand, place, time), strict=True):
             data.ctrl[drive.ctrl_index] = drive.command(float(target))
-        lifted = LIFT_M * min(1.0, max(0.0, (time - CLOSE_S) / LIFT_S))
-        data.mocap_pos[table] = place.xyz + (below + TABLE_M + lifted) * place.down
-        model.opt.gravity[:] = G * (place.down + place.R @ _shaking(time - CLOSE_S - LIFT_S))
+        data.mocap_pos[table] = table_at(place, time) + TABLE_M * place.down
+        model.opt.gravity[:] = G * place.down + shaking(place, time)
         mujoco.mj_step(model, data)
         if time >= CLOSE_S and not pressing:
             pressing = _pressing(model, data, hand)
             before = _seen_from(data, pressing)
-        if time > total - 1.0:
+        if time > TOTAL_S - 1.0:
             by_body = _forces(model, data)
             forces.append([sum(by_body.get(b, 0.0) for b in side) for side in hand.sides])
     slips = np.linalg.norm(_seen_from(data, pressing) - before, axis=1)
@@ -267,7 +291,7 @@ def _loaded(model: Model, hand: Hand, place: Place, mass: float) -> Model:
     model, body = without(model), int(model.body(_OBJECT).id)
     _resize(model, place.shape, place.width_m)
     model.body_mass[body] = mass
-    model.body_inertia[body] = _inertia(place.shape, place.width_m, mass)
+    model.body_inertia[body] = inertia_of(place.shape, place.width_m, mass)
     mujoco.mj_setConst(model, mujoco.MjData(model))
     held_but(model, hand.fingers)
     fingers = solid_geoms(model, [body for side in hand.sides for body in side])
@@ -275,12 +299,27 @@ def _loaded(model: Model, hand: Hand, place: Place, mass: float) -> Model:
     return model
 
 
-def _shaking(time: float) -> Array:
-    """(3,) acceleration in times gravity: along each axis of the object, one after the other."""
-    if not 0.0 <= time < SHAKE_S:
+def closing(hand: Hand, place: Place, time: float) -> Array:
+    """(k,) what the hand's drives are commanded to, rad or m."""
+    start, end = hand.targets[place.start], hand.targets[-1]
+    targets: Array = start + min(1.0, time / (RAMP * CLOSE_S)) * (end - start)
+    return targets
+
+
+def table_at(place: Place, time: float) -> Array:
+    """(3,) middle of the table's upper face in the world."""
+    lifted = LIFT_M * min(1.0, max(0.0, (time - CLOSE_S) / LIFT_S))
+    at: Array = place.xyz + (half_size(place.shape, place.width_m)[2] + lifted) * place.down
+    return at
+
+
+def shaking(place: Place, time: float) -> Array:
+    """(3,) m/s2 in the world: along each axis of the object, one after the other."""
+    since = time - CLOSE_S - LIFT_S
+    if not 0.0 <= since < SHAKE_S:
         return np.zeros(3)
-    axis = int(3.0 * time / SHAKE_S)
-    shaken: Array = SHAKE_G * math.sin(2.0 * math.pi * SHAKE_HZ * time) * np.eye(3)[axis]
+    axis = place.R[:, int(3.0 * since / SHAKE_S)]
+    shaken: Array = SHAKE_G * G * math.sin(2.0 * math.pi * SHAKE_HZ * since) * axis
     return shaken
 
 

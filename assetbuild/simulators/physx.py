@@ -137,6 +137,20 @@ class Held:
 
 
 @dataclass(frozen=True)
+class Course:
+    """What is done in every step to an object that is gripped.
+
+    targets: (n,) of drives by joint, rad or m. table: (n, 3) world, m. force: (n, 3) on the object,
+    world, N. watched: bodies from which the object is seen. n: steps and one.
+    """
+
+    targets: Mapping[str, Array]
+    table: Array
+    force: Array
+    watched: tuple[str, ...]
+
+
+@dataclass(frozen=True)
 class Experiment:
     """One stage, loaded and stepped. steps: 0 = only loaded. every: steps between samples.
 
@@ -149,6 +163,7 @@ class Experiment:
     every: int = 1
     start: Mapping[str, float] | None = None
     sine: Sine | None = None
+    course: Course | None = None
 
 
 @dataclass(frozen=True)
@@ -207,7 +222,10 @@ def perform_in(
         for experiment in experiments:
             stage = folder / f"{experiment.name}.usda"
             names = write_world(stage, asset, experiment.setting)
-            jobs[experiment.name] = (experiment, names, _job(experiment, names, stage))
+            job = _job(experiment, names, stage)
+            if experiment.course is not None:
+                job["course"] = _write_course(folder, experiment.name, experiment.course, names)
+            jobs[experiment.name] = (experiment, names, job)
         waiting = list(jobs)
         failures: dict[str, str] = {}
         while waiting:
@@ -251,12 +269,33 @@ def _job(experiment: Experiment, names: StageNames, stage: Path) -> dict[str, ob
         "contacts": experiment.setting.contacts,
         "start": {paths[n]: _shown(n, v, names) for n, v in start.items()},
         "turn": {path: _shown(name, TURN, names) for path, name in names.joints.items()},
+        "course": "",
         "targets": {
             "frequency": sine.frequency_hz if sine else 0.0,
             "joints": drives,
             "speeds": [paths[name] for name in (sine.speeds if sine else ()) if name in paths],
         },
     }
+
+
+def _write_course(folder: Path, name: str, course: Course, names: StageNames) -> str:
+    """The file that the child reads; angles in degrees, bodies and joints by path."""
+    joints = {name: path for path, name in names.joints.items()}
+    bodies = {name: path for path, name in names.bodies.items()}
+    targets = [
+        np.degrees(track) if joint in names.angular else track
+        for joint, track in course.targets.items()
+    ]
+    path = folder / f"{name}.course.npz"
+    np.savez(
+        path,
+        drives=[joints[joint] for joint in course.targets],
+        targets=np.stack(targets, axis=1),
+        table=course.table,
+        force=course.force,
+        watched=[bodies[body] for body in course.watched],
+    )
+    return str(path)
 
 
 def _shown(joint: str, value: float, names: StageNames) -> float:
@@ -361,7 +400,7 @@ def _motion(data: dict[str, Array], names: StageNames) -> Motion:
         one = math.radians(1.0) if name in names.angular else 1.0
         joints[name] = data["joints"][:, column] * one
     turn = data["turn"][:, [3, 0, 1, 2]]  # xyzw to wxyz
-    return Motion(data["time"], joints, data["root"], turn, data["com"])
+    return Motion(data["time"], joints, data["root"], turn, data["com"], seen=data.get("seen"))
 
 
 # --- the experiments ------------------------------------------------------------------------

@@ -73,6 +73,7 @@ ELSEWHERE = {
     "assetbuild.checks.newton_alignment": "needs the trainer",
     "assetbuild.checks.newton_loops": "needs the trainer",
     "assetbuild.checks.physx_free_fall": "needs PhysX",
+    "assetbuild.checks.physx_grip": "needs PhysX",
     "assetbuild.checks.physx_loops": "needs PhysX",
     "assetbuild.checks.physx_readback": "needs PhysX",
     "assetbuild.checks.smoke_isaaclab": "needs the trainer",

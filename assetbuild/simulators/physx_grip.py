@@ -1,0 +1,125 @@
+"""A gripper that closes on an object, lifts it and is shaken, in PhysX: as `mujoco_grip` does.
+
+Where the object lies and how the hand closes is what MuJoCo's model says. All but the fingers is
+locked, and the object alone is shaken.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from assetbuild.robot.pose import IDENTITY, Array, Pose, quat_of, vec3
+from assetbuild.simulators import physx
+from assetbuild.simulators._physx_scene import Gripped, root_pose
+from assetbuild.simulators.mujoco import Model, name_of, turning
+from assetbuild.simulators.mujoco_grip import (
+    CLOSE_S,
+    FRICTION,
+    LIFT_M,
+    TOTAL_S,
+    G,
+    Place,
+    closing,
+    half_size,
+    inertia_of,
+    shaking,
+    table_at,
+)
+from assetbuild.simulators.mujoco_hands import Hand, at_pose
+
+SAMPLE_S = 0.1
+
+
+@dataclass(frozen=True)
+class Held:
+    """slip_m: as of `mujoco_grip.Grip`, of each side the body against which it moved least.
+
+    held: it is still in the hand. failure: why PhysX did not get to the end, "" if it did.
+    """
+
+    slip_m: float
+    held: bool
+    failure: str = ""
+
+
+def grips(
+    main: Path, model: Model, hand: Hand, tries: Sequence[tuple[Place, float]], seconds: float
+) -> list[Held]:
+    """How the hand of the USD `main` holds objects of some kg. model: of `with_object`.
+
+    seconds: wall-clock limit of the whole.
+    """
+    experiments = [
+        _experiment(str(index), main, model, hand, place, mass)
+        for index, (place, mass) in enumerate(tries)
+    ]
+    done = physx.perform(main, experiments, seconds)
+    return [_held(done[experiment.name], hand) for experiment in experiments]
+
+
+def _experiment(
+    name: str, main: Path, model: Model, hand: Hand, place: Place, mass: float
+) -> physx.Experiment:
+    pose, step = hand.poses[place.start], float(model.opt.timestep)
+    floats = int(model.jnt_type[0]) == 0
+    R, at = _to_world(main, model, pose, floats=floats)
+    times = step * np.arange(round(TOTAL_S / step) + 1)
+
+    def turned(vectors: Sequence[Array]) -> Array:
+        return np.array(vectors) @ R.T
+
+    table = turned([table_at(place, time) for time in times]) + at
+    quat = quat_of(R @ place.R)
+    positions = {
+        name_of(model, "joint", joint): float(pose[model.jnt_qposadr[joint]])
+        for joint in turning(model)
+    }
+    fingers = {name_of(model, "joint", joint) for joint in hand.fingers}
+    gripped = Gripped(
+        place.shape,
+        vec3(2.0 * half_size(place.shape, place.width_m)),
+        mass,
+        vec3(inertia_of(place.shape, place.width_m, mass)),
+        FRICTION,
+        Pose(vec3(R @ place.xyz + at), quat),
+        Pose(vec3(table[0]), quat),
+    )
+    setting = physx.Setting(
+        step,
+        vec3(G * R @ place.down),
+        "held" if floats else "asset",
+        locked={joint: at for joint, at in positions.items() if joint not in fingers},
+        gripped=gripped,
+    )
+    targets = np.array([closing(hand, place, time) for time in times])
+    course = physx.Course(
+        {drive.joint_name: targets[:, i] for i, drive in enumerate(hand.drives)},
+        table,
+        mass * turned([shaking(place, time) for time in times]),
+        tuple(name_of(model, "body", body) for side in hand.sides for body in side),
+    )
+    every = max(1, round(SAMPLE_S / step))
+    return physx.Experiment(name, setting, len(times) - 1, every, positions, course=course)
+
+
+def _to_world(main: Path, model: Model, pose: Array, *, floats: bool) -> tuple[Array, Array]:
+    """(3, 3) and (3,): from MuJoCo's world into that of the stage, by the robot's root link."""
+    data, root = at_pose(model, pose), 1
+    there = IDENTITY if floats else root_pose(main, name_of(model, "body", root))
+    R = there.rotation @ data.xmat[root].reshape(3, 3).T
+    return R, np.asarray(there.xyz) - R @ data.xpos[root]
+
+
+def _held(outcome: physx.Outcome, hand: Hand) -> Held:
+    motion = outcome.motion
+    if motion is None or motion.seen is None or not outcome.finite:
+        return Held(np.inf, held=False, failure=outcome.failure)
+    closed = int(np.searchsorted(motion.time, CLOSE_S))
+    moved = np.linalg.norm(motion.seen[-1] - motion.seen[closed], axis=1)
+    one = len(hand.sides[0])
+    slip = float((moved[:one].min() + moved[one:].min()) / 2.0)
+    return Held(slip, held=slip < LIFT_M / 2.0)

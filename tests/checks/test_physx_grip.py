@@ -1,0 +1,76 @@
+"""A pincher holds in PhysX what it should; with a weak drive it drops it."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from tiny import TinyRobot, box_inertial, check_inputs, run_step
+
+from assetbuild.checks.physx_grip import PhysxGripping
+from assetbuild.findings import Finding
+from assetbuild.robot.model import Actuator, Body, Control, Joint, Keyframe, Limits, Mimic, Tree
+from assetbuild.robot.pose import Pose
+from assetbuild.robot.shapes import Box, Shape, Shapes
+from assetbuild.targets.mjcf import Mjcf
+from assetbuild.targets.usd import Usd
+
+pytest.importorskip("ovphysx", reason="needs the extra `physx`")
+
+
+def pincher(effort: float) -> TinyRobot:
+    """A palm of 100 mm that floats on no joint; two fingers of 60 mm slide 40 mm each, coupled."""
+    pad = (0.02, 0.01, 0.06)
+    finger = box_inertial(0.05, pad, (0.0, 0.0, 0.03))
+    left = Joint(
+        "left", "prismatic", "palm", "left_finger", axis=(0.0, 1.0, 0.0),
+        limits=Limits(0.0, 0.04, effort, 1.0),
+    )  # fmt: skip
+    right = replace(
+        left, name="right", child="right_finger", axis=(0.0, -1.0, 0.0), mimic=Mimic("left")
+    )
+    bodies = (
+        Body("palm", box_inertial(0.2, (0.04, 0.1, 0.01))),
+        Body("left_finger", finger),
+        Body("right_finger", finger),
+    )
+    tree = Tree("robot", "fixed", bodies, (left, right))
+    shapes = Shapes(
+        (
+            Shape("palm", "palm", "collision", Box((0.04, 0.1, 0.01)), Pose((0.0, 0.0, -0.005))),
+            Shape("one", "left_finger", "collision", Box(pad), Pose((0.0, 0.005, 0.03))),
+            Shape("two", "right_finger", "collision", Box(pad), Pose((0.0, -0.005, 0.03))),
+        )
+    )
+    drive = Actuator("left", "pd", kp=400.0, kd=20.0, effort=effort, armature=0.1)
+    home = Keyframe("home", (("left", 0.03), ("right", 0.03)))
+    control = Control((drive, Actuator("right", "passive")), (home,))
+    return TinyRobot(tree, tree, shapes, control)
+
+
+def judged(effort: float, folder: Path) -> tuple[list[Finding], dict[str, list[dict]]]:
+    robot = pincher(effort)
+    inputs = check_inputs(folder / "usd", robot, Usd(robot="robot"), "usd")
+    mjcf = check_inputs(folder / "mjcf", robot, Mjcf(robot="robot"), "mjcf")
+    shutil.copytree(mjcf / "mjcf", inputs / "mjcf")
+    findings = run_step(PhysxGripping(robot="robot", masses=(0.2,)), inputs, folder / "out")
+    return findings, json.loads((folder / "out/figures.json").read_text())
+
+
+def test_a_pincher_holds_cube_cylinder_and_sphere(tmp_path: Path) -> None:
+    findings, figures = judged(40.0, tmp_path)
+    assert findings == []
+    assert [row["shape"] for row in figures["palm"]] == ["cube", "cylinder", "sphere"]
+    assert max(row["slip_m"] for row in figures["palm"]) < 0.001
+
+
+def test_a_pincher_without_strength_loses_them(tmp_path: Path) -> None:
+    # Friction 1 on two sides holds 2 N of weight by 1 N each; half of that is pressed.
+    (lost,), figures = judged(0.5, tmp_path)
+    assert lost.rule == "physx.grip"
+    assert "does not hold 3" in lost.message
+    assert "a cube of 40 mm and 0.2 kg is lost" in lost.message
+    assert {row["slip_m"] for row in figures["palm"]} == {None}
