@@ -1,4 +1,4 @@
-"""Do limits and mimic joints hold what the drives can bring, in the full model and the mjx file?"""
+"""Do limits, mimic joints and loops hold what drives can bring, in the full model and in mjx?"""
 
 from __future__ import annotations
 
@@ -30,15 +30,15 @@ LIMITS_SOFT = Rule(
 COUPLINGS_SOFT = Rule(
     "couplings.soft",
     ("info", "warning"),
-    "full effort parts joints from those that they follow in MuJoCo by more than twice what "
-    "`couplings` allows (information where an MJCF source says how soft they are)",
+    "full effort parts joints from those that they follow, or the ends of loops, in MuJoCo by more "
+    "than twice what `couplings` allows (information where an MJCF source says how soft they are)",
     "state the rotor's inertia (`motors` or `armature`), or a shorter timestep; of an MJCF, state "
     "`couplings`",
 )
 
 
 class FullEffort(Check):
-    """Pushes joints against their limits, and followers away from their leaders.
+    """Pushes joints against their limits, followers from their leaders, and loops apart.
 
     Findings `limits.soft` and `couplings.soft`; figures by file: the largest error of turning and
     of sliding joints, rad and m.
@@ -67,6 +67,8 @@ class FullEffort(Check):
         """Reads the robot, `mjcf/<robot>.xml` and, where it is built, `mjx/<robot>_mjx.xml`."""
         robot = RobotFiles(files.inputs)
         efforts = efforts_of(robot.tree, robot.control)
+        pushing = {row.joint for row in robot.control.actuators if row.model != "passive"}
+        driven = {joint: effort for joint, effort in efforts.items() if joint in pushing}
         figures: dict[str, object] = {}
         for folder, path in mujoco.full_and_mjx(files.inputs, self.robot):
             try:
@@ -75,7 +77,10 @@ class FullEffort(Check):
                 figures[folder] = {"skipped": "it does not load"}  # `mjcf.load` reports it
                 continue
             limits = tuple(mujoco_pushes.past_limits(model, efforts))
-            coupled = tuple(mujoco_pushes.off_couplings(model, efforts))
+            coupled = (
+                *mujoco_pushes.off_couplings(model, efforts),
+                *mujoco_pushes.open_loops(model, driven),
+            )
             figures[folder] = {"limits": _worst(limits), "couplings": _worst(coupled)}
             for rule, pushed, wish, ours in (
                 (LIMITS_SOFT, limits, self.limits_wish, robot.control.soft_limits),

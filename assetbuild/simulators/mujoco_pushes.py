@@ -21,6 +21,7 @@ from assetbuild.simulators.mujoco import (
     name_of,
     without,
 )
+from assetbuild.simulators.mujoco_hands import held_but
 from assetbuild.simulators.mujoco_trials import hold_base
 
 RISE_S, HOLD_S = 0.2, 0.3
@@ -44,6 +45,7 @@ def past_limits(model: Model, efforts: Mapping[str, float]) -> Iterator[Pushed]:
     load alone.
     """
     model = _alone(without(model, "CONTACT"))
+    model.eq_active0[_loops(model)] = 0  # not all of a loop's joints can be at their limits
     joints = [j for j in _named(model, efforts) if model.jnt_limited[j]]
     worst = np.zeros(model.njnt)
     for side in (0, 1) if joints else ():
@@ -83,6 +85,41 @@ def off_couplings(model: Model, efforts: Mapping[str, float]) -> Iterator[Pushed
         yield _pushed(model, follower, efforts, worst)
 
 
+def open_loops(model: Model, efforts: Mapping[str, float]) -> Iterator[Pushed]:
+    """Each closed loop while drives push with their effort, one way and the other.
+
+    All other joints are blocked, so that the loops carry it. efforts: of drives, by joint. The
+    error is how far the two points of a loop part, m.
+    """
+    import mujoco
+
+    model = _alone(without(model, "CONTACT", "ACTUATION", "LIMIT"))
+    driven = _named(model, efforts)
+    held_but(model, driven)
+    worst, load = dict.fromkeys(_loops(model), 0.0), np.zeros(model.nv)
+    for joint in driven:
+        load[model.jnt_dofadr[joint]] = efforts[name_of(model, "joint", joint)]
+    for sign in (-1.0, 1.0) if worst and driven else ():
+        data = at_key(model)
+        mujoco.mj_forward(model, data)
+        open_at_home = {index: _gap(data, index) for index in worst}
+        for position in _under(model, data, sign * load):
+            for index, most in worst.items():
+                gap = _gap(data, index) if np.isfinite(position).all() else float("nan")
+                worst[index] = float(np.maximum(most, gap - open_at_home[index]))
+    for index, error in worst.items():
+        yield Pushed(f"loop {name_of(model, 'equality', index)}", True, float(load.max()), error)
+
+
+def _gap(data: Data, equality: int) -> float:
+    """Distance of the two points of a `connect` or `weld`, m."""
+    import mujoco
+
+    rows = data.efc_type == int(mujoco.mjtConstraint.mjCNSTR_EQUALITY)
+    mine = np.flatnonzero(rows & (data.efc_id == equality))[:3]
+    return float(np.linalg.norm(data.efc_pos[mine]))
+
+
 def _alone(model: Model) -> Model:
     """Without gravity, the base held; for a model that may be changed."""
     hold_base(model)
@@ -104,6 +141,14 @@ def _couplings(model: Model) -> list[int]:
 
     held = (model.eq_type == mujoco.mjtEq.mjEQ_JOINT) & (model.eq_active0 != 0)
     return [int(index) for index in np.flatnonzero(held)]
+
+
+def _loops(model: Model) -> list[int]:
+    import mujoco
+
+    kinds = (int(mujoco.mjtEq.mjEQ_CONNECT), int(mujoco.mjtEq.mjEQ_WELD))
+    closed = np.isin(model.eq_type, kinds) & (model.eq_active0 != 0)
+    return [int(index) for index in np.flatnonzero(closed)]
 
 
 def _lead(model: Model, data: Data, load: Array) -> None:

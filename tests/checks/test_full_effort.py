@@ -8,7 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from tiny import TinyRobot, check_inputs, pendulum, run_step, tiny_quadruped, with_mimic
+from tiny import TinyRobot, check_inputs, four_bar, pendulum, run_step, tiny_quadruped, with_mimic
 
 from assetbuild.checks.full_effort import FullEffort
 from assetbuild.control.soften import softened
@@ -72,6 +72,26 @@ def test_followers_part_from_a_strong_leader(tmp_path: Path) -> None:
     findings, figures = judged(stiff(coupled()), tmp_path / "stiff")
     assert "couplings.soft" not in {f.rule for f in findings}
     assert figures["mjcf"]["couplings"]["turn"]["error"] < 1.1 * COUPLINGS.turn
+
+
+def test_a_soft_loop_opens_where_a_drive_pushes_against_it(tmp_path: Path) -> None:
+    robot = four_bar()
+    (loop,), rows = robot.control.loops, robot.control.actuators
+    rows = (replace(rows[0], effort=500.0), *rows[1:])
+
+    def found(folder: str, **softness: tuple[float, ...]) -> tuple[set[str], float]:
+        control = replace(robot.control, actuators=rows, loops=(replace(loop, **softness),))
+        findings, figures = judged(replace(robot, control=control), tmp_path / folder)
+        row = figures["mjcf"]["couplings"]["slide"]
+        assert row["joint"] == "loop coupler_loop"
+        return {f.rule for f in findings}, row["error"]
+
+    rules, soft = found("soft", solref=(0.02, 1.0), solimp=(0.9, 0.95, 0.001, 0.5, 2.0))
+    assert "couplings.soft" in rules
+    rules, stiff = found("stiff")
+    assert "couplings.soft" not in rules
+    # r = (1 - d) t^2 F / I: 500 times less by d, 16 times by t.
+    assert soft / stiff > 1000.0
 
 
 def test_the_mjx_file_is_pushed_too(tmp_path: Path) -> None:
