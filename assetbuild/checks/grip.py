@@ -132,6 +132,7 @@ def _row(one: Grip) -> dict[str, object]:
         "width_m": one.place.width_m,
         "held": one.held,
         "slip_m": one.slip_m if one.held else None,
+        "seat_m": one.seat_m if one.held else None,
         "forces_n": list(one.forces_n) if one.held else None,
     }
 

@@ -70,7 +70,8 @@ class PhysxGripping(Check):
             rows, failed = [], []
             for (place, mass), one in zip(tries, held, strict=True):
                 slip = one.slip_m if one.held else None
-                rows.append({"shape": place.shape, "mass_kg": mass, "slip_m": slip})
+                seat = one.seat_m if one.held else None
+                rows.append({"shape": place.shape, "mass_kg": mass, "slip_m": slip, "seat_m": seat})
                 if slip is None or slip > self.slip:
                     did = f"slips by {1e3 * slip:.3g} mm" if slip is not None else "is lost"
                     failed.append(f"{named(place, mass)} {one.failure or did}")

@@ -80,14 +80,16 @@ class Place:
 class Grip:
     """How an object of `mass` kg was held.
 
-    slip_m: how far it moved since the hand had closed, seen from the bodies that press on it, the
-    mean of both sides. forces_n: mean normal force of each side in the last second. held: whether
+    slip_m: how far it moved since it was lifted, seen from the bodies that press on it, the mean of
+    both sides. seat_m: likewise, from when the hand had closed until then: it finds its seat when
+    the table leaves it. forces_n: mean normal force of each side in the last second. held: whether
     it was still in the hand at the end.
     """
 
     place: Place
     mass: float
     slip_m: float
+    seat_m: float
     forces_n: tuple[float, float]
     held: bool
 
@@ -263,7 +265,7 @@ def grip(model: Model, hand: Hand, place: Place, mass: float) -> Grip:
     _put(model, data, place.xyz, place.R)
     table = int(model.body(_TABLE).mocapid[0])
     mujoco.mju_mat2Quat(data.mocap_quat[table], place.R.ravel())
-    pressing, before, forces = list[int](), np.zeros((2, 3)), []
+    pressing, seen, forces = list[int](), list[Array](), []
     for index in range(round(TOTAL_S / step)):
         time = index * step
         for drive, target in zip(hand.drives, closing(hand, place, time), strict=True):
@@ -273,15 +275,18 @@ def grip(model: Model, hand: Hand, place: Place, mass: float) -> Grip:
         mujoco.mj_step(model, data)
         if time >= CLOSE_S and not pressing:
             pressing = _pressing(model, data, hand)
-            before = _seen_from(data, pressing)
+            seen.append(_seen_from(data, pressing))
+        if time >= CLOSE_S + LIFT_S and len(seen) == 1:
+            seen.append(_seen_from(data, pressing))
         if time > TOTAL_S - 1.0:
             by_body = _forces(model, data)
             forces.append([sum(by_body.get(b, 0.0) for b in side) for side in hand.sides])
-    slips = np.linalg.norm(_seen_from(data, pressing) - before, axis=1)
+    seen.append(_seen_from(data, pressing))
+    seat, slip = np.linalg.norm(np.diff(seen, axis=0), axis=2).mean(axis=1)
     fell = np.linalg.norm(data.body(_OBJECT).xpos - place.xyz) > LIFT_M / 2.0
     one, other = (float(force) for force in np.mean(forces, axis=0))
     held = bool(is_finite(data) and not fell and min(one, other) > 0.0)
-    return Grip(place, mass, float(slips.mean()), (one, other), held)
+    return Grip(place, mass, float(slip), float(seat), (one, other), held)
 
 
 def _loaded(model: Model, hand: Hand, place: Place, mass: float) -> Model:

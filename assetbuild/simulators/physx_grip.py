@@ -20,6 +20,7 @@ from assetbuild.simulators.mujoco_grip import (
     CLOSE_S,
     FRICTION,
     LIFT_M,
+    LIFT_S,
     TOTAL_S,
     G,
     Place,
@@ -36,12 +37,13 @@ SAMPLE_S = 0.1
 
 @dataclass(frozen=True)
 class Held:
-    """slip_m: as of `mujoco_grip.Grip`, of each side the body against which it moved least.
+    """slip_m, seat_m: as of `mujoco_grip.Grip`; of a side, the body against which it moved least.
 
     held: it is still in the hand. failure: why PhysX did not get to the end, "" if it did.
     """
 
     slip_m: float
+    seat_m: float
     held: bool
     failure: str = ""
 
@@ -117,9 +119,9 @@ def _to_world(main: Path, model: Model, pose: Array, *, floats: bool) -> tuple[A
 def _held(outcome: physx.Outcome, hand: Hand) -> Held:
     motion = outcome.motion
     if motion is None or motion.seen is None or not outcome.finite:
-        return Held(np.inf, held=False, failure=outcome.failure)
-    closed = int(np.searchsorted(motion.time, CLOSE_S))
-    moved = np.linalg.norm(motion.seen[-1] - motion.seen[closed], axis=1)
-    one = len(hand.sides[0])
-    slip = float((moved[:one].min() + moved[one:].min()) / 2.0)
-    return Held(slip, held=slip < LIFT_M / 2.0)
+        return Held(np.inf, np.inf, held=False, failure=outcome.failure)
+    times = (CLOSE_S, CLOSE_S + LIFT_S, motion.time[-1])
+    seen = motion.seen[np.searchsorted(motion.time, np.array(times) - SAMPLE_S / 2.0)]
+    moved, one = np.linalg.norm(np.diff(seen, axis=0), axis=2), len(hand.sides[0])
+    seat, slip = ((row[:one].min() + row[one:].min()) / 2.0 for row in moved)
+    return Held(float(slip), float(seat), held=seat + slip < LIFT_M / 2.0)
