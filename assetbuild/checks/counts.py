@@ -10,7 +10,7 @@ import posixpath
 import re
 from collections import Counter
 from collections.abc import Generator, Iterator, Mapping, Sequence
-from pathlib import Path
+from pathlib import Path, PurePosixPath
 from typing import Any, ClassVar
 from xml.etree.ElementTree import Element
 
@@ -37,22 +37,26 @@ COLLISION = Rule(
     "a link has no collision shape though its rule asks for one",
     "report it: this is a bug",
 )
-TEXTURE = Rule(
-    "count.texture", "error", "the MJCF does not show a texture", "report it: this is a bug"
+EXCHANGED = Rule(
+    "texture.exchanged",
+    "warning",
+    "a shape wears another picture than its link's materials name in the source",
+    "look at the materials in the source",
 )
 
 
 class Counts(Check):
-    """Findings `equal.source_urdf.*`, `count.visual`, `count.collision`, `count.texture`: errors.
+    """Findings `equal.source_urdf.*`, `count.visual`, `count.collision`: errors.
 
     Links and joints of a source that no edit changed are the robot's, number by number. A mesh of
     several materials becomes several shapes, and a collision method several pieces or
     one: so no link may have fewer visual shapes than the source states, or none where its rule
-    asks for collision.
+    asks for collision. A picture is compared by its name, which the robot's file names keep:
+    `texture.exchanged`.
     """
 
     isolated: ClassVar = True
-    needs: ClassVar = ("source", "mjcf")
+    needs: ClassVar = ("source",)
     reads: ClassVar = ("links.json", "shapes.json")
 
     robot: str
@@ -76,16 +80,16 @@ class Counts(Check):
         }
 
     def run(self, files: Files) -> Iterator[Finding]:
-        """Reads `source.urdf`, `links.json`, `shapes.json` and `mjcf/<robot>.xml`."""
+        """Reads `source.urdf`, `links.json` and `shapes.json`."""
         robot = RobotFiles(files.inputs)
-        shapes = robot.shapes
+        shapes, root = robot.shapes, _root(files.inputs / "source.urdf")
         source = UrdfFacts(robot=self.robot).read(files.inputs / "source.urdf")
         compared = 0
         if not self.written:
             compared = yield from _equal(source, robot.links)
         stated = {role: _stated(source, role) for role in ("visual", "collision")}
         if not self.written:
-            stated["visual"] -= _absent(_root(files.inputs / "source.urdf"), self.absent)
+            stated["visual"] -= _absent(root, self.absent)
         built = {
             role: Counter(shape.link for shape in shapes.of(role))
             for role in ("visual", "collision")
@@ -96,19 +100,13 @@ class Counts(Check):
             drawn.update({link: 2 * count for link, count in Counter(capsules).items()})
         yield from _visuals(stated["visual"], drawn)
         yield from self._collisions(stated, built["collision"])
-        mjcf = _root(files.inputs / "mjcf" / f"{self.robot}.xml")
-        wanted, shown = _textures(shapes), _shown(mjcf, files.inputs / "mjcf/assets")
-        for texture in sorted(wanted - shown):
-            message = f"the texture `{texture}` is not shown by the MJCF"
-            yield TEXTURE("robot", message, _BUG)
+        yield from _exchanged(shapes, root)
         write_figures(
             files,
             {
                 "facts": compared,
                 **{f"{role}_source": stated[role].total() for role in stated},
                 **{f"{role}_built": built[role].total() for role in built},
-                "textures": len(wanted),
-                "textures_mjcf": len(shown),
             },
         )
 
@@ -217,38 +215,48 @@ def _visuals(stated: Counter[str], built: Counter[str]) -> Iterator[Finding]:
             )
 
 
-def _textures(shapes: Shapes) -> set[str]:
-    used = {shape.material for shape in shapes.of("visual")}
-    return {m.texture for m in shapes.materials if m.texture and m.name in used}
+def _exchanged(shapes: Shapes, source: Element) -> Iterator[Finding]:
+    """Pictures that the description's own materials name, link by link."""
+    stated = _pictures(source)
+    known = {stem for stems in stated.values() for stem in stems}
+    textures = {m.name: m.texture for m in shapes.materials if m.texture}
+    told: set[tuple[str, str]] = set()
+    for shape in shapes.of("visual"):
+        texture = textures.get(shape.material or "")
+        stems = stated.get(shape.link)
+        if texture is None or not stems or _names_of(texture) & stems:
+            continue
+        if _names_of(texture) & known and (shape.link, texture) not in told:
+            told.add((shape.link, texture))
+            yield EXCHANGED(
+                f"material {shape.material}",
+                f"`{shape.link}` shows `{texture}`, but its materials in the source name "
+                f"{', '.join(f'`{stem}`' for stem in sorted(stems))}",
+                hint="are two textures exchanged?",
+                data={"link": shape.link},
+            )
 
 
-def _shown(mjcf: Element, assets: Path) -> set[str]:
-    """Textures whose file is there, by a material that a geom wears."""
-    files = {t.get("name"): t.get("file") for t in mjcf.iterfind("asset/texture")}
-    worn = set(_worn(mjcf))
-    materials = mjcf.iterfind("asset/material")
-    named = (files.get(m.get("texture")) for m in materials if m.get("name") in worn)
-    return {file for file in named if file and (assets / file).is_file()}
+def _pictures(root: Element) -> dict[str, set[str]]:
+    """Names of pictures, without folder and ending, by link."""
+    named = {m.get("name"): m.find("texture") for m in root.findall("material")}
+    found: dict[str, set[str]] = {}
+    for link in root.findall("link"):
+        for material in link.findall("visual/material"):
+            texture = material.find("texture")
+            texture = named.get(material.get("name")) if texture is None else texture
+            file = texture.get("filename") if texture is not None else None
+            if file:
+                stem = _plain(PurePosixPath(file).stem)
+                found.setdefault(str(link.get("name")), set()).add(stem)
+    return found
 
 
-def _worn(mjcf: Element) -> Iterator[str | None]:
-    """The material of each geom, its own or that of its class."""
-    looks: dict[str | None, str | None] = {}
-    for default in mjcf.iterfind("default"):
-        _learn(default, None, looks)
-    bodies: list[tuple[Element, str | None]] = [(w, None) for w in mjcf.iterfind("worldbody")]
-    while bodies:
-        body, inherited = bodies.pop()
-        kind = body.get("childclass", inherited)
-        for geom in body.iterfind("geom"):
-            yield geom.get("material") or looks.get(geom.get("class", kind))
-        bodies += [(child, kind) for tag in ("body", "frame") for child in body.iterfind(tag)]
+def _names_of(texture: str) -> set[str]:
+    """What a picture may be called in a source: `skin-3f2a91c0` is `skin` there, or itself."""
+    stem = PurePosixPath(texture).stem
+    return {_plain(stem), _plain(stem.rpartition("-")[0] or stem)}
 
 
-def _learn(default: Element, inherited: str | None, looks: dict[str | None, str | None]) -> None:
-    """The material that geoms of this class and of those below it wear."""
-    geom = default.find("geom")
-    material = inherited if geom is None else geom.get("material", inherited)
-    looks[default.get("class")] = material
-    for child in default.iterfind("default"):
-        _learn(child, material, looks)
+def _plain(stem: str) -> str:
+    return re.sub(r"[^A-Za-z0-9_]+", "_", stem)

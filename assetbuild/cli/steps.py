@@ -88,7 +88,6 @@ CHECKS = {
     "smoke_newton": "reading it back from Newton",
     "slope": "standing on a slope",
     "stand": "letting it hold its pose",
-    "textures": "comparing textures",
     "trials": "letting it fall and settle",
     "urdf_kinematics": "comparing poses of the URDF with yourdfpy",
     "urdf_loads": "reading the URDF with urdfdom",

@@ -242,10 +242,5 @@ SENTENCES: Mapping[str, Callable[[Figures], str]] = {
     "mjlab_contract": _contract,
     "simready": _simready,
     "asset_validator": _validator,
-    "textures": lambda f: (
-        f"{f['materials']} materials wear the picture of the source in every format"
-        if f["materials"]
-        else "no material has a texture"
-    ),
 }
 """Name of the check -> its sentence, from figures that it always has when it ran."""

@@ -1,4 +1,4 @@
-"""A shape or a texture that is lost on the way is counted as missing."""
+"""A shape that is lost on the way is counted as missing; pictures are those of the source."""
 
 from __future__ import annotations
 
@@ -26,9 +26,6 @@ SOURCE = f"""<robot name="r">
   <link name="foot"><visual>{BALL}</visual></link>
   <link name="frame"/>
 </robot>"""
-MJCF = """<mujoco><asset><texture name="t" type="2d" file="skin-1.png"/>
-  <material name="skin" texture="t"/></asset>
-  <worldbody><body><geom material="skin"/></body></worldbody></mujoco>"""
 ROBOT = tiny_quadruped()
 WHOLE = Shapes(
     (
@@ -45,15 +42,12 @@ WHOLE = Shapes(
 def check(
     tmp_path: Path,
     shapes: Shapes,
-    mjcf: str = MJCF,
     rules=((".*", "auto", "auto"),),
     source: str = SOURCE,
     **fields: object,
 ) -> tuple[list[Finding], dict[str, object]]:
     inputs, outputs = tmp_path / "in", tmp_path / "out"
-    (inputs / "mjcf/assets").mkdir(parents=True)
-    (inputs / "mjcf/assets/skin-1.png").write_bytes(b"a picture")
-    (inputs / "mjcf/r.xml").write_text(mjcf)
+    inputs.mkdir(parents=True)
     (inputs / "source.urdf").write_text(source)
     (inputs / "shapes.json").write_bytes(encode(shapes))
     links = Tree("r", "fixed", (Body("trunk"), Body("foot"), Body("frame")), ())
@@ -75,8 +69,6 @@ def test_a_whole_robot_passes_with_its_counts(tmp_path: Path):
         "visual_built": 3,
         "collision_source": 1,
         "collision_built": 2,
-        "textures": 1,
-        "textures_mjcf": 1,
     }
 
 
@@ -88,7 +80,7 @@ def test_a_capsule_is_three_elements_of_a_urdf_that_we_wrote(tmp_path: Path):
     run_step(Urdf(robot="tiny"), write_robot_ports(tmp_path / "ports", robot), written)
     text = (written / "urdf/tiny.urdf").read_text()
     shapes = replace(WHOLE, shapes=robot.shapes.shapes)
-    options = {"rules": ((".*", "none", "auto"),), "mjcf": "<mujoco/>", "source": text}
+    options = {"rules": ((".*", "none", "auto"),), "source": text}
     shapes = Shapes(shapes.shapes)
     assert check(tmp_path, shapes, **options, written=True)[0] == []
     (lost,) = check(tmp_path / "lost", Shapes(), **options, written=True)[0]
@@ -123,36 +115,35 @@ def test_collision_that_the_recipe_does_not_want_is_not_missed(tmp_path: Path, r
 
 
 @pytest.mark.parametrize(
-    "mjcf",
-    [
-        MJCF.replace(' texture="t"', ""),
-        MJCF.replace('geom material="skin"', "geom"),
-        MJCF.replace("skin-1.png", "lost-1.png"),
-    ],
-    ids=["material is plain", "nothing wears it", "no file"],
+    ("names", "told"),
+    [(("oak", "steel"), 0), (("steel", "oak"), 2), (("birch", "steel"), 0)],
+    ids=["its own", "exchanged", "inside of a mesh"],
 )
-def test_a_lost_texture_is_an_error(tmp_path: Path, mjcf: str):
-    findings, _ = check(tmp_path, WHOLE, mjcf)
-    assert [f.rule for f in findings] == ["count.texture"]
-
-
-def test_a_texture_that_a_class_wears_is_shown(tmp_path: Path):
-    """As the MJCF is written where all visual shapes look alike."""
-    defaults = """<default class="r"><default class="skinned"><geom material="skin"/>
-      <default class="below"/></default></default>"""
-    for number, (geom, shown) in enumerate(
-        {
-            '<geom class="skinned"/>': True,
-            '<geom class="below"/>': True,
-            '<body childclass="skinned"><body><geom/></body></body>': True,
-            '<geom class="r"/>': False,
-            '<body childclass="skinned"><geom class="r"/></body>': False,
-        }.items()
-    ):
-        mjcf = MJCF.replace('<geom material="skin"/>', geom)
-        mjcf = mjcf.replace("<asset>", f"{defaults}<asset>")
-        findings, _ = check(tmp_path / str(number), WHOLE, mjcf)
-        assert [f.rule for f in findings] == ([] if shown else ["count.texture"]), geom
+def test_pictures_are_those_that_the_source_names(
+    tmp_path: Path, names: tuple[str, str], told: int
+) -> None:
+    looks = (Material("wood", texture="oak-11111111.png"), Material("m", texture="steel-2222.png"))
+    one, other, *rest = WHOLE.shapes
+    shapes = (
+        replace(one, material="wood"),
+        other,
+        *rest[:1],
+        replace(rest[1], material="m"),
+        rest[2],
+    )
+    source = SOURCE.replace("</visual><visual>", '<material name="wood"/></visual><visual>', 1)
+    source = source.replace(
+        '</visual></link>\n  <link name="frame"',
+        f'<material name="m"><texture filename="{names[1]}.png"/></material></visual></link>\n'
+        '  <link name="frame"',
+    ).replace(
+        '<robot name="r">',
+        '<robot name="r"><material name="wood">'
+        f'<texture filename="package://r/looks/{names[0]}.png"/></material>',
+    )
+    findings, _ = check(tmp_path, Shapes(shapes, looks), source=source)
+    assert [f.rule for f in findings] == ["texture.exchanged"] * told
+    assert not told or "its materials in the source name `steel`" in findings[0].message
 
 
 def test_a_shape_whose_size_was_taken_away_is_not_missed(tmp_path: Path):
@@ -196,7 +187,6 @@ def held_against_its_source(
     links = decode(Tree, (folder / "read/links.json").read_bytes())
     (inputs / "links.json").write_bytes(encode(change(links)))
     (inputs / "shapes.json").write_bytes(encode(Shapes()))
-    (inputs / "mjcf/r.xml").write_text("<mujoco/>")
     rules = ((".*", "none", "auto"),)
     found = run_step(Counts(robot="r", rules=rules, **fields), inputs, folder / "out")
     return [f for f in found if f.rule != "count.visual"]
