@@ -10,7 +10,7 @@ from assetbuild.findings import Finding
 from assetbuild.kinds import Check, write_figures
 from assetbuild.robot.files import RobotFiles
 from assetbuild.simulators import physx
-from assetbuild.simulators.experiments import Fall, FreeFall
+from assetbuild.simulators.experiments import Fall, fall_figures, judge_fall
 
 
 class PhysxFreeFall(Check):
@@ -49,43 +49,14 @@ class PhysxFreeFall(Check):
         experiment = physx.Experiment("fall", setting, steps=steps, every=steps)
         done = physx.perform(files.inputs / f"usd/{self.robot}.usda", (experiment,))["fall"]
         fall = physx.free_fall_of(done, setting, self.iterations)
-        write_figures(files, _figures(fall, self.iterations))
-        yield from self._judge(fall, done.failure)
-
-    def _judge(self, fall: FreeFall, failure: str) -> Iterator[Finding]:
-        if not fall.finite:
+        figures = fall_figures(fall) | ({"iterations": self.iterations} if fall.finite else {})
+        write_figures(files, figures)
+        if fall.finite:
+            yield from judge_fall(fall, self.drop, physx.FREE_FALL, rounding=1e-6)
+        else:
             yield physx.FREE_FALL(
                 "robot",
-                f"did not fall: {failure or 'nothing finite came out'}",
+                f"did not fall: {done.failure or 'nothing finite came out'}",
                 severity="error",
                 hint="see `physx.load` and `physx.finite`",
             )
-            return
-        error = max(abs(fall.drop_m - fall.expected_m), fall.sideways_m)
-        if error > self.drop.tolerance * fall.expected_m + 1e-6:
-            yield physx.FREE_FALL(
-                "robot",
-                f"fell {fall.drop_m:.6g} m and {fall.sideways_m:.3g} m sideways in "
-                f"{fall.seconds:g} s, expected {fall.expected_m:.6g} m",
-                severity="error" if error > self.drop.broken * fall.expected_m else "warning",
-                hint="is a body damped, welded, or outside of the articulation?",
-                data={
-                    "drop_m": fall.drop_m,
-                    "expected_m": fall.expected_m,
-                    "sideways_m": fall.sideways_m,
-                    "tolerance": self.drop.tolerance,
-                },
-            )
-
-
-def _figures(fall: FreeFall, iterations: int) -> dict[str, object]:
-    if not fall.finite:
-        return {"finite": False}
-    return {
-        "seconds": fall.seconds,
-        "drop_m": fall.drop_m,
-        "expected_m": fall.expected_m,
-        "relative_error": fall.relative_error,
-        "sideways_m": fall.sideways_m,
-        "iterations": iterations,
-    }

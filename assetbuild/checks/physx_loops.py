@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator, Mapping
 from typing import ClassVar, Self
 
@@ -45,27 +44,11 @@ class PhysxLoops(Check):
         if reason := loop_swing.unfit(tree, control):
             write_figures(files, {"skipped": reason})
             return
-        asked, step = loop_swing.trial(tree, control, self.wish), control.simulation.timestep
-        setting = physx.Setting(
-            step,
-            control.simulation.gravity,
-            "held" if tree.base == "floating" else "asset",
-            contacts=False,
-            limited=False,
-            drives=asked.servos,
-        )
-        experiment = physx.Experiment(
-            "loops",
-            setting,
-            round(asked.sine.seconds / step),
-            max(1, round(loop_swing.SAMPLE_S / step)),
-            asked.sine.middle,
-            asked.sine,
-        )
-        done = physx.perform(files.inputs / f"usd/{self.robot}.usda", (experiment,))["loops"]
-        worst = {loop.name: math.inf for loop in control.loops}
-        if done.motion is not None and done.finite:
-            worst = loop_swing.opened(tree, control, done.motion)
+        asked = loop_swing.trial(tree, control, self.wish)
+        main = files.inputs / f"usd/{self.robot}.usda"
+        experiment = loop_swing.experiment(tree, control, asked)
+        done = physx.perform(main, (experiment,))["loops"]
+        worst = loop_swing.opened(tree, control, done.motion if done.finite else None)
         limits = dict.fromkeys(("open", "largest_gap"), self.wish.gap)
         write_figures(files, loop_swing.figures(asked, worst), limits)
         yield from loop_swing.judge("PhysX", self.wish, asked, worst)

@@ -6,12 +6,13 @@ A simulator answers as these types, so that a check can lay two answers side by 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
 from pydantic import Field
 
+from assetbuild.findings import Finding, Rule
 from assetbuild.quantities import Model, Positive
 from assetbuild.robot.mimic import with_mimics
 from assetbuild.robot.model import Control, Joint, Tree
@@ -79,6 +80,41 @@ def fall_of(
     drop = float(moved @ down)
     sideways = float(np.linalg.norm(moved - drop * down))
     return FreeFall(seconds, drop, g / 2 * seconds * (seconds + extra_s), sideways, finite)
+
+
+def fall_figures(fall: FreeFall) -> dict[str, object]:
+    """For the report."""
+    if not fall.finite:
+        return {"finite": False}
+    return {
+        "seconds": fall.seconds,
+        "drop_m": fall.drop_m,
+        "expected_m": fall.expected_m,
+        "relative_error": fall.relative_error,
+        "sideways_m": fall.sideways_m,
+    }
+
+
+def judge_fall(fall: FreeFall, drop: Fall, rule: Rule, rounding: float) -> Iterator[Finding]:
+    """A finding where it fell otherwise than the integrator must.
+
+    Compared as lengths, so that without gravity nothing may move at all. rounding: m, of an engine.
+    """
+    error = max(abs(fall.drop_m - fall.expected_m), fall.sideways_m)
+    if error > drop.tolerance * fall.expected_m + rounding:
+        yield rule(
+            "robot",
+            f"fell {fall.drop_m:.6g} m and {fall.sideways_m:.3g} m sideways in "
+            f"{fall.seconds:g} s, expected {fall.expected_m:.6g} m",
+            severity="error" if error > drop.broken * fall.expected_m else "warning",
+            hint="is a part fixed to the world, damped, or free of gravity?",
+            data={
+                "drop_m": fall.drop_m,
+                "expected_m": fall.expected_m,
+                "sideways_m": fall.sideways_m,
+                "tolerance": drop.tolerance,
+            },
+        )
 
 
 @dataclass(frozen=True)

@@ -17,6 +17,7 @@ from assetbuild.robot.loops import path_of
 from assetbuild.robot.mimic import with_mimics
 from assetbuild.robot.model import Actuator, Control, Tree
 from assetbuild.robot.reflected import felt_inertia
+from assetbuild.simulators import physx
 from assetbuild.simulators.experiments import Motion, Sine, sine_of
 
 SOURCES = ("loops", "compose", "source.mjcf")
@@ -87,6 +88,21 @@ def trial(tree: Tree, control: Control, wish: LoopSwing) -> Trial:
     return Trial(replace(made, middle=home, swing=_closable(tree, control, home, swing)), servos)
 
 
+def experiment(tree: Tree, control: Control, asked: Trial) -> physx.Experiment:
+    """The swing as PhysX and Newton do it on the USD."""
+    step = control.simulation.timestep
+    setting = physx.Setting(
+        step,
+        control.simulation.gravity,
+        "held" if tree.base == "floating" else "asset",
+        contacts=False,
+        limited=False,
+        drives=asked.servos,
+    )
+    steps, every = round(asked.sine.seconds / step), max(1, round(SAMPLE_S / step))
+    return physx.Experiment("loops", setting, steps, every, asked.sine.middle, asked.sine)
+
+
 def about_closed(tree: Tree, control: Control, sine: Sine, home: Mapping[str, float]) -> Sine:
     """The sine about a middle that keeps all loops closed: its own, or home where that opens one.
 
@@ -145,13 +161,13 @@ def _closable(
     return {name: share * width for name, width in swing.items()}
 
 
-def opened(tree: Tree, control: Control, motion: Motion) -> dict[str, float]:
+def opened(tree: Tree, control: Control, motion: Motion | None) -> dict[str, float]:
     """The largest gap of each loop over a motion, m or rad; infinite where it is not finite.
 
     The first third is left out: there the drives catch up with targets that start with a jerk.
     """
     worst = {loop.name: 0.0 for loop in control.loops}
-    if not motion.finite:
+    if motion is None or not motion.finite:
         return dict.fromkeys(worst, math.inf)
     for index in range(len(motion.time) // 3, len(motion.time)):
         q = {joint.name: 0.0 for joint in tree.moving_joints}

@@ -3,47 +3,53 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
+import numpy as np
 import pytest
 from tiny import TinyRobot, four_bar, run_step, write_robot_ports
 
 from assetbuild.checks.newton_loops import NewtonLoops
 from assetbuild.findings import Finding
 from assetbuild.robot.closure import close
+from assetbuild.simulators import newton
+from assetbuild.simulators.experiments import Motion
+from assetbuild.simulators.physx import Experiment, Outcome
 
 FREE = ("coupler_joint", "rocker_joint")
+NO_POSE = np.zeros((3, 3))
 
 
-def motion(robot: TinyRobot, job: dict[str, Any], *, held: bool) -> dict[str, Any]:
+def motion(robot: TinyRobot, asked: Experiment, kind: str) -> Motion:
     """As a program answers that moves the crank; where nothing holds the loop, it alone."""
-    middle, swing, _, _ = job["servos"]["crank_joint"]
-    pose, tracks = dict(job["start"]), {name: [] for name in job["start"]}
+    assert asked.sine is not None
+    middle, swing = asked.sine.middle["crank_joint"], asked.sine.swing["crank_joint"]
+    pose, tracks = dict(asked.start or {}), {name: [] for name in asked.start or {}}
     for share in (0.0, 0.5, 1.0):
         pose |= {"crank_joint": middle + share * swing}
-        if held:
+        if kind == "closed":
             pose = dict(close(robot.tree, robot.control.loops, pose, FREE).positions)
         for name, track in tracks.items():
-            track.append(pose[name])
-    return {"finite": True, "time": [0.0, 1.0, 2.0], "joints": tracks}
+            track.append(np.nan if kind == "nan" else pose[name])
+    joints = {name: np.array(track) for name, track in tracks.items()}
+    return Motion(np.array([0.0, 1.0, 2.0]), joints, NO_POSE, np.zeros((3, 4)), NO_POSE)
 
 
 def judged(folder: Path, monkeypatch: pytest.MonkeyPatch, kind: str) -> tuple[list[Finding], dict]:
     robot = four_bar()
 
-    def answer(_: object, program: str, job: dict[str, Any]) -> tuple[dict[str, Any] | None, str]:
-        assert program == "_newton_loops_child.py" and job["steps"] * job["dt"] == 3.0
-        assert set(job["start"]) == {"crank_joint", *FREE} and not job["hold"]
-        found = {
-            "closed": lambda: motion(robot, job, held=True),
-            "open": lambda: motion(robot, job, held=False),
-            "nan": lambda: {"finite": False},
-            "refused": lambda: {"failure": "ValueError: no articulation"},
-        }
-        return found[kind](), ""
+    def perform(
+        main: Path, experiments: Sequence[Experiment], seconds: float
+    ) -> dict[str, Outcome]:
+        (asked,) = experiments
+        assert main.name == "bot.usda" and asked.steps * asked.setting.timestep == 3.0
+        assert set(asked.start or ()) == {"crank_joint", *FREE} and asked.setting.base == "asset"
+        if kind == "refused":
+            return {"loops": Outcome(None, None, "ValueError: no articulation")}
+        return {"loops": Outcome(None, motion(robot, asked, kind))}
 
-    monkeypatch.setattr(NewtonLoops, "answer", answer)
+    monkeypatch.setattr(newton, "perform", perform)
     inputs = write_robot_ports(folder / "in", robot)
     findings = run_step(NewtonLoops(robot="bot", environment="newton"), inputs, folder / "out")
     return findings, json.loads((folder / "out/figures.json").read_text())
