@@ -19,9 +19,7 @@ def read_yaml(path: Path) -> dict[str, Any]:  # Any: plain YAML, here and below
 
         def compose_node(self, parent: Any, index: Any) -> Any:
             if self.check_event(yaml.AliasEvent):
-                raise yaml.composer.ComposerError(
-                    None, None, "an alias", self.peek_event().start_mark
-                )
+                raise yaml.MarkedYAMLError(problem="it has an alias")
             return super().compose_node(parent, index)
 
     try:
