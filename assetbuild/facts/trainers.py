@@ -12,23 +12,30 @@ from typing import Any
 from assetbuild.facts.reference import Reference, pose_value
 from assetbuild.facts.standins import ARGUMENTS, Record, class_of, table_of, words_of
 from assetbuild.facts.table import Key, Value, Writer
+from assetbuild.facts.vocabulary import VOCABULARY
 from assetbuild.robot.initial import initial_pose
 from assetbuild.robot.model import Keyframe
 from assetbuild.robot.ranges import Randomize, RandomJoint, RandomMatter, first_match
 
 Names = Mapping[str, str]
 """The robot's names by those of a module."""
-IN_THE_ASSET = dict.fromkeys(
+STATED = frozenset(
     (
-        "body", "frame", "loop", "shape", "pair", "sensor", "camera", "keyframe", "floor",
-        "robot base", "robot base pose", "joint type", "joint body", "joint parent", "joint axis",
-        "joint lower", "joint upper", "joint stiffness", "joint gear", "joint spring reference",
-        "joint mimics", "joint mimic multiplier", "joint mimic offset", "joint command range",
-        "joint drive parameters", "joint drive name",
-    ),
-    "stands in the MJCF or USD that the module loads, or is the trainer's own",
+        "robot start pose", "robot soft limits", "joint model", "joint kp", "joint kd",
+        "joint effort", "joint velocity", "joint armature", "joint friction", "joint damping",
+        "joint stall", "joint delay", "joint start", "simulation timestep",
+        "simulation decimation", "simulation gravity",
+    )
 )  # fmt: skip
-"""What no trainer's module states."""
+"""What every trainer's module states; the rest stands in the MJCF or USD that it loads."""
+
+
+def left_to_the_asset(*besides: str) -> dict[str, str]:
+    """All other quantities, with the reason. besides: what one trainer's module states as well."""
+    reason = "stands in the MJCF or USD that the module loads, or is the trainer's own"
+    rows = (f"{kind} {name}" for kind, name in VOCABULARY)
+    return {row: reason for row in rows if row not in STATED and row not in besides}
+
 
 # --- reading ----------------------------------------------------------------------------------
 

@@ -20,10 +20,10 @@ from assetbuild.facts.reference import Reference, robot_table
 from assetbuild.facts.standins import LINE, Record, class_of, recorded, table_of, words_of
 from assetbuild.facts.table import Key, Table, Value, Writer
 from assetbuild.facts.trainers import (
-    IN_THE_ASSET,
     Names,
     Ranges,
     delay_s,
+    left_to_the_asset,
     matching,
     own_names,
     put_drive,
@@ -61,7 +61,7 @@ class IsaacLabReader(Reader):
     folder: ClassVar[str] = "python"
     behind: ClassVar[tuple[str, ...]] = ("python/*_isaaclab_?.py",)
     asks: ClassVar[tuple[str, ...]] = ("isaaclab", "usd", "randomize")
-    lacks: ClassVar[Mapping[str, str]] = IN_THE_ASSET
+    lacks: ClassVar[Mapping[str, str]] = left_to_the_asset("robot self-collision")
 
     def file(self, root: Path, robot: str) -> Path | None:
         """The module for 2.x; the other lies beside it."""

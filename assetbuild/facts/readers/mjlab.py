@@ -25,10 +25,10 @@ from assetbuild.facts.standins import (
 )
 from assetbuild.facts.table import Key, Table, Value, Writer
 from assetbuild.facts.trainers import (
-    IN_THE_ASSET,
     Names,
     Ranges,
     delay_s,
+    left_to_the_asset,
     matching,
     own_names,
     put_by_joint,
@@ -81,7 +81,7 @@ class MjlabReader(Reader):
     needs: ClassVar[tuple[str, ...]] = ("mjlab",)
     behind: ClassVar[tuple[str, ...]] = ("python/*_mjlab.py",)
     asks: ClassVar[tuple[str, ...]] = ("randomize", "feet", "mjlab")
-    lacks: ClassVar[Mapping[str, str]] = IN_THE_ASSET
+    lacks: ClassVar[Mapping[str, str]] = left_to_the_asset("simulation cone", "simulation impratio")
 
     def file(self, root: Path, robot: str) -> Path | None:
         """The one module below `python/`."""
