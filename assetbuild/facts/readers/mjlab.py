@@ -9,7 +9,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import ClassVar
+from typing import Any, ClassVar
 
 from assetbuild.facts.mjlab_draws import expected_draws, replaced_events
 from assetbuild.facts.reader import Reader
@@ -69,6 +69,9 @@ STATED = {
     "motor": ALWAYS,
 }
 """Model -> quantities that the module states of a joint; other drives mjlab does not have."""
+SPREADS = {"standing": (0.05, 0.1), "walking": (0.3, 0.6), "running": (0.3, 0.6)}
+"""rad that cost nothing much in mjlab's reward `pose`, of other joints and of knees."""
+KNEES = "(?i).*(calf|knee).*"
 UNLIMITED = 1e9
 """N m or N: a motor of mjlab needs a limit, so this one says that there is none."""
 
@@ -125,10 +128,13 @@ def _table(record: Record, bodies: Names, joints: Names, file: str) -> Table:
         simulation = task["sim"]["mujoco"] | {"decimation": task.get("decimation")}
         scale, terms = task["actions"]["joint_pos"].get("scale"), task["events"]
         robot = task["scene"]["entities"]["robot"]
+        pose = task["rewards"]["pose"]["params"]
+        for gait in SPREADS:
+            put_by_joint(pose.get(f"std_{gait}"), joints, f"{FORM}:{gait} spread", book)
         gone = tuple(sorted(name for name, term in terms.items() if term is None))
         book.put("robot", "", {f"{FORM}:without": gone})
     book.put("simulation", "", dict(_simulation(simulation)))
-    model = words_of(record["spec()"].get(ARGUMENTS))
+    model = words_of(record[f"{class_of(robot.get('spec_fn'))}()"].get(ARGUMENTS))
     book.put("robot", "", {f"{FORM}:model": model, f"{FORM}:root": record["ROOT_BODY"]})
     groups = _robot(robot, record["TIMESTEP"], joints, book, file)
     put_by_joint(scale, joints, f"{FORM}:action scale", book)
@@ -194,7 +200,21 @@ def _besides(reference: Reference, robot: str) -> Table:
         book.put("robot", "", {f"{FORM}:without": replaced_events(reference, ranges)})
         solver = {"cone": asked.get("cone", "elliptic"), "impratio": asked.get("impratio", 10.0)}
         book.put("simulation", "", solver)
+        _put_spreads(reference, asked.get("pose") or {}, book)
     return book.table()
+
+
+def _put_spreads(
+    reference: Reference,
+    pose: Mapping[str, Any],  # Any: JSON
+    book: Writer,
+) -> None:
+    for row in reference.control.actuators:
+        if row.model in STATED:
+            is_knee = re.fullmatch(pose.get("knees", KNEES), row.joint) is not None
+            spreads = {gait: pose.get(gait, usual)[is_knee] for gait, usual in SPREADS.items()}
+            facts = {f"{FORM}:{gait} spread": rad for gait, rad in spreads.items()}
+            book.put("joint", row.joint, facts)
 
 
 def _walks(reference: Reference) -> bool:
