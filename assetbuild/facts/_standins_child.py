@@ -7,7 +7,6 @@ comes as JSON on the standard input, the record goes to the standard output.
 
 from __future__ import annotations
 
-import importlib.abc
 import importlib.machinery
 import json
 import os
@@ -96,14 +95,17 @@ class Recorded:
         return str(self._name)
 
 
-class StandIns(importlib.abc.MetaPathFinder, importlib.abc.Loader):
-    """Finds every module that Python itself does not have."""
+class StandIns:
+    """Finds and loads every module that Python itself does not have.
+
+    Not of `importlib.abc`, whose import takes longer than the module that is to be executed.
+    """
 
     def find_spec(
         self, name: str, path: object, target: object = None
     ) -> importlib.machinery.ModuleSpec:
         """A package, so that anything may be imported from below it."""
-        return importlib.machinery.ModuleSpec(name, self, is_package=True)
+        return importlib.machinery.ModuleSpec(name, self, is_package=True)  # type: ignore[arg-type] # it loads, too
 
     def create_module(self, spec: importlib.machinery.ModuleSpec) -> types.ModuleType:
         """An empty module whose names are all stand-ins."""
