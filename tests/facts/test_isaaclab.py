@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass, replace
 from pathlib import Path
 from types import ModuleType
@@ -201,6 +202,20 @@ def test_a_number_of_one_module_alone_is_found(generation: str, tmp_path: Path):
     data = found.data or {}
     assert (found.rule, data["expected"], data["found"]) == ("equal.isaaclab.kp", 100.0, 99.0)
     assert len(data["subjects"]) == 12
+
+
+@pytest.mark.parametrize(
+    "other",
+    ["{'.*': 100.0}", "None", "[1, 'a']", "'soft'", "10**400", "float('nan')", "print", "{}"],
+)
+def test_a_value_of_any_form_is_a_finding(other: str, tmp_path: Path):
+    one = built(tiny_quadruped(), tmp_path)
+    file = one.file("2")
+    for field in ("stiffness=", "pos=", "joint_pos=", "dt=", "actuators=", "spawn="):
+        text = file.read_text()
+        file.write_text(re.sub(rf"\b{field}", f"{field}{other} if True else ", text))
+        assert one.prove().findings, field
+        file.write_text(text)
 
 
 def test_a_module_that_is_gone_is_an_error(tmp_path: Path):

@@ -51,7 +51,7 @@ class Dr(Reader):
             _put(book, f"payload {number}", row)
         _put(book, "contact", said.pop("contact", {}))
         _put(book, "", said)
-        return book.table()
+        return book.plain_table()
 
     def expected(self, reference: Reference) -> Table:
         """From the section `randomize` of the recipe, and the numbers of the robot."""

@@ -13,7 +13,16 @@ from dataclasses import replace
 from pathlib import Path
 from typing import ClassVar
 
-from assetbuild.facts.isaaclab_config import DRIVE, IMPLICIT, LIMITS, Generation, model_of, quat_of
+from assetbuild.errors import UsageError
+from assetbuild.facts.isaaclab_config import (
+    CONFIG,
+    DRIVE,
+    IMPLICIT,
+    LIMITS,
+    Generation,
+    model_of,
+    quat_of,
+)
 from assetbuild.facts.isaaclab_draws import expected_draws
 from assetbuild.facts.reader import Reader
 from assetbuild.facts.reference import Reference, robot_table
@@ -111,7 +120,10 @@ def _tables(path: Path, bodies: Names, joints: Names) -> Table:
 
 def _table(path: Path, generation: Generation, bodies: Names, joints: Names) -> Table:
     record, book = recorded(path), Writer()
-    config = next(value for value in record.values() if class_of(value) == "ArticulationCfg")
+    configs = [value for value in record.values() if class_of(value) == CONFIG]
+    if not configs:
+        raise UsageError(f"`{path.name}` has no `NAME = {CONFIG}(...)`")
+    config = configs[0]
     start = table_of(config.get("init_state"))
     joints = joints or own_names(start.get("joint_pos"))
     simulation = table_of(record["SIMULATION_CFG"])
@@ -129,7 +141,7 @@ def _table(path: Path, generation: Generation, bodies: Names, joints: Names) -> 
         put_drive(members, _drive(group, generation, timestep), book, where)
     for term in read_terms(record.get("EventCfg"), bodies, joints):
         term.put(FORM, book)
-    return book.table()
+    return book.plain_table()
 
 
 def _spawn(spawn: Record) -> Iterator[tuple[str, Value]]:

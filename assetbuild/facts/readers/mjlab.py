@@ -140,7 +140,7 @@ def _table(record: Record, bodies: Names, joints: Names, file: str) -> Table:
     put_by_joint(scale, joints, f"{FORM}:action scale", book)
     for term in read_terms(terms, bodies, joints, groups):
         term.put(FORM, book)
-    return book.table()
+    return book.plain_table()
 
 
 def _simulation(options: Record) -> Iterator[tuple[str, Value]]:

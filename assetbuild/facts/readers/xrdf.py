@@ -83,7 +83,7 @@ class Xrdf(Reader):
         for one, others in said.get(SELF, {}).get("ignore", {}).items():
             for other in others:
                 _put(book, "pair", pair_name(one, other), {"ignored": True})
-        return book.table()
+        return book.plain_table()
 
     def expected(self, reference: Reference) -> Table:
         """From the section `xrdf` of the recipe, and the robot."""
