@@ -1,39 +1,12 @@
-"""Every single change of a Python module, or of an XML file, that could change what it says."""
+"""Every single change of an XML file that could change what it says."""
 
 from __future__ import annotations
 
-import ast
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 
 from lxml import etree
 
 from assetbuild.facts.reader import Proof
-
-
-def literals(text: str, wanted: Callable[[], bool] = lambda: True) -> Iterator[tuple[str, str]]:
-    """(what was changed, text) for each literal that is no documentation.
-
-    wanted: asked for each, whether to change it.
-    """
-    tree = ast.parse(text)
-    silent = {
-        id(node.value)
-        for node in ast.walk(tree)
-        if isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant)
-    }
-    for node in list(ast.walk(tree)):
-        if isinstance(node, ast.Constant) and id(node) not in silent and wanted():
-            yield _changed(tree, node, "value", _other(node.value))
-
-
-def names(text: str, wanted: Callable[[], bool] = lambda: True) -> Iterator[tuple[str, str]]:
-    """(what was changed, text) for each name, attribute and keyword."""
-    tree = ast.parse(text)
-    for node in list(ast.walk(tree)):
-        for part in ("id", "attr", "arg", "name"):
-            said = getattr(node, part, None)
-            if isinstance(said, str) and wanted():
-                yield _changed(tree, node, part, f"{said}x")
 
 
 def xml_values(data: bytes) -> Iterator[tuple[str, bytes]]:
@@ -67,14 +40,6 @@ def xml_elements(data: bytes) -> Iterator[tuple[str, bytes]]:
             elif (above := element.getparent()) is not None:
                 above.remove(element)
             yield what, etree.tostring(root)
-
-
-def _changed(tree: ast.Module, node: ast.AST, part: str, value: object) -> tuple[str, str]:
-    before = getattr(node, part)
-    setattr(node, part, value)
-    text = ast.unparse(tree)
-    setattr(node, part, before)
-    return f"line {getattr(node, 'lineno', 0)}: {before!r} -> {value!r}", text
 
 
 def _other(value: object) -> object:

@@ -12,6 +12,20 @@ Value = bool | str | float | tuple[float, ...] | tuple[str, ...] | None
 """SI units, radians, quaternions wxyz. None: unlimited, or "no such thing"."""
 
 
+def plain_value(stated: object) -> Value:
+    """What anybody's file states, as a value; as text where no quantity can have it."""
+    if isinstance(stated, list | tuple):
+        leaves = tuple(plain_value(item) for item in stated)
+        is_row = all(isinstance(leaf, bool | str | float) for leaf in leaves)
+        return leaves if is_row else str(stated)[:200]  # type: ignore[return-value] # as looked at
+    if stated is None or isinstance(stated, bool | str | float):
+        return stated
+    try:
+        return float(stated) if isinstance(stated, int) else str(stated)[:200]
+    except OverflowError:
+        return "a number too large to be one"
+
+
 class Key(NamedTuple):
     """What a fact is about: `Key("joint", "FR_hip_joint", "armature")`.
 
@@ -116,6 +130,11 @@ class Writer:
     def skip(self, where: str, attribute: str, value: object) -> None:
         """Notes an attribute without a known meaning."""
         self.unread.append(Unread(where, attribute, str(value)[:200]))
+
+    def plain_table(self) -> Table:
+        """All that was noted, of a file that may state anything."""
+        facts = {key: plain_value(value) for key, value in self.facts.items()}
+        return Table(facts, tuple(self.unread), dict(self.places))
 
     def table(self) -> Table:
         """All that was noted."""

@@ -1,161 +1,185 @@
-"""What the modules of all trainers have in common: patterns of names, drawn events, the start."""
+"""What the modules of all trainers have in common: patterns of names, the start, drawn events."""
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from contextlib import suppress
+from dataclasses import dataclass
 from typing import Any
 
-from assetbuild.facts.reference import Reference
-from assetbuild.facts.syntax import Call, flat
-from assetbuild.facts.table import Value, Writer
+from assetbuild.facts.reference import Reference, pose_value
+from assetbuild.facts.standins import ARGUMENTS, Record, class_of, table_of, words_of
+from assetbuild.facts.table import Key, Value, Writer
+from assetbuild.facts.vocabulary import VOCABULARY
 from assetbuild.robot.initial import initial_pose
-from assetbuild.robot.model import Actuator, Keyframe
-from assetbuild.robot.ranges import Randomize, RandomJoint, first_match
+from assetbuild.robot.model import Keyframe
+from assetbuild.robot.ranges import Randomize, RandomJoint, RandomMatter, first_match
 
-# --- names ------------------------------------------------------------------------------------
-
-
-@dataclass(frozen=True)
-class Names:
-    """The robot's names by those that a module uses. Without any, patterns stand for themselves."""
-
-    bodies: Mapping[str, str] = field(default_factory=dict)
-    joints: Mapping[str, str] = field(default_factory=dict)
-
-    def of(self, pattern: str, kind: str) -> tuple[str, ...]:
-        """The robot's names that a pattern matches whole; itself where it matches none."""
-        names = self.bodies if kind == "body" else self.joints
-        if pattern == ".*":
-            return tuple(names.values())
-        try:
-            found = tuple(own for there, own in names.items() if re.fullmatch(pattern, there))
-        except re.error:
-            found = ()
-        return found or (unescaped(pattern),)
+Names = Mapping[str, str]
+"""The robot's names by those of a module."""
+STATED = frozenset(
+    (
+        "robot start pose", "robot soft limits", "joint model", "joint kp", "joint kd",
+        "joint effort", "joint velocity", "joint armature", "joint friction", "joint damping",
+        "joint stall", "joint delay", "joint start", "simulation timestep",
+        "simulation decimation", "simulation gravity",
+    )
+)  # fmt: skip
+"""What every trainer's module states; the rest stands in the MJCF or USD that it loads."""
 
 
-def unescaped(pattern: str) -> str:
-    """The one name that a pattern matches; any other pattern as it is."""
-    name = re.sub(r"\\(\W)", r"\1", pattern)
-    return name if re.escape(name) == pattern else pattern
+def left_to_the_asset(*besides: str) -> dict[str, str]:
+    """All other quantities, with the reason. besides: what one trainer's module states as well."""
+    reason = "stands in the MJCF or USD that the module loads, or is the trainer's own"
+    rows = (f"{kind} {name}" for kind, name in VOCABULARY)
+    return {row: reason for row in rows if row not in STATED and row not in besides}
 
 
-def is_name(pattern: str) -> bool:
-    """Whether a pattern matches one name alone."""
-    return re.escape(unescaped(pattern)) == pattern or re.fullmatch(r"[\w-]*", pattern) is not None
+# --- reading ----------------------------------------------------------------------------------
 
 
-def texts(value: object) -> tuple[str, ...]:
-    """A text or a tuple of texts; nothing of anything else."""
-    if isinstance(value, str):
-        return (value,)
-    if isinstance(value, tuple):
-        return tuple(item for item in value if isinstance(item, str))
-    return ()
+def own_names(table: object) -> Names:
+    """Names that a module writes out as the keys of a table, for a file without its robot."""
+    plain = [re.sub(r"\\(\W)", r"\1", pattern) for pattern in table_of(table)]
+    return {name: name for name in plain if "*" not in name}
 
 
-def spread(
-    table: object, kind: str, names: Names, book: Writer, where: str
-) -> Iterator[tuple[str, Any]]:  # Any: a value of `syntax`
-    """(name, value) of a map by patterns; what a second pattern says of a name is unread."""
-    seen: set[str] = set()
-    for pattern, value in table.items() if isinstance(table, dict) else ():
-        for name in names.of(str(pattern), kind):
-            if name in seen:
-                book.skip(where, f"{kind} {name} again", value)
-            else:
-                seen.add(name)
-                yield name, value
+def matching(patterns: Iterable[str], names: Names) -> list[str]:
+    """The robot's names that any of the patterns matches whole."""
+    found: dict[str, None] = {}
+    for pattern in patterns:
+        with suppress(re.error):  # anybody's file may hold what is no pattern
+            found |= {own: None for there, own in names.items() if re.fullmatch(pattern, there)}
+    return list(found)
+
+
+def put_by_joint(table: object, names: Names, quantity: str, book: Writer) -> None:
+    """One quantity that a table states by patterns of joints."""
+    for pattern, value in table_of(table).items():
+        for joint in matching([pattern], names):
+            book.put("joint", joint, {quantity: value})
+
+
+def put_start(start: Record, quat: Sequence[float], form: str, names: Names, book: Writer) -> None:
+    """Where the root and the joints start. quat: w, x, y, z."""
+    pose = (*start.get("pos", (0.0, 0.0, 0.0)), *quat)
+    # PhysX refuses a quaternion of another length than 1, and comparing poses does not see it.
+    book.put("robot", "", {"start pose": pose, f"{form}:length of rot": math.hypot(*quat)})
+    put_by_joint(start.get("joint_pos"), names, "start", book)
+    put_by_joint(start.get("joint_vel"), names, f"{form}:start velocity", book)
+
+
+def put_drive(joints: Iterable[str], facts: Mapping[str, Value], book: Writer, where: str) -> None:
+    """The numbers of one group of drives; of a joint that two groups claim there are two models."""
+    for joint in joints:
+        earlier = book.facts.get(Key("joint", joint, "model"))
+        twice = {} if earlier is None else {"model": f"{earlier} and {facts['model']}"}
+        book.put("joint", joint, {**facts, **twice})
+        book.place("joint", joint, where)
+
+
+def delay_s(steps: Sequence[float], timestep_s: float) -> tuple[float, ...]:
+    """Simulation steps as seconds."""
+    return tuple(step * timestep_s for step in steps)
 
 
 # --- events -----------------------------------------------------------------------------------
 
 
 @dataclass(frozen=True)
-class Event:
-    """A term that draws something at the start. kind: of the subjects' names."""
+class Drawn:
+    """What a trainer's function draws. kind, subjects: of whom; params: what it is given."""
 
-    name: str
-    func: str
-    kind: str = ""
-    subjects: Sequence[str] = ()
-    params: Mapping[str, Value] = field(default_factory=dict)
+    function: str
+    kind: str
+    subjects: Sequence[str]
+    params: Mapping[str, Any]  # Any: numbers, texts, and tuples and tables of them
 
     def put(self, form: str, book: Writer) -> None:
-        """As words of the format."""
-        facts: dict[str, Value] = {f"{form}:func": self.func, f"{form}:mode": "startup"}
-        facts[f"{form}:entity"] = "SceneEntityCfg robot"
-        if self.kind:
-            facts[f"{form}:{self.kind}"] = tuple(sorted(self.subjects))
-        facts |= {f"{form}:{name}": value for name, value in self.params.items()}
-        book.put("event", self.name, facts)
+        """As words of the format, by subject; several terms of one subject one after another."""
+        for subject in self.subjects:
+            for path, value in _flat(self.params):
+                key = Key(self.kind, subject, f"{form}:{self.function} {path}")
+                book.facts[key] = (*_row(book.facts.get(key)), *_row(value))
 
 
-def read_events(
-    terms: Mapping[str, object],
-    form: str,
-    names: Names,
-    book: Writer,
-    groups: Sequence[Sequence[str]] = (),
-) -> None:
+def read_terms(
+    terms: object, bodies: Names, joints: Names, groups: Sequence[Sequence[str]] = ()
+) -> Iterator[Drawn]:
     """`EventTermCfg` by name. groups: joints of each drive, which a term may name by its place."""
-    for name, term in terms.items():
-        if not isinstance(term, Call) or term.last != "EventTermCfg":
-            book.skip(f"event {name}", name, term)
-            continue
-        params = term.take("params")
-        params = dict(params) if isinstance(params, dict) else {}
-        facts: dict[str, Value] = {}
-        for key in ("func", "mode"):
-            facts[f"{form}:{key}"] = _leaf(term.take(key))
-        entity = params.pop("asset_cfg", None)
-        if isinstance(entity, Call):
-            facts |= {f"{form}:{k}": v for k, v in _entity(entity, names, groups)}
-            params |= {f"asset_cfg{k}": v for k, v in entity.left()}
-        for key, value in params.items():
-            facts |= {f"{form}:{path}": leaf for path, leaf in _matrix(value, key)}
-        book.put("event", name, facts)
-        for key, value in term.left():
-            book.skip(f"event {name}", key, value)
+    for term in table_of(terms).values():
+        if class_of(term) == "EventTermCfg":
+            params = {"mode": term.get("mode"), **table_of(term.get("params"))}
+            entity = table_of(params.pop("asset_cfg", None))
+            params["entity"] = entity.get(ARGUMENTS)
+            params |= {"geom_names": entity["geom_names"]} if "geom_names" in entity else {}
+            kind, subjects = _subjects(entity, bodies, joints, groups)
+            yield Drawn(class_of(term.get("func")), kind, subjects, params)
 
 
-def _entity(
-    entity: Call, names: Names, groups: Sequence[Sequence[str]]
-) -> Iterator[tuple[str, Value]]:
-    yield "entity", " ".join(map(str, (entity.name, *entity.arguments)))
-    entity.arguments.clear()
-    for field_name, kind in (("body_names", "body"), ("joint_names", "joint")):
-        stated = entity.take(field_name)
-        if stated is not None:
-            found = [name for p in texts(stated) for name in names.of(p, kind)]
-            yield kind, tuple(sorted(found))
-    places = entity.take("actuator_ids")
-    if isinstance(places, tuple):
-        inside = [p for p in places if isinstance(p, int) and 0 <= p < len(groups)]
-        found = [name for place in inside for name in groups[place]]
-        odd = [f"actuator {place}" for place in places if place not in inside]
-        yield "joint", tuple(sorted((*found, *odd)))
-    geoms = entity.take("geom_names")
-    if geoms is not None:
-        yield "shape", texts(geoms)
+def _subjects(
+    entity: Record, bodies: Names, joints: Names, groups: Sequence[Sequence[str]]
+) -> tuple[str, list[str]]:
+    """Whom a `SceneEntityCfg` names; the robot as a whole where it names nobody."""
+    if "body_names" in entity:
+        return "body", matching(words_of(entity["body_names"]), bodies)
+    if "joint_names" in entity:
+        return "joint", matching(words_of(entity["joint_names"]), joints)
+    if "actuator_ids" in entity:
+        return "joint", [joint for place in entity["actuator_ids"] for joint in groups[place]]
+    return "robot", [""]
 
 
-def _matrix(value: object, path: str) -> Iterator[tuple[str, Value]]:
-    """A matrix is one vector of all its rows."""
-    is_table = isinstance(value, tuple) and bool(value)
-    if is_table and all(isinstance(row, tuple) for row in value):  # type: ignore[attr-defined] # a tuple
-        yield path, tuple(v for row in value for v in row)  # type: ignore[attr-defined] # as above
-    else:
-        yield from flat(value, path)
+def drawn(function: str, kind: str, subject: str, **params: object) -> Drawn:
+    """What a term at the start must draw of one subject."""
+    return Drawn(function, kind, [subject], {"mode": "startup", "entity": "robot", **params})
 
 
-def _leaf(value: object) -> Value:
-    return value if isinstance(value, bool | str | float | int) else str(value)
+def _flat(table: Mapping[str, Any]) -> Iterator[tuple[str, Any]]:
+    for key, value in table.items():
+        if isinstance(value, Mapping):
+            yield from ((f"{key}.{path}", leaf) for path, leaf in _flat(value))
+        else:
+            yield key, value
+
+
+def _row(value: Any) -> tuple[Any, ...]:  # Any: a leaf, or a matrix of them
+    """All numbers of a matrix, row by row."""
+    if not isinstance(value, list | tuple):
+        return () if value is None else (value,)
+    return tuple(leaf for item in value for leaf in _row(item))
 
 
 # --- what the robot says ----------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Ranges:
+    """The recipe's `randomize` by the names of the robot."""
+
+    recipe: Randomize | None
+
+    @classmethod
+    def of(cls, reference: Reference) -> Ranges:
+        """Nothing where the recipe says nothing."""
+        stated = reference.options.get("randomize")
+        return cls(None if stated is None else Randomize.model_validate(stated))
+
+    def joint(self, name: str) -> RandomJoint:
+        """What may vary at a joint."""
+        table = self.recipe.joints if self.recipe else {}
+        return first_match(table, name) or RandomJoint.model_validate({})
+
+    def body(self, name: str) -> RandomMatter | None:
+        """What may vary of a body's matter."""
+        return first_match(self.recipe.links, name) if self.recipe else None
+
+
+def massive_bodies(reference: Reference) -> list[str]:
+    """Bodies that have matter."""
+    return [b.name for b in reference.tree.bodies if b.inertial and b.inertial.mass_kg > 0.0]
 
 
 def start_of(reference: Reference) -> Keyframe:
@@ -163,28 +187,14 @@ def start_of(reference: Reference) -> Keyframe:
     return initial_pose(reference.tree, reference.control)
 
 
-def randomize_of(reference: Reference) -> Randomize | None:
-    """The recipe's `randomize`."""
-    stated = reference.options.get("randomize")
-    return None if stated is None else Randomize.model_validate(stated)
-
-
-def ranges_of(randomize: Randomize | None, joint: str) -> RandomJoint:
-    """What may vary at a joint; nothing where the recipe says nothing."""
-    table = randomize.joints if randomize else {}
-    return first_match(table, joint) or RandomJoint.model_validate({})
-
-
-def delay_s(steps: Iterable[float], timestep_s: float) -> tuple[float, ...]:
-    """Simulation steps as seconds."""
-    return tuple(step * timestep_s for step in steps)
-
-
-def stall_of(drive: Actuator) -> float | None:
-    """Effort at rest of a dc motor, N m or N; its limit where the table states none."""
-    return drive.saturation
-
-
-def massive_bodies(reference: Reference) -> list[str]:
-    """Bodies that have matter."""
-    return [b.name for b in reference.tree.bodies if b.inertial and b.inertial.mass_kg > 0.0]
+def put_expected_start(
+    reference: Reference, form: str, soft_limits: float, clearance_m: float, book: Writer
+) -> None:
+    """What `put_start` must find. clearance_m: how much higher the root is put."""
+    start = start_of(reference)
+    x, y, z, *turn = pose_value(start.base or reference.tree.X_world_root)
+    pose = (x, y, z + clearance_m, *turn)
+    book.put("robot", "", {"start pose": pose, f"{form}:length of rot": 1.0})
+    book.put("robot", "", {"soft limits": soft_limits})
+    for joint, position in start.joints:
+        book.put("joint", joint, {"start": position, f"{form}:start velocity": 0.0})

@@ -248,7 +248,8 @@ def test_no_collision_step_reaches_the_recipe(code: Code):
 
 COMPUTED_WITH = {
     "assetbuild.engine.digest": "downloads are compared with the lock by their digests",
-    "assetbuild.engine.landlock": "what a xacro may open",
+    "assetbuild.engine.confine": "what a xacro and a trainer's module may do",
+    "assetbuild.engine.landlock": "what they may open",
 }
 """Modules of the engine that steps compute with; another would run most steps when it changes."""
 

@@ -115,7 +115,9 @@ def laid_out(folder: Path) -> None:
     config = folder / "isaaclab/unitree.py"
     config.parent.mkdir()
     drive = "ImplicitActuatorCfg(joint_names_expr=['.*'], stiffness=25.0)"
-    config.write_text(f"GO1_CFG = ArticulationCfg(actuators={{'legs': {drive}}})")
+    imports = "from isaaclab.assets import ArticulationCfg\nfrom isaaclab.actuators import "
+    imports += "ImplicitActuatorCfg\n"
+    config.write_text(f"{imports}GO1_CFG = ArticulationCfg(actuators={{'legs': {drive}}})")
     git = ["git", "-c", "user.name=me", "-c", "user.email=me@example.org", "-C", str(folder)]
     for words in (["init", "-q"], ["add", "."], ["commit", "-q", "-m", "robots"]):
         subprocess.run([*git, *words], check=True)

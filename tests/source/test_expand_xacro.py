@@ -11,9 +11,9 @@ import pytest
 from lxml import etree
 from tiny import run_step
 
+from assetbuild.engine.confine import confine
 from assetbuild.errors import SourceError
 from assetbuild.source.urdf import expand_xacro
-from assetbuild.source.urdf.confine import confine
 from assetbuild.source.urdf.expand_xacro import NOT_INCLUDED, ExpandXacro
 
 CANARY = "canary-5f1c"

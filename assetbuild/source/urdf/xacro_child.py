@@ -16,7 +16,7 @@ import sys
 from dataclasses import dataclass, field
 from typing import Any, NoReturn
 
-from assetbuild.source.urdf.confine import confine
+from assetbuild.engine.confine import confine
 
 MEMORY_BYTES = 2 << 30
 ABSENT = ".absent"

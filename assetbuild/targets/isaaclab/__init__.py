@@ -17,11 +17,11 @@ from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.joint_springs import as_drives
 from assetbuild.robot.model import Control
 from assetbuild.robot.ranges import Randomize
-from assetbuild.simulators.isaaclab_script import script
 from assetbuild.simulators.usd_options import UsdOptions
 from assetbuild.targets.isaaclab import events
 from assetbuild.targets.isaaclab.module import Generation, Module, module_name
 from assetbuild.targets.isaaclab.options import IsaacLabOptions
+from assetbuild.targets.isaaclab.script import script
 
 NO_USD = Rule(
     "isaaclab.no_usd",

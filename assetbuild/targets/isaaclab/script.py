@@ -1,8 +1,8 @@
 """The script with which a user of Isaac Lab fills in Isaac Lab's half of the comparison.
 
 It runs in Isaac Lab only, writes readings beside itself, and `assetbuild diff BUNDLE READINGS`
-ranks them against the robot's. The check `smoke_isaaclab` runs it, too. The target writes it, and
-the reader of facts compares the file with it; what it measures is proven in Isaac Lab itself.
+ranks them against the robot's. The check `smoke_isaaclab` runs it, too; what it measures is proven
+in Isaac Lab itself.
 """
 
 from __future__ import annotations

@@ -1,0 +1,213 @@
+"""Executes a trainer's module with stand-ins for everything that it imports beyond Python itself.
+
+A module of a bundle is a program that anybody may have edited: before it runs, this process gives
+up its rights (see `confine`), and an audit hook refuses what a configuration never needs. The job
+comes as JSON on the standard input, the record goes to the standard output.
+"""
+
+from __future__ import annotations
+
+import importlib.machinery
+import json
+import os
+import pathlib  # noqa: F401 - our modules import it after the rights are gone
+import resource
+import sys
+import types
+from collections.abc import Callable, Iterator, Sequence
+from typing import Any
+
+from assetbuild.engine.confine import confine
+
+MEMORY_BYTES = 1 << 30
+CPU_S = 10
+FOLDER = "/bundle/python"
+"""Where the module believes to lie: a record holds no paths of this machine."""
+PYTHON = os.path.dirname(os.__file__)  # noqa: PTH120 - strings
+CLASS, ARGUMENTS, LINE = "()", "*", "@"
+"""Keys of a recorded call beside its keyword arguments."""
+LISTING = ("os.listdir", "os.scandir")
+REFUSED = (
+    "os.", "shutil.", "socket.", "subprocess.", "ctypes.", "tempfile.", "pty.", "mmap.", "fcntl.",
+    "signal.", "webbrowser.", "urllib.",
+)  # fmt: skip
+
+
+class Recorded:
+    """Stands for anything of a trainer, and keeps what is called and set on it.
+
+    Attributes, keyword arguments and items are one table: `cfg.actions["joint"].scale = 1` is
+    {"actions": {"joint": {"scale": 1}}}.
+    """
+
+    def __init__(
+        self,
+        name: str,
+        arguments: Sequence[object] = (),
+        fields: dict[str, Any] | None = None,  # Any: whatever the module states
+        line: int = 0,
+    ) -> None:
+        vars(self).update(_name=name, _arguments=arguments, _fields=fields or {}, _line=line)
+
+    def __call__(self, *arguments: object, **fields: object) -> object:
+        if len(arguments) == 1 and isinstance(arguments[0], type | types.FunctionType):
+            return arguments[0]  # a decorator
+        return Recorded(self._name, arguments, fields, sys._getframe(1).f_lineno)
+
+    def __getattr__(self, name: str) -> Any:  # Any: as above
+        if name.startswith("__"):
+            raise AttributeError(name)
+        return self._fields.setdefault(name, Recorded(f"{self._name}.{name}"))
+
+    def __setattr__(self, name: str, value: object) -> None:
+        self._fields[name] = value
+
+    def __getitem__(self, key: object) -> object:
+        return getattr(self, str(key))
+
+    def __setitem__(self, key: object, value: object) -> None:
+        self._fields[str(key)] = value
+
+    def __delitem__(self, key: object) -> None:
+        self._fields[str(key)] = None
+
+    def pop(self, key: str, default: object = None) -> object:
+        """As of a table: what is taken out is recorded as null."""
+        self._fields[key] = None
+        return default
+
+    def __ior__(self, other: dict[str, Any]) -> Recorded:  # Any: as above
+        self._fields.update(other)
+        return self
+
+    def replace(self, **changes: object) -> Recorded:
+        """As of a `configclass`: a copy with other fields."""
+        return Recorded(self._name, self._arguments, {**self._fields, **changes}, self._line)
+
+    def copy(self) -> Recorded:
+        """As of a `configclass`."""
+        return self.replace()
+
+    def __iter__(self) -> Iterator[object]:
+        return iter(())
+
+    def __str__(self) -> str:
+        return str(self._name)
+
+
+class StandIns:
+    """Finds and loads every module that Python itself does not have.
+
+    Not of `importlib.abc`, whose import takes longer than the module that is to be executed.
+    """
+
+    def find_spec(
+        self, name: str, path: object, target: object = None
+    ) -> importlib.machinery.ModuleSpec:
+        """A package, so that anything may be imported from below it."""
+        return importlib.machinery.ModuleSpec(name, self, is_package=True)  # type: ignore[arg-type] # it loads, too
+
+    def create_module(self, spec: importlib.machinery.ModuleSpec) -> types.ModuleType:
+        """An empty module whose names are all stand-ins."""
+        module = types.ModuleType(spec.name)
+        module.__getattr__ = _names_of(spec.name)  # type: ignore[method-assign] # PEP 562
+        return module
+
+    def exec_module(self, module: types.ModuleType) -> None:
+        """Nothing to execute."""
+
+
+def _names_of(module: str) -> Callable[[str], Recorded]:
+    def named(name: str) -> Recorded:
+        if name.startswith("__"):
+            raise AttributeError(name)
+        return Recorded(f"{module}.{name}")
+
+    return named
+
+
+def guard(event: str, arguments: tuple[Any, ...]) -> None:  # Any: the event's own
+    """The audit hook: only files of Python itself are read, and nothing else is done."""
+    if event == "open":
+        path, _, flags = arguments
+        is_read = not flags & (os.O_ACCMODE | os.O_CREAT | os.O_TRUNC | os.O_APPEND)
+        allowed = is_read and os.path.normpath(str(path)).startswith(PYTHON)
+    else:
+        allowed = event in LISTING or not event.startswith(REFUSED)
+    if not allowed:
+        raise PermissionError(f"it wants `{event}`, which no configuration needs")
+
+
+def main() -> None:
+    """Execute one module as the job says."""
+    job = json.loads(sys.stdin.read())
+    answer = os.dup(1)
+    os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
+    resource.setrlimit(resource.RLIMIT_AS, (MEMORY_BYTES, MEMORY_BYTES))
+    resource.setrlimit(resource.RLIMIT_CPU, (CPU_S, CPU_S))
+    sys.path[:] = [path for path in sys.path if path.startswith(PYTHON)]
+    sys.meta_path.append(StandIns())
+    confine([PYTHON])
+    sys.addaudithook(guard)
+    data = json.dumps(_answer(job["name"], job["text"], job["calls"])).encode()
+    while data:
+        data = data[os.write(answer, data) :]
+    os._exit(0)
+
+
+def _answer(name: str, text: str, calls: Sequence[str]) -> dict[str, object]:
+    try:
+        return {"record": _record(f"{FOLDER}/{name}", text, calls)}
+    except BaseException as error:  # a module may raise anything
+        return {"error": f"{type(error).__name__}: {error}"[:400], "line": _line(error, name)}
+
+
+def _record(file: str, text: str, calls: Sequence[str]) -> dict[str, object]:
+    """Constants by name, `name()` -> what its function returns, `imports` -> modules."""
+    before = set(sys.modules)
+    known: dict[str, Any] = {"__name__": "module", "__file__": file, "__package__": "module"}
+    exec(compile(text, file, "exec", dont_inherit=True), known)  # noqa: S102 - that is the job
+    called = {f"{call}()": known[call]() for call in calls if call in known}
+    kept = {name: value for name, value in known.items() if _is_constant(name, value)}
+    imported = sorted(set(sys.modules) - before)
+    record: dict[str, object] = plain({**kept, **called, "imports": imported})
+    json.dumps(record)
+    return record
+
+
+def _is_constant(name: str, value: object) -> bool:
+    """Whether the module says it, instead of importing it."""
+    if isinstance(value, Recorded):
+        return bool(value._line)
+    if isinstance(value, type):
+        return value.__module__ == "module"
+    return not (name.startswith("__") or isinstance(value, types.ModuleType | types.FunctionType))
+
+
+def plain(value: Any) -> Any:  # Any: whatever the module states; JSON
+    """A value as JSON. A call is its keyword arguments, with CLASS, ARGUMENTS and LINE."""
+    if value is None or isinstance(value, bool | int | float | str):
+        return value
+    if isinstance(value, Recorded):
+        call = {CLASS: value._name, LINE: value._line}
+        call |= {ARGUMENTS: plain(value._arguments)} if value._arguments else {}
+        return call | plain(value._fields)
+    if isinstance(value, dict):
+        return {str(key): plain(item) for key, item in value.items()}
+    if isinstance(value, list | tuple | set):
+        return [plain(item) for item in value]
+    if isinstance(value, type):
+        own = {key: item for key, item in vars(value).items() if not key.startswith("__")}
+        return {CLASS: value.__name__} | plain(own)
+    return {CLASS: value.__name__} if callable(value) else str(value)
+
+
+def _line(error: BaseException, name: str) -> int:
+    """The line of the module that failed; 0 where none is known."""
+    found = int(getattr(error, "lineno", 0) or 0)
+    trace = error.__traceback__
+    while trace is not None:
+        if trace.tb_frame.f_code.co_filename == f"{FOLDER}/{name}":
+            found = trace.tb_lineno
+        trace = trace.tb_next
+    return found

@@ -1,0 +1,108 @@
+"""What a trainer's module says to the trainer, recorded without it: see `_standins_child`."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+import tempfile
+import threading
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import assetbuild
+from assetbuild.errors import UsageError
+from assetbuild.simulators.children import last_line
+
+BEYOND_IMPORTS = ("assetbuild.facts._standins_child",)
+SECONDS = 20.0
+"""Wall-clock limit; the largest module of the library takes 0.1 s."""
+MOST_BYTES = 64 << 20
+PROGRAM = (
+    "import sys; sys.path.append(sys.argv[1]); "
+    "from assetbuild.facts import _standins_child; _standins_child.main()"
+)
+CLASS, ARGUMENTS, LINE = "()", "*", "@"
+"""Keys of a recorded call beside its keyword arguments: whose, its other arguments, its line."""
+Record = dict[str, Any]  # Any: JSON
+
+
+def recorded(path: Path, calls: Sequence[str] = ()) -> Record:
+    """The constants of a module by name, and `name()` -> what each of `calls` returns.
+
+    A call of anything that is imported is a table of its keyword arguments, with CLASS, ARGUMENTS
+    and LINE; tuples are lists. UsageError for what cannot be executed.
+    """
+    try:
+        text = path.read_text(encoding="utf-8")
+    except OSError as error:
+        raise UsageError(f"cannot read `{path}`: {error.strerror}") from None
+    except UnicodeDecodeError:
+        raise UsageError(f"`{path}` is no UTF-8 text") from None
+    said, failed = _run({"name": path.name, "text": text, "calls": calls})
+    try:
+        answer: Record = json.loads(said)
+    except ValueError:
+        reason = last_line(failed) or f"it took more than {SECONDS:g} s or too much memory"
+        raise UsageError(f"`{path.name}` cannot be executed: {reason}") from None
+    if "error" in answer:
+        raise UsageError(f"{path.name}:{answer['line']}: {answer['error']}")
+    record: Record = answer["record"]
+    return record
+
+
+def _run(job: Record) -> tuple[bytes, bytes]:
+    """What the child said and why it failed; it may say whatever it likes, so not all is read."""
+    home = str(Path(assetbuild.__file__).parent.parent)
+    with (
+        tempfile.TemporaryDirectory(prefix="assetbuild-module-") as folder,
+        tempfile.TemporaryFile() as asked,
+        tempfile.TemporaryFile() as failed,
+    ):
+        asked.write(json.dumps(job).encode())
+        asked.seek(0)
+        command = [sys.executable, "-I", "-S", "-c", PROGRAM, home]
+        child = subprocess.Popen(
+            command,
+            stdin=asked,
+            stdout=subprocess.PIPE,
+            stderr=failed,
+            env=_bare_environment(),
+            cwd=folder,
+        )
+        timer = threading.Timer(SECONDS, child.kill)
+        timer.start()
+        with child:
+            said = child.stdout.read(MOST_BYTES) if child.stdout else b""
+            timer.cancel()
+            child.kill()
+        failed.seek(0)
+        return said, failed.read(4000)
+
+
+def _bare_environment() -> dict[str, str]:
+    """Nothing of the user's, but what the interpreter itself needs to start."""
+    needed = ("LD_LIBRARY_PATH", "DYLD_LIBRARY_PATH", "SYSTEMROOT")
+    fixed = {"TZ": "UTC", "LC_ALL": "C"}
+    return {name: os.environ[name] for name in needed if name in os.environ} | fixed
+
+
+# --- reading a record -------------------------------------------------------------------------
+
+
+def table_of(value: object) -> Record:
+    """A table or a call; empty of anything else."""
+    return value if isinstance(value, dict) else {}
+
+
+def class_of(value: object) -> str:
+    """The last name of what was called: `EntityCfg`; nothing of anything else."""
+    return str(table_of(value).get(CLASS, "")).rpartition(".")[2]
+
+
+def words_of(value: object) -> tuple[str, ...]:
+    """A text or a list of texts."""
+    listed = value if isinstance(value, list) else [value]
+    return tuple(item for item in listed if isinstance(item, str))

@@ -1,0 +1,57 @@
+"""A YAML file of a bundle as plain data."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+from assetbuild.errors import UsageError, Where
+from assetbuild.facts.table import Value
+
+
+def read_yaml(path: Path) -> dict[str, Any]:  # Any: plain YAML, here and below
+    """The mapping that a file holds. UsageError where it holds none, or names a part twice."""
+    import yaml
+
+    class Plain(yaml.SafeLoader):
+        """Without aliases, of which a short file can make an endless one."""
+
+        def compose_node(self, parent: Any, index: Any) -> Any:
+            if self.check_event(yaml.AliasEvent):
+                raise yaml.MarkedYAMLError(problem="it has an alias")
+            return super().compose_node(parent, index)
+
+    try:
+        found = yaml.load(path.read_text(encoding="utf-8"), Plain)  # noqa: S506 - a safe loader
+    except (yaml.YAMLError, UnicodeDecodeError, RecursionError) as error:
+        mark = getattr(error, "problem_mark", None)
+        where = Where(path.name, mark.line + 1 if mark else 0)
+        problem = getattr(error, "problem", None) or "no UTF-8 text"
+        raise UsageError(f"not readable as YAML: {problem}", where=where) from None
+    except OSError as error:
+        raise UsageError(f"cannot read `{path}`: {error.strerror}") from None
+    if not isinstance(found, dict):
+        raise UsageError(f"`{path.name}` holds no mapping")
+    return found
+
+
+def words(form: str, table: Mapping[str, Any]) -> dict[str, Value]:
+    """Leaves as words of a format; keys within keys are joined by a space, numbers by one tuple."""
+    return {f"{form}:{path}": value for path, value in _leaves(table)}
+
+
+def _leaves(table: Mapping[str, Any]) -> Iterator[tuple[str, Value]]:
+    for key, value in table.items():
+        if isinstance(value, Mapping):
+            yield from ((f"{key} {path}", leaf) for path, leaf in _leaves(value))
+        else:
+            yield str(key), tuple(_flat(value)) if isinstance(value, list | tuple) else value
+
+
+def _flat(value: Any) -> Iterator[Any]:
+    if isinstance(value, list | tuple):
+        for item in value:
+            yield from _flat(item)
+    else:
+        yield value
