@@ -211,7 +211,7 @@ def _gathered(folder: Path, steps: Mapping[str, Step]) -> dict[str, str]:
             target = folder / "again" / path
             target.parent.mkdir(parents=True, exist_ok=True)
             file.replace(target)
-            writers[path] = name
+            writers.setdefault(path, name)
     return writers
 
 

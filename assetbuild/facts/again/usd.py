@@ -6,6 +6,7 @@ numbered by chance.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -52,15 +53,21 @@ def _opened(path: Path) -> Sdf.Layer:
     try:
         layer = Sdf.Layer.OpenAsAnonymous(str(path))
     except Tf.ErrorException as error:
-        raise NotParsedError(_said(str(error))) from None
+        raise _not_parsed(error) from None
     if layer is None:
         raise NotParsedError("not readable as USD")
     return layer
 
 
-def _said(text: str) -> str:
-    """USD's own message without the place in its sources."""
-    return " ".join(text.split())[-LONGEST:]
+def _not_parsed(error: object) -> NotParsedError:
+    """USD's own message and line, without the place in its sources."""
+    text = " ".join(str(error).split())
+    if found := _PLACE.search(text):
+        return NotParsedError(found[2], int(found[1]))
+    return NotParsedError(text[-LONGEST:])
+
+
+_PLACE = re.compile(r":(\d+):\d+: (.*?)'?$")
 
 
 # --- one layer --------------------------------------------------------------------------------
@@ -199,7 +206,8 @@ def _stage_rows(again: Path, there: Path) -> list[Row]:
 
 def _choices(root: Path) -> list[tuple[str, str]]:
     """(variant set, variant) of the robot's own prim."""
-    prim = Usd.Stage.Open(str(root)).GetDefaultPrim()
+    stage = Usd.Stage.Open(str(root))
+    prim = stage.GetDefaultPrim()
     if not prim:
         return []
     sets = prim.GetVariantSets()
@@ -217,7 +225,7 @@ def _flattened(root: Path, choice: tuple[str, str] | None) -> tuple[Sdf.Layer, U
         instances = _without_instances(stage)
         flat = stage.Flatten(addSourceFileComment=False)
     except Tf.ErrorException as error:
-        raise NotParsedError(_said(str(error))) from None
+        raise _not_parsed(error) from None
     UsdUtils.ModifyAssetPaths(flat, lambda path: str(path).replace(str(root.parent), ""))
     flat.customLayerData = {**flat.customLayerData, "instances": " ".join(instances)}
     return flat, Usd.Stage.Open(flat)
