@@ -11,7 +11,7 @@ import os
 import shutil
 import sys
 import tempfile
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -68,10 +68,10 @@ REFUSED = Rule(
 
 @dataclass(frozen=True)
 class Plan:
-    """Which writers run. steps: by name; unproven: why others do not."""
+    """Which writers run. steps: by name; said: why others do not."""
 
     steps: Mapping[str, Step]
-    unproven: tuple[Finding, ...]
+    said: tuple[Finding, ...]
 
 
 @dataclass(frozen=True)
@@ -98,7 +98,7 @@ def prove_again(bundle: Path, robot: str, reference: Reference) -> Iterator[Find
         return
     meshes = held_meshes(bundle, signed.written.meshes)
     plan = _plan(robot, reference, signed, meshes)
-    yield from plan.unproven
+    yield from plan.said
     yield from _edited_meshes(meshes, reference)
     with tempfile.TemporaryDirectory(prefix="assetbuild-again-") as folder:
         again = _write(Path(folder), reference, meshes, plan.steps)
@@ -119,26 +119,35 @@ def _edited(signed: Signed) -> Finding:
 
 def _plan(robot: str, reference: Reference, signed: Signed, meshes: Mapping[str, Held]) -> Plan:
     """The writers whose code, sections and meshes are those of the build."""
-    stated = StatedRecipe(robot, tuple(signed.written.writers), reference)
-    kinds = writer_kinds(signed.written.writers)
+    written = signed.written
+    stated = StatedRecipe(robot, tuple(written.writers), reference)
+    kinds = writer_kinds(written.writers)
     code = code_of_writers(kinds, Code())
-    lost = [file for file in signed.written.meshes if file not in meshes]
+    lost = [file for file in written.meshes if file not in meshes]
     steps: dict[str, Step] = {}
-    unproven: list[Finding] = []
-    for name, digest in signed.written.writers.items():
-        why = ""
-        if name not in kinds:
-            why = "is not installed"
-        elif code[name] != digest:
-            why = "was other code when it wrote the bundle"
-        elif lost and "meshes/" in getattr(kinds[name], "reads", ()):
-            why = f"needs `{lost[0]}`, which no folder of the bundle holds"
-        else:
+    said: list[Finding] = []
+    for name, digest in written.writers.items():
+        if why := _hindrance(kinds.get(name), code.get(name) == digest, lost):
+            text = f"{why}, so that only their readers prove its files"
+            said.append(UNPROVEN(f"target {name}", text, where=ROBOT))
+            continue
+        try:
             steps[name] = writer(name, kinds[name], stated)
-        if why:
-            text = f"{why}, so that nothing is written again: its readers alone prove its files"
-            unproven.append(UNPROVEN(f"target {name}", text, where=ROBOT))
-    return Plan(steps, tuple(unproven))
+        except (ValueError, LookupError, TypeError) as error:
+            why = " ".join(str(error).split())
+            said.append(REFUSED(f"target {name}", f"its section: {why}", where=ROBOT))
+    return Plan(steps, tuple(said))
+
+
+def _hindrance(kind: type[Step] | None, same_code: bool, lost: Sequence[str]) -> str:
+    """Why a writer cannot write the bundle again; "" where it can."""
+    if kind is None:
+        return "the target is not installed"
+    if not same_code:
+        return "the target's code has changed since the build"
+    if lost and "meshes/" in getattr(kind, "reads", ()):
+        return f"no folder of the bundle holds `{lost[0]}`"
+    return ""
 
 
 def _edited_meshes(meshes: Mapping[str, Held], reference: Reference) -> Iterator[Finding]:

@@ -111,6 +111,13 @@ def test_files_of_other_code_are_left_to_their_readers(bundle: Path):
     assert [(f.rule, f.subject) for f in proved(bundle)] == [("again.unproven", "target mjcf")]
 
 
+def test_a_robot_that_no_target_takes_is_refused(bundle: Path):
+    options = json.loads((bundle / ROBOT).read_bytes())["options"]
+    options["mjcf"]["solver"] = "magic"
+    resigned(bundle, options=options)
+    assert [(f.rule, f.subject) for f in proved(bundle)] == [("again.refused", "target mjcf")]
+
+
 def test_of_several_copies_of_a_mesh_the_unedited_one_counts(tmp_path: Path):
     mesh, edited = box_obj((1, 1, 1)), box_obj((2, 1, 1))
     for folder, data in (("mjcf", edited), ("urdf", b"mtllib box.mtl\n" + mesh)):
