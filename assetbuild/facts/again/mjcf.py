@@ -28,6 +28,8 @@ PLACES = ("names", "paths", "pathadr", "nameadr", "name_", "signature", "narena"
 DERIVED = ("invweight", "subtreemass", "lengthrange", "bvh", "oct_", "simple", "sameframe", "M_",
            "D_", "B_", "map", "stat.", "0")  # fmt: skip
 """Parts of the names of fields that follow from others; a trailing 0: at the home position."""
+QUATERNIONS = {0: 3, 1: 0}
+"""Free and ball joints -> where among their positions the quaternion begins."""
 SHORT = 4
 """Numbers of a vector that is shown whole; of a longer one only the first that differs."""
 
@@ -133,7 +135,7 @@ def _field_rows(
         if not field.partition("_")[2]:
             yield Row("model", "", field, str(one.shape), str(other.shape))
         return
-    if _close(one, other):
+    if _close(one, other) or _same_places(field, one, other, model):
         return
     prefix, _, rest = field.partition("_")
     owners = _owners(model, prefix)
@@ -143,7 +145,7 @@ def _field_rows(
         return
     for index, (kind, name) in enumerate(owners):
         a, b = np.ravel(one[index]), np.ravel(other[index])
-        if not _close(a, b):
+        if not _close(a, b) and not ("quat" in rest and _close(a, -b)):
             yield _first(kind, name, rest, a, b)
 
 
@@ -173,6 +175,21 @@ def _close(one: Any, other: Any) -> bool:  # Any: arrays of one shape
     if np.asarray(one).dtype.kind != "f":
         return bool(np.array_equal(one, other))
     return bool(np.allclose(one, other, rtol=RELATIVE, atol=ABSOLUTE, equal_nan=True))
+
+
+def _same_places(field: str, one: Any, other: Any, model: Model) -> bool:  # Any: arrays
+    """Whether two lists of joint positions are the same, quaternions of either sign."""
+    if field not in ("qpos0", "qpos_spring", "key_qpos"):
+        return False
+    columns = np.atleast_2d(one).T, np.atleast_2d(other).T
+    turned = columns[1].copy()
+    for kind, start in zip(model.jnt_type, model.jnt_qposadr, strict=True):
+        if kind in QUATERNIONS:
+            first = int(start) + QUATERNIONS[int(kind)]
+            for key in range(turned.shape[1]):
+                part = columns[0][first : first + 4, key], turned[first : first + 4, key]
+                turned[first : first + 4, key] *= np.sign(np.dot(*part)) or 1.0
+    return _close(columns[0], turned)
 
 
 def _is_derived(field: str) -> bool:

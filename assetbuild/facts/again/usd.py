@@ -18,6 +18,7 @@ from assetbuild.facts.again.row import LONGEST, NotParsedError, Row, groups
 from assetbuild.facts.again.usda_lines import usda_lines
 from assetbuild.facts.table import Value
 
+QUATERNIONS = (Gf.Quatd, Gf.Quatf, Gf.Quath)
 SAID_ONLY = ("comment", "documentation")
 """Fields for people."""
 DOUBLE, SINGLE, ZERO = 1e-9, 2e-7, 1e-14
@@ -107,12 +108,20 @@ def _spec_rows(path: Sdf.Path, again: Sdf.Layer, there: Sdf.Layer) -> Iterator[R
     for field in dict.fromkeys((*one.ListInfoKeys(), *other.ListInfoKeys())):
         if field in SAID_ONLY:
             continue
-        a = one.GetInfo(field) if field in one.ListInfoKeys() else None
-        b = other.GetInfo(field) if field in other.ListInfoKeys() else None
+        a, b = _info(one, field), _info(other, field)
         if not _same(a, b):
             own = field if field != "default" else ""
             label = f"{path.name} {own}".strip() if path.IsPropertyPath() else field
             yield _first(path, label, a, b)
+
+
+def _info(spec: Sdf.Spec, field: str) -> object:
+    """A field of a spec, None where it is not stated."""
+    if field not in spec.ListInfoKeys():
+        return None
+    if field == "subLayerOffsets":  # a type that Python does not get
+        return " ".join(map(repr, spec.layer.subLayerOffsets))
+    return spec.GetInfo(field)
 
 
 def _first(path: Sdf.Path, label: str, a: object, b: object) -> Row:
@@ -140,15 +149,13 @@ def _array(value: object) -> Any:  # Any: a numpy array
 
 
 def _numbers(value: object) -> tuple[float, ...] | None:
-    """Of a number, a vector, a matrix; a quaternion with w positive."""
+    """Of a number, a vector, a matrix, a quaternion (w first)."""
     if isinstance(value, bool | str):
         return None
     if isinstance(value, int | float):
         return (float(value),)
-    if isinstance(value, Gf.Quatf | Gf.Quatd | Gf.Quath):
-        four = (float(value.real), *map(float, value.imaginary))
-        sign = next((1.0 if part > 0 else -1.0 for part in four if part), 1.0)
-        return tuple(sign * part for part in four)
+    if isinstance(value, QUATERNIONS):
+        return (float(value.real), *map(float, value.imaginary))
     try:
         flat = np.array(value, dtype=float).ravel()
     except (TypeError, ValueError):
@@ -173,7 +180,9 @@ def _same(a: object, b: object) -> bool:
     if numbers is None or others is None or len(numbers) != len(others):
         return a == b
     tolerance = DOUBLE if _is_double(a) else SINGLE
-    return bool(np.allclose(numbers, others, rtol=tolerance, atol=ZERO, equal_nan=True))
+    signs = (1.0, -1.0) if isinstance(a, QUATERNIONS) else (1.0,)
+    turned = [np.multiply(sign, others) for sign in signs]
+    return any(np.allclose(numbers, o, rtol=tolerance, atol=ZERO, equal_nan=True) for o in turned)
 
 
 def _is_double(value: object) -> bool:
