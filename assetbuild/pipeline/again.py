@@ -236,12 +236,18 @@ def _compared(path: str, bundle: Path, again: Again) -> Iterator[Finding]:
         try:
             rows = rows_of(ours, there, _stages(path, again))
         except NotParsedError as error:
-            where = f"{path}:{error.line}" if error.line else path
-            yield UNREADABLE("robot", error.message, where=where)
+            yield _not_parsed(error, again.writers[path], path)
             return
     yield from row_findings(rows, again.writers[path], path)
     if not rows:
         yield _otherwise(path, path)
+
+
+def _not_parsed(error: NotParsedError, form: str, path: str) -> Finding:
+    """Nothing can be compared with what is not of its kind any more; the parser names the line."""
+    said = {"attribute": "statement", "expected": "a file that parses", "found": error.message}
+    where = f"{path}:{error.line}" if error.line else path
+    return EQUAL.named(f"{form}.statement")(f"file {path}", error.message, data=said, where=where)
 
 
 @contextmanager

@@ -171,7 +171,7 @@ def test_a_moved_default_leaves_only_what_the_model_says(tmp_path: Path):
         ("a.usda", STAGE, ("= 90", "= ="), 15),
     ],
 )
-def test_what_does_not_parse_is_told_with_its_line(
+def test_what_does_not_parse_is_reported_with_its_line(
     name: str, text: str, edit: tuple[str, str], line: int, tmp_path: Path
 ):
     with pytest.raises(NotParsedError) as error:

@@ -83,6 +83,13 @@ def test_a_comment_is_information(bundle: Path):
     assert (found.rule, found.severity) == ("again.otherwise", "info")
 
 
+def test_a_file_that_does_not_parse_is_named_with_its_line(bundle: Path):
+    edit(bundle / "python/legs_mjlab.py", "XML = Path(", "XML = Path)")
+    (found,) = proved(bundle)
+    assert (found.rule, found.subject) == ("equal.mjlab.statement", "file python/legs_mjlab.py")
+    assert int(found.where.rpartition(":")[2]) > 1
+
+
 def test_an_edited_robot_is_one_finding(bundle: Path):
     edit(bundle / ROBOT, '"kp":20.0', '"kp":22.0')
     assert [finding.rule for finding in proved(bundle)] == ["equal.robot.digest"]

@@ -130,7 +130,9 @@ def _first(path: Sdf.Path, label: str, a: object, b: object) -> Row:
         key = next(k for k in (*a, *b) if not _same(a.get(k), b.get(k)))
         return _first(path, f"{label} {key}", a.get(key), b.get(key))
     one, other = _array(a), _array(b)
-    if one is not None and other is not None and len(one) == len(other) > 1:
+    if one is not None and other is not None and len(one) != len(other):
+        return _row(path, f"{label} length", float(len(one)), float(len(other)))
+    if one is not None and other is not None and len(one) > 1:
         index = next(i for i in range(len(one)) if not _same(a[i], b[i]))  # type: ignore[index] # arrays
         return _row(path, f"{label}[{index}]", _shown(a[index]), _shown(b[index]))  # type: ignore[index] # arrays
     return _row(path, label, _shown(a), _shown(b))
