@@ -6,15 +6,15 @@ A process of its own, whose environment chooses the kernels that a build compute
 from __future__ import annotations
 
 import json
-import sys
 from pathlib import Path
 
 from assetbuild.engine.step import Files
 from assetbuild.engine.wire import perform, step_from_json
 
 
-def main(folder: Path) -> None:
+def main(place: str) -> None:
     """Writes `said.json`: name of a step -> why it failed, "" where it did not."""
+    folder = Path(place)
     inputs, said = folder / "in", {}
     for job in json.loads((folder / "steps.json").read_bytes()):
         name = job["name"]
@@ -24,7 +24,3 @@ def main(folder: Path) -> None:
         error = done.get("error")
         said[name] = str(error["message"]) if isinstance(error, dict) else ""
     (folder / "said.json").write_text(json.dumps(said), encoding="utf-8")
-
-
-if __name__ == "__main__":
-    main(Path(sys.argv[1]))

@@ -42,6 +42,11 @@ from assetbuild.robot.codec import encode
 from assetbuild.simulators.children import run_child
 
 ROBOT = "report/robot.json"
+BOOT = (
+    "import json, sys; sys.path[:] = json.loads(sys.argv[1]); "
+    "from assetbuild.pipeline import _again_child; _again_child.main(sys.argv[2])"
+)
+"""Program text of the process that writes: it finds the modules that this one finds."""
 SECONDS = 600.0
 """Time for all writers."""
 
@@ -180,9 +185,9 @@ def _write(
     jobs = [_job("ratings", KeepRatings(), prepares=True)]
     jobs += [_job(name, step, prepares=False) for name, step in steps.items()]
     (folder / "steps.json").write_text(json.dumps(jobs), encoding="utf-8")
+    path = json.dumps([entry for entry in sys.path if entry])
+    command = [sys.executable, "-P", "-c", BOOT, path, str(folder)]
     variables = environment(Kind((), 1, False), folder)
-    variables["PYTHONPATH"] = os.pathsep.join(path for path in sys.path if path)
-    command = [sys.executable, "-m", "assetbuild.pipeline._again_child", str(folder)]
     if how := run_child(command, folder, SECONDS, variables):
         raise MachineError(f"writing the bundle again {how}")
     said = json.loads((folder / "said.json").read_bytes())

@@ -102,11 +102,21 @@ def row_findings(rows: Iterable[Row], form: str, file: str) -> Iterator[Finding]
         subjects = tuple(dict.fromkeys(row.subject for row in same))
         if len(subjects) > 1:
             data["subjects"] = subjects
-        said = f"{first.attribute} is {shown(first.found)} in {file}"
-        text = f"{said}, {shown(first.expected)} by the robot{_others(same)}"
+        text = f"{_sentence(first, file)}{_others(same)}"
         where = f"{file}:{first.line}" if first.line else file
         rule = EQUAL.named(f"{form}.{_short(first.attribute)}")
         yield rule(first.subject, text, data=data, where=where)
+
+
+def _sentence(row: Row, file: str) -> str:
+    """A row in words."""
+    *path, last = row.attribute.split()
+    thing = " ".join(path) or "it"
+    if last == "missing":
+        return f"{file} lacks {thing}: {shown(row.expected)}"
+    if last == "extra":
+        return f"{file} has {thing}, its writer does not write it: {shown(row.found)}"
+    return f"{row.attribute} is {shown(row.found)} in {file}, {shown(row.expected)} by the robot"
 
 
 def _short(attribute: str) -> str:
