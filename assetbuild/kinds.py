@@ -271,6 +271,12 @@ class Target(Plugin):
         """The step that a recipe asks for."""
         return cls.model_validate(cls.values(recipe))
 
+    @classmethod
+    def place(cls, name: str, path: str) -> str:
+        """Path in the bundle of a file that it writes at `path`. name: the plug-in's."""
+        folder = name if cls.folder is None else cls.folder
+        return f"{folder}/{path}" if folder else path
+
 
 class Check(Plugin):
     """Reads the Robot and built files, yields findings, writes `figures.json`."""

@@ -319,8 +319,8 @@ def equality_findings(
         first, keys = same.one, same.keys
         quantity = first.key.quantity.rsplit(":", 1)[-1] if first.what == "value" else first.what
         data: dict[str, Scalar | tuple[Scalar, ...]] = {
-            "expected": _data(first.before),
-            "found": _data(first.after),
+            "expected": plain_data(first.before),
+            "found": plain_data(first.after),
         }
         if len(keys) > 1:
             data["subjects"] = tuple(key.subject for key in keys)
@@ -374,7 +374,7 @@ def shown(value: Value, unit: str = "", digits: int = 6) -> str:
     return f"{value:.{digits}g}" + (f" {unit}" if unit else "")
 
 
-def _data(value: Value) -> Scalar | tuple[Scalar, ...]:
+def plain_data(value: Value) -> Scalar | tuple[Scalar, ...]:
     """Plain data; numbers that are not finite as text, which JSON has no other form of."""
     if isinstance(value, float) and not math.isfinite(value):
         return str(value)

@@ -14,14 +14,21 @@ def pixel_digest(file: Path, known: KnownFiles | None = None) -> str:
 
     "" where it is missing or no picture, which the targets report. known: the robot's own.
     """
+    try:
+        data = file.read_bytes()
+    except FileNotFoundError:
+        return ""
+    same = known.picture(data) if known is not None else None
+    return same or pixels_of(data)
+
+
+def pixels_of(data: bytes) -> str:
+    """The same of the bytes of a picture."""
     from PIL import Image, UnidentifiedImageError
 
     try:
-        data = file.read_bytes()
-        if known is not None and (same := known.picture(data)):
-            return same
         with Image.open(BytesIO(data)) as picture:
             pixels = picture.convert("RGBA")
-    except (FileNotFoundError, UnidentifiedImageError):
+    except UnidentifiedImageError:
         return ""
     return hashlib.sha256(repr(pixels.size).encode() + pixels.tobytes()).hexdigest()[:16]

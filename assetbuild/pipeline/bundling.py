@@ -21,8 +21,10 @@ from assetbuild.engine.session import Session
 from assetbuild.engine.store import OUT_OPTION, Listing, machine_error
 from assetbuild.engine.world import files_in
 from assetbuild.errors import StepError, UsageError
+from assetbuild.facts.again.written import Written, sign
 from assetbuild.facts.reader import asked_sections, stated_options
 from assetbuild.facts.reference import Assets, Reference
+from assetbuild.kinds import Target
 from assetbuild.lock import GitPin, Lock, Pin
 from assetbuild.looks.render import THUMBNAIL
 from assetbuild.pipeline.publish import (
@@ -33,8 +35,10 @@ from assetbuild.pipeline.publish import (
     new_staging,
     publish,
 )
+from assetbuild.pipeline.writers import RANGES, code_of_writers, patterns
 from assetbuild.plan import Outline, part_lock
 from assetbuild.plan.asked import readers_of
+from assetbuild.plugins import load_plugin
 from assetbuild.recipe.loader import LoadedRecipe
 from assetbuild.recipe.models import Recipe
 from assetbuild.report.bundle import (
@@ -72,7 +76,7 @@ def bundle_files(
     tree, shapes, control = built.robot()
     subject = Subject(recipe, told[0][1], tree, shapes, control, built.measured(), built.fits())
     sections = asked_sections(reader for _, reader in readers_of(recipe))
-    reference = built.reference(stated_options(recipe, sections))
+    reference = built.reference(stated_options(recipe, sections) | patterns(recipe))
     files = [
         *built.targets(),
         *built.thumbnail(recipe.robot),
@@ -176,14 +180,22 @@ class _Built:
         held = decode(Assets, assets)
         return Reference(decode(Tree, links), tree, shapes, control, held, options)
 
+    def written(self) -> Written:
+        """What `validate` needs to write the files again."""
+        meshes = self.listing(self.outline.robot["meshes/"])
+        kinds = {name: type(node.step) for name, node in self.outline.targets.items()}
+        if self.outline.ranges is not None:
+            kinds[RANGES] = type(self.outline.ranges.step)
+        digests = {path: digest for path, (digest, _) in sorted(meshes.items())}
+        return Written(digests, code_of_writers(kinds, self.session.code))
+
     def targets(self) -> list[BundleFile]:
         """Files of all targets, each path once; StepError when two disagree about one."""
         files: dict[str, BundleFile] = {}
         for name, node in self.outline.targets.items():
-            folder = getattr(type(node.step), "folder", None)
-            prefix = f"{name}/" if folder is None else f"{folder}/" if folder else ""
+            target = load_plugin(Target, name)
             for path, (digest, size) in sorted(self.listing(node[f"{name}/"]).items()):
-                file = BundleFile(f"{prefix}{path}", name, digest, size)
+                file = BundleFile(target.place(name, path), name, digest, size)
                 if files.setdefault(file.path, file).sha256 != digest:
                     raise StepError(f"targets {files[file.path].role} and {name} both write {path}")
         return list(files.values())
@@ -243,7 +255,7 @@ def _report_files(
         "report/report.json": json_text(report.to_json()),
         "report/index.html": html_page(report, subject, [p for p, _ in shown], built.view()),
         "report/report.md": summary(report),
-        "report/robot.json": reference.to_json(),
+        "report/robot.json": sign(reference.to_json(), built.written()),
         "model_card.md": model_card(subject, report),
     }
     files = [BundleFile.of_text(path, "report", text) for path, text in texts.items()]

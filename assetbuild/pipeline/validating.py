@@ -15,6 +15,7 @@ from assetbuild.errors import AssetBuildError, SourceError, UsageError
 from assetbuild.facts.coherence import incoherent, other_sections
 from assetbuild.facts.reference import Reference
 from assetbuild.findings import Finding, Rule, worst_first
+from assetbuild.pipeline.again import prove_again
 from assetbuild.pipeline.bundling import manifest_of
 from assetbuild.pipeline.trying import UNTRIED
 from assetbuild.report.sides import bundle_readers
@@ -100,6 +101,10 @@ def _proved(bundle: Path) -> dict[str, Validated]:
             for finding in reader.prove(reference, file).findings
         ]
         found[name] = Validated(name, form, tuple(findings))
+    for finding in prove_again(bundle, robot, reference):
+        name = finding.where.partition(":")[0]
+        own_file = found.get(name, Validated(name, "file", ()))
+        found[name] = replace(own_file, findings=(*own_file.findings, finding))
     lost = {finding.where: finding for finding in lost_files(bundle)}
     return found | {name: Validated(name, "file", (finding,)) for name, finding in lost.items()}
 

@@ -16,6 +16,7 @@ from assetbuild.facts.reader import Reader
 from assetbuild.facts.reference import Reference
 from assetbuild.facts.table import Table
 from assetbuild.findings import Finding
+from assetbuild.pipeline.again import prove_again
 from assetbuild.report.diff import Change, changes
 from assetbuild.report.sides import Side, bundle_readers, bundle_side
 from tests.mutations.bundle import form_of
@@ -55,13 +56,18 @@ class Read:
 class Judge:
     """Compares a bundle with what it was when the judge first saw it."""
 
-    def __init__(self, bundle: Path, untouched: Path) -> None:
-        """Reads all files of the untouched bundle. bundle: the copy that will be changed."""
-        self.bundle = bundle
+    def __init__(self, bundle: Path, untouched: Path, *, again: bool = False) -> None:
+        """Reads all files of the untouched bundle. bundle: the copy that will be changed.
+
+        again: only the files written again judge, no reader and no `diff`.
+        """
+        self.bundle, self.again = bundle, again
         self.robot = str(json.loads((bundle / "manifest.json").read_bytes())["robot"])
         self.before = _side(untouched, bundle)
         reference = Reference.of_bundle(bundle)
         self.reads: list[Read] = []
+        if again:
+            return
         for _, reader, file in bundle_readers(bundle, self.robot, reference):
             table = reader.read(file)
             proof = _with_table(reader, table, reference).prove(reference, file)
@@ -75,10 +81,24 @@ class Judge:
 
     def ask(self, file: str) -> Verdict:
         """The verdict on the bundle as it lies now; `file` was changed."""
+        if self.again:
+            said = self._written_again()
+            return Verdict(_word(said), "missed", tuple(map(_line, said)))
         said = self._validate(file)
         rows = self._diff()
         told = [f"diff: {', '.join(row.subjects)}: {row.quantity}" for row in rows]
         return Verdict(_word(said), _diff_word(rows), tuple(map(_line, said)), tuple(told))
+
+    def _written_again(self) -> list[Finding]:
+        """What the writers write otherwise; information is no finding here."""
+        try:
+            reference = Reference.of_bundle(self.bundle)
+            found = prove_again(self.bundle, self.robot, reference)
+            return [finding for finding in found if finding.severity != "info"]
+        except AssetBuildError as error:
+            return [Finding("equal.unreadable", "error", "robot", error.message)]
+        except Exception:
+            return [_crash("again")]
 
     def _validate(self, file: str) -> list[Finding]:
         """What the comparison of every file with the bundle's robot says now, and did not."""

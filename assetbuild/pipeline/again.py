@@ -1,0 +1,282 @@
+"""A bundle's files are proven by writing them again, from its own robot and meshes.
+
+The targets run on `report/robot.json` in a scratch folder, in the environment that pins a build's
+kernels. Equal bytes are equal; of all else the comparers of `facts.again` tell what differs.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import sys
+import tempfile
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+from assetbuild.control.keep_ratings import KeepRatings
+from assetbuild.engine.children import Kind, environment
+from assetbuild.engine.code import Code
+from assetbuild.engine.digest import digest_file
+from assetbuild.engine.step import Step
+from assetbuild.engine.wire import step_to_json
+from assetbuild.errors import MachineError, StepError
+from assetbuild.facts.again.files import rows_of
+from assetbuild.facts.again.row import NotParsedError, row_findings
+from assetbuild.facts.again.written import Signed, read_signed
+from assetbuild.facts.compare import EQUAL
+from assetbuild.facts.reader import UNREADABLE
+from assetbuild.facts.reference import Reference
+from assetbuild.findings import Finding, Rule
+from assetbuild.pipeline.held_meshes import Held, edited_rows, held_meshes
+from assetbuild.pipeline.writers import (
+    StatedRecipe,
+    code_of_writers,
+    place,
+    writer,
+    writer_kinds,
+)
+from assetbuild.robot.codec import encode
+from assetbuild.simulators.children import run_child
+
+ROBOT = "report/robot.json"
+BOOT = (
+    "import json, sys; sys.path[:] = json.loads(sys.argv[1]); "
+    "from assetbuild.pipeline import _again_child; _again_child.main(sys.argv[2])"
+)
+"""Program text of the process that writes: it finds the modules that this one finds."""
+SECONDS = 600.0
+"""Time for all writers."""
+
+UNPROVEN = Rule(
+    "again.unproven",
+    "info",
+    "files were not written again, so that only their readers prove them: the bundle is an earlier "
+    "version's, other code wrote it, or it holds no meshes",
+    "build the bundle again with this version",
+)
+OTHERWISE = Rule(
+    "again.otherwise",
+    "info",
+    "a file of the bundle is written differently and means the same",
+    "nothing",
+)
+REFUSED = Rule(
+    "again.refused",
+    "error",
+    "a target cannot write the robot of the bundle",
+    "build the bundle again",
+)
+
+
+@dataclass(frozen=True)
+class Plan:
+    """Which writers run. steps: by name; said: why others do not."""
+
+    steps: Mapping[str, Step]
+    said: tuple[Finding, ...]
+
+
+@dataclass(frozen=True)
+class Again:
+    """The bundle's files as their writers write them now.
+
+    folder: holds them as the bundle does; writers: path in the bundle -> name of its writer.
+    refused: what a writer could not write.
+    """
+
+    folder: Path
+    writers: Mapping[str, str]
+    refused: tuple[Finding, ...]
+
+
+def prove_again(bundle: Path, robot: str, reference: Reference) -> Iterator[Finding]:
+    """What the bundle's files say and their writers do not write; each finding has its file."""
+    signed = read_signed(bundle)
+    if signed is None:
+        yield UNPROVEN("robot", "the bundle was built by an earlier version", where=ROBOT)
+        return
+    if signed.stated != signed.computed:
+        yield _edited(signed)
+        return
+    meshes = held_meshes(bundle, signed.written.meshes)
+    plan = _plan(robot, reference, signed, meshes)
+    yield from plan.said
+    yield from _edited_meshes(meshes, reference)
+    with tempfile.TemporaryDirectory(prefix="assetbuild-again-") as folder:
+        again = _write(Path(folder), reference, meshes, plan.steps)
+        yield from again.refused
+        for path in again.writers:
+            yield from _compared(path, bundle, again)
+
+
+def _edited(signed: Signed) -> Finding:
+    """Everything would differ from a robot that was edited: one finding says so."""
+    said = {"attribute": "digest", "expected": signed.stated, "found": signed.computed}
+    text = f"{ROBOT} was edited after the build: its digest is not the one that it states"
+    return EQUAL.named("robot.digest")("robot", text, data=said, where=ROBOT)
+
+
+# --- what can be written ----------------------------------------------------------------------
+
+
+def _plan(robot: str, reference: Reference, signed: Signed, meshes: Mapping[str, Held]) -> Plan:
+    """The writers whose code, sections and meshes are those of the build."""
+    written = signed.written
+    stated = StatedRecipe(robot, tuple(written.writers), reference)
+    kinds = writer_kinds(written.writers)
+    code = code_of_writers(kinds, Code())
+    lost = [file for file in written.meshes if file not in meshes]
+    steps: dict[str, Step] = {}
+    said: list[Finding] = []
+    for name, digest in written.writers.items():
+        if why := _hindrance(kinds.get(name), code.get(name) == digest, lost):
+            text = f"{why}, so that only their readers prove its files"
+            said.append(UNPROVEN(f"target {name}", text, where=ROBOT))
+            continue
+        try:
+            steps[name] = writer(name, kinds[name], stated)
+        except (ValueError, LookupError, TypeError) as error:
+            why = " ".join(str(error).split())
+            said.append(REFUSED(f"target {name}", f"its section: {why}", where=ROBOT))
+    return Plan(steps, tuple(said))
+
+
+def _hindrance(kind: type[Step] | None, same_code: bool, lost: Sequence[str]) -> str:
+    """Why a writer cannot write the bundle again; "" where it can."""
+    if kind is None:
+        return "the target is not installed"
+    if not same_code:
+        return "the target's code has changed since the build"
+    if lost and "meshes/" in getattr(kind, "reads", ()):
+        return f"no folder of the bundle holds `{lost[0]}`"
+    return ""
+
+
+def _edited_meshes(meshes: Mapping[str, Held], reference: Reference) -> Iterator[Finding]:
+    """Of meshes and pictures of which no copy is as it was built."""
+    for file, held in meshes.items():
+        if not held.edited:
+            continue
+        try:
+            rows = [*edited_rows(file, held.data, reference.assets)]
+        except StepError as error:
+            yield UNREADABLE("robot", error.message, where=held.path)
+            continue
+        yield from row_findings(rows, "mesh", held.path)
+        if not rows:
+            yield _otherwise(file, held.path)
+
+
+def _otherwise(subject: str, path: str) -> Finding:
+    return OTHERWISE(f"file {subject}", "written differently, and it means the same", where=path)
+
+
+# --- writing ----------------------------------------------------------------------------------
+
+
+def _write(
+    folder: Path, reference: Reference, meshes: Mapping[str, Held], steps: Mapping[str, Step]
+) -> Again:
+    """Run the steps in a process of their own; MachineError where it does not end well."""
+    _put_robot(folder / "in", reference, meshes)
+    jobs = [_job("ratings", KeepRatings(), prepares=True)]
+    jobs += [_job(name, step, prepares=False) for name, step in steps.items()]
+    (folder / "steps.json").write_text(json.dumps(jobs), encoding="utf-8")
+    path = json.dumps([entry for entry in sys.path if entry])
+    command = [sys.executable, "-P", "-c", BOOT, path, str(folder)]
+    variables = environment(Kind((), 1, False), folder)
+    if how := run_child(command, folder, SECONDS, variables):
+        raise MachineError(f"writing the bundle again {how}")
+    said = json.loads((folder / "said.json").read_bytes())
+    refused = tuple(
+        REFUSED(f"target {name}", why, where=ROBOT) for name, why in said.items() if why
+    )
+    return Again(folder / "again", _gathered(folder, steps), refused)
+
+
+def _put_robot(ports: Path, reference: Reference, meshes: Mapping[str, Held]) -> None:
+    """Write the inputs of the targets."""
+    (ports / "meshes").mkdir(parents=True)
+    parts = {
+        "links": reference.links, "tree": reference.tree, "shapes": reference.shapes,
+        "control": reference.control,
+    }  # fmt: skip
+    for name, part in parts.items():
+        (ports / f"{name}.json").write_bytes(encode(part))
+    for file, held in meshes.items():
+        (ports / "meshes" / file).write_bytes(held.data)
+
+
+def _job(name: str, step: Step, *, prepares: bool) -> dict[str, object]:
+    return {"name": name, "step": step_to_json(step), "prepares": prepares}
+
+
+def _gathered(folder: Path, steps: Mapping[str, Step]) -> dict[str, str]:
+    """Move what the writers wrote where the bundle has it; path -> writer."""
+    writers: dict[str, str] = {}
+    for name, step in steps.items():
+        own = folder / "out" / name
+        top = own / name if (own / name).is_dir() else own
+        for file in sorted(path for path in top.rglob("*") if path.is_file()):
+            path = place(name, type(step), file.relative_to(top).as_posix())
+            target = folder / "again" / path
+            target.parent.mkdir(parents=True, exist_ok=True)
+            file.replace(target)
+            writers.setdefault(path, name)
+    return writers
+
+
+# --- comparing --------------------------------------------------------------------------------
+
+
+def _compared(path: str, bundle: Path, again: Again) -> Iterator[Finding]:
+    """One file of the bundle with what its writer writes. A lost file is the manifest's."""
+    ours, theirs = again.folder / path, bundle / path
+    if not theirs.is_file() or digest_file(ours) == digest_file(theirs):
+        return
+    with _among_others(path, theirs, again) as there:
+        try:
+            rows = rows_of(ours, there, _stages(path, again))
+        except NotParsedError as error:
+            yield _not_parsed(error, again.writers[path], path)
+            return
+    yield from row_findings(rows, again.writers[path], path)
+    if not rows:
+        yield _otherwise(path, path)
+
+
+def _not_parsed(error: NotParsedError, form: str, path: str) -> Finding:
+    """Nothing can be compared with what is not of its kind any more; the parser names the line."""
+    said = {"attribute": "statement", "expected": "a file that parses", "found": error.message}
+    where = f"{path}:{error.line}" if error.line else path
+    return EQUAL.named(f"{form}.statement")(f"file {path}", error.message, data=said, where=where)
+
+
+@contextmanager
+def _among_others(path: str, theirs: Path, again: Again) -> Iterator[Path]:
+    """The bundle's file in a folder with all other files as their writers write them.
+
+    So a model that includes it, or a stage that it is a layer of, differs by this file alone.
+    """
+    with tempfile.TemporaryDirectory(prefix="there-", dir=again.folder.parent) as name:
+        top = path.partition("/")[0]
+        for other in again.writers:
+            if other.partition("/")[0] == top and other != path:
+                link = Path(name, other)
+                link.parent.mkdir(parents=True, exist_ok=True)
+                os.link(again.folder / other, link)
+        there = Path(name, path)
+        there.parent.mkdir(parents=True, exist_ok=True)
+        shutil.copyfile(theirs, there)
+        yield there
+
+
+def _stages(path: str, again: Again) -> tuple[Path, ...]:
+    """The files of USD at the top of the folder that `path` lies in."""
+    top = path.partition("/")[0]
+    suffixes = (".usda", ".usdc", ".usd")
+    found = (Path(other) for other in again.writers if other.endswith(suffixes))
+    return tuple(again.folder / other for other in found if other.parent == Path(top))

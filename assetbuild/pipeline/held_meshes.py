@@ -1,0 +1,92 @@
+"""The robot's meshes and pictures, wherever in a bundle a file holds them as they were built."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from assetbuild.engine.digest import digest_bytes
+from assetbuild.facts.again.row import Row, same_numbers
+from assetbuild.facts.reference import Assets
+from assetbuild.facts.table import Value
+
+LOOKS = (b"mtllib ", b"usemtl ")
+"""First words of the lines that a URDF's copy of a mesh has before the mesh."""
+
+
+@dataclass(frozen=True)
+class Held:
+    """One file. path: in the bundle, of the copy; edited: no copy is as it was built."""
+
+    path: str
+    data: bytes
+    edited: bool
+
+
+def held_meshes(bundle: Path, wanted: Mapping[str, str]) -> dict[str, Held]:
+    """File -> the copy that is as it was built, else any. wanted: file -> its SHA-256."""
+    copies: dict[str, list[Path]] = {}
+    for path in sorted(path for path in bundle.rglob("*") if path.name in wanted):
+        copies.setdefault(path.name, []).append(path)
+    return {
+        name: _best(bundle, found, wanted[name])
+        for name, found in copies.items()
+        if found and all(path.is_file() for path in found)
+    }
+
+
+def _best(bundle: Path, copies: list[Path], digest: str) -> Held:
+    for path in copies:
+        data = path.read_bytes()
+        for content in (data, _without_looks(data)):
+            if digest_bytes(content) == digest:
+                return Held(path.relative_to(bundle).as_posix(), content, edited=False)
+    first = copies[0]
+    content = _without_looks(first.read_bytes())
+    return Held(first.relative_to(bundle).as_posix(), content, edited=True)
+
+
+def _without_looks(data: bytes) -> bytes:
+    while data.startswith(LOOKS):
+        data = data.partition(b"\n")[2]
+    return data
+
+
+def edited_rows(file: str, data: bytes, assets: Assets) -> Iterator[Row]:
+    """What an edited mesh or picture shows otherwise than the one that was measured."""
+    if file.endswith(".obj"):
+        yield from _mesh_rows(file, data, assets)
+        return
+    from assetbuild.facts.picture import pixels_of
+
+    expected, found = dict(assets.pixels).get(file, ""), pixels_of(data)
+    if expected != found:
+        yield Row("picture", file, "pixels", expected, found)
+
+
+def _mesh_rows(file: str, data: bytes, assets: Assets) -> Iterator[Row]:
+    from assetbuild.facts.sketch import sketch_of, told
+    from assetbuild.facts.surface import measure
+    from assetbuild.mesh.obj import read_triangles
+
+    name = file.removesuffix(".obj")
+    mesh = read_triangles(data, file)
+    found = measure(mesh.corners, mesh.uv, mesh.normals)
+    sketch = sketch_of(mesh.corners, mesh.uv, mesh.normals)
+    found = replace(found, vertices=len(mesh.vertices), sketch=sketch)
+    expected = dict(assets.surfaces)[name]
+    theirs, ours = found.facts(), expected.facts()
+    for quantity in dict.fromkeys((*ours, *theirs)):
+        one, other = ours.get(quantity), theirs.get(quantity)
+        if not _same(one, other):
+            yield Row("mesh", name, quantity, one, other)
+    if expected.sketch != found.sketch:
+        yield Row("mesh", name, "triangle", *told(expected.sketch, found.sketch))
+
+
+def _same(one: Value, other: Value) -> bool:
+    a, b = (value if isinstance(value, tuple) else (value,) for value in (one, other))
+    if any(isinstance(item, str) or item is None for item in (*a, *b)):
+        return one == other
+    return same_numbers(tuple(map(float, a)), tuple(map(float, b)))  # type: ignore[arg-type] # numbers

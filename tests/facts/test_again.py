@@ -1,0 +1,191 @@
+"""Each comparer names a planted change, and takes a file that is only written differently."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from PIL import Image
+
+from assetbuild.facts.again.files import rows_of
+from assetbuild.facts.again.row import NotParsedError, Row, row_findings
+
+URDF = """<robot name="arm">
+  <link name="base"/>
+  <joint name="turn" type="revolute"><origin xyz="0 0 1.5"/><limit effort="30"/></joint>
+</robot>
+"""
+MJCF = """<mujoco>
+  <default><default class="arm"><position kp="80" kv="4"/></default></default>
+  <worldbody>
+    <body name="a"><joint name="turn"/><geom name="box" size="1" mass="1"/>
+      <body name="b" pos="0 0 1"><joint name="lift"/><geom size="1"/></body></body>
+  </worldbody>
+  <actuator>
+    <position class="arm" name="turn" joint="turn"/><position class="arm" name="lift" joint="lift"/>
+  </actuator>
+</mujoco>
+"""
+MODULE = '''"""A robot."""
+def cfg():
+    """Its drives."""
+    return Entity(joints={"turn": 0.5}, actuators=[Drive(stiffness=80.0, delay=2)])
+'''
+RANGES = "robot: arm\nlinks:\n  base:\n    mass: {nominal: 3.5, range: [3, 4]}\n"
+MESH = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 2 3\nf 1 2 4\n"
+STAGE = """#usda 1.0
+(
+    defaultPrim = "arm"
+)
+
+def Xform "arm" (
+    prepend variantSets = "Physics"
+    variants = {
+        string Physics = "on"
+    }
+)
+{
+    def PhysicsRevoluteJoint "turn"
+    {
+        float physics:upperLimit = 90
+    }
+    variantSet "Physics" = {
+        "off" {
+            float mass = 1
+        }
+        "on" {
+            float mass = 2
+        }
+    }
+}
+"""
+
+
+def compared(folder: Path, name: str, text: str, *edits: tuple[str, str]) -> list[Row]:
+    """The rows of a file in which some words were replaced."""
+    after = text
+    for old, new in edits:
+        assert old in after
+        after = after.replace(old, new)
+    paths = [folder / "again" / name, folder / "there" / name]
+    for path, content in zip(paths, (text, after), strict=True):
+        path.parent.mkdir()
+        path.write_text(content)
+    return rows_of(paths[0], paths[1], (paths[0],))
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "edit", "row"),
+    [
+        ("a.urdf", URDF, ('effort="30"', 'effort="33"'),
+         Row("joint", "turn", "limit effort", 30.0, 33.0, 3)),
+        ("a.urdf", URDF, ('<link name="base"/>', ""),
+         Row("link", "base", "missing", '<link name="base"/>', None, 1)),
+        ("a.xml", MJCF, ('name="box" size="1"', 'name="box" size="2"'),
+         Row("geom", "box", "size", 1.0, 2.0, 4)),
+        ("a.py", MODULE, ("80.0", "88.0"),
+         Row("function", "cfg", "return actuators[0] stiffness", 80.0, 88.0, 4)),
+        ("a.py", MODULE, ('"turn": 0.5', '"turn": 0.6'),
+         Row("function", "cfg", "return joints['turn']", 0.5, 0.6, 4)),
+        ("dr.yaml", RANGES, ("3.5", "3.6"),
+         Row("links", "base", "mass nominal", 3.5, 3.6, 4)),
+        ("dr.yaml", RANGES, ("[3, 4]", "[3, 5]"),
+         Row("links", "base", "mass range", (3.0, 4.0), (3.0, 5.0), 4)),
+        ("a.json", '{"a": {"b": 1.0}}', ("1.0", "2.0"), Row("a", "", "b", 1.0, 2.0, 1)),
+        ("calf.obj", MESH, ("v 0 1 0", "v 0 2 0"),
+         Row("mesh", "calf", "v[2]", (0.0, 1.0, 0.0), (0.0, 2.0, 0.0), 3)),
+        ("a.usda", STAGE, ("upperLimit = 90", "upperLimit = 91"),
+         Row("prim", "/arm/turn", "physics:upperLimit", 90.0, 91.0, 15)),
+        ("a.usda", STAGE, ("mass = 1", "mass = 3"),
+         Row("prim", "/arm{Physics=off}", "mass", 1.0, 3.0, 19)),
+        ("a.usda", STAGE, ('Physics = "on"', 'Physics = "off"'),
+         Row("prim", "/arm", "variantSelection Physics", "on", "off", 6)),
+    ],
+    ids=lambda value: value if isinstance(value, str) and len(value) < 9 else "",
+)  # fmt: skip
+def test_a_change_is_named_with_both_values(
+    name: str, text: str, edit: tuple[str, str], row: Row, tmp_path: Path
+):
+    assert compared(tmp_path, name, text, edit) == [row]
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "edit"),
+    [
+        ("a.urdf", URDF, ('"0 0 1.5"', '"0  0.0 1.5000000000001"')),
+        ("a.urdf", URDF, ('name="turn" type="revolute"', 'type="revolute" name="turn"')),
+        ("a.xml", MJCF, ('<position kp="80" kv="4"/>', '<!-- no --><position kv="4.0" kp="80"/>')),
+        ("a.xml", MJCF, ("<joint name=", '<joint axis="0 0 2" name=')),
+        ("a.py", MODULE, ('"""Its drives."""', "# the drives")),
+        ("dr.yaml", RANGES, ("{nominal: 3.5, range: [3, 4]}", "\n      range: [3, 4]\n"
+                             "      nominal: 3.5")),
+        ("calf.obj", MESH, ("v 0 0 1\n", "\n# a corner\nv 0.0 0 1\n")),
+        ("a.usda", STAGE, ("float mass = 2", "float mass = 2.0  # kg")),
+        ("a.usda", STAGE, ("float physics", "bool physics:jointEnabled = 1\nfloat physics")),
+    ],
+)  # fmt: skip
+def test_what_is_only_written_differently_is_the_same(
+    name: str, text: str, edit: tuple[str, str], tmp_path: Path
+):
+    assert compared(tmp_path, name, text, edit) == []
+
+
+def test_a_default_class_is_called_by_what_it_drives(tmp_path: Path):
+    rows = compared(tmp_path, "a.xml", MJCF, ('kp="80"', 'kp="88"'))
+    assert {(row.subject, row.attribute, row.expected, row.found) for row in rows} == {
+        ("actuator turn", "kp", 80.0, 88.0), ("actuator lift", "kp", 80.0, 88.0),
+    }  # fmt: skip
+    (finding,) = row_findings(rows, "mjcf", "mjcf/a.xml")
+    assert finding.rule == "equal.mjcf.kp"
+    assert finding.where == "mjcf/a.xml:2"
+    assert finding.data["subjects"] == ("actuator turn", "actuator lift")
+
+
+def moved(kp: int) -> tuple[tuple[str, str], ...]:
+    """The gains of the default class, in its two actuators; the first has another kp."""
+    return (
+        ('<position kp="80" kv="4"/>', ""),
+        ('name="turn" joint', f'name="turn" kp="{kp}" kv="4" joint'),
+        ('name="lift" joint', 'name="lift" kp="80" kv="4" joint'),
+    )
+
+
+def test_a_default_moved_into_its_elements_is_the_same(tmp_path: Path):
+    assert compared(tmp_path, "a.xml", MJCF, *moved(80)) == []
+
+
+def test_a_moved_default_leaves_only_what_the_model_says(tmp_path: Path):
+    """Five texts differ, and of one actuator the gain and the bias."""
+    rows = compared(tmp_path, "a.xml", MJCF, *moved(88))
+    assert {(row.subject, row.attribute, row.found) for row in rows} == {
+        ("actuator turn", "biasprm[1]", -88.0), ("actuator turn", "gainprm[0]", 88.0),
+    }  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "edit", "line"),
+    [
+        ("a.urdf", URDF, ("</joint>", ""), 4),
+        ("a.py", MODULE, ("return Entity(", "return Entity)"), 4),
+        ("dr.yaml", RANGES, ("{nominal", "}nominal"), 4),
+        ("a.usda", STAGE, ("= 90", "= ="), 15),
+    ],
+)
+def test_what_does_not_parse_is_reported_with_its_line(
+    name: str, text: str, edit: tuple[str, str], line: int, tmp_path: Path
+):
+    with pytest.raises(NotParsedError) as error:
+        compared(tmp_path, name, text, edit)
+    assert error.value.line == line
+
+
+def test_a_picture_is_its_pixels(tmp_path: Path):
+    again, packed, other = (tmp_path / name for name in ("a.png", "b.png", "c.png"))
+    picture = Image.new("RGB", (3, 2), (10, 20, 30))
+    picture.save(again)
+    picture.save(packed, compress_level=1)
+    picture.putpixel((2, 1), (10, 20, 33))
+    picture.save(other)
+    assert rows_of(again, packed) == []
+    expected, found = (10.0, 20.0, 30.0), (10.0, 20.0, 33.0)
+    assert rows_of(again, other) == [Row("picture", "c.png", "pixel 2,1", expected, found)]
