@@ -35,7 +35,6 @@ def main(words: Sequence[str] | None = None) -> int:
     parser.add_argument("--format", choices=FORMATS, action="append")
     parser.add_argument("--by-name", action="store_true", help="every attribute name comes first")
     parser.add_argument("--rewrite", action="store_true", help="write the files anew, same meaning")
-    parser.add_argument("--again", action="store_true", help="judge by files written again alone")
     parser.add_argument("--processes", type=int, default=2)
     parser.add_argument("--out", type=Path, help="all results as JSON")
     chosen = parser.parse_args(words)
@@ -44,12 +43,12 @@ def main(words: Sequence[str] | None = None) -> int:
     alarms = 0
     for bundle in chosen.bundle:
         if chosen.rewrite:
-            alarms += false_alarms(bundle, again=chosen.again)
+            alarms += false_alarms(bundle)
             continue
         there = {form_of(file) for file in files_of(bundle)}
         forms = [form for form in chosen.format or FORMATS if form in there]
         drawn = sample(bundle, forms, chosen.seed, chosen.count, by_name=chosen.by_name)
-        results[bundle.name] = list(try_all(bundle, drawn, chosen.processes, again=chosen.again))
+        results[bundle.name] = list(try_all(bundle, drawn, chosen.processes))
         print(f"\n# {bundle.name}\n\n{table(results[bundle.name])}")
         print(f"\n{(time.monotonic() - began):.0f} s so far")
         print(missed(results[bundle.name]), flush=True)
@@ -123,12 +122,12 @@ def _said(one: Result) -> str:
     return f" [{one.verdict.said[0][:160]}]" if one.verdict.said else ""
 
 
-def false_alarms(bundle: Path, *, again: bool = False) -> int:
+def false_alarms(bundle: Path) -> int:
     """Prints and counts what is found in files that were only written differently."""
     from tests.mutations.rewrite import rewritten
 
     count = 0
-    for file, how, said in rewritten(bundle, again=again):
+    for file, how, said in rewritten(bundle):
         count += len(said)
         print(f"{bundle.name}: {file}: {how}: {'; '.join(said[:3]) or 'nothing found'}", flush=True)
     return count

@@ -56,18 +56,13 @@ class Read:
 class Judge:
     """Compares a bundle with what it was when the judge first saw it."""
 
-    def __init__(self, bundle: Path, untouched: Path, *, again: bool = False) -> None:
-        """Reads all files of the untouched bundle. bundle: the copy that will be changed.
-
-        again: only the files written again judge, no reader and no `diff`.
-        """
-        self.bundle, self.again = bundle, again
+    def __init__(self, bundle: Path, untouched: Path) -> None:
+        """Reads all files of the untouched bundle. bundle: the copy that will be changed."""
+        self.bundle = bundle
         self.robot = str(json.loads((bundle / "manifest.json").read_bytes())["robot"])
         self.before = _side(untouched, bundle)
         reference = Reference.of_bundle(bundle)
         self.reads: list[Read] = []
-        if again:
-            return
         for _, reader, file in bundle_readers(bundle, self.robot, reference):
             table = reader.read(file)
             proof = _with_table(reader, table, reference).prove(reference, file)
@@ -81,9 +76,6 @@ class Judge:
 
     def ask(self, file: str) -> Verdict:
         """The verdict on the bundle as it lies now; `file` was changed."""
-        if self.again:
-            said = self._written_again()
-            return Verdict(_word(said), "missed", tuple(map(_line, said)))
         said = self._validate(file)
         rows = self._diff()
         told = [f"diff: {', '.join(row.subjects)}: {row.quantity}" for row in rows]
@@ -119,7 +111,7 @@ class Judge:
                 said += read.news(reader.prove(reference, read.file).findings)
             except Exception:  # a reader that breaks is a finding of this run
                 said.append(_crash(read.reader.form))
-        return said
+        return said if _word(said) == "found" else said + self._written_again()
 
     def _concerned(self, file: str) -> list[Read]:
         """The readers of a file, first the one whose main file it is; of the robot's own, all."""

@@ -21,11 +21,11 @@ DECIMAL = re.compile(r"(?<![\w.])(-?\d+\.\d+)(?![\w.])")
 
 
 def rewritten(
-    bundle: Path, wanted: Callable[[str], bool] = lambda file: True, *, again: bool = False
+    bundle: Path, wanted: Callable[[str], bool] = lambda file: True
 ) -> Iterator[tuple[str, str, list[str]]]:
     """(file, way of writing it differently, what was then said or differed) of wanted files."""
     with tempfile.TemporaryDirectory(prefix="rewritten-") as name:
-        bench = Bench(bundle, Path(name), again=again)
+        bench = Bench(bundle, Path(name))
         alarms = [f"{rule}: {subject}" for rule, subject, _ in bench.judge.alarms]
         yield "(untouched)", "as built", alarms
         for file in filter(wanted, files_of(bench.bundle)):

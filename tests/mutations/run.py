@@ -33,10 +33,10 @@ class Result:
 class Bench:
     """A copy of a bundle, what its files mean, and its judge."""
 
-    def __init__(self, bundle: Path, folder: Path, *, again: bool = False) -> None:
-        """bundle: untouched; folder: where the copy goes; again: see `Judge`."""
+    def __init__(self, bundle: Path, folder: Path) -> None:
+        """bundle: untouched; folder: where the copy goes."""
         self.bundle = copied(bundle, folder / "bundle")
-        self.judge = Judge(self.bundle, bundle, again=again)
+        self.judge = Judge(self.bundle, bundle)
         self.meanings: dict[str, Meaning] = {}
 
     def before(self, file: str) -> Meaning:
@@ -89,18 +89,16 @@ def _names_first(found: Sequence[Mutation]) -> list[Mutation]:
     return [one for _, one in sorted(zip(rounds, found, strict=True), key=lambda pair: pair[0])]
 
 
-def try_all(
-    bundle: Path, chosen: Sequence[Mutation], processes: int, *, again: bool = False
-) -> Iterator[Result]:
+def try_all(bundle: Path, chosen: Sequence[Mutation], processes: int) -> Iterator[Result]:
     """Results in the order of the mutations."""
     with tempfile.TemporaryDirectory(prefix="mutations-") as name:
         folder = Path(name)
         if processes == 1:
-            bench = Bench(bundle, folder, again=again)
+            bench = Bench(bundle, folder)
             yield from map(bench.try_one, chosen)
             return
         with ProcessPoolExecutor(
-            processes, multiprocessing.get_context("spawn"), _start, (bundle, folder, again)
+            processes, multiprocessing.get_context("spawn"), _start, (bundle, folder)
         ) as pool:
             yield from pool.map(_try, chosen, chunksize=CHUNK)
 
@@ -109,9 +107,9 @@ _BENCH: list[Bench] = []
 """Of this process of the pool."""
 
 
-def _start(bundle: Path, folder: Path, again: bool) -> None:
+def _start(bundle: Path, folder: Path) -> None:
     own = Path(tempfile.mkdtemp(dir=folder))
-    _BENCH.append(Bench(bundle, own, again=again))
+    _BENCH.append(Bench(bundle, own))
 
 
 def _try(mutation: Mutation) -> Result:
