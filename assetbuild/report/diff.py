@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-import difflib
-import json
 import math
-import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
 
 from assetbuild.errors import UsageError
-from assetbuild.facts.coherence import leaves
+from assetbuild.facts.again.files import rows_of
+from assetbuild.facts.again.row import NotParsedError, groups
 from assetbuild.facts.compare import Difference, Precision, differences, shown
 from assetbuild.facts.table import Key, Table
 from assetbuild.facts.vocabulary import RANKS, VOCABULARY, Rank, Required
@@ -28,9 +27,6 @@ PAGES = ("report/report.json", "report/index.html", "report/report.md", "model_c
 """What a build writes of the facts, the findings and the figures."""
 NOISE = 0.01
 """Relative: what a figure of a check may change by."""
-TEXT = (".xml", ".urdf", ".yaml", ".py", ".md", ".html", ".usda", ".txt", "")
-READ_WHOLE = (".xml", ".urdf", ".usda", ".usdc", ".yaml", ".py")
-"""Endings of files that a reader of facts reads to the last attribute."""
 
 
 @dataclass(frozen=True)
@@ -296,105 +292,33 @@ def _files(
         if old is None or new is None:
             found.append(Change("LOW", (f"file {path}",), "exists", *_exists(new is None)))
             continue
-        contents = [(side.folder / path).read_bytes() for side in (before, after) if side.folder]
-        lines = [*_differing(path, contents[0], contents[1], whole=bool(behind))]
-        if not lines:
+        rows = [*_told(path, before.folder, after.folder, "MEDIUM" if behind else "LOW")]
+        if not rows:
             rewritten.append(path)
-        found += [_change_of(path, *line) for line in lines[:SHOWN_LINES]]
-        if len(lines) > SHOWN_LINES:
-            more = f"{len(lines) - SHOWN_LINES} more places"
+        found += rows[:SHOWN_LINES]
+        if len(rows) > SHOWN_LINES:
+            more = f"{len(rows) - SHOWN_LINES} more places"
             found.append(Change("LOW", (f"file {path}",), "and", more, "differ"))
     alone = not found and not rewritten and not telling
     derived = [p for p in DERIVED if before.digests.get(p) != after.digests.get(p)]
     if alone and "manifest.json" in derived:
-        contents = [(s.folder / "manifest.json").read_bytes() for s in (before, after) if s.folder]
-        for where, first, second in _differing("manifest.json", *contents, whole=False):
-            found.append(Change("LOW", ("file manifest.json",), where, first, second))
+        found += _told("manifest.json", before.folder, after.folder, "LOW")
     return found, (*rewritten, *(derived if alone and not found else ()))
 
 
-def _change_of(path: str, where: str, before: str, after: str) -> Change:
-    """Return the change of one line of a file, or of one value in a JSON file."""
-    subject, _, quantity = where.rpartition(".")
-    if path.endswith(".json") and subject:
-        return Change("LOW", (f"{path} {subject}",), quantity, before, after)
-    return Change("LOW", (f"file {path}",), where, before, after)
-
-
-def _differing(path: str, old: bytes, new: bytes, *, whole: bool) -> Iterator[tuple[str, str, str]]:
-    """(place, before, after) where two files say something else; nothing where both say the same.
-
-    whole: a reader of facts has read both, and found no difference.
-    """
-    suffix = path[path.rfind(".") :] if "." in path.rsplit("/", 1)[-1] else ""
-    if whole and suffix in READ_WHOLE:
-        return
-    if suffix == ".json":
-        yield from _differing_json(old, new)
-    elif suffix in (".obj", ".mtl"):
-        yield from _differing_lines(_plain_numbers(old), _plain_numbers(new))
-    elif suffix in TEXT or path.startswith("LICENSES/") or path == "NOTICE":
-        yield from _differing_lines(old.decode("utf-8", "replace"), new.decode("utf-8", "replace"))
-    elif not _same_picture(old, new):
-        yield "bytes", f"{len(old)} bytes", f"{len(new)} bytes, look at both"
-
-
-def _plain_numbers(data: bytes) -> str:
-    """A mesh file without comments, every number in one spelling."""
-    lines = [line.split("#")[0].split() for line in data.decode("utf-8", "replace").splitlines()]
-    return "\n".join(" ".join(map(_spelled, words)) for words in lines if words)
-
-
-def _spelled(word: str) -> str:
+def _told(path: str, before: Path, after: Path, rank: Rank) -> Iterator[Change]:
+    """What two files say otherwise; nothing where both mean the same."""
+    stages = tuple(sorted((before / "usd").glob("*.usd*"))) if path.startswith("usd/") else ()
     try:
-        return repr(float(word) + 0.0)
-    except ValueError:
-        return word
-
-
-def _differing_lines(old: str, new: str) -> Iterator[tuple[str, str, str]]:
-    a, b = old.splitlines(), new.splitlines()
-    if len(a) == len(b):
-        for number, (one, other) in enumerate(zip(a, b, strict=True), start=1):
-            if one.split() != other.split():
-                yield f"line {number}", *_around(one, other)
+        rows = rows_of(before / path, after / path, stages)
+    except (NotParsedError, ValueError) as error:
+        yield Change("HIGH", (f"file {path}",), "can be read", "?", "no", str(error))
         return
-    match = difflib.SequenceMatcher(None, a[:20000], b[:20000], autojunk=True)
-    for tag, i, j, k, m in match.get_opcodes():
-        if tag != "equal":
-            yield f"line {i + 1}", _cut(" ".join(a[i:j])), _cut(" ".join(b[k:m]))
-
-
-def _around(one: str, other: str) -> tuple[str, str]:
-    """Both lines from shortly before the first difference."""
-    same = (i for i, (a, b) in enumerate(zip(one, other, strict=False)) if a != b)
-    start = max(0, next(same, min(len(one), len(other))) - 20)
-    return _cut(one[start:]), _cut(other[start:])
-
-
-def _cut(text: str) -> str:
-    plain = re.sub(r"\s+", " ", text).strip()
-    return f"{plain[:60]}..." if len(plain) > 63 else plain or "-"
-
-
-def _differing_json(old: bytes, new: bytes) -> Iterator[tuple[str, str, str]]:
-    try:
-        a, b = dict(leaves(json.loads(old))), dict(leaves(json.loads(new)))
-    except (ValueError, RecursionError):
-        yield "text", f"{len(old)} bytes", f"{len(new)} bytes"
-        return
-    for key in dict.fromkeys((*a, *b)):
-        if a.get(key, "-") != b.get(key, "-"):
-            yield key, _cut(str(a.get(key, "-"))), _cut(str(b.get(key, "-")))
-
-
-def _same_picture(old: bytes, new: bytes) -> bool:
-    import io
-
-    from PIL import Image
-
-    try:
-        a, b = (Image.open(io.BytesIO(data)).convert("RGBA") for data in (old, new))
-    except OSError:
-        return False
-    return a.size == b.size and a.tobytes() == b.tobytes()
+    for same in groups(rows):
+        first = same[0]
+        old, new = shown(first.expected), shown(first.found)
+        if old == new:
+            old, new = shown(first.expected, digits=17), shown(first.found, digits=17)
+        own = (row.subject if row.kind != "file" else "" for row in same)
+        subjects = dict.fromkeys(subject or f"file {path}" for subject in own)
+        yield Change(rank, tuple(subjects), first.attribute, old, new, path)
