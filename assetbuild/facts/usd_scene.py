@@ -56,9 +56,11 @@ def _simulation(prim: Prim, places: Places) -> dict[str, Value]:
 def _floor(prim: Prim, places: Places) -> dict[str, Value]:
     pose, _ = places.rigid(prim.prim)
     solid = prim.has("PhysicsCollisionAPI")
-    return surface_of(prim.prim) | {
+    facts: dict[str, Value] = {
         "height": pose.xyz[2],
+        "friction": None,
         "usd:floor pose": pose_value(pose),
         "usd:axis": prim.text("axis") or "Z",
         "usd:collides": solid and prim.flag("physics:collisionEnabled") is not False,
     }
+    return facts | surface_of(prim.prim)
