@@ -35,6 +35,7 @@ def usd_table(own: Table, reference: Reference) -> Table:
     options = UsdOptions.model_validate(reference.options.get("usd") or {})
     touching = _jointed_that_touch(reference)
     _root(reference, options, book)
+    _engines(reference, book)
     expected_schema(tree, book)
     _bodies(reference, options, book)
     _limit_springs(reference, book)
@@ -88,6 +89,20 @@ def _root(reference: Reference, options: UsdOptions, book: Writer) -> None:
             "usd:world joint holds": tree.root,
             "usd:world joint pose": pose_value(tree.X_world_root),
         })  # fmt: skip
+
+
+def _engines(reference: Reference, book: Writer) -> None:
+    """Whose words each variant has. MuJoCo's are those of limits, loops and contacts."""
+    control, colliders = reference.control, reference.shapes.of("collision")
+    soft = control.loops or colliders or limit_springs(reference.tree, control)
+    newton = ("newton", "mjc") if soft else ("newton",)
+    book.put("robot", "", {
+        "usd:engines of none": (),
+        "usd:engines of physics": ("physx", *newton),
+        "usd:engines of physx": ("physx",),
+        "usd:engines of newton": newton,
+        "usd:engines of mujoco": newton,
+    })  # fmt: skip
 
 
 def _bodies(reference: Reference, options: UsdOptions, book: Writer) -> None:

@@ -22,12 +22,11 @@ SOURCES = (
 
 @dataclass
 class Measured:
-    """A mesh in its own frame. corners: (n, 3, 3) m; is_sound: whether its faces fit its points."""
+    """A mesh in its own frame. corners: (n, 3, 3) m, none where its faces do not fit its points."""
 
     corners: Array
     uv: Array | None
     surface: Surface
-    is_sound: bool
 
 
 @dataclass
@@ -45,12 +44,9 @@ class Meshes:
         one = self.known[key]
         pose, scale = rigid(X_body_mesh)
         if np.all(scale == 1.0):
-            surface = one.surface.moved(pose)
-        else:
-            corners = one.corners @ X_body_mesh[:3, :3].T + X_body_mesh[:3, 3]
-            surface = measure(corners, one.uv)
-        amiss: dict[str, Value] = {"usd:topology": "its faces do not fit its points"}
-        return surface.facts() | ({} if one.is_sound else amiss)
+            return one.surface.moved(pose).facts()
+        corners = one.corners @ X_body_mesh[:3, :3].T + X_body_mesh[:3, 3]
+        return measure(corners, one.uv).facts()
 
 
 def _origin(attribute: Usd.Attribute) -> str:
@@ -73,7 +69,7 @@ def _measure(prim: Usd.Prim, units: Units) -> Measured:
         where = where[:0]
     corners = points[indices[where]] * units.metre
     uv = _texture_corners(prim, indices, where) if sound else None
-    return Measured(corners, uv, measure(corners, uv), sound)
+    return Measured(corners, uv, measure(corners, uv))
 
 
 def _triangles(counts: Whole, *, flip: bool) -> Whole:

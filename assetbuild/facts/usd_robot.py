@@ -21,7 +21,7 @@ from assetbuild.facts.usd_joints import JointPrim, joint_facts, read_actuators
 from assetbuild.facts.usd_looks import Looks
 from assetbuild.facts.usd_prims import Places, Prim, quat_of_gf
 from assetbuild.facts.usd_shapes import ShapePrim, pair_facts, read_shapes
-from assetbuild.facts.usd_stage import opened, units_of
+from assetbuild.facts.usd_stage import VARIANTS, engines_of, opened, units_of
 from assetbuild.robot.inertia import rotate_tensor
 
 GROUPS = ("visuals", "collisions")
@@ -60,6 +60,8 @@ def read_robot(path: Path, known: KnownFiles) -> Table:
         robot = stage.GetDefaultPrim()
         _root(found, joints, names, places, book)
         book.put("robot", "", {"usd:robot prim pose": pose_value(places.rigid(robot)[0])})
+        for variant in robot.GetVariantSet(VARIANTS).GetVariantNames():
+            book.put("robot", "", {f"usd:engines of {variant}": engines_of(stage, variant)})
         colliders = read_shapes(found.shapes, names, places, Looks(known), book)
         apart = [frozenset(j.ends) for j in joints if len(j.ends) == 2 and not j.touching]
         articulated = [prim.path for prim in found.roots if prim.path in found.bodies]

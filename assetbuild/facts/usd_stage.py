@@ -1,4 +1,4 @@
-"""A stage as a whole: opened, and its units."""
+"""A stage as a whole: opened, its units and its variants."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from pxr import Tf, Usd, UsdGeom, UsdPhysics
+from pxr import Sdf, Tf, Usd, UsdGeom, UsdPhysics
 
 from assetbuild.errors import UsageError
 from assetbuild.facts.reader import StatementError
@@ -60,3 +60,21 @@ def units_of(stage: Usd.Stage, book: Writer) -> Units:
         "kilograms per unit": units.kilogram,
     })  # fmt: skip
     return units
+
+
+VARIANTS = "Physics"
+ENGINES = ("physx", "newton", "mjc")
+"""How the schemas and attributes of PhysX, Newton and MuJoCo start."""
+
+
+def engines_of(stage: Usd.Stage, variant: str) -> tuple[str, ...]:
+    """Whose words a variant has. Their values are those of the selected one: layers are shared."""
+    session = Sdf.Layer.CreateAnonymous(".usda")
+    other = Usd.Stage.Open(stage.GetRootLayer(), session)
+    other.SetEditTarget(session)
+    other.GetDefaultPrim().GetVariantSet(VARIANTS).SetVariantSelection(variant)
+    words: set[str] = set()
+    for prim in other.TraverseAll():
+        words |= {*prim.GetPrimTypeInfo().GetAppliedAPISchemas(), *prim.GetAuthoredPropertyNames()}
+    lower = [word.lower() for word in words]
+    return tuple(engine for engine in ENGINES if any(w.startswith(engine) for w in lower))

@@ -60,8 +60,10 @@ def check(
 
 
 def rules(findings: list[Finding]) -> set[tuple[str, str]]:
+    """An engine's word that is spoilt in the top layer stands in all variants, too."""
     assert {f.severity for f in findings} <= {"error"}
-    return {(f.rule, f.subject) for f in findings}
+    again = "equal.usd.engines_of_"
+    return {(f.rule, f.subject) for f in findings if not f.rule.startswith(again)}
 
 
 # --- springs
@@ -414,9 +416,9 @@ def test_lost_filters_are_found(tmp_path: Path) -> None:
             if prim.HasAPI(UsdPhysics.FilteredPairsAPI):
                 prim.GetRelationship("physics:filteredPairs").SetTargets([])
 
-    (first, second) = check(gripper(), tmp_path, lose)
-    assert first.data["subjects"] == ("pair a b", "pair a slide", "pair b slide")
-    assert (first.rule, second.subject) == ("equal.usd.filtered", "shape pair a_pad base_hull")
+    found = {f.subject: f for f in check(gripper(), tmp_path, lose)}
+    assert found["pair a b"].data["subjects"] == ("pair a b", "pair a slide", "pair b slide")
+    assert found["shape pair a_pad base_hull"].rule == "equal.usd.filtered"
 
 
 def test_joints_that_let_their_bodies_touch_are_found(tmp_path: Path) -> None:
@@ -532,6 +534,18 @@ def test_what_is_said_of_whole_prims_is_compared(
     rule: str, subject: str, spoil: Spoil, tmp_path: Path
 ) -> None:
     assert (f"equal.usd.{rule}", subject) in rules(check(tiny_quadruped(), tmp_path, spoil))
+
+
+@pytest.mark.parametrize("variant", ["physx", "newton", "mujoco"])
+def test_a_variant_without_its_engine_is_found(variant: str, tmp_path: Path) -> None:
+    inputs = check_inputs(tmp_path, tiny_quadruped(), UsdTarget(robot="robot"), "usd")
+    path = inputs / "usd/robot.usda"
+    before, start, after = path.read_text().partition(f'"{variant}" (')
+    layer, other = ("physx", "newton") if variant == "physx" else ("newton", "physx")
+    path.write_text(before + start + after.replace(f"/{layer}.usda", f"/{other}.usda", 1))
+    (found,) = run_step(UsdReader(robot="robot"), inputs, tmp_path / "out")
+    assert (found.rule, found.subject) == (f"equal.usd.engines_of_{variant}", "robot")
+    assert layer in set(found.data["expected"]) - set(found.data["found"])
 
 
 def test_a_file_that_is_no_usd_is_unreadable(tmp_path: Path) -> None:
