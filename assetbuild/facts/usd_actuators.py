@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 
-from assetbuild.facts.table import Value, Writer
+from assetbuild.facts.table import Value
 from assetbuild.robot.model import Actuator
 
 EXPLICIT = frozenset({"ideal_pd", "dc_motor", "motor"})
@@ -15,18 +15,6 @@ CLAMPS: Mapping[str, tuple[str, ...]] = {
     "NewtonDCMotorClampingAPI": ("maxMotorEffort", "saturationEffort", "velocityLimit"),
 }
 """Attributes of each schema that limits the effort, N m or N, rad/s or m/s."""
-
-
-def clamp_of(row: Actuator) -> str:
-    """The schema that limits the effort of a drive."""
-    dc_motor = row.model == "dc_motor"
-    return "NewtonDCMotorClampingAPI" if dc_motor else "NewtonMaxEffortClampingAPI"
-
-
-def expected_actuators(rows: Iterable[Actuator], book: Writer) -> None:
-    """What these prims must say of the robot's drives."""
-    for row in rows:
-        book.put("joint", row.joint, spelled(explicit_law(row)))
 
 
 def explicit_law(row: Actuator) -> dict[str, Value]:

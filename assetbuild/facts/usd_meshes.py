@@ -2,34 +2,31 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 from pxr import Usd, UsdGeom
 
-from assetbuild.facts.sketch import SKETCH, sketch_of
-from assetbuild.facts.surface import Surface, cross, lengths, measure
+from assetbuild.facts.surface import Surface, measure
 from assetbuild.facts.table import Value
 from assetbuild.facts.usd_prims import Prim, Units, rigid
 from assetbuild.robot.pose import Array
 
 Whole = NDArray[np.int64]
-TOPOLOGY = ("points", "faceVertexCounts", "faceVertexIndices", "orientation")
-NORMALS = ("normals", "primvars:st", "primvars:st:indices", "extent")
-NEAR = 1e-6
-"""Largest difference between a stated normal of a face and the normal of its corners, beside what
-the rounding of corners to float32 makes of it: normals are float32 too."""
+SOURCES = (
+    "points", "faceVertexCounts", "faceVertexIndices", "orientation",
+    "primvars:st", "primvars:st:indices",
+)  # fmt: skip
 
 
 @dataclass
 class Measured:
-    """A mesh in its own frame. corners: (n, 3, 3) m; words: what it says besides its surface."""
+    """A mesh in its own frame. corners: (n, 3, 3) m, none where its faces do not fit its points."""
 
     corners: Array
     uv: Array | None
     surface: Surface
-    words: dict[str, Value]
 
 
 @dataclass
@@ -41,28 +38,15 @@ class Meshes:
 
     def facts(self, prim: Prim, X_body_mesh: Array) -> dict[str, Value]:
         """Surface in its body's frame. X_body_mesh: (4, 4), with scale."""
-        one = self._measured(prim)
-        pose, scale = rigid(X_body_mesh)
-        if np.all(scale == 1.0):
-            surface = one.surface.moved(pose)
-        else:
-            corners = one.corners @ X_body_mesh[:3, :3].T + X_body_mesh[:3, 3]
-            surface = measure(corners, one.uv)
-        own: dict[str, Value] = {
-            "usd:subdivisionScheme": prim.text("subdivisionScheme") or "catmullClark",
-            "usd:doubleSided": bool(prim.flag("doubleSided")),
-            f"usd:{SKETCH}": one.surface.sketch,
-        }
-        if surface.normals:
-            own["usd:corner normals"] = surface.normals
-        return surface.facts() | one.words | own
-
-    def _measured(self, prim: Prim) -> Measured:
-        key = tuple(_origin(prim.prim.GetAttribute(name)) for name in (*TOPOLOGY, *NORMALS))
+        key = tuple(_origin(prim.prim.GetAttribute(name)) for name in SOURCES)
         if key not in self.known:
             self.known[key] = _measure(prim.prim, self.units)
-        _take_all(prim)
-        return self.known[key]
+        one = self.known[key]
+        pose, scale = rigid(X_body_mesh)
+        if np.all(scale == 1.0):
+            return one.surface.moved(pose).facts()
+        corners = one.corners @ X_body_mesh[:3, :3].T + X_body_mesh[:3, 3]
+        return measure(corners, one.uv).facts()
 
 
 def _origin(attribute: Usd.Attribute) -> str:
@@ -71,12 +55,6 @@ def _origin(attribute: Usd.Attribute) -> str:
         return ""
     spec = attribute.GetPropertyStack(Usd.TimeCode.Default())[0]
     return f"{spec.layer.identifier}{spec.path}"
-
-
-def _take_all(prim: Prim) -> None:
-    for name in (*TOPOLOGY, *NORMALS):
-        prim.take(name)
-        prim.note(name, "interpolation")
 
 
 def _measure(prim: Usd.Prim, units: Units) -> Measured:
@@ -91,16 +69,7 @@ def _measure(prim: Usd.Prim, units: Units) -> Measured:
         where = where[:0]
     corners = points[indices[where]] * units.metre
     uv = _texture_corners(prim, indices, where) if sound else None
-    fits = _normals(mesh, points, indices, where, counts) if sound else ("unknown", None)
-    whose, normals = fits
-    words: dict[str, Value] = {
-        "usd:extent": _extent(mesh, points),
-        "usd:normals": whose,
-    }
-    if not sound:
-        words["usd:topology"] = "its faces do not fit its points"
-    surface = replace(measure(corners, uv, normals), sketch=sketch_of(corners, uv, normals))
-    return Measured(corners, uv, surface, words)
+    return Measured(corners, uv, measure(corners, uv))
 
 
 def _triangles(counts: Whole, *, flip: bool) -> Whole:
@@ -132,57 +101,3 @@ def _texture_corners(prim: Usd.Prim, indices: Whole, where: Whole) -> Array | No
         return np.zeros((0, 3, 2))
     found: Array = flat[where]
     return found
-
-
-def _extent(mesh: UsdGeom.Mesh, points: Array) -> str:
-    stated = mesh.GetExtentAttr().Get() if mesh.GetExtentAttr().HasAuthoredValue() else None
-    bounds = (points.min(axis=0), points.max(axis=0)) if len(points) else np.zeros((2, 3))
-    return extent_text(stated, np.array(bounds))
-
-
-def extent_text(stated: object, bounds: Array) -> str:
-    """Whether an extent is (2, 3) `bounds`, in words."""
-    if stated is None:
-        return "not stated"
-    found = np.array(stated, dtype=np.float64).reshape(-1, 3)
-    size = float(np.abs(bounds).max()) if bounds.size else 0.0
-    if found.shape == bounds.shape and np.allclose(found, bounds, rtol=0.0, atol=2e-7 * size):
-        return "its bounds"
-    return f"{found.round(6).tolist()} for bounds of {bounds.round(6).tolist()}"
-
-
-def _normals(
-    mesh: UsdGeom.Mesh, points: Array, indices: Whole, where: Whole, counts: Whole
-) -> tuple[str, Array | None]:
-    """Whose the normals are, and (n, 3, 3) of the corners where they are not their faces' alone."""
-    attribute = mesh.GetNormalsAttr()
-    if not attribute.HasAuthoredValue():
-        return "not stated", None
-    normals = np.array(attribute.Get() or (), dtype=np.float64).reshape(-1, 3)
-    kind = str(mesh.GetNormalsInterpolation())
-    wanted = {"uniform": len(counts), "faceVarying": len(indices), "vertex": len(points),
-              "varying": len(points)}.get(kind)  # fmt: skip
-    if len(normals) != wanted:
-        return f"{len(normals)} instead of {wanted} ({kind})", None
-    if kind == "faceVarying":
-        return "of its corners", normals[where]
-    if kind != "uniform":
-        return "of its points", normals[indices[where]]
-    if not np.all(counts == 3):
-        return "of its faces", None
-    wrong = _wrong_normals(normals, points[indices[where]])
-    return f"{wrong} are not those of its faces" if wrong else "of its faces", None
-
-
-def _wrong_normals(normals: Array, corners: Array) -> int:
-    """How many normals are not their triangles'. (n, 3), and (n, 3, 3) corners."""
-    a, b, c = corners[:, 0], corners[:, 1], corners[:, 2]
-    across = cross(b - a, c - a)
-    size = lengths(across)
-    off = lengths(normals * size[:, None] - across)
-    # Corners are float32: an edge is off by 1e-7 of their distance from the origin.
-    longest = np.maximum(lengths(b - a), lengths(c - a))
-    farthest = np.maximum.reduce([*np.abs(corners.reshape(-1, 9)).T])
-    rounding = NEAR * size + 4e-7 * farthest * longest
-    tiny = size <= 1e-3 * longest * longest + 1e-20
-    return int(np.sum((off > rounding) & ~tiny))

@@ -1,41 +1,19 @@
-"""Prims read to the last attribute: what nobody asked for is left over, and reported.
-
-A `Prim` hands out each authored property, applied schema and piece of metadata once; `close` notes
-the rest as unread. No fact are:
-
-- the type of a value, whether it is uniform, varying or custom: its value is compared;
-- comments and documentation: text for people;
-- an attribute that states its schema's own default: its absence means the same;
-- a relationship without targets, an attribute that is declared without a value.
-
-An attribute of a schema that is not applied has no meaning for any runtime: it is left over.
-"""
+"""Prims of a stage: their values in SI units, and where they are."""
 
 from __future__ import annotations
 
 import math
-import re
-from collections.abc import Iterator
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
-from pxr import Gf, Sdf, Usd, UsdGeom
+from pxr import Gf, Usd, UsdGeom
 
-from assetbuild.facts.table import Key, Value, Writer
-from assetbuild.facts.usd_inventory import prim_facts
+from assetbuild.facts.table import Value, Writer
 from assetbuild.robot.pose import IDENTITY, Array, Pose, Quat, normalised_quat, quat_of, vec3
 
-PLAIN = frozenset(
-    {"typeName", "custom", "variability", "documentation", "comment", "specifier", "apiSchemas"}
-)
-"""Metadata that is no fact; applied schemas are asked for one by one."""
 RIGID = 1e-9
 """Scales nearer to 1 than this are rounding."""
-QUATERNIONS = (Gf.Quatd, Gf.Quatf, Gf.Quath)
-LENGTH = 1e-6
-"""A quaternion whose length differs from 1 by more was not rounded to float32: USD turns by the
-angle of its real part alone, other runtimes make it a unit first."""
 UNLIMITED = 1e30
 """PhysX takes numbers beyond for infinite."""
 
@@ -65,48 +43,11 @@ class Units:
 
 
 class Prim:
-    """One prim and what of it has not been read yet."""
+    """One prim, asked for what it states itself; a schema's own default counts as not stated."""
 
-    def __init__(self, prim: Usd.Prim, book: Writer) -> None:
-        self.prim, self.book, self.path = prim, book, str(prim.GetPath())
-        self.left = {p.GetName(): p for p in prim.GetAuthoredProperties()}
-        self.schemas = list(prim.GetPrimTypeInfo().GetAppliedAPISchemas())
-        self.applied = frozenset(self.schemas)
-        self.connected: set[str] = set()
-        self.metadata = {k: v for k, v in prim.GetAllAuthoredMetadata().items() if k not in PLAIN}
-        self.notes = {
-            (name, key): value
-            for name, prop in self.left.items()
-            for key, value in prop.GetAllAuthoredMetadata().items()
-            if key not in PLAIN
-        }
-
-        self._declarations()
-
-    def _declarations(self) -> None:
-        """Words for properties that are declared otherwise than their schema does.
-
-        A runtime that asks for a float finds nothing in a double of the same name. Of a schema
-        that USD does not know, numbers are single precision; places are double.
-        """
-        known = self.prim.GetPrimDefinition()
-        for name, prop in self.left.items():
-            if prop.IsCustom():
-                self.book.put("prim", self.path, {f"usd:{name} is custom": True})
-            spec = known.GetSchemaPropertySpec(name)
-            uniform = spec.variability == Sdf.VariabilityUniform if spec else is_uniform(prop)
-            meant = "uniform" if uniform else "varying"
-            for stated in prop.GetPropertyStack():  # what composes is the schema's declaration
-                varies = str(stated.variability).removeprefix("Sdf.Variability").lower()
-                self._declared(f"variability of {name}", varies, meant)
-                if isinstance(prop, Usd.Attribute):
-                    kind = str(stated.GetInfo("typeName"))
-                    wanted = str(spec.typeName) if spec else type_meant(name, kind)
-                    self._declared(f"type of {name}", kind, wanted)
-
-    def _declared(self, word: str, said: str, meant: str) -> None:
-        if said != meant:
-            self.book.put("prim", self.path, {f"usd:{word}": f"{said}, where {meant} is meant"})
+    def __init__(self, prim: Usd.Prim) -> None:
+        self.prim, self.path = prim, str(prim.GetPath())
+        self.applied = frozenset(prim.GetPrimTypeInfo().GetAppliedAPISchemas())
 
     @property
     def type(self) -> str:
@@ -118,179 +59,63 @@ class Prim:
         """What the robot calls it: its displayName, else its own name."""
         return str(self.prim.GetMetadata("displayName") or self.prim.GetName())
 
-    def named(self, kind: str) -> str:
-        """Its name; notes where it stands, and its identifier where that is another."""
-        shown, name = self.metadata.pop("displayName", None), self.name
-        if self.book.places.get((kind, name), self.path) != self.path:
-            name = f"{name} ({self.path})"  # two of one name
-        self.book.place(kind, name, self.path)
-        if shown is not None:
-            self.book.put(kind, name, {"usd:identifier": str(self.prim.GetName())})
+    def named(self, kind: str, book: Writer) -> str:
+        """Its name, with its path where two of a kind share one; notes where it stands."""
+        name = self.name
+        if book.places.get((kind, name), self.path) != self.path:
+            name = f"{name} ({self.path})"
+        book.place(kind, name, self.path)
         return name
 
     def has(self, schema: str) -> bool:
-        """Whether it has an applied schema, which is read by this."""
-        if schema in self.schemas:
-            self.schemas.remove(schema)
+        """Whether a schema is applied to it."""
         return schema in self.applied
 
-    def take(self, name: str, schema: str = "") -> object:
-        """The value of an attribute; None where none stands there, or its schema is not applied.
-
-        Of a schema that USD does not know a runtime has values of its own, which may be any.
-        """
-        if schema and not self.has(schema):
+    def value(self, name: str, schema: str = "") -> object:
+        """The value of an attribute; None where none is stated, or its schema is not applied."""
+        attribute = self.prim.GetAttribute(name)
+        if (schema and not self.has(schema)) or not attribute.HasAuthoredValue():
             return None
-        found = self.left.get(name)
-        has_value = isinstance(found, Usd.Attribute) and found.HasAuthoredValue()
-        known = self.prim.GetPrimDefinition().GetSchemaPropertySpec(name)
-        if schema and not has_value and not known:
-            self.book.put("prim", self.path, {f"usd:{name}": "not stated"})
-        if not isinstance(found, Usd.Attribute):
-            return None
-        del self.left[name]
-        if found.GetNumTimeSamples() > 0:
-            self.book.skip(self.path, f"{name} over time", found.GetTimeSamples())
-        if found.HasAuthoredConnections() and name not in self.connected:
-            self.book.skip(self.path, f"{name}.connect", found.GetConnections())
-        return found.Get() if has_value else None
+        return attribute.Get()
 
     def number(self, name: str, schema: str = "", unit: float = 1.0) -> float | None:
         """A number in SI units; None where it is unlimited or not stated."""
-        value = self.take(name, schema)
+        value = self.value(name, schema)
         if not isinstance(value, int | float):
             return None if value is None else math.nan
         return None if abs(value) > UNLIMITED else float(value) * unit
 
+    def numbers(self, name: str, schema: str = "", unit: float = 1.0) -> tuple[float, ...] | None:
+        """Numbers of a vector or an array in SI units; None where none are stated."""
+        value = self.value(name, schema)
+        if value is None:
+            return None
+        flat: Array = np.ravel(np.asarray(value, dtype=np.float64)) * unit
+        return tuple(flat.tolist())
+
     def text(self, name: str, schema: str = "") -> str | None:
         """A token or text."""
-        value = self.take(name, schema)
+        value = self.value(name, schema)
         return None if value is None else str(value)
 
     def flag(self, name: str, schema: str = "") -> bool | None:
         """A truth value."""
-        value = self.take(name, schema)
+        value = self.value(name, schema)
         return None if value is None else bool(value)
 
     def targets(self, name: str, schema: str = "") -> tuple[str, ...]:
         """Paths that a relationship points at."""
         if schema and not self.has(schema):
             return ()
-        found = self.left.get(name)
-        if not isinstance(found, Usd.Relationship):
-            return ()
-        del self.left[name]
-        return tuple(str(path) for path in found.GetTargets())
+        return tuple(str(path) for path in self.prim.GetRelationship(name).GetTargets())
 
-    def source(self, name: str) -> str:
-        """Which output of which shader feeds an attribute: `UsdUVTexture rgb`; empty: none."""
-        attribute = self.left.get(name)
-        if not isinstance(attribute, Usd.Attribute) or not attribute.HasAuthoredConnections():
-            return ""
-        self.connected.add(name)
-        found = []
-        for path in attribute.GetConnections():
-            shader = self.prim.GetStage().GetPrimAtPath(path.GetPrimPath())
-            kind = shader.GetAttribute("info:id").Get() if shader else None
-            found.append(f"{kind or path.GetPrimPath()} {path.name.removeprefix('outputs:')}")
-        return ", ".join(found)
-
-    def note(self, name: str, key: str) -> str | None:
-        """Metadata of a property, such as its interpolation."""
-        value = self.notes.pop((name, key), None)
-        return None if value is None else str(value)
-
-    def words(self, kind: str, name: str, rows: dict[str, tuple[str, float]], schema: str) -> None:
-        """Numbers of a schema as words of the format; rows: attribute -> (word, unit)."""
-        for attribute, (word, unit) in rows.items():
-            value = self.number(attribute, schema, unit)
-            if value is not None:
-                self.book.put(kind, name, {f"usd:{word}": value})
-
-    def placed(self) -> None:
-        """Takes what the transform of the prim says, which its pose holds."""
-        taken: Any = self.take("xformOpOrder")  # Any: an array of tokens
-        order = [str(op) for op in taken or ()]
-        ops = [f"xformOp:{op}" for op in ("translate", "orient", "scale")]
-        stated = [op for op in ops if op in self.left]
-        if order != stated and set(order) <= set(ops):
-            self.book.put("prim", self.path, {"usd:xformOpOrder": " ".join(order)})
-        for op in order:
-            name = op.removeprefix("!invert!")
-            value = self.take(name)
-            if value is None:
-                self.book.put("prim", self.path, {f"usd:{name}": "no value"})
-            self.turned(name, value)
-        for name in ("visibility", "purpose"):  # both are inherited: see the shapes
-            self.take(name)
-
-    def turned(self, name: str, value: object) -> object:
-        """The value of an attribute; a word where it is a quaternion of another length than 1."""
-        if isinstance(value, QUATERNIONS) and abs(value.GetLength() - 1.0) > LENGTH:
-            self.book.put("prim", self.path, {f"usd:length of {name}": value.GetLength()})
-        return value
-
-    def close(self) -> None:
-        """Notes all that is left as unread."""
-        defaults = self.prim.GetPrimDefinition()
-        for name, found in self.left.items():
-            if isinstance(found, Usd.Relationship):
-                said = [str(path) for path in found.GetTargets()]
-                if said:
-                    self.book.skip(self.path, name, said)
-                continue
-            value = found.Get()
-            default = defaults.GetAttributeFallbackValue(name)
-            if found.HasAuthoredConnections() and name not in self.connected:
-                self.book.skip(self.path, f"{name}.connect", found.GetConnections())
-            elif value is not None and (default is None or value != default):
-                self.book.skip(self.path, name, value)
-        for key, value in self.metadata.items():
-            self.book.skip(self.path, key, value)
-        for (name, key), value in self.notes.items():
-            self.book.skip(self.path, f"{name} ({key})", value)
+    def words(self, rows: Mapping[str, float], schema: str) -> dict[str, Value]:
+        """Words of the format. rows: unit by attribute of a schema."""
+        found = {f"usd:{name}": self.number(name, schema, unit) for name, unit in rows.items()}
+        return {word: value for word, value in found.items() if value is not None}
 
 
-def is_uniform(prop: Usd.Property) -> bool:
-    """Whether a property that no schema of USD has may not vary over time."""
-    name = prop.GetName()
-    return isinstance(prop, Usd.Relationship) or name == "xformOpOrder" or name.startswith("mjc:")
-
-
-def type_meant(name: str, kind: str) -> str:
-    """The type of an attribute that no schema of USD has, declared as `kind`.
-
-    Numbers of simulators are single precision, MuJoCo's and places double. A type without a name
-    in USD has no value.
-    """
-    if name.startswith(("inputs:", "outputs:")):
-        return kind  # of a shader, whose kind says what it must be
-    if not Sdf.ValueTypeNames.Find(kind):
-        return "a type of USD"
-    if name.startswith("mjc:"):
-        return re.sub("^(float|half)", "double", kind)
-    if name.startswith("xformOp:"):
-        if kind in ("quatf", "quath"):
-            return "quatd"
-        return re.sub("^(float|half)", "double", kind)
-    return "float" if kind in ("double", "half", "int64") else kind
-
-
-def acts(prim: Usd.Prim) -> bool:
-    """Whether a runtime sees it: active, defined and loaded."""
-    return bool(prim.IsActive() and prim.IsDefined() and prim.IsLoaded() and not prim.IsAbstract())
-
-
-def listed(prim: Usd.Prim) -> Iterator[tuple[Key, Value]]:
-    """The facts of the inventory: its type and applied schemas, or why it does not act."""
-    path, kind = str(prim.GetPath()), str(prim.GetTypeName())
-    if not acts(prim):
-        state = "inactive" if not prim.IsActive() else "not defined"
-        kind = f"{kind} {state}".strip()
-    yield from prim_facts(path, kind, prim.GetPrimTypeInfo().GetAppliedAPISchemas())
-
-
-# --- poses -----------------------------------------------------------------------------------
+# --- poses
 
 
 class Places:

@@ -7,12 +7,11 @@ from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from pxr import Usd, UsdGeom
 
 from assetbuild.facts.reference import pose_value
 from assetbuild.facts.table import Value, Writer, pair_name
-from assetbuild.facts.usd_looks import Looks
-from assetbuild.facts.usd_meshes import Meshes, extent_text
+from assetbuild.facts.usd_looks import Looks, surface_of
+from assetbuild.facts.usd_meshes import Meshes
 from assetbuild.facts.usd_prims import Places, Prim, rigid
 from assetbuild.robot.pose import Array, Pose, quat_between
 
@@ -26,27 +25,18 @@ CONTACT: Mapping[str, tuple[float, ...]] = {
     "gap": (0.0,),
 }
 """Attributes of MuJoCo's `MjcCollisionAPI` with what they are where they are not stated."""
-NEWTON_COLLISION, NEWTON_OFFSETS = "NewtonCollisionAPI", ("contactMargin", "contactGap")
-MESH_COLLISION, HULL = "PhysicsMeshCollisionAPI", "PhysxConvexHullCollisionAPI"
 
 
 @dataclass(frozen=True)
 class ShapePrim:
-    """A piece of geometry. body: path of its body; group: `visuals`, `collisions` or none.
-
-    holder: the prim around it that has the shape's name; collider: the prim with its CollisionAPI.
+    """A piece of geometry. body: path of its body; holder: the prim around it that has the shape's
+    name; collider: the prim whose CollisionAPI speaks for it.
     """
 
     geometry: Prim
     body: str
-    group: str
     holder: Prim | None
     collider: Prim | None
-
-    @property
-    def prims(self) -> tuple[Prim, ...]:
-        """All that speak of it."""
-        return tuple(p for p in (self.geometry, self.holder, self.collider) if p is not None)
 
 
 @dataclass(frozen=True)
@@ -71,59 +61,42 @@ def read_shapes(
     alone = [s.holder.path for s in shapes if s.holder]
     for shape in shapes:
         prim, holder = shape.geometry, shape.holder
-        name = (holder or prim).named("shape")
+        name = (holder or prim).named("shape", book)
         if holder and alone.count(holder.path) > 1:
             name = f"{name}/{prim.name}"
         role = "collision" if shape.collider else "visual"
         facts: dict[str, Value] = {"role": role, "body": names.get(shape.body, "")}
         facts |= _geometry(shape, places, meshes)
-        facts |= _shown(shape)
         if shape.collider:
             solid = shape.collider.flag("physics:collisionEnabled") is not False
-            facts |= {"collides": solid} | looks.surface(prim.prim) | _hull(prim)
-            facts |= _mujoco_contact(shape.collider)
+            facts |= {"collides": solid} | surface_of(prim.prim) | _hull(prim)
+            facts |= _contact(shape.collider)
             colliders.append(Collider(name, prim.path, shape.body, solid))
         else:
             facts |= looks.of(prim.prim)
-        if shape.group:
-            facts["usd:group"] = shape.group
         book.put("shape", name, facts)
     return colliders
 
 
-def _shown(shape: ShapePrim) -> dict[str, Value]:
-    """Whether it is drawn, and shared."""
-    imageable = UsdGeom.Imageable(shape.geometry.prim)
-    facts: dict[str, Value] = {"usd:purpose": str(imageable.ComputePurpose())}
-    if imageable.ComputeVisibility() != UsdGeom.Tokens.inherited:
-        facts["usd:visibility"] = str(imageable.ComputeVisibility())
-    for prim in shape.prims:
-        prim.placed()
-        if prim.metadata.pop("instanceable", False):
-            facts["usd:instanceable"] = True
-    return facts
-
-
-def _mujoco_contact(prim: Prim) -> dict[str, Value]:
-    """What MuJoCo's contacts have beyond friction; nothing where its schema is not applied."""
+def _contact(prim: Prim) -> dict[str, Value]:
+    """What contacts have beyond friction in MuJoCo, where its schema is applied, and in Newton."""
     schema, facts = "MjcCollisionAPI", dict[str, Value]()
     for name, usual in CONTACT.items() if prim.has(schema) else ():
-        stated = prim.take(f"mjc:{name}", schema)
-        values = usual if stated is None else tuple(map(float, np.ravel(np.asarray(stated))))
+        values = prim.numbers(f"mjc:{name}") or usual
         facts[name] = values if len(usual) > 1 else values[0]
-    for name in NEWTON_OFFSETS if prim.has(NEWTON_COLLISION) else ():
-        facts[f"usd:newton:{name}"] = prim.number(f"newton:{name}")
-    return facts
+    offsets = {"newton:contactMargin": 1.0, "newton:contactGap": 1.0}
+    return facts | prim.words(offsets, "NewtonCollisionAPI")
 
 
 def _hull(prim: Prim) -> dict[str, Value]:
     """How PhysX takes a mesh."""
     if prim.type != "Mesh":
         return {}
-    prim.has("NewtonMeshCollisionAPI")  # its presence is a fact of the prim
+    limit = "physxConvexHullCollision:hullVertexLimit"
     return {
-        "usd:approximation": prim.text("physics:approximation", MESH_COLLISION) or "none",
-        "usd:hullVertexLimit": prim.number("physxConvexHullCollision:hullVertexLimit", HULL),
+        "usd:approximation": prim.text("physics:approximation", "PhysicsMeshCollisionAPI")
+        or "none",
+        "usd:hullVertexLimit": prim.number(limit, "PhysxConvexHullCollisionAPI"),
     }
 
 
@@ -150,9 +123,6 @@ def _geometry(shape: ShapePrim, places: Places, meshes: Meshes) -> dict[str, Val
     facts["size"] = tuple(float(v) for v in size)
     if np.any(scale < 0.0):
         facts["usd:mirrored"] = True
-    facts["usd:extent"] = _extent(prim.prim)
-    prim.take("extent")
-    prim.flag("doubleSided")  # a closed solid has one side
     return facts
 
 
@@ -173,15 +143,6 @@ def _size(prim: Prim, scale: Array, axis: int) -> list[float]:
     radius = length("radius")
     radii = [radius * float(across[0])] if even else [radius * float(s) for s in across]
     return radii if prim.type == "Sphere" else [*radii, length("height") * float(scale[axis])]
-
-
-def _extent(prim: Usd.Prim) -> str:
-    """Whether the stated extent is what USD itself computes of the shape."""
-    shape = UsdGeom.Boundable(prim)
-    attribute = shape.GetExtentAttr()
-    computed = UsdGeom.Boundable.ComputeExtentFromPlugins(shape, Usd.TimeCode.Default())
-    stated = attribute.Get() if attribute.HasAuthoredValue() else None
-    return extent_text(stated, np.array(computed or (), dtype=np.float64).reshape(-1, 3))
 
 
 # --- pairs -----------------------------------------------------------------------------------

@@ -1,4 +1,4 @@
-"""A stage as a whole: opened, its units, its layers and its variants."""
+"""A stage as a whole: opened, its units and its variants."""
 
 from __future__ import annotations
 
@@ -11,11 +11,8 @@ from pxr import Sdf, Tf, Usd, UsdGeom, UsdPhysics
 
 from assetbuild.errors import UsageError
 from assetbuild.facts.reader import StatementError
-from assetbuild.facts.table import Value, Writer
-from assetbuild.facts.usd_about import metadata_facts
-from assetbuild.facts.usd_prims import PLAIN, Units
-from assetbuild.facts.usd_variants import VARIANT_SET, variants_amiss
-from assetbuild.simulators.usd_names import METADATA
+from assetbuild.facts.table import Writer
+from assetbuild.facts.usd_prims import Units
 
 
 @contextmanager
@@ -49,89 +46,35 @@ _PLACE = re.compile(r"-- (\S+?):(\d+):\d+: (.*?)(?: at)? '(.*)' in <([^>]*)>")
 """`-- FILE:LINE:COLUMN: Expected } at 'STATEMENT' in </PRIM>` of USD's parser."""
 
 
-def units_of(stage: Usd.Stage) -> Units:
-    """Units of a stage; UsageError where one is not positive."""
+def units_of(stage: Usd.Stage, book: Writer) -> Units:
+    """Units of a stage, noted with its up axis; UsageError where one is not positive."""
     units = Units(UsdGeom.GetStageMetersPerUnit(stage), UsdPhysics.GetStageKilogramsPerUnit(stage))
     if not (units.metre > 0.0 and units.kilogram > 0.0):
         raise UsageError(
             f"its units are {units.metre:g} m and {units.kilogram:g} kg",
             hint="`metersPerUnit` and `kilogramsPerUnit` must be positive",
         )
-    return units
-
-
-_LAYER = frozenset({"subLayers", "subLayerOffsets", "documentation", "comment"})
-"""No facts: what they compose is compared."""
-
-
-def stage_facts(stage: Usd.Stage, units: Units, book: Writer) -> None:
-    """Units, up axis and metadata of the stage, and of every layer that it is made of.
-
-    Runtimes scale and turn a layer whose units differ from the stage's.
-    """
     book.put("robot", "", {
         "up axis": str(UsdGeom.GetStageUpAxis(stage)),
         "metres per unit": units.metre,
         "kilograms per unit": units.kilogram,
     })  # fmt: skip
-    book.put("stage", "", {"usd:defaultPrim": str(stage.GetDefaultPrim().GetName())})
-    own: dict[str, list[Value]] = {}
-    for layer in stage.GetUsedLayers():
-        root = layer.pseudoRoot
-        fields = [key for key in root.ListInfoKeys() if key not in _LAYER]
-        if layer.anonymous and not fields:
-            continue
-        for key in fields:
-            if key in ("upAxis", "metersPerUnit", "kilogramsPerUnit"):
-                value = root.GetInfo(key)
-                own.setdefault(key, []).append(value if isinstance(value, float) else str(value))
-            elif key == "defaultPrim":
-                if not layer.GetPrimAtPath(f"/{layer.defaultPrim}"):
-                    book.skip(layer.GetDisplayName(), key, layer.defaultPrim)
-            elif key == "customLayerData" and layer == stage.GetRootLayer():
-                metadata_facts(stage, root.GetInfo(key), book)
-            elif (
-                key == "customLayerData"
-                and set(root.GetInfo(key)) == {METADATA}
-                and _lies_beside(layer, stage.GetRootLayer())
-            ):
-                pass  # of the robot that a scene refers to: it belongs to that file alone
-            else:
-                book.skip(layer.GetDisplayName(), key, root.GetInfo(key))
-    for key, values in own.items():
-        differing = tuple(sorted({str(value) for value in values}))
-        book.put("stage", "", {f"usd:{key} of layers": differing})
+    return units
 
 
-def variant_facts(prim: Usd.Prim, book: Writer) -> None:
-    """Variant sets with their selections, and what the variants say that are not selected."""
-    sets = prim.GetVariantSets()
-    amiss = variants_amiss(prim.GetStage())
-    for variant, names in amiss.items():
-        book.put("stage", "", {f"usd:amiss in {VARIANT_SET}={variant}": names})
-    for name in sets.GetNames():
-        chosen = sets.GetVariantSelection(name)
-        book.put("stage", "", {
-            f"usd:variants of {name}": tuple(sorted(sets.GetVariantSet(name).GetVariantNames())),
-            f"usd:selected {name}": chosen,
-        })  # fmt: skip
-        for spec in prim.GetPrimStack():
-            found = spec.variantSets[name].variants if name in spec.variantSets else {}
-            for variant in found.keys():  # noqa: SIM118 # a proxy of USD, not a dictionary
-                if variant != chosen and (name != VARIANT_SET or variant not in amiss):
-                    said = " ".join(_said_by(found[variant].primSpec))
-                    book.put("stage", "", {f"usd:variant {name}={variant}": said})
+VARIANTS = "Physics"
+ENGINES = ("physx", "newton", "mjc")
+"""How the schemas and attributes of PhysX, Newton and MuJoCo start."""
 
 
-def _said_by(spec: Sdf.PrimSpec) -> Iterator[str]:
-    """What a variant adds: its metadata, properties and children by name."""
-    for key in spec.ListInfoKeys():
-        if key not in PLAIN:
-            yield str(key)
-    yield from (str(found.name) for found in spec.properties)
-    yield from (str(found.name) for found in spec.nameChildren)
-
-
-def _lies_beside(layer: Sdf.Layer, root: Sdf.Layer) -> bool:
-    """Whether it is another file of the same folder: payloads lie in a folder of their own."""
-    return Path(layer.realPath).parent == Path(root.realPath).parent
+def engines_of(stage: Usd.Stage, variant: str) -> tuple[str, ...]:
+    """Whose words a variant has. Their values are those of the selected one: layers are shared."""
+    session = Sdf.Layer.CreateAnonymous(".usda")
+    other = Usd.Stage.Open(stage.GetRootLayer(), session)
+    other.SetEditTarget(session)
+    other.GetDefaultPrim().GetVariantSet(VARIANTS).SetVariantSelection(variant)
+    words: set[str] = set()
+    for prim in other.TraverseAll():
+        words |= {*prim.GetPrimTypeInfo().GetAppliedAPISchemas(), *prim.GetAuthoredPropertyNames()}
+    lower = [word.lower() for word in words]
+    return tuple(engine for engine in ENGINES if any(w.startswith(engine) for w in lower))

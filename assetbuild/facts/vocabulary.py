@@ -2,7 +2,7 @@
 
 A quantity belongs to a kind of subject, has a name in the field's words, a unit, a way of being
 compared, and says what a file means that does not state it. Readers and writers of tables use no
-other names; what a format says beyond them is a word of its own (`usd:kind`).
+other names; what a format says beyond them is a word of its own (`usd:approximation`).
 """
 
 from __future__ import annotations

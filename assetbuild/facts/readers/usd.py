@@ -22,7 +22,7 @@ _SPRING = "a spring is the drive of its joint (kp, drive target), or `usd.spring
 
 
 class UsdReader(Reader):
-    """Every prim, attribute, relationship and schema of the composed stage against the robot."""
+    """What the composed stage says to the engines that simulate it."""
 
     needs: ClassVar[tuple[str, ...]] = ("usd",)
     preload: ClassVar[tuple[str, ...]] = (
@@ -36,6 +36,7 @@ class UsdReader(Reader):
     folder: ClassVar[str] = "usd"
     behind: ClassVar[tuple[str, ...]] = ("usd/{robot}.usda", "usd/payloads/*")
     suffixes: ClassVar[tuple[str, ...]] = (".usd", ".usda", ".usdc", ".usdz")
+    # Beyond `usd` they are metadata, which writing the bundle again compares.
     asks: ClassVar[tuple[str, ...]] = (
         "usd",
         "about",
@@ -70,6 +71,7 @@ class UsdReader(Reader):
         "joint spring reference": _SPRING,
         "shape mask": _BITS,
         "shape partners": _BITS,
+        "shape material": "its colour and texture are compared, not its name",
         "sensor": Lost("UsdPhysics has none; simulators add their own"),
         "camera resolution": "what renders decides it; the shape of the picture is compared",
         "camera tracking": Lost("a camera of USD is fixed to what carries it"),
@@ -102,4 +104,4 @@ class UsdReader(Reader):
         from assetbuild.facts.usd_expected import usd_table
 
         reference = replace(reference, shapes=reference.shapes.all_coloured)
-        return usd_table(self.robot, robot_table(reference).only(self.holds), reference)
+        return usd_table(robot_table(reference).only(self.holds), reference)

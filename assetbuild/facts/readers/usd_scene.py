@@ -1,4 +1,4 @@
-"""`usd/scene.usda`: the floor, the light, gravity, the rate, and the robot where it starts."""
+"""`usd/scene.usda`: the floor, gravity, the rate, and the robot where it starts."""
 
 from __future__ import annotations
 
@@ -8,15 +8,21 @@ from typing import ClassVar
 
 from assetbuild.facts.compare import FLOAT32, Precision
 from assetbuild.facts.reader import Reader
-from assetbuild.facts.reference import Reference
-from assetbuild.facts.table import Table
+from assetbuild.facts.reference import Reference, pose_value
+from assetbuild.facts.table import Table, Writer
+from assetbuild.robot.floor import floor_of
+from assetbuild.robot.initial import initial_pose
+from assetbuild.robot.pose import IDENTITY, Pose
+from assetbuild.robot.tree import forward_kinematics
 
 _ROBOT = "the scene refers to the robot's own file, which is compared by itself"
 _MUJOCO = "MuJoCo's own"
+CLEARANCE_M = 1e-3
+"""The soles start a millimetre above the floor: PhysX throws out what starts inside of it."""
 
 
 class UsdSceneReader(Reader):
-    """Every prim of the scene but the robot's, and all that it says of the robot's."""
+    """What the scene adds to the robot's own file."""
 
     needs: ClassVar[tuple[str, ...]] = ("usd",)
     preload: ClassVar[tuple[str, ...]] = (
@@ -66,7 +72,31 @@ class UsdSceneReader(Reader):
         return read_scene(path)
 
     def expected(self, reference: Reference) -> Table:
-        """Gravity and rate of the recipe, the robot in its initial pose."""
-        from assetbuild.facts.usd_scene import scene_table
-
-        return scene_table(self.robot, reference)
+        """Gravity and rate of the recipe, the robot in its initial pose on the floor."""
+        tree, control, book = reference.tree, reference.control, Writer()
+        book.put("robot", "", {
+            "up axis": "Z", "metres per unit": 1.0, "kilograms per unit": 1.0,
+            "usd:file": (f"./{self.robot}.usda",),
+        })  # fmt: skip
+        simulation, ground = control.simulation, floor_of(tree, control)
+        book.put("simulation", "", {
+            "gravity": tuple(simulation.gravity),
+            "timestep": 1.0 / round(1.0 / simulation.timestep),  # USD has whole steps per second
+        })  # fmt: skip
+        book.put("floor", "", {
+            "height": ground.height_m,
+            "friction": ground.friction,
+            "usd:floor pose": pose_value(Pose((0.0, 0.0, ground.height_m))),
+            "usd:axis": "Z",
+            "usd:collides": True,
+            "usd:dynamicFriction": ground.friction[0],
+            "usd:frictionCombineMode": "max",  # the rougher of two surfaces decides, as in MuJoCo
+            "restitution": 0.0,
+        })  # fmt: skip
+        start, initial = tree.X_world_root, initial_pose(tree, control)
+        if tree.base == "floating":
+            base = initial.base
+            start = IDENTITY if base is None else Pose((0.0, 0.0, CLEARANCE_M)) @ base
+        for body, pose in forward_kinematics(tree, dict(initial.joints)).items():
+            book.put("start", body, {"usd:initial pose": pose_value(start @ pose)})
+        return book.table()
