@@ -31,7 +31,8 @@ LOST = Rule(
     "grip.lost",
     "warning",
     "a gripper loses an object in MuJoCo, or lets it slip",
-    "stiffer contacts of the fingers (`contact.links`: `priority: 1, solref: [0.004, 1]`), "
+    "contacts of the fingers that are stiffer and resist turning (`contact.links`: `condim: 4, "
+    "priority: 1, solref: [0.004, 1]`), "
     "`cone: elliptic`, the rotors' armature, more effort",
 )
 

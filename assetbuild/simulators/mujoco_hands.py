@@ -209,7 +209,7 @@ def _linked(model: Model, joint: int) -> set[int]:
 
 
 def _constrained(model: Model, equality: int) -> Iterator[int]:
-    """Joints that an equality couples; of bodies that it connects, all up to a driven one."""
+    """Joints that an equality couples; of bodies that it connects, those of the loop it closes."""
     import mujoco
 
     ends = int(model.eq_obj1id[equality]), int(model.eq_obj2id[equality])
@@ -217,15 +217,18 @@ def _constrained(model: Model, equality: int) -> Iterator[int]:
     if kind == int(mujoco.mjtEq.mjEQ_JOINT):
         yield from (joint for joint in ends if joint >= 0)
     elif kind in (int(mujoco.mjtEq.mjEQ_CONNECT), int(mujoco.mjtEq.mjEQ_WELD)):
-        driven = {drive.joint for drive in read_drives(model)}
         sites = int(model.eq_objtype[equality]) == int(mujoco.mjtObj.mjOBJ_SITE)
-        for end in ends:
-            body = int(model.site_bodyid[end]) if sites else end
-            while body:
-                first, count = int(model.body_jntadr[body]), int(model.body_jntnum[body])
-                above = [j for j in range(first, first + count) if j in turning(model)]
-                yield from above
-                body = 0 if set(above) & driven else int(model.body_parentid[body])
+        one, other = (_line(model, int(model.site_bodyid[e]) if sites else e) for e in ends)
+        yield from (joint for joint in turning(model) if model.jnt_bodyid[joint] in one ^ other)
+
+
+def _line(model: Model, body: int) -> set[int]:
+    """A body and all that it is on."""
+    line = {body}
+    while body:
+        body = int(model.body_parentid[body])
+        line.add(body)
+    return line
 
 
 def _hand(
@@ -332,13 +335,8 @@ def _straight(way: Array, model: Model, pose: Array, body: int) -> Array:
 
 def _palm(model: Model, fingers: Sequence[int]) -> int:
     """The last body above all these joints."""
-    above = []
-    for joint in fingers:
-        body, line = int(model.jnt_bodyid[joint]), set()
-        while body:
-            body = int(model.body_parentid[body])
-            line.add(body)
-        above.append(line)
+    bodies = [int(model.jnt_bodyid[joint]) for joint in fingers]
+    above = [_line(model, body) - {body} for body in bodies]
     return max(set.intersection(*above))
 
 

@@ -37,6 +37,23 @@ def test_a_jaw_that_closes_on_its_palm_is_a_hand(tmp_path: Path) -> None:
     assert abs(hand.across[:, 0]).max() < 1e-6  # all in the plane in which the jaw moves
 
 
+def test_a_loop_takes_no_joint_of_the_arm_into_the_hand(tmp_path: Path) -> None:
+    """The right finger follows the left one through a rod; the wrist above both is no finger."""
+    rod = """<body name="rod" pos="0 0 .01"><joint name="rod" type="slide" axis="0 1 0"
+    damping="5"/><geom size=".002" mass=".01" contype="0" conaffinity="0"/></body>"""
+    wrist = '<body name="wrist"><joint name="wrist" axis="0 0 1" range="-1 1"/>'
+    holds = (
+        '<equality><joint joint1="rod" joint2="left" polycoef="0 -1 0 0 0"/>'
+        '<connect body1="rod" body2="right" anchor="0 0 0"/></equality>'
+    )
+    path = robot(PINCHER + rod, ["left", "wrist"], tmp_path, holds)
+    text = path.read_text().replace('<body name="palm"', f'{wrist}<body name="palm"')
+    path.write_text(text.replace("</body></body></worldbody>", "</body></body></body></worldbody>"))
+    model, (hand,) = found(path)
+    fingers = {name_of(model, "joint", joint) for joint in hand.fingers}
+    assert fingers == {"left", "right", "rod"}
+
+
 def test_what_turns_about_its_own_axis_is_no_hand(tmp_path: Path) -> None:
     flange = """<body name="flange" pos="0 0 .01"><joint name="roll" axis="0 0 1" range="-3 3"
     damping=".1"/><geom type="cylinder" size=".02 .02" mass=".05"/></body>"""
