@@ -168,7 +168,6 @@ def test_equal_bundles_have_no_difference(bundle: Path):
          "armature", "mjcf"),
         ("mjcf/tiny.xml", 'friction="', 'friction="7', "friction", "mjcf"),
         ("mjcf/tiny.xml", "<option ", '<option wind="1 0 0" ', "mjcf:wind", "mjcf"),
-        ("mjcf/scene.xml", 'pos="0 0 2.5"', 'pos="0 0 1"', "mjcf:pos", "scene"),
         ("usd/payloads/physics.usda", "physics:mass = ", "physics:mass = 1", "mass", "usd"),
     ],
 )  # fmt: skip
@@ -178,6 +177,14 @@ def test_an_edited_file_is_told_by_what_it_says(
     found = edited(bundle, file, old, new)
     assert quantity in {change.quantity for change in found.rows}
     assert any(form in change.forms for change in found.rows)
+
+
+def test_what_no_fact_holds_is_told_by_its_place_in_the_file(bundle: Path):
+    found = edited(bundle, "mjcf/scene.xml", 'pos="0 0 2.5"', 'pos="0 0 1"')
+    assert "light pos" in {change.quantity for change in found.rows}
+    assert {change.note for change in found.rows if change.quantity == "light pos"} == {
+        "mjcf/scene.xml"
+    }
 
 
 def test_a_comment_is_a_file_written_differently(bundle: Path):
