@@ -72,7 +72,7 @@ class Recorded:
         self._fields[str(key)] = None
 
     def pop(self, key: str, default: object = None) -> object:
-        """As of a table: what is taken out is recorded as null."""
+        """Record null for what is taken out, as from a dictionary."""
         self._fields[key] = None
         return default
 
@@ -81,11 +81,11 @@ class Recorded:
         return self
 
     def replace(self, **changes: object) -> Recorded:
-        """As of a `configclass`: a copy with other fields."""
+        """Return a copy with other fields, as a `configclass` does."""
         return Recorded(self._name, self._arguments, {**self._fields, **changes}, self._line)
 
     def copy(self) -> Recorded:
-        """As of a `configclass`."""
+        """Return a copy, as a `configclass` does."""
         return self.replace()
 
     def __iter__(self) -> Iterator[object]:

@@ -10,20 +10,26 @@ from assetbuild.errors import UsageError, Where
 from assetbuild.facts.table import Value
 
 
+def plain_loader() -> Any:  # Any: PyYAML, which is only imported where it is needed
+    """PyYAML's safe loader without aliases, of which a short file can make an endless one."""
+    import yaml
+
+    class Plain(yaml.SafeLoader):
+        def compose_node(self, parent: Any, index: Any) -> Any:
+            if self.check_event(yaml.AliasEvent):
+                mark = self.peek_event().start_mark  # type: ignore[no-untyped-call]
+                raise yaml.MarkedYAMLError(problem="it has an alias", problem_mark=mark)
+            return super().compose_node(parent, index)
+
+    return Plain
+
+
 def read_yaml(path: Path) -> dict[str, Any]:  # Any: plain YAML, here and below
     """The mapping that a file holds. UsageError where it holds none, or names a part twice."""
     import yaml
 
-    class Plain(yaml.SafeLoader):
-        """Without aliases, of which a short file can make an endless one."""
-
-        def compose_node(self, parent: Any, index: Any) -> Any:
-            if self.check_event(yaml.AliasEvent):
-                raise yaml.MarkedYAMLError(problem="it has an alias")
-            return super().compose_node(parent, index)
-
     try:
-        found = yaml.load(path.read_text(encoding="utf-8"), Plain)  # noqa: S506 - a safe loader
+        found = yaml.load(path.read_text(encoding="utf-8"), plain_loader())  # noqa: S506 - a safe loader
     except (yaml.YAMLError, UnicodeDecodeError, RecursionError) as error:
         mark = getattr(error, "problem_mark", None)
         where = Where(path.name, mark.line + 1 if mark else 0)

@@ -189,3 +189,14 @@ def test_a_picture_is_its_pixels(tmp_path: Path):
     assert rows_of(again, packed) == []
     expected, found = (10.0, 20.0, 30.0), (10.0, 20.0, 33.0)
     assert rows_of(again, other) == [Row("picture", "c.png", "pixel 2,1", expected, found)]
+
+
+def test_a_yaml_file_whose_aliases_make_it_endless_is_not_parsed(tmp_path: Path) -> None:
+    lines = [f"a{i}: &a{i} {{p: *a{i - 1}, q: *a{i - 1}}}" for i in range(1, 26)]
+    files = [tmp_path / name / "dr.yaml" for name in ("again", "there")]
+    for file, text in zip(files, ("a: 1", "\n".join(["a0: &a0 {x: 1}", *lines])), strict=True):
+        file.parent.mkdir()
+        file.write_text(text)
+    with pytest.raises(NotParsedError, match="alias") as refused:
+        rows_of(*files)
+    assert refused.value.line == 2

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 from assetbuild.facts.again.row import LONGEST, NotParsedError, Row, same_number
 from assetbuild.facts.table import Value
+from assetbuild.facts.yaml_file import plain_loader
 
 Path = tuple[str, ...]
 
@@ -44,7 +45,7 @@ def _leaves(data: bytes) -> dict[Path, _Leaf]:
     import yaml
 
     try:
-        root = yaml.compose(data, Loader=yaml.SafeLoader)
+        root = yaml.compose(data, Loader=plain_loader())
         return dict(_walk(root, ())) if root else {}
     except yaml.MarkedYAMLError as error:
         line = error.problem_mark.line + 1 if error.problem_mark else 0

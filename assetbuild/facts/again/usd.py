@@ -125,7 +125,7 @@ def _info(spec: Sdf.Spec, field: str) -> object:
 
 
 def _first(path: Sdf.Path, label: str, a: object, b: object) -> Row:
-    """Of two long arrays the first item that differs; of dictionaries the first key."""
+    """Two long arrays by the first item that differs, two dictionaries by the first such key."""
     if isinstance(a, dict) and isinstance(b, dict):
         key = next(k for k in (*a, *b) if not _same(a.get(k), b.get(k)))
         return _first(path, f"{label} {key}", a.get(key), b.get(key))
@@ -151,7 +151,7 @@ def _array(value: object) -> Any:  # Any: a numpy array
 
 
 def _numbers(value: object) -> tuple[float, ...] | None:
-    """Of a number, a vector, a matrix, a quaternion (w first)."""
+    """The components of a number, a vector, a matrix or a quaternion (w first)."""
     if isinstance(value, bool | str):
         return None
     if isinstance(value, int | float):

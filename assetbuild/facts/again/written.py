@@ -58,7 +58,7 @@ def code_digest(modules: Mapping[str, str]) -> str:
 
 
 def _digest(robot: Mapping[str, Any]) -> str:  # Any: plain JSON
-    """Of all parts but the digest itself; the order counts inside of a part, not of the parts."""
+    """The digest of all parts but itself; the parts may come in any order, not what is in them."""
     parts = {name: value for name, value in robot.items() if name != KEY}
     parts[KEY] = {name: value for name, value in robot[KEY].items() if name != "digest"}
     digests = {name: digest_bytes(json.dumps(part).encode()) for name, part in parts.items()}
