@@ -29,7 +29,7 @@ def test_a_file_without_one_is_found():
     assert opening("import numpy\n") is None
 
 
-BESIDE_THE_ROOMS = {"contracts", "corpus", "docs", "mutations"}
+BESIDE_THE_ROOMS = {"contracts", "corpus", "docs", "mutations", "writers"}
 """Folders of tests that are about more than one room."""
 
 
