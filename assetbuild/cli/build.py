@@ -60,8 +60,7 @@ def add_plain_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--sandbox",
         choices=("off", "strict"),
-        default="off",
-        help="strict: each step that runs may read its inputs only; Linux; default: off",
+        help="does nothing any more, and goes with the next version",
     )
     parser.add_argument(
         "--fail-on", choices=("error", "warning", "never"), default="error", help="default: error"
@@ -93,6 +92,8 @@ def requests_of(arguments: argparse.Namespace) -> list[Request]:
 
     if arguments.out is not None and len(arguments.recipes) > 1:
         raise UsageError("`-o` names one bundle, but several recipes were given")
+    if arguments.sandbox:
+        print("warning: `--sandbox` does nothing any more; leave it out", file=sys.stderr)
     return [
         Request(
             recipe=recipe,
@@ -103,7 +104,6 @@ def requests_of(arguments: argparse.Namespace) -> list[Request]:
             frozen=arguments.frozen,
             remote=arguments.remote,
             cache_write=arguments.cache_write,
-            sandbox=arguments.sandbox,
             executor=arguments.executor,
             fail_on=arguments.fail_on,
         )

@@ -18,7 +18,6 @@ _GET_VERSION = 1
 _RULE_PATH_BENEATH = 1
 _PR_SET_NO_NEW_PRIVS = 38
 READ_FILE, READ_DIR = 1 << 2, 1 << 3
-READING = READ_FILE | READ_DIR
 _FILE_RIGHTS_OF_ABI = {1: 13, 2: 14, 3: 15, 4: 15, 5: 16}
 """Number of file rights that a version of Landlock knows; later ones know 16."""
 
@@ -44,28 +43,24 @@ def version() -> int:
     return max(0, int(libc.syscall(_CREATE_RULESET, None, ctypes.c_size_t(0), _GET_VERSION)))
 
 
-def restrict(
-    readable: Iterable[str], listable: Iterable[str] = (), *, only_reading: bool = False
-) -> frozenset[str]:
-    """From now on only `readable` files and folders may be read, below `listable` names listed.
+def restrict(readable: Iterable[str]) -> frozenset[str]:
+    """From now on only `readable` files and folders may be read; nothing be written, made or run.
 
-    only_reading: leave all other rights on files, and the network, as they are; else nothing may
-    be written, made or run, and where the kernel knows how, nothing be sent. Returns what holds:
-    `files`, `network`; empty where the kernel refuses. OSError when a path is not there.
+    Nothing may be sent either, where the kernel knows how. Returns what holds: `files`, `network`;
+    empty where the kernel refuses. OSError when a path is not there.
     """
     known = version()
     if known < 1:
         return frozenset()
     libc = ctypes.CDLL(None, use_errno=True)
-    rules = _ruleset_of(known, only_reading=only_reading)
+    rules = _ruleset_of(known)
     size = ctypes.c_size_t(24 if known >= 6 else 16 if known >= 4 else 8)
     ruleset = libc.syscall(_CREATE_RULESET, ctypes.byref(rules), size, 0)
     if ruleset < 0:
         return frozenset()
     try:
-        for paths, rights in ((readable, READING), (listable, READ_DIR)):
-            for path in paths:
-                _allow(libc, ruleset, path, rights)
+        for path in readable:
+            _allow(libc, ruleset, path)
         if libc.prctl(_PR_SET_NO_NEW_PRIVS, 1, 0, 0, 0) != 0:
             return frozenset()
         if libc.syscall(_RESTRICT_SELF, ruleset, 0) != 0:
@@ -75,19 +70,17 @@ def restrict(
     return frozenset({"files", "network"} if rules.network else {"files"})
 
 
-def _ruleset_of(known: int, *, only_reading: bool) -> _Ruleset:
-    if only_reading:
-        return _Ruleset(READING, 0, 0)
+def _ruleset_of(known: int) -> _Ruleset:
     rights = (1 << _FILE_RIGHTS_OF_ABI.get(known, 16)) - 1
     return _Ruleset(rights, 3 if known >= 4 else 0, 3 if known >= 6 else 0)
 
 
-def _allow(libc: ctypes.CDLL, ruleset: int, path: str, rights: int) -> None:
+def _allow(libc: ctypes.CDLL, ruleset: int, path: str) -> None:
     """OSError when the rule is refused: then the process would be missing a declared input."""
     place = os.open(path, getattr(os, "O_PATH", 0) | os.O_CLOEXEC)
     try:
         folder = stat.S_ISDIR(os.fstat(place).st_mode)
-        rule = _PathBeneath(rights if folder else rights & READ_FILE, place)
+        rule = _PathBeneath(READ_FILE | READ_DIR if folder else READ_FILE, place)
         if libc.syscall(_ADD_RULE, ruleset, _RULE_PATH_BENEATH, ctypes.byref(rule), 0) != 0:
             raise OSError(ctypes.get_errno(), "Landlock refused a rule", path)
     finally:

@@ -20,17 +20,16 @@ from assetbuild.engine.session import Session
 from assetbuild.engine.staging import check_present, check_untouched, collect, stage
 from assetbuild.engine.step import Files, Step
 from assetbuild.engine.store import machine_errors
-from assetbuild.engine.wire import REFUSED, error_from_json, perform, step_to_json
+from assetbuild.engine.wire import error_from_json, perform, step_to_json
 from assetbuild.engine.worker import NO_SPACE
 from assetbuild.errors import StepError
 from assetbuild.findings import finding_from_json
 
 
 class Processes(Runner):
-    """Runs actions here. sandbox: steps may read what they declare, and nothing else."""
+    """Runs actions here."""
 
-    def __init__(self, session: Session, *, sandbox: bool = False) -> None:
-        self.sandbox = sandbox
+    def __init__(self, session: Session) -> None:
         self._session = session
         self._children = Children(session.store.scratch())
 
@@ -94,7 +93,7 @@ class Processes(Runner):
         staged = stage(self._session, action.inputs, folder / "inputs")
         (folder / "outputs").mkdir()
         began = time.monotonic()
-        if not action.step.in_parent or self._is_confined(action):
+        if not action.step.in_parent:
             result, used = self._in_child(action, folder)
         else:
             files = Files(inputs=folder / "inputs", outputs=folder / "outputs")
@@ -129,13 +128,11 @@ class Processes(Runner):
             "home": str(home),
             "environ": step_environment(action.step, home),
             "limits": asdict(action.step.limits),
-            "sandbox": str(folder) if self._is_confined(action) else "",
         }
         path = folder / "job.json"
         path.write_text(json.dumps(job), encoding="utf-8")
         for attempt in range(1, ATTEMPTS + 1):
             ended = self._children.run(action.step, path)
-            _check_refused(action, folder)
             if ended.status == 0 and not ended.over:
                 with suppress(OSError, ValueError):
                     result = json.loads((folder / "result.json").read_bytes())
@@ -146,10 +143,6 @@ class Processes(Runner):
                 shutil.rmtree(folder / private)
                 (folder / private).mkdir()
         raise StepError(how_it_ended(action, ended, log))
-
-    def _is_confined(self, action: Action) -> bool:
-        """A step that may use the network runs programs and reads settings of the user's."""
-        return self.sandbox and not action.step.network
 
 
 def usable_cores() -> int:
@@ -164,17 +157,6 @@ def _available_mb() -> int:
         lines = Path("/proc/meminfo").read_text(encoding="ascii").splitlines()
         return int(next(x for x in lines if x.startswith("MemAvailable")).split()[1]) >> 10
     return os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE") >> 20
-
-
-def _check_refused(action: Action, folder: Path) -> None:
-    """Whatever became of a step that reads what it does not declare: that is its error."""
-    with suppress(FileNotFoundError):
-        refused = json.loads((folder / REFUSED).read_bytes())
-        more = f", and {len(refused) - 1} more files" if len(refused) > 1 else ""
-        raise StepError(
-            f"step `{action.label}` reads `{refused[0]}`, which is not among its inputs{more}",
-            hint="a step reads its inputs only: this is a fault of the step",
-        )
 
 
 def was_killed_by_chance(ended: Ended, log: Path) -> bool:

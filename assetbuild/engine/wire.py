@@ -19,9 +19,6 @@ from assetbuild.engine.step import Files, Limits, Step
 from assetbuild.errors import AssetBuildError, MachineError, StepError, Where
 from assetbuild.findings import Finding
 
-REFUSED = "refused.json"
-"""In the private folder of a confined step: the paths that it tried to read and may not."""
-
 
 def step_to_json(step: Step) -> dict[str, object]:
     """Module, class and fields. ValueError when a child could not find the class again."""

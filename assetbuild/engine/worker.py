@@ -258,10 +258,6 @@ def _run_step(job: dict[str, Any]) -> None:  # Any: JSON
         trace = f"{type(error).__name__}: {error}\n"
     else:
         files = Files(Path(job["inputs"]), Path(job["outputs"]))
-        if job["sandbox"]:
-            from assetbuild.engine import sandbox
-
-            sandbox.enter(Path(job["sandbox"]))
         result, trace = perform(step, files, label)
     sys.stdout.flush()
     sys.stderr.write(trace)

@@ -7,7 +7,7 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING
 
 from assetbuild.engine.execute import Listener
 from assetbuild.engine.make import NodeResult
@@ -18,7 +18,7 @@ from assetbuild.engine.runner import Runner
 from assetbuild.engine.session import Session
 from assetbuild.engine.store import OUT_OPTION, LostObjectError, machine_errors
 from assetbuild.engine.world import World
-from assetbuild.errors import AssetBuildError, Gather, MachineError, RecipeError, UsageError
+from assetbuild.errors import AssetBuildError, Gather, RecipeError, UsageError
 from assetbuild.lock import Lock
 from assetbuild.pipeline.bundling import bundle_files, publish_bundle
 from assetbuild.pipeline.judging import judged, located, where_of
@@ -54,7 +54,6 @@ class Request:
     rebuild_check: bool = False
     remote: str = ""
     cache_write: bool = False
-    sandbox: Literal["off", "strict"] = "off"
     executor: str = "local"
     fail_on: FailOn = "error"
     smoke: tuple[str, ...] = ()
@@ -240,15 +239,9 @@ def default_out(loaded: LoadedRecipe) -> Path:
 
 
 def _runner(request: Request, session: Session, remote: Remote | None) -> Runner:
-    """Where the steps run. UsageError; MachineError when this machine or the cluster cannot."""
-    sandbox = request.sandbox != "off"
-    if sandbox:
-        from assetbuild.engine.sandbox import why_not
-
-        if reason := why_not():
-            raise MachineError(f"steps cannot be confined on this machine: {reason}")
+    """Where the steps run. UsageError; MachineError when the cluster does not answer."""
     if request.executor == "local":
-        return Processes(session, sandbox=sandbox)
+        return Processes(session)
     from assetbuild.engine.share.cluster import Cluster, scheduler_address
 
     scheduler_address(request.executor)
@@ -257,7 +250,7 @@ def _runner(request: Request, session: Session, remote: Remote | None) -> Runner
             "workers on other machines need `--remote URL` and `--cache-write`",
             hint="their inputs and results go through the shared cache",
         )
-    return Cluster(request.executor, remote, session, sandbox=sandbox)
+    return Cluster(request.executor, remote, session)
 
 
 def _write_run_log(outcome: Outcome, out: Path) -> None:

@@ -2,7 +2,7 @@
 
 A program of its own: `python asking.py RECIPE OUT`. Audit hooks tell of opened files and listed
 folders; `stat`, `readlink` and the environment tell nobody, so they are wrapped before anything
-of assetbuild is imported. Steps run in confined children where the kernel allows.
+of assetbuild is imported.
 """
 
 from __future__ import annotations
@@ -17,8 +17,8 @@ from typing import Any
 
 OPENS, LISTS = ("open",), ("os.listdir", "os.scandir", "glob.glob")
 WRAPPED = ("stat", "lstat", "readlink", "access")
-SETTINGS = {"ASSETBUILD_CACHE", "XDG_CACHE_HOME", "LD_LIBRARY_PATH", "TMPDIR", "TEMP", "TMP"}
-"""Variables that say where the store and private files lie, or what a confined step may read."""
+SETTINGS = {"ASSETBUILD_CACHE", "XDG_CACHE_HOME", "TMPDIR", "TEMP", "TMP"}
+"""Variables that say where the store and private files lie."""
 
 asked: set[tuple[str, str, str]] = set()
 """(what was done, path or variable, which function of assetbuild did it)."""
@@ -38,13 +38,11 @@ def main(recipe: Path, out: Path) -> None:
 
     environ.__getitem__ = lookup
 
-    from assetbuild.engine.sandbox import why_not
     from assetbuild.engine.world import World
     from assetbuild.pipeline.building import Request, build_all
 
     world = World()
-    sandbox = "off" if why_not() else "strict"
-    request = Request(recipe, out=out, sandbox=sandbox, jobs=2, fail_on="never")
+    request = Request(recipe, out=out, jobs=2, fail_on="never")
     (outcome,) = build_all([request], lambda _: None, lambda _: None, world)
     lacking = sorted(_lacking(world.record, out))
     result = {

@@ -2,16 +2,36 @@
 
 from __future__ import annotations
 
+import os
+import sys
+import sysconfig
 from pathlib import Path
+from typing import Any
 
 import pytest
 from tiny import four_bar, pendulum, run_step, tiny_quadruped, write_robot_ports
 
+import assetbuild
 from assetbuild.kinds import Target
 from assetbuild.plugins import load_plugin, plugin_names
 
 TINY = {"quadruped": tiny_quadruped, "pendulum": pendulum, "four_bar": four_bar}
 TARGETS = plugin_names(Target)
+FREE = ("/usr", "/etc", "/proc", "/dev", sys.prefix, sys.base_prefix, sysconfig.get_path("purelib"))
+"""What any program opens, besides the package's own code."""
+opened: list[str] = []
+
+
+@pytest.fixture(scope="module")
+def watched() -> list[str]:
+    """Every path that this process opens from now on; an audit hook cannot be taken away."""
+
+    def hear(event: str, arguments: tuple[Any, ...]) -> None:
+        if event in ("open", "os.listdir", "os.scandir") and isinstance(arguments[0], str):
+            opened.append(os.path.abspath(arguments[0]))  # noqa: PTH100 # links are no answer
+
+    sys.addaudithook(hear)
+    return opened
 
 
 def written(folder: Path) -> dict[str, bytes]:
@@ -43,3 +63,20 @@ def test_it_writes_below_its_own_name_and_says_what_it_reads(name: str):
     assert set(target.reads) <= {
         "links.json", "tree.json", "shapes.json", "control.json", "ratings.json", "meshes/",
     }  # fmt: skip
+
+
+@pytest.mark.parametrize("name", TARGETS)
+def test_it_opens_what_it_declares_and_nothing_else(
+    name: str, tmp_path: Path, watched: list[str]
+) -> None:
+    target = load_plugin(Target, name)(robot="tiny")
+    inputs = write_robot_ports(tmp_path / "in", tiny_quadruped())
+    secret = tmp_path / "undeclared"
+    secret.write_text("known bad")
+    run_step(target, inputs, tmp_path / "warm")  # what is imported late is imported now
+    watched.clear()
+    run_step(target, inputs, tmp_path / "out")
+    declared = (str(inputs), str(tmp_path / "out"), *FREE, str(Path(assetbuild.__file__).parent))
+    assert [path for path in watched if not path.startswith(declared)] == []
+    secret.read_text()
+    assert str(secret) in watched

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import ctypes
 import hashlib
 import json
 import os
@@ -12,7 +11,6 @@ import sys
 import threading
 import time
 from collections.abc import Iterable
-from contextlib import suppress
 from pathlib import Path
 from typing import ClassVar
 
@@ -305,69 +303,3 @@ class LeavesAChild(Step):
         child = subprocess.Popen([sys.executable, "-c", "import time; time.sleep(60)"])
         (files.outputs / "out").write_text(str(child.pid))
         return ()
-
-
-class Reads(Step):
-    """Opens a path that is not among its inputs, in one of several ways; what it got, or no."""
-
-    outputs = ("out",)
-    path: str
-    how: str
-
-    def run(self, files: Files) -> Iterable[Finding]:
-        got = ""
-        with suppress(OSError, subprocess.CalledProcessError):
-            got = getattr(self, f"by_{self.how}")(files)
-        (files.outputs / "out").write_text(got or "nothing")
-        return ()
-
-    def by_open(self, files: Files) -> str:
-        return Path(self.path).read_text()
-
-    def by_native_code(self, files: Files) -> str:
-        libc = ctypes.CDLL(None)
-        libc.open.argtypes = (ctypes.c_char_p, ctypes.c_int)
-        descriptor = libc.open(self.path.encode(), os.O_RDONLY)
-        return os.read(descriptor, 100).decode() if descriptor >= 0 else ""
-
-    def by_listing(self, files: Files) -> str:
-        return " ".join(p.name for p in Path(self.path).iterdir())
-
-    def by_program(self, files: Files) -> str:
-        return subprocess.run(["cat", self.path], check=True, capture_output=True, text=True).stdout
-
-    def by_link(self, files: Files) -> str:
-        link = files.outputs.parent / "home" / "link"
-        link.symlink_to(self.path)
-        return link.read_text()
-
-    def by_relative_path(self, files: Files) -> str:
-        return Path(os.path.relpath(self.path)).read_text()
-
-    def by_writing(self, files: Files) -> str:
-        (files.outputs.parent / "home" / "own").write_text("mine")
-        return (files.outputs.parent / "home" / "own").read_text()
-
-    def by_input(self, files: Files) -> str:
-        return (files.inputs / "in").read_text() + str([p.name for p in files.inputs.iterdir()])
-
-
-class ReadsWhatIsReplaced(Step):
-    """Waits until its input is another file of the same name, and reads that."""
-
-    outputs = ("out",)
-
-    def run(self, files: Files) -> Iterable[Finding]:
-        before = (files.inputs / "in").stat().st_ino
-        while (files.inputs / "in").stat().st_ino == before:
-            time.sleep(0.01)
-        (files.outputs / "out").write_bytes((files.inputs / "in").read_bytes())
-        return ()
-
-
-class ReadsAndDies(Reads):
-    """As code that cannot cope with a refused file."""
-
-    def run(self, files: Files) -> Iterable[Finding]:
-        super().run(files)
-        os.abort()

@@ -191,7 +191,6 @@ def test_a_worker_that_is_installed_differently_refuses_and_says_how(
         "step": step_to_json(step),
         "objects": {},
         "remote": server.url,
-        "sandbox": False,
     }
     answer = json.loads(run_action(json.dumps(spec)))
     assert "is not installed like the machine that builds: " in answer["error"]["message"]

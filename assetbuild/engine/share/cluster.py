@@ -50,9 +50,7 @@ class Cluster(Runner):
     remote: must be written to. MachineError when nobody answers at the address.
     """
 
-    def __init__(
-        self, executor: str, remote: Remote, session: Session, *, sandbox: bool = False
-    ) -> None:
+    def __init__(self, executor: str, remote: Remote, session: Session) -> None:
         address = scheduler_address(executor)
         try:
             import distributed
@@ -72,7 +70,7 @@ class Cluster(Runner):
                 hint="start one by `dask scheduler`, see docs/how-to/cluster.md",
             ) from None
         self._session = session
-        self._here = Processes(session, sandbox=sandbox)
+        self._here = Processes(session)
 
     @property
     def places(self) -> int:
@@ -107,7 +105,6 @@ class Cluster(Runner):
                 "step": step_to_json(action.step),
                 "objects": objects,
                 "remote": self._remote.address,
-                "sandbox": self._here.sandbox,
             }
             answer = self._answer(action, json.dumps(spec))
             if "error" in answer:

@@ -38,13 +38,13 @@ def run_action(text: str) -> str:
 
 
 @functools.lru_cache(maxsize=4)
-def _place(address: str, *, sandbox: bool) -> tuple[Session, Remote, Processes]:
+def _place(address: str) -> tuple[Session, Remote, Processes]:
     """One for all actions of this worker, so that its child processes stay warm."""
     key = os.environ.get("ASSETBUILD_CACHE_KEY", "")
     patient = Budget(lost_s=math.inf, errors=1 << 30)  # it lives longer than one build
     remote = Remote(address, key=key, write=True, budget=patient)
     session = Session(open_store(Path(cache_root())), build="cluster")
-    return session, remote, Processes(session, sandbox=sandbox)
+    return session, remote, Processes(session)
 
 
 def _make(spec: Mapping[str, Any]) -> dict[str, object]:  # Any: JSON
@@ -56,7 +56,7 @@ def _make(spec: Mapping[str, Any]) -> dict[str, object]:  # Any: JSON
     action = Action.of(spec["label"], step_from_json(spec["step"]), spec["parts"])
     # Its address may hold credentials, so that of a worker's own environment comes first.
     address = os.environ.get("ASSETBUILD_REMOTE") or spec["remote"]
-    session, remote, processes = _place(address, sandbox=spec["sandbox"])
+    session, remote, processes = _place(address)
     _check_same_key(action, session)
     store = session.store
     with store.busy():
