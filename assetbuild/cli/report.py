@@ -18,6 +18,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments."""
     parser.add_argument("bundle", type=Path, help="a folder that `assetbuild build` wrote")
     parser.add_argument("--open", action="store_true", help="open the page in a browser")
+    parser.add_argument(
+        "--pictures",
+        type=Path,
+        metavar="DIR",
+        help="draw into DIR: from behind, collision, inertia, joint axes, contacts, each joint",
+    )
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -45,8 +51,23 @@ def run(arguments: argparse.Namespace) -> int:
         print(f"  {check['status']:4}  {name}  {check.get('note', '')}".rstrip())
     for line in every_finding_line([finding_from_json(raw) for raw in report["findings"]]):
         print(line)
+    if arguments.pictures:
+        _draw(arguments.bundle, arguments.pictures)
     if arguments.open:
         page = (arguments.bundle / "report" / "index.html").resolve()
         if not webbrowser.open(page.as_uri()):
             print(f"no browser found; open {page}", file=sys.stderr)
     return 0 if verdict["ready"] else 1
+
+
+def _draw(bundle: Path, folder: Path) -> None:
+    """UsageError when it has no MJCF; StepError when this machine cannot draw."""
+    from assetbuild.engine.world import World
+    from assetbuild.looks.render import draw_all
+    from assetbuild.simulators.offscreen import renderer
+
+    scene = bundle / "mjcf" / "scene.xml"
+    if not scene.is_file():
+        raise UsageError(f"no `{scene}` to draw", hint="build the target `mjcf`")
+    draw_all(scene, folder, renderer(World()))
+    print(f"pictures: {folder}", file=sys.stderr)

@@ -1,7 +1,7 @@
 """How the robot looks: light meshes, pictures, the geometry of the 3D view. Nothing that trains.
 
     meshes -> light meshes -> viewer
-    tree, shapes, meshes, pose -> picture model, light meshes -> pictures
+    tree, shapes, meshes, pose -> picture model -> pictures
 
 No gain, no friction and no timestep reaches these steps, so a new one draws nothing anew.
 """
@@ -49,5 +49,5 @@ def looks(
         drawn = ports | {"tree.json": robot["tree.json"], "control.json": pose}
         model = p.add(PICTURE_MODEL, target.configure(recipe), drawn)
         step = Render(renderer=renderer(p.world))
-        nodes["pictures"] = p.add("pictures", step, {"mjcf/": model["mjcf/"], "light/": light})
+        nodes["pictures"] = p.add("pictures", step, {"mjcf/": model["mjcf/"]})
     return nodes

@@ -1,15 +1,11 @@
-"""Pictures of the robot as people look at it in a viewer: shapes, masses, axes, contacts, turns."""
+"""Pictures: the one that stands for the robot, and those that explain it."""
 
 from __future__ import annotations
 
-import hashlib
-import json
-import os
-import shutil
-from collections.abc import Iterator, Sequence
+import io
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import ClassVar
 
 import numpy as np
@@ -17,40 +13,38 @@ import numpy as np
 from assetbuild.engine.step import Files, Limits, Step
 from assetbuild.errors import StepError
 from assetbuild.findings import Finding, Rule
-from assetbuild.looks import stage
-from assetbuild.looks.annotate import png, thumbnail
-from assetbuild.looks.stage import HERO, Extent, Picture, Stage, extent
+from assetbuild.looks.stage import LONG, Stage, extent
 from assetbuild.simulators import mujoco, offscreen
-from assetbuild.simulators.mujoco import Data, Model
-from assetbuild.simulators.studio import opengl, studio
+from assetbuild.simulators.mujoco import Model
+from assetbuild.simulators.studio import BACKGROUND, Pixels, opengl, studio
 
 DRAWING_S = 400.0
 """Wall clock for all pictures; a driver that hangs costs only them."""
-ROOM = (stage.LONG, stage.LONG)
+ROOM = (LONG, LONG)
 """Pixels of the largest frame."""
-THUMBNAIL = "thumbnail.png"
-"""The hero, small: it lies beside the USD and is not in the list."""
+HERO, THUMBNAIL = "hero.png", "thumbnail.png"
+SMALL = 256
+"""Pixels along a side of the thumbnail."""
+Drawn = Callable[[Stage], Iterable[tuple[str, Pixels]]]
+"""(file, picture) of what is to be drawn."""
 NO_PICTURES = Rule(
     "pictures.none",
     "info",
-    "the report has no pictures: OpenGL cannot draw without a window here, or the MJCF does not "
+    "the report has no picture: OpenGL cannot draw without a window here, or the MJCF does not "
     "load",
     "`assetbuild doctor`",
 )
 
 
 class Render(Step):
-    """`mjcf/scene.xml` -> `images/*.png` and `pictures.json`, which says what each one shows.
-
-    The two pictures of the robot itself show its meshes. All others show those of `light/`, as
-    `Lighten` writes them: they differ by less than a pixel and are drawn in a third of the time.
+    """`mjcf/scene.xml` -> `images/hero.png` and the same, small, for the USD.
 
     A machine without OpenGL, or with a driver that crashes, writes no picture and leaves a finding;
     the renderer is part of the key, so a later driver makes them.
     """
 
-    usual_s = 5.0
-    outputs = ("images/", "pictures.json")
+    usual_s = 2.0
+    outputs = ("images/",)
     isolated = True
     cpu_bound = True  # Mesa compiles its shaders for the CPU that it finds
     preload = ("mujoco",)
@@ -58,69 +52,62 @@ class Render(Step):
 
     renderer: str
     """From `offscreen.renderer`: the same robot looks a little different on another driver."""
-    turntable: int = 8
-    """Views all around."""
 
     def run(self, files: Files) -> Iterator[Finding]:
-        """Reads the folders `mjcf/` and `light/`."""
-        (files.outputs / "images").mkdir()
-        problem = offscreen.run_apart(lambda: self._write(files), DRAWING_S)
+        """Reads the folder `mjcf/`."""
+        folder = files.outputs / "images"
+        folder.mkdir()
+        problem = _drawn_apart(files.inputs / "mjcf" / "scene.xml", folder, self.renderer, _hero)
         if problem:
-            for half in (files.outputs / "images").iterdir():
+            for half in folder.iterdir():
                 half.unlink()
-            _write_list(files, [], "")
             yield NO_PICTURES(
-                "robot", f"no pictures: {problem}", hint="`assetbuild doctor` says what to install"
+                "robot", f"no picture: {problem}", hint="`assetbuild doctor` says what to install"
             )
 
-    def _write(self, files: Files) -> None:
-        pictures, driver = self._pictures(files)
-        for picture in pictures:
-            (files.outputs / "images" / picture.file).write_bytes(
-                png(picture.pixels, every_colour=picture.file == HERO)
-            )
-            if picture.file == HERO:
-                (files.outputs / "images" / THUMBNAIL).write_bytes(thumbnail(picture.pixels))
-        _write_list(files, pictures, driver)
 
-    def _pictures(self, files: Files) -> tuple[list[Picture], str]:
-        if self.renderer == "none":
-            raise StepError(
-                "no OpenGL without a window (EGL or OSMesa) here, or `MUJOCO_GL` says so"
-            )
-        model = _loaded(files.inputs / "mjcf" / "scene.xml")
-        data = mujoco.at_key(model)
-        seen = extent(model, data)
-        made: list[Picture] = []
-        with opengl(self.renderer, ROOM):
-            with _stage(model, data, seen) as robot:
-                made += robot.hero()
-            light = _lightened(model, files.inputs)
-            with _stage(light, mujoco.at_key(light), seen) as robot:
-                made += [*robot.views(), *robot.turntable(self.turntable), *robot.directions()]
-                return made, robot.studio.driver()
+def draw_all(scene: Path, folder: Path, renderer: str) -> None:
+    """Write all pictures of a robot's `scene.xml` into a folder, which is made. StepError."""
+    folder.mkdir(parents=True, exist_ok=True)
+    problem = _drawn_apart(scene, folder, renderer, _all)
+    if problem:
+        raise StepError(f"no pictures: {problem}", hint="`assetbuild doctor` says what to install")
+
+
+def _hero(stage: Stage) -> Iterator[tuple[str, Pixels]]:
+    pixels = stage.hero()
+    yield HERO, pixels
+    yield THUMBNAIL, _thumbnail(pixels)
+
+
+def _all(stage: Stage) -> Iterator[tuple[str, Pixels]]:
+    yield HERO, stage.hero()
+    yield from stage.others()
+
+
+def _drawn_apart(scene: Path, folder: Path, renderer: str, drawn: Drawn) -> str:
+    """Draw in a process of its own; why it came to nothing, or ""."""
+
+    def draw() -> None:
+        with _stage(scene, renderer) as stage:
+            for name, pixels in drawn(stage):
+                (folder / name).write_bytes(_png(pixels))
+
+    return offscreen.run_apart(draw, DRAWING_S)
 
 
 @contextmanager
-def _stage(model: Model, data: Data, seen: Extent) -> Iterator[Stage]:
-    with studio(model, ROOM, seen.middle, seen.size / 2.0, seen.lowest) as opened:
+def _stage(scene: Path, renderer: str) -> Iterator[Stage]:
+    if renderer == "none":
+        raise StepError("no OpenGL without a window (EGL or OSMesa) here, or `MUJOCO_GL` says so")
+    model = _loaded(scene)
+    data = mujoco.at_key(model)
+    seen = extent(model, data)
+    with (
+        opengl(renderer, ROOM),
+        studio(model, ROOM, seen.middle, seen.size / 2.0, seen.lowest) as opened,
+    ):
         yield Stage(opened, model, data, seen)
-
-
-def _lightened(model: Model, inputs: Path) -> Model:
-    """The scene with light meshes where these show the same: no texture, nothing that collides."""
-    collides = np.asarray(model.geom_dataid)[np.asarray(model.geom_group) == stage.COLLISION]
-    kept = {_file_of(model, int(number)) for number in collides if number >= 0}
-    with TemporaryDirectory() as folder:
-        copy = Path(folder) / "mjcf"
-        shutil.copytree(inputs / "mjcf", copy, copy_function=os.symlink)
-        for mesh in copy.rglob("*.obj"):
-            text = mesh.read_bytes()
-            light = inputs / "light" / f"{hashlib.sha256(text).hexdigest()}.obj"
-            if mesh.name not in kept and b"\nvt " not in text and light.is_file():
-                mesh.unlink()
-                mesh.symlink_to(light)
-        return _loaded(copy / "scene.xml")
 
 
 def _loaded(scene: Path) -> Model:
@@ -134,12 +121,17 @@ def _loaded(scene: Path) -> Model:
     return model
 
 
-def _file_of(model: Model, mesh: int) -> str:
-    start = int(model.mesh_pathadr[mesh])
-    return Path(bytes(model.paths[start:]).split(b"\0", 1)[0].decode()).name
+def _png(pixels: Pixels) -> bytes:
+    from PIL import Image
+
+    out = io.BytesIO()
+    Image.fromarray(pixels).save(out, "PNG", compress_level=4)
+    return out.getvalue()
 
 
-def _write_list(files: Files, pictures: Sequence[Picture], driver: str) -> None:
-    rows = [{"file": p.file, "title": p.title, "alt": p.alt} for p in pictures]
-    text = json.dumps({"driver": driver, "pictures": rows}, indent=1, sort_keys=True)
-    (files.outputs / "pictures.json").write_text(text + "\n", encoding="utf-8")
+def _thumbnail(pixels: Pixels) -> Pixels:
+    """The picture on a square of 256 pixels."""
+    from PIL import Image, ImageOps
+
+    paper = (BACKGROUND,) * 3
+    return np.asarray(ImageOps.pad(Image.fromarray(pixels), (SMALL, SMALL), color=paper))

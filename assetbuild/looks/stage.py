@@ -1,4 +1,4 @@
-"""The robot before the camera: the pictures of a bundle, one after the other."""
+"""The robot before the camera: the picture that stands for it, and those that explain it."""
 
 from __future__ import annotations
 
@@ -8,23 +8,20 @@ from typing import Any
 
 import numpy as np
 
-from assetbuild.looks.annotate import caption, named, sheet
-from assetbuild.looks.framing import ellipsoid_points, fitted, robot_points, spans
+from assetbuild.looks.framing import directions, ellipsoid_points, fitted, robot_points, spans
 from assetbuild.robot.pose import Array
 from assetbuild.simulators import mujoco
 from assetbuild.simulators.mujoco import Data, Model
-from assetbuild.simulators.studio import Camera, Paint, Pixels, Shot, Studio
+from assetbuild.simulators.studio import LAMP, Camera, Paint, Pixels, Shot, Studio, lamp_direction
 
 LONG, SHORT = 1600, 1200
 """Pixels of the sides of a large picture."""
 TALL = 1.25
 """Height / width of the robot in the picture from which on the frame is upright."""
-TILE_WIDTH, TILE_HEIGHT = 400, 300
 FRONT, BEHIND, ELEVATION = 140.0, -40.0, -14.0
 """Where the camera looks, degrees, as MuJoCo counts them."""
 SIDES = (140.0, -140.0, 40.0, -40.0)
 """Azimuths among which a picture of one limb chooses the one that is nearest to it."""
-HERO = "hero.png"
 HERO_SAMPLES = 3
 """Frames behind the first picture: each with the lamp a little elsewhere."""
 TURN = 0.3
@@ -32,7 +29,7 @@ TURN = 0.3
 NEAR = 0.22
 """Half of the least size of what a picture of one limb shows, as a share of the robot's size."""
 MOST_JOINTS = 80
-"""More joints than this are not shown one by one, and their axes have no names."""
+"""More joints than this are not shown one by one."""
 COLLISION = 3
 """The group of collision geometry."""
 BODY = (2, COLLISION)
@@ -41,24 +38,12 @@ HULLS = ("mjVIS_CONVEXHULL",)
 """A collision mesh that is not convex is shown as what MuJoCo collides: its hull."""
 UNDRAWN = 1001
 """`mjGEOM_NONE`: a geom of this type is skipped by the renderer."""
-AHEAD = 0.002
-"""How far collision geometry is brought before visual geometry, as a share of the robot's size."""
 ELLIPSOIDS = 0.8
 """How far from the robot's middle its inertia ellipsoids are shown, as a share of its size."""
 Rgba = tuple[float, float, float, float]
 CLEAR: Rgba = (0.0, 0.0, 0.0, 0.0)
 GREY: Rgba = (0.66, 0.68, 0.71, 1.0)
 MOVED: Rgba = (0.95, 0.45, 0.05, 1.0)
-
-
-@dataclass(frozen=True)
-class Picture:
-    """One file: its name, a title, and what there is to see for those who cannot."""
-
-    file: str
-    title: str
-    alt: str
-    pixels: Pixels
 
 
 @dataclass(frozen=True, eq=False)
@@ -112,7 +97,6 @@ class Stage:
         """Collision geometry of bodies that have visual geometry to be seen by."""
         self.looks = (0, 2) if len(visual) else (0, 3)
         """Groups of geoms that are drawn: without visual geometry, the collision geometry."""
-        self.seen = f"the {'visual' if len(visual) else 'collision'} geometry"
         wide, high = spans(seen.points, FRONT, ELEVATION)
         self.size = (SHORT, LONG) if high > TALL * wide else (LONG, SHORT)
         _decorate(model, seen.size)
@@ -123,43 +107,42 @@ class Stage:
     def _large(self, camera: Camera, **more: Any) -> Pixels:  # Any: the fields of Shot
         return self.studio.frame(self.data, Shot(camera, *self.size, **more))
 
-    def hero(self) -> Iterator[Picture]:
-        """The picture that stands for the robot."""
-        before, after = (self._whole(way, self.extent.looks) for way in (FRONT, BEHIND))
+    def hero(self) -> Pixels:
+        """The picture that stands for the robot; the frame holds its shadow as well."""
         if self.extent.bare:
-            pixels = self._large(before, flags=("mjVIS_INERTIA",))
-            alt = "it has no geometry: the inertia ellipsoids of its bodies at home"
-            yield Picture(HERO, "The robot", alt, pixels)
-            return
-        pixels = self._large(before, groups=self.looks, samples=HERO_SAMPLES, soft=True)
-        yield Picture(HERO, "The robot", f"{self.seen} at home", pixels)
-        behind = self._large(after, groups=self.looks[1:])
-        yield Picture("visual.png", "From behind", f"{self.seen} at home, from behind", behind)
+            return self._large(self._whole(FRONT, self.extent.looks), flags=("mjVIS_INERTIA",))
+        lit = np.concatenate([self.extent.looks, self._shadow()])
+        camera = self._whole(FRONT, lit)
+        return self._large(camera, groups=self.looks, samples=HERO_SAMPLES, soft=True)
 
-    def views(self) -> Iterator[Picture]:
-        """Large pictures of what one does not see of a robot that stands before one."""
+    def _shadow(self) -> Array:
+        """(n, 3) m, how far the robot's shadow reaches on the floor; its edge is soft."""
+        points = self.extent.looks
+        forward, right, _ = directions(FRONT, ELEVATION)
+        lamp = lamp_direction(forward, right)
+        falls = (1.0 + 3.0 * LAMP) * (points[:, 2:] - self.extent.lowest) / -lamp[2]
+        return np.asarray(points + falls * lamp, dtype=np.float64)
+
+    def others(self) -> Iterator[tuple[str, Pixels]]:
+        """(file, picture) of what one does not see of a robot that stands before one."""
+        yield "joints.png", self._axes()
         if self.extent.bare:
-            yield self._axes()
             return
-        ghost = self._faded(0.16, spare=False)
-        shots: tuple[tuple[str, str, str, dict[str, Any]], ...] = (  # Any: the fields of Shot
-            ("collision", "Collision", "the collision geometry, a colour for each piece",
-             {"groups": (3,), "flags": HULLS, "paint": self._by_piece(1.0)}),
-            ("overlay", "Both", "collision geometry laid over the visual geometry",
-             {"groups": (2, 3), "flags": HULLS, "paint": self._by_piece(0.45),
-              "ahead": (3, AHEAD * self.extent.size)}),
-            ("inertia", "Inertia", "equivalent inertia ellipsoids and centres of mass",
-             {"groups": BODY, "flags": ("mjVIS_INERTIA", "mjVIS_COM"),
-              "paint": self._faded(0.16), "points": self._with_ellipsoids()}),
-            ("contacts", "Contacts", f"where it touches at home: {self.data.ncon} points",
-             {"groups": (3,), "flags": ("mjVIS_CONTACTPOINT",), "paint": ghost}),
-        )  # fmt: skip
-        there = {"contacts": self.data.ncon, "collision": self._pieces, "overlay": self._pieces}
-        for name, title, alt, more in shots:
-            if there.get(name, True):
-                camera = self._whole(FRONT, more.pop("points", self.extent.points))
-                yield Picture(f"{name}.png", title, alt, self._large(camera, **more))
-        yield self._axes()
+        behind = self._whole(BEHIND, self.extent.looks)
+        yield "behind.png", self._large(behind, groups=self.looks[1:])
+        inside, faded = self._whole(FRONT, self._with_ellipsoids()), self._faded(0.16)
+        flags = ("mjVIS_INERTIA", "mjVIS_COM")
+        yield "inertia.png", self._large(inside, groups=BODY, flags=flags, paint=faded)
+        camera = self._whole(FRONT, self.extent.points)
+        if self._pieces:
+            paint = self._painted(lambda geom: (*hue(geom), 1.0) if geom in self._pieces else None)
+            yield "collision.png", self._large(camera, groups=(3,), flags=HULLS, paint=paint)
+        if self.data.ncon:
+            ghost, flag = self._faded(0.16, spare=False), "mjVIS_CONTACTPOINT"
+            yield "contacts.png", self._large(camera, groups=(3,), flags=(flag,), paint=ghost)
+        joints = self._joints()
+        for joint in joints if len(joints) <= MOST_JOINTS else ():
+            yield self._direction(joint)
 
     def _with_ellipsoids(self) -> Array:
         """(n, 3) m: the robot and its inertia ellipsoids, as far as they reach from it.
@@ -171,40 +154,14 @@ class Stage:
         reach, middle = ELLIPSOIDS * self.extent.size, self.extent.middle
         return np.asarray(np.clip(points, middle - reach, middle + reach), dtype=np.float64)
 
-    def _axes(self) -> Picture:
-        """Arrows along the joints' axes, with their names where these can be read."""
+    def _axes(self) -> Pixels:
+        """Arrows along the joints' axes."""
         camera = self._whole(FRONT, self.extent.points, margin=1.3)
-        paint, flags = self._faded(0.16), ("mjVIS_JOINT",)
-        pixels = self._large(camera, groups=BODY, flags=flags, paint=paint)
-        joints = self._joints()
-        if 0 < len(joints) <= MOST_JOINTS:
-            places = camera.project(np.array(self.data.xanchor)[joints])
-            names = [mujoco.name_of(self.model, "joint", joint) for joint in joints]
-            pixels = named(pixels, places, names)
-        return Picture("joints.png", "Joint axes", "an arrow along the axis of each joint", pixels)
+        flags = ("mjVIS_JOINT", "mjVIS_INERTIA") if self.extent.bare else ("mjVIS_JOINT",)
+        return self._large(camera, groups=BODY, flags=flags, paint=self._faded(0.16))
 
-    def turntable(self, count: int) -> Iterator[Picture]:
-        """One sheet of views all around."""
-        aspect = TILE_WIDTH / TILE_HEIGHT
-        cameras = [
-            fitted(self.extent.looks, FRONT + 360.0 * n / count, ELEVATION, aspect)
-            for n in range(count)
-        ]
-        tiles = [self.studio.frame(self.data, _tile(camera, self.looks[1:])) for camera in cameras]
-        if tiles and not self.extent.bare:
-            alt = f"{self.seen} from {count} sides"
-            yield Picture("turntable.png", "Turntable", alt, sheet(tiles, [""] * count))
-
-    def directions(self) -> Iterator[Picture]:
-        """Each joint turned by +0.3 rad from home, seen from the side of its limb."""
-        joints = self._joints()
-        if not joints or len(joints) > MOST_JOINTS or self.extent.bare:
-            return
-        tiles, texts = zip(*map(self._direction, joints), strict=True)
-        alt = "each joint moved forward from home (grey); the part that moves is orange"
-        yield Picture("directions.png", "Joint directions", alt, sheet(tiles, texts))
-
-    def _direction(self, joint: int) -> tuple[Pixels, str]:
+    def _direction(self, joint: int) -> tuple[str, Pixels]:
+        """One joint turned from home (grey), seen from the side of its limb."""
         import mujoco as mj
 
         name = mujoco.name_of(self.model, "joint", joint)
@@ -214,14 +171,16 @@ class Stage:
         moved.qpos[int(self.model.jnt_qposadr[joint])] += travel
         mj.mj_kinematics(self.model, moved)
         below = self._below(int(self.model.jnt_bodyid[joint]))
-        shot = _tile(
+        shot = Shot(
             self._limb(joint, below, moved),
+            LONG // 2,
+            SHORT // 2,
             BODY,
             paint=self._coloured(below, (*GREY[:3], 0.3), GREY),
             ghost=moved,
             ghost_paint=self._coloured(below, MOVED, CLEAR),
         )
-        return self.studio.frame(self.data, shot), caption(name, f" {travel:+.2g} {unit}")
+        return f"{name} {travel:+.2g} {unit}.png", self.studio.frame(self.data, shot)
 
     def _limb(self, joint: int, below: frozenset[int], moved: Data) -> Camera:
         """A camera on the limb's side of the robot that shows where it was and where it goes."""
@@ -240,7 +199,7 @@ class Stage:
             return float(round(-away @ np.array([np.cos(turn), np.sin(turn)]), 3))
 
         azimuth = max(SIDES, key=nearness)  # the first of equals: the side of all other pictures
-        return fitted(points, azimuth, ELEVATION, TILE_WIDTH / TILE_HEIGHT)
+        return fitted(points, azimuth, ELEVATION, LONG / SHORT)
 
     def _joints(self) -> list[int]:
         """Joints that turn or slide."""
@@ -263,10 +222,6 @@ class Stage:
         return frozenset(found)
 
     # --- colours ------------------------------------------------------------------------------
-
-    def _by_piece(self, alpha: float) -> Paint:
-        """A colour of its own for each collision piece; visual geometry keeps its own."""
-        return self._painted(lambda geom: (*hue(geom), alpha) if geom in self._pieces else None)
 
     def _faded(self, alpha: float, *, spare: bool = True) -> Paint:
         hidden = self._spare if spare else frozenset()
@@ -298,11 +253,6 @@ class Stage:
                 drawn.rgba[3] = 0.0  # a box in the middle of the robot says nothing
 
         return paint
-
-
-def _tile(camera: Camera, groups: tuple[int, ...], **more: Any) -> Shot:
-    # more: the other fields of Shot.
-    return Shot(camera, TILE_WIDTH, TILE_HEIGHT, groups, samples=1, fine=2, **more)
 
 
 def plain(geom: Any, rgba: Rgba) -> None:  # Any: mjvGeom

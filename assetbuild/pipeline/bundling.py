@@ -26,7 +26,7 @@ from assetbuild.facts.reader import asked_sections, stated_options
 from assetbuild.facts.reference import Assets, Reference
 from assetbuild.kinds import Target
 from assetbuild.lock import GitPin, Lock, Pin
-from assetbuild.looks.render import THUMBNAIL
+from assetbuild.looks.render import HERO, THUMBNAIL
 from assetbuild.pipeline.publish import (
     PROVENANCE,
     discard,
@@ -52,7 +52,7 @@ from assetbuild.report.bundle import (
 )
 from assetbuild.report.card import model_card
 from assetbuild.report.document import Report
-from assetbuild.report.html import Picture, View, html_page
+from assetbuild.report.html import View, html_page
 from assetbuild.report.subject import Subject
 from assetbuild.report.summary import summary
 from assetbuild.robot.codec import decode
@@ -219,24 +219,21 @@ class _Built:
             expanded = self.read(self.outline.expanded)
             yield BundleFile.of_bytes("report/expanded.urdf", "report", expanded)
 
-    def pictures(self) -> Iterator[tuple[Picture, BundleFile]]:
-        """Each picture, for the page and as a file."""
+    def images(self) -> Mapping[str, tuple[str, int]]:
+        """Name of a drawn picture -> its digest and size; none without OpenGL."""
         node = self.outline.looks.get("pictures")
-        if node is None:
-            return
-        images = self.listing(node["images/"])
-        for row in json.loads(self.read(node["pictures.json"]))["pictures"]:
-            digest, size = images[row["file"]]
-            file = BundleFile(f"report/images/{row['file']}", "report", digest, size)
-            yield Picture(row["title"], row["alt"], self.session.read(digest)), file
+        return self.listing(node["images/"]) if node else {}
+
+    def hero(self) -> Iterator[BundleFile]:
+        """The picture of the robot."""
+        for found in filter(None, [self.images().get(HERO)]):
+            yield BundleFile(f"report/images/{HERO}", "report", *found)
 
     def thumbnail(self, robot: str) -> Iterator[BundleFile]:
-        """The small picture where libraries of USD assets look for it; none without OpenGL."""
-        node = self.outline.looks.get("pictures")
-        images = self.listing(node["images/"]) if node and "usd" in self.outline.targets else {}
-        if THUMBNAIL in images:
-            path = f"usd/.thumbs/256x256/{robot}.usda.png"
-            yield BundleFile(path, "usd", *images[THUMBNAIL])
+        """The small picture where libraries of USD assets look for it."""
+        found = self.images().get(THUMBNAIL)
+        if found and "usd" in self.outline.targets:
+            yield BundleFile(f"usd/.thumbs/256x256/{robot}.usda.png", "usd", *found)
 
     def view(self) -> View | None:
         """The 3D view; None in a bundle without."""
@@ -249,17 +246,18 @@ class _Built:
 def _report_files(
     subject: Subject, report: Report, built: _Built, reference: Reference
 ) -> list[BundleFile]:
-    """The report for machines, for people, for a job's page; its pictures."""
-    shown = list(built.pictures())
+    """The report for machines, for people, for a job's page; its picture."""
+    hero = list(built.hero())
+    picture = next((built.session.read(file.sha256) for file in hero), None)
     texts = {
         "report/report.json": json_text(report.to_json()),
-        "report/index.html": html_page(report, subject, [p for p, _ in shown], built.view()),
+        "report/index.html": html_page(report, subject, picture, built.view()),
         "report/report.md": summary(report),
         "report/robot.json": sign(reference.to_json(), built.written()),
         "model_card.md": model_card(subject, report),
     }
     files = [BundleFile.of_text(path, "report", text) for path, text in texts.items()]
-    return [*files, *(file for _, file in shown)]
+    return [*files, *hero]
 
 
 def publish_bundle(files: list[BundleFile], out: Path, session: Session) -> tuple[str, ...]:

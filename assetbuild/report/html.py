@@ -22,8 +22,6 @@ from assetbuild.report.verdict import CheckResult, verdict_rows
 from assetbuild.report.view import view_data
 from assetbuild.robot.inertia import total_mass
 
-HERO = "The robot"
-"""Title of the picture that stands beside the verdict."""
 GROUPS: tuple[tuple[str, str, tuple[str, ...]], ...] = (
     ("equality", "The same robot in every format",
      ("oracle", "urdf_", "bare_", "dr_", "isaaclab_", "mjcf_", "mjlab_", "mjx_", "scene_", "usd_",
@@ -37,15 +35,6 @@ GROUPS: tuple[tuple[str, str, tuple[str, ...]], ...] = (
 
 
 @dataclass(frozen=True)
-class Picture:
-    """A PNG with its title and what there is to see in it."""
-
-    title: str
-    alt: str
-    png: bytes
-
-
-@dataclass(frozen=True)
 class View:
     """The 3D view: geometry as JSON, and the text of three.js; empty = none."""
 
@@ -53,17 +42,13 @@ class View:
     library: str
 
 
-def html_page(
-    report: Report, subject: Subject, pictures: Sequence[Picture], view: View | None
-) -> str:
-    """The whole page; nothing in it is fetched from anywhere."""
+def html_page(report: Report, subject: Subject, hero: bytes | None, view: View | None) -> str:
+    """The whole page; nothing in it is fetched from anywhere. hero: a PNG of the robot."""
     view = view if view and view.library else None
-    hero = next((picture for picture in pictures if picture.title == HERO), None)
     loud = sum(finding.severity != "info" for finding in report.findings)
     sections = [
         ("findings", f"What to look at ({loud})", findings_section(report.findings)),
         ("view", "3D view", _viewer(subject) if view else ""),
-        ("pictures", "Pictures", _pictures([p for p in pictures if p is not hero])),
         *_checks(report.checks),
         ("identified", "Measured on the real robot", identified_section(subject.fits)),
         ("card", "Model card", _card(subject, report)),
@@ -113,8 +98,13 @@ def _parts(rows: Sequence[tuple[str, str]]) -> str:
     return f'<dl class="parts">{items}</dl>'
 
 
-def _hero(picture: Picture) -> str:
-    return f'<figure class="hero">{_image(picture)}</figure>'
+def _hero(png: bytes) -> str:
+    """The robot; a click, or the Enter key, enlarges it."""
+    data = base64.b64encode(png).decode("ascii")
+    return (
+        '<figure class="hero"><button type="button" class="zoom" aria-label="enlarge the robot">'
+        f'<img alt="the robot at home" src="data:image/png;base64,{data}"></button></figure>'
+    )
 
 
 def _loading(subject: Subject) -> str:
@@ -156,29 +146,7 @@ def _tiles(report: Report, subject: Subject) -> str:
     return f'<ul class="tiles">{tiles}</ul>'
 
 
-# --- pictures and view -----------------------------------------------------------------------
-
-
-def _image(picture: Picture) -> str:
-    """An image that a click, or the Enter key, enlarges."""
-    data = base64.b64encode(picture.png).decode("ascii")
-    alt = escape(picture.alt)
-    label = escape(f"enlarge: {picture.title}")
-    return (
-        f'<button type="button" class="zoom" aria-label="{label}"><img alt="{alt}" '
-        f'src="data:image/png;base64,{data}"></button>'
-    )
-
-
-def _pictures(pictures: Sequence[Picture]) -> str:
-    figures = []
-    for picture in pictures:
-        wide = ' class="wide"' if picture.title in ("Turntable", "Joint directions") else ""
-        figures.append(
-            f"<figure{wide}>{_image(picture)}<figcaption><b>{escape(picture.title)}</b>: "
-            f"{escape(picture.alt)}</figcaption></figure>"
-        )
-    return f'<div class="pictures">{"".join(figures)}</div>' if figures else ""
+# --- the 3D view ----------------------------------------------------------------------------
 
 
 def _viewer(subject: Subject) -> str:

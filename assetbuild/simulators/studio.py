@@ -75,10 +75,6 @@ class Shot:
     groups: geom groups (0 floor, 2 visual, 3 collision). flags: names such as `mjVIS_JOINT`.
     ghost: a second state that is drawn into the same frame, painted by `ghost_paint`.
     samples: frames that are averaged, each shifted by a part of a pixel; `soft` moves the lamp.
-    fine: pixels of the frame along each side of a pixel of the picture: a small picture of many
-    triangles is drawn once in this size instead of several times.
-    ahead: geoms of this group are drawn so much nearer to the camera (m), so that a shape that
-    coincides with another one does not flicker through it.
     """
 
     camera: Camera
@@ -87,9 +83,7 @@ class Shot:
     groups: tuple[int, ...] = (0, 2)
     flags: tuple[str, ...] = ()
     samples: int = 2
-    fine: int = 1
     soft: bool = False
-    ahead: tuple[int, float] | None = None
     paint: Paint | None = field(default=None)
     ghost: Data | None = field(default=None)
     ghost_paint: Paint | None = field(default=None)
@@ -131,14 +125,12 @@ class Studio:
     def frame(self, data: Data, shot: Shot) -> Pixels:
         """(height, width, 3) colours."""
         import mujoco
-        from PIL import Image
 
         self._arrange(data, shot)
         scene, camera = self._scene, shot.camera
         scene.flags[mujoco.mjtRndFlag.mjRND_SHADOW.value] = shot.soft
-        width, height = shot.width * shot.fine, shot.height * shot.fine
-        rect = mujoco.MjrRect(0, 0, width, height)
-        pixels = np.zeros((height, width, 3), dtype=np.uint8)
+        rect = mujoco.MjrRect(0, 0, shot.width, shot.height)
+        pixels = np.zeros((shot.height, shot.width, 3), dtype=np.uint8)
         total = np.zeros(pixels.shape, dtype=np.uint16)
         for number in range(shot.samples):
             self._light(camera, number, shot)
@@ -149,8 +141,7 @@ class Studio:
         mean = (total + shot.samples // 2) // shot.samples
         if shot.soft:
             mean = _blurred(mean, self._is_floor(shot), max(1, int(PENUMBRA * shot.width)))
-        upright = np.ascontiguousarray(mean[::-1], dtype=np.uint8)
-        return upright if shot.fine == 1 else np.asarray(Image.fromarray(upright).reduce(shot.fine))
+        return np.ascontiguousarray(mean[::-1], dtype=np.uint8)
 
     def _is_floor(self, shot: Shot) -> NDArray[np.bool_]:
         """(height, width), from below: where the floor or nothing is seen."""
@@ -186,8 +177,6 @@ class Studio:
             scene.flags[getattr(mujoco.mjtRndFlag, name)] = 0
         shown = scene.ngeom
         self._paint(scene.geoms[:shown], shot.paint)
-        if shot.ahead is not None:
-            self._bring_ahead(scene.geoms[:shown], *shot.ahead, shot.camera)
         if shot.ghost is not None:
             robot = mujoco.mjtCatBit.mjCAT_DYNAMIC.value
             mujoco.mjv_addGeoms(self.model, shot.ghost, option, mujoco.MjvPerturb(), robot, scene)
@@ -202,13 +191,6 @@ class Studio:
             elif paint is not None:
                 paint(geom)
 
-    def _bring_ahead(self, geoms: Any, group: int, by: float, camera: Camera) -> None:
-        # geoms: an array of mjvGeom, for which MuJoCo has no type.
-        groups = np.asarray(self.model.geom_group)
-        for geom in geoms:
-            if _is_geom(geom) and groups[geom.objid] == group:
-                geom.pos[:] -= by * camera.forward
-
     def _plain_floor(self, floor: Any) -> None:  # Any: mjvGeom
         floor.matid = -1
         floor.rgba[:] = (FLOOR, FLOOR, FLOOR, 1.0)
@@ -218,7 +200,7 @@ class Studio:
 
     def _light(self, camera: Camera, number: int, shot: Shot) -> None:
         """A lamp over the left shoulder of the camera, which casts shadows, and a fill light."""
-        lamp = _unit(0.55 * camera.forward + 0.5 * camera.right - np.array([0.0, 0.0, 1.25]))
+        lamp = lamp_direction(camera.forward, camera.right)
         if shot.soft:
             out = LAMP * math.sqrt((number + 0.5) / shot.samples)
             side = _unit(np.cross(lamp, camera.right))
@@ -268,6 +250,11 @@ class Studio:
     def free(self) -> None:
         """Give the context's memory back before the context goes."""
         self._context.free()
+
+
+def lamp_direction(forward: Array, right: Array) -> Array:
+    """Where the light of the lamp over the camera's left shoulder goes, a unit vector."""
+    return _unit(0.55 * forward + 0.5 * right - np.array([0.0, 0.0, 1.25]))
 
 
 def _is_plane(geom: Any) -> bool:  # Any: mjvGeom

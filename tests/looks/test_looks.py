@@ -20,10 +20,10 @@ from tiny import TinyRobot, pendulum, run_step, tiny_quadruped, write_robot_port
 
 from assetbuild.control.keep_pose import KeepPose
 from assetbuild.engine.world import World
-from assetbuild.looks.annotate import CAPTION, caption
+from assetbuild.errors import StepError
 from assetbuild.looks.framing import MARGIN, ellipsoid_points, fitted
 from assetbuild.looks.lighten import Lighten
-from assetbuild.looks.render import Render
+from assetbuild.looks.render import Render, draw_all
 from assetbuild.looks.viewer import SPAN_M, Viewer, in_bytes, three_js
 from assetbuild.mesh.obj import obj_bytes, read_triangles
 from assetbuild.mesh.triangles import TriangleMesh
@@ -172,8 +172,9 @@ def test_a_machine_without_opengl_says_so_and_goes_on(tmp_path: Path):
     (tmp_path / "in").mkdir()
     found = run_step(Render(renderer="none"), tmp_path / "in", tmp_path / "out")
     assert [f.rule for f in found] == ["pictures.none"]
-    assert json.loads((tmp_path / "out/pictures.json").read_text())["pictures"] == []
     assert list((tmp_path / "out/images").iterdir()) == []
+    with pytest.raises(StepError, match="no pictures: no OpenGL"):
+        draw_all(tmp_path / "in/mjcf/scene.xml", tmp_path / "all", "none")
 
 
 def test_an_mjcf_that_does_not_load_has_no_pictures_and_says_why(tmp_path: Path):
@@ -184,69 +185,56 @@ def test_an_mjcf_that_does_not_load_has_no_pictures_and_says_why(tmp_path: Path)
 
 
 @pytest.fixture(scope="module")
-def rendered(tmp_path_factory: pytest.TempPathFactory) -> list[dict[str, bytes]]:
-    """The pictures of the tiny quadruped, made twice."""
+def scene(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The tiny quadruped as a scene of MuJoCo."""
     if renderer(World()) == "none":
         pytest.skip("no OpenGL without a window: apt-get install libegl1 libgl1-mesa-dri")
     folder = tmp_path_factory.mktemp("render")
-    inputs = write_robot_ports(folder / "in", tiny_quadruped())
-    run_step(Mjcf(robot="tiny"), inputs, folder / "model")
+    run_step(Mjcf(robot="tiny"), write_robot_ports(folder / "in", tiny_quadruped()), folder)
+    return folder / "mjcf/scene.xml"
+
+
+@pytest.fixture(scope="module")
+def rendered(scene: Path) -> dict[str, bytes]:
+    """All its pictures."""
+    return drawn(scene)
+
+
+def drawn(scene: Path) -> dict[str, bytes]:
+    folder = scene.parents[1] / "all"
+    draw_all(scene, folder, renderer(World()))
+    return {path.stem: path.read_bytes() for path in folder.iterdir()}
+
+
+def test_a_build_draws_one_picture_and_two_runs_the_same_bytes(scene: Path, rendered):
     runs = []
     for name in ("a", "b"):
-        found = run_step(Render(renderer=renderer(World())), folder / "model", folder / name)
-        if found:
-            pytest.skip(found[0].message)
-        runs.append({p.name: p.read_bytes() for p in sorted((folder / name / "images").iterdir())})
-    return runs
-
-
-def test_two_runs_draw_the_same_bytes(rendered):
-    assert rendered[0] == rendered[1]
+        step = Render(renderer=renderer(World()))
+        assert run_step(step, scene.parents[1], scene.parents[1] / name) == []
+        images = scene.parents[1] / name / "images"
+        runs.append({path.name: path.read_bytes() for path in images.iterdir()})
+    assert runs[0] == runs[1]
+    assert runs[0].keys() == {"hero.png", "thumbnail.png"}
+    assert runs[0]["hero.png"] == rendered["hero"]
+    assert Image.open(BytesIO(runs[0]["thumbnail.png"])).size == (256, 256)
 
 
 def test_every_picture_shows_something_of_its_own(rendered):
-    names = {"hero", "visual", "collision", "overlay", "inertia", "joints", "contacts", "turntable"}
-    assert {name.removesuffix(".png") for name in rendered[0]} == names | {
-        "directions",
-        "thumbnail",
-    }
-    assert len(set(rendered[0].values())) == len(rendered[0])
-    for name, data in rendered[0].items():
+    joints = {name for name in rendered if name.endswith(" +0.3 rad")}
+    assert len(joints) == 12
+    names = {"hero", "behind", "collision", "inertia", "joints", "contacts"}
+    assert rendered.keys() == names | joints
+    assert len(set(rendered.values())) == len(rendered)
+    for name, data in rendered.items():
         pixels = np.asarray(Image.open(BytesIO(data)).convert("RGB"), dtype=float)
         assert pixels.std() > 3.0, name
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("collides", [False, True])
-def test_all_but_the_robot_itself_is_drawn_with_light_meshes(tmp_path: Path, collides: bool):
-    """The light mesh is a cube here, so that one sees which was drawn."""
-    if renderer(World()) == "none":
-        pytest.skip("no OpenGL without a window: apt-get install libegl1 libgl1-mesa-dri")
-    robot = ball_robot()
-    if collides:
-        both = (*robot.shapes.shapes, Shape("c", robot.tree.root, "collision", Mesh("ball-1")))
-        robot = replace(robot, shapes=replace(robot.shapes, shapes=both))
-    inputs = write_robot_ports(tmp_path / "in", robot)
-    run_step(Mjcf(robot="ball"), inputs, tmp_path / "model")
-    cube = trimesh.creation.box([0.1, 0.1, 0.1])
-    text = obj_bytes(TriangleMesh(np.array(cube.vertices), np.array(cube.faces)))
-    drawn = []
-    for name in ("heavy", "light"):
-        folder = tmp_path / name / "light"
-        folder.mkdir(parents=True)
-        if name == "light":
-            (tmp_path / "light" / LIGHT).write_bytes(text)
-        (tmp_path / name / "mjcf").symlink_to(tmp_path / "model/mjcf")
-        found = run_step(
-            Render(renderer=renderer(World())), tmp_path / name, tmp_path / f"o-{name}"
-        )
-        if found:
-            pytest.skip(found[0].message)
-        images = tmp_path / f"o-{name}/images"
-        drawn.append({path.stem: path.read_bytes() for path in images.iterdir()})
-    same = {name for name in drawn[0] if drawn[0][name] == drawn[1][name]}
-    assert {"hero", "visual", "thumbnail"} <= same
-    assert ("turntable" in same) == collides
+def test_the_shadow_of_the_hero_is_not_cut_off(rendered):
+    """Along the frame's edges there is nothing but the even background."""
+    pixels = np.asarray(Image.open(BytesIO(rendered["hero"])).convert("L")).astype(int)
+    for edge in (pixels[0], pixels[-1], pixels[:, 0], pixels[:, -1]):
+        assert np.abs(edge - BACKGROUND).max() <= 4
 
 
 def test_a_robot_of_collision_geometry_alone_is_seen_and_a_notch_is_not(tmp_path: Path):
@@ -265,11 +253,8 @@ def test_a_robot_of_collision_geometry_alone_is_seen_and_a_notch_is_not(tmp_path
         robot = replace(robot, shapes=shapes, meshes={"ball-1.obj": data})
         inputs = write_robot_ports(tmp_path / f"in{number}", robot)
         run_step(Mjcf(robot="pendulum"), inputs, tmp_path / f"model{number}")
-        out = tmp_path / f"out{number}"
-        found = run_step(Render(renderer=renderer(World())), tmp_path / f"model{number}", out)
-        if found:
-            pytest.skip(found[0].message)
-        files = {p.stem: Image.open(p).convert("RGB") for p in (out / "images").iterdir()}
+        pictures = drawn(tmp_path / f"model{number}/mjcf/scene.xml")
+        files = {name: Image.open(BytesIO(text)).convert("RGB") for name, text in pictures.items()}
         shown.append({name: np.asarray(image).astype(int) for name, image in files.items()})
     different = np.abs(shown[0]["collision"] - shown[1]["collision"]).max(axis=2) > 40
     assert different.mean() < 0.005, "the cross is drawn as its hull"
@@ -283,17 +268,15 @@ def test_no_picture_is_empty_where_there_is_no_geometry(tmp_path: Path):
     robot = ball_robot()
     inputs = write_robot_ports(tmp_path / "in", replace(robot, shapes=Shapes(), meshes={}))
     run_step(Mjcf(robot="pendulum"), inputs, tmp_path / "model")
-    found = run_step(Render(renderer=renderer(World())), tmp_path / "model", tmp_path / "out")
-    if found:
-        pytest.skip(found[0].message)
-    files = {p.stem: Image.open(p).convert("RGB") for p in (tmp_path / "out/images").iterdir()}
-    assert set(files) == {"hero", "joints", "thumbnail"}
+    pictures = drawn(tmp_path / "model/mjcf/scene.xml")
+    files = {name: Image.open(BytesIO(text)).convert("RGB") for name, text in pictures.items()}
+    assert set(files) == {"hero", "joints"}
     assert all(np.asarray(image).std() > 5 for image in files.values())
 
 
 def test_large_pictures_are_1600_pixels_along_their_longer_side(rendered):
-    for name in ("hero", "visual", "collision", "joints"):
-        assert max(Image.open(BytesIO(rendered[0][f"{name}.png"])).size) == 1600, name
+    for name in ("hero", "behind", "collision", "joints"):
+        assert max(Image.open(BytesIO(rendered[name])).size) == 1600, name
 
 
 @pytest.mark.parametrize("scale", [0.01, 1.0, 30.0])
@@ -309,7 +292,7 @@ def test_the_camera_fits_a_robot_of_any_size_and_posture(scale: float, aspect: f
 
 
 def test_the_robot_fills_its_picture(rendered):
-    pixels = np.asarray(Image.open(BytesIO(rendered[0]["visual.png"])).convert("L")).astype(int)
+    pixels = np.asarray(Image.open(BytesIO(rendered["behind"])).convert("L")).astype(int)
     rows, columns = np.nonzero(np.abs(pixels - BACKGROUND) > 12)
     height, width = pixels.shape[:2]
     assert max(np.ptp(rows) / height, np.ptp(columns) / width) > 0.75
@@ -330,15 +313,12 @@ def test_the_camera_sees_the_ends_of_inertia_ellipsoids():
     assert points.mean(axis=0) == pytest.approx([1, 2, 3])
 
 
-def test_what_a_joint_moves_is_orange_in_its_tile(rendered):
-    pixels = np.asarray(Image.open(BytesIO(rendered[0]["directions.png"])).convert("RGB"))
-    red, green, blue = (pixels[..., i].astype(int) for i in range(3))
-    orange = (red > 120) & (red > green + 30) & (green > blue + 20)
-    assert pixels.shape == (12 // 4 * (300 + 34), 4 * 400, 3)
-    for row in range(3):
-        for column in range(4):
-            tile = orange[row * 334 : (row + 1) * 334, column * 400 : (column + 1) * 400]
-            assert tile.sum() > 400, (row, column)
+def test_what_a_joint_moves_is_orange(rendered):
+    for name in (name for name in rendered if name.endswith(" rad")):
+        pixels = np.asarray(Image.open(BytesIO(rendered[name])).convert("RGB"))
+        red, green, blue = (pixels[..., i].astype(int) for i in range(3))
+        orange = (red > 120) & (red > green + 30) & (green > blue + 20)
+        assert orange.sum() > 1600, name
 
 
 def test_a_box_robot_needs_no_mesh_to_be_seen(tmp_path: Path):
@@ -353,11 +333,3 @@ def test_a_box_robot_needs_no_mesh_to_be_seen(tmp_path: Path):
 def test_mujoco_s_own_variable_switches_drawing_off(monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setenv("MUJOCO_GL", "Disable")
     assert renderer(World()) == "none"
-
-
-def test_a_caption_keeps_both_ends_of_a_long_name():
-    """Vendors tell legs apart at the front (`FR_`) and joints at the back."""
-    assert caption("hip", " +0.3 rad") == "hip +0.3 rad"
-    legs = {caption(f"{leg}_upper_leg_2_hip_motor_joint", " +0.3 rad") for leg in ("FR", "FL")}
-    assert len(legs) == 2
-    assert all(len(one) <= CAPTION and one.endswith("joint +0.3 rad") for one in legs)

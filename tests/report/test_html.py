@@ -11,7 +11,7 @@ from assetbuild.findings import Finding
 from assetbuild.recipe.models import Waiver
 from assetbuild.report.document import make_report
 from assetbuild.report.figures import check_section, tables_of
-from assetbuild.report.html import Picture, View, html_page
+from assetbuild.report.html import View, html_page
 from assetbuild.report.sentences import sentence
 from assetbuild.report.verdict import CheckResult
 
@@ -19,12 +19,12 @@ from .robots_for_tests import subject
 
 NASTY = Finding("urdf.dropped", "warning", "link <script>alert(1)</script>", "a & b", "mend it")
 VIEW = View('{"meshes":{},"shapes":[],"span_m":0.03}', "/* three */")
-PICTURE = Picture("Visual", "the robot at home", b"\x89PNG")
+PICTURE = b"\x89PNG"
 
 
-def page(findings=(NASTY,), checks=None, waivers=None, view=VIEW, pictures=(PICTURE,)):
+def page(findings=(NASTY,), checks=None, waivers=None, view=VIEW, hero=PICTURE):
     report = make_report("<b>r</b>", list(findings), checks or {}, waivers or {}, lambda _: "a:1")
-    return html_page(report, subject(), pictures, view)
+    return html_page(report, subject(), hero, view)
 
 
 def test_the_page_is_well_formed_and_escapes_names():
@@ -55,13 +55,6 @@ def test_the_verdict_comes_before_the_findings_and_they_before_the_card():
     text = page()
     order = [text.index(f) for f in ("Ready for training", 'id="findings"', 'id="card"')]
     assert order == sorted(order)
-
-
-def test_a_section_has_no_class_that_something_inside_it_has_too():
-    """The grid of the pictures laid out the heading of their section as well."""
-    text = page()
-    assert '<div class="pictures">' in text
-    assert not re.search(r"<section[^>]* class=", text)
 
 
 def test_a_finding_shows_rule_place_numbers_fix_and_how_to_waive_it():
@@ -111,7 +104,7 @@ def test_without_the_library_there_is_no_view():
 
 
 def test_the_first_screen_has_the_hero_and_the_lines_that_load_the_bundle():
-    text = page(pictures=(Picture("The robot", "it stands", b"\x89PNG"), PICTURE))
+    text = page()
     head = text.partition('id="findings"')[0]
     for shown in (
         'class="hero"',
@@ -119,7 +112,7 @@ def test_the_first_screen_has_the_hero_and_the_lines_that_load_the_bundle():
         "What to do next",
     ):
         assert shown in head, shown
-    assert text.count("data:image/png") == 2, "the hero is shown once"
+    assert text.count("data:image/png") == 1, "the hero is shown once"
 
 
 def test_each_check_is_a_sentence_with_its_number_and_limit():

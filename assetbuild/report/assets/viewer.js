@@ -14,7 +14,7 @@ window.assetbuildReady = (async function () {
     geometry = await new Response(packed.pipeThrough(new DecompressionStream("gzip"))).json();
   } catch (error) {
     root.classList.add("no-webgl");
-    note.textContent = "This browser cannot unpack the 3D view: see the pictures below.";
+    note.textContent = "This browser cannot unpack the 3D view: `assetbuild report BUNDLE --pictures DIR` draws pictures.";
     return;
   }
 
@@ -123,7 +123,7 @@ window.assetbuildReady = (async function () {
     renderer = new THREE.WebGLRenderer({ canvas, antialias: true, alpha: true });
   } catch (error) {
     root.classList.add("no-webgl");
-    note.textContent = "This browser has no WebGL: see the pictures below.";
+    note.textContent = "This browser has no WebGL: `assetbuild report BUNDLE --pictures DIR` draws pictures.";
     return;
   }
   renderer.setPixelRatio(Math.min(window.devicePixelRatio || 1, 2));
