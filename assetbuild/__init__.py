@@ -6,8 +6,9 @@
 The functions are imported when they are used: `import assetbuild` costs a millisecond.
 """
 
-__version__ = "0.1.0"
-__all__ = ["Bundle", "Facts", "build", "load_bundle"]
+from assetbuild._version import __version__
+
+__all__ = ["Bundle", "Facts", "__version__", "build", "load_bundle"]
 
 
 def __getattr__(name: str) -> object:

@@ -14,7 +14,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from assetbuild import __version__
+from assetbuild._version import __version__
 from assetbuild.cli.parser import Parser
 from assetbuild.errors import AssetBuildError
 

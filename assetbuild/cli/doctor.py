@@ -66,7 +66,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 def examine() -> Iterator[Row]:
     """Everything that a build may want, in the order of a build."""
-    from assetbuild import __version__
+    from assetbuild._version import __version__
 
     system = f"{platform.system()} {platform.machine()}"
     yield Row("assetbuild", "ok", f"{__version__}, Python {platform.python_version()}, {system}")

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from assetbuild import __version__
+from assetbuild._version import __version__
 from assetbuild.body.measure_bodies import Measured
 from assetbuild.engine.digest import digest_bytes
 from assetbuild.engine.graph import Graph, Ref

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from pathlib import PurePosixPath
 from typing import Any
 
-from assetbuild import __version__
+from assetbuild._version import __version__
 from assetbuild.recipe.models import Recipe
 
 _MEDIA_TYPES = {

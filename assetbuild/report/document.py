@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
 
-from assetbuild import __version__
+from assetbuild._version import __version__
 from assetbuild.findings import RENAMED, SEVERITIES, Finding, Rule, is_now, worst_first
 from assetbuild.recipe.models import Waiver
 from assetbuild.report.verdict import CheckResult, Verdict, judge

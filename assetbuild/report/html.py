@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from html import escape
 
-from assetbuild import __version__
+from assetbuild._version import __version__
 from assetbuild.findings import SEVERITIES
 from assetbuild.report.card import card_tables
 from assetbuild.report.document import Report
