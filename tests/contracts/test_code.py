@@ -30,9 +30,9 @@ from assetbuild.engine.store import Store
 from assetbuild.engine.wire import step_to_json
 from assetbuild.pipeline.identifying import plan_excite
 from assetbuild.pipeline.recipes import load_recipe
-from assetbuild.pipeline.reference import package_modules
 from assetbuild.pipeline.sampling_plan import plan_samples
 from assetbuild.plan import plan
+from docs.site.pages.rules import package_modules
 
 from .code_robots import write_robots
 

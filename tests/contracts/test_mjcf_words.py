@@ -11,7 +11,7 @@ from mjcfs import Reading, read, write
 from tiny import run_step
 
 from assetbuild.checks.mjcf_source import MjcfSource
-from assetbuild.pipeline.mjcf_reference import FATES, HELD, LEFT_OUT, MJCF, MOVES, fate, schema
+from docs.site.pages.mjcf import FATES, HELD, LEFT_OUT, MJCF, MOVES, fate, schema
 
 ROWS = schema()
 

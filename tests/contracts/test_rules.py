@@ -14,13 +14,11 @@ from types import ModuleType
 import pytest
 
 from assetbuild.findings import SEVERITIES, Rule
-from assetbuild.pipeline.reference import Entry, entries_of, package_modules, rule_pages
+from docs.site.pages.rules import Entry, entries_of, package_modules, rule_pages
 
 ROOT = Path(__file__).parents[2]
 PACKAGE = ROOT / "assetbuild"
-REFERENCE = ROOT / "docs" / "reference"
 LEGS = "schema: assetbuild/v1\nrobot: r\nsource: {path: ., urdf: r.urdf}\ntargets: [urdf]\n"
-RENEW = "python -m assetbuild.pipeline.reference docs/reference"
 TREES = {
     path.relative_to(PACKAGE).as_posix(): ast.parse(path.read_text(encoding="utf-8"))
     for path in sorted(PACKAGE.rglob("*.py"))
@@ -131,16 +129,6 @@ def test_every_rule_that_the_code_compares_with_exists(entries):
                 for rule in named:
                     family = rule.rpartition(".")[0] + ".*"
                     assert rule in known or family in known, f"{path}:{node.lineno}: {rule}"
-
-
-def test_the_committed_pages_are_what_the_code_says(entries):
-    written = dict(rule_pages(entries))
-    committed = {
-        path.relative_to(REFERENCE).as_posix(): path.read_text(encoding="utf-8")
-        for path in (REFERENCE / "rules.md", *(REFERENCE / "rules").glob("*.md"))
-    }
-    stale = {path for path in written | committed if written.get(path) != committed.get(path)}
-    assert not stale, f"{', '.join(sorted(stale))}: renew with `{RENEW}`"
 
 
 # --- rules of another package ---------------------------------------------------------------

@@ -9,8 +9,8 @@ import pytest
 
 from assetbuild.engine.code import Code
 from assetbuild.engine.step import Step
-from assetbuild.pipeline.reference import package_modules
 from assetbuild.simulators.consumers import ConsumerCheck
+from docs.site.pages.rules import package_modules
 
 NUMERIC = {"coacd", "fast-simplification", "manifold3d", "mujoco", "networkx", "numpy"}
 NUMERIC |= {"pillow", "pin", "pycollada", "scipy", "trimesh", "usd-core", "vhacdx", "yourdfpy"}

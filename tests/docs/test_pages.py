@@ -13,7 +13,7 @@ import yaml
 
 from assetbuild.cli import main
 from assetbuild.pipeline.recipes import whole_model
-from assetbuild.pipeline.reference import entries_of, package_modules
+from docs.site.pages.rules import entries_of, package_modules
 
 ROOT = Path(__file__).parents[2]
 PAGES = sorted([ROOT / "README.md", *(ROOT / "docs").rglob("*.md")])

@@ -1,18 +1,12 @@
-"""Write the reference page of the verbs, from the parsers themselves.
-
-`python -m assetbuild.cli.reference docs/reference/verbs.md` renews the committed page.
-"""
+"""The page of verbs, from the parsers themselves."""
 
 from __future__ import annotations
 
 import argparse
-import sys
 from collections.abc import Iterator
-from pathlib import Path
 
 from assetbuild.cli import VERBS, make_parser
 
-HEADER = "<!-- Generated: python -m assetbuild.cli.reference docs/reference/verbs.md -->\n"
 INTRODUCTION = """\
 # Verbs
 
@@ -25,7 +19,7 @@ compares the verbs that check something and lists all exit codes.
 def verb_page() -> str:
     """`docs/reference/verbs.md`."""
     parsers = _children(make_parser())
-    return "\n".join([HEADER + INTRODUCTION, *(_section(parsers[verb], "##") for verb in VERBS)])
+    return "\n".join([INTRODUCTION, *(_section(parsers[verb], "##") for verb in VERBS)])
 
 
 def _children(parser: argparse.ArgumentParser) -> dict[str, argparse.ArgumentParser]:
@@ -75,7 +69,3 @@ def _plain(text: str) -> str:
 
 def _cell(text: str) -> str:
     return text.replace("|", "\\|")
-
-
-if __name__ == "__main__":
-    Path(sys.argv[1]).write_text(verb_page(), encoding="utf-8")

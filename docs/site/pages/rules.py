@@ -1,25 +1,16 @@
-"""Write the reference pages that the code itself states: recipe keys, rules by family, facts.
-
-`python -m assetbuild.pipeline.reference docs/reference` renews the committed pages.
-"""
+"""The pages of rules: an index, and a page for each family."""
 
 from __future__ import annotations
 
 import importlib
 import pkgutil
-import sys
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
-from pathlib import Path
 from types import ModuleType
 
 import assetbuild
 from assetbuild.findings import Rule
-from assetbuild.pipeline.fact_reference import fact_page
-from assetbuild.pipeline.key_reference import key_page
-from assetbuild.pipeline.mjcf_reference import mjcf_page
 
-HEADER = "<!-- Generated: python -m assetbuild.pipeline.reference docs/reference -->\n"
 INTRODUCTION = """\
 # Rules
 
@@ -103,14 +94,14 @@ def _index(families: Mapping[str, list[Entry]]) -> str:
         f"| [{family}](rules/{family}.md) | {', '.join(f'`{entry.rule.id}`' for entry in held)} |\n"
         for family, held in sorted(families.items())
     ]
-    return HEADER + INTRODUCTION + "| family | rules |\n| --- | --- |\n" + "".join(rows)
+    return INTRODUCTION + "| family | rules |\n| --- | --- |\n" + "".join(rows)
 
 
 def _page(family: str, held: list[Entry]) -> str:
     modules = {module.__name__: module for entry in held for module in entry.modules}
     named = [f"- `{name}`: {_summary(modules[name])}\n" for name in sorted(modules)]
     return (
-        f"{HEADER}# Rules `{family}.*`\n\n"
+        f"# Rules `{family}.*`\n\n"
         "[All rules](../rules.md), and how a recipe changes their severity.\n\n"
         "| rule | severity | meaning | what to do |\n| --- | --- | --- | --- |\n"
         + "".join(_row(entry.rule) for entry in held)
@@ -137,19 +128,3 @@ def _old_names(rule: Rule) -> str:
 def _summary(module: ModuleType) -> str:
     """The first paragraph of its docstring, on one line."""
     return " ".join((module.__doc__ or "").partition("\n\n")[0].split())
-
-
-def write_reference(folder: Path, modules: Iterable[ModuleType]) -> None:
-    """Renew the pages below `folder`; pages of families that are gone are removed."""
-    pages = rule_pages(entries_of(modules))
-    (folder / "rules").mkdir(parents=True, exist_ok=True)
-    for old in (folder / "rules").glob("*.md"):
-        old.unlink()
-    own = {"recipe.md": key_page(), "facts.md": fact_page(), "mjcf.md": mjcf_page()}
-    own = {path: HEADER + text for path, text in own.items()}
-    for path, text in {**pages, **own}.items():
-        (folder / path).write_text(text, encoding="utf-8")
-
-
-if __name__ == "__main__":
-    write_reference(Path(sys.argv[1]), package_modules())
