@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import sys
-import threading
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -93,13 +92,22 @@ class LiveProgress(Progress):
     """One line that is written over: how far, since when, how long still, and what runs."""
 
     def __init__(self, name: str) -> None:
+        from rich.console import Console
+        from rich.live import Live
+
         super().__init__(name)
         self._running: dict[str, Running] = {}
-        self._head, self._width = "", 0
-        self._turn = threading.Lock()
-        self._over = threading.Event()
-        self._clock = threading.Thread(target=self._tick, daemon=True)
-        self._clock.start()
+        self._head = ""
+        self._console = Console(stderr=True, highlight=False, markup=False, emoji=False)
+        self._live = Live(
+            console=self._console,
+            get_renderable=self._line,
+            refresh_per_second=2,
+            transient=True,
+            redirect_stdout=False,
+            redirect_stderr=False,
+        )
+        self._live.start()
 
     def on_event(self, event: Event) -> None:
         """See `Progress`."""
@@ -114,46 +122,25 @@ class LiveProgress(Progress):
             ran = result is not None and result.status in ("ran", "failed")
             if result is not None and ran and result.seconds >= SLOW_S:
                 self.say(f"{step_words(event.label)}: {result.seconds:.1f} s")
-        if self._running:
-            self._draw()
 
     def say(self, text: str) -> None:
         """See `Progress`."""
-        with self._turn:
-            self._wipe()
-            super().say(text)
+        self._console.print(f"{self._name}: {text}", soft_wrap=True)
 
     def end(self) -> None:
         """Wipe the line; nothing is drawn any more."""
-        self._over.set()
-        self._clock.join()
-        with self._turn:
-            self._wipe()
+        self._live.stop()
 
-    def _tick(self) -> None:
-        """The seconds go on while a step runs."""
-        while not self._over.wait(1.0):
-            if self._running:
-                self._draw()
-
-    def _wipe(self) -> None:
-        print(f"\r{' ' * self._width}\r", end="", file=sys.stderr, flush=True)
-        self._width = 0
-
-    def _draw(self) -> None:
-        with self._turn:
-            columns = os.get_terminal_size(sys.stderr.fileno()).columns or 80  # 0: unknown
-            line = self._line(time.monotonic(), columns - 1)
-            print(f"\r{line.ljust(self._width)}", end="", file=sys.stderr, flush=True)
-            self._width = len(line)
-
-    def _line(self, now: float, width: int) -> str:
-        running = list(self._running.values())
+    def _line(self) -> str:
+        running, now = list(self._running.values()), time.monotonic()
+        if not running:
+            return ""
         left = self._forecast.left_s({step.label: now - step.began for step in running})
         times = shown_time(now - self._began)
         if self._whole and left >= WORTH_SAYING_S:
             times += f", about {shown_time(left)} left"
-        return fitted_line(f"{self._name} {self._head} {times}", running_words(running, now), width)
+        head = f"{self._name} {self._head} {times}"
+        return fitted_line(head, running_words(running, now), self._console.width - 1)
 
 
 class Forecast:

@@ -142,7 +142,7 @@ def told(folder: Path, capsys: pytest.CaptureFixture[str]) -> str:
     Progress("tiny").on_event(Event("finished", 1, 2, ran.label, ran))
     (folder / "report").mkdir(exist_ok=True)
     (folder / "report/report.json").write_text(json.dumps(made.to_json()))
-    report.run(argparse.Namespace(bundle=folder, open=False))
+    report.run(argparse.Namespace(bundle=folder, open=False, pictures=None))
     printed = capsys.readouterr()
     rows = [said for _, said in shown_rows(made.verdict)]
     lines = [
