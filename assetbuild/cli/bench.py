@@ -35,7 +35,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Print the table; the plot lies in the folder."""
+    """Print the table; a CSV lies in the folder."""
     from assetbuild.cli.progress import progress
     from assetbuild.errors import UsageError, did_you_mean
     from assetbuild.pipeline.bench import BenchRequest, bench
@@ -63,7 +63,7 @@ def run(arguments: argparse.Namespace) -> int:
     print(HEAD)
     for level in found.levels:
         print(_row(level, is_best=level.name in found.best))
-    print(f"* = no other level is better in both; {found.out / 'bench.svg'}")
+    print(f"* = no other level is better in both; {found.out / 'bench.csv'}")
     return 0
 
 

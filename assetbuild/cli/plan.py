@@ -19,9 +19,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments."""
     parser.add_argument("recipe", type=Path, metavar="RECIPE")
     parser.add_argument("--variant", metavar="NAME", help="a variant of the recipe")
-    parser.add_argument(
-        "--format", choices=("text", "json", "dot", "svg", "graphml"), default="text"
-    )
+    parser.add_argument("--format", choices=("text", "json", "dot", "graphml"), default="text")
     which = parser.add_mutually_exclusive_group()
     which.add_argument(
         "--stale", metavar="WHAT", help="the steps that a change of a file, step or key can reach"
@@ -50,7 +48,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _answer(arguments: argparse.Namespace, look: Look) -> None:
-    """In words, as data, or as a picture in which the steps are marked."""
+    """In words, or for another tool with these steps marked."""
     from assetbuild.pipeline import drawing
     from assetbuild.pipeline.mapping import reached_first, seconds_of
 
@@ -68,8 +66,6 @@ def _answer(arguments: argparse.Namespace, look: Look) -> None:
     match arguments.format:
         case "dot":
             print(drawing.to_dot(net, marked))
-        case "svg":
-            print(drawing.to_svg(net, marked))
         case "graphml":
             print(drawing.to_graphml(net, marked))
         case "json":

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import csv
 import functools
+import io
 import json
 import subprocess
 import sys
 import tempfile
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -24,7 +26,6 @@ from assetbuild.pipeline.publish import check_folder
 from assetbuild.pipeline.recipes import load_recipe
 from assetbuild.recipe.loader import LoadedRecipe
 from assetbuild.report.bundle import json_text
-from assetbuild.report.pareto import front, pareto_svg
 from assetbuild.robot.codec import decode
 from assetbuild.robot.shapes import Shapes
 
@@ -156,7 +157,30 @@ def _written(robot: str, rows: Sequence[Level], out: Path) -> Bench:
     with machine_errors(out, OUT_OPTION):
         out.mkdir(parents=True, exist_ok=True)
         (out / "bench.json").write_text(json_text(data), encoding="utf-8")
-        if points:
-            svg = pareto_svg(f"{robot}: collision quality against speed", points)
-            (out / "bench.svg").write_text(svg, encoding="utf-8")
+        (out / "bench.csv").write_text(_csv(rows, best), encoding="utf-8")
     return Bench(tuple(rows), best, out)
+
+
+def front(points: Mapping[str, tuple[float, float]]) -> frozenset[str]:
+    """Names that no other point beats: at least as good in both, better in one."""
+    return frozenset(
+        name
+        for name, (x, y) in points.items()
+        if not any(u >= x and v >= y and (u > x or v > y) for u, v in points.values())
+    )
+
+
+def _csv(rows: Sequence[Level], best: frozenset[str]) -> str:
+    """A line for each level, for spreadsheets and plots."""
+    flat = [
+        {"level": row.name, "pareto": row.name in best}
+        | {key: value for key, value in asdict(row).items() if key not in ("name", "speed")}
+        | (row.speed or {})
+        for row in rows
+    ]
+    text = io.StringIO()
+    columns = list(dict.fromkeys(key for row in flat for key in row))
+    writer = csv.DictWriter(text, columns, lineterminator="\n")
+    writer.writeheader()
+    writer.writerows(flat)
+    return text.getvalue()

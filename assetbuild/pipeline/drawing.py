@@ -1,4 +1,4 @@
-"""The graph of a build as text, and in networkx: what depends on what, drawn, for other tools.
+"""The graph of a build as text, and in networkx: what depends on what, for other tools.
 
 networkx is imported when somebody asks; a build never does.
 """
@@ -9,13 +9,10 @@ import json
 from collections.abc import Collection, Iterable, Mapping
 from pathlib import Path
 from typing import Any
-from xml.sax.saxutils import escape  # only written
 
 from assetbuild.engine.graph import Graph
 
-LETTER, ROW, BOX, BETWEEN, MARGIN = 7.0, 34.0, 22.0, 60.0, 16.0
-"""Pixels of the picture: width of a letter, height of a row and of a box, between two columns."""
-PLAIN, MARKED = "#eef4fb", "#ffd9a0"
+MARKED = "#ffd9a0"
 START = ""
 """Before all steps; no step has an empty label."""
 
@@ -36,11 +33,14 @@ def to_data(graph: Graph) -> dict[str, object]:
 
 
 def to_text(graph: Graph) -> str:
-    """One line per step in the order of building: its label and what it reads."""
-    lines = []
+    """The rooms of the house in the order of building, each with its steps."""
+    rooms: dict[str, list[str]] = {}
     for node in graph.nodes.values():
-        reads = ", ".join(str(ref) for _, ref in sorted(node.inputs.items()))
-        lines.append(f"{node.label} <- {reads}" if reads else node.label)
+        rooms.setdefault(type(node.step).__module__.split(".")[1], []).append(node.label)
+    lines = []
+    for room, labels in rooms.items():
+        lines.append(f"{room}: {len(labels)} step{'s' if len(labels) > 1 else ''}")
+        lines += [f"  {label}" for label in labels]
     return "\n".join(lines)
 
 
@@ -102,64 +102,3 @@ def to_graphml(net: Any, marked: Collection[str] = ()) -> str:  # Any: a graph o
 
     networkx.set_node_attributes(net, {label: label in marked for label in net}, "marked")
     return "\n".join(networkx.generate_graphml(net))
-
-
-def to_svg(net: Any, marked: Collection[str] = ()) -> str:  # Any: a graph of networkx
-    """A picture: what a step reads stands to its left. Sources have dashed boxes."""
-    import networkx
-
-    columns = _ordered([list(column) for column in networkx.topological_generations(net)], net)
-    boxes: dict[str, tuple[float, float, float]] = {}  # left, middle, width
-    left = MARGIN
-    for column in columns:
-        width = LETTER * max(len(label) for label in column) + 2 * LETTER
-        for row, label in enumerate(column):
-            boxes[label] = (left, MARGIN + ROW * (row + 0.5), width)
-        left += width + BETWEEN
-    height = 2 * MARGIN + ROW * max((len(column) for column in columns), default=0)
-    lines = [
-        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {left:g} {height:g}" '
-        'font-family="monospace" font-size="11.5">',
-        f'<rect width="{left:g}" height="{height:g}" fill="white"/>',
-    ]
-    lines += [_arrow(boxes[maker], boxes[reader]) for maker, reader in dict.fromkeys(net.edges())]
-    lines += [_box(label, net.nodes[label], boxes[label], label in marked) for label in boxes]
-    return "\n".join([*lines, "</svg>"])
-
-
-def _ordered(columns: list[list[str]], net: Any) -> list[list[str]]:  # Any: a graph of networkx
-    """Each column from top to bottom as what it reads: few edges cross then."""
-    rows: dict[str, float] = {}
-    for column in columns:
-        wanted = {}
-        for label in column:
-            read = [rows[maker] for maker in net.predecessors(label)]
-            wanted[label] = (sum(read) / max(1, len(read)), label)
-        column.sort(key=wanted.__getitem__)
-        rows |= {label: (row + 0.5) / len(column) for row, label in enumerate(column)}
-    return columns
-
-
-def _arrow(maker: tuple[float, float, float], reader: tuple[float, float, float]) -> str:
-    (left, y, width), (x2, y2, _) = maker, reader
-    x, bend = left + width, BETWEEN / 2
-    path = f"M{x:g} {y:g}C{x + bend:g} {y:g} {x2 - bend:g} {y2:g} {x2:g} {y2:g}"
-    return f'<path d="{path}" fill="none" stroke="#8899aa"/>'
-
-
-def _box(
-    label: str,
-    node: Mapping[str, Any],  # Any: attributes of networkx
-    box: tuple[float, float, float],
-    marked: bool,
-) -> str:
-    left, middle, width = box
-    is_source = node["kind"] == "source"
-    dashes = ' stroke-dasharray="4 3"' if is_source else ""
-    fill = "white" if is_source else MARKED if marked else PLAIN
-    told = "source" if is_source else f"{node['step']}, {node['seconds']:.1f} s"
-    return (
-        f'<g><title>{escape(told)}</title><rect x="{left:g}" y="{middle - BOX / 2:g}" '
-        f'width="{width:g}" height="{BOX:g}" rx="4" fill="{fill}" stroke="#556677"{dashes}/>'
-        f'<text x="{left + LETTER:g}" y="{middle + 4:g}">{escape(label)}</text></g>'
-    )

@@ -21,7 +21,6 @@ from assetbuild.pipeline.recipes import load_recipe
 from assetbuild.pipeline.sampling_plan import SamplesOutline, plan_samples
 from assetbuild.recipe.loader import LoadedRecipe
 from assetbuild.report.bundle import BundleFile, json_text, manifest
-from assetbuild.report.draws import draws_svg
 
 
 @dataclass(frozen=True)
@@ -76,7 +75,6 @@ def _publish(
     files = [
         BundleFile.of_bytes("samples.json", "samples", session.read(drawn["samples.json"])),
         BundleFile.of_text("statistics.json", "report", json_text(statistics)),
-        BundleFile.of_text("draws.svg", "report", draws_svg(statistics)),
     ]
     main = f"{loaded.recipe.robot}.xml"
     for index, node in enumerate(outline.variants):

@@ -9,7 +9,6 @@ from assetbuild.report.tables import Table, html_table, table
 from assetbuild.robot.identified import Curve, Curves, Fit
 
 WIDTH, HEIGHT, PAD = 900, 150, 34
-ROW, NAME = 20, 250
 
 
 def identified_section(fits: Sequence[tuple[Fit, Curves]]) -> str:
@@ -26,7 +25,7 @@ def _entry(fit: Fit, curves: Curves) -> str:
     plots = "".join(_figure(curve) for curve in curves.curves)
     return (
         f"<p>{known} of {len(fit.parameters)} parameters are identified; those that the logs do "
-        f"not show keep their priors.</p>{_intervals(fit)}{tables}"
+        f"not show keep their priors.</p>{tables}"
         f"<details><summary>Measured and simulated position of {len(curves.curves)} joints"
         f"</summary>{plots}</details>"
     )
@@ -68,35 +67,6 @@ def _related(fit: Fit) -> Table:
     rows = [(r.a, r.b, r.correlation) for r in fit.related]
     note = "parameters whose estimates depend on one another; above 0.99 both are refused"
     return table("Correlated parameters", ("of", "and", "correlation"), rows, note)
-
-
-# --- pictures -------------------------------------------------------------------------------
-
-
-def _intervals(fit: Fit) -> str:
-    """A bar for each identified parameter: its interval in percent of its value."""
-    known = [p for p in fit.parameters if not p.refused and p.value > 0.0]
-    if not known:
-        return ""
-    widest = max(max(p.high - p.value, p.value - p.low) / p.value for p in known)
-    half, middle = 300.0, NAME + 320.0
-    parts = []
-    for n, p in enumerate(known):
-        y = 26 + n * ROW
-        a, b = ((v - p.value) / p.value / widest * half for v in (p.low, p.high))
-        parts.append(
-            f'<text x="4" y="{y + 4}">{escape(p.label)}</text>'
-            f'<path d="M{middle + a:.1f} {y}H{middle + b:.1f}" stroke="var(--link)" '
-            'stroke-width="5"/>'
-            f'<circle cx="{middle:.1f}" cy="{y}" r="4" fill="var(--text)"/>'
-        )
-    height = 34 + len(known) * ROW
-    text = f"95 % intervals, to ±{widest:.1%} of the value"
-    return (
-        f'<svg viewBox="0 0 {NAME + 660} {height}" role="img" aria-label="{escape(text)}" '
-        f'style="max-width:60rem;font-size:12px" fill="currentColor"><text x="{middle}" y="12" '
-        f'text-anchor="middle">{escape(text)}</text>{"".join(parts)}</svg>'
-    )
 
 
 def _figure(curve: Curve) -> str:

@@ -79,7 +79,6 @@ def test_plan_prints_the_graph(place: Workplace):
     labels = {node["label"] for node in graph["nodes"]}
     assert {"read_urdf", "merge_fixed_joints", "assemble", "control", "mjcf", "usd"} <= labels
     assert place.run("plan", "recipes/go1.yaml", "--format", "dot").stdout.startswith("digraph")
-    assert place.run("plan", "recipes/go1.yaml", "--format", "svg").stdout.startswith("<svg")
     assert "<graphml" in place.run("plan", "recipes/go1.yaml", "--format", "graphml").stdout
 
 

@@ -1,4 +1,4 @@
-"""The graph as a picture and as data of other tools; what a change reaches; what takes longest."""
+"""The graph as text and as data of other tools; what a change reaches; what takes longest."""
 
 from __future__ import annotations
 
@@ -7,15 +7,14 @@ from pathlib import Path
 
 import networkx
 import pytest
-from defusedxml import ElementTree
 from engine.steps_for_tests import Mix
 
 from assetbuild.engine.planner import Planner
 from assetbuild.engine.session import Session
 from assetbuild.engine.store import Store
+from assetbuild.looks.lighten import Lighten
 from assetbuild.pipeline import drawing
 
-SVG = "{http://www.w3.org/2000/svg}"
 SECONDS = {"convert": 2.0, "thin": 5.0, "hulls": 1.0, "urdf": 4.0}
 
 
@@ -54,22 +53,20 @@ def test_the_critical_path_is_the_chain_that_takes_longest(net):
 def test_an_empty_graph_has_no_critical_path(session):
     net = drawing.network(Planner(session).graph(), {})
     assert drawing.critical_path(net) == []
-    assert ElementTree.fromstring(drawing.to_svg(net)).tag.endswith("svg")
 
 
-def test_the_picture_shows_each_step_once_right_of_what_it_reads(net):
-    root = ElementTree.fromstring(drawing.to_svg(net, ["thin"]))
-    boxes = {
-        group.find(f"{SVG}text").text: group.find(f"{SVG}rect") for group in root.iter(f"{SVG}g")
-    }
-    assert boxes.keys() == {*SECONDS, "source.txt", "alone <&>"}
-    left = {label: float(box.get("x")) for label, box in boxes.items()}
-    assert left["source.txt"] < left["convert"] < left["thin"] == left["hulls"] < left["urdf"]
-    filled = {label for label, box in boxes.items() if box.get("fill") == drawing.MARKED}
-    assert filled == {"thin"}
-    frame = [float(side) for side in root.get("viewBox").split()]
-    assert all(float(box.get("y")) + float(box.get("height")) < frame[3] for box in boxes.values())
-    assert all(left[k] + float(box.get("width")) < frame[2] for k, box in boxes.items())
+def test_the_text_names_each_step_below_its_room(net, session, tmp_path):
+    planner = Planner(session)
+    planner.add("mixed", Mix())
+    planner.add("light", Lighten())
+    planner.add("mixed again", Mix(salt=1))
+    assert drawing.to_text(planner.graph()).splitlines() == [
+        "steps_for_tests: 2 steps",
+        "  mixed",
+        "  mixed again",
+        "looks: 1 step",
+        "  light",
+    ]
 
 
 def test_graphml_is_read_back_with_every_input(net):
