@@ -20,7 +20,8 @@ from assetbuild.errors import AssetBuildError
 
 VERBS = (
     "bench", "build", "cache", "check", "completion", "diff", "doctor", "explain", "identify",
-    "init", "lock", "plan", "report", "sample", "schema", "smoke", "validate", "verify", "watch",
+    "init", "list", "lock", "plan", "report", "sample", "schema", "smoke", "validate", "verify",
+    "watch",
 )  # fmt: skip
 """Each is a module of this package with `HELP`, `add_arguments(parser)` and `run(arguments)`; the
 help ends with its `EPILOG` where it has one."""

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from assetbuild.cli.cache import add_sharing
 from assetbuild.cli.parser import whole_number
+from assetbuild.cli.recipes import file_or_robot
 
 if TYPE_CHECKING:
     from assetbuild.pipeline.bench import Level
@@ -17,7 +18,7 @@ HELP = "simulate the robot with collision geometry of every kind: quality agains
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments."""
-    parser.add_argument("recipe", type=Path, metavar="RECIPE")
+    parser.add_argument("recipe", type=file_or_robot, metavar="RECIPE")
     parser.add_argument("-o", "--out", type=Path, metavar="DIR", help="build/<robot>-bench")
     parser.add_argument("--levels", metavar="A,B", help="some of the levels; default: all")
     parser.add_argument(

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 from assetbuild.cli.cache import add_sharing
 from assetbuild.cli.parser import whole_number
-from assetbuild.cli.recipes import Recipes
+from assetbuild.cli.recipes import Recipes, file_or_robot
 from assetbuild.errors import AssetBuildError
 
 if TYPE_CHECKING:
@@ -42,7 +42,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def add_plain_arguments(parser: argparse.ArgumentParser) -> None:
     """Those that `watch` takes too."""
-    parser.add_argument("recipes", nargs="+", type=Path, metavar="RECIPE", action=Recipes)
+    parser.add_argument("recipes", nargs="+", type=file_or_robot, metavar="RECIPE", action=Recipes)
     parser.add_argument("-o", "--out", type=Path, metavar="DIR", help="default: build/<robot>")
     parser.add_argument(
         "-j", "--jobs", type=whole_number(1), metavar="N", help="default: all cores"

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from assetbuild.cli.parser import WHICH_CHECK
-from assetbuild.cli.recipes import Recipes
+from assetbuild.cli.recipes import Recipes, file_or_robot
 
 if TYPE_CHECKING:
     from assetbuild.engine.store import Store
@@ -38,7 +38,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         ("pull", "fetch what other machines built of recipes"),
     ):
         verb = verbs.add_parser(name, help=text)
-        verb.add_argument("recipes", nargs="+", type=Path, metavar="RECIPE", action=Recipes)
+        verb.add_argument(
+            "recipes", nargs="+", type=file_or_robot, metavar="RECIPE", action=Recipes
+        )
         verb.add_argument("--variant", metavar="NAME", help="a variant of the recipes")
         add_remote(verb)
 

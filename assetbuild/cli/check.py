@@ -7,7 +7,7 @@ from pathlib import Path
 
 from assetbuild.cli import print_error
 from assetbuild.cli.parser import WHICH_CHECK
-from assetbuild.cli.recipes import recipes_of
+from assetbuild.cli.recipes import file_or_robot, recipes_of
 from assetbuild.errors import AssetBuildError, UsageError
 
 HELP = "check recipes: schema, paths, static lints, lock up to date; runs nothing heavy"
@@ -17,7 +17,7 @@ EPILOG = WHICH_CHECK
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments."""
     parser.add_argument(
-        "recipes", nargs="*", type=Path, metavar="RECIPE", help="default: recipes/*.yaml"
+        "recipes", nargs="*", type=file_or_robot, metavar="RECIPE", help="default: recipes/*.yaml"
     )
 
 

@@ -9,6 +9,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from assetbuild.cli.recipes import file_or_robot
+
 if TYPE_CHECKING:
     from assetbuild.engine.explain import Explanation
 
@@ -17,7 +19,7 @@ HELP = "say why steps ran or would run, naming the part of the key that changed"
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments."""
-    parser.add_argument("recipe", type=Path, metavar="RECIPE")
+    parser.add_argument("recipe", type=file_or_robot, metavar="RECIPE")
     parser.add_argument("step", nargs="?", metavar="STEP", help="default: all")
     parser.add_argument("--variant", metavar="NAME", help="a variant of the recipe")
     parser.add_argument("--json", action="store_true", help="print data")

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 from assetbuild.cli.cache import add_sharing
 from assetbuild.cli.parser import whole_number
+from assetbuild.cli.recipes import file_or_robot
 
 if TYPE_CHECKING:
     from assetbuild.pipeline.identifying import Identified, IdentifyRequest
@@ -20,7 +21,7 @@ HELP = "fit actuator numbers to logs of the real robot"
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments."""
-    parser.add_argument("recipe", type=Path, nargs="?", metavar="RECIPE")
+    parser.add_argument("recipe", type=file_or_robot, nargs="?", metavar="RECIPE")
     parser.add_argument(
         "--write", action="store_true", help="write what is identified into the recipe's rows"
     )

@@ -6,6 +6,8 @@ import argparse
 import sys
 from pathlib import Path
 
+from assetbuild.errors import UsageError
+
 SCHEMA_FILE = "recipe.schema.json"
 """Beside the recipe, whose first line names it: editors complete and check the recipe by it."""
 HELP = "look at a robot and write a commented recipe that builds"
@@ -13,7 +15,10 @@ HELP = "look at a robot and write a commented recipe that builds"
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments."""
-    parser.add_argument("robot", type=Path, metavar="ROBOT.urdf|.xacro|.xml")
+    parser.add_argument("robot", type=Path, nargs="?", metavar="ROBOT.urdf|.xacro|.xml")
+    parser.add_argument(
+        "--from", dest="origin", metavar="NAME", help="copy the recipe of a robot of the library"
+    )
     parser.add_argument(
         "-o", "--out", type=Path, metavar="RECIPE", help="default: <robot>.yaml, - prints it"
     )
@@ -60,6 +65,10 @@ def run(arguments: argparse.Namespace) -> int:
     from assetbuild.init import propose, write
     from assetbuild.recipe.loader import shown_path
 
+    if (arguments.robot is None) == (arguments.origin is None):
+        raise UsageError("`init` takes a robot's file, or `--from NAME`")
+    if arguments.origin is not None:
+        return _copy(arguments.origin, arguments.out)
     printed = str(arguments.out) == "-"
     out = None if printed else arguments.out
     proposal = propose(arguments.robot, out, dict(arguments.package), dict(arguments.arg))
@@ -72,7 +81,19 @@ def run(arguments: argparse.Namespace) -> int:
         return 0
     write(proposal, force=arguments.force)
     write_schema(proposal.path.with_name(SCHEMA_FILE))
-    shown = shown_path(proposal.path)
+    return _written(shown_path(proposal.path))
+
+
+def _copy(name: str, out: Path | None) -> int:
+    from assetbuild.library import copy
+
+    path = out or Path(f"{name}.yaml")
+    copy(name, path)
+    write_schema(path.with_name(SCHEMA_FILE))
+    return _written(str(path))
+
+
+def _written(shown: str) -> int:
     print(f"wrote {shown}")
     print(f"next: read it, then `assetbuild build {shown}`", file=sys.stderr)
     return 0

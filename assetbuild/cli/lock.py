@@ -4,16 +4,15 @@ from __future__ import annotations
 
 import argparse
 import sys
-from pathlib import Path
 
-from assetbuild.cli.recipes import Recipes
+from assetbuild.cli.recipes import Recipes, file_or_robot
 
 HELP = "pin a recipe's source in <recipe>.lock.yaml"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments."""
-    parser.add_argument("recipes", nargs="+", type=Path, metavar="RECIPE", action=Recipes)
+    parser.add_argument("recipes", nargs="+", type=file_or_robot, metavar="RECIPE", action=Recipes)
 
 
 def run(arguments: argparse.Namespace) -> int:

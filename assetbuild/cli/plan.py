@@ -6,8 +6,9 @@ import argparse
 import json
 import sys
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 from typing import TYPE_CHECKING
+
+from assetbuild.cli.recipes import file_or_robot
 
 if TYPE_CHECKING:
     from assetbuild.pipeline.opening import Look
@@ -17,7 +18,7 @@ HELP = "print the graph of a recipe, what a change reaches, what a build waits f
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments."""
-    parser.add_argument("recipe", type=Path, metavar="RECIPE")
+    parser.add_argument("recipe", type=file_or_robot, metavar="RECIPE")
     parser.add_argument("--variant", metavar="NAME", help="a variant of the recipe")
     parser.add_argument("--format", choices=("text", "json", "dot", "graphml"), default="text")
     which = parser.add_mutually_exclusive_group()

@@ -1,4 +1,4 @@
-"""Recipes on a command line: `recipes/*.yaml` names their locks as well."""
+"""Recipes on a command line: robots of the library by name; a lock stands for its recipe."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import Any
 
 
 class Recipes(argparse.Action):
-    """Each recipe once; a lock stands for its recipe."""
+    """Each recipe once; a lock stands for its recipe, as `recipes/*.yaml` names both."""
 
     def __call__(
         self,
@@ -25,3 +25,18 @@ class Recipes(argparse.Action):
 def recipes_of(named: Sequence[Path]) -> list[Path]:
     """`a.yaml` for `a.yaml` and `a.lock.yaml`, in the order of the command line."""
     return list(dict.fromkeys(p.with_name(p.name.replace(".lock.", ".")) for p in named))
+
+
+def file_or_robot(text: str) -> Path:
+    """The type of an argument: a path, or `go1` for the library's recipe."""
+    path = Path(text)
+    if not text.isidentifier() or path.exists():
+        return path
+    from assetbuild.errors import UsageError
+    from assetbuild.library import recipe
+
+    try:
+        return recipe(text)
+    except UsageError as error:
+        said = f"is no file, and {error.message}; {error.hint}"
+        raise argparse.ArgumentTypeError(said) from None

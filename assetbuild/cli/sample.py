@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 from assetbuild.cli.cache import add_sharing
 from assetbuild.cli.parser import whole_number
+from assetbuild.cli.recipes import file_or_robot
 
 if TYPE_CHECKING:
     from assetbuild.pipeline.sampling import Sampled
@@ -19,7 +20,7 @@ MOST = 1000
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments."""
-    parser.add_argument("recipe", type=Path, metavar="RECIPE")
+    parser.add_argument("recipe", type=file_or_robot, metavar="RECIPE")
     parser.add_argument(
         "-n", "--count", type=whole_number(1, MOST), default=16, metavar="N", help="default: 16"
     )

@@ -6,6 +6,7 @@ import argparse
 from pathlib import Path
 
 from assetbuild.cli.parser import WHICH_CHECK
+from assetbuild.cli.recipes import file_or_robot
 
 HELP = "compare a bundle with its manifest, its provenance, and what a recipe makes"
 EPILOG = WHICH_CHECK
@@ -15,7 +16,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments."""
     parser.add_argument("bundle", type=Path, help="a folder that `assetbuild build` wrote")
     parser.add_argument(
-        "--recipe", type=Path, metavar="RECIPE", help="is it what this recipe makes? asks the store"
+        "--recipe",
+        type=file_or_robot,
+        metavar="RECIPE",
+        help="is it what this recipe makes? asks the store",
     )
     parser.add_argument("--variant", metavar="NAME", help="a variant of the recipe")
 
