@@ -1,4 +1,4 @@
-"""The MJCF of a robot from an MJCF is proved word by word: no false alarm, and no lie passes."""
+"""What only MJCF says comes out as it went in: no false alarm, and no lie passes."""
 
 # ruff: noqa: E501 # one text per line reads better than wrapped XML
 
@@ -61,11 +61,10 @@ def test_words_of_the_source_are_expected(text: str, tmp_path: Path):
     [
         ('coef="2"', 'coef="2.1"', "path", "tendon cable"),
         ('sidesite="plain"', "", "path", "tendon rope"),
-        ('target="foot"', 'target="toe"', "targetbody", "camera eye"),
+        ('target="foot"', 'target="toe"', "target", "camera eye"),
         ('rgba="1 0 0 1"', 'rgba="0 1 0 1"', "rgba", "shape chest"),
         ('iterations="7"', 'iterations="8"', "iterations", "simulation"),
-        ('sensorsize=".004 .002"', 'sensorsize=".004 .001"', "sensor_size", "camera lens"),
-        ('<site name="plain" group="2"', '<site name="plain" group="1"', "group", "frame plain"),
+        ('sensorsize=".004 .002"', 'sensorsize=".004 .001"', "sensorsize", "camera lens"),
     ],
 )
 def test_a_changed_word_is_found(old: str, new: str, rule: str, subject: str, tmp_path: Path):
@@ -73,8 +72,8 @@ def test_a_changed_word_is_found(old: str, new: str, rule: str, subject: str, tm
     text = made.xml.read_text()
     assert old in text
     made.xml.write_text(text.replace(old, new, 1))
-    found = {finding.rule: finding.subject for finding in proved(made)}
-    assert found.get(f"equal.mjcf.{rule}") == subject
+    findings = run_step(MjcfSource(robot="robot"), made.inputs, tmp_path / "compared")
+    assert (f"equal.source.{rule}", subject) in {(f.rule, f.subject) for f in findings}
 
 
 ARM = """<mujoco><compiler angle="radian"/><worldbody><body name="base"><geom size=".1"/>
