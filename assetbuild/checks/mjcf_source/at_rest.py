@@ -106,8 +106,10 @@ def read_side(spec: Spec) -> Side:
         scenery = key.kind == "frame" and not table.facts.get(key._replace(quantity="body"))
         if not (of_bodies or unnamed or scenery or key.kind == "pair"):
             facts[key] = value
-    for kind, name in {(key.kind, key.name): None for key in facts}:
-        own = {key.quantity: value for key, value in facts.items() if key[:2] == (kind, name)}
+    subjects: dict[tuple[str, str], dict[str, Value]] = {}
+    for key, value in facts.items():
+        subjects.setdefault((key.kind, key.name), {})[key.quantity] = value
+    for (kind, name), own in subjects.items():
         facts |= {Key(kind, name, q): v for q, v in _in_root(own, bodies).items()}
     for name, weight in bodies.weights():
         facts |= {Key("body", name, q): v for q, v in inertial_facts(weight).items()}
