@@ -37,7 +37,8 @@ OPTION = (
     "noslip_tolerance o_margin o_solref o_solimp o_friction tolerance ls_tolerance jacobian"
 )
 FREE = 0
-CALLED = {"jnt": "joint", "cam": "camera", "eq": "equality"}
+CALLED = {"jnt": "joint", "cam": "camera", "eq": "equality", "tex": "texture", "mat": "material"}
+"""Beginning of MuJoCo's arrays -> how it calls the thing, where these differ."""
 BLANK = """<mujoco><worldbody><body name="b"><joint name="j"/><geom name="g" size="1"/>
 <geom name="h" size="1"/><site name="s"/><camera name="c"/></body></worldbody>
 <contact><pair geom1="g" geom2="h"/></contact><equality><joint joint1="j"/></equality>
@@ -91,7 +92,7 @@ def subjects(model: Model, prefix: str) -> list[str]:
     """The names of what the rows of an array are about; degrees of freedom are joints'."""
     if prefix == "dof":
         return [name_of(model, "joint", int(joint)) for joint in model.dof_jntid]
-    count = len(actuators(model)) if prefix == "actuator" else getattr(model, f"n{prefix}")
+    count = len(actuators(model)) if prefix == "actuator" else getattr(model, f"n{prefix}", 0)
     return [name_of(model, CALLED.get(prefix, prefix), index) for index in range(count)]
 
 

@@ -32,7 +32,8 @@ from assetbuild.facts.readers.scene import SceneFacts
 from assetbuild.facts.table import pair_name, pair_of
 from assetbuild.findings import Finding
 from assetbuild.robot.codec import decode, encode
-from assetbuild.robot.model import Body, Limits
+from assetbuild.robot.model import Body, Limits, Loop, LoopEnd
+from assetbuild.robot.pose import Pose
 from assetbuild.targets.mjcf import Mjcf
 from assetbuild.targets.mjlab import Mjlab
 from assetbuild.targets.mjx import Mjx
@@ -103,6 +104,17 @@ def test_a_locked_joint_is_held_where_its_limits_meet(tmp_path: Path) -> None:
     assert check(locked, tmp_path / "a") == []
     found = check(locked, tmp_path / "b", replaced('polycoef="0 0', 'polycoef="0.1 0'))
     assert [f.rule for f in found] == ["equal.mjcf.lower", "equal.mjcf.upper"]
+
+
+def test_what_a_loop_holds_together_and_how_softly_is_compared(tmp_path: Path) -> None:
+    robot = tiny_quadruped()
+    ends = (LoopEnd(name, Pose((0.0, 0.0, -0.1))) for name in ("FR_calf", "FL_calf"))
+    tied = replace(robot, control=replace(robot.control, loops=(Loop("tie", "weld", *ends),)))
+    assert check(tied, tmp_path / "a") == []
+    moved = replaced(r'(<site name="tie_b" pos="0 0 -0.1)"', r'\g<1>001"')
+    assert "equal.mjcf.end_b" in {f.rule for f in check(tied, tmp_path / "b", moved)}
+    softer = replaced(r'solref="0.005 1"', 'solref="0.006 1"')
+    assert [f.rule for f in check(tied, tmp_path / "c", softer)] == ["equal.mjcf.solref"]
 
 
 def test_bodies_with_spaces_in_their_names_make_pairs_of_two(tmp_path: Path) -> None:
