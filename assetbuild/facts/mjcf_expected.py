@@ -22,6 +22,7 @@ from assetbuild.facts.reference import (
 )
 from assetbuild.facts.table import Key, Table, Value, pair_name, pair_of
 from assetbuild.robot.chains import axis_in_body, find_chains
+from assetbuild.robot.contact_filter import ContactFilter
 from assetbuild.robot.loops import site_names
 from assetbuild.robot.model import MOVING, Joint, Loop, Softness
 from assetbuild.robot.pose import IDENTITY, quat_between, rotation_of
@@ -45,6 +46,7 @@ def mjcf_table(reference: Reference) -> Table:
         facts |= {Key("joint", joint.name, quantity): value for quantity, value in own.items()}
     _shapes(reference, facts)
     _senses(reference, names, facts)
+    facts |= {Key("pair", name, "mjcf:excluded"): True for name in _excluded(reference)}
     _poses(reference, facts)
     _softness(reference, facts)
     return Table(_renamed(facts, mjcf_names(reference)))
@@ -123,6 +125,17 @@ def _shapes(reference: Reference, facts: dict[Key, Value]) -> None:
     for pair in filtered_pairs(tree, reference.shapes, reference.control):
         if not set(pair) <= touching:
             del facts[Key("pair", pair_name(*pair), "filtered")]
+
+
+def _excluded(reference: Reference) -> Iterator[str]:
+    """Pairs that MuJoCo does not pass by itself while the base floats, or once it is held."""
+    tree, shapes, control = reference.tree, reference.shapes, reference.control
+    rule = ContactFilter.of(tree, shapes, control)
+    chains = find_chains(tree, {shape.link for shape in shapes.shapes})
+    hidden = {link for chain in chains for link in chain.between}
+    for a, b in control.excludes:
+        if not {a, b} & hidden and not rule.holds_without(tree.root, a, b):
+            yield pair_name(a, b)
 
 
 def _senses(reference: Reference, drives: Mapping[str, str], facts: dict[Key, Value]) -> None:

@@ -64,6 +64,9 @@ def read_model(
             book.put("shape", _name(model, "geom", geom), _geom(model, geom, meshes))
     for pair in _filtered(model, opaque):
         book.put("pair", pair_name(*pair), {"filtered": True})
+    for signature in model.exclude_signature:  # also where it changes nothing unless a base is held
+        ends = (body_name(model, int(signature) >> 16), body_name(model, int(signature) & 0xFFFF))
+        book.put("pair", pair_name(*ends), {"mjcf:excluded": True})
     read_senses(model, book)
     for key in range(model.nkey):
         read_keyframe(model, key, moving, drives.values(), book)

@@ -166,6 +166,7 @@ PLANTED = [
     ("timestep", "simulation", r'timestep="0.005"', 'timestep="0.004"'),
     ("filtered", "pair RL_thigh trunk", r"</mujoco>",
      '<contact><exclude body1="RL_thigh" body2="trunk"/></contact></mujoco>'),
+    ("excluded", "pair RL_hip trunk", r'<exclude body1="RL_hip" body2="trunk"/>', ""),
     ("anchor", HIP, r'<joint name="FR_hip_joint"', r'\g<0> pos="0 0 0.001"'),
     # What MJCF alone says, of which the vocabulary does not know.
     ("solmix", "shape trunk_collision", r'<geom name="trunk_collision"', r'\g<0> solmix="3"'),
