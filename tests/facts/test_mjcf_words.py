@@ -119,14 +119,6 @@ def test_what_only_mjcf_has_comes_out_as_it_went_in(what: str, tmp_path: Path):
     assert run_step(MjcfSource(robot="robot"), made.inputs, tmp_path / "compared") == []
 
 
-def test_materials_alike_but_for_what_mjcf_alone_says_stay_two(tmp_path: Path):
-    text = """<mujoco><asset><material name="m" rgba="1 0 0 1"/>
-    <material name="n" shininess="1" rgba="1 0 0 1"/></asset><worldbody><body name="a">
-    <geom size=".1"/><geom size=".2" material="m" contype="0" conaffinity="0"/>
-    <geom size=".3" material="n" contype="0" conaffinity="0"/></body></worldbody></mujoco>"""
-    assert proved(written(tmp_path, text)) == []
-
-
 def test_a_camera_whose_target_is_no_body_looks_ahead(tmp_path: Path):
     text = """<mujoco><worldbody><camera name="c" mode="targetbody" target="focus" fovy="70"/>
     <body name="a"><geom size=".1"/><body name="focus" pos="0 0 1"/></body></worldbody></mujoco>"""
@@ -144,13 +136,6 @@ def test_geoms_that_collide_in_the_group_of_visual_ones_are_no_difference(tmp_pa
     assert proved(made) == []
     made.xml.write_text(made.xml.read_text().replace('condim="1"', 'condim="3"'))
     assert [finding.rule for finding in proved(made)] == ["equal.mjcf.condim"]
-
-
-def test_a_material_whose_geoms_all_have_colours_of_their_own_is_not_expected(tmp_path: Path):
-    text = """<mujoco><asset><material name="m" shininess="1" rgba="1 0 0 1"/></asset><worldbody>
-    <body name="a"><geom size=".1"/><geom size=".2" material="m" rgba="0 1 0 1" contype="0"
-    conaffinity="0"/></body></worldbody></mujoco>"""
-    assert proved(written(tmp_path, text)) == []
 
 
 @pytest.mark.parametrize("free", ["", "<joint/>", "<freejoint/>"])

@@ -1,6 +1,6 @@
 """Both models in the same positions, at the same speeds, under the same commands.
 
-It shows what counts from a joint's `ref`: laws of drives, springs, tendons and sensors; and that
+It shows what counts from a joint's `ref`, such as laws of drives and springs of tendons, and that
 all facts together make the same robot.
 """
 
@@ -13,10 +13,10 @@ from numpy.typing import ArrayLike
 
 from assetbuild.checks.mjcf_source.at_rest import FREE, Side
 from assetbuild.checks.mjcf_source.reasons import ROUGH
+from assetbuild.facts.mjcf_fields import subjects
 from assetbuild.findings import Finding, Rule
 from assetbuild.robot.pose import Array
 from assetbuild.simulators import mujoco
-from assetbuild.simulators.joint_drives import read_drive
 from assetbuild.simulators.mujoco import Data, Model
 
 POSITIONS = 6
@@ -48,15 +48,15 @@ class Motion:
         self.models = source.model, ours.model
         self.data = tuple(_prepared(model) for model in self.models)
         self.worst: dict[str, float] = {}
-        self.joints = self._both("joint")
+        self.joints = self._both("jnt")
         free = [int(model.jnt_type[0]) == FREE if model.njnt else False for model in self.models]
         if all(free):
             self.joints = {"free joint": (0, 0)} | {
                 name: pair for name, pair in self.joints.items() if pair[0]
             }
 
-    def _both(self, kind: str) -> Pairs:
-        one, other = ({name: i for i, name in enumerate(subjects(m, kind))} for m in self.models)
+    def _both(self, prefix: str) -> Pairs:
+        one, other = ({name: i for i, name in enumerate(subjects(m, prefix))} for m in self.models)
         return {name: (i, other[name]) for name, i in one.items() if name in other}
 
     def findings(self) -> Iterator[Finding]:
@@ -66,7 +66,7 @@ class Motion:
         random, told = np.random.default_rng(1), set[tuple[str, str]]()
         for number in range(POSITIONS):
             self._move(random, still=number == 0)
-            for finding in (*self._places(), *self._forces(), *self._readings()):
+            for finding in (*self._forces(), *self._readings()):
                 if (finding.rule, finding.subject) not in told:
                     told.add((finding.rule, finding.subject))
                     yield finding
@@ -107,16 +107,6 @@ class Motion:
                     at_rest.get(pair[0], 0.0) if side == 0 else 0.0
                 )
 
-    def _places(self) -> Iterator[Finding]:
-        (a, b), (m, _) = self.data, self.models
-        for name, (i, j) in self.joints.items():
-            yield from self._same(
-                "anchor", f"joint {name}", "anchor (m)", a.xanchor[i], b.xanchor[j]
-            )
-        for name, (i, j) in self._both("tendon").items():
-            lengths = a.ten_length[i] - self._tendon_rest(m, i), b.ten_length[j]
-            yield from self._same("tendon", f"tendon {name}", "length", *lengths)
-
     def _forces(self) -> Iterator[Finding]:
         """Inertia, gravity and speeds, springs and dampers, drives."""
         u, v = (self._dofs(side) for side in (0, 1))
@@ -142,38 +132,13 @@ class Motion:
         if self.stated & {"actuators", "gravity", "collision", "contact", "merge"}:
             return  # accelerations and touches differ then, and they should
         for name, (i, j) in self._both("sensor").items():
+            if self.sides[0].rest and int(self.models[0].sensor_type[i]) in _of_positions():
+                continue  # it counts from a `ref`
             x, y = (
                 np.array(d.sensordata[int(m.sensor_adr[n]) :][: int(m.sensor_dim[n])])
                 for m, d, n in zip(self.models, self.data, (i, j), strict=True)
             )
-            x = x - self._offset(i)
             yield from self._same("sensor", f"sensor {name}", "reading", x, y, SOLVED)
-
-    def _offset(self, sensor: int) -> float:
-        """What a position of a joint with `ref` reads in the source where it reads 0 here."""
-        import mujoco as mj
-
-        source, model = self.sides[0], self.models[0]
-        watched, kind = int(model.sensor_objid[sensor]), model.sensor_type[sensor]
-        if kind == mj.mjtSensor.mjSENS_ACTUATORPOS:
-            drive = read_drive(model, watched)
-            return drive.gear * source.rest.get(drive.joint_name, 0.0) if drive else 0.0
-        if kind == mj.mjtSensor.mjSENS_JOINTPOS:
-            return source.rest.get(mujoco.name_of(model, "joint", watched), 0.0)
-        return self._tendon_rest(model, watched) if kind == mj.mjtSensor.mjSENS_TENDONPOS else 0.0
-
-    def _tendon_rest(self, model: Model, tendon: int) -> float:
-        """Length of a fixed tendon whose joints stand at their `ref`."""
-        import mujoco as mj
-
-        first = int(model.tendon_adr[tendon])
-        wraps = range(first, first + int(model.tendon_num[tendon]))
-        return sum(
-            self.sides[0].rest.get(mujoco.name_of(model, "joint", int(model.wrap_objid[w])), 0.0)
-            * float(model.wrap_prm[w])
-            for w in wraps
-            if int(model.wrap_type[w]) == mj.mjtWrap.mjWRAP_JOINT
-        )
 
     def _same(
         self,
@@ -199,11 +164,12 @@ class Motion:
             )
 
 
-def subjects(model: Model, kind: str) -> list[str]:
-    """Names of all joints, actuators, tendons or sensors."""
-    count = {"joint": model.njnt, "actuator": len(mujoco.actuators(model)),
-             "tendon": model.ntendon, "sensor": model.nsensor}[kind]  # fmt: skip
-    return [mujoco.name_of(model, kind, index) for index in range(count)]
+def _of_positions() -> set[int]:
+    import mujoco as mj
+
+    kinds = mj.mjtSensor
+    return {int(k) for k in (kinds.mjSENS_JOINTPOS, kinds.mjSENS_ACTUATORPOS,
+                             kinds.mjSENS_TENDONPOS)}  # fmt: skip
 
 
 def _prepared(model: Model) -> Data:
