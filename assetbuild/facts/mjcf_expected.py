@@ -30,6 +30,8 @@ from assetbuild.robot.pose import IDENTITY, quat_between, rotation_of
 AT_SITE = ("accelerometer", "gyro", "velocimeter", "magnetometer", "force", "torque", "touch",
            "rangefinder")  # fmt: skip
 """Sensors that MuJoCo has on a site alone."""
+HIDDEN = 4.0
+"""Group of our sites, which viewers do not show."""
 ORIGIN = pose_value(IDENTITY)
 STRONGEST = (3.0, 2.0, 1.0)
 """Parameters of a contact sensor: it reports `found` and `force` of the strongest contact."""
@@ -47,6 +49,8 @@ def mjcf_table(reference: Reference) -> Table:
     _shapes(reference, facts)
     _senses(reference, names, facts)
     facts |= {Key("pair", name, "mjcf:excluded"): True for name in _excluded(reference)}
+    frames = {key.name for key in facts if key.kind == "frame"}
+    facts |= {Key("frame", name, "mjcf:group"): HIDDEN for name in frames}
     _poses(reference, facts)
     _softness(reference, facts)
     return Table(_renamed(facts, mjcf_names(reference)))
@@ -165,6 +169,7 @@ def put_site(body: str, facts: dict[Key, Value]) -> None:
     """A site in the origin of a body."""
     facts[Key("frame", body, "body")] = body
     facts[Key("frame", body, "pose")] = ORIGIN
+    facts[Key("frame", body, "mjcf:group")] = HIDDEN
 
 
 def _poses(reference: Reference, facts: dict[Key, Value]) -> None:

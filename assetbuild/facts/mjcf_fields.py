@@ -16,7 +16,7 @@ BESIDE = (
     ("jnt", "joint", "solref solimp margin actgravcomp stiffnesspoly springyield"),
     ("dof", "joint", "dampingpoly"),
     ("geom", "shape", "solmix fluid adhesion surfacevel"),
-    ("site", "frame", "type size"),
+    ("site", "frame", "type size group"),
     ("cam", "camera", "projection sensorsize intrinsic"),
     ("eq", "equality", "active0 solref solimp"),
     ("actuator", "actuator", "actlimited actrange actearly damping dampingpoly armature delay"),
