@@ -81,10 +81,12 @@ class MjcfReader(Reader):
 
     def found(self, path: Path, reference: Reference) -> Table:
         """Without what the source's MJCF alone says."""
-        opaque = opaque_of(reference)
+        return self.complete(self.compiled(path, reference), reference)
+
+    def compiled(self, path: Path, reference: Reference) -> Table:
+        """All facts of a file of this robot."""
         known = reference.assets.known if self.copies and reference.assets.files else None
-        table = self._read(path, opaque, known)
-        return table.only(lambda key: self.holds(key) and not opaque.says(key))
+        return self._read(path, opaque_of(reference), known)
 
     def complete(self, table: Table, reference: Reference) -> Table:
         """As far as MJCF holds it and the source's MJCF does not say it itself."""

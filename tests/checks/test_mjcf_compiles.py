@@ -30,6 +30,14 @@ def test_good_robot_compiles_without_a_word(inputs: Path) -> None:
     assert (robot["nq"], robot["nv"], robot["nu"], robot["keyframes"]) == (19, 18, 12, 2)
 
 
+def test_a_scene_whose_floor_lacks_its_material_does_not_load(inputs: Path) -> None:
+    scene = inputs / "mjcf/scene.xml"
+    scene.write_text(scene.read_text().replace('material="ground"', 'material="other"'))
+    (found,) = check(inputs)
+    assert found.rule == "mjcf.load"
+    assert "scene.xml" in found.message
+
+
 def test_broken_xml_names_the_file(inputs: Path) -> None:
     (inputs / "mjcf/robot.xml").write_text("<mujoco><worldbody></mujoco>")
     assert {f.rule for f in check(inputs)} == {"mjcf.load"}

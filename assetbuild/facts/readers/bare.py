@@ -10,7 +10,6 @@ from typing import ClassVar
 
 from assetbuild.facts.mjcf import LACKS, MjcfReader
 from assetbuild.facts.mjcf_expected import mjcf_table, put_site
-from assetbuild.facts.mjcf_opaque import opaque_of
 from assetbuild.facts.reference import Reference
 from assetbuild.facts.table import Key, Table, Value
 from assetbuild.robot.model import Actuator, Control, Place, Sensor
@@ -55,9 +54,9 @@ class BareFacts(MjcfReader):
 
     def found(self, path: Path, reference: Reference) -> Table:
         """As of that robot, whose collision geoms the file calls as mjlab finds them."""
-        known = {shape.name for shape in reference.shapes.shapes}
-        facts = self._read(path, opaque_of(_bare(reference)), None).facts
-        return self.complete(Table(dict(_own_names(facts, known))), _bare(reference))
+        bare, known = _bare(reference), {shape.name for shape in reference.shapes.shapes}
+        facts = self.compiled(path, bare).facts
+        return self.complete(Table(dict(_own_names(facts, known))), bare)
 
 
 def _bare(reference: Reference) -> Reference:
