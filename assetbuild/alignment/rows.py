@@ -18,7 +18,8 @@ from assetbuild.errors import AssetBuildError
 from assetbuild.facts.compare import shown, slug
 from assetbuild.facts.held import as_newton, as_physx, newton_table, physx_table
 from assetbuild.facts.mjcf import LACKS
-from assetbuild.facts.mjcf_model import read_model, simulation_facts
+from assetbuild.facts.mjcf_model import read_model
+from assetbuild.facts.mjcf_senses import simulation_facts
 from assetbuild.facts.reader import Reader
 from assetbuild.facts.table import Key, Table, Value, Writer
 from assetbuild.facts.vocabulary import VOCABULARY, Comparison

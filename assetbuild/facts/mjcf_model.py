@@ -5,29 +5,22 @@ from __future__ import annotations
 import itertools
 import json
 import math
-from collections import Counter
 from collections.abc import Collection, Iterator
-from typing import Any
 
 import numpy as np
 
-from assetbuild.facts.mjcf_loops import LOOPS, loop_facts
+from assetbuild.facts.mjcf_fields import body_name, numbers
 from assetbuild.facts.mjcf_meshes import Meshes, pose_of
+from assetbuild.facts.mjcf_senses import BALL, JOINTS, read_keyframe, read_senses, simulation_facts
 from assetbuild.facts.table import Value, Writer, pair_name
 from assetbuild.simulators.joint_drives import Drive, read_drives
 from assetbuild.simulators.levers import tendon_coupling
 from assetbuild.simulators.mujoco import Model, inertia_of, name_of, passes
 
-BALL = 1
-JOINTS = {0: "floating", BALL: "ball", 2: "linear", 3: "rotary"}
+LOOPS = {0: "connect", 1: "weld"}
+"""Kinds of loops by MuJoCo's number of the equality's type."""
 GROUPS = {2: "visual", 3: "collision"}
 """Menagerie's groups of geoms."""
-OBJECTS = {
-    "mjOBJ_XBODY": "frame", "mjOBJ_SITE": "frame", "mjOBJ_BODY": "body", "mjOBJ_GEOM": "shape",
-    "mjOBJ_JOINT": "joint", "mjOBJ_ACTUATOR": "actuator", "mjOBJ_CAMERA": "camera",
-    "mjOBJ_TENDON": "tendon",
-}  # fmt: skip
-"""MuJoCo's kind of object -> the vocabulary's; an XBODY is the frame of a body."""
 
 
 def read_model(
@@ -38,8 +31,8 @@ def read_model(
 ) -> frozenset[tuple[str, str]]:
     """Puts every fact of a compiled model into the book; the world's own geoms are left out.
 
-    opaque: (kind, name) of what no other format can say: it has words of MJCF alone. Returns the
-    subjects that the book now tells whole.
+    opaque: (kind, name) of what no other format can say. Returns the equalities and actuators
+    that the book now tells.
     """
     moving = [joint for joint in range(model.njnt) if int(model.jnt_type[joint]) in (2, 3)]
     balls = [joint for joint in range(model.njnt) if int(model.jnt_type[joint]) == BALL]
@@ -48,17 +41,19 @@ def read_model(
         book.put("body", _name(model, "body", body), _body(model, body))
     for joint in (*moving, *balls):
         book.put("joint", _name(model, "joint", joint), _joint(model, joint))
-    drives = [
-        drive
-        for drive in read_drives(model)
+    if model.njnt and JOINTS[int(model.jnt_type[0])] == "floating":
+        book.put("joint", _name(model, "joint", 0), _free_joint(model))
+    drives = {
+        drive.joint_name: drive
+        for drive in reversed(read_drives(model))  # the first of several on a joint is its drive
         if ("actuator", _name(model, "actuator", drive.index)) not in opaque
-    ]
-    told = {("actuator", _name(model, "actuator", drive.index)) for drive in drives}
-    for drive in drives:
+    }
+    told = {("actuator", _name(model, "actuator", drive.index)) for drive in drives.values()}
+    for drive in drives.values():
         _drive(model, drive, book)
     followers: set[str] = set()
     for equality in range(model.neq):
-        subject = ("equality", str(model.eq(equality).name))
+        subject = ("equality", _name(model, "equality", equality))
         if subject not in opaque and _equality(model, equality, followers, book):
             told.add(subject)
     for site in range(model.nsite):
@@ -69,28 +64,18 @@ def read_model(
             book.put("shape", _name(model, "geom", geom), _geom(model, geom, meshes))
     for pair in _filtered(model, opaque):
         book.put("pair", pair_name(*pair), {"filtered": True})
-    for (a, b), count in _excluded(model).items():
-        if count > 1 or passes(model, a, b):  # one of them changes nothing, unless a base is pinned
-            name = pair_name(_body_name(model, a), _body_name(model, b))
-            book.put("pair", name, {"mjcf:excludes": float(count)})
-    _senses(model, book)
+    for signature in model.exclude_signature:  # also where it changes nothing unless a base is held
+        ends = (body_name(model, int(signature) >> 16), body_name(model, int(signature) & 0xFFFF))
+        book.put("pair", pair_name(*ends), {"mjcf:excluded": True})
+    read_senses(model, book)
     for key in range(model.nkey):
-        _keyframe(model, key, moving, drives, book)
+        read_keyframe(model, key, moving, drives.values(), book)
     book.put("simulation", "", simulation_facts(model.opt))
-    told |= {("keyframe", _name(model, "key", key)) for key in range(model.nkey)}
-    return frozenset(told) | {(key.kind, key.name) for key in book.facts}
+    return frozenset(told)
 
 
 def _name(model: Model, kind: str, index: int) -> str:
     return name_of(model, kind, index)
-
-
-def _body_name(model: Model, index: int) -> str:
-    return _name(model, "body", index) if index else ""
-
-
-def _numbers(values: object) -> tuple[float, ...]:
-    return tuple(float(v) for v in np.ravel(np.asarray(values, dtype=np.float64)))
 
 
 # --- bodies and joints ----------------------------------------------------------------------
@@ -108,7 +93,7 @@ def _root(model: Model, book: Writer) -> None:
 def _body(model: Model, body: int) -> dict[str, Value]:
     parent = int(model.body_parentid[body])
     facts: dict[str, Value] = {
-        "parent": _body_name(model, parent),
+        "parent": body_name(model, parent),
         "mass": float(model.body_mass[body]),
     }
     floating = model.njnt and int(model.jnt_type[0]) == 0
@@ -117,7 +102,7 @@ def _body(model: Model, body: int) -> dict[str, Value]:
         facts["pose"] = (*pose.xyz, *pose.quat)
     if facts["mass"] or model.body_inertia[body].any():
         tensor = inertia_of(model, body)
-        facts["centre of mass"] = _numbers(model.body_ipos[body])
+        facts["centre of mass"] = numbers(model.body_ipos[body])
         facts["inertia"] = tuple(
             float(tensor[i, j]) for i, j in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
         )
@@ -129,10 +114,10 @@ def _joint(model: Model, joint: int) -> dict[str, Value]:
     limited = bool(model.jnt_limited[joint])
     facts: dict[str, Value] = {
         "type": JOINTS[int(model.jnt_type[joint])],
-        "body": _body_name(model, body),
-        "parent": _body_name(model, int(model.body_parentid[body])),
-        "anchor": _numbers(model.jnt_pos[joint]),
-        "axis": _numbers(model.jnt_axis[joint]),
+        "body": body_name(model, body),
+        "parent": body_name(model, int(model.body_parentid[body])),
+        "anchor": numbers(model.jnt_pos[joint]),
+        "axis": numbers(model.jnt_axis[joint]),
         "lower": float(model.jnt_range[joint, 0]) if limited else None,
         "upper": float(model.jnt_range[joint, 1]) if limited else None,
         "damping": float(np.ravel(model.dof_damping[dof])[0]),
@@ -147,8 +132,16 @@ def _joint(model: Model, joint: int) -> dict[str, Value]:
     elif facts["stiffness"]:
         facts["spring reference"] = rest
     if model.jnt_actfrclimited[joint]:
-        facts["mjcf:actuatorfrcrange"] = _numbers(model.jnt_actfrcrange[joint])
+        facts["mjcf:actuatorfrcrange"] = numbers(model.jnt_actfrcrange[joint])
     return facts
+
+
+def _free_joint(model: Model) -> dict[str, Value]:
+    """What a free joint has that it need not have."""
+    facts = {"damping": model.dof_damping, "armature": model.dof_armature,
+             "friction": model.dof_frictionloss, "stiffness": model.jnt_stiffness}  # fmt: skip
+    first = {f"mjcf:{word}": float(np.ravel(values[0])[0]) for word, values in facts.items()}
+    return {word: value for word, value in first.items() if value}
 
 
 def _drive(model: Model, drive: Drive, book: Writer) -> None:
@@ -171,16 +164,7 @@ def _drive(model: Model, drive: Drive, book: Writer) -> None:
     ends = drive.torque if hidden else drive.within_effort
     if ends[0] != -ends[1] or hidden:
         facts["mjcf:effort range"] = ends
-    known = book.facts.get(("joint", drive.joint_name, "gear"))  # type: ignore[call-overload] # a plain tuple
-    if known is not None:
-        book.put("actuator", name, {"mjcf:drives": drive.joint_name, **_as_words(facts)})
-        return
     book.put("joint", drive.joint_name, facts)
-
-
-def _as_words(facts: dict[str, Value]) -> dict[str, Value]:
-    """Return the words of a second drive on one joint, which no other format has."""
-    return {f"mjcf:{name.removeprefix('mjcf:')}": value for name, value in facts.items()}
 
 
 def _largest(ends: tuple[float, float]) -> float | None:
@@ -198,7 +182,7 @@ def general_text(model: Model, index: int) -> str:
     ]
     rows = (model.actuator_dynprm, model.actuator_gainprm, model.actuator_biasprm)
     return json.dumps(
-        [*(k.split("_")[1].lower() for k in kinds), *(_numbers(r[index]) for r in rows)]
+        [*(k.split("_")[1].lower() for k in kinds), *(numbers(r[index]) for r in rows)]
     )
 
 
@@ -209,10 +193,10 @@ def _equality(model: Model, index: int, followers: set[str], book: Writer) -> bo
     """
     kind = int(model.eq_type[index])
     if kind in LOOPS and model.eq_active0[index]:
-        book.put("loop", str(model.eq(index).name), loop_facts(model, index))
+        book.put("loop", _name(model, "equality", index), _loop(model, index))
         return True
     follower, leader = int(model.eq_obj1id[index]), int(model.eq_obj2id[index])
-    data = _numbers(model.eq_data[index])
+    data = numbers(model.eq_data[index])
     if kind == 3 and (coupling := tendon_coupling(model, index)):  # mjEQ_TENDON
         follower, leader, multiplier, offset = coupling
         data = (offset, multiplier, 0.0, 0.0, 0.0)
@@ -237,9 +221,32 @@ def _equality(model: Model, index: int, followers: set[str], book: Writer) -> bo
     return True
 
 
+def _loop(model: Model, index: int) -> dict[str, Value]:
+    """Of two sites, or of two bodies with an anchor in each, and of a weld their relative turn."""
+    kind = LOOPS[int(model.eq_type[index])]
+    data = tuple(float(v) for v in model.eq_data[index])
+    by_site = int(model.eq_objtype[index]) == 6  # mjOBJ_SITE
+    facts: dict[str, Value] = {"type": kind}
+    anchors = (data[3:6], data[:3]) if kind == "weld" else (data[:3], data[3:6])
+    turns = (data[6:10] if kind == "weld" else (1.0, 0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0))
+    for side, which, anchor, turn in zip("ab", (1, 2), anchors, turns, strict=True):
+        body = int(getattr(model, f"eq_obj{which}id")[index])
+        if by_site:
+            pose = pose_of(model.site_pos[body], model.site_quat[body])
+            body = int(model.site_bodyid[body])
+        else:
+            pose = pose_of(anchor, turn)
+        turned = pose.quat if kind == "weld" else (1.0, 0.0, 0.0, 0.0)
+        facts |= {
+            f"body {side}": (name_of(model, "body", body) if body else ""),
+            f"end {side}": (*pose.xyz, *turned),
+        }
+    return facts | ({"torque scale": data[10]} if kind == "weld" else {})
+
+
 def _site(model: Model, site: int, book: Writer) -> None:
     pose = pose_of(model.site_pos[site], model.site_quat[site])
-    body = _body_name(model, int(model.site_bodyid[site]))
+    body = body_name(model, int(model.site_bodyid[site]))
     book.put("frame", _name(model, "site", site), {"body": body, "pose": (*pose.xyz, *pose.quat)})
 
 
@@ -255,25 +262,22 @@ def _geom(model: Model, geom: int, meshes: Meshes) -> dict[str, Value]:
     pose = pose_of(model.geom_pos[geom], model.geom_quat[geom])
     facts: dict[str, Value] = {
         "role": role,
-        "body": _body_name(model, int(model.geom_bodyid[geom])),
+        "body": body_name(model, int(model.geom_bodyid[geom])),
         "geometry": kind,
         "mask": float(model.geom_contype[geom]),
         "partners": float(model.geom_conaffinity[geom]),
     }
     if kind == "mesh":
-        surface = meshes.of(int(model.geom_dataid[geom])).moved(pose)
-        facts |= surface.facts()
-        if surface.normals:
-            facts["mjcf:normals"] = surface.normals
+        facts |= meshes.of(int(model.geom_dataid[geom])).moved(pose).facts()
     else:
         facts |= {"size": _size(kind, model.geom_size[geom]), "pose": (*pose.xyz, *pose.quat)}
     if facts["mask"] or facts["partners"]:
         facts |= contact_facts(model, geom)
     material = int(model.geom_matid[geom])
-    rgba = _numbers(np.float32(model.geom_rgba[geom]))
+    rgba = numbers(np.float32(model.geom_rgba[geom]))
     own = rgba != (0.5, 0.5, 0.5, 1.0)  # MuJoCo draws it rather than the material's
     if material >= 0 or own:
-        facts["rgba"] = rgba if own else _numbers(model.mat_rgba[material])
+        facts["rgba"] = rgba if own else numbers(model.mat_rgba[material])
     if material >= 0:
         textures = [int(t) for t in np.ravel(model.mat_texid[material]) if int(t) >= 0]
         facts |= {"texture": meshes.pixels(textures[0])} if textures else {}
@@ -282,7 +286,7 @@ def _geom(model: Model, geom: int, meshes: Meshes) -> dict[str, Value]:
 
 def _size(kind: str, half: object) -> tuple[float, ...]:
     """As the vocabulary has it; MuJoCo counts half edges and half lengths."""
-    a, b, c = _numbers(half)
+    a, b, c = numbers(half)
     match kind:
         case "box":
             return (2.0 * a, 2.0 * b, 2.0 * c)
@@ -296,20 +300,14 @@ def _size(kind: str, half: object) -> tuple[float, ...]:
 def contact_facts(model: Model, geom: int) -> dict[str, Value]:
     """Return the facts of a surface that may touch something."""
     return {
-        "friction": _numbers(model.geom_friction[geom]),
+        "friction": numbers(model.geom_friction[geom]),
         "condim": float(model.geom_condim[geom]),
         "priority": float(model.geom_priority[geom]),
-        "solref": _numbers(model.geom_solref[geom]),
-        "solimp": _numbers(model.geom_solimp[geom]),
+        "solref": numbers(model.geom_solref[geom]),
+        "solimp": numbers(model.geom_solimp[geom]),
         "margin": float(model.geom_margin[geom]),
         "gap": float(model.geom_gap[geom]),
     }
-
-
-def _excluded(model: Model) -> Counter[tuple[int, int]]:
-    """How often each pair of bodies (sorted numbers) is excluded."""
-    ends = (sorted((int(pair) >> 16, int(pair) & 0xFFFF)) for pair in model.exclude_signature)
-    return Counter((first, second) for first, second in ends)
 
 
 def _filtered(
@@ -330,91 +328,5 @@ def _filtered(
             one[0] & two[1] or two[0] & one[1] for one in set(masks[a]) for two in set(masks[b])
         )
         if not meets or (a, b) in said or (b, a) in said or passes(model, a, b):
-            first, second = sorted((_body_name(model, a), _body_name(model, b)))
+            first, second = sorted((body_name(model, a), body_name(model, b)))
             yield first, second
-
-
-# --- sensors, cameras, poses ----------------------------------------------------------------
-
-
-def _senses(model: Model, book: Writer) -> None:
-    import mujoco
-
-    for sensor in range(model.nsensor):
-        kind = mujoco.mjtSensor(int(model.sensor_type[sensor])).name.removeprefix("mjSENS_").lower()
-        book.put(
-            "sensor",
-            _name(model, "sensor", sensor),
-            {
-                "type": kind.replace("actfrc", "actuatorfrc"),  # MJCF's word
-                "object": _object(model, sensor, "obj"),
-                "reference": _object(model, sensor, "ref"),
-                "cutoff": float(model.sensor_cutoff[sensor]),
-                "noise": float(model.sensor_noise[sensor]),
-            },
-        )
-    for camera in range(model.ncam):
-        pose = pose_of(model.cam_pos[camera], model.cam_quat[camera])
-        mode = mujoco.mjtCamLight(int(model.cam_mode[camera])).name
-        book.put(
-            "camera",
-            _name(model, "camera", camera),
-            {
-                "body": _body_name(model, int(model.cam_bodyid[camera])),
-                "pose": (*pose.xyz, *pose.quat),
-                "field of view": math.radians(float(model.cam_fovy[camera])),
-                "resolution": _numbers(model.cam_resolution[camera]),
-                "tracking": mode.removeprefix("mjCAMLIGHT_").lower(),
-            },
-        )
-
-
-def _object(model: Model, sensor: int, side: str) -> str:
-    """What a sensor looks at ("obj"), or in whose frame ("ref")."""
-    import mujoco
-
-    kind = mujoco.mjtObj(int(getattr(model, f"sensor_{side}type")[sensor]))
-    index = int(getattr(model, f"sensor_{side}id")[sensor])
-    if index < 0 or kind.name not in OBJECTS:
-        return ""
-    name = str(mujoco.mj_id2name(model, int(kind), index) or index)
-    return "world" if name == "world" else f"{OBJECTS[kind.name]} {name}"
-
-
-def _keyframe(model: Model, key: int, moving: list[int], drives: list[Drive], book: Writer) -> None:
-    name, qpos, ctrl = _name(model, "key", key), model.key_qpos[key], model.key_ctrl[key]
-    if model.njnt and int(model.jnt_type[0]) == 0:
-        pose = pose_of(qpos[:3], qpos[3:7])
-        book.put("keyframe", name, {"base pose": (*pose.xyz, *pose.quat)})
-    for joint in moving:
-        value = float(qpos[int(model.jnt_qposadr[joint])])
-        book.put("keyframe", f"{name}/{_name(model, 'joint', joint)}", {"position": value})
-    for joint in range(model.njnt):
-        if int(model.jnt_type[joint]) == BALL:
-            address = int(model.jnt_qposadr[joint])
-            turn = pose_of((0.0, 0.0, 0.0), qpos[address : address + 4]).quat
-            subject = f"{name}/{_name(model, 'joint', joint)}"
-            book.put("keyframe", subject, {"mjcf:orientation": turn})
-    for drive in drives:
-        subject = f"{name}/{drive.joint_name}"
-        book.put("keyframe", subject, {"target": float(ctrl[drive.ctrl_index])})
-
-
-def simulation_facts(option: Any) -> dict[str, Value]:  # Any: MuJoCo's MjOption
-    """What a model steps with."""
-    import mujoco
-
-    integrator = mujoco.mjtIntegrator(int(option.integrator)).name.removeprefix("mjINT_")
-    cone = mujoco.mjtCone(int(option.cone)).name.removeprefix("mjCONE_").lower()
-    solver = mujoco.mjtSolver(int(option.solver)).name.removeprefix("mjSOL_")
-    words = {"EULER": "Euler", "NEWTON": "Newton", "RK4": "RK4", "CG": "CG", "PGS": "PGS"}
-    return {
-        "timestep": float(option.timestep),
-        "gravity": _numbers(option.gravity),
-        "integrator": words.get(integrator, integrator.lower()),
-        "cone": cone,
-        "solver": words.get(solver, solver),
-        "iterations": float(option.iterations),
-        "line search iterations": float(option.ls_iterations),
-        "impratio": float(option.impratio),
-    }

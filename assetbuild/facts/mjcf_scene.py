@@ -1,4 +1,4 @@
-"""What the readers of scenes share: the robot's file on a floor, with light and sky."""
+"""What the readers of scenes share: the robot's file on a floor."""
 
 from __future__ import annotations
 
@@ -6,17 +6,16 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import ClassVar
 
-from assetbuild.errors import UsageError
-from assetbuild.facts.mjcf_words import words
+from assetbuild.errors import StepError, UsageError
+from assetbuild.facts.mjcf_fields import fields, plain
+from assetbuild.facts.mjcf_model import read_model
 from assetbuild.facts.reader import Proof, Reader
 from assetbuild.facts.reference import Reference
-from assetbuild.facts.table import Key, Table, Value
+from assetbuild.facts.table import Key, Table, Value, Writer
 from assetbuild.facts.vocabulary import VOCABULARY
-from assetbuild.robot.floor import floor_of
-from assetbuild.simulators.mujoco import caught_warnings
-
-SHOWN = frozenset({"light", "texture", "material", "picture", "statistic", "model"})
-"""Kinds that say how a scene looks."""
+from assetbuild.robot.floor import brings_floor, floor_of
+from assetbuild.robot.pose import rotation_of
+from assetbuild.simulators.mujoco import Model, floors, load
 
 
 class SceneReader(Reader):
@@ -42,28 +41,34 @@ class SceneReader(Reader):
         return super().prove(reference, path) if own.is_file() else Proof(Table({}), (), (), 0)
 
     def read(self, path: Path) -> Table:
-        """Words that the robot's own file does not have, and those that it has otherwise."""
-        robot, scene = _words(_robot_file(path, self.robot)), _words(path)
-        facts: dict[Key, Value] = {
-            key: value for key, value in scene.items() if repr(robot.get(key)) != repr(value)
-        }
-        facts |= {key: "MuJoCo's default" for key in robot if key not in scene}
-        planes = [k.name for k, v in facts.items() if k.kind == "shape" and v == "mjGEOM_PLANE"][:1]
-        usual: dict[str, Value] = {"height": 0.0, "friction": (1.0, 0.005, 0.0001)}
-        floor = usual if planes else {}
-        for key in [key for key in facts if key.kind == "shape" and key.name in planes]:
-            floor |= _of_floor(key, facts.pop(key))
-        return Table({**facts, **{Key("floor", "", word): v for word, v in floor.items()}})
+        """The floor, other shapes of the world, and what the robot's own file says otherwise."""
+        own, scene = _compiled(_robot_file(path, self.robot)), _compiled(path)
+        before, after = _facts(own), _facts(scene)
+        facts: dict[Key, Value] = {}
+        for key in dict.fromkeys((*before, *after)):
+            if before.get(key) != after.get(key):
+                word = key.quantity.removeprefix("mjcf:")
+                facts[key._replace(quantity=f"mjcf:{word}")] = after.get(key, "missing")
+        there = {own.geom(index).name for index in range(own.ngeom)}
+        planes = [index for index in floors(scene) if scene.geom(index).name not in there]
+        for index in range(scene.ngeom):
+            name = str(scene.geom(index).name)
+            if name not in there and index not in planes[:1]:
+                facts[Key("shape", name, "mjcf:type")] = plain(scene.geom_type[index])
+        for index in planes[:1]:
+            facts |= _floor(scene, index)
+        return Table(facts)
 
     def expected(self, reference: Reference) -> Table:
         """The floor below the robot, where the source's own MJCF brings none."""
-        if _brings_a_floor(reference):
+        if brings_floor(reference.tree, reference.control):
             return Table({})
         floor = floor_of(reference.tree, reference.control)
         said: dict[str, Value] = {
             "height": floor.height_m,
             "friction": floor.friction,
-            "mjcf:type": "mjGEOM_PLANE",
+            "mjcf:normal": (0.0, 0.0, 1.0),
+            "mjcf:masks": (1.0, 1.0),
         }
         return Table({Key("floor", "", word): value for word, value in said.items()})
 
@@ -73,35 +78,26 @@ def _robot_file(scene: Path, robot: str) -> Path:
     return scene.with_name(f"{robot}{scene.stem.removeprefix('scene')}.xml")
 
 
-def _words(path: Path) -> dict[Key, Value]:
-    import mujoco
-
-    with caught_warnings():
-        try:
-            said = words(mujoco.MjSpec.from_file(str(path)))
-        except ValueError as error:
-            text = " ".join(str(error).replace(f"{path.parent}/", "").split())
-            raise UsageError(f"MuJoCo refuses it: {text}") from None
-    return {key: value for key, value in said.items() if key.kind not in SHOWN}
+def _compiled(path: Path) -> Model:
+    try:
+        return load(path, visuals=False).model
+    except StepError as error:
+        raise UsageError(f"MuJoCo refuses it: {error.message}") from None
 
 
-def _of_floor(key: Key, value: Value) -> dict[str, Value]:
-    """What a word of the plane says of the floor; how wide its grid is drawn is no matter."""
-    word = key.quantity.removeprefix("mjcf:")
-    if word in ("there", "body", "size", "material"):
-        return {}
-    if word == "pos" and isinstance(value, tuple) and value[:2] == (0.0, 0.0):
-        return {"height": float(value[2])}
-    return {word if word == "friction" else key.quantity: value}
+def _facts(model: Model) -> dict[Key, Value]:
+    book = Writer()
+    told = read_model(model, book)
+    return {**book.facts, **fields(model, told)}
 
 
-def _brings_a_floor(reference: Reference) -> bool:
-    """Whether the source's own MJCF has a plane in its world."""
-    tree = reference.tree
-    return tree.base == "fixed" and any(
-        item.place == "body"
-        and item.owner in ("", tree.root)
-        and item.element.startswith("<geom")
-        and 'type="plane"' in item.element
-        for item in reference.control.mjcf_only
-    )
+def _floor(model: Model, plane: int) -> dict[Key, Value]:
+    """How wide its grid is drawn is no matter."""
+    turn = rotation_of(tuple(float(v) for v in model.geom_quat[plane]))  # type: ignore[arg-type] # four
+    said: dict[str, Value] = {
+        "height": float(model.geom_pos[plane, 2]),
+        "friction": plain(model.geom_friction[plane]),
+        "mjcf:normal": tuple(turn[:, 2].tolist()),
+        "mjcf:masks": (float(model.geom_contype[plane]), float(model.geom_conaffinity[plane])),
+    }
+    return {Key("floor", "", word): value for word, value in said.items()}

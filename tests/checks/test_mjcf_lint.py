@@ -19,7 +19,6 @@ LEG = """
     <default class="front"><joint axis="0 1 0" range="-1.5 3.4"/></default>
     <default class="back"><joint axis="0 1 0" range="-0.4 4.3"/></default>
   </default>
-  {asset}
   <worldbody>
     <body name="trunk">
       <freejoint/>
@@ -40,7 +39,6 @@ LEG = """
 """
 GOOD = {
     "head": "",
-    "asset": "",
     "left": "0.1",
     "right": 'class="front"',
     "mass": "1",
@@ -56,9 +54,7 @@ BAD = {
     "lint.grammar": {"head": '<option integrator="Euler"><flag speculative="enable"/></option>'},
     "lint.absolute_path": {"head": '<compiler meshdir="/home/me/meshes"/>'},
     "lint.range": {"actuator": GOOD["actuator"].replace('inheritrange="1"', 'ctrlrange="2 1"')},
-    "lint.unused_asset": {"asset": '<asset><material name="red" rgba="1 0 0 1"/></asset>'},
     "lint.class": {"actuator": SWAPPED},
-    "lint.no_actuator": {"actuator": "", "key": ""},
     "lint.key_position": {"key": GOOD["key"].replace("0.9 0.9", "0.9 -2", 1)},
     "lint.key_ctrl": {"key": GOOD["key"].replace('ctrl="0.9 0.9"', 'ctrl="0.9 9"')},
     "lint.key_target": {"key": GOOD["key"].replace('ctrl="0.9 0.9"', 'ctrl="0 0"')},

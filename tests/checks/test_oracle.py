@@ -12,8 +12,7 @@ from assetbuild.body.merge_fixed_joints import MergeFixedJoints
 from assetbuild.checks.oracle import Oracle
 from assetbuild.findings import Finding
 from assetbuild.robot.codec import decode, encode
-from assetbuild.robot.loops import LoopRow
-from assetbuild.robot.model import Actuator, Control, Loop, Tree
+from assetbuild.robot.model import Actuator, Control, Tree
 from assetbuild.robot.shapes import MeshFile, Shape, Shapes, SourceShapes
 from assetbuild.source.urdf.read_urdf import ReadUrdf
 from assetbuild.targets.mjcf import Mjcf
@@ -47,7 +46,6 @@ def robot_folder(urdf: str | bytes, folder: Path, base: str = "floating") -> Pat
     packages = {"example-robot-data": ".", "robot_pkg": "."}
     run_step(ReadUrdf(file="a/b/c.urdf", base=base, packages=packages), folder, folder)  # type: ignore[arg-type] # a literal
     run_step(MergeFixedJoints(), folder, folder)
-    (folder / "ratings.json").write_bytes(encode(Control()))
     return folder
 
 
@@ -85,18 +83,15 @@ def figures(folder: Path) -> dict[str, float]:
 def test_an_mjcf_written_by_hand_is_the_same_robot(robots: Path, tmp_path: Path):
     assert by_hand(robots, tmp_path) == []
     found = figures(tmp_path)
-    assert (
-        max(found[f"{k}_error"] for k in ("inertia", "kinematics", "mass_matrix", "gravity"))
-        < 1e-12
-    )
+    assert max(found[f"{k}_error"] for k in ("kinematics", "mass_matrix", "gravity")) < 1e-12
     assert (found["nv"], found["mass_mjcf_kg"]) == (7, 4.0)
 
 
 @pytest.mark.parametrize(
     ("rules", "old", "new"),
     [
-        ({"oracle.inertia", "oracle.mass_matrix", "oracle.gravity"}, 'mass="1"', 'mass="1.000001"'),
-        ({"oracle.inertia", "oracle.mass_matrix"}, "0.02 0.02 0.001", "0.02 0.02000001 0.001"),
+        ({"oracle.mass_matrix", "oracle.gravity"}, 'mass="1"', 'mass="1.000001"'),
+        ({"oracle.mass_matrix"}, "0.02 0.02 0.001", "0.02 0.02000001 0.001"),
         (
             {"oracle.kinematics", "oracle.mass_matrix", "oracle.gravity"},
             'axis="0 1 0"',
@@ -158,10 +153,7 @@ def test_go1_is_the_same_robot_to_nine_digits(go1_root: Path, tmp_path: Path):
     path = go1_root / "robots/go1_description/urdf/go1.urdf"
     assert by_target(robot_folder(path.read_bytes(), tmp_path)) == []
     found = figures(tmp_path)
-    assert (
-        max(found[f"{k}_error"] for k in ("inertia", "kinematics", "mass_matrix", "gravity"))
-        < 1e-12
-    )
+    assert max(found[f"{k}_error"] for k in ("kinematics", "mass_matrix", "gravity")) < 1e-12
     assert found["mass_source_kg"] == pytest.approx(found["mass_mjcf_kg"], rel=1e-12)
     assert found["nv"] == 18
 
@@ -207,70 +199,9 @@ def test_an_mjcf_that_hangs_elsewhere_is_another_robot_unless_the_urdf_says_so(t
     assert hung != text
     xml.write_text(hung)
     found = run_step(Oracle(robot="bot"), folder, folder)
-    assert {f.rule for f in found} == {"oracle.kinematics", "oracle.gravity"}
+    assert {"oracle.kinematics", "oracle.gravity"} <= {f.rule for f in found}
     world = """<link name="world"/><joint name="hang" type="fixed"><parent link="world"/>
       <child link="plate"/><origin xyz="0 0.4 1" rpy="1.5707963267948966 0 0"/></joint>"""
     source = (folder / "source.urdf").read_text()
     (folder / "source.urdf").write_text(source.replace("</robot>", world + "</robot>"))
     assert run_step(Oracle(robot="bot"), folder, folder) == []
-
-
-LINK = """<link name="{0}"><inertial><origin xyz="{1} 0 0"/><mass value="0.2"/>
-<inertia ixx="1e-4" iyy="5e-4" izz="5e-4" ixy="0" ixz="0" iyz="0"/></inertial></link>"""
-JOINT = """<joint name="{0}" type="continuous"><parent link="{1}"/><child link="{2}"/>
-<origin xyz="{3} 0 0"/><axis xyz="0 1 0"/></joint>"""
-FOUR_BAR = "".join(
-    [
-        '<robot name="four_bar">',
-        *(LINK.format(*row) for row in
-          (("base", 0.2), ("crank", 0.05), ("coupler", 0.1), ("rocker", 0.08), ("tip", 0.01))),
-        JOINT.format("motor", "base", "crank", 0.0),
-        JOINT.format("pin", "crank", "coupler", 0.1),
-        JOINT.format("swing", "base", "rocker", 0.2),
-        JOINT.format("turn", "coupler", "tip", 0.2),
-        "</robot>",
-    ]
-)  # fmt: skip
-
-
-@pytest.mark.parametrize("base", ["fixed", "floating"])
-@pytest.mark.parametrize("moved", [0.0, 0.001])
-@pytest.mark.parametrize("kind", ["connect", "hinge", "weld"])
-def test_the_mass_matrix_of_a_closed_loop_is_that_of_the_two_libraries(
-    kind: str, base: str, moved: float, tmp_path: Path
-):
-    folder = robot_folder(FOUR_BAR, tmp_path / "robot", base)
-
-    def loops_at(x: float, z: float) -> tuple[Loop, ...]:
-        said = {"name": "loop", "kind": kind, "a": {"link": "tip"}}
-        said |= {"b": {"link": "rocker", "xyz": (x, 0.0, z)}}
-        said |= {"axis": (0.0, 1.0, 0.0)} if kind == "hinge" else {}
-        return LoopRow.model_validate(said).loops
-
-    ports = {"ratings.json": loops_at(0.15, 0.0), "control.json": loops_at(0.15, moved)}
-    for name, loops in ports.items():
-        (folder / name).write_bytes(encode(Control(loops=loops)))
-    (folder / "shapes.json").write_bytes(encode(Shapes()))
-    (folder / "meshes").mkdir()
-    run_step(Mjcf(robot="bot"), folder, folder)
-    found = {finding.rule for finding in run_step(Oracle(robot="bot"), folder, folder)}
-    assert found == ({"oracle.constrained_mass_matrix"} if moved else set())
-    figures = json.loads((folder / "figures.json").read_text())
-    assert figures["closed_poses"] == 10
-    assert moved or figures["constrained_mass_matrix_error"] < 1e-8
-
-
-def test_a_mimic_beside_the_loop_is_folded_into_its_leader(tmp_path: Path):
-    follower = JOINT.format("geared", "base", "arm", 0.3)
-    follower = follower.replace("</joint>", '<mimic joint="motor" multiplier="-2"/></joint>')
-    more = LINK.format("arm", 0.05) + follower + "</robot>"
-    folder = robot_folder(FOUR_BAR.replace("</robot>", more), tmp_path / "robot", "fixed")
-    said = {"name": "loop", "a": {"link": "tip"}, "b": {"link": "rocker", "xyz": (0.15, 0.0, 0.0)}}
-    control = encode(Control(loops=LoopRow.model_validate(said).loops))
-    for name in ("ratings.json", "control.json"):
-        (folder / name).write_bytes(control)
-    (folder / "shapes.json").write_bytes(encode(Shapes()))
-    (folder / "meshes").mkdir()
-    run_step(Mjcf(robot="bot"), folder, folder)
-    assert run_step(Oracle(robot="bot"), folder, folder) == []
-    assert json.loads((folder / "figures.json").read_text())["closed_poses"] == 10

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import os
 from dataclasses import replace
 from pathlib import Path
 
@@ -67,6 +68,8 @@ def test_pictures_that_are_exchanged_are_found(
     first, second = one.read_bytes(), other.read_bytes()
     one.write_bytes(second)
     other.write_bytes(first)
+    for picture in (one, other):  # MuJoCo keeps what it read by name and time
+        os.utime(picture, (1, 1))
     found = run_step(reader, inputs, tmp_path / "exchanged")
     assert {f.severity for f in found} == {"error"}
     assert any("texture" in f.rule for f in found), [f.rule for f in found]

@@ -9,13 +9,10 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from assetbuild.checks.mjcf_compiles import lint_model, lint_xml
-from assetbuild.checks.mjcf_compiles.files import read_otherwise
 from assetbuild.engine.step import Files
 from assetbuild.errors import StepError
-from assetbuild.facts.reference import Assets
 from assetbuild.findings import Finding, Rule
 from assetbuild.kinds import Check, write_figures
-from assetbuild.robot.codec import decode
 from assetbuild.robot.mirror import Tolerances, mirror_findings
 from assetbuild.robot.twins import twins
 from assetbuild.simulators.mujoco import Loaded, load
@@ -33,15 +30,15 @@ class MjcfCompiles(Check):
     isolated = True
     preload = ("mujoco",)
     needs = ("mjcf",)
-    reads = ("assets.json",)
+    reads = ()
 
     def run(self, files: Files) -> Iterator[Finding]:
-        """Reads `mjcf/*.xml` with their assets, and what these are."""
+        """Reads `mjcf/*.xml` with their assets."""
         figures: dict[str, object] = {}
-        assets = decode(Assets, (files.inputs / "assets.json").read_bytes())
         for path in sorted((files.inputs / "mjcf").glob("*.xml")):
             try:
-                loaded = load(path)
+                # The reader of facts compiles the looks of the robot; of the scene nobody else.
+                loaded = load(path, visuals=path.name == "scene.xml")
             except StepError as error:
                 yield LOAD(
                     "robot",
@@ -64,13 +61,12 @@ class MjcfCompiles(Check):
             if path.name != "scene.xml":  # the scene includes the robot: nothing twice
                 yield from lint_xml.lint(lint_xml.read(path))
                 yield from lint_model.lint(model)
-                yield from read_otherwise(model, assets)
         write_figures(files, figures)
 
 
 def said_by_mujoco(name: str, loaded: Loaded) -> Iterator[Finding]:
     """One finding for each warning of the compiler."""
-    for warning in loaded.warnings:
+    for warning in dict.fromkeys(loaded.warnings):
         yield WARNING("robot", f"MuJoCo on {name}: {warning}")
 
 

@@ -1,4 +1,4 @@
-"""What a compiled model shows: poses and targets in range, drives; its parts, left and right."""
+"""What a compiled model shows: poses and targets in range; its parts, left and right."""
 
 from __future__ import annotations
 
@@ -17,12 +17,6 @@ RANGE_TOLERANCE = 1e-6
 """rad or m; a number that was rounded from the limit itself is inside."""
 TARGET_TOLERANCE = 1e-3
 
-NO_ACTUATOR = Rule(
-    "lint.no_actuator",
-    "info",
-    "joints move and nothing drives them",
-    "nothing, for a bare file; otherwise write `<actuator>`",
-)
 KEY_POSITION = Rule(
     "lint.key_position",
     "warning",
@@ -45,20 +39,8 @@ KEY_TARGET = Rule(
 
 def lint(model: mujoco.Model) -> Iterator[Finding]:
     """All that the compiled model shows without a step of simulation."""
-    yield from _drives(model)
     for key in range(model.nkey):
         yield from _keyframe(model, key)
-
-
-def _drives(model: mujoco.Model) -> Iterator[Finding]:
-    moving = int((model.jnt_type >= 2).sum())
-    if moving and not model.nu:
-        yield NO_ACTUATOR(
-            "robot",
-            f"{moving} joints move and nothing drives them",
-            hint="fine for a file that a framework adds drives to; else write <actuator>",
-            data={"joints": moving},
-        )
 
 
 def _keyframe(model: mujoco.Model, key: int) -> Iterator[Finding]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from pathlib import Path, PurePosixPath, PureWindowsPath
 
 from lxml import etree
@@ -31,12 +31,6 @@ ABSOLUTE_PATH = Rule(
 )
 RANGE = Rule(
     "lint.range", "error", "the lower end of a range is not below the upper one", "swap them"
-)
-UNUSED_ASSET = Rule(
-    "lint.unused_asset",
-    "info",
-    "nothing uses a mesh, material, texture or height field",
-    "remove it",
 )
 FOREIGN_CLASS = Rule(
     "lint.class",
@@ -81,7 +75,6 @@ def lint(root: Xml) -> Iterator[Finding]:
     yield from _grammar(root)
     yield from _paths(root)
     yield from _ranges(root)
-    yield from _unused(root)
     yield from _classes(root)
 
 
@@ -132,28 +125,6 @@ def _numbers(text: str | None) -> tuple[float, ...]:
         return tuple(float(word) for word in (text or "").split())
     except ValueError:
         return ()
-
-
-USERS: Mapping[str, tuple[str, ...]] = {
-    "mesh": ("mesh", "flexcomp"),
-    "material": ("material",),
-    "texture": ("texture",),
-    "hfield": ("hfield",),
-}
-
-
-def _unused(root: Xml) -> Iterator[Finding]:
-    for kind, attributes in USERS.items():
-        used = {e.get(a) for e in root.iter() if isinstance(e.tag, str) for a in attributes}
-        for asset in root.iter("asset"):
-            for element in asset.findall(kind):
-                name = element.get("name") or PurePosixPath(element.get("file", "")).stem
-                if name and name not in used and element.get("type") != "skybox":
-                    yield UNUSED_ASSET(
-                        f"{_line(element)}: <{kind}>",
-                        f"nothing uses the {kind} `{name}`",
-                        hint="remove it: it is compiled and carried along all the same",
-                    )
 
 
 # --- classes --------------------------------------------------------------------------------

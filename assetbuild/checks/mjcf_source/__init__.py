@@ -1,9 +1,8 @@
 """Is the MJCF that we write the MJCF that we read: moving alike, pulling alike, sensing alike?
 
-Both become tables of facts, read alike: every quantity of the compiled models and every word of
-the files. What the build changes by rule is changed in the source's table too (`expected`), and
-what the recipe states is not compared. Then both move: axes, mass matrix, the forces of drives,
-springs and dampers, and all sensors in several positions. The reader of the source is not asked.
+Both are compiled and become tables of facts, read alike. What the build changes by rule, and what
+the recipe states, is not compared (`reasons`). Then both move: mass matrix, the forces of drives,
+springs and dampers, tendons and all sensors in several positions.
 """
 
 from __future__ import annotations
@@ -13,9 +12,9 @@ from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
 
-from assetbuild.checks.mjcf_source.expected import compare
+from assetbuild.checks.mjcf_source.at_rest import read_side
 from assetbuild.checks.mjcf_source.motion import Motion
-from assetbuild.checks.mjcf_source.tables import read_side
+from assetbuild.checks.mjcf_source.reasons import compare, tables
 from assetbuild.engine.step import Files
 from assetbuild.facts.compare import equality_findings
 from assetbuild.findings import Finding, Rule
@@ -92,13 +91,18 @@ class MjcfSource(Check):
             write_figures(files, {"skipped": str(error)})
             yield LOAD("robot", f"nothing to compare: {error}")
             return
-        compared = compare(source, ours, tree, stated, rough=rough)
-        motion = Motion(source.model, ours.model, stated, rough=rough)
-        yield from equality_findings(compared.different, "source", "our MJCF", {}, "the source")
+        before, after = tables(source, ours, stated)
+        motion = Motion(source, ours, stated, rough=rough)
+        different = compare(before, after, rough=rough)
+        yield from equality_findings(different, "source", "our MJCF", {}, "the source")
         yield from motion.findings()
+        counts = {
+            kind: [len(before.names(kind)), len({*before.names(kind)} & {*after.names(kind)})]
+            for kind in dict.fromkeys(key.kind for key in before.facts)
+        }
         figures = {
-            "facts": compared.facts,
-            "compared": compared.counts,
+            "facts": len({*before.facts, *after.facts}),
+            "compared": counts,
             "not_compared": sorted(stated),
             "worst_relative_error": motion.worst,
         }

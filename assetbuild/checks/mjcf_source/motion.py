@@ -1,4 +1,8 @@
-"""Both models in the same positions, at the same speeds, under the same commands."""
+"""Both models in the same positions, at the same speeds, under the same commands.
+
+It shows what counts from a joint's `ref`, such as laws of drives and springs of tendons, and that
+all facts together make the same robot.
+"""
 
 from __future__ import annotations
 
@@ -7,11 +11,13 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import ArrayLike
 
-from assetbuild.checks.mjcf_source.expected import ROUGH, rest_of, tendon_rest
+from assetbuild.checks.mjcf_source.at_rest import FREE, Side
+from assetbuild.checks.mjcf_source.reasons import ROUGH
+from assetbuild.facts.mjcf_fields import subjects
 from assetbuild.findings import Finding, Rule
 from assetbuild.robot.pose import Array
 from assetbuild.simulators import mujoco
-from assetbuild.simulators.joint_drives import read_drive, read_drives
+from assetbuild.simulators.mujoco import Data, Model
 
 POSITIONS = 6
 TOLERANCE = 1e-9
@@ -22,7 +28,6 @@ ITERATIONS, SOLVER_TOLERANCE = 200, 1e-14
 """Enough for both models to come to the same end, whatever the source asks for."""
 ROUNDING = 1e-11
 """Absolute, SI units."""
-FREE = 0
 
 MOVES = Rule(
     "equal.source.*",
@@ -30,107 +35,85 @@ MOVES = Rule(
     "our MJCF differs from the MJCF that it was read from, at rest or moving",
     "report it with both numbers: this is a bug",
 )
+Pairs = dict[str, tuple[int, int]]
+"""Numbers in both models of all that has a name in both, in the source's order."""
 
 
 class Motion:
     """A source and our MJCF, moved alike. stated: what the recipe says, see `MjcfSource`."""
 
-    def __init__(
-        self, source: mujoco.Model, ours: mujoco.Model, stated: frozenset[str], *, rough: bool
-    ) -> None:
-        import mujoco as mj
-
-        self.a, self.b = source, ours
-        for model in (source, ours):
-            # Where meshes touch follows from the order of their corners: surfaces are facts.
-            model.opt.disableflags = int(model.opt.disableflags) | int(
-                mj.mjtDisableBit.mjDSBL_CONTACT
-            )
-            model.opt.solver = mj.mjtSolver.mjSOL_NEWTON
-            model.opt.iterations = model.opt.ls_iterations = ITERATIONS
-            model.opt.tolerance = SOLVER_TOLERANCE
-        self.data = mj.MjData(source), mj.MjData(ours)
-        self.stated, self.tolerance = stated, ROUGH if rough else TOLERANCE
+    def __init__(self, source: Side, ours: Side, stated: frozenset[str], *, rough: bool) -> None:
+        self.sides, self.stated = (source, ours), stated
+        self.tolerance = ROUGH if rough else TOLERANCE
+        self.models = source.model, ours.model
+        self.data = tuple(_prepared(model) for model in self.models)
         self.worst: dict[str, float] = {}
-        self.told: set[tuple[str, str]] = set()
-        self.joints = self._both("joint", source.njnt, ours.njnt)
-        free = [i for i in range(source.njnt) if int(source.jnt_type[i]) == FREE]
-        if free and ours.njnt and int(ours.jnt_type[0]) == FREE:
-            self.joints = {"free joint": (free[0], 0)} | {
-                name: pair for name, pair in self.joints.items() if pair[0] != free[0]
+        self.joints = self._both("jnt")
+        free = [int(model.jnt_type[0]) == FREE if model.njnt else False for model in self.models]
+        if all(free):
+            self.joints = {"free joint": (0, 0)} | {
+                name: pair for name, pair in self.joints.items() if pair[0]
             }
-        self.drives = self._both(
-            "actuator", len(mujoco.actuators(source)), len(mujoco.actuators(ours))
-        )
-        self.rest, self.tendons = rest_of(source), tendon_rest(source)
-        self.commands = {  # of drives that hold positions, at `ref`
-            mujoco.name_of(source, "actuator", one.index): one.command(self.rest[one.joint_name])
-            for one in read_drives(source)
-            if one.joint_name in self.rest and one.kind == "servo" and not one.filtered
-        }
 
-    def _both(self, kind: str, count: int, here: int) -> dict[str, tuple[int, int]]:
-        """Numbers in both models of all that has a name in both, in the source's order."""
-        there = {mujoco.name_of(self.b, kind, j): j for j in range(here)}
-        names = [mujoco.name_of(self.a, kind, i) for i in range(count)]
-        return {name: (i, there[name]) for i, name in enumerate(names) if name in there}
+    def _both(self, prefix: str) -> Pairs:
+        one, other = ({name: i for i, name in enumerate(subjects(m, prefix))} for m in self.models)
+        return {name: (i, other[name]) for name, i in one.items() if name in other}
 
     def findings(self) -> Iterator[Finding]:
-        """Axes of joints, mass matrix, forces, tendons and sensors in several positions."""
+        """One for each subject that differs in any of several positions."""
         if "base" in self.stated:
             return  # it stands elsewhere
-        random = np.random.default_rng(1)
+        random, told = np.random.default_rng(1), set[tuple[str, str]]()
         for number in range(POSITIONS):
             self._move(random, still=number == 0)
-            yield from self._places()
-            yield from self._forces()
-            yield from self._readings()
+            for finding in (*self._forces(), *self._readings()):
+                if (finding.rule, finding.subject) not in told:
+                    told.add((finding.rule, finding.subject))
+                    yield finding
 
     def _move(self, random: np.random.Generator, *, still: bool) -> None:
         import mujoco as mj
 
-        for model, data in zip((self.a, self.b), self.data, strict=True):
+        for model, data in zip(self.models, self.data, strict=True):
             mj.mj_resetData(model, data)
-        a, b = self.data
-        for name, (i, j) in self.joints.items():
-            q, p = int(self.a.jnt_qposadr[i]), int(self.b.jnt_qposadr[j])
-            u, v = int(self.a.jnt_dofadr[i]), int(self.b.jnt_dofadr[j])
-            if int(self.a.jnt_type[i]) == FREE:
-                turn = random.normal(size=4)
-                base = [*random.normal(size=3), *(turn / np.linalg.norm(turn))]
-                base = [float(x) for x in self.a.qpos0[q : q + 7]] if still else base
-                a.qpos[q : q + 7] = b.qpos[p : p + 7] = base
-                a.qvel[u : u + 6] = b.qvel[v : v + 6] = random.normal(size=6)
-                continue
+        rest = self.sides[0].rest
+        for name, pair in self.joints.items():
+            is_free = int(self.models[0].jnt_type[pair[0]]) == FREE
+            turn = random.normal(size=4)
+            base = [*random.normal(size=3), *(turn / np.linalg.norm(turn))]
             value = 0.0 if still else float(random.uniform(-1.0, 1.0))
-            a.qpos[q], b.qpos[p] = self.rest.get(name, 0.0) + value, value
-            a.qvel[u] = b.qvel[v] = float(random.normal())
-        for name, (i, j) in self.drives.items():
-            command = float(random.uniform(-0.2, 0.2))
-            i, j = mujoco.first_command(self.a, i), mujoco.first_command(self.b, j)
-            a.ctrl[i], b.ctrl[j] = command + self.commands.get(name, 0.0), command
-        mj.mj_forward(self.a, a)
-        mj.mj_forward(self.b, b)
+            speed = random.normal(size=6 if is_free else 1)
+            for side, joint in enumerate(pair):
+                model, data = self.models[side], self.data[side]
+                q, v = int(model.jnt_qposadr[joint]), int(model.jnt_dofadr[joint])
+                data.qvel[v : v + len(speed)] = speed
+                if is_free:
+                    data.qpos[q : q + 7] = base
+                else:
+                    data.qpos[q] = value + (rest.get(name, 0.0) if side == 0 else 0.0)
+        self._command(random)
+        for model, data in zip(self.models, self.data, strict=True):
+            mj.mj_forward(model, data)
 
-    def _places(self) -> Iterator[Finding]:
-        a, b = self.data
-        for name, (i, j) in self.joints.items():
-            if int(self.a.jnt_type[i]) != FREE:
-                yield from self._same("axis", f"joint {name}", "axis", a.xaxis[i], b.xaxis[j])
-            anchors = a.xanchor[i], b.xanchor[j]
-            yield from self._same("anchor", f"joint {name}", "anchor (m)", *anchors)
-        for name, (i, j) in self._both("tendon", self.a.ntendon, self.b.ntendon).items():
-            lengths = a.ten_length[i] - self.tendons.get(name, 0.0), b.ten_length[j]
-            yield from self._same("tendon", f"tendon {name}", "length", *lengths)
+    def _command(self, random: np.random.Generator) -> None:
+        source, rest = self.sides[0], self.sides[0].rest
+        at_rest = {one.index: one.command_step(rest.get(joint, 0.0))
+                   for joint, one in source.servos.items()}  # fmt: skip
+        for pair in self._both("actuator").values():
+            command = float(random.uniform(-0.2, 0.2))
+            for side, actuator in enumerate(pair):
+                at = mujoco.first_command(self.models[side], actuator)
+                self.data[side].ctrl[at] = command + (
+                    at_rest.get(pair[0], 0.0) if side == 0 else 0.0
+                )
 
     def _forces(self) -> Iterator[Finding]:
         """Inertia, gravity and speeds, springs and dampers, drives."""
         u, v = (self._dofs(side) for side in (0, 1))
-        a, b = self.data
+        (a, b), (m, n) = self.data, self.models
         names = ["qfrc_bias"] if "gravity" not in self.stated else []
         if "actuators" not in self.stated:
-            M = mujoco.mass_matrix(self.a, a)[np.ix_(u, u)]
-            N = mujoco.mass_matrix(self.b, b)[np.ix_(v, v)]
+            M, N = mujoco.mass_matrix(m, a)[np.ix_(u, u)], mujoco.mass_matrix(n, b)[np.ix_(v, v)]
             yield from self._same("mass_matrix", "robot", "mass matrix", M, N)
             names += ["qfrc_passive", "qfrc_actuator"]
         for name in names:
@@ -139,8 +122,7 @@ class Motion:
 
     def _dofs(self, side: int) -> list[int]:
         """Degrees of freedom in the order of the source's joints."""
-        model = (self.a, self.b)[side]
-        found: list[int] = []
+        model, found = self.models[side], list[int]()
         for pair in self.joints.values():
             first, joint = int(model.jnt_dofadr[pair[side]]), pair[side]
             found += range(first, first + (6 if int(model.jnt_type[joint]) == FREE else 1))
@@ -149,27 +131,14 @@ class Motion:
     def _readings(self) -> Iterator[Finding]:
         if self.stated & {"actuators", "gravity", "collision", "contact", "merge"}:
             return  # accelerations and touches differ then, and they should
-        for name, (i, j) in self._both("sensor", self.a.nsensor, self.b.nsensor).items():
+        for name, (i, j) in self._both("sensor").items():
+            if self.sides[0].rest and int(self.models[0].sensor_type[i]) in _of_positions():
+                continue  # it counts from a `ref`
             x, y = (
                 np.array(d.sensordata[int(m.sensor_adr[n]) :][: int(m.sensor_dim[n])])
-                for m, d, n in zip((self.a, self.b), self.data, (i, j), strict=True)
+                for m, d, n in zip(self.models, self.data, (i, j), strict=True)
             )
-            x = x - self._offset(i)
             yield from self._same("sensor", f"sensor {name}", "reading", x, y, SOLVED)
-
-    def _offset(self, sensor: int) -> float:
-        """What a position of a joint with `ref` reads in the source where it reads 0 here."""
-        import mujoco as mj
-
-        watched, kind = int(self.a.sensor_objid[sensor]), self.a.sensor_type[sensor]
-        if kind == mj.mjtSensor.mjSENS_ACTUATORPOS:
-            drive = read_drive(self.a, watched)
-            return drive.gear * self.rest.get(drive.joint_name, 0.0) if drive else 0.0
-        if kind == mj.mjtSensor.mjSENS_JOINTPOS:
-            return self.rest.get(mujoco.name_of(self.a, "joint", watched), 0.0)
-        if kind == mj.mjtSensor.mjSENS_TENDONPOS:
-            return self.tendons.get(mujoco.name_of(self.a, "tendon", watched), 0.0)
-        return 0.0
 
     def _same(
         self,
@@ -186,15 +155,32 @@ class Motion:
         size = float(np.linalg.norm(a))
         if size > 0.0:
             self.worst[what] = max(distance / size, self.worst.get(what, 0.0))
-        same = distance <= max(tolerance, self.tolerance) * size + ROUNDING
-        if not same and (what, subject) not in self.told:
-            self.told.add((what, subject))
+        if not distance <= max(tolerance, self.tolerance) * size + ROUNDING:
             yield MOVES.named(what)(
                 subject,
                 f"{words}: the source has {_shown(a)}, our MJCF {_shown(b)}",
                 hint="the robot lost something on the way from MJCF to MJCF: please report it",
                 data={"expected": tuple(a[:16].tolist()), "found": tuple(b[:16].tolist())},
             )
+
+
+def _of_positions() -> set[int]:
+    import mujoco as mj
+
+    kinds = mj.mjtSensor
+    return {int(k) for k in (kinds.mjSENS_JOINTPOS, kinds.mjSENS_ACTUATORPOS,
+                             kinds.mjSENS_TENDONPOS)}  # fmt: skip
+
+
+def _prepared(model: Model) -> Data:
+    """Without contacts: where meshes touch follows from the order of their corners."""
+    import mujoco as mj
+
+    model.opt.disableflags = int(model.opt.disableflags) | int(mj.mjtDisableBit.mjDSBL_CONTACT)
+    model.opt.solver = mj.mjtSolver.mjSOL_NEWTON
+    model.opt.iterations = model.opt.ls_iterations = ITERATIONS
+    model.opt.tolerance = SOLVER_TOLERANCE
+    return mj.MjData(model)
 
 
 def _shown(values: Array) -> str:

@@ -11,8 +11,9 @@ import numpy as np
 
 from assetbuild.facts.again.row import ABSOLUTE, RELATIVE, Row, groups
 from assetbuild.facts.again.xml import root_of, xml_rows
+from assetbuild.facts.mjcf_fields import subjects
 from assetbuild.facts.table import Value
-from assetbuild.simulators.mujoco import Model, name_of
+from assetbuild.simulators.mujoco import Model
 
 KINDS = {
     "body": "body", "jnt": "joint", "geom": "geom", "site": "site", "cam": "camera",
@@ -22,7 +23,6 @@ KINDS = {
     "tuple": "tuple", "key": "key",
 }  # fmt: skip
 """How MuJoCo's arrays begin -> what MJCF calls the thing; its count is `n` and the former."""
-ACCESSORS = {"eq": "equality", "jnt": "joint", "cam": "camera", "tex": "texture", "mat": "material"}
 PLACES = ("names", "paths", "pathadr", "nameadr", "name_", "signature", "narena", "nbuffer")
 """Words in the names of fields that tell where a file lay or how much memory the model takes."""
 DERIVED = ("invweight", "subtreemass", "lengthrange", "bvh", "oct_", "simple", "sameframe", "M_",
@@ -89,7 +89,7 @@ def _model_rows(again: Model, there: Model) -> Iterator[Row]:
     """Every field of two compiled models."""
     same_counts = set()
     for prefix, kind in KINDS.items():
-        ours, theirs = _names(again, prefix), _names(there, prefix)
+        ours, theirs = subjects(again, prefix), subjects(there, prefix)
         if ours == theirs:
             same_counts.add(prefix)
             continue
@@ -105,11 +105,6 @@ def _model_rows(again: Model, there: Model) -> Iterator[Row]:
     before, after = dict(_fields(again)), dict(_fields(there))
     for field in before.keys() & after.keys():
         yield from _field_rows(field, before[field], after[field], again, same_counts)
-
-
-def _names(model: Model, prefix: str) -> list[str]:
-    count = int(getattr(model, f"n{prefix}", 0))
-    return [name_of(model, ACCESSORS.get(prefix, prefix), index) for index in range(count)]
 
 
 def _fields(value: Any, path: str = "") -> Iterator[tuple[str, Any]]:  # Any: a structure of MuJoCo
@@ -150,12 +145,9 @@ def _field_rows(
 
 
 def _owners(model: Model, prefix: str) -> list[tuple[str, str]]:
-    """(kind, name) of what the rows of an array are about; degrees of freedom are joints'."""
-    if prefix == "dof":
-        return [("joint", name_of(model, "joint", int(joint))) for joint in model.dof_jntid]
-    if prefix not in KINDS:
-        return []
-    return [(KINDS[prefix], name) for name in _names(model, prefix)]
+    """(kind, name) of what the rows of an array are about."""
+    kind = "joint" if prefix == "dof" else KINDS.get(prefix)
+    return [(kind, name) for name in subjects(model, prefix)] if kind else []
 
 
 def _first(kind: str, name: str, field: str, one: Any, other: Any) -> Row:  # Any: flat arrays

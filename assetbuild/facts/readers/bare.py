@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import ClassVar
 
 from assetbuild.facts.mjcf import LACKS, MjcfReader
 from assetbuild.facts.mjcf_expected import mjcf_table, put_site
-from assetbuild.facts.mjlab_names import found_by_mjlab
 from assetbuild.facts.reference import Reference
-from assetbuild.facts.table import Table
+from assetbuild.facts.table import Key, Table, Value
 from assetbuild.robot.model import Actuator, Control, Place, Sensor
 
 TASK_SENSORS = {
@@ -20,6 +19,7 @@ TASK_SENSORS = {
     "imu_upvector": "framezaxis", "root_angmom": "subtreeangmom",
 }  # fmt: skip
 """What mjlab's velocity task reads, by name, and its kind."""
+RENAMED = re.compile(r"(.*)_collision\d*")
 BROUGHT = ("actuator", "option", "size", "keyframe", "drive")
 """Sections of a source's MJCF that mjlab's configuration brings itself."""
 
@@ -53,8 +53,10 @@ class BareFacts(MjcfReader):
         return self.complete(Table(facts), bare)
 
     def found(self, path: Path, reference: Reference) -> Table:
-        """As of that robot."""
-        return super().found(path, _bare(reference))
+        """As of that robot, whose collision geoms the file calls as mjlab finds them."""
+        bare, known = _bare(reference), {shape.name for shape in reference.shapes.shapes}
+        facts = self.compiled(path, bare).facts
+        return self.complete(Table(dict(_own_names(facts, known))), bare)
 
 
 def _bare(reference: Reference) -> Reference:
@@ -64,17 +66,27 @@ def _bare(reference: Reference) -> Reference:
         for row in control.actuators
     )
     only = tuple(item for item in control.mjcf_only if item.place not in BROUGHT)
-    bare = replace(
-        reference,
-        control=replace(
-            control,
-            actuators=drives,
-            keyframes=control.keyframes,
-            sensors=tuple(_sensors(reference, control)),
-            mjcf_only=only,
-        ),
-    )
-    return found_by_mjlab(bare)
+    sensors = tuple(_sensors(reference, control))
+    bare = replace(control, actuators=drives, sensors=sensors, mjcf_only=only)
+    return replace(reference, control=bare)
+
+
+def _own_names(facts: Mapping[Key, Value], known: Collection[str]) -> Iterator[tuple[Key, Value]]:
+    """With the robot's names of shapes: `FR_foot` of one that the file calls `FR_foot_collision2`.
+
+    known: those names. That mjlab finds every geom is the check `mjlab_contract`.
+    """
+
+    def own(name: str) -> str:
+        found = RENAMED.fullmatch(name)
+        return found[1] if found and name not in known else name
+
+    for key, value in facts.items():
+        if key.kind == "shape":
+            key = key._replace(name=own(key.name))
+        if key.kind == "sensor" and isinstance(value, str) and value.startswith("shape "):
+            value = f"shape {own(value.removeprefix('shape '))}"
+        yield key, value
 
 
 def _sensors(reference: Reference, control: Control) -> Iterator[Sensor]:

@@ -9,9 +9,8 @@ from pydantic import Field
 from assetbuild.facts.compare import EXACT, Precision
 from assetbuild.facts.mjcf import LACKS, MjcfReader
 from assetbuild.facts.mjcf_expected import mjcf_table, solver_facts
-from assetbuild.facts.mjcf_opaque import opaque_option
 from assetbuild.facts.reference import Reference
-from assetbuild.facts.table import Key, Table
+from assetbuild.facts.table import Table
 from assetbuild.quantities import Positive
 
 
@@ -26,6 +25,7 @@ class MjcfFacts(MjcfReader):
     suffixes = (".xml", ".mjcf")
     asks = ("mjcf",)
     lacks = LACKS
+    copies = False
 
     section = "validate"
     equality: Positive = Field(
@@ -47,7 +47,5 @@ class MjcfFacts(MjcfReader):
 
     def expected(self, reference: Reference) -> Table:
         """All that the robot is, and the solver of the recipe."""
-        table = mjcf_table(reference)
-        solver = solver_facts(reference, "mjcf") | opaque_option(reference)[0]
-        added = {Key("simulation", "", name): value for name, value in solver.items()}
-        return self.complete(Table({**table.facts, **added}), reference)
+        table = Table({**mjcf_table(reference).facts, **solver_facts(reference, "mjcf")})
+        return self.complete(table, reference)

@@ -9,7 +9,7 @@ from pathlib import Path
 from assetbuild.facts.mjcf import LACKS, MjcfReader
 from assetbuild.facts.mjcf_expected import mjcf_table, solver_facts
 from assetbuild.facts.reference import Reference
-from assetbuild.facts.table import Key, Table, Value
+from assetbuild.facts.table import Table
 from assetbuild.robot.model import Contact
 from assetbuild.robot.shapes import Mesh
 
@@ -38,11 +38,8 @@ class MjxFacts(MjcfReader):
         cheap = _cheap(reference)
         options = {**reference.options, "mjx": {**DEFAULTS, **(reference.options.get("mjx") or {})}}
         cheap = replace(cheap, options=options)
-        facts = dict(mjcf_table(cheap).facts)
-        solver = solver_facts(cheap, "mjx")
-        facts |= {Key("simulation", "", name): value for name, value in solver.items()}
-        facts |= _capped(cheap)
-        return self.complete(Table(facts), cheap)
+        table = Table({**mjcf_table(cheap).facts, **solver_facts(cheap, "mjx")})
+        return self.complete(table, cheap)
 
     def found(self, path: Path, reference: Reference) -> Table:
         """As of that robot."""
@@ -78,16 +75,3 @@ def _cheap(reference: Reference) -> Reference:
     )
     meshes = tuple(mesh for mesh in shapes.meshes if mesh.name in used)
     return replace(reference, shapes=replace(shapes, shapes=kept, meshes=meshes), control=control)
-
-
-def _capped(reference: Reference) -> dict[Key, Value]:
-    """Hulls of collision meshes have at most `max_vertices`."""
-    most = (reference.options.get("mjx") or {}).get("max_vertices", 64)
-    solid = {
-        s.geometry.mesh for s in reference.shapes.of("collision") if isinstance(s.geometry, Mesh)
-    }
-    return {
-        Key("mesh", mesh.name, "mjcf:maxhullvert"): float(most)
-        for mesh in reference.shapes.meshes
-        if mesh.name in solid and mesh.vertices > most
-    }

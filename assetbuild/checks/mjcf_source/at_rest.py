@@ -1,0 +1,212 @@
+"""A compiled MJCF as facts in the frame of its root, every joint at its reference position.
+
+So it makes no difference which frame a body has, or into which body a fixed one was merged.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from assetbuild.facts.mjcf import read_spec
+from assetbuild.facts.mjcf_meshes import Spec, pose_of
+from assetbuild.facts.reference import inertial_facts, pose_value
+from assetbuild.facts.surface import Surface
+from assetbuild.facts.table import Key, Value, pair_name
+from assetbuild.robot.inertia import combine, move_inertial, tensor_of
+from assetbuild.robot.model import Inertial
+from assetbuild.robot.pose import Pose, vec3
+from assetbuild.simulators.joint_drives import Drive, read_drives
+from assetbuild.simulators.mujoco import (
+    Model,
+    actuators,
+    first_command,
+    inertia_of,
+    name_of,
+    touching_geoms,
+)
+
+Facts = dict[Key, Value]
+ROOT = "root"
+"""The name of everything that is rigidly one with the root, whatever that is called."""
+GREY = (0.5, 0.5, 0.5, 1.0)
+"""What MuJoCo draws a shape in that states no colour."""
+FIXED, FREE = (0, 1), 0
+"""Equalities that hold bodies; the type of a free joint."""
+
+
+@dataclass(frozen=True)
+class Side:
+    """A model and its facts. rest: `ref` of each hinge and slide that has one, rad or m.
+
+    servos: the drives that hold positions, by joint.
+    """
+
+    model: Model
+    facts: Facts
+    rest: Mapping[str, float]
+    servos: Mapping[str, Drive]
+
+
+class _Bodies:
+    """Where the bodies of a model stand in the frame of its root."""
+
+    def __init__(self, model: Model) -> None:
+        import mujoco
+
+        self.model, data = model, mujoco.MjData(model)
+        mujoco.mj_kinematics(model, data)
+        X_world = [pose_of(data.xpos[i], data.xquat[i]) for i in range(model.nbody)]
+        root = X_world[min(1, model.nbody - 1)].inverse()
+        self.X_root = {_name(model, i): root @ X for i, X in enumerate(X_world)}
+        self.group = {_name(model, i): self._group(i) for i in range(model.nbody)}
+
+    def _group(self, body: int) -> str:
+        """Name of the body that carries the joints above it."""
+        model = self.model
+        carrier, of_root = int(model.body_weldid[body]), int(model.body_weldid[1])
+        return ROOT if carrier == of_root else _name(model, carrier)
+
+    def weights(self) -> Iterator[tuple[str, Inertial]]:
+        """All that moves together."""
+        parts: dict[str, list[Inertial]] = {}
+        for body in range(1, self.model.nbody):
+            mass, com = float(self.model.body_mass[body]), vec3(self.model.body_ipos[body])
+            own = Inertial(mass, com, tensor_of(inertia_of(self.model, body)))
+            name = _name(self.model, body)
+            moved = move_inertial(own, self.X_root[name])
+            parts.setdefault(self.group[name], []).extend([moved] if mass else [])
+        for name, some in parts.items():
+            yield name, combine(some) if some else Inertial(0.0, (0.0,) * 3, (0.0,) * 6)
+
+
+def _name(model: Model, body: int) -> str:
+    return name_of(model, "body", body) if body else ""
+
+
+def read_side(spec: Spec) -> Side:
+    """Compile and read; MuJoCo's ValueError where it refuses."""
+    _fold_gravity(spec.option)
+    model, table = read_spec(spec, by_area=True)
+    bodies = _Bodies(model)
+    rest = {
+        name_of(model, "joint", joint): float(model.qpos0[int(model.jnt_qposadr[joint])])
+        for joint in range(model.njnt)
+        if int(model.jnt_type[joint]) in (2, 3) and model.qpos0[int(model.jnt_qposadr[joint])]
+    }
+    drives = [d for d in read_drives(model) if d.kind == "servo" and not d.filtered]
+    side = Side(model, {}, rest, {drive.joint_name: drive for drive in drives})
+    facts = side.facts
+    keys = {str(model.key(index).name) for index in range(model.nkey)}
+    keys.discard("")  # of `<size nkey>`
+    for key, value in table.facts.items():
+        of_bodies = key.kind == "body" and key.quantity != "mjcf:gravcomp"
+        unnamed = key.kind == "keyframe" and key.name.split("/")[0] not in keys
+        scenery = key.kind == "frame" and not table.facts.get(key._replace(quantity="body"))
+        if not (of_bodies or unnamed or scenery or key.kind == "pair"):
+            facts[key] = value
+    subjects: dict[tuple[str, str], dict[str, Value]] = {}
+    for key, value in facts.items():
+        subjects.setdefault((key.kind, key.name), {})[key.quantity] = value
+    for (kind, name), own in subjects.items():
+        facts |= {Key(kind, name, q): v for q, v in _in_root(own, bodies).items()}
+    for name, weight in bodies.weights():
+        facts |= {Key("body", name, q): v for q, v in inertial_facts(weight).items()}
+    for pair in touching_geoms(model):
+        ends = (name_of(model, "geom", geom) for geom in pair)
+        facts[Key("pair", pair_name(*ends), "touches")] = True
+    for key in [key for key in facts if key.kind == "shape" and key.quantity == "role"]:
+        facts.setdefault(key._replace(quantity="rgba"), GREY)
+    facts |= dict(_commands(model, keys)) | dict(_watched_sites(model))
+    _count_from_rest(side)
+    return side
+
+
+def _fold_gravity(option: Any) -> None:  # Any: MuJoCo's option
+    """Gravity that a flag switches off is none: two ways to say one thing."""
+    import mujoco
+
+    bit = int(mujoco.mjtDisableBit.mjDSBL_GRAVITY)
+    if int(option.disableflags) & bit:
+        option.disableflags = int(option.disableflags) & ~bit
+        option.gravity = (0.0, 0.0, 0.0)
+
+
+def _in_root(own: Mapping[str, Value], bodies: _Bodies) -> dict[str, Value]:
+    """Facts in the frame of a body, in that of the root."""
+    found: dict[str, Value] = {}
+    for side in ("", " a", " b"):
+        body = own.get(f"body{side}")
+        if isinstance(body, str):
+            X, where = bodies.X_root[body], f"end{side}" if side else "pose"
+            found[f"body{side}"] = bodies.group[body]
+            if where in own:
+                moved = X @ _pose(own[where])
+                turned = own.get("type") != "connect"
+                found[where] = pose_value(moved if turned else Pose(moved.xyz))
+            if not side:
+                found |= _moved(own, X)
+    if isinstance(parent := own.get("parent"), str):
+        found["parent"] = bodies.group[parent]
+    if own.get("mjcf:type") in FIXED:
+        found["mjcf:data"] = None  # an equality that is switched off
+    return found
+
+
+def _moved(own: Mapping[str, Value], X: Pose) -> dict[str, Value]:
+    found: dict[str, Value] = {}
+    if "anchor" in own:
+        found["anchor"] = tuple(X.apply(own["anchor"]).tolist())  # type: ignore[arg-type] # three numbers
+    if "axis" in own:
+        found["axis"] = tuple((X.rotation @ own["axis"]).tolist())  # type: ignore[operator] # as above
+    if "corner moments" in own:
+        surface = Surface(0, 0.0, 0.0, own["mean corner"], own["corner moments"])  # type: ignore[arg-type] # numbers
+        told = surface.moved(X).facts()
+        found |= {quantity: told[quantity] for quantity in ("mean corner", "corner moments")}
+    return found
+
+
+def _pose(value: Value) -> Pose:
+    x, y, z, *quat = value  # type: ignore[misc, str-unpack] # seven numbers
+    return Pose((x, y, z), tuple(quat))  # type: ignore[arg-type] # as above
+
+
+def _watched_sites(model: Model) -> Iterator[tuple[Key, Value]]:
+    """Sensors of sites, which are no frames of bodies here."""
+    import mujoco
+
+    for index in range(model.nsensor):
+        name = name_of(model, "sensor", index)
+        for word, kinds, ids in (
+            ("object", model.sensor_objtype, model.sensor_objid),
+            ("reference", model.sensor_reftype, model.sensor_refid),
+        ):
+            if int(kinds[index]) == mujoco.mjtObj.mjOBJ_SITE:
+                yield Key("sensor", name, word), f"site {name_of(model, 'site', int(ids[index]))}"
+
+
+def _commands(model: Model, keys: set[str]) -> Iterator[tuple[Key, Value]]:
+    """Of actuators that drive no joint."""
+    on_joints = {drive.index for drive in read_drives(model)}
+    for index in set(actuators(model)) - on_joints:
+        for key in range(model.nkey):
+            subject = f"{model.key(key).name}/{name_of(model, 'actuator', index)}"
+            if model.key(key).name in keys:
+                command = float(model.key_ctrl[key][first_command(model, index)])
+                yield Key("keyframe", subject, "mjcf:command"), command
+
+
+def _count_from_rest(side: Side) -> None:
+    """Positions count from `ref`, and so do the commands of drives that hold positions."""
+    for key, value in list(side.facts.items()):
+        joint = key.name.rpartition("/")[2]
+        rest = side.rest.get(joint, 0.0)
+        if key.quantity in ("command range", "target"):
+            rest = side.servos[joint].command_step(rest) if joint in side.servos else 0.0
+        elif key.quantity not in ("lower", "upper", "spring reference", "position"):
+            continue
+        if rest and value is not None:
+            ends = value if isinstance(value, tuple) else (value,)
+            moved = tuple(float(end) - rest for end in ends)
+            side.facts[key] = moved if isinstance(value, tuple) else moved[0]

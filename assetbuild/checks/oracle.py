@@ -1,0 +1,350 @@
+"""Our MJCF in MuJoCo against the source URDF in pinocchio: the same robot?
+
+Both have a free base, also where the robot is fixed, whose first pose is the one that it is held
+in: so every inertia counts. Pinocchio's base is the source's root link; MuJoCo's is the root body,
+whose frame may be another (`Tree.placement`). Positions: pinocchio xyz + xyzw, MuJoCo xyz + wxyz.
+Velocities: pinocchio linear and angular in the link, MuJoCo linear in the world, angular in the
+body, so v_pin = X v_mj, M_mj = Xᵀ M_pin X, g_mj = Xᵀ g_pin.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any, ClassVar
+from xml.etree import ElementTree
+
+import numpy as np
+
+from assetbuild.engine.step import Files
+from assetbuild.findings import Finding, Rule
+from assetbuild.kinds import Check, write_figures
+from assetbuild.robot.files import RobotFiles
+from assetbuild.robot.model import Tree
+from assetbuild.robot.pose import Array, Pose, normalised_quat, quat_of, vec3
+from assetbuild.robot.tree import sample_positions
+from assetbuild.simulators.mujoco import Model, body_names, caught_warnings, mass_matrix
+
+LOAD = Rule("oracle.load", "error", "MuJoCo refuses the MJCF", "see `mjcf.load`")
+DIFFERS = Rule(
+    "oracle.*",
+    "error",
+    "kinematics, mass matrix or gravity differ from what pinocchio computes on the source",
+    "report it: this is a bug",
+)
+UNREADABLE = Rule(
+    "oracle.unreadable",
+    "warning",
+    "pinocchio refuses the source",
+    "nothing; the other checks still run",
+)
+UNSUPPORTED = Rule(
+    "oracle.unsupported",
+    "info",
+    "planar or floating joints are not compared",
+    "nothing; the other checks still run",
+)
+KINDS = ("kinematics", "mass_matrix", "gravity")
+REPORT = "the MJCF is not the source's robot: please report it with the recipe"
+OTHERS = "the other checks still compare mass, axes and limits"
+
+
+class Oracle(Check):
+    """At random poses kinematics, mass matrix and gravity, by two libraries.
+
+    Errors are relative. Kinematics: entries of 4 x 4 poses against max(1, largest |entry|), metres
+    and direction cosines, of every source link (merged ones through the robot's frames, and the
+    MJCF's site of that name). Mass matrix: |difference| / sqrt(M_ii M_jj), so that a light finger
+    counts as much as the trunk. Gravity: against max(1, largest |entry|), N m and N.
+    Joint friction, damping, drives and contacts take no part; armature is taken away. What loops
+    hold together is compared by the readers of the formats.
+    """
+
+    usual_s = 0.4
+    isolated: ClassVar = True
+    # With the other checks of MuJoCo in one process; pinocchio alone is not worth a second one.
+    preload: ClassVar = ("mujoco",)
+    needs: ClassVar = ("mjcf", "source")
+    reads: ClassVar = ("links.json", "tree.json")
+    requires: ClassVar = {"pinocchio": "oracle"}
+
+    robot: str
+    poses: int = 50
+    tolerance: float = 1e-9
+
+    def run(self, files: Files) -> Iterator[Finding]:
+        """Writes figures.json even when the two cannot be compared."""
+        robot = RobotFiles(files.inputs)
+        figures: dict[str, object] = {"poses": self.poses}
+        odd = [j for j in robot.links.joints if j.kind in ("floating", "planar", "ball")]
+        if odd:
+            text = f"a {odd[0].kind} joint is not compared with pinocchio, so nothing was"
+            findings = [UNSUPPORTED(f"joint {odd[0].name}", text, OTHERS)]
+        else:
+            findings = list(self._compare(files, robot.links, robot.tree, figures))
+        write_figures(files, figures, {f"{kind}_error": self.tolerance for kind in KINDS})
+        yield from findings
+
+    def _compare(
+        self, files: Files, links: Tree, tree: Tree, figures: dict[str, object]
+    ) -> Iterator[Finding]:
+        source = (files.inputs / "source.urdf").read_bytes().decode("utf-8", "replace")
+        try:
+            pin = _Pinocchio(source, links, tree)
+        except (ValueError, RuntimeError) as error:
+            text = f"pinocchio cannot read the source, nothing was compared: {error}"
+            yield UNREADABLE("robot", text, OTHERS)
+            return
+        try:
+            mj = _Mujoco(_with_free_base(files.inputs / "mjcf" / f"{self.robot}.xml", tree), tree)
+        except ValueError as error:
+            text = " ".join(str(error).replace(f"{files.inputs / 'mjcf'}/", "").split())
+            yield LOAD("robot", f"nothing to compare: {text}")
+            return
+        except LookupError as missing:
+            yield DIFFERS.named("structure")("robot", str(missing.args[0]), REPORT)
+            return
+        figures |= {"nv": mj.model.nv - 6 * (tree.base == "fixed")}
+        figures |= {"mass_mjcf_kg": float(mj.model.body_mass.sum()), "mass_source_kg": pin.mass}
+        worst = dict.fromkeys(KINDS, (0.0, "robot"))
+        for number, (positions, X_world_body) in enumerate(_poses(tree, self.poses)):
+            held = number == 0 and tree.base == "fixed"
+            X_world_body = mj.held if held else X_world_body
+            pin.move(positions, Pose() if held else X_world_body @ pin.X_body_root)
+            mj.move(positions, X_world_body)
+            for kind, value, subject in _errors(pin, mj, X_world_body):
+                if not value <= worst[kind][0]:  # NaN wins
+                    worst[kind] = (value, subject)
+        figures |= {f"{kind}_error": value for kind, (value, _) in worst.items()}
+        for kind, (value, subject) in worst.items():
+            if not value <= self.tolerance:
+                text = (
+                    f"{kind.replace('_', ' ')} of MJCF and source differ by {value:.3g} relative "
+                    f"(at most {self.tolerance:g}) over {self.poses} poses"
+                )
+                yield DIFFERS.named(kind)(subject, text, REPORT, data={"error": value})
+
+
+def _poses(tree: Tree, count: int) -> Iterator[tuple[dict[str, float], Pose]]:
+    """Joint positions and X_world_body of the root body, seeded."""
+    random = np.random.default_rng(1)
+    for positions in sample_positions(tree, count, seed=0):
+        w, x, y, z = random.normal(size=4)
+        quat = normalised_quat((float(w), float(x), float(y), float(z)))
+        yield positions, Pose(vec3(random.uniform(-1.0, 1.0, size=3)), quat)
+
+
+def _errors(pin: _Pinocchio, mj: _Mujoco, X_world_body: Pose) -> Iterator[tuple[str, float, str]]:
+    """(kind, relative error, subject) in one pose."""
+    for name, theirs in pin.link_poses():
+        scale = max(1.0, float(np.abs(theirs).max()))
+        for ours in mj.link_poses(name):
+            yield "kinematics", float(np.abs(ours - theirs).max()) / scale, f"link {name}"
+    to_pin = _velocity_map(pin, mj, X_world_body)
+    matrix, wanted = mass_matrix(mj.model, mj.data), to_pin.T @ pin.mass_matrix() @ to_pin
+    root = np.sqrt(np.diag(wanted))
+    errors = np.abs(matrix - wanted) / np.outer(root, root)
+    at = int(np.unravel_index(int(np.argmax(errors)), errors.shape)[0])
+    yield "mass_matrix", float(errors.max()), mj.subject(at)
+    pulled = to_pin.T @ pin.gravity(mj.model.opt.gravity)
+    # At rest the bias force is gravity alone.
+    differences = np.abs(mj.data.qfrc_bias - pulled) / max(1.0, float(np.abs(pulled).max()))
+    at = int(np.argmax(differences))
+    yield "gravity", float(differences.max()), mj.subject(at)
+
+
+def _velocity_map(pin: _Pinocchio, mj: _Mujoco, X_world_body: Pose) -> Array:
+    """X (nv, nv) with v_pin = X v_mj.
+
+    v_pin = R_root_world (v_mj + (R_world_body w) x p), w_pin = R_root_body w, with p the way from
+    the body's to the root link's origin in world axes.
+    """
+    out = np.zeros((mj.model.nv, mj.model.nv))
+    for name, index in mj.dof.items():
+        out[pin.dof[name], index] = 1.0
+    R_world_body, R_body_root = X_world_body.rotation, pin.X_body_root.rotation
+    R_root_world = (R_world_body @ R_body_root).T
+    x, y, z = R_world_body @ np.asarray(pin.X_body_root.xyz)
+    cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    out[:3, :3] = R_root_world
+    out[:3, 3:6] = -R_root_world @ cross @ R_world_body
+    out[3:6, 3:6] = R_body_root.T
+    return out
+
+
+class _Pinocchio:
+    """The source URDF with a free base. dof: velocity index by joint name."""
+
+    def __init__(self, urdf: str, links: Tree, tree: Tree) -> None:
+        import pinocchio
+
+        self._pin: Any = pinocchio  # Any: pinocchio has no types
+        base = pinocchio.JointModelFreeFlyer()
+        self._model = pinocchio.buildModelFromXML(_with_limits(urdf), base)
+        self.mass = float(pinocchio.computeTotalMass(self._model))
+        self._data, self._q = self._model.createData(), pinocchio.neutral(self._model)
+        # Above the robot's root link there may be one for the world.
+        pinocchio.framesForwardKinematics(self._model, self._data, self._q)
+        placed = self._data.oMf[self._model.getFrameId(links.root, pinocchio.FrameType.BODY)]
+        X_root_link = Pose(vec3(placed.translation), quat_of(placed.rotation))
+        self.X_body_root = tree.placement(links.root)[1] @ X_root_link.inverse()
+        if tree.by_body[tree.root].is_massless:
+            ballast = pinocchio.Inertia(1.0, np.zeros(3), np.eye(3))
+            X_root_body = pinocchio.SE3(self.X_body_root.inverse().matrix())
+            self._model.inertias[1] += X_root_body.act(ballast)
+            self._data = self._model.createData()
+        names = [joint.name for joint in tree.moving_joints]
+        missing = [name for name in names if not self._model.existJointName(name)]
+        if missing:
+            raise ValueError(f"pinocchio finds no moving joint `{missing[0]}`")
+        self._joint = {n: self._model.joints[self._model.getJointId(n)] for n in names}
+        self.dof = {name: int(joint.idx_v) for name, joint in self._joint.items()}
+        self._links = [body.name for body in links.bodies]
+
+    def move(self, positions: Mapping[str, float], X_world_root_link: Pose) -> None:
+        """Place it; positions in rad or m by joint name."""
+        w, x, y, z = X_world_root_link.quat
+        self._q[:7] = [*X_world_root_link.xyz, x, y, z, w]
+        for name, joint in self._joint.items():
+            value = positions[name]
+            if joint.nq == 2:  # continuous: (cos, sin)
+                self._q[joint.idx_q : joint.idx_q + 2] = np.cos(value), np.sin(value)
+            else:
+                self._q[joint.idx_q] = value
+        self._pin.forwardKinematics(self._model, self._data, self._q)
+        self._pin.updateFramePlacements(self._model, self._data)
+
+    def link_poses(self) -> Iterator[tuple[str, Array]]:
+        """(name, X_world_link (4, 4)) of every link of the source."""
+        body = self._pin.FrameType.BODY  # joints and links share names
+        for name in self._links:
+            if self._model.existFrame(name, body):
+                yield name, self._data.oMf[self._model.getFrameId(name, body)].homogeneous
+
+    def mass_matrix(self) -> Array:
+        """(nv, nv), symmetric: crba fills the upper triangle only."""
+        upper = np.triu(self._pin.crba(self._model, self._data, self._q))
+        symmetric: Array = upper + np.triu(upper, 1).T
+        return symmetric
+
+    def gravity(self, gravity: Array) -> Array:
+        """(nv,) generalised gravity at the placed pose. gravity: (3,) in the world, m/s²."""
+        self._model.gravity.linear = gravity
+        g: Array = self._pin.computeGeneralizedGravity(self._model, self._data, self._q).copy()
+        return g
+
+
+def _with_limits(urdf: str) -> str:
+    """The URDF with 0 for each `effort` and `velocity` that a joint does not state.
+
+    urdfdom refuses a file for one that is missing; nothing that is compared depends on them.
+    """
+    try:
+        root = ElementTree.fromstring(urdf.encode())  # noqa: S314 # `read_urdf` has read it
+    except (ElementTree.ParseError, ValueError):
+        return urdf
+    for joint in root.iterfind("joint"):
+        limit = joint.find("limit")
+        if limit is None and joint.get("type") in ("revolute", "prismatic"):
+            limit = ElementTree.SubElement(joint, "limit")
+        for key in ("effort", "velocity") if limit is not None else ():
+            if limit is not None and key not in limit.attrib:
+                limit.set(key, "0")
+    return ElementTree.tostring(root, "unicode")
+
+
+def _with_free_base(path: Path, tree: Tree) -> Model:
+    """Our MJCF without looks, keyframes and contacts; ValueError where MuJoCo refuses it."""
+    import mujoco
+
+    with caught_warnings():
+        spec = mujoco.MjSpec.from_file(str(path))
+        spec.compiler.discardvisual = True
+        for key in list(spec.keys):
+            spec.delete(key)
+        root = spec.body(body_names(tree)[tree.root])
+        if root is not None and tree.base == "fixed":
+            root.add_freejoint()
+        if root is not None and tree.by_body[tree.root].is_massless:
+            root.explicitinertial, root.mass, root.inertia = True, 1.0, (1.0, 1.0, 1.0)
+            root.ipos, root.iquat = (0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0)
+        model = spec.compile()
+    model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONTACT)
+    # Taken away before, not subtracted after: of a body of 1e-9 kg nothing would be left.
+    model.dof_armature[:] = 0.0
+    return model
+
+
+class _Mujoco:
+    """Our MJCF with a free base. dof: velocity index by joint name; held: X_world_body as written.
+
+    LookupError where it is not built as the robot is.
+    """
+
+    def __init__(self, model: Model, tree: Tree) -> None:
+        import mujoco
+
+        self._mj: Any = mujoco  # Any: mujoco's bindings have no complete types
+        self.model, self.data, self._root = model, mujoco.MjData(model), tree.root
+        mujoco.mj_setConst(model, self.data)  # MuJoCo keeps the masses of plain slides
+        # MuJoCo takes a frame that is turned by less than 2e-6 rad for its body's frame.
+        for same_frame in ("body_sameframe", "site_sameframe"):
+            getattr(model, same_frame)[:] = int(mujoco.mjtSameFrame.mjSAMEFRAME_NONE)
+        if not (model.njnt and model.jnt_type[0] == mujoco.mjtJoint.mjJNT_FREE):
+            raise LookupError("the base floats, but the first joint of the MJCF is no free joint")
+        joints = {joint.name: self._id("JOINT", joint.name) for joint in tree.moving_joints}
+        for name, at in joints.items():
+            if at < 0:
+                raise LookupError(f"the MJCF has no joint `{name}`")
+        self.dof = {name: int(model.jnt_dofadr[at]) for name, at in joints.items()}
+        self._qpos = {name: int(model.jnt_qposadr[at]) for name, at in joints.items()}
+        self._written = body_names(tree)
+        for body in tree.bodies:
+            if not body.is_massless and self._id("BODY", self._written[body.name]) < 0:
+                raise LookupError(f"the MJCF has no body `{self._written[body.name]}`")
+        more = int(model.nv) - len(self.dof) - 6
+        if more:
+            raise LookupError(f"the MJCF has {more} degrees of freedom more than the robot")
+        x, y, z, *quat = (float(v) for v in model.qpos0[:7])
+        self.held = Pose((x, y, z), normalised_quat(tuple(quat)))  # type: ignore[arg-type] # four numbers
+        self._links = {body.name: (body.name, Pose()) for body in tree.bodies}
+        self._links |= {f.name: (f.body, f.X_body_frame) for f in tree.frames}
+
+    def _id(self, kind: str, name: str) -> int:
+        objects = self._mj.mjtObj
+        return int(self._mj.mj_name2id(self.model, getattr(objects, f"mjOBJ_{kind}"), name))
+
+    def move(self, positions: Mapping[str, float], X_world_body: Pose) -> None:
+        """Place it at rest."""
+        self.data.qpos[:7] = [*X_world_body.xyz, *X_world_body.quat]
+        for name, index in self._qpos.items():
+            self.data.qpos[index] = positions[name]
+        self.data.qvel[:] = 0.0
+        self._mj.mj_forward(self.model, self.data)
+
+    def link_poses(self, name: str) -> Iterator[Array]:
+        """Poses (4, 4) of a link in the world, through the robot's frames and by its site.
+
+        Massless links between joints need not be there; `equal.mjcf` knows which must.
+        """
+        body, X_body_link = self._links[name]
+        at = self._id("BODY", self._written[body])
+        if at < 0:
+            return
+        X_world_body = _matrix(self.data.xpos[at], self.data.xmat[at])
+        yield X_world_body @ X_body_link.matrix()
+        site = self._id("SITE", name) if name != body else -1
+        if site >= 0:
+            yield _matrix(self.data.site_xpos[site], self.data.site_xmat[site])
+
+    def subject(self, index: int) -> str:
+        """`joint NAME` of a velocity index, `link ROOT` of the free base."""
+        names = {at: f"joint {name}" for name, at in self.dof.items()}
+        return names.get(index, f"link {self._root}")
+
+
+def _matrix(position: Array, rotation: Array) -> Array:
+    out = np.eye(4)
+    out[:3, :3] = np.reshape(rotation, (3, 3))
+    out[:3, 3] = position
+    return out
