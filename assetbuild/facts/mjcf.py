@@ -8,16 +8,16 @@ from typing import ClassVar
 
 from assetbuild.errors import UsageError
 from assetbuild.facts.compare import EXACT, Precision
+from assetbuild.facts.derived import SOLIMP, SOLREF
 from assetbuild.facts.known_files import KnownFiles
 from assetbuild.facts.mjcf_copies import leave_out_copies
 from assetbuild.facts.mjcf_expected import shown_pictures
-from assetbuild.facts.mjcf_meshes import Meshes, sketches
+from assetbuild.facts.mjcf_meshes import Meshes
 from assetbuild.facts.mjcf_model import read_model
 from assetbuild.facts.mjcf_opaque import Opaque, free_joint, opaque_of, opaque_option, sensor_words
 from assetbuild.facts.mjcf_words import NEVER_ALONE, Spec, is_covered, words
 from assetbuild.facts.reader import Reader
-from assetbuild.facts.reference import SOLIMP, SOLREF, Assets, Reference
-from assetbuild.facts.sketch import SKETCH
+from assetbuild.facts.reference import Assets, Reference
 from assetbuild.facts.table import Key, Table, Value, Writer
 from assetbuild.robot.shapes import Mesh
 from assetbuild.simulators.mujoco import Model, caught_warnings
@@ -125,7 +125,7 @@ class MjcfReader(Reader):
         with caught_warnings():
             try:
                 spec = mujoco.MjSpec.from_file(str(path))
-                more = sketches(spec, known or KnownFiles()) | _misnamed(spec, opaque)
+                more = _misnamed(spec, opaque)
                 return read_spec(spec, opaque, stated, known)[1] | Table(more)
             except ValueError as error:
                 text = " ".join(str(error).replace(f"{path.parent}/", "").split())
@@ -178,9 +178,5 @@ class MjcfReader(Reader):
                     reference.tree.shape_placement(shape)[1]
                 )
                 facts[Key("shape", shape.name, "mjcf:normals")] = turned.normals
-            if isinstance(shape.geometry, Mesh) and (
-                sketch := surfaces[shape.geometry.mesh].sketch
-            ):
-                facts[Key("shape", shape.name, f"mjcf:{SKETCH}")] = sketch
         facts |= opaque_option(reference)[1] | free_joint(reference)
         return Table({**facts, **opaque.words}).only(self.holds)

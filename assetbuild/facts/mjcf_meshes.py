@@ -5,18 +5,11 @@ from __future__ import annotations
 import functools
 import hashlib
 from collections.abc import Collection
-from pathlib import Path
 
 import numpy as np
 
-from assetbuild.errors import AssetBuildError
-from assetbuild.facts.known_files import KnownFiles
 from assetbuild.facts.mjcf_copies import Copies
-from assetbuild.facts.mjcf_words import Spec
-from assetbuild.facts.sketch import SKETCH, sketch_of
 from assetbuild.facts.surface import Surface, measure
-from assetbuild.facts.table import Key, Value
-from assetbuild.mesh.obj import read_triangles
 from assetbuild.robot.pose import Pose, normalised_quat, vec3
 from assetbuild.simulators.mujoco import Model, name_of
 
@@ -85,30 +78,3 @@ def pose_of(xyz: object, quat: object) -> Pose:
     """Return the pose that MuJoCo's arrays hold."""
     w, x, y, z = (float(v) for v in np.asarray(quat, dtype=np.float64))
     return Pose(vec3(np.asarray(xyz, dtype=np.float64)), normalised_quat((w, x, y, z)))
-
-
-def sketches(spec: Spec, known: KnownFiles) -> dict[Key, Value]:
-    """The triangles of the file behind each mesh, which MuJoCo turns and moves as it compiles."""
-    folder = Path(spec.modelfiledir) / spec.compiler.meshdir
-    found: dict[str, str] = {}
-    for mesh in spec.meshes:
-        if str(mesh.file).lower().endswith(".obj"):
-            found[mesh.name] = _sketch(folder / mesh.file, known)
-    return {
-        Key("shape", geom.name, f"mjcf:{SKETCH}"): found[geom.meshname]
-        for geom in spec.geoms
-        if geom.meshname in found
-    }
-
-
-def _sketch(file: Path, known: KnownFiles) -> str:
-    """MuJoCo itself says what is wrong with a file that is missing or no OBJ."""
-    try:
-        data = file.read_bytes()
-        same = known.surface(data)
-        if same is not None:
-            return same.sketch
-        mesh = read_triangles(data, file.name)
-    except (OSError, AssetBuildError):
-        return "unreadable"
-    return sketch_of(mesh.corners, mesh.uv, mesh.normals)

@@ -372,7 +372,8 @@ def test_one_material_for_all_is_found(tmp_path: Path) -> None:
     found = rules(check(gripper(), tmp_path, bind))
     assert found == {("equal.usd.friction", "shape a_pad"), ("equal.usd.rgba", "shape b_skin"),
                      ("equal.usd.dynamicfriction", "shape a_pad"),
-                     ("equal.usd.texture", "shape b_skin")}  # fmt: skip
+                     ("equal.usd.texture", "shape b_skin"),
+                     ("equal.usd.material", "shape b_skin")}  # fmt: skip
 
 
 def test_another_picture_is_found(tmp_path: Path) -> None:

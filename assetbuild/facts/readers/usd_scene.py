@@ -7,11 +7,11 @@ from pathlib import Path
 from typing import ClassVar
 
 from assetbuild.facts.compare import FLOAT32, Precision
+from assetbuild.facts.derived import start_of
 from assetbuild.facts.reader import Reader
 from assetbuild.facts.reference import Reference, pose_value
 from assetbuild.facts.table import Table, Writer
 from assetbuild.robot.floor import floor_of
-from assetbuild.robot.initial import initial_pose
 from assetbuild.robot.pose import IDENTITY, Pose
 from assetbuild.robot.tree import forward_kinematics
 
@@ -93,7 +93,7 @@ class UsdSceneReader(Reader):
             "usd:frictionCombineMode": "max",  # the rougher of two surfaces decides, as in MuJoCo
             "restitution": 0.0,
         })  # fmt: skip
-        start, initial = tree.X_world_root, initial_pose(tree, control)
+        start, initial = tree.X_world_root, start_of(tree, control)
         if tree.base == "floating":
             base = initial.base
             start = IDENTITY if base is None else Pose((0.0, 0.0, CLEARANCE_M)) @ base
