@@ -21,6 +21,7 @@ from assetbuild.facts.derived import (
 )
 from assetbuild.facts.reference import Reference, filtered_pairs, pose_value
 from assetbuild.facts.table import Key, Table, Value, Writer, pair_name
+from assetbuild.facts.usd_options import rigid_of, solver_of, touches_itself
 from assetbuild.robot.model import MOVING, Actuator, Camera, Contact, Joint
 from assetbuild.robot.pose import IDENTITY
 from assetbuild.robot.shapes import Mesh, Shape
@@ -31,20 +32,19 @@ CLIPPING_M = (0.01, 1000.0)
 """Nearest and farthest depth that a camera sees."""
 ROOT_JOINT = "root_joint"
 SOLVER = {
-    "solverPositionIterationCount": ("solver_position_iterations", 8),
-    "solverVelocityIterationCount": ("solver_velocity_iterations", None),
-    "sleepThreshold": ("sleep_threshold", 0.0),
-    "stabilizationThreshold": ("stabilization_threshold", 0.0),
+    "solver_position_iterations": "solverPositionIterationCount",
+    "solver_velocity_iterations": "solverVelocityIterationCount",
+    "sleep_threshold": "sleepThreshold",
+    "stabilization_threshold": "stabilizationThreshold",
 }
 RIGID = {
-    "linearDamping": ("linear_damping", 0.0),
-    "angularDamping": ("angular_damping", 0.0),
-    "maxLinearVelocity": ("max_linear_velocity", 1000.0),
-    "maxAngularVelocity": ("max_angular_velocity", 1000.0),
-    "maxDepenetrationVelocity": ("max_depenetration_velocity", 1.0),
+    "linear_damping": "linearDamping",
+    "angular_damping": "angularDamping",
+    "max_linear_velocity": "maxLinearVelocity",
+    "max_angular_velocity": "maxAngularVelocity",
+    "max_depenetration_velocity": "maxDepenetrationVelocity",
 }
-"""PhysX's attributes -> keys of the recipe's `usd.articulation` and `usd.rigid_body`, and what they
-are where the recipe states nothing."""
+"""Keys of the recipe's `usd.articulation` and `usd.rigid_body` -> PhysX's attributes."""
 Options = Mapping[str, Any]  # Any: plain JSON
 
 
@@ -52,26 +52,6 @@ def usd_table(own: Table, reference: Reference) -> Table:
     """Everything that `<robot>.usda` says. own: the robot's facts that USD holds."""
     options: Options = reference.options.get("usd") or {}
     return _Expectation(own, reference, options).table()
-
-
-def solver_of(reference: Reference) -> dict[str, float]:
-    """By PhysX's attribute; the light rods of loops need 16 velocity iterations, else 1 will do."""
-    stated = (reference.options.get("usd") or {}).get("articulation") or {}
-    found = {word: stated.get(key, usual) for word, (key, usual) in SOLVER.items()}
-    usual = 16 if reference.control.loops else 1
-    return {word: float(usual if value is None else value) for word, value in found.items()}
-
-
-def rigid_of(reference: Reference) -> dict[str, float]:
-    """What PhysX adds to every body, by its attribute."""
-    stated = (reference.options.get("usd") or {}).get("rigid_body") or {}
-    return {word: float(stated.get(key, usual)) for word, (key, usual) in RIGID.items()}
-
-
-def touches_itself(reference: Reference) -> bool:
-    """Whether parts of the robot touch one another."""
-    articulation = (reference.options.get("usd") or {}).get("articulation") or {}
-    return bool(articulation.get("self_collisions", True))
 
 
 class _Expectation:
@@ -125,7 +105,7 @@ class _Expectation:
         yield "articulation root", "the joint with the world" if fixed else f"body {tree.root}"
         yield "usd:robot prim pose", pose_value(tree.X_world_root if fixed else IDENTITY)
         yield from (("self-collision", touching), ("usd:newton:selfCollisionEnabled", touching))
-        yield from ((f"usd:physxArticulation:{word}", value) for word, value in solver.items())
+        yield from ((f"usd:physxArticulation:{SOLVER[key]}", v) for key, v in solver.items())
         if fixed:
             yield "usd:world joint holds", tree.root
             yield "usd:world joint pose", pose_value(tree.X_world_root)
@@ -148,7 +128,7 @@ class _Expectation:
 
     def _bodies(self) -> None:
         light, rigid = weightless(self._control), rigid_of(self._reference)
-        words = {f"usd:physxRigidBody:{word}": value for word, value in rigid.items()}
+        words = {f"usd:physxRigidBody:{RIGID[key]}": value for key, value in rigid.items()}
         for body in self._tree.bodies:
             if body.is_massless:  # PhysX would take a mass of 0 for none, and make one up
                 for quantity in ("centre of mass", "inertia"):

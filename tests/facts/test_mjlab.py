@@ -187,8 +187,6 @@ BUGS = [
     (module, "_velocity", "cfg.events |= randomize_events()", "cfg.x = 0",
      {"alpha_range", "bias_range", "effort_limit_range"}),
     (module, "_velocity", "for name in gone", "for name in gone[1:]", {"without"}),
-    (module, "_velocity", "knees if joint in KNEES else others", "others", {"walking_spread"}),
-    (module, "_pose", "reward.knees, joint", "joint, reward.knees", {"standing_spread"}),
     (events, "_log_cholesky", "math.log(low) / 2", "math.log(low)", {"alpha_range"}),
     (events, "_log_cholesky", "(-value, value)", "(0.0, value)", {"t1_range"}),
     (events, "_matter", '"body_names", bodies', '"body_names", bodies[1:]', {"alpha_range"}),

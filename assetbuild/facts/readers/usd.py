@@ -36,15 +36,7 @@ class UsdReader(Reader):
     folder: ClassVar[str] = "usd"
     behind: ClassVar[tuple[str, ...]] = ("usd/{robot}.usda", "usd/payloads/*")
     suffixes: ClassVar[tuple[str, ...]] = (".usd", ".usda", ".usdc", ".usdz")
-    # Beyond `usd` they are metadata, which writing the bundle again compares.
-    asks: ClassVar[tuple[str, ...]] = (
-        "usd",
-        "about",
-        "source.license",
-        "source.urdf",
-        "source.xacro",
-        "source.mjcf",
-    )
+    asks: ClassVar[tuple[str, ...]] = ("usd",)
     # Transforms and sizes are double precision.
     precision: ClassVar[Precision] = Precision(
         FLOAT32,
