@@ -103,7 +103,9 @@ class _Expectation:
         fixed, touching = tree.base == "fixed", touches_itself(self._reference)
         yield from (("up axis", "Z"), ("metres per unit", 1.0), ("kilograms per unit", 1.0))
         yield "articulation root", "the joint with the world" if fixed else f"body {tree.root}"
+        yield "usd:stated units", ("upAxis", "metersPerUnit", "kilogramsPerUnit")
         yield "usd:robot prim pose", pose_value(tree.X_world_root if fixed else IDENTITY)
+        yield "usd:placed", tree.X_world_root != IDENTITY
         yield from (("self-collision", touching), ("usd:newton:selfCollisionEnabled", touching))
         yield from ((f"usd:physxArticulation:{SOLVER[key]}", v) for key, v in solver.items())
         if fixed:
@@ -231,6 +233,8 @@ class _Expectation:
         if isinstance(shape.geometry, Mesh):
             surface = dict(self._reference.assets.surfaces)[shape.geometry.mesh]
             facts["usd:doubleSided"] = True
+            if shape.role == "visual":
+                facts["usd:shared"] = self._options.get("instanceable", True)
             facts["usd:normals"] = surface.normals or "along its faces"
         return facts
 

@@ -59,7 +59,10 @@ def read_robot(path: Path, known: KnownFiles) -> Table:
             _camera(prim, found.bodies.get(body), names.get(body, ""), places, book)
         robot = stage.GetDefaultPrim()
         _root(found, joints, names, places, book)
-        book.put("robot", "", {"usd:robot prim pose": pose_value(places.rigid(robot)[0])})
+        book.put("robot", "", {
+            "usd:robot prim pose": pose_value(places.rigid(robot)[0]),
+            "usd:placed": robot.GetAttribute("xformOpOrder").HasAuthoredValue(),
+        })  # fmt: skip
         for variant in robot.GetVariantSet(VARIANTS).GetVariantNames():
             book.put("robot", "", {f"usd:engines of {variant}": engines_of(stage, variant)})
         colliders = read_shapes(found.shapes, names, places, Looks(known), book)

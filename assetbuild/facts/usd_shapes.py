@@ -75,6 +75,8 @@ def read_shapes(
             colliders.append(Collider(name, prim.path, shape.body, solid))
         else:
             facts |= looks.of(prim.prim)
+            if prim.type == "Mesh":
+                facts["usd:shared"] = holder is not None and holder.prim.IsInstanceable()
         book.put("shape", name, facts)
     return colliders
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from pathlib import Path
 from typing import ClassVar
@@ -77,10 +78,12 @@ class UsdSceneReader(Reader):
         book.put("robot", "", {
             "up axis": "Z", "metres per unit": 1.0, "kilograms per unit": 1.0,
             "usd:file": (f"./{self.robot}.usda",),
+            "usd:stated units": ("upAxis", "metersPerUnit", "kilogramsPerUnit"),
         })  # fmt: skip
         simulation, ground = control.simulation, floor_of(tree, control)
         book.put("simulation", "", {
             "gravity": tuple(simulation.gravity),
+            "usd:gravity magnitude": math.hypot(*simulation.gravity),
             "timestep": 1.0 / round(1.0 / simulation.timestep),  # USD has whole steps per second
         })  # fmt: skip
         book.put("floor", "", {
@@ -88,6 +91,9 @@ class UsdSceneReader(Reader):
             "friction": ground.friction,
             "usd:floor pose": pose_value(Pose((0.0, 0.0, ground.height_m))),
             "usd:axis": "Z",
+            "usd:placed": bool(ground.height_m),
+            "usd:purpose": "default",
+            "usd:extent": True,
             "usd:collides": True,
             "usd:dynamicFriction": ground.friction[0],
             "usd:frictionCombineMode": "max",  # the rougher of two surfaces decides, as in MuJoCo
