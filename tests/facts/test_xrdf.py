@@ -69,8 +69,8 @@ def test_what_we_write_is_the_robot(ports: Path, tmp_path: Path):
 @pytest.mark.parametrize(
     ("subject", "quantity", "old", "new"),
     [
-        ("sphere FR_foot/0", "radius", FOOT, FOOT.replace("0.02", "0.021")),
-        ("sphere FR_foot/0", "centre", FOOT, FOOT.replace("[0.0, 0.0", "[0.0, 0.1")),
+        ("link FR_foot", "spheres", FOOT, FOOT.replace("0.02", "0.03")),
+        ("link FR_foot", "spheres", FOOT, FOOT.replace("[0.0, 0.0", "[0.0, 0.1")),
         ("joint FR_hip_joint", "place", "[FR_hip_joint, FR_thigh_joint",
          "[FR_thigh_joint, FR_hip_joint"),
         ("joint FR_hip_joint", "acceleration", "limits: [7.0", "limits: [7.1"),

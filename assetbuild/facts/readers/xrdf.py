@@ -1,7 +1,7 @@
 """The reader of facts of `xrdf/<robot>.xrdf`: what a planner knows beyond the URDF.
 
-Links are those of the URDF, unmerged. A link whose collision is balls has these; the spheres that
-cover another one stay within it, but for the margin of the recipe.
+Links are those of the URDF, unmerged. Spheres that cover the collision geometry of a link stay
+within it, but for the margin of the recipe.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from assetbuild.errors import UsageError
 from assetbuild.facts.derived import first_match, start_of
 from assetbuild.facts.reader import Proof, Reader
 from assetbuild.facts.reference import Reference, filtered_pairs
-from assetbuild.facts.table import Key, Table, Value, Writer, pair_name
+from assetbuild.facts.table import Table, Value, Writer, pair_name
 from assetbuild.facts.vocabulary import VOCABULARY
 from assetbuild.facts.yaml_file import read_yaml
 from assetbuild.mesh.obj import read_triangles
@@ -27,7 +27,7 @@ from assetbuild.robot.pose import Array
 from assetbuild.robot.shapes import Box, Mesh, Shape, Sphere
 
 IN_URDF = "stands in the URDF beside"
-WITHIN = "xrdf:within the collision"
+BALLS, WITHIN = "xrdf:spheres", "within the collision geometry"
 DEFAULTS: Mapping[str, Any] = {  # Any: plain JSON, here and below
     "joints": ".*", "acceleration": None, "jerk": None, "tool_frames": [], "max_spheres": 32,
     "margin": 0.02,
@@ -61,18 +61,15 @@ class Xrdf(Reader):
         return super().prove(replace(reference, options=options), path)
 
     def found(self, path: Path, reference: Reference) -> Table:
-        """In the place of spheres that cover a link, whether they are within it."""
-        table, said = self.read(path), _said(reference)
-        facts = dict(table.facts)
-        for link, shapes in _solid(reference).items():
-            if all(isinstance(shape.geometry, Sphere) for shape in shapes):
-                continue
-            own = [n for n in table.names("sphere") if n.rpartition("/")[0] == link]
-            balls = [table.of("sphere", name) for name in own]
-            facts = {k: v for k, v in facts.items() if (k.kind, k.name) not in
-                     {("sphere", name) for name in own}}  # fmt: skip
-            facts[Key("link", link, WITHIN)] = _within(balls, shapes, reference, said)
-        return Table(facts, table.unread, table.places)
+        """In the place of the spheres of a link, whether they are within its collision."""
+        table, solid = self.read(path), _solid(reference)
+        judged = {
+            key: _within(value, solid[key.name], reference)
+            if key.quantity == BALLS and key.name in solid
+            else value
+            for key, value in table.facts.items()
+        }
+        return replace(table, facts=judged)
 
     def read(self, path: Path) -> Table:
         """Joints, limits, spheres and pairs; UsageError for what is no YAML."""
@@ -86,10 +83,9 @@ class Xrdf(Reader):
         _put(book, "planner", "", head)
         _read_joints(said, book)
         groups = said.get("geometry", {})
-        for link, spheres in groups.get(SPHERES, {}).get("spheres", {}).items():
-            for number, ball in enumerate(spheres):
-                place = {"centre": tuple(ball["center"]), "radius": ball["radius"]}
-                _put(book, "sphere", f"{link}/{number}", place)
+        for link, balls in groups.get(SPHERES, {}).get("spheres", {}).items():
+            flat = [number for ball in balls for number in (*ball["center"], ball["radius"])]
+            book.put("link", link, {BALLS: tuple(flat)})
         for one, others in said.get(SELF, {}).get("ignore", {}).items():
             for other in others:
                 _put(book, "pair", pair_name(one, other), {"ignored": True})
@@ -105,14 +101,8 @@ class Xrdf(Reader):
             head |= {f"{name} geometry": SPHERES for name in (WORLD, SELF)}
         _put(book, "planner", "", head)
         _joints(reference, said, book)
-        for link, shapes in solid.items():
-            balls = [(s.X_link_shape.xyz, s.geometry.radius) for s in shapes
-                     if isinstance(s.geometry, Sphere)]  # fmt: skip
-            if len(balls) < len(shapes):
-                book.put("link", link, {WITHIN: True})
-                continue
-            for number, (centre, radius) in enumerate(balls):
-                _put(book, "sphere", f"{link}/{number}", {"centre": centre, "radius": radius})
+        for link in solid:
+            book.put("link", link, {BALLS: WITHIN})
         for one, other in _unmet(reference, list(solid)):
             _put(book, "pair", pair_name(one, other), {"ignored": True})
         return book.table()
@@ -172,22 +162,16 @@ def _limit(stated: Any, joint: str) -> float | None:
     return None if found is None else float(found)
 
 
-def _within(
-    balls: list[dict[str, Value]],
-    shapes: list[Shape],
-    reference: Reference,
-    said: Mapping[str, Any],
-) -> bool:
-    """Whether some spheres, and no more than may be, lie in the box around a link's collision."""
+def _within(stated: Value, shapes: list[Shape], reference: Reference) -> Value:
+    """WITHIN where all spheres, and no more than may be, lie in the box around the collision."""
+    said, balls = _said(reference), np.reshape(stated, (-1, 4))  # type: ignore[arg-type] # numbers
     corners = np.concatenate([_corners(shape, reference) for shape in shapes])
     low, high = corners.min(axis=0), corners.max(axis=0)
     out = said["margin"] * float(np.linalg.norm(high - low)) + 1e-6
-    inside = [
-        np.all(np.asarray(ball["xrdf:centre"]) - ball["xrdf:radius"] >= low - out)
-        and np.all(np.asarray(ball["xrdf:centre"]) + ball["xrdf:radius"] <= high + out)
-        for ball in balls
-    ]
-    return 0 < len(balls) <= said["max_spheres"] and all(inside)
+    centres, radii = balls[:, :3], balls[:, 3:]
+    inside = (centres - radii >= low - out) & (centres + radii <= high + out)
+    is_some = 0 < len(balls) <= max(said["max_spheres"], len(shapes))
+    return WITHIN if is_some and bool(inside.all()) else stated
 
 
 def _corners(shape: Shape, reference: Reference) -> Array:
