@@ -171,8 +171,10 @@ def _mjcf(file: Path) -> Iterator[Finding]:
 
 def _usd(file: Path) -> Iterator[Finding]:
     from assetbuild.checks.usd_valid import lint_file
+    from assetbuild.facts.readers.usd import ignored_words
 
     yield from lint_file(file)
+    yield from ignored_words(file)
 
 
 def _urdf(file: Path) -> Iterator[Finding]:

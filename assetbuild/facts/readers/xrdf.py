@@ -116,7 +116,7 @@ def _solid(reference: Reference) -> dict[str, list[Shape]]:
     """Collision shapes by link, in the order of the URDF."""
     found: dict[str, list[Shape]] = {body.name: [] for body in reference.links.bodies}
     for shape in reference.shapes.of("collision"):
-        found[shape.link].append(shape)
+        found.setdefault(shape.link, []).append(shape)
     return {link: shapes for link, shapes in found.items() if shapes}
 
 
