@@ -164,7 +164,8 @@ def _limit(stated: Any, joint: str) -> float | None:
 
 def _within(stated: Value, shapes: list[Shape], reference: Reference) -> Value:
     """WITHIN where all spheres, and no more than may be, lie in the box around the collision."""
-    said, balls = _said(reference), np.reshape(stated, (-1, 4))  # type: ignore[arg-type] # numbers
+    said = _said(reference)
+    balls: Array = np.reshape(np.asarray(stated, dtype=np.float64), (-1, 4))
     corners = np.concatenate([_corners(shape, reference) for shape in shapes])
     low, high = corners.min(axis=0), corners.max(axis=0)
     out = said["margin"] * float(np.linalg.norm(high - low)) + 1e-6
