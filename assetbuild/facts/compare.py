@@ -8,7 +8,6 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from assetbuild.facts.sketch import SKETCH, told
 from assetbuild.facts.table import Key, Table, Value
 from assetbuild.facts.vocabulary import (
     RANKS,
@@ -168,8 +167,7 @@ def differences(before: Table, after: Table, precision: Precision) -> list[Diffe
             continue
         old, now = _value(before, key), _value(after, key)
         if not _same(key, old, now, precision, before):
-            sides = told(old, now) if key.quantity.endswith(SKETCH) else (_plain(old), _plain(now))
-            found.append(Difference(key, *sides))
+            found.append(Difference(key, _plain(old), _plain(now)))
     return sorted(found, key=lambda d: RANKS.index(d.rank))
 
 

@@ -13,8 +13,14 @@ from typing import Any
 import numpy as np
 
 from assetbuild.facts.compare import Precision
-from assetbuild.facts.reference import (
+from assetbuild.facts.derived import (
     SOLREF,
+    explicit_law,
+    free_springs,
+    leader_of,
+    start_of,
+)
+from assetbuild.facts.reference import (
     Reference,
     mimic_facts,
     pose_value,
@@ -22,10 +28,6 @@ from assetbuild.facts.reference import (
     surface_facts,
 )
 from assetbuild.facts.table import Key, Table, Value, Writer
-from assetbuild.facts.usd_actuators import explicit_law
-from assetbuild.robot.initial import initial_pose
-from assetbuild.robot.joint_springs import as_drives
-from assetbuild.robot.mimic import first_leader
 from assetbuild.robot.model import Control, Tree
 from assetbuild.robot.pose import Pose
 from assetbuild.robot.shapes import Shapes
@@ -217,14 +219,14 @@ def physx_expected(reference: Reference, *, drive_type: str, mimics: bool) -> Ta
     table = as_physx(robot_table(reference), drive_type)
     book, control = Writer(), reference.control
     book.facts |= table.facts
-    starts = dict(initial_pose(reference.tree, control).joints)
+    starts = dict(start_of(reference.tree, control).joints)
     coupled = measurable(reference.tree) if mimics else {}
-    springs = as_drives(control)
+    springs = free_springs(control)
     for joint in reference.tree.moving_joints:
         row = control.by_joint.get(joint.name)
         target = starts[joint.name] if row and row.model == "pd" and row.kp else None
         if joint.name in springs:
-            target = springs[joint.name].rest
+            target = springs[joint.name][1]
         book.put("joint", joint.name, {"start": starts[joint.name], "drive target": target})
         if joint.name in coupled and joint.mimic is not None:
             book.put("joint", joint.name, {
@@ -337,7 +339,7 @@ def newton_expected(reference: Reference, shapes: Shapes, *, coupled: bool, usd:
         softness = soft[joint.name].solref if joint.name in soft else SOLREF
         book.put("joint", joint.name, {"newton:solreflimit": softness if limited else None})
         if coupled and joint.mimic is not None:
-            book.put("joint", joint.name, mimic_facts(first_leader(tree, joint.mimic)))
+            book.put("joint", joint.name, mimic_facts(leader_of(tree, joint.mimic)))
         row = reference.control.by_joint.get(joint.name)
         for name, value in explicit_law(row).items() if row else ():
             book.put("joint", joint.name, {f"newton:actuator {name}": value})

@@ -10,11 +10,10 @@ from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from typing import Any
 
+from assetbuild.facts.derived import SOLIMP, SOLREF
 from assetbuild.facts.mjcf_laws import drive_facts
 from assetbuild.facts.mjcf_opaque import mjcf_names
 from assetbuild.facts.reference import (
-    SOLIMP,
-    SOLREF,
     Reference,
     filtered_pairs,
     pose_value,

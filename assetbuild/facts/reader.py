@@ -24,7 +24,7 @@ from assetbuild.facts.losses import losses
 from assetbuild.facts.reference import Reference, robot_table
 from assetbuild.facts.table import Key, Table
 from assetbuild.findings import Finding, Rule, Scalar
-from assetbuild.kinds import Check, RecipeView, write_figures
+from assetbuild.kinds import Check, RecipeView, Target, write_figures
 
 UNREADABLE = Rule(
     "equal.unreadable",
@@ -195,9 +195,13 @@ class Reader(Check):
         yield from losses(all_facts, self.form, self.called, self.lacks, simulated=self.simulated)
 
 
-def asked_sections(readers: Iterable[type[Reader]]) -> tuple[str, ...]:
-    """The sections of the recipe that any of these readers asks for."""
-    return tuple(sorted({section for reader in readers for section in reader.asks}))
+def asked_sections(
+    readers: Iterable[type[Reader]], writers: Iterable[type[Target]]
+) -> tuple[str, ...]:
+    """What a bundle keeps of its recipe: for its readers, and to be written again."""
+    asked = {section for reader in readers for section in reader.asks}
+    told = {path for writer in writers for path in writer.told.values()}
+    return tuple(sorted(asked | {path for path in told if path.partition(".")[0] not in asked}))
 
 
 def stated_options(recipe: RecipeView, sections: tuple[str, ...]) -> dict[str, Any]:  # Any: JSON

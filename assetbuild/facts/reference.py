@@ -10,13 +10,13 @@ from pathlib import Path
 from typing import Any
 
 from assetbuild.errors import UsageError
+from assetbuild.facts.derived import SOLIMP, SOLREF, springs_of
 from assetbuild.facts.known_files import KnownFiles
 from assetbuild.facts.surface import Surface
 from assetbuild.facts.table import Table, Value, Writer, pair_name
 from assetbuild.robot.codec import decode, encode
 from assetbuild.robot.contact_filter import ContactFilter
 from assetbuild.robot.files import RobotFiles
-from assetbuild.robot.joint_springs import joint_springs
 from assetbuild.robot.model import (
     MOVING,
     Actuator,
@@ -33,8 +33,6 @@ from assetbuild.robot.model import (
 from assetbuild.robot.pose import IDENTITY, Pose
 from assetbuild.robot.shapes import Box, Capsule, Cylinder, Mesh, Shape, Shapes, Sphere
 
-SOLREF, SOLIMP = (0.02, 1.0), (0.9, 0.95, 0.001, 0.5, 2.0)
-"""MuJoCo's own softness, which a contact has that states none."""
 TYPES = {"revolute": "rotary", "continuous": "rotary", "prismatic": "linear"}
 
 
@@ -165,10 +163,8 @@ def robot_table(reference: Reference, *, merged: bool = True) -> Table:
         book.put("joint", joint.name, joint_facts(joint))
         if joint.kind in MOVING:
             book.put("joint", joint.name, drive_facts(joint, reference.control))
-    for name, spring in joint_springs(reference.control.mjcf_only).items():
-        if spring.is_linear:
-            told = {"stiffness": spring.stiffness, "spring reference": spring.rest}
-            book.put("joint", name, dict[str, Value](told))
+    for name, (stiffness, rest) in springs_of(reference.control).items():
+        book.put("joint", name, {"stiffness": stiffness, "spring reference": rest})
     for loop in reference.control.loops:
         book.put("loop", loop.name, loop_facts(loop))
     _shapes(tree, reference, book)

@@ -24,7 +24,7 @@ class Surface:
     corners. moments: xx, yy, zz, xy, xz, yz, m2, of the mean of their outer products. uv: means of
     u, v, uu, vv, uv; empty without texture. normals: means of x, y, z, xx, yy, zz, xy, xz, yz of
     the normals that the file states at its corners; empty where it states none. vertices: places
-    in the file; sketch: see `facts.sketch`; both of the file as it lies, whatever its frame.
+    in the file.
     """
 
     triangles: int
@@ -35,7 +35,6 @@ class Surface:
     uv: tuple[float, ...] = ()
     normals: tuple[float, ...] = ()
     vertices: int = 0
-    sketch: str = ""
 
     def __post_init__(self) -> None:
         lengths = len(self.mean), len(self.moments), len(self.uv), len(self.normals)
@@ -51,7 +50,7 @@ class Surface:
         return Surface(
             self.triangles, self.area, self.volume,
             tuple((mean + shift).tolist()), _six(second), self.uv,
-            self._turned_normals(turn), self.vertices, self.sketch,
+            self._turned_normals(turn), self.vertices,
         )  # fmt: skip
 
     def _turned_normals(self, turn: Array) -> tuple[float, ...]:

@@ -1,4 +1,4 @@
-"""What the modules of all trainers have in common: patterns of names, the start, drawn events."""
+"""What the modules of all trainers have in common: patterns of names, drives, the start, events."""
 
 from __future__ import annotations
 
@@ -6,19 +6,18 @@ import math
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
 from typing import Any
 
+from assetbuild.facts.derived import first_match, start_of
 from assetbuild.facts.reference import Reference, pose_value
 from assetbuild.facts.standins import ARGUMENTS, Record, class_of, table_of, words_of
 from assetbuild.facts.table import Key, Value, Writer
 from assetbuild.facts.vocabulary import VOCABULARY
-from assetbuild.robot.initial import initial_pose
-from assetbuild.robot.model import Keyframe
-from assetbuild.robot.ranges import Randomize, RandomJoint, RandomMatter, first_match
 
 Names = Mapping[str, str]
 """The robot's names by those of a module."""
+Ranges = Mapping[str, Any]
+"""A section of the recipe's `randomize`. Any: JSON."""
 STATED = frozenset(
     (
         "robot start pose", "robot soft limits", "joint model", "joint kp", "joint kd",
@@ -28,6 +27,8 @@ STATED = frozenset(
     )
 )  # fmt: skip
 """What every trainer's module states; the rest stands in the MJCF or USD that it loads."""
+UNCHANGED = (1.0, 1.0)
+"""A factor that draws nothing."""
 
 
 def left_to_the_asset(*besides: str) -> dict[str, str]:
@@ -71,43 +72,19 @@ def put_start(start: Record, quat: Sequence[float], form: str, names: Names, boo
     put_by_joint(start.get("joint_vel"), names, f"{form}:start velocity", book)
 
 
-def put_drive(joints: Iterable[str], facts: Mapping[str, Value], book: Writer, where: str) -> None:
-    """The numbers of one group of drives; of a joint that two groups claim there are two models."""
-    for joint in joints:
-        earlier = book.facts.get(Key("joint", joint, "model"))
-        twice = {} if earlier is None else {"model": f"{earlier} and {facts['model']}"}
-        book.put("joint", joint, {**facts, **twice})
-        book.place("joint", joint, where)
-
-
 def delay_s(steps: Sequence[float], timestep_s: float) -> tuple[float, ...]:
     """Simulation steps as seconds."""
     return tuple(step * timestep_s for step in steps)
 
 
-# --- events -----------------------------------------------------------------------------------
-
-
-@dataclass(frozen=True)
-class Drawn:
-    """What a trainer's function draws. kind, subjects: of whom; params: what it is given."""
-
-    function: str
-    kind: str
-    subjects: Sequence[str]
-    params: Mapping[str, Any]  # Any: numbers, texts, and tuples and tables of them
-
-    def put(self, form: str, book: Writer) -> None:
-        """As words of the format, by subject; several terms of one subject one after another."""
-        for subject in self.subjects:
-            for path, value in _flat(self.params):
-                key = Key(self.kind, subject, f"{form}:{self.function} {path}")
-                book.facts[key] = (*_row(book.facts.get(key)), *_row(value))
-
-
-def read_terms(
-    terms: object, bodies: Names, joints: Names, groups: Sequence[Sequence[str]] = ()
-) -> Iterator[Drawn]:
+def put_terms(
+    terms: object,
+    form: str,
+    bodies: Names,
+    joints: Names,
+    book: Writer,
+    groups: Sequence[Sequence[str]] = (),
+) -> None:
     """`EventTermCfg` by name. groups: joints of each drive, which a term may name by its place."""
     for term in table_of(terms).values():
         if class_of(term) == "EventTermCfg":
@@ -115,26 +92,37 @@ def read_terms(
             entity = table_of(params.pop("asset_cfg", None))
             params["entity"] = entity.get(ARGUMENTS)
             params |= {"geom_names": entity["geom_names"]} if "geom_names" in entity else {}
-            kind, subjects = _subjects(entity, bodies, joints, groups)
-            yield Drawn(class_of(term.get("func")), kind, subjects, params)
+            for kind, subject in _subjects(entity, bodies, joints, groups):
+                _put_draw(form, class_of(term.get("func")), (kind, subject), params, book)
 
 
 def _subjects(
     entity: Record, bodies: Names, joints: Names, groups: Sequence[Sequence[str]]
-) -> tuple[str, list[str]]:
+) -> Iterator[tuple[str, str]]:
     """Whom a `SceneEntityCfg` names; the robot as a whole where it names nobody."""
     if "body_names" in entity:
-        return "body", matching(words_of(entity["body_names"]), bodies)
-    if "joint_names" in entity:
-        return "joint", matching(words_of(entity["joint_names"]), joints)
-    if "actuator_ids" in entity:
-        return "joint", [joint for place in entity["actuator_ids"] for joint in groups[place]]
-    return "robot", [""]
+        yield from (("body", name) for name in matching(words_of(entity["body_names"]), bodies))
+    elif "joint_names" in entity:
+        yield from (("joint", name) for name in matching(words_of(entity["joint_names"]), joints))
+    elif "actuator_ids" in entity:
+        yield from (("joint", joint) for place in entity["actuator_ids"] for joint in groups[place])
+    else:
+        yield "robot", ""
 
 
-def drawn(function: str, kind: str, subject: str, **params: object) -> Drawn:
-    """What a term at the start must draw of one subject."""
-    return Drawn(function, kind, [subject], {"mode": "startup", "entity": "robot", **params})
+def put_drawn(form: str, function: str, kind: str, name: str, book: Writer, **params: Any) -> None:
+    """What a term at the start must draw of one subject. params: any JSON."""
+    whole = {"mode": "startup", "entity": "robot", **params}
+    _put_draw(form, function, (kind, name), whole, book)
+
+
+def _put_draw(
+    form: str, function: str, subject: tuple[str, str], params: Mapping[str, Any], book: Writer
+) -> None:
+    """As words of the format; several terms of one subject one after another."""
+    for path, value in _flat(params):
+        key = Key(*subject, f"{form}:{function} {path}")
+        book.facts[key] = (*_row(book.facts.get(key)), *_row(value))
 
 
 def _flat(table: Mapping[str, Any]) -> Iterator[tuple[str, Any]]:
@@ -155,26 +143,17 @@ def _row(value: Any) -> tuple[Any, ...]:  # Any: a leaf, or a matrix of them
 # --- what the robot says ----------------------------------------------------------------------
 
 
-@dataclass(frozen=True)
-class Ranges:
-    """The recipe's `randomize` by the names of the robot."""
+def varied(reference: Reference, section: str, name: str) -> Ranges | None:
+    """What the recipe's `randomize` says of a body (`links`) or a joint (`joints`)."""
+    table = (reference.options.get("randomize") or {}).get(section) or {}
+    found: Ranges | None = first_match(table, name)
+    return found
 
-    recipe: Randomize | None
 
-    @classmethod
-    def of(cls, reference: Reference) -> Ranges:
-        """Nothing where the recipe says nothing."""
-        stated = reference.options.get("randomize")
-        return cls(None if stated is None else Randomize.model_validate(stated))
-
-    def joint(self, name: str) -> RandomJoint:
-        """What may vary at a joint."""
-        table = self.recipe.joints if self.recipe else {}
-        return first_match(table, name) or RandomJoint.model_validate({})
-
-    def body(self, name: str) -> RandomMatter | None:
-        """What may vary of a body's matter."""
-        return first_match(self.recipe.links, name) if self.recipe else None
+def factors(ranges: Ranges, *keys: str) -> dict[str, tuple[float, float]]:
+    """The factors that draw something."""
+    found = {key: tuple(ranges.get(key, UNCHANGED)) for key in keys}
+    return {key: pair for key, pair in found.items() if pair != UNCHANGED}
 
 
 def massive_bodies(reference: Reference) -> list[str]:
@@ -182,18 +161,13 @@ def massive_bodies(reference: Reference) -> list[str]:
     return [b.name for b in reference.tree.bodies if b.inertial and b.inertial.mass_kg > 0.0]
 
 
-def start_of(reference: Reference) -> Keyframe:
-    """Where the robot starts in every trainer."""
-    return initial_pose(reference.tree, reference.control)
-
-
 def put_expected_start(
     reference: Reference, form: str, soft_limits: float, clearance_m: float, book: Writer
 ) -> None:
     """What `put_start` must find. clearance_m: how much higher the root is put."""
-    start = start_of(reference)
+    start = start_of(reference.tree, reference.control)
     x, y, z, *turn = pose_value(start.base or reference.tree.X_world_root)
-    pose = (x, y, z + clearance_m, *turn)
+    pose: Value = (x, y, z + clearance_m, *turn)
     book.put("robot", "", {"start pose": pose, f"{form}:length of rot": 1.0})
     book.put("robot", "", {"soft limits": soft_limits})
     for joint, position in start.joints:

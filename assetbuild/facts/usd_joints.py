@@ -14,7 +14,6 @@ import numpy as np
 
 from assetbuild.facts.reference import pose_value
 from assetbuild.facts.table import Value, Writer
-from assetbuild.facts.usd_actuators import CLAMPS, LAW, spelled
 from assetbuild.facts.usd_prims import Places, Prim, pose_of
 from assetbuild.robot.pose import Array, Pose, rotation_of
 
@@ -29,6 +28,11 @@ MOVING = ("rotary", "linear")
 UNLIMITED = 1e6
 """rad or m: from here on a limit limits nothing; PhysX couples two angles only within limits."""
 AXES = {"X": (1.0, 0.0, 0.0), "Y": (0.0, 1.0, 0.0), "Z": (0.0, 0.0, 1.0)}
+CLAMPS: Mapping[str, tuple[str, ...]] = {
+    "NewtonMaxEffortClampingAPI": ("maxEffort",),
+    "NewtonDCMotorClampingAPI": ("maxMotorEffort", "saturationEffort", "velocityLimit"),
+}
+"""Newton's schemas that limit the effort of a drive that acts outside of the solver."""
 
 
 class JointPrim:
@@ -250,11 +254,12 @@ def read_actuators(prims: Sequence[Prim], names: Mapping[str, str], book: Writer
     """What Newton's actuator prims say of the joints that they drive. names: of joints by path."""
     for prim in prims:
         words: dict[str, Value] = {
-            "kp": prim.number("newton:kp", LAW),
-            "kd": prim.number("newton:kd", LAW),
+            "usd:actuator kp": prim.number("newton:kp", "NewtonPDControlAPI"),
+            "usd:actuator kd": prim.number("newton:kd", "NewtonPDControlAPI"),
         }
         for schema, attributes in CLAMPS.items():
             if prim.has(schema):
-                words |= {name: prim.number(f"newton:{name}") for name in attributes}
+                said = {name: prim.number(f"newton:{name}") for name in attributes}
+                words |= {f"usd:actuator {name}": value for name, value in said.items()}
         for path in prim.targets("newton:targets") or (prim.path,):
-            book.put("joint", names.get(path, path), spelled(words))
+            book.put("joint", names.get(path, path), words)

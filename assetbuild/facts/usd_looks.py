@@ -32,12 +32,17 @@ class Looks:
         return self.materials[path]
 
     def _shown(self, material: UsdShade.Material) -> dict[str, Value]:
-        facts: dict[str, Value] = {}
+        """Nothing of a material whose output leads to no shader: a viewer draws it grey."""
+        if not material.ComputeSurfaceSource()[0]:
+            return {}
+        facts: dict[str, Value] = {"material": Prim(material.GetPrim()).name}
         for shader in _shaders(material):
             kind = shader.text("info:id")
             if kind == "UsdPreviewSurface":
                 colour = shader.numbers("inputs:diffuseColor") or ()
                 facts["rgba"] = (*colour, *(shader.numbers("inputs:opacity") or (1.0,)))
+                gloss = ("roughness", "metallic")
+                facts["usd:gloss"] = tuple(shader.number(f"inputs:{n}") or 0.0 for n in gloss)
             file = shader.value("inputs:file")
             if kind == "UsdUVTexture" and isinstance(file, Sdf.AssetPath):
                 facts["texture"] = self._pixels(file)

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 from pxr import Gf, Usd, UsdGeom
@@ -42,8 +43,15 @@ class Units:
         return self.kilogram * (self.metre**2 if angular else 1.0)
 
 
+ENGINES = ("physics", "physx", "newton", "mjc", "drive", "limit", "state")
+"""How the names of attributes that engines simulate by begin."""
+
+
 class Prim:
     """One prim, asked for what it states itself; a schema's own default counts as not stated."""
+
+    asked: ClassVar[set[str]] = set()
+    """Names of attributes and relationships that somebody has asked any prim for."""
 
     def __init__(self, prim: Usd.Prim) -> None:
         self.prim, self.path = prim, str(prim.GetPath())
@@ -73,6 +81,7 @@ class Prim:
 
     def value(self, name: str, schema: str = "") -> object:
         """The value of an attribute; None where none is stated, or its schema is not applied."""
+        self.asked.add(name)
         attribute = self.prim.GetAttribute(name)
         if (schema and not self.has(schema)) or not attribute.HasAuthoredValue():
             return None
@@ -105,9 +114,17 @@ class Prim:
 
     def targets(self, name: str, schema: str = "") -> tuple[str, ...]:
         """Paths that a relationship points at."""
+        self.asked.add(name)
         if schema and not self.has(schema):
             return ()
         return tuple(str(path) for path in self.prim.GetRelationship(name).GetTargets())
+
+    def unasked(self) -> Iterator[str]:
+        """What it states for engines, and nobody here reads."""
+        for found in self.prim.GetAuthoredProperties():
+            name = found.GetName()
+            if name.startswith(ENGINES) and name not in self.asked:
+                yield name
 
     def words(self, rows: Mapping[str, float], schema: str) -> dict[str, Value]:
         """Words of the format. rows: unit by attribute of a schema."""

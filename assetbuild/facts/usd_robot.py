@@ -16,7 +16,7 @@ from pxr import Usd, UsdGeom, UsdPhysics
 from assetbuild.facts.known_files import KnownFiles
 from assetbuild.facts.reference import pose_value
 from assetbuild.facts.table import Table, Value, Writer
-from assetbuild.facts.usd_isaac import read_schema
+from assetbuild.facts.usd_isaac import read_poses, read_schema
 from assetbuild.facts.usd_joints import JointPrim, joint_facts, read_actuators
 from assetbuild.facts.usd_looks import Looks
 from assetbuild.facts.usd_prims import Places, Prim, quat_of_gf
@@ -59,7 +59,10 @@ def read_robot(path: Path, known: KnownFiles) -> Table:
             _camera(prim, found.bodies.get(body), names.get(body, ""), places, book)
         robot = stage.GetDefaultPrim()
         _root(found, joints, names, places, book)
-        book.put("robot", "", {"usd:robot prim pose": pose_value(places.rigid(robot)[0])})
+        book.put("robot", "", {
+            "usd:robot prim pose": pose_value(places.rigid(robot)[0]),
+            "usd:placed": robot.GetAttribute("xformOpOrder").HasAuthoredValue(),
+        })  # fmt: skip
         for variant in robot.GetVariantSet(VARIANTS).GetVariantNames():
             book.put("robot", "", {f"usd:engines of {variant}": engines_of(stage, variant)})
         colliders = read_shapes(found.shapes, names, places, Looks(known), book)
@@ -67,6 +70,13 @@ def read_robot(path: Path, known: KnownFiles) -> Table:
         articulated = [prim.path for prim in found.roots if prim.path in found.bodies]
         pair_facts(colliders, names, found.filters, apart, articulated, book)
         read_schema(Prim(robot), names | framed | jointed, book)
+        read_poses(Prim(robot), joints, book)
+        for prim in map(Prim, Usd.PrimRange(stage.GetPseudoRoot(), Usd.TraverseInstanceProxies())):
+            for name in prim.unasked():
+                value = prim.prim.GetAttribute(name)
+                book.skip(prim.path, f"`{name}`", str(value.Get() if value else "")[:200])
+            if custom := [p.GetName() for p in prim.prim.GetAuthoredProperties() if p.IsCustom()]:
+                book.put("prim", prim.path, {"usd:custom properties": tuple(custom)})
         return book.table()
 
 

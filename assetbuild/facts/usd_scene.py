@@ -12,6 +12,7 @@ from assetbuild.facts.reference import pose_value
 from assetbuild.facts.table import Table, Value, Writer
 from assetbuild.facts.usd_looks import surface_of
 from assetbuild.facts.usd_prims import Places, Prim
+from assetbuild.facts.usd_seen import seen_facts
 from assetbuild.facts.usd_stage import opened, units_of
 
 
@@ -50,7 +51,11 @@ def _simulation(prim: Prim, places: Places) -> dict[str, Value]:
     strength = 9.81 if magnitude is None or magnitude < 0.0 else magnitude
     gravity = direction / (np.linalg.norm(direction) or 1.0) * strength
     rate = prim.number("physxScene:timeStepsPerSecond", "PhysxSceneAPI")
-    return {"gravity": tuple(gravity.tolist()), "timestep": 1.0 / rate if rate else None}
+    return {
+        "gravity": tuple(gravity.tolist()),
+        "usd:gravity magnitude": magnitude,
+        "timestep": 1.0 / rate if rate else None,
+    }
 
 
 def _floor(prim: Prim, places: Places) -> dict[str, Value]:
@@ -62,5 +67,6 @@ def _floor(prim: Prim, places: Places) -> dict[str, Value]:
         "usd:floor pose": pose_value(pose),
         "usd:axis": prim.text("axis") or "Z",
         "usd:collides": solid and prim.flag("physics:collisionEnabled") is not False,
+        "usd:placed": prim.value("xformOpOrder") is not None,
     }
-    return facts | surface_of(prim.prim)
+    return facts | surface_of(prim.prim) | seen_facts(prim.prim)

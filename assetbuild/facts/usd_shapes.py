@@ -13,6 +13,7 @@ from assetbuild.facts.table import Value, Writer, pair_name
 from assetbuild.facts.usd_looks import Looks, surface_of
 from assetbuild.facts.usd_meshes import Meshes
 from assetbuild.facts.usd_prims import Places, Prim, rigid
+from assetbuild.facts.usd_seen import seen_facts
 from assetbuild.robot.pose import Array, Pose, quat_between
 
 AXES = {"X": (1.0, 0.0, 0.0), "Y": (0.0, 1.0, 0.0)}
@@ -66,7 +67,7 @@ def read_shapes(
             name = f"{name}/{prim.name}"
         role = "collision" if shape.collider else "visual"
         facts: dict[str, Value] = {"role": role, "body": names.get(shape.body, "")}
-        facts |= _geometry(shape, places, meshes)
+        facts |= _geometry(shape, places, meshes) | seen_facts(prim.prim)
         if shape.collider:
             solid = shape.collider.flag("physics:collisionEnabled") is not False
             facts |= {"collides": solid} | surface_of(prim.prim) | _hull(prim)
@@ -74,6 +75,8 @@ def read_shapes(
             colliders.append(Collider(name, prim.path, shape.body, solid))
         else:
             facts |= looks.of(prim.prim)
+            if prim.type == "Mesh":
+                facts["usd:shared"] = holder is not None and holder.prim.IsInstanceable()
         book.put("shape", name, facts)
     return colliders
 

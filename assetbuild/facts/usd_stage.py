@@ -46,6 +46,10 @@ _PLACE = re.compile(r"-- (\S+?):(\d+):\d+: (.*?)(?: at)? '(.*)' in <([^>]*)>")
 """`-- FILE:LINE:COLUMN: Expected } at 'STATEMENT' in </PRIM>` of USD's parser."""
 
 
+UNITS = ("upAxis", "metersPerUnit", "kilogramsPerUnit")
+"""Metadata of a stage, which others take for centimetres and y where it states nothing."""
+
+
 def units_of(stage: Usd.Stage, book: Writer) -> Units:
     """Units of a stage, noted with its up axis; UsageError where one is not positive."""
     units = Units(UsdGeom.GetStageMetersPerUnit(stage), UsdPhysics.GetStageKilogramsPerUnit(stage))
@@ -58,6 +62,7 @@ def units_of(stage: Usd.Stage, book: Writer) -> Units:
         "up axis": str(UsdGeom.GetStageUpAxis(stage)),
         "metres per unit": units.metre,
         "kilograms per unit": units.kilogram,
+        "usd:stated units": tuple(name for name in UNITS if stage.HasAuthoredMetadata(name)),
     })  # fmt: skip
     return units
 

@@ -1,4 +1,4 @@
-"""A YAML file of a bundle as plain data."""
+"""Plain data: a YAML file of a bundle, and the leaves of JSON."""
 
 from __future__ import annotations
 
@@ -61,3 +61,26 @@ def _flat(value: Any) -> Iterator[Any]:
             yield from _flat(item)
     else:
         yield value
+
+
+def leaves(value: object, path: str = "") -> Iterator[tuple[str, Value]]:
+    """(path, value) of all leaves of plain JSON; items of a list go by their names.
+
+    A second item of one name has its place behind it. What is empty is a leaf.
+    """
+    if isinstance(value, Mapping) and value:
+        for key, item in value.items():
+            yield from leaves(item, f"{path}.{key}" if path else str(key))
+    elif isinstance(value, list | tuple) and value:
+        seen = set()
+        for index, item in enumerate(value):
+            named = item.get("name", item.get("joint")) if isinstance(item, Mapping) else None
+            again = f"[{index}]" if not named or named in seen else ""
+            seen.add(named)
+            yield from leaves(item, f"{path}.{named}{again}" if named else f"{path}{again}")
+    elif isinstance(value, bool | str) or value is None:
+        yield path, value
+    elif isinstance(value, int | float):
+        yield path, float(value)
+    else:
+        yield path, "nothing"

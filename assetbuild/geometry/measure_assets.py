@@ -9,7 +9,6 @@ from assetbuild.engine.step import Files, Step
 from assetbuild.facts.known_files import digest_of
 from assetbuild.facts.picture import pixel_digest
 from assetbuild.facts.reference import Assets
-from assetbuild.facts.sketch import sketch_of
 from assetbuild.facts.surface import measure
 from assetbuild.findings import Finding
 from assetbuild.mesh.hulls import hull_or_points, write_meshes
@@ -37,12 +36,8 @@ class MeasureAssets(Step):
         for asset in robot.shapes.meshes:
             data = (robot.mesh_dir / asset.file).read_bytes()
             mesh = read_triangles(data, asset.file)
-            corners, uv, normals = mesh.corners, mesh.uv, mesh.normals
-            surface = measure(corners, uv, normals)
-            surface = replace(
-                surface, vertices=len(mesh.vertices), sketch=sketch_of(corners, uv, normals)
-            )
-            surfaces.append((asset.name, surface))
+            surface = measure(mesh.corners, mesh.uv, mesh.normals)
+            surfaces.append((asset.name, replace(surface, vertices=len(mesh.vertices))))
             meshes.append(mesh)
             digests.append((asset.name, digest_of(data)))
         for texture in sorted({m.texture for m in robot.shapes.materials if m.texture}):

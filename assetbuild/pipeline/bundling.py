@@ -38,7 +38,7 @@ from assetbuild.pipeline.publish import (
 from assetbuild.pipeline.writers import RANGES, code_of_writers, patterns
 from assetbuild.plan import Outline, part_lock
 from assetbuild.plan.asked import readers_of
-from assetbuild.plugins import load_plugin
+from assetbuild.plugins import load_plugin, own_names
 from assetbuild.recipe.loader import LoadedRecipe
 from assetbuild.recipe.models import Recipe
 from assetbuild.report.bundle import (
@@ -75,7 +75,8 @@ def bundle_files(
     told = [(each, dict(pin.model_dump()) if pin else {}) for each, pin in pins]
     tree, shapes, control = built.robot()
     subject = Subject(recipe, told[0][1], tree, shapes, control, built.measured(), built.fits())
-    sections = asked_sections(reader for _, reader in readers_of(recipe))
+    writers = (load_plugin(Target, name) for name in own_names(Target))
+    sections = asked_sections((reader for _, reader in readers_of(recipe)), writers)
     reference = built.reference(stated_options(recipe, sections) | patterns(recipe))
     files = [
         *built.targets(),

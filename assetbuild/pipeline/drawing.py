@@ -36,7 +36,8 @@ def to_text(graph: Graph) -> str:
     """The rooms of the house in the order of building, each with its steps."""
     rooms: dict[str, list[str]] = {}
     for node in graph.nodes.values():
-        rooms.setdefault(type(node.step).__module__.split(".")[1], []).append(node.label)
+        room = type(node.step).__module__.removeprefix("assetbuild.").partition(".")[0]
+        rooms.setdefault(room, []).append(node.label)
     lines = []
     for room, labels in rooms.items():
         lines.append(f"{room}: {len(labels)} step{'s' if len(labels) > 1 else ''}")

@@ -12,7 +12,6 @@ from assetbuild.engine.actions import SharedCache
 from assetbuild.engine.execute import Listener
 from assetbuild.engine.scratch import scratch
 from assetbuild.errors import AssetBuildError, SourceError, UsageError
-from assetbuild.facts.coherence import incoherent, other_sections
 from assetbuild.facts.reference import Reference
 from assetbuild.findings import Finding, Rule, worst_first
 from assetbuild.pipeline.again import prove_again
@@ -91,9 +90,7 @@ def _proved(bundle: Path) -> dict[str, Validated]:
     """Every file of a bundle that says what the robot is, compared with the bundle's robot."""
     reference = Reference.of_bundle(bundle)
     robot = str(reference.options.get("robot") or _named(bundle))
-    said = (*incoherent(reference), *other_sections(reference, bundle))
-    own = [finding.at("report/robot.json") for finding in said]
-    found = {"report/robot.json": Validated("report/robot.json", "robot", tuple(own))}
+    found = {"report/robot.json": Validated("report/robot.json", "robot", ())}
     for form, reader, file in bundle_readers(bundle, robot, reference):
         name = file.relative_to(bundle).as_posix()
         findings = [
@@ -174,8 +171,10 @@ def _mjcf(file: Path) -> Iterator[Finding]:
 
 def _usd(file: Path) -> Iterator[Finding]:
     from assetbuild.checks.usd_valid import lint_file
+    from assetbuild.facts.readers.usd import ignored_words
 
     yield from lint_file(file)
+    yield from ignored_words(file)
 
 
 def _urdf(file: Path) -> Iterator[Finding]:

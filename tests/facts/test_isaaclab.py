@@ -32,7 +32,6 @@ from assetbuild.robot.model import Actuator
 from assetbuild.robot.ranges import Randomize
 from assetbuild.targets.isaaclab import IsaacLab, events
 from assetbuild.targets.isaaclab.module import Module
-from assetbuild.targets.isaaclab.options import IsaacLabOptions
 
 RANDOMIZE = Randomize.model_validate(
     {
@@ -96,25 +95,6 @@ def test_a_module_that_nobody_edited_is_the_robot(
     proof = built(robot, tmp_path, randomize=drawn).prove()
     assert proof.findings == ()
     assert proof.compared > 60
-
-
-@pytest.mark.parametrize(("rest", "severity"), [(0.5, "error"), (0.0, "info")])
-def test_a_spring_is_a_stiffness_and_its_rest_is_lost(rest: float, severity: str, tmp_path: Path):
-    robot = sprung(rest=rest)
-    inputs = write_robot_ports(tmp_path / "in", robot)
-    found = run_step(IsaacLab(robot="robot"), inputs, tmp_path / "out")
-    (spring,) = [f for f in found if f.rule == "isaaclab.spring"]
-    assert (spring.severity, spring.data) == (severity, {"stiffness": 6.0, "rest": rest})
-
-
-def test_what_the_recipe_says_of_isaac_lab_is_expected(tmp_path: Path):
-    asked = IsaacLabOptions.model_validate(
-        {
-            "friction_buckets": 12, "clearance": 0.01, "contact_sensors": False,
-            "soft_joint_pos_limit_factor": 0.9,
-        }
-    )  # fmt: skip
-    assert built(quadruped(), tmp_path, options=asked, randomize=RANDOMIZE).prove().findings == ()
 
 
 def test_drives_without_a_limit_or_a_form_in_isaac_lab_are_what_they_are(tmp_path: Path):
@@ -276,18 +256,6 @@ def test_patterns_constants_and_sums_are_read_and_calls_are_not(tmp_path: Path):
     assert facts[Key("robot", "", "start pose")] == (0.0, 0.0, 0.4, 1.0, 0.0, 0.0, 0.0)
     assert Key("joint", "FR_hip_joint", "armature") not in facts  # the USD says it
     assert Key("joint", "FR_calf_joint", "kp") not in facts
-
-
-def test_a_configuration_that_replaces_fields_of_another_keeps_the_rest(tmp_path: Path):
-    file = tmp_path / "robot.py"
-    file.write_text(FOREIGN)
-    assert read_config(file, "OTHER_CFG", JOINTS) == read_config(file, "BODY_CFG", JOINTS)
-
-
-def test_without_a_robot_beside_it_the_patterns_are_the_subjects(tmp_path: Path):
-    file = tmp_path / "robot.py"
-    file.write_text(FOREIGN)
-    assert ".*_hip_joint" in read_config(file, "BODY_CFG", ()).names("joint")
 
 
 @pytest.mark.parametrize(

@@ -108,8 +108,3 @@ def test_a_module_that_never_stops_talking_is_stopped(
     with pytest.raises(UsageError):
         recorded(written(tmp_path, f"{text}\n        except OSError: pass"))
     assert time.monotonic() - began < 10.0
-
-
-def test_an_error_names_its_line(tmp_path: Path):
-    with pytest.raises(UsageError, match=r"robot\.py:3: ZeroDivisionError"):
-        recorded(written(tmp_path, "A = 1\n\nB = 1 / 0\n"))

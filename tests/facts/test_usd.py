@@ -7,9 +7,10 @@ from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from typing import Any
 
 import pytest
-from gripper import gripper, picture
+from gripper import gripper
 from hypothesis import given, settings
 from pxr import Gf, Usd, UsdGeom, UsdPhysics
 from tiny import (
@@ -27,15 +28,13 @@ from tiny import (
 )
 
 from assetbuild.errors import UsageError
-from assetbuild.facts.readers.usd import UsdReader
+from assetbuild.facts.readers.usd import UsdReader, ignored_words
 from assetbuild.findings import Finding
 from assetbuild.robot.model import (
     Contact,
 )
-from assetbuild.robot.pose import Pose, normalised_quat
 from assetbuild.simulators.usd_options import UsdOptions
 from assetbuild.targets.usd import Usd as UsdTarget
-from assetbuild.targets.usd.unsupported import unsupported
 
 JOINTS = "/robot/Joints"
 Spoil = Callable[[Usd.Stage], object]
@@ -79,34 +78,6 @@ def test_a_spring_is_the_drive_of_a_joint_that_has_no_other(tmp_path: Path) -> N
     assert (drive.GetDampingAttr().Get(), drive.GetMaxForceAttr().Get()) == (0.0, math.inf)
 
 
-@pytest.mark.parametrize(
-    ("attribute", "quantity"), [("stiffness", "kp"), ("targetPosition", "drive_target")]
-)
-def test_a_changed_spring_is_found(attribute: str, quantity: str, tmp_path: Path) -> None:
-    def spoil(stage: Usd.Stage) -> None:
-        prim = stage.GetPrimAtPath(f"{JOINTS}/swing_joint")
-        value = prim.GetAttribute(f"drive:angular:physics:{attribute}")
-        value.Set(value.Get() * 1.02)
-
-    assert rules(check(sprung(), tmp_path, spoil)) == {
-        (f"equal.usd.{quantity}", "joint swing_joint")
-    }
-
-
-@pytest.mark.parametrize("joint", ["polynomial", "driven"])
-def test_a_spring_that_no_drive_can_be_is_not_written(joint: str, tmp_path: Path) -> None:
-    robot = sprung("6 1 0" if joint == "polynomial" else "6")
-    if joint == "driven":
-        drives = pendulum().control.actuators
-        robot = replace(robot, control=replace(robot.control, actuators=drives))
-    assert check(robot, tmp_path) == []
-    (found,) = [
-        f for f in unsupported(robot.tree, robot.control, UsdOptions()) if f.rule == "usd.spring"
-    ]
-    assert found.severity == "error"
-    assert ("polynomial" if joint == "polynomial" else "drive of its own") in found.message
-
-
 # --- nothing changed
 
 
@@ -118,16 +89,6 @@ def test_untouched_robots_are_equal(tmp_path: Path) -> None:
     kinds = (tiny_quadruped(), pendulum(), mimic, rack, gears, chain, gripper())
     for i, robot in enumerate(kinds):
         assert check(robot, tmp_path / str(i)) == []
-
-
-def test_a_turn_that_usd_takes_through_an_arc_cosine_is_equal(tmp_path: Path) -> None:
-    """By 1.5e-7 rad, of which USD loses a hundredth."""
-    robot = tiny_quadruped()
-    quat = normalised_quat((1.0, 7.3205e-08, 6.3397e-08, -1.33974e-08))
-    turned = Pose((0.05, 0.01, 0.02), quat)
-    frames = [replace(f, X_body_frame=turned) if f.name == "imu" else f for f in robot.tree.frames]
-    robot = replace(robot, tree=replace(robot.tree, frames=tuple(frames)))
-    assert check(robot, tmp_path) == []
 
 
 def test_neighbours_whose_masks_never_meet_are_told_apart_by_their_joint(tmp_path: Path) -> None:
@@ -179,8 +140,6 @@ def times(factor: float) -> Callable[[object], object]:
     ("rule", "subject", "attribute", "change"),
     [
         ("mass", "body FR_hip", "/robot/FR_hip.physics:mass", times(1.000001)),
-        ("centre_of_mass", "body FR_thigh", "/robot/FR_thigh.physics:centerOfMass", times(1.01)),
-        ("inertia", "body trunk", "/robot/trunk.physics:diagonalInertia", times(1.01)),
         ("inertia", "body trunk", "/robot/trunk.physics:principalAxes",
          lambda _: Gf.Quatf(0.9, 0.1, 0.2, 0.3)),
         ("kp", "joint FR_hip_joint", f"{HIP}.drive:angular:physics:stiffness", times(57.3)),
@@ -194,10 +153,8 @@ def times(factor: float) -> Callable[[object], object]:
          lambda _: 1.0),
         ("start", "joint FR_thigh_joint",
          f"{JOINTS}/FR_thigh_joint.state:angular:physics:position", times(-1.0)),
-        ("lower", "joint FR_hip_joint", f"{HIP}.physics:lowerLimit", times(0.99)),
         ("upper", "joint FR_hip_joint", f"{HIP}.physics:upperLimit", times(1.000001)),
         ("armature", "joint FR_hip_joint", f"{HIP}.physxJointAxis:angular:armature", times(100.0)),
-        ("armature", "joint FR_hip_joint", f"{HIP}.physxJoint:armature", times(100.0)),
         ("armature", "joint FR_hip_joint", f"{HIP}.newton:armature", times(100.0)),
         ("friction", "joint FR_hip_joint", f"{HIP}.physxJointAxis:angular:staticFrictionEffort",
          times(2.0)),
@@ -207,15 +164,10 @@ def times(factor: float) -> Callable[[object], object]:
         ("damping", "joint FR_hip_joint", f"{HIP}.newton:damping", times(57.3)),
         ("velocitylimit", "joint FR_hip_joint", f"{HIP}.newton:velocityLimit", times(0.5)),
         ("limitstiffness", "joint FR_hip_joint", f"{HIP}.newton:limitStiffness", times(57.3)),
-        ("limitdamping", "joint FR_hip_joint", f"{HIP}.newton:limitDamping", times(57.3)),
         ("solreflimit", "joint FR_hip_joint", f"{HIP}.mjc:solreflimit", lambda _: [0.2, 1.0]),
         ("condim", "shape FR_foot_collision", f"{FOOT}.mjc:condim", lambda _: 6),
-        ("priority", "shape FR_foot_collision", f"{FOOT}.mjc:priority", lambda _: 2),
         ("solref", "shape FR_foot_collision", f"{FOOT}.mjc:solref", lambda _: [0.01, 1.0]),
-        ("solimp", "shape FR_foot_collision", f"{FOOT}.mjc:solimp",
-         lambda _: [0.9, 0.95, 0.002, 0.5, 2.0]),
         ("margin", "shape FR_foot_collision", f"{FOOT}.mjc:margin", lambda _: 0.001),
-        ("gap", "shape FR_foot_collision", f"{FOOT}.mjc:gap", lambda _: 0.001),
         ("maxjointvelocity", "joint FR_hip_joint", f"{HIP}.physxJoint:maxJointVelocity",
          times(2.0)),
         ("collisionenabled", "joint FR_hip_joint", f"{HIP}.physics:collisionEnabled",
@@ -225,13 +177,10 @@ def times(factor: float) -> Callable[[object], object]:
         ("child_pose", "joint FR_hip_joint", f"{HIP}.physics:localPos0", times(1.01)),
         ("axis", "joint FR_hip_joint", f"{HIP}.physics:axis", lambda _: "Y"),
         ("pose", "body FR_calf", "/robot/FR_calf.xformOp:translate", times(1.01)),
-        ("pose", "frame FR_foot", "/robot/FR_calf/FR_foot.xformOp:translate", times(1.01)),
         ("pose", "shape FR_calf_collision",
          "/robot/FR_calf/collisions/FR_calf_collision.xformOp:translate", times(1.01)),
         ("size", "shape FR_foot_collision", f"{FOOT}.radius", times(10.0)),
         ("self_collision", "robot", "/robot/trunk.physxArticulation:enabledSelfCollisions",
-         lambda _: False),
-        ("selfcollisionenabled", "robot", "/robot/trunk.newton:selfCollisionEnabled",
          lambda _: False),
         ("solverpositioniterationcount", "robot",
          "/robot/trunk.physxArticulation:solverPositionIterationCount", lambda _: 4),
@@ -239,8 +188,6 @@ def times(factor: float) -> Callable[[object], object]:
          lambda _: 0.05),
         ("friction", "shape FR_foot_collision",
          "/robot/PhysicsMaterials/contact.physics:staticFriction", times(0.1)),
-        ("dynamicfriction", "shape FR_foot_collision",
-         "/robot/PhysicsMaterials/contact.physics:dynamicFriction", times(0.1)),
         ("restitution", "shape FR_foot_collision",
          "/robot/PhysicsMaterials/contact.physics:restitution", lambda _: 0.5),
         ("rgba", "shape imu_visual", "/robot/Looks/red/surface.inputs:diffuseColor",
@@ -280,13 +227,9 @@ def with_model(robot: TinyRobot, joint: str, **changed: object) -> TinyRobot:
 @pytest.mark.parametrize(
     ("model", "rule", "attribute"),
     [
-        ("ideal_pd", "actuator_kp", "kp"),
         ("ideal_pd", "actuator_maxeffort", "maxEffort"),
-        ("motor", "actuator_maxeffort", "maxEffort"),
         ("dc_motor", "actuator_kd", "kd"),
-        ("dc_motor", "actuator_maxmotoreffort", "maxMotorEffort"),
         ("dc_motor", "actuator_saturationeffort", "saturationEffort"),
-        ("dc_motor", "actuator_velocitylimit", "velocityLimit"),
     ],
 )
 def test_the_law_of_an_explicit_drive_is_written_and_compared(
@@ -311,10 +254,8 @@ def test_the_law_of_an_explicit_drive_is_written_and_compared(
     ("rule", "attribute", "change"),
     [
         ("mimic_multiplier", "physxMimicJoint:rotX:gearing", times(-1.0)),
-        ("mimic_offset", "physxMimicJoint:rotX:offset", times(1.01)),
         ("reference_axis", "physxMimicJoint:rotX:referenceJointAxis", lambda _: "rotY"),
         ("mimic_multiplier", "newton:mimicCoef1", times(-1.0)),
-        ("mimic_offset", "newton:mimicCoef0", times(1.01)),
     ],
 )
 def test_a_mimic_joint_that_follows_otherwise_is_found(
@@ -325,21 +266,6 @@ def test_a_mimic_joint_that_follows_otherwise_is_found(
         found.Set(change(found.Get()))
 
     assert rules(check(gripper(), tmp_path, spoil)) == {(f"equal.usd.{rule}", "joint b_joint")}
-
-
-def test_meshes_a_thousand_times_larger_are_found(tmp_path: Path) -> None:
-    def grow(stage: Usd.Stage) -> None:
-        for prim in stage.Traverse():
-            points = prim.GetAttribute("points")
-            if points:
-                points.Set([point * 1000 for point in points.Get()])
-
-    found = rules(check(gripper(), tmp_path / "a", grow, layer="payloads/geometries.usdc"))
-    assert {("equal.usd.area", "shape skin"), ("equal.usd.volume", "shape base_hull")} <= found
-    stretch = Gf.Vec3d(1000, 1000, 1000)
-    found = rules(check(gripper(), tmp_path / "b", lambda stage: UsdGeom.Xformable(
-        stage.GetPrimAtPath("/robot/tool/visuals/skin")).AddScaleOp().Set(stretch)))  # fmt: skip
-    assert ("equal.usd.area", "shape skin") in found
 
 
 @pytest.mark.parametrize(
@@ -372,15 +298,8 @@ def test_one_material_for_all_is_found(tmp_path: Path) -> None:
     found = rules(check(gripper(), tmp_path, bind))
     assert found == {("equal.usd.friction", "shape a_pad"), ("equal.usd.rgba", "shape b_skin"),
                      ("equal.usd.dynamicfriction", "shape a_pad"),
-                     ("equal.usd.texture", "shape b_skin")}  # fmt: skip
-
-
-def test_another_picture_is_found(tmp_path: Path) -> None:
-    def paint(stage: Usd.Stage) -> None:
-        folder = Path(stage.GetRootLayer().realPath).parent
-        (folder / "payloads/textures/wood.png").write_bytes(picture(199))
-
-    assert rules(check(gripper(), tmp_path, paint)) == {("equal.usd.texture", "shape skin")}
+                     ("equal.usd.texture", "shape b_skin"),
+                     ("equal.usd.material", "shape b_skin")}  # fmt: skip
 
 
 @pytest.mark.parametrize(
@@ -388,10 +307,7 @@ def test_another_picture_is_found(tmp_path: Path) -> None:
     [
         ("end_a", "physics:localPos0", times(1.01)),
         ("type", "physics:excludeFromArticulation", lambda _: False),
-        ("solref", "mjc:solref", lambda _: [0.2, 1.0]),
         ("solimp", "mjc:solimp", lambda _: [0.1, 0.95, 0.001, 0.5, 2.0]),
-        ("torque_scale", "mjc:torqueScale", times(2.0)),
-        ("collisionenabled", "physics:collisionEnabled", lambda v: not v),
     ],
 )
 def test_a_changed_loop_is_found(
@@ -410,6 +326,50 @@ def test_a_changed_loop_is_found(
     assert lost in found if rule == "type" else (f"equal.usd.{rule}", f"loop {loop}") in found
 
 
+@pytest.mark.parametrize(
+    ("rule", "path", "change"),
+    [
+        ("doublesided", "tile/mesh.doubleSided", lambda _: False),
+        ("extent", "tile/mesh.extent", lambda v: [v[1], v[0]]),
+        ("normals", "tile/mesh.normals", lambda v: [-1.0 * n for n in v]),
+        ("normals", "tile/mesh.normals", lambda v: list(v)[1:]),
+        ("purpose", "base/collisions/base_hull.purpose", lambda _: "default"),
+        ("shared", "tool/visuals/skin", lambda prim: prim.SetInstanceable(False)),
+        ("material", "Looks/wood", lambda prim: prim.SetMetadata("displayName", "oak")),
+        ("material", "Looks/wood.outputs:surface", lambda _: None),
+        ("gloss", "Looks/wood/surface.inputs:metallic", lambda _: 1.0),
+    ],
+)
+def test_what_viewers_see_is_compared(
+    rule: str, path: str, change: Callable[[Any], object], tmp_path: Path
+) -> None:
+    in_library = path.startswith("tile")
+
+    def spoil(stage: Usd.Stage) -> None:
+        whole = f"/Geometries/{path}" if in_library else f"/robot/{path}"
+        if "." not in path:
+            change(stage.GetPrimAtPath(whole))
+        elif path.endswith("outputs:surface"):
+            stage.GetAttributeAtPath(whole).SetConnections([])
+        else:
+            attribute = stage.GetAttributeAtPath(whole)
+            assert attribute.Set(change(attribute.Get()))
+
+    layer = "payloads/geometries.usdc" if in_library else "robot.usda"
+    found = check(gripper(), tmp_path, spoil, layer=layer)
+    assert f"equal.usd.{rule}" in {f.rule for f in found}
+
+
+def test_a_word_of_an_engine_that_nobody_reads_is_told(tmp_path: Path) -> None:
+    found = check(tiny_quadruped(), tmp_path, lambda stage: UsdPhysics.MassAPI(
+        stage.GetPrimAtPath("/robot/trunk")).CreateDensityAttr(7.0))  # fmt: skip
+    assert [(f.rule, f.subject) for f in found] == [("equal.unread", "/robot/trunk")]
+    told = [f for path in tmp_path.rglob("robot.usda") for f in ignored_words(path)]
+    assert [(f.rule, f.data) for f in told] == [
+        ("usd.ignored", {"attributes": ("physics:density",)})
+    ]
+
+
 def test_lost_filters_are_found(tmp_path: Path) -> None:
     def lose(stage: Usd.Stage) -> None:
         for prim in stage.Traverse():
@@ -421,17 +381,6 @@ def test_lost_filters_are_found(tmp_path: Path) -> None:
     assert found["shape pair a_pad base_hull"].rule == "equal.usd.filtered"
 
 
-def test_joints_that_let_their_bodies_touch_are_found(tmp_path: Path) -> None:
-    def touch(stage: Usd.Stage) -> None:
-        for prim in stage.Traverse():
-            if prim.IsA(UsdPhysics.Joint):
-                UsdPhysics.Joint(prim).CreateCollisionEnabledAttr(True)
-
-    found = rules(check(tiny_quadruped(), tmp_path, touch))
-    assert ("equal.usd.collisionenabled", "joint FR_hip_joint") in found
-    assert ("equal.usd.filtered", "pair FL_calf FL_thigh") in found
-
-
 # --- what is more, and what is lost
 
 
@@ -440,8 +389,6 @@ def test_joints_that_let_their_bodies_touch_are_found(tmp_path: Path) -> None:
     [
         ("/robot/FR_calf", "body FR_calf"),
         ("/robot/FR_calf/FR_foot", "frame FR_foot"),
-        (f"{JOINTS}/FR_calf_joint", "joint FR_calf_joint"),
-        ("/robot/trunk/visuals/trunk_visual", "shape trunk_visual"),
         (FOOT, "shape FR_foot_collision"),
     ],
 )
@@ -450,15 +397,6 @@ def test_a_lost_prim_is_named(path: str, subject: str, tmp_path: Path) -> None:
         tiny_quadruped(), tmp_path, lambda stage: stage.GetPrimAtPath(path).SetActive(False)
     )
     assert ("equal.usd.missing", subject) in rules(findings)
-
-
-def test_a_shape_that_the_robot_does_not_have_is_named(tmp_path: Path) -> None:
-    findings = check(
-        tiny_quadruped(),
-        tmp_path,
-        lambda stage: UsdGeom.Sphere.Define(stage, "/robot/trunk/visuals/wart"),
-    )
-    assert ("equal.usd.extra", "shape wart") in rules(findings)
 
 
 def test_a_lost_drive_and_a_lost_spelling_are_named(tmp_path: Path) -> None:
@@ -470,15 +408,6 @@ def test_a_lost_drive_and_a_lost_spelling_are_named(tmp_path: Path) -> None:
     found = rules(check(tiny_quadruped(), tmp_path, spoil))
     assert {("equal.usd.kp", "joint FR_hip_joint"), ("equal.usd.drive_type", "joint FR_hip_joint"),
             ("equal.usd.armature", "joint FL_hip_joint")} <= found  # fmt: skip
-
-
-def test_a_limit_that_the_robot_does_not_have_is_named(tmp_path: Path) -> None:
-    robot = tiny_quadruped()
-    free = tuple(replace(a, effort=None, velocity=None) for a in robot.control.actuators)
-    robot = replace(robot, control=replace(robot.control, actuators=free))
-    findings = check(robot, tmp_path, lambda stage: UsdPhysics.DriveAPI(
-        stage.GetPrimAtPath(HIP), "angular").CreateMaxForceAttr(5.0))  # fmt: skip
-    assert rules(findings) == {("equal.usd.effort", "joint FR_hip_joint")}
 
 
 # --- several things together
@@ -496,30 +425,14 @@ def test_an_axis_that_points_the_other_way_is_found(tmp_path: Path) -> None:
     assert rules(findings) == {("equal.usd.axis", "joint FR_hip_joint")}
 
 
-def test_swapped_parent_and_child_are_found(tmp_path: Path) -> None:
-    def spoil(stage: Usd.Stage) -> None:
-        joint = UsdPhysics.Joint(stage.GetPrimAtPath(HIP))
-        joint.GetBody0Rel().SetTargets(["/robot/FR_hip"])
-        joint.GetBody1Rel().SetTargets(["/robot/trunk"])
-
-    found = rules(check(tiny_quadruped(), tmp_path, spoil))
-    assert {("equal.usd.body", "joint FR_hip_joint"),
-            ("equal.usd.parent", "joint FR_hip_joint")} <= found  # fmt: skip
-
-
 @pytest.mark.parametrize(
     ("rule", "subject", "spoil"),
     [
         ("metres_per_unit", "robot", lambda s: UsdGeom.SetStageMetersPerUnit(s, 0.01)),
-        ("up_axis", "robot", lambda s: UsdGeom.SetStageUpAxis(s, "Y")),
         ("articulation_root", "robot", lambda s: UsdPhysics.ArticulationRootAPI.Apply(
             s.GetPrimAtPath("/robot/FR_hip"))),
         ("collides", "shape FR_foot_collision", lambda s: UsdPhysics.CollisionAPI(
             s.GetPrimAtPath(FOOT)).CreateCollisionEnabledAttr(False)),
-        ("jointenabled", "joint FR_hip_joint", lambda s: UsdPhysics.Joint(
-            s.GetPrimAtPath(HIP)).CreateJointEnabledAttr(False)),
-        ("rigidbodyenabled", "body FR_hip", lambda s: UsdPhysics.RigidBodyAPI(
-            s.GetPrimAtPath("/robot/FR_hip")).CreateRigidBodyEnabledAttr(False)),
         ("kinematicenabled", "body FR_hip", lambda s: UsdPhysics.RigidBodyAPI(
             s.GetPrimAtPath("/robot/FR_hip")).CreateKinematicEnabledAttr(True)),
         ("damping", "joint FR_hip_joint", lambda s: s.GetPrimAtPath(HIP).RemoveAppliedSchema(
@@ -536,7 +449,7 @@ def test_what_is_said_of_whole_prims_is_compared(
     assert (f"equal.usd.{rule}", subject) in rules(check(tiny_quadruped(), tmp_path, spoil))
 
 
-@pytest.mark.parametrize("variant", ["physx", "newton", "mujoco"])
+@pytest.mark.parametrize("variant", ["physx", "mujoco"])
 def test_a_variant_without_its_engine_is_found(variant: str, tmp_path: Path) -> None:
     inputs = check_inputs(tmp_path, tiny_quadruped(), UsdTarget(robot="robot"), "usd")
     path = inputs / "usd/robot.usda"

@@ -11,7 +11,6 @@ from pathlib import Path
 from typing import Literal
 
 from assetbuild.errors import AssetBuildError
-from assetbuild.facts.coherence import incoherent, other_sections
 from assetbuild.facts.reader import Reader
 from assetbuild.facts.reference import Reference
 from assetbuild.facts.table import Table
@@ -99,8 +98,6 @@ class Judge:
         except AssetBuildError as error:
             return [Finding("equal.unreadable", "error", "robot", error.message)]
         said: list[Finding] = []
-        if form_of(file) == "robot":
-            said += [*incoherent(reference), *other_sections(reference, self.bundle)]
         for read in self._concerned(file):
             if _word(said) == "found":
                 break  # the others read the same file, or files around it, once more

@@ -7,15 +7,16 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, ClassVar
 
+from assetbuild.facts.derived import first_match, per_axis
 from assetbuild.facts.reader import Reader
 from assetbuild.facts.reference import Reference
 from assetbuild.facts.table import Table, Writer
 from assetbuild.facts.vocabulary import VOCABULARY
 from assetbuild.facts.yaml_file import read_yaml, words
 from assetbuild.robot.model import Actuator, Inertial
-from assetbuild.robot.ranges import Randomize, RandomJoint, RandomMatter, first_match, per_axis
 
 FORM = "dr"
+Ranges = Mapping[str, Any]  # Any: JSON
 RANGES = "how the robot may vary; what it is stands in the other files"
 FACTORS = ("kp", "kd", "damping", "friction", "armature", "effort")
 NO_NUMBERS = ("schema", "robot", "source")
@@ -23,10 +24,7 @@ NO_NUMBERS = ("schema", "robot", "source")
 
 
 class Dr(Reader):
-    """`dr.yaml` says the recipe's `randomize` in this robot's numbers.
-
-    All facts are words of the format (`dr:mass range`) of subjects such as `range body trunk`.
-    """
+    """All facts are words of the format (`dr:mass range`), of subjects like `range body trunk`."""
 
     isolated: ClassVar[bool] = False
     needs: ClassVar = ("ranges",)
@@ -55,25 +53,27 @@ class Dr(Reader):
 
     def expected(self, reference: Reference) -> Table:
         """From the section `randomize` of the recipe, and the numbers of the robot."""
-        stated, book = reference.options.get("randomize"), Writer()
-        if not stated:
+        said, book, tree = reference.options.get("randomize"), Writer(), reference.tree
+        if not said:
             return book.table()
-        recipe, tree = Randomize.model_validate(stated), reference.tree
-        _put(book, "", {"seed": recipe.seed})
+        _put(book, "", {"seed": said["seed"]})
         for body in tree.bodies:
-            matter = first_match(recipe.links, body.name)
+            matter = first_match(said["links"], body.name)
             if matter is not None and body.inertial is not None:
                 _put(book, f"body {body.name}", _matter(body.inertial, matter))
-        for number, payload in enumerate(recipe.payloads):
-            carrier = {"link": payload.link, "body": tree.placement(payload.link)[0]}
-            box = {"mass": payload.mass, "size": payload.size, "at": payload.at}
+        for number, payload in enumerate(said["payloads"]):
+            carrier = {"link": payload["link"], "body": tree.placement(payload["link"])[0]}
+            box = {word: payload[word] for word in ("mass", "size", "at")}
             _put(book, f"payload {number}", {**carrier, **box})
         for joint in tree.moving_joints:
-            ranges = first_match(recipe.joints, joint.name)
+            ranges = first_match(said["joints"], joint.name)
             if ranges is not None:
                 row = reference.control.by_joint.get(joint.name)
                 _put(book, f"joint {joint.name}", _joint(row, ranges))
-        _put(book, "contact", _contact(reference.control.contact.friction[0], recipe))
+        slide = reference.control.contact.friction[0]
+        for word, nominal in (("friction", slide), ("restitution", 0.0)):
+            if said[word] is not None:
+                _put(book, "contact", {word: {"nominal": nominal, "range": said[word]}})
         return book.table()
 
 
@@ -84,44 +84,33 @@ def _put(book: Writer, subject: str, row: Mapping[str, Any]) -> None:  # Any: pl
     book.put("range", subject, drawn | seed)  # every digit of a seed counts
 
 
-def _matter(inertial: Inertial, matter: RandomMatter) -> dict[str, object]:
+def _matter(inertial: Inertial, matter: Ranges) -> dict[str, object]:
     """The facts of one body, whose pseudo-inertia becomes U J U', U = exp(alpha) [[A, t], [0, 1]].
 
     So the mass changes by exp(2 alpha): alpha is half the logarithm of the density's factor; A has
     exp(d) on its diagonal and s above it; t is the shift, m (Rucker and Wensing, 2022).
     """
-    low, high = matter.density
-    shifts = per_axis(matter.com)
+    low, high = matter["density"]
+    shifts, stretch, shear = per_axis(matter["com"]), matter["stretch"], matter["shear"]
     return {
         "mass": {"nominal": inertial.mass_kg, "range": [inertial.mass_kg * f for f in (low, high)]},
         "density": [low, high],
         "com": {"nominal": inertial.com_m, "shift": shifts},
         "log_cholesky": {
             "alpha": [0.5 * math.log(low), 0.5 * math.log(high)],
-            "d": [-matter.stretch, matter.stretch],
-            "s": [-matter.shear, matter.shear],
+            "d": [-stretch, stretch],
+            "s": [-shear, shear],
             "t": [[-shift, shift] for shift in shifts],
         },
     }
 
 
-def _joint(row: Actuator | None, ranges: RandomJoint) -> dict[str, object]:
+def _joint(row: Actuator | None, ranges: Ranges) -> dict[str, object]:
     """The facts of one joint; a factor of 1, or of a number it lacks, draws nothing."""
-    bias = ranges.encoder_bias
-    facts: dict[str, object] = {"delay": ranges.delay, "encoder_bias": [-bias, bias]}
+    bias = ranges["encoder_bias"]
+    facts: dict[str, object] = {"delay": ranges["delay"], "encoder_bias": [-bias, bias]}
     for key in FACTORS:
-        nominal = getattr(row, key, None)
-        low, high = getattr(ranges, key)
+        nominal, (low, high) = getattr(row, key, None), ranges[key]
         if nominal and not low == high == 1.0:
             facts[key] = {"nominal": nominal, "range": [nominal * low, nominal * high]}
-    return facts
-
-
-def _contact(friction: float, recipe: Randomize) -> dict[str, object]:
-    """The facts of all surfaces; they do not bounce unless the recipe says so."""
-    facts: dict[str, object] = {}
-    if recipe.friction is not None:
-        facts["friction"] = {"nominal": friction, "range": recipe.friction}
-    if recipe.restitution is not None:
-        facts["restitution"] = {"nominal": 0.0, "range": recipe.restitution}
     return facts

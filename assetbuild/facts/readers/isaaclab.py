@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import ClassVar
 
 from assetbuild.errors import UsageError
+from assetbuild.facts.derived import free_springs, per_axis
 from assetbuild.facts.isaaclab_config import (
     CONFIG,
     DRIVE,
@@ -23,42 +24,38 @@ from assetbuild.facts.isaaclab_config import (
     model_of,
     quat_of,
 )
-from assetbuild.facts.isaaclab_draws import expected_draws
 from assetbuild.facts.reader import Reader
 from assetbuild.facts.reference import Reference, robot_table
 from assetbuild.facts.standins import LINE, Record, class_of, recorded, table_of, words_of
 from assetbuild.facts.table import Key, Table, Value, Writer
 from assetbuild.facts.trainers import (
+    UNCHANGED,
     Names,
-    Ranges,
     delay_s,
+    factors,
     left_to_the_asset,
+    massive_bodies,
     matching,
     own_names,
-    put_drive,
+    put_drawn,
     put_expected_start,
     put_start,
-    read_terms,
+    put_terms,
+    varied,
 )
-from assetbuild.robot.joint_springs import as_drives
+from assetbuild.facts.usd_options import rigid_of, solver_of, touches_itself
 from assetbuild.robot.model import Actuator
 from assetbuild.simulators.usd_names import body_identifiers, joint_identifiers
-from assetbuild.simulators.usd_options import UsdOptions
 
 FORM = "isaaclab"
 GENERATIONS: tuple[Generation, ...] = (2, 3)
 LOOPS = ("pd", "ideal_pd", "dc_motor")
-SOLVER = {
-    "solver_position_iteration_count": "solver_position_iterations",
-    "solver_velocity_iteration_count": "solver_velocity_iterations",
-    "sleep_threshold": "sleep_threshold",
-    "stabilization_threshold": "stabilization_threshold",
-}
-"""Isaac Lab's articulation properties -> keys of the recipe's `usd.articulation`."""
 TOUCHES = ("enabled_self_collisions", "self_collision_enabled")
 """Whether parts of the robot touch one another, in PhysX and in Newton."""
 CLEARANCE_M = 0.001
 """Soles that start inside of the floor are thrown off it."""
+MATERIALS = 64
+"""Contact materials to draw from; PhysX has room for 64000 in all environments."""
 
 
 class IsaacLabReader(Reader):
@@ -136,11 +133,10 @@ def _table(path: Path, generation: Generation, bodies: Names, joints: Names) -> 
     book.put("robot", "", {"soft limits": config.get("soft_joint_pos_limit_factor")})
     book.put("robot", "", dict(_spawn(table_of(config.get("spawn")))))
     for group in table_of(config.get("actuators")).values():
-        members = matching(words_of(group.get("joint_names_expr")), joints)
-        where = f"{path.name}:{group.get(LINE)}"
-        put_drive(members, _drive(group, generation, timestep), book, where)
-    for term in read_terms(record.get("EventCfg"), bodies, joints):
-        term.put(FORM, book)
+        for joint in matching(words_of(group.get("joint_names_expr")), joints):
+            book.put("joint", joint, _drive(group, generation, timestep))
+            book.place("joint", joint, f"{path.name}:{group.get(LINE)}")
+    put_terms(record.get("EventCfg"), FORM, bodies, joints, book)
     return book.plain_table()
 
 
@@ -149,17 +145,14 @@ def _spawn(spawn: Record) -> Iterator[tuple[str, Value]]:
     for name in ("usd_path", "activate_contact_sensors", "variants"):
         value = spawn.get(name)
         yield f"{FORM}:{name}", str(value) if isinstance(value, dict) else value
-    yield from _numbers(table_of(spawn.get("rigid_props")))
     stated = spawn.get("articulation_props")
-    for properties in stated if isinstance(stated, list) else [stated]:
-        yield from _numbers(table_of(properties))
-
-
-def _numbers(properties: Record) -> Iterator[tuple[str, Value]]:
-    for name, value in properties.items():
-        if isinstance(value, bool | int | float) and name != LINE:
-            quantity = "self-collision" if name == TOUCHES[0] else f"{FORM}:{name}"
-            yield quantity, value
+    for properties in (
+        spawn.get("rigid_props"),
+        *(stated if isinstance(stated, list) else [stated]),
+    ):
+        for name, value in table_of(properties).items():
+            if isinstance(value, bool | int | float) and name != LINE:
+                yield "self-collision" if name == TOUCHES[0] else f"{FORM}:{name}", value
 
 
 def _drive(group: Record, generation: Generation, timestep_s: float) -> dict[str, Value]:
@@ -179,38 +172,37 @@ def _drive(group: Record, generation: Generation, timestep_s: float) -> dict[str
 
 def _besides(reference: Reference, robot: str, generation: Generation) -> Table:
     """The start, the asset and its solver, drives in Isaac Lab's forms, and what is drawn."""
-    book, asked, ranges = Writer(), reference.options.get("isaaclab") or {}, Ranges.of(reference)
-    is_free = reference.tree.base == "floating"
-    clearance = asked.get("clearance", CLEARANCE_M) if is_free else 0.0
+    book, asked = Writer(), reference.options.get("isaaclab") or {}
+    clearance = asked.get("clearance", CLEARANCE_M) if reference.tree.base == "floating" else 0.0
     soft = asked.get("soft_joint_pos_limit_factor", 1.0)
     put_expected_start(reference, FORM, soft, clearance, book)
     words = dict(_solving(reference, generation))
     words |= {"usd_path": f"/bundle/usd/{robot}.usda", "variants": "{'Physics': 'physics'}"}
     words["activate_contact_sensors"] = asked.get("contact_sensors", True)
     book.put("robot", "", {f"{FORM}:{name}": value for name, value in words.items()})
-    usd = UsdOptions.model_validate(reference.options.get("usd") or {})
-    book.put("robot", "", {"self-collision": usd.articulation.self_collisions})
-    timestep, springs = reference.control.simulation.timestep, as_drives(reference.control)
+    book.put("robot", "", {"self-collision": touches_itself(reference)})
+    timestep, springs = reference.control.simulation.timestep, free_springs(reference.control)
     for row in reference.control.actuators:
         if row.joint in springs:  # an implicit drive that aims at the spring's rest
-            row = replace(row, kp=springs[row.joint].stiffness)
-        steps = ranges.joint(row.joint).delay if row.model == "ideal_pd" else (0, 0)
+            row = replace(row, kp=springs[row.joint][0])
+        ranges = varied(reference, "joints", row.joint) or {}
+        steps = ranges.get("delay", (0, 0)) if row.model == "ideal_pd" else (0, 0)
         delay: dict[str, Value] = {"delay": delay_s(steps, timestep)}
         book.put("joint", row.joint, delay | _isaac_drive(row, generation))
-    for term in expected_draws(reference, ranges):
-        term.put(FORM, book)
+    if reference.options.get("randomize"):
+        _put_drawn(reference, asked.get("friction_buckets", MATERIALS), book)
     return book.table()
 
 
 def _solving(reference: Reference, generation: Generation) -> Iterator[tuple[str, Value]]:
     """How PhysX and Newton solve the robot: the same as stands in the USD."""
-    usd = UsdOptions.model_validate(reference.options.get("usd") or {})
-    rigid, solver = usd.rigid_body, usd.articulation.solving(reference.control.loops).model_dump()
-    yield from rigid.model_dump().items()
-    yield "max_angular_velocity", math.degrees(rigid.max_angular_velocity)
-    yield from ((name, solver[key]) for name, key in SOLVER.items())
+    rigid = rigid_of(reference)
+    rigid["max_angular_velocity"] = math.degrees(rigid["max_angular_velocity"])
+    yield from rigid.items()
+    for name, value in solver_of(reference).items():
+        yield name.replace("iterations", "iteration_count"), value
     if generation == 3:
-        yield TOUCHES[1], usd.articulation.self_collisions
+        yield TOUCHES[1], touches_itself(reference)
         yield "integrator", "implicitfast"
 
 
@@ -229,3 +221,37 @@ def _isaac_drive(row: Actuator, generation: Generation) -> dict[str, Value]:
     facts[f"{FORM}:dynamic_friction"] = row.friction
     again = LIMITS[generation, is_implicit][1][1:]
     return facts | {f"{FORM}:{field}": row.velocity for field in again}
+
+
+def _put_drawn(reference: Reference, buckets: int, book: Writer) -> None:
+    """What is drawn at the start; friction and restitution that do not vary stay the USD's."""
+    scale = {"operation": "scale"}
+    for body in massive_bodies(reference):
+        matter = varied(reference, "links", body) or {}
+        if tuple(matter.get("density", UNCHANGED)) != UNCHANGED:
+            density: dict[str, object] = {"mass_distribution_params": matter["density"]}
+            density["recompute_inertia"] = True
+            put_drawn(FORM, "randomize_rigid_body_mass", "body", body, book, **scale, **density)
+        most = per_axis(matter.get("com", 0.0))
+        if any(most):
+            shift = {axis: (-value, value) for axis, value in zip("xyz", most, strict=True)}
+            put_drawn(FORM, "randomize_rigid_body_com", "body", body, book, com_range=shift)
+    for joint in (each.name for each in reference.tree.moving_joints):
+        ranges = varied(reference, "joints", joint) or {}
+        if factors(ranges, "kp", "kd"):
+            put_drawn(FORM, "randomize_actuator_gains", "joint", joint, book, **scale,
+                      stiffness_distribution_params=ranges["kp"],
+                      damping_distribution_params=ranges["kd"])  # fmt: skip
+        said = factors(ranges, "friction", "armature")
+        params = {f"{key}_distribution_params": pair for key, pair in said.items()}
+        if params:
+            put_drawn(FORM, "randomize_joint_parameters", "joint", joint, book, **scale, **params)
+    recipe, slide = reference.options["randomize"], reference.control.contact.friction[0]
+    friction, bounce = recipe.get("friction"), recipe.get("restitution")
+    if friction is not None or bounce is not None:
+        put_drawn(
+            FORM, "randomize_rigid_body_material", "robot", "", book,
+            static_friction_range=friction or (slide, slide),
+            dynamic_friction_range=friction or (slide, slide),
+            restitution_range=bounce or (0.0, 0.0), make_consistent=True, num_buckets=buckets,
+        )  # fmt: skip

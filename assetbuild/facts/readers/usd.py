@@ -2,23 +2,45 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import ClassVar
 
+from assetbuild.errors import UsageError
 from assetbuild.facts.compare import FLOAT32, Precision
 from assetbuild.facts.known_files import KnownFiles
 from assetbuild.facts.losses import Lost
-from assetbuild.facts.reader import Reader
+from assetbuild.facts.reader import BROKEN, Reader
 from assetbuild.facts.reference import Reference, robot_table
 from assetbuild.facts.table import Table
+from assetbuild.findings import Finding, Rule
 
 _OUTSIDE = (
     "the controller that computes it runs outside of the simulator: see the trainers' modules"
 )
 _BITS = "USD has no masks: `collides` and filtered pairs say what they mean"
 _SPRING = "a spring is the drive of its joint (kp, drive target), or `usd.spring` is reported"
+
+
+IGNORED = Rule(
+    "usd.ignored",
+    "info",
+    "a USD tells an engine something that assetbuild does not read",
+    "if it moves or weighs the robot, give it in a way that is read: a mass for a density",
+)
+
+
+def ignored_words(path: Path) -> Iterator[Finding]:
+    """One finding for all of a file that can be read."""
+    try:
+        unread = UsdReader(robot=path.stem).read(path).unread
+    except (UsageError, *BROKEN):
+        return
+    names = tuple(sorted({item.attribute.strip("`") for item in unread}))
+    if names:
+        listed = ", ".join(f"`{name}`" for name in names)
+        yield IGNORED("robot", f"not read: {listed}", data={"attributes": names})
 
 
 class UsdReader(Reader):
@@ -36,15 +58,7 @@ class UsdReader(Reader):
     folder: ClassVar[str] = "usd"
     behind: ClassVar[tuple[str, ...]] = ("usd/{robot}.usda", "usd/payloads/*")
     suffixes: ClassVar[tuple[str, ...]] = (".usd", ".usda", ".usdc", ".usdz")
-    # Beyond `usd` they are metadata, which writing the bundle again compares.
-    asks: ClassVar[tuple[str, ...]] = (
-        "usd",
-        "about",
-        "source.license",
-        "source.urdf",
-        "source.xacro",
-        "source.mjcf",
-    )
+    asks: ClassVar[tuple[str, ...]] = ("usd",)
     # Transforms and sizes are double precision.
     precision: ClassVar[Precision] = Precision(
         FLOAT32,
@@ -71,11 +85,11 @@ class UsdReader(Reader):
         "joint spring reference": _SPRING,
         "shape mask": _BITS,
         "shape partners": _BITS,
-        "shape material": "its colour and texture are compared, not its name",
         "sensor": Lost("UsdPhysics has none; simulators add their own"),
         "camera resolution": "what renders decides it; the shape of the picture is compared",
         "camera tracking": Lost("a camera of USD is fixed to what carries it"),
-        "keyframe": "USD has none: the start of each joint is the initial one",
+        "keyframe base pose": "a pose of Isaac Sim's schema has none",
+        "keyframe target": "a pose of Isaac Sim's schema has positions alone",
         "robot start pose": "`scene.usda` has it",
         "simulation": "`scene.usda` says it",
         "floor": "`scene.usda` has it",

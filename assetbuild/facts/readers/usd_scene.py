@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from pathlib import Path
 from typing import ClassVar
 
 from assetbuild.facts.compare import FLOAT32, Precision
+from assetbuild.facts.derived import start_of
 from assetbuild.facts.reader import Reader
 from assetbuild.facts.reference import Reference, pose_value
 from assetbuild.facts.table import Table, Writer
 from assetbuild.robot.floor import floor_of
-from assetbuild.robot.initial import initial_pose
 from assetbuild.robot.pose import IDENTITY, Pose
 from assetbuild.robot.tree import forward_kinematics
 
@@ -77,10 +78,12 @@ class UsdSceneReader(Reader):
         book.put("robot", "", {
             "up axis": "Z", "metres per unit": 1.0, "kilograms per unit": 1.0,
             "usd:file": (f"./{self.robot}.usda",),
+            "usd:stated units": ("upAxis", "metersPerUnit", "kilogramsPerUnit"),
         })  # fmt: skip
         simulation, ground = control.simulation, floor_of(tree, control)
         book.put("simulation", "", {
             "gravity": tuple(simulation.gravity),
+            "usd:gravity magnitude": math.hypot(*simulation.gravity),
             "timestep": 1.0 / round(1.0 / simulation.timestep),  # USD has whole steps per second
         })  # fmt: skip
         book.put("floor", "", {
@@ -88,12 +91,15 @@ class UsdSceneReader(Reader):
             "friction": ground.friction,
             "usd:floor pose": pose_value(Pose((0.0, 0.0, ground.height_m))),
             "usd:axis": "Z",
+            "usd:placed": bool(ground.height_m),
+            "usd:purpose": "default",
+            "usd:extent": True,
             "usd:collides": True,
             "usd:dynamicFriction": ground.friction[0],
             "usd:frictionCombineMode": "max",  # the rougher of two surfaces decides, as in MuJoCo
             "restitution": 0.0,
         })  # fmt: skip
-        start, initial = tree.X_world_root, initial_pose(tree, control)
+        start, initial = tree.X_world_root, start_of(tree, control)
         if tree.base == "floating":
             base = initial.base
             start = IDENTITY if base is None else Pose((0.0, 0.0, CLEARANCE_M)) @ base

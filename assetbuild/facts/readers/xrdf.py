@@ -1,7 +1,7 @@
 """The reader of facts of `xrdf/<robot>.xrdf`: what a planner knows beyond the URDF.
 
-Links are those of the URDF, unmerged. Spheres that cover other collision geometry are found again:
-from the robot's shapes and the meshes of the URDF beside, by the collision method `spheres`.
+Links are those of the URDF, unmerged. Spheres that cover the collision geometry of a link stay
+within it, but for the margin of the recipe.
 """
 
 from __future__ import annotations
@@ -13,24 +13,21 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any, ClassVar
 
-from assetbuild.collision.spheres import covering_spheres
+import numpy as np
+
 from assetbuild.errors import UsageError
+from assetbuild.facts.derived import first_match, start_of
 from assetbuild.facts.reader import Proof, Reader
 from assetbuild.facts.reference import Reference, filtered_pairs
 from assetbuild.facts.table import Table, Value, Writer, pair_name
 from assetbuild.facts.vocabulary import VOCABULARY
 from assetbuild.facts.yaml_file import read_yaml
-from assetbuild.mesh.cover import Reference as Inside
-from assetbuild.mesh.cover import union_of
-from assetbuild.mesh.hull import convex_hull
 from assetbuild.mesh.obj import read_triangles
-from assetbuild.mesh.solid import ConvexPiece
-from assetbuild.robot.initial import initial_pose
-from assetbuild.robot.shapes import Mesh, Shape, Sphere
+from assetbuild.robot.pose import Array
+from assetbuild.robot.shapes import Box, Mesh, Shape, Sphere
 
 IN_URDF = "stands in the URDF beside"
-Ball = tuple[tuple[float, ...], float]
-"""Centre and radius, m."""
+BALLS, WITHIN = "xrdf:spheres", "within the collision geometry"
 DEFAULTS: Mapping[str, Any] = {  # Any: plain JSON, here and below
     "joints": ".*", "acceleration": None, "jerk": None, "tool_frames": [], "max_spheres": 32,
     "margin": 0.02,
@@ -58,11 +55,21 @@ class Xrdf(Reader):
         return root / f"{robot}.xrdf"
 
     def prove(self, reference: Reference, path: Path) -> Proof:
-        """Compare the file; the URDF's meshes are needed to fit the spheres again."""
+        """Compare the file; the URDF's meshes are needed to see where spheres may be."""
         meshes = str(path.parent.parent / "urdf/meshes")
-        return super().prove(
-            replace(reference, options={**reference.options, MESHES: meshes}), path
-        )
+        options = {**reference.options, MESHES: meshes}
+        return super().prove(replace(reference, options=options), path)
+
+    def found(self, path: Path, reference: Reference) -> Table:
+        """In the place of the spheres of a link, whether they are within its collision."""
+        table, solid = self.read(path), _solid(reference)
+        judged = {
+            key: _within(value, solid[key.name], reference)
+            if key.quantity == BALLS and key.name in solid
+            else value
+            for key, value in table.facts.items()
+        }
+        return replace(table, facts=judged)
 
     def read(self, path: Path) -> Table:
         """Joints, limits, spheres and pairs; UsageError for what is no YAML."""
@@ -76,10 +83,9 @@ class Xrdf(Reader):
         _put(book, "planner", "", head)
         _read_joints(said, book)
         groups = said.get("geometry", {})
-        for link, spheres in groups.get(SPHERES, {}).get("spheres", {}).items():
-            for number, ball in enumerate(spheres):
-                place = {"centre": tuple(ball["center"]), "radius": ball["radius"]}
-                _put(book, "sphere", f"{link}/{number}", place)
+        for link, balls in groups.get(SPHERES, {}).get("spheres", {}).items():
+            flat = [number for ball in balls for number in (*ball["center"], ball["radius"])]
+            book.put("link", link, {BALLS: tuple(flat)})
         for one, others in said.get(SELF, {}).get("ignore", {}).items():
             for other in others:
                 _put(book, "pair", pair_name(one, other), {"ignored": True})
@@ -87,22 +93,31 @@ class Xrdf(Reader):
 
     def expected(self, reference: Reference) -> Table:
         """From the section `xrdf` of the recipe, and the robot."""
-        said = {**DEFAULTS, **(reference.options.get("xrdf") or {})}
-        book = Writer()
+        said, solid, book = _said(reference), _solid(reference), Writer()
         head: dict[str, Value] = {"format": "xrdf", "format_version": 1.0}
         if said["tool_frames"]:
             head["tool_frames"] = tuple(said["tool_frames"])
-        spheres = dict(_spheres(reference, said))
-        if spheres:
+        if solid:
             head |= {f"{name} geometry": SPHERES for name in (WORLD, SELF)}
         _put(book, "planner", "", head)
         _joints(reference, said, book)
-        for link, own in spheres.items():
-            for number, (centre, radius) in enumerate(own):
-                _put(book, "sphere", f"{link}/{number}", {"centre": centre, "radius": radius})
-        for one, other in _unmet(reference, list(spheres)):
+        for link in solid:
+            book.put("link", link, {BALLS: WITHIN})
+        for one, other in _unmet(reference, list(solid)):
             _put(book, "pair", pair_name(one, other), {"ignored": True})
         return book.table()
+
+
+def _said(reference: Reference) -> dict[str, Any]:
+    return {**DEFAULTS, **(reference.options.get("xrdf") or {})}
+
+
+def _solid(reference: Reference) -> dict[str, list[Shape]]:
+    """Collision shapes by link, in the order of the URDF."""
+    found: dict[str, list[Shape]] = {body.name: [] for body in reference.links.bodies}
+    for shape in reference.shapes.of("collision"):
+        found.setdefault(shape.link, []).append(shape)
+    return {link: shapes for link, shapes in found.items() if shapes}
 
 
 def _put(book: Writer, kind: str, name: str, facts: Mapping[str, Value]) -> None:
@@ -128,7 +143,7 @@ def _read_joints(said: Mapping[str, Any], book: Writer) -> None:
 def _joints(reference: Reference, said: Mapping[str, Any], book: Writer) -> None:
     """Places in the cspace, limits, default positions; a joint that follows another has none."""
     leading = [joint for joint in reference.tree.moving_joints if joint.mimic is None]
-    pose = dict(initial_pose(reference.tree, reference.control).joints)
+    pose = dict(start_of(reference.tree, reference.control).joints)
     driven = {row.joint for row in reference.control.actuators if row.model != "passive"}
     planned = [j.name for j in leading if j.name in driven and re.fullmatch(said["joints"], j.name)]
     for joint in leading:
@@ -143,44 +158,41 @@ def _joints(reference: Reference, said: Mapping[str, Any], book: Writer) -> None
 
 
 def _limit(stated: Any, joint: str) -> float | None:
-    if not isinstance(stated, Mapping):
-        return None if stated is None else float(stated)
-    rows = (float(value) for pattern, value in stated.items() if re.fullmatch(pattern, joint))
-    return next(rows, None)
+    found = first_match(stated, joint) if isinstance(stated, Mapping) else stated
+    return None if found is None else float(found)
 
 
-def _spheres(reference: Reference, said: Mapping[str, Any]) -> Iterator[tuple[str, list[Ball]]]:
-    """(link, its spheres): those of its collision, or those that cover it."""
-    by_link: dict[str, list[Shape]] = {}
-    for shape in reference.shapes.of("collision"):
-        by_link.setdefault(shape.link, []).append(shape)
-    known: dict[object, list[Ball]] = {}
-    for link in (body.name for body in reference.links.bodies if body.name in by_link):
-        same = tuple((shape.geometry, shape.X_link_shape) for shape in by_link[link])
-        if same not in known:
-            own: list[Ball] = [(p.xyz, g.radius) for g, p in same if isinstance(g, Sphere)]
-            known[same] = own if len(own) == len(same) else _cover(by_link[link], reference, said)
-        yield link, known[same]
+def _within(stated: Value, shapes: list[Shape], reference: Reference) -> Value:
+    """WITHIN where all spheres, and no more than may be, lie in the box around the collision."""
+    said = _said(reference)
+    balls: Array = np.reshape(np.asarray(stated, dtype=np.float64), (-1, 4))
+    corners = np.concatenate([_corners(shape, reference) for shape in shapes])
+    low, high = corners.min(axis=0), corners.max(axis=0)
+    out = said["margin"] * float(np.linalg.norm(high - low)) + 1e-6
+    centres, radii = balls[:, :3], balls[:, 3:]
+    inside = (centres - radii >= low - out) & (centres + radii <= high + out)
+    is_some = 0 < len(balls) <= max(said["max_spheres"], len(shapes))
+    return WITHIN if is_some and bool(inside.all()) else stated
 
 
-def _cover(shapes: list[Shape], reference: Reference, said: Mapping[str, Any]) -> list[Ball]:
-    files = {mesh.name: mesh.file for mesh in reference.shapes.meshes}
-    pieces = []
-    for shape in shapes:
-        solid = shape.geometry
-        if isinstance(solid, Mesh):
-            file = Path(str(reference.options.get(MESHES, ""))) / files[solid.mesh]
-            try:
-                corners = read_triangles(file.read_bytes(), file.name).vertices
-            except OSError as error:
-                message = f"cannot read `meshes/{file.name}` of the URDF: {error.strerror}"
-                raise UsageError(message) from None
-            pieces.append(ConvexPiece(convex_hull(shape.X_link_shape.apply(corners))))
-        else:
-            pieces.append(ConvexPiece(solid, shape.X_link_shape))
-    inside = Inside(union_of(pieces)[1])
-    found = covering_spheres(inside, said["max_spheres"], said["margin"] * inside.diagonal)
-    return [(p.X_frame_piece.xyz, p.solid.radius) for p in found if isinstance(p.solid, Sphere)]
+def _corners(shape: Shape, reference: Reference) -> Array:
+    """(n, 3) m in the link; of a round shape the corners of the box around it."""
+    solid = shape.geometry
+    if isinstance(solid, Mesh):
+        file = next(mesh.file for mesh in reference.shapes.meshes if mesh.name == solid.mesh)
+        path = Path(str(reference.options.get(MESHES, ""))) / file
+        try:
+            return shape.X_link_shape.apply(read_triangles(path.read_bytes(), file).vertices)
+        except OSError as error:
+            message = f"cannot read `meshes/{file}` of the URDF: {error.strerror}"
+            raise UsageError(message) from None
+    if isinstance(solid, Box):
+        half = np.asarray(solid.size) / 2.0
+    else:
+        height = 0.0 if isinstance(solid, Sphere) else solid.length / 2.0
+        half = np.array((solid.radius, solid.radius, height + solid.radius))
+    signs = np.array(list(itertools.product((-1.0, 1.0), repeat=3)))
+    return shape.X_link_shape.apply(signs * half)
 
 
 def _unmet(reference: Reference, links: list[str]) -> Iterator[tuple[str, str]]:
