@@ -136,17 +136,6 @@ def test_links_that_one_body_holds_are_one_foot(tmp_path: Path):
     assert judged(inputs, tmp_path / "out") == []
 
 
-def test_feet_stand_in_the_order_of_their_bodies(tmp_path: Path):
-    """mjlab orders contacts by the model and rays by the module: they go together in pairs."""
-    robot = tiny_quadruped()
-    shapes = replace(robot.shapes, shapes=robot.shapes.shapes[::-1])
-    inputs = check_inputs(tmp_path, replace(robot, shapes=shapes), MJLAB, "mjlab")
-    text = module_of(inputs)
-    assert constant(text, "FOOT_SITES") == ("FR_foot", "FL_foot", "RR_foot", "RL_foot")
-    assert proven(inputs, tmp_path / "proof") == []
-    assert judged(inputs, tmp_path / "out") == []
-
-
 @pytest.mark.parametrize(
     ("old", "new", "said"),
     [

@@ -14,16 +14,13 @@ import numpy as np
 import pytest
 from tiny import TinyRobot, check_inputs, pendulum, run_step, tiny_quadruped, write_robot_ports
 
-from assetbuild.checks.mjlab_contract import MjlabContract
 from assetbuild.errors import StepError
 from assetbuild.facts.readers.mjlab import MjlabReader
 from assetbuild.robot.codec import decode
 from assetbuild.robot.model import Actuator, General, Place, Sensor, Tree
-from assetbuild.robot.pose import Pose
 from assetbuild.robot.ranges import Randomize
 from assetbuild.robot.shapes import Mesh
 from assetbuild.targets.isaaclab import IsaacLab
-from assetbuild.targets.mjcf import Mjcf
 from assetbuild.targets.mjlab import Mjlab
 from assetbuild.targets.mjlab.options import MjlabOptions
 from assetbuild.targets.mjx import Mjx, MjxOptions
@@ -33,28 +30,6 @@ def built(robot: TinyRobot, folder: Path, target: object) -> Path:
     inputs = write_robot_ports(folder / "in", robot)
     run_step(target, inputs, folder / "out")
     return folder / "out"
-
-
-def test_the_mjx_model_is_the_robot_with_other_options(tmp_path: Path) -> None:
-    full = built(tiny_quadruped(), tmp_path / "a", Mjcf(robot="robot")) / "mjcf/robot.xml"
-    gpu = built(tiny_quadruped(), tmp_path / "b", Mjx(robot="robot")) / "mjx/robot_mjx.xml"
-    a, b = (mujoco.MjModel.from_xml_path(str(path)) for path in (full, gpu))
-    for name in ("qpos0", "key_qpos", "key_ctrl", "body_mass", "dof_armature", "jnt_range",
-                 "actuator_gainprm", "actuator_biasprm", "actuator_forcerange"):  # fmt: skip
-        assert np.array_equal(getattr(a, name), getattr(b, name)), name
-    assert (b.opt.iterations, b.opt.ls_iterations, b.opt.cone) == (20, 50, 1)
-    assert (tmp_path / "b/out/mjx/scene_mjx.xml").exists()
-
-
-def test_mjlabs_module_puts_a_fixed_root_where_its_mjcf_has_it(tmp_path: Path) -> None:
-    robot = pendulum()
-    place = Pose((0.5, 0.0, 2.0), (0.0, 0.6, 0.0, 0.8))
-    robot = replace(robot, tree=replace(robot.tree, X_world_root=place))
-    out = built(robot, tmp_path, Mjlab(robot="robot")) / "mjlab"
-    text = (out / "python/robot_mjlab.py").read_text()
-    assert f"pos={place.xyz!r}" in text and f"rot={place.quat!r}" in text
-    base = mujoco.MjModel.from_xml_path(str(out / "mjcf/robot_bare.xml")).body("base")
-    assert (*base.pos, *base.quat) == (*place.xyz, *place.quat)
 
 
 def test_contacts_with_fewer_dimensions_are_told(tmp_path: Path) -> None:
@@ -108,17 +83,6 @@ def test_links_that_touch_nothing_are_counted(
 MJLAB = Mjlab(robot="robot", feet=".*_foot", imu="imu", rows=(".*_(hip|thigh)_joint", ".*_calf_joint"))  # fmt: skip # noqa: E501
 
 
-def test_the_bare_model_keeps_the_contract(tmp_path: Path) -> None:
-    inputs = check_inputs(tmp_path, tiny_quadruped(), MJLAB, "mjlab")
-    assert run_step(MjlabContract(robot="robot"), inputs, tmp_path / "out") == []
-    model = mujoco.MjModel.from_xml_path(str(inputs / "mjlab/mjcf/robot_bare.xml"))
-    assert (model.nu, model.nkey) == (0, 0)
-    assert not model.dof_armature.any(), "the module states what drives add"
-    assert not model.dof_damping.any()
-    assert not model.dof_frictionloss.any()
-    assert "<option" not in (inputs / "mjlab/mjcf/robot_bare.xml").read_text()
-
-
 def test_sensors_that_mjlab_makes_itself_are_left_out(tmp_path: Path) -> None:
     robot = tiny_quadruped()
     touch = Sensor("touch", "contact", Place("body", "FR_calf"))
@@ -137,25 +101,6 @@ def table(text: str, name: str) -> Any:
         if isinstance(n, ast.Assign) and [getattr(t, "id", None) for t in n.targets] == [name]
     )
     return ast.literal_eval(value)
-
-
-def test_the_module_says_the_table_once_per_row(tmp_path: Path) -> None:
-    text = (built(tiny_quadruped(), tmp_path, MJLAB) / "mjlab/python/robot_mjlab.py").read_text()
-    names = {n.name for n in ast.parse(text).body if isinstance(n, ast.FunctionDef)}
-    assert {"robot_cfg", "velocity_flat_cfg"} <= names
-    assert text.count("BuiltinPositionActuatorCfg(") == 2
-    assert '".*_(hip|thigh)_joint": 0.06,' in text  # 0.25 * 24 / 100
-    constants = {t.id for n in ast.parse(text).body if isinstance(n, ast.Assign) for t in ast.walk(n) if isinstance(t, ast.Name)}  # fmt: skip # noqa: E501
-    assert {"ACTION_SCALE", "ROOT_BODY", "FOOT_SITES", "FOOT_GEOMS", "IMU_SITE"} <= constants
-
-
-def test_an_action_moves_no_target_by_more_than_half_a_radian(tmp_path: Path) -> None:
-    """A datasheet's effort of 2000 N m would let the first random action ask for 5 rad."""
-    control = tiny_quadruped().control
-    strong = tuple(replace(a, effort=2000.0) for a in control.actuators)
-    robot = replace(tiny_quadruped(), control=replace(control, actuators=strong))
-    text = (built(robot, tmp_path, MJLAB) / "mjlab/python/robot_mjlab.py").read_text()
-    assert set(table(text, "ACTION_SCALE").values()) == {0.5}
 
 
 def test_the_recipe_decides_what_only_mjlab_knows(tmp_path: Path) -> None:
@@ -190,18 +135,6 @@ def test_the_recipe_decides_what_only_mjlab_knows(tmp_path: Path) -> None:
         assert said in text
     assert set(table(text, "ACTION_SCALE").values()) == {0.1}  # 0.5 * 24 / 100 would be 0.12
     assert table(text, "KNEES") == ("FR_thigh_joint", "FL_thigh_joint", "RR_thigh_joint", "RL_thigh_joint")  # fmt: skip # noqa: E501
-
-
-def test_the_task_rewards_the_pose_of_driven_joints_alone(tmp_path: Path) -> None:
-    """mjlab looks each joint up in the table of spreads, which knows no passive one."""
-    control = tiny_quadruped().control
-    passive = control.actuators[0].joint
-    fewer = replace(control, actuators=control.actuators[1:])
-    robot = replace(tiny_quadruped(), control=fewer)
-    text = (built(robot, tmp_path, MJLAB) / "mjlab/python/robot_mjlab.py").read_text()
-    assert set(table(text, "JOINTS")) == {a.joint for a in fewer.actuators}
-    assert passive not in table(text, "JOINTS")
-    assert 'cfg.rewards["pose"].params["asset_cfg"].joint_names = JOINTS' in text
 
 
 RANGES = {
@@ -299,14 +232,6 @@ def test_a_dc_motor_saturates_at_its_stall_torque(
         text = (tmp_path / file).read_text()
         assert f"saturation_effort={said!r}" in text
         assert "effort_limit=5.0" in text
-
-
-def test_a_motor_without_a_limit_has_a_number_that_mjlab_takes(tmp_path: Path) -> None:
-    robot = pendulum()
-    drive = Actuator("swing_joint", "motor")
-    robot = replace(robot, control=replace(robot.control, actuators=(drive,)))
-    text = (built(robot, tmp_path, Mjlab(robot="r")) / "mjlab/python/r_mjlab.py").read_text()
-    assert "effort_limit=1000000000.0," in text
 
 
 def test_a_general_actuator_is_told_not_dropped(tmp_path: Path) -> None:
