@@ -30,6 +30,7 @@ from assetbuild.robot.model import (
     Camera,
     Contact,
     General,
+    Inertial,
     Joint,
     Keyframe,
     Limits,
@@ -39,6 +40,7 @@ from assetbuild.robot.model import (
 from assetbuild.robot.pose import Pose, quat_of_rpy
 from assetbuild.robot.shapes import Material
 
+Tensor = tuple[float, float, float, float, float, float]
 READERS = {name: load_plugin(Reader, name) for name in plugin_names(Reader)}
 OPTIONS = {"feet": {"links": ".*_foot"}, "imu": {"link": "trunk"}, "xrdf": {"max_spheres": 1}}
 
@@ -81,6 +83,23 @@ def with_drives(robot: TinyRobot, *models: str) -> TinyRobot:
     return replace(robot, control=replace(robot.control, actuators=drives))
 
 
+def weighing(robot: TinyRobot, inertia: Tensor) -> TinyRobot:
+    """Each body has this tensor."""
+    inertial = Inertial(1.0, (0.0, 0.0, 0.0), inertia)
+    tree = replace(
+        robot.tree, bodies=tuple(replace(b, inertial=inertial) for b in robot.tree.bodies)
+    )
+    return replace(robot, tree=tree, links=tree)
+
+
+def called(robot: TinyRobot, name: str) -> TinyRobot:
+    """One shape and one material have this name."""
+    first, *others = robot.shapes.shapes
+    shapes = (replace(first, name=name, material=name), *others)
+    materials = (*robot.shapes.materials, Material(name, (0.1, 0.2, 0.3, 1.0)))
+    return replace(robot, shapes=replace(robot.shapes, shapes=shapes, materials=materials))
+
+
 def odd() -> dict[str, TinyRobot]:
     """What writers have got wrong, or might."""
     dog, arm = tiny_quadruped(), pendulum()
@@ -103,6 +122,7 @@ def odd() -> dict[str, TinyRobot]:
     pair = with_mimic(dog, "FL_hip_joint", "FR_hip_joint", -2.0, 0.5)
     hung = replace(arm.tree, X_world_root=tilt)
     soles = Contact(friction=(0.5, 0.01, 0.001), condim=6)
+    motors = tuple(replace(row, motor="visual") for row in dog.control.actuators)
     return {
         "quadruped": dog,
         "pendulum": arm,
@@ -113,6 +133,12 @@ def odd() -> dict[str, TinyRobot]:
         "continuous": on(replace(swing, kind="continuous", limits=Limits(effort=5.0), axis=skew)),
         "planar": told(on(replace(swing, kind="planar", limits=Limits(), axis=skew)), actuators=()),
         "locked": on(replace(swing, limits=Limits(0.5, 0.5, 5.0))),
+        "crossed": on(replace(swing, limits=Limits(2.0, 1.0, 5.0))),
+        "one-sided": on(replace(swing, limits=Limits(lower=0.5, effort=5.0))),
+        "almost diagonal": weighing(arm, (0.03, 0.04, 0.05, 3e-9, -2e-9, 1e-9)),
+        "flat": weighing(arm, (0.1 + 0.2, 0.1, 0.2, 0.0, 0.0, 0.0)),
+        "odd names": called(dog, 'a "<&> 材质'),
+        "motor named as a class": told(dog, actuators=motors),
         "kept body": told(on(replace(swing, kind="fixed", limits=Limits())), actuators=()),
         "base without mass": replace(arm, tree=light, links=light),
         "hung": replace(arm, tree=hung, links=hung),

@@ -259,18 +259,6 @@ def test_the_events_say_the_recipe(tmp_path: Path, generation: int) -> None:
     assert terms["material"].params["static_friction_range"] == (0.4, 1.2)
 
 
-def test_an_ideal_pd_is_delayed_as_the_recipe_says(tmp_path: Path, generation: int) -> None:
-    robot = tiny_quadruped()
-    ideal = tuple(replace(a, model="ideal_pd") for a in robot.control.actuators)
-    robot = replace(robot, control=replace(robot.control, actuators=ideal))
-    ranges = Randomize.model_validate({"joints": {".*_calf_joint": {"delay": [1, 3]}}})
-    module = load(robot, tmp_path, generation, randomize=ranges)
-    (calf,) = matches(module.ROBOT_CFG, "FR_calf_joint")
-    (hip,) = matches(module.ROBOT_CFG, "FR_hip_joint")
-    assert (calf.min_delay, calf.max_delay) == (1, 3)
-    assert not hasattr(hip, "min_delay")
-
-
 def test_what_isaac_lab_cannot_randomize_is_told(tmp_path: Path) -> None:
     wide = {
         "links": {".*": {"stretch": 0.1}},

@@ -2,25 +2,20 @@
 
 from __future__ import annotations
 
-import math
 import os
 import re
 import subprocess
-from collections.abc import Iterator
 from dataclasses import replace
 from io import BytesIO
 from pathlib import Path
-from xml.etree.ElementTree import Element as XmlElement
 
 import mujoco
 import numpy as np
 import pytest
-from defusedxml import ElementTree
 from PIL import Image
 from tiny import (
     TinyRobot,
     box_inertial,
-    flat_obj,
     pendulum,
     run_step,
     tiny_quadruped,
@@ -43,7 +38,7 @@ from assetbuild.robot.shapes import Material, Mesh, MeshAsset, Shape, Shapes
 from assetbuild.robot.tree import forward_kinematics
 from assetbuild.targets.mjcf import Mjcf
 from assetbuild.targets.mjcf.inertia import principal_inertia
-from assetbuild.targets.mjcf.xml import number, pose_attributes
+from assetbuild.targets.mjcf.xml import number
 
 
 @pytest.fixture
@@ -60,10 +55,6 @@ def write_mjcf(robot: TinyRobot, folder: Path, name: str = "robot") -> Path:
 def emit(robot: TinyRobot, folder: Path, name: str = "robot") -> list[Finding]:
     write_robot_ports(folder / "in", robot)
     return run_step(Mjcf(robot=name), folder / "in", folder / "out")
-
-
-def compiled(robot: TinyRobot, folder: Path) -> mujoco.MjModel:
-    return mujoco.MjModel.from_xml_path(str(write_mjcf(robot, folder) / "robot.xml"))
 
 
 # --- what MuJoCo reads ----------------------------------------------------------------------
@@ -106,14 +97,6 @@ def test_numbers_lose_rounding_and_nothing_else(value: float, text: str) -> None
     assert number(value) == text
 
 
-def test_quarter_turns_are_readable() -> None:
-    quarter = Pose((6.1e-17, 0.0, 0.5), (math.cos(math.pi / 4), math.sin(math.pi / 4), 0.0, 1e-17))
-    assert pose_attributes(quarter) == {"pos": "0 0 0.5", "quat": "1 1 0 0"}
-    assert pose_attributes(Pose((0.0, 0.0, 0.0), (6.1e-17, -1.0, 0.0, 0.0)))["quat"] == "0 -1 0 0"
-    third = (0.5, 0.5, 0.5, 0.5000000000000001)
-    assert pose_attributes(Pose(quat=third))["quat"] == "0.5 0.5 0.5 0.5"
-
-
 def test_only_pairs_that_mujoco_does_not_filter_are_excluded(tmp_path: Path) -> None:
     robot = tiny_quadruped()
     assert ("FR_hip", "trunk") in robot.control.excludes
@@ -152,11 +135,6 @@ def test_a_floating_robot_on_a_test_stand_does_not_touch_itself(tmp_path: Path) 
     assert trunk in {bad.geom_bodyid[geom] for contact in data.contact for geom in contact.geom}
 
 
-def tensor(inertial: Inertial) -> np.ndarray:
-    xx, yy, zz, xy, xz, yz = inertial.inertia_com_kg_m2
-    return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
-
-
 # --- principal axes -------------------------------------------------------------------------
 
 
@@ -178,10 +156,6 @@ def test_principal_moments_are_those_of_numpy() -> None:
 # --- default classes ------------------------------------------------------------------------
 
 
-def walk(element: XmlElement, tag: str) -> Iterator[XmlElement]:
-    yield from element.iter(tag)
-
-
 @pytest.mark.parametrize("scale", [1.0, 1e-3, 1e-7, 7.7])
 @pytest.mark.parametrize("moments", [(0.3, 0.6, 0.9), (0.9, 0.3, 0.6), (0.1 + 0.2, 0.1, 0.2)])
 def test_a_flat_body_compiles_in_spite_of_rounding(
@@ -198,27 +172,6 @@ def test_a_flat_body_compiles_in_spite_of_rounding(
     assert np.allclose(np.sort(inertia), np.sort((x, y, z)), rtol=1e-14, atol=0)
     told = [f.subject for f in findings if f.rule == "mjcf.inertia.rounded"]
     assert told in ([], [f"link {root.name}"])
-
-
-def test_one_class_per_motor_and_one_per_family_of_joints(quadruped: Path) -> None:
-    root = ElementTree.parse(quadruped / "robot.xml").getroot()
-    classes = {c.get("class"): c for c in walk(root, "default") if c.get("class")}
-    shapes = {f"{part}_collision" for part in ("hip", "thigh", "calf", "foot")}
-    motors = {"small", "large", "hip", "thigh"}
-    assert set(classes) == {"robot", "visual", "collision"} | shapes | motors
-    assert [c.get("class") for c in classes["small"]][-2:] == ["hip", "thigh"]
-    large, all_joints = classes["large"].find("joint"), classes["robot"].find("joint")
-    assert large is not None
-    assert all_joints is not None
-    assert (all_joints.get("axis"), large.get("axis")) == ("0 1 0", None)  # of 8 joints of 12
-    assert large.get("range") == "-2.8 -0.9"
-
-
-def test_class_names_stay_apart_when_a_motor_is_called_visual(tmp_path: Path) -> None:
-    robot = tiny_quadruped()
-    named = tuple(replace(a, motor="visual") for a in robot.control.actuators)
-    model = compiled(replace(robot, control=replace(robot.control, actuators=named)), tmp_path)
-    assert model.nu == 12
 
 
 # --- the actuator table ---------------------------------------------------------------------
@@ -255,26 +208,6 @@ def test_half_a_limit_is_refused(tmp_path: Path) -> None:
         emit(joint_to("revolute", limits=Limits(1.0, None)), tmp_path)
 
 
-def test_crossed_limits_do_not_keep_the_bundle_from_being_written(tmp_path: Path) -> None:
-    model = compiled(joint_to("revolute", limits=Limits(2.0, 1.0)), tmp_path)
-    assert not model.jnt_limited[0]
-
-
-def test_almost_diagonal_inertia_survives_mujocos_rounding(tmp_path: Path) -> None:
-    """MuJoCo takes a quaternion this near the identity for the identity."""
-    tensor = (0.03, 0.04, 0.05, 3e-9, -2e-9, 1e-9)
-    robot = pendulum()
-    bodies = tuple(replace(b, inertial=Inertial(1.0, (0, 0, 0), tensor)) for b in robot.tree.bodies)
-    model = compiled(replace(robot, tree=replace(robot.tree, bodies=bodies)), tmp_path)
-    turn = np.zeros(9)
-    mujoco.mju_quat2Mat(turn, model.body_iquat[2])
-    turn = turn.reshape(3, 3)
-    found = turn @ np.diag(model.body_inertia[2]) @ turn.T
-    xx, yy, zz, xy, xz, yz = tensor
-    expected = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
-    assert np.abs(found - expected).max() < 1e-16
-
-
 def test_body_called_world_gets_another_name_and_a_finding(tmp_path: Path) -> None:
     robot = pendulum()
     tree = replace(
@@ -288,23 +221,6 @@ def test_body_called_world_gets_another_name_and_a_finding(tmp_path: Path) -> No
     ]
     model = mujoco.MjModel.from_xml_path(str(tmp_path / "out/mjcf/robot.xml"))
     assert model.body(1).name == "world_body"
-
-
-def test_names_with_xml_characters_survive(tmp_path: Path) -> None:
-    robot = pendulum()
-    odd = 'a "<&> 材质'
-    shapes = Shapes(
-        (
-            Shape(odd, "arm", "visual", Mesh("box"), material=odd),
-            Shape("flat", "arm", "visual", Mesh("flat"), Pose((1.0, 0.0, 0.0))),
-        ),
-        (Material(odd, (0.1, 0.2, 0.3, 1.0)),),
-        (MeshAsset("box", "box.obj", 8, 12), MeshAsset("flat", "flat.obj", 4, 2)),
-    )
-    meshes = {"box.obj": tiny_quadruped().meshes["trunk_box.obj"], "flat.obj": flat_obj()}
-    model = compiled(replace(robot, shapes=shapes, meshes=meshes), tmp_path)
-    assert model.geom(0).name == odd
-    assert model.material(0).name == odd
 
 
 def test_texture_is_copied_and_a_missing_one_is_said(tmp_path: Path) -> None:

@@ -95,18 +95,6 @@ def test_the_new_names_are_what_the_reader_of_facts_expects(hopper, tmp_path: Pa
         assert run_step(step, inputs, tmp_path / step.form) == []
 
 
-def test_what_names_a_geom_follows_its_new_name(hopper):
-    inputs, _ = hopper
-    model = mujoco.MjModel.from_xml_path(str(inputs / "mjlab/mjcf/robot_bare.xml"))
-    ball, box, shin = (model.geom(f"{name}_collision").id for name in ("ball", "box", "shin"))
-    assert {int(model.pair_geom1[0]), int(model.pair_geom2[0])} == {ball, box}
-    assert model.sensor("where").objid[0] == ball
-    assert {int(model.sensor("apart").objid[0]), int(model.sensor("apart").refid[0])} == {ball, box}
-    assert shin in model.wrap_objid
-    assert constant(module_of(inputs), "FOOT_GEOMS") == (
-        "shin_collision", "heel_collision", "ball_collision")  # fmt: skip
-
-
 def with_heels(robot: TinyRobot) -> TinyRobot:
     """Every foot has a second link, which fixed joints hold at the same calf."""
     legs = ("FR", "FL", "RR", "RL")

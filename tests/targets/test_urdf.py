@@ -10,9 +10,10 @@ from pathlib import Path
 
 import pinocchio
 import pytest
-from tiny import TinyRobot, pendulum, run_step, write_robot_ports
+from hypothesis import HealthCheck, given, settings
+from tiny import TinyRobot, examples, pendulum, robots, run_step, write_robot_ports
 
-from assetbuild.checks.urdf_loads import UrdfLoads
+from assetbuild.checks.urdf_loads import UrdfLoads, loaded
 from assetbuild.findings import Finding
 from assetbuild.robot.codec import decode
 from assetbuild.robot.model import JointKind, Limits, Tree
@@ -40,6 +41,13 @@ def read_back(folder: Path, base: str = "floating") -> tuple[Tree, SourceShapes]
 
 def xml(folder: Path) -> ET.Element:
     return ET.parse(folder / "bot.urdf").getroot()  # noqa: S314 # our own file
+
+
+@settings(max_examples=examples(20), suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(robot=robots())
+def test_any_robot_loads_in_urdfdom(robot: TinyRobot, tmp_path_factory: pytest.TempPathFactory):
+    folder, _ = emit(robot, tmp_path_factory.mktemp("u"))
+    assert loaded(folder / "bot.urdf")[1] == ""
 
 
 UNLIMITED = 1e9

@@ -372,9 +372,12 @@ def test_what_usd_cannot_hold_is_told(tmp_path: Path) -> None:
     )
     control = replace(robot.control, contact=robot.control.contact.model_copy(update={"condim": 6}))
     tree = replace(robot.tree, joints=joints)
+    drives = (replace(control.actuators[0], model="ideal_pd"), *control.actuators[1:])
+    control = replace(control, actuators=drives)
     _, findings = build(replace(robot, tree=tree, control=control), tmp_path)
     told = {(f.rule, f.subject) for f in findings}
     assert told == {
+        ("usd.explicit_actuator", "robot"),
         ("usd.one_sided_limit", f"joint {first.name}"),
         ("usd.limit_clamped", f"joint {second.name}"),
         ("usd.contact", "robot"),
