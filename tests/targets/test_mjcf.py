@@ -198,6 +198,16 @@ def joint_to(kind: str, **changes: object) -> TinyRobot:
     )
 
 
+def test_planar_joint_moves_across_its_normal_and_turns_about_it(tmp_path: Path) -> None:
+    robot = joint_to("planar", axis=(1.0, 0.0, 0.0), limits=Limits())
+    assert [f.rule for f in emit(robot, tmp_path)] == ["mjcf.planar_joint"]
+    model = mujoco.MjModel.from_xml_path(str(tmp_path / "out/mjcf/robot.xml"))
+    assert model.nv == 3
+    assert np.allclose(model.jnt_axis[2], (1, 0, 0))
+    assert np.allclose(model.jnt_axis[:2] @ (1, 0, 0), 0)
+    assert np.allclose(np.cross(model.jnt_axis[0], model.jnt_axis[1]), (1, 0, 0))
+
+
 def test_floating_joint_below_the_root_is_refused(tmp_path: Path) -> None:
     with pytest.raises(StepError, match="swing_joint: MJCF allows a floating joint on the root"):
         emit(joint_to("floating", limits=Limits()), tmp_path)

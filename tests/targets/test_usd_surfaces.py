@@ -54,6 +54,21 @@ def test_each_value_that_physx_cannot_hold_is_told_once(tmp_path: Path) -> None:
     ]
 
 
+def test_joints_start_at_home_and_else_inside_of_their_limits(tmp_path: Path) -> None:
+    stage, found = build(tiny_quadruped(), tmp_path / "home")
+    knee = stage.GetPrimAtPath("/robot/Joints/FR_calf_joint")
+    assert knee.GetAttribute("state:angular:physics:position").Get() == pytest.approx(-91.67, 1e-3)
+    assert not [f for f in found if f.rule == "usd.start"]
+
+    homeless = tiny_quadruped()
+    homeless = replace(homeless, control=replace(homeless.control, keyframes=()))
+    stage, found = build(homeless, tmp_path / "homeless")
+    knee = stage.GetPrimAtPath("/robot/Joints/FR_calf_joint")
+    at_limit = knee.GetAttribute("state:angular:physics:position").Get()
+    assert at_limit == pytest.approx(knee.GetAttribute("physics:upperLimit").Get())
+    assert len([f for f in found if f.rule == "usd.start"]) == 4
+
+
 def test_the_recipe_decides_what_only_physx_knows(tmp_path: Path) -> None:
     options: dict[str, object] = {
         "instanceable": False,
