@@ -1,24 +1,21 @@
 """Does NVIDIA's asset validator accept the USD, as its sites and pipelines ask for?
 
-The validator runs in an environment of its own, for it wants an older numpy. Meshes are looked at
-as they are: a rule about the surface that the maker drew is told, and is no error.
+Meshes are looked at as they are: a rule about the surface that the maker drew informs only.
 """
 
 from __future__ import annotations
 
-from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+import json
+from collections.abc import Iterator, Sequence
 from typing import Any, ClassVar
 
-from assetbuild.engine.step import Files, Limits
 from assetbuild.findings import Finding, Rule
-from assetbuild.kinds import write_figures
-from assetbuild.simulators.consumers import ConsumerCheck
 from assetbuild.simulators.environments import Environment
+from assetbuild.simulators.foreign import REPORT, Validator
 
-BEYOND_IMPORTS = ("assetbuild.simulators._asset_validator_child",)
 SHOWN = 3
 """Prims that a message names."""
+Issue = dict[str, Any]  # Any: foreign JSON
 
 FAILURE = Rule(
     "asset_validator.failure",
@@ -40,55 +37,51 @@ NO_RESULT = Rule(
 )
 
 
-class AssetValidator(ConsumerCheck):
+class AssetValidator(Validator):
     """All rules that the validator enables by itself, on the variant that is selected."""
 
-    needs: ClassVar[tuple[str, ...]] = ("usd",)
-    reads: ClassVar[tuple[str, ...]] = ()
     consumer: ClassVar[str] = "asset_validator"
-    limits: ClassVar[Limits] = Limits(wall_s=600.0)
     home: ClassVar[Environment] = Environment(
         "asset_validator",
         ("omniverse-asset-validator==1.18.0", "usd-core==26.11", "numpy<2"),
     )
+    no_report = NO_RESULT
 
-    def run(self, files: Files) -> Iterator[Finding]:
-        """Figures: failures and warnings."""
-        file = (files.inputs / f"usd/{self.robot}.usda").absolute()
-        answer, failure = self.answer("_asset_validator_child.py", {"file": str(file)})
-        found = (answer or {}).get("issues")
-        issues = found if isinstance(found, list) else None
-        yield from judged(issues, failure)
-        counts = Counter("warnings" if is_mild(issue) else "failures" for issue in issues or ())
-        write_figures(files, {word: counts[word] for word in ("failures", "warnings")})
+    def command(self) -> Sequence[str]:
+        """One variant: all of them would take five times as long."""
+        program = "from omni.asset_validator import cli_main; cli_main()"
+        return ("-c", program, "--no-variants", "--json-output", REPORT, f"{self.robot}.usda")
+
+    def judge(self, report: str, figures: dict[str, object]) -> Iterator[Finding]:
+        """An error for each failure; one line for each rule that warns."""
+        issues = [issue for rule in json.loads(report)["rules"] for issue in rule["issues"]]
+        mild: dict[str, list[Issue]] = {}
+        for issue in issues:
+            if issue["severity"] in ("WARNING", "INFO"):
+                mild.setdefault(_rule(issue), []).append(issue)
+            else:
+                path = _path(issue)
+                subject = f"prim {path}" if path else "robot"
+                yield FAILURE(subject, f"{_rule(issue)}: {issue['message']}")
+        warnings = sum(map(len, mild.values()))
+        figures |= {"failures": len(issues) - warnings, "warnings": warnings}
+        yield from (_warning(rule, found) for rule, found in sorted(mild.items()))
 
 
-def is_mild(issue: Mapping[str, Any]) -> bool:
-    """Whether the validator itself only warns."""
-    return issue["severity"] in ("WARNING", "INFO")
+def _warning(rule: str, found: Sequence[Issue]) -> Finding:
+    paths = list(dict.fromkeys(map(_path, found)))
+    more = f" and {len(paths) - SHOWN} more" if len(paths) > SHOWN else ""
+    shown = ", ".join(f"`{path}`" for path in paths[:SHOWN])
+    return WARNING(
+        "robot",
+        f"{rule} warns {len(found)} times of {shown}{more}; the first: {found[0]['message']}",
+        data={"rule": rule, "times": len(found)},
+    )
 
 
-def judged(issues: Sequence[Mapping[str, Any]] | None, failure: str = "") -> Iterator[Finding]:
-    """An error for each failure; one line for each rule that warns.
+def _rule(issue: Issue) -> str:
+    return str((issue.get("rule") or {}).get("name", "validator"))
 
-    issues: None where the validator gave no list of them; failure: how it failed, where it did.
-    """
-    if issues is None:
-        yield NO_RESULT("robot", f"no result: {failure or 'no list of issues'}")
-        return
-    mild: dict[str, list[Mapping[str, Any]]] = {}
-    for issue in issues:
-        if is_mild(issue):
-            mild.setdefault(issue["rule"], []).append(issue)
-        else:
-            subject = f"prim {issue['path']}" if issue["path"] else "robot"
-            yield FAILURE(subject, f"{issue['rule']}: {issue['message']}")
-    for rule, found in sorted(mild.items()):
-        paths = list(dict.fromkeys(issue["path"] for issue in found))
-        more = f" and {len(paths) - SHOWN} more" if len(paths) > SHOWN else ""
-        shown = ", ".join(f"`{path}`" for path in paths[:SHOWN])
-        yield WARNING(
-            "robot",
-            f"{rule} warns {len(found)} times of {shown}{more}; the first: {found[0]['message']}",
-            data={"rule": rule, "times": len(found)},
-        )
+
+def _path(issue: Issue) -> str:
+    return str((issue.get("at") or {}).get("path", ""))

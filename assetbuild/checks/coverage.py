@@ -15,15 +15,14 @@ import numpy as np
 from pydantic import Field
 
 from assetbuild.engine.step import Files
-from assetbuild.errors import StepError
 from assetbuild.findings import Finding, Rule
 from assetbuild.kinds import Check, write_figures
 from assetbuild.mesh.holes import holes
-from assetbuild.mesh.hulls import common_hull, read_meshes
+from assetbuild.mesh.hulls import read_meshes
 from assetbuild.mesh.primitives import tessellate
 from assetbuild.mesh.quality import surface_samples
 from assetbuild.mesh.register import Move, Target
-from assetbuild.mesh.solid import Distance, beyond_hull, distance_to
+from assetbuild.mesh.solid import Distance, distance_to
 from assetbuild.mesh.triangles import TriangleMesh, merged
 from assetbuild.quantities import Positive
 from assetbuild.robot.files import RobotFiles
@@ -31,8 +30,6 @@ from assetbuild.robot.model import Tree
 from assetbuild.robot.pose import IDENTITY, Array, Pose
 from assetbuild.robot.shapes import Mesh, Role, Shape, Sphere
 
-MOST_POINTS = 4000
-"""Most visual vertices of a body, evenly spread over their list: enough for a percentile."""
 SURFACE_POINTS, SHAPE_POINTS = 15_000, 300
 """Samples of a body's visual surface, and of one collision shape."""
 BETTER = 0.5
@@ -69,18 +66,21 @@ HOLE = Rule(
 
 @dataclass(frozen=True)
 class Fit:
-    """bare: 95 % of the visual vertices stick out of the collision less than this; over: how far
-    collision sticks out of the visual hulls of its body and of the next ones; shift: both ends
-    moved alike, by axis. m.
+    """over_m: how far collision sticks out of the visual hulls of its body and of the next ones;
+    shift_m: both ends of the body moved alike, by axis.
     """
 
-    bare_m: float
     over_m: float
     shift_m: tuple[float, float, float]
     size_m: float
 
+    @property
+    def largest_m(self) -> float:
+        """Along the axis of the largest shift."""
+        return max(map(abs, self.shift_m))
 
-IN_MM = ("not_covered_mm", "sticks_out_mm", "shift_mm")
+
+IN_MM = ("sticks_out_mm", "shift_mm")
 """Figures of a body that are compared with `max_shift`."""
 
 
@@ -113,9 +113,9 @@ class Coverage(Check):
         names = [body.name for body in parts.tree.bodies]
         fits = {b: _fit(parts, b) for b in names if parts.visual(b) and parts.collision(b)}
         rows = [
-            {"body": name, "not_covered_mm": 1e3 * f.bare_m, "sticks_out_mm": 1e3 * f.over_m,
-             "shift_mm": [1e3 * v for v in f.shift_m]}
-            for name, f in fits.items()
+            {"body": name, "sticks_out_mm": 1e3 * fit.over_m,
+             "shift_mm": [1e3 * v for v in fit.shift_m]}
+            for name, fit in fits.items()
         ]  # fmt: skip
         moves = _moves(parts, fits)
         moved = [
@@ -138,15 +138,14 @@ class Coverage(Check):
         return max(self.max_shift, self.max_shift_share * fit.size_m)
 
     def _is_beside(self, fit: Fit) -> bool:
-        largest = max(map(abs, fit.shift_m))
-        return largest > self._limit(fit) and fit.over_m > 0.5 * largest
+        return fit.largest_m > self._limit(fit) and fit.over_m > 0.5 * fit.largest_m
 
     def _shifts(self, beside: Mapping[str, Fit]) -> Iterator[Finding]:
         """One finding for all bodies with an equal shift: four legs share a mistake, or a plan."""
         alike: dict[str, list[str]] = {}
         for name, fit in beside.items():
             axis = "xyz"[int(np.argmax(np.abs(fit.shift_m)))]
-            said = f"{_length(max(map(abs, fit.shift_m)))} along {axis}"
+            said = f"{_length(fit.largest_m)} along {axis}"
             alike.setdefault(said, []).append(name)
         for said, (name, *others) in alike.items():
             fit = beside[name]
@@ -208,20 +207,8 @@ class Parts:
     @functools.cache  # noqa: B019 # lives as long as the step
     def outside(self, body: str) -> Distance:
         """Distance from the hull of all that is seen of a body."""
-        hulls = [self.hull(*placed) for placed in self.visual(body)]
-        try:
-            return beyond_hull(common_hull(hulls))
-        except StepError:  # flat
-            return distance_to(np.concatenate([hull.vertices for hull in hulls]), IDENTITY)
-
-    def solid(self, shape: Shape, X_body_shape: Pose) -> Distance:
-        """Distance from what collides of a shape; of a mesh that is its hull."""
-        if not isinstance(shape.geometry, Mesh):
-            return distance_to(shape.geometry, X_body_shape)
-        hull = self.hull(shape, X_body_shape)
-        if len(hull.faces):
-            return beyond_hull(hull)
-        return distance_to(self._meshes[shape.geometry.mesh].vertices, X_body_shape)
+        hulls = [self.hull(*placed).vertices for placed in self.visual(body)]
+        return distance_to(np.concatenate(hulls), IDENTITY)
 
 
 def _moves(parts: Parts, bodies: Collection[str]) -> dict[str, tuple[str, Move]]:
@@ -292,15 +279,12 @@ def _fit(parts: Parts, body: str) -> Fit:
         np.concatenate([parts.surface(*placed).vertices for placed in shapes])
         for shapes in (parts.visual(body), parts.collision(body))
     )
-    some = visual[:: -(-len(visual) // MOST_POINTS)]
-    bare = np.min([parts.solid(*placed)(some) for placed in parts.collision(body)], axis=0)
     lower = collision.min(axis=0) - visual.min(axis=0)
     upper = collision.max(axis=0) - visual.max(axis=0)
     alike = np.where(lower * upper > 0.0, np.minimum(np.abs(lower), np.abs(upper)), 0.0)
     x, y, z = (float(v) for v in np.sign(lower) * alike)
     size = float(np.linalg.norm(visual.max(axis=0) - visual.min(axis=0)))
-    over = _beyond_robot(parts, body, collision)
-    return Fit(max(float(np.percentile(bare, 95)), 0.0), over, (x, y, z), size)
+    return Fit(_beyond_robot(parts, body, collision), (x, y, z), size)
 
 
 def _beyond_robot(parts: Parts, body: str, collision: Array) -> float:

@@ -86,16 +86,27 @@ SIZE = Rule(
 )
 
 
+Hulls = Mapping[tuple[str, Role], Sequence[TriangleMesh]]
+"""Of each shape, by body and role."""
+
+
 @dataclass(frozen=True)
 class Filled:
-    """A body and its hull. outside_m: centre of mass beyond the hull's box; angle: of long axes."""
+    """A body and the hull of what is seen of it, else of what collides.
+
+    outside_m: centre of mass beyond the hull's box; angle_rad: between the long axes of both.
+    """
 
     mass_kg: float
     volume_m3: float
-    density: float
     outside_m: float
     size_m: float
     angle_rad: float | None
+
+    @property
+    def density(self) -> float:
+        """kg/m3"""
+        return self.mass_kg / self.volume_m3
 
 
 class Mass(Check):
@@ -126,8 +137,9 @@ class Mass(Check):
         """Reads tree, shapes and hulls."""
         robot = RobotFiles(files.inputs)
         tree, hulls = robot.tree, hulls_by_body(robot)
-        found = {b.name: made for b in tree.bodies if (made := _measured(b, hulls)) is not None}
+        every = {b.name: made for b in tree.bodies if (made := _filled(b, hulls)) is not None}
         total = math.fsum(b.inertial.mass_kg for b in tree.bodies if b.inertial)
+        found = {name: row for name, row in every.items() if row.mass_kg >= SMALLEST_KG}
         rows = [
             {"body": name, "mass_kg": row.mass_kg, "hull_volume_m3": row.volume_m3,
              "density_kg_m3": row.density, "center_outside_m": row.outside_m,
@@ -138,13 +150,14 @@ class Mass(Check):
         smallest_m = min((row.size_m for row in found.values()), default=1.0)
         limits = {"long_axes_apart_rad": self.max_angle, "center_outside_m": OUTSIDE * smallest_m}
         write_figures(files, figures, limits)
+        extents = _extents(hulls)
         yield from self._judge_total(total)
-        yield from _absurd(tree, hulls)
-        yield from _of_no_matter(tree, hulls)
+        yield from _too_large(tree, extents)
+        yield from _of_no_matter(tree, every)
         for name, row in found.items():
             yield from self._judge(name, row, total)
         yield from _outside(found)
-        yield from contradictions(tree, _extents(hulls))
+        yield from contradictions(tree, extents)
 
     def _judge_total(self, total: float) -> Iterator[Finding]:
         if self.total_kg is None:
@@ -179,7 +192,7 @@ class Mass(Check):
             )
 
 
-def _extents(hulls: Mapping[tuple[str, Role], Sequence[TriangleMesh]]) -> dict[str, Extent]:
+def _extents(hulls: Hulls) -> dict[str, Extent]:
     """Return the extent of each body: all that is drawn and all that collides."""
     points: dict[str, list[Array]] = {}
     for (name, _), own in hulls.items():
@@ -205,9 +218,7 @@ def _outside(found: Mapping[str, Filled]) -> Iterator[Finding]:
         )
 
 
-def _absurd(
-    tree: Tree, hulls: Mapping[tuple[str, Role], Sequence[TriangleMesh]]
-) -> Iterator[Finding]:
+def _too_large(tree: Tree, extents: Mapping[str, Extent]) -> Iterator[Finding]:
     """Units or densities off by a hundred; the bolted root may be a hall or a field."""
     for body in tree.bodies:
         mass = body.inertial.mass_kg if body.inertial else 0.0
@@ -219,8 +230,8 @@ def _absurd(
                 data={"mass_kg": mass, "limit_kg": HEAVIEST_KG},
             )
     for body in _loose_bodies(tree):
-        parts = [part for (name, _), own in hulls.items() if name == body.name for part in own]
-        size = max((float(np.ptp(part.vertices, axis=0).max()) for part in parts), default=0.0)
+        extent = extents.get(body.name)
+        size = float(np.ptp(extent.points, axis=0).max()) if extent else 0.0
         if size > LONGEST_M:
             yield SIZE(
                 f"link {body.name}",
@@ -230,30 +241,27 @@ def _absurd(
             )
 
 
-def _of_no_matter(
-    tree: Tree, hulls: Mapping[tuple[str, Role], Sequence[TriangleMesh]]
-) -> Iterator[Finding]:
+def _of_no_matter(tree: Tree, found: Mapping[str, Filled]) -> Iterator[Finding]:
     """Report masses or lengths off by a hundred: of all bodies together, no mean of matter."""
-    whole_kg, shaped_kg, volume_m3 = 0.0, 0.0, 0.0
-    for body in _loose_bodies(tree):
-        mass_kg, own_m3 = body.inertial.mass_kg if body.inertial else 0.0, _hull_volume(body, hulls)
-        whole_kg, volume_m3 = whole_kg + mass_kg, volume_m3 + own_m3
-        shaped_kg += mass_kg if own_m3 else 0.0
-    if 0.0 < whole_kg < LEAST_KG_M3 * volume_m3:
-        mass_kg, limit, hint = whole_kg, LEAST_KG_M3, "are the masses placeholders?"
-        said = "lighter than foam"
-    elif volume_m3 > 0.0 and shaped_kg > MOST_KG_M3 * volume_m3:
-        mass_kg, limit, hint = shaped_kg, MOST_KG_M3, "are the shapes or the masses in other units?"
-        said = "heavier than any metal"
-    else:
-        return
-    yield ABSURD(
-        "robot",
-        f"its moving bodies weigh {mass_kg:.4g} kg in hulls of {1e3 * volume_m3:.4g} litres, "
-        f"{mass_kg / volume_m3:.3g} kg/m³: {said} (limit {limit:g} kg/m³)",
-        hint=f"{hint} State masses by `edits: set_mass`, a mesh's size by its `scale`",
-        data={"mass_kg": mass_kg, "volume_m3": volume_m3, "limit_kg_m3": limit},
-    )
+    loose = _loose_bodies(tree)
+    shaped = [found[body.name] for body in loose if body.name in found]
+    whole_kg = math.fsum(body.inertial.mass_kg for body in loose if body.inertial)
+    shaped_kg = math.fsum(row.mass_kg for row in shaped)
+    volume_m3 = math.fsum(row.volume_m3 for row in shaped)
+    for mass_kg, limit, wrong, said, hint in (
+        (whole_kg, LEAST_KG_M3, 0.0 < whole_kg < LEAST_KG_M3 * volume_m3,
+         "lighter than foam", "are the masses placeholders?"),
+        (shaped_kg, MOST_KG_M3, shaped_kg > MOST_KG_M3 * volume_m3,
+         "heavier than any metal", "are the shapes or the masses in other units?"),
+    ):  # fmt: skip
+        if wrong:
+            yield ABSURD(
+                "robot",
+                f"its moving bodies weigh {mass_kg:.4g} kg in hulls of {1e3 * volume_m3:.4g} "
+                f"litres, {mass_kg / volume_m3:.3g} kg/m³: {said} (limit {limit:g} kg/m³)",
+                hint=f"{hint} State masses by `edits: set_mass`, a mesh's size by its `scale`",
+                data={"mass_kg": mass_kg, "volume_m3": volume_m3, "limit_kg_m3": limit},
+            )
 
 
 def _loose_bodies(tree: Tree) -> list[Body]:
@@ -261,43 +269,26 @@ def _loose_bodies(tree: Tree) -> list[Body]:
     return [b for b in tree.bodies if tree.base == "floating" or b.name != tree.root]
 
 
-def _hull_volume(body: Body, hulls: Mapping[tuple[str, Role], Sequence[TriangleMesh]]) -> float:
-    """m3 of what is seen of a body, else of what collides; 0 where there is neither."""
+def _filled(body: Body, hulls: Hulls) -> Filled | None:
+    """None for what has no volume."""
     parts = hulls.get((body.name, "visual")) or hulls.get((body.name, "collision"))
-    try:
-        return float(solid_moments(common_hull(parts))[0]) if parts else 0.0
-    except StepError:
-        return 0.0
-
-
-def _measured(
-    body: Body, hulls: Mapping[tuple[str, Role], Sequence[TriangleMesh]]
-) -> Filled | None:
-    """None for what has no mass to speak of or no volume to compare it with.
-
-    What is seen counts; of a body that is not seen, what collides.
-    """
-    parts = hulls.get((body.name, "visual")) or hulls.get((body.name, "collision"))
-    if body.inertial is None or body.inertial.mass_kg < SMALLEST_KG or not parts:
+    if not parts:
         return None
     try:
         hull = common_hull(parts)
-    except StepError:
+    except StepError:  # flat
         return None
     volume, _, even = solid_moments(hull)
     if not volume > 0.0:
         return None
     lower, upper = hull.bounds
-    com = np.asarray(body.inertial.com_m)
+    size_m, inertial = float(np.linalg.norm(upper - lower)), body.inertial
+    if inertial is None:
+        return Filled(0.0, volume, 0.0, size_m, None)
+    com = np.asarray(inertial.com_m)
     beyond = np.maximum(np.maximum(lower - com, com - upper), 0.0)
-    return Filled(
-        body.inertial.mass_kg,
-        volume,
-        body.inertial.mass_kg / volume,
-        float(np.linalg.norm(beyond)),
-        float(np.linalg.norm(upper - lower)),
-        _angle(matrix_of(body.inertial.inertia_com_kg_m2), even),
-    )
+    angle = _angle(matrix_of(inertial.inertia_com_kg_m2), even)
+    return Filled(inertial.mass_kg, volume, float(np.linalg.norm(beyond)), size_m, angle)
 
 
 def _angle(own: Array, even: Array) -> float | None:

@@ -3,17 +3,13 @@
 from __future__ import annotations
 
 import json
-import subprocess
-import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import ClassVar
 
-from assetbuild.engine.step import Files
-from assetbuild.findings import Finding, Rule, Severity
-from assetbuild.kinds import Check, write_figures
+from assetbuild.findings import Finding, Rule
+from assetbuild.simulators.foreign import ForeignTool, severity_of
 
 BEYOND_IMPORTS = ("mjcf_doctor",)
-LEVELS: dict[str, Severity] = {"ERROR": "error", "WARN": "warning", "INFO": "info"}
 
 FOUND = Rule(
     "doctor.*",
@@ -24,42 +20,26 @@ FOUND = Rule(
 BROKEN = Rule("doctor.broken", "warning", "mjcf-doctor gave no report", "read its own message")
 
 
-class MjcfDoctor(Check):
+class MjcfDoctor(ForeignTool):
     """Findings `doctor.<code>`: its codes, its words."""
 
     listed_in = "validate.linters"
     isolated = True
     needs = ("mjcf",)
-    reads = ()
     requires: ClassVar = {"mjcf_doctor": "lint"}
+    no_report = BROKEN
 
-    def run(self, files: Files) -> Iterator[Finding]:
-        """Reads `mjcf/scene.xml`; a doctor that breaks is a finding, not a failed build."""
-        command = [sys.executable, "-m", "mjcf_doctor", "check", "scene.xml", "--json", "-q"]
-        done = subprocess.run(
-            command, cwd=files.inputs / "mjcf", capture_output=True, text=True, check=False
-        )
-        findings = _findings(done.stdout)
-        write_figures(files, {"findings": len(findings or ())})
-        if findings is None:
-            yield BROKEN(
-                "robot",
-                f"mjcf-doctor gave no report (exit {done.returncode})",
-                hint=done.stderr.strip().splitlines()[-1] if done.stderr.strip() else "",
-            )
-            return
-        for found in findings:
+    def command(self) -> Sequence[str]:
+        """Prints its report after a page for people."""
+        return ("-m", "mjcf_doctor", "check", "scene.xml", "--json", "-q")
+
+    def judge(self, report: str, figures: dict[str, object]) -> Iterator[Finding]:
+        """Its codes, its severities, its words."""
+        (file,) = json.loads(report[f"\n{report}".index("\n[\n") :])
+        figures["findings"] = len(file["findings"])
+        for found in file["findings"]:
             yield FOUND.named(found["code"])(
                 "robot",
                 f"mjcf-doctor: {found['subject']}: {found['message']}",
-                severity=LEVELS.get(found["level"], "info"),
+                severity=severity_of(found["level"]),
             )
-
-
-def _findings(text: str) -> list[dict[str, str]] | None:
-    """The JSON that follows its page for people; None when there is none."""
-    start = 0 if text.startswith("[\n") else text.find("\n[\n")
-    try:
-        return [dict(f) for f in json.loads(text[start:])[0]["findings"]] if start >= 0 else None
-    except (ValueError, LookupError, TypeError):
-        return None

@@ -1,38 +1,34 @@
-"""Do the bare MJCF and its module keep what mjlab 1.6 asks of a robot?"""
+"""Does mjlab find the feet and the IMU that its module names, and does the robot start clear?
+
+Everything else of the module and of the bare MJCF is compared by the readers of facts.
+"""
 
 from __future__ import annotations
 
-import ast
 import re
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from typing import ClassVar
 
 from assetbuild.engine.step import Files
-from assetbuild.errors import StepError
+from assetbuild.errors import StepError, UsageError
+from assetbuild.facts.standins import Record, recorded, table_of, words_of
 from assetbuild.findings import Finding, Rule
 from assetbuild.kinds import Check, write_figures
 from assetbuild.robot.files import RobotFiles
-from assetbuild.robot.model import Control, Tree
 from assetbuild.simulators import mujoco
 
-COLLISION = re.compile(r".*_collision\d*")
-SENSORS = ("imu_ang_vel", "imu_lin_vel", "root_angmom")
-"""What mjlab's velocity task reads."""
-SINGLE = {"ROOT_BODY": "body", "IMU_SITE": "site"}
-SEVERAL = {"FOOT_SITES": "site", "FOOT_GEOMS": "geom", "JOINTS": "joint", "ACTION_SCALE": "joint"}
-"""Constants of the module -> what in the MJCF they name; mjlab takes all as patterns."""
+TASK = "velocity_flat_cfg"
 
-LOAD = Rule("mjlab.load", "error", "MuJoCo refuses the bare MJCF", "see `mjcf.load`")
 CONTRACT = Rule(
     "mjlab.contract",
     "error",
-    "the bare MJCF or its module breaks what mjlab asks for",
-    "report it: this is a bug",
+    "mjlab's module names feet or sites that the bare MJCF does not have, or in another order",
+    "mjlab would refuse or misread it; report it: this is a bug",
 )
 BURIED = Rule(
     "mjlab.buried",
     "error",
-    "a floating robot without keyframes rests in the ground, where mjlab counts its contacts",
+    "a floating robot rests in the ground, where mjlab counts its contacts before the first reset",
     "add a keyframe `home` with `base: on_ground`",
 )
 
@@ -43,173 +39,73 @@ class MjlabContract(Check):
     isolated = True
     preload = ("mujoco",)
     needs = ("mjlab",)
-    reads = ("tree.json", "control.json")
+    reads: ClassVar = ("tree.json",)
 
     robot: str
 
     def run(self, files: Files) -> Iterator[Finding]:
         """Reads `mjlab/mjcf/<robot>_bare.xml` and the module."""
-        stored = RobotFiles(files.inputs)
+        folder = files.inputs / "mjlab"
         try:
-            model = mujoco.load(
-                files.inputs / "mjlab/mjcf" / f"{self.robot}_bare.xml", visuals=False
-            ).model
-        except StepError as error:
-            write_figures(files, {"skipped": "it does not load"})
-            yield LOAD("robot", f"MuJoCo refuses it: {error.message}")
-            return
-        broken = [*_foreign(model), *_names(model), *_task(model, stored.tree)]
-        for path in sorted((files.inputs / "mjlab/python").glob("*.py")):
-            try:
-                module = ast.parse(path.read_text(encoding="utf-8"), path.name)
-            except SyntaxError as error:
-                broken.append(f"{path.name}:{error.lineno}: {error.msg}")
-            else:
-                broken += [f"{path.name}: {message}" for message in _Module(module, model).broken()]
+            loaded = mujoco.load(folder / f"mjcf/{self.robot}_bare.xml", visuals=False)
+            records = [recorded(file, (TASK,)) for file in sorted(folder.glob("python/*.py"))]
+        except (StepError, UsageError) as error:
+            write_figures(files, {"skipped": error.message})
+            return  # the readers of both files say so
+        model = loaded.model
         write_figures(files, {"sensors": int(model.nsensor), "sites": int(model.nsite)})
-        for message in broken:
-            yield CONTRACT(
-                "robot", message, hint="mjlab would refuse or misread it: please report it"
-            )
-        yield from _buried(model, stored.tree, stored.control)
+        for record in records:
+            for message in (*_unknown(record, model), *_unpaired(record, model)):
+                yield CONTRACT("robot", message)
+        floats = RobotFiles(files.inputs).tree.base == "floating"
+        if floats and float(model.qpos0[2]) <= 0.0:
+            yield BURIED("robot", f"the root rests at a height of {float(model.qpos0[2]):.3g} m")
 
 
-def _foreign(model: mujoco.Model) -> Iterator[str]:
-    for what, count in (("actuators", model.nu), ("keyframes", model.nkey)):
-        if count:
-            yield f"{count} {what} in the bare MJCF: mjlab's configs bring their own"
+def _unknown(record: Record, model: mujoco.Model) -> Iterator[str]:
+    """Names that stand for nothing."""
+    kind, patterns = _contact(record)
+    for constant, of, words in (
+        ("IMU_SITE", "site", words_of(record.get("IMU_SITE"))),
+        ("FOOT_SITES", "site", words_of(record.get("FOOT_SITES"))),
+        ("FOOT_GEOMS", "geom", words_of(record.get("FOOT_GEOMS"))),
+        ("the contact sensor", kind, patterns),
+    ):
+        for word in words:
+            if not any(re.fullmatch(word, name) for name in _names(model, of)):
+                yield f"{constant}: no {of} of the bare MJCF is called `{word}`"
 
 
-def _names(model: mujoco.Model) -> Iterator[str]:
-    for i in range(model.ngeom):
-        name = mujoco.name_of(model, "geom", i)
-        collides = bool(model.geom_contype[i] or model.geom_conaffinity[i])
-        if collides and not COLLISION.fullmatch(name):
-            yield f"collision geom `{name}` is not called `*_collision`: no config finds it"
-
-
-def _task(model: mujoco.Model, tree: Tree) -> Iterator[str]:
-    if tree.base == "fixed":
-        return
-    there = {mujoco.name_of(model, "sensor", i) for i in range(model.nsensor)}
-    for name in SENSORS:
-        if name not in there:
-            yield f"no sensor `{name}`, which mjlab's velocity task reads"
-    if model.njnt == 0 or int(model.jnt_type[0]) != 0:
-        yield "the first joint is not the free joint of the base"
-
-
-def _buried(model: mujoco.Model, tree: Tree, control: Control) -> Iterator[Finding]:
-    if tree.base == "fixed" or float(model.qpos0[2]) > 0.0:
-        return
-    message = "the root rests in the ground: mjlab counts its contacts before the first reset"
-    if control.keyframes:
-        yield CONTRACT("robot", message, hint="mjlab would refuse it: please report it")
-    else:
-        hint = "add a keyframe `home` with `base: on_ground`"
-        yield BURIED("robot", message, hint=hint)
-
-
-# --- the module -----------------------------------------------------------------------------
-
-
-@dataclass(frozen=True)
-class _Module:
-    """The module's syntax tree beside the model that its patterns are matched against."""
-
-    tree: ast.Module
-    model: mujoco.Model
-
-    def broken(self) -> Iterator[str]:
-        """What mjlab would refuse or misread."""
-        constants = self._constants()
-        for constant, kind in SINGLE.items():
-            if constant in constants and constants[constant] not in self._all(kind):
-                yield f"`{constant}`: no {kind} is called `{constants[constant]}`"
-        for constant, kind in SEVERAL.items():
-            if constant in constants:
-                yield from _unmatched(constant, _listed(constants[constant]), self._all(kind))
-        drives = list(self._patterns("target_names_expr", constants))
-        yield from _unmatched("target_names_expr", drives, self._all("joint"))
-        yield from self._feet(constants)
-
-    def _constants(self) -> dict[str, object]:
-        """Literals at the top of the module, by name."""
-        found: dict[str, object] = {}
-        for node in self.tree.body:
-            if isinstance(node, ast.Assign) and isinstance(node.targets[0], ast.Name):
-                try:
-                    found[node.targets[0].id] = ast.literal_eval(node.value)
-                except ValueError:  # an expression, such as the path of the MJCF
-                    continue
-        return found
-
-    def _patterns(self, keyword: str, constants: Mapping[str, object]) -> Iterator[str]:
-        """All patterns that calls are given under a keyword."""
-        for node in ast.walk(self.tree):
-            if isinstance(node, ast.keyword) and node.arg == keyword:
-                yield from _listed(_value(node.value, constants))
-
-    def _feet(self, constants: Mapping[str, object]) -> Iterator[str]:
-        """The contact sensor and the sites of the feet: one of each, and in the same order."""
-        primary = next(
-            (
-                node.value
-                for node in ast.walk(self.tree)
-                if isinstance(node, ast.keyword) and node.arg == "primary"
-            ),
-            None,
+def _unpaired(record: Record, model: mujoco.Model) -> Iterator[str]:
+    """mjlab's rewards take contacts, in the model's order, and sites of the feet in pairs."""
+    kind, patterns = _contact(record)
+    touching = [n for n in _names(model, kind) for word in patterns if re.fullmatch(word, n)]
+    sites = [name for name in words_of(record.get("FOOT_SITES")) if name in _names(model, "site")]
+    bodies = [_body_of(model, kind, name) for name in touching]
+    standing = [_body_of(model, "site", name) for name in sites]
+    if patterns and bodies != standing:
+        yield (
+            f"the contact sensor counts {len(bodies)} feet ({', '.join(bodies)}) where "
+            f"`FOOT_SITES` has {len(standing)} ({', '.join(standing)})"
         )
-        if not isinstance(primary, ast.Call):
-            return
-        given = {word.arg: _value(word.value, constants) for word in primary.keywords}
-        kind, patterns = str(given.get("mode")), _listed(given.get("pattern"))
-        yield from _unmatched("the contact sensor", patterns, self._all(kind))
-        sites = _listed(constants.get("FOOT_SITES"))
-        touching = [n for n in self._all(kind) if any(re.fullmatch(p, n) for p in patterns)]
-        bodies = [self._body_of(kind, name) for name in touching]
-        standing = [self._body_of("site", site) for site in sites if site in self._all("site")]
-        if bodies != standing:
-            yield (
-                f"the contact sensor counts {len(touching)} feet ({', '.join(bodies)}) where "
-                f"`FOOT_SITES` has {len(sites)} ({', '.join(standing)}): mjlab's rewards take them "
-                "in pairs"
-            )
-
-    def _all(self, kind: str) -> list[str]:
-        """Names in the order of the model. kind: body, joint, geom or site."""
-        counts = {"body": "nbody", "joint": "njnt", "geom": "ngeom", "site": "nsite"}
-        count = int(getattr(self.model, counts[kind]))
-        return [mujoco.name_of(self.model, kind, i) for i in range(count)]
-
-    def _body_of(self, kind: str, name: str) -> str:
-        if kind == "body":
-            return name
-        return mujoco.name_of(self.model, "body", int(getattr(self.model, kind)(name).bodyid[0]))
 
 
-def _value(node: ast.expr, constants: Mapping[str, object]) -> object:
-    """A literal, or the constant that a name stands for; None for anything else."""
-    if isinstance(node, ast.Name):
-        return constants.get(node.id)
-    try:
-        return ast.literal_eval(node)
-    except ValueError:
-        return None
+def _contact(record: Record) -> tuple[str, Sequence[str]]:
+    """(kind, names) of what the task's contact sensor watches; no names without one."""
+    scene = table_of(table_of(record.get(f"{TASK}()")).get("scene"))
+    for sensor in map(table_of, scene.get("sensors") or ()):
+        watched = table_of(sensor.get("primary"))
+        if watched:
+            return str(watched.get("mode")), words_of(watched.get("pattern"))
+    return "body", ()
 
 
-def _listed(value: object) -> list[str]:
-    if isinstance(value, str):
-        return [value]
-    return [str(item) for item in value] if isinstance(value, tuple | list | dict) else []
+def _names(model: mujoco.Model, kind: str) -> list[str]:
+    """All of a kind, in the order of the model. kind: body, geom or site."""
+    return [mujoco.name_of(model, kind, i) for i in range(int(getattr(model, f"n{kind}")))]
 
 
-def _unmatched(where: str, patterns: Sequence[str], names: Sequence[str]) -> Iterator[str]:
-    """mjlab refuses a pattern that matches nothing, and a name that two patterns match."""
-    for pattern in patterns:
-        if not any(re.fullmatch(pattern, name) for name in names):
-            yield f"{where}: `{pattern}` matches nothing in the bare MJCF"
-    for name in names:
-        twice = [pattern for pattern in patterns if re.fullmatch(pattern, name)]
-        if len(twice) > 1:
-            yield f"{where}: `{name}` has multiple matches, `{twice[0]}` and `{twice[1]}`"
+def _body_of(model: mujoco.Model, kind: str, name: str) -> str:
+    if kind == "body":
+        return name
+    return mujoco.name_of(model, "body", int(getattr(model, kind)(name).bodyid[0]))

@@ -3,17 +3,14 @@
 from __future__ import annotations
 
 import json
-import subprocess
-import sys
-from collections.abc import Iterator
-from typing import Any, ClassVar
+from collections.abc import Iterator, Sequence
+from typing import ClassVar
 
-from assetbuild.engine.step import Files, Limits
-from assetbuild.findings import Finding, Rule, Severity
-from assetbuild.kinds import Check, write_figures
+from assetbuild.engine.step import Limits
+from assetbuild.findings import Finding, Rule
+from assetbuild.simulators.foreign import ForeignTool, severity_of
 
 BEYOND_IMPORTS = ("simcheck",)
-LEVELS: dict[str, Severity] = {"error": "error", "warning": "warning", "info": "info"}
 
 FOUND = Rule(
     "simcheck.*",
@@ -24,49 +21,34 @@ FOUND = Rule(
 BROKEN = Rule("simcheck.broken", "warning", "simcheck gave no report", "read its own message")
 
 
-class Simcheck(Check):
+class Simcheck(ForeignTool):
     """Findings `simcheck.<category>.<check>`. Its engines are left off: ours simulate already."""
 
     usual_s = 30.0
     listed_in = "validate.linters"
     isolated = True
     needs = ("mjcf",)
-    reads = ()
     requires: ClassVar = {"simcheck": "lint"}
     limits = Limits(wall_s=1200.0, memory_mb=4096)
+    no_report = BROKEN
 
-    robot: str
+    def command(self) -> Sequence[str]:
+        """Prints its report."""
+        return (
+            "-m", "simcheck", "check", f"{self.robot}.xml", "--json", "-", "--static-only",
+            "--no-config", "--robot", "--quiet", "--fail-on", "never",
+        )  # fmt: skip
 
-    def run(self, files: Files) -> Iterator[Finding]:
-        """Reads `mjcf/<robot>.xml`; a linter that breaks is a finding, not a failed build."""
-        command = [
-            sys.executable, "-m", "simcheck", "check", f"{self.robot}.xml", "--json", "-",
-            "--static-only", "--no-config", "--robot", "--quiet", "--fail-on", "never",
-        ]  # fmt: skip
-        done = subprocess.run(
-            command, cwd=files.inputs / "mjcf", capture_output=True, text=True, check=False
-        )
-        results = _results(done.stdout)
+    def judge(self, report: str, figures: dict[str, object]) -> Iterator[Finding]:
+        """Its ids, its severities, its words."""
+        results = json.loads(report[report.index("{") :])["results"]
         passed = sum(result["status"] == "pass" for result in results)
-        write_figures(files, {"checks": len(results), "passed": passed})
-        if not results:
-            yield BROKEN(
-                "robot",
-                f"simcheck gave no report (exit {done.returncode})",
-                hint=done.stderr.strip().splitlines()[-1] if done.stderr.strip() else "",
-            )
+        figures |= {"checks": len(results), "passed": passed}
         for result in results:
             for found in result["findings"]:
                 yield FOUND.named(result["id"])(
                     "robot",
                     f"simcheck: {found['message']}",
-                    severity=LEVELS.get(found["severity"], "info"),
+                    severity=severity_of(found["severity"]),
                     data={"target": str(found.get("target", ""))},
                 )
-
-
-def _results(text: str) -> list[dict[str, Any]]:  # Any: foreign JSON
-    try:
-        return list(json.loads(text[text.index("{") :])["results"])
-    except (ValueError, KeyError, TypeError):
-        return []

@@ -1,24 +1,19 @@
-"""Does the USD meet NVIDIA's SimReady profile of robots, or of grippers?
-
-The validator is NVIDIA's own, in an environment of its own, for its OpenUSD clashes with ours.
-"""
+"""Does the USD meet NVIDIA's SimReady profile of robots, or of grippers?"""
 
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, ClassVar
 
-from assetbuild.engine.step import Files, Limits
 from assetbuild.findings import Finding, Rule
-from assetbuild.kinds import write_figures
-from assetbuild.simulators.consumers import ConsumerCheck
 from assetbuild.simulators.environments import Environment
+from assetbuild.simulators.foreign import REPORT, Validator
 
-BEYOND_IMPORTS = ("assetbuild.simulators._simready_child",)
 VERSION = "3.0.0"
 DRAWN_LATER = ("SR.002",)
 """The thumbnail: it is a picture of the report, which is drawn beside the checks."""
+Feature = dict[str, Any]  # Any: foreign JSON
 
 REQUIRED = Rule(
     "simready.required",
@@ -37,75 +32,71 @@ NO_RESULT = Rule(
 )
 
 
-class SimReady(ConsumerCheck):
+class SimReady(Validator):
     """Robot-Gripper for what `usd.robot_type` calls an end effector, else Robot-Body."""
 
-    needs: ClassVar[tuple[str, ...]] = ("usd",)
-    reads: ClassVar[tuple[str, ...]] = ()
     consumer: ClassVar[str] = "simready"
-    limits: ClassVar[Limits] = Limits(wall_s=600.0)
     home: ClassVar[Environment] = Environment(
         "simready",
         ("simready-validate==2026.8.0", "simready-foundation-tier-core==2026.8.0"),
     )
     told: ClassVar[Mapping[str, str]] = {"robot_type": "usd.robot_type"}
+    no_report = NO_RESULT
 
     robot_type: str | None = None
 
-    def run(self, files: Files) -> Iterator[Finding]:
-        """Figures: the profile, and its features met, of how many."""
-        profile = "Robot-Gripper" if self.robot_type == "End Effector" else "Robot-Body"
-        file = (files.inputs / f"usd/{self.robot}.usda").absolute()
-        job: dict[str, object] = {"file": str(file), "profile": profile, "version": VERSION}
-        answer, failure = self.answer("_simready_child.py", job)
-        found = (answer or {}).get("features")
-        features = found if isinstance(found, dict) else {}
-        yield from judged(features, profile, failure)
-        met = sum(_is_met(feature) for feature in features.values())
-        write_figures(files, {"profile": f"{profile} {VERSION}", "met": met, "of": len(features)})
+    @property
+    def profile(self) -> str:
+        """Of SimReady's, the one that the robot must meet."""
+        return "Robot-Gripper" if self.robot_type == "End Effector" else "Robot-Body"
 
+    def command(self) -> Sequence[str]:
+        """Its command line has no module of its own."""
+        return (
+            "-c", "from simready.validate._cli import main; main()", "--profile", self.profile,
+            "--version", VERSION, "--output", REPORT, f"{self.robot}.usda",
+        )  # fmt: skip
 
-def _is_met(feature: Mapping[str, Any]) -> bool:
-    failing = _codes(feature.get("failing requirements", ""))
-    return bool(feature["passed"]) or (bool(failing) and set(failing) <= set(DRAWN_LATER))
+    def judge(self, report: str, figures: dict[str, object]) -> Iterator[Finding]:
+        """One error for each requirement that is not met, one line for all optional features."""
+        (result,) = json.loads(report).values()
+        features: dict[str, Feature] = result["features_summary"]
+        if not features:
+            raise LookupError("no feature")
+        missing, met = [], 0
+        for name, feature in sorted(features.items()):
+            lacking = () if feature["passed"] else _lacking(name, feature)
+            met += not lacking
+            if lacking and not feature["blocking_failure"]:
+                missing.append(f"{name} ({', '.join(lacking)})")
+            elif lacking:
+                yield from self._required(name, feature, lacking)
+        figures |= {"profile": f"{self.profile} {VERSION}", "met": met, "of": len(features)}
+        if missing:
+            yield OPTIONAL(
+                "robot",
+                f"{self.profile} {VERSION}: {len(missing)} of {len(features)} features, all "
+                f"optional, are not there: {', '.join(missing)}",
+                data={"features": len(missing)},
+            )
 
-
-def judged(
-    features: Mapping[str, Mapping[str, Any]], profile: str, failure: str = ""
-) -> Iterator[Finding]:
-    """One error for each requirement that is not met, one line for all optional features.
-
-    features: none where the validator gave no result; failure: how it failed, where it did.
-    """
-    if not features:
-        yield NO_RESULT("robot", f"no result for {profile} {VERSION}: {failure or 'no feature'}")
-    missing = {}
-    for name, feature in sorted(features.items()):
-        if feature["passed"]:
-            continue
-        if not feature["blocking_failure"]:
-            missing[name] = _codes(feature.get("optional requirements", ""))
-            continue
+    def _required(self, name: str, feature: Feature, codes: Sequence[str]) -> Iterator[Finding]:
         messages = json.loads(feature.get("requirement_messages") or "{}")
-        for code in _codes(feature.get("failing requirements", "")) or (name,):
-            if code in DRAWN_LATER:
-                continue
-            said: list[str] = messages.get(f"com.nvidia.simready.{code}", [])
-            told = " ".join(said) or f"feature {name} fails"
+        for code in codes:
+            said = " ".join(messages.get(f"com.nvidia.simready.{code}", []))
             yield REQUIRED(
                 "robot",
-                f"{profile} {VERSION}: {code}: {told}",
+                f"{self.profile} {VERSION}: {code}: {said or f'feature {name} fails'}",
                 hint="state what is missing in the recipe's `about`, or `license` under `source`",
                 data={"feature": name, "requirement": code},
             )
-    if missing:
-        listed = ", ".join(f"{name} ({', '.join(codes)})" for name, codes in missing.items())
-        yield OPTIONAL(
-            "robot",
-            f"{profile} {VERSION}: {len(missing)} of {len(features)} features, all optional, are "
-            f"not there: {listed}",
-            data={"features": len(missing)},
-        )
+
+
+def _lacking(name: str, feature: Feature) -> tuple[str, ...]:
+    """Codes of what a feature lacks, its own name where it does not say what."""
+    key = "failing requirements" if feature["blocking_failure"] else "optional requirements"
+    codes = _codes(feature.get(key, "")) or (name,)
+    return tuple(code for code in codes if code not in DRAWN_LATER)
 
 
 def _codes(text: str) -> tuple[str, ...]:

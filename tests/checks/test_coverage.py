@@ -43,7 +43,6 @@ def told(
 def test_a_box_in_its_place_is_quiet_and_exact(tmp_path: Path):
     assert told(Box(SIZE), (0.0, 0.0, 0.0), tmp_path) == []
     (row,) = json.loads((tmp_path / "out/figures.json").read_text())["bodies"]
-    assert row["not_covered_mm"] == pytest.approx(0.0, abs=1e-6)
     assert row["sticks_out_mm"] == pytest.approx(0.0, abs=1e-6)
 
 
@@ -55,7 +54,6 @@ def test_three_centimetres_are_told_with_their_direction(collision: Geometry, tm
     assert " y " in finding.message
     (row,) = json.loads((tmp_path / "out/figures.json").read_text())["bodies"]
     assert row["sticks_out_mm"] == pytest.approx(30.0)
-    assert row["not_covered_mm"] == pytest.approx(30.0)
 
 
 def test_a_length_is_told_in_the_unit_of_its_size():

@@ -2,20 +2,45 @@
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import replace
+from pathlib import Path
 
 import pytest
-from tiny import TinyRobot, four_bar, pendulum, tiny_quadruped, with_mimic, write_robot_ports
+from tiny import (
+    TinyRobot,
+    check_inputs,
+    four_bar,
+    pendulum,
+    run_step,
+    tiny_quadruped,
+    with_mimic,
+    write_robot_ports,
+)
 
+from assetbuild.errors import StepError
 from assetbuild.facts.reader import Reader
 from assetbuild.facts.reference import Reference, robot_table
 from assetbuild.facts.table import Key
 from assetbuild.facts.vocabulary import VOCABULARY, Required
+from assetbuild.kinds import Target
 from assetbuild.plugins import load_plugin, plugin_names
-from assetbuild.robot.model import Camera, General, Place, Sensor
-from assetbuild.robot.pose import Pose
+from assetbuild.robot.model import (
+    Body,
+    Camera,
+    Contact,
+    General,
+    Inertial,
+    Joint,
+    Keyframe,
+    Limits,
+    Place,
+    Sensor,
+)
+from assetbuild.robot.pose import Pose, quat_of_rpy
 from assetbuild.robot.shapes import Material
 
+Tensor = tuple[float, float, float, float, float, float]
 READERS = {name: load_plugin(Reader, name) for name in plugin_names(Reader)}
 OPTIONS = {"feet": {"links": ".*_foot"}, "imu": {"link": "trunk"}, "xrdf": {"max_spheres": 1}}
 
@@ -49,6 +74,100 @@ def references(tmp_path_factory: pytest.TempPathFactory) -> list[Reference]:
         Reference.of_ports(write_robot_ports(folder / str(i), robot), OPTIONS)
         for i, robot in enumerate(rich())
     ]
+
+
+def with_drives(robot: TinyRobot, *models: str) -> TinyRobot:
+    """Each joint has the next of these models."""
+    rows = zip(robot.control.actuators, itertools.cycle(models), strict=False)
+    drives = tuple(replace(row, model=model) for row, model in rows)
+    return replace(robot, control=replace(robot.control, actuators=drives))
+
+
+def weighing(robot: TinyRobot, inertia: Tensor) -> TinyRobot:
+    """Each body has this tensor."""
+    inertial = Inertial(1.0, (0.0, 0.0, 0.0), inertia)
+    tree = replace(
+        robot.tree, bodies=tuple(replace(b, inertial=inertial) for b in robot.tree.bodies)
+    )
+    return replace(robot, tree=tree, links=tree)
+
+
+def called(robot: TinyRobot, name: str) -> TinyRobot:
+    """One shape and one material have this name."""
+    first, *others = robot.shapes.shapes
+    shapes = (replace(first, name=name, material=name), *others)
+    materials = (*robot.shapes.materials, Material(name, (0.1, 0.2, 0.3, 1.0)))
+    return replace(robot, shapes=replace(robot.shapes, shapes=shapes, materials=materials))
+
+
+def odd() -> dict[str, TinyRobot]:
+    """What writers have got wrong, or might."""
+    dog, arm = tiny_quadruped(), pendulum()
+    (swing,) = arm.tree.joints
+    tilt = Pose((0.1, -0.2, 0.3), quat_of_rpy(0.3, -0.4, 2.0))
+
+    skew = (0.6, 0.0, -0.8)
+
+    def on(joint: Joint, base: TinyRobot = arm) -> TinyRobot:
+        tree = replace(base.tree, joints=(joint,))
+        return replace(base, tree=tree, links=tree, control=replace(base.control, keyframes=()))
+
+    def told(robot: TinyRobot, **control: object) -> TinyRobot:
+        return replace(robot, control=replace(robot.control, **control))
+
+    kinds = ("hip", "thigh", "calf")
+    by_kind = sorted(dog.tree.joints, key=lambda joint: kinds.index(joint.name.split("_")[1]))
+    home = dog.control.keyframes[0]
+    light = replace(arm.tree, bodies=(Body("base"), *arm.tree.bodies[1:]))
+    pair = with_mimic(dog, "FL_hip_joint", "FR_hip_joint", -2.0, 0.5)
+    hung = replace(arm.tree, X_world_root=tilt)
+    soles = Contact(friction=(0.5, 0.01, 0.001), condim=6)
+    motors = tuple(replace(row, motor="visual") for row in dog.control.actuators)
+    return {
+        "quadruped": dog,
+        "pendulum": arm,
+        "loop": four_bar("connect"),
+        "all models": with_drives(dog, "pd", "velocity", "ideal_pd", "dc_motor", "motor"),
+        "passive": with_drives(arm, "passive"),
+        "slide": on(replace(swing, kind="prismatic", X_parent_joint=tilt, axis=skew)),
+        "continuous": on(replace(swing, kind="continuous", limits=Limits(effort=5.0), axis=skew)),
+        "planar": told(on(replace(swing, kind="planar", limits=Limits(), axis=skew)), actuators=()),
+        "locked": on(replace(swing, limits=Limits(0.5, 0.5, 5.0))),
+        "crossed": on(replace(swing, limits=Limits(2.0, 1.0, 5.0))),
+        "one-sided": on(replace(swing, limits=Limits(lower=0.5, effort=5.0))),
+        "almost diagonal": weighing(arm, (0.03, 0.04, 0.05, 3e-9, -2e-9, 1e-9)),
+        "flat": weighing(arm, (0.1 + 0.2, 0.1, 0.2, 0.0, 0.0, 0.0)),
+        "odd names": called(dog, 'a "<&> 材质'),
+        "motor named as a class": told(dog, actuators=motors),
+        "kept body": told(on(replace(swing, kind="fixed", limits=Limits())), actuators=()),
+        "base without mass": replace(arm, tree=light, links=light),
+        "hung": replace(arm, tree=hung, links=hung),
+        "joints by kind": replace(dog, tree=replace(dog.tree, joints=tuple(by_kind))),
+        "mimic": pair,
+        "mimic chain": with_mimic(pair, "RL_hip_joint", "FL_hip_joint", 3.0, 0.1),
+        "turned home": told(dog, keyframes=(Keyframe("lie", home.joints, tilt),)),
+        "soft soles": told(dog, contacts=(("FR_foot_collision", soles),)),
+        "rougher": told(dog, contact=soles),
+        "more excludes": told(dog, excludes=(*dog.control.excludes, ("FL_hip", "FR_hip"))),
+        "cameras": told(dog, cameras=(Camera("a", "imu", tilt, 1.2), Camera("b", None, tilt))),
+    }  # fmt: skip
+
+
+ODD = odd()
+
+
+@pytest.mark.parametrize("case", ODD)
+@pytest.mark.parametrize("name", sorted(set(READERS) - {"dr", "xrdf"}))
+def test_what_a_target_writes_reads_back_equal(name: str, case: str, tmp_path: Path):
+    reader = READERS[name](robot="robot")
+    (written,) = reader.needs
+    target = load_plugin(Target, written)(robot="robot")
+    try:
+        inputs = check_inputs(tmp_path, ODD[case], target, written)
+    except StepError:
+        return  # it cannot hold this robot, and says so
+    found = run_step(reader, inputs, tmp_path / "out")
+    assert [finding for finding in found if finding.severity == "error"] == []
 
 
 ONLY_OF_MESHES = frozenset(

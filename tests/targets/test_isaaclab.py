@@ -17,8 +17,6 @@ import pytest
 from tiny import TinyRobot, pendulum, run_step, tiny_quadruped, write_robot_ports
 
 from assetbuild.pipeline.recipes import whole_model
-from assetbuild.robot.model import Body, Joint
-from assetbuild.robot.pose import Pose
 from assetbuild.robot.ranges import Randomize
 from assetbuild.targets.isaaclab import IsaacLab
 
@@ -210,29 +208,6 @@ def matches(cfg: Any, joint: str) -> list[Any]:
     ]
 
 
-def test_each_joint_is_in_one_group_with_its_numbers(tmp_path: Path, generation: int) -> None:
-    robot = tiny_quadruped()
-    cfg = load(robot, tmp_path, generation).ROBOT_CFG
-    effort = "effort_limit_sim" if generation == 2 else "joint_effort_limit"
-    velocity = "velocity_limit_sim" if generation == 2 else "joint_velocity_limit"
-    for actuator in robot.control.actuators:
-        (group,) = matches(cfg, actuator.joint)
-        assert (group.stiffness, group.damping) == (actuator.kp, actuator.kd)
-        assert getattr(group, effort) == actuator.effort
-        assert getattr(group, velocity) == actuator.velocity
-        assert (group.armature, group.friction) == (actuator.armature, actuator.friction)
-        assert group.viscous_friction == actuator.damping
-
-
-def test_it_starts_at_home_a_hair_above_the_floor(tmp_path: Path, generation: int) -> None:
-    robot = tiny_quadruped()
-    cfg = load(robot, tmp_path, generation).ROBOT_CFG
-    home = robot.control.keyframes[0]
-    assert home.base is not None
-    assert cfg.init_state.joint_pos == dict(home.joints)
-    assert cfg.init_state.pos == pytest.approx((0.0, 0.0, home.base.xyz[2] + 0.001))
-
-
 def test_quaternions_have_the_order_of_their_generation(tmp_path: Path, generation: int) -> None:
     robot = tiny_quadruped()
     half = math.sqrt(0.5)
@@ -242,24 +217,6 @@ def test_quaternions_have_the_order_of_their_generation(tmp_path: Path, generati
     robot = replace(robot, control=replace(robot.control, keyframes=(turned,)))
     rot = load(robot, tmp_path, generation).ROBOT_CFG.init_state.rot
     assert rot == ((half, 0.0, 0.0, half) if generation == 2 else (0.0, 0.0, half, half))
-
-
-def test_a_fixed_root_is_put_where_it_is_held_at_each_reset(
-    tmp_path: Path, generation: int
-) -> None:
-    robot, half = pendulum(), math.sqrt(0.5)
-    place = Pose((0.5, 0.0, 2.0), (0.0, half, 0.0, half))
-    robot = replace(robot, tree=replace(robot.tree, X_world_root=place))
-    state = load(robot, tmp_path, generation).ROBOT_CFG.init_state
-    assert state.pos == (0.5, 0.0, 2.0)
-    assert state.rot == (place.quat if generation == 2 else (half, 0.0, half, 0.0))
-
-
-def test_torque_motors_limit_the_model_not_the_solver(tmp_path: Path, generation: int) -> None:
-    (group,) = matches(load(pendulum(), tmp_path, generation).ROBOT_CFG, "swing_joint")
-    assert type(group).__name__ == "IdealPDActuatorCfg"
-    field = "effort_limit" if generation == 2 else "actuator_effort_limit"
-    assert (getattr(group, field), group.stiffness, group.damping) == (5.0, 0.0, 0.0)
 
 
 def test_self_collisions_and_time_are_repeated(tmp_path: Path, generation: int) -> None:
@@ -273,28 +230,6 @@ def test_self_collisions_and_time_are_repeated(tmp_path: Path, generation: int) 
     assert (simulation.dt, simulation.render_interval) == (0.005, 4)
     assert simulation.gravity == (0.0, 0.0, -9.81)
     assert module.ROBOT_CFG.spawn.variants == {"Physics": "physics"}
-
-
-def test_names_are_those_of_the_usd(tmp_path: Path, generation: int) -> None:
-    robot = pendulum()
-    joint = replace(robot.tree.joints[0], name="swing.joint-1")
-    tree = replace(robot.tree, joints=(joint,))
-    actuators = (replace(robot.control.actuators[0], joint=joint.name),)
-    home = replace(robot.control.keyframes[0], joints=((joint.name, 0.5),))
-    control = replace(robot.control, actuators=actuators, keyframes=(home,))
-    cfg = load(replace(robot, tree=tree, control=control), tmp_path, generation, "2-arm")._2_ARM_CFG
-    assert cfg.init_state.joint_pos == {"swing_joint_1": 0.5}
-    assert len(matches(cfg, "swing_joint_1")) == 1
-    assert cfg.spawn.usd_path.endswith("usd/2-arm.usda")
-
-
-def test_a_robot_without_joints_has_no_actuators(tmp_path: Path, generation: int) -> None:
-    robot = pendulum()
-    weld = Joint("weld", "fixed", "base", "arm")
-    tree = replace(robot.tree, joints=(weld,), bodies=(Body("base"), robot.tree.bodies[1]))
-    control = replace(robot.control, actuators=(), keyframes=())
-    cfg = load(replace(robot, tree=tree, control=control), tmp_path, generation).ROBOT_CFG
-    assert (cfg.actuators, cfg.init_state.joint_pos) == ({}, {})
 
 
 RANGES = {
@@ -322,18 +257,6 @@ def test_the_events_say_the_recipe(tmp_path: Path, generation: int) -> None:
     assert terms["joints_0"].params["friction_distribution_params"] == (0.5, 2)
     assert len(terms["joints_1"].params["asset_cfg"].joint_names) == 8, "first match wins"
     assert terms["material"].params["static_friction_range"] == (0.4, 1.2)
-
-
-def test_an_ideal_pd_is_delayed_as_the_recipe_says(tmp_path: Path, generation: int) -> None:
-    robot = tiny_quadruped()
-    ideal = tuple(replace(a, model="ideal_pd") for a in robot.control.actuators)
-    robot = replace(robot, control=replace(robot.control, actuators=ideal))
-    ranges = Randomize.model_validate({"joints": {".*_calf_joint": {"delay": [1, 3]}}})
-    module = load(robot, tmp_path, generation, randomize=ranges)
-    (calf,) = matches(module.ROBOT_CFG, "FR_calf_joint")
-    (hip,) = matches(module.ROBOT_CFG, "FR_hip_joint")
-    assert (calf.min_delay, calf.max_delay) == (1, 3)
-    assert not hasattr(hip, "min_delay")
 
 
 def test_what_isaac_lab_cannot_randomize_is_told(tmp_path: Path) -> None:

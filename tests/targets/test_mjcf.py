@@ -2,56 +2,43 @@
 
 from __future__ import annotations
 
-import math
 import os
 import re
 import subprocess
-from collections.abc import Iterator
 from dataclasses import replace
 from io import BytesIO
 from pathlib import Path
-from tempfile import TemporaryDirectory
-from xml.etree.ElementTree import Element as XmlElement
 
 import mujoco
 import numpy as np
 import pytest
-from defusedxml import ElementTree
-from hypothesis import given, settings
 from PIL import Image
 from tiny import (
     TinyRobot,
     box_inertial,
-    examples,
-    flat_obj,
     pendulum,
-    robots,
     run_step,
     tiny_quadruped,
-    with_mimic,
     write_robot_ports,
 )
 
 from assetbuild.errors import StepError
 from assetbuild.findings import Finding
 from assetbuild.robot.model import (
-    Actuator,
     Body,
-    Contact,
     Control,
     Frame,
     Inertial,
     Joint,
-    Keyframe,
     Limits,
     Tree,
 )
-from assetbuild.robot.pose import Pose, normalised_quat
+from assetbuild.robot.pose import Pose
 from assetbuild.robot.shapes import Material, Mesh, MeshAsset, Shape, Shapes
 from assetbuild.robot.tree import forward_kinematics
 from assetbuild.targets.mjcf import Mjcf
 from assetbuild.targets.mjcf.inertia import principal_inertia
-from assetbuild.targets.mjcf.xml import number, pose_attributes
+from assetbuild.targets.mjcf.xml import number
 
 
 @pytest.fixture
@@ -70,26 +57,7 @@ def emit(robot: TinyRobot, folder: Path, name: str = "robot") -> list[Finding]:
     return run_step(Mjcf(robot=name), folder / "in", folder / "out")
 
 
-def compiled(robot: TinyRobot, folder: Path) -> mujoco.MjModel:
-    return mujoco.MjModel.from_xml_path(str(write_mjcf(robot, folder) / "robot.xml"))
-
-
 # --- what MuJoCo reads ----------------------------------------------------------------------
-
-
-def test_quadruped_has_the_sizes_of_its_tree(quadruped: Path) -> None:
-    model = mujoco.MjModel.from_xml_path(str(quadruped / "robot.xml"))
-    sizes = (model.nbody, model.nq, model.nv, model.nu, model.nkey, model.nsite, model.nexclude)
-    assert sizes == (14, 19, 18, 12, 2, 5, 4)
-    assert model.joint(0).name == "floating_base_joint"
-
-
-def test_total_mass_is_the_sum_of_all_links(quadruped: Path) -> None:
-    model = mujoco.MjModel.from_xml_path(str(quadruped / "robot.xml"))
-    links = tiny_quadruped().links.bodies
-    assert sum(model.body_mass) == pytest.approx(
-        sum(link.inertial.mass_kg for link in links if link.inertial), rel=1e-12
-    )
 
 
 def test_visuals_are_in_group_2_and_touch_nothing_and_collisions_in_group_3(
@@ -114,63 +82,6 @@ def test_friction_of_the_recipe_acts_in_the_scene_though_the_default_floor_is_ro
     assert data.contact[0].friction[0] == pytest.approx(0.8)
 
 
-def test_joint_damping_and_drive_damping_stay_apart(quadruped: Path) -> None:
-    model = mujoco.MjModel.from_xml_path(str(quadruped / "robot.xml"))
-    assert set(model.dof_damping[6:]) == {0.1}
-    assert set(model.dof_damping[:6]) == {0.0}, "the free joint takes nothing from the class"
-    assert set(model.actuator_biasprm[:, 2]) == {-3.0}
-
-
-def test_keyframe_puts_the_feet_on_the_floor_and_the_targets_on_the_joints(
-    quadruped: Path,
-) -> None:
-    model = mujoco.MjModel.from_xml_path(str(quadruped / "robot.xml"))
-    data = mujoco.MjData(model)
-    for key in range(model.nkey):
-        mujoco.mj_resetDataKeyframe(model, data, key)
-        mujoco.mj_forward(model, data)
-        for foot in ("FR_foot", "FL_foot", "RR_foot", "RL_foot"):
-            assert data.site(foot).xpos[2] == pytest.approx(0.02, abs=1e-12)
-        assert np.array_equal(data.ctrl, data.qpos[7:])
-
-
-def test_capsules_and_boxes_keep_their_size(quadruped: Path) -> None:
-    model = mujoco.MjModel.from_xml_path(str(quadruped / "robot.xml"))
-    assert tuple(model.geom("trunk_collision").size) == (0.2, 0.1, 0.05)
-    assert tuple(model.geom("FR_calf_collision").size[:2]) == (0.01, 0.06)
-
-
-@settings(max_examples=examples(60), deadline=None)
-@given(robots())
-def test_every_random_tree_reads_back_equal(robot: TinyRobot) -> None:
-    with TemporaryDirectory() as folder:
-        model = compiled(robot, Path(folder))
-    for body in robot.tree.bodies:
-        assert body.inertial
-        found = model.body(body.name)
-        assert same(found.mass[0], body.inertial.mass_kg)
-        assert same(found.ipos, body.inertial.com_m)
-        want, have = tensor(body.inertial), compiled_tensor(found)
-        assert np.linalg.norm(have - want) <= 1e-13 * np.linalg.norm(want)
-    for joint in robot.tree.moving_joints:
-        found = model.joint(joint.name)
-        actuator = robot.control.by_joint[joint.name]
-        assert np.allclose(found.axis, joint.axis, rtol=0, atol=1e-15)
-        if joint.kind != "continuous":
-            assert same(found.range, (joint.limits.lower, joint.limits.upper))
-        assert same(
-            (found.armature[0], found.damping[0], found.frictionloss[0]),
-            (actuator.armature, actuator.damping, actuator.friction),
-        )
-    for frame in robot.tree.frames:
-        assert same(model.site(frame.name).pos, frame.X_body_frame.xyz)
-
-
-def same(have: object, want: object) -> bool:
-    """But for the rounding of the last bits: 0.6799999999999999 is written as 0.68."""
-    return np.allclose(have, want, rtol=1e-15, atol=1e-15)
-
-
 @pytest.mark.parametrize(
     ("value", "text"),
     [
@@ -184,19 +95,6 @@ def same(have: object, want: object) -> bool:
 )
 def test_numbers_lose_rounding_and_nothing_else(value: float, text: str) -> None:
     assert number(value) == text
-
-
-def test_quarter_turns_are_readable() -> None:
-    quarter = Pose((6.1e-17, 0.0, 0.5), (math.cos(math.pi / 4), math.sin(math.pi / 4), 0.0, 1e-17))
-    assert pose_attributes(quarter) == {"pos": "0 0 0.5", "quat": "1 1 0 0"}
-    assert pose_attributes(Pose((0.0, 0.0, 0.0), (6.1e-17, -1.0, 0.0, 0.0)))["quat"] == "0 -1 0 0"
-    third = (0.5, 0.5, 0.5, 0.5000000000000001)
-    assert pose_attributes(Pose(quat=third))["quat"] == "0.5 0.5 0.5 0.5"
-
-
-def test_lines_end_before_column_120(quadruped: Path) -> None:
-    text = (quadruped / "robot.xml").read_text()
-    assert max(map(len, text.splitlines())) <= 120
 
 
 def test_only_pairs_that_mujoco_does_not_filter_are_excluded(tmp_path: Path) -> None:
@@ -237,34 +135,7 @@ def test_a_floating_robot_on_a_test_stand_does_not_touch_itself(tmp_path: Path) 
     assert trunk in {bad.geom_bodyid[geom] for contact in data.contact for geom in contact.geom}
 
 
-def tensor(inertial: Inertial) -> np.ndarray:
-    xx, yy, zz, xy, xz, yz = inertial.inertia_com_kg_m2
-    return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
-
-
-def compiled_tensor(body: mujoco.MjsBody) -> np.ndarray:
-    """By MuJoCo's own rotation, not ours."""
-    turn = np.zeros(9)
-    mujoco.mju_quat2Mat(turn, body.iquat)
-    turn = turn.reshape(3, 3)
-    return turn @ np.diag(body.inertia) @ turn.T
-
-
-@settings(max_examples=examples(30), deadline=None)
-@given(robots())
-def test_bytes_do_not_depend_on_the_run(robot: TinyRobot) -> None:
-    with TemporaryDirectory() as a, TemporaryDirectory() as b:
-        first, second = write_mjcf(robot, Path(a)), write_mjcf(robot, Path(b))
-        for name in ("robot.xml", "scene.xml"):
-            assert (first / name).read_bytes() == (second / name).read_bytes()
-
-
 # --- principal axes -------------------------------------------------------------------------
-
-
-def test_diagonal_tensor_keeps_its_order_and_axes() -> None:
-    moments, quat = principal_inertia((3.0, 1.0, 2.0, 0.0, 0.0, 0.0))
-    assert (moments, quat) == ((3.0, 1.0, 2.0), (1.0, 0.0, 0.0, 0.0))
 
 
 def test_principal_moments_are_those_of_numpy() -> None:
@@ -285,10 +156,6 @@ def test_principal_moments_are_those_of_numpy() -> None:
 # --- default classes ------------------------------------------------------------------------
 
 
-def walk(element: XmlElement, tag: str) -> Iterator[XmlElement]:
-    yield from element.iter(tag)
-
-
 @pytest.mark.parametrize("scale", [1.0, 1e-3, 1e-7, 7.7])
 @pytest.mark.parametrize("moments", [(0.3, 0.6, 0.9), (0.9, 0.3, 0.6), (0.1 + 0.2, 0.1, 0.2)])
 def test_a_flat_body_compiles_in_spite_of_rounding(
@@ -307,99 +174,7 @@ def test_a_flat_body_compiles_in_spite_of_rounding(
     assert told in ([], [f"link {root.name}"])
 
 
-def test_nothing_that_a_class_says_is_repeated(quadruped: Path) -> None:
-    root = ElementTree.parse(quadruped / "robot.xml").getroot()
-    body_joints = [j for w in walk(root, "worldbody") for j in walk(w, "joint")]
-    assert {frozenset(joint.keys()) for joint in body_joints} == {frozenset({"name", "class"})}
-    drives = [p for a in root.findall("actuator") for p in a]
-    assert {frozenset(drive.keys()) for drive in drives} == {frozenset({"name", "class", "joint"})}
-
-
-def test_one_class_per_motor_and_one_per_family_of_joints(quadruped: Path) -> None:
-    root = ElementTree.parse(quadruped / "robot.xml").getroot()
-    classes = {c.get("class"): c for c in walk(root, "default") if c.get("class")}
-    shapes = {f"{part}_collision" for part in ("hip", "thigh", "calf", "foot")}
-    motors = {"small", "large", "hip", "thigh"}
-    assert set(classes) == {"robot", "visual", "collision"} | shapes | motors
-    assert [c.get("class") for c in classes["small"]][-2:] == ["hip", "thigh"]
-    large, all_joints = classes["large"].find("joint"), classes["robot"].find("joint")
-    assert large is not None
-    assert all_joints is not None
-    assert (all_joints.get("axis"), large.get("axis")) == ("0 1 0", None)  # of 8 joints of 12
-    assert large.get("range") == "-2.8 -0.9"
-
-
-def test_joints_that_share_nothing_say_everything_themselves(tmp_path: Path) -> None:
-    root = ElementTree.parse(write_mjcf(pendulum(), tmp_path) / "robot.xml").getroot()
-    joint = next(walk(root, "joint"))
-    assert joint.attrib == {
-        "name": "swing_joint",
-        "axis": "0 1 0",
-        "range": "-2 2",
-        "damping": "0.05",
-    }
-
-
-def test_class_names_stay_apart_when_a_motor_is_called_visual(tmp_path: Path) -> None:
-    robot = tiny_quadruped()
-    named = tuple(replace(a, motor="visual") for a in robot.control.actuators)
-    model = compiled(replace(robot, control=replace(robot.control, actuators=named)), tmp_path)
-    assert model.nu == 12
-
-
-def test_mixed_drives_get_no_common_actuator_default(tmp_path: Path) -> None:
-    """MuJoCo has one actuator default per class: kp would leak into motors."""
-    robot = tiny_quadruped()
-    mixed = tuple(
-        replace(a, model="motor", kp=0.0, kd=0.0) if "hip" in a.joint else a
-        for a in robot.control.actuators
-    )
-    model = compiled(replace(robot, control=replace(robot.control, actuators=mixed)), tmp_path)
-    assert tuple(model.actuator("FR_hip").biasprm[:3]) == (0.0, 0.0, 0.0)
-    assert tuple(model.actuator("FR_hip").ctrlrange) == (-24.0, 24.0)
-    assert tuple(model.actuator("FR_thigh").biasprm[:3]) == (0.0, -100.0, -3.0)
-
-
 # --- the actuator table ---------------------------------------------------------------------
-
-
-@pytest.mark.parametrize(
-    ("actuator", "gain", "bias", "control", "force"),
-    [
-        (Actuator("swing_joint", "pd", 50.0, 2.0, effort=5.0), 50, (0, -50, -2), (-2, 2), (-5, 5)),
-        (Actuator("swing_joint", "ideal_pd", 50.0, 2.0, effort=5.0), 1, (0, 0, 0), (-5, 5), None),
-        (Actuator("swing_joint", "dc_motor", 50.0, 2.0, effort=5.0), 1, (0, 0, 0), (-5, 5), None),
-        (Actuator("swing_joint", "motor", effort=5.0), 1, (0, 0, 0), (-5, 5), None),
-        (
-            Actuator("swing_joint", "velocity", kd=2.0, effort=5.0, velocity=8.0),
-            2,
-            (0, 0, -2),
-            (-8, 8),
-            (-5, 5),
-        ),
-    ],
-)
-def test_each_model_of_the_table(
-    tmp_path: Path,
-    actuator: Actuator,
-    gain: float,
-    bias: tuple[float, ...],
-    control: tuple[float, float],
-    force: tuple[float, float] | None,
-) -> None:
-    model = compiled(replace(pendulum(), control=Control((actuator,))), tmp_path)
-    assert model.actuator_gainprm[0, 0] == gain
-    assert tuple(model.actuator_biasprm[0, :3]) == bias
-    assert tuple(model.actuator_ctrlrange[0]) == control
-    assert bool(model.actuator_forcelimited[0]) == (force is not None)
-    if force:
-        assert tuple(model.actuator_forcerange[0]) == force
-
-
-def test_passive_joint_has_no_actuator_but_its_damping(tmp_path: Path) -> None:
-    passive = Control((Actuator("swing_joint", "passive", damping=0.3, friction=0.1),))
-    model = compiled(replace(pendulum(), control=passive), tmp_path)
-    assert (model.nu, model.dof_damping[0], model.dof_frictionloss[0]) == (0, 0.3, 0.1)
 
 
 def test_what_mjcf_cannot_hold_is_said_once_with_a_count(tmp_path: Path) -> None:
@@ -412,19 +187,6 @@ def test_what_mjcf_cannot_hold_is_said_once_with_a_count(tmp_path: Path) -> None
     ]
 
 
-def test_continuous_joint_is_unlimited_and_its_target_too(tmp_path: Path) -> None:
-    robot = pendulum()
-    turning = replace(robot.tree.joints[0], kind="continuous", limits=Limits(effort=5.0))
-    robot = replace(
-        robot,
-        tree=replace(robot.tree, joints=(turning,)),
-        control=Control((Actuator("swing_joint", "pd", 50.0, 2.0, effort=5.0),)),
-    )
-    model = compiled(robot, tmp_path)
-    assert not model.jnt_limited[0]
-    assert not model.actuator_ctrllimited[0]
-
-
 # --- trees ----------------------------------------------------------------------------------
 
 
@@ -434,12 +196,6 @@ def joint_to(kind: str, **changes: object) -> TinyRobot:
     return replace(
         robot, tree=replace(robot.tree, joints=(joint,)), control=Control(), shapes=Shapes()
     )
-
-
-def test_kept_body_is_a_child_without_joint(tmp_path: Path) -> None:
-    model = compiled(joint_to("fixed"), tmp_path)
-    assert (model.nbody, model.njnt) == (3, 0)
-    assert model.body("arm").parentid[0] == model.body("base").id
 
 
 def test_planar_joint_moves_across_its_normal_and_turns_about_it(tmp_path: Path) -> None:
@@ -462,43 +218,6 @@ def test_half_a_limit_is_refused(tmp_path: Path) -> None:
         emit(joint_to("revolute", limits=Limits(1.0, None)), tmp_path)
 
 
-def test_equal_limits_hold_the_joint_there(tmp_path: Path) -> None:
-    model = compiled(joint_to("revolute", limits=Limits(0.3, 0.3)), tmp_path)
-    data = mujoco.MjData(model)
-    for _ in range(2000):
-        mujoco.mj_step(model, data)
-    assert (model.nv, model.neq) == (1, 1)
-    assert data.qpos[0] == pytest.approx(0.3, abs=0.02)
-
-
-def test_crossed_limits_do_not_keep_the_bundle_from_being_written(tmp_path: Path) -> None:
-    model = compiled(joint_to("revolute", limits=Limits(2.0, 1.0)), tmp_path)
-    assert not model.jnt_limited[0]
-
-
-def test_almost_diagonal_inertia_survives_mujocos_rounding(tmp_path: Path) -> None:
-    """MuJoCo takes a quaternion this near the identity for the identity."""
-    tensor = (0.03, 0.04, 0.05, 3e-9, -2e-9, 1e-9)
-    robot = pendulum()
-    bodies = tuple(replace(b, inertial=Inertial(1.0, (0, 0, 0), tensor)) for b in robot.tree.bodies)
-    model = compiled(replace(robot, tree=replace(robot.tree, bodies=bodies)), tmp_path)
-    turn = np.zeros(9)
-    mujoco.mju_quat2Mat(turn, model.body_iquat[2])
-    turn = turn.reshape(3, 3)
-    found = turn @ np.diag(model.body_inertia[2]) @ turn.T
-    xx, yy, zz, xy, xz, yz = tensor
-    expected = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
-    assert np.abs(found - expected).max() < 1e-16
-
-
-def test_mimic_joint_follows_its_leader(tmp_path: Path) -> None:
-    robot = with_mimic(tiny_quadruped(), "FL_hip_joint", "FR_hip_joint", -0.5, 0.1)
-    model = compiled(robot, tmp_path)
-    assert model.neq == 1
-    assert tuple(model.eq_data[0][:5]) == (0.1, -0.5, 0.0, 0.0, 0.0)
-    assert model.joint(model.eq_obj1id[0]).name == "FL_hip_joint"
-
-
 def test_body_called_world_gets_another_name_and_a_finding(tmp_path: Path) -> None:
     robot = pendulum()
     tree = replace(
@@ -512,50 +231,6 @@ def test_body_called_world_gets_another_name_and_a_finding(tmp_path: Path) -> No
     ]
     model = mujoco.MjModel.from_xml_path(str(tmp_path / "out/mjcf/robot.xml"))
     assert model.body(1).name == "world_body"
-
-
-def test_body_without_mass_takes_none_from_its_shapes(tmp_path: Path) -> None:
-    robot = pendulum()
-    shapes = Shapes((replace(robot.shapes.shapes[0], link="base"),))
-    model = compiled(replace(robot, shapes=shapes), tmp_path)
-    assert (model.body("base").mass[0], sum(model.body_mass)) == (0.0, 1.0)
-
-
-def test_qpos_follows_the_bodies_even_when_joints_are_listed_by_kind(
-    tmp_path: Path,
-) -> None:
-    robot = tiny_quadruped()
-    kinds = ("hip", "thigh", "calf")
-    by_kind = sorted(robot.tree.joints, key=lambda joint: kinds.index(joint.name.split("_")[1]))
-    tree = replace(robot.tree, joints=tuple(by_kind))
-    model = compiled(replace(robot, tree=tree), tmp_path)
-    for name, value in robot.control.keyframes[0].joints:
-        assert model.key_qpos[0][model.joint(name).qposadr[0]] == value
-
-
-def test_names_with_xml_characters_survive(tmp_path: Path) -> None:
-    robot = pendulum()
-    odd = 'a "<&> 材质'
-    shapes = Shapes(
-        (
-            Shape(odd, "arm", "visual", Mesh("box"), material=odd),
-            Shape("flat", "arm", "visual", Mesh("flat"), Pose((1.0, 0.0, 0.0))),
-        ),
-        (Material(odd, (0.1, 0.2, 0.3, 1.0)),),
-        (MeshAsset("box", "box.obj", 8, 12), MeshAsset("flat", "flat.obj", 4, 2)),
-    )
-    meshes = {"box.obj": tiny_quadruped().meshes["trunk_box.obj"], "flat.obj": flat_obj()}
-    model = compiled(replace(robot, shapes=shapes, meshes=meshes), tmp_path)
-    assert model.geom(0).name == odd
-    assert model.material(0).name == odd
-
-
-def test_flat_visual_mesh_compiles(tmp_path: Path) -> None:
-    shapes = Shapes(
-        (Shape("flat", "arm", "visual", Mesh("flat")),), (), (MeshAsset("flat", "flat.obj", 4, 2),)
-    )
-    robot = replace(pendulum(), shapes=shapes, meshes={"flat.obj": flat_obj()})
-    assert compiled(robot, tmp_path).nmesh == 1
 
 
 def test_texture_is_copied_and_a_missing_one_is_said(tmp_path: Path) -> None:
@@ -600,31 +275,6 @@ def test_long_chain_needs_no_recursion(tmp_path: Path) -> None:
     tree = Tree("chain", "fixed", bodies, joints, (Frame("tip", f"b{count - 1}", Pose()),))
     text = (write_mjcf(TinyRobot(tree, tree), tmp_path) / "robot.xml").read_text()
     assert text.count("<body ") == count
-
-
-def test_a_fixed_robot_grips_with_the_cone_of_a_legged_one(tmp_path: Path) -> None:
-    folder = write_mjcf(pendulum(), tmp_path)
-    model = mujoco.MjModel.from_xml_path(str(folder / "scene.xml"))
-    assert (model.opt.cone, model.opt.impratio) == (mujoco.mjtCone.mjCONE_ELLIPTIC, 50.0)
-    assert model.opt.integrator == mujoco.mjtIntegrator.mjINT_IMPLICITFAST
-    assert model.geom("floor").type[0] == mujoco.mjtGeom.mjGEOM_PLANE
-
-
-def test_contact_dimension_of_the_recipe_is_written(tmp_path: Path) -> None:
-    robot = tiny_quadruped()
-    soft = replace(robot.control, contact=Contact(friction=(0.5, 0.01, 0.001), condim=6))
-    model = compiled(replace(robot, control=soft), tmp_path)
-    foot = model.geom("FR_foot_collision")
-    assert (foot.condim[0], tuple(foot.friction)) == (6, (0.5, 0.01, 0.001))
-
-
-def test_turned_home_of_a_floating_base_is_kept(tmp_path: Path) -> None:
-    robot = tiny_quadruped()
-    turned = Pose((0.1, 0.2, 0.5), normalised_quat((1.0, 0.0, 0.0, 1.0)))
-    key = Keyframe("lie", robot.control.keyframes[0].joints, turned)
-    model = compiled(replace(robot, control=replace(robot.control, keyframes=(key,))), tmp_path)
-    assert tuple(model.key_qpos[0][:7]) == (*turned.xyz, *turned.quat)
-    assert model.body("trunk").pos[2] == 0.5
 
 
 def test_robot_called_scene_is_refused(tmp_path: Path) -> None:

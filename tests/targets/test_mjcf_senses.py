@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
 import mujoco
-import numpy as np
 import pytest
 from tiny import (
     TinyRobot,
@@ -23,7 +21,7 @@ from assetbuild.errors import StepError
 from assetbuild.facts.readers.mjcf import MjcfFacts
 from assetbuild.findings import Finding
 from assetbuild.pipeline.recipes import whole_model
-from assetbuild.robot.model import Actuator, Camera, Contact, General, Place, Sensor
+from assetbuild.robot.model import Camera, Contact, Place, Sensor
 from assetbuild.robot.pose import Pose, quat_of_rpy
 from assetbuild.targets.mjcf import Mjcf
 
@@ -78,13 +76,6 @@ def test_every_sensor_camera_and_surface_is_in_the_compiled_model(tmp_path: Path
     assert model.geom("trunk_collision").condim[0] == 3
 
 
-def test_a_sensor_on_a_body_gets_a_site_in_its_origin(tmp_path: Path) -> None:
-    model, _, _ = built(robot_with_all(), tmp_path)
-    site = int(model.sensor("trunk_gyro").objid[0])
-    assert model.site(site).name == "trunk"
-    assert np.array_equal(model.site(site).pos, (0.0, 0.0, 0.0))
-
-
 def test_a_foot_contact_sensor_feels_the_weight(tmp_path: Path) -> None:
     robot = robot_with_all()
     inputs = check_inputs(tmp_path, robot, Mjcf(robot="robot"), "mjcf")
@@ -99,13 +90,6 @@ def test_a_foot_contact_sensor_feels_the_weight(tmp_path: Path) -> None:
     assert abs(force[0]) == pytest.approx(weight / 4, rel=0.25)
 
 
-def test_a_camera_looks_where_it_is_told(tmp_path: Path) -> None:
-    model, _, _ = built(robot_with_all(), tmp_path)
-    index = model.camera("front").id
-    assert math.radians(model.cam_fovy[index]) == pytest.approx(1.2)
-    assert tuple(model.cam_resolution[index]) == (320, 240)
-
-
 SPOILT = {
     "condim": ('condim="6"', 'condim="4"'),
     "type": ('<gyro name="trunk_gyro"', '<accelerometer name="trunk_gyro"'),
@@ -117,25 +101,6 @@ SPOILT = {
 def test_the_check_names_what_differs(what: str, tmp_path: Path) -> None:
     _, findings, _ = built(robot_with_all(), tmp_path, lambda text: text.replace(*SPOILT[what]))
     assert {f.rule for f in findings} == {f"equal.mjcf.{what}"}
-
-
-def test_a_general_actuator_keeps_its_parameters(tmp_path: Path) -> None:
-    robot = pendulum()
-    general = General(
-        dyntype="filter",
-        gaintype="fixed",
-        biastype="affine",
-        dynprm=(0.1,),
-        gainprm=(30.0,),
-        biasprm=(0.0, -30.0, -2.0),
-    )
-    drive = Actuator("swing_joint", "general", effort=5.0, ctrl=(-1.5, 1.5), general=general)
-    robot = replace(robot, control=replace(robot.control, actuators=(drive,)))
-    model, findings, text = built(robot, tmp_path)
-    assert findings == []
-    assert tuple(model.actuator_biasprm[0][:3]) == (0.0, -30.0, -2.0)
-    assert tuple(model.actuator_ctrlrange[0]) == (-1.5, 1.5)
-    assert "gaintype" not in text, "MuJoCo's own default"
 
 
 def test_a_sensor_without_its_place_is_refused(tmp_path: Path) -> None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import ast
-import math
 import re
 from dataclasses import replace
 from pathlib import Path
@@ -14,16 +13,13 @@ import numpy as np
 import pytest
 from tiny import TinyRobot, check_inputs, pendulum, run_step, tiny_quadruped, write_robot_ports
 
-from assetbuild.checks.mjlab_contract import MjlabContract
 from assetbuild.errors import StepError
 from assetbuild.facts.readers.mjlab import MjlabReader
 from assetbuild.robot.codec import decode
 from assetbuild.robot.model import Actuator, General, Place, Sensor, Tree
-from assetbuild.robot.pose import Pose
 from assetbuild.robot.ranges import Randomize
 from assetbuild.robot.shapes import Mesh
 from assetbuild.targets.isaaclab import IsaacLab
-from assetbuild.targets.mjcf import Mjcf
 from assetbuild.targets.mjlab import Mjlab
 from assetbuild.targets.mjlab.options import MjlabOptions
 from assetbuild.targets.mjx import Mjx, MjxOptions
@@ -33,28 +29,6 @@ def built(robot: TinyRobot, folder: Path, target: object) -> Path:
     inputs = write_robot_ports(folder / "in", robot)
     run_step(target, inputs, folder / "out")
     return folder / "out"
-
-
-def test_the_mjx_model_is_the_robot_with_other_options(tmp_path: Path) -> None:
-    full = built(tiny_quadruped(), tmp_path / "a", Mjcf(robot="robot")) / "mjcf/robot.xml"
-    gpu = built(tiny_quadruped(), tmp_path / "b", Mjx(robot="robot")) / "mjx/robot_mjx.xml"
-    a, b = (mujoco.MjModel.from_xml_path(str(path)) for path in (full, gpu))
-    for name in ("qpos0", "key_qpos", "key_ctrl", "body_mass", "dof_armature", "jnt_range",
-                 "actuator_gainprm", "actuator_biasprm", "actuator_forcerange"):  # fmt: skip
-        assert np.array_equal(getattr(a, name), getattr(b, name)), name
-    assert (b.opt.iterations, b.opt.ls_iterations, b.opt.cone) == (20, 50, 1)
-    assert (tmp_path / "b/out/mjx/scene_mjx.xml").exists()
-
-
-def test_mjlabs_module_puts_a_fixed_root_where_its_mjcf_has_it(tmp_path: Path) -> None:
-    robot = pendulum()
-    place = Pose((0.5, 0.0, 2.0), (0.0, 0.6, 0.0, 0.8))
-    robot = replace(robot, tree=replace(robot.tree, X_world_root=place))
-    out = built(robot, tmp_path, Mjlab(robot="robot")) / "mjlab"
-    text = (out / "python/robot_mjlab.py").read_text()
-    assert f"pos={place.xyz!r}" in text and f"rot={place.quat!r}" in text
-    base = mujoco.MjModel.from_xml_path(str(out / "mjcf/robot_bare.xml")).body("base")
-    assert (*base.pos, *base.quat) == (*place.xyz, *place.quat)
 
 
 def test_contacts_with_fewer_dimensions_are_told(tmp_path: Path) -> None:
@@ -108,17 +82,6 @@ def test_links_that_touch_nothing_are_counted(
 MJLAB = Mjlab(robot="robot", feet=".*_foot", imu="imu", rows=(".*_(hip|thigh)_joint", ".*_calf_joint"))  # fmt: skip # noqa: E501
 
 
-def test_the_bare_model_keeps_the_contract(tmp_path: Path) -> None:
-    inputs = check_inputs(tmp_path, tiny_quadruped(), MJLAB, "mjlab")
-    assert run_step(MjlabContract(robot="robot"), inputs, tmp_path / "out") == []
-    model = mujoco.MjModel.from_xml_path(str(inputs / "mjlab/mjcf/robot_bare.xml"))
-    assert (model.nu, model.nkey) == (0, 0)
-    assert not model.dof_armature.any(), "the module states what drives add"
-    assert not model.dof_damping.any()
-    assert not model.dof_frictionloss.any()
-    assert "<option" not in (inputs / "mjlab/mjcf/robot_bare.xml").read_text()
-
-
 def test_sensors_that_mjlab_makes_itself_are_left_out(tmp_path: Path) -> None:
     robot = tiny_quadruped()
     touch = Sensor("touch", "contact", Place("body", "FR_calf"))
@@ -129,31 +92,6 @@ def test_sensors_that_mjlab_makes_itself_are_left_out(tmp_path: Path) -> None:
     assert [f.data["sensors"] for f in found if f.rule == "mjlab.sensors"] == [("touch",)]
 
 
-def test_a_bare_model_that_mujoco_refuses_is_reported(tmp_path: Path) -> None:
-    inputs = write_robot_ports(tmp_path / "in", tiny_quadruped())
-    (inputs / "mjlab/mjcf").mkdir(parents=True)
-    (inputs / "mjlab/mjcf/robot_bare.xml").write_text("<mujoco>")
-    found = run_step(MjlabContract(robot="robot"), inputs, tmp_path / "out")
-    assert [f.rule for f in found] == ["mjlab.load"]
-
-
-SPOILT = {
-    "not called": ('name="FR_foot_collision"', 'name="FR_sole"'),
-    "no sensor `root_angmom`": ('name="root_angmom"', 'name="angmom"'),
-    "rests in the ground": ('<body name="trunk" childclass="robot" pos="', '<body name="trunk" childclass="robot" pos="0 0 -1" user="'),  # noqa: E501
-    "keyframes in the bare MJCF": ("</mujoco>", '<keyframe><key name="home"/></keyframe></mujoco>'),
-}  # fmt: skip
-
-
-@pytest.mark.parametrize("message", SPOILT)
-def test_the_check_names_a_broken_promise(message: str, tmp_path: Path) -> None:
-    inputs = check_inputs(tmp_path, tiny_quadruped(), MJLAB, "mjlab")
-    path = inputs / "mjlab/mjcf/robot_bare.xml"
-    path.write_text(re.sub(r' user="[^"]*"', "", path.read_text().replace(*SPOILT[message])))
-    findings = run_step(MjlabContract(robot="robot"), inputs, tmp_path / "out")
-    assert any(message in finding.message for finding in findings)
-
-
 def table(text: str, name: str) -> Any:
     """The literal that the module gives this name."""
     (value,) = (
@@ -162,25 +100,6 @@ def table(text: str, name: str) -> Any:
         if isinstance(n, ast.Assign) and [getattr(t, "id", None) for t in n.targets] == [name]
     )
     return ast.literal_eval(value)
-
-
-def test_the_module_says_the_table_once_per_row(tmp_path: Path) -> None:
-    text = (built(tiny_quadruped(), tmp_path, MJLAB) / "mjlab/python/robot_mjlab.py").read_text()
-    names = {n.name for n in ast.parse(text).body if isinstance(n, ast.FunctionDef)}
-    assert {"robot_cfg", "velocity_flat_cfg"} <= names
-    assert text.count("BuiltinPositionActuatorCfg(") == 2
-    assert '".*_(hip|thigh)_joint": 0.06,' in text  # 0.25 * 24 / 100
-    constants = {t.id for n in ast.parse(text).body if isinstance(n, ast.Assign) for t in ast.walk(n) if isinstance(t, ast.Name)}  # fmt: skip # noqa: E501
-    assert {"ACTION_SCALE", "ROOT_BODY", "FOOT_SITES", "FOOT_GEOMS", "IMU_SITE"} <= constants
-
-
-def test_an_action_moves_no_target_by_more_than_half_a_radian(tmp_path: Path) -> None:
-    """A datasheet's effort of 2000 N m would let the first random action ask for 5 rad."""
-    control = tiny_quadruped().control
-    strong = tuple(replace(a, effort=2000.0) for a in control.actuators)
-    robot = replace(tiny_quadruped(), control=replace(control, actuators=strong))
-    text = (built(robot, tmp_path, MJLAB) / "mjlab/python/robot_mjlab.py").read_text()
-    assert set(table(text, "ACTION_SCALE").values()) == {0.5}
 
 
 def test_the_recipe_decides_what_only_mjlab_knows(tmp_path: Path) -> None:
@@ -217,47 +136,11 @@ def test_the_recipe_decides_what_only_mjlab_knows(tmp_path: Path) -> None:
     assert table(text, "KNEES") == ("FR_thigh_joint", "FL_thigh_joint", "RR_thigh_joint", "RL_thigh_joint")  # fmt: skip # noqa: E501
 
 
-def test_the_task_rewards_the_pose_of_driven_joints_alone(tmp_path: Path) -> None:
-    """mjlab looks each joint up in the table of spreads, which knows no passive one."""
-    control = tiny_quadruped().control
-    passive = control.actuators[0].joint
-    fewer = replace(control, actuators=control.actuators[1:])
-    robot = replace(tiny_quadruped(), control=fewer)
-    text = (built(robot, tmp_path, MJLAB) / "mjlab/python/robot_mjlab.py").read_text()
-    assert set(table(text, "JOINTS")) == {a.joint for a in fewer.actuators}
-    assert passive not in table(text, "JOINTS")
-    assert 'cfg.rewards["pose"].params["asset_cfg"].joint_names = JOINTS' in text
-
-
-RANGES = {
-    "links": {"trunk": {"density": [0.8, 1.2], "com": 0.02}, ".*": {}},
-    "joints": {
-        ".*_calf_joint": {"kp": [0.9, 1.1], "delay": [0, 2], "encoder_bias": 0.015},
-        "FR_.*": {"kd": [0.9, 1.1], "friction": [0.5, 2]},
-    },
-    "friction": [0.4, 1.2],
-}
-
-
 def randomized(ranges: dict, folder: Path) -> tuple[str, list]:
     target = MJLAB.model_copy(update={"randomize": Randomize.model_validate(ranges)})
     inputs = write_robot_ports(folder / "in", tiny_quadruped())
     findings = run_step(target, inputs, folder / "out")
     return (folder / "out/mjlab/python/robot_mjlab.py").read_text(), findings
-
-
-def test_the_module_randomizes_as_the_recipe_says(tmp_path: Path) -> None:
-    text, findings = randomized(RANGES, tmp_path)
-    assert findings == []
-    names = {n.name for n in ast.parse(text).body if isinstance(n, ast.FunctionDef)}
-    assert "randomize_events" in names
-    assert "dr.body_mass" not in text, "it leaves the inertia behind"
-    assert f'"alpha_range": ({math.log(0.8) / 2!r}, {math.log(1.2) / 2!r})' in text
-    assert "delay_max_lag=2" in text
-    # Three kinds of drive: other numbers at the knee, other ranges at FR.
-    assert text.count("BuiltinPositionActuatorCfg(") == 3
-    for event in ("base_com", "encoder_bias", "foot_friction"):
-        assert f'cfg.events.pop("{event}", None)' in text
 
 
 def test_what_mjlab_cannot_randomize_is_told(tmp_path: Path) -> None:
@@ -287,20 +170,6 @@ def test_the_module_mounts_a_payload_as_the_matter_that_it_is(tmp_path: Path) ->
     assert np.allclose(ast.literal_eval(rows), expected, atol=1e-15)
 
 
-def test_a_foot_of_several_geoms_is_one_foot(tmp_path: Path) -> None:
-    """mjlab's rewards multiply contacts by feet, one of each."""
-    robot = tiny_quadruped()
-    sole = next(s for s in robot.shapes.shapes if s.name == "FR_foot_collision")
-    more = (*robot.shapes.shapes, replace(sole, name="FR_foot_collision1"))
-    robot = replace(robot, shapes=replace(robot.shapes, shapes=more))
-    text = (built(robot, tmp_path, MJLAB) / "mjlab/python/robot_mjlab.py").read_text()
-    assert 'mode="body", pattern=("FR_calf", "FL_calf", "RR_calf", "RL_calf",)' in text
-    one = (
-        built(tiny_quadruped(), tmp_path / "one", MJLAB) / "mjlab/python/robot_mjlab.py"
-    ).read_text()
-    assert 'mode="geom", pattern=FOOT_GEOMS' in one
-
-
 def test_a_robot_without_feet_has_no_task_and_is_told(tmp_path: Path) -> None:
     inputs = write_robot_ports(tmp_path / "in", tiny_quadruped())
     findings = run_step(Mjlab(robot="robot"), inputs, tmp_path / "out")
@@ -324,14 +193,6 @@ def test_a_dc_motor_saturates_at_its_stall_torque(
         text = (tmp_path / file).read_text()
         assert f"saturation_effort={said!r}" in text
         assert "effort_limit=5.0" in text
-
-
-def test_a_motor_without_a_limit_has_a_number_that_mjlab_takes(tmp_path: Path) -> None:
-    robot = pendulum()
-    drive = Actuator("swing_joint", "motor")
-    robot = replace(robot, control=replace(robot.control, actuators=(drive,)))
-    text = (built(robot, tmp_path, Mjlab(robot="r")) / "mjlab/python/r_mjlab.py").read_text()
-    assert "effort_limit=1000000000.0," in text
 
 
 def test_a_general_actuator_is_told_not_dropped(tmp_path: Path) -> None:
