@@ -13,8 +13,9 @@ from assetbuild.kinds import Check, write_figures
 from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.model import Control, Tree
 from assetbuild.robot.softness import Allowed, CouplingError, LimitError, effort_at
-from assetbuild.simulators import mujoco, mujoco_pushes
-from assetbuild.simulators.mujoco_pushes import Pushed
+from assetbuild.simulators import mujoco
+from assetbuild.simulators.mujoco import pushes as mujoco_pushes
+from assetbuild.simulators.mujoco.pushes import Pushed
 
 MOST = 2.0
 """Times the wish; the load grows in a fifth of a second, which swings a little."""

@@ -20,8 +20,11 @@ from assetbuild.findings import Finding, Rule
 from assetbuild.kinds import Check, write_figures
 from assetbuild.robot.initial import initial_pose
 from assetbuild.robot.model import Control, Tree
-from assetbuild.simulators import mujoco, mujoco_trials, physx, physx_couplings
-from assetbuild.simulators.physx_causes import cause_of, overlap_hint
+from assetbuild.simulators import mujoco, physx
+from assetbuild.simulators.experiments import Experiment, Outcome, Setting
+from assetbuild.simulators.mujoco import trials as mujoco_trials
+from assetbuild.simulators.physx import couplings as physx_couplings
+from assetbuild.simulators.physx.causes import cause_of, overlap_hint
 
 NO_CAUSE = (
     "no bodies lie in one another where it starts: a tiny inertia? a start outside of limits?"
@@ -113,18 +116,18 @@ class PhysxReadback(Check):
             return {}
 
 
-def _experiments(tree: Tree, control: Control, seconds: float) -> tuple[physx.Experiment, ...]:
+def _experiments(tree: Tree, control: Control, seconds: float) -> tuple[Experiment, ...]:
     gravity, dt = control.simulation.gravity, control.simulation.timestep
-    plain = physx.Setting(dt, gravity)
+    plain = Setting(dt, gravity)
     start = initial_pose(tree, control)
     at = physx.clear_of_floor(start.base)
-    floor = physx.Setting(dt, gravity, at=at, floor_friction=control.contact.friction[0])
+    floor = Setting(dt, gravity, at=at, floor_friction=control.contact.friction[0])
     steps = round(seconds / dt)
     on_floor = floor if tree.base == "floating" and start.name else plain
     return (
-        physx.Experiment("load", plain),
-        physx.Experiment("alone", plain, steps=round(0.2 / dt), every=10),
-        physx.Experiment("floor", on_floor, steps=steps, every=10, start=dict(start.joints)),
+        Experiment("load", plain),
+        Experiment("alone", plain, steps=round(0.2 / dt), every=10),
+        Experiment("floor", on_floor, steps=steps, every=10, start=dict(start.joints)),
     )
 
 
@@ -159,7 +162,7 @@ def _differing(held: physx.Held, found: Table, expected: Table) -> Iterator[Find
 
 def _not_finite(
     where: str,
-    outcome: physx.Outcome,
+    outcome: Outcome,
     cause: tuple[str, str] | None,
     overlaps: Mapping[tuple[str, str], float],
 ) -> Finding:
@@ -173,7 +176,7 @@ def _not_finite(
     )
 
 
-def _judge_motion(tree: Tree, outcome: physx.Outcome, where: str) -> Iterator[Finding]:
+def _judge_motion(tree: Tree, outcome: Outcome, where: str) -> Iterator[Finding]:
     if not outcome.finite:
         return  # `physx.finite`
     if outcome.motion is not None and tree.base == "fixed":

@@ -14,8 +14,8 @@ from assetbuild.kinds import Check, write_figures
 from assetbuild.quantities import Positive
 from assetbuild.robot.files import RobotFiles
 from assetbuild.simulators import mujoco
-from assetbuild.simulators.mujoco_slope import creep
-from assetbuild.simulators.mujoco_stand import external_laws
+from assetbuild.simulators.mujoco.slope import creep
+from assetbuild.simulators.mujoco.stand import external_laws
 
 CREEP = Rule(
     "slope.creep",

@@ -17,8 +17,8 @@ from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.model import Tree
 from assetbuild.robot.shapes import Shapes
 from assetbuild.simulators import mujoco
-from assetbuild.simulators.mujoco_stand import Stand as Stood
-from assetbuild.simulators.mujoco_stand import (
+from assetbuild.simulators.mujoco.stand import Stand as Stood
+from assetbuild.simulators.mujoco.stand import (
     external_laws,
     outcome,
     outcome_figures,

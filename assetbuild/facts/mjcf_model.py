@@ -14,9 +14,9 @@ import numpy as np
 from assetbuild.facts.mjcf_loops import LOOPS, loop_facts
 from assetbuild.facts.mjcf_meshes import Meshes, pose_of
 from assetbuild.facts.table import Value, Writer, pair_name
-from assetbuild.simulators.joint_drives import Drive, read_drives
-from assetbuild.simulators.levers import tendon_coupling
 from assetbuild.simulators.mujoco import Model, inertia_of, name_of, passes
+from assetbuild.simulators.mujoco.drives import Drive, read_drives
+from assetbuild.simulators.mujoco.levers import tendon_coupling
 
 BALL = 1
 JOINTS = {0: "floating", BALL: "ball", 2: "linear", 3: "rotary"}

@@ -1,7 +1,4 @@
-"""NVIDIA's asset validator judges a USD: runs in its environment, without assetbuild.
-
-`python _asset_validator_child.py job.json`: the issues, as the validator reports them.
-"""
+"""NVIDIA's asset validator judges a USD: runs in its environment, without assetbuild."""
 
 from __future__ import annotations
 
@@ -11,10 +8,9 @@ import sys
 from pathlib import Path
 
 
-def main(path: Path) -> None:
-    """Writes `answer.json` beside the job."""
-    job = json.loads(path.read_text(encoding="utf-8"))
-    report = path.with_name("report.json")
+def answer(job: dict[str, str]) -> dict[str, object]:
+    """The issues of `file`, as the validator reports them."""
+    report = Path("report.json")
     # Which words the other variants have is compared by `usd_equal`; all would take five times.
     words = ["--no-variants", "--json-output", str(report), job["file"]]
     program = [sys.executable, "-P", "-c", "from omni.asset_validator import cli_main; cli_main()"]
@@ -23,9 +19,7 @@ def main(path: Path) -> None:
         lines = [line for line in (done.stdout + done.stderr).splitlines() if line.strip()]
         raise SystemExit(lines[-1] if lines else f"the validator ended with {done.returncode}")
     rules = json.loads(report.read_text(encoding="utf-8"))["rules"]
-    issues = [_plain(issue) for rule in rules for issue in rule["issues"]]
-    answer = json.dumps({"issues": issues})
-    path.with_name("answer.json").write_text(answer, encoding="utf-8")
+    return {"issues": [_plain(issue) for rule in rules for issue in rule["issues"]]}
 
 
 def _plain(issue: dict) -> dict[str, str]:  # type: ignore[type-arg] # JSON of the validator
@@ -35,7 +29,3 @@ def _plain(issue: dict) -> dict[str, str]:  # type: ignore[type-arg] # JSON of t
         "message": issue["message"],
         "path": (issue.get("at") or {}).get("path", ""),
     }
-
-
-if __name__ == "__main__":
-    main(Path(sys.argv[1]))

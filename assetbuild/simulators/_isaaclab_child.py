@@ -1,6 +1,6 @@
 """Isaac Lab's half of a comparison: runs a bundle's measuring script where Isaac Lab is installed.
 
-`python _isaaclab_child.py job.json`: the script's readings are the answer. Isaac Lab 3 runs Newton
+The script's readings are the answer. Isaac Lab 3 runs Newton
 and PhysX without Isaac Sim; Isaac Lab 2 needs it, and the authors of assetbuild have no machine
 that runs that.
 """
@@ -15,18 +15,16 @@ from pathlib import Path
 from typing import Any
 
 
-def main(path: Path) -> None:
-    """Run the job; an exception is the answer of a robot that Isaac Lab does not take."""
-    job = json.loads(path.read_text(encoding="utf-8"))
-    answer = path.with_name("answer.json")
+def answer(job: dict[str, str]) -> dict[str, Any]:
+    """What the script read on an engine."""
     chosen = arguments(job["engine"])
     if isinstance(chosen, str):
-        answer.write_text(json.dumps({"absent": chosen}), encoding="utf-8")
-        return
-    script = Path(job["script"])
-    sys.argv = [script.name, "--output", str(answer), *chosen]
+        return {"absent": chosen}
+    script, readings = Path(job["script"]), Path("readings.json").absolute()
+    sys.argv = [script.name, "--output", str(readings), *chosen]
     sys.path.insert(0, str(script.parent))
     runpy.run_path(str(script), run_name="__main__")
+    return dict(json.loads(readings.read_bytes()))
 
 
 def arguments(engine: str) -> list[str] | str:
@@ -56,7 +54,3 @@ def unpinned(make: Any) -> Any:
         return make(*args, **{**named, "pinned": False})
 
     return made
-
-
-if __name__ == "__main__":
-    main(Path(sys.argv[1]))

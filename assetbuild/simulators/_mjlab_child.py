@@ -1,26 +1,22 @@
 """A moment of mjlab: runs in mjlab's environment, where assetbuild is not installed.
 
-`python _mjlab_child.py job.json`: loads the bundle's module, lets the robots stand under zero
-actions, trains a few iterations, and writes `answer.json` beside the job. Plain facts; the check
-judges them. mjlab's API as of 1.6.
+It loads the bundle's module, lets the robots stand under zero actions and trains a few iterations.
+Plain facts; the check judges them. mjlab's API as of 1.6.
 """
 
 from __future__ import annotations
 
-import json
 import sys
 import time
 from dataclasses import asdict
-from pathlib import Path
 from typing import Any
 
 KEPT_EVENTS = ("reset_base", "reset_robot_joints", "base_com", "encoder_bias", "foot_friction")
 """Events of mjlab's velocity task that stay; a push could topple any robot and shows nothing."""
 
 
-def main(path: Path) -> None:
-    """Run the job; an exception is the answer of a robot that mjlab does not take."""
-    job = json.loads(path.read_text(encoding="utf-8"))
+def answer(job: dict[str, Any]) -> dict[str, Any]:
+    """What mjlab does with the module."""
     started = time.monotonic()
     import torch
     import warp
@@ -29,15 +25,14 @@ def main(path: Path) -> None:
     sys.path.insert(0, job["modules"])
     robot = __import__(job["module"])
     gpu = torch.cuda.is_available()
-    answer: dict[str, Any] = {"gpu": gpu, "walks": hasattr(robot, "velocity_flat_cfg")}
-    answer["import_s"] = time.monotonic() - started
+    found: dict[str, Any] = {"gpu": gpu, "walks": hasattr(robot, "velocity_flat_cfg")}
+    found["import_s"] = time.monotonic() - started
     torch.manual_seed(0)
     env = environment(robot, job["envs_gpu"] if gpu else job["envs"], gpu)
-    answer |= matter(env, robot)
-    answer |= stand(env, robot, job["stand_steps"])
-    answer |= train(env, job["iterations_gpu"] if gpu else job["iterations"], job["rollout"], gpu)
-    answer["seconds"] = time.monotonic() - started
-    path.with_name("answer.json").write_text(json.dumps(answer), encoding="utf-8")
+    found |= matter(env, robot)
+    found |= stand(env, robot, job["stand_steps"])
+    found |= train(env, job["iterations_gpu"] if gpu else job["iterations"], job["rollout"], gpu)
+    return found | {"seconds": time.monotonic() - started}
 
 
 def environment(robot: Any, envs: int, gpu: bool) -> Any:
@@ -164,7 +159,3 @@ def train(env: Any, iterations: int, rollout: int, gpu: bool) -> dict[str, Any]:
         "weights_finite": all(bool(torch.isfinite(p).all()) for p in after),
         "weights_moved": moved,
     }
-
-
-if __name__ == "__main__":
-    main(Path(sys.argv[1]))

@@ -1,7 +1,4 @@
-"""SimReady's validator judges a USD: runs in its environment, without assetbuild.
-
-`python _simready_child.py job.json`: the features of the profile, as the validator reports them.
-"""
+"""SimReady's validator judges a USD: runs in its environment, without assetbuild."""
 
 from __future__ import annotations
 
@@ -12,12 +9,11 @@ import sys
 from pathlib import Path
 
 
-def main(path: Path) -> None:
-    """Writes `answer.json` beside the job."""
-    job = json.loads(path.read_text(encoding="utf-8"))
-    report = path.with_name("report.json")
+def answer(job: dict[str, str]) -> dict[str, object]:
+    """The features of the profile, as the validator reports them."""
+    report = Path("report.json")
     # The validator resolves links, and would find the layers outside of the asset's folder.
-    copy = shutil.copytree(Path(job["file"]).parent, path.with_name("usd"))
+    copy = Path(shutil.copytree(Path(job["file"]).parent, "usd"))
     words = ["--profile", job["profile"], "--version", job["version"], "--output", str(report)]
     program = [sys.executable, "-P", "-c", "from simready.validate._cli import main; main()"]
     done = subprocess.run(
@@ -30,9 +26,4 @@ def main(path: Path) -> None:
         lines = [line for line in (done.stdout + done.stderr).splitlines() if line.strip()]
         raise SystemExit(lines[-1] if lines else f"simready-validate ended with {done.returncode}")
     (result,) = json.loads(report.read_text(encoding="utf-8")).values()
-    answer = {"features": result["features_summary"]}
-    path.with_name("answer.json").write_text(json.dumps(answer), encoding="utf-8")
-
-
-if __name__ == "__main__":
-    main(Path(sys.argv[1]))
+    return {"features": result["features_summary"]}

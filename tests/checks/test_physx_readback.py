@@ -38,7 +38,7 @@ from assetbuild.robot.model import (
 from assetbuild.robot.pose import Pose
 from assetbuild.robot.shapes import Shapes
 from assetbuild.simulators import physx
-from assetbuild.simulators.experiments import Motion
+from assetbuild.simulators.experiments import Experiment, Motion, Outcome, Setting
 from assetbuild.targets.usd import Usd as UsdTarget
 
 Spoil = Callable[[Usd.Stage], object]
@@ -96,9 +96,9 @@ def test_a_fixed_base_that_moves_is_an_error(base: Base, moved_m: float, drifts:
     root = np.array([[0.0, 0.0, 1.0], [0.0, moved_m, 1.0]])
     motion = Motion(np.array([0.0, 1.0]), {}, root, np.ones((2, 4)), root)
     tree = replace(pendulum().tree, base=base)
-    found = list(_judge_motion(tree, physx.Outcome(None, motion), "on a floor"))
+    found = list(_judge_motion(tree, Outcome(None, motion), "on a floor"))
     assert [f.data["drift_m"] for f in found if f.rule == "physx.drift"] == drifts
-    lost = physx.Outcome(None, motion, "it lost its numbers")
+    lost = Outcome(None, motion, "it lost its numbers")
     assert list(_judge_motion(tree, lost, "on a floor")) == []  # `physx.finite`
 
 
@@ -113,7 +113,7 @@ def test_a_sprung_arm_settles_where_spring_and_weight_are_equal(tmp_path: Path) 
     """m g r sin q = k (rest - q), by Newton's method; 1 kg, 0.25 m, 6 N m/rad, 0.5 rad."""
     need_physx()
     main = check_inputs(tmp_path, sprung(), UsdTarget(robot="robot"), "usd") / "usd/robot.usda"
-    run = physx.Experiment("swing", physx.Setting(0.002, (0.0, 0.0, -9.81)), steps=3000, every=100)
+    run = Experiment("swing", Setting(0.002, (0.0, 0.0, -9.81)), steps=3000, every=100)
     motion = physx.perform(main, [run])["swing"].motion
     assert motion is not None
     q = 0.0

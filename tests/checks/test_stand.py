@@ -14,8 +14,8 @@ from assetbuild.pipeline.recipes import whole_model
 from assetbuild.robot.model import Actuator, Control, Keyframe
 from assetbuild.robot.pose import Pose
 from assetbuild.robot.shapes import Box, Shape
-from assetbuild.simulators.mujoco_stand import Stand as Stood
-from assetbuild.simulators.mujoco_stand import outcome
+from assetbuild.simulators.mujoco.stand import Stand as Stood
+from assetbuild.simulators.mujoco.stand import outcome
 from assetbuild.targets.mjcf import Mjcf
 
 FEET = ".*_foot"

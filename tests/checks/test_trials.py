@@ -21,7 +21,7 @@ from assetbuild.pipeline.recipes import whole_model
 from assetbuild.robot.model import Actuator, Control, Keyframe
 from assetbuild.robot.pose import Pose
 from assetbuild.robot.shapes import Box, Shape, Shapes
-from assetbuild.simulators.mujoco_trials import polygon_margin, support
+from assetbuild.simulators.mujoco.trials import polygon_margin, support
 from assetbuild.targets.mjcf import Mjcf
 
 QUADRUPED = tiny_quadruped()

@@ -7,9 +7,11 @@ import math
 import mujoco
 import pytest
 
-from assetbuild.simulators import mujoco_motion, mujoco_stand, mujoco_trials
-from assetbuild.simulators.joint_drives import drives_of, read_drives
 from assetbuild.simulators.mujoco import Model
+from assetbuild.simulators.mujoco import motion as mujoco_motion
+from assetbuild.simulators.mujoco import stand as mujoco_stand
+from assetbuild.simulators.mujoco import trials as mujoco_trials
+from assetbuild.simulators.mujoco.drives import drives_of, read_drives
 
 ARM = """<mujoco><option gravity="0 0 0"/><worldbody><body name="arm">
 <joint name="elbow" type="{kind}" axis="0 0 1" {joint}/><geom size="0.1" mass="1"/>

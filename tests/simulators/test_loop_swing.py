@@ -9,11 +9,12 @@ from typing import Literal
 import pytest
 from tiny import four_bar
 
+from assetbuild.checks.loops import Loops
 from assetbuild.robot.closure import close, gaps
 from assetbuild.robot.model import Keyframe
 from assetbuild.robot.pose import Pose
 from assetbuild.simulators.experiments import sine_of
-from assetbuild.simulators.loop_swing import LoopSwing, about_closed, judge, trial
+from assetbuild.simulators.loops import LoopSwing, about_closed, trial
 
 BAR = four_bar()
 
@@ -45,5 +46,5 @@ def test_a_loop_that_leaves_no_motion_is_tried_under_gravity_alone(
         assert abs(found.positions["crank_joint"]) == pytest.approx(2 * math.asin(0.25))
     home = Keyframe("home", tuple(found.positions.items()))
     asked = trial(tree, replace(bar.control, keyframes=(home,)), LoopSwing())
-    told = judge("MuJoCo", LoopSwing(), asked, {"coupler_loop": 0.0})
+    told = Loops(robot="r").judged(asked.sine, {"coupler_loop": 0.0})
     assert [finding.rule for finding in told] == rules

@@ -8,18 +8,19 @@ from pathlib import Path
 import pytest
 from tiny import tiny_quadruped, with_mimic
 
-from assetbuild.simulators import physx, physx_causes
-from assetbuild.simulators.physx_causes import cause_of, overlap_hint
+from assetbuild.simulators.experiments import Experiment, Outcome, Setting
+from assetbuild.simulators.physx import causes as physx_causes
+from assetbuild.simulators.physx.causes import cause_of, overlap_hint
 
-LOST = physx.Outcome(None, None, "PhysX lost its numbers (NaN) after 0.1 s")
-FINE = physx.Outcome(None, None)
-EXPERIMENT = physx.Experiment("sine", physx.Setting(0.002, (0.0, 0.0, -9.81)), steps=1)
+LOST = Outcome(None, None, "PhysX lost its numbers (NaN) after 0.1 s")
+FINE = Outcome(None, None)
+EXPERIMENT = Experiment("sine", Setting(0.002, (0.0, 0.0, -9.81)), steps=1)
 
 
 def answer(monkeypatch: pytest.MonkeyPatch, healed_by: tuple[str, ...]) -> None:
     """A PhysX that keeps its numbers only without the speed limits of `healed_by`."""
 
-    def perform(_: Path, experiments: tuple[physx.Experiment, ...]) -> dict[str, physx.Outcome]:
+    def perform(_: Path, experiments: tuple[Experiment, ...]) -> dict[str, Outcome]:
         (one,) = experiments
         return {one.name: FINE if one.setting.unhurried == healed_by else LOST}
 

@@ -11,7 +11,7 @@ from assetbuild.checks.mjcf_source.expected import ROUGH, rest_of, tendon_rest
 from assetbuild.findings import Finding, Rule
 from assetbuild.robot.pose import Array
 from assetbuild.simulators import mujoco
-from assetbuild.simulators.joint_drives import read_drive, read_drives
+from assetbuild.simulators.mujoco.drives import read_drive, read_drives
 
 POSITIONS = 6
 TOLERANCE = 1e-9

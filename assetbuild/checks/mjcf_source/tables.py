@@ -12,9 +12,9 @@ import numpy as np
 from assetbuild.facts.mjcf import read_spec
 from assetbuild.facts.mjcf_words import COVERED, Spec
 from assetbuild.facts.table import Value, pair_name
-from assetbuild.simulators.joint_drives import read_drive
-from assetbuild.simulators.levers import tendon_coupling
 from assetbuild.simulators.mujoco import Model, actuators, first_command, name_of, passes
+from assetbuild.simulators.mujoco.drives import read_drive
+from assetbuild.simulators.mujoco.levers import tendon_coupling
 
 Subjects = dict[tuple[str, str], dict[str, Value]]
 """Facts by quantity of each (kind, name)."""

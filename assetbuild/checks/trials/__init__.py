@@ -19,10 +19,13 @@ from assetbuild.kinds import Check, RecipeView, write_figures
 from assetbuild.quantities import Positive, Real
 from assetbuild.robot.action import Action
 from assetbuild.robot.files import RobotFiles
-from assetbuild.simulators import mujoco, mujoco_motion, mujoco_policy, mujoco_trials
+from assetbuild.simulators import mujoco
 from assetbuild.simulators.mujoco import ArenaFullError, floors, turning
-from assetbuild.simulators.mujoco_stand import Gains, outcome_figures, stand
-from assetbuild.simulators.mujoco_trials import Settled, Support
+from assetbuild.simulators.mujoco import motion as mujoco_motion
+from assetbuild.simulators.mujoco import policy as mujoco_policy
+from assetbuild.simulators.mujoco import trials as mujoco_trials
+from assetbuild.simulators.mujoco.stand import Gains, outcome_figures, stand
+from assetbuild.simulators.mujoco.trials import Settled, Support
 
 EXTERNAL = frozenset({"ideal_pd", "dc_motor"})
 """Models whose PD law runs outside of the simulator: here it is put inside."""

@@ -16,9 +16,9 @@ import numpy as np
 
 from assetbuild.errors import StepError
 from assetbuild.robot.pose import Array
-from assetbuild.simulators.joint_drives import Drive, read_drives
 from assetbuild.simulators.mujoco import Data, Model, at_key, is_finite, turning, without
-from assetbuild.simulators.mujoco_trials import HELD_KG
+from assetbuild.simulators.mujoco.drives import Drive, read_drives
+from assetbuild.simulators.mujoco.trials import HELD_KG
 
 SAMPLES = 41
 """Poses of a sweep."""

@@ -1,15 +1,12 @@
 """Newton reads the USD and the MJCF: runs in Newton's environment, without assetbuild.
 
-`python _newton_child.py job.json`: loads each file, hands it to `SolverMuJoCo` (MuJoCo on the
-CPU), writes down what that holds, and steps it. Newton's API as of 1.8.
+It loads each file, hands it to `SolverMuJoCo` (MuJoCo on the CPU), says what that holds, and steps
+it. Newton's API as of 1.8.
 """
 
 from __future__ import annotations
 
-import json
 import math
-import sys
-from pathlib import Path
 from typing import Any
 
 UNLIMITED = 1e6
@@ -27,15 +24,18 @@ LAW = {
 """Arrays of Newton's drives and clamps, and what the USD calls them."""
 
 
-def main(path: Path) -> None:
-    """One answer for each file of the job, by kind."""
-    job = json.loads(path.read_text(encoding="utf-8"))
+def answer(job: dict[str, Any]) -> dict[str, Any]:
+    """What each file of the job gives, by kind."""
+    quiet_cpu()
+    return {kind: tried(kind, file, job) for kind, file in job["files"].items()}
+
+
+def quiet_cpu() -> None:
+    """Warp without its words, on the CPU."""
     import warp
 
     warp.config.quiet = True
     warp.set_device("cpu")
-    answer = {kind: tried(kind, file, job) for kind, file in job["files"].items()}
-    path.with_name("answer.json").write_text(json.dumps(answer), encoding="utf-8")
 
 
 def tried(kind: str, file: str, job: dict[str, Any]) -> dict[str, Any]:
@@ -218,7 +218,3 @@ def stepped(model: Any, solver: Any, steps: int, dt: float) -> bool:
         solver.step(now, after, control, None, dt)
         now, after = after, now
     return bool(numpy.isfinite(now.joint_q.numpy()).all())
-
-
-if __name__ == "__main__":
-    main(Path(sys.argv[1]))

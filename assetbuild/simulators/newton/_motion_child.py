@@ -1,8 +1,8 @@
 """Newton moves: the experiments that PhysX does, on the same stages; runs without assetbuild.
 
-`python _newton_motion_child.py job.json`: MuJoCo on the CPU through `SolverMuJoCo`. Answers lie in
-the job's folder as PhysX's program writes them: `<run>.json` (what Newton holds) and `<run>.npz`
-(what it did), joints in degrees or metres, quaternions xyzw. Newton's API as of 1.8.
+MuJoCo on the CPU through `SolverMuJoCo`. Answers lie in the job's folder as PhysX's program writes
+them: `<run>.json` (what Newton holds) and `<run>.npz` (what it did), joints in degrees or metres,
+quaternions xyzw. Newton's API as of 1.8.
 """
 
 from __future__ import annotations
@@ -10,22 +10,17 @@ from __future__ import annotations
 import itertools
 import json
 import math
-import sys
 from pathlib import Path
 from typing import Any
 
-sys.path.append(str(Path(__file__).parent))  # last: it has a `newton` and a `mujoco` of ours
-import _newton_child as reading  # type: ignore[import-not-found]  # beside this file
+import _child as reading  # type: ignore[import-not-found]  # beside this file
 
 
-def main(path: Path) -> None:
+def answer(job: dict[str, Any]) -> dict[str, Any]:
     """Each run in turn; an exception ends the program, and whoever started it goes on."""
-    job = json.loads(path.read_text(encoding="utf-8"))
     import numpy
-    import warp
 
-    warp.config.quiet = True
-    warp.set_device("cpu")
+    reading.quiet_cpu()
     answers = Path(job["answers"])
     for run in job["runs"]:
         from newton.solvers import SolverMuJoCo
@@ -39,7 +34,7 @@ def main(path: Path) -> None:
             held["touching"] = touching(model, solver.mj_model)
             (answers / f"{run['name']}.json").write_text(json.dumps(held), encoding="utf-8")
         (answers / f"{run['name']}.done").touch()
-    path.with_name("answer.json").write_text("{}", encoding="utf-8")
+    return {}
 
 
 def moved(model: Any, solver: Any, run: dict[str, Any]) -> dict[str, Any]:
@@ -162,7 +157,3 @@ def passes(held: Any, one: int, two: int) -> bool:
     here, there = int(held.body_weldid[one]), int(held.body_weldid[two])
     above = [int(held.body_weldid[held.body_parentid[weld]]) for weld in (here, there)]
     return here == there or (0 not in (here, there) and (here == above[1] or there == above[0]))
-
-
-if __name__ == "__main__":
-    main(Path(sys.argv[1]))

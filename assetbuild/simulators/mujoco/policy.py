@@ -8,7 +8,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from assetbuild.robot.action import Action
-from assetbuild.simulators.joint_drives import Drive, drives_of, read_drives
 from assetbuild.simulators.mujoco import (
     Model,
     at_key,
@@ -18,7 +17,8 @@ from assetbuild.simulators.mujoco import (
     turning,
     without,
 )
-from assetbuild.simulators.mujoco_trials import SEED
+from assetbuild.simulators.mujoco.drives import Drive, drives_of, read_drives
+from assetbuild.simulators.mujoco.trials import SEED
 
 CONTROL_S = 0.02
 """Between two commands."""

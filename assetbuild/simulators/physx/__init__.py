@@ -15,22 +15,31 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
+from assetbuild.engine.step import Limits
 from assetbuild.findings import Rule
 from assetbuild.robot.pose import IDENTITY, Array, Pose, normalised_quat, vec3
-from assetbuild.simulators._physx_scene import Setting as Setting  # checks take it from here
-from assetbuild.simulators._physx_scene import StageNames, write_world
-from assetbuild.simulators.children import run_child
-from assetbuild.simulators.experiments import FreeFall, Motion, Sine, fall_of
+from assetbuild.simulators.children import ask
+from assetbuild.simulators.experiments import (
+    Course,
+    Experiment,
+    Motion,
+    Outcome,
+    SimulatorCheck,
+    Sine,
+)
+from assetbuild.simulators.physx.scene import StageNames, write_world
 
 REQUIRES: Mapping[str, str] = {"ovphysx": "physx", "physx_usd_schemas": "physx"}
 """Modules of the extra, for `Check.requires`."""
-BEYOND_IMPORTS = ("assetbuild.simulators._physx_child", "physx_usd_schemas")
+BEYOND_IMPORTS = ("assetbuild.simulators.physx._child", "physx_usd_schemas")
 PRELOAD = ("pxr.Usd", "pxr.UsdGeom", "pxr.UsdPhysics", "pxr.UsdShade")
 """`Step.preload` of a check that opens stages here."""
+ITERATIONS: Mapping[str, str] = {"iterations": "usd.articulation.solver_position_iterations"}
+"""For `Check.told` of checks that know how often the solver applies gravity in a step."""
 TURN = 0.5
 """rad or m; a position of joints at which their axes show."""
 UNLIMITED = 3.0e38
@@ -38,10 +47,7 @@ UNLIMITED = 3.0e38
 CLEARANCE_M = 1e-3
 """How far above the floor a standing pose starts: a sole that starts inside of it by the smallest
 amount is thrown out with all of `maxDepenetrationVelocity` in the first step."""
-_PROGRAM = (
-    "import json, sys; sys.path[:] = json.loads(sys.argv[1]); "
-    "from assetbuild.simulators import _physx_child; _physx_child.main()"
-)
+_PROGRAM = Path(__file__).with_name("_child.py")
 
 LOAD = Rule(
     "physx.load", "error", "PhysX refuses the asset, or crashes on it", "read the `usd.*` findings"
@@ -136,50 +142,6 @@ class Held:
     loose: tuple[str, ...]
 
 
-@dataclass(frozen=True)
-class Course:
-    """What is done in every step to an object that is gripped.
-
-    targets: (n,) of drives by joint, rad or m. table: (n, 3) world, m. force: (n, 3) on the object,
-    world, N. watched: bodies from which the object is seen. n: steps and one.
-    """
-
-    targets: Mapping[str, Array]
-    table: Array
-    force: Array
-    watched: tuple[str, ...]
-
-
-@dataclass(frozen=True)
-class Experiment:
-    """One stage, loaded and stepped. steps: 0 = only loaded. every: steps between samples.
-
-    start: joint positions, rad or m; joints without one stay where the asset puts them.
-    """
-
-    name: str
-    setting: Setting
-    steps: int = 0
-    every: int = 1
-    start: Mapping[str, float] | None = None
-    sine: Sine | None = None
-    course: Course | None = None
-
-
-@dataclass(frozen=True)
-class Outcome:
-    """held, motion: None where PhysX did not get that far, and `failure` says why."""
-
-    held: Any  # `Held` of PhysX; JSON of Newton
-    motion: Motion | None
-    failure: str = ""
-
-    @property
-    def finite(self) -> bool:
-        """It got to its end and nothing was NaN."""
-        return not self.failure and (self.motion is None or self.motion.finite)
-
-
 def clear_of_floor(base: Pose | None) -> Pose:
     """A standing pose, a hair higher."""
     base = base or IDENTITY
@@ -187,8 +149,21 @@ def clear_of_floor(base: Pose | None) -> Pose:
     return Pose((x, y, z + CLEARANCE_M), base.quat)
 
 
-Start = Callable[[list[dict[str, object]], Path, float], str]
-"""Runs an engine's program on some jobs in a folder; how it died, or "" when it ended well."""
+class PhysxCheck(SimulatorCheck):
+    """Base of the checks that ask PhysX."""
+
+    usual_s = 30.0
+    needs: ClassVar[tuple[str, ...]] = ("usd",)
+    requires: ClassVar[Mapping[str, str]] = REQUIRES
+    isolated: ClassVar[bool] = True
+    preload: ClassVar[tuple[str, ...]] = PRELOAD
+    limits: ClassVar[Limits] = Limits(wall_s=900.0, memory_mb=16384)
+    engines: ClassVar[tuple[str, ...]] = ("physx",)
+    engine: ClassVar[str] = "PhysX"
+
+    def perform(self, inputs: Path, experiments: Sequence[Experiment]) -> Mapping[str, Outcome]:
+        """Run experiments on `usd/`."""
+        return perform(inputs / f"usd/{self.robot}.usda", experiments, self.limits.wall_s / 2.0)
 
 
 def perform(
@@ -199,19 +174,30 @@ def perform(
     seconds: wall-clock limit of the whole. copied: with its whole folder, as the inputs of a step
     must be: they are links into the store, and a resolver that follows them gets lost.
     """
-    return perform_in(_start, _held, main, experiments, seconds, copied=copied)
+
+    def start(job: dict[str, object], folder: Path) -> str:
+        numbers = sorted({each.metadata["attribute"] for each in fields(HeldJoint)})
+        path = os.pathsep.join(os.path.abspath(p) for p in sys.path if p)  # noqa: PTH100
+        variables = {"TZ": "UTC", "LC_ALL": "C", "PYTHONPATH": path}
+        asked = job | {"joint_numbers": numbers}
+        return ask(Path(sys.executable), _PROGRAM, asked, folder, seconds, variables)[1]
+
+    return perform_in(start, _held, main, experiments, copied=copied)
 
 
 def perform_in(
-    start: Start,
+    start: Callable[[dict[str, object], Path], str],
     read: Callable[[dict[str, Any], StageNames], Any],  # Any: JSON; what an engine holds
     main: Path,
     experiments: Sequence[Experiment],
-    seconds: float,
     *,
     copied: bool = True,
 ) -> dict[str, Outcome]:
-    """As `perform`, in the engine whose program `start` runs. read: what the engine then holds."""
+    """As `perform`, in another engine that reads the same stages.
+
+    start: does a job in a folder; how it died, or "" when it ended well. read: what the engine then
+    holds.
+    """
     with TemporaryDirectory(prefix="physx-") as temporary:
         folder = Path(temporary).resolve()
         asset = main.resolve()
@@ -222,14 +208,11 @@ def perform_in(
         for experiment in experiments:
             stage = folder / f"{experiment.name}.usda"
             names = write_world(stage, asset, experiment.setting)
-            job = _job(experiment, names, stage)
-            if experiment.course is not None:
-                job["course"] = _write_course(folder, experiment.name, experiment.course, names)
-            jobs[experiment.name] = (experiment, names, job)
-        waiting = list(jobs)
-        failures: dict[str, str] = {}
+            jobs[experiment.name] = (names, _job(experiment, names, stage))
+        waiting, failures = list(jobs), dict[str, str]()
         while waiting:
-            died = start([jobs[name][2] for name in waiting], folder, seconds)
+            runs = [jobs[name][1] for name in waiting]
+            died = start({"answers": str(folder), "runs": runs}, folder)
             done = [n for n in waiting if (folder / f"{n}.done").exists()]
             waiting = waiting[len(done) :]
             if waiting and died:
@@ -238,47 +221,47 @@ def perform_in(
                 failures |= dict.fromkeys(waiting, "it stopped without a word")
                 waiting = []
         return {
-            name: _outcome(folder, names, experiment, failures.get(name, ""), read)
-            for name, (experiment, names, _) in jobs.items()
+            name: _outcome(folder / name, names, failures.get(name, ""), read)
+            for name, (names, _) in jobs.items()
         }
 
 
 def _job(experiment: Experiment, names: StageNames, stage: Path) -> dict[str, object]:
-    sine, dt = experiment.sine, experiment.setting.timestep
     paths = {name: path for path, name in names.joints.items()}
-    drives = {}
-    if sine is not None:
-        drives = {
-            paths[name]: (
-                _shown(name, sine.middle[name], names),
-                _shown(name, sine.swing[name], names),
-            )
-            for name in sine.middle
+
+    def shown(values: Mapping[str, float]) -> dict[str, float]:
+        """By path, in the unit of the interface: degrees or metres."""
+        return {
+            paths[name]: math.degrees(value) if name in names.angular else value
+            for name, value in values.items()
             if name in paths
         }
-    start = {n: v for n, v in (experiment.start or {}).items() if n in paths}
+
+    sine, start = experiment.sine, experiment.start or {}
     if sine is None:  # servos that the asset does not know have no target there: hold the start
-        held = {n: v for n, v in start.items() if n in (experiment.setting.drives or {})}
-        drives = {paths[n]: (_shown(n, v, names), 0.0) for n, v in held.items()}
+        servos = experiment.setting.drives or {}
+        held = {name: value for name, value in start.items() if name in servos}
+        sine = Sine(held, dict.fromkeys(held, 0.0), frequency_hz=0.0)
+    middle, swing = shown(sine.middle), shown(sine.swing)
     return {
         "name": experiment.name,
         "stage": str(stage),
-        "dt": dt,
+        "dt": experiment.setting.timestep,
         "steps": experiment.steps,
         "every": experiment.every,
         "contacts": experiment.setting.contacts,
-        "start": {paths[n]: _shown(n, v, names) for n, v in start.items()},
-        "turn": {path: _shown(name, TURN, names) for path, name in names.joints.items()},
-        "course": "",
+        "start": shown(start),
+        "turn": shown(dict.fromkeys(paths, TURN)),
+        "course": _write_course(stage, experiment.course, names) if experiment.course else "",
         "targets": {
-            "frequency": sine.frequency_hz if sine else 0.0,
-            "joints": drives,
-            "speeds": [paths[name] for name in (sine.speeds if sine else ()) if name in paths],
+            "frequency": sine.frequency_hz,
+            "joints": {path: (middle[path], swing[path]) for path in middle},
+            "speeds": [paths[name] for name in sine.speeds if name in paths],
         },
     }
 
 
-def _write_course(folder: Path, name: str, course: Course, names: StageNames) -> str:
+def _write_course(stage: Path, course: Course, names: StageNames) -> str:
     """The file that the child reads; angles in degrees, bodies and joints by path."""
     joints = {name: path for path, name in names.joints.items()}
     bodies = {name: path for path, name in names.bodies.items()}
@@ -286,7 +269,7 @@ def _write_course(folder: Path, name: str, course: Course, names: StageNames) ->
         np.degrees(track) if joint in names.angular else track
         for joint, track in course.targets.items()
     ]
-    path = folder / f"{name}.course.npz"
+    path = stage.with_suffix(".course.npz")
     np.savez(
         path,
         drives=[joints[joint] for joint in course.targets],
@@ -298,36 +281,17 @@ def _write_course(folder: Path, name: str, course: Course, names: StageNames) ->
     return str(path)
 
 
-def _shown(joint: str, value: float, names: StageNames) -> float:
-    """A coordinate in the unit of the interface: degrees or metres."""
-    return math.degrees(value) if joint in names.angular else value
-
-
-def _start(runs: list[dict[str, object]], folder: Path, seconds: float) -> str:
-    """Run the child on some jobs; how it died, or "" when it ended well."""
-    job = folder / "job.json"
-    numbers = sorted({each.metadata["attribute"] for each in fields(HeldJoint)})
-    asked = {"answers": str(folder), "runs": runs, "joint_numbers": numbers}
-    job.write_text(json.dumps(asked), encoding="utf-8")
-    path = json.dumps([os.path.abspath(p) for p in sys.path if p])  # noqa: PTH100
-    command = [sys.executable, "-P", "-s", "-c", _PROGRAM, path, str(job)]
-    ended = run_child(command, folder, seconds, {"TZ": "UTC", "LC_ALL": "C"})
-    return f"PhysX {ended}" if ended else ""
-
-
 def _outcome(
-    folder: Path,
+    answer: Path,
     names: StageNames,
-    experiment: Experiment,
     failure: str,
     read: Callable[[dict[str, Any], StageNames], Any],  # Any: as `perform_in`
 ) -> Outcome:
+    """answer: without its suffix."""
     held, motion = None, None
-    answer = folder / f"{experiment.name}.json"
-    if answer.exists():
-        held = read(json.loads(answer.read_bytes()), names)
-    track = folder / f"{experiment.name}.npz"
-    if track.exists():
+    if (said := answer.with_name(f"{answer.name}.json")).exists():
+        held = read(json.loads(said.read_bytes()), names)
+    if (track := answer.with_name(f"{answer.name}.npz")).exists():
         with np.load(track) as data:
             motion = _motion({key: data[key] for key in data.files}, names)
         if not failure and not motion.finite:
@@ -401,19 +365,3 @@ def _motion(data: dict[str, Array], names: StageNames) -> Motion:
         joints[name] = data["joints"][:, column] * one
     turn = data["turn"][:, [3, 0, 1, 2]]  # xyzw to wxyz
     return Motion(data["time"], joints, data["root"], turn, data["com"], seen=data.get("seen"))
-
-
-# --- the experiments ------------------------------------------------------------------------
-
-
-def free_fall_of(outcome: Outcome, setting: Setting, iterations: int) -> FreeFall:
-    """The drop of the centre of mass against PhysX's own integrator.
-
-    TGS applies gravity in each of N position iterations, so n steps of h from rest fall
-    g/2 t (t + h / N), t = n h.
-    """
-    motion = outcome.motion
-    if motion is None or not outcome.finite:
-        return FreeFall(0.0, math.nan, math.nan, math.nan, finite=False)
-    t, moved = float(motion.time[-1]), motion.com[-1] - motion.com[0]
-    return fall_of(moved, t, np.asarray(setting.gravity), setting.timestep / iterations)

@@ -9,12 +9,13 @@ from pathlib import Path
 
 from assetbuild.robot.model import Control, Tree
 from assetbuild.simulators import physx
+from assetbuild.simulators.experiments import Experiment
 
 PAIRS_SHOWN = 8
 
 
 def cause_of(
-    main: Path, experiment: physx.Experiment, tree: Tree, control: Control
+    main: Path, experiment: Experiment, tree: Tree, control: Control
 ) -> tuple[str, str] | None:
     """(what it is, what to write) where taking one thing away keeps the numbers; else None.
 

@@ -1,4 +1,4 @@
-"""A gripper that closes on an object, lifts it and is shaken, in PhysX: as `mujoco_grip` does.
+"""A gripper that closes on an object, lifts it and is shaken, in PhysX: as in MuJoCo.
 
 Where the object lies and how the hand closes is what MuJoCo's model says. All but the fingers is
 locked, and the object alone is shaken.
@@ -7,65 +7,56 @@ locked, and the object alone is shaken.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
 from assetbuild.robot.pose import IDENTITY, Array, Pose, quat_of, vec3
 from assetbuild.simulators import physx
-from assetbuild.simulators._physx_scene import Gripped, root_pose
+from assetbuild.simulators.experiments import Course, Experiment, Gripped, Outcome, Setting
 from assetbuild.simulators.mujoco import Model, name_of, turning
-from assetbuild.simulators.mujoco_grip import (
+from assetbuild.simulators.mujoco.grip import (
     CLOSE_S,
     FRICTION,
     LIFT_M,
     LIFT_S,
     TOTAL_S,
     G,
+    Grip,
     Place,
+    Try,
     closing,
     half_size,
     inertia_of,
     shaking,
     table_at,
 )
-from assetbuild.simulators.mujoco_hands import Hand, at_pose
+from assetbuild.simulators.mujoco.hands import Hand, at_pose
+from assetbuild.simulators.physx.scene import root_pose
 
 SAMPLE_S = 0.1
 
 
-@dataclass(frozen=True)
-class Held:
-    """slip_m, seat_m: as of `mujoco_grip.Grip`; of a side, the body against which it moved least.
+def grips(main: Path, model: Model, hand: Hand, tries: Sequence[Try], seconds: float) -> list[Grip]:
+    """How the hand of the USD `main` holds objects. model: of `with_object`.
 
-    held: it is still in the hand. failure: why PhysX did not get to the end, "" if it did.
-    """
-
-    slip_m: float
-    seat_m: float
-    held: bool
-    failure: str = ""
-
-
-def grips(
-    main: Path, model: Model, hand: Hand, tries: Sequence[tuple[Place, float]], seconds: float
-) -> list[Held]:
-    """How the hand of the USD `main` holds objects of some kg. model: of `with_object`.
-
-    seconds: wall-clock limit of the whole.
+    Of a side, it is seen from the body against which it moved least. seconds: wall-clock limit of
+    the whole.
     """
     experiments = [
         _experiment(str(index), main, model, hand, place, mass)
         for index, (place, mass) in enumerate(tries)
     ]
     done = physx.perform(main, experiments, seconds)
-    return [_held(done[experiment.name], hand) for experiment in experiments]
+    return [
+        _grip(done[experiment.name], hand, place, mass)
+        for experiment, (place, mass) in zip(experiments, tries, strict=True)
+    ]
 
 
 def _experiment(
     name: str, main: Path, model: Model, hand: Hand, place: Place, mass: float
-) -> physx.Experiment:
+) -> Experiment:
     pose, step = hand.poses[place.start], float(model.opt.timestep)
     floats = int(model.jnt_type[0]) == 0
     R, at = _to_world(main, model, pose, floats=floats)
@@ -90,7 +81,7 @@ def _experiment(
         Pose(vec3(R @ place.xyz + at), quat),
         Pose(vec3(table[0]), quat),
     )
-    setting = physx.Setting(
+    setting = Setting(
         step,
         vec3(G * R @ place.down),
         "held" if floats else "asset",
@@ -98,14 +89,14 @@ def _experiment(
         gripped=gripped,
     )
     targets = np.array([closing(hand, place, time) for time in times])
-    course = physx.Course(
+    course = Course(
         {drive.joint_name: targets[:, i] for i, drive in enumerate(hand.drives)},
         table,
         mass * turned([shaking(place, time) for time in times]),
         tuple(name_of(model, "body", body) for side in hand.sides for body in side),
     )
     every = max(1, round(SAMPLE_S / step))
-    return physx.Experiment(name, setting, len(times) - 1, every, positions, course=course)
+    return Experiment(name, setting, len(times) - 1, every, positions, course=course)
 
 
 def _to_world(main: Path, model: Model, pose: Array, *, floats: bool) -> tuple[Array, Array]:
@@ -116,12 +107,12 @@ def _to_world(main: Path, model: Model, pose: Array, *, floats: bool) -> tuple[A
     return R, np.asarray(there.xyz) - R @ data.xpos[root]
 
 
-def _held(outcome: physx.Outcome, hand: Hand) -> Held:
+def _grip(outcome: Outcome, hand: Hand, place: Place, mass: float) -> Grip:
     motion = outcome.motion
     if motion is None or motion.seen is None or not outcome.finite:
-        return Held(np.inf, np.inf, held=False, failure=outcome.failure)
+        return Grip(place, mass, np.inf, np.inf, None, held=False, failure=outcome.failure)
     times = (CLOSE_S, CLOSE_S + LIFT_S, motion.time[-1])
     seen = motion.seen[np.searchsorted(motion.time, np.array(times) - SAMPLE_S / 2.0)]
     moved, one = np.linalg.norm(np.diff(seen, axis=0), axis=2), len(hand.sides[0])
-    seat, slip = ((row[:one].min() + row[one:].min()) / 2.0 for row in moved)
-    return Held(float(slip), float(seat), held=seat + slip < LIFT_M / 2.0)
+    seat, slip = (float(row[:one].min() + row[one:].min()) / 2.0 for row in moved)
+    return Grip(place, mass, slip, seat, None, held=seat + slip < LIFT_M / 2.0)

@@ -15,8 +15,8 @@ from typing import Literal
 import numpy as np
 
 from assetbuild.robot.pose import Array
-from assetbuild.simulators.levers import tendon_lever
 from assetbuild.simulators.mujoco import Model, actuators, first_command, name_of, turning
+from assetbuild.simulators.mujoco.levers import tendon_lever
 
 Kind = Literal["servo", "velocity", "motor", "general"]
 Range = tuple[float, float]

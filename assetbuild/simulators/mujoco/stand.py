@@ -12,7 +12,6 @@ import numpy as np
 from assetbuild.errors import StepError
 from assetbuild.robot.model import Control
 from assetbuild.robot.pose import Array
-from assetbuild.simulators.joint_drives import Drive, drives_of, read_drives
 from assetbuild.simulators.mujoco import (
     Data,
     Model,
@@ -25,6 +24,7 @@ from assetbuild.simulators.mujoco import (
     overlaps,
     turning,
 )
+from assetbuild.simulators.mujoco.drives import Drive, drives_of, read_drives
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from assetbuild.robot.pose import Array
-from assetbuild.simulators.joint_drives import read_drives
 from assetbuild.simulators.mujoco import (
     Data,
     Model,
@@ -24,8 +23,9 @@ from assetbuild.simulators.mujoco import (
     turning,
     without,
 )
-from assetbuild.simulators.mujoco_stand import Gains, command, floats, laws_of
-from assetbuild.simulators.mujoco_trials import support
+from assetbuild.simulators.mujoco.drives import read_drives
+from assetbuild.simulators.mujoco.stand import Gains, command, floats, laws_of
+from assetbuild.simulators.mujoco.trials import support
 
 SETTLE_S, TILT_S, REST_S, WATCH_S = 0.5, 0.5, 1.0, 2.0
 """It stands on level ground, the ground tilts, what swings comes to rest, then it is watched."""

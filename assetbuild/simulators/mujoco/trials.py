@@ -12,7 +12,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from assetbuild.robot.pose import Array
-from assetbuild.simulators.joint_drives import read_drives
 from assetbuild.simulators.mujoco import (
     Data,
     Model,
@@ -30,6 +29,7 @@ from assetbuild.simulators.mujoco import (
     turning,
     without,
 )
+from assetbuild.simulators.mujoco.drives import read_drives
 
 SWING_RAD, SWING_M = 0.1, 0.02
 """How far a drive is commanded to move its joint; less where the range is short."""

@@ -7,15 +7,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from assetbuild.errors import StepError
-from assetbuild.robot.model import Actuator
-from assetbuild.robot.pose import Pose, Vec3, normalised_quat, vec3
+from assetbuild.robot.pose import Pose, normalised_quat, vec3
+from assetbuild.simulators.experiments import Gripped, Setting
 
 if TYPE_CHECKING:
     from pxr import Usd
@@ -23,52 +23,6 @@ if TYPE_CHECKING:
 ROBOT = "/World/robot"
 OBJECT, TABLE = "/World/object", "/World/table"
 FLOOR_M = 100.0
-
-
-@dataclass(frozen=True)
-class Gripped:
-    """A free object on a table that is moved, in the world's frame, m and kg.
-
-    size: (3,) of a cube, or of a cylinder along z, or of a sphere. table: X_world_table of the
-    middle of its upper face, z up.
-    """
-
-    shape: Literal["cube", "cylinder", "sphere"]
-    size: Vec3
-    mass: float
-    inertia: Vec3
-    friction: float
-    X_world_object: Pose
-    X_world_table: Pose
-
-
-@dataclass(frozen=True)
-class Setting:
-    """What surrounds the robot and what is changed on it.
-
-    base: `asset` leaves it; `held` bolts a floating one to the world at the origin.
-    at: X_world_robot of the whole asset, None = where it stands. floor_friction: None = no floor.
-    contacts: False switches every collider off. rubbing: False takes joint friction and damping.
-    limited: False takes the limits of effort and speed. drives: gains to write over the asset's
-    own, by joint name; drive_type: of these, per unit of inertia where it is `acceleration`.
-    unhurried: joints whose limit of speed is taken. loops: False opens every loop.
-    locked: positions of joints that do not move, rad or m.
-    """
-
-    timestep: float
-    gravity: Vec3
-    base: Literal["asset", "held"] = "asset"
-    at: Pose | None = None
-    floor_friction: float | None = None
-    contacts: bool = True
-    rubbing: bool = True
-    limited: bool = True
-    drives: Mapping[str, Actuator] | None = None
-    unhurried: tuple[str, ...] = ()
-    loops: bool = True
-    drive_type: Literal["force", "acceleration"] = "force"
-    locked: Mapping[str, float] = field(default_factory=dict)
-    gripped: Gripped | None = None
 
 
 @dataclass(frozen=True)

@@ -22,7 +22,6 @@ import numpy as np
 from assetbuild.errors import StepError, one_line
 from assetbuild.robot.model import Tree
 from assetbuild.robot.pose import Array, rotation_of
-from assetbuild.simulators.experiments import FreeFall, fall_of
 
 Model = Any  # mujoco.MjModel: its extension module has no types
 Data = Any  # mujoco.MjData: as above
@@ -325,24 +324,6 @@ def raise_base(model: Model, data: Data, height_m: float) -> None:
 
     for joint in np.flatnonzero(model.jnt_type == mujoco.mjtJoint.mjJNT_FREE):
         data.qpos[int(model.jnt_qposadr[joint]) + 2] += height_m
-
-
-# --- free fall ----------------------------------------------------------------------------------
-
-
-def free_fall(model: Model, seconds: float) -> FreeFall:
-    """Drops the robot from its initial pose with contacts, limits and drives off.
-
-    MuJoCo's integrators are semi-implicit: n steps of h from rest fall g/2 t (t + h), t = n h.
-    """
-    falling = without(model, "CONSTRAINT", "ACTUATION")
-    with caught_warnings():
-        data = at_key(falling)
-        start = np.array(data.subtree_com[0])
-        t = step_for(falling, data, seconds) * float(model.opt.timestep)
-    moved = np.array(data.subtree_com[0]) - start
-    gravity, h = np.array(model.opt.gravity), float(model.opt.timestep)
-    return fall_of(moved, t, gravity, h, finite=is_finite(data))
 
 
 # --- shapes -------------------------------------------------------------------------------------

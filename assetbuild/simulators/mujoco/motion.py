@@ -1,29 +1,67 @@
-"""MuJoCo moves: the same sine, drop and stand that PhysX is asked for, as trajectories."""
+"""MuJoCo moves: the experiments that other simulators are asked for, on the MJCF."""
 
 from __future__ import annotations
 
 import itertools
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
+from assetbuild.errors import StepError
 from assetbuild.robot.model import Actuator
 from assetbuild.robot.pose import Array
-from assetbuild.simulators.experiments import Motion, Sine
-from assetbuild.simulators.joint_drives import Drive, read_drives
+from assetbuild.simulators.experiments import Experiment, Motion, Outcome, SimulatorCheck, Sine
 from assetbuild.simulators.mujoco import (
     Data,
     Model,
+    at_key,
     caught_warnings,
+    is_finite,
+    load,
     name_of,
     raise_base,
     turning,
+    without,
 )
+from assetbuild.simulators.mujoco.drives import Drive, read_drives
 
 HARD = 0.9999
 """Impedance of hard constraints: a ten thousandth of what loads them moves them."""
+
+
+class MujocoCheck(SimulatorCheck):
+    """Base of the checks that ask MuJoCo."""
+
+    isolated: ClassVar[bool] = True
+    preload: ClassVar[tuple[str, ...]] = ("mujoco",)
+    needs: ClassVar[tuple[str, ...]] = ("mjcf",)
+    engines: ClassVar[tuple[str, ...]] = ("mujoco",)
+    engine: ClassVar[str] = "MuJoCo"
+
+    def perform(self, inputs: Path, experiments: Sequence[Experiment]) -> Mapping[str, Outcome]:
+        """Run experiments on `mjcf/`."""
+        return perform(inputs / "mjcf", self.robot, experiments)
+
+
+def perform(folder: Path, robot: str, experiments: Sequence[Experiment]) -> Mapping[str, Outcome]:
+    """Run experiments on the MJCF of a folder, by name; `held` is MuJoCo's model."""
+    return {asked.name: _perform(folder, robot, asked) for asked in experiments}
+
+
+def _perform(folder: Path, robot: str, asked: Experiment) -> Outcome:
+    path = folder / f"{robot}.xml"
+    try:
+        if not asked.steps:
+            return Outcome(load(path).model, None)
+        if asked.sine is not None:
+            return _swing(path, asked)
+        if asked.setting.floor_friction is None:
+            return _drop(path, asked)
+        return _hold(path.with_name("scene.xml"), asked)
+    except StepError as error:
+        return Outcome(None, None, error.message)
 
 
 def held_model(path: Path, driven: Collection[str] = ()) -> Model:
@@ -86,75 +124,63 @@ def _held_together(body: Any, free: Any) -> tuple[list[Any], list[Any]]:
     return still, moving
 
 
-def held_sine(
-    model: Model,
-    sine: Sine,
-    timestep: float,
-    *,
-    contacts: bool,
-    rubbing: bool,
-    limited: bool = True,
-    hard: bool = False,
-    every: int = 1,
-) -> Motion:
-    """All joints follow `sine`, from its middle. The model is changed: load it anew.
-
-    contacts: False switches them off; rubbing: False takes joint friction and damping; limited:
-    False the limits of effort. hard: dry friction and coupled joints give way as little as in a
-    textbook, not as the model says.
-    """
+def _swing(path: Path, asked: Experiment) -> Outcome:
+    """All joints follow a sine from its middle, a floating base bolted to the world."""
     import mujoco
 
-    model.opt.timestep = timestep
-    if not contacts:
+    setting, sine = asked.setting, asked.sine
+    servos, dt = dict(setting.drives or {}), setting.timestep
+    model = held_model(path, () if setting.other_drives else servos)
+    drive_as(model, servos)
+    model.opt.timestep = dt
+    if not setting.contacts:
         model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONTACT
-    if hard:
+    if setting.hard:
         for solref, solimp in (
             (model.dof_solref, model.dof_solimp),
             (model.eq_solref, model.eq_solimp),
         ):
-            solref[:] = (2.0 * timestep, 1.0)
+            solref[:] = (2.0 * dt, 1.0)
             solimp[:, :2] = HARD
-    if not rubbing:
+    if not setting.rubbing:
         model.dof_frictionloss[:] = 0.0
         model.dof_damping[:] = 0.0
-    if not limited:
+    if not setting.limited:
         model.actuator_forcelimited[:] = 0
         model.jnt_actfrclimited[:] = 0
+    if not setting.clipped:
+        model.actuator_ctrllimited[:] = 0
     data = mujoco.MjData(model)
-    for name, middle in sine.middle.items():
-        data.qpos[int(model.joint(name).qposadr[0])] = middle
-    steps = round(sine.seconds / timestep)
-    with caught_warnings():
-        mujoco.mj_forward(model, data)
-        return _track(model, data, steps, every, sine)
+    for name, position in (asked.start or {}).items():
+        data.qpos[int(model.joint(name).qposadr[0])] = position
+    return _track(model, data, asked.steps, asked.every, sine)
 
 
-def keyframe_motion(
-    model: Model,
-    keyframe: str,
-    steps: int,
-    *,
-    raised_m: float = 0.0,
-    every: int = 1,
-    servos: Mapping[str, Actuator] | None = None,
-) -> Motion:
-    """From a keyframe, lifted by `raised_m`, under its own controls.
+def _drop(path: Path, asked: Experiment) -> Outcome:
+    """Fall from the initial pose with contacts, limits and drives off."""
+    model = without(load(path, visuals=False).model, "CONSTRAINT", "ACTUATION")
+    return _track(model, at_key(model), asked.steps, asked.every)
 
-    servos: see `drive_as`; the keyframe knows no controls for them, so they hold its positions.
+
+def _hold(path: Path, asked: Experiment) -> Outcome:
+    """Hold a keyframe of the scene, raised, under its own controls.
+
+    The keyframe knows no controls for servos of ours, so they hold its positions.
     """
     import mujoco
 
+    setting = asked.setting
+    model, servos = load(path).model, setting.drives or {}
+    drive_as(model, servos)
+    model.opt.gravity[:] = setting.gravity
     data = mujoco.MjData(model)
-    mujoco.mj_resetDataKeyframe(model, data, model.key(keyframe).id)
-    raise_base(model, data, raised_m)
+    mujoco.mj_resetDataKeyframe(model, data, model.key(setting.keyframe).id)
+    raise_base(model, data, setting.raised_m)
     for drive in read_drives(model):
-        if drive.joint_name in (servos or {}) and drive.holds_position:
+        if drive.joint_name in servos and drive.holds_position:
             position = float(data.qpos[int(model.jnt_qposadr[drive.joint])])
             data.ctrl[drive.ctrl_index] = drive.command(position)
-    with caught_warnings():
-        mujoco.mj_forward(model, data)
-        return _track(model, data, steps, every, None)
+    return _track(model, data, asked.steps, asked.every)
 
 
 def drive_as(model: Model, gains: Mapping[str, Actuator]) -> None:
@@ -189,36 +215,38 @@ def drive_as(model: Model, gains: Mapping[str, Actuator]) -> None:
             model.actuator_forcerange[index] = (-actuator.effort, actuator.effort)
 
 
-def _track(model: Model, data: Data, steps: int, every: int, sine: Sine | None) -> Motion:
+def _track(model: Model, data: Data, steps: int, every: int, sine: Sine | None = None) -> Outcome:
+    """The motion from here on, under the commands of a sine."""
     import mujoco
 
-    times: list[float] = []
-    rows: list[Array] = []
-    roots: list[Array] = []
-    coms: list[Array] = []
-    touched = False
-    sine = sine or Sine({}, {})
-    drives: tuple[Drive, ...] = read_drives(model) if sine.middle else ()
-    for step in range(steps + 1):
-        if step:
-            for drive in drives:
-                if drive.joint_name not in sine.middle:
-                    continue
-                target = sine.target(drive.joint_name, step * model.opt.timestep)
-                if drive.joint_name in sine.speeds:
-                    data.ctrl[drive.ctrl_index] = drive.kd * target / drive.gain
-                elif drive.holds_position:
-                    data.ctrl[drive.ctrl_index] = drive.command(target)
-            mujoco.mj_step(model, data)
-            touched = touched or data.ncon > 0
-        if step % every and step != steps:
-            continue
-        mujoco.mj_kinematics(model, data)
-        mujoco.mj_comPos(model, data)
-        times.append(step * float(model.opt.timestep))
-        rows.append(np.array(data.qpos))
-        roots.append(np.concatenate([data.xpos[1], data.xquat[1]]))
-        coms.append(np.array(data.subtree_com[0]))
+    times, rows, roots, coms = list[float](), list[Array](), list[Array](), list[Array]()
+    sine, touched = sine or Sine({}, {}), False
+    drives = [drive for drive in read_drives(model) if drive.joint_name in sine.middle]
+    with caught_warnings():
+        mujoco.mj_forward(model, data)
+        for step in range(steps + 1):
+            if step:
+                _command(data, drives, sine, step * float(model.opt.timestep))
+                mujoco.mj_step(model, data)
+                touched = touched or data.ncon > 0
+            if step % every and step != steps:
+                continue
+            mujoco.mj_kinematics(model, data)
+            mujoco.mj_comPos(model, data)
+            times.append(step * float(model.opt.timestep))
+            rows.append(np.array(data.qpos))
+            roots.append(np.concatenate([data.xpos[1], data.xquat[1]]))
+            coms.append(np.array(data.subtree_com[0]))
     q, root = np.array(rows), np.array(roots)
     joints = {name_of(model, "joint", j): q[:, int(model.jnt_qposadr[j])] for j in turning(model)}
-    return Motion(np.array(times), joints, root[:, :3], root[:, 3:], np.array(coms), touched)
+    motion = Motion(np.array(times), joints, root[:, :3], root[:, 3:], np.array(coms), touched)
+    return Outcome(None, motion, "" if is_finite(data) else "the simulation became unstable")
+
+
+def _command(data: Data, drives: Sequence[Drive], sine: Sine, time: float) -> None:
+    for drive in drives:
+        target = sine.target(drive.joint_name, time)
+        if drive.joint_name in sine.speeds:
+            data.ctrl[drive.ctrl_index] = drive.kd * target / drive.gain
+        elif drive.holds_position:
+            data.ctrl[drive.ctrl_index] = drive.command(target)

@@ -11,7 +11,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from assetbuild.robot.pose import Array
-from assetbuild.simulators.joint_drives import read_drives
 from assetbuild.simulators.mujoco import (
     Data,
     Model,
@@ -21,8 +20,9 @@ from assetbuild.simulators.mujoco import (
     name_of,
     without,
 )
-from assetbuild.simulators.mujoco_hands import held_but
-from assetbuild.simulators.mujoco_trials import hold_base
+from assetbuild.simulators.mujoco.drives import read_drives
+from assetbuild.simulators.mujoco.hands import held_but
+from assetbuild.simulators.mujoco.trials import hold_base
 
 RISE_S, HOLD_S = 0.2, 0.3
 """The load grows to the full effort, then stays."""

@@ -1,9 +1,9 @@
 """The program that runs PhysX: one process, one job, native crashes and all.
 
 `ovphysx` brings a USD runtime of its own and may crash, hang or return NaN; so it never shares a
-process with `pxr` or with a step. The job is a JSON file, the answers are files beside it:
-`<run>.json` (what PhysX holds after loading) and `<run>.npz` (what it did). Everything here is in
-the units of the interface: degrees for joints, quaternions xyzw; `simulators.physx` makes SI.
+process with `pxr` or with a step. The answers are files beside the job: `<run>.json` (what PhysX
+holds after loading) and `<run>.npz` (what it did). Everything here is in the units of the
+interface: degrees for joints, quaternions xyzw; `simulators.physx` makes SI.
 """
 
 from __future__ import annotations
@@ -12,7 +12,6 @@ import gc
 import json
 import math
 import os
-import sys
 from collections.abc import Sequence
 from importlib.metadata import distribution
 from pathlib import Path
@@ -20,8 +19,8 @@ from typing import Any
 
 import numpy as np
 
-from assetbuild.simulators._physx_scene import OBJECT, TABLE
-
+TABLE, OBJECT = "/World/table", "/World/object"
+"""As `scene` defines them."""
 Sim = Any  # ovphysx.PhysX: its types are not checked here
 Stage = Any  # ovstage.Stage: as above
 
@@ -38,13 +37,13 @@ LINK = (
 Table = dict[str, dict[str, list[float]]]
 
 
-def main() -> None:
-    """Do the job whose file is the last argument."""
-    job = json.loads(Path(sys.argv[-1]).read_bytes())
+def answer(job: dict[str, Any]) -> dict[str, Any]:  # Any: JSON
+    """Do all runs; the answers are files."""
     sim = _start()
     for run in job["runs"]:
         _perform(sim, run, job["joint_numbers"], Path(job["answers"]))
     sim.destroy()
+    return {}
 
 
 def _start() -> Sim:
@@ -86,6 +85,7 @@ def _perform(sim: Sim, run: dict[str, Any], numbers: list[str], answers: Path) -
             if not all(np.isfinite(track[key]).all() for key in ("root", "turn", "com", "joints")):
                 # PhysX does not come back from a NaN: the next stage gets a fresh process.
                 (answers / f"{run['name']}.done").touch()
+                (answers / "answer.json").write_text("{}", encoding="utf-8")
                 os._exit(0)
     finally:
         del paths
@@ -275,7 +275,3 @@ def _write_joints(sim: Sim, paths: Any, attribute: str, values: dict[str, float]
             for name, tensor in zip(names, group.tensors, strict=True):
                 tensor.numpy()[...] = values[str(name)]
             writing.commit_sync(group)
-
-
-if __name__ == "__main__":
-    main()

@@ -16,8 +16,7 @@ import numpy as np
 from assetbuild.robot.initial import initial_pose
 from assetbuild.robot.mimic import with_mimics
 from assetbuild.robot.model import Actuator, Control, Joint, Tree
-from assetbuild.simulators import physx
-from assetbuild.simulators.experiments import Sine
+from assetbuild.simulators.experiments import Experiment, Outcome, Setting, Sine
 
 NARROW, WIDE = 1e-4, 0.5
 """rad or m: least range of a leader that shows a line; the range of one without limits."""
@@ -61,7 +60,7 @@ def _range(joint: Joint) -> tuple[float, float]:
     return lower, upper
 
 
-def experiments(tree: Tree, control: Control) -> tuple[physx.Experiment, ...]:
+def experiments(tree: Tree, control: Control) -> tuple[Experiment, ...]:
     """One, or none where nothing mimics."""
     ranges = measurable(tree)
     if not ranges:
@@ -72,15 +71,15 @@ def experiments(tree: Tree, control: Control) -> tuple[physx.Experiment, ...]:
     middle = {name: (low + high) / 2.0 for name, (low, high) in leaders.items()}
     swing = {name: SHARE * (high - low) for name, (low, high) in leaders.items()}
     start = with_mimics(tree, {**dict(initial_pose(tree, control).joints), **middle})
-    setting = physx.Setting(
+    setting = Setting(
         STEP_S, (0.0, 0.0, 0.0), contacts=False, rubbing=False, limited=False, drives=drives,
         drive_type="acceleration", loops=False,
     )  # fmt: skip
     sine = Sine(middle, swing, FREQUENCY_HZ, STEPS * STEP_S)
-    return (physx.Experiment(NAME, setting, STEPS, every=5, start=start, sine=sine),)
+    return (Experiment(NAME, setting, STEPS, every=5, start=start, sine=sine),)
 
 
-def measured(tree: Tree, outcomes: Mapping[str, physx.Outcome]) -> dict[str, Coupling]:
+def measured(tree: Tree, outcomes: Mapping[str, Outcome]) -> dict[str, Coupling]:
     """Return the coupling of each follower, measured once the solver has settled.
 
     A line that does not show is left out, and so are all after a failure.

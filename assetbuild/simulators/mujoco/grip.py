@@ -17,7 +17,7 @@ import numpy as np
 from assetbuild.errors import StepError, one_line
 from assetbuild.robot.pose import Array
 from assetbuild.simulators.mujoco import Data, Model, at_key, caught_warnings, is_finite, without
-from assetbuild.simulators.mujoco_hands import (
+from assetbuild.simulators.mujoco.hands import (
     Hand,
     at_pose,
     between_keys,
@@ -82,16 +82,22 @@ class Grip:
 
     slip_m: how far it moved since it was lifted, seen from the bodies that press on it, the mean of
     both sides. seat_m: likewise, from when the hand had closed until then: it finds its seat when
-    the table leaves it. forces_n: mean normal force of each side in the last second. held: whether
-    it was still in the hand at the end.
+    the table leaves it. forces_n: mean normal force of each side in the last second, None where
+    nobody looked. held: whether it was still in the hand at the end. failure: why a simulator did
+    not get there.
     """
 
     place: Place
     mass: float
     slip_m: float
     seat_m: float
-    forces_n: tuple[float, float]
+    forces_n: tuple[float, float] | None
     held: bool
+    failure: str = ""
+
+
+Try = tuple[Place, float]
+"""An object and its mass, kg."""
 
 
 def with_object(path: Path) -> Model:
@@ -138,15 +144,10 @@ def hands_of(model: Model, keyframes: tuple[str, str] | None) -> list[Hand]:
     return list(find_hands(model, probe))
 
 
-def tries_of(model: Model, hand: Hand, masses: Sequence[float]) -> list[tuple[Place, float]]:
+def tries_of(model: Model, hand: Hand, masses: Sequence[float]) -> list[Try]:
     """What the hand is to hold: each shape that fits, with each mass in kg."""
     places = (fit(model, hand, shape) for shape in SHAPES)
     return [(place, mass) for place in places if place is not None for mass in masses]
-
-
-def named(place: Place, mass: float) -> str:
-    """`a cube of 40 mm and 0.5 kg`."""
-    return f"a {place.shape} of {1e3 * place.width_m:.3g} mm and {mass:.3g} kg"
 
 
 def probe_of(model: Model) -> int:

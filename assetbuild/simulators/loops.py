@@ -5,20 +5,31 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
+from typing import ClassVar, Self
 
 from pydantic import Field
 
+from assetbuild.engine.step import Files
 from assetbuild.findings import Finding, Rule
+from assetbuild.kinds import RecipeView, write_figures
 from assetbuild.quantities import Model, Positive
 from assetbuild.robot.closure import close, coordinates, gaps
 from assetbuild.robot.dynamics import dynamics
+from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.initial import initial_pose
 from assetbuild.robot.loops import path_of
 from assetbuild.robot.mimic import with_mimics
 from assetbuild.robot.model import Actuator, Control, Tree
 from assetbuild.robot.reflected import felt_inertia
-from assetbuild.simulators import physx
-from assetbuild.simulators.experiments import Motion, Sine, sine_of
+from assetbuild.simulators.experiments import (
+    Experiment,
+    Motion,
+    Setting,
+    SimulatorCheck,
+    Sine,
+    sine_of,
+    swing,
+)
 
 SOURCES = ("loops", "compose", "source.mjcf")
 """Keys of a recipe by which its robot may have loops."""
@@ -88,19 +99,18 @@ def trial(tree: Tree, control: Control, wish: LoopSwing) -> Trial:
     return Trial(replace(made, middle=home, swing=_closable(tree, control, home, swing)), servos)
 
 
-def experiment(tree: Tree, control: Control, asked: Trial) -> physx.Experiment:
-    """The swing as PhysX and Newton do it on the USD."""
-    step = control.simulation.timestep
-    setting = physx.Setting(
-        step,
+def experiment(tree: Tree, control: Control, asked: Trial) -> Experiment:
+    """The swing, for any simulator."""
+    setting = Setting(
+        control.simulation.timestep,
         control.simulation.gravity,
         "held" if tree.base == "floating" else "asset",
         contacts=False,
         limited=False,
         drives=asked.servos,
+        other_drives=False,
     )
-    steps, every = round(asked.sine.seconds / step), max(1, round(SAMPLE_S / step))
-    return physx.Experiment("loops", setting, steps, every, asked.sine.middle, asked.sine)
+    return swing("loops", setting, asked.sine, SAMPLE_S)
 
 
 def about_closed(tree: Tree, control: Control, sine: Sine, home: Mapping[str, float]) -> Sine:
@@ -177,29 +187,59 @@ def opened(tree: Tree, control: Control, motion: Motion | None) -> dict[str, flo
     return worst
 
 
-def figures(asked: Trial, worst: Mapping[str, float]) -> dict[str, object]:
-    """For the report."""
-    return {
-        "swing": {name: width for name, width in asked.sine.swing.items() if width},
-        "seconds": asked.sine.seconds,
-        "open": {name: gap if math.isfinite(gap) else None for name, gap in worst.items()},
-        "largest_gap": max((gap for gap in worst.values() if math.isfinite(gap)), default=0.0),
-    }
+class LoopCheck(SimulatorCheck):
+    """Swings the driven joints of a robot with loops, its base held, and measures every gap."""
 
+    reads: ClassVar[tuple[str, ...]] = ("tree.json", "control.json")
+    sections: ClassVar[Mapping[str, str]] = {"validate.loops": "wish"}
 
-def judge(
-    engine: str, wish: LoopSwing, asked: Trial, worst: Mapping[str, float]
-) -> Iterator[Finding]:
-    """engine: its name in sentences."""
-    if not any(asked.sine.swing.values()):
-        yield HANGS("robot", f"no joint of the loops can swing: in {engine} gravity alone pulled")
-    for name, size in worst.items():
-        if not size <= wish.gap:
-            told = f"opened by {size:.3g} m or rad" if math.isfinite(size) else "went to infinity"
+    wish: LoopSwing = LoopSwing()
+
+    @classmethod
+    def configure(cls, recipe: RecipeView) -> Self | None:
+        """Only for a robot that may have loops: by its recipe, its parts or its MJCF."""
+        asked = any(map(recipe.value, SOURCES))
+        return super().configure(recipe) if asked else None
+
+    def run(self, files: Files) -> Iterator[Finding]:
+        """Reads the robot and the simulator's file."""
+        robot = RobotFiles(files.inputs)
+        tree, control = robot.tree, robot.control
+        if reason := unfit(tree, control):
+            write_figures(files, {"skipped": reason})
+            return
+        asked = trial(tree, control, self.wish)
+        done = self.perform(files.inputs, (experiment(tree, control, asked),))["loops"]
+        worst = opened(tree, control, done.motion if done.finite else None)
+        known = {name: gap if math.isfinite(gap) else None for name, gap in worst.items()}
+        figures = {
+            "swing": {name: width for name, width in asked.sine.swing.items() if width},
+            "seconds": asked.sine.seconds,
+            "open": known,
+            "largest_gap": max((gap for gap in known.values() if gap is not None), default=0.0),
+        }
+        write_figures(files, figures, dict.fromkeys(("open", "largest_gap"), self.wish.gap))
+        yield from self.judged(asked.sine, worst, done.failure)
+
+    def judged(
+        self, sine: Sine, worst: Mapping[str, float], failure: str = ""
+    ) -> Iterator[Finding]:
+        """worst: gap of each loop, m or rad; infinite where the simulation failed."""
+        if not any(sine.swing.values()):
+            message = f"no joint of the loops can swing: in {self.engine} gravity alone pulled"
+            yield HANGS("robot", message)
+        for name, size in worst.items():
+            if size <= self.wish.gap:
+                continue
+            message = (
+                f"in {self.engine} it opened by {size:.3g} m or rad over {sine.seconds:g} s of "
+                f"swinging, above the limit of {self.wish.gap:g}"
+            )
+            if not math.isfinite(size):
+                message = f"{self.engine} did not swing it: {failure or 'it went to infinity'}"
             yield OPENS(
                 f"loop {name}",
-                f"in {engine} it {told} over {asked.sine.seconds:g} s of swinging, above the limit "
-                f"of {wish.gap:g}",
-                severity="error" if not size <= wish.broken else "warning",
-                data={"open": size if math.isfinite(size) else None, "limit": wish.gap},
+                message,
+                severity="error" if not size <= self.wish.broken else "warning",
+                data={"open": size if math.isfinite(size) else None, "limit": self.wish.gap},
             )
