@@ -7,19 +7,18 @@ from __future__ import annotations
 
 import copy
 import itertools
-import math
 import re
 import warnings
-from collections import Counter
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
 from assetbuild.errors import StepError, one_line
+from assetbuild.kinds import Check
 from assetbuild.robot.model import Tree
 from assetbuild.robot.pose import Array, rotation_of
 
@@ -38,6 +37,15 @@ def body_names(tree: Tree) -> dict[str, str]:
     return names
 
 
+class InMujoco(Check):
+    """Base of the checks that simulate the MJCF."""
+
+    isolated: ClassVar[bool] = True
+    preload: ClassVar[tuple[str, ...]] = ("mujoco",)
+    needs: ClassVar[tuple[str, ...]] = ("mjcf",)
+    engines: ClassVar[tuple[str, ...]] = ("mujoco",)
+
+
 class ArenaFullError(StepError):
     """MuJoCo's own memory, `<size memory>`, does not hold the contacts and constraints of a state.
 
@@ -47,9 +55,6 @@ class ArenaFullError(StepError):
 
 ARENA_FULL = ("Insufficient arena memory", "arena memory is full", "mj_stackAlloc: out of memory")
 """What MuJoCo 3.11 to 4 say then, in a warning or an error."""
-BYTES_PER_CONTACT = 8192
-"""Memory that is enough for a contact with its constraints: measured 3.6 to 4.4 kB in models of
-25 to 35 degrees of freedom."""
 
 
 def full_and_mjx(inputs: Path, stem: str) -> Iterator[tuple[str, Path]]:
@@ -63,6 +68,19 @@ def full_and_mjx(inputs: Path, stem: str) -> Iterator[tuple[str, Path]]:
     ):
         if path.is_file():
             yield target, path
+
+
+def full_and_mjx_models(
+    inputs: Path, stem: str, figures: dict[str, object]
+) -> Iterator[tuple[str, Path, Model]]:
+    """(target, file, its model); of a file that does not load the figures say so."""
+    for target, path in full_and_mjx(inputs, stem):
+        try:
+            model = load(path, visuals=False).model
+        except StepError as error:  # `mjcf.load` reports it
+            figures[target] = {"skipped": error.message}
+            continue
+        yield target, path, model
 
 
 @dataclass(frozen=True)
@@ -231,16 +249,6 @@ def follow(model: Model, data: Data) -> None:
         data.qpos[at] = model.qpos0[at] + sum(float(c) * x**n for n, c in enumerate(terms))
 
 
-def step_for(model: Model, data: Data, seconds: float) -> int:
-    """Steps for so long, at least once; how often."""
-    import mujoco
-
-    steps = max(1, round(seconds / float(model.opt.timestep)))
-    mujoco.mj_step(model, data, steps)
-    mujoco.mj_forward(model, data)
-    return steps
-
-
 def is_finite(data: Data) -> bool:
     """MuJoCo starts over silently when a state goes bad: its counters tell."""
     import mujoco
@@ -266,37 +274,6 @@ def overlaps(model: Model, data: Data, kind: str) -> dict[tuple[str, str], float
             a, b = sorted(name_of(model, kind, index) for index in pair)
             found[a, b] = max(found.get((a, b), 0.0), -float(contact.dist))
     return dict(sorted(found.items()))
-
-
-@dataclass(frozen=True)
-class Crowd:
-    """contacts: in the initial pose; between: the two bodies of most of them, and how many.
-
-    memory_mb: what the file gives MuJoCo; enough_mb: a power of two that suffices.
-    """
-
-    contacts: int
-    between: tuple[str, str, int]
-    memory_mb: float
-    enough_mb: int
-
-
-def crowd(model: Model) -> Crowd:
-    """The contacts of the initial pose, without the constraints that MuJoCo makes of them."""
-    import mujoco
-
-    unforced = without(model, "CONTACT")
-    data = at_key(unforced)
-    unforced.opt.disableflags = int(model.opt.disableflags)
-    mujoco.mj_collision(unforced, data)
-    counts = Counter(
-        tuple(sorted(name_of(model, "body", int(model.geom_bodyid[g])) for g in touching))
-        for touching in ((c.geom1, c.geom2) for c in data.contact[: data.ncon])
-    )
-    (a, b), most = max(counts.items(), key=lambda item: (item[1], item[0]), default=(("", ""), 0))
-    memory = float(model.narena) / 2**20
-    wanted = max(2.0 * memory, data.ncon * BYTES_PER_CONTACT / 2**20)
-    return Crowd(int(data.ncon), (a, b, most), memory, 2 ** math.ceil(math.log2(wanted)))
 
 
 def actuators(model: Model) -> range:

@@ -15,6 +15,7 @@ from assetbuild.robot.pose import Array
 from assetbuild.simulators.experiments import Experiment, Motion, Outcome, SimulatorCheck, Sine
 from assetbuild.simulators.mujoco import (
     Data,
+    InMujoco,
     Model,
     at_key,
     caught_warnings,
@@ -31,13 +32,9 @@ HARD = 0.9999
 """Impedance of hard constraints: a ten thousandth of what loads them moves them."""
 
 
-class MujocoCheck(SimulatorCheck):
-    """Base of the checks that ask MuJoCo."""
+class MujocoCheck(InMujoco, SimulatorCheck):
+    """Base of the checks that ask MuJoCo as they ask others."""
 
-    isolated: ClassVar[bool] = True
-    preload: ClassVar[tuple[str, ...]] = ("mujoco",)
-    needs: ClassVar[tuple[str, ...]] = ("mjcf",)
-    engines: ClassVar[tuple[str, ...]] = ("mujoco",)
     engine: ClassVar[str] = "MuJoCo"
 
     def perform(self, inputs: Path, experiments: Sequence[Experiment]) -> Mapping[str, Outcome]:
