@@ -314,6 +314,14 @@ def floors(model: Model) -> list[int]:
     return [int(i) for i in np.flatnonzero(planes & (model.geom_bodyid == 0))]
 
 
+def floor_contacts(model: Model, data: Data) -> list[tuple[int, int]]:
+    """(number of the contact, the robot's geom in it) of contacts with a floor."""
+    pairs = np.array(data.contact.geom[: data.ncon]).reshape(-1, 2)
+    is_floor = np.isin(pairs, floors(model))
+    touching = np.flatnonzero(is_floor.sum(axis=1) == 1)
+    return [(int(i), int(pairs[i][~is_floor[i]][0])) for i in touching]
+
+
 def collision_geoms(model: Model) -> list[int]:
     """Geoms of the robot that can touch something."""
     solid = (model.geom_contype != 0) | (model.geom_conaffinity != 0)

@@ -9,13 +9,14 @@ joints that follow one another drives the one that leads: see `levers`.
 from __future__ import annotations
 
 import math
+from collections.abc import Collection
 from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
 
 from assetbuild.robot.pose import Array
-from assetbuild.simulators.mujoco import Model, actuators, first_command, name_of, turning
+from assetbuild.simulators.mujoco import Data, Model, actuators, first_command, name_of, turning
 from assetbuild.simulators.mujoco.levers import tendon_lever
 
 Kind = Literal["servo", "velocity", "motor", "general"]
@@ -124,6 +125,14 @@ def read_drive(model: Model, index: int) -> Drive | None:
         return _drive(model, index, joint, float(model.actuator_gear[index, 0]))
     lever = tendon_lever(model, index)
     return _drive(model, index, *lever) if lever else None
+
+
+def aim(model: Model, data: Data, joints: Collection[str] | None = None) -> None:
+    """Drives that hold positions hold their joints where these are. joints: None = all."""
+    for drive in read_drives(model):
+        if drive.holds_position and (joints is None or drive.joint_name in joints):
+            position = float(data.qpos[model.jnt_qposadr[drive.joint]])
+            data.ctrl[drive.ctrl_index] = drive.command(position)
 
 
 def drives_of(model: Model, joint: int) -> JointDrives:

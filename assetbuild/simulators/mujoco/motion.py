@@ -26,7 +26,7 @@ from assetbuild.simulators.mujoco import (
     turning,
     without,
 )
-from assetbuild.simulators.mujoco.drives import Drive, read_drives
+from assetbuild.simulators.mujoco.drives import Drive, aim, read_drives
 
 HARD = 0.9999
 """Impedance of hard constraints: a ten thousandth of what loads them moves them."""
@@ -173,10 +173,7 @@ def _hold(path: Path, asked: Experiment) -> Outcome:
     data = mujoco.MjData(model)
     mujoco.mj_resetDataKeyframe(model, data, model.key(setting.keyframe).id)
     raise_base(model, data, setting.raised_m)
-    for drive in read_drives(model):
-        if drive.joint_name in servos and drive.holds_position:
-            position = float(data.qpos[int(model.jnt_qposadr[drive.joint])])
-            data.ctrl[drive.ctrl_index] = drive.command(position)
+    aim(model, data, servos)
     return _track(model, data, asked.steps, asked.every)
 
 

@@ -20,7 +20,7 @@ from assetbuild.simulators.mujoco import (
     name_of,
     without,
 )
-from assetbuild.simulators.mujoco.drives import read_drives
+from assetbuild.simulators.mujoco.drives import aim
 from assetbuild.simulators.mujoco.hands import held_but
 from assetbuild.simulators.mujoco.trials import hold_base
 
@@ -55,7 +55,7 @@ def past_limits(model: Model, efforts: Mapping[str, float]) -> Iterator[Pushed]:
             sign = 1.0 if side else -1.0
             load[model.jnt_dofadr[joint]] = sign * efforts[name_of(model, "joint", joint)]
         _lead(model, data, load)
-        _aim(model, data)
+        aim(model, data)
         for position in _under(model, data, load):
             beyond = position[model.jnt_qposadr] - model.jnt_range[:, side]
             worst = np.maximum(worst, beyond if side else -beyond)
@@ -159,15 +159,6 @@ def _lead(model: Model, data: Data, load: Array) -> None:
         led = data.qpos[model.jnt_qposadr[leader]] if leader >= 0 else 0.0
         data.qpos[model.jnt_qposadr[follower]] = offset + gear * led
         load[model.jnt_dofadr[follower]] = 0.0
-
-
-def _aim(model: Model, data: Data) -> None:
-    """Drives that hold positions aim at where their joints are."""
-    for drive in read_drives(model):
-        if drive.holds_position:
-            data.ctrl[drive.ctrl_index] = drive.command(
-                float(data.qpos[model.jnt_qposadr[drive.joint]])
-            )
 
 
 def _under(model: Model, data: Data, load: Array) -> Iterator[Array]:

@@ -18,6 +18,7 @@ from assetbuild.simulators.mujoco import (
     Model,
     at_key,
     caught_warnings,
+    floor_contacts,
     floors,
     is_finite,
     turning,
@@ -122,7 +123,8 @@ def _sliding(model: Model, data: Data) -> Array:
     import mujoco
 
     speeds, velocity = [np.zeros(3)], np.zeros(6)
-    for index, body in _floor_contacts(model, data):
+    for index, geom in floor_contacts(model, data):
+        body = int(model.geom_bodyid[geom])
         mujoco.mj_objectVelocity(model, data, mujoco.mjtObj.mjOBJ_BODY, body, velocity, 0)
         arm = np.array(data.contact[index].pos) - np.array(data.xipos[body])
         speeds.append(velocity[3:] + np.cross(velocity[:3], arm))
@@ -132,10 +134,10 @@ def _sliding(model: Model, data: Data) -> Array:
 
 def _footing(model: Model, data: Data) -> tuple[float, set[int]]:
     """(least friction on the floor, bodies that touch it)."""
-    touching = _floor_contacts(model, data)
+    touching = floor_contacts(model, data)
     contacts = [data.contact[index] for index, _ in touching]
     mus = [float(contact.friction[0]) if contact.dim > 1 else 0.0 for contact in contacts]
-    return min(mus, default=0.0), {body for _, body in touching}
+    return min(mus, default=0.0), {int(model.geom_bodyid[geom]) for _, geom in touching}
 
 
 def _rolls(model: Model, body: int, external: Mapping[str, Gains]) -> bool:
@@ -148,15 +150,3 @@ def _rolls(model: Model, body: int, external: Mapping[str, Gains]) -> bool:
             return True
         body = int(model.body_parentid[body])
     return False
-
-
-def _floor_contacts(model: Model, data: Data) -> list[tuple[int, int]]:
-    """(number of the contact, the robot's body in it)."""
-    found = []
-    planes = set(floors(model))
-    for index in range(data.ncon):
-        pair = [int(geom) for geom in data.contact[index].geom]
-        if len(planes & set(pair)) == 1:
-            (own,) = set(pair) - planes
-            found.append((index, int(model.geom_bodyid[own])))
-    return found

@@ -18,6 +18,7 @@ from assetbuild.simulators.mujoco import (
     at_key,
     caught_warnings,
     collision_geoms,
+    floor_contacts,
     floors,
     is_finite,
     name_of,
@@ -148,7 +149,6 @@ def stand(
     key = _key(model, keyframe)
     if not floors(model):
         raise StepError("the scene has no floor: no plane in its world")
-    floor = floors(model)[0]
     laws = laws_of(model, external or {})
     holding = [drive.joint_name for drive in read_drives(model) if drive.holds_position]
     with caught_warnings() as said:
@@ -163,7 +163,7 @@ def stand(
         for _ in range(max(1, round(seconds / model.opt.timestep))):
             command(model, data, target, laws)
             mujoco.mj_step(model, data)
-            touched |= _on_floor(model, data, floor)
+            touched |= _on_floor(model, data)
         mujoco.mj_forward(model, data)
         finite = is_finite(data)
     turned = X_start[1].T @ np.array(data.xmat[base]).reshape(3, 3)
@@ -179,7 +179,7 @@ def stand(
         sag_m=-float(moved[2]),
         tilt_rad=math.acos(max(-1.0, min(1.0, float(turned[2, 2])))),
         drift_m=math.hypot(float(moved[0]), float(moved[1])),
-        touching=tuple(sorted(_on_floor(model, data, floor))),
+        touching=tuple(sorted(_on_floor(model, data))),
         touched=tuple(sorted(touched)),
         overlapping=overlapping,
         joint_sag={name: float(target[q] - data.qpos[q]) for name, q in places.items()},
@@ -243,10 +243,8 @@ def lowest_z(model: Model, data: Data, geom: int) -> float:
     raise StepError(f"no lowest point of a geom of type {kind}")
 
 
-def _on_floor(model: Model, data: Data, floor: int) -> set[str]:
-    pairs = np.array(data.contact.geom[: data.ncon]).reshape(-1, 2)
-    others = set(map(int, pairs[(pairs == floor).any(axis=1)].ravel())) - {floor}
-    return {name_of(model, "geom", geom) for geom in others}
+def _on_floor(model: Model, data: Data) -> set[str]:
+    return {name_of(model, "geom", geom) for _, geom in floor_contacts(model, data)}
 
 
 def external_laws(control: Control) -> dict[str, Gains]:

@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import TypeVar
 
 import numpy as np
 
@@ -18,6 +19,7 @@ from assetbuild.simulators.mujoco import (
     at_key,
     caught_warnings,
     explicit_pairs,
+    floor_contacts,
     floors,
     follow,
     is_finite,
@@ -30,6 +32,7 @@ from assetbuild.simulators.mujoco import (
 )
 from assetbuild.simulators.mujoco.drives import read_drives
 
+Name = TypeVar("Name", str, tuple[str, str])
 SWING_RAD, SWING_M = 0.1, 0.02
 """How far a drive is commanded to move its joint; less where the range is short."""
 FREQUENCY_HZ = 2.0
@@ -216,13 +219,11 @@ def overlaps_at_home(model: Model) -> Mapping[tuple[str, str], float]:
 def depths_in_floor(model: Model) -> Mapping[str, float]:
     """Depth (m) in which moving bodies of the robot lie in a floor in the initial pose."""
     found: dict[str, float] = {}
-    data, planes = at_key(model), floors(model)
-    for contact in data.contact[: data.ncon]:
-        pair = {int(contact.geom1), int(contact.geom2)}
-        for geom in pair - set(planes) if pair & set(planes) else ():
-            body = name_of(model, "body", int(model.geom_bodyid[geom]))
-            found[body] = max(found.get(body, 0.0), -float(contact.dist))
-    return dict(sorted(found.items(), key=lambda item: (-item[1], item[0])))
+    data = at_key(model)
+    for index, geom in floor_contacts(model, data):
+        body = name_of(model, "body", int(model.geom_bodyid[geom]))
+        found[body] = max(found.get(body, 0.0), -float(data.contact[index].dist))
+    return _largest_first(found)
 
 
 def touches_floors(model: Model) -> bool:
@@ -253,7 +254,7 @@ def depths(model: Model, positions: Mapping[str, float]) -> dict[tuple[str, str]
     return found
 
 
-def _largest_first(found: Mapping[tuple[str, str], float]) -> Mapping[tuple[str, str], float]:
+def _largest_first(found: Mapping[Name, float]) -> Mapping[Name, float]:
     return dict(sorted(found.items(), key=lambda item: (-item[1], item[0])))
 
 
