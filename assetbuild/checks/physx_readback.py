@@ -9,7 +9,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from assetbuild.engine.step import Files, Limits
+from assetbuild.engine.step import Files
 from assetbuild.errors import StepError
 from assetbuild.facts.compare import differences, equality_findings
 from assetbuild.facts.held import PHYSX, physx_expected, physx_table
@@ -17,7 +17,7 @@ from assetbuild.facts.reader import Reader
 from assetbuild.facts.reference import Reference
 from assetbuild.facts.table import Table, Value
 from assetbuild.findings import Finding, Rule
-from assetbuild.kinds import Check, write_figures
+from assetbuild.kinds import write_figures
 from assetbuild.robot.initial import initial_pose
 from assetbuild.robot.model import Control, Tree
 from assetbuild.simulators import mujoco, physx
@@ -39,23 +39,13 @@ START = Rule(
 DRIFT = Rule("physx.drift", "error", "a fixed base moved", "report it: this is a bug")
 
 
-class PhysxReadback(Check):
+class PhysxReadback(physx.PhysxCheck):
     """`usd/<robot>.usda` in PhysX: bodies, joints, gains, limits; then 5 s on a floor."""
 
-    usual_s = 30.0
-    needs: ClassVar[tuple[str, ...]] = ("usd",)
     also: ClassVar[tuple[str, ...]] = ("mjcf",)
     reads: ClassVar[tuple[str, ...]] = Reader.reads
-    requires: ClassVar[Mapping[str, str]] = physx.REQUIRES
-    isolated: ClassVar[bool] = True
-    preload: ClassVar[tuple[str, ...]] = physx.PRELOAD
-    limits: ClassVar[Limits] = Limits(wall_s=600.0, memory_mb=16384)
-
-    engines: ClassVar[tuple[str, ...]] = ("physx",)
     told: ClassVar[Mapping[str, str]] = {"drive_type": "usd.drive_type", "mimics": "usd.mimics"}
 
-    robot: str
-    """Name of the robot: the stem of the main file."""
     seconds: float = 5.0
     """How long it must keep its numbers on the floor."""
     drive_type: str = "force"
@@ -70,7 +60,7 @@ class PhysxReadback(Check):
         main = files.inputs / f"usd/{self.robot}.usda"
         experiments = _experiments(tree, control, self.seconds)
         coupled = physx_couplings.experiments(tree, control) if self.mimics else ()
-        outcomes = physx.perform(main, (*experiments, *coupled))
+        outcomes = self.perform(files.inputs, (*experiments, *coupled))
         held = outcomes["load"].held
         if held is None:
             write_figures(files, {"loaded": False})

@@ -27,7 +27,7 @@ WEIGHTS = Rule("smoke.weights", "error", "training changes no weight", "check th
 INERTIA = Rule(
     "smoke.inertia", "error", "no real body can have a randomized inertia", "narrow `randomize`"
 )
-BEYOND_IMPORTS = ("assetbuild.simulators._mjlab_child",)
+BEYOND_IMPORTS = ("assetbuild.simulators.mjlab._child",)
 
 
 class SmokeMjlab(ConsumerCheck):
@@ -65,7 +65,7 @@ class SmokeMjlab(ConsumerCheck):
         (module,) = (files.inputs / "mjlab" / "python").glob("*_mjlab.py")
         # Not resolved: the inputs are links into the store, and the module looks beside itself.
         job |= {"modules": str(module.parent.absolute()), "module": module.stem}
-        answer, failure = self.answer("_mjlab_child.py", job)
+        answer, failure = self.answer("mjlab/_child.py", job)
         if answer is None:
             write_figures(files, {"failure": failure})
             yield FAILED(

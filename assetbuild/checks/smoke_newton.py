@@ -62,7 +62,7 @@ class SmokeNewton(ConsumerCheck):
             "steps": self.steps,
             "dt": robot.control.simulation.timestep,
         }
-        answer, failure = self.answer("_newton_child.py", job)
+        answer, failure = self.answer("newton/_child.py", job)
         if answer is None:
             answer = {kind: {"failure": failure} for kind in paths}
         figures: dict[str, object] = {}

@@ -81,7 +81,7 @@ class ConsumerCheck(Check):
         return f"run `assetbuild smoke RECIPE --consumer {cls.consumer}` once"
 
     def answer(self, program: str, job: dict[str, object]) -> tuple[dict[str, object] | None, str]:
-        """What the program beside this file found, or why it found nothing."""
+        """What a program found, or why it found nothing. program: its path below this folder."""
         with tempfile.TemporaryDirectory(prefix=f"{self.consumer}-") as folder:
-            path = Path(__file__).with_name(program)
+            path = Path(__file__).parent / program
             return self.home.ask(path, job, Path(folder).resolve(), self.limits.wall_s)
