@@ -104,27 +104,14 @@ def mujoco_table(model: Any, tree: Tree) -> Table:  # Any: as above
 
 
 def scene_rows(inputs: Path, robot: str, model: Any) -> Iterator[Row]:  # Any: as above
-    """Time, gravity and floor of both scenes; time and gravity of a trainer's module beside the
-    scene of the other engine: mjlab simulates with MuJoCo, Isaac Lab with PhysX.
-
-    model: of `scene.xml`.
-    """
-    from assetbuild.facts.readers.isaaclab import IsaacLabReader
-    from assetbuild.facts.readers.mjlab import MjlabReader
+    """Time, gravity and floor of both scenes. model: of `scene.xml`."""
     from assetbuild.facts.readers.scene import SceneFacts
     from assetbuild.facts.readers.usd_scene import UsdSceneReader
 
     ours = _read(SceneFacts(robot=robot), inputs / "mjcf") | Table(
         {Key("simulation", "", name): value for name, value in simulation_facts(model.opt).items()}
     )
-    theirs = _read(UsdSceneReader(robot=robot), inputs / "usd")
-    yield from fact_rows(ours, theirs)
-    if (inputs / "mjlab").is_dir():
-        module = _read(MjlabReader(robot=robot), inputs / "mjlab")
-        yield from fact_rows(module, theirs, "module for mjlab")
-    if (inputs / "isaaclab").is_dir():
-        modules = _read(IsaacLabReader(robot=robot), inputs / "isaaclab")
-        yield from fact_rows(ours, modules, "modules for isaaclab")
+    yield from fact_rows(ours, _read(UsdSceneReader(robot=robot), inputs / "usd"))
 
 
 def _read(reader: Reader, folder: Path) -> Table:
@@ -137,11 +124,11 @@ def _read(reader: Reader, folder: Path) -> Table:
     return table.only(lambda key: key.kind in SCENE and not key.is_foreign)
 
 
-def fact_rows(ours: Table, theirs: Table, subject: str = "") -> Iterator[Row]:
+def fact_rows(ours: Table, theirs: Table) -> Iterator[Row]:
     """A row for each fact that both tables state, and for each subject that one alone has."""
     for key in ours.facts:
         if key in theirs.facts:
-            yield _row(key, ours.facts[key], theirs.facts[key], subject)
+            yield _row(key, ours.facts[key], theirs.facts[key])
     for kind, stated in (("body", "mass"), ("joint", "type")):
         here, there = (
             {key.name for key in table.facts if (key.kind, key.quantity) == (kind, stated)}
@@ -152,7 +139,7 @@ def fact_rows(ours: Table, theirs: Table, subject: str = "") -> Iterator[Row]:
             yield Row("missing", "CRITICAL", f"{kind} {name}", one, two, 1.0, *SAME)
 
 
-def _row(key: Key, ours: Value, theirs: Value, subject: str) -> Row:
+def _row(key: Key, ours: Value, theirs: Value) -> Row:
     quantity = VOCABULARY.get((key.kind, key.quantity))
     comparison: Comparison = quantity.comparison if quantity else "vector"
     off, limits = _apart(comparison, ours, theirs)
@@ -160,7 +147,7 @@ def _row(key: Key, ours: Value, theirs: Value, subject: str) -> Row:
     one, two = (_cell(value, unit) for value in (ours, theirs))
     name = slug(key.quantity.rpartition(":")[2])
     rank = quantity.rank if quantity else "MEDIUM"
-    of = subject or ("robot" if key.kind in SCENE else key.subject)
+    of = "robot" if key.kind in SCENE else key.subject
     return Row(f"floor_{name}" if key.kind == "floor" else name, rank, of, one, two, off, *limits)
 
 

@@ -43,7 +43,6 @@ class Alignment(AlignmentCheck, PhysxCheck):
     """`mjcf/` in MuJoCo and `usd/` in PhysX: what they hold, how they fall, follow, stand, land."""
 
     usual_s = 60.0
-    also: ClassVar[tuple[str, ...]] = ("mjlab", "isaaclab")
     engines: ClassVar[tuple[str, ...]] = ("mujoco", "physx")
     told: ClassVar[Mapping[str, str]] = {**AlignmentCheck.told, **ITERATIONS}
     off: ClassVar[Rule] = OFF

@@ -5,7 +5,6 @@ from __future__ import annotations
 import importlib.util
 import json
 import math
-import shutil
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -37,9 +36,7 @@ from assetbuild.robot.pose import Pose
 from assetbuild.simulators import mujoco
 from assetbuild.simulators.experiments import Motion, Outcome, Swing, load
 from assetbuild.simulators.free_fall import Fall
-from assetbuild.targets.isaaclab import IsaacLab
 from assetbuild.targets.mjcf import Mjcf
-from assetbuild.targets.mjlab import Mjlab
 from assetbuild.targets.usd import Usd as UsdTarget
 
 Spoil = Callable[[Usd.Stage], object]
@@ -47,8 +44,6 @@ LOST = Outcome(None, None, "it lost its numbers (NaN) after 0.1 s")
 TARGETS = (
     (Mjcf(robot="robot"), "mjcf"),
     (UsdTarget(robot="robot"), "usd"),
-    (Mjlab(robot="robot"), "mjlab"),
-    (IsaacLab(robot="robot"), "isaaclab"),
 )
 needs_physx = pytest.mark.skipif(
     importlib.util.find_spec("ovphysx") is None, reason="needs the extra `physx`"
@@ -83,7 +78,6 @@ def test_quadruped_is_the_same_in_both(tmp_path: Path) -> None:
     assert {row["verdict"] for row in rows} == {"ok", "told"}
     ranks = [row["rank"] for row in rows]
     assert ranks == sorted(ranks, key=("CRITICAL", "HIGH", "MEDIUM", "LOW").index)
-    assert {MJLAB, ISAACLAB} < {row["of"] for row in rows}
     held = {str(row["row"]) for row in rows if row["of"] == "joint FL_calf_joint"}
     assert {"axis", "lower", "kp", "kd", "damping", "effort", "armature", "friction"} < held
     landing = next(row for row in rows if row["row"] == "landing_s")
@@ -114,51 +108,6 @@ def test_torque_motors_follow_the_sine_too(tmp_path: Path) -> None:
     robot = replace(robot, control=replace(robot.control, actuators=outside))
     assert [f for f in check(robot, tmp_path) if f.severity == "error"] == []
     assert any(row["row"] == "sine" for row in rows_of(tmp_path))
-
-
-@pytest.fixture(scope="module")
-def built(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Scenes and modules of the tiny quadruped."""
-    folder = tmp_path_factory.mktemp("modules")
-    inputs = write_robot_ports(folder / "inputs", tiny_quadruped())
-    for target, name in TARGETS:
-        run_step(target, inputs, folder / "built")
-        (folder / "built" / name).rename(inputs / name)
-    return inputs
-
-
-def verdicts_of(built: Path, folder: Path, old: str = "", new: str = "") -> dict[str, set[str]]:
-    """Subjects by row that are off after `old` in the modules became `new`."""
-    inputs = folder / "in"
-    shutil.copytree(built, inputs)
-    for path in (*inputs.glob("mjlab/python/*.py"), *inputs.glob("isaaclab/*.py")):
-        path.write_text(path.read_text().replace(old, new) if old else path.read_text())
-    model = mujoco.load(inputs / "mjcf/scene.xml").model
-    rows = list(scene_rows(inputs, "robot", model))
-    assert {row.subject for row in rows} == {"robot", MJLAB, ISAACLAB}
-    off: dict[str, set[str]] = {}
-    for row in rows:
-        if row.verdict != "ok":
-            off.setdefault(row.name, set()).add(row.subject)
-    return off
-
-
-MJLAB, ISAACLAB = "module for mjlab", "modules for isaaclab"
-
-
-@pytest.mark.parametrize(
-    ("old", "new", "off"),
-    [
-        ("", "", {}),
-        ("DT = 0.005", "DT = 0.004", {"timestep": {ISAACLAB}}),
-        ("TIMESTEP, DECIMATION = 0.005", "TIMESTEP, DECIMATION = 0.004", {"timestep": {MJLAB}}),
-        ("-9.81", "9.81", {"gravity": {MJLAB, ISAACLAB}}),
-    ],
-)
-def test_a_module_s_time_and_gravity_are_those_of_the_other_engine_s_scene(
-    built: Path, tmp_path: Path, old: str, new: str, off: dict[str, set[str]]
-) -> None:
-    assert verdicts_of(built, tmp_path, old, new) == off
 
 
 def table_of(**facts: Value) -> Table:
