@@ -295,6 +295,11 @@ def turning(model: Model) -> list[int]:
     return [joint for joint in range(model.njnt) if int(model.jnt_type[joint]) in kinds]
 
 
+def floats(model: Model) -> bool:
+    """Whether its first joint is free."""
+    return bool(model.njnt) and int(model.jnt_type[0]) == 0  # mjJNT_FREE
+
+
 def raise_base(model: Model, data: Data, height_m: float) -> None:
     """Lift what floats; call before the next step."""
     import mujoco

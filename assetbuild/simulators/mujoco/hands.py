@@ -16,7 +16,7 @@ import numpy as np
 
 from assetbuild.errors import StepError
 from assetbuild.robot.pose import Array
-from assetbuild.simulators.mujoco import Data, Model, at_key, is_finite, turning, without
+from assetbuild.simulators.mujoco import Data, Model, at_key, floats, is_finite, turning, without
 from assetbuild.simulators.mujoco.drives import Drive, read_drives
 from assetbuild.simulators.mujoco.trials import HELD_KG
 
@@ -302,7 +302,7 @@ def _first(model: Model, fingers: Sequence[int]) -> list[int]:
 
 def _stands_on(model: Model, data: Data, sides: Sequence[set[int]]) -> bool:
     """Whether a floating robot stands on what would be a finger: a leg."""
-    if not model.njnt or int(model.jnt_type[0]) != 0:
+    if not floats(model):
         return False
     root = int(model.jnt_bodyid[0])
     lowest = vertices(model, data, sorted(_subtree(model, root)))[:, 2].min()

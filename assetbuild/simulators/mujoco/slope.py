@@ -18,6 +18,7 @@ from assetbuild.simulators.mujoco import (
     Model,
     at_key,
     caught_warnings,
+    floats,
     floor_contacts,
     floors,
     is_finite,
@@ -25,7 +26,7 @@ from assetbuild.simulators.mujoco import (
     without,
 )
 from assetbuild.simulators.mujoco.drives import read_drives
-from assetbuild.simulators.mujoco.stand import Gains, command, floats, laws_of
+from assetbuild.simulators.mujoco.stand import Gains, command, laws_of
 from assetbuild.simulators.mujoco.trials import support
 
 SETTLE_S, TILT_S, REST_S, WATCH_S = 0.5, 0.5, 1.0, 2.0

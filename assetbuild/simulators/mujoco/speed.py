@@ -20,6 +20,7 @@ from assetbuild.simulators.mujoco import (
     at_key,
     caught_warnings,
     collision_geoms,
+    floats,
     load,
     raise_base,
     without,
@@ -80,10 +81,8 @@ def measure_speed(scene: Path) -> Speed:
 
 def _moved(model: Model) -> Data:
     """The initial pose, lifted and turned, or kicked."""
-    import mujoco
-
     data = at_key(model)
-    if model.njnt and model.jnt_type[0] == mujoco.mjtJoint.mjJNT_FREE:
+    if floats(model):
         raise_base(model, data, LIFT_M)
         data.qpos[3:7] = np.asarray(TILT) / np.linalg.norm(TILT)
     else:

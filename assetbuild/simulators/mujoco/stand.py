@@ -18,6 +18,7 @@ from assetbuild.simulators.mujoco import (
     at_key,
     caught_warnings,
     collision_geoms,
+    floats,
     floor_contacts,
     floors,
     is_finite,
@@ -203,13 +204,6 @@ def _key(model: Model, keyframe: str | int) -> int:
     if not 0 <= key < model.nkey:
         raise StepError(f"the model has no keyframe `{keyframe}`")
     return key
-
-
-def floats(model: Model) -> bool:
-    """Whether its first joint is free."""
-    import mujoco
-
-    return bool(model.njnt) and int(model.jnt_type[0]) == int(mujoco.mjtJoint.mjJNT_FREE)
 
 
 def _base(model: Model) -> int:

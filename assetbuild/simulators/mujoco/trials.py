@@ -19,6 +19,7 @@ from assetbuild.simulators.mujoco import (
     at_key,
     caught_warnings,
     explicit_pairs,
+    floats,
     floor_contacts,
     floors,
     follow,
@@ -243,7 +244,7 @@ def depths(model: Model, positions: Mapping[str, float]) -> dict[tuple[str, str]
         data.qpos[int(model.joint(name).qposadr[0])] = value
     mujoco.mj_fwdPosition(model, data)
     found = overlaps(model, data, "geom")
-    if model.njnt and int(model.jnt_type[0]) == int(mujoco.mjtJoint.mjJNT_FREE):
+    if floats(model):
         return found  # it is put on the floor
     for contact in data.contact[: data.ncon]:
         geoms = int(contact.geom1), int(contact.geom2)
@@ -351,7 +352,7 @@ def _hull_corners(points: Array) -> Array:
 
 def stands_free(model: Model) -> bool:
     """Whether its first joint is free, and there is a floor to stand on."""
-    return bool(model.njnt) and int(model.jnt_type[0]) == 0 and bool(floors(model))
+    return floats(model) and bool(floors(model))
 
 
 @dataclass(frozen=True)

@@ -14,7 +14,7 @@ import numpy as np
 from assetbuild.robot.pose import IDENTITY, Array, Pose, quat_of, vec3
 from assetbuild.simulators import physx
 from assetbuild.simulators.experiments import Course, Experiment, Gripped, Outcome, Setting
-from assetbuild.simulators.mujoco import Model, name_of, turning
+from assetbuild.simulators.mujoco import Model, floats, name_of, turning
 from assetbuild.simulators.mujoco.grip import (
     CLOSE_S,
     FRICTION,
@@ -58,8 +58,7 @@ def _experiment(
     name: str, main: Path, model: Model, hand: Hand, place: Place, mass: float
 ) -> Experiment:
     pose, step = hand.poses[place.start], float(model.opt.timestep)
-    floats = int(model.jnt_type[0]) == 0
-    R, at = _to_world(main, model, pose, floats=floats)
+    R, at = _to_world(main, model, pose)
     times = step * np.arange(round(TOTAL_S / step) + 1)
 
     def turned(vectors: Sequence[Array]) -> Array:
@@ -84,7 +83,7 @@ def _experiment(
     setting = Setting(
         step,
         vec3(G * R @ place.down),
-        "held" if floats else "asset",
+        "held" if floats(model) else "asset",
         locked={joint: at for joint, at in positions.items() if joint not in fingers},
         gripped=gripped,
     )
@@ -99,10 +98,10 @@ def _experiment(
     return Experiment(name, setting, len(times) - 1, every, positions, course=course)
 
 
-def _to_world(main: Path, model: Model, pose: Array, *, floats: bool) -> tuple[Array, Array]:
+def _to_world(main: Path, model: Model, pose: Array) -> tuple[Array, Array]:
     """(3, 3) and (3,): from MuJoCo's world into that of the stage, by the robot's root link."""
     data, root = at_pose(model, pose), 1
-    there = IDENTITY if floats else root_pose(main, name_of(model, "body", root))
+    there = IDENTITY if floats(model) else root_pose(main, name_of(model, "body", root))
     R = there.rotation @ data.xmat[root].reshape(3, 3).T
     return R, np.asarray(there.xyz) - R @ data.xpos[root]
 
