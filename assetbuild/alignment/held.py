@@ -25,6 +25,7 @@ from assetbuild.facts.vocabulary import VOCABULARY, Comparison
 from assetbuild.robot.model import Tree
 from assetbuild.robot.pose import Pose, normalised_quat, vec3
 from assetbuild.simulators import mujoco, physx
+from assetbuild.simulators.mujoco.levers import joints_over
 from assetbuild.simulators.usd_names import body_identifiers, joint_identifiers
 
 PLACE: Limits = (1e-5, 1e-3, "m or 1")
@@ -65,15 +66,10 @@ def _pulled(model: Any) -> set[str]:  # Any: mujoco.MjModel
     """Joints that an actuator drives by a tendon, whose gains are no gains of a joint."""
     import mujoco as engine
 
-    joints = set()
-    for actuator in range(model.nu):
-        if model.actuator_trntype[actuator] == engine.mjtTrn.mjTRN_TENDON:
-            tendon = int(model.actuator_trnid[actuator, 0])
-            first = int(model.tendon_adr[tendon])
-            for wrap in range(first, first + int(model.tendon_num[tendon])):
-                if model.wrap_type[wrap] == engine.mjtWrap.mjWRAP_JOINT:
-                    joints.add(mujoco.name_of(model, "joint", int(model.wrap_objid[wrap])))
-    return joints
+    by_tendon = np.asarray(model.actuator_trntype) == int(engine.mjtTrn.mjTRN_TENDON)
+    tendons = np.asarray(model.actuator_trnid)[by_tendon, 0]
+    joints = {joint for tendon in tendons for joint in joints_over(model, int(tendon))}
+    return {mujoco.name_of(model, "joint", joint) for joint in joints}
 
 
 def mujoco_table(model: Any, tree: Tree) -> Table:  # Any: as above

@@ -27,12 +27,9 @@ def tendon_lever(model: Model, actuator: int) -> tuple[int, float] | None:
         return None
     if model.tendon_actfrclimited[tendon]:
         return None
-    first, count = int(model.tendon_adr[tendon]), int(model.tendon_num[tendon])
     leaders, lever, start = set(), 0.0, 0.0
-    for wrap in range(first, first + count):
-        joint, coefficient = int(model.wrap_objid[wrap]), float(model.wrap_prm[wrap])
-        is_joint = int(model.wrap_type[wrap]) == int(mujoco.mjtWrap.mjWRAP_JOINT)
-        if not is_joint or model.jnt_actfrclimited[joint]:
+    for joint, coefficient in joints_over(model, tendon).items():
+        if model.jnt_actfrclimited[joint]:
             return None
         leader, multiplier, offset = _led(model, joint)
         leaders.add(leader)
@@ -60,7 +57,7 @@ def tendon_coupling(model: Model, equality: int) -> tuple[int, int, float, float
     c0, c1, *more = (float(c) for c in model.eq_data[equality][:5])
     if tendons[1] < 0:
         tendons, c1 = tendons[:1], 0.0
-    over = [_over(model, tendon) for tendon in tendons]
+    over = [joints_over(model, tendon) for tendon in tendons]
     joints = [joint for each in over for joint in each]
     ones = all(abs(c) == 1.0 for each in over for c in each.values())
     if any(more) or len(set(joints)) != 2 or len(joints) != 2 or not ones:
@@ -81,7 +78,7 @@ def tendon_coupling(model: Model, equality: int) -> tuple[int, int, float, float
     return joints[0], joints[1], -two / one, c0 / one
 
 
-def _over(model: Model, tendon: int) -> dict[int, float]:
+def joints_over(model: Model, tendon: int) -> dict[int, float]:
     """Coefficient by joint of a fixed tendon; nothing of a spatial one."""
     import mujoco
 

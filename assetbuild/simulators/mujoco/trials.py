@@ -308,10 +308,7 @@ def support(model: Model, near_m: float = TOUCH_M) -> Support:
 
 def _narrowest(points: Array) -> float:
     """Width (m) of points (n, 2) that span an area, in the direction in which it is smallest."""
-    corners = _hull_corners(points)
-    along = np.roll(corners, -1, axis=0) - corners
-    outward = np.column_stack([along[:, 1], -along[:, 0]])
-    outward /= np.linalg.norm(outward, axis=1)[:, None]
+    corners, outward = _sides(points)
     behind = np.einsum("ijk,ik->ij", corners[None, :, :] - corners[:, None, :], -outward)
     return float(behind.max(axis=1).min())
 
@@ -323,11 +320,16 @@ def polygon_margin(points: Array, inside: Array) -> float | None:
     """
     if len(points) < 3 or np.linalg.svd(points - points.mean(axis=0), compute_uv=False)[1] < 1e-3:
         return None
+    corners, outward = _sides(points)
+    return float(np.einsum("ij,ij->i", outward, corners - inside).min())
+
+
+def _sides(points: Array) -> tuple[Array, Array]:
+    """(k, 2) corners of the convex hull of points (n, 2), and unit outward normals of its sides."""
     corners = _hull_corners(points)
     along = np.roll(corners, -1, axis=0) - corners
     outward = np.column_stack([along[:, 1], -along[:, 0]])
-    outward /= np.linalg.norm(outward, axis=1)[:, None]
-    return float(np.einsum("ij,ij->i", outward, corners - inside).min())
+    return corners, outward / np.linalg.norm(outward, axis=1)[:, None]
 
 
 def _hull_corners(points: Array) -> Array:
