@@ -20,7 +20,8 @@ def answer(job: dict[str, str]) -> dict[str, Any]:
     chosen = arguments(job["engine"])
     if isinstance(chosen, str):
         return {"absent": chosen}
-    script, readings = Path(job["script"]), Path("readings.json").absolute()
+    # Isaac Sim ends the process when the script closes it: then the readings are the answer as is.
+    script, readings = Path(job["script"]), Path("answer.json").absolute()
     sys.argv = [script.name, "--output", str(readings), *chosen]
     sys.path.insert(0, str(script.parent))
     runpy.run_path(str(script), run_name="__main__")
