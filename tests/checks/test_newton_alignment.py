@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -21,9 +21,8 @@ from assetbuild.engine.world import World
 from assetbuild.findings import Finding
 from assetbuild.robot.model import Actuator, Control, Joint, Limits
 from assetbuild.simulators import newton
-from assetbuild.simulators.experiments import Motion, Swing
+from assetbuild.simulators.experiments import Experiment, Motion, Outcome, Swing
 from assetbuild.simulators.free_fall import Fall
-from assetbuild.simulators.physx import Outcome
 from assetbuild.targets.mjcf import Mjcf
 from assetbuild.targets.usd import Usd as UsdTarget
 
@@ -75,6 +74,22 @@ def test_a_limit_that_gives_way_in_long_steps_alone_names_the_integrator():
     assert "`simulation.timestep`" in named.advice
     same = past_upper(0.2, 0.15)
     assert same.verdict == "error" and not same.because
+
+
+def test_a_run_that_newton_refuses_or_loses_is_an_error(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    still = motion("j", np.zeros(3))
+    lost = Outcome(None, replace(still, root=np.full((3, 3), np.nan)))
+
+    def perform(_: NewtonAlignment, __: Path, asked: Sequence[Experiment]) -> dict[str, Outcome]:
+        refused = Outcome(None, None, "it refuses the stage")
+        return {each.name: refused if each.name == "load" else lost for each in asked}
+
+    monkeypatch.setattr(NewtonAlignment, "perform", perform)
+    found, _ = check(tmp_path)
+    runs = {f.message.split("`")[1] for f in found if f.rule == "alignment.newton.run"}
+    assert {"load", "fall", "sine", "stand"} < runs
 
 
 def test_a_joint_without_limits_or_drive_runs_into_none():
