@@ -15,6 +15,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping, Sequence
 
+from assetbuild.alignment.asked import DROP_M, SLOPE, STAND_S
 from assetbuild.alignment.row import Row
 from assetbuild.findings import Finding, Rule
 from assetbuild.robot.model import Control
@@ -31,33 +32,20 @@ GAP = Rule(
 )
 
 
-def ranges_of(
-    rows: Sequence[Row],
-    control: Control,
-    *,
-    slope: float,
-    seconds: float,
-    fall_m: float,
-    sine_hz: float,
-) -> Ranges:
-    """By key of `randomize`; a key without its experiment is missing.
-
-    slope: tangent of the slope over the friction; seconds: on it; fall_m: of the drop.
-    """
+def ranges_of(rows: Sequence[Row], control: Control, sine_hz: float) -> Ranges:
+    """By key of `randomize`; a key without its experiment is missing. sine_hz: of the sines."""
     by_name = {row.name: row for row in rows if row.subject == "robot"}
     found: dict[str, tuple[float, float]] = {}
     gravity = math.dist(control.simulation.gravity, (0.0, 0.0, 0.0))
     slide, friction = _both(by_name.get("slide_m")), control.contact.friction[0]
     if slide is not None and gravity > 0.0:
-        cosine = math.cos(math.atan(slope * friction))
-        apart = 2.0 * abs(slide[0] - slide[1]) / (gravity * seconds**2 * cosine)
+        cosine = math.cos(math.atan(SLOPE * friction))
+        apart = 2.0 * abs(slide[0] - slide[1]) / (gravity * STAND_S**2 * cosine)
         found["friction"] = (max(0.0, friction - apart), friction + apart)
-    rise = _both(by_name.get("bounce_m"))
-    if rise is not None:
-        left = sorted(math.sqrt(min(1.0, max(0.0, r) / fall_m)) for r in rise)
+    if (rise := _both(by_name.get("bounce_m"))) is not None:
+        left = sorted(math.sqrt(min(1.0, max(0.0, r) / DROP_M)) for r in rise)
         found["restitution"] = (left[0], left[1])
-    factors = list(_damping(rows, control, 2.0 * math.pi * sine_hz))
-    if factors:
+    if factors := list(_damping(rows, control, 2.0 * math.pi * sine_hz)):
         found["damping"] = (max(LEAST, min(1.0, *factors)), min(MOST, max(1.0, *factors)))
     return found
 

@@ -30,25 +30,6 @@ SOFT = (
     "harder; else randomize `friction`"
 )
 
-OFF = Rule(
-    "alignment.physx.*",
-    ("warning", "error"),
-    "a row of the comparison with MuJoCo is off (an error beyond the coarse limit); the how-to "
-    "on Isaac Lab describes the rows",
-    "read the report's table of `alignment`",
-    was={
-        "alignment.physx.kd_plus_damping": ("alignment.physx.kd", "alignment.physx.damping"),
-        "alignment.physx.contact_friction": ("alignment.physx.static_friction",),
-        "alignment.physx.root": ("alignment.physx.base_pose",),
-    },
-)
-OFF_IN_NEWTON = Rule(
-    "alignment.newton.*",
-    ("warning", "error"),
-    "a row of the comparison of Newton with MuJoCo is off (an error beyond the coarse limit)",
-    "read the report's table of `newton_alignment`",
-)
-
 
 @dataclass(frozen=True)
 class Row:
@@ -97,9 +78,8 @@ class Row:
         return head | plain | {"unit": self.unit, "verdict": self.verdict} | reason
 
 
-def findings_of(rows: Sequence[Row], engine: str = "PhysX") -> Iterator[Finding]:
+def findings_of(rows: Sequence[Row], off: Rule, engine: str) -> Iterator[Finding]:
     """One finding for each kind of row that is off: about the worst of its joints."""
-    off = OFF if engine == "PhysX" else OFF_IN_NEWTON
     for name in dict.fromkeys(row.name for row in rows):
         bad = [row for row in rows if row.name == name and row.verdict in ("warning", "error")]
         if not bad:

@@ -7,14 +7,14 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import ClassVar
 
 from assetbuild.engine.step import Files
-from assetbuild.errors import StepError
 from assetbuild.findings import Data, Finding, Rule, Severity
-from assetbuild.kinds import Check, write_figures
+from assetbuild.kinds import write_figures
 from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.model import Control, Tree
 from assetbuild.robot.softness import Allowed, CouplingError, LimitError, effort_at
-from assetbuild.simulators import mujoco, mujoco_pushes
-from assetbuild.simulators.mujoco_pushes import Pushed
+from assetbuild.simulators import mujoco
+from assetbuild.simulators.mujoco import pushes as mujoco_pushes
+from assetbuild.simulators.mujoco.pushes import Pushed
 
 MOST = 2.0
 """Times the wish; the load grows in a fifth of a second, which swings a little."""
@@ -37,20 +37,16 @@ COUPLINGS_SOFT = Rule(
 )
 
 
-class FullEffort(Check):
+class FullEffort(mujoco.InMujoco):
     """Pushes joints against their limits, followers from their leaders, and loops apart.
 
     Findings `limits.soft` and `couplings.soft`; figures by file: the largest error of turning and
     of sliding joints, rad and m.
     """
 
-    isolated: ClassVar[bool] = True
-    preload: ClassVar[tuple[str, ...]] = ("mujoco",)
-    needs: ClassVar[tuple[str, ...]] = ("mjcf",)
     also: ClassVar[tuple[str, ...]] = ("mjx",)
     reads: ClassVar[tuple[str, ...]] = ("tree.json", "control.json")
 
-    engines: ClassVar[tuple[str, ...]] = ("mujoco",)
     told: ClassVar[Mapping[str, str]] = {
         "limits_wish": "limits",
         "couplings_wish": "couplings",
@@ -70,12 +66,7 @@ class FullEffort(Check):
         pushing = {row.joint for row in robot.control.actuators if row.model != "passive"}
         driven = {joint: effort for joint, effort in efforts.items() if joint in pushing}
         figures: dict[str, object] = {}
-        for folder, path in mujoco.full_and_mjx(files.inputs, self.robot):
-            try:
-                model = mujoco.load(path, visuals=False).model
-            except StepError:
-                figures[folder] = {"skipped": "it does not load"}  # `mjcf.load` reports it
-                continue
+        for folder, path, model in mujoco.full_and_mjx_models(files.inputs, self.robot, figures):
             limits = tuple(mujoco_pushes.past_limits(model, efforts))
             coupled = (
                 *mujoco_pushes.off_couplings(model, efforts),

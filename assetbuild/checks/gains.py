@@ -8,7 +8,6 @@ I = 1 / (M^-1)_ii with armature; kd and passive damping summed, as they act.
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass
 from typing import Any, ClassVar
@@ -22,9 +21,8 @@ from assetbuild.quantities import Positive
 from assetbuild.robot.dynamics import dynamics, holding_torques
 from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.initial import initial_pose
-from assetbuild.robot.model import Actuator, Control, Tree
+from assetbuild.robot.model import Actuator, Control
 from assetbuild.robot.reflected import felt_inertia, reflected_range
-from assetbuild.robot.shapes import Shapes
 from assetbuild.robot.soles import soles
 
 EXPLICIT = frozenset({"ideal_pd", "dc_motor"})
@@ -37,7 +35,7 @@ TORQUE = Rule(
     "gains.torque",
     ("warning", "error"),
     "holding the pose needs more than 80 % of the effort limit (an error above 100 %)",
-    "another pose, or check the limit",
+    "a pose with the feet under the hips, or check the effort limit",
 )
 SAG = Rule(
     "gains.sag",
@@ -55,20 +53,20 @@ UNSTABLE = Rule(
     "gains.unstable",
     ("warning", "error"),
     "the drive diverges at this timestep (an error), or is within a factor of two of it",
-    "lower the gains or the timestep; give the rotor's inertia",
+    "lower the gains or the timestep, give the motor's `rotor_inertia`, or `model: pd`",
 )
 UNDERDAMPED = Rule(
     "gains.underdamped",
     "warning",
     "the joint rings: its damping ratio is below 0.1, with kd and damping summed",
-    "raise kd",
+    "raise kd; a damping ratio of 0.5 to 2 suits most joints",
 )
 OVERDAMPED = Rule(
     "gains.overdamped",
     "warning",
     "the joint creeps: with kd and damping summed its damping ratio is above 3, and it lags its "
     "target by more than 0.15 s",
-    "lower kd",
+    "lower kd or damping, or raise kp; a damping ratio of 0.5 to 2 suits most joints",
 )
 DAMPED_TWICE = Rule(
     "gains.damped_twice",
@@ -77,13 +75,10 @@ DAMPED_TWICE = Rule(
     "set one to 0",
 )
 INHERITED = Rule(
-    "gains.inherited", "warning", "gains come from the source's MJCF", "state them in `actuators`"
-)
-CUSTOMARY = Rule(
-    "gains.customary",
-    "info",
-    "gains are outside the customary range for this kind of robot",
-    "nothing, if it is on purpose",
+    "gains.inherited",
+    "warning",
+    "gains come from the source's MJCF",
+    "state the gains that the robot will run with in `actuators`",
 )
 
 
@@ -197,7 +192,6 @@ class Gains(Check):
                 yield from _judge_stability(one, timestep, f"actuator {name}", self.margin, where)
         if self.inherited and found:
             yield _inherited(found)
-        yield from _customary(tree, found, control, _kind(tree, shapes, self.feet))
 
     def _effective(
         self, actuator: Actuator, inertia: float, torque: float | None, control: Control
@@ -264,14 +258,12 @@ def _judge_strength(
             f"{'cannot hold' if cannot else 'hardly holds'} its pose: {one.holding:.3g} of "
             f"{actuator.effort:g} {unit}",
             severity="error" if cannot else "warning",
-            hint="choose a pose with the feet under the hips, or check the effort limit",
             data={"holding": one.holding, "load": one.load},
         )
     if one.sag is not None and one.sag > sag:
         yield SAG(
             subject,
             f"gives way by {one.sag:.3g} {way} under the robot's weight at kp {actuator.kp:.3g}",
-            hint="raise kp; a policy learns around it, a viewer shows a crouch",
             data={"sag": one.sag, "limit": sag},
         )
     if actuator.effort is not None and one.per_tenth_rad > actuator.effort:
@@ -279,7 +271,6 @@ def _judge_strength(
             subject,
             f"saturates at {actuator.effort / actuator.kp:.3g} {way} of error: it is a switch "
             "more than a spring",
-            hint="lower kp where a policy commands positions",
             data={"error_at_limit": actuator.effort / actuator.kp},
         )
 
@@ -296,7 +287,6 @@ def _judge_stability(
         f"{where}: "
         f"{one.margin:.3g} times its gains are the limit",
         severity="error" if diverges else "warning",
-        hint="lower the gains or the timestep, give the motor's rotor_inertia, or `model: pd`",
         data={"margin": one.margin, "kp_dt2_over_I": one.stiffness},
     )
 
@@ -318,7 +308,6 @@ def _judge_damping(
         yield UNDERDAMPED(
             subject,
             f"damping ratio {ratio:.3g} at {one.frequency_hz:.3g} Hz: it rings",
-            hint="raise kd; 0.5 to 2 suits most joints",
             data=data,
         )
     lag = damping / actuator.kp if actuator.kp else 0.0
@@ -327,7 +316,6 @@ def _judge_damping(
             subject,
             f"damping ratio {ratio:.3g}: it creeps to its target, with a time constant of "
             f"{lag:.3g} s (damping {damping:.3g} over kp {actuator.kp:.3g})",
-            hint="lower kd or damping, or raise kp; a damping ratio of 0.5 to 2 suits most joints",
             data={**data, "lag_s": lag},
         )
     if actuator.kd and actuator.damping > 0.2 * actuator.kd:
@@ -335,7 +323,6 @@ def _judge_damping(
             subject,
             f"the drive's kd {actuator.kd:.3g} and the joint's damping {actuator.damping:.3g} "
             "add up",
-            hint="mean both, or set one of them to 0",
             data={"kd": actuator.kd, "damping": actuator.damping},
         )
 
@@ -346,51 +333,5 @@ def _inherited(found: Mapping[str, Effective]) -> Finding:
         "robot",
         f"{len(found)} drives keep the gains of the source's MJCF ({min(frequencies):.3g} to "
         f"{max(frequencies):.3g} Hz at this pose): such files are often tuned for a viewer",
-        hint="state the gains that the robot will run with in `actuators`",
         data={"joints": len(found)},
     )
-
-
-# --- customary gains ------------------------------------------------------------------------
-
-_CUSTOMARY: Mapping[str, tuple[tuple[str, tuple[float, float], tuple[float, float]], ...]] = {
-    "quadruped": ((".*", (80.0, 200.0), (2.0, 8.0)),),
-    "humanoid": (
-        (".*ankle.*", (40.0, 80.0), (2.0, 5.0)),
-        (".*(hip|knee).*", (150.0, 300.0), (5.0, 15.0)),
-        (".*(shoulder|elbow|wrist|arm).*", (40.0, 100.0), (2.0, 5.0)),
-    ),
-}
-"""(joint names, kp, kd) that papers and deployed controllers use, N m/rad and N m s/rad."""
-
-
-def _customary(
-    tree: Tree, found: Mapping[str, Effective], control: Control, kind: str | None
-) -> Iterator[Finding]:
-    """One finding for all joints outside the customary range of this kind of robot."""
-    outside = []
-    for name in found:
-        actuator = control.by_joint[name]
-        row = next((r for r in _CUSTOMARY.get(kind or "", ()) if re.fullmatch(r[0], name)), None)
-        if row is None or tree.by_joint[name].kind == "prismatic":
-            continue
-        _, kp, kd = row
-        if not (kp[0] <= actuator.kp <= kp[1] and kd[0] <= actuator.kd <= kd[1]):
-            outside.append(name)
-    if outside:
-        shown = ", ".join(outside[:4]) + (", ..." if len(outside) > 4 else "")
-        yield CUSTOMARY(
-            "robot",
-            f"{len(outside)} of {len(found)} drives have gains outside what is customary for a "
-            f"{kind}: {shown}",
-            hint="soft gains train as well; see docs/how-to/actuators.md before you change them",
-            data={"joints": len(outside), "kind": kind},
-        )
-
-
-def _kind(tree: Tree, shapes: Shapes, feet: str | None) -> str | None:
-    """By its feet: four make a quadruped, two a humanoid; None: neither, or not known."""
-    if tree.base == "fixed" or feet is None:
-        return None
-    soles = {s.link for s in shapes.of("collision") if re.fullmatch(feet, s.link)}
-    return {2: "humanoid", 4: "quadruped"}.get(len(soles))

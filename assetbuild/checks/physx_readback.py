@@ -9,7 +9,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from assetbuild.engine.step import Files, Limits
+from assetbuild.engine.step import Files
 from assetbuild.errors import StepError
 from assetbuild.facts.compare import differences, equality_findings
 from assetbuild.facts.held import PHYSX, physx_expected, physx_table
@@ -17,11 +17,14 @@ from assetbuild.facts.reader import Reader
 from assetbuild.facts.reference import Reference
 from assetbuild.facts.table import Table, Value
 from assetbuild.findings import Finding, Rule
-from assetbuild.kinds import Check, write_figures
+from assetbuild.kinds import write_figures
 from assetbuild.robot.initial import initial_pose
 from assetbuild.robot.model import Control, Tree
-from assetbuild.simulators import mujoco, mujoco_trials, physx, physx_couplings
-from assetbuild.simulators.physx_causes import cause_of, overlap_hint
+from assetbuild.simulators import mujoco, physx
+from assetbuild.simulators.experiments import Experiment, Outcome, Setting
+from assetbuild.simulators.mujoco import trials as mujoco_trials
+from assetbuild.simulators.physx import couplings as physx_couplings
+from assetbuild.simulators.physx.causes import cause_of, overlap_hint
 
 NO_CAUSE = (
     "no bodies lie in one another where it starts: a tiny inertia? a start outside of limits?"
@@ -36,23 +39,13 @@ START = Rule(
 DRIFT = Rule("physx.drift", "error", "a fixed base moved", "report it: this is a bug")
 
 
-class PhysxReadback(Check):
+class PhysxReadback(physx.PhysxCheck):
     """`usd/<robot>.usda` in PhysX: bodies, joints, gains, limits; then 5 s on a floor."""
 
-    usual_s = 30.0
-    needs: ClassVar[tuple[str, ...]] = ("usd",)
     also: ClassVar[tuple[str, ...]] = ("mjcf",)
     reads: ClassVar[tuple[str, ...]] = Reader.reads
-    requires: ClassVar[Mapping[str, str]] = physx.REQUIRES
-    isolated: ClassVar[bool] = True
-    preload: ClassVar[tuple[str, ...]] = physx.PRELOAD
-    limits: ClassVar[Limits] = Limits(wall_s=600.0, memory_mb=16384)
-
-    engines: ClassVar[tuple[str, ...]] = ("physx",)
     told: ClassVar[Mapping[str, str]] = {"drive_type": "usd.drive_type", "mimics": "usd.mimics"}
 
-    robot: str
-    """Name of the robot: the stem of the main file."""
     seconds: float = 5.0
     """How long it must keep its numbers on the floor."""
     drive_type: str = "force"
@@ -67,7 +60,7 @@ class PhysxReadback(Check):
         main = files.inputs / f"usd/{self.robot}.usda"
         experiments = _experiments(tree, control, self.seconds)
         coupled = physx_couplings.experiments(tree, control) if self.mimics else ()
-        outcomes = physx.perform(main, (*experiments, *coupled))
+        outcomes = self.perform(files.inputs, (*experiments, *coupled))
         held = outcomes["load"].held
         if held is None:
             write_figures(files, {"loaded": False})
@@ -113,18 +106,18 @@ class PhysxReadback(Check):
             return {}
 
 
-def _experiments(tree: Tree, control: Control, seconds: float) -> tuple[physx.Experiment, ...]:
+def _experiments(tree: Tree, control: Control, seconds: float) -> tuple[Experiment, ...]:
     gravity, dt = control.simulation.gravity, control.simulation.timestep
-    plain = physx.Setting(dt, gravity)
+    plain = Setting(dt, gravity)
     start = initial_pose(tree, control)
     at = physx.clear_of_floor(start.base)
-    floor = physx.Setting(dt, gravity, at=at, floor_friction=control.contact.friction[0])
+    floor = Setting(dt, gravity, at=at, floor_friction=control.contact.friction[0])
     steps = round(seconds / dt)
     on_floor = floor if tree.base == "floating" and start.name else plain
     return (
-        physx.Experiment("load", plain),
-        physx.Experiment("alone", plain, steps=round(0.2 / dt), every=10),
-        physx.Experiment("floor", on_floor, steps=steps, every=10, start=dict(start.joints)),
+        Experiment("load", plain),
+        Experiment("alone", plain, steps=round(0.2 / dt), every=10),
+        Experiment("floor", on_floor, steps=steps, every=10, start=dict(start.joints)),
     )
 
 
@@ -159,7 +152,7 @@ def _differing(held: physx.Held, found: Table, expected: Table) -> Iterator[Find
 
 def _not_finite(
     where: str,
-    outcome: physx.Outcome,
+    outcome: Outcome,
     cause: tuple[str, str] | None,
     overlaps: Mapping[tuple[str, str], float],
 ) -> Finding:
@@ -173,7 +166,7 @@ def _not_finite(
     )
 
 
-def _judge_motion(tree: Tree, outcome: physx.Outcome, where: str) -> Iterator[Finding]:
+def _judge_motion(tree: Tree, outcome: Outcome, where: str) -> Iterator[Finding]:
     if not outcome.finite:
         return  # `physx.finite`
     if outcome.motion is not None and tree.base == "fixed":

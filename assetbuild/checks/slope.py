@@ -8,14 +8,13 @@ from typing import ClassVar
 from pydantic import Field
 
 from assetbuild.engine.step import Files
-from assetbuild.errors import StepError
 from assetbuild.findings import Finding, Rule
-from assetbuild.kinds import Check, write_figures
+from assetbuild.kinds import write_figures
 from assetbuild.quantities import Positive
 from assetbuild.robot.files import RobotFiles
 from assetbuild.simulators import mujoco
-from assetbuild.simulators.mujoco_slope import creep
-from assetbuild.simulators.mujoco_stand import external_laws
+from assetbuild.simulators.mujoco.slope import creep
+from assetbuild.simulators.mujoco.stand import external_laws
 
 CREEP = Rule(
     "slope.creep",
@@ -25,19 +24,15 @@ CREEP = Rule(
 )
 
 
-class Slope(Check):
+class Slope(mujoco.InMujoco):
     """Tilts the ground under the initial pose, in the full model and the mjx file.
 
     Finding `slope.creep`; figures by file: the slope in rad, its friction and the speed in m/s.
     """
 
-    isolated: ClassVar[bool] = True
-    preload: ClassVar[tuple[str, ...]] = ("mujoco",)
-    needs: ClassVar[tuple[str, ...]] = ("mjcf",)
     also: ClassVar[tuple[str, ...]] = ("mjx",)
     reads: ClassVar[tuple[str, ...]] = ("control.json",)
 
-    engines: ClassVar[tuple[str, ...]] = ("mujoco",)
     section: ClassVar[str] = "validate.slope"
     about: ClassVar[str] = "stand on a slope in MuJoCo; null = do not"
 
@@ -48,11 +43,8 @@ class Slope(Check):
         """Reads the robot, `mjcf/scene.xml` and, where it is built, `mjx/scene_mjx.xml`."""
         laws = external_laws(RobotFiles(files.inputs).control)
         figures: dict[str, object] = {}
-        for folder, path in mujoco.full_and_mjx(files.inputs, "scene"):
-            try:
-                found = creep(mujoco.load(path, visuals=False).model, self.share, laws)
-            except StepError as error:  # `mjcf.load` reports it
-                found = error.message
+        for folder, path, model in mujoco.full_and_mjx_models(files.inputs, "scene", figures):
+            found = creep(model, self.share, laws)
             if isinstance(found, str):
                 figures[folder] = {"skipped": found}
                 continue

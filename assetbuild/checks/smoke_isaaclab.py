@@ -28,7 +28,7 @@ from assetbuild.simulators.consumers import FAILED, NOT_FINITE, SINKS, ConsumerC
 from assetbuild.simulators.environments import Environment
 from assetbuild.simulators.readings import FALL, HEIGHT, fall_m
 
-BEYOND_IMPORTS = ("assetbuild.simulators._isaaclab_child",)
+BEYOND_IMPORTS = ("assetbuild.simulators.isaaclab._child",)
 VARIABLE = "ASSETBUILD_ISAACLAB"
 ENGINES = {"newton": "Newton", "physx": "PhysX"}
 FALLS = Rule(
@@ -89,7 +89,7 @@ class SmokeIsaacLab(ConsumerCheck):
         for engine, name in ENGINES.items():
             # Not resolved: the inputs are links into the store, and the script looks beside itself.
             job: dict[str, object] = {"script": str(script.absolute()), "engine": engine}
-            answer, failure = self.answer("_isaaclab_child.py", job)
+            answer, failure = self.answer("isaaclab/_child.py", job)
             if answer is None:
                 yield FAILED("robot", f"Isaac Lab on {name} does not take the bundle: {failure}")
                 figures[engine] = {"failure": failure}

@@ -27,7 +27,7 @@ WEIGHTS = Rule("smoke.weights", "error", "training changes no weight", "check th
 INERTIA = Rule(
     "smoke.inertia", "error", "no real body can have a randomized inertia", "narrow `randomize`"
 )
-BEYOND_IMPORTS = ("assetbuild.simulators._mjlab_child",)
+BEYOND_IMPORTS = ("assetbuild.simulators.mjlab._child",)
 
 
 class SmokeMjlab(ConsumerCheck):
@@ -65,7 +65,7 @@ class SmokeMjlab(ConsumerCheck):
         (module,) = (files.inputs / "mjlab" / "python").glob("*_mjlab.py")
         # Not resolved: the inputs are links into the store, and the module looks beside itself.
         job |= {"modules": str(module.parent.absolute()), "module": module.stem}
-        answer, failure = self.answer("_mjlab_child.py", job)
+        answer, failure = self.answer("mjlab/_child.py", job)
         if answer is None:
             write_figures(files, {"failure": failure})
             yield FAILED(
@@ -106,24 +106,26 @@ def judged(
     effort_factor: float = 1.0,
 ) -> Iterator[Finding]:
     """What is wrong with an answer; separate, so that it can be tried on bad ones."""
+    for rule, message in _wrong(answer, bounds, effort_factor):
+        yield rule("robot", f"mjlab: {message}")
+
+
+def _wrong(
+    answer: Mapping[str, Any],  # Any: as above
+    bounds: SmokeBounds,
+    effort_factor: float,
+) -> Iterator[tuple[Rule, str]]:
     if not answer["finite"] or not answer["weights_finite"]:
         what = "observations or rewards" if not answer["finite"] else "the policy's weights"
-        yield _finding(NOT_FINITE, f"{what} are not finite", "a gain or timestep too large?")
+        yield NOT_FINITE, f"{what} are not finite"
     if answer["fell"] > bounds.fallen * answer["envs"]:
-        message = f"{answer['fell']} of {answer['envs']} robots fall under zero actions"
-        yield _finding(FELL, message, "see the checks `stand` and `gains`")
+        yield FELL, f"{answer['fell']} of {answer['envs']} robots fall under zero actions"
     elif answer["walks"] and answer["height_m"] < bounds.low * answer["start_m"]:
-        message = f"the root sinks from {answer['start_m']:.3f} to {answer['height_m']:.3f} m"
-        yield _finding(SINKS, message, "see the checks `stand` and `gains`")
+        yield SINKS, f"the root sinks from {answer['start_m']:.3f} to {answer['height_m']:.3f} m"
     if answer["effort_share"] > effort_factor * 1.001:
-        message = f"a drive makes {answer['effort_share']:.2f} times its effort limit"
-        yield _finding(EFFORT, message, "tell us: the module's limit does not hold")
+        yield EFFORT, f"a drive makes {answer['effort_share']:.2f} times its effort limit"
     if answer["weights_moved"] <= 0.0:
-        yield _finding(WEIGHTS, "training changes no weight", "look at the rewards")
+        yield WEIGHTS, "training changes no weight"
     if answer.get("inconsistent"):
-        message = f"{answer['inconsistent']} of {answer['drawn']} random inertias are no matter's"
-        yield _finding(INERTIA, message, "look at `randomize` in the recipe")
-
-
-def _finding(rule: Rule, message: str, hint: str) -> Finding:
-    return rule("robot", f"mjlab: {message}", hint)
+        of = f"{answer['inconsistent']} of {answer['drawn']}"
+        yield INERTIA, f"{of} random inertias are no matter's"

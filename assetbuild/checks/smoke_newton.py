@@ -24,7 +24,7 @@ from assetbuild.simulators.environments import Environment
 from assetbuild.simulators.newton import HOME
 from assetbuild.simulators.usd_names import body_identifiers, joint_identifiers, usd_identifiers
 
-BEYOND_IMPORTS = ("assetbuild.simulators._newton_child",)
+BEYOND_IMPORTS = ("assetbuild.simulators.newton._child",)
 LIGHT = (
     "Newton adds 1e-6 kg m2 to all moments of a body whose least is below 1e-10 kg m2, or below "
     "1e-6 of its largest: the edits `set_inertia`, or `share_mass` with `moments: 2e-10`"
@@ -62,7 +62,7 @@ class SmokeNewton(ConsumerCheck):
             "steps": self.steps,
             "dt": robot.control.simulation.timestep,
         }
-        answer, failure = self.answer("_newton_child.py", job)
+        answer, failure = self.answer("newton/_child.py", job)
         if answer is None:
             answer = {kind: {"failure": failure} for kind in paths}
         figures: dict[str, object] = {}

@@ -11,14 +11,14 @@ from pydantic import Field
 from assetbuild.engine.step import Files
 from assetbuild.errors import StepError
 from assetbuild.findings import Finding, Rule
-from assetbuild.kinds import Check, write_figures
+from assetbuild.kinds import write_figures
 from assetbuild.quantities import Pattern, Positive
 from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.model import Tree
 from assetbuild.robot.shapes import Shapes
 from assetbuild.simulators import mujoco
-from assetbuild.simulators.mujoco_stand import Stand as Stood
-from assetbuild.simulators.mujoco_stand import (
+from assetbuild.simulators.mujoco.stand import Stand as Stood
+from assetbuild.simulators.mujoco.stand import (
     external_laws,
     outcome,
     outcome_figures,
@@ -81,15 +81,10 @@ TORQUE = Rule(
 )
 
 
-class Stand(Check):
+class Stand(mujoco.InMujoco):
     """Simulates `mjcf/scene.xml` in MuJoCo; a fixed base only has its joints judged."""
 
-    isolated = True
-    preload = ("mujoco",)
-    needs = ("mjcf",)
     reads = ("tree.json", "shapes.json", "control.json")
-
-    engines = ("mujoco",)
     section = "validate.stand"
     about = "stand still under the drives; {} = defaults"
     wanted = False
@@ -127,25 +122,24 @@ class Stand(Check):
     def run(self, files: Files) -> Iterator[Finding]:
         """Reads the robot and `mjcf/scene.xml`."""
         robot = RobotFiles(files.inputs)
-        tree, shapes, control = robot.tree, robot.shapes, robot.control
         try:
             model = mujoco.load(files.inputs / "mjcf" / "scene.xml", visuals=False).model
-            stood = stand(model, self.keyframe, self.seconds, external_laws(control))
+            stood = stand(model, self.keyframe, self.seconds, external_laws(robot.control))
         except StepError as error:
             write_figures(files, {"skipped": error.message})
             yield LOAD("robot", f"cannot stand: {error.message}")
             return
         figures = _figures(stood) | {"stood": outcome_figures(stood, self.fall)}
         write_figures(files, figures, self._limits())
-        if not stood.finite:
+        if stood.finite:
+            yield from self.judged(stood, robot.tree, robot.shapes)
+        else:
             yield NOT_FINITE(
                 "robot",
                 f"the simulation became unstable while standing at `{self.keyframe}`",
                 hint="lower kd or the timestep; look for tiny inertias and overlapping shapes",
                 data={"warnings": len(stood.warnings)},
             )
-            return
-        yield from self.judged(stood, tree, shapes)
 
     def judged(self, stood: Stood, tree: Tree, shapes: Shapes) -> Iterator[Finding]:
         """Yield what speaks against the way in which a robot stood that stayed finite."""
@@ -155,9 +149,25 @@ class Stand(Check):
             yield from self._judge_base(stood)
             yield from self._judge_contacts(stood, link_of)
         elif outcome(stood, self.fall) == "falls":
-            yield self._let_go(stood)
-        yield from self._judge_overlaps(stood, link_of)
-        yield from self._judge_loads(stood)
+            joint, off = stood.worst_held
+            unit = "m" if joint in stood.slides else "rad"
+            yield FALL(
+                f"actuator {joint}",
+                f"does not hold the pose: after {self.seconds:g} s its joint is {off:.3g} {unit} "
+                f"off `{self.keyframe}`, above the limit of {self.fall:g}",
+                data={"off": off, "limit": self.fall},
+            )
+        for (a, b), depth in stood.overlapping.items():
+            if depth > self.sole:
+                yield OVERLAP(
+                    f"link {link_of.get(a, a)}",
+                    f"its shape {a} is {depth * 1e3:.3g} mm inside {b} at the start",
+                    data={"depth_m": depth},
+                )
+        for joint, load in stood.load.items():
+            if load >= self.saturated:
+                message = f"needs all of its effort limit to stand ({load:.0%})"
+                yield TORQUE(f"actuator {joint}", message, data={"load": load})
 
     def _limits(self) -> dict[str, float]:
         """Name of a figure -> what it is compared with."""
@@ -174,10 +184,8 @@ class Stand(Check):
     def _is_foot(self, link: str) -> bool:
         return self.feet_pattern is None or re.fullmatch(self.feet_pattern, link) is not None
 
-    def _judge_start(
-        self, stood: Stood, link_of: Mapping[str, str], tree: Tree
-    ) -> Iterator[Finding]:
-        """Every foot by the pattern; without one, the lowest point of the robot.
+    def _soles(self, stood: Stood, link_of: Mapping[str, str], tree: Tree) -> dict[str, float]:
+        """Gap (m) of every foot by the pattern; without one, of the lowest point of the robot.
 
         Links that fixed joints hold together are one foot, which stands on the lowest of them.
         """
@@ -187,22 +195,22 @@ class Stand(Check):
             if self._is_foot(link):
                 foot = _held_by(tree, link)
                 soles[foot] = min((gap, link), soles.get(foot, (gap, link)))
-        lowest = {link: gap for gap, link in soles.values()}
-        if self.feet_pattern is None:
-            name = min(lowest, key=lambda link: lowest[link], default=None)
-            lowest = {name: lowest[name]} if name is not None else {}
-        elif not lowest:
-            yield NO_FEET(
-                "robot",
-                f"no link that matches `{self.feet_pattern}` has a collision shape to stand on",
-                hint="give the feet collision geometry, or correct validate.stand.feet",
-            )
-        for link, gap in sorted(lowest.items()):
+        lowest = sorted(soles.values()) if self.feet_pattern else sorted(soles.values())[:1]
+        return {link: gap for gap, link in lowest}
+
+    def _judge_start(
+        self, stood: Stood, link_of: Mapping[str, str], tree: Tree
+    ) -> Iterator[Finding]:
+        soles = self._soles(stood, link_of, tree)
+        if self.feet_pattern and not soles:
+            message = f"no link that matches `{self.feet_pattern}` has a shape to stand on"
+            yield NO_FEET("robot", message)
+        for link, gap in sorted(soles.items()):
             if abs(gap) > self.sole:
+                side = "above" if gap > 0 else "inside"
                 yield START(
                     f"link {link}",
-                    f"at `{self.keyframe}` its sole is {abs(gap) * 1e3:.3g} mm "
-                    f"{'above' if gap > 0 else 'inside'} the floor",
+                    f"at `{self.keyframe}` its sole is {abs(gap) * 1e3:.3g} mm {side} the floor",
                     severity="error" if abs(gap) > FAR * self.sole else "warning",
                     hint="use `base: on_ground`, and make the legs of the keyframe equal",
                     data={"gap_m": gap, "tolerance_m": self.sole},
@@ -218,71 +226,27 @@ class Stand(Check):
                 hint="raise kp, check the effort limits, look for a pose off balance",
                 data={"sag_m": stood.sag_m, "tilt_rad": stood.tilt_rad},
             )
-        for rule, value, limit, unit, what, hint in (
-            (SAG, abs(stood.sag_m), self.max_sag, "m", "base height changed", "raise kp"),
-            (TILT, stood.tilt_rad, self.max_tilt, "rad", "base tilted", "raise kp"),
-            (
-                DRIFT,
-                stood.drift_m,
-                self.max_drift,
-                "m",
-                "base moved sideways",
-                "move the feet of the keyframe under the centre of mass",
-            ),
+        for rule, value, limit, unit, what in (
+            (SAG, abs(stood.sag_m), self.max_sag, "m", "base height changed"),
+            (TILT, stood.tilt_rad, self.max_tilt, "rad", "base tilted"),
+            (DRIFT, stood.drift_m, self.max_drift, "m", "base moved sideways"),
         ):
             if value > limit:
-                yield rule(
-                    "robot",
-                    f"{what} by {value:.3g} {unit} in {self.seconds:g} s, more than {limit:g}",
-                    hint=hint,
-                    data={f"value_{unit}": value, f"limit_{unit}": limit},
-                )
-
-    def _let_go(self, stood: Stood) -> Finding:
-        joint, off = stood.worst_held
-        unit = "m" if joint in stood.slides else "rad"
-        return FALL(
-            f"actuator {joint}",
-            f"does not hold the pose: after {self.seconds:g} s its joint is {off:.3g} {unit} off "
-            f"`{self.keyframe}`, above the limit of {self.fall:g}",
-            hint="raise kp, check the effort limit",
-            data={"off": off, "limit": self.fall},
-        )
+                message = f"{what} by {value:.3g} {unit} in {self.seconds:g} s, more than {limit:g}"
+                yield rule("robot", message, data={f"value_{unit}": value, f"limit_{unit}": limit})
 
     def _judge_contacts(self, stood: Stood, link_of: Mapping[str, str]) -> Iterator[Finding]:
         at_end = {link_of.get(geom, geom) for geom in stood.touching}
-        ever = {link_of.get(geom, geom) for geom in stood.touched}
-        for link in sorted(ever):
+        for link in sorted({link_of.get(geom, geom) for geom in stood.touched}):
             if not self._is_foot(link):
                 when = "at the end" if link in at_end else "for a moment"
                 yield CONTACT(
                     f"link {link}",
                     f"touched the floor {when}, and is no foot",
                     severity="error" if link in at_end else "warning",
-                    hint="raise the keyframe, or name it in validate.stand.feet",
                 )
         if not at_end:
             yield CONTACT("robot", "nothing touches the floor at the end", severity="error")
-
-    def _judge_overlaps(self, stood: Stood, link_of: Mapping[str, str]) -> Iterator[Finding]:
-        for (a, b), depth in stood.overlapping.items():
-            if depth > self.sole:
-                yield OVERLAP(
-                    f"link {link_of.get(a, a)}",
-                    f"its shape {a} is {depth * 1e3:.3g} mm inside {b} at the start",
-                    hint="exclude the pair, or make the shapes smaller",
-                    data={"depth_m": depth},
-                )
-
-    def _judge_loads(self, stood: Stood) -> Iterator[Finding]:
-        for joint, load in stood.load.items():
-            if load >= self.saturated:
-                yield TORQUE(
-                    f"actuator {joint}",
-                    f"needs all of its effort limit to stand ({load:.0%})",
-                    hint="check the effort limit and the pose",
-                    data={"load": load},
-                )
 
 
 def _held_by(tree: Tree, link: str) -> str:

@@ -4,7 +4,7 @@ The modules are the import closure of the file that defines the step: imports in
 count, those below `if TYPE_CHECKING:` do not. What imports cannot show stands in a constant of the
 module that needs it:
 
-    BEYOND_IMPORTS = ("assetbuild.simulators._physx_child", "simcheck", "./page.css")
+    BEYOND_IMPORTS = ("assetbuild.simulators.physx._child", "simcheck", "./page.css")
 
 These are modules that it starts as programs, libraries that it finds by name, and files beside it
 that it opens; a file's name has a slash.

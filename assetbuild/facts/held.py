@@ -32,7 +32,7 @@ from assetbuild.robot.model import Control, Tree
 from assetbuild.robot.pose import Pose
 from assetbuild.robot.shapes import Shapes
 from assetbuild.simulators import physx
-from assetbuild.simulators.physx_couplings import Coupling, measurable
+from assetbuild.simulators.physx.couplings import Coupling, measurable
 
 PHYSX = Precision(
     {"number": 4e-7, "vector": 4e-7, "direction": 4e-6, "pose": 2e-6, "tensor": 2e-6},

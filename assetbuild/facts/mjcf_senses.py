@@ -9,8 +9,8 @@ from typing import Any
 from assetbuild.facts.mjcf_fields import body_name, numbers
 from assetbuild.facts.mjcf_meshes import pose_of
 from assetbuild.facts.table import Value, Writer
-from assetbuild.simulators.joint_drives import Drive
 from assetbuild.simulators.mujoco import Model, name_of
+from assetbuild.simulators.mujoco.drives import Drive
 
 BALL = 1
 JOINTS = {0: "floating", BALL: "ball", 2: "linear", 3: "rotary"}

@@ -44,10 +44,11 @@ from assetbuild.robot.model import Control, Tree
 from assetbuild.robot.poses import Keyframe
 from assetbuild.robot.shapes import Geometry, Mesh, MeshAsset, MeshFile, Shape, Shapes, SourceShape
 from assetbuild.robot.simulation import Simulation
-from assetbuild.simulators import mujoco, mujoco_trials
-from assetbuild.simulators import mujoco_stand as held
-from assetbuild.simulators.mujoco_stand import Stand, outcome, outcome_figures, stand
-from assetbuild.simulators.mujoco_trials import support
+from assetbuild.simulators import mujoco
+from assetbuild.simulators.mujoco import stand as held
+from assetbuild.simulators.mujoco import trials as mujoco_trials
+from assetbuild.simulators.mujoco.stand import Stand, outcome, outcome_figures, stand
+from assetbuild.simulators.mujoco.trials import support
 from assetbuild.targets.mjcf import Mjcf
 
 JUDGE = StandCheck()

@@ -23,6 +23,8 @@ from assetbuild.recipe.loader import LoadedRecipe
 from assetbuild.report.document import Report
 from assetbuild.robot.pose import Pose, Vec3
 from assetbuild.simulators import physx
+from assetbuild.simulators.experiments import Experiment, Outcome, Setting
+from assetbuild.simulators.free_fall import fall_of
 
 TIMESTEP_S, DROP_S, HIGH_M = 0.005, 0.5, 1.0
 GRAVITY: Vec3 = (0.0, 0.0, -9.81)
@@ -83,21 +85,21 @@ def try_usd(file: Path) -> Iterator[Finding]:
     if lack := lacking(physx.REQUIRES, World()):
         yield UNTRIED("robot", f"not tried in PhysX: {lack}")
         return
-    air = physx.Setting(TIMESTEP_S, GRAVITY, contacts=False)
-    floor = physx.Setting(TIMESTEP_S, GRAVITY, at=Pose((0.0, 0.0, HIGH_M)), floor_friction=1.0)
+    air = Setting(TIMESTEP_S, GRAVITY, contacts=False)
+    floor = Setting(TIMESTEP_S, GRAVITY, at=Pose((0.0, 0.0, HIGH_M)), floor_friction=1.0)
     steps = round(DROP_S / TIMESTEP_S)
     done = physx.perform(
         file,
         (
-            physx.Experiment("fall", air, steps=steps, every=steps),
-            physx.Experiment("floor", floor, steps=4 * steps, every=steps),
+            Experiment("fall", air, steps=steps, every=steps),
+            Experiment("floor", floor, steps=4 * steps, every=steps),
         ),
         copied=False,
     )
     yield from tried(done, air)
 
 
-def tried(done: Mapping[str, physx.Outcome], air: physx.Setting) -> Iterator[Finding]:
+def tried(done: Mapping[str, Outcome], air: Setting) -> Iterator[Finding]:
     """What is wrong with a stage that PhysX dropped (`fall`, in `air`) and left on a `floor`."""
     held = done["fall"].held
     if held is None or held.articulations + len(held.loose) == 0:
@@ -118,9 +120,11 @@ def tried(done: Mapping[str, physx.Outcome], air: physx.Setting) -> Iterator[Fin
         yield from _fell(done["fall"], air)
 
 
-def _fell(outcome: physx.Outcome, setting: physx.Setting) -> Iterator[Finding]:
+def _fell(outcome: Outcome, setting: Setting) -> Iterator[Finding]:
     """Whatever the solver's iterations, gravity makes between g/2 t^2 and g/2 t (t + dt)."""
-    fall = physx.free_fall_of(outcome, setting, iterations=1)
+    fall = fall_of(Experiment("fall", setting), outcome)
+    if fall is None:
+        return
     least = fall.expected_m - 0.5 * abs(GRAVITY[2]) * fall.seconds * setting.timestep
     error = max(least - fall.drop_m, fall.drop_m - fall.expected_m, fall.sideways_m)
     if error > BROKEN * fall.expected_m:

@@ -113,13 +113,6 @@ def _grip(f: Figures) -> str:
     return "; ".join(said)
 
 
-def _physx_grip(f: Figures) -> str:
-    slips = [row["slip_m"] for rows in f.values() if isinstance(rows, list) for row in rows]
-    held = [float(slip) for slip in slips if slip is not None]
-    worst = _length(max(held, default=0.0))
-    return f"PhysX: holds {len(held)} of {len(slips)} objects, slip {worst}"
-
-
 def _slope(f: Figures) -> str:
     said = [
         f"{file}: creeps at {1e3 * float(row['speed_m_s']):.2g} mm/s below the angle of friction"
@@ -221,7 +214,7 @@ SENTENCES: Mapping[str, Callable[[Figures], str]] = {
     "free_fall": _free_fall,
     "full_effort": _full_effort,
     "grip": _grip,
-    "physx_grip": _physx_grip,
+    "physx_grip": _grip,
     "slope": _slope,
     "stand": _stand,
     "mass": _mass,

@@ -2,14 +2,41 @@
 
 from __future__ import annotations
 
+import json
 import os
 import subprocess
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from types import MappingProxyType
 
 _KEPT = ("PATH", "LD_LIBRARY_PATH", "HOME", "TMPDIR")
 """Variables of ours that a child sees."""
+_RUNNER = Path(__file__).with_name("_answering.py")
+BEYOND_IMPORTS = ("assetbuild.simulators._answering",)
 _FIXED = {"PYTHONHASHSEED": "0", "PYTHONUTF8": "1"}
+
+
+def ask(
+    python: Path,
+    program: Path,
+    job: Mapping[str, object],
+    folder: Path,
+    seconds: float,
+    variables: Mapping[str, str] = MappingProxyType({}),
+) -> tuple[dict[str, object] | None, str]:
+    """(what `answer(job)` of a program returned, "") or (None, why it returned nothing).
+
+    folder: private to it. variables: as of `run_child`.
+    """
+    asked, answer = folder / "job.json", folder / "answer.json"
+    asked.write_text(json.dumps(job), encoding="utf-8")
+    answer.unlink(missing_ok=True)
+    command = [str(python), "-P", "-s", str(_RUNNER), str(program), str(asked)]
+    ended = run_child(command, folder, seconds, variables)
+    if not ended and answer.exists():
+        return json.loads(answer.read_bytes()), ""
+    # An exception of the program speaks for itself.
+    return None, f"it {ended or 'wrote no answer'}".removeprefix("it failed: ")
 
 
 def run_child(

@@ -10,11 +10,10 @@ from pydantic import Field
 
 from assetbuild.engine.step import Limits
 from assetbuild.engine.world import World
-from assetbuild.errors import StepError
 from assetbuild.findings import Rule
 from assetbuild.kinds import Check, RecipeView
 from assetbuild.quantities import Model, Positive
-from assetbuild.simulators.environments import Environment, ask
+from assetbuild.simulators.environments import Environment
 
 FAILED = Rule(
     "smoke.failed",
@@ -82,11 +81,7 @@ class ConsumerCheck(Check):
         return f"run `assetbuild smoke RECIPE --consumer {cls.consumer}` once"
 
     def answer(self, program: str, job: dict[str, object]) -> tuple[dict[str, object] | None, str]:
-        """What the program beside this file found, or why it found nothing."""
-        python = self.home.python(World())
-        if python is None:
-            raise StepError(f"the environment of {self.consumer} is not there", hint=self.absent())
-        seconds = self.limits.wall_s
+        """What a program found, or why it found nothing. program: its path below this folder."""
         with tempfile.TemporaryDirectory(prefix=f"{self.consumer}-") as folder:
-            path = Path(__file__).with_name(program)
-            return ask(python, path, job, Path(folder).resolve(), seconds)
+            path = Path(__file__).parent / program
+            return self.home.ask(path, job, Path(folder).resolve(), self.limits.wall_s)

@@ -22,7 +22,7 @@ from pathlib import Path
 from assetbuild.engine.folders import cache_root
 from assetbuild.engine.world import World
 from assetbuild.errors import MachineError
-from assetbuild.simulators.children import last_line, run_child
+from assetbuild.simulators.children import ask, last_line
 
 MADE = "assetbuild.json"
 """Written last: an environment without it is half made."""
@@ -51,6 +51,20 @@ class Environment:
         python = self.folder / "bin" / "python"
         made = world.is_file(self.folder / MADE) and world.is_file(python)
         return python if made else None
+
+    def ask(
+        self, program: Path, job: dict[str, object], folder: Path, seconds: float
+    ) -> tuple[dict[str, object] | None, str]:
+        """As `children.ask`, with its Python; what it compiles is kept beside the environment."""
+        python = self.python(World())
+        if python is None:
+            return None, f"{self.name} is not installed"
+        variables = {
+            "WARP_CACHE_PATH": str(python.parents[1] / "kernels"),
+            "MUJOCO_GL": "disable",
+            "WANDB_MODE": "disabled",
+        }
+        return ask(python, program, job, folder, seconds, variables)
 
     def make(self, say: Callable[[str], None]) -> Path:
         """The interpreter, made when it is missing. MachineError when that fails."""
@@ -86,31 +100,6 @@ class Environment:
                 hint=f"your system's packages have it, or `uv python install {name[6:]}`",
             )
         return found
-
-
-def ask(
-    python: Path, program: Path, job: dict[str, object], folder: Path, seconds: float
-) -> tuple[dict[str, object] | None, str]:
-    """(its answer, "") or (None, why there is none). The program gets the path of the job.
-
-    folder: private to it; the kernels that it compiles are kept beside its environment. The job
-    goes in as `job.json`, the answer comes out as `answer.json`.
-    """
-    path = folder / "job.json"
-    path.write_text(json.dumps(job), encoding="utf-8")
-    variables = {
-        "WARP_CACHE_PATH": str(python.parents[1] / "kernels"),
-        "MUJOCO_GL": "disable",
-        "WANDB_MODE": "disabled",
-    }
-    ended = run_child(
-        [str(python), "-P", "-s", str(program), str(path)], folder, seconds, variables
-    )
-    answer = folder / "answer.json"
-    if not ended and answer.exists():
-        return json.loads(answer.read_bytes()), ""
-    # An exception of the program speaks for itself.
-    return None, f"it {ended or 'wrote no answer'}".removeprefix("it failed: ")
 
 
 def _install(python: str, requirements: Sequence[str], say: Callable[[str], None]) -> None:

@@ -1,22 +1,26 @@
 """What is asked of every simulator, and what comes back: plain values, no engine.
 
-A simulator answers as these types, so that a check can lay two answers side by side.
+An `Experiment` is one stage, loaded and stepped: `load`, `drop` and `swing` make the usual ones,
+with a `Course` it grips, with `Setting.gravity` it tilts. All simulators answer as an `Outcome`,
+so that a check can lay two answers side by side.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, ClassVar, Literal
 
 import numpy as np
 from pydantic import Field
 
-from assetbuild.findings import Finding, Rule
+from assetbuild.kinds import Check
 from assetbuild.quantities import Model, Positive
 from assetbuild.robot.mimic import with_mimics
-from assetbuild.robot.model import Control, Joint, Tree
-from assetbuild.robot.pose import Array
+from assetbuild.robot.model import Actuator, Control, Joint, Tree
+from assetbuild.robot.pose import Array, Pose, Vec3
 
 SWING_RAD = 0.3
 SWING_M = 0.05
@@ -24,16 +28,6 @@ SHARE_OF_RANGE = 0.2
 """Largest swing as a share of the joint's range, so that narrow joints stay off their stops."""
 SHARE_OF_SPEED = 0.6
 """Largest speed as a share of the joint's limit, which PhysX keeps and MuJoCo does not know."""
-
-
-class Fall(Model):
-    """Dropped without contact and drives; null = do not run it."""
-
-    seconds: Positive = Field(0.4, description="s")
-    tolerance: Positive = Field(
-        0.003, description="relative, against the integrator's formula, warning"
-    )
-    broken: Positive = Field(0.05, description="the same, error")
 
 
 class Swing(Model):
@@ -50,71 +44,7 @@ class Swing(Model):
     broken: Positive = Field(0.2, description="of the swing, either way, error")
 
 
-@dataclass(frozen=True)
-class FreeFall:
-    """How the whole robot's centre of mass fell. drop: along gravity; sideways: across it; m."""
-
-    seconds: float
-    drop_m: float
-    expected_m: float
-    sideways_m: float
-    finite: bool
-
-    @property
-    def relative_error(self) -> float:
-        """The error of the drop, relative to the expected one; infinite without a finite result."""
-        if not self.finite:
-            return math.inf
-        return abs(self.drop_m - self.expected_m) / max(self.expected_m, 1e-12)
-
-
-def fall_of(
-    moved: Array, seconds: float, gravity: Array, extra_s: float, *, finite: bool = True
-) -> FreeFall:
-    """The fall by `moved` (3,) m from rest against g/2 t (t + extra), m; gravity: (3,) m/s2.
-
-    extra_s: what the integrator of an engine adds to the exact law.
-    """
-    g = float(np.linalg.norm(gravity))
-    down = gravity / g if g else np.array([0.0, 0.0, -1.0])
-    drop = float(moved @ down)
-    sideways = float(np.linalg.norm(moved - drop * down))
-    return FreeFall(seconds, drop, g / 2 * seconds * (seconds + extra_s), sideways, finite)
-
-
-def fall_figures(fall: FreeFall) -> dict[str, object]:
-    """For the report."""
-    if not fall.finite:
-        return {"finite": False}
-    return {
-        "seconds": fall.seconds,
-        "drop_m": fall.drop_m,
-        "expected_m": fall.expected_m,
-        "relative_error": fall.relative_error,
-        "sideways_m": fall.sideways_m,
-    }
-
-
-def judge_fall(fall: FreeFall, drop: Fall, rule: Rule, rounding: float) -> Iterator[Finding]:
-    """A finding where it fell otherwise than the integrator must.
-
-    Compared as lengths, so that without gravity nothing may move at all. rounding: m, of an engine.
-    """
-    error = max(abs(fall.drop_m - fall.expected_m), fall.sideways_m)
-    if error > drop.tolerance * fall.expected_m + rounding:
-        yield rule(
-            "robot",
-            f"fell {fall.drop_m:.6g} m and {fall.sideways_m:.3g} m sideways in "
-            f"{fall.seconds:g} s, expected {fall.expected_m:.6g} m",
-            severity="error" if error > drop.broken * fall.expected_m else "warning",
-            hint="is a part fixed to the world, damped, or free of gravity?",
-            data={
-                "drop_m": fall.drop_m,
-                "expected_m": fall.expected_m,
-                "sideways_m": fall.sideways_m,
-                "tolerance": drop.tolerance,
-            },
-        )
+# --- questions ----------------------------------------------------------------------------------
 
 
 @dataclass(frozen=True)
@@ -136,6 +66,110 @@ class Sine:
         if joint in self.speeds:
             return self.swing[joint] * omega * math.cos(omega * time)
         return self.middle[joint] + self.swing[joint] * math.sin(omega * time)
+
+
+@dataclass(frozen=True)
+class Gripped:
+    """A free object on a table that is moved, in the world's frame, m and kg.
+
+    size: (3,) of a cube, or of a cylinder along z, or of a sphere. table: X_world_table of the
+    middle of its upper face, z up.
+    """
+
+    shape: Literal["cube", "cylinder", "sphere"]
+    size: Vec3
+    mass: float
+    inertia: Vec3
+    friction: float
+    X_world_object: Pose
+    X_world_table: Pose
+
+
+@dataclass(frozen=True)
+class Course:
+    """What is done in every step to an object that is gripped.
+
+    targets: (n,) of drives by joint, rad or m. table: (n, 3) world, m. force: (n, 3) on the object,
+    world, N. watched: bodies from which the object is seen. n: steps and one.
+    """
+
+    targets: Mapping[str, Array]
+    table: Array
+    force: Array
+    watched: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Setting:
+    """What surrounds the robot and what is changed on it.
+
+    base: `asset` leaves it; `held` bolts a floating one to the world at the origin.
+    at: X_world_robot of the whole asset, None = where it stands; keyframe, raised_m: the same for
+    MuJoCo. floor_friction: None = no floor.
+    contacts: False switches every collider off. rubbing: False takes joint friction and damping.
+    limited: False takes the limits of effort and speed. clipped: False takes those of commands.
+    hard: dry friction and coupled joints give way as little as in a textbook, in MuJoCo.
+    drives: gains to write over the asset's own, by joint name; drive_type: of these, per unit of
+    inertia where it is `acceleration`; other_drives: False takes all but these.
+    unhurried: joints whose limit of speed is taken. loops: False opens every loop.
+    locked: positions of joints that do not move, rad or m.
+    """
+
+    timestep: float
+    gravity: Vec3
+    base: Literal["asset", "held"] = "asset"
+    at: Pose | None = None
+    keyframe: str = ""
+    raised_m: float = 0.0
+    floor_friction: float | None = None
+    contacts: bool = True
+    rubbing: bool = True
+    limited: bool = True
+    clipped: bool = True
+    hard: bool = False
+    drives: Mapping[str, Actuator] | None = None
+    drive_type: Literal["force", "acceleration"] = "force"
+    other_drives: bool = True
+    unhurried: tuple[str, ...] = ()
+    loops: bool = True
+    locked: Mapping[str, float] = field(default_factory=dict)
+    gripped: Gripped | None = None
+
+
+@dataclass(frozen=True)
+class Experiment:
+    """One stage, loaded and stepped. steps: 0 = only loaded. every: steps between samples.
+
+    start: joint positions, rad or m; joints without one stay where the asset puts them.
+    """
+
+    name: str
+    setting: Setting
+    steps: int = 0
+    every: int = 1
+    start: Mapping[str, float] | None = None
+    sine: Sine | None = None
+    course: Course | None = None
+
+
+def load(control: Control) -> Experiment:
+    """What the simulator holds of the robot."""
+    return Experiment("load", Setting(control.simulation.timestep, control.simulation.gravity))
+
+
+def drop(control: Control, seconds: float) -> Experiment:
+    """The robot falls without contacts; only the end is seen."""
+    dt = control.simulation.timestep
+    setting = Setting(dt, control.simulation.gravity, contacts=False)
+    steps = max(1, round(seconds / dt))
+    return Experiment("fall", setting, steps=steps, every=steps)
+
+
+def swing(name: str, setting: Setting, sine: Sine, sample_s: float) -> Experiment:
+    """All joints follow a sine from its middle."""
+    dt = setting.timestep
+    every = max(1, round(sample_s / dt))
+    return Experiment(name, setting, round(sine.seconds / dt), every, sine.middle, sine)
 
 
 def sine_of(
@@ -178,6 +212,9 @@ def bounds(joint: Joint) -> tuple[float, float]:
     return (-math.inf if lower is None else lower), (math.inf if upper is None else upper)
 
 
+# --- answers ------------------------------------------------------------------------------------
+
+
 @dataclass(frozen=True)
 class Motion:
     """Trajectories, sampled at `time` (n,), s. joints: rad or m by name, each (n,).
@@ -200,6 +237,34 @@ class Motion:
         """Nothing went to infinity or to NaN."""
         tracks = (self.root, self.turn, self.com, *self.joints.values())
         return all(bool(np.isfinite(track).all()) for track in tracks)
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """held, motion: None where the simulator did not get that far, and `failure` says why."""
+
+    held: Any  # MuJoCo's model, `Held` of PhysX, JSON of Newton
+    motion: Motion | None
+    failure: str = ""
+
+    @property
+    def finite(self) -> bool:
+        """It got to its end and nothing was NaN."""
+        return not self.failure and (self.motion is None or self.motion.finite)
+
+
+class SimulatorCheck(Check):
+    """Base of the checks that ask one simulator, whichever it is: the face of all simulators."""
+
+    engine: ClassVar[str]
+    """Its name in sentences."""
+
+    robot: str
+    """Name of the robot: the stem of its files."""
+
+    def perform(self, inputs: Path, experiments: Sequence[Experiment]) -> Mapping[str, Outcome]:
+        """Outcomes by name. A crash or a NaN ends only its own experiment."""
+        raise NotImplementedError
 
 
 @dataclass(frozen=True)

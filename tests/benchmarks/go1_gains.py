@@ -19,7 +19,7 @@ import mujoco
 import numpy as np
 
 from assetbuild.robot.model import Actuator
-from assetbuild.simulators.mujoco_motion import drive_as
+from assetbuild.simulators.mujoco.motion import drive_as
 
 VARIANTS = ("gains_mjlab", "gains_menagerie", "gains_isaaclab")
 LEG = ("FR_hip_joint", "FR_thigh_joint", "FR_calf_joint")

@@ -9,10 +9,14 @@ import numpy as np
 import pytest
 from tiny import box_inertial, pendulum, run_step, write_robot_ports
 
-from assetbuild.alignment.response import Responses
+from assetbuild.alignment.asked import SAMPLE_S
+from assetbuild.alignment.moved import Compared, FloorLimits
 from assetbuild.alignment.row import Row, findings_of
+from assetbuild.checks.alignment import OFF
 from assetbuild.robot.model import Actuator, Body, Control, Simulation
-from assetbuild.simulators.experiments import Motion, Sine, Swing
+from assetbuild.simulators.experiments import Motion, Outcome, Setting, Sine, Swing, swing
+from assetbuild.simulators.free_fall import Fall
+from assetbuild.simulators.mujoco.motion import perform
 from assetbuild.targets.mjcf import Mjcf
 
 WRIST = Actuator("swing_joint", "pd", kp=20.0, kd=0.2, friction=1.0, effort=30.0)
@@ -33,7 +37,19 @@ def row_beside(angle: np.ndarray, folder: Path, drive: Actuator = WRIST) -> Row:
     time = 1e-3 * np.arange(len(angle))
     still = np.zeros((len(time), 3))
     theirs = Motion(time, {"swing_joint": angle}, still, np.ones((len(time), 4)), still)
-    (row,) = Responses(folder / "out/mjcf/r.xml", tree, control, SINE, WISH, {}).as_is(theirs, STEP)
+    asked = swing("sine_as_is", Setting(STEP, weightless.gravity), SINE, SAMPLE_S)
+    both = Compared(
+        tree,
+        control,
+        WISH,
+        Fall(),
+        FloorLimits(),
+        1,
+        lambda one: perform(folder / "out/mjcf", "r", (one,))[one.name],
+        {asked.name: asked},
+        {asked.name: Outcome(None, theirs)},
+    )
+    (row,) = both.rows()
     return row
 
 
@@ -53,7 +69,7 @@ def test_friction_that_holds_explains_the_row(tmp_path: Path):
     assert row.off is not None
     assert row.off > 0.05
     assert row.verdict == "warning"
-    (finding,) = findings_of([row])
+    (finding,) = findings_of([row], OFF, "PhysX")
     assert finding.severity == "warning"
     assert "soft" in finding.message
 
@@ -75,7 +91,7 @@ def test_a_reason_makes_an_error_a_warning_and_stands_in_the_table():
     known = replace(row, because="soft")
     assert known.verdict == "warning"
     assert known.shown("PhysX")["because"] == "soft"
-    (finding,) = findings_of([known, replace(row, off=0.25)])
+    (finding,) = findings_of([known, replace(row, off=0.25)], OFF, "PhysX")
     assert finding.severity == "error", "an unexplained row weighs more than a larger known one"
 
 
@@ -91,7 +107,7 @@ def test_a_speed_that_only_one_engine_limits_explains_the_row(tmp_path: Path):
     row = row_beside(np.zeros(3000), tmp_path / "limited", drive)
     assert row.verdict == "warning"
     assert row.because.startswith("MuJoCo has no limit of speed: `swing_joint` moves at")
-    (found,) = findings_of([row])
+    (found,) = findings_of([row], OFF, "PhysX")
     assert "validate.sine.frequency" in found.hint
     quick = row_beside(np.zeros(3000), tmp_path / "quick", replace(drive, velocity=5.0))
     assert (quick.verdict, quick.because) == ("error", "")

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import pytest
 from tiny import tiny_quadruped
@@ -13,7 +12,6 @@ from assetbuild.alignment.row import Row
 from assetbuild.report.summary import public_message
 
 CONTROL = tiny_quadruped().control
-SET: dict[str, Any] = {"slope": 0.5, "seconds": 2.0, "fall_m": 1.0, "sine_hz": 1.0}
 
 
 def test_a_block_that_slides_further_has_so_much_less_friction() -> None:
@@ -21,13 +19,13 @@ def test_a_block_that_slides_further_has_so_much_less_friction() -> None:
     nominal = CONTROL.contact.friction[0]
     angle, g, t = math.atan(0.5 * nominal), 9.81, 2.0
     ways = [g * t**2 / 2 * (math.sin(angle) - mu * math.cos(angle)) for mu in (0.3, 0.25)]
-    (low, high) = ranges_of([Row("slide_m", "LOW", "robot", *ways)], CONTROL, **SET)["friction"]
+    (low, high) = ranges_of([Row("slide_m", "LOW", "robot", *ways)], CONTROL, 1.0)["friction"]
     assert (nominal - low, high - nominal) == pytest.approx((0.05, 0.05))
 
 
 def test_a_ball_that_rises_a_quarter_has_half_the_speed() -> None:
     rows = [Row("bounce_m", "LOW", "robot", 0.0, 0.25)]
-    assert ranges_of(rows, CONTROL, **SET)["restitution"] == pytest.approx((0.0, 0.5))
+    assert ranges_of(rows, CONTROL, 1.0)["restitution"] == pytest.approx((0.0, 0.5))
 
 
 def test_a_joint_that_lags_has_more_damping() -> None:
@@ -35,14 +33,14 @@ def test_a_joint_that_lags_has_more_damping() -> None:
     drive = CONTROL.by_joint["FR_hip_joint"]
     lag = 2 * math.pi * (drive.kd + drive.damping) / drive.kp
     row = Row("sine_as_is", "HIGH", "joint FR_hip_joint", "", "", lag_rad=lag)
-    assert ranges_of([row], CONTROL, **SET)["damping"] == pytest.approx((1.0, 2.0))
+    assert ranges_of([row], CONTROL, 1.0)["damping"] == pytest.approx((1.0, 2.0))
 
 
 def test_equal_engines_and_missing_experiments_propose_nothing_wide() -> None:
-    assert ranges_of([], CONTROL, **SET) == {}
+    assert ranges_of([], CONTROL, 1.0) == {}
     nan = [Row("slide_m", "LOW", "robot", math.nan, 0.1), Row("bounce_m", "LOW", "robot", 0.1, "x")]
-    assert ranges_of(nan, CONTROL, **SET) == {}
-    same = ranges_of([Row("slide_m", "LOW", "robot", 0.1, 0.1)], CONTROL, **SET)
+    assert ranges_of(nan, CONTROL, 1.0) == {}
+    same = ranges_of([Row("slide_m", "LOW", "robot", 0.1, 0.1)], CONTROL, 1.0)
     assert same["friction"][0] == same["friction"][1]
 
 

@@ -1,79 +1,127 @@
-"""What does not fall freely is found."""
+"""What does not fall freely is found, in MuJoCo and in PhysX."""
 
 from __future__ import annotations
 
+import importlib.util
 import json
 from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from pxr import Sdf, Usd, UsdPhysics
 from tiny import TinyRobot, check_inputs, pendulum, run_step, tiny_quadruped
 
 from assetbuild.checks.free_fall import FreeFall
+from assetbuild.checks.physx_free_fall import PhysxFreeFall
 from assetbuild.findings import Finding
 from assetbuild.pipeline.recipes import whole_model
 from assetbuild.robot.model import Simulation
-from assetbuild.simulators.experiments import Fall
+from assetbuild.simulators.free_fall import Fall
 from assetbuild.targets.mjcf import Mjcf
+from assetbuild.targets.usd import Usd as UsdTarget
+
+needs_physx = pytest.mark.skipif(
+    importlib.util.find_spec("ovphysx") is None, reason="needs the extra `physx`"
+)
+CHECKS = [FreeFall, pytest.param(PhysxFreeFall, marks=needs_physx)]
 
 
-def check(robot: TinyRobot, folder: Path, spoil: dict[str, str] | None = None) -> list[Finding]:
-    inputs = check_inputs(folder, robot, Mjcf(robot="robot"), "mjcf")
-    path = inputs / "mjcf/robot.xml"
-    text = path.read_text()
-    for old, new in (spoil or {}).items():
-        assert old in text
-        text = text.replace(old, new)
-    path.write_text(text)
-    return run_step(FreeFall(robot="robot"), inputs, folder / "out")
+def built(robot: TinyRobot, folder: Path, check: type[FreeFall | PhysxFreeFall]) -> Path:
+    if check is FreeFall:
+        return check_inputs(folder, robot, Mjcf(robot="robot"), "mjcf")
+    return check_inputs(folder, robot, UsdTarget(robot="robot"), "usd")
 
 
-def test_quadruped_falls_as_the_integrator_must(tmp_path: Path) -> None:
-    assert check(tiny_quadruped(), tmp_path) == []
-    figures = json.loads((tmp_path / "out/figures.json").read_text())
-    assert figures["drop_m"] == pytest.approx(9.81 / 2 * 0.4 * 0.405, rel=1e-9)
+def rules(found: list[Finding]) -> list[tuple[str, str]]:
+    return [(finding.rule, finding.severity) for finding in found]
 
 
-def test_side_wind_of_gravity_is_no_error_but_along_it(tmp_path: Path) -> None:
+@pytest.mark.parametrize("check", CHECKS)
+def test_quadruped_falls_as_the_integrator_must(
+    tmp_path: Path, check: type[FreeFall | PhysxFreeFall]
+) -> None:
+    """Not the continuous g t^2 / 2: PhysX's gravity comes in 8 parts per step."""
+    assert run_step(check(robot="robot"), built(tiny_quadruped(), tmp_path, check), tmp_path) == []
+    figures = json.loads((tmp_path / "figures.json").read_text())
+    extra = 0.005 if check is FreeFall else 0.005 / 8
+    assert figures["drop_m"] == pytest.approx(9.81 / 2 * 0.4 * (0.4 + extra), rel=1e-4)
+
+
+@pytest.mark.parametrize("check", CHECKS)
+def test_gravity_may_point_elsewhere(tmp_path: Path, check: type[FreeFall | PhysxFreeFall]) -> None:
     robot = tiny_quadruped()
     moon = replace(robot.control, simulation=Simulation(gravity=(0.5, 0.0, -1.62)))
-    assert check(replace(robot, control=moon), tmp_path) == []
+    inputs = built(replace(robot, control=moon), tmp_path, check)
+    assert run_step(check(robot="robot"), inputs, tmp_path / "out") == []
 
 
 @pytest.mark.parametrize(
     ("spoil", "severity"),
     [
-        ({'<freejoint name="floating_base_joint"/>': ""} | {"<key ": "<!-- <key "}, "error"),
+        (
+            {
+                '<freejoint name="floating_base_joint"/>': "",
+                "<keyframe>": "<!--",
+                "</keyframe>": "-->",
+            },
+            "error",
+        ),
         ({'<body name="trunk"': '<body name="trunk" gravcomp="0.5"'}, "error"),
         ({'<body name="FR_calf"': '<body name="FR_calf" gravcomp="0.5"'}, "warning"),
+        ({"</mujoco>": ""}, "error"),
     ],
-    ids=["welded to the world", "half weightless", "one calf half weightless"],
+    ids=["welded to the world", "half weightless", "one calf half weightless", "does not load"],
 )
-def test_what_does_not_fall_freely_is_found(
+def test_what_does_not_fall_freely_in_mujoco_is_found(
     tmp_path: Path, spoil: dict[str, str], severity: str
 ) -> None:
-    if "<key " in spoil:
-        spoil = {k: v for k, v in spoil.items() if k != "<key "}
-        spoil |= {"<keyframe>": "<!--", "</keyframe>": "-->"}
-    found = check(tiny_quadruped(), tmp_path, spoil)
-    assert [(f.rule, f.severity) for f in found] == [("free_fall.drop", severity)]
+    inputs = built(tiny_quadruped(), tmp_path, FreeFall)
+    path = inputs / "mjcf/robot.xml"
+    for old, new in spoil.items():
+        assert old in path.read_text()
+        path.write_text(path.read_text().replace(old, new))
+    found = run_step(FreeFall(robot="robot"), inputs, tmp_path / "out")
+    assert rules(found) == [("free_fall.drop", severity)]
 
 
-def test_fixed_base_is_not_dropped_and_says_so(tmp_path: Path) -> None:
-    found = check(pendulum(), tmp_path)
-    assert [(f.rule, f.severity) for f in found] == [("free_fall.fixed_base", "info")]
+@needs_physx
+@pytest.mark.parametrize(
+    ("drag", "weld", "severity"),
+    [(0.1, False, "warning"), (1.0, False, "error"), (0, True, "error")],
+)
+def test_drag_and_a_weld_in_physx_are_found(
+    tmp_path: Path, drag: float, weld: bool, severity: str
+) -> None:
+    inputs = built(tiny_quadruped(), tmp_path, PhysxFreeFall)
+    stage = Usd.Stage.Open(str(inputs / "usd/robot.usda"))
+    for prim in stage.Traverse() if drag else ():
+        if prim.HasAPI(UsdPhysics.RigidBodyAPI):
+            prim.CreateAttribute("physxRigidBody:linearDamping", Sdf.ValueTypeNames.Float).Set(drag)
+    if weld:
+        joint = UsdPhysics.FixedJoint.Define(stage, "/robot/Joints/root_joint")
+        joint.CreateBody1Rel().SetTargets(["/robot/trunk"])
+    stage.Save()
+    del stage
+    found = run_step(PhysxFreeFall(robot="robot"), inputs, tmp_path / "out")
+    assert rules(found) == [("physx.free_fall", severity)]
 
 
-def test_file_that_does_not_load_is_an_error(tmp_path: Path) -> None:
-    found = check(tiny_quadruped(), tmp_path, {"</mujoco>": ""})
-    assert [(f.rule, f.severity) for f in found] == [("free_fall.load", "error")]
+def test_a_fixed_base_is_not_dropped_and_mujocos_check_says_so(tmp_path: Path) -> None:
+    inputs = built(pendulum(), tmp_path, FreeFall)
+    found = run_step(FreeFall(robot="robot"), inputs, tmp_path / "mujoco")
+    assert rules(found) == [("free_fall.fixed_base", "info")]
+    assert run_step(PhysxFreeFall(robot="robot"), inputs, tmp_path / "physx") == []
 
 
-def test_recipe_decides_whether_and_how_long() -> None:
+def test_recipe_decides_where_and_how_long() -> None:
     base = {"schema": "assetbuild/v1", "robot": "r", "source": {"path": ".", "urdf": "r.urdf"}}
-    asked = whole_model().model_validate(base | {"validate": {"free_fall": {"seconds": 0.2}}})
-    unasked = whole_model().model_validate(base | {"validate": {"free_fall": None}})
-    elsewhere = whole_model().model_validate(base | {"validate": {"simulators": ["physx"]}})
-    assert FreeFall.configure(asked) == FreeFall(robot="r", drop=Fall(seconds=0.2))
-    assert FreeFall.configure(unasked) is None
-    assert FreeFall.configure(elsewhere) is None
+
+    def made(**words: object) -> list[object]:
+        asked = whole_model().model_validate(base | {"validate": words})
+        return [check.configure(asked) for check in (FreeFall, PhysxFreeFall)]
+
+    short, both = Fall(seconds=0.2), ["mujoco", "physx"]
+    first, second = FreeFall(robot="r", wish=short), PhysxFreeFall(robot="r", wish=short)
+    assert made(simulators=both, free_fall={"seconds": 0.2}) == [first, second]
+    assert made(free_fall={"seconds": 0.2}) == [first, None]
+    assert made(simulators=both, free_fall=None) == [None, None]

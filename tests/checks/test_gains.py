@@ -16,7 +16,6 @@ from tiny import (
     four_bar,
     pendulum,
     run_step,
-    tiny_quadruped,
     write_robot_ports,
 )
 
@@ -113,16 +112,6 @@ def test_a_drive_that_outruns_the_step_elsewhere_in_its_loop_is_found(tmp_path: 
 
 def test_gains_of_the_source_are_told(tmp_path: Path) -> None:
     assert "gains.inherited" in rules(judged(arm(), tmp_path, inherited=True)[0])
-
-
-def test_a_quadruped_with_soft_gains_is_told_what_is_customary(tmp_path: Path) -> None:
-    robot = tiny_quadruped()
-    found = judged(robot, tmp_path / "a", feet=".*_foot")
-    assert "gains.customary" not in rules(found[0])
-    assert max(one["load"] for one in found[1].values()) < 0.3
-    soft = tuple(replace(a, kp=20.0, kd=0.5) for a in robot.control.actuators)
-    robot = replace(robot, control=replace(robot.control, actuators=soft))
-    assert "gains.customary" in rules(judged(robot, tmp_path / "b", feet=".*_foot")[0])
 
 
 @pytest.mark.parametrize("integrator", ["Euler", "implicitfast"])

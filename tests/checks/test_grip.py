@@ -11,6 +11,7 @@ from tiny import run_step
 
 from assetbuild.checks.grip import Gripping
 from assetbuild.findings import Finding
+from assetbuild.simulators.gripping import GripWish
 
 PADS = 'priority="1" solref="0.004 1" solimp="0.95 0.99 0.001"'
 
@@ -65,7 +66,7 @@ def test_a_robot_without_a_hand_is_told(tmp_path: Path) -> None:
 
 
 def test_keyframes_that_are_not_there_are_an_error_of_the_recipe(tmp_path: Path) -> None:
-    check = Gripping(robot="robot", keyframes=("open", "fist"))
+    check = Gripping(robot="robot", wish=GripWish(keyframes=("open", "fist")))
     (found,), _ = judged(pincher(tmp_path), check)
     assert (found.rule, found.severity) == ("grip.hand", "warning")
     assert "no keyframe `open`" in found.message

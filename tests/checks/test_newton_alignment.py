@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -13,15 +13,16 @@ import pytest
 from pxr import Usd
 from tiny import four_bar, pendulum, run_step, tiny_quadruped, write_robot_ports
 
+from assetbuild.alignment.asked import Asked, into_stop
+from assetbuild.alignment.moved import Compared, FloorLimits
 from assetbuild.alignment.row import Row, findings_of
-from assetbuild.alignment.stops import explained, into_stop, stop_rows
-from assetbuild.checks.newton_alignment import NewtonAlignment, failed_runs
+from assetbuild.checks.newton_alignment import OFF, NewtonAlignment
 from assetbuild.engine.world import World
 from assetbuild.findings import Finding
 from assetbuild.robot.model import Actuator, Control, Joint, Limits
 from assetbuild.simulators import newton
-from assetbuild.simulators.experiments import Motion, Swing
-from assetbuild.simulators.physx import Outcome
+from assetbuild.simulators.experiments import Experiment, Motion, Outcome, Swing
+from assetbuild.simulators.free_fall import Fall
 from assetbuild.targets.mjcf import Mjcf
 from assetbuild.targets.usd import Usd as UsdTarget
 
@@ -36,52 +37,59 @@ def motion(joint: str, angle: np.ndarray) -> Motion:
     return Motion(time, {joint: angle}, still, np.ones((len(time), 4)), still)
 
 
-@pytest.mark.parametrize(("further", "verdict"), [(0.005, "ok"), (0.02, "warning"), (0.3, "error")])
-def test_a_limit_that_gives_way_further_than_mujocos_is_a_row(further: float, verdict: str):
+def past_upper(coarse: float, fine: float) -> Row:
+    """The row of a pendulum that runs so much further past its limit than in MuJoCo, rad.
+
+    fine: in shorter steps.
+    """
     tree = pendulum().tree
     (joint,) = tree.moving_joints
     drive = Actuator(joint.name, "pd", kp=20.0, kd=0.2)
-    sine = into_stop(tree, Control((drive,), ()), {}, "upper")
+    asked = Asked(tree, Control((drive,), ()), Swing()).experiments()
+    sine = asked["past_upper"].sine
     assert sine is not None and joint.limits.upper is not None
     assert sine.target(joint.name, 0.25) > joint.limits.upper > sine.middle[joint.name]
-    ours, theirs = (
-        motion(joint.name, np.array([0.0, joint.limits.upper + past]))
-        for past in (0.03, 0.03 + further)
-    )
-    (row,) = stop_rows(tree, sine, "upper", ours, theirs)
+
+    def moved(past: float) -> Outcome:
+        return Outcome(None, motion(joint.name, np.array([0.0, joint.limits.upper + past])))
+
+    theirs = {"past_upper": moved(0.03 + coarse), "past_upper_fine": moved(0.03 + fine)}
+    limits, wish = FloorLimits(), Swing()
+    both = Compared(tree, Control(), wish, Fall(), limits, 1, lambda _: moved(0.03), asked, theirs)
+    (row,) = both.rows()
+    return row
+
+
+@pytest.mark.parametrize(("further", "verdict"), [(0.005, "ok"), (0.02, "warning"), (0.3, "error")])
+def test_a_limit_that_gives_way_further_than_mujocos_is_a_row(further: float, verdict: str):
+    row = past_upper(further, further)
     assert (row.name, row.verdict) == ("past_upper", verdict)
-    found = [finding.rule for finding in findings_of([row], "Newton")]
+    found = [finding.rule for finding in findings_of([row], OFF, "Newton")]
     assert found == ([] if verdict == "ok" else ["alignment.newton.past_upper"])
 
 
 def test_a_limit_that_gives_way_in_long_steps_alone_names_the_integrator():
-    tree = pendulum().tree
-    (joint,) = tree.moving_joints
-    sine = into_stop(tree, Control((Actuator(joint.name, "pd", kp=20.0),), ()), {}, "upper")
-    assert sine is not None and joint.limits.upper is not None
-
-    def rows(further: float) -> list[Row]:
-        ours, theirs = (
-            motion(joint.name, np.array([0.0, (joint.limits.upper or 0.0) + past]))
-            for past in (0.03, 0.03 + further)
-        )
-        return list(stop_rows(tree, sine, "upper", ours, theirs))
-
-    (named,) = explained(rows(0.2), rows(0.001), 2.5e-4)
+    named = past_upper(0.2, 0.001)
     assert named.verdict == "warning" and "integrators part" in named.because
     assert "`simulation.timestep`" in named.advice
-    (same,) = explained(rows(0.2), rows(0.15), 2.5e-4)
+    same = past_upper(0.2, 0.15)
     assert same.verdict == "error" and not same.because
 
 
-def test_a_run_that_newton_refuses_or_loses_is_an_error():
-    fine = motion("j", np.zeros(3))
-    lost = replace(fine, root=np.full((3, 3), np.nan))
-    runs = {"fall": fine, "sine": lost, "load": None}
-    why = {"load": "it refuses the stage"}
-    outcomes = {name: Outcome({}, made, why.get(name, "")) for name, made in runs.items()}
-    found = [(f.rule, f.message.split("`")[1]) for f in failed_runs(outcomes)]
-    assert found == [("alignment.newton.run", "sine"), ("alignment.newton.run", "load")]
+def test_a_run_that_newton_refuses_or_loses_is_an_error(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    still = motion("j", np.zeros(3))
+    lost = Outcome(None, replace(still, root=np.full((3, 3), np.nan)))
+
+    def perform(_: NewtonAlignment, __: Path, asked: Sequence[Experiment]) -> dict[str, Outcome]:
+        refused = Outcome(None, None, "it refuses the stage")
+        return {each.name: refused if each.name == "load" else lost for each in asked}
+
+    monkeypatch.setattr(NewtonAlignment, "perform", perform)
+    found, _ = check(tmp_path)
+    runs = {f.message.split("`")[1] for f in found if f.rule == "alignment.newton.run"}
+    assert {"load", "fall", "sine", "stand"} < runs
 
 
 def test_a_joint_without_limits_or_drive_runs_into_none():

@@ -15,6 +15,7 @@ from assetbuild.findings import Finding
 from assetbuild.robot.model import Actuator, Body, Control, Joint, Keyframe, Limits, Mimic, Tree
 from assetbuild.robot.pose import Pose
 from assetbuild.robot.shapes import Box, Shape, Shapes
+from assetbuild.simulators.gripping import GripWish
 from assetbuild.targets.mjcf import Mjcf
 from assetbuild.targets.usd import Usd
 
@@ -56,15 +57,17 @@ def judged(effort: float, folder: Path) -> tuple[list[Finding], dict[str, list[d
     inputs = check_inputs(folder / "usd", robot, Usd(robot="robot"), "usd")
     mjcf = check_inputs(folder / "mjcf", robot, Mjcf(robot="robot"), "mjcf")
     shutil.copytree(mjcf / "mjcf", inputs / "mjcf")
-    findings = run_step(PhysxGripping(robot="robot", masses=(0.2,)), inputs, folder / "out")
+    findings = run_step(
+        PhysxGripping(robot="robot", wish=GripWish(masses=(0.2,))), inputs, folder / "out"
+    )
     return findings, json.loads((folder / "out/figures.json").read_text())
 
 
 def test_a_pincher_holds_cube_cylinder_and_sphere(tmp_path: Path) -> None:
     findings, figures = judged(40.0, tmp_path)
     assert findings == []
-    assert [row["shape"] for row in figures["palm"]] == ["cube", "cylinder", "sphere"]
-    assert max(row["slip_m"] for row in figures["palm"]) < 0.001
+    assert [row["shape"] for row in figures["usd"]["palm"]] == ["cube", "cylinder", "sphere"]
+    assert max(row["slip_m"] for row in figures["usd"]["palm"]) < 0.001
 
 
 def test_a_pincher_without_strength_loses_them(tmp_path: Path) -> None:
@@ -73,4 +76,4 @@ def test_a_pincher_without_strength_loses_them(tmp_path: Path) -> None:
     assert lost.rule == "physx.grip"
     assert "does not hold 3" in lost.message
     assert "a cube of 40 mm and 0.2 kg is lost" in lost.message
-    assert {row["slip_m"] for row in figures["palm"]} == {None}
+    assert {row["slip_m"] for row in figures["usd"]["palm"]} == {None}

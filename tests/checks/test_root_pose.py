@@ -20,6 +20,7 @@ from assetbuild.findings import Finding
 from assetbuild.robot.dynamics import dynamics
 from assetbuild.robot.pose import IDENTITY, Pose, normalised_quat
 from assetbuild.robot.tree import held_by_world
+from assetbuild.simulators.experiments import Experiment, Setting
 from assetbuild.targets.mjcf import Mjcf
 from assetbuild.targets.urdf import Urdf
 from assetbuild.targets.usd import Usd as UsdTarget
@@ -190,8 +191,8 @@ def test_physx_and_mujoco_fall_alike_from_the_wall(tmp_path: Path) -> None:
     from assetbuild.simulators import physx
 
     inputs = check_inputs(tmp_path, hung(), UsdTarget(robot="robot"), "usd")
-    setting = physx.Setting(0.001, (0.0, 0.0, -9.81), contacts=False)
-    fall = physx.Experiment("fall", setting, steps=200, every=200)
+    setting = Setting(0.001, (0.0, 0.0, -9.81), contacts=False)
+    fall = Experiment("fall", setting, steps=200, every=200)
     done = physx.perform(inputs / "usd/robot.usda", (fall,))["fall"]
     assert done.motion is not None
     other = check_inputs(tmp_path / "m", hung(), Mjcf(robot="robot"), "mjcf")

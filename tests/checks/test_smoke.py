@@ -16,8 +16,9 @@ from assetbuild.engine.world import World
 from assetbuild.pipeline.recipes import whole_model
 from assetbuild.recipe.models import Recipe
 from assetbuild.robot.ranges import Randomize
+from assetbuild.simulators.children import ask
 from assetbuild.simulators.consumers import SmokeBounds
-from assetbuild.simulators.environments import MADE, Environment, ask, pip_words
+from assetbuild.simulators.environments import MADE, Environment, pip_words
 from assetbuild.targets.mjlab import Mjlab
 
 BOUNDS = SmokeBounds.model_validate({})
@@ -105,9 +106,8 @@ def test_a_consumer_that_fails_says_why(tmp_path: Path, text: str, why: str) -> 
 
     program = tmp_path / "child.py"
     program.write_text(text)
-    answer, failure = ask(
-        Path(sys.executable), program, {}, tmp_path, 1.0 if "sleep" in text else 30.0
-    )
+    seconds = 1.0 if "sleep" in text else 30.0
+    answer, failure = ask(Path(sys.executable), program, {}, tmp_path, seconds)
     assert answer is None
     assert why in failure
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import math
-import re
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -21,7 +20,7 @@ from assetbuild.pipeline.recipes import whole_model
 from assetbuild.robot.model import Actuator, Control, Keyframe
 from assetbuild.robot.pose import Pose
 from assetbuild.robot.shapes import Box, Shape, Shapes
-from assetbuild.simulators.mujoco_trials import polygon_margin, support
+from assetbuild.simulators.mujoco.trials import polygon_margin, support
 from assetbuild.targets.mjcf import Mjcf
 
 QUADRUPED = tiny_quadruped()
@@ -125,13 +124,6 @@ def test_a_centre_of_mass_beyond_the_feet_is_told(tmp_path: Path):
 def test_the_least_margin_of_support_is_the_recipe_s(tmp_path: Path):
     (balance,) = [f for f in tried(QUADRUPED, tmp_path, support=0.5) if f.rule == "trials.balance"]
     assert "inside" in balance.message
-
-
-def test_what_it_does_without_its_drives_is_information(tmp_path: Path):
-    """Four bent legs fold: the trunk sinks, and no finding complains."""
-    assert tried(QUADRUPED, tmp_path) == []
-    passive = json.loads((tmp_path / "out/figures.json").read_text())["without_drives"]
-    assert passive["base_sinks_m"] > 0.05
 
 
 def test_a_file_with_hundreds_of_joints_is_not_simulated():
@@ -346,7 +338,7 @@ def test_what_has_neither_drives_nor_joints_rests(tmp_path: Path):
 # --- more contacts than MuJoCo's memory holds -------------------------------------------------
 
 
-def crowd(links: int, boxes: int, size: str = "", excludes: str = "") -> str:
+def crowd(links: int, boxes: int, excludes: str = "") -> str:
     """A chain of bodies in nearly one place: all but neighbours touch, 4 rows a contact."""
     opened = "".join(
         f'<body name="b{i}" pos="0 0 {0.001 if i else 0.45}">'
@@ -357,7 +349,7 @@ def crowd(links: int, boxes: int, size: str = "", excludes: str = "") -> str:
         for i in range(links)
     )
     pose = " ".join(["0 0 .45 1 0 0 0", *["0"] * (links - 1)])
-    return f"""<mujoco>{size}<worldbody>{opened}{"</body>" * links}</worldbody>
+    return f"""<mujoco><worldbody>{opened}{"</body>" * links}</worldbody>
       <contact>{excludes}</contact><keyframe><key name="home" qpos="{pose}"/></keyframe></mujoco>"""
 
 
@@ -376,25 +368,8 @@ def test_contacts_that_fill_the_memory_of_mujoco_are_a_finding(links: int, boxes
     """Each pair of boxes that touch has 4 contacts; b and b + 1 are parent and child."""
     figures: dict[str, object] = {}
     found = list(Trials(poses=2).examine(compiled(crowd(links, boxes)), figures))
-    (full,) = [finding for finding in found if finding.rule == "trials.memory"]
-    pairs = (links - 1) * (links - 2) // 2
-    assert full.data["contacts"] == 4 * boxes * boxes * pairs
-    assert "of them between b" in full.message
+    assert "trials.memory" in rules(found)
     assert "settle" not in figures
-
-
-def test_the_memory_that_the_finding_proposes_is_enough():
-    (full,) = [
-        finding
-        for finding in Trials(poses=2).examine(compiled(crowd(20, 3)), {})
-        if finding.rule == "trials.memory"
-    ]
-    size = re.search(r"<size memory=\"\d+M\"/>", full.hint)
-    assert size is not None
-    model = compiled(crowd(20, 3, size=size[0]))
-    data = mujoco.MjData(model)
-    mujoco.mj_forward(model, data)
-    assert (data.ncon, data.nefc) == (6156, 4 * 6156)
 
 
 @pytest.mark.parametrize(

@@ -254,7 +254,7 @@ COMPUTED_WITH = {
 """Modules of the engine that steps compute with; another would run most steps when it changes."""
 
 
-ASKING = ("smoke_", "newton", "simready", "asset_validator")
+ASKING = ("smoke_", "newton", "simready", "asset_validator", "simcheck", "mjcf_doctor")
 """Checks that ask a program in an environment of its own: they look for that environment."""
 
 

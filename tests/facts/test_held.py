@@ -29,9 +29,10 @@ from assetbuild.facts.vocabulary import VOCABULARY
 from assetbuild.report.summary import WITHHELD, public_message
 from assetbuild.robot.pose import Pose, quat_of
 from assetbuild.robot.shapes import Shapes
-from assetbuild.simulators import _newton_child, physx
-from assetbuild.simulators.experiments import Motion
-from assetbuild.simulators.physx_couplings import Coupling, experiments, measurable, measured
+from assetbuild.simulators import physx
+from assetbuild.simulators.experiments import Motion, Outcome
+from assetbuild.simulators.newton import _child as _newton_child
+from assetbuild.simulators.physx.couplings import Coupling, experiments, measurable, measured
 
 LED = with_mimic(tiny_quadruped(), "FR_calf_joint", "FR_thigh_joint", -1.0, -0.8)
 
@@ -95,7 +96,7 @@ def test_a_motion_shows_kind_axis_and_anchor() -> None:
     assert quat_of(about.rotation) == pytest.approx(turn)
 
 
-def coupled(multiplier: float, offset: float) -> dict[str, physx.Outcome]:
+def coupled(multiplier: float, offset: float) -> dict[str, Outcome]:
     """What the experiment shows under a coupling."""
     (experiment,) = experiments(LED.tree, LED.control)
     assert experiment.sine is not None
@@ -103,7 +104,7 @@ def coupled(multiplier: float, offset: float) -> dict[str, physx.Outcome]:
     joints = {"FR_thigh_joint": lead, "FR_calf_joint": multiplier * lead + offset}
     zeros = np.zeros((3, 3))
     motion = Motion(np.arange(3.0), joints, zeros, np.zeros((3, 4)), zeros)
-    return {experiment.name: physx.Outcome(None, motion)}
+    return {experiment.name: Outcome(None, motion)}
 
 
 def test_a_coupling_is_measured_as_physx_moves_it() -> None:

@@ -24,7 +24,7 @@ from assetbuild.init.source import find_source
 from assetbuild.pipeline.recipes import load_recipe
 from assetbuild.recipe.loader import LoadedRecipe
 from assetbuild.robot.tree import forward_kinematics
-from assetbuild.simulators.mujoco_trials import settle
+from assetbuild.simulators.mujoco.trials import settle
 
 STL = bytes(80) + (0).to_bytes(4, "little")
 

@@ -10,7 +10,8 @@ import pytest
 from tiny import box_obj, check_inputs, tiny_quadruped
 
 from assetbuild.errors import StepError
-from assetbuild.simulators import mujoco, mujoco_stand
+from assetbuild.simulators import mujoco
+from assetbuild.simulators.mujoco import stand as mujoco_stand
 from assetbuild.targets.mjcf import Mjcf
 
 SHAPES = """
@@ -88,14 +89,6 @@ def test_warnings_are_caught_and_the_handler_is_put_back(
     assert "QVEL" in said[0]
     assert engine.get_mju_user_warning() is before
     assert not list(tmp_path.iterdir()), "no MUJOCO_LOG.TXT"
-
-
-def test_free_fall_leaves_the_model_as_it_was(tmp_path: Path) -> None:
-    inputs = check_inputs(tmp_path, tiny_quadruped(), Mjcf(robot="robot"), "mjcf")
-    model = mujoco.load(inputs / "mjcf/robot.xml").model
-    flags = int(model.opt.disableflags)
-    mujoco.free_fall(model, 0.1)
-    assert model.opt.disableflags == flags
 
 
 WITH_VISUALS = """

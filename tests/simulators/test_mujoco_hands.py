@@ -10,8 +10,8 @@ from hands import COUPLED, JAW, PINCHER, robot
 
 from assetbuild.errors import StepError
 from assetbuild.simulators.mujoco import Model, name_of
-from assetbuild.simulators.mujoco_grip import probe_of, with_object
-from assetbuild.simulators.mujoco_hands import Hand, between_keys, find_hands
+from assetbuild.simulators.mujoco.grip import probe_of, with_object
+from assetbuild.simulators.mujoco.hands import Hand, between_keys, find_hands
 
 
 def found(path: Path) -> tuple[Model, list[Hand]]:

@@ -10,9 +10,17 @@ import numpy as np
 from tiny import pendulum, run_step, tiny_quadruped, write_robot_ports
 
 from assetbuild.robot.shapes import Box, Shape
-from assetbuild.simulators import mujoco, mujoco_motion
-from assetbuild.simulators.experiments import sine_of
+from assetbuild.simulators import mujoco
+from assetbuild.simulators.experiments import Motion, Setting, Sine, sine_of, swing
+from assetbuild.simulators.mujoco import motion
 from assetbuild.targets.mjcf import Mjcf
+
+
+def swung(path: Path, sine: Sine, step: float) -> Motion:
+    asked = swing("swing", Setting(step, (0.0, 0.0, -9.81), contacts=False), sine, 0.0)
+    done = motion.perform(path.parent, path.stem, (asked,))["swing"]
+    assert done.motion is not None and done.finite
+    return done.motion
 
 
 def test_a_held_base_is_the_bolted_robot(tmp_path: Path) -> None:
@@ -28,11 +36,8 @@ def test_a_held_base_is_the_bolted_robot(tmp_path: Path) -> None:
         folder = tmp_path / base
         run_step(Mjcf(robot="r"), write_robot_ports(folder / "in", bot), folder / "out")
         path = folder / "out/mjcf/r.xml"
-        model = mujoco_motion.held_model(path) if base == "floating" else mujoco.load(path).model
-        assert model.nv == len(robot.tree.moving_joints)
-        tracks.append(
-            mujoco_motion.held_sine(model, sine, 0.002, contacts=False, rubbing=True, every=5)
-        )
+        assert motion.held_model(path).nv == len(robot.tree.moving_joints)
+        tracks.append(swung(path, sine, 0.002))
     held, bolted = tracks
     assert np.abs(held.root).max() == 0.0
     for joint, angles in held.joints.items():
@@ -48,7 +53,7 @@ def test_hips_still_do_not_touch_the_trunk_that_is_held(tmp_path: Path) -> None:
     run_step(Mjcf(robot="r"), write_robot_ports(tmp_path / "in", bot), tmp_path / "out")
     path = tmp_path / "out/mjcf/r.xml"
     touching = []
-    for model in (mujoco.load(path).model, mujoco_motion.held_model(path)):
+    for model in (mujoco.load(path).model, motion.held_model(path)):
         data = engine.MjData(model)
         engine.mj_forward(model, data)
         bodies = (sorted(int(model.geom_bodyid[g]) for g in c.geom) for c in data.contact)
@@ -65,8 +70,7 @@ def test_a_drive_of_speeds_follows_the_speed_of_the_sine(tmp_path: Path) -> None
     sine = sine_of(robot.tree, robot.control, {}, 1.0, 1.0)
     assert sine.speeds == {drive.joint}
     run_step(Mjcf(robot="r"), write_robot_ports(tmp_path / "in", robot), tmp_path / "out")
-    model = mujoco.load(tmp_path / "out/mjcf/r.xml").model
-    moved = mujoco_motion.held_sine(model, sine, 0.001, contacts=False, rubbing=True)
+    moved = swung(tmp_path / "out/mjcf/r.xml", sine, 0.001)
     width = sine.swing[drive.joint]
     wanted = sine.middle[drive.joint] + width * np.sin(2.0 * np.pi * moved.time)
     assert width > 0.0

@@ -19,8 +19,15 @@ from assetbuild.robot.model import Actuator, Body, Control, Joint, Keyframe, Lim
 from assetbuild.robot.pose import Pose, Vec3
 from assetbuild.robot.shapes import Shapes, SourceShapes, Sphere
 from assetbuild.simulators import physx
-from assetbuild.simulators.experiments import Motion, Sine, compare_response, sine_of
-from assetbuild.simulators.mujoco_motion import held_sine
+from assetbuild.simulators.experiments import (
+    Experiment,
+    Motion,
+    Setting,
+    Sine,
+    compare_response,
+    sine_of,
+)
+from assetbuild.simulators.mujoco.motion import perform as mujoco_perform
 from assetbuild.targets.mjcf import Mjcf
 from assetbuild.targets.usd import Usd
 
@@ -78,13 +85,13 @@ def test_a_planar_base_that_takes_speeds_moves_in_physx_as_in_mujoco(tmp_path: P
     )
     robot = replace(robot, control=replace(robot.control, actuators=drives))
     sine = sine_of(robot.tree, robot.control, {}, 1.0, 1.5)
-    setting = physx.Setting(0.001, GRAVITY)
-    run = physx.Experiment("m", setting, steps=1500, every=5, start=sine.middle, sine=sine)
+    setting = Setting(0.001, GRAVITY)
+    run = Experiment("m", setting, steps=1500, every=5, start=sine.middle, sine=sine)
     theirs = physx.perform(built(robot, tmp_path / "usd"), [run])["m"].motion
     assert theirs is not None
     inputs = check_inputs(tmp_path / "mjcf", robot, Mjcf(robot="robot"), "mjcf")
-    model = mujoco.MjModel.from_xml_path(str(inputs / "mjcf/robot.xml"))
-    ours = held_sine(model, sine, 0.001, contacts=False, rubbing=True, every=5)
+    ours = mujoco_perform(inputs / "mjcf", "robot", [run])["m"].motion
+    assert ours is not None
     for name in sine.speeds:
         response = compare_response(sine, name, ours, theirs)
         assert response.rms < 5e-3
@@ -95,8 +102,8 @@ def test_a_planar_base_that_takes_speeds_moves_in_physx_as_in_mujoco(tmp_path: P
 def test_a_planar_base_drives_in_physx_as_in_mujoco(tmp_path: Path) -> None:
     robot, names = car(), ("base_x", "base_y", "base_yaw")
     sine = Sine(dict.fromkeys(names, 0.0), dict(zip(names, (0.5, 0.3, 0.8), strict=True)), 1.0, 1.0)
-    setting = physx.Setting(0.001, GRAVITY)
-    run = physx.Experiment("m", setting, steps=1000, every=1000, sine=sine)
+    setting = Setting(0.001, GRAVITY)
+    run = Experiment("m", setting, steps=1000, every=1000, sine=sine)
     motion = physx.perform(built(robot, tmp_path / "usd"), [run])["m"].motion
     assert motion is not None
     inputs = check_inputs(tmp_path / "mjcf", robot, Mjcf(robot="robot"), "mjcf")
@@ -113,7 +120,7 @@ def test_a_planar_base_drives_in_physx_as_in_mujoco(tmp_path: Path) -> None:
 @pytest.mark.parametrize("axis", [(0.0, 1.0, 0.0), (0.0, 0.6, 0.8)])
 def test_a_mimic_follows_whatever_its_axis(tmp_path: Path, axis: Vec3) -> None:
     sine = Sine({"lead": 0.0, "follow": 0.2}, {"lead": 0.3, "follow": 0.0}, 1.0, 0.5)
-    run = physx.Experiment("m", physx.Setting(0.005, GRAVITY), steps=100, every=10, sine=sine)
+    run = Experiment("m", Setting(0.005, GRAVITY), steps=100, every=10, sine=sine)
     motion = physx.perform(built(coupled(axis), tmp_path), [run])["m"].motion
     assert motion is not None
     lead, follow = motion.joints["lead"], motion.joints["follow"]
@@ -145,7 +152,7 @@ def test_a_foot_that_is_welded_to_the_shin_does_not_push_the_thigh(
         stage.Save()
         del stage
     start = {joint: -2.6 if "calf" in joint else 0.0 for joint, _ in control.keyframes[0].joints}
-    run = physx.Experiment("m", physx.Setting(0.005, (0.0, 0.0, 0.0)), steps=40, start=start)
+    run = Experiment("m", Setting(0.005, (0.0, 0.0, 0.0)), steps=40, start=start)
     motion = physx.perform(path, [run])["m"].motion
     assert motion is not None
     moved = np.ptp(motion.joints["FL_calf_joint"])
@@ -154,11 +161,11 @@ def test_a_foot_that_is_welded_to_the_shin_does_not_push_the_thigh(
 
 @needs_physx
 def test_a_nan_ends_its_own_experiment_only(tmp_path: Path) -> None:
-    setting = physx.Setting(0.005, GRAVITY)
+    setting = Setting(0.005, GRAVITY)
     knees = {f"{leg}_calf_joint": 0.5 for leg in ("FR", "FL", "RR", "RL")}  # limit: -0.9
     runs = [
-        physx.Experiment("bad", setting, steps=40, start=knees),
-        physx.Experiment("good", setting, steps=4),
+        Experiment("bad", setting, steps=40, start=knees),
+        Experiment("good", setting, steps=4),
     ]
     done = physx.perform(built(tiny_quadruped(), tmp_path), runs)
     assert not done["bad"].finite
@@ -168,7 +175,7 @@ def test_a_nan_ends_its_own_experiment_only(tmp_path: Path) -> None:
 
 @needs_physx
 def test_a_run_that_takes_too_long_is_stopped(tmp_path: Path) -> None:
-    run = physx.Experiment("long", physx.Setting(0.001, GRAVITY), steps=10_000_000)
+    run = Experiment("long", Setting(0.001, GRAVITY), steps=10_000_000)
     done = physx.perform(built(pendulum(), tmp_path), [run], seconds=5.0)["long"]
     assert "5 s" in done.failure
     assert not done.finite

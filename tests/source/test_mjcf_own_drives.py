@@ -13,7 +13,7 @@ from tiny import run_step
 from assetbuild.checks.mjcf_source import MjcfSource
 from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.model import Actuator, Mimic
-from assetbuild.simulators.joint_drives import read_drives
+from assetbuild.simulators.mujoco.drives import read_drives
 from assetbuild.simulators.usd_options import UsdOptions
 from assetbuild.targets.usd.unsupported import unsupported
 

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from tiny import TinyRobot, pendulum, run_step, tiny_quadruped, write_robot_ports
+from tiny import TinyRobot, pendulum, run_step, sprung, tiny_quadruped, write_robot_ports
 
 from assetbuild.pipeline.recipes import whole_model
 from assetbuild.robot.ranges import Randomize
@@ -316,3 +316,11 @@ def test_the_usd_is_looked_for_beside_a_link_to_the_module(tmp_path: Path, gener
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
     assert Path(module.USD) == tmp_path / "staged/usd/robot.usda"
+
+
+@pytest.mark.parametrize(("rest", "severity"), [(0.5, "error"), (0.0, "info")])
+def test_a_spring_is_a_stiffness_and_its_rest_is_lost(rest: float, severity: str, tmp_path: Path):
+    inputs = write_robot_ports(tmp_path / "in", sprung(rest=rest))
+    found = run_step(IsaacLab(robot="robot"), inputs, tmp_path / "out")
+    (spring,) = [f for f in found if f.rule == "isaaclab.spring"]
+    assert (spring.severity, spring.data) == (severity, {"stiffness": 6.0, "rest": rest})

@@ -11,7 +11,7 @@ from assetbuild.findings import Finding, Rule
 from assetbuild.robot.pose import Array
 from assetbuild.robot.twins import Motion, Part
 from assetbuild.simulators import mujoco
-from assetbuild.simulators.joint_drives import Drive, drives_of, read_drives
+from assetbuild.simulators.mujoco.drives import Drive, drives_of, read_drives
 
 RANGE_TOLERANCE = 1e-6
 """rad or m; a number that was rounded from the limit itself is inside."""

@@ -17,7 +17,6 @@ from assetbuild.facts.table import Key, Value, pair_name
 from assetbuild.robot.inertia import combine, move_inertial, tensor_of
 from assetbuild.robot.model import Inertial
 from assetbuild.robot.pose import Pose, vec3
-from assetbuild.simulators.joint_drives import Drive, read_drives
 from assetbuild.simulators.mujoco import (
     Model,
     actuators,
@@ -26,6 +25,7 @@ from assetbuild.simulators.mujoco import (
     name_of,
     touching_geoms,
 )
+from assetbuild.simulators.mujoco.drives import Drive, read_drives
 
 Facts = dict[Key, Value]
 ROOT = "root"

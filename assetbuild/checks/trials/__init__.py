@@ -5,24 +5,27 @@ what an untrained policy asks of it?"""
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import Any, ClassVar, NamedTuple
 
 from pydantic import Field
 
+from assetbuild.checks.trials.shaken import shaken
 from assetbuild.checks.trials.start import START_M, overlapping, starting
 from assetbuild.engine.step import Files
 from assetbuild.errors import StepError
 from assetbuild.findings import Finding, Rule
-from assetbuild.kinds import Check, RecipeView, write_figures
+from assetbuild.kinds import RecipeView, write_figures
 from assetbuild.quantities import Positive, Real
 from assetbuild.robot.action import Action
 from assetbuild.robot.files import RobotFiles
-from assetbuild.simulators import mujoco, mujoco_motion, mujoco_policy, mujoco_trials
+from assetbuild.simulators import mujoco
 from assetbuild.simulators.mujoco import ArenaFullError, floors, turning
-from assetbuild.simulators.mujoco_stand import Gains, outcome_figures, stand
-from assetbuild.simulators.mujoco_trials import Settled, Support
+from assetbuild.simulators.mujoco import motion as mujoco_motion
+from assetbuild.simulators.mujoco import trials as mujoco_trials
+from assetbuild.simulators.mujoco.stand import Gains, outcome_figures, stand
+from assetbuild.simulators.mujoco.trials import FINER, Settled
 
 EXTERNAL = frozenset({"ideal_pd", "dc_motor"})
 """Models whose PD law runs outside of the simulator: here it is put inside."""
@@ -35,8 +38,6 @@ ON_POINTS = (
     "it stands on points or edges that span no area: only a controller that balances it keeps it "
     "up, or wider feet"
 )
-FINER = 4
-"""Steps in place of one: they tell drives that outrun the timestep from a pose that falls."""
 
 LOAD = Rule("trials.load", "error", "the scene does not load", "see `mjcf.load`")
 LARGE = Rule(
@@ -50,39 +51,39 @@ MEMORY = Rule(
     "error",
     "MuJoCo's own memory does not hold the contacts of the robot: it goes on without any "
     "constraint, or stops",
-    "exclude pairs that always touch, use fewer collision shapes, or give MuJoCo more memory "
-    "(`<size memory>` in the source's MJCF)",
+    "`collision.exclude.pairs` of what always touches (`trials.overlap`), fewer collision shapes, "
+    "or more memory (`<size memory>` in the source's MJCF)",
 )
 DEAD = Rule(
     "trials.dead",
     ("error", "warning"),
     "a joint hardly moves when its drive is commanded (a warning where an MJCF's own drive does "
     "that in the source, too)",
-    "check whether kp is in degrees, and the effort limit",
+    "is kp in other units, the effort limit too small, or kd far too large?",
 )
 ENERGY = Rule(
     "trials.energy",
     "warning",
     "free motion does not conserve energy at this timestep",
-    "a smaller timestep",
+    "a smaller timestep; look for tiny inertias far from the others",
 )
 TIMESTEP = Rule(
     "trials.timestep",
     "warning",
     "the drives move differently at a quarter of the timestep",
-    "a smaller timestep or kp",
+    "a smaller `simulation.timestep`, a smaller kp, or the real armature",
 )
 BALANCE = Rule(
     "trials.balance",
     "warning",
     "at home the centre of mass is not above the feet",
-    "move the feet of the keyframe",
+    "move the feet of the keyframe under the centre of mass",
 )
 UNSTABLE = Rule(
     "trials.unstable",
     "error",
     "after a drop the simulation went to infinity",
-    "a smaller timestep; look for tiny inertias",
+    "a smaller timestep; look for tiny inertias and overlapping shapes",
 )
 RESTLESS = Rule(
     "trials.rest",
@@ -95,12 +96,6 @@ SUNK = Rule(
     ("warning", "info"),
     "two seconds after a drop a contact is too deep",
     "adjust the contact softness or the timestep",
-)
-SHAKEN = Rule(
-    "trials.shaken",
-    "error",
-    "the random targets of an untrained policy drive the simulation to infinity",
-    "a smaller timestep, armature, smaller kp",
 )
 DRIFT = Rule(
     "trials.drift",
@@ -131,16 +126,12 @@ def _as_consequence(finding: Finding) -> Finding:
     return replace(finding, severity="info") if explained else finding
 
 
-class Trials(Check):
+class Trials(mujoco.InMujoco):
     """Findings `trials.<what>`; one compilation of `mjcf/scene.xml` serves all experiments."""
 
     usual_s = 0.6
-    isolated = True
-    preload = ("mujoco",)
-    needs = ("mjcf",)
     reads = ("control.json",)
 
-    engines = ("mujoco",)
     section = "validate.trials"
     about = (
         "small experiments in MuJoCo: drives, energy, timestep, self-collision, "
@@ -243,7 +234,7 @@ class Trials(Check):
         try:
             yield from self._touching(model, figures, torques or {})
         except ArenaFullError as error:
-            yield _too_crowded(model, error)
+            yield MEMORY("robot", error.message)
 
     def _touching(
         self, model: mujoco.Model, figures: dict[str, object], torques: Mapping[str, Gains]
@@ -261,13 +252,13 @@ class Trials(Check):
         # A robot that falls by itself also lies, rolls and moves after a drop.
         yield from ((_as_consequence(f) if falls else f) for f in dropped)
         yield from alone
-        yield from self._shaken(model, figures)
+        yield from shaken(model, self.action, figures)
 
     def dangers(self, model: mujoco.Model) -> Iterator[Finding]:
         """Only what can be an error wherever the robot stands: for a recipe being proposed."""
         figures: dict[str, object] = {}
         yield from self._drives(model, figures)
-        yield from self._shaken(model, figures)
+        yield from shaken(model, self.action, figures)
 
     def _drives(self, model: mujoco.Model, figures: dict[str, object]) -> Iterator[Finding]:
         answers = mujoco_trials.answers(model)
@@ -277,11 +268,10 @@ class Trials(Check):
         for joint, answer in answers.items():
             if answer.moved < min(self.dead, 0.2 * answer.asked):
                 own = ", as in the source's own MJCF" if self.inherited else ""
-                message = f"told to swing by {answer.asked:.3g}, the joint moved by "
                 yield DEAD(
                     f"actuator {joint}",
-                    f"{message}{answer.moved:.3g}{own}",
-                    hint="is kp in other units, the effort limit too small, or kd far too large?",
+                    f"told to swing by {answer.asked:.3g}, the joint moved by {answer.moved:.3g}"
+                    f"{own}",
                     severity="warning" if self.inherited else "error",
                     data={"asked": answer.asked, "moved": answer.moved},
                 )
@@ -294,7 +284,6 @@ class Trials(Check):
             yield ENERGY(
                 "robot",
                 f"in one second of free motion the energy {told}",
-                hint="a smaller timestep; look for tiny inertias far from the others",
                 data={"limit": self.energy},
             )
         if not model.nu:
@@ -308,7 +297,6 @@ class Trials(Check):
             yield TIMESTEP(
                 f"actuator {worst}",
                 f"moves otherwise at a quarter of the timestep: by {errors[worst]:.3g} rad or m",
-                hint="a smaller `simulation.timestep`, a smaller kp, or the real armature",
                 data={"timestep_s": float(model.opt.timestep), "limit": self.timestep},
             )
 
@@ -321,17 +309,26 @@ class Trials(Check):
         yield from overlapping(model, pairs, self.poses, self.always)
 
     def _floor(self, model: mujoco.Model, figures: dict[str, object]) -> Iterator[Finding]:
-        figures["without_drives"] = mujoco_trials.passive(model)
         under = mujoco_trials.support(model)
         figures["support_margin_m"], figures["support_points"] = under.margin_m, under.points
-        yield from self._judge_support(under)
+        if under.margin_m is not None and under.margin_m < self.support:
+            side = "outside of" if under.margin_m < 0.0 else "inside"
+            yield BALANCE(
+                "robot",
+                f"at home the centre of mass is {1e3 * abs(under.margin_m):.3g} mm {side} its feet",
+                data={"margin_m": under.margin_m, "limit_m": self.support},
+            )
         settled = mujoco_trials.settle(model, self.drop)
         figures["settle"] = _settled_figures(settled)
-        restless = settled.finite and any(row.value > row.limit for row in self._rows(settled))
-        finer = mujoco_trials.settle(model, self.drop, finer=FINER) if restless else None
-        if finer is not None:
+        if not settled.finite:
+            message = f"dropped from {self.drop:g} m, the simulation went to infinity"
+            yield UNSTABLE("robot", message, data={"drop_m": self.drop})
+            return
+        restless = [row for row in self._rows(settled) if row.value > row.limit]
+        if restless:
+            finer = mujoco_trials.settle(model, self.drop, finer=FINER)
             figures["settle_at_a_finer_timestep"] = _settled_figures(finer)
-        yield from self._judge_settled(settled, finer)
+            yield from self._judge_restless(restless, finer)
 
     def _rows(self, settled: Settled) -> tuple[_Row, ...]:
         return (
@@ -340,29 +337,20 @@ class Trials(Check):
             _Row(DRIFT, settled.drift_m, self.drift, "in 1000 steps its base wandered", "m"),
         )
 
-    def _judge_settled(self, settled: Settled, finer: Settled | None) -> Iterator[Finding]:
-        """finer: the same at a finer timestep, where something is wrong."""
-        if not settled.finite:
-            yield UNSTABLE(
+    def _judge_restless(self, restless: Sequence[_Row], finer: Settled) -> Iterator[Finding]:
+        """finer: the same at a finer timestep."""
+        calm = {row.rule for row in self._rows(finer) if row.value <= row.limit}
+        for row in restless:
+            hasty = finer.finite and row.rule in calm
+            yield row.rule(
                 "robot",
-                f"dropped from {self.drop:g} m, the simulation went to infinity",
-                hint="a smaller timestep; look for tiny inertias and overlapping shapes",
-                data={"drop_m": self.drop},
+                f"two seconds after a drop from {self.drop:g} m {row.what} {row.value:.3g} "
+                f"{row.unit}" + (f", at 1/{FINER} of the timestep not" if hasty else ""),
+                hint="a smaller `simulation.timestep`, less kd, or the rotors' real armature"
+                if hasty
+                else "more kd, more kp, or a pose that stands by itself",
+                data={"value": row.value, "limit": row.limit, "timestep": hasty},
             )
-            return
-        rows = self._rows(settled)
-        for row, again in zip(rows, self._rows(finer) if finer else rows, strict=True):
-            if row.value > row.limit:
-                hasty = finer is not None and finer.finite and again.value <= row.limit
-                yield row.rule(
-                    "robot",
-                    f"two seconds after a drop from {self.drop:g} m {row.what} {row.value:.3g} "
-                    f"{row.unit}" + (f", at 1/{FINER} of the timestep not" if hasty else ""),
-                    hint="a smaller `simulation.timestep`, less kd, or the rotors' real armature"
-                    if hasty
-                    else "more kd, more kp, or a pose that stands by itself",
-                    data={"value": row.value, "limit": row.limit, "timestep": hasty},
-                )
 
     def _left_alone(
         self, model: mujoco.Model, figures: dict[str, object], torques: Mapping[str, Gains]
@@ -387,57 +375,6 @@ class Trials(Check):
                 "`validate: {stand: {}}` makes it an error",
                 data={"tilt_rad": stood.tilt_rad, "sag_m": stood.sag_m},
             )
-
-    def _shaken(self, model: mujoco.Model, figures: dict[str, object]) -> Iterator[Finding]:
-        shaken = mujoco_policy.shake(model, self.action)
-        if shaken is None:
-            return
-        figures["shake"] = {
-            "seconds": shaken.seconds,
-            "joint": shaken.joint,
-            "fastest_joint": shaken.fastest if shaken.seconds is None else None,
-        }
-        if shaken.seconds is None:
-            return
-        calmer = mujoco_policy.shake(model, self.action, finer=FINER)
-        hasty = calmer is not None and calmer.seconds is None
-        yield SHAKEN(
-            f"joint {shaken.joint}",
-            "an untrained policy's random targets drive the simulation to infinity after "
-            f"{shaken.seconds:.2g} s, this joint foremost"
-            + (f"; at 1/{FINER} of the timestep they do not" if hasty else ""),
-            hint="a smaller `simulation.timestep`, or the rotors' real armature"
-            if hasty
-            else "smaller kp, the rotors' real armature, or an `effort` that is no placeholder",
-            data={"seconds": shaken.seconds, "timestep": hasty},
-        )
-
-    def _judge_support(self, under: Support) -> Iterator[Finding]:
-        if under.margin_m is None or under.margin_m >= self.support:
-            return
-        where = (
-            f"{1e3 * abs(under.margin_m):.3g} mm {'outside of' if under.margin_m < 0 else 'inside'}"
-        )
-        yield BALANCE(
-            "robot",
-            f"at home the centre of mass is {where} its feet",
-            hint="move the feet of the keyframe under the centre of mass",
-            data={"margin_m": under.margin_m, "limit_m": self.support},
-        )
-
-
-def _too_crowded(model: mujoco.Model, error: ArenaFullError) -> Finding:
-    crowd = mujoco.crowd(model)
-    a, b, count = crowd.between
-    most = f", {count:,} of them between {a} and {b}" if count else ""
-    return MEMORY(
-        "robot",
-        f"MuJoCo's memory of {crowd.memory_mb:.0f} MB does not hold the contacts "
-        f"({crowd.contacts:,} where the robot starts{most}): {error.message}",
-        hint="look for shapes that always touch: `collision.exclude.pairs`, or fewer collision "
-        f'shapes; `<size memory="{crowd.enough_mb}M"/>` in a source\'s MJCF gives more memory',
-        data={"contacts": crowd.contacts, "memory_mb": round(crowd.memory_mb, 1)},
-    )
 
 
 def _settled_figures(settled: Settled) -> dict[str, object]:

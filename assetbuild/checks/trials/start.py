@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 
 from assetbuild.findings import Finding, Rule
-from assetbuild.simulators import mujoco, mujoco_trials
+from assetbuild.simulators import mujoco
+from assetbuild.simulators.mujoco import trials as mujoco_trials
 
 DEEP_M = 0.001
 """Two bodies may overlap by this at the start: hulls are a little rounder than meshes."""

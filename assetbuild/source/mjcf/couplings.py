@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 from assetbuild.robot.model import Joint, Mimic
-from assetbuild.simulators.levers import tendon_coupling
+from assetbuild.simulators.mujoco.levers import tendon_coupling
 from assetbuild.source.mjcf.compiled import Model
 
 

@@ -1,0 +1,131 @@
+"""Dropped without contacts and drives, does the robot fall as the simulator's integrator must?"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+from pydantic import Field
+
+from assetbuild.engine.step import Files
+from assetbuild.findings import Finding, Rule
+from assetbuild.kinds import write_figures
+from assetbuild.quantities import Model, Positive
+from assetbuild.robot.files import RobotFiles
+from assetbuild.simulators.experiments import Experiment, Outcome, SimulatorCheck, drop
+
+
+class Fall(Model):
+    """Dropped without contact and drives; null = do not run it."""
+
+    seconds: Positive = Field(0.4, description="s")
+    tolerance: Positive = Field(
+        0.003, description="relative, against the integrator's formula, warning"
+    )
+    broken: Positive = Field(0.05, description="the same, error")
+
+
+@dataclass(frozen=True)
+class FreeFall:
+    """How the whole robot's centre of mass fell. drop: along gravity; sideways: across it; m."""
+
+    seconds: float
+    drop_m: float
+    expected_m: float
+    sideways_m: float
+
+    @property
+    def relative_error(self) -> float:
+        """The error of the drop, relative to the expected one."""
+        return abs(self.drop_m - self.expected_m) / max(self.expected_m, 1e-12)
+
+
+def fall_of(experiment: Experiment, done: Outcome, iterations: int = 1) -> FreeFall | None:
+    """The fall against g/2 t (t + dt / N); None where nothing finite came out.
+
+    The integrators are semi-implicit: n steps of dt from rest fall so far, t = n dt. PhysX's solver
+    applies gravity in each of its N position iterations.
+    """
+    if done.motion is None or not done.finite:
+        return None
+    gravity = np.asarray(experiment.setting.gravity)
+    g = float(np.linalg.norm(gravity))
+    down = gravity / g if g else np.array([0.0, 0.0, -1.0])
+    t, moved = float(done.motion.time[-1]), done.motion.com[-1] - done.motion.com[0]
+    fallen = float(moved @ down)
+    sideways = float(np.linalg.norm(moved - fallen * down))
+    return FreeFall(t, fallen, g / 2 * t * (t + experiment.setting.timestep / iterations), sideways)
+
+
+class FreeFallCheck(SimulatorCheck):
+    """Compares the drop of the centre of mass with the integrator's law."""
+
+    reads: ClassVar[tuple[str, ...]] = ("tree.json", "control.json")
+    sections: ClassVar[Mapping[str, str]] = {"validate.free_fall": "wish"}
+    wrong: ClassVar[Rule]
+    fixed: ClassVar[Rule | None] = None
+    """Rule that says that a fixed base is not dropped."""
+    rounding: ClassVar[float]
+    """m, of the engine."""
+
+    wish: Fall = Fall()
+    iterations: int = 1
+    """How often the solver applies gravity in a step."""
+
+    def run(self, files: Files) -> Iterator[Finding]:
+        """Reads the robot and the simulator's file."""
+        robot = RobotFiles(files.inputs)
+        if robot.tree.base == "fixed":
+            write_figures(files, {"skipped": "fixed base"})
+            if self.fixed is not None:
+                yield self.fixed("robot", "a fixed base does not fall: not dropped")
+            return
+        asked = drop(robot.control, self.wish.seconds)
+        done = self.perform(files.inputs, (asked,))[asked.name]
+        fall = fall_of(asked, done, self.iterations)
+        if fall is None:
+            write_figures(files, {"finite": False})
+            message = f"did not fall: {done.failure or 'nothing finite came out'}"
+            hint = "look for tiny inertias and for a large timestep"
+            yield self.wrong("robot", message, severity="error", hint=hint)
+            return
+        tolerance = self.wish.tolerance
+        limits = {"relative_error": tolerance, "sideways_m": tolerance * max(fall.expected_m, 1e-6)}
+        write_figures(files, self.figures(fall), limits)
+        yield from self.judged(fall)
+
+    def figures(self, fall: FreeFall) -> dict[str, object]:
+        """For the report."""
+        return {
+            "seconds": fall.seconds,
+            "drop_m": fall.drop_m,
+            "expected_m": fall.expected_m,
+            "relative_error": fall.relative_error,
+            "sideways_m": fall.sideways_m,
+            **({"iterations": self.iterations} if self.iterations > 1 else {}),
+        }
+
+    def judged(self, fall: FreeFall) -> Iterator[Finding]:
+        """Yield a finding where it fell otherwise than the integrator must.
+
+        Compared as lengths, so that without gravity nothing may move at all.
+        """
+        error = max(abs(fall.drop_m - fall.expected_m), fall.sideways_m)
+        if math.isfinite(error) and error <= self.wish.tolerance * fall.expected_m + self.rounding:
+            return
+        yield self.wrong(
+            "robot",
+            f"fell {fall.drop_m:.6g} m and {fall.sideways_m:.3g} m sideways in "
+            f"{fall.seconds:g} s, expected {fall.expected_m:.6g} m",
+            severity="error" if error > self.wish.broken * fall.expected_m else "warning",
+            hint="is a part fixed to the world, damped, or free of gravity?",
+            data={
+                "drop_m": fall.drop_m,
+                "expected_m": fall.expected_m,
+                "sideways_m": fall.sideways_m,
+                "tolerance": self.wish.tolerance,
+            },
+        )

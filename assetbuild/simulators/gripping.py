@@ -1,0 +1,161 @@
+"""Does each gripper close on an object, lift it, and hold it while it is shaken?
+
+MuJoCo's model says where hands are and where objects lie, for every simulator.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import ClassVar, Self
+
+from pydantic import Field
+
+from assetbuild.engine.step import Files
+from assetbuild.errors import StepError
+from assetbuild.findings import Finding, Rule, Severity
+from assetbuild.kinds import RecipeView, write_figures
+from assetbuild.quantities import Model, Positive
+from assetbuild.simulators import mujoco
+from assetbuild.simulators.experiments import SimulatorCheck
+from assetbuild.simulators.mujoco.grip import Grip, Try, hands_of, tries_of, with_object
+from assetbuild.simulators.mujoco.hands import Hand
+
+LEAST_KG = 0.005
+"""Less is not tried for a hand that drops what it should hold."""
+
+
+class GripWish(Model):
+    """Grip, lift, shake and hold objects; {} = defaults, null = do not."""
+
+    masses: tuple[Positive, ...] = Field((0.1, 0.5), description="kg, of the objects")
+    slip: Positive = Field(0.002, description="m that an object may move in the hand, warning")
+    keyframes: tuple[str, str] | None = Field(
+        None,
+        description="of the open and of the closed hand; without them, what one drive closes, or "
+        "two drives of facing fingers, is found",
+    )
+
+
+class GripCheck(SimulatorCheck):
+    """Grips a cube, a cylinder and a sphere of 40 mm, or less where the hand is smaller.
+
+    Friction 1; closed in 1 s on a table, lifted in 1.5 s, shaken for 1 s, held for 5 s. Figures by
+    palm: of each object the slip in m.
+    """
+
+    reads: ClassVar[tuple[str, ...]] = ()
+    sections: ClassVar[Mapping[str, str]] = {"validate.grip": "wish"}
+    lost: ClassVar[Rule]
+    no_hand: ClassVar[Rule | None] = None
+    """Rule for what cannot be tried; None where another check says so."""
+
+    wish: GripWish | None = None
+
+    @classmethod
+    def configure(cls, recipe: RecipeView) -> Self | None:
+        """Only where a recipe asks for it."""
+        return super().configure(recipe) if recipe.value("validate.grip") else None
+
+    @property
+    def asked(self) -> GripWish:
+        """The wish, or its defaults."""
+        return self.wish or GripWish()
+
+    def models(self, inputs: Path) -> Iterator[tuple[str, str, Path]]:
+        """(target, its name in sentences, MJCF that says where hands are)."""
+        raise NotImplementedError
+
+    def grips(
+        self, inputs: Path, model: mujoco.Model, hand: Hand, tries: Sequence[Try]
+    ) -> Sequence[Grip]:
+        """How the simulator's hand holds each object. model: of `with_object`."""
+        raise NotImplementedError
+
+    def run(self, files: Files) -> Iterator[Finding]:
+        """Reads the MJCF, and the simulator's file."""
+        figures: dict[str, object] = {}
+        for target, name, path in self.models(files.inputs):
+            found: dict[str, object] = {}
+            try:
+                with mujoco.caught_warnings():
+                    yield from self._tried(files.inputs, name, path, found)
+            except StepError as error:
+                found = {"skipped": error.message}
+                yield from self._unfit(name, error.message, error.hint, "warning")
+            figures[target] = found
+        write_figures(files, figures, {"slip_m": self.asked.slip})
+
+    def _tried(
+        self, inputs: Path, name: str, path: Path, figures: dict[str, object]
+    ) -> Iterator[Finding]:
+        """Fill figures by palm. Raises StepError where nothing can be tried."""
+        model = with_object(path)
+        hands = hands_of(model, self.asked.keyframes)
+        if not hands:
+            yield from self._unfit(name, "no drive alone closes anything like a gripper")
+        for hand in hands:
+            palm = mujoco.name_of(model, "body", hand.palm)
+            tries = tries_of(model, hand, self.asked.masses)
+            done = self.grips(inputs, model, hand, tries) if tries else ()
+            figures[palm] = [_row(one) for one in done]
+            if not done:
+                yield from self._unfit(
+                    name, f"no object fits into the hand of `{palm}`", "", "warning"
+                )
+            failed = [one for one in done if not self._holds(one)]
+            if failed:
+                least = self._least_held(inputs, model, hand, failed)
+                yield self.lost(
+                    f"link {palm}",
+                    f"{name}: of {len(done)} objects its gripper does not hold {len(failed)}: "
+                    + ", ".join(map(_words, failed))
+                    + least,
+                    data={"failed": len(failed), "of": len(done), "limit_m": self.asked.slip},
+                )
+
+    def _unfit(
+        self, name: str, message: str, hint: str = "", severity: Severity = "info"
+    ) -> Iterator[Finding]:
+        if self.no_hand is not None:
+            yield self.no_hand("robot", f"{name}: {message}", hint=hint, severity=severity)
+
+    def _holds(self, one: Grip) -> bool:
+        return one.held and one.slip_m <= self.asked.slip
+
+    def _least_held(
+        self, inputs: Path, model: mujoco.Model, hand: Hand, failed: Sequence[Grip]
+    ) -> str:
+        """What the hand holds of the shape whose lightest it lost; nothing where it held that.
+
+        Another simulator takes too long to try.
+        """
+        lightest = next((one for one in failed if one.mass == min(self.asked.masses)), None)
+        if lightest is None or self.no_hand is None:
+            return ""
+        mass = lightest.mass / 2.0
+        while mass >= LEAST_KG:
+            (found,) = self.grips(inputs, model, hand, [(lightest.place, mass)])
+            if self._holds(found):
+                return f"; it holds a {found.place.shape} of {mass:.3g} kg"
+            mass /= 2.0
+        return f"; nor a {lightest.place.shape} of {2.0 * mass:.3g} kg"
+
+
+def _row(one: Grip) -> dict[str, object]:
+    return {
+        "shape": one.place.shape,
+        "mass_kg": one.mass,
+        "width_m": one.place.width_m,
+        "held": one.held,
+        "slip_m": one.slip_m if one.held else None,
+        "seat_m": one.seat_m if one.held else None,
+        **({"forces_n": list(one.forces_n) if one.held else None} if one.forces_n else {}),
+    }
+
+
+def _words(one: Grip) -> str:
+    did = f"slips by {1e3 * one.slip_m:.3g} mm" if one.held else "is lost"
+    place = one.place
+    object_ = f"a {place.shape} of {1e3 * place.width_m:.3g} mm and {one.mass:.3g} kg"
+    return f"{object_} {one.failure or did}"

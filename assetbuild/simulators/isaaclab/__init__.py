@@ -1,0 +1,1 @@
+"""Isaac Lab: asked in its own environment."""

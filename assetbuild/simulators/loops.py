@@ -1,0 +1,245 @@
+"""A swing of the driven joints of a robot with loops, and how far these open on the way."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+from typing import ClassVar, Self
+
+from pydantic import Field
+
+from assetbuild.engine.step import Files
+from assetbuild.findings import Finding, Rule
+from assetbuild.kinds import RecipeView, write_figures
+from assetbuild.quantities import Model, Positive
+from assetbuild.robot.closure import close, coordinates, gaps
+from assetbuild.robot.dynamics import dynamics
+from assetbuild.robot.files import RobotFiles
+from assetbuild.robot.initial import initial_pose
+from assetbuild.robot.loops import path_of
+from assetbuild.robot.mimic import with_mimics
+from assetbuild.robot.model import Actuator, Control, Tree
+from assetbuild.robot.reflected import felt_inertia
+from assetbuild.simulators.experiments import (
+    Experiment,
+    Motion,
+    Setting,
+    SimulatorCheck,
+    Sine,
+    sine_of,
+    swing,
+)
+
+SOURCES = ("loops", "compose", "source.mjcf")
+"""Keys of a recipe by which its robot may have loops."""
+SERVO_HZ = 4.0
+"""Natural frequency of the critically damped servos that stand in for drives without a gain."""
+HALVINGS = 6
+SAMPLE_S = 0.01
+
+OPENS = Rule(
+    "loop.opens",
+    ("warning", "error"),
+    "a loop opens by more than `validate.loops.gap` while the driven joints swing (an error above "
+    "`validate.loops.broken`, or where the simulation goes to infinity)",
+    "for MuJoCo and Newton a smaller timestep or a firmer loop: one of the recipe takes the place "
+    "of the MJCF's of its name, firm by default; for PhysX more "
+    "`usd.articulation.solver_position_iterations`",
+)
+HANGS = Rule(
+    "loop.rigid",
+    "info",
+    "the loops leave no joint a motion, so they were tried under gravity alone",
+    "nothing, where that is meant",
+)
+
+
+class LoopSwing(Model):
+    """The driven joints of a robot with loops swing, base held; null = do not run it."""
+
+    frequency: Positive = Field(0.5, description="Hz")
+    seconds: Positive = Field(3.0, description="s; the first third is left out")
+    gap: Positive = Field(1e-4, description="m or rad: how far a loop may open, warning")
+    broken: Positive = Field(5e-3, description="the same, error")
+
+
+@dataclass(frozen=True)
+class Trial:
+    """What every engine is asked: targets, and the servos that follow them, by joint."""
+
+    sine: Sine
+    servos: Mapping[str, Actuator]
+
+
+def trial(tree: Tree, control: Control, wish: LoopSwing) -> Trial:
+    """Independent joints swing about the initial pose, as wide as all loops stay closed.
+
+    Driven joints do; where none of them is part of a loop, joints of loops too. A joint without a
+    gain gets a servo; a drive whose motion the others decide lets go.
+    """
+    home = with_mimics(tree, dict(initial_pose(tree, control).joints))
+    armature = {row.joint: row.armature for row in control.actuators}
+    robot = dynamics(replace(tree, base="fixed"), home, armature)
+    driven = {a.joint for a in control.actuators if a.model != "passive"} & set(robot.joints)
+    chain = {joint.name for loop in control.loops for joint in path_of(tree, loop)}
+    chosen = coordinates(control.loops, robot, driven)
+    free = {name for name in robot.joints if robot.column(name) in chosen}
+    leading = free & (driven if driven & chain & free else driven | chain)
+    felt = felt_inertia(control.loops, robot)
+    servos, table = {}, {row.joint: row for row in control.actuators}
+    for name in (joint.name for joint in tree.moving_joints if joint.name in driven | leading):
+        row = table.get(name) or Actuator(name, "passive")
+        servos[name] = _servo(row, felt[name]) if name in leading else Actuator(name, "pd")
+        table[name] = replace(servos[name], velocity=row.velocity)
+    made = sine_of(
+        tree, replace(control, actuators=tuple(table.values())), home, wish.frequency, wish.seconds
+    )
+    swing = {name: width if name in leading else 0.0 for name, width in made.swing.items()}
+    return Trial(replace(made, middle=home, swing=_closable(tree, control, home, swing)), servos)
+
+
+def experiment(tree: Tree, control: Control, asked: Trial) -> Experiment:
+    """The swing, for any simulator."""
+    setting = Setting(
+        control.simulation.timestep,
+        control.simulation.gravity,
+        "held" if tree.base == "floating" else "asset",
+        contacts=False,
+        limited=False,
+        drives=asked.servos,
+        other_drives=False,
+    )
+    return swing("loops", setting, asked.sine, SAMPLE_S)
+
+
+def about_closed(tree: Tree, control: Control, sine: Sine, home: Mapping[str, float]) -> Sine:
+    """The sine about a middle that keeps all loops closed: its own, or home where that opens one.
+
+    PhysX goes to infinity from a start whose loops are far open.
+    """
+    if not control.loops:
+        return sine
+    if not balls(tree, control):
+        chain = {joint.name for loop in control.loops for joint in path_of(tree, loop)}
+        free = [name for name in chain if not sine.swing.get(name)]
+        found = close(tree, control.loops, sine.middle, free)
+        if found.closed:
+            return replace(sine, middle=found.positions)
+    return replace(sine, middle=with_mimics(tree, home))
+
+
+def unfit(tree: Tree, control: Control) -> str:
+    """Why the loops of this robot cannot be swung; "" where they can."""
+    if not control.loops:
+        return "the robot has no loops"
+    over = balls(tree, control)
+    hint = "the edit `split_joint` makes hinges"
+    return f"a loop runs over ball joint `{over[0]}`; {hint}" if over else ""
+
+
+def balls(tree: Tree, control: Control) -> tuple[str, ...]:
+    """Ball joints of a robot with loops, whose positions no engine tells as numbers."""
+    names = tuple(joint.name for joint in tree.joints if joint.kind == "ball")
+    return names if control.loops else ()
+
+
+def _servo(row: Actuator, inertia: float) -> Actuator:
+    """The drive itself where it holds a position, else a critically damped servo."""
+    if row.kp > 0.0 and row.model in ("pd", "ideal_pd", "dc_motor"):
+        return Actuator(row.joint, "pd", kp=row.kp, kd=row.kd, damping=row.damping)
+    rate = 2.0 * math.pi * SERVO_HZ
+    inertia = inertia if math.isfinite(inertia) else 1.0  # of a joint that the loops lock
+    return Actuator(row.joint, "pd", kp=inertia * rate**2, kd=2.0 * inertia * rate)
+
+
+def _closable(
+    tree: Tree, control: Control, home: Mapping[str, float], swing: Mapping[str, float]
+) -> dict[str, float]:
+    """Half as wide until the loops close at both ends of the swing."""
+    chain = {joint.name for loop in control.loops for joint in path_of(tree, loop)}
+    free = [name for name in chain if not swing.get(name)]
+    share = 1.0
+    for _ in range(HALVINGS):
+        ends = [
+            {name: q + sign * share * swing.get(name, 0.0) for name, q in home.items()}
+            for sign in (-1.0, 1.0)
+        ]
+        if all(close(tree, control.loops, end, free, 1).closed for end in ends):
+            break
+        share /= 2.0
+    return {name: share * width for name, width in swing.items()}
+
+
+def opened(tree: Tree, control: Control, motion: Motion | None) -> dict[str, float]:
+    """The largest gap of each loop over a motion, m or rad; infinite where it is not finite.
+
+    The first third is left out: there the drives catch up with targets that start with a jerk.
+    """
+    worst = {loop.name: 0.0 for loop in control.loops}
+    if motion is None or not motion.finite:
+        return dict.fromkeys(worst, math.inf)
+    for index in range(len(motion.time) // 3, len(motion.time)):
+        q = {joint.name: 0.0 for joint in tree.moving_joints}
+        q |= {name: float(track[index]) for name, track in motion.joints.items() if name in q}
+        for name, size in gaps(tree, control.loops, q).items():
+            worst[name] = max(worst[name], size)
+    return worst
+
+
+class LoopCheck(SimulatorCheck):
+    """Swings the driven joints of a robot with loops, its base held, and measures every gap."""
+
+    reads: ClassVar[tuple[str, ...]] = ("tree.json", "control.json")
+    sections: ClassVar[Mapping[str, str]] = {"validate.loops": "wish"}
+
+    wish: LoopSwing = LoopSwing()
+
+    @classmethod
+    def configure(cls, recipe: RecipeView) -> Self | None:
+        """Only for a robot that may have loops: by its recipe, its parts or its MJCF."""
+        asked = any(map(recipe.value, SOURCES))
+        return super().configure(recipe) if asked else None
+
+    def run(self, files: Files) -> Iterator[Finding]:
+        """Reads the robot and the simulator's file."""
+        robot = RobotFiles(files.inputs)
+        tree, control = robot.tree, robot.control
+        if reason := unfit(tree, control):
+            write_figures(files, {"skipped": reason})
+            return
+        asked = trial(tree, control, self.wish)
+        done = self.perform(files.inputs, (experiment(tree, control, asked),))["loops"]
+        worst = opened(tree, control, done.motion if done.finite else None)
+        known = {name: gap if math.isfinite(gap) else None for name, gap in worst.items()}
+        figures = {
+            "swing": {name: width for name, width in asked.sine.swing.items() if width},
+            "seconds": asked.sine.seconds,
+            "open": known,
+            "largest_gap": max((gap for gap in known.values() if gap is not None), default=0.0),
+        }
+        write_figures(files, figures, dict.fromkeys(("open", "largest_gap"), self.wish.gap))
+        yield from self.judged(asked.sine, worst, done.failure)
+
+    def judged(
+        self, sine: Sine, worst: Mapping[str, float], failure: str = ""
+    ) -> Iterator[Finding]:
+        """worst: gap of each loop, m or rad; infinite where the simulation failed."""
+        if not any(sine.swing.values()):
+            message = f"no joint of the loops can swing: in {self.engine} gravity alone pulled"
+            yield HANGS("robot", message)
+        for name, size in worst.items():
+            if size <= self.wish.gap:
+                continue
+            message = (
+                f"in {self.engine} it opened by {size:.3g} m or rad over {sine.seconds:g} s of "
+                f"swinging, above the limit of {self.wish.gap:g}"
+            )
+            if not math.isfinite(size):
+                message = f"{self.engine} did not swing it: {failure or 'it went to infinity'}"
+            yield OPENS(
+                f"loop {name}",
+                message,
+                severity="error" if not size <= self.wish.broken else "warning",
+                data={"open": size if math.isfinite(size) else None, "limit": self.wish.gap},
+            )

@@ -1,0 +1,1 @@
+"""mjlab: asked in its own environment."""

@@ -1,0 +1,231 @@
+"""The drives of a compiled MuJoCo model, in the coordinates of the joints that they move.
+
+MuJoCo's law for an actuator with the transmission `joint` of gear `g`, with length = g q:
+force = clip(gain(ctrl) + bias(length, velocity), forcerange) and torque = g force. The torques of
+all actuators of a joint add up and are clipped to its `actuatorfrcrange`. A fixed tendon over
+joints that follow one another drives the one that leads: see `levers`.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from assetbuild.robot.pose import Array
+from assetbuild.simulators.mujoco import Data, Model, actuators, first_command, name_of, turning
+from assetbuild.simulators.mujoco.levers import tendon_lever
+
+Kind = Literal["servo", "velocity", "motor", "general"]
+Range = tuple[float, float]
+"""(lower, upper); infinite where nothing limits."""
+UNLIMITED: Range = (-math.inf, math.inf)
+
+
+@dataclass(frozen=True)
+class Drive:
+    """One actuator on one hinge or slide; torques are N m or N on the joint, positions rad or m.
+
+    index: of the actuator; ctrl_index: of its command in `data.ctrl`; joint: number of the joint.
+    kind: `servo`, `velocity` and `motor` are the laws of MuJoCo's elements `position`, `velocity`
+    and `motor`; everything else is `general`.
+    gain, constant: torque = gain ctrl + constant - kp q - kd qdot, before limits. kp: N m/rad or
+    N/m; kd: N m s/rad or N s/m. For a gain or bias that is not affine in ctrl, q and qdot (a
+    muscle, a damper), these are the values at q = qdot = 0, and `is_affine` is False.
+    filtered: the command passes through an activation first.
+    torque, ctrl: limits; on_joint: the torque within the joint's own `actuatorfrcrange`. damping,
+    armature: the actuator's own (MuJoCo > 3.11), on the joint.
+    """
+
+    index: int
+    ctrl_index: int
+    joint: int
+    joint_name: str
+    kind: Kind
+    gear: float
+    gain: float
+    constant: float
+    kp: float
+    kd: float
+    is_affine: bool
+    filtered: bool
+    torque: Range
+    on_joint: Range
+    ctrl: Range
+    damping: float
+    armature: float
+
+    @property
+    def holds_position(self) -> bool:
+        """Whether a constant command pulls the joint to one position; a growing one, further."""
+        return self.is_affine and self.kp > 0.0 and self.gain * self.gear > 0.0
+
+    @property
+    def within_effort(self) -> Range:
+        """The torque within the larger end of what the joint takes, either way, N m or N."""
+        most = max(-self.on_joint[0], self.on_joint[1])
+        return max(self.torque[0], -most), min(self.torque[1], most)
+
+    def command(self, position: float) -> float:
+        """The command at which a drive that holds positions is at rest at `position`."""
+        return (self.kp * position - self.constant) / self.gain
+
+    def command_step(self, turn: float) -> float:
+        """By how much the command changes that asks for `turn` more of the position."""
+        return self.kp * turn / self.gain
+
+    def target(self, command: float) -> float:
+        """The position at which a drive that holds positions is at rest under `command`."""
+        return (self.gain * command + self.constant) / self.kp
+
+
+@dataclass(frozen=True)
+class JointDrives:
+    """All drives of one joint together; an empty tuple where nothing drives it.
+
+    torque: what they can apply at most, after the joint's own `actuatorfrcrange`, N m or N.
+    """
+
+    joint: int
+    drives: tuple[Drive, ...]
+    torque: Range
+
+    @property
+    def kp(self) -> float:
+        """N m/rad or N/m."""
+        return sum((drive.kp for drive in self.drives), 0.0)
+
+    @property
+    def kd(self) -> float:
+        """N m s/rad or N s/m."""
+        return sum((drive.kd for drive in self.drives), 0.0)
+
+    @property
+    def effort(self) -> float:
+        """The larger torque of both directions, N m or N; infinite where nothing limits it."""
+        return max(-self.torque[0], self.torque[1])
+
+
+def read_drives(model: Model) -> tuple[Drive, ...]:
+    """The actuators that drive hinges and slides, in order; others are left out."""
+    found = (read_drive(model, index) for index in actuators(model))
+    return tuple(drive for drive in found if drive is not None)
+
+
+def read_drive(model: Model, index: int) -> Drive | None:
+    """One actuator; None when its transmission is no hinge or slide, nor joints that one leads."""
+    import mujoco
+
+    straight = (int(mujoco.mjtTrn.mjTRN_JOINT), int(mujoco.mjtTrn.mjTRN_JOINTINPARENT))
+    joint = int(model.actuator_trnid[index, 0])
+    if int(model.actuator_trntype[index]) in straight and joint in turning(model):
+        return _drive(model, index, joint, float(model.actuator_gear[index, 0]))
+    lever = tendon_lever(model, index)
+    return _drive(model, index, *lever) if lever else None
+
+
+def aim(model: Model, data: Data, joints: Collection[str] | None = None) -> None:
+    """Drives that hold positions hold their joints where these are. joints: None = all."""
+    for drive in read_drives(model):
+        if drive.holds_position and (joints is None or drive.joint_name in joints):
+            position = float(data.qpos[model.jnt_qposadr[drive.joint]])
+            data.ctrl[drive.ctrl_index] = drive.command(position)
+
+
+def drives_of(model: Model, joint: int) -> JointDrives:
+    """The drives of one joint, by its number."""
+    drives = tuple(drive for drive in read_drives(model) if drive.joint == joint)
+    lower = sum(drive.torque[0] for drive in drives) if drives else -math.inf
+    upper = sum(drive.torque[1] for drive in drives) if drives else math.inf
+    return JointDrives(joint, drives, _on_joint(model, joint, (lower, upper)))
+
+
+def _drive(model: Model, index: int, joint: int, gear: float) -> Drive:
+    import mujoco
+
+    gain_type, gain = int(model.actuator_gaintype[index]), model.actuator_gainprm[index]
+    bias_type, bias = int(model.actuator_biastype[index]), model.actuator_biasprm[index]
+    fixed = gain_type == int(mujoco.mjtGain.mjGAIN_FIXED)
+    biased = bias_type == int(mujoco.mjtBias.mjBIAS_AFFINE)
+    unbiased = bias_type == int(mujoco.mjtBias.mjBIAS_NONE)
+    slope = gain_type == int(mujoco.mjtGain.mjGAIN_AFFINE) and not gain[1:3].any()
+    dynamics = int(model.actuator_dyntype[index])
+    filters = (mujoco.mjtDyn.mjDYN_FILTER, mujoco.mjtDyn.mjDYN_FILTEREXACT)
+    filtered = dynamics in (int(kind) for kind in filters)
+    # An integrator sums its command up, so no command belongs to a position.
+    settles = filtered or dynamics == int(mujoco.mjtDyn.mjDYN_NONE)
+    is_affine = (fixed or slope) and (biased or unbiased) and settles
+    constant, stiff, viscous = (float(v) for v in bias[:3]) if biased else (0.0, 0.0, 0.0)
+    kind = _kind(float(gain[0]), (constant, stiff, viscous))
+    torque = _torque(model, index, gear, plain=is_affine and unbiased)
+    return Drive(
+        index=index,
+        ctrl_index=first_command(model, index),
+        joint=joint,
+        joint_name=name_of(model, "joint", joint),
+        kind=kind if is_affine else "general",
+        gear=gear,
+        gain=gear * float(gain[0]),
+        constant=gear * constant,
+        kp=0.0 - gear * gear * stiff,
+        kd=0.0 - gear * gear * viscous,
+        is_affine=is_affine,
+        filtered=filtered,
+        torque=torque,
+        on_joint=_on_joint(model, joint, torque),
+        ctrl=_range(model.actuator_ctrllimited[index], model.actuator_ctrlrange[index]),
+        damping=_own(model, "damping", index, gear),
+        armature=_own(model, "armature", index, gear),
+    )
+
+
+def _kind(gain: float, bias: tuple[float, float, float]) -> Kind:
+    if not any(bias):
+        return "motor"
+    if gain > 0.0 and bias[:2] == (0.0, -gain):
+        return "servo"
+    if gain > 0.0 and bias == (0.0, 0.0, -gain):
+        return "velocity"
+    return "general"
+
+
+def _torque(model: Model, index: int, gear: float, *, plain: bool) -> Range:
+    """Limits on the joint, N m or N.
+
+    plain: the force is gain x ctrl, so that limits of the command limit the force as well.
+    """
+    force = _range(model.actuator_forcelimited[index], model.actuator_forcerange[index])
+    if plain and model.actuator_ctrllimited[index]:
+        asked = float(model.actuator_gainprm[index, 0]) * model.actuator_ctrlrange[index]
+        force = _inside(force, (float(asked.min()), float(asked.max())))
+    ends = [gear * end if gear else 0.0 for end in force]
+    return min(ends), max(ends)
+
+
+def _on_joint(model: Model, joint: int, torque: Range) -> Range:
+    """Clipped to what the joint takes in all."""
+    return _inside(torque, _range(model.jnt_actfrclimited[joint], model.jnt_actfrcrange[joint]))
+
+
+def _inside(one: Range, other: Range) -> Range:
+    """`one` clipped to `other`, as MuJoCo clips forces."""
+    low, high = (min(max(end, other[0]), other[1]) for end in one)
+    return low, high
+
+
+def _range(limited: bool, ends: Array) -> Range:
+    return (float(ends[0]), float(ends[1])) if limited else UNLIMITED
+
+
+def _has(model: Model, attribute: str) -> bool:
+    return hasattr(model, f"actuator_{attribute}")
+
+
+def _own(model: Model, attribute: str, index: int, gear: float) -> float:
+    """An actuator's own damping or armature on the joint, which MuJoCo 3.11 does not have."""
+    if not _has(model, attribute):
+        return 0.0
+    return gear * gear * float(np.ravel(getattr(model, f"actuator_{attribute}")[index])[0])

@@ -1,0 +1,369 @@
+"""A gripper that closes on an object, lifts it and is shaken, in MuJoCo.
+
+The hand stands still and points down; a table below it goes away instead of the hand going up.
+Gravity points where the fingers point, and shakes.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+
+from assetbuild.errors import StepError, one_line
+from assetbuild.robot.pose import Array
+from assetbuild.simulators.mujoco import Data, Model, at_key, caught_warnings, is_finite, without
+from assetbuild.simulators.mujoco.hands import (
+    Hand,
+    at_pose,
+    between_keys,
+    find_hands,
+    held_but,
+    solid_geoms,
+    vertices,
+)
+
+Shape = Literal["cube", "cylinder", "sphere"]
+SHAPES: tuple[Shape, ...] = ("cube", "cylinder", "sphere")
+WIDTH_M, LEAST_WIDTH_M = 0.04, 0.008
+"""A cube is this wide, a sphere this thick, and so is a cylinder, which is one and a half times as
+tall; less where the hand does not open so far."""
+CLOSE_S, LIFT_S, SHAKE_S, HOLD_S = 1.0, 1.5, 1.0, 5.0
+TOTAL_S = CLOSE_S + LIFT_S + SHAKE_S + HOLD_S
+RAMP = 0.75
+"""Share of the time to close in which the command gets there."""
+LIFT_M = 0.2
+SHAKE_G, SHAKE_HZ = 0.3, 3.0
+"""The shaking in times gravity, in all three directions one after the other."""
+FRICTION = 1.0
+"""The object and the fingers have it."""
+BEYOND_M = 0.005
+"""The object reaches so far beyond the fingertips."""
+OPEN = 0.1
+"""Share of its travel that the hand is more open at the start than the object needs."""
+SMALLER = 0.7
+"""Times the width that did not fit, the next one."""
+DEPTHS, PLACES, ASIDE, EVERY = 4, 31, 1.5, 2
+"""An object is tried at so many depths and at so many places across the hand, which reach to so
+many times its width on both sides, in every second pose."""
+TABLE_M, G = 0.02, 9.81
+_OBJECT, _TABLE = "gripped object", "table below the object"
+_TABLE_BIT = 1 << 30
+
+
+@dataclass(frozen=True)
+class Place:
+    """An object between open fingers. width_m: see `WIDTH_M`.
+
+    start: number of the hand's pose from which it closes. xyz: (3,) of the object's centre.
+    R: (3, 3) its axes in the world as columns: x across the hand, z back to the palm.
+    """
+
+    shape: Shape
+    width_m: float
+    start: int
+    xyz: Array
+    R: Array
+
+    @property
+    def down(self) -> Array:
+        """(3,) world direction in which the fingers point."""
+        down: Array = -self.R[:, 2]
+        return down
+
+
+@dataclass(frozen=True)
+class Grip:
+    """How an object of `mass` kg was held.
+
+    slip_m: how far it moved since it was lifted, seen from the bodies that press on it, the mean of
+    both sides. seat_m: likewise, from when the hand had closed until then: it finds its seat when
+    the table leaves it. forces_n: mean normal force of each side in the last second, None where
+    nobody looked. held: whether it was still in the hand at the end. failure: why a simulator did
+    not get there.
+    """
+
+    place: Place
+    mass: float
+    slip_m: float
+    seat_m: float
+    forces_n: tuple[float, float] | None
+    held: bool
+    failure: str = ""
+
+
+Try = tuple[Place, float]
+"""An object and its mass, kg."""
+
+
+def with_object(path: Path) -> Model:
+    """The robot of an MJCF with an object that floats and a table, both far away."""
+    import mujoco
+
+    spec = mujoco.MjSpec.from_file(str(path))
+    spec.compiler.discardvisual = True
+    for key in spec.keys:
+        if len(key.qpos):
+            key.qpos = np.append(key.qpos, (0.0, 0.0, 50.0, 1.0, 0.0, 0.0, 0.0))
+    body = spec.worldbody.add_body(name=_OBJECT, pos=(0.0, 0.0, 50.0))
+    body.add_freejoint(name=_OBJECT)
+    body.mass, body.inertia, body.explicitinertial = 1.0, (1.0, 1.0, 1.0), True
+    body.ipos, body.iquat = (0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0)
+    body.add_geom(
+        name=_OBJECT,
+        type=mujoco.mjtGeom.mjGEOM_BOX,
+        size=(WIDTH_M, WIDTH_M, WIDTH_M),
+        contype=1 | _TABLE_BIT,
+        conaffinity=1,
+        condim=4,
+    )
+    table = spec.worldbody.add_body(name=_TABLE, mocap=True, pos=(0.0, 0.0, 60.0))
+    table.add_geom(
+        name=_TABLE,
+        type=mujoco.mjtGeom.mjGEOM_BOX,
+        size=(0.5, 0.5, TABLE_M),
+        contype=0,
+        conaffinity=_TABLE_BIT,
+    )
+    with caught_warnings():
+        try:
+            return spec.compile()
+        except ValueError as error:
+            raise StepError(one_line(error)) from None
+
+
+def hands_of(model: Model, keyframes: tuple[str, str] | None) -> list[Hand]:
+    """The hand between two keyframes, or without them all that are found."""
+    probe = probe_of(model)
+    if keyframes:
+        return [between_keys(model, probe, *keyframes)]
+    return list(find_hands(model, probe))
+
+
+def tries_of(model: Model, hand: Hand, masses: Sequence[float]) -> list[Try]:
+    """What the hand is to hold: each shape that fits, with each mass in kg."""
+    places = (fit(model, hand, shape) for shape in SHAPES)
+    return [(place, mass) for place in places if place is not None for mass in masses]
+
+
+def probe_of(model: Model) -> int:
+    """The geom of the object."""
+    return int(model.geom(_OBJECT).id)
+
+
+def half_size(shape: Shape, width: float) -> Array:
+    """(3,) half of its size along its axes, m."""
+    return np.array((0.5, 0.5, 0.75 if shape == "cylinder" else 0.5)) * width
+
+
+def _resize(model: Model, shape: Shape, width: float) -> None:
+    import mujoco
+
+    kinds, half = mujoco.mjtGeom, half_size(shape, width)
+    kind, size = {
+        "cube": (kinds.mjGEOM_BOX, half),
+        "cylinder": (kinds.mjGEOM_CYLINDER, (half[0], half[2], 0.0)),
+        "sphere": (kinds.mjGEOM_SPHERE, (half[0], 0.0, 0.0)),
+    }[shape]
+    model.geom_type[probe_of(model)], model.geom_size[probe_of(model)] = int(kind), size
+
+
+def inertia_of(shape: Shape, width: float, mass: float) -> Array:
+    """(3,) principal moments of a homogeneous object, kg m2; width in m, mass in kg."""
+    if shape == "cube":
+        return np.full(3, mass * width**2 / 6.0)
+    if shape == "sphere":
+        return np.full(3, mass * width**2 / 10.0)
+    tall = 2.0 * half_size(shape, width)[2]
+    side = mass * (0.75 * width**2 + tall**2) / 12.0
+    return np.array((side, side, mass * width**2 / 8.0))
+
+
+def fit(model: Model, hand: Hand, shape: Shape) -> Place | None:
+    """The largest object up to `WIDTH_M` that fingers touch on both sides, as deep as it can be.
+
+    model: of `with_object`. None where none fits between them.
+    """
+    model, width = without(model), WIDTH_M
+    while width > LEAST_WIDTH_M:
+        _resize(model, shape, width)
+        for out in np.linspace(0.0, half_size(shape, width)[2], DEPTHS):
+            for index in range(len(hand.poses) - 1, -1, -EVERY):
+                place = _room(model, hand, index, shape, width, float(out))
+                if place is not None:
+                    return place
+        width *= SMALLER
+    return None
+
+
+def _room(
+    model: Model, hand: Hand, index: int, shape: Shape, width: float, out: float
+) -> Place | None:
+    """A place between the fingers in a pose where the object touches nothing.
+
+    out: m, less deep in the hand than can be.
+    """
+    import mujoco
+
+    data, along, across = at_pose(model, hand.poses[index]), hand.along[index], hand.across[index]
+    R = np.column_stack([across, np.cross(across, along), -along])
+    deepest = min(float((vertices(model, data, side) @ along).max()) for side in hand.sides)
+    depth = deepest + BEYOND_M - half_size(shape, width)[2] + out
+    middle = hand.tips[index] + (depth - hand.tips[index] @ along) * along
+    places = middle + np.linspace(-ASIDE, ASIDE, PLACES)[:, None] * width * across
+    touched = []
+    for xyz in places:
+        _put(model, data, xyz, R)
+        mujoco.mj_kinematics(model, data)
+        mujoco.mj_collision(model, data)
+        touched.append(_touched(model, data, hand))
+    between = _between(touched)
+    if between is None:
+        return None
+    start = max(0, index - round(OPEN * len(hand.poses)))
+    return Place(shape, width, start, places[between], R)
+
+
+def _touched(model: Model, data: Data, hand: Hand) -> int | None:
+    """What the object lies in: a side by its number, -1 for both or other bodies; None: nothing."""
+    pairs = [c.geom for c in _contacts(model, data) if c.dist < 0.0]
+    own = int(model.body(_OBJECT).id)
+    bodies = {int(body) for pair in pairs for body in model.geom_bodyid[pair]} - {own}
+    for number, side in enumerate(hand.sides):
+        if bodies and bodies <= set(side):
+            return number
+    return -1 if bodies else None
+
+
+def _between(touched: Sequence[int | None]) -> int | None:
+    """The middle of places in a row that touch nothing, with a side before and the other behind."""
+    free: list[int] = []
+    before: int | None = None
+    for index, what in enumerate(touched):
+        if what is None:
+            free.append(index)
+            continue
+        if free and (before, what) == (0, 1):
+            return free[len(free) // 2]
+        free, before = [], what
+    return None
+
+
+def grip(model: Model, hand: Hand, place: Place, mass: float) -> Grip:
+    """Close on an object, lift it, shake it and hold it.
+
+    model: of `with_object`. mass: kg.
+    """
+    import mujoco
+
+    model = _loaded(model, hand, place, mass)
+    data, step = at_key(model), float(model.opt.timestep)  # the rest of the robot aims at its home
+    data.qpos[:] = hand.poses[place.start]
+    _put(model, data, place.xyz, place.R)
+    table = int(model.body(_TABLE).mocapid[0])
+    mujoco.mju_mat2Quat(data.mocap_quat[table], place.R.ravel())
+    pressing, seen, forces = list[int](), list[Array](), []
+    for index in range(round(TOTAL_S / step)):
+        time = index * step
+        for drive, target in zip(hand.drives, closing(hand, place, time), strict=True):
+            data.ctrl[drive.ctrl_index] = drive.command(float(target))
+        data.mocap_pos[table] = table_at(place, time) + TABLE_M * place.down
+        model.opt.gravity[:] = G * place.down + shaking(place, time)
+        mujoco.mj_step(model, data)
+        if time >= CLOSE_S and not pressing:
+            pressing = _pressing(model, data, hand)
+            seen.append(_seen_from(data, pressing))
+        if time >= CLOSE_S + LIFT_S and len(seen) == 1:
+            seen.append(_seen_from(data, pressing))
+        if time > TOTAL_S - 1.0:
+            by_body = _forces(model, data)
+            forces.append([sum(by_body.get(b, 0.0) for b in side) for side in hand.sides])
+    seen.append(_seen_from(data, pressing))
+    seat, slip = np.linalg.norm(np.diff(seen, axis=0), axis=2).mean(axis=1)
+    fell = np.linalg.norm(data.body(_OBJECT).xpos - place.xyz) > LIFT_M / 2.0
+    one, other = (float(force) for force in np.mean(forces, axis=0))
+    held = bool(is_finite(data) and not fell and min(one, other) > 0.0)
+    return Grip(place, mass, float(slip), float(seat), (one, other), held)
+
+
+def _loaded(model: Model, hand: Hand, place: Place, mass: float) -> Model:
+    """A copy with this object, in which nothing but the fingers moves."""
+    import mujoco
+
+    model, body = without(model), int(model.body(_OBJECT).id)
+    _resize(model, place.shape, place.width_m)
+    model.body_mass[body] = mass
+    model.body_inertia[body] = inertia_of(place.shape, place.width_m, mass)
+    mujoco.mj_setConst(model, mujoco.MjData(model))
+    held_but(model, hand.fingers)
+    fingers = solid_geoms(model, [body for side in hand.sides for body in side])
+    model.geom_friction[[*fingers, probe_of(model)], 0] = FRICTION
+    return model
+
+
+def closing(hand: Hand, place: Place, time: float) -> Array:
+    """(k,) what the hand's drives are commanded to, rad or m."""
+    start, end = hand.targets[place.start], hand.targets[-1]
+    targets: Array = start + min(1.0, time / (RAMP * CLOSE_S)) * (end - start)
+    return targets
+
+
+def table_at(place: Place, time: float) -> Array:
+    """(3,) middle of the table's upper face in the world."""
+    lifted = LIFT_M * min(1.0, max(0.0, (time - CLOSE_S) / LIFT_S))
+    at: Array = place.xyz + (half_size(place.shape, place.width_m)[2] + lifted) * place.down
+    return at
+
+
+def shaking(place: Place, time: float) -> Array:
+    """(3,) m/s2 in the world: along each axis of the object, one after the other."""
+    since = time - CLOSE_S - LIFT_S
+    if not 0.0 <= since < SHAKE_S:
+        return np.zeros(3)
+    axis = place.R[:, int(3.0 * since / SHAKE_S)]
+    shaken: Array = SHAKE_G * G * math.sin(2.0 * math.pi * SHAKE_HZ * since) * axis
+    return shaken
+
+
+def _put(model: Model, data: Data, xyz: Array, R: Array) -> None:
+    import mujoco
+
+    at = int(model.joint(_OBJECT).qposadr[0])
+    data.qpos[at : at + 3] = xyz
+    mujoco.mju_mat2Quat(data.qpos[at + 3 : at + 7], R.ravel())
+
+
+def _contacts(model: Model, data: Data) -> list[Any]:  # Any: mujoco.MjContact
+    """Contacts of the object with the robot."""
+    geom, table = probe_of(model), int(model.geom(_TABLE).id)
+    return [c for c in data.contact[: data.ncon] if geom in c.geom and table not in c.geom]
+
+
+def _forces(model: Model, data: Data) -> dict[int, float]:
+    """Sum of the normal forces of each body of the robot on the object, N."""
+    import mujoco
+
+    geom, force, sums = probe_of(model), np.zeros(6), dict[int, float]()
+    for index in range(data.ncon):
+        pair = [int(g) for g in data.contact[index].geom]
+        if geom in pair:
+            other = int(model.geom_bodyid[pair[int(pair[0] == geom)]])
+            mujoco.mj_contactForce(model, data, index, force)
+            sums[other] = sums.get(other, 0.0) + float(force[0])
+    return sums
+
+
+def _pressing(model: Model, data: Data, hand: Hand) -> list[int]:
+    """The body of each side that presses most on the object."""
+    forces = _forces(model, data)
+    return [max(side, key=lambda body: forces.get(body, 0.0)) for side in hand.sides]
+
+
+def _seen_from(data: Data, bodies: Sequence[int]) -> Array:
+    """(n, 3) place of the object in the frames of bodies."""
+    at = np.array(data.body(_OBJECT).xpos)
+    return np.array([data.xmat[body].reshape(3, 3).T @ (at - data.xpos[body]) for body in bodies])

@@ -1,0 +1,105 @@
+"""How PhysX couples joints that mimic others, which its interface does not tell.
+
+Without gravity, contacts and friction a drive swings each leader about the middle of its range.
+The line on which its followers move is the multiplier and the offset that PhysX holds. All start
+where the robot's own coupling wants them: light links on a line of PhysX's far from there are
+thrown to infinity, and nothing is measured, which is a difference too.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from assetbuild.robot.initial import initial_pose
+from assetbuild.robot.mimic import with_mimics
+from assetbuild.robot.model import Actuator, Control, Joint, Tree
+from assetbuild.simulators.experiments import Experiment, Outcome, Setting, Sine
+
+NARROW, WIDE = 1e-4, 0.5
+"""rad or m: least range of a leader that shows a line; the range of one without limits."""
+SHARE = 0.3
+"""How far the leader swings to one side of the middle, as a share of its range."""
+FREQUENCY_HZ, STEP_S, STEPS = 2.5, 0.001, 200
+KP, KD = 2500.0, 100.0
+"""Per unit of inertia: 1/s2 and 1/s."""
+NAME = "coupling"
+ZERO = 5e-3
+"""Share of the leader's way: a smaller offset is none."""
+
+
+@dataclass(frozen=True)
+class Coupling:
+    """q = multiplier * q(leader) + offset, rad or m."""
+
+    leader: str
+    multiplier: float
+    offset: float
+
+
+def measurable(tree: Tree) -> Mapping[str, tuple[float, float]]:
+    """Follower -> range of its leader, rad or m."""
+    ranges: dict[str, tuple[float, float]] = {}
+    followers = [j for j in tree.moving_joints if j.mimic and j.mimic.multiplier]
+    for joint in followers:
+        assert joint.mimic is not None  # noqa: S101 # chosen above
+        leader = tree.by_joint[joint.mimic.joint]
+        low, high = ranges.get(leader.name, _range(leader))
+        ends = [(end - joint.mimic.offset) / joint.mimic.multiplier for end in _range(joint)]
+        ranges[leader.name] = max(low, min(ends)), min(high, max(ends))
+    found = {joint.name: ranges[_leader(tree, joint.name)] for joint in followers}
+    return {name: (low, high) for name, (low, high) in found.items() if high - low > NARROW}
+
+
+def _range(joint: Joint) -> tuple[float, float]:
+    lower, upper = joint.limits.lower, joint.limits.upper
+    if joint.kind == "continuous" or lower is None or upper is None:
+        return -WIDE, WIDE
+    return lower, upper
+
+
+def experiments(tree: Tree, control: Control) -> tuple[Experiment, ...]:
+    """One, or none where nothing mimics."""
+    ranges = measurable(tree)
+    if not ranges:
+        return ()
+    leaders = {_leader(tree, name): ends for name, ends in ranges.items()}
+    drives = {name: Actuator(name, "pd") for name in ranges}
+    drives |= {name: Actuator(name, "pd", kp=KP, kd=KD) for name in leaders if name not in ranges}
+    middle = {name: (low + high) / 2.0 for name, (low, high) in leaders.items()}
+    swing = {name: SHARE * (high - low) for name, (low, high) in leaders.items()}
+    start = with_mimics(tree, {**dict(initial_pose(tree, control).joints), **middle})
+    setting = Setting(
+        STEP_S, (0.0, 0.0, 0.0), contacts=False, rubbing=False, limited=False, drives=drives,
+        drive_type="acceleration", loops=False,
+    )  # fmt: skip
+    sine = Sine(middle, swing, FREQUENCY_HZ, STEPS * STEP_S)
+    return (Experiment(NAME, setting, STEPS, every=5, start=start, sine=sine),)
+
+
+def measured(tree: Tree, outcomes: Mapping[str, Outcome]) -> dict[str, Coupling]:
+    """Return the coupling of each follower, measured once the solver has settled.
+
+    A line that does not show is left out, and so are all after a failure.
+    """
+    done = outcomes.get(NAME)
+    if done is None or done.motion is None or not done.finite:
+        return {}
+    half = len(done.motion.time) // 2
+    found, joints = {}, {name: track[half:] for name, track in done.motion.joints.items()}
+    for name in measurable(tree):
+        leader = _leader(tree, name)
+        way = float(np.ptp(joints[leader]))
+        if way > NARROW * ZERO:
+            multiplier, offset = (float(v) for v in np.polyfit(joints[leader], joints[name], 1))
+            offset = offset if abs(offset) > ZERO * way else 0.0
+            found[name] = Coupling(leader, multiplier, offset)
+    return found
+
+
+def _leader(tree: Tree, follower: str) -> str:
+    mimic = tree.by_joint[follower].mimic
+    assert mimic is not None  # noqa: S101 # a follower
+    return mimic.joint

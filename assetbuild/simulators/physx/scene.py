@@ -1,0 +1,261 @@
+"""Stages that PhysX is shown: the asset, untouched, in a small world of its own.
+
+Everything that an experiment changes is an opinion in the layer of this world, above the asset.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from assetbuild.errors import StepError
+from assetbuild.robot.pose import Pose, normalised_quat, vec3
+from assetbuild.simulators.experiments import Gripped, Setting
+
+if TYPE_CHECKING:
+    from pxr import Usd
+
+ROBOT = "/World/robot"
+OBJECT, TABLE = "/World/object", "/World/table"
+FLOOR_M = 100.0
+
+
+@dataclass(frozen=True)
+class StageNames:
+    """The robot's names by prim path below `/World/robot`, and which joints are angles."""
+
+    bodies: Mapping[str, str]
+    joints: Mapping[str, str]
+    angular: frozenset[str]
+
+
+def write_world(path: Path, main: Path, setting: Setting) -> StageNames:
+    """Write a stage that references `main`; returns whose prims are whose."""
+    from pxr import Usd, UsdGeom
+
+    stage = Usd.Stage.CreateNew(str(path))
+    UsdGeom.SetStageUpAxis(stage, UsdGeom.Tokens.z)
+    UsdGeom.SetStageMetersPerUnit(stage, 1.0)
+    stage.SetDefaultPrim(UsdGeom.Xform.Define(stage, "/World").GetPrim())
+    robot = UsdGeom.Xform.Define(stage, ROBOT)
+    robot.GetPrim().GetReferences().AddReference(str(main))
+    if setting.at is not None:
+        _place(robot.GetPrim(), setting.at)
+    _define_scene(stage, setting)
+    names = _names(stage)
+    if setting.floor_friction is not None:
+        _define_floor(stage, setting.floor_friction)
+    if setting.base == "held":
+        _hold_base(stage)
+    if setting.gripped is not None:
+        _define_object(stage, setting.gripped, names)
+    for prim in Usd.PrimRange(robot.GetPrim()):
+        _change(prim, names, setting)
+    stage.Save()
+    return names
+
+
+def root_pose(main: Path, link: str) -> Pose:
+    """X_world_link of a link where the asset puts it."""
+    from pxr import Usd, UsdGeom
+
+    stage = Usd.Stage.Open(str(main))
+    for prim in stage.Traverse():
+        if str(prim.GetMetadata("displayName") or prim.GetName()) == link:
+            placed = UsdGeom.XformCache().GetLocalToWorldTransform(prim)
+            turn = placed.ExtractRotationQuat()
+            quat = (turn.GetReal(), *turn.GetImaginary())
+            return Pose(vec3(placed.ExtractTranslation()), normalised_quat(quat))
+    raise StepError(f"{main.name} has no link `{link}`")
+
+
+def _names(stage: Usd.Stage) -> StageNames:
+    from pxr import Usd, UsdPhysics
+
+    bodies, joints, angular = {}, {}, set()
+    for prim in Usd.PrimRange(stage.GetPrimAtPath(ROBOT)):
+        name = str(prim.GetMetadata("displayName") or prim.GetName())
+        if prim.HasAPI(UsdPhysics.RigidBodyAPI):
+            bodies[str(prim.GetPath())] = name
+        elif prim.IsA(UsdPhysics.Joint) and not _closes_loop(prim):
+            joints[str(prim.GetPath())] = name
+            if prim.IsA(UsdPhysics.RevoluteJoint):
+                angular.add(name)
+    return StageNames(bodies, joints, frozenset(angular))
+
+
+def _closes_loop(prim: Usd.Prim) -> bool:
+    from pxr import UsdPhysics
+
+    return bool(UsdPhysics.Joint(prim).GetExcludeFromArticulationAttr().Get())
+
+
+def _place(prim: Usd.Prim, pose: Pose) -> None:
+    from pxr import Gf, UsdGeom
+
+    form = UsdGeom.Xformable(prim)
+    form.ClearXformOpOrder()
+    w, x, y, z = pose.quat
+    form.AddTranslateOp(UsdGeom.XformOp.PrecisionDouble).Set(Gf.Vec3d(*pose.xyz))
+    form.AddOrientOp(UsdGeom.XformOp.PrecisionDouble).Set(Gf.Quatd(w, x, y, z))
+
+
+def _define_scene(stage: Usd.Stage, setting: Setting) -> None:
+    from pxr import Gf, UsdPhysics
+
+    gravity = np.asarray(setting.gravity)
+    strength = float(np.linalg.norm(gravity))
+    direction = gravity / strength if strength else np.array((0.0, 0.0, -1.0))
+    scene = UsdPhysics.Scene.Define(stage, "/World/scene")
+    scene.CreateGravityDirectionAttr(Gf.Vec3f(*direction.tolist()))
+    scene.CreateGravityMagnitudeAttr(strength)
+    _foreign(
+        scene.GetPrim(),
+        "PhysxSceneAPI",
+        {
+            "physxScene:enableGPUDynamics": ("Bool", False),
+            "physxScene:broadphaseType": ("Token", "MBP"),
+            "physxScene:solverType": ("Token", "TGS"),
+            "physxScene:timeStepsPerSecond": ("UInt", max(1, round(1.0 / setting.timestep))),
+        },
+    )
+
+
+def _define_floor(stage: Usd.Stage, friction: float) -> None:
+    from pxr import UsdGeom
+
+    floor = UsdGeom.Plane.Define(stage, "/World/floor")
+    floor.CreateAxisAttr(UsdGeom.Tokens.z)
+    floor.CreateWidthAttr(FLOOR_M)
+    floor.CreateLengthAttr(FLOOR_M)
+    _make_solid(stage, floor.GetPrim(), friction)
+
+
+def _make_solid(stage: Usd.Stage, prim: Usd.Prim, friction: float) -> Usd.Prim:
+    """Make a shape touch things, with a material of its own; returns the material."""
+    from pxr import UsdPhysics, UsdShade
+
+    material = UsdShade.Material.Define(stage, f"{prim.GetPath()}_material")
+    surface = UsdPhysics.MaterialAPI.Apply(material.GetPrim())
+    surface.CreateStaticFrictionAttr(friction)
+    surface.CreateDynamicFrictionAttr(friction)
+    surface.CreateRestitutionAttr(0.0)
+    UsdPhysics.CollisionAPI.Apply(prim)
+    UsdShade.MaterialBindingAPI.Apply(prim).Bind(
+        material, UsdShade.Tokens.weakerThanDescendants, "physics"
+    )
+    return material.GetPrim()
+
+
+def _define_object(stage: Usd.Stage, gripped: Gripped, names: StageNames) -> None:
+    """The object, whose friction holds for whatever touches it, and the table below it alone."""
+    from pxr import Gf, UsdGeom, UsdPhysics
+
+    kind = {"cube": UsdGeom.Cube, "cylinder": UsdGeom.Cylinder, "sphere": UsdGeom.Sphere}
+    solid = kind[gripped.shape].Define(stage, OBJECT)
+    if gripped.shape == "cube":
+        solid.CreateSizeAttr(gripped.size[0])
+    else:
+        solid.CreateRadiusAttr(gripped.size[0] / 2.0)
+    if gripped.shape == "cylinder":
+        solid.CreateHeightAttr(gripped.size[2])
+    material = _make_solid(stage, solid.GetPrim(), gripped.friction)
+    _foreign(material, "PhysxMaterialAPI", {"physxMaterial:frictionCombineMode": ("Token", "max")})
+    mass = UsdPhysics.MassAPI.Apply(solid.GetPrim())
+    mass.CreateMassAttr(gripped.mass)
+    mass.CreateDiagonalInertiaAttr(Gf.Vec3f(*gripped.inertia))
+    mass.CreatePrincipalAxesAttr(Gf.Quatf(1.0))
+    table = UsdGeom.Xform.Define(stage, TABLE)
+    board = UsdGeom.Cube.Define(stage, f"{TABLE}/board")
+    board.CreateSizeAttr(1.0)
+    UsdGeom.XformCommonAPI(board).SetTranslate((0.0, 0.0, -0.5))
+    _make_solid(stage, board.GetPrim(), gripped.friction)
+    filtered = UsdPhysics.FilteredPairsAPI.Apply(table.GetPrim())
+    filtered.CreateFilteredPairsRel().SetTargets(list(names.bodies))
+    for prim, pose in (
+        (solid.GetPrim(), gripped.X_world_object),
+        (table.GetPrim(), gripped.X_world_table),
+    ):
+        body = UsdPhysics.RigidBodyAPI.Apply(prim)
+        body.CreateKinematicEnabledAttr(prim == table.GetPrim())
+        _place(prim, pose)
+
+
+def _hold_base(stage: Usd.Stage) -> None:
+    """Move the articulation root from the root link to a fixed joint with the world.
+
+    On the link itself, with a joint beside it, PhysX would let the base drift.
+    """
+    from pxr import Usd, UsdPhysics
+
+    roots = [
+        prim
+        for prim in Usd.PrimRange(stage.GetPrimAtPath(ROBOT))
+        if prim.HasAPI(UsdPhysics.ArticulationRootAPI) and not prim.IsA(UsdPhysics.Joint)
+    ]
+    for root in roots[:1]:
+        joint = UsdPhysics.FixedJoint.Define(stage, "/World/robot/held_base")
+        joint.CreateBody1Rel().SetTargets([root.GetPath()])
+        UsdPhysics.ArticulationRootAPI.Apply(joint.GetPrim())
+        joint.GetPrim().AddAppliedSchema("PhysxArticulationAPI")
+        for attribute in root.GetAttributes():
+            if attribute.GetName().startswith("physxArticulation:"):
+                copy = joint.GetPrim().CreateAttribute(
+                    attribute.GetName(), attribute.GetTypeName(), custom=False
+                )
+                copy.Set(attribute.Get())
+        root.RemoveAPI(UsdPhysics.ArticulationRootAPI)
+        for schema in ("PhysxArticulationAPI", "NewtonArticulationRootAPI"):
+            root.RemoveAppliedSchema(schema)  # Newton's means a root by itself
+
+
+def _change(prim: Usd.Prim, names: StageNames, setting: Setting) -> None:
+    from pxr import Sdf, UsdPhysics
+
+    if not setting.contacts and prim.HasAPI(UsdPhysics.CollisionAPI):
+        UsdPhysics.CollisionAPI(prim).CreateCollisionEnabledAttr(False)
+    name = names.joints.get(str(prim.GetPath()))
+    if name is None:
+        if not setting.loops and prim.IsA(UsdPhysics.Joint) and _closes_loop(prim):
+            prim.SetActive(False)
+        return
+    if not setting.rubbing:
+        for attribute in prim.GetAttributes():
+            spelled = attribute.GetName().lower()
+            if spelled.startswith(("physxjoint", "newton:")) and (
+                "friction" in spelled or spelled == "newton:damping"
+            ):
+                attribute.Set(0.0)
+    taken = (() if setting.limited else (":physics:maxForce",)) + (
+        () if setting.limited and name not in setting.unhurried else (":maxJointVelocity",)
+    )
+    for attribute in prim.GetAttributes():
+        if attribute.GetName().endswith(taken):
+            attribute.Block()  # unwritten, it is not limited
+    if name in setting.locked:
+        value = setting.locked[name]
+        shown = math.degrees(value) if name in names.angular else value
+        for end in ("lower", "upper"):
+            prim.CreateAttribute(f"physics:{end}Limit", Sdf.ValueTypeNames.Float).Set(shown)
+    actuator = (setting.drives or {}).get(name)
+    if actuator is not None:
+        per = math.pi / 180.0 if name in names.angular else 1.0
+        kind = "angular" if name in names.angular else "linear"
+        drive = UsdPhysics.DriveAPI.Apply(prim, kind)
+        drive.CreateTypeAttr(setting.drive_type)
+        drive.CreateStiffnessAttr(actuator.kp * per)
+        drive.CreateDampingAttr(actuator.kd * per)
+
+
+def _foreign(prim: Usd.Prim, schema: str, values: dict[str, tuple[str, object]]) -> None:
+    from pxr import Sdf
+
+    prim.AddAppliedSchema(schema)
+    for name, (kind, value) in values.items():
+        value_type = getattr(Sdf.ValueTypeNames, kind)
+        prim.CreateAttribute(name, value_type, custom=False).Set(value)
