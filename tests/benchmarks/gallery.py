@@ -11,28 +11,31 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-import numpy as np
-from PIL import Image, ImageOps
+from PIL import Image, ImageDraw, ImageFont, ImageOps
 
-from assetbuild.looks.annotate import png, sheet
-from assetbuild.looks.stage import HERO
-from assetbuild.simulators.studio import BACKGROUND, Pixels
+from assetbuild.looks.render import HERO
+from assetbuild.simulators.studio import BACKGROUND
 
 WIDTH, HEIGHT = 300, 240
 """Pixels of a robot."""
+BAND, COLUMNS = 34, 4
+"""Pixels of the line for its name; robots in a row."""
+PAPER, INK = (BACKGROUND,) * 3, (28, 32, 38)
 
 
 def main(bundles: list[Path], out: Path) -> None:
     """Write the sheet; folders without a picture are left out."""
     heroes = {b.name: b / "report/images" / HERO for b in sorted(bundles)}
     found = {name: hero for name, hero in heroes.items() if hero.exists()}
-    out.write_bytes(png(sheet([tile(hero) for hero in found.values()], list(found))))
-
-
-def tile(hero: Path) -> Pixels:
-    """The picture in the middle of a tile."""
-    image = Image.open(hero).convert("RGB")
-    return np.asarray(ImageOps.pad(image, (WIDTH, HEIGHT), color=(BACKGROUND,) * 3))
+    rows = -(-len(found) // COLUMNS)
+    page = Image.new("RGB", (COLUMNS * WIDTH, rows * (HEIGHT + BAND)), PAPER)
+    draw, font = ImageDraw.Draw(page), ImageFont.load_default(20)
+    for number, (name, hero) in enumerate(found.items()):
+        x, y = number % COLUMNS * WIDTH, number // COLUMNS * (HEIGHT + BAND)
+        tile = ImageOps.pad(Image.open(hero).convert("RGB"), (WIDTH, HEIGHT), color=PAPER)
+        page.paste(tile, (x, y + BAND))
+        draw.text((x + 10, y + BAND // 2), name, fill=INK, font=font, anchor="lm")
+    page.quantize(256, dither=Image.Dither.NONE).save(out, "PNG")
 
 
 if __name__ == "__main__":

@@ -2,17 +2,13 @@
 
 from __future__ import annotations
 
-import io
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
-from PIL import Image
 from pxr import Sdf
 from tiny import check_inputs, tiny_quadruped
 
-from assetbuild.looks.annotate import thumbnail
 from assetbuild.robot.about import About
 from assetbuild.targets.usd import Usd
 
@@ -41,8 +37,3 @@ def test_it_says_what_the_recipe_says_and_what_the_robot_weighs(tmp_path: Path) 
 def test_what_nobody_states_is_left_out(tmp_path: Path) -> None:
     said = metadata(check_inputs(tmp_path, tiny_quadruped(), Usd(robot="robot"), "usd"))
     assert not {"author", "vendor", "description", "asset_license", "source_file"} & set(said)
-
-
-def test_the_thumbnail_is_a_square_of_256_pixels() -> None:
-    picture = thumbnail(np.zeros((300, 500, 3), np.uint8))
-    assert Image.open(io.BytesIO(picture)).size == (256, 256)

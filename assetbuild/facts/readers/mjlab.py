@@ -139,7 +139,7 @@ def _table(record: Record, bodies: Names, joints: Names, file: str) -> Table:
     stated = ("timestep", "decimation", "gravity", "cone", "impratio")
     book.put("simulation", "", {n: simulation[n] for n in stated if simulation.get(n) is not None})
     model = words_of(record[f"{class_of(robot.get('spec_fn'))}()"].get(ARGUMENTS))
-    book.put("robot", "", {f"{FORM}:model": model})
+    book.put("robot", "", {f"{FORM}:model": model, f"{FORM}:root": record["ROOT_BODY"]})
     start, body = robot["init_state"], robot["articulation"]
     put_start(start, start.get("rot", (1.0, 0.0, 0.0, 0.0)), FORM, joints, book)
     book.put("robot", "", {"soft limits": body.get("soft_joint_pos_limit_factor")})
@@ -170,7 +170,8 @@ def _drive(drive: Record, timestep_s: float) -> dict[str, Value]:
 def _besides(reference: Reference, robot: str) -> Table:
     """The start, delays, actions, what is drawn, and the options of the velocity task."""
     book, asked = Writer(), reference.options.get("mjlab") or {}
-    book.put("robot", "", {f"{FORM}:model": (f"/bundle/mjcf/{robot}_bare.xml",)})
+    model = (f"/bundle/mjcf/{robot}_bare.xml",)
+    book.put("robot", "", {f"{FORM}:model": model, f"{FORM}:root": reference.tree.root})
     put_expected_start(reference, FORM, asked.get("soft_joint_pos_limit_factor", 0.9), 0.0, book)
     action = {"effort_share": 0.25, "rad": 0.5, "m": 0.05} | (asked.get("action") or {})
     for row in reference.control.actuators:
