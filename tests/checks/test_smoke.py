@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -10,6 +11,7 @@ from typing import Any
 import pytest
 from tiny import TinyRobot, run_step, tiny_quadruped, with_mimic, write_robot_ports
 
+import assetbuild
 from assetbuild.checks.smoke_mjlab import SmokeMjlab, _shown, judged
 from assetbuild.checks.smoke_newton import judged as judge_newton
 from assetbuild.engine.world import World
@@ -281,3 +283,11 @@ def test_what_pip_downloads_is_said_from_a_megabyte_on():
     assert (
         pip_words("Installing collected packages: six, torch") == "installing what was downloaded"
     )
+
+
+def test_every_program_that_a_check_asks_is_there():
+    package = Path(assetbuild.__file__).parent
+    texts = [path.read_text() for path in (package / "checks").glob("*.py")]
+    asked = {name for text in texts for name in re.findall(r'\.answer\("([^"]+)"', text)}
+    assert {"mjlab/_child.py", "newton/_child.py", "isaaclab/_child.py"} <= asked
+    assert [name for name in asked if not (package / "simulators" / name).is_file()] == []
