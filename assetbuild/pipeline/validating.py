@@ -93,15 +93,16 @@ def _proved(bundle: Path) -> dict[str, Validated]:
     found = {"report/robot.json": Validated("report/robot.json", "robot", ())}
     for form, reader, file in bundle_readers(bundle, robot, reference):
         name = file.relative_to(bundle).as_posix()
-        findings = [
-            finding if finding.where else finding.at(name)
-            for finding in reader.prove(reference, file).findings
-        ]
-        found[name] = Validated(name, form, tuple(findings))
+        proof = reader.prove(reference, file)
+        placed = (finding if finding.where else finding.at(name) for finding in proof.findings)
+        found[name] = Validated(name, form, tuple(placed))
+    again: dict[str, list[Finding]] = {}
     for finding in prove_again(bundle, robot, reference):
-        name = finding.where.partition(":")[0]
-        own_file = found.get(name, Validated(name, "file", ()))
-        found[name] = replace(own_file, findings=(*own_file.findings, finding))
+        again.setdefault(finding.where.partition(":")[0], []).append(finding)
+    for name, findings in again.items():
+        one, said = found.get(name, Validated(name, "file", ())), {each.rule for each in findings}
+        read = (finding for finding in one.findings if finding.rule not in said)  # without a line
+        found[name] = replace(one, findings=(*read, *findings))
     lost = {finding.where: finding for finding in lost_files(bundle)}
     return found | {name: Validated(name, "file", (finding,)) for name, finding in lost.items()}
 
