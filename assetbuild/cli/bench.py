@@ -69,7 +69,8 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 HEAD = (
-    "  level        steps/s  contacts  geoms   home: touching  deepest   mean IoU  outside  build"
+    "  level        steps/s  contacts  geoms   home: touching  deepest  slope, mm/s    holds"
+    "   mean IoU  outside  build"
 )
 
 
@@ -80,9 +81,11 @@ def _row(level: Level, *, is_best: bool) -> str:
     speed = level.speed
     iou = f"{level.iou:8.3f}" if level.iou is not None else "       -"
     outside = f"{level.outside_mm:5.1f} mm" if level.outside_mm is not None else "       -"
+    slides = speed["creep_mm_s"]
+    creep = "-" if slides is None else f"{slides:.2g}"
     fell = f"   {level.fell} by another method" if level.fell else ""
     return (
         f"{mark} {level.name:11} {speed['steps_per_s']:8,.0f}  {speed['contacts']:8.1f}"
         f"  {speed['geoms']:5}   {speed['self_contacts']:14}  {speed['deepest_mm']:4.1f} mm"
-        f"   {iou}  {outside} {level.build_s:6.1f} s{fell}"
+        f"  {creep:>11}   {speed['held'] or '-':>6}   {iou}  {outside} {level.build_s:6.1f} s{fell}"
     )

@@ -30,3 +30,4 @@ def test_geoms_and_own_contacts_at_home_are_counted(tmp_path, monkeypatch):
     assert found.self_contacts == 1
     assert found.deepest_mm == pytest.approx(50.0, abs=0.1)
     assert found.steps_per_s > 0.0
+    assert (found.creep_mm_s, found.held) == (None, ""), "it lies there, and has no hand"

@@ -1,4 +1,4 @@
-"""How fast MuJoCo steps a robot that falls and lies on a floor, and what touches meanwhile.
+"""How fast MuJoCo steps a robot that falls and lies on a floor, and how well it touches things.
 
 Run as a program with the path of a scene: it prints one JSON object. A child process measures
 its own CPU time, undisturbed by what the parent has loaded.
@@ -25,12 +25,18 @@ from assetbuild.simulators.mujoco import (
     raise_base,
     without,
 )
+from assetbuild.simulators.mujoco.grip import grip, hands_of, tries_of, with_object
+from assetbuild.simulators.mujoco.slope import creep
 
 STEPS = 1500
 REPEATS = 3
 LIFT_M = 0.1
 TILT = (0.95, 0.2, 0.2, 0.1)
 """A floating base starts this much higher and turned, so that it lands on more than its feet."""
+SHARE = 0.8
+"""Of the angle of friction: the slope."""
+MASSES, SLIP_M = (0.1, 0.5), 0.002
+"""kg of what is gripped; how far it may slip."""
 KICK_RAD_S = 1.0
 """A fixed robot is set moving instead: joint speeds up to this, seeded."""
 
@@ -40,7 +46,8 @@ class Speed:
     """steps_per_s: of CPU time, median of three; contacts: mean per step.
 
     geoms: that collide. self_contacts, deepest_mm: between the robot's own bodies in the
-    initial pose; depth is positive.
+    initial pose; depth is positive. creep_mm_s: of a standing robot on a slope; None where it does
+    not stand. held: `5 of 6` objects in its hands; empty without a hand.
     """
 
     steps_per_s: float
@@ -48,6 +55,8 @@ class Speed:
     geoms: int
     self_contacts: int
     deepest_mm: float
+    creep_mm_s: float | None = None
+    held: str = ""
 
 
 def measure_speed(scene: Path) -> Speed:
@@ -76,7 +85,25 @@ def measure_speed(scene: Path) -> Speed:
         geoms=len(collision_geoms(model)),
         self_contacts=len(own),
         deepest_mm=max(0.0, -1e3 * min(own, default=0.0)),
+        creep_mm_s=_creep_mm_s(scene),
+        held=_held(scene),
     )
+
+
+def _creep_mm_s(scene: Path) -> float | None:
+    found = creep(load(scene).model, SHARE, {})
+    return None if isinstance(found, str) else 1e3 * found.speed
+
+
+def _held(scene: Path) -> str:
+    """What the hands of the robot beside a scene hold."""
+    robots = [path for path in scene.parent.glob("*.xml") if not path.stem.startswith("scene")]
+    found = []
+    for model in map(with_object, robots):
+        for hand in hands_of(model, None):
+            found += [grip(model, hand, *one) for one in tries_of(model, hand, MASSES)]
+    good = sum(one.held and one.slip_m <= SLIP_M for one in found)
+    return f"{good} of {len(found)}" if found else ""
 
 
 def _moved(model: Model) -> Data:
