@@ -6,14 +6,14 @@
 The functions are imported when they are used: `import assetbuild` costs a millisecond.
 """
 
-from assetbuild._version import __version__
-
 __all__ = ["Bundle", "Facts", "__version__", "build", "load_bundle"]
 
 
 def __getattr__(name: str) -> object:
-    if name in __all__:
-        from importlib import import_module
+    if name not in __all__:
+        raise AttributeError(f"module 'assetbuild' has no attribute {name!r}")
+    from importlib import import_module
 
-        return getattr(import_module("assetbuild.api"), name)
-    raise AttributeError(f"module 'assetbuild' has no attribute {name!r}")
+    # By name: a release alone makes no step stale, as an import of the version would.
+    module = "_version" if name == "__version__" else "api"
+    return getattr(import_module(f"assetbuild.{module}"), name)

@@ -166,6 +166,7 @@ def identity() -> str:
     edit of our own files (an editable installation) changes the sum of their stamps.
     """
     import assetbuild
+    from assetbuild._version import __version__
 
     count = stamps = sizes = 0
     pending = [os.path.dirname(os.path.abspath(assetbuild.__file__))]
@@ -180,7 +181,7 @@ def identity() -> str:
                     count += 1
                     stamps += found.st_mtime_ns + found.st_ctime_ns
                     sizes += found.st_size
-    parts = [assetbuild.__version__, sys.version.split()[0], sys.prefix, sys.platform]
+    parts = [__version__, sys.version.split()[0], sys.prefix, sys.platform]
     parts += [machine_text()]
     parts += [str(count), str(stamps), str(sizes)]
     for folder in sorted({p for p in sys.path if p.endswith("-packages")}):

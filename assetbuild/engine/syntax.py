@@ -11,7 +11,7 @@ from typing import Any
 from assetbuild.engine.digest import digest_bytes, digest_file
 from assetbuild.errors import MachineError
 
-SYNTAX_FORMAT = "syntax 1"
+SYNTAX_FORMAT = "syntax 2"
 """Raised when the digest of the same file, or what is found in it, changes."""
 STATED = "BEYOND_IMPORTS"
 VERSION = "__version__"
@@ -94,7 +94,8 @@ class _Reader:
             base = ".".join([*parts, *filter(None, [node.module])])
         for alias in node.names:
             if alias.name == VERSION:
-                self.imports.append(base.replace(".", "/") + "/__init__.py:")
+                path = base.replace(".", "/")
+                self.imports += [f"{path}.py:", f"{path}/__init__.py:"]
             self.imports.append(f"{base}:{alias.name}")
 
     def _stated(self, node: ast.AST) -> None:

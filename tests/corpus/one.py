@@ -31,7 +31,7 @@ SECONDS = 300
 """For `init` and `build` together."""
 MEMORY_BYTES = 8 << 30
 """Of data, for each process that they start."""
-KINDS = ("inertia", "kinematics", "mass_matrix", "gravity")
+KINDS = ("kinematics", "mass_matrix", "gravity")
 
 
 def one(

@@ -155,7 +155,7 @@ def test_single_changes_of_an_arm_with_meshes_and_a_mimic_joint(tmp_path: Path):
     """Prismatic and mimic joints, meshes as colliders, a texture, a kept body."""
     write_arm(tmp_path / "robot")
     bundle = built(tmp_path, ARM)
-    validate, diff, missed = shares(list(try_all(bundle, sample(bundle, FORMATS, 0, 60), 1)))
+    validate, diff, missed = shares(list(try_all(bundle, sample(bundle, FORMATS, 0, 25), 1)))
     assert validate >= FOUND, missed
     assert diff >= FOUND, missed
     assert alarms(bundle) == {}
@@ -163,7 +163,7 @@ def test_single_changes_of_an_arm_with_meshes_and_a_mimic_joint(tmp_path: Path):
 
 @pytest.mark.slow
 def test_single_changes_of_the_legs_by_name(legs: Path):
-    drawn = sample(legs, OWN, 1, 150, by_name=True)
+    drawn = sample(legs, OWN, 1, 40, by_name=True)
     validate, diff, missed = shares(list(try_all(legs, drawn, 1)))
     assert validate >= FOUND, missed
     assert diff >= FOUND, missed
