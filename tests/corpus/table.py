@@ -10,15 +10,15 @@ from corpus.one import KINDS
 def table(rows: dict[str, dict], title: str) -> str:
     head = (
         "| robot | result | cause | driven | judge | s (CPU) | edits | mass kg | mass err "
-        "| inertia | kinematics | mass matrix | gravity | visual | collision | textures | lost "
+        "| kinematics | mass matrix | gravity | visual | collision | textures | lost "
         "| E/W/I | note |"
     )
-    lines = [f"# Corpus: {title}", "", summary(rows), *causes(rows), "", head, "|" + " --- |" * 19]
+    lines = [f"# Corpus: {title}", "", summary(rows), *causes(rows), "", head, "|" + " --- |" * 18]
     lines += [line_of(name, rows[name]) for name in sorted(rows)]
     lines += [
         "",
         "Errors are relative. A URDF (of a xacro, what it expands to) is compared in pinocchio,",
-        "its 50 poses and the spatial inertia of all that moves with each link, with our MJCF in",
+        "in 50 poses with a free base, with our MJCF in",
         "MuJoCo; an edited robot by the URDF that was written. An MJCF is compared in MuJoCo with",
         "ours: gravity is then all forces. Shapes: in → out, in brackets the meshes among them.",
         "Edits: what `init` wrote, counted by link. E/W/I: errors, warnings and infos.",
