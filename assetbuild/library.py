@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 import shutil
 from collections.abc import Iterator, Mapping
 from pathlib import Path
@@ -54,12 +53,15 @@ def copy(name: str, out: Path) -> None:
 
 def _files(origin: Path, out: Path) -> Iterator[tuple[Path, Path]]:
     """(copy, original) of a recipe, its lock, and of sources and parts that it names beside it."""
+    import yaml
+
     yield out, origin
     lock = origin.with_suffix(".lock.yaml")
     if lock.is_file():
         yield out.with_suffix(".lock.yaml"), lock
-    text = origin.read_text(encoding="utf-8")
-    for name in re.findall(r"^ *(?:- )?(?:path|recipe): *([\w.]+)", text, re.MULTILINE):
+    said = yaml.safe_load(origin.read_text(encoding="utf-8"))
+    parts = [part.get("recipe") for part in said.get("compose", [])]
+    for name in filter(None, [said["source"].get("path"), *parts]):
         beside = origin.parent / name
         if beside.suffix == ".yaml":
             yield from _files(beside, out.parent / name)

@@ -55,7 +55,7 @@ class Asked:
     wish: Swing | None
 
     def experiments(self) -> Mapping[str, Experiment]:
-        """By name, in the order in which they are done."""
+        """Name -> experiment, in the order of running."""
         return {experiment.name: experiment for experiment in self._experiments()}
 
     def _experiments(self) -> Iterator[Experiment]:
@@ -86,7 +86,7 @@ class Asked:
         return {a.joint: a for a in self.control.actuators if a.model in EXTERNAL and a.kp > 0.0}
 
     def _sines(self, wish: Swing) -> Iterator[Experiment]:
-        """As it is; and without what simulators model otherwise, in steps in which they agree."""
+        """Twice: as it is, and stripped of what simulators model differently, in fine steps."""
         home = dict(initial_pose(self.tree, self.control).joints)
         sine = sine_of(self.tree, self.control, home, wish.frequency, wish.seconds)
         sine = about_closed(self.tree, self.control, sine, home)

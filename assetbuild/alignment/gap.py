@@ -33,7 +33,7 @@ GAP = Rule(
 
 
 def ranges_of(rows: Sequence[Row], control: Control, sine_hz: float) -> Ranges:
-    """By key of `randomize`; a key without its experiment is missing. sine_hz: of the sines."""
+    """Key of `randomize` -> range, where its experiment ran. sine_hz: frequency of the sines."""
     by_name = {row.name: row for row in rows if row.subject == "robot"}
     found: dict[str, tuple[float, float]] = {}
     gravity = math.dist(control.simulation.gravity, (0.0, 0.0, 0.0))

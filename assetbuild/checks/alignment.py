@@ -62,7 +62,7 @@ class Alignment(AlignmentCheck, PhysxCheck):
     def failure(
         self, inputs: Path, asked: Experiment, done: Outcome, tree: Tree, control: Control
     ) -> Finding:
-        """With its cause, where taking one thing away keeps the numbers."""
+        """Names the cause where the experiment stays finite without one thing."""
         cause = cause_of(inputs / f"usd/{self.robot}.usda", asked, tree, control)
         return failed_run(asked.name, done, cause)
 

@@ -87,7 +87,7 @@ SIZE = Rule(
 
 
 Hulls = Mapping[tuple[str, Role], Sequence[TriangleMesh]]
-"""Of each shape, by body and role."""
+"""(body, role) -> the convex hull of each of its shapes."""
 
 
 @dataclass(frozen=True)

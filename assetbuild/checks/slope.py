@@ -13,7 +13,7 @@ from assetbuild.kinds import write_figures
 from assetbuild.quantities import Positive
 from assetbuild.robot.files import RobotFiles
 from assetbuild.simulators import mujoco
-from assetbuild.simulators.mujoco.slope import creep
+from assetbuild.simulators.mujoco.slope import SHARE, creep
 from assetbuild.simulators.mujoco.stand import external_laws
 
 CREEP = Rule(
@@ -36,7 +36,7 @@ class Slope(mujoco.InMujoco):
     section: ClassVar[str] = "validate.slope"
     about: ClassVar[str] = "stand on a slope in MuJoCo; null = do not"
 
-    share: float = Field(0.8, gt=0.0, lt=1.0, description="of the angle of friction")
+    share: float = Field(SHARE, gt=0.0, lt=1.0, description="of the angle of friction")
     speed: Positive = Field(0.001, description="m/s that the feet may slide, warning")
 
     def run(self, files: Files) -> Iterator[Finding]:

@@ -62,13 +62,13 @@ def _argument(text: str) -> tuple[str, str]:
 
 def run(arguments: argparse.Namespace) -> int:
     """Write the recipe; says what to do next."""
-    from assetbuild.init import propose, write
-    from assetbuild.recipe.loader import shown_path
-
     if (arguments.robot is None) == (arguments.origin is None):
         raise UsageError("`init` takes a robot's file, or `--from NAME`")
     if arguments.origin is not None:
         return _copy(arguments.origin, arguments.out)
+    from assetbuild.init import propose, write
+    from assetbuild.recipe.loader import shown_path
+
     printed = str(arguments.out) == "-"
     out = None if printed else arguments.out
     proposal = propose(arguments.robot, out, dict(arguments.package), dict(arguments.arg))

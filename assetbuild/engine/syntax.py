@@ -28,7 +28,7 @@ def read_module(name: str, path: str) -> tuple[str, tuple[str, ...]]:
     """Digest and imports of a module; see `engine.code`. OSError.
 
     Comments, docstrings, blank lines, layout and `if TYPE_CHECKING:` do not change the digest, nor
-    does `__version__` of a package: whoever imports that leads to the package's own file. A module
+    does `__version__`: whoever imports that leads to the bytes of the file that states it. A module
     without a statement has no digest. What Python cannot parse counts by its bytes.
     """
     data = Path(path).read_bytes()

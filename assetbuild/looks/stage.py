@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Any
@@ -180,7 +181,9 @@ class Stage:
             ghost=moved,
             ghost_paint=self._coloured(below, MOVED, CLEAR),
         )
-        return f"{name} {travel:+.2g} {unit}.png", self.studio.frame(self.data, shot)
+        plain_name = re.sub(r"[^\w+-]+", "_", name)  # a name may hold slashes and dots
+        file = f"{joint:02} {plain_name} {travel:+.2g} {unit}.png"
+        return file, self.studio.frame(self.data, shot)
 
     def _limb(self, joint: int, below: frozenset[int], moved: Data) -> Camera:
         """A camera on the limb's side of the robot that shows where it was and where it goes."""

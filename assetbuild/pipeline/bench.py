@@ -134,7 +134,7 @@ def _measured(name: str, built: Settled[LevelOutline], session: Session) -> Leve
 
 
 def _simulated(scene: Path) -> dict[str, Any]:  # Any: JSON
-    command = [sys.executable, "-m", "assetbuild.simulators.mujoco.speed", str(scene)]
+    command = [sys.executable, "-m", "assetbuild.simulators.speed", str(scene)]
     try:
         done = subprocess.run(command, capture_output=True, text=True, timeout=SECONDS)
     except subprocess.TimeoutExpired:

@@ -227,7 +227,8 @@ class _Built:
 
     def hero(self) -> Iterator[BundleFile]:
         """The picture of the robot."""
-        for found in filter(None, [self.images().get(HERO)]):
+        found = self.images().get(HERO)
+        if found:
             yield BundleFile(f"report/images/{HERO}", "report", *found)
 
     def thumbnail(self, robot: str) -> Iterator[BundleFile]:

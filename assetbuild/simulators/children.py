@@ -46,14 +46,13 @@ def run_child(
 
     folder: where it works. variables: of its environment, beside the few that it gets of ours.
     """
-    kept = {name: os.environ[name] for name in _KEPT if name in os.environ}
     try:
         child = subprocess.run(
             command,
             stdin=subprocess.DEVNULL,
             stdout=subprocess.DEVNULL,
             stderr=subprocess.PIPE,
-            env=kept | _FIXED | dict(variables),
+            env=environment(variables),
             cwd=folder,
             timeout=seconds,
         )
@@ -62,6 +61,12 @@ def run_child(
     if child.returncode < 0:
         return f"crashed with signal {-child.returncode}"
     return f"failed: {last_line(child.stderr)}" if child.returncode else ""
+
+
+def environment(variables: Mapping[str, str] = MappingProxyType({})) -> dict[str, str]:
+    """What a child sees: a few variables of ours, and its own."""
+    kept = {name: os.environ[name] for name in _KEPT if name in os.environ}
+    return kept | _FIXED | dict(variables)
 
 
 def last_line(said: bytes) -> str:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import shutil
 import subprocess
 import sys
@@ -16,12 +15,11 @@ from assetbuild.engine.world import World
 from assetbuild.errors import StepError
 from assetbuild.findings import Finding, Rule, Severity
 from assetbuild.kinds import Check, write_figures
+from assetbuild.simulators.children import environment, last_line
 from assetbuild.simulators.consumers import ConsumerCheck
 
 REPORT = "../report.json"
 """Where a program may write its report, seen from the folder it runs in; else it prints it."""
-KEPT = ("PATH", "LD_LIBRARY_PATH", "HOME", "TMPDIR")
-"""Variables of ours that a program sees."""
 SEVERITIES: Mapping[str, Severity] = {"error": "error", "warning": "warning", "warn": "warning"}
 
 
@@ -68,7 +66,6 @@ class ForeignTool(Check):
 
     def _said(self, folder: Path) -> tuple[str, str]:
         """Its report, and the last line that it says."""
-        variables = {name: os.environ[name] for name in KEPT if name in os.environ}
         with tempfile.TemporaryDirectory(prefix="foreign-") as scratch:
             # A program that resolves links would find the store's files, each in another folder.
             place = Path(shutil.copytree(folder, Path(scratch).resolve() / "files"))
@@ -76,18 +73,17 @@ class ForeignTool(Check):
                 done = subprocess.run(
                     [str(self.interpreter()), "-P", *self.command()],
                     cwd=place,
-                    env={**variables, "PYTHONHASHSEED": "0", "PYTHONUTF8": "1"},
+                    env=environment(),
                     stdin=subprocess.DEVNULL,
                     capture_output=True,
-                    text=True,
                     check=False,
                     timeout=self.limits.wall_s,
                 )
             except subprocess.TimeoutExpired:
                 return "", f"it took more than {self.limits.wall_s:g} s"
             report = place / REPORT
-            text = report.read_text(encoding="utf-8") if report.exists() else done.stdout
-        return text, (done.stderr or done.stdout).strip().rpartition("\n")[2][:400]
+            said = report.read_bytes() if report.exists() else done.stdout
+        return said.decode("utf-8", "replace"), last_line(done.stderr or done.stdout)
 
 
 class Validator(ForeignTool, ConsumerCheck):

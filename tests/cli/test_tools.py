@@ -93,3 +93,9 @@ def test_check_names_what_each_warning_is_about(legs: Legs):
     legs.urdf.write_text(heavy)
     done = legs.run("check", "legs.yaml")
     assert f": link {name}: " in done.stdout
+
+
+@pytest.mark.parametrize("shell", ["zsh", "fish", "tcsh"])
+def test_other_shells_have_a_script_that_knows_the_verbs(shell: str, capsys):
+    assert main(["completion", shell]) == 0
+    assert "validate" in capsys.readouterr().out

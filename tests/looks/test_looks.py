@@ -274,6 +274,17 @@ def test_no_picture_is_empty_where_there_is_no_geometry(tmp_path: Path):
     assert all(np.asarray(image).std() > 5 for image in files.values())
 
 
+def test_a_joint_s_name_cannot_leave_the_folder(tmp_path: Path):
+    if renderer(World()) == "none":
+        pytest.skip("no OpenGL without a window: apt-get install libegl1 libgl1-mesa-dri")
+    body = '<body><joint name="../a/b"/><geom size="0.1" group="2"/></body>'
+    scene = tmp_path / "mjcf/scene.xml"
+    scene.parent.mkdir()
+    scene.write_text(f"<mujoco><worldbody>{body}</worldbody></mujoco>")
+    assert "00 _a_b +0.3 rad" in drawn(scene)
+    assert {path.name for path in tmp_path.iterdir()} == {"all", "mjcf"}
+
+
 def test_large_pictures_are_1600_pixels_along_their_longer_side(rendered):
     for name in ("hero", "behind", "collision", "joints"):
         assert max(Image.open(BytesIO(rendered[name])).size) == 1600, name

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from assetbuild.simulators.mujoco import speed
+from assetbuild.simulators import speed
 
 SCENE = """
 <mujoco>

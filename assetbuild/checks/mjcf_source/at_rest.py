@@ -187,7 +187,7 @@ def _watched_sites(model: Model) -> Iterator[tuple[Key, Value]]:
 
 
 def _commands(model: Model, keys: set[str]) -> Iterator[tuple[Key, Value]]:
-    """Of actuators that drive no joint."""
+    """Commands that keyframes give to actuators of tendons, sites and bodies."""
     on_joints = {drive.index for drive in read_drives(model)}
     for index in set(actuators(model)) - on_joints:
         for key in range(model.nkey):

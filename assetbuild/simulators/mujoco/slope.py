@@ -31,6 +31,8 @@ from assetbuild.simulators.mujoco.trials import support
 
 SETTLE_S, TILT_S, REST_S, WATCH_S = 0.5, 0.5, 1.0, 2.0
 """It stands on level ground, the ground tilts, what swings comes to rest, then it is watched."""
+SHARE = 0.8
+"""Of the angle of friction, where nobody says how steep the slope is."""
 LEAN = 0.4
 """Share of the angle at which it would tip over that the ground tilts by at most."""
 FALLEN = 0.3

@@ -14,6 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
+from assetbuild.simulators.gripping import GripWish
 from assetbuild.simulators.mujoco import (
     Data,
     Model,
@@ -26,17 +27,13 @@ from assetbuild.simulators.mujoco import (
     without,
 )
 from assetbuild.simulators.mujoco.grip import grip, hands_of, tries_of, with_object
-from assetbuild.simulators.mujoco.slope import creep
+from assetbuild.simulators.mujoco.slope import SHARE, creep
 
 STEPS = 1500
 REPEATS = 3
 LIFT_M = 0.1
 TILT = (0.95, 0.2, 0.2, 0.1)
 """A floating base starts this much higher and turned, so that it lands on more than its feet."""
-SHARE = 0.8
-"""Of the angle of friction: the slope."""
-MASSES, SLIP_M = (0.1, 0.5), 0.002
-"""kg of what is gripped; how far it may slip."""
 KICK_RAD_S = 1.0
 """A fixed robot is set moving instead: joint speeds up to this, seeded."""
 
@@ -98,11 +95,11 @@ def _creep_mm_s(scene: Path) -> float | None:
 def _held(scene: Path) -> str:
     """What the hands of the robot beside a scene hold."""
     robots = [path for path in scene.parent.glob("*.xml") if not path.stem.startswith("scene")]
-    found = []
+    found, wish = [], GripWish()
     for model in map(with_object, robots):
         for hand in hands_of(model, None):
-            found += [grip(model, hand, *one) for one in tries_of(model, hand, MASSES)]
-    good = sum(one.held and one.slip_m <= SLIP_M for one in found)
+            found += [grip(model, hand, *one) for one in tries_of(model, hand, wish.masses)]
+    good = sum(one.held and one.slip_m <= wish.slip for one in found)
     return f"{good} of {len(found)}" if found else ""
 
 
