@@ -268,7 +268,7 @@ def landing_rows(both: Compared, _: Experiment, ours: Motion, theirs: Motion) ->
     down = abs(both.control.simulation.gravity[2])
     if down == 0.0:
         return
-    ideal = math.sqrt(2.0 * DROP_M / 9.81) * math.sqrt(9.81 / down)
+    ideal = math.sqrt(2.0 * DROP_M / down)
     one, two = _landing_time(ours), _landing_time(theirs)
     off = max(abs(time - ideal) / ideal for time in (one, two))
     yield Row("landing_s", "MEDIUM", "robot", one, two, off, *both.floor.landing, "of the time")

@@ -44,7 +44,7 @@ class Speed:
 
     geoms: that collide. self_contacts, deepest_mm: between the robot's own bodies in the
     initial pose; depth is positive. creep_mm_s: of a standing robot on a slope; None where it does
-    not stand. held: `5 of 6` objects in its hands; empty without a hand.
+    not stand. held: `5 of 6` objects in the hands that are found without keyframes; else empty.
     """
 
     steps_per_s: float
