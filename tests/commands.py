@@ -15,12 +15,14 @@ import os
 import pkgutil
 import select
 import shlex
+import shutil
 import signal
 import subprocess
 import sys
 import tempfile
 import time
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 from typing import NoReturn
@@ -106,7 +108,10 @@ def serve() -> None:
     for room in (cli, checks, targets):
         for module in pkgutil.iter_modules(room.__path__, f"{room.__name__}."):
             importlib.import_module(module.name)
-    _read_the_code_of_steps()
+    steps = _steps()
+    _read_the_code_of_steps(steps)
+    folder = Path(tempfile.mkdtemp(prefix="workers-"))
+    _have_workers_ready(steps, folder)
     gc.freeze()  # so that the end of a fork does not touch, and copy, all of it
     answers = os.dup(1)
     for line in iter(sys.stdin.buffer.readline, b""):
@@ -117,18 +122,53 @@ def serve() -> None:
         os.write(answers, f"{pid}\n".encode())
         status = os.waitpid(pid, 0)[1]
         os.write(answers, f"{os.waitstatus_to_exitcode(status)}\n".encode())
+    shutil.rmtree(folder, ignore_errors=True)
 
 
-def _read_the_code_of_steps() -> None:
-    """Once for all forks; each would read the package again for its own empty store."""
-    from assetbuild.engine.code import Code
+def _steps() -> list[type]:
     from assetbuild.engine.step import Step
 
-    code, waiting = Code(), [Step]
+    found, waiting = [], [Step]
     while waiting:
-        for kind in waiting.pop().__subclasses__():
-            code.of(kind)
-            waiting.append(kind)
+        fresh = waiting.pop().__subclasses__()
+        found += fresh
+        waiting += fresh
+    return found
+
+
+def _read_the_code_of_steps(steps: list[type]) -> None:
+    """Once for all forks; each would read the package again for its own empty store."""
+    from assetbuild.engine.code import Code
+
+    code = Code()
+    for step in steps:
+        code.of(step)
+
+
+def _have_workers_ready(steps: list[type], folder: Path) -> None:
+    """A process per kind of steps that has imported what they need: workers are forks of it."""
+    from assetbuild.engine.children import Children, Kind, Origin, fork_worker
+
+    modules: dict[Kind, set[str]] = {}
+    for step in steps:
+        kind = Kind(step.preload, max(1, step.limits.cpus), step.network)
+        modules.setdefault(kind, set()).add(step.__module__)
+    origin = Origin(_made(folder / "origin"))
+    ready = {
+        kind: fork_worker(
+            origin.door, replace(kind, preload=(*kind.preload, *sorted(names))),
+            _made(folder / str(number)),
+        )
+        for number, (kind, names) in enumerate(modules.items())
+    }  # fmt: skip
+    for worker in ready.values():
+        worker.wait_for_start()
+    Children.door = lambda self, kind: ready[kind].door if kind in ready else origin.door
+
+
+def _made(folder: Path) -> Path:
+    folder.mkdir()
+    return folder
 
 
 def _become(job: dict[str, list[str]]) -> NoReturn:

@@ -1,9 +1,10 @@
-"""The parent's side of child processes: one worker per set of modules, started when needed."""
+"""The parent's side of child processes: one worker per set of modules, forked when needed."""
 
 from __future__ import annotations
 
 import json
 import os
+import select
 import signal
 import site
 import socket
@@ -38,6 +39,10 @@ BLAS_THREAD_COUNTS = (
     "VECLIB_MAXIMUM_THREADS",
 )
 """Always one: OpenBLAS starts no more than there are cores, and adds in another order then."""
+
+
+SHARED = ("assetbuild.engine.wire", "numpy")
+"""Modules that all workers have: imported once, before the first of them is forked."""
 
 
 class CancelledError(Exception):
@@ -84,16 +89,16 @@ class Children:
     def __init__(self, folder: Path) -> None:
         self.folder = folder
         self.closed = False
+        self._origin: Origin | None = None
         self._workers: dict[Kind, Worker] = {}
         self._lock = threading.Lock()
-        # The kernel's parent-death signal is tied to the *thread* that starts a process, so all
-        # are started by one thread that lives as long as this object.
+        # The kernel's parent-death signal is tied to the *thread* that starts a process, so it is
+        # started by one thread that lives as long as this object.
         self._launcher = ThreadPoolExecutor(1, thread_name_prefix="assetbuild-launcher")
 
     def run(self, step: Step, job: Path) -> Ended:
         """Run a job file to its end. A worker that dies under it is replaced once."""
         kind = Kind.of(step)
-        ended = None
         for _ in range(2):
             worker = self._worker(kind)
             ended = worker.run(step, job)
@@ -102,7 +107,7 @@ class Children:
             if ended is not None:
                 return ended
             log = last_line(worker.log)
-        return Ended(status=worker.process.poll(), over="worker", log=log)
+        return Ended(status=None, over="worker", log=log)
 
     def prepare(self, step: Step) -> None:
         """Start the worker of such steps, if there is none and the machine lets us."""
@@ -115,11 +120,21 @@ class Children:
                 raise CancelledError
             worker = self._workers.get(kind)
             if worker is None or worker.dead:
-                number = len(os.listdir(self.folder))  # noqa: PTH208 - a count is enough
-                home = self.folder / f"worker-{number}"
-                worker = self._launcher.submit(Worker, kind, home).result()
+                worker = fork_worker(self.door(kind), kind, self._new_home())
                 self._workers[kind] = worker
             return worker
+
+    def _new_home(self) -> Path:
+        home = self.folder / f"worker-{len(os.listdir(self.folder))}"  # noqa: PTH208 - a count
+        home.mkdir(parents=True)
+        return home
+
+    def door(self, kind: Kind) -> Door:
+        """Of the process that forks workers of this kind; it is started when there is none."""
+        del kind  # one process forks all
+        if self._origin is None or self._origin.dead:
+            self._origin = self._launcher.submit(Origin, self._new_home()).result()
+        return self._origin.door
 
     def close(self) -> None:
         """Kill every step that runs and end the workers; two seconds at most."""
@@ -128,28 +143,56 @@ class Children:
             workers = list(self._workers.values())
             self._workers.clear()
         for worker in workers:
-            worker.ask_to_leave()
+            worker.door.ask_to_leave()
         for worker in workers:
             worker.end()
+        if self._origin is not None:
+            self._origin.end()
         self._launcher.shutdown(wait=False)
 
 
-class Worker:
-    """One worker process. Each job has a socket of its own, which ends when the worker does."""
+class Door:
+    """Our end of the socket on which a process takes requests, and a socket for each."""
 
-    def __init__(self, kind: Kind, home: Path) -> None:
-        home.mkdir(parents=True)
-        self.log = home / "log"
-        self._groups: dict[Path, int] = {}
+    def __init__(self, end: socket.socket) -> None:
+        self._end = end
         self._lock = threading.Lock()
+
+    def ask(self, request: object) -> socket.socket:
+        """The socket on which the answers come; it ends when the process does. OSError."""
+        ours, theirs = socket.socketpair()
+        try:
+            with theirs, self._lock:
+                socket.send_fds(self._end, [b"."], [theirs.fileno()])
+            ours.sendall(json.dumps(request).encode() + b"\n")
+        except OSError:
+            ours.close()
+            raise
+        return ours
+
+    def ask_to_leave(self) -> None:
+        """The process kills what it has started, and ends."""
+        with suppress(OSError):
+            self._end.shutdown(socket.SHUT_WR)
+
+    def close(self) -> None:
+        """Nothing more is asked."""
+        self._end.close()
+
+
+class Origin:
+    """The first process: it has imported what all workers share, and forks them."""
+
+    def __init__(self, home: Path) -> None:
         config = {
             "sites": [site.getusersitepackages()] if site.ENABLE_USER_SITE else [],
-            "sys_path": [os.path.abspath(p) for p in sys.path if p],  # noqa: PTH100 - strings
-            "preload": kind.preload,
+            "sys_path": _search_path(),
+            "preload": SHARED,
             "parent": os.getpid(),
-            "log": str(self.log),
+            "log": str(home / "log"),
         }
-        self._door, theirs = socket.socketpair()
+        ours, theirs = socket.socketpair()
+        self.door = Door(ours)
         with theirs:
             self.process = subprocess.Popen(
                 [sys.executable, "-P", "-s", "-c", BOOT, json.dumps(config)],
@@ -157,7 +200,7 @@ class Worker:
                 stdout=subprocess.DEVNULL,
                 stderr=subprocess.DEVNULL,
                 cwd=home,
-                env=environment(kind, home),
+                env=environment(Kind((), 1, False), home),
                 start_new_session=True,  # Ctrl-C of the terminal is the parent's to handle
             )
 
@@ -166,15 +209,75 @@ class Worker:
         """Has the process ended?"""
         return self.process.poll() is not None
 
+    def end(self) -> None:
+        """Wait a moment, then kill it."""
+        self.door.ask_to_leave()
+        try:
+            self.process.wait(CLOSING_S)
+        except subprocess.TimeoutExpired:
+            self.process.kill()
+            self.process.wait()
+        self.door.close()
+
+
+def fork_worker(door: Door, kind: Kind, home: Path) -> Worker:
+    """Have the process behind a door fork a worker, without waiting for it. OSError."""
+    config = {
+        "sys_path": _search_path(),
+        "preload": kind.preload,
+        "log": str(home / "log"),
+        "home": str(home),
+        "environ": environment(kind, home),
+    }
+    return Worker(door.ask({"worker": config}), home / "log")
+
+
+class Worker:
+    """One worker. Each job has a socket of its own, which ends when the worker does.
+
+    end: our end of its door. It says its `{"pid"}` there, and nothing else.
+    """
+
+    def __init__(self, end: socket.socket, log: Path) -> None:
+        self.log = log
+        self.door = Door(end)
+        self._end = end
+        self._said = b""
+        self._lock = threading.Lock()
+        self._groups: dict[Path, int] = {}
+
+    @property
+    def pid(self) -> int:
+        """Of its process; 0 until it is known."""
+        return int(json.loads(self._said)["pid"]) if self._said.endswith(b"\n") else 0
+
+    @property
+    def dead(self) -> bool:
+        """Has the process ended?"""
+        return self._ends_within(0.0)
+
+    def wait_for_start(self) -> None:
+        """Until its door is its own; what is asked earlier is lost."""
+        while not self.pid and not self._ends_within(0.1):
+            pass
+
+    def _ends_within(self, seconds: float) -> bool:
+        """Whether its process ends; returns early when it says something."""
+        with self._lock:
+            if self._end.fileno() < 0:
+                return True
+            if not select.select([self._end], [], [], seconds)[0]:
+                return False
+            said = self._end.recv(4096)
+            self._said += said
+            return not said
+
     def run(self, step: Step, job: Path) -> Ended | None:
         """Run one job; None when the worker died meanwhile."""
         request = {"job": str(job), "module": type(step).__module__, "wall_s": step.limits.wall_s}
-        ours, theirs = socket.socketpair()
-        with suppress(OSError), ours:
-            with theirs, self._lock:
-                socket.send_fds(self._door, [b"."], [theirs.fileno()])
-            ours.sendall(json.dumps(request).encode() + b"\n")
-            for line in ours.makefile():
+        self.wait_for_start()
+        with suppress(OSError), self.door.ask(request) as answers:
+            for line in answers.makefile():
                 answer = json.loads(line)
                 if "pid" not in answer:
                     self._groups.pop(job, None)
@@ -183,22 +286,18 @@ class Worker:
         self.end()
         return None
 
-    def ask_to_leave(self) -> None:
-        """End its input: it kills its steps and ends."""
-        with self._lock:
-            self._door.close()
-
     def end(self) -> None:
-        """Wait a moment, then kill it."""
-        self.ask_to_leave()
-        try:
-            self.process.wait(CLOSING_S)
-        except subprocess.TimeoutExpired:
-            for group in list(self._groups.values()):
+        """Wait a moment for it to leave, then kill it and its steps."""
+        self.door.ask_to_leave()
+        if not self._ends_within(0.0) and not self._ends_within(CLOSING_S):
+            for group in filter(None, (*self._groups.values(), self.pid)):
                 with suppress(OSError):
                     os.killpg(group, signal.SIGKILL)
-            self.process.kill()
-            self.process.wait()
+        self.door.close()
+
+
+def _search_path() -> list[str]:
+    return [os.path.abspath(path) for path in sys.path if path]  # noqa: PTH100 - strings
 
 
 def environment(kind: Kind, home: Path) -> dict[str, str]:

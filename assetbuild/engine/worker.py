@@ -1,10 +1,12 @@
-"""The child process: imports heavy modules once, then forks one process per step.
+"""The child processes: a first one imports what all share, workers are its forks, and so are steps.
 
-Its standard input is a socket that brings a socket for each job. On that it reads one line of JSON,
-`{"job", "module", "wall_s"}`: the path of a job file, and the module of its step. It answers two:
-`{"pid"}` of the step's process, and `{"status", "wall_s", "cpu_s", "over"}`. A crash of a step
-loses that step only. When the input ends, because the parent closed it or died, everything that
-runs is killed.
+A door is a socket that brings a socket for each request; on that comes one line of JSON. The first
+process has its door as standard input and is asked for workers, `{"worker": CONFIG}`: it answers
+`{"pid"}`, and the socket becomes the worker's door. A worker imports the modules of its kind once
+and is asked for steps, `{"job", "module", "wall_s"}`: the path of a job file, and the module of its
+step. It answers `{"pid"}` of the step's process, then `{"status", "wall_s", "cpu_s", "over"}`. A
+crash of a step loses that step only. When a door ends, because the parent closed it or died,
+everything that runs behind it is killed.
 """
 
 from __future__ import annotations
@@ -35,7 +37,7 @@ BOOT = (
     "[site.addsitedir(folder) for folder in given['sites']]; sys.path[:] = given['sys_path']; "
     "from assetbuild.engine import worker; worker.main()"
 )
-"""Program text of a worker; its one argument is a JSON object. Nothing comes from the cwd.
+"""Program text of the first process; its one argument is a JSON object. Nothing comes from the cwd.
 
 `-s` and another HOME hide the user's site folder; the `.pth` files in it may hold the import hook
 of an editable installation, so it is one of the `sites`.
@@ -46,20 +48,22 @@ NO_SPACE = os.EX_IOERR
 
 
 def main() -> None:
-    """Serve jobs until the input ends; with `once` in the argument, do one job instead."""
+    """Serve requests until the input ends; with `once` in the argument, do one job instead."""
     config = json.loads(sys.argv[1])
     if "once" in config:
         _perform_job(json.loads(Path(config["once"]).read_bytes()))
+    _serve(config, socket.socket(fileno=os.dup(0)))
+
+
+def _serve(config: dict[str, Any], door: socket.socket) -> NoReturn:  # Any: JSON
     die_with_parent(config["parent"], signal.SIGTERM)
-    door = socket.socket(fileno=os.dup(0))
     _redirect(config["log"])
     for module in config["preload"]:
         with suppress(ImportError):  # the step that needs it will say so itself
             importlib.import_module(module)
-    importlib.import_module("assetbuild.engine.wire")
     gc.collect()
     gc.freeze()
-    Zygote(door, fresh=_threads_survive_fork()).serve()
+    Zygote(config, door, fresh=_threads_survive_fork()).serve()
 
 
 def _redirect(log: str) -> None:
@@ -90,21 +94,26 @@ def _threads_survive_fork() -> bool:
 
 @dataclass
 class Running:
-    """A step's process, the leader of its own process group."""
+    """A process, the leader of its own process group. caller: who waits for a step, not a worker.
 
-    caller: socket.socket
+    ends_by: the signal after which it takes with it what it has started.
+    """
+
+    caller: socket.socket | None
     started: float
-    deadline: float
+    deadline: float = math.inf
     over: str = ""
+    ends_by: signal.Signals = signal.SIGKILL
 
 
 class Zygote:
     """One thread, one loop: take requests, fork, reap, kill what runs over its time.
 
-    fresh: every step gets a new interpreter, because a plain fork is not safe here.
+    fresh: every fork becomes a new interpreter, because a plain one is not safe here.
     """
 
-    def __init__(self, door: socket.socket, *, fresh: bool) -> None:
+    def __init__(self, config: dict[str, Any], door: socket.socket, *, fresh: bool) -> None:
+        self.config = config  # Any: JSON
         self.door = door
         self.fresh = fresh
         self.running: dict[int, Running] = {}
@@ -120,8 +129,10 @@ class Zygote:
         """Until the input ends."""
         while True:
             now = time.monotonic()
-            nearest = min((r.deadline for r in self.running.values() if not r.over), default=None)
-            timeout = None if nearest is None else max(0.0, nearest - now)
+            nearest = min(
+                (r.deadline for r in self.running.values() if not r.over), default=math.inf
+            )
+            timeout = None if nearest == math.inf else max(0.0, nearest - now)
             ready, _, _ = select.select([self.door.fileno(), self._wake], [], [], timeout)
             if self._wake in ready:
                 with suppress(BlockingIOError):
@@ -142,13 +153,14 @@ class Zygote:
         self.fresh = _threads_survive_fork()
 
     def start(self) -> None:
-        """Take a job and fork the process of its step; leave when the input has ended."""
+        """Take a request and fork its process; leave when the door has ended."""
         mark, descriptors, _, _ = socket.recv_fds(self.door, 1, 1)
         if not mark:
             self.leave()
         caller = socket.socket(fileno=descriptors[0])
         request = json.loads(caller.makefile("rb").readline())
-        self.load(request["module"])
+        if "job" in request:
+            self.load(request["module"])
         me = os.getpid()
         now = time.monotonic()
         try:
@@ -158,32 +170,52 @@ class Zygote:
             caller.close()
             return
         if pid == 0:
-            self._become_step(request["job"], me, caller)
+            self._become(request, me, caller)
         with suppress(OSError):  # the child does the same; whoever comes first
             os.setpgid(pid, pid)
-        self.running[pid] = Running(caller, now, now + request["wall_s"])
         _say(caller, pid=pid)
+        if "job" in request:
+            self.running[pid] = Running(caller, now, now + request["wall_s"])
+        else:
+            self.running[pid] = Running(None, now, ends_by=signal.SIGTERM)
+            caller.close()
 
-    def _become_step(self, job: str, parent: int, caller: socket.socket) -> NoReturn:
+    def _become(self, request: dict[str, Any], parent: int, caller: socket.socket) -> NoReturn:
+        """In the fork: the step or the worker; Any: JSON."""
         try:
             os.setpgid(0, 0)
             signal.set_wakeup_fd(-1)
             for number in (signal.SIGCHLD, signal.SIGTERM, signal.SIGINT):
                 signal.signal(number, signal.SIG_DFL)
-            die_with_parent(parent, signal.SIGKILL)
-            for end in (self.door, caller, *(run.caller for run in self.running.values())):
-                end.close()
+            for end in (self.door, *(run.caller for run in self.running.values())):
+                if end is not None:
+                    end.close()
             os.close(self._wake)
             os.close(self._waker)
-            if self.fresh:
-                text = json.dumps({**json.loads(sys.argv[1]), "once": job})
-                argv = [sys.executable, "-P", "-s", "-c", BOOT, text]
-                os.execv(sys.executable, argv)  # noqa: S606 - our own interpreter
-            _perform_job(json.loads(Path(job).read_bytes()))
+            if "job" in request:
+                caller.close()
+                self._become_step(request["job"], parent)
+            self._become_worker({**self.config, **request["worker"], "parent": parent}, caller)
         except BaseException:
-            traceback.print_exc()  # to the log of the step
+            traceback.print_exc()  # to the log
         finally:
             os._exit(70)
+
+    def _become_step(self, job: str, parent: int) -> NoReturn:
+        die_with_parent(parent, signal.SIGKILL)
+        if self.fresh:
+            _become_python({**self.config, "once": job})
+        _perform_job(json.loads(Path(job).read_bytes()))
+
+    def _become_worker(self, config: dict[str, Any], door: socket.socket) -> NoReturn:  # Any: JSON
+        os.environ.clear()
+        os.environ.update(config["environ"])
+        os.chdir(config["home"])
+        if self.fresh:
+            os.dup2(door.fileno(), 0)
+            _become_python(config)
+        sys.path[:] = config["sys_path"]
+        _serve(config, door)
 
     def reap(self) -> None:
         """Report the processes that ended, and end what they left behind."""
@@ -194,6 +226,8 @@ class Zygote:
             run = self.running.pop(pid)
             with suppress(OSError):
                 os.killpg(pid, signal.SIGKILL)
+            if run.caller is None:
+                continue
             _say(
                 run.caller,
                 status=status,
@@ -214,10 +248,16 @@ class Zygote:
 
     def leave(self) -> NoReturn:
         """Kill everything that runs, and end."""
-        for pid in self.running:
+        for pid, run in self.running.items():
             with suppress(OSError):
-                os.killpg(pid, signal.SIGKILL)
+                os.killpg(pid, run.ends_by)
         os._exit(0)
+
+
+def _become_python(config: dict[str, Any]) -> NoReturn:  # Any: JSON
+    """A new interpreter in place of this process."""
+    argv = [sys.executable, "-P", "-s", "-c", BOOT, json.dumps(config)]
+    os.execv(sys.executable, argv)  # noqa: S606 - our own interpreter
 
 
 def _say(caller: socket.socket, **message: object) -> None:

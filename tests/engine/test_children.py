@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib
 import json
 import os
+import signal
 import site
 import sys
 import time
@@ -147,7 +148,7 @@ def test_a_worker_that_dies_is_replaced(session):
     with Processes(session) as runner:
         one(session, Preloaded(salt=1), runner=runner)
         (worker,) = runner._children._workers.values()
-        worker.process.kill()
+        os.kill(worker.pid, signal.SIGKILL)
         assert one(session, Preloaded(salt=2), runner=runner).status == "ran"
 
 
