@@ -40,7 +40,6 @@ from assetbuild.robot.shapes import Box, Capsule, Cylinder, Mesh, Primitive, Sph
 PRELOAD = (
     "numpy",
     "scipy.spatial",
-    "scipy.stats",
     "scipy.optimize",
     "scipy.sparse.csgraph",
     "scipy.sparse",

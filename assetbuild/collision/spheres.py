@@ -8,7 +8,8 @@ from pydantic import Field
 
 from assetbuild.collision import CollisionMethod, Fitted
 from assetbuild.mesh.cover import Reference
-from assetbuild.mesh.solid import ConvexPiece, sobol
+from assetbuild.mesh.sobol import sobol
+from assetbuild.mesh.solid import ConvexPiece
 from assetbuild.quantities import Share
 from assetbuild.robot.pose import Array, Pose, vec3
 from assetbuild.robot.shapes import Sphere

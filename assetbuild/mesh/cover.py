@@ -17,7 +17,8 @@ from numpy.typing import NDArray
 from assetbuild.mesh.hull import convex_hull, polygon_count
 from assetbuild.mesh.quality import Distance, NearestSurface, surface_samples
 from assetbuild.mesh.rays import grids, missed
-from assetbuild.mesh.solid import ConvexPiece, Solid, sobol
+from assetbuild.mesh.sobol import sobol
+from assetbuild.mesh.solid import ConvexPiece, Solid
 from assetbuild.mesh.sources import Probe
 from assetbuild.mesh.triangles import TriangleMesh
 from assetbuild.mesh.volume import is_closed, signed_volume

@@ -18,7 +18,8 @@ from assetbuild.mesh.cover import Reference
 from assetbuild.mesh.hull import convex_hull
 from assetbuild.mesh.primitives import resized, signed_distance, sizes_of, volume_of
 from assetbuild.mesh.quality import surface_samples
-from assetbuild.mesh.solid import ConvexPiece, sobol
+from assetbuild.mesh.sobol import sobol
+from assetbuild.mesh.solid import ConvexPiece
 from assetbuild.mesh.triangles import TriangleMesh
 from assetbuild.mesh.volume import face_areas
 from assetbuild.robot.pose import Array, Pose, quat_between, quat_of, vec3

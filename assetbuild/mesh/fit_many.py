@@ -35,7 +35,8 @@ from assetbuild.mesh.primitives import (
     volume_of,
 )
 from assetbuild.mesh.quality import surface_samples
-from assetbuild.mesh.solid import ConvexPiece, sobol
+from assetbuild.mesh.sobol import sobol
+from assetbuild.mesh.solid import ConvexPiece
 from assetbuild.mesh.triangles import TriangleMesh
 from assetbuild.robot.pose import Array, Pose, Vec3, vec3
 from assetbuild.robot.shapes import Capsule, Cylinder, Primitive, Sphere

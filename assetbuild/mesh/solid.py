@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -110,15 +109,3 @@ def _beyond_box(lower: Array, upper: Array, points: Array) -> Array:
     apart = np.maximum(np.maximum(lower - points, points - upper), 0.0)
     distance: Array = np.linalg.norm(apart, axis=1)
     return distance
-
-
-def sobol(count: int, lower: Array, upper: Array, seed: int = 0) -> Array:
-    """(count, 3) scrambled Sobol points in a box; count: a power of two."""
-    return np.asarray(lower + _unit_sobol(count, seed) * (upper - lower), dtype=np.float64)
-
-
-@lru_cache(4)
-def _unit_sobol(count: int, seed: int) -> Array:
-    from scipy.stats import qmc
-
-    return qmc.Sobol(3, scramble=True, rng=np.random.default_rng(seed)).random(count)
