@@ -47,11 +47,11 @@ ROBOT_PORTS = ("links.json", "tree.json", "shapes.json", "control.json", "meshes
 
 @dataclass(frozen=True)
 class MeshPart:
-    """One OBJ file of a converted mesh: all its triangles have one material.
+    """One file (arrays, or OBJ text) of a converted mesh: all its triangles have one material.
 
     material: the source's name for it; rgba: None = the source states none. texture: a PNG
     beside it in `parts/`, named by its content; its colours are multiplied by rgba (None: white).
-    uv: does the OBJ have texture coordinates?
+    uv: does it have texture coordinates?
     """
 
     file: str

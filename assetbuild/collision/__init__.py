@@ -20,6 +20,7 @@ from assetbuild.engine.step import Files, Limits, Step
 from assetbuild.errors import StepError
 from assetbuild.findings import Finding, Rule
 from assetbuild.kinds import ConvertedMesh, Piece, Pieces
+from assetbuild.mesh.arrays import read_part
 from assetbuild.mesh.cover import Quality, Reference, blocked_by, measure
 from assetbuild.mesh.hull import convex_hull, refuse_flat
 from assetbuild.mesh.native import NativeError, NativeLimits
@@ -191,7 +192,7 @@ class CollisionMethod(Step):
         folder = inputs / (source.folder or "")
         record = decode_file(ConvertedMesh, folder / "mesh.json")
         files = [folder / "parts" / part.file for part in record.parts]
-        mesh = merged([read_triangles(file.read_bytes(), self.subject) for file in files])
+        mesh = merged([read_part(file, self.subject) for file in files])
         if not np.isfinite(mesh.vertices).all():
             raise StepError(f"{self.subject}: not all vertices are finite numbers")
         return mesh.placed(source.pose)

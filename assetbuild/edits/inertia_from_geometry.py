@@ -15,8 +15,8 @@ from assetbuild.engine.step import Files, Limits
 from assetbuild.errors import RecipeError, StepError
 from assetbuild.findings import Finding, Rule
 from assetbuild.kinds import ConvertedMesh, Edited, MassEdit, edit_inertials
+from assetbuild.mesh.arrays import read_part
 from assetbuild.mesh.hull import convex_hull
-from assetbuild.mesh.obj import read_triangles
 from assetbuild.mesh.primitives import volume_of
 from assetbuild.mesh.triangles import merged
 from assetbuild.mesh.volume import is_closed, solid_moments
@@ -110,7 +110,7 @@ class InertiaFromGeometry(MassEdit):
 
     def _of_mesh(self, shape: SourceShape, folder: Path) -> Inertial:
         record = decode_file(ConvertedMesh, folder / "mesh.json")
-        parts = [read_triangles((folder / "parts" / p.file).read_bytes()) for p in record.parts]
+        parts = [read_part(folder / "parts" / p.file) for p in record.parts]
         mesh = cleaned(merged(parts))
         if not is_closed(mesh):
             if self.open == "refuse":

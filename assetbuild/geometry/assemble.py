@@ -13,6 +13,7 @@ from pathlib import Path, PurePosixPath
 from assetbuild.engine.step import Files, Step
 from assetbuild.findings import Finding, Rule
 from assetbuild.kinds import ConvertedMesh, MeshPart, Pieces
+from assetbuild.mesh.arrays import obj_of
 from assetbuild.mesh.picture import mean_colour
 from assetbuild.robot.codec import decode_file, encode
 from assetbuild.robot.files import RobotFiles
@@ -236,11 +237,12 @@ class _Library:
 
     def add(self, path: Path, stem: str, part: MeshPart, *, convex: bool = False) -> str:
         """Name of the asset with this file's content; the first user gives it its stem."""
-        digest = hashlib.sha256(path.read_bytes()).hexdigest()
+        text = obj_of(path)
+        digest = hashlib.sha256(text).hexdigest()
         if digest not in self._by_digest:
             name = f"{re.sub(r'[^A-Za-z0-9_]+', '_', stem) or 'mesh'}-{digest[:8]}"
             asset = MeshAsset(name, f"{name}.obj", part.vertices, part.faces, convex)
-            shutil.copyfile(path, self._folder / asset.file)
+            (self._folder / asset.file).write_bytes(text)
             self._by_digest[digest] = asset
         return self._by_digest[digest].name
 

@@ -15,6 +15,7 @@ from assetbuild.engine.step import Files, Limits, Step
 from assetbuild.errors import StepError
 from assetbuild.findings import Finding, Rule
 from assetbuild.kinds import ConvertedMesh, MeshPart
+from assetbuild.mesh.arrays import SUFFIX, array_bytes
 from assetbuild.mesh.material import MaterialPart, SurfaceMaterial, corner_normals
 from assetbuild.mesh.obj import obj_bytes
 from assetbuild.mesh.picture import has_holes, png_of
@@ -247,23 +248,29 @@ class _Painted:
 
 
 def write_converted(
-    folder: Path, parts: Sequence[MaterialPart], up_axis: str | None = None, *, turned: bool = False
+    folder: Path,
+    parts: Sequence[MaterialPart],
+    up_axis: str | None = None,
+    *,
+    turned: bool = False,
+    suffix: str = SUFFIX,
 ) -> None:
-    """Write `parts/<n>.obj` and `mesh.json` (a `ConvertedMesh`) into `folder`."""
+    """Write `parts/<n>.npz`, or OBJ, and `mesh.json` (a `ConvertedMesh`) into `folder`."""
     (folder / "parts").mkdir(exist_ok=True)
+    form = array_bytes if suffix == SUFFIX else obj_bytes
     for number, part in enumerate(parts):
-        (folder / "parts" / f"{number}.obj").write_bytes(obj_bytes(part.mesh))
-    record = replace(describe(parts), up_axis=up_axis, turned=turned)
+        (folder / "parts" / f"{number}{suffix}").write_bytes(form(part.mesh))
+    record = replace(describe(parts, suffix), up_axis=up_axis, turned=turned)
     (folder / "mesh.json").write_bytes(encode(record))
 
 
-def describe(parts: Sequence[MaterialPart]) -> ConvertedMesh:
+def describe(parts: Sequence[MaterialPart], suffix: str) -> ConvertedMesh:
     """The figures of a converted mesh; it is closed when all parts together are."""
     whole = weld(merged([part.mesh for part in parts]))
     closed = is_closed(whole)
     lower, upper = whole.bounds
     return ConvertedMesh(
-        parts=tuple(_described(number, part) for number, part in enumerate(parts)),
+        parts=tuple(_described(f"{n}{suffix}", part) for n, part in enumerate(parts)),
         faces=len(whole.faces),
         area_m2=area(whole),
         lower=vec3(lower),
@@ -273,10 +280,10 @@ def describe(parts: Sequence[MaterialPart]) -> ConvertedMesh:
     )
 
 
-def _described(number: int, part: MaterialPart) -> MeshPart:
+def _described(file: str, part: MaterialPart) -> MeshPart:
     material: SurfaceMaterial = part.material
     return MeshPart(
-        file=f"{number}.obj",
+        file=file,
         vertices=len(part.mesh.vertices),
         faces=len(part.mesh.faces),
         material=material.name,

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import shutil
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import ClassVar
 
 import numpy as np
@@ -15,13 +16,13 @@ from assetbuild.errors import StepError
 from assetbuild.findings import Finding, Rule
 from assetbuild.geometry.convert_mesh import write_converted
 from assetbuild.kinds import ConvertedMesh
+from assetbuild.mesh.arrays import SUFFIX, obj_of, read_part
 from assetbuild.mesh.material import MaterialPart, SurfaceMaterial
-from assetbuild.mesh.obj import read_triangles
 from assetbuild.mesh.quality import Distance, surface_distance
 from assetbuild.mesh.simplify import simplified
 from assetbuild.mesh.triangles import TriangleMesh, merged
 from assetbuild.mesh.volume import area
-from assetbuild.robot.codec import decode_file
+from assetbuild.robot.codec import decode_file, encode
 
 AREA = (0.98, 1.02)
 """Area after / before. Quadric decimation eats thin parts and small components first: a ruined
@@ -76,7 +77,7 @@ class DecimateMesh(Step):
     """Quadric decimation by fast-simplification, shared by the parts in proportion.
 
     Gated: when the area or the two-sided distance says that the shape suffers, the goal is
-    doubled until it does not. A mesh within the goal passes byte for byte.
+    doubled until it does not. A mesh within the goal stays as it is.
     """
 
     usual_s = 0.3
@@ -91,26 +92,26 @@ class DecimateMesh(Step):
     """What findings call it. Part of the key: name no path to share the result."""
 
     def run(self, files: Files) -> Iterable[Finding]:
-        """Decimate `parts/` towards `max_faces`; raises StepError when a part is not OBJ."""
+        """Decimate `parts/` towards `max_faces`; raises StepError when a part is no mesh."""
         record = decode_file(ConvertedMesh, files.inputs / "mesh.json")
         if record.faces <= self.max_faces:
-            _pass_on(files)
+            _pass_on(files, record)
             return
         parts = [
             MaterialPart(
                 SurfaceMaterial(part.material, part.rgba, part.texture),
-                read_triangles((files.inputs / "parts" / part.file).read_bytes(), self.subject),
+                read_part(files.inputs / "parts" / part.file, self.subject),
             )
             for part in record.parts
         ]
         yield from self._textured(parts)
         found = self._search([part.mesh for part in parts])
         if found is None:
-            _pass_on(files)
+            _pass_on(files, record)
             yield self._stopped(record.faces, record.faces, None)
             return
         out = [MaterialPart(p.material, m) for p, m in zip(parts, found.meshes, strict=True)]
-        write_converted(files.outputs, out)
+        write_converted(files.outputs, out, suffix=".obj")
         for picture in sorted({part.texture for part in record.parts if part.texture}):
             shutil.copyfile(files.inputs / "parts" / picture, files.outputs / "parts" / picture)
         reached = sum(len(part.mesh.faces) for part in out)
@@ -197,6 +198,14 @@ def _judged(made: Sequence[TriangleMesh], meshes: Sequence[TriangleMesh]) -> _At
     return _Attempt(tuple(made), share, surface_distance(new, old), moved, old.diagonal)
 
 
-def _pass_on(files: Files) -> None:
-    shutil.copytree(files.inputs / "parts", files.outputs / "parts")
-    shutil.copyfile(files.inputs / "mesh.json", files.outputs / "mesh.json")
+def _pass_on(files: Files, record: ConvertedMesh) -> None:
+    """All as it is; what was arrays becomes the text that a bundle holds."""
+    (files.outputs / "parts").mkdir()
+    for path in (files.inputs / "parts").iterdir():
+        place = files.outputs / "parts" / path.name
+        if path.suffix == SUFFIX:
+            place.with_suffix(".obj").write_bytes(obj_of(path))
+        else:
+            shutil.copyfile(path, place)
+    parts = (replace(p, file=str(Path(p.file).with_suffix(".obj"))) for p in record.parts)
+    (files.outputs / "mesh.json").write_bytes(encode(replace(record, parts=tuple(parts))))

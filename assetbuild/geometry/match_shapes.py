@@ -17,7 +17,7 @@ from pydantic import Field
 
 from assetbuild.engine.step import Files, Limits, Step
 from assetbuild.kinds import ConvertedMesh
-from assetbuild.mesh.obj import read_triangles
+from assetbuild.mesh.arrays import read_part
 from assetbuild.mesh.quality import surface_samples
 from assetbuild.mesh.triangles import TriangleMesh, merged
 from assetbuild.mesh.volume import area
@@ -66,7 +66,7 @@ class MatchShapes(Step):
 def _read(folder: Path) -> TriangleMesh:
     record = decode_file(ConvertedMesh, folder / "mesh.json")
     parts = [folder / "parts" / part.file for part in record.parts]
-    return merged([read_triangles(part.read_bytes(), folder.name) for part in parts])
+    return merged([read_part(part, folder.name) for part in parts])
 
 
 @dataclass(frozen=True, eq=False)

@@ -10,8 +10,11 @@ from __future__ import annotations
 from functools import lru_cache
 
 import numpy as np
+from numpy.typing import NDArray
 
 from assetbuild.robot.pose import Array
+
+Numbers = NDArray[np.uint32]
 
 BITS = 30
 BIT = np.arange(BITS, dtype=np.uint32)
@@ -41,9 +44,9 @@ def _unit_points(count: int, seed: int) -> Array:
     return numbers / 2.0**BITS
 
 
-def _directions() -> Array:
+def _directions() -> Numbers:
     """(3, 30) direction numbers; in the third dimension of the polynomial x^2 + x + 1."""
-    found = np.ones((3, BITS), dtype=np.uint32)
+    found: Numbers = np.ones((3, BITS), dtype=np.uint32)
     found[2, 1] = 3
     for n in range(1, BITS):
         found[1, n] = found[1, n - 1] ^ found[1, n - 1] << np.uint32(1)

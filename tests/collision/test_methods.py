@@ -228,7 +228,7 @@ def test_bad_meshes_stop_before_native_code(tmp_path, kind, defect):
     vertices, faces = BAD[defect]
     folder = tmp_path / "in/shapes/0"
     folder.mkdir(parents=True)
-    write_converted(folder, [MaterialPart(SurfaceMaterial(), BOX)])
+    write_converted(folder, [MaterialPart(SurfaceMaterial(), BOX)], suffix=".obj")
     text = obj_bytes(TriangleMesh(np.asarray(vertices, dtype=float), np.array(faces)))
     (folder / "parts/0.obj").write_bytes(text)
     (tmp_path / "out").mkdir()
@@ -239,7 +239,7 @@ def test_bad_meshes_stop_before_native_code(tmp_path, kind, defect):
 def test_an_index_out_of_range_names_the_line(tmp_path):
     folder = tmp_path / "in/shapes/0"
     folder.mkdir(parents=True)
-    write_converted(folder, [MaterialPart(SurfaceMaterial(), BOX)])
+    write_converted(folder, [MaterialPart(SurfaceMaterial(), BOX)], suffix=".obj")
     (folder / "parts/0.obj").write_bytes(obj_bytes(BOX) + b"f 1 2 99\n")
     with pytest.raises(StepError, match="line 21: index 99"):
         run_step(Hull(sources=MESH), tmp_path / "in", tmp_path)

@@ -18,6 +18,7 @@ from tiny import box_obj, run_step, stl
 from assetbuild.errors import StepError
 from assetbuild.geometry.convert_mesh import ConvertMesh
 from assetbuild.kinds import ConvertedMesh
+from assetbuild.mesh.arrays import read_part
 from assetbuild.mesh.obj import read_triangles
 from assetbuild.mesh.volume import signed_volume
 from assetbuild.robot.codec import decode
@@ -42,7 +43,7 @@ def convert(tmp_path: Path, data: bytes, **fields):
     findings = run_step(ConvertMesh(**fields), inputs, outputs)
     record = decode(ConvertedMesh, (outputs / "mesh.json").read_bytes())
     files = {p.name: p.read_bytes() for p in sorted(outputs.rglob("*")) if p.is_file()}
-    return record, read_triangles(files["0.obj"]), findings, files
+    return record, read_part(outputs / "parts" / "0.npz"), findings, files
 
 
 BOX = read_triangles(box_obj((1.0, 2.0, 4.0)))
@@ -55,7 +56,7 @@ def test_an_stl_is_welded_measured_and_written(tmp_path):
     assert record.volume_m3 == pytest.approx(8.0)
     assert record.watertight
     assert (record.lower, record.upper) == ((-0.5, -1.0, -2.0), (0.5, 1.0, 2.0))
-    assert [p.file for p in record.parts] == ["0.obj"]
+    assert [p.file for p in record.parts] == ["0.npz"]
     assert findings == []
 
 
@@ -84,7 +85,7 @@ def test_parts_follow_the_first_use_of_their_material(tmp_path):
     assert [(p.material, p.faces) for p in record.parts] == [("b", 2), ("a", 3), ("c", 3)]
     assert record.watertight  # the parts close one another
     assert record.volume_m3 == pytest.approx(1 / 6)
-    assert set(files) == {"0.obj", "1.obj", "2.obj", "mesh.json"}
+    assert set(files) == {"0.npz", "1.npz", "2.npz", "mesh.json"}
 
 
 def test_materials_of_no_known_look_make_no_parts(tmp_path):

@@ -12,7 +12,7 @@ from assetbuild.geometry.convert_mesh import ConvertMesh, write_converted
 from assetbuild.geometry.decimate_mesh import DecimateMesh
 from assetbuild.kinds import ConvertedMesh
 from assetbuild.mesh.material import MaterialPart, SurfaceMaterial
-from assetbuild.mesh.obj import read_triangles
+from assetbuild.mesh.obj import obj_bytes, read_triangles
 from assetbuild.mesh.primitives import tessellate
 from assetbuild.mesh.triangles import TriangleMesh, merged
 from assetbuild.mesh.volume import signed_volume
@@ -50,13 +50,12 @@ def test_a_ball_of_four_thousand_faces_stays_a_ball_at_one_thousand(tmp_path):
     assert record.parts[0].rgba == (1.0, 0.5, 0.0, 1.0)
 
 
-def test_a_mesh_within_the_goal_passes_byte_for_byte(tmp_path):
-    _, findings, files = decimate(tmp_path, [part(BALL)], len(BALL.faces))
+def test_a_mesh_within_the_goal_becomes_text_as_it_is(tmp_path):
+    record, findings, files = decimate(tmp_path, [part(BALL)], len(BALL.faces))
     assert findings == {}
-    given = {
-        str(p.relative_to(tmp_path / "in")): p.read_bytes() for p in (tmp_path / "in").rglob("*.*")
-    }
-    assert files == given
+    assert files.keys() == {"parts/0.obj", "mesh.json"}
+    assert files["parts/0.obj"] == obj_bytes(BALL)
+    assert record.parts[0].file == "0.obj"
 
 
 def test_the_goal_is_doubled_until_the_shape_is_kept(tmp_path):
@@ -102,7 +101,7 @@ def test_a_textured_part_is_left_alone_and_named(tmp_path):
     assert record.parts[0].faces == len(BALL.faces)
     assert record.parts[1].faces < len(BALL.faces) / 3
     assert findings["visual.textured"].data["parts"] == 1
-    assert files["parts/0.obj"] == (tmp_path / "in/parts/0.obj").read_bytes()
+    assert files["parts/0.obj"] == obj_bytes(textured)
 
 
 def test_the_same_bytes_twice(tmp_path):
