@@ -20,7 +20,7 @@ from assetbuild.looks.viewer import Viewer
 from assetbuild.plugins import load_plugin
 from assetbuild.recipe.models import Recipe
 from assetbuild.robot.shapes import MeshFile
-from assetbuild.simulators.offscreen import renderer
+from assetbuild.looks.offscreen import renderer
 
 PICTURE_MODEL = "picture model"
 """An MJCF to look at; what it has to say about the robot, the target `mjcf` says too."""

@@ -21,9 +21,11 @@ from tiny import TinyRobot, pendulum, run_step, tiny_quadruped, write_robot_port
 from assetbuild.control.keep_pose import KeepPose
 from assetbuild.engine.world import World
 from assetbuild.errors import StepError
-from assetbuild.looks.framing import MARGIN, ellipsoid_points, fitted
 from assetbuild.looks.lighten import Lighten
+from assetbuild.looks.offscreen import renderer
 from assetbuild.looks.render import Render, draw_all
+from assetbuild.looks.stage import MARGIN, ellipsoid_points, fitted
+from assetbuild.looks.studio import BACKGROUND
 from assetbuild.looks.viewer import SPAN_M, Viewer, in_bytes, three_js
 from assetbuild.mesh.obj import obj_bytes, read_triangles
 from assetbuild.mesh.triangles import TriangleMesh
@@ -31,8 +33,6 @@ from assetbuild.robot.codec import encode
 from assetbuild.robot.model import Control
 from assetbuild.robot.pose import Pose
 from assetbuild.robot.shapes import Box, Mesh, MeshAsset, Shape, Shapes, Sphere
-from assetbuild.simulators.offscreen import renderer
-from assetbuild.simulators.studio import BACKGROUND
 from assetbuild.targets.mjcf import Mjcf
 
 
@@ -220,10 +220,7 @@ def test_a_build_draws_one_picture_and_two_runs_the_same_bytes(scene: Path, rend
 
 
 def test_every_picture_shows_something_of_its_own(rendered):
-    joints = {name for name in rendered if name.endswith(" +0.3 rad")}
-    assert len(joints) == 12
-    names = {"hero", "behind", "collision", "inertia", "joints", "contacts"}
-    assert rendered.keys() == names | joints
+    assert rendered.keys() == {"hero", "behind", "collision", "inertia", "joints", "contacts"}
     assert len(set(rendered.values())) == len(rendered)
     for name, data in rendered.items():
         pixels = np.asarray(Image.open(BytesIO(data)).convert("RGB"), dtype=float)
@@ -274,17 +271,6 @@ def test_no_picture_is_empty_where_there_is_no_geometry(tmp_path: Path):
     assert all(np.asarray(image).std() > 5 for image in files.values())
 
 
-def test_a_joint_s_name_cannot_leave_the_folder(tmp_path: Path):
-    if renderer(World()) == "none":
-        pytest.skip("no OpenGL without a window: apt-get install libegl1 libgl1-mesa-dri")
-    body = '<body><joint name="../a/b"/><geom size="0.1" group="2"/></body>'
-    scene = tmp_path / "mjcf/scene.xml"
-    scene.parent.mkdir()
-    scene.write_text(f"<mujoco><worldbody>{body}</worldbody></mujoco>")
-    assert "00 _a_b +0.3 rad" in drawn(scene)
-    assert {path.name for path in tmp_path.iterdir()} == {"all", "mjcf"}
-
-
 def test_large_pictures_are_1600_pixels_along_their_longer_side(rendered):
     for name in ("hero", "behind", "collision", "joints"):
         assert max(Image.open(BytesIO(rendered[name])).size) == 1600, name
@@ -298,7 +284,9 @@ def test_the_camera_fits_a_robot_of_any_size_and_posture(scale: float, aspect: f
     for stretch in ([1, 1, 1], [0.1, 0.1, 2], [3, 0.2, 0.1]):
         points = scale * (rng.normal(size=(200, 3)) * stretch + [5, -2, 1])
         camera = fitted(points, 140.0, -14.0, aspect)
-        places = 2.0 * camera.project(points) - 1.0
+        axes = np.stack([camera.right, camera.up, camera.forward])
+        x, y, depth = axes @ (points - camera.position).T
+        places = np.stack([x / camera.half_width, y / camera.half_height]) / depth
         assert np.abs(places).max() == pytest.approx(1 / MARGIN, rel=1e-6)
 
 
@@ -322,14 +310,6 @@ def test_the_camera_sees_the_ends_of_inertia_ellipsoids():
     points = ellipsoid_points(model, data)
     assert np.ptp(points, axis=0) == pytest.approx(2 * np.array([a, b, c]))
     assert points.mean(axis=0) == pytest.approx([1, 2, 3])
-
-
-def test_what_a_joint_moves_is_orange(rendered):
-    for name in (name for name in rendered if name.endswith(" rad")):
-        pixels = np.asarray(Image.open(BytesIO(rendered[name])).convert("RGB"))
-        red, green, blue = (pixels[..., i].astype(int) for i in range(3))
-        orange = (red > 120) & (red > green + 30) & (green > blue + 20)
-        assert orange.sum() > 1600, name
 
 
 def test_a_box_robot_needs_no_mesh_to_be_seen(tmp_path: Path):
