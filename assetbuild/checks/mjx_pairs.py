@@ -16,6 +16,7 @@ from assetbuild.errors import StepError
 from assetbuild.findings import Finding, Rule
 from assetbuild.kinds import Check, write_figures
 from assetbuild.simulators import mujoco
+from assetbuild.simulators.mujoco.pairs import explicit_pairs, touching_geoms
 
 KINDS = ("plane", "hfield", "sphere", "capsule", "ellipsoid", "cylinder", "box", "mesh")
 """By the number of MuJoCo's geom type; a pair is named in this order."""
@@ -96,9 +97,9 @@ def figures(model: mujoco.Model) -> dict[str, object]:
 
 def pairs(model: mujoco.Model) -> Iterator[Pair]:
     """Geoms that may touch, whatever lets them."""
-    for a, b in mujoco.touching_geoms(model):
+    for a, b in touching_geoms(model):
         yield (a, b) if model.geom_type[a] <= model.geom_type[b] else (b, a)
-    yield from mujoco.explicit_pairs(model)
+    yield from explicit_pairs(model)
 
 
 def _kinds(model: mujoco.Model, pair: Pair) -> tuple[str, str]:

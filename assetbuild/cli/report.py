@@ -63,8 +63,8 @@ def run(arguments: argparse.Namespace) -> int:
 def _draw(bundle: Path, folder: Path) -> None:
     """UsageError when it has no MJCF; StepError when this machine cannot draw."""
     from assetbuild.engine.world import World
-    from assetbuild.looks.render import draw_all
     from assetbuild.looks.offscreen import renderer
+    from assetbuild.looks.render import draw_all
 
     scene = bundle / "mjcf" / "scene.xml"
     if not scene.is_file():

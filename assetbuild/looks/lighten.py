@@ -17,7 +17,6 @@ from assetbuild.mesh.quality import NearestSurface, surface_samples
 from assetbuild.mesh.simplify import clustered, simplified
 from assetbuild.mesh.triangles import TriangleMesh
 from assetbuild.mesh.weld import cleaned
-from assetbuild.robot.pose import Array
 
 SMALLEST = 400
 """Triangles up to which a mesh is left as it is: a screw stays a screw."""

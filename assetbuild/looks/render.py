@@ -17,7 +17,7 @@ from assetbuild.mesh.native import NativeError, NativeLimits, run_apart
 from assetbuild.simulators import mujoco
 
 DRAWING = NativeLimits(cpu_s=60.0, memory_mb=1 << 20)
-"""Drivers crash and hang: that costs only the pictures. What they map is no memory that they use."""
+"""Drivers crash and hang: that costs only the pictures. They map more memory than they use."""
 HERO, THUMBNAIL = "hero.png", "thumbnail.png"
 SMALL = 256
 """Pixels along a side of the thumbnail."""

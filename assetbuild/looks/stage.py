@@ -37,7 +37,6 @@ UNDRAWN = 1001
 ELLIPSOIDS = 0.8
 """How far from the robot's middle its inertia ellipsoids are shown, as a share of its size."""
 GRID = np.array([[x, y, z] for x in (-1.0, 0.0, 1.0) for y in (-1.0, 0.0, 1.0) for z in (-1, 0, 1)])
-CORNERS = GRID[np.abs(GRID).all(axis=1)]
 AROUND = GRID[GRID.any(axis=1)] / np.linalg.norm(GRID[GRID.any(axis=1)], axis=1)[:, None]
 """(26, 3) unit vectors all around."""
 Rgba = tuple[float, float, float, float]
@@ -58,13 +57,13 @@ class Stage:
         visual, solid = self._groups == VISUAL, self._groups == COLLISION
         self._spare = solid & np.isin(bodies, bodies[visual])
         """Collision geometry of bodies that have visual geometry to be seen by."""
-        self.points = robot_points(model, self.data, np.flatnonzero(shown))
+        self.points = mujoco.outlines(model, self.data, np.flatnonzero(shown), OF_A_MESH)
         self.bare = not len(self.points)
         if self.bare:
             self.points = ellipsoid_points(model, self.data)
         if not len(self.points):
             self.points = np.array(self.data.subtree_com[0]) + np.array([[-0.5] * 3, [0.5] * 3])
-        looks = robot_points(model, self.data, np.flatnonzero(shown & visual))
+        looks = mujoco.outlines(model, self.data, np.flatnonzero(shown & visual), OF_A_MESH)
         self.looks = looks if len(looks) else self.points
         self.groups = (0, VISUAL if visual.any() else COLLISION)
         """Groups of geoms that are drawn: without visual geometry, the collision geometry."""
@@ -141,25 +140,6 @@ class Stage:
                 drawn.rgba[3] = 0.0  # a box in the middle of the robot says nothing
 
         return paint
-
-
-def robot_points(model: Model, data: Data, geoms: Array) -> Array:
-    """(n, 3) points in the world, m, of the outlines of some geoms."""
-    import mujoco
-
-    found = [np.zeros((0, 3))]
-    is_mesh = np.asarray(model.geom_type) == mujoco.mjtGeom.mjGEOM_MESH.value
-    for geom in geoms:
-        number = int(model.geom_dataid[geom])
-        if is_mesh[geom] and number >= 0:
-            start, count = int(model.mesh_vertadr[number]), int(model.mesh_vertnum[number])
-            local = np.array(model.mesh_vert[start : start + count : 1 + count // OF_A_MESH])
-        else:
-            box = np.array(model.geom_aabb[geom])
-            local = box[:3] + box[3:] * CORNERS
-        turned = np.array(data.geom_xmat[geom]).reshape(3, 3)
-        found.append(local @ turned.T + np.array(data.geom_xpos[geom]))
-    return np.concatenate(found)
 
 
 def ellipsoid_points(model: Model, data: Data) -> Array:

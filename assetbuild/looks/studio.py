@@ -254,8 +254,8 @@ def _blurred(pixels: NDArray[Any], where: NDArray[np.bool_], radius: int) -> NDA
     from PIL import Image
     from scipy.ndimage import binary_erosion, uniform_filter
 
-    cross = np.zeros((2 * EDGE + 1, 2 * EDGE + 1))
-    cross[EDGE] = cross[:, EDGE] = 1
+    cross = np.zeros((2 * EDGE + 1, 2 * EDGE + 1), dtype=np.bool_)
+    cross[EDGE] = cross[:, EDGE] = True
     inside = binary_erosion(where, cross, border_value=1)
     size = (where.shape[1] // BLUR_STEP, where.shape[0] // BLUR_STEP)
 

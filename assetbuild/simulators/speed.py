@@ -88,7 +88,7 @@ def measure_speed(scene: Path) -> Speed:
 
 
 def _creep_mm_s(scene: Path) -> float | None:
-    found = creep(load(scene).model, SHARE, {})
+    found = creep(load(scene).model, SHARE)
     return None if isinstance(found, str) else 1e3 * found.speed
 
 

@@ -20,7 +20,7 @@ from assetbuild.pipeline.recipes import whole_model
 from assetbuild.robot.model import Actuator, Control, Keyframe
 from assetbuild.robot.pose import Pose
 from assetbuild.robot.shapes import Box, Shape, Shapes
-from assetbuild.simulators.mujoco.trials import polygon_margin, support
+from assetbuild.simulators.mujoco.trials import side_normals, support
 from assetbuild.targets.mjcf import Mjcf
 
 QUADRUPED = tiny_quadruped()
@@ -184,12 +184,16 @@ def test_an_mjcf_that_does_not_load_is_an_error(tmp_path: Path):
     assert rules(found) == {"trials.load"}
 
 
-def test_the_margin_of_a_square_is_the_distance_to_its_nearest_side():
+def test_the_normals_of_a_square_are_those_of_its_sides_and_diagonals():
+    """A point over the middle of a side has that side's distance as its margin."""
     square = np.array([(0, 0), (2, 0), (2, 2), (0, 2), (1, 1)], dtype=float)
-    assert polygon_margin(square, np.array([0.5, 1.0])) == pytest.approx(0.5)
-    assert polygon_margin(square, np.array([-1.0, 1.0])) == pytest.approx(-1.0)
-    assert polygon_margin(square[:2], np.array([0.0, 0.0])) is None
-    assert polygon_margin(np.array([(0, 0), (1, 1), (2, 2.0)]), np.array([0.0, 0.0])) is None
+    normals = side_normals(square)
+    assert normals is not None
+    reach = (normals @ square.T).max(axis=1)
+    assert (reach - normals @ (0.5, 1.0)).min() == pytest.approx(0.5)
+    assert (reach - normals @ (-1.0, 1.0)).min() == pytest.approx(-1.0)
+    assert side_normals(square[:2]) is None
+    assert side_normals(np.array([(0, 0), (1, 1), (2, 2.0)])) is None
 
 
 @pytest.mark.parametrize(

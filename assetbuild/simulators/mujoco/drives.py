@@ -8,13 +8,15 @@ joints that follow one another drives the one that leads: see `levers`.
 
 from __future__ import annotations
 
+import copy
 import math
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
 
+from assetbuild.robot.model import Actuator, Control
 from assetbuild.robot.pose import Array
 from assetbuild.simulators.mujoco import Data, Model, actuators, first_command, name_of, turning
 from assetbuild.simulators.mujoco.levers import tendon_lever
@@ -23,6 +25,8 @@ Kind = Literal["servo", "velocity", "motor", "general"]
 Range = tuple[float, float]
 """(lower, upper); infinite where nothing limits."""
 UNLIMITED: Range = (-math.inf, math.inf)
+OUTSIDE = frozenset({"ideal_pd", "dc_motor", "motor"})
+"""Actuator models whose PD law acts outside of the simulator, by kp and kd of the table."""
 
 
 @dataclass(frozen=True)
@@ -133,6 +137,48 @@ def aim(model: Model, data: Data, joints: Collection[str] | None = None) -> None
         if drive.holds_position and (joints is None or drive.joint_name in joints):
             position = float(data.qpos[model.jnt_qposadr[drive.joint]])
             data.ctrl[drive.ctrl_index] = drive.command(position)
+
+
+def drive_as(model: Model, gains: Mapping[str, Actuator]) -> None:
+    """Turn actuators of some joints into position servos inside of the simulator.
+
+    For models whose law runs outside (`ideal_pd`, `motor`, ...). Keyframes, which command such a
+    motor no torque, command the servo their own pose. Of several actuators of a joint, the first
+    becomes the servo and the others pull no more.
+    """
+    import mujoco
+
+    turned = set()
+    for drive in read_drives(model):
+        actuator, index = gains.get(drive.joint_name), drive.index
+        if actuator is None:
+            continue
+        if drive.joint in turned:
+            model.actuator_gear[index, 0] = 0.0
+            continue
+        turned.add(drive.joint)
+        model.actuator_trntype[index] = mujoco.mjtTrn.mjTRN_JOINT
+        model.actuator_trnid[index] = (drive.joint, -1)
+        model.actuator_gear[index, 0] = 1.0
+        model.actuator_gaintype[index] = mujoco.mjtGain.mjGAIN_FIXED
+        model.actuator_biastype[index] = mujoco.mjtBias.mjBIAS_AFFINE
+        model.actuator_gainprm[index, :3] = (actuator.kp, 0.0, 0.0)
+        model.actuator_biasprm[index, :3] = (0.0, -actuator.kp, -actuator.kd)
+        model.actuator_ctrllimited[index] = 0
+        model.key_ctrl[:, index] = model.key_qpos[:, int(model.jnt_qposadr[drive.joint])]
+        if actuator.effort is not None:
+            model.actuator_forcelimited[index] = 1
+            model.actuator_forcerange[index] = (-actuator.effort, actuator.effort)
+
+
+def servoed(model: Model, control: Control, laws: Collection[str] = OUTSIDE) -> Model:
+    """A copy in which servos stand in for the drives whose law (`Actuator.model`) is outside.
+
+    How such a law does in steps of its own, `gains.unstable` says.
+    """
+    changed = copy.copy(model)
+    drive_as(changed, {a.joint: a for a in control.actuators if a.model in laws})
+    return changed
 
 
 def drives_of(model: Model, joint: int) -> JointDrives:
