@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from assetbuild.robot.pose import Array
-from assetbuild.simulators.mujoco import Data, Model
+from assetbuild.simulators.mujoco import Data, Model, mj
 
 Pixels = NDArray[np.uint8]
 Paint = Callable[[Any], None]
@@ -99,21 +99,17 @@ class Studio:
     """
 
     def __init__(self, model: Model, middle: Array, radius: float, floor: float) -> None:
-        import mujoco
-
         self.model, self.middle, self.radius, self.floor = model, middle, radius, floor
         self._plain_sky()
-        self._context = mujoco.MjrContext(model, mujoco.mjtFontScale.mjFONTSCALE_50.value)
+        self._context = mj.MjrContext(model, mj.mjtFontScale.mjFONTSCALE_50.value)
         self._context.shadowClip = 1.6 * radius
-        mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN.value, self._context)
-        self._scene = mujoco.MjvScene(model, maxgeom=20_000)
+        mj.mjr_setBuffer(mj.mjtFramebuffer.mjFB_OFFSCREEN.value, self._context)
+        self._scene = mj.MjvScene(model, maxgeom=20_000)
 
     def _plain_sky(self) -> None:
         """The sky in the colour of the floor: an empty studio without a horizon."""
-        import mujoco
-
         model = self.model
-        for number in np.flatnonzero(model.tex_type == mujoco.mjtTexture.mjTEXTURE_SKYBOX.value):
+        for number in np.flatnonzero(model.tex_type == mj.mjtTexture.mjTEXTURE_SKYBOX.value):
             start = int(model.tex_adr[number])
             sizes = (model.tex_height, model.tex_width, model.tex_nchannel)
             count = math.prod(int(size[number]) for size in sizes)
@@ -121,10 +117,8 @@ class Studio:
 
     def frame(self, data: Data, shot: Shot) -> Pixels:
         """(height, width, 3) colours."""
-        import mujoco
-
         self._arrange(data, shot)
-        self._scene.flags[mujoco.mjtRndFlag.mjRND_SHADOW.value] = shot.soft
+        self._scene.flags[mj.mjtRndFlag.mjRND_SHADOW.value] = shot.soft
         total = np.zeros((shot.height, shot.width, 3), dtype=np.uint16)
         for number in range(shot.samples):
             self._light(number, shot)
@@ -137,40 +131,34 @@ class Studio:
 
     def _drawn(self, shot: Shot) -> Pixels:
         """(height, width, 3), from below."""
-        import mujoco
-
-        rect = mujoco.MjrRect(0, 0, shot.width, shot.height)
+        rect = mj.MjrRect(0, 0, shot.width, shot.height)
         pixels = np.zeros((shot.height, shot.width, 3), dtype=np.uint8)
-        mujoco.mjr_render(rect, self._scene, self._context)
-        mujoco.mjr_readPixels(pixels, None, rect, self._context)
+        mj.mjr_render(rect, self._scene, self._context)
+        mj.mjr_readPixels(pixels, None, rect, self._context)
         return pixels
 
     def _is_floor(self, shot: Shot) -> NDArray[np.bool_]:
         """(height, width), from below: where the floor or nothing is seen."""
-        import mujoco
-
         flags = self._scene.flags
-        flags[mujoco.mjtRndFlag.mjRND_SHADOW.value] = 0
-        flags[mujoco.mjtRndFlag.mjRND_SEGMENT.value] = 1
-        flags[mujoco.mjtRndFlag.mjRND_IDCOLOR.value] = 1
+        flags[mj.mjtRndFlag.mjRND_SHADOW.value] = 0
+        flags[mj.mjtRndFlag.mjRND_SEGMENT.value] = 1
+        flags[mj.mjtRndFlag.mjRND_IDCOLOR.value] = 1
         red, green, blue = np.moveaxis(self._drawn(shot).astype(np.uint32), 2, 0)
         geoms = self._scene.geoms[: self._scene.ngeom]
         floors = [0, *(1 + geom.segid for geom in geoms if _is_plane(geom))]
         return np.isin(red | green << 8 | blue << 16, np.array(floors, dtype=np.uint32))
 
     def _arrange(self, data: Data, shot: Shot) -> None:
-        import mujoco
-
-        option = mujoco.MjvOption()
+        option = mj.MjvOption()
         option.geomgroup[:] = option.sitegroup[:] = 0
         option.geomgroup[list(shot.groups)] = 1
         for flag in shot.flags:
-            option.flags[getattr(mujoco.mjtVisFlag, flag)] = 1
-        scene, free = self._scene, mujoco.MjvCamera()
-        everything = mujoco.mjtCatBit.mjCAT_ALL.value
-        mujoco.mjv_updateScene(self.model, data, option, None, free, everything, scene)
+            option.flags[getattr(mj.mjtVisFlag, flag)] = 1
+        scene, free = self._scene, mj.MjvCamera()
+        everything = mj.mjtCatBit.mjCAT_ALL.value
+        mj.mjv_updateScene(self.model, data, option, None, free, everything, scene)
         for name in ("REFLECTION", "HAZE", "FOG", "SEGMENT", "IDCOLOR"):
-            scene.flags[getattr(mujoco.mjtRndFlag, f"mjRND_{name}")] = 0
+            scene.flags[getattr(mj.mjtRndFlag, f"mjRND_{name}")] = 0
         for geom in scene.geoms[: scene.ngeom]:
             if _is_plane(geom):
                 self._plain_floor(geom)
@@ -207,10 +195,8 @@ class Studio:
     def _directed(
         self, number: int, way: Array, diffuse: float, shine: float, ambient: float, shadow: bool
     ) -> None:
-        import mujoco
-
         light = self._scene.lights[number]
-        light.type = mujoco.mjtLightType.mjLIGHT_DIRECTIONAL.value
+        light.type = mj.mjtLightType.mjLIGHT_DIRECTIONAL.value
         light.texid, light.headlight, light.castshadow = -1, 0, shadow
         light.dir[:] = way
         light.pos[:] = self.middle - 3.0 * self.radius * way
@@ -243,10 +229,8 @@ def lamp_direction(forward: Array, right: Array) -> Array:
 
 def _is_plane(geom: Any) -> bool:  # Any: mjvGeom
     """Whether it is a floor: nothing that moves may be a plane."""
-    import mujoco
-
-    is_geom = geom.objtype == mujoco.mjtObj.mjOBJ_GEOM.value
-    return bool(is_geom and geom.type == mujoco.mjtGeom.mjGEOM_PLANE.value)
+    is_geom = geom.objtype == mj.mjtObj.mjOBJ_GEOM.value
+    return bool(is_geom and geom.type == mj.mjtGeom.mjGEOM_PLANE.value)
 
 
 def _blurred(pixels: NDArray[Any], where: NDArray[np.bool_], radius: int) -> NDArray[Any]:

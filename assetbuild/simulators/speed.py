@@ -23,6 +23,7 @@ from assetbuild.simulators.mujoco import (
     collision_geoms,
     floats,
     load,
+    mj,
     raise_base,
     without,
 )
@@ -58,8 +59,6 @@ class Speed:
 
 def measure_speed(scene: Path) -> Speed:
     """Drop, without drives. Raises StepError when MuJoCo refuses the file."""
-    import mujoco
-
     with caught_warnings():
         model = without(load(scene).model, "ACTUATION")
         data = at_key(model)
@@ -70,11 +69,11 @@ def measure_speed(scene: Path) -> Speed:
             data = _moved(model)
             before = time.process_time()
             for _ in range(STEPS):
-                mujoco.mj_step(model, data)
+                mj.mj_step(model, data)
             rates.append(STEPS / max(time.process_time() - before, 1e-9))
         data = _moved(model)
         for _ in range(STEPS):
-            mujoco.mj_step(model, data)
+            mj.mj_step(model, data)
             touching += data.ncon
     return Speed(
         steps_per_s=float(np.median(rates)),

@@ -24,6 +24,18 @@ from assetbuild.robot.pose import Array, rotation_of
 
 Model = Any  # mujoco.MjModel: its extension module has no types
 Data = Any  # mujoco.MjData: as above
+
+
+class _Engine:
+    """MuJoCo itself, imported where it is first used."""
+
+    def __getattr__(self, name: str) -> Any:  # Any: as above
+        import mujoco
+
+        return getattr(mujoco, name)
+
+
+mj: Any = _Engine()  # Any: as above
 HELD_KG = 1e6
 """Inertia added to coordinates, such as the six of a floating base, to hold them: against 100 kg it
 moves by a ten thousandth. Much more costs the constraints of light fingers the solver's digits."""
@@ -95,14 +107,12 @@ def load(path: Path, *, visuals: bool = True) -> Loaded:
     visuals: False leaves out, as MuJoCo's `discardvisual` does, what has no effect on the
     physics: compiling is quick then, because most meshes are never read.
     """
-    import mujoco
-
     with caught_warnings() as said:
         try:
             if visuals:
-                model = mujoco.MjModel.from_xml_path(str(path))
+                model = mj.MjModel.from_xml_path(str(path))
             else:
-                spec = mujoco.MjSpec.from_file(str(path))
+                spec = mj.MjSpec.from_file(str(path))
                 # Keeps what a visual shape gives a body without inertia.
                 spec.compiler.discardvisual = True
                 model = spec.compile()
@@ -127,21 +137,19 @@ def caught_warnings() -> Iterator[list[str]]:
 
     ArenaFullError where its memory did not suffice; StepError where MuJoCo gave up otherwise.
     """
-    import mujoco
-
     said: list[str] = []
-    before = mujoco.get_mju_user_warning()
-    mujoco.set_mju_user_warning(said.append)
+    before = mj.get_mju_user_warning()
+    mj.set_mju_user_warning(said.append)
     try:
         with warnings.catch_warnings(record=True) as from_python:
             warnings.simplefilter("always")
             yield said
         said += [str(item.message) for item in from_python]
-    except mujoco.FatalError as error:
+    except mj.FatalError as error:
         _refuse_full([str(error)])
         raise StepError(f"MuJoCo gave up: {one_line(error)}") from None
     finally:
-        mujoco.set_mju_user_warning(before)
+        mj.set_mju_user_warning(before)
     _refuse_full(said)
 
 
@@ -166,10 +174,8 @@ def inertia_of(model: Model, body: int) -> Array:
 
 def mass_matrix(model: Model, data: Data) -> Array:
     """(nv, nv) joint-space inertia after `mj_forward` or `mj_crb`."""
-    import mujoco
-
     full = np.zeros((model.nv, model.nv))
-    mujoco.mj_fullM(model, data, full)  # same order of arguments in 3.11, 3.17 and 4
+    mj.mj_fullM(model, data, full)  # same order of arguments in 3.11, 3.17 and 4
     return full
 
 
@@ -178,33 +184,27 @@ def mass_matrix(model: Model, data: Data) -> Array:
 
 def without(model: Model, *flags: str) -> Model:
     """A copy to change and to step, with some of MuJoCo's features off: `CONTACT`, `LIMIT`."""
-    import mujoco
-
     changed = copy.copy(model)
     for flag in flags:
-        changed.opt.disableflags |= int(getattr(mujoco.mjtDisableBit, f"mjDSBL_{flag}"))
+        changed.opt.disableflags |= int(getattr(mj.mjtDisableBit, f"mjDSBL_{flag}"))
     return changed
 
 
 def initial_key(model: Model) -> int | None:
     """The keyframe `home`, else the first; None without any. See `robot.initial`."""
-    import mujoco
-
-    home = int(mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_KEY, "home"))
+    home = int(mj.mj_name2id(model, mj.mjtObj.mjOBJ_KEY, "home"))
     return max(home, 0) if model.nkey else None
 
 
 def at_key(model: Model, key: int | None = None) -> Data:
     """A keyframe with its controls; without `key` the initial pose, see `robot.initial`."""
-    import mujoco
-
-    data = mujoco.MjData(model)
+    data = mj.MjData(model)
     key = initial_key(model) if key is None else key
     if key is None:
         _stand_within_limits(model, data)
     else:
-        mujoco.mj_resetDataKeyframe(model, data, key)
-    mujoco.mj_forward(model, data)
+        mj.mj_resetDataKeyframe(model, data, key)
+    mj.mj_forward(model, data)
     return data
 
 
@@ -213,14 +213,12 @@ def _stand_within_limits(model: Model, data: Data) -> None:
 
     Position servos hold that pose.
     """
-    import mujoco
-
     turning = np.isin(model.jnt_type, (2, 3))  # slide, hinge
     limited = np.flatnonzero(turning & (model.jnt_limited != 0))
     at, (lower, upper) = model.jnt_qposadr[limited], model.jnt_range[limited].T
     data.qpos[at] = np.clip(data.qpos[at], lower, upper)
     follow(model, data)
-    mujoco.mj_forward(model, data)
+    mj.mj_forward(model, data)
     gain, bias = model.actuator_gainprm[:, 0], model.actuator_biasprm[:, 1]
     servos = np.flatnonzero((gain > 0.0) & (bias < 0.0))
     data.ctrl[servos] = -bias[servos] / gain[servos] * data.actuator_length[servos]
@@ -228,9 +226,7 @@ def _stand_within_limits(model: Model, data: Data) -> None:
 
 def follow(model: Model, data: Data) -> None:
     """Joints that an equality couples to another take the position that it asks for."""
-    import mujoco
-
-    for index in np.flatnonzero(model.eq_type == mujoco.mjtEq.mjEQ_JOINT):
+    for index in np.flatnonzero(model.eq_type == mj.mjtEq.mjEQ_JOINT):
         follower, leader = int(model.eq_obj1id[index]), int(model.eq_obj2id[index])
         x = 0.0
         if leader >= 0:
@@ -243,13 +239,11 @@ def follow(model: Model, data: Data) -> None:
 
 def is_finite(data: Data) -> bool:
     """MuJoCo starts over silently when a state goes bad: its counters tell."""
-    import mujoco
-
     bad = (
-        mujoco.mjtWarning.mjWARN_BADQPOS,
-        mujoco.mjtWarning.mjWARN_BADQVEL,
-        mujoco.mjtWarning.mjWARN_BADQACC,
-        mujoco.mjtWarning.mjWARN_BADCTRL,
+        mj.mjtWarning.mjWARN_BADQPOS,
+        mj.mjtWarning.mjWARN_BADQVEL,
+        mj.mjtWarning.mjWARN_BADQACC,
+        mj.mjtWarning.mjWARN_BADCTRL,
     )
     if any(data.warning[int(kind)].number for kind in bad):
         return False
@@ -288,9 +282,7 @@ def first_command(model: Model, actuator: int) -> int:
 
 def turning(model: Model) -> list[int]:
     """Hinges and slides."""
-    import mujoco
-
-    kinds = (int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE))
+    kinds = (int(mj.mjtJoint.mjJNT_HINGE), int(mj.mjtJoint.mjJNT_SLIDE))
     return [joint for joint in range(model.njnt) if int(model.jnt_type[joint]) in kinds]
 
 
@@ -306,9 +298,7 @@ def stands_free(model: Model) -> bool:
 
 def free_joints(model: Model) -> list[int]:
     """Joints by which bodies float."""
-    import mujoco
-
-    return np.flatnonzero(model.jnt_type == mujoco.mjtJoint.mjJNT_FREE).tolist()
+    return np.flatnonzero(model.jnt_type == mj.mjtJoint.mjJNT_FREE).tolist()
 
 
 def raise_base(model: Model, data: Data, height_m: float) -> None:
@@ -353,9 +343,7 @@ def below(model: Model, top: int) -> set[int]:
 
 def floors(model: Model) -> list[int]:
     """Planes of the world."""
-    import mujoco
-
-    planes = model.geom_type == int(mujoco.mjtGeom.mjGEOM_PLANE)
+    planes = model.geom_type == int(mj.mjtGeom.mjGEOM_PLANE)
     return [int(i) for i in np.flatnonzero(planes & (model.geom_bodyid == 0))]
 
 
@@ -378,12 +366,10 @@ def outlines(model: Model, data: Data, geoms: Iterable[int], most: int | None = 
 
     most: vertices of each mesh, evenly chosen; None = all.
     """
-    import mujoco
-
     found = [np.zeros((0, 3))]
     for geom in geoms:
         mesh = int(model.geom_dataid[geom])
-        if int(model.geom_type[geom]) == int(mujoco.mjtGeom.mjGEOM_MESH) and mesh >= 0:
+        if int(model.geom_type[geom]) == int(mj.mjtGeom.mjGEOM_MESH) and mesh >= 0:
             first, count = int(model.mesh_vertadr[mesh]), int(model.mesh_vertnum[mesh])
             step = 1 + count // most if most else 1
             local = np.array(model.mesh_vert[first : first + count : step])

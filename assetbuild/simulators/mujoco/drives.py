@@ -18,7 +18,7 @@ import numpy as np
 
 from assetbuild.robot.model import Actuator, Control
 from assetbuild.robot.pose import Array
-from assetbuild.simulators.mujoco import Data, Model, actuators, first_command, name_of, turning
+from assetbuild.simulators.mujoco import Data, Model, actuators, first_command, mj, name_of, turning
 from assetbuild.simulators.mujoco.levers import tendon_lever
 
 Kind = Literal["servo", "velocity", "motor", "general"]
@@ -121,9 +121,7 @@ def read_drives(model: Model) -> tuple[Drive, ...]:
 
 def read_drive(model: Model, index: int) -> Drive | None:
     """One actuator; None when its transmission is no hinge or slide, nor joints that one leads."""
-    import mujoco
-
-    straight = (int(mujoco.mjtTrn.mjTRN_JOINT), int(mujoco.mjtTrn.mjTRN_JOINTINPARENT))
+    straight = (int(mj.mjtTrn.mjTRN_JOINT), int(mj.mjtTrn.mjTRN_JOINTINPARENT))
     joint = int(model.actuator_trnid[index, 0])
     if int(model.actuator_trntype[index]) in straight and joint in turning(model):
         return _drive(model, index, joint, float(model.actuator_gear[index, 0]))
@@ -146,8 +144,6 @@ def drive_as(model: Model, gains: Mapping[str, Actuator]) -> None:
     motor no torque, command the servo their own pose. Of several actuators of a joint, the first
     becomes the servo and the others pull no more.
     """
-    import mujoco
-
     turned = set()
     for drive in read_drives(model):
         actuator, index = gains.get(drive.joint_name), drive.index
@@ -157,11 +153,11 @@ def drive_as(model: Model, gains: Mapping[str, Actuator]) -> None:
             model.actuator_gear[index, 0] = 0.0
             continue
         turned.add(drive.joint)
-        model.actuator_trntype[index] = mujoco.mjtTrn.mjTRN_JOINT
+        model.actuator_trntype[index] = mj.mjtTrn.mjTRN_JOINT
         model.actuator_trnid[index] = (drive.joint, -1)
         model.actuator_gear[index, 0] = 1.0
-        model.actuator_gaintype[index] = mujoco.mjtGain.mjGAIN_FIXED
-        model.actuator_biastype[index] = mujoco.mjtBias.mjBIAS_AFFINE
+        model.actuator_gaintype[index] = mj.mjtGain.mjGAIN_FIXED
+        model.actuator_biastype[index] = mj.mjtBias.mjBIAS_AFFINE
         model.actuator_gainprm[index, :3] = (actuator.kp, 0.0, 0.0)
         model.actuator_biasprm[index, :3] = (0.0, -actuator.kp, -actuator.kd)
         model.actuator_ctrllimited[index] = 0
@@ -190,19 +186,17 @@ def drives_of(model: Model, joint: int) -> JointDrives:
 
 
 def _drive(model: Model, index: int, joint: int, gear: float) -> Drive:
-    import mujoco
-
     gain_type, gain = int(model.actuator_gaintype[index]), model.actuator_gainprm[index]
     bias_type, bias = int(model.actuator_biastype[index]), model.actuator_biasprm[index]
-    fixed = gain_type == int(mujoco.mjtGain.mjGAIN_FIXED)
-    biased = bias_type == int(mujoco.mjtBias.mjBIAS_AFFINE)
-    unbiased = bias_type == int(mujoco.mjtBias.mjBIAS_NONE)
-    slope = gain_type == int(mujoco.mjtGain.mjGAIN_AFFINE) and not gain[1:3].any()
+    fixed = gain_type == int(mj.mjtGain.mjGAIN_FIXED)
+    biased = bias_type == int(mj.mjtBias.mjBIAS_AFFINE)
+    unbiased = bias_type == int(mj.mjtBias.mjBIAS_NONE)
+    slope = gain_type == int(mj.mjtGain.mjGAIN_AFFINE) and not gain[1:3].any()
     dynamics = int(model.actuator_dyntype[index])
-    filters = (mujoco.mjtDyn.mjDYN_FILTER, mujoco.mjtDyn.mjDYN_FILTEREXACT)
+    filters = (mj.mjtDyn.mjDYN_FILTER, mj.mjtDyn.mjDYN_FILTEREXACT)
     filtered = dynamics in (int(kind) for kind in filters)
     # An integrator sums its command up, so no command belongs to a position.
-    settles = filtered or dynamics == int(mujoco.mjtDyn.mjDYN_NONE)
+    settles = filtered or dynamics == int(mj.mjtDyn.mjDYN_NONE)
     is_affine = (fixed or slope) and (biased or unbiased) and settles
     constant, stiff, viscous = (float(v) for v in bias[:3]) if biased else (0.0, 0.0, 0.0)
     kind = _kind(float(gain[0]), (constant, stiff, viscous))

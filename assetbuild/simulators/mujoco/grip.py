@@ -24,6 +24,7 @@ from assetbuild.simulators.mujoco import (
     caught_warnings,
     held_but,
     is_finite,
+    mj,
     outlines,
     without,
 )
@@ -110,9 +111,7 @@ Try = tuple[Place, float]
 
 def with_object(path: Path) -> Model:
     """The robot of an MJCF with an object that floats and a table, both far away."""
-    import mujoco
-
-    spec = mujoco.MjSpec.from_file(str(path))
+    spec = mj.MjSpec.from_file(str(path))
     spec.compiler.discardvisual = True
     for key in spec.keys:
         if len(key.qpos):
@@ -123,7 +122,7 @@ def with_object(path: Path) -> Model:
     body.ipos, body.iquat = (0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0)
     body.add_geom(
         name=_OBJECT,
-        type=mujoco.mjtGeom.mjGEOM_BOX,
+        type=mj.mjtGeom.mjGEOM_BOX,
         size=(WIDTH_M, WIDTH_M, WIDTH_M),
         contype=1 | _TABLE_BIT,
         conaffinity=1,
@@ -132,7 +131,7 @@ def with_object(path: Path) -> Model:
     table = spec.worldbody.add_body(name=_TABLE, mocap=True, pos=(0.0, 0.0, 60.0))
     table.add_geom(
         name=_TABLE,
-        type=mujoco.mjtGeom.mjGEOM_BOX,
+        type=mj.mjtGeom.mjGEOM_BOX,
         size=(0.5, 0.5, TABLE_M),
         contype=0,
         conaffinity=_TABLE_BIT,
@@ -178,9 +177,7 @@ def inertia_of(shape: Shape, width: float, mass: float) -> Array:
 
 
 def _resize(model: Model, shape: Shape, width: float) -> None:
-    import mujoco
-
-    kinds, (half, _, tall) = mujoco.mjtGeom, half_size(shape, width)
+    kinds, (half, _, tall) = mj.mjtGeom, half_size(shape, width)
     kind, size = {
         "cube": (kinds.mjGEOM_BOX, (half, half, half)),
         "cylinder": (kinds.mjGEOM_CYLINDER, (half, tall, 0.0)),
@@ -216,8 +213,6 @@ def _room(
 
     index: of the pose. out: m, less deep in the hand than can be.
     """
-    import mujoco
-
     data, along, across = at_pose(model, hand.poses[index]), hand.along[index], hand.across[index]
     R = np.column_stack([across, np.cross(across, along), -along])
     solid = [outlines(model, data, solid_geoms(model, side)) for side in hand.sides]
@@ -228,8 +223,8 @@ def _room(
     touched = ""
     for xyz in places:
         _put(model, data, xyz, R)
-        mujoco.mj_kinematics(model, data)
-        mujoco.mj_collision(model, data)
+        mj.mj_kinematics(model, data)
+        mj.mj_collision(model, data)
         touched += _touched(model, data, hand)
     between = re.search(r"0(-+)1", touched)
     if between is None:
@@ -253,14 +248,12 @@ def grip(model: Model, hand: Hand, place: Place, mass: float) -> Grip:
 
     model: of `with_object`. mass: kg.
     """
-    import mujoco
-
     model = _loaded(model, hand, place, mass)
     data, step = at_key(model), float(model.opt.timestep)  # the rest of the robot aims at its home
     data.qpos[:] = hand.poses[place.start]
     _put(model, data, place.xyz, place.R)
     table = int(model.body(_TABLE).mocapid[0])
-    mujoco.mju_mat2Quat(data.mocap_quat[table], place.R.ravel())
+    mj.mju_mat2Quat(data.mocap_quat[table], place.R.ravel())
     looks, pressing, seen, forces = [CLOSE_S, CLOSE_S + LIFT_S], list[int](), list[Array](), []
     for index in range(round(TOTAL_S / step)):
         time = index * step
@@ -268,7 +261,7 @@ def grip(model: Model, hand: Hand, place: Place, mass: float) -> Grip:
             data.ctrl[drive.ctrl_index] = drive.command(float(target))
         data.mocap_pos[table] = table_at(place, time) + TABLE_M * place.down
         model.opt.gravity[:] = G * place.down + shaking(place, time)
-        mujoco.mj_step(model, data)
+        mj.mj_step(model, data)
         if looks and time >= looks[0]:
             looks.pop(0)
             pressing = pressing or _pressing(model, data, hand)
@@ -286,13 +279,11 @@ def grip(model: Model, hand: Hand, place: Place, mass: float) -> Grip:
 
 def _loaded(model: Model, hand: Hand, place: Place, mass: float) -> Model:
     """A copy with this object, in which nothing but the fingers moves."""
-    import mujoco
-
     model, body = without(model), int(model.body(_OBJECT).id)
     _resize(model, place.shape, place.width_m)
     model.body_mass[body] = mass
     model.body_inertia[body] = inertia_of(place.shape, place.width_m, mass)
-    mujoco.mj_setConst(model, mujoco.MjData(model))
+    mj.mj_setConst(model, mj.MjData(model))
     held_but(model, hand.fingers)
     fingers = solid_geoms(model, [body for side in hand.sides for body in side])
     model.geom_friction[[*fingers, probe_of(model)], 0] = FRICTION
@@ -324,11 +315,9 @@ def shaking(place: Place, time: float) -> Array:
 
 
 def _put(model: Model, data: Data, xyz: Array, R: Array) -> None:
-    import mujoco
-
     at = int(model.joint(_OBJECT).qposadr[0])
     data.qpos[at : at + 3] = xyz
-    mujoco.mju_mat2Quat(data.qpos[at + 3 : at + 7], R.ravel())
+    mj.mju_mat2Quat(data.qpos[at + 3 : at + 7], R.ravel())
 
 
 def _contacts(
@@ -344,11 +333,9 @@ def _contacts(
 
 def _forces(model: Model, data: Data) -> dict[int, float]:
     """Sum of the normal forces of each body of the robot on the object, N."""
-    import mujoco
-
     force, sums = np.zeros(6), dict[int, float]()
     for index, body in _contacts(model, data):
-        mujoco.mj_contactForce(model, data, index, force)
+        mj.mj_contactForce(model, data, index, force)
         sums[body] = sums.get(body, 0.0) + float(force[0])
     return sums
 

@@ -26,6 +26,7 @@ from assetbuild.simulators.mujoco import (
     floats,
     held_but,
     is_finite,
+    mj,
     outlines,
     turning,
     without,
@@ -106,9 +107,7 @@ def between_keys(model: Model, probe: int, opened: str, closed: str) -> Hand:
 
     Raises StepError where there is no such keyframe, or nothing closes between the two.
     """
-    import mujoco
-
-    keys = [mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_KEY, name) for name in (opened, closed)]
+    keys = [mj.mj_name2id(model, mj.mjtObj.mjOBJ_KEY, name) for name in (opened, closed)]
     for key, name in zip(keys, (opened, closed), strict=True):
         if key < 0:
             raise StepError(f"there is no keyframe `{name}`", hint="name one of `keyframes`")
@@ -133,11 +132,9 @@ def solid_geoms(model: Model, bodies: Collection[int]) -> list[int]:
 
 def at_pose(model: Model, pose: Array) -> Data:
     """The model's shapes where (nq,) positions put them; nothing else is computed."""
-    import mujoco
-
-    data = mujoco.MjData(model)
+    data = mj.MjData(model)
     data.qpos[:] = pose
-    mujoco.mj_kinematics(model, data)
+    mj.mj_kinematics(model, data)
     return data
 
 
@@ -156,14 +153,12 @@ def _linked(model: Model, joint: int) -> set[int]:
 
 def _constrained(model: Model, equality: int) -> Iterator[int]:
     """Joints that an equality couples; of bodies that it connects, those of the loop it closes."""
-    import mujoco
-
     ends = int(model.eq_obj1id[equality]), int(model.eq_obj2id[equality])
     kind = int(model.eq_type[equality])
-    if kind == int(mujoco.mjtEq.mjEQ_JOINT):
+    if kind == int(mj.mjtEq.mjEQ_JOINT):
         yield from (joint for joint in ends if joint >= 0)
-    elif kind in (int(mujoco.mjtEq.mjEQ_CONNECT), int(mujoco.mjtEq.mjEQ_WELD)):
-        sites = int(model.eq_objtype[equality]) == int(mujoco.mjtObj.mjOBJ_SITE)
+    elif kind in (int(mj.mjtEq.mjEQ_CONNECT), int(mj.mjtEq.mjEQ_WELD)):
+        sites = int(model.eq_objtype[equality]) == int(mj.mjtObj.mjOBJ_SITE)
         one, other = (above(model, int(model.site_bodyid[e]) if sites else e) for e in ends)
         yield from (joint for joint in turning(model) if model.jnt_bodyid[joint] in one ^ other)
 
@@ -180,8 +175,6 @@ def _swept(
 
     flip: the last of them begins at its upper end.
     """
-    import mujoco
-
     moved = without(model, "CONTACT")
     moved.opt.gravity[:] = 0.0
     held_but(moved, fingers)
@@ -194,7 +187,7 @@ def _swept(
     for row in (*np.linspace(start, first, SETTLING), *targets):
         for drive, target in zip(drives, row, strict=True):
             data.ctrl[drive.ctrl_index] = drive.command(float(target))
-        mujoco.mj_step(moved, data, max(1, round(SETTLE_S / float(model.opt.timestep))))
+        mj.mj_step(moved, data, max(1, round(SETTLE_S / float(model.opt.timestep))))
         poses.append(np.array(data.qpos))
     if not is_finite(data):
         return None
@@ -285,13 +278,11 @@ def _opposite(
 
     tips: (n, 3) of the finger, which is closed at one end.
     """
-    import mujoco
-
     best, found = np.inf, np.zeros(3)
     for data, tip in ((states[0], tips[0]), (states[-1], tips[-1])):
         data.geom_xpos[probe], ends = tip, np.zeros(6)
         for geom in solid_geoms(model, side):
-            distance = mujoco.mj_geomDistance(model, data, probe, geom, LARGEST_M, ends)
+            distance = mj.mj_geomDistance(model, data, probe, geom, LARGEST_M, ends)
             if distance < best:
                 best, found = distance, np.array(ends[3:])
     return np.tile(found, (len(states), 1))

@@ -28,6 +28,7 @@ from assetbuild.simulators.mujoco import (
     caught_warnings,
     is_finite,
     load,
+    mj,
     name_of,
     raise_base,
     turning,
@@ -73,9 +74,7 @@ def _perform(folder: Path, robot: str, asked: Experiment) -> Outcome:
 
 def _surround(model: Model, setting: Setting, *, drives: bool) -> None:
     """drives: False takes drives and constraints along with the contacts: it falls freely."""
-    import mujoco
-
-    off = mujoco.mjtDisableBit
+    off = mj.mjtDisableBit
     model.opt.timestep = dt = setting.timestep
     model.opt.gravity[:] = setting.gravity
     if not setting.contacts:
@@ -99,10 +98,8 @@ def _started(model: Model, asked: Experiment, servos: Mapping[str, Actuator]) ->
 
     Of a keyframe, which knows no controls for servos of ours, they hold the positions.
     """
-    import mujoco
-
     if asked.sine is not None:
-        data = mujoco.MjData(model)
+        data = mj.MjData(model)
         for name, position in (asked.start or {}).items():
             data.qpos[int(model.joint(name).qposadr[0])] = position
         return data
@@ -120,11 +117,9 @@ def held_model(path: Path, driven: Collection[str] = ()) -> Model:
     solver's digits. driven: joints that get a drive where they have none, for `drive_as`; then
     nothing else of the file pulls.
     """
-    import mujoco
-
-    spec = mujoco.MjSpec.from_file(str(path))
+    spec = mj.MjSpec.from_file(str(path))
     spec.compiler.discardvisual = True
-    free = [joint for joint in spec.joints if joint.type == mujoco.mjtJoint.mjJNT_FREE]
+    free = [joint for joint in spec.joints if joint.type == mj.mjtJoint.mjJNT_FREE]
     for joint in free:
         joint.parent.pos, joint.parent.quat = (0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0)
         # Parent and child never collide, unless the parent stands still: as this one now does.
@@ -137,24 +132,20 @@ def held_model(path: Path, driven: Collection[str] = ()) -> Model:
     for joint in driven:
         if not any(_drives(actuator, (joint,)) for actuator in spec.actuators):
             made = spec.add_actuator(name=f"{joint} servo", target=joint)
-            made.trntype = mujoco.mjtTrn.mjTRN_JOINT
+            made.trntype = mj.mjtTrn.mjTRN_JOINT
     with caught_warnings():
         return spec.compile()
 
 
 def _drives(actuator: Any, joints: Collection[str]) -> bool:  # Any: mujoco.MjsActuator
-    import mujoco
-
-    is_joint = actuator.trntype == mujoco.mjtTrn.mjTRN_JOINT
+    is_joint = actuator.trntype == mj.mjtTrn.mjTRN_JOINT
     return is_joint and str(actuator.target) in joints
 
 
 def _watching(spec: Any, actuators: list[Any]) -> list[Any]:
     """Sensors of actuators. Any: mujoco.MjSpec, its actuators and sensors."""
-    import mujoco
-
     names = {actuator.name for actuator in actuators}
-    kind = mujoco.mjtObj.mjOBJ_ACTUATOR
+    kind = mj.mjtObj.mjOBJ_ACTUATOR
     return [s for s in spec.sensors if s.objtype == kind and s.objname in names]
 
 
@@ -175,21 +166,19 @@ def _held_together(body: Any, free: Any) -> tuple[list[Any], list[Any]]:
 
 def _track(model: Model, data: Data, asked: Experiment) -> Outcome:
     """The motion from here on, under the commands of a sine."""
-    import mujoco
-
     sine, dt, touched = asked.sine or Sine({}, {}), float(model.opt.timestep), False
     rows = list[tuple[Array, ...]]()
     drives = [drive for drive in read_drives(model) if drive.joint_name in sine.middle]
     with caught_warnings():
-        mujoco.mj_forward(model, data)
+        mj.mj_forward(model, data)
         for step in range(asked.steps + 1):
             if step:
                 _command(data, drives, sine, step * dt)
-                mujoco.mj_step(model, data)
+                mj.mj_step(model, data)
                 touched = touched or data.ncon > 0
             if step % asked.every == 0 or step == asked.steps:
-                mujoco.mj_kinematics(model, data)
-                mujoco.mj_comPos(model, data)
+                mj.mj_kinematics(model, data)
+                mj.mj_comPos(model, data)
                 seen = step * dt, data.qpos, data.xpos[1], data.xquat[1], data.subtree_com[0]
                 rows.append(tuple(np.array(each) for each in seen))
     time, q, root, turn, com = (np.array(column) for column in zip(*rows, strict=True))

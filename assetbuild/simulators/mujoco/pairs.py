@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Iterator
 
-from assetbuild.simulators.mujoco import Model
+from assetbuild.simulators.mujoco import Model, mj
 
 
 def passes(model: Model, a: int, b: int) -> bool:
@@ -14,12 +14,10 @@ def passes(model: Model, a: int, b: int) -> bool:
     One rigid piece never touches itself, and neither do parent and child, unless the parent is
     part of the world or the model switches that filter off.
     """
-    import mujoco
-
     weld_a, weld_b = int(model.body_weldid[a]), int(model.body_weldid[b])
     if weld_a == weld_b:
         return True
-    if model.opt.disableflags & mujoco.mjtDisableBit.mjDSBL_FILTERPARENT or 0 in (weld_a, weld_b):
+    if model.opt.disableflags & mj.mjtDisableBit.mjDSBL_FILTERPARENT or 0 in (weld_a, weld_b):
         return False
     above_a = int(model.body_weldid[model.body_parentid[weld_a]])
     above_b = int(model.body_weldid[model.body_parentid[weld_b]])

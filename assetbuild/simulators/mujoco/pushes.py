@@ -20,6 +20,7 @@ from assetbuild.simulators.mujoco import (
     held_but,
     hold_base,
     is_finite,
+    mj,
     name_of,
     turning,
     without,
@@ -92,8 +93,6 @@ def open_loops(model: Model, efforts: Mapping[str, float]) -> Iterator[Pushed]:
     All other joints are blocked, so that the loops carry it. efforts: of drives, by joint. The
     error is how far the two points of a loop part, m.
     """
-    import mujoco
-
     model = _alone(model, "CONTACT", "ACTUATION", "LIMIT")
     pushed, loops = _loaded(model, efforts), _active(model, LOOP)
     held_but(model, pushed)
@@ -101,7 +100,7 @@ def open_loops(model: Model, efforts: Mapping[str, float]) -> Iterator[Pushed]:
     load[model.jnt_dofadr[[*pushed]]] = [*pushed.values()]
     for sign in (-1.0, 1.0) if loops and pushed else ():
         data = at_key(model)
-        mujoco.mj_forward(model, data)
+        mj.mj_forward(model, data)
         at_home = _gaps(data, loops)
         for position in _under(model, data, sign * load):
             opened = _gaps(data, loops) - at_home if np.isfinite(position).all() else math.nan
@@ -112,9 +111,7 @@ def open_loops(model: Model, efforts: Mapping[str, float]) -> Iterator[Pushed]:
 
 def _gaps(data: Data, loops: list[int]) -> Array:
     """Distance of the two points of each `connect` or `weld`, m."""
-    import mujoco
-
-    rows = data.efc_type == int(mujoco.mjtConstraint.mjCNSTR_EQUALITY)
+    rows = data.efc_type == int(mj.mjtConstraint.mjCNSTR_EQUALITY)
     places = [np.flatnonzero(rows & (data.efc_id == index))[:3] for index in loops]
     return np.array([np.linalg.norm(data.efc_pos[place]) for place in places])
 
@@ -134,9 +131,7 @@ def _loaded(model: Model, efforts: Mapping[str, float]) -> dict[int, float]:
 
 
 def _active(model: Model, kinds: tuple[str, ...]) -> list[int]:
-    import mujoco
-
-    numbers = [int(getattr(mujoco.mjtEq, f"mjEQ_{kind}")) for kind in kinds]
+    numbers = [int(getattr(mj.mjtEq, f"mjEQ_{kind}")) for kind in kinds]
     return np.flatnonzero(np.isin(model.eq_type, numbers) & (model.eq_active0 != 0)).tolist()
 
 
@@ -157,13 +152,11 @@ def _lead(model: Model, data: Data, load: Array) -> None:
 
 def _under(model: Model, data: Data, load: Array) -> Iterator[Array]:
     """qpos after each step while the load grows and stays."""
-    import mujoco
-
     step = float(model.opt.timestep)
     with caught_warnings():
         for index in range(round((RISE_S + HOLD_S) / step)):
             data.qfrc_applied[:] = load * min(1.0, (index + 1) * step / RISE_S)
-            mujoco.mj_step(model, data)
+            mj.mj_step(model, data)
             if not is_finite(data):  # MuJoCo starts again from its default pose
                 yield np.full(model.nq, np.nan)
                 return

@@ -20,6 +20,7 @@ from assetbuild.simulators.mujoco import (
     caught_warnings,
     floor_contacts,
     is_finite,
+    mj,
     stands_free,
     turning,
     without,
@@ -102,25 +103,21 @@ def _stand(
     model: Model, data: Data, phase: tuple[float, float, float], angle: float, down: Array
 ) -> float:
     """Stand on ground that tilts; how far the feet slid down it, m. down: (2,) of the slope."""
-    import mujoco
-
     (seconds, first, last), step = phase, float(model.opt.timestep)
     g, slid = float(np.linalg.norm(model.opt.gravity)), 0.0
     for tilt in np.linspace(first * angle, last * angle, max(1, round(seconds / step))):
         model.opt.gravity[:] = (*(g * math.sin(tilt) * down), -g * math.cos(tilt))
-        mujoco.mj_step(model, data)
+        mj.mj_step(model, data)
         slid += step * float(_sliding(model, data)[:2] @ down)
     return slid
 
 
 def _sliding(model: Model, data: Data) -> Array:
     """(3,) mean velocity of the robot's material points that touch the floor, m/s."""
-    import mujoco
-
     speeds, velocity = [np.zeros(3)], np.zeros(6)
     for index, geom in floor_contacts(model, data):
         body = int(model.geom_bodyid[geom])
-        mujoco.mj_objectVelocity(model, data, mujoco.mjtObj.mjOBJ_BODY, body, velocity, 0)
+        mj.mj_objectVelocity(model, data, mj.mjtObj.mjOBJ_BODY, body, velocity, 0)
         arm = np.array(data.contact[index].pos) - np.array(data.xipos[body])
         speeds.append(velocity[3:] + np.cross(velocity[:3], arm))
     mean: Array = np.sum(speeds, axis=0) / max(1, len(speeds) - 1)

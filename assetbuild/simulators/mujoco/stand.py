@@ -21,6 +21,7 @@ from assetbuild.simulators.mujoco import (
     floor_contacts,
     floors,
     is_finite,
+    mj,
     name_of,
     overlaps,
     turning,
@@ -124,11 +125,9 @@ def stand(model: Model, keyframe: str | int, seconds: float) -> Stand:
     simulator do nothing: see `drives.servoed`.
     Raises StepError when there is no such keyframe or no floor.
     """
-    import mujoco
-
     key = keyframe
     if isinstance(key, str):
-        key = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_KEY, key)
+        key = mj.mj_name2id(model, mj.mjtObj.mjOBJ_KEY, key)
     if not 0 <= key < model.nkey:
         raise StepError(f"the model has no keyframe `{keyframe}`")
     if not floors(model):
@@ -143,9 +142,9 @@ def stand(model: Model, keyframe: str | int, seconds: float) -> Stand:
         at, com, R = np.array(data.xpos[base]), float(data.subtree_com[base][2]), _axes(data, base)
         touched: set[str] = set()
         for _ in range(max(1, round(seconds / model.opt.timestep))):
-            mujoco.mj_step(model, data)
+            mj.mj_step(model, data)
             touched |= _on_floor(model, data)
-        mujoco.mj_forward(model, data)
+        mj.mj_forward(model, data)
         finite = is_finite(data)
     moved = np.array(data.xpos[base]) - at
     return Stand(
@@ -178,9 +177,7 @@ def _axes(data: Data, body: int) -> Array:
 
 def _gap(model: Model, data: Data, geom: int) -> float:
     """How far a shape is above the first floor, m; negative inside."""
-    import mujoco
-
-    return float(mujoco.mj_geomDistance(model, data, geom, floors(model)[0], FAR_M, None))
+    return float(mj.mj_geomDistance(model, data, geom, floors(model)[0], FAR_M, None))
 
 
 def _on_floor(model: Model, data: Data) -> set[str]:

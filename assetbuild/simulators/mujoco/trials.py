@@ -24,6 +24,7 @@ from assetbuild.simulators.mujoco import (
     follow,
     hold_base,
     is_finite,
+    mj,
     name_of,
     overlaps,
     raise_base,
@@ -67,15 +68,13 @@ def answers(model: Model) -> Mapping[str, Answer]:
     A drive that moves its joint the wrong way, hardly or not at all is dead: a gain in other
     units, an effort limit of nothing, an axis of length zero.
     """
-    import mujoco
-
     found = {}
     model = without(model, "CONTACT", "LIMIT")
     with caught_warnings():
         hold_base(model)
         model.opt.gravity[:] = 0.0
         # A joint that follows another cannot answer alone.
-        coupled = (model.eq_type == mujoco.mjtEq.mjEQ_JOINT) & (model.eq_obj2id >= 0)
+        coupled = (model.eq_type == mj.mjtEq.mjEQ_JOINT) & (model.eq_obj2id >= 0)
         led = model.eq_obj1id[coupled].tolist()
         steps = max(4, round(1.0 / FREQUENCY_HZ / model.opt.timestep))
         for drive in read_drives(model):
@@ -85,15 +84,13 @@ def answers(model: Model) -> Mapping[str, Answer]:
 
 
 def _answer(model: Model, drive: Drive, steps: int) -> Answer:
-    import mujoco
-
     data, asked = at_key(model), _swing(model, drive.joint)
     at, middle = int(model.jnt_qposadr[drive.joint]), float(data.ctrl[drive.ctrl_index])
     start, moved = float(data.qpos[at]), 0.0
     for step in range(steps):
         wave = math.sin(2.0 * math.pi * (step + 1) / steps)
         data.ctrl[drive.ctrl_index] = middle + drive.command_step(asked * wave)
-        mujoco.mj_step(model, data)
+        mj.mj_step(model, data)
         moved = max(moved, abs(float(data.qpos[at]) - start))
     return Answer(asked, moved)
 
@@ -122,8 +119,6 @@ def shake(model: Model, action: Action, finer: int = 1) -> Shaken | None:
     Normally distributed about the initial pose with the joint's scale of `action`; falls and lies
     on the floor as it may. finer: steps in place of each. None: nothing is a position servo.
     """
-    import mujoco
-
     servos = [drive for drive in read_drives(model) if drive.holds_position]
     if not servos:
         return None
@@ -140,7 +135,7 @@ def shake(model: Model, action: Action, finer: int = 1) -> Shaken | None:
             if step % each == 0:
                 noise = [scale * random.standard_normal() for scale in scales]
                 data.ctrl[places] = commands[places] + noise
-            mujoco.mj_step(model, data)
+            mj.mj_step(model, data)
             if not is_finite(data):
                 ended = step * model.opt.timestep
                 break
@@ -165,8 +160,6 @@ def energy_drift(model: Model, seconds: float = 1.0) -> float:
     The joints start at up to 1 rad/s; the change is against the kinetic energy at the start.
     nan when the simulation became unstable.
     """
-    import mujoco
-
     model = without(model, "CONSTRAINT", "ACTUATION")
     with caught_warnings():
         model.opt.gravity[:] = 0.0
@@ -178,7 +171,7 @@ def energy_drift(model: Model, seconds: float = 1.0) -> float:
         data.qvel[dofs] = random.uniform(-1.0, 1.0, len(dofs))
         start, worst = _kinetic(model, data), 0.0
         for _ in range(max(1, round(seconds / model.opt.timestep))):
-            mujoco.mj_step(model, data)
+            mj.mj_step(model, data)
             worst = max(worst, abs(_kinetic(model, data) - start))
         if not is_finite(data):
             return math.nan
@@ -186,10 +179,8 @@ def energy_drift(model: Model, seconds: float = 1.0) -> float:
 
 
 def _kinetic(model: Model, data: Data) -> float:
-    import mujoco
-
-    mujoco.mj_forward(model, data)
-    mujoco.mj_energyVel(model, data)
+    mj.mj_forward(model, data)
+    mj.mj_energyVel(model, data)
     return float(data.energy[1])
 
 
@@ -208,8 +199,6 @@ def timestep_error(model: Model) -> Mapping[str, float]:
 
 def _commanded(model: Model, finer: int, seconds: float = 0.3) -> Array:
     """(n, nq) positions at the coarse steps, all servos told to move from the initial pose."""
-    import mujoco
-
     rows = []
     model = without(model, "CONTACT")
     with caught_warnings():
@@ -222,7 +211,7 @@ def _commanded(model: Model, finer: int, seconds: float = 0.3) -> Array:
                 step = drive.command_step(0.5 * _swing(model, drive.joint))
                 data.ctrl[drive.ctrl_index] += step
         for _ in range(steps):
-            mujoco.mj_step(model, data, finer)
+            mj.mj_step(model, data, finer)
             rows.append(np.array(data.qpos) if is_finite(data) else np.full(model.nq, np.nan))
     return np.array(rows)
 
@@ -232,8 +221,6 @@ def _commanded(model: Model, finer: int, seconds: float = 0.3) -> Array:
 
 def touching_pairs(model: Model, poses: int) -> Mapping[tuple[str, str], float]:
     """Share of random poses within the limits in which two bodies of the robot touch."""
-    import mujoco
-
     counts: dict[tuple[str, str], int] = {}
     random = np.random.default_rng(SEED)
     joints = turning(model)
@@ -244,9 +231,9 @@ def touching_pairs(model: Model, poses: int) -> Mapping[tuple[str, str], float]:
         for _ in range(poses):
             data.qpos[model.jnt_qposadr[joints]] = random.uniform(lower, upper)
             follow(model, data)
-            mujoco.mj_kinematics(model, data)  # no constraints: the contacts of a crowd are enough
-            mujoco.mj_comPos(model, data)
-            mujoco.mj_collision(model, data)
+            mj.mj_kinematics(model, data)  # no constraints: the contacts of a crowd are enough
+            mj.mj_comPos(model, data)
+            mj.mj_collision(model, data)
             for pair, depth in overlaps(model, data, "body").items():
                 counts[pair] = counts.get(pair, 0) + (depth > 1e-3)
     return _largest_first({pair: count / poses for pair, count in counts.items() if count})
@@ -268,12 +255,10 @@ def depths(model: Model, positions: Mapping[str, float]) -> dict[tuple[str, str]
     """Depth (m) of the geoms of a scene in one another, and of a fixed robot's in its floor (""),
     in a pose by joint name.
     """
-    import mujoco
-
     data = at_key(model)
     for name, value in positions.items():
         data.qpos[int(model.joint(name).qposadr[0])] = value
-    mujoco.mj_fwdPosition(model, data)
+    mj.mj_fwdPosition(model, data)
     return overlaps(model, data, "geom", floor=not floats(model))  # what floats is put on the floor
 
 
@@ -363,18 +348,16 @@ def settle(
 
     finer: steps in place of each, for as long.
     """
-    import mujoco
-
     model = without(model)
     with caught_warnings():
         model.opt.timestep = model.opt.timestep / finer
         data = at_key(model)
         raise_base(model, data, drop_m)
-        mujoco.mj_step(model, data, max(1, round(seconds / model.opt.timestep)))
+        mj.mj_step(model, data, max(1, round(seconds / model.opt.timestep)))
         speed = np.abs(data.qvel[model.jnt_dofadr[turning(model)]]).max(initial=0.0)
         depth = -np.min(data.contact.dist, initial=0.0)
         place = np.array(data.xpos[1])
-        mujoco.mj_step(model, data, steps * finer)
-        mujoco.mj_forward(model, data)
+        mj.mj_step(model, data, steps * finer)
+        mj.mj_forward(model, data)
         drift = math.dist(place, np.array(data.xpos[1]))
     return Settled(is_finite(data), float(speed), float(depth), drift)
