@@ -24,6 +24,7 @@ from assetbuild.simulators.mujoco import (
     floats,
     load,
     mj,
+    overlaps,
     raise_base,
     without,
 )
@@ -43,7 +44,7 @@ KICK_RAD_S = 1.0
 class Speed:
     """steps_per_s: of CPU time, median of three; contacts: mean per step.
 
-    geoms: that collide. self_contacts, deepest_mm: between the robot's own bodies in the
+    geoms: that collide. self_contacts, deepest_mm: pairs of shapes of the robot's own bodies in the
     initial pose; depth is positive. creep_mm_s: of a standing robot on a slope; None where it does
     not stand. held: `5 of 6` objects in the hands that are found without keyframes; else empty.
     """
@@ -60,35 +61,32 @@ class Speed:
 def measure_speed(scene: Path) -> Speed:
     """Drop, without drives. Raises StepError when MuJoCo refuses the file."""
     with caught_warnings():
-        model = without(load(scene).model, "ACTUATION")
+        whole = load(scene).model
+        model = without(whole, "ACTUATION")
         data = at_key(model)
-        touching_now = data.contact[: data.ncon]
-        own = [c.dist for c in touching_now if model.geom_bodyid[[c.geom1, c.geom2]].all()]
-        rates, touching = [], 0
-        for _ in range(REPEATS):
-            data = _moved(model)
-            before = time.process_time()
-            for _ in range(STEPS):
-                mj.mj_step(model, data)
-            rates.append(STEPS / max(time.process_time() - before, 1e-9))
-        data = _moved(model)
+        own = overlaps(model, data, "geom")
+        rates = [_rate(model) for _ in range(REPEATS)]
+        data, touching = _moved(model), 0
         for _ in range(STEPS):
             mj.mj_step(model, data)
             touching += data.ncon
+    found = creep(whole, SHARE)
     return Speed(
         steps_per_s=float(np.median(rates)),
         contacts=touching / STEPS,
         geoms=len(collision_geoms(model)),
         self_contacts=len(own),
-        deepest_mm=max(0.0, -1e3 * min(own, default=0.0)),
-        creep_mm_s=_creep_mm_s(scene),
+        deepest_mm=1e3 * max(own.values(), default=0.0),
+        creep_mm_s=None if isinstance(found, str) else 1e3 * found.speed,
         held=_held(scene),
     )
 
 
-def _creep_mm_s(scene: Path) -> float | None:
-    found = creep(load(scene).model, SHARE)
-    return None if isinstance(found, str) else 1e3 * found.speed
+def _rate(model: Model) -> float:
+    """Steps per second of CPU time."""
+    data, before = _moved(model), time.process_time()
+    mj.mj_step(model, data, STEPS)
+    return STEPS / max(time.process_time() - before, 1e-9)
 
 
 def _held(scene: Path) -> str:
