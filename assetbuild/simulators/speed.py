@@ -14,20 +14,9 @@ from pathlib import Path
 
 import numpy as np
 
+from assetbuild.simulators import mujoco
 from assetbuild.simulators.gripping import GripWish
-from assetbuild.simulators.mujoco import (
-    Data,
-    Model,
-    at_key,
-    caught_warnings,
-    collision_geoms,
-    floats,
-    load,
-    mj,
-    overlaps,
-    raise_base,
-    without,
-)
+from assetbuild.simulators.mujoco import Data, Model, mj
 from assetbuild.simulators.mujoco.grip import grip, hands_of, tries_of, with_object
 from assetbuild.simulators.mujoco.slope import SHARE, creep
 
@@ -60,11 +49,11 @@ class Speed:
 
 def measure_speed(scene: Path) -> Speed:
     """Drop, without drives. Raises StepError when MuJoCo refuses the file."""
-    with caught_warnings():
-        whole = load(scene).model
-        model = without(whole, "ACTUATION")
-        data = at_key(model)
-        own = overlaps(model, data, "geom")
+    with mujoco.caught_warnings():
+        whole = mujoco.load(scene).model
+        model = mujoco.without(whole, "ACTUATION")
+        data = mujoco.at_key(model)
+        own = mujoco.overlaps(model, data, "geom")
         rates = [_rate(model) for _ in range(REPEATS)]
         data, touching = _moved(model), 0
         for _ in range(STEPS):
@@ -74,7 +63,7 @@ def measure_speed(scene: Path) -> Speed:
     return Speed(
         steps_per_s=float(np.median(rates)),
         contacts=touching / STEPS,
-        geoms=len(collision_geoms(model)),
+        geoms=len(mujoco.collision_geoms(model)),
         self_contacts=len(own),
         deepest_mm=1e3 * max(own.values(), default=0.0),
         creep_mm_s=None if isinstance(found, str) else 1e3 * found.speed,
@@ -102,9 +91,9 @@ def _held(scene: Path) -> str:
 
 def _moved(model: Model) -> Data:
     """The initial pose, lifted and turned, or kicked."""
-    data = at_key(model)
-    if floats(model):
-        raise_base(model, data, LIFT_M)
+    data = mujoco.at_key(model)
+    if mujoco.floats(model):
+        mujoco.raise_base(model, data, LIFT_M)
         data.qpos[3:7] = np.asarray(TILT) / np.linalg.norm(TILT)
     else:
         data.qvel[:] = np.random.default_rng(0).uniform(-KICK_RAD_S, KICK_RAD_S, model.nv)

@@ -286,6 +286,11 @@ def turning(model: Model) -> list[int]:
     return [joint for joint in range(model.njnt) if int(model.jnt_type[joint]) in kinds]
 
 
+def joints(model: Model) -> dict[str, int]:
+    """The same by name."""
+    return {name_of(model, "joint", joint): joint for joint in turning(model)}
+
+
 def floats(model: Model) -> bool:
     """Whether its first joint is free."""
     return bool(model.njnt) and int(model.jnt_type[0]) == 0  # mjJNT_FREE

@@ -18,7 +18,8 @@ import numpy as np
 
 from assetbuild.robot.model import Actuator, Control
 from assetbuild.robot.pose import Array
-from assetbuild.simulators.mujoco import Data, Model, actuators, first_command, mj, name_of, turning
+from assetbuild.simulators import mujoco
+from assetbuild.simulators.mujoco import Data, Model, mj
 from assetbuild.simulators.mujoco.levers import tendon_lever
 
 Kind = Literal["servo", "velocity", "motor", "general"]
@@ -115,7 +116,7 @@ class JointDrives:
 
 def read_drives(model: Model) -> tuple[Drive, ...]:
     """The actuators that drive hinges and slides, in order; others are left out."""
-    found = (read_drive(model, index) for index in actuators(model))
+    found = (read_drive(model, index) for index in mujoco.actuators(model))
     return tuple(drive for drive in found if drive is not None)
 
 
@@ -123,7 +124,7 @@ def read_drive(model: Model, index: int) -> Drive | None:
     """One actuator; None when its transmission is no hinge or slide, nor joints that one leads."""
     straight = (int(mj.mjtTrn.mjTRN_JOINT), int(mj.mjtTrn.mjTRN_JOINTINPARENT))
     joint = int(model.actuator_trnid[index, 0])
-    if int(model.actuator_trntype[index]) in straight and joint in turning(model):
+    if int(model.actuator_trntype[index]) in straight and joint in mujoco.turning(model):
         return _drive(model, index, joint, float(model.actuator_gear[index, 0]))
     lever = tendon_lever(model, index)
     return _drive(model, index, *lever) if lever else None
@@ -203,9 +204,9 @@ def _drive(model: Model, index: int, joint: int, gear: float) -> Drive:
     torque = _torque(model, index, gear, plain=is_affine and unbiased)
     return Drive(
         index=index,
-        ctrl_index=first_command(model, index),
+        ctrl_index=mujoco.first_command(model, index),
         joint=joint,
-        joint_name=name_of(model, "joint", joint),
+        joint_name=mujoco.name_of(model, "joint", joint),
         kind=kind if is_affine else "general",
         gear=gear,
         gain=gear * float(gain[0]),

@@ -17,17 +17,8 @@ import numpy as np
 
 from assetbuild.errors import StepError, one_line
 from assetbuild.robot.pose import Array
-from assetbuild.simulators.mujoco import (
-    Data,
-    Model,
-    at_key,
-    caught_warnings,
-    held_but,
-    is_finite,
-    mj,
-    outlines,
-    without,
-)
+from assetbuild.simulators import mujoco
+from assetbuild.simulators.mujoco import Data, Model, mj
 from assetbuild.simulators.mujoco.hands import (
     Hand,
     at_pose,
@@ -136,7 +127,7 @@ def with_object(path: Path) -> Model:
         contype=0,
         conaffinity=_TABLE_BIT,
     )
-    with caught_warnings():
+    with mujoco.caught_warnings():
         try:
             return spec.compile()
         except ValueError as error:
@@ -194,7 +185,7 @@ def fit(model: Model, hand: Hand, shape: Shape) -> Place | None:
 
     model: of `with_object`. None where none fits between them.
     """
-    model, width = without(model), WIDTH_M
+    model, width = mujoco.without(model), WIDTH_M
     while width > LEAST_WIDTH_M:
         _resize(model, shape, width)
         for out in np.linspace(0.0, half_size(shape, width)[2], DEPTHS):
@@ -215,7 +206,7 @@ def _room(
     """
     data, along, across = at_pose(model, hand.poses[index]), hand.along[index], hand.across[index]
     R = np.column_stack([across, np.cross(across, along), -along])
-    solid = [outlines(model, data, solid_geoms(model, side)) for side in hand.sides]
+    solid = [mujoco.outlines(model, data, solid_geoms(model, side)) for side in hand.sides]
     deepest = min(float((points @ along).max()) for points in solid)
     depth = deepest + BEYOND_M - half_size(shape, width)[2] + out
     middle = hand.tips[index] + (depth - hand.tips[index] @ along) * along
@@ -249,7 +240,8 @@ def grip(model: Model, hand: Hand, place: Place, mass: float) -> Grip:
     model: of `with_object`. mass: kg.
     """
     model = _loaded(model, hand, place, mass)
-    data, step = at_key(model), float(model.opt.timestep)  # the rest of the robot aims at its home
+    step = float(model.opt.timestep)
+    data = mujoco.at_key(model)  # the rest of the robot aims at its home
     data.qpos[:] = hand.poses[place.start]
     _put(model, data, place.xyz, place.R)
     table = int(model.body(_TABLE).mocapid[0])
@@ -273,18 +265,18 @@ def grip(model: Model, hand: Hand, place: Place, mass: float) -> Grip:
     seat, slip = np.linalg.norm(np.diff(seen, axis=0), axis=2).mean(axis=1)
     fell = np.linalg.norm(data.body(_OBJECT).xpos - place.xyz) > LIFT_M / 2.0
     one, other = (float(force) for force in np.mean(forces, axis=0))
-    held = bool(is_finite(data) and not fell and min(one, other) > 0.0)
+    held = bool(mujoco.is_finite(data) and not fell and min(one, other) > 0.0)
     return Grip(place, mass, float(slip), float(seat), (one, other), held)
 
 
 def _loaded(model: Model, hand: Hand, place: Place, mass: float) -> Model:
     """A copy with this object, in which nothing but the fingers moves."""
-    model, body = without(model), int(model.body(_OBJECT).id)
+    model, body = mujoco.without(model), int(model.body(_OBJECT).id)
     _resize(model, place.shape, place.width_m)
     model.body_mass[body] = mass
     model.body_inertia[body] = inertia_of(place.shape, place.width_m, mass)
     mj.mj_setConst(model, mj.MjData(model))
-    held_but(model, hand.fingers)
+    mujoco.held_but(model, hand.fingers)
     fingers = solid_geoms(model, [body for side in hand.sides for body in side])
     model.geom_friction[[*fingers, probe_of(model)], 0] = FRICTION
     return model

@@ -16,21 +16,8 @@ import numpy as np
 
 from assetbuild.errors import StepError
 from assetbuild.robot.pose import Array
-from assetbuild.simulators.mujoco import (
-    Data,
-    Model,
-    above,
-    at_key,
-    below,
-    collision_geoms,
-    floats,
-    held_but,
-    is_finite,
-    mj,
-    outlines,
-    turning,
-    without,
-)
+from assetbuild.simulators import mujoco
+from assetbuild.simulators.mujoco import Data, Model, mj
 from assetbuild.simulators.mujoco.drives import Drive, read_drives
 
 SAMPLES = 41
@@ -88,7 +75,7 @@ def find_hands(model: Model, probe: int) -> Iterator[Hand]:
         for drive in drives
         if drive.holds_position
         and model.jnt_limited[drive.joint]
-        and below(model, body := int(model.jnt_bodyid[drive.joint])) & driven == {body}
+        and mujoco.below(model, body := int(model.jnt_bodyid[drive.joint])) & driven == {body}
     ]
     for drive in ends:
         fingers = sorted(_linked(model, drive.joint))
@@ -112,7 +99,7 @@ def between_keys(model: Model, probe: int, opened: str, closed: str) -> Hand:
         if key < 0:
             raise StepError(f"there is no keyframe `{name}`", hint="name one of `keyframes`")
     first, last = (np.array(model.key_qpos[key]) for key in keys)
-    fingers = [j for j in turning(model) if first[(at := model.jnt_qposadr[j])] != last[at]]
+    fingers = [j for j in mujoco.turning(model) if first[(at := model.jnt_qposadr[j])] != last[at]]
     drives = tuple(d for d in read_drives(model) if d.holds_position and d.joint in fingers)
     poses = first + np.linspace(0.0, 1.0, SAMPLES)[:, None] * (last - first)
     places = [int(model.jnt_qposadr[drive.joint]) for drive in drives]
@@ -127,7 +114,7 @@ def between_keys(model: Model, probe: int, opened: str, closed: str) -> Hand:
 
 def solid_geoms(model: Model, bodies: Collection[int]) -> list[int]:
     """Shapes of bodies that can touch something."""
-    return [geom for geom in collision_geoms(model) if model.geom_bodyid[geom] in bodies]
+    return [geom for geom in mujoco.collision_geoms(model) if model.geom_bodyid[geom] in bodies]
 
 
 def at_pose(model: Model, pose: Array) -> Data:
@@ -159,8 +146,9 @@ def _constrained(model: Model, equality: int) -> Iterator[int]:
         yield from (joint for joint in ends if joint >= 0)
     elif kind in (int(mj.mjtEq.mjEQ_CONNECT), int(mj.mjtEq.mjEQ_WELD)):
         sites = int(model.eq_objtype[equality]) == int(mj.mjtObj.mjOBJ_SITE)
-        one, other = (above(model, int(model.site_bodyid[e]) if sites else e) for e in ends)
-        yield from (joint for joint in turning(model) if model.jnt_bodyid[joint] in one ^ other)
+        one, other = (mujoco.above(model, int(model.site_bodyid[e]) if sites else e) for e in ends)
+        loop = one ^ other
+        yield from (joint for joint in mujoco.turning(model) if model.jnt_bodyid[joint] in loop)
 
 
 def _swept(
@@ -175,10 +163,10 @@ def _swept(
 
     flip: the last of them begins at its upper end.
     """
-    moved = without(model, "CONTACT")
+    moved = mujoco.without(model, "CONTACT")
     moved.opt.gravity[:] = 0.0
-    held_but(moved, fingers)
-    data, joints = at_key(moved), [drive.joint for drive in drives]
+    mujoco.held_but(moved, fingers)
+    data, joints = mujoco.at_key(moved), [drive.joint for drive in drives]
     start = np.array(data.qpos[model.jnt_qposadr[joints]])
     first, last = np.array(model.jnt_range[joints], dtype=float).T
     if flip:
@@ -189,7 +177,7 @@ def _swept(
             data.ctrl[drive.ctrl_index] = drive.command(float(target))
         mj.mj_step(moved, data, max(1, round(SETTLE_S / float(model.opt.timestep))))
         poses.append(np.array(data.qpos))
-    if not is_finite(data):
+    if not mujoco.is_finite(data):
         return None
     return _hand(model, probe, drives, fingers, np.array(poses[SETTLING:]), targets)
 
@@ -207,7 +195,7 @@ def _hand(
 ) -> Hand | None:
     """The hand that a sweep shows; None where nothing closes."""
     bodies = [int(model.jnt_bodyid[joint]) for joint in fingers]
-    palm = max(set.intersection(*(above(model, body) - {body} for body in bodies)))
+    palm = max(set.intersection(*(mujoco.above(model, body) - {body} for body in bodies)))
     states = [at_pose(model, pose) for pose in poses]
     sides = _sides(model, palm, bodies, states)
     if sides is None or not all(solid_geoms(model, side) for side in sides):
@@ -248,8 +236,8 @@ def _sides(
     bodies: of the fingers' joints. None where nothing moves.
     """
     tops = [body for body in range(model.nbody) if int(model.body_parentid[body]) == palm]
-    branches = [branch for branch in (below(model, top) for top in tops) if branch & {*bodies}]
-    branches = [branch for branch in branches if solid_geoms(model, branch)]
+    branches = [mujoco.below(model, top) for top in tops]
+    branches = [one for one in branches if one & {*bodies} and solid_geoms(model, one)]
     if not branches:
         return None
     tips = [_tips(model, palm, branch, states) for branch in branches]
@@ -265,7 +253,7 @@ def _sides(
 def _tips(model: Model, palm: int, side: Collection[int], states: Sequence[Data]) -> Array:
     """(n, 3) middle of the outermost corners of a side in every state, of the same material."""
     geoms, middle = solid_geoms(model, side), len(states) // 2
-    points = [outlines(model, data, geoms) for data in states]
+    points = [mujoco.outlines(model, data, geoms) for data in states]
     far = np.linalg.norm(points[middle] - states[middle].xpos[palm], axis=1)
     outer = far > far.max() - TIP_M
     return np.array([(e[outer].min(axis=0) + e[outer].max(axis=0)) / 2.0 for e in points])
@@ -296,7 +284,7 @@ def _base(
     Of a single such finger both lie in the plane in which it moves.
     """
     bodies = [int(model.jnt_bodyid[joint]) for joint in fingers]
-    moved = set[int]().union(*(below(model, body) - {body} for body in bodies))
+    moved = set[int]().union(*(mujoco.below(model, body) - {body} for body in bodies))
     first = [joint for joint, body in zip(fingers, bodies, strict=True) if body not in moved]
     base: Array = np.mean(data.xanchor[first], axis=0)
     if len(first) == 1 and int(model.jnt_type[first[0]]) == HINGE:
@@ -308,13 +296,13 @@ def _base(
 
 def _stands_on(model: Model, data: Data, sides: Sequence[Collection[int]]) -> bool:
     """Whether a floating robot stands on what would be a finger: a leg."""
-    if not floats(model):
+    if not mujoco.floats(model):
         return False
 
     def lowest(bodies: Collection[int]) -> float:
-        return float(outlines(model, data, solid_geoms(model, bodies))[:, 2].min())
+        return float(mujoco.outlines(model, data, solid_geoms(model, bodies))[:, 2].min())
 
-    ground = lowest(below(model, int(model.jnt_bodyid[0])))
+    ground = lowest(mujoco.below(model, int(model.jnt_bodyid[0])))
     return any(lowest(side) < ground + TIP_M for side in sides)
 
 

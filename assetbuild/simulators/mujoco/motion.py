@@ -12,6 +12,7 @@ import numpy as np
 from assetbuild.errors import StepError
 from assetbuild.robot.model import Actuator
 from assetbuild.robot.pose import Array
+from assetbuild.simulators import mujoco
 from assetbuild.simulators.experiments import (
     Experiment,
     Motion,
@@ -20,26 +21,14 @@ from assetbuild.simulators.experiments import (
     SimulatorCheck,
     Sine,
 )
-from assetbuild.simulators.mujoco import (
-    Data,
-    InMujoco,
-    Model,
-    at_key,
-    caught_warnings,
-    is_finite,
-    load,
-    mj,
-    name_of,
-    raise_base,
-    turning,
-)
+from assetbuild.simulators.mujoco import Data, Model, mj
 from assetbuild.simulators.mujoco.drives import Drive, aim, drive_as, read_drives
 
 HARD = 0.9999
 """Impedance of hard constraints: a ten thousandth of what loads them moves them."""
 
 
-class MujocoCheck(InMujoco, SimulatorCheck):
+class MujocoCheck(mujoco.InMujoco, SimulatorCheck):
     """Base of the checks that ask MuJoCo as they ask others."""
 
     engine: ClassVar[str] = "MuJoCo"
@@ -60,9 +49,9 @@ def _perform(folder: Path, robot: str, asked: Experiment) -> Outcome:
     servos = dict(setting.drives or {})
     try:
         if not asked.steps:
-            return Outcome(load(path).model, None)
+            return Outcome(mujoco.load(path).model, None)
         if sine is None:
-            model = load(path, visuals=False).model
+            model = mujoco.load(path, visuals=False).model
         else:
             model = held_model(path, () if setting.other_drives else servos)
         drive_as(model, servos)
@@ -104,8 +93,8 @@ def _started(model: Model, asked: Experiment, servos: Mapping[str, Actuator]) ->
             data.qpos[int(model.joint(name).qposadr[0])] = position
         return data
     key = asked.setting.keyframe
-    data = at_key(model, model.key(key).id if key else None)
-    raise_base(model, data, asked.setting.raised_m)
+    data = mujoco.at_key(model, model.key(key).id if key else None)
+    mujoco.raise_base(model, data, asked.setting.raised_m)
     aim(model, data, servos)
     return data
 
@@ -133,7 +122,7 @@ def held_model(path: Path, driven: Collection[str] = ()) -> Model:
         if not any(_drives(actuator, (joint,)) for actuator in spec.actuators):
             made = spec.add_actuator(name=f"{joint} servo", target=joint)
             made.trntype = mj.mjtTrn.mjTRN_JOINT
-    with caught_warnings():
+    with mujoco.caught_warnings():
         return spec.compile()
 
 
@@ -169,7 +158,7 @@ def _track(model: Model, data: Data, asked: Experiment) -> Outcome:
     sine, dt, touched = asked.sine or Sine({}, {}), float(model.opt.timestep), False
     rows = list[tuple[Array, ...]]()
     drives = [drive for drive in read_drives(model) if drive.joint_name in sine.middle]
-    with caught_warnings():
+    with mujoco.caught_warnings():
         mj.mj_forward(model, data)
         for step in range(asked.steps + 1):
             if step:
@@ -182,9 +171,9 @@ def _track(model: Model, data: Data, asked: Experiment) -> Outcome:
                 seen = step * dt, data.qpos, data.xpos[1], data.xquat[1], data.subtree_com[0]
                 rows.append(tuple(np.array(each) for each in seen))
     time, q, root, turn, com = (np.array(column) for column in zip(*rows, strict=True))
-    joints = {name_of(model, "joint", j): q[:, int(model.jnt_qposadr[j])] for j in turning(model)}
-    motion = Motion(time, joints, root, turn, com, touched)
-    return Outcome(None, motion, "" if is_finite(data) else "the simulation became unstable")
+    joints = {name: q[:, model.jnt_qposadr[j]] for name, j in mujoco.joints(model).items()}
+    failure = "" if mujoco.is_finite(data) else "the simulation became unstable"
+    return Outcome(None, Motion(time, joints, root, turn, com, touched), failure)
 
 
 def _command(data: Data, drives: Sequence[Drive], sine: Sine, time: float) -> None:

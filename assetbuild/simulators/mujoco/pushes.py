@@ -12,19 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from assetbuild.robot.pose import Array
-from assetbuild.simulators.mujoco import (
-    Data,
-    Model,
-    at_key,
-    caught_warnings,
-    held_but,
-    hold_base,
-    is_finite,
-    mj,
-    name_of,
-    turning,
-    without,
-)
+from assetbuild.simulators import mujoco
+from assetbuild.simulators.mujoco import Data, Model, mj
 from assetbuild.simulators.mujoco.drives import aim
 
 RISE_S, HOLD_S = 0.2, 0.3
@@ -54,7 +43,7 @@ def past_limits(model: Model, efforts: Mapping[str, float]) -> Iterator[Pushed]:
     joints, worst = list(pushed), np.zeros(len(pushed))
     at, limits = model.jnt_qposadr[joints], model.jnt_range[joints]
     for side, sign in ((0, -1.0), (1, 1.0)) if joints else ():
-        data, load = at_key(model), np.zeros(model.nv)
+        data, load = mujoco.at_key(model), np.zeros(model.nv)
         data.qpos[at] = limits[:, side]
         load[model.jnt_dofadr[joints]] = sign * np.array([*pushed.values()])
         _lead(model, data, load)
@@ -76,7 +65,7 @@ def off_couplings(model: Model, efforts: Mapping[str, float]) -> Iterator[Pushed
         follower, leader, offset, gear = _coupling(model, index)
         if follower not in pushed:
             continue
-        data, load, worst = at_key(model), np.zeros(model.nv), 0.0
+        data, load, worst = mujoco.at_key(model), np.zeros(model.nv), 0.0
         load[model.jnt_dofadr[follower]] = pushed[follower]
         if leader >= 0:
             load[model.jnt_dofadr[leader]] = -gear * pushed[follower]
@@ -95,18 +84,18 @@ def open_loops(model: Model, efforts: Mapping[str, float]) -> Iterator[Pushed]:
     """
     model = _alone(model, "CONTACT", "ACTUATION", "LIMIT")
     pushed, loops = _loaded(model, efforts), _active(model, LOOP)
-    held_but(model, pushed)
+    mujoco.held_but(model, pushed)
     worst, load = np.zeros(len(loops)), np.zeros(model.nv)
     load[model.jnt_dofadr[[*pushed]]] = [*pushed.values()]
     for sign in (-1.0, 1.0) if loops and pushed else ():
-        data = at_key(model)
+        data = mujoco.at_key(model)
         mj.mj_forward(model, data)
         at_home = _gaps(data, loops)
         for position in _under(model, data, sign * load):
             opened = _gaps(data, loops) - at_home if np.isfinite(position).all() else math.nan
             worst = np.maximum(worst, opened)
     for index, error in zip(loops, worst, strict=True):
-        yield Pushed(f"loop {name_of(model, 'equality', index)}", True, float(error))
+        yield Pushed(f"loop {mujoco.name_of(model, 'equality', index)}", True, float(error))
 
 
 def _gaps(data: Data, loops: list[int]) -> Array:
@@ -118,16 +107,16 @@ def _gaps(data: Data, loops: list[int]) -> Array:
 
 def _alone(model: Model, *flags: str) -> Model:
     """A copy without gravity and some of MuJoCo's features, the base held."""
-    model = without(model, *flags)
-    hold_base(model)
+    model = mujoco.without(model, *flags)
+    mujoco.hold_base(model)
     model.opt.gravity[:] = 0.0
     return model
 
 
 def _loaded(model: Model, efforts: Mapping[str, float]) -> dict[int, float]:
     """Effort by number of the hinges and slides that have one."""
-    found = {joint: efforts.get(name_of(model, "joint", joint), 0.0) for joint in turning(model)}
-    return {joint: effort for joint, effort in found.items() if effort > 0.0}
+    found = mujoco.joints(model)
+    return {joint: efforts[name] for name, joint in found.items() if efforts.get(name, 0.0) > 0.0}
 
 
 def _active(model: Model, kinds: tuple[str, ...]) -> list[int]:
@@ -153,15 +142,15 @@ def _lead(model: Model, data: Data, load: Array) -> None:
 def _under(model: Model, data: Data, load: Array) -> Iterator[Array]:
     """qpos after each step while the load grows and stays."""
     step = float(model.opt.timestep)
-    with caught_warnings():
+    with mujoco.caught_warnings():
         for index in range(round((RISE_S + HOLD_S) / step)):
             data.qfrc_applied[:] = load * min(1.0, (index + 1) * step / RISE_S)
             mj.mj_step(model, data)
-            if not is_finite(data):  # MuJoCo starts again from its default pose
+            if not mujoco.is_finite(data):  # MuJoCo starts again from its default pose
                 yield np.full(model.nq, np.nan)
                 return
             yield data.qpos
 
 
 def _pushed(model: Model, joint: int, error: float) -> Pushed:
-    return Pushed(name_of(model, "joint", joint), int(model.jnt_type[joint]) == 2, error)
+    return Pushed(mujoco.name_of(model, "joint", joint), int(model.jnt_type[joint]) == 2, error)

@@ -12,19 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from assetbuild.robot.pose import Array
-from assetbuild.simulators.mujoco import (
-    Data,
-    Model,
-    above,
-    at_key,
-    caught_warnings,
-    floor_contacts,
-    is_finite,
-    mj,
-    stands_free,
-    turning,
-    without,
-)
+from assetbuild.simulators import mujoco
+from assetbuild.simulators.mujoco import Data, Model, mj
 from assetbuild.simulators.mujoco.drives import read_drives
 from assetbuild.simulators.mujoco.trials import support
 
@@ -60,13 +49,13 @@ def creep(model: Model, share: float) -> Creep | str:
 
     share: of the angle of friction. Of drives: see `stand`.
     """
-    if not stands_free(model):
+    if not mujoco.stands_free(model):
         return "it does not stand on a floor"
-    model = without(model)
-    with caught_warnings():
-        start = at_key(model)
+    model = mujoco.without(model)
+    with mujoco.caught_warnings():
+        start = mujoco.at_key(model)
         _stand(model, start, LEVEL, 0.0, np.zeros(2))
-        touching = floor_contacts(model, start)
+        touching = mujoco.floor_contacts(model, start)
         contacts = [start.contact[index] for index, _ in touching]
         mu = min((float(c.friction[0]) if c.dim > 1 else 0.0 for c in contacts), default=0.0)
         if not touching:
@@ -92,11 +81,11 @@ def creep(model: Model, share: float) -> Creep | str:
 
 def _slide(model: Model, angle: float, down: Array) -> float:
     """Speed of the feet down the slope, m/s; nan where the robot fell."""
-    data = at_key(model)
+    data = mujoco.at_key(model)
     up = np.array(data.xmat[1]).reshape(3, 3)[:, 2]
     slid = [_stand(model, data, phase, angle, down) for phase in PHASES][-1]
     upright = float(up @ np.array(data.xmat[1]).reshape(3, 3)[:, 2]) > math.cos(angle + FALLEN)
-    return abs(slid) / WATCH_S if upright and is_finite(data) else math.nan
+    return abs(slid) / WATCH_S if upright and mujoco.is_finite(data) else math.nan
 
 
 def _stand(
@@ -115,7 +104,7 @@ def _stand(
 def _sliding(model: Model, data: Data) -> Array:
     """(3,) mean velocity of the robot's material points that touch the floor, m/s."""
     speeds, velocity = [np.zeros(3)], np.zeros(6)
-    for index, geom in floor_contacts(model, data):
+    for index, geom in mujoco.floor_contacts(model, data):
         body = int(model.geom_bodyid[geom])
         mj.mj_objectVelocity(model, data, mj.mjtObj.mjOBJ_BODY, body, velocity, 0)
         arm = np.array(data.contact[index].pos) - np.array(data.xipos[body])
@@ -127,4 +116,5 @@ def _sliding(model: Model, data: Data) -> Array:
 def _rolls(model: Model, body: int) -> bool:
     """Whether a joint above a body turns freely: nothing holds its position."""
     held = {drive.joint for drive in read_drives(model) if drive.holds_position}
-    return any(int(model.jnt_bodyid[j]) in above(model, body) for j in {*turning(model)} - held)
+    line, free = mujoco.above(model, body), {*mujoco.turning(model)} - held
+    return any(int(model.jnt_bodyid[joint]) in line for joint in free)

@@ -11,21 +11,8 @@ import numpy as np
 
 from assetbuild.errors import StepError
 from assetbuild.robot.pose import Array
-from assetbuild.simulators.mujoco import (
-    Data,
-    Model,
-    at_key,
-    caught_warnings,
-    collision_geoms,
-    floats,
-    floor_contacts,
-    floors,
-    is_finite,
-    mj,
-    name_of,
-    overlaps,
-    turning,
-)
+from assetbuild.simulators import mujoco
+from assetbuild.simulators.mujoco import Data, Model, mj
 from assetbuild.simulators.mujoco.drives import drives_of, read_drives
 
 
@@ -130,22 +117,23 @@ def stand(model: Model, keyframe: str | int, seconds: float) -> Stand:
         key = mj.mj_name2id(model, mj.mjtObj.mjOBJ_KEY, key)
     if not 0 <= key < model.nkey:
         raise StepError(f"the model has no keyframe `{keyframe}`")
-    if not floors(model):
+    if not mujoco.floors(model):
         raise StepError("the scene has no floor: no plane in its world")
-    base = int(model.jnt_bodyid[0]) if floats(model) else 1
-    joints = {name_of(model, "joint", j): j for j in turning(model)}
+    base = int(model.jnt_bodyid[0]) if mujoco.floats(model) else 1
+    joints = mujoco.joints(model)
     places = {name: int(model.jnt_qposadr[j]) for name, j in joints.items()}
-    with caught_warnings() as said:
-        data = at_key(model, key)
-        target, overlapping = np.array(data.qpos), overlaps(model, data, "geom")
-        gaps = {name_of(model, "geom", i): _gap(model, data, i) for i in collision_geoms(model)}
+    with mujoco.caught_warnings() as said:
+        data = mujoco.at_key(model, key)
+        target, overlapping = np.array(data.qpos), mujoco.overlaps(model, data, "geom")
+        shapes = {mujoco.name_of(model, "geom", i): i for i in mujoco.collision_geoms(model)}
+        gaps = {name: _gap(model, data, geom) for name, geom in shapes.items()}
         at, com, R = np.array(data.xpos[base]), float(data.subtree_com[base][2]), _axes(data, base)
         touched: set[str] = set()
         for _ in range(max(1, round(seconds / model.opt.timestep))):
             mj.mj_step(model, data)
             touched |= _on_floor(model, data)
         mj.mj_forward(model, data)
-        finite = is_finite(data)
+        finite = mujoco.is_finite(data)
     moved = np.array(data.xpos[base]) - at
     return Stand(
         seconds=float(data.time),
@@ -161,7 +149,7 @@ def stand(model: Model, keyframe: str | int, seconds: float) -> Stand:
         overlapping=overlapping,
         joint_sag={name: float(target[q] - data.qpos[q]) for name, q in places.items()},
         load=dict(_load(model, data, joints)),
-        floats=floats(model),
+        floats=mujoco.floats(model),
         driven=model.nu > 0,
         held=tuple({d.joint_name: d for d in read_drives(model) if d.holds_position}),
         slides=tuple(name for name, joint in joints.items() if int(model.jnt_type[joint]) == 2),
@@ -177,11 +165,11 @@ def _axes(data: Data, body: int) -> Array:
 
 def _gap(model: Model, data: Data, geom: int) -> float:
     """How far a shape is above the first floor, m; negative inside."""
-    return float(mj.mj_geomDistance(model, data, geom, floors(model)[0], FAR_M, None))
+    return float(mj.mj_geomDistance(model, data, geom, mujoco.floors(model)[0], FAR_M, None))
 
 
 def _on_floor(model: Model, data: Data) -> set[str]:
-    return {name_of(model, "geom", geom) for _, geom in floor_contacts(model, data)}
+    return {mujoco.name_of(model, "geom", geom) for _, geom in mujoco.floor_contacts(model, data)}
 
 
 def _load(model: Model, data: Data, joints: Mapping[str, int]) -> Iterator[tuple[str, float]]:

@@ -14,23 +14,8 @@ import numpy as np
 
 from assetbuild.robot.action import Action
 from assetbuild.robot.pose import Array
-from assetbuild.simulators.mujoco import (
-    Data,
-    Model,
-    at_key,
-    caught_warnings,
-    floats,
-    floors,
-    follow,
-    hold_base,
-    is_finite,
-    mj,
-    name_of,
-    overlaps,
-    raise_base,
-    turning,
-    without,
-)
+from assetbuild.simulators import mujoco
+from assetbuild.simulators.mujoco import Data, Model, mj
 from assetbuild.simulators.mujoco.drives import Drive, drives_of, read_drives
 from assetbuild.simulators.mujoco.pairs import explicit_pairs, touching_geoms
 
@@ -69,9 +54,9 @@ def answers(model: Model) -> Mapping[str, Answer]:
     units, an effort limit of nothing, an axis of length zero.
     """
     found = {}
-    model = without(model, "CONTACT", "LIMIT")
-    with caught_warnings():
-        hold_base(model)
+    model = mujoco.without(model, "CONTACT", "LIMIT")
+    with mujoco.caught_warnings():
+        mujoco.hold_base(model)
         model.opt.gravity[:] = 0.0
         # A joint that follows another cannot answer alone.
         coupled = (model.eq_type == mj.mjtEq.mjEQ_JOINT) & (model.eq_obj2id >= 0)
@@ -84,7 +69,7 @@ def answers(model: Model) -> Mapping[str, Answer]:
 
 
 def _answer(model: Model, drive: Drive, steps: int) -> Answer:
-    data, asked = at_key(model), _swing(model, drive.joint)
+    data, asked = mujoco.at_key(model), _swing(model, drive.joint)
     at, middle = int(model.jnt_qposadr[drive.joint]), float(data.ctrl[drive.ctrl_index])
     start, moved = float(data.qpos[at]), 0.0
     for step in range(steps):
@@ -123,12 +108,12 @@ def shake(model: Model, action: Action, finer: int = 1) -> Shaken | None:
     if not servos:
         return None
     scales = [drive.command_step(_scale(model, drive, action)) for drive in servos]
-    places, joints = [drive.ctrl_index for drive in servos], turning(model)
+    places, joints = [drive.ctrl_index for drive in servos], mujoco.turning(model)
     random, speeds, ended = np.random.default_rng(SEED), np.zeros(len(joints)), None
-    model = without(model)
-    with caught_warnings():
+    model = mujoco.without(model)
+    with mujoco.caught_warnings():
         model.opt.timestep = model.opt.timestep / finer
-        data = at_key(model)
+        data = mujoco.at_key(model)
         commands = np.array(data.ctrl)
         each = max(1, round(CONTROL_S / model.opt.timestep))
         for step in range(each * round(NOISE_S / CONTROL_S)):
@@ -136,11 +121,11 @@ def shake(model: Model, action: Action, finer: int = 1) -> Shaken | None:
                 noise = [scale * random.standard_normal() for scale in scales]
                 data.ctrl[places] = commands[places] + noise
             mj.mj_step(model, data)
-            if not is_finite(data):
+            if not mujoco.is_finite(data):
                 ended = step * model.opt.timestep
                 break
             speeds = np.maximum(speeds, np.abs(data.qvel[model.jnt_dofadr[joints]]))
-    name = name_of(model, "joint", joints[int(speeds.argmax())])
+    name = mujoco.name_of(model, "joint", joints[int(speeds.argmax())])
     return Shaken(ended, name, float(speeds.max()))
 
 
@@ -160,20 +145,20 @@ def energy_drift(model: Model, seconds: float = 1.0) -> float:
     The joints start at up to 1 rad/s; the change is against the kinetic energy at the start.
     nan when the simulation became unstable.
     """
-    model = without(model, "CONSTRAINT", "ACTUATION")
-    with caught_warnings():
+    model = mujoco.without(model, "CONSTRAINT", "ACTUATION")
+    with mujoco.caught_warnings():
         model.opt.gravity[:] = 0.0
         for name in ("dof_damping", "dof_frictionloss", "jnt_stiffness"):
             getattr(model, name)[:] = 0.0
-        data, random = at_key(model), np.random.default_rng(SEED)
-        dofs = model.jnt_dofadr[turning(model)]
+        data, random = mujoco.at_key(model), np.random.default_rng(SEED)
+        dofs = model.jnt_dofadr[mujoco.turning(model)]
         data.qvel[:] = 0.0
         data.qvel[dofs] = random.uniform(-1.0, 1.0, len(dofs))
         start, worst = _kinetic(model, data), 0.0
         for _ in range(max(1, round(seconds / model.opt.timestep))):
             mj.mj_step(model, data)
             worst = max(worst, abs(_kinetic(model, data) - start))
-        if not is_finite(data):
+        if not mujoco.is_finite(data):
             return math.nan
     return worst / start if start > 0.0 else 0.0
 
@@ -189,30 +174,30 @@ def timestep_error(model: Model) -> Mapping[str, float]:
 
     Base held, no contact. inf where one of the two runs became unstable.
     """
-    joints = turning(model)
     coarse, fine = (_commanded(model, finer) for finer in (1, FINER))
-    errors = np.abs(coarse - fine).max(axis=0)[model.jnt_qposadr[joints]]
-    names = [name_of(model, "joint", joint) for joint in joints]
-    known = np.where(np.isfinite(errors), errors, math.inf)
-    return dict(zip(names, known.tolist(), strict=True))
+    errors = np.abs(coarse - fine).max(axis=0)
+    errors = np.where(np.isfinite(errors), errors, math.inf)
+    places = {name: model.jnt_qposadr[joint] for name, joint in mujoco.joints(model).items()}
+    return {name: float(errors[place]) for name, place in places.items()}
 
 
 def _commanded(model: Model, finer: int, seconds: float = 0.3) -> Array:
     """(n, nq) positions at the coarse steps, all servos told to move from the initial pose."""
     rows = []
-    model = without(model, "CONTACT")
-    with caught_warnings():
-        hold_base(model)
+    model = mujoco.without(model, "CONTACT")
+    with mujoco.caught_warnings():
+        mujoco.hold_base(model)
         steps = max(2, round(seconds / model.opt.timestep))
         model.opt.timestep = model.opt.timestep / finer
-        data = at_key(model)
+        data = mujoco.at_key(model)
         for drive in read_drives(model):
             if drive.holds_position:
                 step = drive.command_step(0.5 * _swing(model, drive.joint))
                 data.ctrl[drive.ctrl_index] += step
         for _ in range(steps):
             mj.mj_step(model, data, finer)
-            rows.append(np.array(data.qpos) if is_finite(data) else np.full(model.nq, np.nan))
+            finite = mujoco.is_finite(data)
+            rows.append(np.array(data.qpos) if finite else np.full(model.nq, np.nan))
     return np.array(rows)
 
 
@@ -223,31 +208,31 @@ def touching_pairs(model: Model, poses: int) -> Mapping[tuple[str, str], float]:
     """Share of random poses within the limits in which two bodies of the robot touch."""
     counts: dict[tuple[str, str], int] = {}
     random = np.random.default_rng(SEED)
-    joints = turning(model)
+    joints = mujoco.turning(model)
     limited = model.jnt_limited[joints, None] != 0
     lower, upper = np.where(limited, model.jnt_range[joints], (-math.pi, math.pi)).T
-    with caught_warnings():
-        data = at_key(model)
+    with mujoco.caught_warnings():
+        data = mujoco.at_key(model)
         for _ in range(poses):
             data.qpos[model.jnt_qposadr[joints]] = random.uniform(lower, upper)
-            follow(model, data)
+            mujoco.follow(model, data)
             mj.mj_kinematics(model, data)  # no constraints: the contacts of a crowd are enough
             mj.mj_comPos(model, data)
             mj.mj_collision(model, data)
-            for pair, depth in overlaps(model, data, "body").items():
+            for pair, depth in mujoco.overlaps(model, data, "body").items():
                 counts[pair] = counts.get(pair, 0) + (depth > 1e-3)
     return _largest_first({pair: count / poses for pair, count in counts.items() if count})
 
 
 def overlaps_at_home(model: Model) -> Mapping[tuple[str, str], float]:
     """Depth (m) in which bodies lie in one another or in a floor ("") in the initial pose."""
-    with caught_warnings():
-        return _largest_first(overlaps(model, at_key(model), "body", floor=True))
+    with mujoco.caught_warnings():
+        return _largest_first(mujoco.overlaps(model, mujoco.at_key(model), "body", floor=True))
 
 
 def touches_floors(model: Model) -> bool:
     """Whether a shape of the robot can touch a floor, by MuJoCo's masks or an explicit pair."""
-    planes = set(floors(model))
+    planes = set(mujoco.floors(model))
     return any(planes & set(pair) for pair in (*touching_geoms(model), *explicit_pairs(model)))
 
 
@@ -255,11 +240,12 @@ def depths(model: Model, positions: Mapping[str, float]) -> dict[tuple[str, str]
     """Depth (m) of the geoms of a scene in one another, and of a fixed robot's in its floor (""),
     in a pose by joint name.
     """
-    data = at_key(model)
+    data = mujoco.at_key(model)
     for name, value in positions.items():
         data.qpos[int(model.joint(name).qposadr[0])] = value
     mj.mj_fwdPosition(model, data)
-    return overlaps(model, data, "geom", floor=not floats(model))  # what floats is put on the floor
+    stands = not mujoco.floats(model)  # what floats is put on the floor
+    return mujoco.overlaps(model, data, "geom", floor=stands)
 
 
 def _largest_first(found: Mapping[Name, float]) -> Mapping[Name, float]:
@@ -295,10 +281,10 @@ def support(model: Model, near_m: float = TOUCH_M) -> Support:
 
     margin None: the robot touches the floor in less than three points that span an area.
     """
-    model = without(model)
-    with caught_warnings():
+    model = mujoco.without(model)
+    with mujoco.caught_warnings():
         model.geom_margin[:] = near_m
-        data = at_key(model)
+        data = mujoco.at_key(model)
         on_floor = (model.geom_bodyid[data.contact.geom] == 0).any(axis=1)
         points = np.array(data.contact.pos)[on_floor, :2]
         com, height = np.array(data.subtree_com[0][:2]), float(data.subtree_com[0][2])
@@ -348,16 +334,16 @@ def settle(
 
     finer: steps in place of each, for as long.
     """
-    model = without(model)
-    with caught_warnings():
+    model = mujoco.without(model)
+    with mujoco.caught_warnings():
         model.opt.timestep = model.opt.timestep / finer
-        data = at_key(model)
-        raise_base(model, data, drop_m)
+        data = mujoco.at_key(model)
+        mujoco.raise_base(model, data, drop_m)
         mj.mj_step(model, data, max(1, round(seconds / model.opt.timestep)))
-        speed = np.abs(data.qvel[model.jnt_dofadr[turning(model)]]).max(initial=0.0)
+        speed = np.abs(data.qvel[model.jnt_dofadr[mujoco.turning(model)]]).max(initial=0.0)
         depth = -np.min(data.contact.dist, initial=0.0)
         place = np.array(data.xpos[1])
         mj.mj_step(model, data, steps * finer)
         mj.mj_forward(model, data)
         drift = math.dist(place, np.array(data.xpos[1]))
-    return Settled(is_finite(data), float(speed), float(depth), drift)
+    return Settled(mujoco.is_finite(data), float(speed), float(depth), drift)
