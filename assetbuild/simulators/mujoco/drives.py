@@ -138,31 +138,32 @@ def aim(model: Model, data: Data, joints: Collection[str] | None = None) -> None
             data.ctrl[drive.ctrl_index] = drive.command(position)
 
 
-def drive_as(model: Model, gains: Mapping[str, Actuator]) -> None:
+def drive_as(model: Model, gains: Mapping[str, Actuator], *, others: bool = True) -> None:
     """Turn actuators of some joints into position servos inside of the simulator.
 
     For models whose law runs outside (`ideal_pd`, `motor`, ...). Keyframes, which command such a
     motor no torque, command the servo their own pose. Of several actuators of a joint, the first
-    becomes the servo and the others pull no more.
+    becomes the servo and the others pull no more. others: whether other joints' still pull.
     """
-    turned = set()
-    for drive in read_drives(model):
-        actuator, index = gains.get(drive.joint_name), drive.index
+    drives = {drive.index: drive for drive in read_drives(model)}
+    free = dict(gains)
+    for index in mujoco.actuators(model):
+        name = drives[index].joint_name if index in drives else ""
+        actuator = free.pop(name, None)
+        if actuator is None and (name in gains or not others):
+            model.actuator_gear[index] = 0.0
         if actuator is None:
             continue
-        if drive.joint in turned:
-            model.actuator_gear[index, 0] = 0.0
-            continue
-        turned.add(drive.joint)
+        joint = drives[index].joint
         model.actuator_trntype[index] = mj.mjtTrn.mjTRN_JOINT
-        model.actuator_trnid[index] = (drive.joint, -1)
+        model.actuator_trnid[index] = (joint, -1)
         model.actuator_gear[index, 0] = 1.0
         model.actuator_gaintype[index] = mj.mjtGain.mjGAIN_FIXED
         model.actuator_biastype[index] = mj.mjtBias.mjBIAS_AFFINE
         model.actuator_gainprm[index, :3] = (actuator.kp, 0.0, 0.0)
         model.actuator_biasprm[index, :3] = (0.0, -actuator.kp, -actuator.kd)
         model.actuator_ctrllimited[index] = 0
-        model.key_ctrl[:, index] = model.key_qpos[:, int(model.jnt_qposadr[drive.joint])]
+        model.key_ctrl[:, index] = model.key_qpos[:, int(model.jnt_qposadr[joint])]
         if actuator.effort is not None:
             model.actuator_forcelimited[index] = 1
             model.actuator_forcerange[index] = (-actuator.effort, actuator.effort)
@@ -261,12 +262,7 @@ def _range(limited: bool, ends: Array) -> Range:
     return (float(ends[0]), float(ends[1])) if limited else UNLIMITED
 
 
-def _has(model: Model, attribute: str) -> bool:
-    return hasattr(model, f"actuator_{attribute}")
-
-
 def _own(model: Model, attribute: str, index: int, gear: float) -> float:
     """An actuator's own damping or armature on the joint, which MuJoCo 3.11 does not have."""
-    if not _has(model, attribute):
-        return 0.0
-    return gear * gear * float(np.ravel(getattr(model, f"actuator_{attribute}")[index])[0])
+    values = getattr(model, f"actuator_{attribute}", None)
+    return 0.0 if values is None else gear * gear * float(np.ravel(values[index])[0])

@@ -54,7 +54,7 @@ def _perform(folder: Path, robot: str, asked: Experiment) -> Outcome:
             model = mujoco.load(path, visuals=False).model
         else:
             model = held_model(path, () if setting.other_drives else servos)
-        drive_as(model, servos)
+        drive_as(model, servos, others=setting.other_drives)
         _surround(model, setting, drives=sine is not None or setting.contacts)
         return _track(model, _started(model, asked, servos), asked)
     except StepError as error:
@@ -103,8 +103,7 @@ def held_model(path: Path, driven: Collection[str] = ()) -> Model:
     """The robot of an MJCF file with its floating base bolted to the origin; no keyframes.
 
     The joint goes: a huge inertia on it instead would cost the constraints of light fingers the
-    solver's digits. driven: joints that get a drive where they have none, for `drive_as`; then
-    nothing else of the file pulls.
+    solver's digits. driven: joints that get a drive where they have none, for `drive_as`.
     """
     spec = mj.MjSpec.from_file(str(path))
     spec.compiler.discardvisual = True
@@ -115,27 +114,14 @@ def held_model(path: Path, driven: Collection[str] = ()) -> Model:
         still, moving = _held_together(joint.parent, joint)
         for one, other in itertools.product(still, moving):
             spec.add_exclude(bodyname1=one.name, bodyname2=other.name)
-    other = [a for a in spec.actuators if driven and not _drives(a, driven)]
-    for gone in (*free, *spec.keys, *(_watching(spec, other)), *other):
+    for gone in (*free, *spec.keys):
         spec.delete(gone)
-    for joint in driven:
-        if not any(_drives(actuator, (joint,)) for actuator in spec.actuators):
-            made = spec.add_actuator(name=f"{joint} servo", target=joint)
-            made.trntype = mj.mjtTrn.mjTRN_JOINT
+    of_joints = [a for a in spec.actuators if a.trntype == mj.mjtTrn.mjTRN_JOINT]
+    for joint in set(driven) - {str(actuator.target) for actuator in of_joints}:
+        made = spec.add_actuator(name=f"{joint} servo", target=joint)
+        made.trntype = mj.mjtTrn.mjTRN_JOINT
     with mujoco.caught_warnings():
         return spec.compile()
-
-
-def _drives(actuator: Any, joints: Collection[str]) -> bool:  # Any: mujoco.MjsActuator
-    is_joint = actuator.trntype == mj.mjtTrn.mjTRN_JOINT
-    return is_joint and str(actuator.target) in joints
-
-
-def _watching(spec: Any, actuators: list[Any]) -> list[Any]:
-    """Sensors of actuators. Any: mujoco.MjSpec, its actuators and sensors."""
-    names = {actuator.name for actuator in actuators}
-    kind = mj.mjtObj.mjOBJ_ACTUATOR
-    return [s for s in spec.sensors if s.objtype == kind and s.objname in names]
 
 
 def _held_together(body: Any, free: Any) -> tuple[list[Any], list[Any]]:
