@@ -7,6 +7,7 @@ from typing import Any
 from assetbuild.alignment.row import Row
 from assetbuild.robot.model import Tree
 from assetbuild.simulators import mujoco, usd_pairs
+from assetbuild.simulators.mujoco.pairs import explicit_pairs, touching_geoms
 
 SHOWN = 3
 Pairs = set[frozenset[str]]
@@ -28,8 +29,8 @@ def touching_row(model: mujoco.Model, theirs: Pairs, tree: Tree, engine: str = "
     the two bodies of a joint, and where an MJCF asks for it by a `<pair>`.
     """
     names = {name: body for body, name in mujoco.body_names(tree).items()}
-    ours = _named(model, mujoco.touching_geoms(model), names)
-    asked = _named(model, mujoco.explicit_pairs(model), names)
+    ours = _named(model, touching_geoms(model), names)
+    asked = _named(model, explicit_pairs(model), names)
     jointed = {frozenset((joint.parent, joint.child)) for joint in tree.joints}
     here, there = (ours | asked) - theirs, theirs - (ours | asked)
     impossible = not there and here <= jointed | asked

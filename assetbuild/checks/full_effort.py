@@ -10,11 +10,9 @@ from assetbuild.engine.step import Files
 from assetbuild.findings import Data, Finding, Rule, Severity
 from assetbuild.kinds import write_figures
 from assetbuild.robot.files import RobotFiles
-from assetbuild.robot.model import Control, Tree
 from assetbuild.robot.softness import Allowed, CouplingError, LimitError, effort_at
 from assetbuild.simulators import mujoco
-from assetbuild.simulators.mujoco import pushes as mujoco_pushes
-from assetbuild.simulators.mujoco.pushes import Pushed
+from assetbuild.simulators.mujoco.pushes import Pushed, off_couplings, open_loops, past_limits
 
 MOST = 2.0
 """Times the wish; the load grows in a fifth of a second, which swings a little."""
@@ -62,20 +60,18 @@ class FullEffort(mujoco.InMujoco):
     def run(self, files: Files) -> Iterator[Finding]:
         """Reads the robot, `mjcf/<robot>.xml` and, where it is built, `mjx/<robot>_mjx.xml`."""
         robot = RobotFiles(files.inputs)
-        efforts = efforts_of(robot.tree, robot.control)
-        pushing = {row.joint for row in robot.control.actuators if row.model != "passive"}
+        tree, control = robot.tree, robot.control
+        efforts = {joint.name: effort_at(tree, control, joint) for joint in tree.moving_joints}
+        pushing = {row.joint for row in control.actuators if row.model != "passive"}
         driven = {joint: effort for joint, effort in efforts.items() if joint in pushing}
         figures: dict[str, object] = {}
         for folder, path, model in mujoco.full_and_mjx_models(files.inputs, self.robot, figures):
-            limits = tuple(mujoco_pushes.past_limits(model, efforts))
-            coupled = (
-                *mujoco_pushes.off_couplings(model, efforts),
-                *mujoco_pushes.open_loops(model, driven),
-            )
+            limits = tuple(past_limits(model, efforts))
+            coupled = (*off_couplings(model, efforts), *open_loops(model, driven))
             figures[folder] = {"limits": _worst(limits), "couplings": _worst(coupled)}
             for rule, pushed, wish, ours in (
-                (LIMITS_SOFT, limits, self.limits_wish, robot.control.soft_limits),
-                (COUPLINGS_SOFT, coupled, self.couplings_wish, robot.control.soft_couplings),
+                (LIMITS_SOFT, limits, self.limits_wish, control.soft_limits),
+                (COUPLINGS_SOFT, coupled, self.couplings_wish, control.soft_couplings),
             ):
                 # Where none is ours, an MJCF source has decided how soft they are.
                 severity: Severity = "warning" if ours or not self.source else "info"
@@ -86,14 +82,10 @@ class FullEffort(mujoco.InMujoco):
 def _judge(
     rule: Rule, pushed: Sequence[Pushed], wish: Allowed, file: str, severity: Severity
 ) -> Iterator[Finding]:
-    """One finding for all joints, the furthest first."""
-
-    def share(one: Pushed) -> float:
-        """The error over the limit; an unstable simulation sorts first."""
-        most = MOST * (wish.slide if one.slides else wish.turn)
-        return one.error / most if math.isfinite(one.error) else math.inf
-
-    far = sorted((one for one in pushed if share(one) > 1.0), key=share, reverse=True)
+    """One finding for all joints, the furthest first; an unstable simulation before all."""
+    shares = [_error(one) / (MOST * (wish.slide if one.slides else wish.turn)) for one in pushed]
+    order = sorted(range(len(pushed)), key=lambda index: -shares[index])
+    far = [pushed[index] for index in order if shares[index] > 1.0]
     if not far:
         return
     shown = ", ".join(f"`{one.joint}` by {_length(one)}" for one in far[:4])
@@ -111,9 +103,9 @@ def _judge(
     )
 
 
-def efforts_of(tree: Tree, control: Control) -> dict[str, float]:
-    """The largest effort at each moving joint, N m or N; of a follower, of its leader."""
-    return {joint.name: effort_at(tree, control, joint) for joint in tree.moving_joints}
+def _error(one: Pushed) -> float:
+    """Infinite where the simulation became unstable."""
+    return one.error if math.isfinite(one.error) else math.inf
 
 
 def _length(one: Pushed) -> str:
@@ -126,11 +118,8 @@ def _worst(pushed: Sequence[Pushed]) -> dict[str, object]:
     """The largest error and its joint, for joints that turn and that slide; None if unstable."""
     found: dict[str, object] = {"joints": len(pushed)}
     for kind, slides in (("turn", False), ("slide", True)):
-        alike = [one for one in pushed if one.slides == slides]
-        if alike:
-            one = max(alike, key=lambda o: o.error if math.isfinite(o.error) else math.inf)
-            found[kind] = {
-                "error": one.error if math.isfinite(one.error) else None,
-                "joint": one.joint,
-            }
+        one = max((one for one in pushed if one.slides == slides), key=_error, default=None)
+        if one is not None:
+            known = one.error if math.isfinite(one.error) else None
+            found[kind] = {"error": known, "joint": one.joint}
     return found

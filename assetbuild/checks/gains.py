@@ -8,7 +8,7 @@ I = 1 / (M^-1)_ii with armature; kd and passive damping summed, as they act.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any, ClassVar
 
@@ -21,7 +21,7 @@ from assetbuild.quantities import Positive
 from assetbuild.robot.dynamics import dynamics, holding_torques
 from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.initial import initial_pose
-from assetbuild.robot.model import Actuator, Control
+from assetbuild.robot.model import Actuator
 from assetbuild.robot.reflected import felt_inertia, reflected_range
 from assetbuild.robot.soles import soles
 
@@ -142,64 +142,68 @@ class Gains(Check):
     def run(self, files: Files) -> Iterator[Finding]:
         """Reads the robot without its meshes."""
         stored = RobotFiles(files.inputs)
-        tree, shapes, control = stored.tree, stored.shapes, stored.control
+        tree, control = stored.tree, stored.control
         start = initial_pose(tree, control)
-        robot = dynamics(
-            tree,
-            dict(start.joints),
-            {a.joint: a.armature for a in control.actuators},
-            control.simulation.gravity,
-            tree.root_pose(start),
-        )
-        ground = soles(tree, shapes, robot, self.feet)
+        home, armature = dict(start.joints), {a.joint: a.armature for a in control.actuators}
+        gravity, timestep = control.simulation.gravity, control.simulation.timestep
+        robot = dynamics(tree, home, armature, gravity, tree.root_pose(start))
+        ground = soles(tree, stored.shapes, robot, self.feet)
         torque, left_over = holding_torques(robot, ground)
         if left_over > UNBALANCED and tree.base == "floating":
             torque = {}  # it would not stand, so no joint can be said to hold anything
         closed = bool(control.loops) and not any(joint.kind == "ball" for joint in tree.joints)
         inertia = felt_inertia(control.loops if closed else (), robot)
-        reflected = reflected_range(tree, control, dict(start.joints)) if closed else {}
+        reflected = reflected_range(tree, control, home) if closed else {}
         found: dict[str, Effective] = {}
         for name in robot.joints:
             actuator = control.by_joint.get(name)
-            if math.isinf(inertia[name]):
-                continue  # its loops lock it: `loop.locked`
-            if actuator is not None and actuator.model in ("pd", *EXPLICIT):
-                found[name] = self._effective(actuator, inertia[name], torque.get(name), control)
-        write_figures(
-            files,
-            {
-                "keyframe": start.name or None,
-                "soles": len(ground),
-                "unbalanced": left_over,
-                "joints": {name: asdict(one) for name, one in found.items()},
-                **({"reflected": {n: asdict(r) for n, r in reflected.items()}} if closed else {}),
-            },
-            {"unbalanced": UNBALANCED, "load": self.torque, "sag": self.sag, "holding": 0.1},
-        )
-        timestep = control.simulation.timestep
+            if actuator is None or actuator.model not in ("pd", *EXPLICIT):
+                continue
+            if math.isfinite(inertia[name]):  # else its loops lock it: `loop.locked`
+                found[name] = self._effective(actuator, inertia[name], torque.get(name), timestep)
+        figures: dict[str, object] = {
+            "keyframe": start.name or None,
+            "soles": len(ground),
+            "unbalanced": left_over,
+            "joints": {name: asdict(one) for name, one in found.items()},
+        }
+        if closed:
+            figures["reflected"] = {name: asdict(felt) for name, felt in reflected.items()}
+        limits = {"unbalanced": UNBALANCED, "load": self.torque, "sag": self.sag, "holding": 0.1}
+        write_figures(files, figures, limits)
         for name, one in found.items():
-            slides = tree.by_joint[name].kind == "prismatic"
-            actuator = control.by_joint[name]
-            yield from self._judge(actuator, one, control, slides=slides)
+            actuator, slides = control.by_joint[name], tree.by_joint[name].kind == "prismatic"
+            yield from _judge_strength(actuator, one, slides, self.torque, self.sag)
+            yield from self._judge_stability(one, timestep, name)
+            yield from self._judge_damping(actuator, one)
             if name in reflected and (one.margin is None or one.margin >= self.margin):
                 felt = reflected[name]
-                place, inertia_unit = ("m", "kg") if slides else ("rad", "kg m²")
+                place, unit = ("m", "kg") if slides else ("rad", "kg m²")
                 where = (
                     f" with the joint at {felt.at_least:.3g} {place}, where its loops leave it "
-                    f"an inertia of {felt.least:.3g} {inertia_unit}"
+                    f"an inertia of {felt.least:.3g} {unit}"
                 )
-                one = self._effective(actuator, felt.least, None, control)
-                yield from _judge_stability(one, timestep, f"actuator {name}", self.margin, where)
+                least = self._effective(actuator, felt.least, None, timestep)
+                yield from self._judge_stability(least, timestep, name, where)
         if self.inherited and found:
-            yield _inherited(found)
+            yield _inherited([one.frequency_hz for one in found.values()])
 
     def _effective(
-        self, actuator: Actuator, inertia: float, torque: float | None, control: Control
+        self, actuator: Actuator, inertia: float, torque: float | None, dt: float
     ) -> Effective:
-        kp, dt = actuator.kp, control.simulation.timestep
-        damping = actuator.kd + actuator.damping
-        stiffness = kp * dt * dt / inertia
-        held = abs(torque or 0.0)
+        """With the margin: how many times kp and kd may grow together before the joint diverges.
+
+        Semi-implicit Euler on x'' = -(kp x + kd v) / I with a = kp dt^2/I, b = kd dt/I: the
+        amplification matrix has trace 2 - a - b and determinant 1 - b where the damping is
+        explicit, so it is stable for a + 2 b < 4 (Jury); where it is implicit, trace
+        (2 - a + b) / (1 + b) and determinant 1 / (1 + b): stable for a < 4 + 2 b. With both kinds,
+        v' = ((1 - b) v - a x / dt) / (1 + c): a + 2 b < 4 + 2 c.
+        """
+        kp, damping, held = actuator.kp, actuator.kd + actuator.damping, abs(torque or 0.0)
+        inside = actuator.model not in EXPLICIT and self.integrator.startswith("implicit")
+        a, b = kp * dt * dt / inertia, (0.0 if inside else actuator.kd) * dt / inertia
+        c = (damping if inside else actuator.damping) * dt / inertia
+        bounded = self.integrator != "RK4" and bool(a or b)
         return Effective(
             inertia=inertia,
             frequency_hz=math.sqrt(kp / inertia) / (2 * math.pi),
@@ -207,50 +211,53 @@ class Gains(Check):
             holding=held,
             load=held / actuator.effort if actuator.effort else None,
             sag=held / kp if kp else None,
-            stiffness=stiffness,
-            margin=self._margin(actuator, stiffness, inertia, dt),
+            stiffness=a,
+            margin=(4.0 + 2.0 * c) / (a + 2.0 * b) if bounded else None,
             per_tenth_rad=kp * SMALL_ERROR_RAD,
         )
 
-    def _margin(
-        self, actuator: Actuator, stiffness: float, inertia: float, dt: float
-    ) -> float | None:
-        """How many times kp and kd may grow together before one joint alone diverges.
-
-        Semi-implicit Euler on x'' = -(kp x + kd v) / I with a = kp dt^2/I, b = kd dt/I: the
-        amplification matrix has trace 2 - a - b and determinant 1 - b where the damping is
-        explicit, so it is stable for a + 2 b < 4 (Jury); where it is implicit, trace
-        (2 - a + b) / (1 + b) and determinant 1 / (1 + b): stable for a < 4 + 2 b.
-        """
-        held_inside = actuator.model not in EXPLICIT and self.integrator.startswith("implicit")
-        inside = actuator.damping + (actuator.kd if held_inside else 0.0)
-        outside = 0.0 if held_inside else actuator.kd
-        b, c = outside * dt / inertia, inside * dt / inertia
-        if self.integrator == "RK4" or not (stiffness or b):
-            return None
-        # Both kinds at once: v' = ((1 - b) v - a x / dt) / (1 + c); stable for a + 2 b < 4 + 2 c.
-        return (4.0 + 2.0 * c) / (stiffness + 2.0 * b)
-
-    def _judge(
-        self, actuator: Actuator, one: Effective, control: Control, *, slides: bool
+    def _judge_stability(
+        self, one: Effective, timestep: float, joint: str, where: str = ""
     ) -> Iterator[Finding]:
-        subject = f"actuator {actuator.joint}"
-        units = ("m", "N") if slides else ("rad", "N m")
-        yield from _judge_strength(actuator, one, subject, units, (self.torque, self.sag))
-        timestep = control.simulation.timestep
-        yield from _judge_stability(one, timestep, subject, self.margin)
-        yield from _judge_damping(actuator, one, subject, self.damping_ratio, self.lag)
+        if one.margin is not None and one.margin < self.margin:
+            diverges = one.margin <= 1.0
+            yield UNSTABLE(
+                f"actuator {joint}",
+                f"{'diverges' if diverges else 'is close to diverging'} at a timestep of "
+                f"{timestep:g} s{where}: {one.margin:.3g} times its gains are the limit",
+                severity="error" if diverges else "warning",
+                data={"margin": one.margin, "kp_dt2_over_I": one.stiffness},
+            )
+
+    def _judge_damping(self, actuator: Actuator, one: Effective) -> Iterator[Finding]:
+        """Far above a ratio of 1, a step is followed as exp(-t kp / damping): a light joint that is
+        damped so follows in no time all the same.
+        """
+        subject, ratio = f"actuator {actuator.joint}", one.damping_ratio
+        least, most = self.damping_ratio
+        kp, kd, damping = actuator.kp, actuator.kd, actuator.kd + actuator.damping
+        data: Data = {"damping_ratio": ratio, "frequency_hz": one.frequency_hz}
+        if ratio is not None and ratio < least:
+            message = f"damping ratio {ratio:.3g} at {one.frequency_hz:.3g} Hz: it rings"
+            yield UNDERDAMPED(subject, message, data=data)
+        if ratio is not None and ratio > most and damping > self.lag * kp:
+            yield OVERDAMPED(
+                subject,
+                f"damping ratio {ratio:.3g}: it creeps to its target, with a time constant of "
+                f"{damping / kp:.3g} s (damping {damping:.3g} over kp {kp:.3g})",
+                data={**data, "lag_s": damping / kp},
+            )
+        if kd and actuator.damping > 0.2 * kd:
+            message = f"the drive's kd {kd:.3g} and the joint's damping {actuator.damping:.3g}"
+            data = {"kd": kd, "damping": actuator.damping}
+            yield DAMPED_TWICE(subject, f"{message} add up", data=data)
 
 
 def _judge_strength(
-    actuator: Actuator,
-    one: Effective,
-    subject: str,
-    units: tuple[str, str],
-    limits: tuple[float, float],
+    actuator: Actuator, one: Effective, slides: bool, torque: float, sag: float
 ) -> Iterator[Finding]:
-    """units: of way and effort; limits: most share of the effort, most way."""
-    (way, unit), (torque, sag) = units, limits
+    """torque: most share of the effort; sag: most way off the target."""
+    subject, (way, unit) = f"actuator {actuator.joint}", ("m", "N") if slides else ("rad", "N m")
     if one.load is not None and one.load > torque:
         cannot = one.load > 1.0
         yield TORQUE(
@@ -267,71 +274,18 @@ def _judge_strength(
             data={"sag": one.sag, "limit": sag},
         )
     if actuator.effort is not None and one.per_tenth_rad > actuator.effort:
+        most = actuator.effort / actuator.kp
         yield SATURATED(
             subject,
-            f"saturates at {actuator.effort / actuator.kp:.3g} {way} of error: it is a switch "
-            "more than a spring",
-            data={"error_at_limit": actuator.effort / actuator.kp},
+            f"saturates at {most:.3g} {way} of error: it is a switch more than a spring",
+            data={"error_at_limit": most},
         )
 
 
-def _judge_stability(
-    one: Effective, timestep: float, subject: str, margin: float, where: str = ""
-) -> Iterator[Finding]:
-    if one.margin is None or one.margin >= margin:
-        return
-    diverges = one.margin <= 1.0
-    yield UNSTABLE(
-        subject,
-        f"{'diverges' if diverges else 'is close to diverging'} at a timestep of {timestep:g} s"
-        f"{where}: "
-        f"{one.margin:.3g} times its gains are the limit",
-        severity="error" if diverges else "warning",
-        data={"margin": one.margin, "kp_dt2_over_I": one.stiffness},
-    )
-
-
-def _judge_damping(
-    actuator: Actuator,
-    one: Effective,
-    subject: str,
-    allowed: tuple[float, float],
-    longest_lag: float,
-) -> Iterator[Finding]:
-    """Far above a ratio of 1, a step is followed as exp(-t kp / damping): a light joint that is
-    damped so follows in no time all the same.
-    """
-    ratio, (least, most) = one.damping_ratio, allowed
-    damping = actuator.kd + actuator.damping
-    data: Data = {"damping_ratio": ratio, "frequency_hz": one.frequency_hz}
-    if ratio is not None and ratio < least:
-        yield UNDERDAMPED(
-            subject,
-            f"damping ratio {ratio:.3g} at {one.frequency_hz:.3g} Hz: it rings",
-            data=data,
-        )
-    lag = damping / actuator.kp if actuator.kp else 0.0
-    if ratio is not None and ratio > most and lag > longest_lag:
-        yield OVERDAMPED(
-            subject,
-            f"damping ratio {ratio:.3g}: it creeps to its target, with a time constant of "
-            f"{lag:.3g} s (damping {damping:.3g} over kp {actuator.kp:.3g})",
-            data={**data, "lag_s": lag},
-        )
-    if actuator.kd and actuator.damping > 0.2 * actuator.kd:
-        yield DAMPED_TWICE(
-            subject,
-            f"the drive's kd {actuator.kd:.3g} and the joint's damping {actuator.damping:.3g} "
-            "add up",
-            data={"kd": actuator.kd, "damping": actuator.damping},
-        )
-
-
-def _inherited(found: Mapping[str, Effective]) -> Finding:
-    frequencies = [one.frequency_hz for one in found.values()]
+def _inherited(frequencies: Sequence[float]) -> Finding:
     return INHERITED(
         "robot",
-        f"{len(found)} drives keep the gains of the source's MJCF ({min(frequencies):.3g} to "
+        f"{len(frequencies)} drives keep the gains of the source's MJCF ({min(frequencies):.3g} to "
         f"{max(frequencies):.3g} Hz at this pose): such files are often tuned for a viewer",
-        data={"joints": len(found)},
+        data={"joints": len(frequencies)},
     )

@@ -8,14 +8,16 @@ mujoco_warp 4.0 (`collision_driver.MJ_COLLISION_TABLE`).
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Iterator
+
+import numpy as np
 
 from assetbuild.engine.step import Files
 from assetbuild.errors import StepError
 from assetbuild.findings import Finding, Rule
 from assetbuild.kinds import Check, write_figures
 from assetbuild.simulators import mujoco
+from assetbuild.simulators.mujoco.pairs import explicit_pairs, touching_geoms
 
 KINDS = ("plane", "hfield", "sphere", "capsule", "ellipsoid", "cylinder", "box", "mesh")
 """By the number of MuJoCo's geom type; a pair is named in this order."""
@@ -28,12 +30,13 @@ FAST_ON_WARP = frozenset(
      ("sphere", "sphere"), ("sphere", "capsule"), ("sphere", "cylinder"), ("sphere", "box"),
      ("capsule", "capsule"), ("capsule", "box")}
 )  # fmt: skip
-SOLVERS = {1: "CG", 2: "Newton"}
-INTEGRATORS = {0: "Euler", 1: "RK4", 3: "implicitfast"}
+SOLVERS, INTEGRATORS = (1, 2), (0, 1, 3)
+"""Numbers of MuJoCo's CG and Newton; of its Euler, RK4 and implicitfast."""
 NET_FORCE = 3
 """Reduction of a contact sensor that MJX (JAX) does not do."""
 
 Pair = tuple[int, int]
+Kinds = tuple[str, str]
 
 LOAD = Rule("mjx.load", "error", "MuJoCo refuses the mjx model", "see `mjcf.load`")
 UNSUPPORTED_PAIR = Rule(
@@ -77,92 +80,75 @@ class MjxPairs(Check):
         yield from judge(model)
 
 
-def judge(model: mujoco.Model) -> Iterator[Finding]:
-    """What MJX would refuse, and what is slow on mujoco_warp."""
-    yield from _judge_pairs(model)
-    yield from _judge_options(model)
-
-
 def figures(model: mujoco.Model) -> dict[str, object]:
     """Number of pairs by their kinds, and in all."""
-    counts = Counter(_kinds(model, pair) for pair in pairs(model))
-    fast = sum(count for kinds, count in counts.items() if kinds in FAST_ON_WARP)
+    counts = {kinds: len(found) for kinds, found in pairs(model).items()}
     return {
         "pairs": sum(counts.values()),
-        "fast_on_warp": fast,
+        "fast_on_warp": sum(counts[kinds] for kinds in counts.keys() & FAST_ON_WARP),
         "by_kinds": {"-".join(kinds): counts[kinds] for kinds in sorted(counts)},
     }
 
 
-def pairs(model: mujoco.Model) -> Iterator[Pair]:
-    """Geoms that may touch, whatever lets them."""
-    for a, b in mujoco.touching_geoms(model):
-        yield (a, b) if model.geom_type[a] <= model.geom_type[b] else (b, a)
-    yield from mujoco.explicit_pairs(model)
+def pairs(model: mujoco.Model) -> dict[Kinds, list[Pair]]:
+    """Geoms that may touch, whatever lets them, by their kinds; in the order of their kinds."""
+    found: dict[Kinds, list[Pair]] = {}
+    for pair in (*touching_geoms(model), *explicit_pairs(model)):
+        a, b = sorted(pair, key=lambda geom: int(model.geom_type[geom]))
+        kinds = KINDS[int(model.geom_type[a])], KINDS[int(model.geom_type[b])]
+        found.setdefault(kinds, []).append((a, b))
+    return found
 
 
-def _kinds(model: mujoco.Model, pair: Pair) -> tuple[str, str]:
-    kinds = sorted(int(model.geom_type[geom]) for geom in pair)
-    return KINDS[kinds[0]], KINDS[kinds[1]]
-
-
-def _judge_pairs(model: mujoco.Model) -> Iterator[Finding]:
-    refused: dict[tuple[str, str], list[Pair]] = {}
-    slow: dict[tuple[str, str], list[Pair]] = {}
-    margins: list[Pair] = []
-    for pair in pairs(model):
-        kinds = _kinds(model, pair)
-        if kinds in NOT_IN_MJX:
-            refused.setdefault(kinds, []).append(pair)
-        elif kinds not in FAST_ON_WARP:
-            slow.setdefault(kinds, []).append(pair)
-        if {"mesh", "hfield"} & set(kinds) and any(model.geom_margin[g] for g in pair):
-            margins.append(pair)
-    for (a, b), found in refused.items():
+def judge(model: mujoco.Model) -> Iterator[Finding]:
+    """What MJX would refuse, and what is slow on mujoco_warp."""
+    found = pairs(model)
+    for a, b in sorted(found.keys() & NOT_IN_MJX):
+        one, other = (mujoco.name_of(model, "geom", geom) for geom in found[a, b][0])
+        count = len(found[a, b])
         yield UNSUPPORTED_PAIR(
-            f"shape {_name(model, found[0][1])}",
-            f"MJX has no contact of {a} and {b}: {len(found)} pairs, such as "
-            f"{_name(model, found[0][0])} and {_name(model, found[0][1])}",
+            f"shape {other}",
+            f"MJX has no contact of {a} and {b}: {count} pairs, such as {one} and {other}",
             hint="make one a capsule, exclude the pairs, or `mjx: {self_collision: false}`",
-            data={"pairs": len(found), "kinds": f"{a}-{b}"},
+            data={"pairs": count, "kinds": f"{a}-{b}"},
         )
+    margins = [
+        pair
+        for kinds, alike in found.items()
+        for pair in alike
+        if {"mesh", "hfield"} & {*kinds} and model.geom_margin[list(pair)].any()
+    ]
     if margins:
         yield MARGIN(
-            f"shape {_name(model, margins[0][1])}",
+            f"shape {mujoco.name_of(model, 'geom', margins[0][1])}",
             f"MJX takes no margin on a mesh: {len(margins)} pairs have one",
             hint="leave `contact.margin` at 0, or use a primitive",
             data={"pairs": len(margins)},
         )
+    slow = [
+        (len(found[kinds]), *kinds) for kinds in found if kinds not in NOT_IN_MJX | FAST_ON_WARP
+    ]
     if slow:
-        total = sum(map(len, slow.values()))
-        shown = ", ".join(f"{len(found)} {a}-{b}" for (a, b), found in slow.items())
+        total = sum(count for count, _, _ in slow)
+        shown = ", ".join(f"{count} {a}-{b}" for count, a, b in slow)
         yield SLOW_PAIR(
             "robot",
             f"mujoco_warp takes its general routine for {total} pairs: {shown}",
             hint="spheres and capsules have a closed form with planes and boxes",
             data={"pairs": total},
         )
+    for what in _lacking(model):
+        message = f"MJX does not do this: {what}"
+        yield OPTION("robot", message, hint="change it in the recipe's `mjx`")
 
 
-def _judge_options(model: mujoco.Model) -> Iterator[Finding]:
-    import mujoco as mj
-
-    said = []
+def _lacking(model: mujoco.Model) -> Iterator[str]:
     if int(model.opt.integrator) not in INTEGRATORS:
-        said.append("integrator (Euler, RK4 or implicitfast)")
+        yield "integrator (Euler, RK4 or implicitfast)"
     if int(model.opt.solver) not in SOLVERS:
-        said.append("solver (Newton or CG)")
+        yield "solver (Newton or CG)"
     if model.nflex:
-        said.append("flexible bodies")
-    for i in range(model.nsensor):
-        is_contact = int(model.sensor_type[i]) == int(mj.mjtSensor.mjSENS_CONTACT)
-        if is_contact and int(model.sensor_intprm[i, 1]) == NET_FORCE:
-            said.append(f"net force of contact sensor {mujoco.name_of(model, 'sensor', i)}")
-    for what in said:
-        yield OPTION(
-            "robot", f"MJX does not do this: {what}", hint="change it in the recipe's `mjx`"
-        )
-
-
-def _name(model: mujoco.Model, geom: int) -> str:
-    return mujoco.name_of(model, "geom", geom)
+        yield "flexible bodies"
+    contact = model.sensor_type == int(mujoco.mj.mjtSensor.mjSENS_CONTACT)
+    for sensor in np.flatnonzero(contact & (model.sensor_intprm[:, 1] == NET_FORCE)):
+        yield f"net force of contact sensor {mujoco.name_of(model, 'sensor', int(sensor))}"

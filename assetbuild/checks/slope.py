@@ -13,8 +13,8 @@ from assetbuild.kinds import write_figures
 from assetbuild.quantities import Positive
 from assetbuild.robot.files import RobotFiles
 from assetbuild.simulators import mujoco
+from assetbuild.simulators.mujoco.drives import servoed
 from assetbuild.simulators.mujoco.slope import SHARE, creep
-from assetbuild.simulators.mujoco.stand import external_laws
 
 CREEP = Rule(
     "slope.creep",
@@ -41,10 +41,10 @@ class Slope(mujoco.InMujoco):
 
     def run(self, files: Files) -> Iterator[Finding]:
         """Reads the robot, `mjcf/scene.xml` and, where it is built, `mjx/scene_mjx.xml`."""
-        laws = external_laws(RobotFiles(files.inputs).control)
+        control = RobotFiles(files.inputs).control
         figures: dict[str, object] = {}
         for folder, path, model in mujoco.full_and_mjx_models(files.inputs, "scene", figures):
-            found = creep(model, self.share, laws)
+            found = creep(servoed(model, control), self.share)
             if isinstance(found, str):
                 figures[folder] = {"skipped": found}
                 continue

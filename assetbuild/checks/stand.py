@@ -17,13 +17,9 @@ from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.model import Tree
 from assetbuild.robot.shapes import Shapes
 from assetbuild.simulators import mujoco
+from assetbuild.simulators.mujoco.drives import servoed
 from assetbuild.simulators.mujoco.stand import Stand as Stood
-from assetbuild.simulators.mujoco.stand import (
-    external_laws,
-    outcome,
-    outcome_figures,
-    stand,
-)
+from assetbuild.simulators.mujoco.stand import outcome, outcome_figures, stand
 
 FAR = 10.0
 """Times `sole`: feet so far from the floor at the start are an error; a reset drops the robot."""
@@ -114,23 +110,27 @@ class Stand(mujoco.InMujoco):
     soles: str | None = None
     """What `feet` is without a word of its own; None = any link may touch the floor."""
 
-    @property
-    def feet_pattern(self) -> str | None:
-        """Pattern of the source links that may touch the floor; None = any may."""
-        return self.feet or self.soles
-
     def run(self, files: Files) -> Iterator[Finding]:
         """Reads the robot and `mjcf/scene.xml`."""
         robot = RobotFiles(files.inputs)
         try:
             model = mujoco.load(files.inputs / "mjcf" / "scene.xml", visuals=False).model
-            stood = stand(model, self.keyframe, self.seconds, external_laws(robot.control))
+            stood = stand(servoed(model, robot.control), self.keyframe, self.seconds)
         except StepError as error:
             write_figures(files, {"skipped": error.message})
             yield LOAD("robot", f"cannot stand: {error.message}")
             return
         figures = _figures(stood) | {"stood": outcome_figures(stood, self.fall)}
-        write_figures(files, figures, self._limits())
+        heights = ("height_m", "height_change_m", "height_before_m", "height_after_m")
+        limits = {
+            **dict.fromkeys(heights, self.max_sag),
+            **dict.fromkeys(("gap_at_start_m", "overlapping"), self.sole),
+            **dict.fromkeys(("joint_sag", "max_joint_sag"), self.fall),
+            **dict.fromkeys(("load", "max_load"), self.saturated),
+            "tilt_rad": self.max_tilt,
+            "drift_m": self.max_drift,
+        }
+        write_figures(files, figures, limits)
         if stood.finite:
             yield from self.judged(stood, robot.tree, robot.shapes)
         else:
@@ -144,19 +144,12 @@ class Stand(mujoco.InMujoco):
     def judged(self, stood: Stood, tree: Tree, shapes: Shapes) -> Iterator[Finding]:
         """Yield what speaks against the way in which a robot stood that stayed finite."""
         link_of = {shape.name: shape.link for shape in shapes.of("collision")}
+        if outcome(stood, self.fall) == "falls":
+            yield self._fell(stood)
         if tree.base == "floating":
-            yield from self._judge_start(stood, link_of, tree)
+            yield from self._judge_soles(self._soles(stood, link_of, tree))
             yield from self._judge_base(stood)
             yield from self._judge_contacts(stood, link_of)
-        elif outcome(stood, self.fall) == "falls":
-            joint, off = stood.worst_held
-            unit = "m" if joint in stood.slides else "rad"
-            yield FALL(
-                f"actuator {joint}",
-                f"does not hold the pose: after {self.seconds:g} s its joint is {off:.3g} {unit} "
-                f"off `{self.keyframe}`, above the limit of {self.fall:g}",
-                data={"off": off, "limit": self.fall},
-            )
         for (a, b), depth in stood.overlapping.items():
             if depth > self.sole:
                 yield OVERLAP(
@@ -169,20 +162,27 @@ class Stand(mujoco.InMujoco):
                 message = f"needs all of its effort limit to stand ({load:.0%})"
                 yield TORQUE(f"actuator {joint}", message, data={"load": load})
 
-    def _limits(self) -> dict[str, float]:
-        """Name of a figure -> what it is compared with."""
-        heights = ("height_m", "height_change_m", "height_before_m", "height_after_m")
-        return {
-            **dict.fromkeys(heights, self.max_sag),
-            **dict.fromkeys(("gap_at_start_m", "overlapping"), self.sole),
-            **dict.fromkeys(("joint_sag", "max_joint_sag"), self.fall),
-            **dict.fromkeys(("load", "max_load"), self.saturated),
-            "tilt_rad": self.max_tilt,
-            "drift_m": self.max_drift,
-        }
+    def _fell(self, stood: Stood) -> Finding:
+        if not stood.floats:
+            joint, off, unit = stood.worst_held
+            return FALL(
+                f"actuator {joint}",
+                f"does not hold the pose: after {self.seconds:g} s its joint is {off:.3g} {unit} "
+                f"off `{self.keyframe}`, above the limit of {self.fall:g}",
+                data={"off": off, "limit": self.fall},
+            )
+        return FALL(
+            "robot",
+            f"fell within {self.seconds:g} s: its base went from {stood.height_m:.3g} m to "
+            f"{stood.height_m - stood.sag_m:.3g} m above the floor and tilted by "
+            f"{stood.tilt_rad:.3g} rad",
+            hint="raise kp, check the effort limits, look for a pose off balance",
+            data={"sag_m": stood.sag_m, "tilt_rad": stood.tilt_rad},
+        )
 
     def _is_foot(self, link: str) -> bool:
-        return self.feet_pattern is None or re.fullmatch(self.feet_pattern, link) is not None
+        pattern = self.feet or self.soles
+        return pattern is None or re.fullmatch(pattern, link) is not None
 
     def _soles(self, stood: Stood, link_of: Mapping[str, str], tree: Tree) -> dict[str, float]:
         """Gap (m) of every foot by the pattern; without one, of the lowest point of the robot.
@@ -195,16 +195,12 @@ class Stand(mujoco.InMujoco):
             if self._is_foot(link):
                 foot = _held_by(tree, link)
                 soles[foot] = min((gap, link), soles.get(foot, (gap, link)))
-        lowest = sorted(soles.values()) if self.feet_pattern else sorted(soles.values())[:1]
-        return {link: gap for gap, link in lowest}
+        lowest = sorted(soles.values())
+        return {link: gap for gap, link in (lowest if self.feet or self.soles else lowest[:1])}
 
-    def _judge_start(
-        self, stood: Stood, link_of: Mapping[str, str], tree: Tree
-    ) -> Iterator[Finding]:
-        soles = self._soles(stood, link_of, tree)
-        if self.feet_pattern and not soles:
-            message = f"no link that matches `{self.feet_pattern}` has a shape to stand on"
-            yield NO_FEET("robot", message)
+    def _judge_soles(self, soles: Mapping[str, float]) -> Iterator[Finding]:
+        if (pattern := self.feet or self.soles) and not soles:
+            yield NO_FEET("robot", f"no link that matches `{pattern}` has a shape to stand on")
         for link, gap in sorted(soles.items()):
             if abs(gap) > self.sole:
                 side = "above" if gap > 0 else "inside"
@@ -217,15 +213,6 @@ class Stand(mujoco.InMujoco):
                 )
 
     def _judge_base(self, stood: Stood) -> Iterator[Finding]:
-        if outcome(stood, self.fall) == "falls":
-            after = stood.height_m - stood.sag_m
-            yield FALL(
-                "robot",
-                f"fell within {self.seconds:g} s: its base went from {stood.height_m:.3g} m to "
-                f"{after:.3g} m above the floor and tilted by {stood.tilt_rad:.3g} rad",
-                hint="raise kp, check the effort limits, look for a pose off balance",
-                data={"sag_m": stood.sag_m, "tilt_rad": stood.tilt_rad},
-            )
         for rule, value, limit, unit, what in (
             (SAG, abs(stood.sag_m), self.max_sag, "m", "base height changed"),
             (TILT, stood.tilt_rad, self.max_tilt, "rad", "base tilted"),
@@ -261,21 +248,14 @@ def _figures(stood: Stood) -> dict[str, object]:
     """Numbers that JSON can hold; of an unstable run only that it was."""
     if not stood.finite:
         return {"finite": False, "mujoco_warnings": list(stood.warnings[:10])}
+    plain = ("finite", "seconds", "height_m", "tilt_rad", "drift_m", "touching", "touched")
     return {
-        "finite": True,
-        "seconds": stood.seconds,
-        "height_m": stood.height_m,
+        **{name: getattr(stood, name) for name in (*plain, "joint_sag", "load")},
         "height_change_m": -stood.sag_m,
-        "tilt_rad": stood.tilt_rad,
-        "drift_m": stood.drift_m,
-        "touching": list(stood.touching),
-        "touched": list(stood.touched),
         "overlapping": [[a, b, depth] for (a, b), depth in stood.overlapping.items()],
         "gap_at_start_m": {
             name: stood.gap_m[name] for name in stood.touched if name in stood.gap_m
         },
-        "joint_sag": dict(stood.joint_sag),
         "max_joint_sag": max(map(abs, stood.joint_sag.values()), default=0.0),
-        "load": dict(stood.load),
         "max_load": max(stood.load.values(), default=0.0),
     }

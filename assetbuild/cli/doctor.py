@@ -161,8 +161,8 @@ def _program(name: str, use: str) -> Row:
 
 def _pictures() -> Iterator[Row]:
     from assetbuild.engine.world import World
+    from assetbuild.looks.offscreen import renderer
     from assetbuild.looks.viewer import three_js
-    from assetbuild.simulators.offscreen import renderer
 
     kind = renderer(World())
     if kind == "none":

@@ -22,7 +22,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--pictures",
         type=Path,
         metavar="DIR",
-        help="draw into DIR: from behind, collision, inertia, joint axes, contacts, each joint",
+        help="draw into DIR: from behind, collision, inertia, joint axes, contacts",
     )
 
 
@@ -63,8 +63,8 @@ def run(arguments: argparse.Namespace) -> int:
 def _draw(bundle: Path, folder: Path) -> None:
     """UsageError when it has no MJCF; StepError when this machine cannot draw."""
     from assetbuild.engine.world import World
+    from assetbuild.looks.offscreen import renderer
     from assetbuild.looks.render import draw_all
-    from assetbuild.simulators.offscreen import renderer
 
     scene = bundle / "mjcf" / "scene.xml"
     if not scene.is_file():

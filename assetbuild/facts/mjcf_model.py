@@ -13,9 +13,10 @@ from assetbuild.facts.mjcf_fields import body_name, numbers
 from assetbuild.facts.mjcf_meshes import Meshes, pose_of
 from assetbuild.facts.mjcf_senses import BALL, JOINTS, read_keyframe, read_senses, simulation_facts
 from assetbuild.facts.table import Value, Writer, pair_name
-from assetbuild.simulators.mujoco import Model, inertia_of, name_of, passes
+from assetbuild.simulators.mujoco import Model, inertia_of, name_of
 from assetbuild.simulators.mujoco.drives import Drive, read_drives
 from assetbuild.simulators.mujoco.levers import tendon_coupling
+from assetbuild.simulators.mujoco.pairs import passes
 
 LOOPS = {0: "connect", 1: "weld"}
 """Kinds of loops by MuJoCo's number of the equality's type."""

@@ -45,8 +45,8 @@ from assetbuild.robot.poses import Keyframe
 from assetbuild.robot.shapes import Geometry, Mesh, MeshAsset, MeshFile, Shape, Shapes, SourceShape
 from assetbuild.robot.simulation import Simulation
 from assetbuild.simulators import mujoco
-from assetbuild.simulators.mujoco import stand as held
 from assetbuild.simulators.mujoco import trials as mujoco_trials
+from assetbuild.simulators.mujoco.drives import servoed
 from assetbuild.simulators.mujoco.stand import Stand, outcome, outcome_figures, stand
 from assetbuild.simulators.mujoco.trials import support
 from assetbuild.targets.mjcf import Mjcf
@@ -186,7 +186,7 @@ class Stage:
         robot over or askew. It is then tried without the collisions of these pairs.
         """
         scene = model if self.whole else self._on_soles(model)
-        stood = stand(scene, "home", JUDGE.seconds, _laws(made))
+        stood = stand(servoed(scene, made), "home", JUDGE.seconds)
         if not self.whole or (_stays(stood) and stood.tilt_rad <= PUSHED_RAD):
             return self._judged(stood)
         body = self.overlaps.body_of
@@ -198,7 +198,7 @@ class Stage:
         if deep:
             without = Exclude(adjacent=True, pairs=(*control.exclude.pairs, *deep))
             list(self.ports.run(control.model_copy(update={"exclude": without})))
-            freed = stand(self._compiled(), "home", JUDGE.seconds, _laws(made))
+            freed = stand(servoed(self._compiled(), made), "home", JUDGE.seconds)
             if _stays(freed) and freed.tilt_rad <= PUSHED_RAD:
                 return replace(self._judged(freed), overlaps=deep)
         return self._judged(stood)
@@ -246,15 +246,6 @@ def staged(
         shapes, meshes = _laid_out(robot, root, links, ports, turned)
         real = Overlaps(robot.tree, {shape.name: shape for shape in shapes.shapes}, meshes)
         yield Stage(robot, soles, shapes, real, ports, whole)
-
-
-def _laws(control: Control) -> dict[str, held.Gains]:
-    """The drives that a controller outside of the simulator computes."""
-    return {
-        a.joint: held.Gains(a.kp, a.kd, a.effort)
-        for a in control.actuators
-        if a.model in ("ideal_pd", "dc_motor", "motor")
-    }
 
 
 def tables(

@@ -17,25 +17,20 @@ from assetbuild.mesh.quality import NearestSurface, surface_samples
 from assetbuild.mesh.simplify import clustered, simplified
 from assetbuild.mesh.triangles import TriangleMesh
 from assetbuild.mesh.weld import cleaned
-from assetbuild.robot.pose import Array
 
 SMALLEST = 400
 """Triangles up to which a mesh is left as it is: a screw stays a screw."""
 OWN, WHOLE = 0.0025, 0.0006
 """Error that is allowed, as a share of the mesh's own diagonal and of the largest mesh's: 0.4 mm
 on a trunk of 0.6 m, less than a pixel of the view. The larger of the two counts."""
-SAMPLES = 1000
+SAMPLES = 500
 """Points of both surfaces between which the error is measured."""
-CELLS = (2.0, 1.0)
-"""Sides of the cells within which vertices become one, in allowed errors; the first that fits."""
-HALVINGS = 3
-"""How often quadric decimation may halve the triangles after that."""
+CELL = 2.0
+"""Side of the cells within which vertices become one, in allowed errors."""
 STALLED = 0.9
 """Decimation that keeps more than 90 % of the triangles finds no more to take."""
 DECIMALS = 5
 """Of a metre, to which vertices are rounded."""
-FEW, SURELY = 250, 0.05
-"""Where more than 5 % of so few points err, more than 1 % of all do."""
 
 
 class Lighten(Step):
@@ -87,42 +82,27 @@ class Lighten(Step):
 
 
 def _light(mesh: TriangleMesh, error_m: float) -> TriangleMesh:
-    """The smallest mesh that keeps its shape; `mesh` itself where there is none.
+    """A smaller mesh that keeps its shape; `mesh` itself where there is none.
 
-    Vertices that nearly touch become one; then the triangles are halved up to three times. Each
-    mesh is made from the one before, until even a few of its points lie too far off. The smallest
-    whose points all lie near enough is taken.
+    Vertices that nearly touch become one; then the triangles are halved as long as the shape stays.
     """
-    surface = NearestSurface(mesh)
-    points = surface_samples(mesh, SAMPLES, 1)[0]
+    surface, points = NearestSurface(mesh), surface_samples(mesh, SAMPLES, 1)[0]
 
-    def fits_at_a_glance(made: TriangleMesh) -> bool:
-        few = surface.distance(surface_samples(made, FEW, 0)[0])
-        return bool(np.count_nonzero(few > error_m) <= SURELY * FEW)
-
-    found = [mesh]
-    for cells in CELLS:
-        made = clustered(mesh, cells * error_m, DECIMALS)
-        if 4 <= len(made.faces) < len(mesh.faces) and fits_at_a_glance(made):
-            found.append(made)
-            break
-    for halving in range(1, HALVINGS + 1):
-        goal = max(SMALLEST, len(mesh.faces) >> halving)
-        if goal >= len(found[-1].faces):
-            continue
-        made = _thinned(found[-1], goal)
-        if len(made.faces) > STALLED * len(found[-1].faces) or not fits_at_a_glance(made):
-            break
-        found.append(made)
-    for made in found[:0:-1]:
+    def better(made: TriangleMesh, than: TriangleMesh) -> bool:
+        if not 4 <= len(made.faces) <= STALLED * len(than.faces):
+            return False
         theirs = surface_samples(made, SAMPLES, 0)[0]
-        if _p99(surface, theirs) <= error_m and _p99(NearestSurface(made), points) <= error_m:
-            return made
-    return mesh
+        return all(
+            np.quantile(one.distance(other), 0.99) <= error_m
+            for one, other in ((surface, theirs), (NearestSurface(made), points))
+        )
 
-
-def _p99(surface: NearestSurface, points: Array) -> float:
-    return float(np.quantile(surface.distance(points), 0.99))
+    light, made = mesh, clustered(mesh, CELL * error_m, DECIMALS)
+    if better(made, light):
+        light = made
+    while better(made := _thinned(light, max(SMALLEST, len(light.faces) // 2)), light):
+        light = made
+    return light
 
 
 def _thinned(mesh: TriangleMesh, goal: int) -> TriangleMesh:

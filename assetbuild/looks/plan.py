@@ -15,12 +15,12 @@ from assetbuild.engine.planner import Planner
 from assetbuild.geometry.plan import Geometry
 from assetbuild.kinds import Target
 from assetbuild.looks.lighten import Lighten
+from assetbuild.looks.offscreen import renderer
 from assetbuild.looks.render import Render
 from assetbuild.looks.viewer import Viewer
 from assetbuild.plugins import load_plugin
 from assetbuild.recipe.models import Recipe
 from assetbuild.robot.shapes import MeshFile
-from assetbuild.simulators.offscreen import renderer
 
 PICTURE_MODEL = "picture model"
 """An MJCF to look at; what it has to say about the robot, the target `mjcf` says too."""

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import io
-from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager
+from collections.abc import Iterator
 from pathlib import Path
 from typing import ClassVar
 
@@ -13,20 +11,17 @@ import numpy as np
 from assetbuild.engine.step import Files, Limits, Step
 from assetbuild.errors import StepError
 from assetbuild.findings import Finding, Rule
-from assetbuild.looks.stage import LONG, Stage, extent
-from assetbuild.simulators import mujoco, offscreen
-from assetbuild.simulators.mujoco import Model
-from assetbuild.simulators.studio import BACKGROUND, Pixels, opengl, studio
+from assetbuild.looks.stage import LONG, Stage
+from assetbuild.looks.studio import BACKGROUND, Pixels, studio
+from assetbuild.mesh.native import NativeError, NativeLimits, run_apart
+from assetbuild.simulators import mujoco
 
-DRAWING_S = 400.0
-"""Wall clock for all pictures; a driver that hangs costs only them."""
-ROOM = (LONG, LONG)
-"""Pixels of the largest frame."""
+DRAWING = NativeLimits(cpu_s=60.0, memory_mb=1 << 20)
+"""Drivers crash and hang: that costs only the pictures. They map more memory than they use."""
 HERO, THUMBNAIL = "hero.png", "thumbnail.png"
 SMALL = 256
 """Pixels along a side of the thumbnail."""
-Drawn = Callable[[Stage], Iterable[tuple[str, Pixels]]]
-"""(file, picture) of what is to be drawn."""
+HINT = "`assetbuild doctor` says what to install"
 NO_PICTURES = Rule(
     "pictures.none",
     "info",
@@ -48,7 +43,7 @@ class Render(Step):
     isolated = True
     cpu_bound = True  # Mesa compiles its shaders for the CPU that it finds
     preload = ("mujoco",)
-    limits: ClassVar[Limits] = Limits(wall_s=450.0)
+    limits: ClassVar[Limits] = Limits(wall_s=900.0)
 
     renderer: str
     """From `offscreen.renderer`: the same robot looks a little different on another driver."""
@@ -57,60 +52,51 @@ class Render(Step):
         """Reads the folder `mjcf/`."""
         folder = files.outputs / "images"
         folder.mkdir()
-        problem = _drawn_apart(files.inputs / "mjcf" / "scene.xml", folder, self.renderer, _hero)
-        if problem:
+        try:
+            draw(files.inputs / "mjcf" / "scene.xml", folder, self.renderer)
+        except StepError as error:
             for half in folder.iterdir():
                 half.unlink()
-            yield NO_PICTURES(
-                "robot", f"no picture: {problem}", hint="`assetbuild doctor` says what to install"
-            )
+            yield NO_PICTURES("robot", f"no picture: {error.message}", hint=HINT)
 
 
 def draw_all(scene: Path, folder: Path, renderer: str) -> None:
     """Write all pictures of a robot's `scene.xml` into a folder, which is made. StepError."""
     folder.mkdir(parents=True, exist_ok=True)
-    problem = _drawn_apart(scene, folder, renderer, _all)
-    if problem:
-        raise StepError(f"no pictures: {problem}", hint="`assetbuild doctor` says what to install")
+    try:
+        draw(scene, folder, renderer, explained=True)
+    except StepError as error:
+        raise StepError(f"no pictures: {error.message}", hint=HINT) from None
 
 
-def _hero(stage: Stage) -> Iterator[tuple[str, Pixels]]:
-    pixels = stage.hero()
-    yield HERO, pixels
-    yield THUMBNAIL, _thumbnail(pixels)
+def draw(scene: Path, folder: Path, renderer: str, *, explained: bool = False) -> None:
+    """Write the picture of a robot with a small one, or those that explain it as well. StepError.
 
-
-def _all(stage: Stage) -> Iterator[tuple[str, Pixels]]:
-    yield HERO, stage.hero()
-    yield from stage.others()
-
-
-def _drawn_apart(scene: Path, folder: Path, renderer: str, drawn: Drawn) -> str:
-    """Draw in a process of its own; why it came to nothing, or ""."""
-
-    def draw() -> None:
-        with _stage(scene, renderer) as stage:
-            for name, pixels in drawn(stage):
-                (folder / name).write_bytes(_png(pixels))
-
-    return offscreen.run_apart(draw, DRAWING_S)
-
-
-@contextmanager
-def _stage(scene: Path, renderer: str) -> Iterator[Stage]:
+    In a process of its own.
+    """
     if renderer == "none":
         raise StepError("no OpenGL without a window (EGL or OSMesa) here, or `MUJOCO_GL` says so")
-    model = _loaded(scene)
-    data = mujoco.at_key(model)
-    seen = extent(model, data)
-    with (
-        opengl(renderer, ROOM),
-        studio(model, ROOM, seen.middle, seen.size / 2.0, seen.lowest) as opened,
-    ):
-        yield Stage(opened, model, data, seen)
+    stage = Stage(_loaded(scene))
+
+    def work() -> tuple[()]:
+        size, radius = (LONG, LONG), stage.size / 2.0
+        with studio(renderer, stage.model, size, stage.middle, radius, stage.lowest) as opened:
+            hero = stage.hero(opened)
+            _write(folder / HERO, hero)
+            if not explained:
+                _write(folder / THUMBNAIL, _thumbnail(hero))
+                return ()
+            for name, pixels in stage.others(opened):
+                _write(folder / name, pixels)
+        return ()
+
+    try:
+        run_apart(work, DRAWING)
+    except NativeError as error:
+        raise StepError(f"OpenGL by {renderer.partition(' ')[0]}: {error}") from None
 
 
-def _loaded(scene: Path) -> Model:
+def _loaded(scene: Path) -> mujoco.Model:
     """Without its contacts where they are too many for MuJoCo's memory."""
     model = mujoco.load(scene).model
     try:
@@ -121,12 +107,10 @@ def _loaded(scene: Path) -> Model:
     return model
 
 
-def _png(pixels: Pixels) -> bytes:
+def _write(path: Path, pixels: Pixels) -> None:
     from PIL import Image
 
-    out = io.BytesIO()
-    Image.fromarray(pixels).save(out, "PNG", compress_level=4)
-    return out.getvalue()
+    Image.fromarray(pixels).save(path, "PNG", compress_level=4)
 
 
 def _thumbnail(pixels: Pixels) -> Pixels:

@@ -2,148 +2,120 @@
 
 from __future__ import annotations
 
-import re
+import colorsys
+import math
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from assetbuild.looks.framing import directions, ellipsoid_points, fitted, robot_points, spans
+from assetbuild.looks.studio import LAMP, Camera, Paint, Pixels, Shot, Studio, lamp_direction
 from assetbuild.robot.pose import Array
 from assetbuild.simulators import mujoco
 from assetbuild.simulators.mujoco import Data, Model
-from assetbuild.simulators.studio import LAMP, Camera, Paint, Pixels, Shot, Studio, lamp_direction
 
 LONG, SHORT = 1600, 1200
-"""Pixels of the sides of a large picture."""
+"""Pixels of the sides of a picture."""
 TALL = 1.25
 """Height / width of the robot in the picture from which on the frame is upright."""
 FRONT, BEHIND, ELEVATION = 140.0, -40.0, -14.0
 """Where the camera looks, degrees, as MuJoCo counts them."""
-SIDES = (140.0, -140.0, 40.0, -40.0)
-"""Azimuths among which a picture of one limb chooses the one that is nearest to it."""
+FOV = 28.0
+"""Field of view along the shorter side of the picture, degrees: a long lens bends little."""
+MARGIN = 1.1
+"""How much larger the frame is than what is shown."""
+OF_A_MESH = 1500
+"""Vertices of each mesh that the camera is fitted to, evenly chosen."""
 HERO_SAMPLES = 3
 """Frames behind the first picture: each with the lamp a little elsewhere."""
-TURN = 0.3
-"""rad (or share of the range of a sliding joint) by which a joint is turned to show its sign."""
-NEAR = 0.22
-"""Half of the least size of what a picture of one limb shows, as a share of the robot's size."""
-MOST_JOINTS = 80
-"""More joints than this are not shown one by one."""
-COLLISION = 3
-"""The group of collision geometry."""
-BODY = (2, COLLISION)
+VISUAL, COLLISION = 2, 3
+"""Groups of geoms."""
+BODY = (VISUAL, COLLISION)
 """What stands for the robot: visual geometry, and collision geometry of bodies without any."""
-HULLS = ("mjVIS_CONVEXHULL",)
-"""A collision mesh that is not convex is shown as what MuJoCo collides: its hull."""
 UNDRAWN = 1001
 """`mjGEOM_NONE`: a geom of this type is skipped by the renderer."""
 ELLIPSOIDS = 0.8
 """How far from the robot's middle its inertia ellipsoids are shown, as a share of its size."""
+GRID = np.array([[x, y, z] for x in (-1.0, 0.0, 1.0) for y in (-1.0, 0.0, 1.0) for z in (-1, 0, 1)])
+AROUND = GRID[GRID.any(axis=1)] / np.linalg.norm(GRID[GRID.any(axis=1)], axis=1)[:, None]
+"""(26, 3) unit vectors all around."""
 Rgba = tuple[float, float, float, float]
-CLEAR: Rgba = (0.0, 0.0, 0.0, 0.0)
-GREY: Rgba = (0.66, 0.68, 0.71, 1.0)
-MOVED: Rgba = (0.95, 0.45, 0.05, 1.0)
-
-
-@dataclass(frozen=True, eq=False)
-class Extent:
-    """What is to be seen of a robot.
-
-    points: (n, 3) m, of all geometry; looks: of what it looks like; size: m, diagonal of its box.
-    bare: it has no geometry, and the points are those of its inertia ellipsoids.
-    """
-
-    points: Array
-    looks: Array
-    middle: Array
-    size: float
-    lowest: float
-    bare: bool = False
-
-
-def extent(model: Model, data: Data) -> Extent:
-    """The robot at its first pose, all of its geometry."""
-    groups = np.asarray(model.geom_group)
-    shown = (np.asarray(model.geom_bodyid) != 0) & (groups < 4)
-    points = robot_points(model, data, np.flatnonzero(shown).tolist())
-    looks = robot_points(model, data, np.flatnonzero(shown & (groups == 2)).tolist())
-    bare = not len(points)
-    if bare:
-        points = ellipsoid_points(model, data)
-        if not len(points):
-            points = np.array(data.subtree_com[0]) + np.array([[-0.5] * 3, [0.5] * 3])
-    lower, upper = points.min(axis=0), points.max(axis=0)
-    size = max(float(np.linalg.norm(upper - lower)), 1e-3)
-    return Extent(
-        points,
-        looks if len(looks) else points,
-        (lower + upper) / 2.0,
-        size,
-        float(lower[2]),
-        bare,
-    )
+FADED: Rgba = (0.66, 0.68, 0.71, 0.16)
 
 
 class Stage:
-    """One robot with one camera for all its large pictures."""
+    """A robot in its first pose and what is to be seen of it.
 
-    def __init__(self, studio: Studio, model: Model, data: Data, seen: Extent) -> None:
-        self.studio, self.model, self.data, self.extent = studio, model, data, seen
-        groups, bodies = np.asarray(model.geom_group), np.asarray(model.geom_bodyid)
-        visual, pieces = bodies[groups == 2], groups == 3
-        self._pieces = frozenset(np.flatnonzero(pieces).tolist())
-        self._spare = frozenset(np.flatnonzero(pieces & np.isin(bodies, visual)).tolist())
+    points: (n, 3) m, of all geometry; looks: of what it looks like. bare: it has no geometry, and
+    the points are those of its inertia ellipsoids. size: m, diagonal of its box.
+    """
+
+    def __init__(self, model: Model) -> None:
+        self.model, self.data = model, mujoco.at_key(model)
+        self._groups, bodies = np.asarray(model.geom_group), np.asarray(model.geom_bodyid)
+        shown = (bodies != 0) & (self._groups < 4)
+        visual, solid = self._groups == VISUAL, self._groups == COLLISION
+        self._spare = solid & np.isin(bodies, bodies[visual])
         """Collision geometry of bodies that have visual geometry to be seen by."""
-        self.looks = (0, 2) if len(visual) else (0, 3)
+        self.points = mujoco.outlines(model, self.data, np.flatnonzero(shown), OF_A_MESH)
+        self.bare = not len(self.points)
+        if self.bare:
+            self.points = ellipsoid_points(model, self.data)
+        if not len(self.points):
+            self.points = np.array(self.data.subtree_com[0]) + np.array([[-0.5] * 3, [0.5] * 3])
+        looks = mujoco.outlines(model, self.data, np.flatnonzero(shown & visual), OF_A_MESH)
+        self.looks = looks if len(looks) else self.points
+        self.groups = (0, VISUAL if visual.any() else COLLISION)
         """Groups of geoms that are drawn: without visual geometry, the collision geometry."""
-        wide, high = spans(seen.points, FRONT, ELEVATION)
-        self.size = (SHORT, LONG) if high > TALL * wide else (LONG, SHORT)
-        _decorate(model, seen.size)
+        lower, upper = self.points.min(axis=0), self.points.max(axis=0)
+        self.middle, self.lowest = (lower + upper) / 2.0, float(lower[2])
+        self.size = max(float(np.linalg.norm(upper - lower)), 1e-3)
+        _, right, up = directions(FRONT, ELEVATION)
+        is_tall = np.ptp(self.points @ up) > TALL * np.ptp(self.points @ right)
+        self.frame = (SHORT, LONG) if is_tall else (LONG, SHORT)
+        _decorate(model, self.size)
 
-    def _whole(self, azimuth: float, points: Array, **more: float) -> Camera:
-        return fitted(points, azimuth, ELEVATION, self.size[0] / self.size[1], **more)
-
-    def _large(self, camera: Camera, **more: Any) -> Pixels:  # Any: the fields of Shot
-        return self.studio.frame(self.data, Shot(camera, *self.size, **more))
-
-    def hero(self) -> Pixels:
+    def hero(self, studio: Studio) -> Pixels:
         """The picture that stands for the robot; the frame holds its shadow as well."""
-        if self.extent.bare:
-            return self._large(self._whole(FRONT, self.extent.looks), flags=("mjVIS_INERTIA",))
-        lit = np.concatenate([self.extent.looks, self._shadow()])
-        camera = self._whole(FRONT, lit)
-        return self._large(camera, groups=self.looks, samples=HERO_SAMPLES, soft=True)
+        if self.bare:
+            return self._picture(studio, self._seen(self.looks), flags=("mjVIS_INERTIA",))
+        camera = self._seen(np.concatenate([self.looks, self._shadow()]))
+        return self._picture(studio, camera, groups=self.groups, samples=HERO_SAMPLES, soft=True)
+
+    def others(self, studio: Studio) -> Iterator[tuple[str, Pixels]]:
+        """(file, picture) of what one does not see of a robot that stands before one."""
+        faded = self._painted(lambda geom: None if self._spare[geom] else FADED)
+        axes = ("mjVIS_JOINT", "mjVIS_INERTIA") if self.bare else ("mjVIS_JOINT",)
+        wide = self._seen(self.points, margin=1.3)
+        yield "joints.png", self._picture(studio, wide, groups=BODY, flags=axes, paint=faded)
+        if self.bare:
+            return
+        behind = self._seen(self.looks, BEHIND)
+        yield "behind.png", self._picture(studio, behind, groups=self.groups[1:])
+        inside, flags = self._seen(self._with_ellipsoids()), ("mjVIS_INERTIA", "mjVIS_COM")
+        yield "inertia.png", self._picture(studio, inside, groups=BODY, flags=flags, paint=faded)
+        camera = self._seen(self.points)
+        for name, wanted, flag, colour in (
+            # A mesh that is not convex is shown as what MuJoCo collides: its hull.
+            ("collision.png", (self._groups == COLLISION).any(), "mjVIS_CONVEXHULL", _hue),
+            ("contacts.png", self.data.ncon, "mjVIS_CONTACTPOINT", lambda _: FADED),
+        ):
+            if wanted:
+                more = {"groups": (COLLISION,), "flags": (flag,), "paint": self._painted(colour)}
+                yield name, self._picture(studio, camera, **more)
+
+    def _seen(self, points: Array, azimuth: float = FRONT, margin: float = MARGIN) -> Camera:
+        return fitted(points, azimuth, ELEVATION, self.frame[0] / self.frame[1], margin)
+
+    def _picture(self, studio: Studio, camera: Camera, **more: Any) -> Pixels:  # Any: of Shot
+        return studio.frame(self.data, Shot(camera, *self.frame, **more))
 
     def _shadow(self) -> Array:
         """(n, 3) m, how far the robot's shadow reaches on the floor; its edge is soft."""
-        points = self.extent.looks
         forward, right, _ = directions(FRONT, ELEVATION)
         lamp = lamp_direction(forward, right)
-        falls = (1.0 + 3.0 * LAMP) * (points[:, 2:] - self.extent.lowest) / -lamp[2]
-        return np.asarray(points + falls * lamp, dtype=np.float64)
-
-    def others(self) -> Iterator[tuple[str, Pixels]]:
-        """(file, picture) of what one does not see of a robot that stands before one."""
-        yield "joints.png", self._axes()
-        if self.extent.bare:
-            return
-        behind = self._whole(BEHIND, self.extent.looks)
-        yield "behind.png", self._large(behind, groups=self.looks[1:])
-        inside, faded = self._whole(FRONT, self._with_ellipsoids()), self._faded(0.16)
-        flags = ("mjVIS_INERTIA", "mjVIS_COM")
-        yield "inertia.png", self._large(inside, groups=BODY, flags=flags, paint=faded)
-        camera = self._whole(FRONT, self.extent.points)
-        if self._pieces:
-            paint = self._painted(lambda geom: (*hue(geom), 1.0) if geom in self._pieces else None)
-            yield "collision.png", self._large(camera, groups=(3,), flags=HULLS, paint=paint)
-        if self.data.ncon:
-            ghost, flag = self._faded(0.16, spare=False), "mjVIS_CONTACTPOINT"
-            yield "contacts.png", self._large(camera, groups=(3,), flags=(flag,), paint=ghost)
-        joints = self._joints()
-        for joint in joints if len(joints) <= MOST_JOINTS else ():
-            yield self._direction(joint)
+        falls = (1.0 + 3.0 * LAMP) * (self.looks[:, 2:] - self.lowest) / -lamp[2]
+        return np.asarray(self.looks + falls * lamp, dtype=np.float64)
 
     def _with_ellipsoids(self) -> Array:
         """(n, 3) m: the robot and its inertia ellipsoids, as far as they reach from it.
@@ -151,117 +123,78 @@ class Stage:
         A tensor that is too large by far would leave the robot a dot: what reaches out further
         than the robot's size is cut.
         """
-        points = np.concatenate([self.extent.points, ellipsoid_points(self.model, self.data)])
-        reach, middle = ELLIPSOIDS * self.extent.size, self.extent.middle
-        return np.asarray(np.clip(points, middle - reach, middle + reach), dtype=np.float64)
-
-    def _axes(self) -> Pixels:
-        """Arrows along the joints' axes."""
-        camera = self._whole(FRONT, self.extent.points, margin=1.3)
-        flags = ("mjVIS_JOINT", "mjVIS_INERTIA") if self.extent.bare else ("mjVIS_JOINT",)
-        return self._large(camera, groups=BODY, flags=flags, paint=self._faded(0.16))
-
-    def _direction(self, joint: int) -> tuple[str, Pixels]:
-        """One joint turned from home (grey), seen from the side of its limb."""
-        import mujoco as mj
-
-        name = mujoco.name_of(self.model, "joint", joint)
-        turns = int(self.model.jnt_type[joint]) == mj.mjtJoint.mjJNT_HINGE.value
-        unit, travel = ("rad", TURN) if turns else ("m", self._travel(joint))
-        moved = mujoco.at_key(self.model)
-        moved.qpos[int(self.model.jnt_qposadr[joint])] += travel
-        mj.mj_kinematics(self.model, moved)
-        below = self._below(int(self.model.jnt_bodyid[joint]))
-        shot = Shot(
-            self._limb(joint, below, moved),
-            LONG // 2,
-            SHORT // 2,
-            BODY,
-            paint=self._coloured(below, (*GREY[:3], 0.3), GREY),
-            ghost=moved,
-            ghost_paint=self._coloured(below, MOVED, CLEAR),
-        )
-        plain_name = re.sub(r"[^\w+-]+", "_", name)  # a name may hold slashes and dots
-        file = f"{joint:02} {plain_name} {travel:+.2g} {unit}.png"
-        return file, self.studio.frame(self.data, shot)
-
-    def _limb(self, joint: int, below: frozenset[int], moved: Data) -> Camera:
-        """A camera on the limb's side of the robot that shows where it was and where it goes."""
-        bodies = np.asarray(self.model.geom_bodyid)
-        geoms = [g for g in range(self.model.ngeom) if bodies[g] in below and g not in self._spare]
-        at_joint = np.array(self.data.xanchor[joint])
-        both = [robot_points(self.model, data, geoms) for data in (self.data, moved)]
-        points = np.concatenate([*both, at_joint[None]])
-        middle = (points.min(axis=0) + points.max(axis=0)) / 2.0
-        half = NEAR * self.extent.size
-        points = np.concatenate([points, middle + half * np.eye(3), middle - half * np.eye(3)])
-        away = (middle - self.extent.middle)[:2]
-
-        def nearness(azimuth: float) -> float:
-            turn = np.radians(azimuth)
-            return float(round(-away @ np.array([np.cos(turn), np.sin(turn)]), 3))
-
-        azimuth = max(SIDES, key=nearness)  # the first of equals: the side of all other pictures
-        return fitted(points, azimuth, ELEVATION, LONG / SHORT)
-
-    def _joints(self) -> list[int]:
-        """Joints that turn or slide."""
-        import mujoco as mj
-
-        moving = (mj.mjtJoint.mjJNT_HINGE.value, mj.mjtJoint.mjJNT_SLIDE.value)
-        return [n for n, kind in enumerate(self.model.jnt_type) if int(kind) in moving]
-
-    def _travel(self, joint: int) -> float:
-        """How far a slide is moved, m."""
-        lower, upper = (float(v) for v in self.model.jnt_range[joint])
-        return TURN * (upper - lower) if self.model.jnt_limited[joint] else 0.1
-
-    def _below(self, body: int) -> frozenset[int]:
-        """A body and all that hangs on it."""
-        found = {body}
-        for child in range(body + 1, self.model.nbody):
-            if int(self.model.body_parentid[child]) in found:
-                found.add(child)
-        return frozenset(found)
-
-    # --- colours ------------------------------------------------------------------------------
-
-    def _faded(self, alpha: float, *, spare: bool = True) -> Paint:
-        hidden = self._spare if spare else frozenset()
-        return self._painted(lambda geom: (*GREY[:3], 0.0 if geom in hidden else alpha))
-
-    def _coloured(self, bodies: frozenset[int], inside: Rgba, outside: Rgba) -> Paint:
-        """Some bodies in one colour, the others in another."""
-
-        def colour(geom: int) -> Rgba:
-            if geom in self._spare:
-                return CLEAR
-            return inside if int(self.model.geom_bodyid[geom]) in bodies else outside
-
-        return self._painted(colour)
+        points = np.concatenate([self.points, ellipsoid_points(self.model, self.data)])
+        reach = ELLIPSOIDS * self.size
+        return np.asarray(np.clip(points, self.middle - reach, self.middle + reach))
 
     def _painted(self, colour: Callable[[int], Rgba | None]) -> Paint:
-        """The robot's geometry, each in the colour for its number; None = as it is."""
+        """The robot's geometry, each in the colour for its number; None = not drawn at all."""
         import mujoco as mj
 
         of_geom, of_joint = mj.mjtObj.mjOBJ_GEOM.value, mj.mjtObj.mjOBJ_JOINT.value
-        free = mj.mjtJoint.mjJNT_FREE.value
 
         def paint(drawn: Any) -> None:  # Any: mjvGeom
             if drawn.objtype == of_geom and self.model.geom_bodyid[drawn.objid] != 0:
-                rgba = colour(drawn.objid)
-                if rgba is not None:
-                    plain(drawn, rgba)
-            elif drawn.objtype == of_joint and self.model.jnt_type[drawn.objid] == free:
+                _plain(drawn, colour(drawn.objid))
+            elif drawn.objtype == of_joint and self.model.jnt_type[drawn.objid] == 0:  # mjJNT_FREE
                 drawn.rgba[3] = 0.0  # a box in the middle of the robot says nothing
 
         return paint
 
 
-def plain(geom: Any, rgba: Rgba) -> None:  # Any: mjvGeom
-    """One colour without gloss, whatever its material says; what is clear is not drawn at all."""
-    if rgba[3] == 0.0:
+def ellipsoid_points(model: Model, data: Data) -> Array:
+    """(n, 3) points in the world, m, of the ellipsoids that MuJoCo draws for inertias.
+
+    Semiaxes: sqrt(5 (I2 + I3 - I1) / (2 m)), of a uniform ellipsoid with these moments.
+    """
+    found = [np.zeros((0, 3))]
+    for body in range(1, model.nbody):
+        moments, mass = np.array(model.body_inertia[body]), float(model.body_mass[body])
+        if mass > 0.0:
+            axes = np.sqrt(np.maximum(2.5 * (moments.sum() - 2.0 * moments) / mass, 0.0))
+            turned = np.array(data.ximat[body]).reshape(3, 3)
+            found.append((AROUND * axes) @ turned.T + np.array(data.xipos[body]))
+    return np.concatenate(found)
+
+
+def fitted(
+    points: Array, azimuth: float, elevation: float, aspect: float, margin: float = MARGIN
+) -> Camera:
+    """The nearest camera, looking one way, whose picture holds all points.
+
+    points: (n, 3) m in the world; azimuth, elevation: degrees, as MuJoCo's cameras count them;
+    aspect: width / height. A point p = (x right, y up, z ahead) is inside when |x| <= w (z + d),
+    so the largest x - w z and the largest -x - w z decide where the camera stands across, and
+    how far away; the same holds upwards.
+    """
+    forward, right, up = directions(azimuth, elevation)
+    middle = (points.min(axis=0) + points.max(axis=0)) / 2.0
+    x, y, z = np.stack([right, up, forward]) @ (points - middle).T
+    tangent = math.tan(math.radians(FOV / 2.0)) * math.sqrt(max(aspect, 1.0 / aspect))
+    wide, high = tangent * min(aspect, 1.0), tangent / max(aspect, 1.0)
+    wide, high = wide / margin, high / margin
+    left, low = float(np.max(-x - wide * z)), float(np.max(-y - high * z))
+    far_right, far_up = float(np.max(x - wide * z)), float(np.max(y - high * z))
+    across, above = (far_right - left) / 2.0, (far_up - low) / 2.0
+    distance = max((far_right + left) / (2.0 * wide), (far_up + low) / (2.0 * high), 1e-3)
+    position = middle + across * right + above * up - distance * forward
+    return Camera(position, forward, up, wide * margin, high * margin)
+
+
+def directions(azimuth: float, elevation: float) -> tuple[Array, Array, Array]:
+    """(forward, right, up), unit vectors in the world."""
+    turn, tilt = math.radians(azimuth), math.radians(elevation)
+    level = math.cos(tilt)
+    forward = np.array([level * math.cos(turn), level * math.sin(turn), math.sin(tilt)])
+    right = np.array([math.sin(turn), -math.cos(turn), 0.0])
+    return forward, right, np.cross(right, forward)
+
+
+def _plain(geom: Any, rgba: Rgba | None) -> None:  # Any: mjvGeom
+    """One colour without gloss, whatever its material says; what has none is not drawn at all."""
+    if rgba is None:
         geom.type = UNDRAWN
+        return
     geom.rgba[:] = rgba
     geom.matid = -1
     geom.specular = geom.shininess = geom.reflectance = 0.0
@@ -280,8 +213,6 @@ def _decorate(model: Model, size: float) -> None:
     model.vis.rgba.contactpoint[:] = (0.95, 0.2, 0.1, 1.0)
 
 
-def hue(number: int) -> tuple[float, float, float]:
+def _hue(number: int) -> Rgba:
     """Colours that neighbours do not share: steps of the golden ratio around the circle."""
-    import colorsys
-
-    return colorsys.hsv_to_rgb(number * 0.618033988749895 % 1.0, 0.65, 0.95)
+    return (*colorsys.hsv_to_rgb(number * 0.618033988749895 % 1.0, 0.65, 0.95), 1.0)

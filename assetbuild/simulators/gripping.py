@@ -82,7 +82,7 @@ class GripCheck(SimulatorCheck):
                     yield from self._tried(files.inputs, name, path, found)
             except StepError as error:
                 found = {"skipped": error.message}
-                yield from self._unfit(name, error.message, error.hint, "warning")
+                yield from self._unfit(name, error.message, "warning", error.hint)
             figures[target] = found
         write_figures(files, figures, {"slip_m": self.asked.slip})
 
@@ -93,29 +93,27 @@ class GripCheck(SimulatorCheck):
         model = with_object(path)
         hands = hands_of(model, self.asked.keyframes)
         if not hands:
-            yield from self._unfit(name, "no drive alone closes anything like a gripper")
+            yield from self._unfit(name, "no drive alone closes anything like a gripper", "info")
         for hand in hands:
             palm = mujoco.name_of(model, "body", hand.palm)
             tries = tries_of(model, hand, self.asked.masses)
             done = self.grips(inputs, model, hand, tries) if tries else ()
             figures[palm] = [_row(one) for one in done]
             if not done:
-                yield from self._unfit(
-                    name, f"no object fits into the hand of `{palm}`", "", "warning"
-                )
+                message = f"no object fits into the hand of `{palm}`"
+                yield from self._unfit(name, message, "warning")
             failed = [one for one in done if not self._holds(one)]
             if failed:
-                least = self._least_held(inputs, model, hand, failed)
                 yield self.lost(
                     f"link {palm}",
                     f"{name}: of {len(done)} objects its gripper does not hold {len(failed)}: "
                     + ", ".join(map(_words, failed))
-                    + least,
+                    + self._least_held(inputs, model, hand, failed),
                     data={"failed": len(failed), "of": len(done), "limit_m": self.asked.slip},
                 )
 
     def _unfit(
-        self, name: str, message: str, hint: str = "", severity: Severity = "info"
+        self, name: str, message: str, severity: Severity, hint: str = ""
     ) -> Iterator[Finding]:
         if self.no_hand is not None:
             yield self.no_hand("robot", f"{name}: {message}", hint=hint, severity=severity)
@@ -133,24 +131,24 @@ class GripCheck(SimulatorCheck):
         lightest = next((one for one in failed if one.mass == min(self.asked.masses)), None)
         if lightest is None or self.no_hand is None:
             return ""
-        mass = lightest.mass / 2.0
-        while mass >= LEAST_KG:
-            (found,) = self.grips(inputs, model, hand, [(lightest.place, mass)])
-            if self._holds(found):
-                return f"; it holds a {found.place.shape} of {mass:.3g} kg"
+        mass, shape = lightest.mass, lightest.place.shape
+        while mass / 2.0 >= LEAST_KG:
             mass /= 2.0
-        return f"; nor a {lightest.place.shape} of {2.0 * mass:.3g} kg"
+            if self._holds(self.grips(inputs, model, hand, [(lightest.place, mass)])[0]):
+                return f"; it holds a {shape} of {mass:.3g} kg"
+        return f"; nor a {shape} of {mass:.3g} kg"
 
 
 def _row(one: Grip) -> dict[str, object]:
+    known: dict[str, object] = {"slip_m": one.slip_m, "seat_m": one.seat_m}
+    if one.forces_n:
+        known |= {"forces_n": list(one.forces_n)}
     return {
         "shape": one.place.shape,
         "mass_kg": one.mass,
         "width_m": one.place.width_m,
         "held": one.held,
-        "slip_m": one.slip_m if one.held else None,
-        "seat_m": one.seat_m if one.held else None,
-        **({"forces_n": list(one.forces_n) if one.held else None} if one.forces_n else {}),
+        **(known if one.held else dict.fromkeys(known)),
     }
 
 

@@ -14,18 +14,9 @@ from pathlib import Path
 
 import numpy as np
 
+from assetbuild.simulators import mujoco
 from assetbuild.simulators.gripping import GripWish
-from assetbuild.simulators.mujoco import (
-    Data,
-    Model,
-    at_key,
-    caught_warnings,
-    collision_geoms,
-    floats,
-    load,
-    raise_base,
-    without,
-)
+from assetbuild.simulators.mujoco import Data, Model, mj
 from assetbuild.simulators.mujoco.grip import grip, hands_of, tries_of, with_object
 from assetbuild.simulators.mujoco.slope import SHARE, creep
 
@@ -42,7 +33,7 @@ KICK_RAD_S = 1.0
 class Speed:
     """steps_per_s: of CPU time, median of three; contacts: mean per step.
 
-    geoms: that collide. self_contacts, deepest_mm: between the robot's own bodies in the
+    geoms: that collide. self_contacts, deepest_mm: pairs of shapes of the robot's own bodies in the
     initial pose; depth is positive. creep_mm_s: of a standing robot on a slope; None where it does
     not stand. held: `5 of 6` objects in the hands that are found without keyframes; else empty.
     """
@@ -58,38 +49,33 @@ class Speed:
 
 def measure_speed(scene: Path) -> Speed:
     """Drop, without drives. Raises StepError when MuJoCo refuses the file."""
-    import mujoco
-
-    with caught_warnings():
-        model = without(load(scene).model, "ACTUATION")
-        data = at_key(model)
-        touching_now = data.contact[: data.ncon]
-        own = [c.dist for c in touching_now if model.geom_bodyid[[c.geom1, c.geom2]].all()]
-        rates, touching = [], 0
-        for _ in range(REPEATS):
-            data = _moved(model)
-            before = time.process_time()
-            for _ in range(STEPS):
-                mujoco.mj_step(model, data)
-            rates.append(STEPS / max(time.process_time() - before, 1e-9))
-        data = _moved(model)
+    with mujoco.caught_warnings():
+        whole = mujoco.load(scene).model
+        model = mujoco.without(whole, "ACTUATION")
+        data = mujoco.at_key(model)
+        own = mujoco.overlaps(model, data, "geom")
+        rates = [_rate(model) for _ in range(REPEATS)]
+        data, touching = _moved(model), 0
         for _ in range(STEPS):
-            mujoco.mj_step(model, data)
+            mj.mj_step(model, data)
             touching += data.ncon
+    found = creep(whole, SHARE)
     return Speed(
         steps_per_s=float(np.median(rates)),
         contacts=touching / STEPS,
-        geoms=len(collision_geoms(model)),
+        geoms=len(mujoco.collision_geoms(model)),
         self_contacts=len(own),
-        deepest_mm=max(0.0, -1e3 * min(own, default=0.0)),
-        creep_mm_s=_creep_mm_s(scene),
+        deepest_mm=1e3 * max(own.values(), default=0.0),
+        creep_mm_s=None if isinstance(found, str) else 1e3 * found.speed,
         held=_held(scene),
     )
 
 
-def _creep_mm_s(scene: Path) -> float | None:
-    found = creep(load(scene).model, SHARE, {})
-    return None if isinstance(found, str) else 1e3 * found.speed
+def _rate(model: Model) -> float:
+    """Steps per second of CPU time."""
+    data, before = _moved(model), time.process_time()
+    mj.mj_step(model, data, STEPS)
+    return STEPS / max(time.process_time() - before, 1e-9)
 
 
 def _held(scene: Path) -> str:
@@ -105,9 +91,9 @@ def _held(scene: Path) -> str:
 
 def _moved(model: Model) -> Data:
     """The initial pose, lifted and turned, or kicked."""
-    data = at_key(model)
-    if floats(model):
-        raise_base(model, data, LIFT_M)
+    data = mujoco.at_key(model)
+    if mujoco.floats(model):
+        mujoco.raise_base(model, data, LIFT_M)
         data.qpos[3:7] = np.asarray(TILT) / np.linalg.norm(TILT)
     else:
         data.qvel[:] = np.random.default_rng(0).uniform(-KICK_RAD_S, KICK_RAD_S, model.nv)

@@ -14,7 +14,7 @@ from pathlib import Path
 from PIL import Image, ImageDraw, ImageFont, ImageOps
 
 from assetbuild.looks.render import HERO
-from assetbuild.simulators.studio import BACKGROUND
+from assetbuild.looks.studio import BACKGROUND
 
 WIDTH, HEIGHT = 300, 240
 """Pixels of a robot."""

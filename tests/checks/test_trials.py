@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import Any
 
 import mujoco
-import numpy as np
 import pytest
 from tiny import TinyRobot, pendulum, run_step, tiny_quadruped, write_robot_ports
 
@@ -20,7 +19,7 @@ from assetbuild.pipeline.recipes import whole_model
 from assetbuild.robot.model import Actuator, Control, Keyframe
 from assetbuild.robot.pose import Pose
 from assetbuild.robot.shapes import Box, Shape, Shapes
-from assetbuild.simulators.mujoco.trials import polygon_margin, support
+from assetbuild.simulators.mujoco.trials import support
 from assetbuild.targets.mjcf import Mjcf
 
 QUADRUPED = tiny_quadruped()
@@ -72,11 +71,6 @@ def test_a_sound_robot_passes_with_figures_for_every_joint(tmp_path: Path):
     assert figures["settle"]["finite"]
 
 
-def test_a_robot_that_hangs_from_the_world_is_not_dropped(tmp_path: Path):
-    tried(pendulum(), tmp_path)
-    assert "settle" not in json.loads((tmp_path / "out/figures.json").read_text())
-
-
 def test_a_gain_in_degrees_is_a_dead_drive(tmp_path: Path):
     kp, kd = QUADRUPED.control.actuators[0].kp, 4.0
     found = tried(drives(kp=kp * math.pi / 180 / 5, kd=kd), tmp_path)
@@ -86,21 +80,28 @@ def test_a_gain_in_degrees_is_a_dead_drive(tmp_path: Path):
     }
 
 
-def test_a_drive_that_is_as_weak_in_its_own_mjcf_is_a_warning(tmp_path: Path):
-    found = tried(drives(effort=1e-3, friction=0.05), tmp_path, inherited=True)
-    assert {f.severity for f in found if f.rule == "trials.dead"} == {"warning"}
+@pytest.mark.parametrize(("inherited", "severity"), [(False, "error"), (True, "warning")])
+def test_a_drive_that_is_as_weak_in_its_own_mjcf_is_a_warning(
+    inherited: bool, severity: str, tmp_path: Path
+):
+    found = tried(drives(effort=1e-3, friction=0.05), tmp_path, inherited=inherited, alone=False)
+    assert {f.severity for f in found if f.rule == "trials.dead"} == {severity}
+    assert "trials.fall" not in rules(found), "the check `stand` says so"
+
+
+@pytest.mark.parametrize(
+    ("words", "inherited", "alone"),
+    [({}, True, True), ({"validate": {"stand": {}}}, True, False),
+     ({"actuators": [{"joints": ".*", "model": "pd", "kp": 1, "kd": 1}]}, False, True)],
+)  # fmt: skip
+def test_the_recipe_says_whose_the_drives_are_and_who_sees_it_fall(
+    words: dict, inherited: bool, alone: bool
+):
     source = {"path": ".", "mjcf": "robot.xml"}
-    recipe = {"schema": "assetbuild/v1", "robot": "robot", "source": source}
-    rows = [{"joints": ".*", "model": "pd", "kp": 1, "kd": 1}]
-    checks = [
-        Trials.configure(whole_model().model_validate(one))
-        for one in (recipe, {**recipe, "actuators": rows})
-    ]
-    assert [check.inherited for check in checks if check] == [True, False]
-
-
-def test_an_effort_limit_of_almost_nothing_is_a_dead_drive(tmp_path: Path):
-    assert "trials.dead" in rules(tried(drives(effort=1e-3, friction=0.05), tmp_path))
+    recipe = {"schema": "assetbuild/v1", "robot": "robot", "source": source, **words}
+    step = Trials.configure(whole_model().model_validate(recipe))
+    assert step is not None
+    assert (step.inherited, step.alone) == (inherited, alone)
 
 
 def test_a_coarse_timestep_is_told(tmp_path: Path):
@@ -109,21 +110,12 @@ def test_a_coarse_timestep_is_told(tmp_path: Path):
     assert "trials.timestep" in found
 
 
-def test_bodies_that_always_touch_are_told_with_the_exclude_to_write(tmp_path: Path):
-    found = [f for f in tried(wide_trunk(), tmp_path) if f.rule == "trials.overlap"]
-    assert found
-    assert all("collision.exclude.pairs" in f.hint for f in found)
-
-
 def test_a_centre_of_mass_beyond_the_feet_is_told(tmp_path: Path):
     found = tried(with_trunk(lambda i: replace(i, com_m=(0.9, 0.0, 0.0))), tmp_path)
     (balance,) = [f for f in found if f.rule == "trials.balance"]
     assert balance.data["margin_m"] < 0.0
-
-
-def test_the_least_margin_of_support_is_the_recipe_s(tmp_path: Path):
-    (balance,) = [f for f in tried(QUADRUPED, tmp_path, support=0.5) if f.rule == "trials.balance"]
-    assert "inside" in balance.message
+    told = tried(QUADRUPED, tmp_path / "wish", support=0.5, penetration=1e-9, drift=1e-12)
+    assert rules(told) == {"trials.balance", "trials.sunk", "trials.drift"}
 
 
 def test_a_file_with_hundreds_of_joints_is_not_simulated():
@@ -160,16 +152,6 @@ def test_an_untrained_policy_must_not_drive_it_to_infinity(
     assert (figures["seconds"] is None) == (not told)
 
 
-def test_a_robot_without_servos_is_not_shaken(tmp_path: Path):
-    tried(replace(QUADRUPED, control=replace(QUADRUPED.control, actuators=())), tmp_path)
-    assert "shake" not in json.loads((tmp_path / "out/figures.json").read_text())
-
-
-def test_a_limit_of_penetration_and_of_drift_can_be_broken(tmp_path: Path):
-    found = rules(tried(QUADRUPED, tmp_path, penetration=1e-9, drift=1e-12))
-    assert {"trials.sunk", "trials.drift"} <= found
-
-
 def test_a_simulation_that_explodes_is_an_error(tmp_path: Path):
     robot = drives(kp=1e12, kd=0.0, effort=None)
     found = tried(with_timestep(robot, 0.05), tmp_path)
@@ -182,14 +164,6 @@ def test_an_mjcf_that_does_not_load_is_an_error(tmp_path: Path):
     (inputs / "mjcf/scene.xml").write_text("<mujoco><worldbody><geom/></worldbody></mujoco>")
     found = run_step(Trials(), inputs, tmp_path / "out")
     assert rules(found) == {"trials.load"}
-
-
-def test_the_margin_of_a_square_is_the_distance_to_its_nearest_side():
-    square = np.array([(0, 0), (2, 0), (2, 2), (0, 2), (1, 1)], dtype=float)
-    assert polygon_margin(square, np.array([0.5, 1.0])) == pytest.approx(0.5)
-    assert polygon_margin(square, np.array([-1.0, 1.0])) == pytest.approx(-1.0)
-    assert polygon_margin(square[:2], np.array([0.0, 0.0])) is None
-    assert polygon_margin(np.array([(0, 0), (1, 1), (2, 2.0)]), np.array([0.0, 0.0])) is None
 
 
 @pytest.mark.parametrize(
@@ -211,17 +185,21 @@ def test_what_stands_on_points_may_not_lean(foot: str, width: float, is_area: bo
         f'<inertial mass="9" pos="0 0 0.8" diaginertia="1 1 1"/>{feet}</body></worldbody></mujoco>'
     )
     found = support(model)
+    assert (found.margin_m or 0.0) == pytest.approx(width / 2, abs=1e-6)
     assert found.lean_rad == pytest.approx(math.atan2(width / 2, 0.8), abs=1e-6)
     assert found.is_area is is_area
 
 
-def test_bodies_that_lie_in_one_another_at_home_are_told_with_their_depth(tmp_path: Path):
-    """Where random poses seldom touch: PhysX starts there, and blew up Mini Cheetah."""
-    shallow = tried(wide_trunk(), tmp_path, always=1.1)
-    deep = [f for f in shallow if f.rule == "trials.overlap"]
-    assert deep
-    assert all(float(str(f.data["depth_m"])) >= 1e-3 for f in deep)
-    assert all("where it starts" in f.message for f in deep)
+def test_bodies_inside_one_another_are_told_with_the_exclude_to_write(tmp_path: Path):
+    """Always, or at home, where PhysX starts, and blew up Mini Cheetah."""
+    found = [f for f in tried(wide_trunk(), tmp_path) if f.rule == "trials.overlap"]
+    at_home = [f for f in found if "depth_m" in f.data]
+    assert at_home
+    assert all("collision.exclude.pairs" in f.hint for f in found)
+    for finding in at_home:
+        depth = float(str(finding.data["depth_m"]))
+        assert depth >= 1e-3 and "where it starts" in finding.message
+        assert finding.unready == (depth > 0.005)
 
 
 def at_height(metres: float) -> TinyRobot:
@@ -260,12 +238,6 @@ def test_a_floating_robot_without_collision_is_not_ready(tmp_path: Path):
     assert "trials.nothing_touches" not in rules(tried(fixed, tmp_path / "fixed"))
 
 
-def test_only_a_deep_overlap_at_the_start_keeps_a_robot_from_being_ready(tmp_path: Path):
-    found = [f for f in tried(wide_trunk(), tmp_path) if "depth_m" in f.data]
-    assert found
-    assert all(f.unready == (float(str(f.data["depth_m"])) > 0.005) for f in found)
-
-
 def figures(folder: Path) -> dict[str, Any]:
     return json.loads((folder / "out/figures.json").read_text())
 
@@ -290,22 +262,6 @@ def test_a_robot_that_falls_untouched_is_told_with_its_heights(tmp_path: Path, v
     assert f"base height {untouched['height_before_m']:.3g} m at the start" in fall.message
 
 
-def test_where_the_recipe_asks_it_to_stand_the_trials_leave_that_to_the_check(tmp_path: Path):
-    found = tried(drives(model="passive"), tmp_path, alone=False)
-    assert "trials.fall" not in rules(found)
-    assert "untouched" not in figures(tmp_path)
-
-
-@pytest.mark.parametrize("stand", [None, {}])
-def test_the_recipe_says_who_sees_it_fall(stand: dict | None):
-    source = {"path": ".", "urdf": "r.urdf"}
-    base = {"schema": "assetbuild/v1", "robot": "r", "source": source}
-    recipe = whole_model().model_validate(base | {"validate": {"stand": stand}})
-    step = Trials.configure(recipe)
-    assert step is not None
-    assert step.alone is (stand is None)
-
-
 def hanging(kp: float) -> TinyRobot:
     """A pendulum held out sideways by its drive."""
     robot = pendulum()
@@ -318,6 +274,7 @@ def hanging(kp: float) -> TinyRobot:
 def test_a_fixed_robot_holds_its_pose_or_lets_go_of_it(tmp_path: Path):
     assert "trials.fall" not in rules(tried(hanging(500.0), tmp_path / "a"))
     assert figures(tmp_path / "a")["untouched"]["outcome"] == "holds"
+    assert "settle" not in figures(tmp_path / "a"), "it hangs from the world"
     (fall,) = [f for f in tried(hanging(0.1), tmp_path / "b") if f.rule == "trials.fall"]
     assert fall.subject == "actuator swing_joint"
 
@@ -333,6 +290,7 @@ def test_what_has_neither_drives_nor_joints_rests(tmp_path: Path):
     )
     assert tried(box, tmp_path) == []
     assert figures(tmp_path)["untouched"]["outcome"] == "rests"
+    assert "shake" not in figures(tmp_path)
 
 
 # --- more contacts than MuJoCo's memory holds -------------------------------------------------
@@ -353,28 +311,20 @@ def crowd(links: int, boxes: int, excludes: str = "") -> str:
       <contact>{excludes}</contact><keyframe><key name="home" qpos="{pose}"/></keyframe></mujoco>"""
 
 
-def compiled(text: str) -> Any:  # Any: MuJoCo's model
-    return mujoco.MjModel.from_xml_string(text)
-
-
 def all_pairs(links: int) -> str:
     return "".join(
         f'<exclude body1="b{a}" body2="b{b}"/>' for a in range(links) for b in range(a + 2, links)
     )
 
 
-@pytest.mark.parametrize(("links", "boxes"), [(20, 3), (30, 2), (20, 5)])
-def test_contacts_that_fill_the_memory_of_mujoco_are_a_finding(links: int, boxes: int):
+@pytest.mark.parametrize(
+    ("text", "fits"),
+    [(crowd(20, 3), False), (crowd(20, 5), False), (crowd(20, 3, all_pairs(20)), True)],
+    ids=["many", "more", "excluded"],
+)
+def test_contacts_that_fill_the_memory_of_mujoco_are_a_finding(text: str, fits: bool):
     """Each pair of boxes that touch has 4 contacts; b and b + 1 are parent and child."""
     figures: dict[str, object] = {}
-    found = list(Trials(poses=2).examine(compiled(crowd(links, boxes)), figures))
-    assert "trials.memory" in rules(found)
-    assert "settle" not in figures
-
-
-@pytest.mark.parametrize(
-    "text", [crowd(20, 3, excludes=all_pairs(20)), crowd(6, 2)], ids=["excluded", "few"]
-)
-def test_contacts_that_fit_are_no_finding(text: str):
-    found = list(Trials(poses=2).examine(compiled(text), {}))
-    assert "trials.memory" not in rules(found)
+    found = rules(list(Trials(poses=2).examine(mujoco.MjModel.from_xml_string(text), figures)))
+    assert ("trials.memory" in found) is not fits
+    assert ("in_floor" in figures) is fits

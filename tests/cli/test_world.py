@@ -11,7 +11,7 @@ import pytest
 from PIL import Image
 
 from assetbuild.engine.world import World
-from assetbuild.simulators.offscreen import renderer
+from assetbuild.looks.offscreen import renderer
 
 from .conftest import Legs
 from .test_watch import Watching, watched

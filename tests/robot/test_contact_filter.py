@@ -16,6 +16,7 @@ from assetbuild.robot.contact_filter import ContactFilter, passing_pairs
 from assetbuild.robot.model import MjcfOnly
 from assetbuild.robot.shapes import Shape, Sphere
 from assetbuild.simulators import mujoco
+from assetbuild.simulators.mujoco.pairs import touching_geoms
 from assetbuild.targets.mjcf import Mjcf
 
 
@@ -27,7 +28,7 @@ def passes_in_mujoco(robot: TinyRobot, folder: Path) -> set[tuple[str, str]]:
     names = {index: name for name, index in bodies.items()}
     touching = {
         frozenset(names[int(model.geom_bodyid[geom])] for geom in pair)
-        for pair in mujoco.touching_geoms(model)
+        for pair in touching_geoms(model)
     }
     return {pair for pair in combinations(sorted(bodies), 2) if frozenset(pair) not in touching}
 

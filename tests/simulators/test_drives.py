@@ -118,6 +118,7 @@ def test_what_is_no_law_of_position_and_speed_says_so(text: str, is_affine: bool
         ('<position joint="elbow" kp="1e4" forcerange="-4 5"/><motor joint="elbow" gear="2" '
          'ctrlrange="-1 1"/>', "", (-6, 7)),
         ('<position joint="elbow" kp="1e4" ctrlrange="-1 1" forcerange="-4 5"/>', "", (-4, 5)),
+        ("", 'actuatorfrcrange="-8 6"', (-8, 6)),
     ],
 )  # fmt: skip
 def test_the_effort_limit_is_what_mujoco_pushes_with_at_most(
@@ -127,14 +128,10 @@ def test_the_effort_limit_is_what_mujoco_pushes_with_at_most(
     found = drives_of(model, 0)
     assert found.torque == pytest.approx(expected)
     assert found.effort == pytest.approx(max(-expected[0], expected[1]))
-    if math.isfinite(expected[0]):
+    assert bool(found.drives) == bool(actuators)
+    if math.isfinite(expected[0]) and actuators:
         reached = [torque(model, ctrl, q) for ctrl in (-1e3, 1e3) for q in (-1.0, 1.0)]
         assert (min(reached), max(reached)) == pytest.approx(expected)
-
-
-def test_a_joint_without_drives_is_limited_by_its_own_range_alone() -> None:
-    found = drives_of(arm("", 'actuatorfrcrange="-8 6"'), 0)
-    assert (found.drives, found.kp, found.kd, found.effort) == ((), 0.0, 0.0, 8.0)
 
 
 # --- what the experiments make of it ------------------------------------------------------------

@@ -23,9 +23,9 @@ from assetbuild.simulators.mujoco import (
     first_command,
     inertia_of,
     name_of,
-    touching_geoms,
 )
 from assetbuild.simulators.mujoco.drives import Drive, read_drives
+from assetbuild.simulators.mujoco.pairs import touching_geoms
 
 Facts = dict[Key, Value]
 ROOT = "root"

@@ -5,14 +5,12 @@ what an untrained policy asks of it?"""
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import replace
-from typing import Any, ClassVar, NamedTuple
+from collections.abc import Iterator, Mapping
+from typing import Any, ClassVar
 
 from pydantic import Field
 
-from assetbuild.checks.trials.shaken import shaken
-from assetbuild.checks.trials.start import START_M, overlapping, starting
+from assetbuild.checks.trials import rules
 from assetbuild.engine.step import Files
 from assetbuild.errors import StepError
 from assetbuild.findings import Finding, Rule
@@ -21,14 +19,12 @@ from assetbuild.quantities import Positive, Real
 from assetbuild.robot.action import Action
 from assetbuild.robot.files import RobotFiles
 from assetbuild.simulators import mujoco
-from assetbuild.simulators.mujoco import ArenaFullError, floors, turning
-from assetbuild.simulators.mujoco import motion as mujoco_motion
-from assetbuild.simulators.mujoco import trials as mujoco_trials
-from assetbuild.simulators.mujoco.stand import Gains, outcome_figures, stand
+from assetbuild.simulators.mujoco import ArenaFullError
+from assetbuild.simulators.mujoco import trials as experiments
+from assetbuild.simulators.mujoco.drives import servoed
+from assetbuild.simulators.mujoco.stand import outcome_figures, stand
 from assetbuild.simulators.mujoco.trials import FINER, Settled
 
-EXTERNAL = frozenset({"ideal_pd", "dc_motor"})
-"""Models whose PD law runs outside of the simulator: here it is put inside."""
 SHOWN_PAIRS = 40
 LARGEST_DOFS = 300
 """A file of anybody may hold a cloth; steps of it take minutes."""
@@ -38,92 +34,10 @@ ON_POINTS = (
     "it stands on points or edges that span no area: only a controller that balances it keeps it "
     "up, or wider feet"
 )
-
-LOAD = Rule("trials.load", "error", "the scene does not load", "see `mjcf.load`")
-LARGE = Rule(
-    "trials.large",
-    "info",
-    "there are more than 300 degrees of freedom, so `validate` simulates nothing",
-    "remove the cloth or the other robots",
-)
-MEMORY = Rule(
-    "trials.memory",
-    "error",
-    "MuJoCo's own memory does not hold the contacts of the robot: it goes on without any "
-    "constraint, or stops",
-    "`collision.exclude.pairs` of what always touches (`trials.overlap`), fewer collision shapes, "
-    "or more memory (`<size memory>` in the source's MJCF)",
-)
-DEAD = Rule(
-    "trials.dead",
-    ("error", "warning"),
-    "a joint hardly moves when its drive is commanded (a warning where an MJCF's own drive does "
-    "that in the source, too)",
-    "is kp in other units, the effort limit too small, or kd far too large?",
-)
-ENERGY = Rule(
-    "trials.energy",
-    "warning",
-    "free motion does not conserve energy at this timestep",
-    "a smaller timestep; look for tiny inertias far from the others",
-)
-TIMESTEP = Rule(
-    "trials.timestep",
-    "warning",
-    "the drives move differently at a quarter of the timestep",
-    "a smaller `simulation.timestep`, a smaller kp, or the real armature",
-)
-BALANCE = Rule(
-    "trials.balance",
-    "warning",
-    "at home the centre of mass is not above the feet",
-    "move the feet of the keyframe under the centre of mass",
-)
-UNSTABLE = Rule(
-    "trials.unstable",
-    "error",
-    "after a drop the simulation went to infinity",
-    "a smaller timestep; look for tiny inertias and overlapping shapes",
-)
-RESTLESS = Rule(
-    "trials.rest",
-    ("warning", "info"),
-    "two seconds after a drop the joints still move",
-    "more kd; a smaller timestep or the rotors' armature, where the finding says so",
-)
-SUNK = Rule(
-    "trials.sunk",
-    ("warning", "info"),
-    "two seconds after a drop a contact is too deep",
-    "adjust the contact softness or the timestep",
-)
-DRIFT = Rule(
-    "trials.drift",
-    ("warning", "info"),
-    "the settled base drifts",
-    "a pose that stands by itself, more kd or kp; a smaller timestep, where the finding says so",
-)
-FALL = Rule(
-    "trials.fall",
-    "warning",
-    "left alone under its drives for two seconds the robot falls, or a drive of a fixed robot does "
-    "not hold its joint",
-    "raise kp, move the feet under the centre of mass; `validate: {stand: {}}` makes it an error",
-)
-
-
-class _Row(NamedTuple):
-    rule: Rule
-    value: float
-    limit: float
-    what: str
-    unit: str
-
-
-def _as_consequence(finding: Finding) -> Finding:
-    """What a fall explains, as information."""
-    explained = finding.rule in (RESTLESS.id, SUNK.id, DRIFT.id)
-    return replace(finding, severity="info") if explained else finding
+DEEP_M = 0.001
+"""Two bodies may overlap by this at the start: hulls are a little rounder than meshes."""
+START_M = 0.005
+"""A robot that starts deeper in itself or in the floor is thrown off, and is not ready."""
 
 
 class Trials(mujoco.InMujoco):
@@ -190,15 +104,11 @@ class Trials(mujoco.InMujoco):
             model = mujoco.load(files.inputs / "mjcf" / "scene.xml", visuals=False).model
         except StepError as error:
             write_figures(files, {"skipped": error.message})
-            yield LOAD("robot", f"nothing to try: {error.message}")
+            yield rules.LOAD("robot", f"nothing to try: {error.message}")
             return
-        outside = {a.joint: a for a in control.actuators if a.model in EXTERNAL}
-        mujoco_motion.drive_as(model, outside)
-        torques = {
-            a.joint: Gains(a.kp, a.kd, a.effort) for a in control.actuators if a.model == "motor"
-        }
         figures: dict[str, object] = {}
-        yield from self.examine(model, figures, torques)
+        driven = servoed(model, control, {"ideal_pd", "dc_motor"})
+        yield from self.examine(driven, figures, servoed(model, control))
         write_figures(files, figures, self._limits())
 
     def _limits(self) -> dict[str, float]:
@@ -216,173 +126,229 @@ class Trials(mujoco.InMujoco):
         }
 
     def examine(
-        self,
-        model: mujoco.Model,
-        figures: dict[str, object],
-        torques: Mapping[str, Gains] | None = None,
+        self, model: mujoco.Model, figures: dict[str, object], alone: mujoco.Model | None = None
     ) -> Iterator[Finding]:
         """All experiments on a compiled model, our own or foreign; those on the floor need one.
 
-        torques: PD laws by joint, for plain motors that a controller outside commands.
+        alone: the same where plain motors hold their joints as well, as a controller does.
         """
         if int(model.nv) > LARGEST_DOFS:
             message = f"{model.nv} degrees of freedom, more than {LARGEST_DOFS}: nothing is tried"
-            yield LARGE("robot", message)
+            yield rules.LARGE("robot", message)
             return
         yield from self._drives(model, figures)
         yield from self._numerics(model, figures)
         try:
-            yield from self._touching(model, figures, torques or {})
+            yield from self._overlaps(model, figures)
+            yield from self._on_floor(model, figures, model if alone is None else alone)
+            yield from self._shaken(model, figures)
         except ArenaFullError as error:
-            yield MEMORY("robot", error.message)
-
-    def _touching(
-        self, model: mujoco.Model, figures: dict[str, object], torques: Mapping[str, Gains]
-    ) -> Iterator[Finding]:
-        """Experiments with contacts; ArenaFullError where MuJoCo's memory does not hold them."""
-        yield from self._collisions(model, figures)
-        yield from starting(model, figures)
-        dropped: list[Finding] = []
-        if model.nkey and mujoco_trials.stands_free(model):
-            dropped += self._floor(model, figures)
-        alone: list[Finding] = []
-        if self.alone and model.nkey and floors(model):
-            alone += self._left_alone(model, figures, torques)
-        falls = any(finding.rule == FALL.id for finding in alone)
-        # A robot that falls by itself also lies, rolls and moves after a drop.
-        yield from ((_as_consequence(f) if falls else f) for f in dropped)
-        yield from alone
-        yield from shaken(model, self.action, figures)
+            yield rules.MEMORY("robot", error.message)
 
     def dangers(self, model: mujoco.Model) -> Iterator[Finding]:
         """Only what can be an error wherever the robot stands: for a recipe being proposed."""
         figures: dict[str, object] = {}
         yield from self._drives(model, figures)
-        yield from shaken(model, self.action, figures)
+        yield from self._shaken(model, figures)
 
     def _drives(self, model: mujoco.Model, figures: dict[str, object]) -> Iterator[Finding]:
-        answers = mujoco_trials.answers(model)
-        figures["drives"] = [
-            {"joint": joint, "asked": a.asked, "moved": a.moved} for joint, a in answers.items()
-        ]
-        for joint, answer in answers.items():
-            if answer.moved < min(self.dead, 0.2 * answer.asked):
+        answers = experiments.answers(model)
+        figures["drives"] = [{"joint": joint, **a._asdict()} for joint, a in answers.items()]
+        for joint, (asked, moved) in answers.items():
+            if moved < min(self.dead, 0.2 * asked):
                 own = ", as in the source's own MJCF" if self.inherited else ""
-                yield DEAD(
+                yield rules.DEAD(
                     f"actuator {joint}",
-                    f"told to swing by {answer.asked:.3g}, the joint moved by {answer.moved:.3g}"
-                    f"{own}",
+                    f"told to swing by {asked:.3g}, the joint moved by {moved:.3g}{own}",
                     severity="warning" if self.inherited else "error",
-                    data={"asked": answer.asked, "moved": answer.moved},
+                    data={"asked": asked, "moved": moved},
                 )
 
     def _numerics(self, model: mujoco.Model, figures: dict[str, object]) -> Iterator[Finding]:
-        drift = mujoco_trials.energy_drift(model)
-        figures["energy_drift"] = drift if math.isfinite(drift) else "unstable"
+        drift = experiments.energy_drift(model)
+        figures["energy_drift"] = _or_unstable(drift)
         if not drift <= self.energy:
             told = f"changed by {drift:.2%}" if math.isfinite(drift) else "went to infinity"
-            yield ENERGY(
-                "robot",
-                f"in one second of free motion the energy {told}",
-                data={"limit": self.energy},
-            )
+            message = f"in one second of free motion the energy {told}"
+            yield rules.ENERGY("robot", message, data={"limit": self.energy})
         if not model.nu:
             return  # a free swing is judged by its energy; nothing holds it to a path
-        errors = mujoco_trials.timestep_error(model)
-        worst = max(errors, key=lambda joint: errors[joint], default=None)
-        figures["timestep_error"] = {
-            joint: error if math.isfinite(error) else "unstable" for joint, error in errors.items()
-        }
-        if worst is not None and not errors[worst] <= self.timestep:
-            yield TIMESTEP(
+        errors = experiments.timestep_error(model)
+        figures["timestep_error"] = {joint: _or_unstable(e) for joint, e in errors.items()}
+        worst = max(errors, key=lambda joint: errors[joint], default="")
+        if errors.get(worst, 0.0) > self.timestep:
+            yield rules.TIMESTEP(
                 f"actuator {worst}",
                 f"moves otherwise at a quarter of the timestep: by {errors[worst]:.3g} rad or m",
                 data={"timestep_s": float(model.opt.timestep), "limit": self.timestep},
             )
 
-    def _collisions(self, model: mujoco.Model, figures: dict[str, object]) -> Iterator[Finding]:
-        pairs = mujoco_trials.touching_pairs(model, self.poses)
+    def _overlaps(self, model: mujoco.Model, figures: dict[str, object]) -> Iterator[Finding]:
+        """Bodies inside one another in almost all random poses or at the start; in the floor."""
+        pairs = experiments.touching_pairs(model, self.poses)
         figures["self_collision"] = [
             {"a": a, "b": b, "share_of_poses": share}
             for (a, b), share in list(pairs.items())[:SHOWN_PAIRS]
         ]
-        yield from overlapping(model, pairs, self.poses, self.always)
+        found = experiments.overlaps_at_home(model)
+        at_home = {pair: depth for pair, depth in found.items() if pair[0]}
+        for (a, b), share in pairs.items():
+            if share >= self.always and at_home.get((a, b), 0.0) <= START_M:
+                yield rules.OVERLAP(
+                    f"link {a}",
+                    f"runs into {b} in {share:.0%} of {self.poses} random poses",
+                    hint=f"`collision.exclude.pairs: [[{a}, {b}]]`, or smaller shapes",
+                    data={"share": share, "poses": self.poses},
+                )
+        for (a, b), depth in at_home.items():
+            usual = pairs.get((a, b), 0.0) >= self.always
+            if depth > START_M or (depth >= DEEP_M and not usual):
+                yield rules.OVERLAP(
+                    f"link {a}",
+                    f"lies {depth * 1e3:.3g} mm in {b} where it starts: PhysX throws them apart",
+                    hint=f"another pose, `collision.exclude.pairs: [[{a}, {b}]]`, or smaller "
+                    "shapes",
+                    data={"depth_m": depth, "limit_m": START_M},
+                    blocks=depth > START_M,
+                )
+        free = mujoco.stands_free(model)
+        placed = model.nkey or not free  # where a free robot starts, a keyframe alone says
+        depths = {b: depth for (a, b), depth in found.items() if placed and not a}
+        figures["in_floor"] = [{"body": body, "depth_m": depth} for body, depth in depths.items()]
+        yield from (_in_floor(body, depth) for body, depth in depths.items() if depth >= DEEP_M)
+        if free and not experiments.touches_floors(model):
+            yield rules.NOTHING_TOUCHES(
+                "robot",
+                "it floats, and none of its shapes can touch the floor: it falls through",
+                hint="give it collision shapes; where it never lands, state that in `rules: "
+                '{trials.nothing_touches: {severity: info, because: "..."}}`',
+            )
 
-    def _floor(self, model: mujoco.Model, figures: dict[str, object]) -> Iterator[Finding]:
-        under = mujoco_trials.support(model)
+    def _on_floor(
+        self, model: mujoco.Model, figures: dict[str, object], alone: mujoco.Model
+    ) -> Iterator[Finding]:
+        """Balanced, dropped, and left alone at its first keyframe."""
+        fall = list(self._left_alone(alone, figures))
+        if model.nkey and mujoco.stands_free(model):
+            yield from self._balance(model, figures)
+            yield from self._dropped(model, figures, falls=bool(fall))
+        yield from fall
+
+    def _balance(self, model: mujoco.Model, figures: dict[str, object]) -> Iterator[Finding]:
+        under = experiments.support(model)
         figures["support_margin_m"], figures["support_points"] = under.margin_m, under.points
         if under.margin_m is not None and under.margin_m < self.support:
             side = "outside of" if under.margin_m < 0.0 else "inside"
-            yield BALANCE(
+            yield rules.BALANCE(
                 "robot",
                 f"at home the centre of mass is {1e3 * abs(under.margin_m):.3g} mm {side} its feet",
                 data={"margin_m": under.margin_m, "limit_m": self.support},
             )
-        settled = mujoco_trials.settle(model, self.drop)
+
+    def _dropped(
+        self, model: mujoco.Model, figures: dict[str, object], *, falls: bool
+    ) -> Iterator[Finding]:
+        """What does not rest is tried at a finer timestep, too.
+
+        falls: it falls by itself, so that it also lies, rolls and moves after a drop.
+        """
+        settled = experiments.settle(model, self.drop)
         figures["settle"] = _settled_figures(settled)
         if not settled.finite:
             message = f"dropped from {self.drop:g} m, the simulation went to infinity"
-            yield UNSTABLE("robot", message, data={"drop_m": self.drop})
+            yield rules.UNSTABLE("robot", message, data={"drop_m": self.drop})
             return
-        restless = [row for row in self._rows(settled) if row.value > row.limit]
-        if restless:
-            finer = mujoco_trials.settle(model, self.drop, finer=FINER)
-            figures["settle_at_a_finer_timestep"] = _settled_figures(finer)
-            yield from self._judge_restless(restless, finer)
-
-    def _rows(self, settled: Settled) -> tuple[_Row, ...]:
-        return (
-            _Row(RESTLESS, settled.speed, self.speed, "its fastest joint moves at", "rad/s"),
-            _Row(SUNK, settled.penetration_m, self.penetration, "a contact is deep by", "m"),
-            _Row(DRIFT, settled.drift_m, self.drift, "in 1000 steps its base wandered", "m"),
-        )
-
-    def _judge_restless(self, restless: Sequence[_Row], finer: Settled) -> Iterator[Finding]:
-        """finer: the same at a finer timestep."""
-        calm = {row.rule for row in self._rows(finer) if row.value <= row.limit}
-        for row in restless:
-            hasty = finer.finite and row.rule in calm
-            yield row.rule(
+        restless = self._restless(settled)
+        if not restless:
+            return
+        finer = experiments.settle(model, self.drop, finer=FINER)
+        figures["settle_at_a_finer_timestep"] = _settled_figures(finer)
+        still = self._restless(finer) if finer.finite else restless
+        for rule, (value, limit, said) in restless.items():
+            hasty = rule not in still
+            yield rule(
                 "robot",
-                f"two seconds after a drop from {self.drop:g} m {row.what} {row.value:.3g} "
-                f"{row.unit}" + (f", at 1/{FINER} of the timestep not" if hasty else ""),
+                f"two seconds after a drop from {self.drop:g} m {said}"
+                + (f", at 1/{FINER} of the timestep not" if hasty else ""),
                 hint="a smaller `simulation.timestep`, less kd, or the rotors' real armature"
                 if hasty
                 else "more kd, more kp, or a pose that stands by itself",
-                data={"value": row.value, "limit": row.limit, "timestep": hasty},
+                severity="info" if falls else None,
+                data={"value": value, "limit": limit, "timestep": hasty},
             )
 
-    def _left_alone(
-        self, model: mujoco.Model, figures: dict[str, object], torques: Mapping[str, Gains]
-    ) -> Iterator[Finding]:
+    def _restless(self, settled: Settled) -> Mapping[Rule, tuple[float, float, str]]:
+        """(value, its limit, words) by rule of what is above its limit."""
+        found = {}
+        for rule, value, limit, what, unit in (
+            (rules.RESTLESS, settled.speed, self.speed, "its fastest joint moves at", "rad/s"),
+            (rules.SUNK, settled.penetration_m, self.penetration, "a contact is deep by", "m"),
+            (rules.DRIFT, settled.drift_m, self.drift, "in 1000 steps its base wandered", "m"),
+        ):
+            if value > limit:
+                found[rule] = value, limit, f"{what} {value:.3g} {unit}"
+        return found
+
+    def _left_alone(self, model: mujoco.Model, figures: dict[str, object]) -> Iterator[Finding]:
         """Nobody touches the robot at its first keyframe; its drives hold what they can."""
-        try:
-            stood = stand(model, 0, ALONE_S, torques)
-        except ArenaFullError:
-            raise
-        except StepError:  # a shape whose lowest point is not known
+        if not (self.alone and model.nkey and mujoco.floors(model)):
             return
-        did = outcome_figures(stood, ALONE_FALL)
-        figures["untouched"] = did
-        if did["outcome"] == "falls" and turning(model):
-            joint, _ = stood.worst_held
-            yield FALL(
-                "robot" if stood.floats else f"actuator {joint}",
+        stood = stand(model, 0, ALONE_S)
+        did = figures["untouched"] = outcome_figures(stood, ALONE_FALL)
+        if did["outcome"] == "falls" and mujoco.turning(model):
+            yield rules.FALL(
+                "robot" if stood.floats else f"actuator {stood.worst_held[0]}",
                 f"left alone it {did['sentence']}",
                 hint=ON_POINTS
-                if stood.floats and not mujoco_trials.support(model).is_area
+                if stood.floats and not experiments.support(model).is_area
                 else "raise kp, check the effort limits and the pose; "
                 "`validate: {stand: {}}` makes it an error",
                 data={"tilt_rad": stood.tilt_rad, "sag_m": stood.sag_m},
             )
 
+    def _shaken(self, model: mujoco.Model, figures: dict[str, object]) -> Iterator[Finding]:
+        """Does it bear what an untrained policy asks of it? Where not: does it in finer steps?"""
+        found = experiments.shake(model, self.action)
+        if found is None:
+            return
+        unstable = found.seconds is not None
+        fastest = None if unstable else found.fastest
+        shown = {"seconds": found.seconds, "joint": found.joint, "fastest_joint": fastest}
+        figures["shake"] = shown
+        if not unstable:
+            return
+        calmer = experiments.shake(model, self.action, finer=FINER)
+        hasty = calmer is not None and calmer.seconds is None
+        yield rules.SHAKEN(
+            f"joint {found.joint}",
+            "an untrained policy's random targets drive the simulation to infinity after "
+            f"{found.seconds:.2g} s, this joint foremost"
+            + (f"; at 1/{FINER} of the timestep they do not" if hasty else ""),
+            hint="a smaller `simulation.timestep`, or the rotors' real armature"
+            if hasty
+            else "smaller kp, the rotors' real armature, or an `effort` that is no placeholder",
+            data={"seconds": found.seconds, "timestep": hasty},
+        )
+
+
+def _or_unstable(value: float) -> float | str:
+    return value if math.isfinite(value) else "unstable"
+
+
+def _in_floor(body: str, depth: float) -> Finding:
+    return rules.FLOOR(
+        f"link {body}",
+        f"starts {depth * 1e3:.3g} mm inside the floor (limit {START_M * 1e3:g} mm): "
+        "simulators throw it off or jam it",
+        hint="turn or raise the keyframe `home`",
+        data={"depth_m": depth, "limit_m": START_M},
+        blocks=depth > START_M,
+    )
+
 
 def _settled_figures(settled: Settled) -> dict[str, object]:
     """None for what is not finite, which JSON cannot say."""
-    known = settled.finite
-    return {
-        "finite": known,
-        "fastest_joint": settled.speed if known else None,
-        "deepest_contact_m": settled.penetration_m if known else None,
-        "drift_m": settled.drift_m if known else None,
-    }
+    values = settled.speed, settled.penetration_m, settled.drift_m
+    shown = values if settled.finite else (None,) * 3
+    names = "fastest_joint", "deepest_contact_m", "drift_m"
+    return {"finite": settled.finite, **dict(zip(names, shown, strict=True))}

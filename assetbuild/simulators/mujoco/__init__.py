@@ -9,7 +9,7 @@ import copy
 import itertools
 import re
 import warnings
-from collections.abc import Iterator
+from collections.abc import Collection, Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -24,6 +24,21 @@ from assetbuild.robot.pose import Array, rotation_of
 
 Model = Any  # mujoco.MjModel: its extension module has no types
 Data = Any  # mujoco.MjData: as above
+
+
+class _Engine:
+    """MuJoCo itself, imported where it is first used."""
+
+    def __getattr__(self, name: str) -> Any:  # Any: as above
+        import mujoco
+
+        return getattr(mujoco, name)
+
+
+mj: Any = _Engine()  # Any: as above
+HELD_KG = 1e6
+"""Inertia added to coordinates, such as the six of a floating base, to hold them: against 100 kg it
+moves by a ten thousandth. Much more costs the constraints of light fingers the solver's digits."""
 
 
 def body_names(tree: Tree) -> dict[str, str]:
@@ -62,11 +77,8 @@ def full_and_mjx(inputs: Path, stem: str) -> Iterator[tuple[str, Path]]:
 
     stem: the robot's name, or `scene`.
     """
-    for target, path in (
-        ("mjcf", inputs / "mjcf" / f"{stem}.xml"),
-        ("mjx", inputs / "mjx" / f"{stem}_mjx.xml"),
-    ):
-        if path.is_file():
+    for target, name in (("mjcf", f"{stem}.xml"), ("mjx", f"{stem}_mjx.xml")):
+        if (path := inputs / target / name).is_file():
             yield target, path
 
 
@@ -76,11 +88,9 @@ def full_and_mjx_models(
     """(target, file, its model); of a file that does not load the figures say so."""
     for target, path in full_and_mjx(inputs, stem):
         try:
-            model = load(path, visuals=False).model
+            yield target, path, load(path, visuals=False).model
         except StepError as error:  # `mjcf.load` reports it
             figures[target] = {"skipped": error.message}
-            continue
-        yield target, path, model
 
 
 @dataclass(frozen=True)
@@ -99,24 +109,16 @@ def load(path: Path, *, visuals: bool = True) -> Loaded:
     """
     with caught_warnings() as said:
         try:
-            model = _compiled(path) if visuals else _compiled_for_physics(path)
+            if visuals:
+                model = mj.MjModel.from_xml_path(str(path))
+            else:
+                spec = mj.MjSpec.from_file(str(path))
+                # Keeps what a visual shape gives a body without inertia.
+                spec.compiler.discardvisual = True
+                model = spec.compile()
         except ValueError as error:
             raise StepError(_without_folder(str(error), path)) from None
     return Loaded(model, tuple(_without_folder(text, path) for text in said))
-
-
-def _compiled(path: Path) -> Model:
-    import mujoco
-
-    return mujoco.MjModel.from_xml_path(str(path))
-
-
-def _compiled_for_physics(path: Path) -> Model:
-    import mujoco
-
-    spec = mujoco.MjSpec.from_file(str(path))
-    spec.compiler.discardvisual = True  # keeps what a visual shape gives a body without inertia
-    return spec.compile()
 
 
 def _without_folder(text: str, path: Path) -> str:
@@ -135,21 +137,19 @@ def caught_warnings() -> Iterator[list[str]]:
 
     ArenaFullError where its memory did not suffice; StepError where MuJoCo gave up otherwise.
     """
-    import mujoco
-
     said: list[str] = []
-    before = mujoco.get_mju_user_warning()
-    mujoco.set_mju_user_warning(said.append)
+    before = mj.get_mju_user_warning()
+    mj.set_mju_user_warning(said.append)
     try:
         with warnings.catch_warnings(record=True) as from_python:
             warnings.simplefilter("always")
             yield said
         said += [str(item.message) for item in from_python]
-    except mujoco.FatalError as error:
+    except mj.FatalError as error:
         _refuse_full([str(error)])
         raise StepError(f"MuJoCo gave up: {one_line(error)}") from None
     finally:
-        mujoco.set_mju_user_warning(before)
+        mj.set_mju_user_warning(before)
     _refuse_full(said)
 
 
@@ -174,10 +174,8 @@ def inertia_of(model: Model, body: int) -> Array:
 
 def mass_matrix(model: Model, data: Data) -> Array:
     """(nv, nv) joint-space inertia after `mj_forward` or `mj_crb`."""
-    import mujoco
-
     full = np.zeros((model.nv, model.nv))
-    mujoco.mj_fullM(model, data, full)  # same order of arguments in 3.11, 3.17 and 4
+    mj.mj_fullM(model, data, full)  # same order of arguments in 3.11, 3.17 and 4
     return full
 
 
@@ -186,33 +184,27 @@ def mass_matrix(model: Model, data: Data) -> Array:
 
 def without(model: Model, *flags: str) -> Model:
     """A copy to change and to step, with some of MuJoCo's features off: `CONTACT`, `LIMIT`."""
-    import mujoco
-
     changed = copy.copy(model)
     for flag in flags:
-        changed.opt.disableflags |= int(getattr(mujoco.mjtDisableBit, f"mjDSBL_{flag}"))
+        changed.opt.disableflags |= int(getattr(mj.mjtDisableBit, f"mjDSBL_{flag}"))
     return changed
 
 
 def initial_key(model: Model) -> int | None:
     """The keyframe `home`, else the first; None without any. See `robot.initial`."""
-    import mujoco
-
-    home = int(mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_KEY, "home"))
+    home = int(mj.mj_name2id(model, mj.mjtObj.mjOBJ_KEY, "home"))
     return max(home, 0) if model.nkey else None
 
 
 def at_key(model: Model, key: int | None = None) -> Data:
     """A keyframe with its controls; without `key` the initial pose, see `robot.initial`."""
-    import mujoco
-
-    data = mujoco.MjData(model)
+    data = mj.MjData(model)
     key = initial_key(model) if key is None else key
     if key is None:
         _stand_within_limits(model, data)
     else:
-        mujoco.mj_resetDataKeyframe(model, data, key)
-    mujoco.mj_forward(model, data)
+        mj.mj_resetDataKeyframe(model, data, key)
+    mj.mj_forward(model, data)
     return data
 
 
@@ -221,14 +213,12 @@ def _stand_within_limits(model: Model, data: Data) -> None:
 
     Position servos hold that pose.
     """
-    import mujoco
-
     turning = np.isin(model.jnt_type, (2, 3))  # slide, hinge
     limited = np.flatnonzero(turning & (model.jnt_limited != 0))
     at, (lower, upper) = model.jnt_qposadr[limited], model.jnt_range[limited].T
     data.qpos[at] = np.clip(data.qpos[at], lower, upper)
     follow(model, data)
-    mujoco.mj_forward(model, data)
+    mj.mj_forward(model, data)
     gain, bias = model.actuator_gainprm[:, 0], model.actuator_biasprm[:, 1]
     servos = np.flatnonzero((gain > 0.0) & (bias < 0.0))
     data.ctrl[servos] = -bias[servos] / gain[servos] * data.actuator_length[servos]
@@ -236,9 +226,7 @@ def _stand_within_limits(model: Model, data: Data) -> None:
 
 def follow(model: Model, data: Data) -> None:
     """Joints that an equality couples to another take the position that it asks for."""
-    import mujoco
-
-    for index in np.flatnonzero(model.eq_type == mujoco.mjtEq.mjEQ_JOINT):
+    for index in np.flatnonzero(model.eq_type == mj.mjtEq.mjEQ_JOINT):
         follower, leader = int(model.eq_obj1id[index]), int(model.eq_obj2id[index])
         x = 0.0
         if leader >= 0:
@@ -251,27 +239,32 @@ def follow(model: Model, data: Data) -> None:
 
 def is_finite(data: Data) -> bool:
     """MuJoCo starts over silently when a state goes bad: its counters tell."""
-    import mujoco
-
     bad = (
-        mujoco.mjtWarning.mjWARN_BADQPOS,
-        mujoco.mjtWarning.mjWARN_BADQVEL,
-        mujoco.mjtWarning.mjWARN_BADQACC,
-        mujoco.mjtWarning.mjWARN_BADCTRL,
+        mj.mjtWarning.mjWARN_BADQPOS,
+        mj.mjtWarning.mjWARN_BADQVEL,
+        mj.mjtWarning.mjWARN_BADQACC,
+        mj.mjtWarning.mjWARN_BADCTRL,
     )
     if any(data.warning[int(kind)].number for kind in bad):
         return False
     return bool(np.isfinite(data.qpos).all() and np.isfinite(data.qvel).all())
 
 
-def overlaps(model: Model, data: Data, kind: str) -> dict[tuple[str, str], float]:
-    """Depth (m) of the contacts of the robot with itself, by pair of names of `geom` or `body`."""
+def overlaps(
+    model: Model, data: Data, kind: str, *, floor: bool = False
+) -> dict[tuple[str, str], float]:
+    """Depth (m) of the contacts of the robot with itself, by pair of names of `geom` or `body`.
+
+    floor: with floors, too, whose name is "".
+    """
     found: dict[tuple[str, str], float] = {}
+    planes = set(floors(model)) if floor else set()
     for contact in data.contact[: data.ncon]:
-        bodies = [int(model.geom_bodyid[geom]) for geom in (contact.geom1, contact.geom2)]
-        if 0 not in bodies:
-            pair = bodies if kind == "body" else (int(contact.geom1), int(contact.geom2))
-            a, b = sorted(name_of(model, kind, index) for index in pair)
+        geoms = [int(geom) for geom in contact.geom]
+        bodies = [int(model.geom_bodyid[geom]) for geom in geoms]
+        if 0 not in bodies or planes & set(geoms):
+            numbers = zip(bodies, bodies if kind == "body" else geoms, strict=True)
+            a, b = sorted(name_of(model, kind, number) if body else "" for body, number in numbers)
             found[a, b] = max(found.get((a, b), 0.0), -float(contact.dist))
     return dict(sorted(found.items()))
 
@@ -289,10 +282,13 @@ def first_command(model: Model, actuator: int) -> int:
 
 def turning(model: Model) -> list[int]:
     """Hinges and slides."""
-    import mujoco
-
-    kinds = (int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE))
+    kinds = (int(mj.mjtJoint.mjJNT_HINGE), int(mj.mjtJoint.mjJNT_SLIDE))
     return [joint for joint in range(model.njnt) if int(model.jnt_type[joint]) in kinds]
+
+
+def joints(model: Model) -> dict[str, int]:
+    """The same by name."""
+    return {name_of(model, "joint", joint): joint for joint in turning(model)}
 
 
 def floats(model: Model) -> bool:
@@ -300,12 +296,51 @@ def floats(model: Model) -> bool:
     return bool(model.njnt) and int(model.jnt_type[0]) == 0  # mjJNT_FREE
 
 
+def stands_free(model: Model) -> bool:
+    """Whether its first joint is free, and there is a floor to stand on."""
+    return floats(model) and bool(floors(model))
+
+
+def free_joints(model: Model) -> list[int]:
+    """Joints by which bodies float."""
+    return np.flatnonzero(model.jnt_type == mj.mjtJoint.mjJNT_FREE).tolist()
+
+
 def raise_base(model: Model, data: Data, height_m: float) -> None:
     """Lift what floats; call before the next step."""
-    import mujoco
-
-    for joint in np.flatnonzero(model.jnt_type == mujoco.mjtJoint.mjJNT_FREE):
+    for joint in free_joints(model):
         data.qpos[int(model.jnt_qposadr[joint]) + 2] += height_m
+
+
+def hold_base(model: Model) -> None:
+    """A floating base with the inertia of a hill, of a model that may be changed: see `HELD_KG`."""
+    for joint in free_joints(model):
+        first = int(model.jnt_dofadr[joint])
+        model.dof_armature[first : first + 6] = HELD_KG
+
+
+def held_but(model: Model, joints: Collection[int]) -> None:
+    """Likewise hold everything still but these hinges and slides."""
+    moving = [int(model.jnt_dofadr[joint]) for joint in joints]
+    model.dof_armature[np.setdiff1d(np.arange(model.nv), moving)] = HELD_KG
+
+
+def above(model: Model, body: int) -> set[int]:
+    """A body and all that it is on."""
+    found = {body}
+    while body:
+        body = int(model.body_parentid[body])
+        found.add(body)
+    return found
+
+
+def below(model: Model, top: int) -> set[int]:
+    """A body and all that is on it."""
+    found = {top}
+    for body in range(top + 1, model.nbody):
+        if int(model.body_parentid[body]) in found:
+            found.add(body)
+    return found
 
 
 # --- shapes -------------------------------------------------------------------------------------
@@ -313,9 +348,7 @@ def raise_base(model: Model, data: Data, height_m: float) -> None:
 
 def floors(model: Model) -> list[int]:
     """Planes of the world."""
-    import mujoco
-
-    planes = model.geom_type == int(mujoco.mjtGeom.mjGEOM_PLANE)
+    planes = model.geom_type == int(mj.mjtGeom.mjGEOM_PLANE)
     return [int(i) for i in np.flatnonzero(planes & (model.geom_bodyid == 0))]
 
 
@@ -333,38 +366,21 @@ def collision_geoms(model: Model) -> list[int]:
     return [int(i) for i in np.flatnonzero(solid & (model.geom_bodyid != 0))]
 
 
-def passes(model: Model, a: int, b: int) -> bool:
-    """Whether MuJoCo lets two bodies (by number) pass through each other by its own rule.
+def outlines(model: Model, data: Data, geoms: Iterable[int], most: int | None = None) -> Array:
+    """(n, 3) points in the world, m: vertices of meshes, corners of the boxes of other shapes.
 
-    One rigid piece never touches itself, and neither do parent and child, unless the parent is
-    part of the world or the model switches that filter off.
+    most: vertices of each mesh, evenly chosen; None = all.
     """
-    import mujoco
-
-    weld_a, weld_b = int(model.body_weldid[a]), int(model.body_weldid[b])
-    if weld_a == weld_b:
-        return True
-    if model.opt.disableflags & mujoco.mjtDisableBit.mjDSBL_FILTERPARENT or 0 in (weld_a, weld_b):
-        return False
-    above_a = int(model.body_weldid[model.body_parentid[weld_a]])
-    above_b = int(model.body_weldid[model.body_parentid[weld_b]])
-    return weld_a == above_b or weld_b == above_a
-
-
-def touching_geoms(model: Model) -> Iterator[tuple[int, int]]:
-    """Pairs of geoms that masks, excludes and MuJoCo's own filter let touch."""
-    excluded = {int(signature) for signature in model.exclude_signature}
-    solid = [i for i in range(model.ngeom) if model.geom_contype[i] or model.geom_conaffinity[i]]
-    for a, b in itertools.combinations(solid, 2):
-        first, second = sorted((int(model.geom_bodyid[a]), int(model.geom_bodyid[b])))
-        if (first << 16) + second in excluded or passes(model, first, second):
-            continue
-        mask = model.geom_contype[a] & model.geom_conaffinity[b]
-        if mask | (model.geom_contype[b] & model.geom_conaffinity[a]):
-            yield a, b
-
-
-def explicit_pairs(model: Model) -> Iterator[tuple[int, int]]:
-    """Pairs of geoms that touch whatever filters say: the elements `<pair>`."""
-    for index in range(model.npair):
-        yield int(model.pair_geom1[index]), int(model.pair_geom2[index])
+    found = [np.zeros((0, 3))]
+    for geom in geoms:
+        mesh = int(model.geom_dataid[geom])
+        if int(model.geom_type[geom]) == int(mj.mjtGeom.mjGEOM_MESH) and mesh >= 0:
+            first, count = int(model.mesh_vertadr[mesh]), int(model.mesh_vertnum[mesh])
+            step = 1 + count // most if most else 1
+            local = np.array(model.mesh_vert[first : first + count : step])
+        else:
+            middle, half = np.array(model.geom_aabb[geom]).reshape(2, 3)
+            local = middle + half * np.array(list(itertools.product((-1.0, 1.0), repeat=3)))
+        R = np.array(data.geom_xmat[geom]).reshape(3, 3)
+        found.append(local @ R.T + np.array(data.geom_xpos[geom]))
+    return np.concatenate(found)

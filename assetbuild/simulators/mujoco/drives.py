@@ -8,21 +8,26 @@ joints that follow one another drives the one that leads: see `levers`.
 
 from __future__ import annotations
 
+import copy
 import math
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
 
+from assetbuild.robot.model import Actuator, Control
 from assetbuild.robot.pose import Array
-from assetbuild.simulators.mujoco import Data, Model, actuators, first_command, name_of, turning
+from assetbuild.simulators import mujoco
+from assetbuild.simulators.mujoco import Data, Model, mj
 from assetbuild.simulators.mujoco.levers import tendon_lever
 
 Kind = Literal["servo", "velocity", "motor", "general"]
 Range = tuple[float, float]
 """(lower, upper); infinite where nothing limits."""
 UNLIMITED: Range = (-math.inf, math.inf)
+OUTSIDE = frozenset({"ideal_pd", "dc_motor", "motor"})
+"""Actuator models whose PD law acts outside of the simulator, by kp and kd of the table."""
 
 
 @dataclass(frozen=True)
@@ -111,17 +116,15 @@ class JointDrives:
 
 def read_drives(model: Model) -> tuple[Drive, ...]:
     """The actuators that drive hinges and slides, in order; others are left out."""
-    found = (read_drive(model, index) for index in actuators(model))
+    found = (read_drive(model, index) for index in mujoco.actuators(model))
     return tuple(drive for drive in found if drive is not None)
 
 
 def read_drive(model: Model, index: int) -> Drive | None:
     """One actuator; None when its transmission is no hinge or slide, nor joints that one leads."""
-    import mujoco
-
-    straight = (int(mujoco.mjtTrn.mjTRN_JOINT), int(mujoco.mjtTrn.mjTRN_JOINTINPARENT))
+    straight = (int(mj.mjtTrn.mjTRN_JOINT), int(mj.mjtTrn.mjTRN_JOINTINPARENT))
     joint = int(model.actuator_trnid[index, 0])
-    if int(model.actuator_trntype[index]) in straight and joint in turning(model):
+    if int(model.actuator_trntype[index]) in straight and joint in mujoco.turning(model):
         return _drive(model, index, joint, float(model.actuator_gear[index, 0]))
     lever = tendon_lever(model, index)
     return _drive(model, index, *lever) if lever else None
@@ -135,6 +138,47 @@ def aim(model: Model, data: Data, joints: Collection[str] | None = None) -> None
             data.ctrl[drive.ctrl_index] = drive.command(position)
 
 
+def drive_as(model: Model, gains: Mapping[str, Actuator], *, others: bool = True) -> None:
+    """Turn actuators of some joints into position servos inside of the simulator.
+
+    For models whose law runs outside (`ideal_pd`, `motor`, ...). Keyframes, which command such a
+    motor no torque, command the servo their own pose. Of several actuators of a joint, the first
+    becomes the servo and the others pull no more. others: whether other joints' still pull.
+    """
+    drives = {drive.index: drive for drive in read_drives(model)}
+    free = dict(gains)
+    for index in mujoco.actuators(model):
+        name = drives[index].joint_name if index in drives else ""
+        actuator = free.pop(name, None)
+        if actuator is None and (name in gains or not others):
+            model.actuator_gear[index] = 0.0
+        if actuator is None:
+            continue
+        joint = drives[index].joint
+        model.actuator_trntype[index] = mj.mjtTrn.mjTRN_JOINT
+        model.actuator_trnid[index] = (joint, -1)
+        model.actuator_gear[index, 0] = 1.0
+        model.actuator_gaintype[index] = mj.mjtGain.mjGAIN_FIXED
+        model.actuator_biastype[index] = mj.mjtBias.mjBIAS_AFFINE
+        model.actuator_gainprm[index, :3] = (actuator.kp, 0.0, 0.0)
+        model.actuator_biasprm[index, :3] = (0.0, -actuator.kp, -actuator.kd)
+        model.actuator_ctrllimited[index] = 0
+        model.key_ctrl[:, index] = model.key_qpos[:, int(model.jnt_qposadr[joint])]
+        if actuator.effort is not None:
+            model.actuator_forcelimited[index] = 1
+            model.actuator_forcerange[index] = (-actuator.effort, actuator.effort)
+
+
+def servoed(model: Model, control: Control, laws: Collection[str] = OUTSIDE) -> Model:
+    """A copy in which servos stand in for the drives whose law (`Actuator.model`) is outside.
+
+    How such a law does in steps of its own, `gains.unstable` says.
+    """
+    changed = copy.copy(model)
+    drive_as(changed, {a.joint: a for a in control.actuators if a.model in laws})
+    return changed
+
+
 def drives_of(model: Model, joint: int) -> JointDrives:
     """The drives of one joint, by its number."""
     drives = tuple(drive for drive in read_drives(model) if drive.joint == joint)
@@ -144,28 +188,26 @@ def drives_of(model: Model, joint: int) -> JointDrives:
 
 
 def _drive(model: Model, index: int, joint: int, gear: float) -> Drive:
-    import mujoco
-
     gain_type, gain = int(model.actuator_gaintype[index]), model.actuator_gainprm[index]
     bias_type, bias = int(model.actuator_biastype[index]), model.actuator_biasprm[index]
-    fixed = gain_type == int(mujoco.mjtGain.mjGAIN_FIXED)
-    biased = bias_type == int(mujoco.mjtBias.mjBIAS_AFFINE)
-    unbiased = bias_type == int(mujoco.mjtBias.mjBIAS_NONE)
-    slope = gain_type == int(mujoco.mjtGain.mjGAIN_AFFINE) and not gain[1:3].any()
+    fixed = gain_type == int(mj.mjtGain.mjGAIN_FIXED)
+    biased = bias_type == int(mj.mjtBias.mjBIAS_AFFINE)
+    unbiased = bias_type == int(mj.mjtBias.mjBIAS_NONE)
+    slope = gain_type == int(mj.mjtGain.mjGAIN_AFFINE) and not gain[1:3].any()
     dynamics = int(model.actuator_dyntype[index])
-    filters = (mujoco.mjtDyn.mjDYN_FILTER, mujoco.mjtDyn.mjDYN_FILTEREXACT)
+    filters = (mj.mjtDyn.mjDYN_FILTER, mj.mjtDyn.mjDYN_FILTEREXACT)
     filtered = dynamics in (int(kind) for kind in filters)
     # An integrator sums its command up, so no command belongs to a position.
-    settles = filtered or dynamics == int(mujoco.mjtDyn.mjDYN_NONE)
+    settles = filtered or dynamics == int(mj.mjtDyn.mjDYN_NONE)
     is_affine = (fixed or slope) and (biased or unbiased) and settles
     constant, stiff, viscous = (float(v) for v in bias[:3]) if biased else (0.0, 0.0, 0.0)
     kind = _kind(float(gain[0]), (constant, stiff, viscous))
     torque = _torque(model, index, gear, plain=is_affine and unbiased)
     return Drive(
         index=index,
-        ctrl_index=first_command(model, index),
+        ctrl_index=mujoco.first_command(model, index),
         joint=joint,
-        joint_name=name_of(model, "joint", joint),
+        joint_name=mujoco.name_of(model, "joint", joint),
         kind=kind if is_affine else "general",
         gear=gear,
         gain=gear * float(gain[0]),
@@ -220,12 +262,7 @@ def _range(limited: bool, ends: Array) -> Range:
     return (float(ends[0]), float(ends[1])) if limited else UNLIMITED
 
 
-def _has(model: Model, attribute: str) -> bool:
-    return hasattr(model, f"actuator_{attribute}")
-
-
 def _own(model: Model, attribute: str, index: int, gear: float) -> float:
     """An actuator's own damping or armature on the joint, which MuJoCo 3.11 does not have."""
-    if not _has(model, attribute):
-        return 0.0
-    return gear * gear * float(np.ravel(getattr(model, f"actuator_{attribute}")[index])[0])
+    values = getattr(model, f"actuator_{attribute}", None)
+    return 0.0 if values is None else gear * gear * float(np.ravel(values[index])[0])

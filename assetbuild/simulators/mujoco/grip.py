@@ -7,24 +7,24 @@ Gravity points where the fingers point, and shakes.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+import re
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 
 from assetbuild.errors import StepError, one_line
 from assetbuild.robot.pose import Array
-from assetbuild.simulators.mujoco import Data, Model, at_key, caught_warnings, is_finite, without
+from assetbuild.simulators import mujoco
+from assetbuild.simulators.mujoco import Data, Model, mj
 from assetbuild.simulators.mujoco.hands import (
     Hand,
     at_pose,
     between_keys,
     find_hands,
-    held_but,
     solid_geoms,
-    vertices,
 )
 
 Shape = Literal["cube", "cylinder", "sphere"]
@@ -102,9 +102,7 @@ Try = tuple[Place, float]
 
 def with_object(path: Path) -> Model:
     """The robot of an MJCF with an object that floats and a table, both far away."""
-    import mujoco
-
-    spec = mujoco.MjSpec.from_file(str(path))
+    spec = mj.MjSpec.from_file(str(path))
     spec.compiler.discardvisual = True
     for key in spec.keys:
         if len(key.qpos):
@@ -115,7 +113,7 @@ def with_object(path: Path) -> Model:
     body.ipos, body.iquat = (0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0)
     body.add_geom(
         name=_OBJECT,
-        type=mujoco.mjtGeom.mjGEOM_BOX,
+        type=mj.mjtGeom.mjGEOM_BOX,
         size=(WIDTH_M, WIDTH_M, WIDTH_M),
         contype=1 | _TABLE_BIT,
         conaffinity=1,
@@ -124,12 +122,12 @@ def with_object(path: Path) -> Model:
     table = spec.worldbody.add_body(name=_TABLE, mocap=True, pos=(0.0, 0.0, 60.0))
     table.add_geom(
         name=_TABLE,
-        type=mujoco.mjtGeom.mjGEOM_BOX,
+        type=mj.mjtGeom.mjGEOM_BOX,
         size=(0.5, 0.5, TABLE_M),
         contype=0,
         conaffinity=_TABLE_BIT,
     )
-    with caught_warnings():
+    with mujoco.caught_warnings():
         try:
             return spec.compile()
         except ValueError as error:
@@ -160,27 +158,26 @@ def half_size(shape: Shape, width: float) -> Array:
     return np.array((0.5, 0.5, 0.75 if shape == "cylinder" else 0.5)) * width
 
 
-def _resize(model: Model, shape: Shape, width: float) -> None:
-    import mujoco
+def inertia_of(shape: Shape, width: float, mass: float) -> Array:
+    """(3,) principal moments of a homogeneous object, kg m2; width in m, mass in kg."""
+    if shape != "cylinder":
+        return np.full(3, mass * width**2 / (6.0 if shape == "cube" else 10.0))
+    tall = 2.0 * half_size(shape, width)[2]
+    side = mass * (0.75 * width**2 + tall**2) / 12.0
+    return np.array((side, side, mass * width**2 / 8.0))
 
-    kinds, half = mujoco.mjtGeom, half_size(shape, width)
+
+def _resize(model: Model, shape: Shape, width: float) -> None:
+    kinds, (half, _, tall) = mj.mjtGeom, half_size(shape, width)
     kind, size = {
-        "cube": (kinds.mjGEOM_BOX, half),
-        "cylinder": (kinds.mjGEOM_CYLINDER, (half[0], half[2], 0.0)),
-        "sphere": (kinds.mjGEOM_SPHERE, (half[0], 0.0, 0.0)),
+        "cube": (kinds.mjGEOM_BOX, (half, half, half)),
+        "cylinder": (kinds.mjGEOM_CYLINDER, (half, tall, 0.0)),
+        "sphere": (kinds.mjGEOM_SPHERE, (half, 0.0, 0.0)),
     }[shape]
     model.geom_type[probe_of(model)], model.geom_size[probe_of(model)] = int(kind), size
 
 
-def inertia_of(shape: Shape, width: float, mass: float) -> Array:
-    """(3,) principal moments of a homogeneous object, kg m2; width in m, mass in kg."""
-    if shape == "cube":
-        return np.full(3, mass * width**2 / 6.0)
-    if shape == "sphere":
-        return np.full(3, mass * width**2 / 10.0)
-    tall = 2.0 * half_size(shape, width)[2]
-    side = mass * (0.75 * width**2 + tall**2) / 12.0
-    return np.array((side, side, mass * width**2 / 8.0))
+# --- where it fits ------------------------------------------------------------------------------
 
 
 def fit(model: Model, hand: Hand, shape: Shape) -> Place | None:
@@ -188,7 +185,7 @@ def fit(model: Model, hand: Hand, shape: Shape) -> Place | None:
 
     model: of `with_object`. None where none fits between them.
     """
-    model, width = without(model), WIDTH_M
+    model, width = mujoco.without(model), WIDTH_M
     while width > LEAST_WIDTH_M:
         _resize(model, shape, width)
         for out in np.linspace(0.0, half_size(shape, width)[2], DEPTHS):
@@ -203,54 +200,38 @@ def fit(model: Model, hand: Hand, shape: Shape) -> Place | None:
 def _room(
     model: Model, hand: Hand, index: int, shape: Shape, width: float, out: float
 ) -> Place | None:
-    """A place between the fingers in a pose where the object touches nothing.
+    """The middle of places in a row between the fingers where the object touches nothing.
 
-    out: m, less deep in the hand than can be.
+    index: of the pose. out: m, less deep in the hand than can be.
     """
-    import mujoco
-
     data, along, across = at_pose(model, hand.poses[index]), hand.along[index], hand.across[index]
     R = np.column_stack([across, np.cross(across, along), -along])
-    deepest = min(float((vertices(model, data, side) @ along).max()) for side in hand.sides)
+    solid = [mujoco.outlines(model, data, solid_geoms(model, side)) for side in hand.sides]
+    deepest = min(float((points @ along).max()) for points in solid)
     depth = deepest + BEYOND_M - half_size(shape, width)[2] + out
     middle = hand.tips[index] + (depth - hand.tips[index] @ along) * along
     places = middle + np.linspace(-ASIDE, ASIDE, PLACES)[:, None] * width * across
-    touched = []
+    touched = ""
     for xyz in places:
         _put(model, data, xyz, R)
-        mujoco.mj_kinematics(model, data)
-        mujoco.mj_collision(model, data)
-        touched.append(_touched(model, data, hand))
-    between = _between(touched)
+        mj.mj_kinematics(model, data)
+        mj.mj_collision(model, data)
+        touched += _touched(model, data, hand)
+    between = re.search(r"0(-+)1", touched)
     if between is None:
         return None
     start = max(0, index - round(OPEN * len(hand.poses)))
-    return Place(shape, width, start, places[between], R)
+    return Place(shape, width, start, places[sum(between.span(1)) // 2], R)
 
 
-def _touched(model: Model, data: Data, hand: Hand) -> int | None:
-    """What the object lies in: a side by its number, -1 for both or other bodies; None: nothing."""
-    pairs = [c.geom for c in _contacts(model, data) if c.dist < 0.0]
-    own = int(model.body(_OBJECT).id)
-    bodies = {int(body) for pair in pairs for body in model.geom_bodyid[pair]} - {own}
-    for number, side in enumerate(hand.sides):
-        if bodies and bodies <= set(side):
-            return number
-    return -1 if bodies else None
+def _touched(model: Model, data: Data, hand: Hand) -> str:
+    """What the object lies in: a side by its number, `x` for both or other bodies, `-`: nothing."""
+    bodies = {body for _, body in _contacts(model, data, deeper_than=0.0)}
+    found = [str(number) for number, side in enumerate(hand.sides) if bodies <= set(side)]
+    return found[0] if bodies and found else "x" if bodies else "-"
 
 
-def _between(touched: Sequence[int | None]) -> int | None:
-    """The middle of places in a row that touch nothing, with a side before and the other behind."""
-    free: list[int] = []
-    before: int | None = None
-    for index, what in enumerate(touched):
-        if what is None:
-            free.append(index)
-            continue
-        if free and (before, what) == (0, 1):
-            return free[len(free) // 2]
-        free, before = [], what
-    return None
+# --- how it is held -----------------------------------------------------------------------------
 
 
 def grip(model: Model, hand: Hand, place: Place, mass: float) -> Grip:
@@ -258,26 +239,24 @@ def grip(model: Model, hand: Hand, place: Place, mass: float) -> Grip:
 
     model: of `with_object`. mass: kg.
     """
-    import mujoco
-
     model = _loaded(model, hand, place, mass)
-    data, step = at_key(model), float(model.opt.timestep)  # the rest of the robot aims at its home
+    step = float(model.opt.timestep)
+    data = mujoco.at_key(model)  # the rest of the robot aims at its home
     data.qpos[:] = hand.poses[place.start]
     _put(model, data, place.xyz, place.R)
     table = int(model.body(_TABLE).mocapid[0])
-    mujoco.mju_mat2Quat(data.mocap_quat[table], place.R.ravel())
-    pressing, seen, forces = list[int](), list[Array](), []
+    mj.mju_mat2Quat(data.mocap_quat[table], place.R.ravel())
+    looks, pressing, seen, forces = [CLOSE_S, CLOSE_S + LIFT_S], list[int](), list[Array](), []
     for index in range(round(TOTAL_S / step)):
         time = index * step
         for drive, target in zip(hand.drives, closing(hand, place, time), strict=True):
             data.ctrl[drive.ctrl_index] = drive.command(float(target))
         data.mocap_pos[table] = table_at(place, time) + TABLE_M * place.down
         model.opt.gravity[:] = G * place.down + shaking(place, time)
-        mujoco.mj_step(model, data)
-        if time >= CLOSE_S and not pressing:
-            pressing = _pressing(model, data, hand)
-            seen.append(_seen_from(data, pressing))
-        if time >= CLOSE_S + LIFT_S and len(seen) == 1:
+        mj.mj_step(model, data)
+        if looks and time >= looks[0]:
+            looks.pop(0)
+            pressing = pressing or _pressing(model, data, hand)
             seen.append(_seen_from(data, pressing))
         if time > TOTAL_S - 1.0:
             by_body = _forces(model, data)
@@ -286,20 +265,18 @@ def grip(model: Model, hand: Hand, place: Place, mass: float) -> Grip:
     seat, slip = np.linalg.norm(np.diff(seen, axis=0), axis=2).mean(axis=1)
     fell = np.linalg.norm(data.body(_OBJECT).xpos - place.xyz) > LIFT_M / 2.0
     one, other = (float(force) for force in np.mean(forces, axis=0))
-    held = bool(is_finite(data) and not fell and min(one, other) > 0.0)
+    held = bool(mujoco.is_finite(data) and not fell and min(one, other) > 0.0)
     return Grip(place, mass, float(slip), float(seat), (one, other), held)
 
 
 def _loaded(model: Model, hand: Hand, place: Place, mass: float) -> Model:
     """A copy with this object, in which nothing but the fingers moves."""
-    import mujoco
-
-    model, body = without(model), int(model.body(_OBJECT).id)
+    model, body = mujoco.without(model), int(model.body(_OBJECT).id)
     _resize(model, place.shape, place.width_m)
     model.body_mass[body] = mass
     model.body_inertia[body] = inertia_of(place.shape, place.width_m, mass)
-    mujoco.mj_setConst(model, mujoco.MjData(model))
-    held_but(model, hand.fingers)
+    mj.mj_setConst(model, mj.MjData(model))
+    mujoco.held_but(model, hand.fingers)
     fingers = solid_geoms(model, [body for side in hand.sides for body in side])
     model.geom_friction[[*fingers, probe_of(model)], 0] = FRICTION
     return model
@@ -330,30 +307,28 @@ def shaking(place: Place, time: float) -> Array:
 
 
 def _put(model: Model, data: Data, xyz: Array, R: Array) -> None:
-    import mujoco
-
     at = int(model.joint(_OBJECT).qposadr[0])
     data.qpos[at : at + 3] = xyz
-    mujoco.mju_mat2Quat(data.qpos[at + 3 : at + 7], R.ravel())
+    mj.mju_mat2Quat(data.qpos[at + 3 : at + 7], R.ravel())
 
 
-def _contacts(model: Model, data: Data) -> list[Any]:  # Any: mujoco.MjContact
-    """Contacts of the object with the robot."""
-    geom, table = probe_of(model), int(model.geom(_TABLE).id)
-    return [c for c in data.contact[: data.ncon] if geom in c.geom and table not in c.geom]
+def _contacts(
+    model: Model, data: Data, deeper_than: float = -math.inf
+) -> Iterator[tuple[int, int]]:
+    """(number, body of the other) of contacts of the object with the robot."""
+    own, table = probe_of(model), int(model.geom(_TABLE).id)
+    for index, contact in enumerate(data.contact[: data.ncon]):
+        one, other = (int(geom) for geom in contact.geom)
+        if own in (one, other) and table not in (one, other) and -contact.dist > deeper_than:
+            yield index, int(model.geom_bodyid[other if one == own else one])
 
 
 def _forces(model: Model, data: Data) -> dict[int, float]:
     """Sum of the normal forces of each body of the robot on the object, N."""
-    import mujoco
-
-    geom, force, sums = probe_of(model), np.zeros(6), dict[int, float]()
-    for index in range(data.ncon):
-        pair = [int(g) for g in data.contact[index].geom]
-        if geom in pair:
-            other = int(model.geom_bodyid[pair[int(pair[0] == geom)]])
-            mujoco.mj_contactForce(model, data, index, force)
-            sums[other] = sums.get(other, 0.0) + float(force[0])
+    force, sums = np.zeros(6), dict[int, float]()
+    for index, body in _contacts(model, data):
+        mj.mj_contactForce(model, data, index, force)
+        sums[body] = sums.get(body, 0.0) + float(force[0])
     return sums
 
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from assetbuild.simulators.mujoco import Model, turning
+from assetbuild.simulators.mujoco import Model, mj, turning
 
 CLOSE = 1e-12
 """Length at which a tendon counts from the leader's 0, m or rad."""
@@ -20,10 +20,8 @@ def tendon_lever(model: Model, actuator: int) -> tuple[int, float] | None:
 
     None, too, where the tendon or one of its joints limits the force, which acts on each alone.
     """
-    import mujoco
-
     tendon = int(model.actuator_trnid[actuator, 0])
-    if int(model.actuator_trntype[actuator]) != int(mujoco.mjtTrn.mjTRN_TENDON):
+    if int(model.actuator_trntype[actuator]) != int(mj.mjtTrn.mjTRN_TENDON):
         return None
     if model.tendon_actfrclimited[tendon]:
         return None
@@ -48,9 +46,7 @@ def tendon_coupling(model: Model, equality: int) -> tuple[int, int, float, float
     softness by the tendons' inertias: each coefficient is 1 or -1, and these are the joints' own.
     Of one tendon over two joints, one that an actuator drives leads.
     """
-    import mujoco
-
-    is_tendon = int(model.eq_type[equality]) == int(mujoco.mjtEq.mjEQ_TENDON)
+    is_tendon = int(model.eq_type[equality]) == int(mj.mjtEq.mjEQ_TENDON)
     if not is_tendon or not model.eq_active0[equality]:
         return None
     tendons = [int(model.eq_obj1id[equality]), int(model.eq_obj2id[equality])]
@@ -71,7 +67,7 @@ def tendon_coupling(model: Model, equality: int) -> tuple[int, int, float, float
     one, two = (c for each in over for c in each.values())
     if len(over) == 2:
         return joints[0], joints[1], c1 * two / one, c0 / one
-    of_joints = np.asarray(model.actuator_trntype) == int(mujoco.mjtTrn.mjTRN_JOINT)
+    of_joints = np.asarray(model.actuator_trntype) == int(mj.mjtTrn.mjTRN_JOINT)
     driven = set(np.asarray(model.actuator_trnid)[of_joints, 0].tolist())
     if joints[0] in driven and joints[1] not in driven:
         return joints[1], joints[0], -one / two, c0 / two
@@ -80,12 +76,10 @@ def tendon_coupling(model: Model, equality: int) -> tuple[int, int, float, float
 
 def joints_over(model: Model, tendon: int) -> dict[int, float]:
     """Coefficient by joint of a fixed tendon; nothing of a spatial one."""
-    import mujoco
-
     first, count = int(model.tendon_adr[tendon]), int(model.tendon_num[tendon])
     found: dict[int, float] = {}
     for wrap in range(first, first + count):
-        if int(model.wrap_type[wrap]) != int(mujoco.mjtWrap.mjWRAP_JOINT):
+        if int(model.wrap_type[wrap]) != int(mj.mjtWrap.mjWRAP_JOINT):
             return {}
         joint = int(model.wrap_objid[wrap])
         found[joint] = found.get(joint, 0.0) + float(model.wrap_prm[wrap])
@@ -115,15 +109,13 @@ def _coupling(model: Model, joint: int) -> tuple[int, float, float] | None:
 
     The leader is -1 where the equality holds the joint, or is not linear.
     """
-    import mujoco
-
     for equality in range(model.neq):
         follower, leader = int(model.eq_obj1id[equality]), int(model.eq_obj2id[equality])
         if coupled := tendon_coupling(model, equality):
             if coupled[0] == joint:
                 return coupled[1:]
             continue
-        couples = int(model.eq_type[equality]) == int(mujoco.mjtEq.mjEQ_JOINT)
+        couples = int(model.eq_type[equality]) == int(mj.mjtEq.mjEQ_JOINT)
         if couples and model.eq_active0[equality] and follower == joint:
             c0, c1, *more = (float(c) for c in model.eq_data[equality][:5])
             return (-1 if any(more) else leader), c1, c0

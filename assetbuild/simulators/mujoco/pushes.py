@@ -5,27 +5,21 @@ Without gravity and contacts, the base held. The load grows slowly, so that noth
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
 from assetbuild.robot.pose import Array
-from assetbuild.simulators.mujoco import (
-    Data,
-    Model,
-    at_key,
-    caught_warnings,
-    is_finite,
-    name_of,
-    without,
-)
+from assetbuild.simulators import mujoco
+from assetbuild.simulators.mujoco import Data, Model, mj
 from assetbuild.simulators.mujoco.drives import aim
-from assetbuild.simulators.mujoco.hands import held_but
-from assetbuild.simulators.mujoco.trials import hold_base
 
 RISE_S, HOLD_S = 0.2, 0.3
 """The load grows to the full effort, then stays."""
+JOINT, LOOP = ("JOINT",), ("CONNECT", "WELD")
+"""Kinds of equalities: couplings of joints, and closed loops."""
 
 
 @dataclass(frozen=True)
@@ -34,7 +28,6 @@ class Pushed:
 
     joint: str
     slides: bool
-    effort: float
     error: float
 
 
@@ -44,22 +37,21 @@ def past_limits(model: Model, efforts: Mapping[str, float]) -> Iterator[Pushed]:
     efforts: by joint, N m or N. All joints are pushed at once: the limit of each feels its own
     load alone.
     """
-    model = _alone(without(model, "CONTACT"))
-    model.eq_active0[_loops(model)] = 0  # not all of a loop's joints can be at their limits
-    joints = [j for j in _named(model, efforts) if model.jnt_limited[j]]
-    worst = np.zeros(model.njnt)
-    for side in (0, 1) if joints else ():
-        data, load = at_key(model), np.zeros(model.nv)
-        for joint in joints:
-            data.qpos[model.jnt_qposadr[joint]] = model.jnt_range[joint, side]
-            sign = 1.0 if side else -1.0
-            load[model.jnt_dofadr[joint]] = sign * efforts[name_of(model, "joint", joint)]
+    model = _alone(model, "CONTACT")
+    model.eq_active0[_active(model, LOOP)] = 0  # not all of a loop's joints can be at their limits
+    pushed = {j: effort for j, effort in _loaded(model, efforts).items() if model.jnt_limited[j]}
+    joints, worst = list(pushed), np.zeros(len(pushed))
+    at, limits = model.jnt_qposadr[joints], model.jnt_range[joints]
+    for side, sign in ((0, -1.0), (1, 1.0)) if joints else ():
+        data, load = mujoco.at_key(model), np.zeros(model.nv)
+        data.qpos[at] = limits[:, side]
+        load[model.jnt_dofadr[joints]] = sign * np.array([*pushed.values()])
         _lead(model, data, load)
         aim(model, data)
         for position in _under(model, data, load):
-            beyond = position[model.jnt_qposadr] - model.jnt_range[:, side]
-            worst = np.maximum(worst, beyond if side else -beyond)
-    yield from (_pushed(model, joint, efforts, worst[joint]) for joint in joints)
+            worst = np.maximum(worst, sign * (position[at] - limits[:, side]))
+    for joint, error in zip(joints, worst, strict=True):
+        yield _pushed(model, joint, float(error))
 
 
 def off_couplings(model: Model, efforts: Mapping[str, float]) -> Iterator[Pushed]:
@@ -67,22 +59,21 @@ def off_couplings(model: Model, efforts: Mapping[str, float]) -> Iterator[Pushed
 
     efforts: by joint; of a follower, what its leader brings there.
     """
-    model = _alone(without(model, "CONTACT", "LIMIT", "ACTUATION"))
-    for index in _couplings(model):
-        follower, leader = int(model.eq_obj1id[index]), int(model.eq_obj2id[index])
-        effort = efforts.get(name_of(model, "joint", follower), 0.0)
-        if not effort > 0.0:
+    model = _alone(model, "CONTACT", "LIMIT", "ACTUATION")
+    pushed = _loaded(model, efforts)
+    for index in _active(model, JOINT):
+        follower, leader, offset, gear = _coupling(model, index)
+        if follower not in pushed:
             continue
-        offset, gear = (float(v) for v in model.eq_data[index, :2])
-        data, load, worst = at_key(model), np.zeros(model.nv), 0.0
-        load[model.jnt_dofadr[follower]] = effort
+        data, load, worst = mujoco.at_key(model), np.zeros(model.nv), 0.0
+        load[model.jnt_dofadr[follower]] = pushed[follower]
         if leader >= 0:
-            load[model.jnt_dofadr[leader]] = -gear * effort
+            load[model.jnt_dofadr[leader]] = -gear * pushed[follower]
         for position in _under(model, data, load):
             led = position[model.jnt_qposadr[leader]] if leader >= 0 else 0.0
             off = position[model.jnt_qposadr[follower]] - offset - gear * led
-            worst = max(worst, abs(float(off))) if np.isfinite(off) else float("nan")
-        yield _pushed(model, follower, efforts, worst)
+            worst = float(np.maximum(worst, abs(off)))
+        yield _pushed(model, follower, worst)
 
 
 def open_loops(model: Model, efforts: Mapping[str, float]) -> Iterator[Pushed]:
@@ -91,71 +82,58 @@ def open_loops(model: Model, efforts: Mapping[str, float]) -> Iterator[Pushed]:
     All other joints are blocked, so that the loops carry it. efforts: of drives, by joint. The
     error is how far the two points of a loop part, m.
     """
-    import mujoco
-
-    model = _alone(without(model, "CONTACT", "ACTUATION", "LIMIT"))
-    driven = _named(model, efforts)
-    held_but(model, driven)
-    worst, load = dict.fromkeys(_loops(model), 0.0), np.zeros(model.nv)
-    for joint in driven:
-        load[model.jnt_dofadr[joint]] = efforts[name_of(model, "joint", joint)]
-    for sign in (-1.0, 1.0) if worst and driven else ():
-        data = at_key(model)
-        mujoco.mj_forward(model, data)
-        open_at_home = {index: _gap(data, index) for index in worst}
+    model = _alone(model, "CONTACT", "ACTUATION", "LIMIT")
+    pushed, loops = _loaded(model, efforts), _active(model, LOOP)
+    mujoco.held_but(model, pushed)
+    worst, load = np.zeros(len(loops)), np.zeros(model.nv)
+    load[model.jnt_dofadr[[*pushed]]] = [*pushed.values()]
+    for sign in (-1.0, 1.0) if loops and pushed else ():
+        data = mujoco.at_key(model)
+        mj.mj_forward(model, data)
+        at_home = _gaps(data, loops)
         for position in _under(model, data, sign * load):
-            for index, most in worst.items():
-                gap = _gap(data, index) if np.isfinite(position).all() else float("nan")
-                worst[index] = float(np.maximum(most, gap - open_at_home[index]))
-    for index, error in worst.items():
-        yield Pushed(f"loop {name_of(model, 'equality', index)}", True, float(load.max()), error)
+            opened = _gaps(data, loops) - at_home if np.isfinite(position).all() else math.nan
+            worst = np.maximum(worst, opened)
+    for index, error in zip(loops, worst, strict=True):
+        yield Pushed(f"loop {mujoco.name_of(model, 'equality', index)}", True, float(error))
 
 
-def _gap(data: Data, equality: int) -> float:
-    """Distance of the two points of a `connect` or `weld`, m."""
-    import mujoco
-
-    rows = data.efc_type == int(mujoco.mjtConstraint.mjCNSTR_EQUALITY)
-    mine = np.flatnonzero(rows & (data.efc_id == equality))[:3]
-    return float(np.linalg.norm(data.efc_pos[mine]))
+def _gaps(data: Data, loops: list[int]) -> Array:
+    """Distance of the two points of each `connect` or `weld`, m."""
+    rows = data.efc_type == int(mj.mjtConstraint.mjCNSTR_EQUALITY)
+    places = [np.flatnonzero(rows & (data.efc_id == index))[:3] for index in loops]
+    return np.array([np.linalg.norm(data.efc_pos[place]) for place in places])
 
 
-def _alone(model: Model) -> Model:
-    """Without gravity, the base held; for a model that may be changed."""
-    hold_base(model)
+def _alone(model: Model, *flags: str) -> Model:
+    """A copy without gravity and some of MuJoCo's features, the base held."""
+    model = mujoco.without(model, *flags)
+    mujoco.hold_base(model)
     model.opt.gravity[:] = 0.0
     return model
 
 
-def _named(model: Model, efforts: Mapping[str, float]) -> list[int]:
-    return [
-        joint
-        for joint in range(model.njnt)
-        if int(model.jnt_type[joint]) in (2, 3)  # slide, hinge
-        and efforts.get(name_of(model, "joint", joint), 0.0) > 0.0
-    ]
+def _loaded(model: Model, efforts: Mapping[str, float]) -> dict[int, float]:
+    """Effort by number of the hinges and slides that have one."""
+    found = mujoco.joints(model)
+    return {joint: efforts[name] for name, joint in found.items() if efforts.get(name, 0.0) > 0.0}
 
 
-def _couplings(model: Model) -> list[int]:
-    import mujoco
-
-    held = (model.eq_type == mujoco.mjtEq.mjEQ_JOINT) & (model.eq_active0 != 0)
-    return [int(index) for index in np.flatnonzero(held)]
+def _active(model: Model, kinds: tuple[str, ...]) -> list[int]:
+    numbers = [int(getattr(mj.mjtEq, f"mjEQ_{kind}")) for kind in kinds]
+    return np.flatnonzero(np.isin(model.eq_type, numbers) & (model.eq_active0 != 0)).tolist()
 
 
-def _loops(model: Model) -> list[int]:
-    import mujoco
-
-    kinds = (int(mujoco.mjtEq.mjEQ_CONNECT), int(mujoco.mjtEq.mjEQ_WELD))
-    closed = np.isin(model.eq_type, kinds) & (model.eq_active0 != 0)
-    return [int(index) for index in np.flatnonzero(closed)]
+def _coupling(model: Model, equality: int) -> tuple[int, int, float, float]:
+    """(follower, leader or -1, offset, multiplier)."""
+    offset, gear = (float(value) for value in model.eq_data[equality, :2])
+    return int(model.eq_obj1id[equality]), int(model.eq_obj2id[equality]), offset, gear
 
 
 def _lead(model: Model, data: Data, load: Array) -> None:
     """Put followers where their leaders are, and take the load off them: it is the leader's."""
-    for index in _couplings(model):
-        follower, leader = int(model.eq_obj1id[index]), int(model.eq_obj2id[index])
-        offset, gear = model.eq_data[index, :2]
+    for index in _active(model, JOINT):
+        follower, leader, offset, gear = _coupling(model, index)
         led = data.qpos[model.jnt_qposadr[leader]] if leader >= 0 else 0.0
         data.qpos[model.jnt_qposadr[follower]] = offset + gear * led
         load[model.jnt_dofadr[follower]] = 0.0
@@ -163,19 +141,16 @@ def _lead(model: Model, data: Data, load: Array) -> None:
 
 def _under(model: Model, data: Data, load: Array) -> Iterator[Array]:
     """qpos after each step while the load grows and stays."""
-    import mujoco
-
     step = float(model.opt.timestep)
-    with caught_warnings():
+    with mujoco.caught_warnings():
         for index in range(round((RISE_S + HOLD_S) / step)):
             data.qfrc_applied[:] = load * min(1.0, (index + 1) * step / RISE_S)
-            mujoco.mj_step(model, data)
-            if not is_finite(data):  # MuJoCo starts again from its default pose
+            mj.mj_step(model, data)
+            if not mujoco.is_finite(data):  # MuJoCo starts again from its default pose
                 yield np.full(model.nq, np.nan)
                 return
             yield data.qpos
 
 
-def _pushed(model: Model, joint: int, efforts: Mapping[str, float], error: float) -> Pushed:
-    name = name_of(model, "joint", joint)
-    return Pushed(name, int(model.jnt_type[joint]) == 2, efforts[name], float(error))
+def _pushed(model: Model, joint: int, error: float) -> Pushed:
+    return Pushed(mujoco.name_of(model, "joint", joint), int(model.jnt_type[joint]) == 2, error)

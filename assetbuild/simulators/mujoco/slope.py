@@ -7,30 +7,21 @@ slope, and less friction on it, so that friction carries the same share of its l
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
 from assetbuild.robot.pose import Array
-from assetbuild.simulators.mujoco import (
-    Data,
-    Model,
-    at_key,
-    caught_warnings,
-    floats,
-    floor_contacts,
-    floors,
-    is_finite,
-    turning,
-    without,
-)
+from assetbuild.simulators import mujoco
+from assetbuild.simulators.mujoco import Data, Model, mj
 from assetbuild.simulators.mujoco.drives import read_drives
-from assetbuild.simulators.mujoco.stand import Gains, command, laws_of
 from assetbuild.simulators.mujoco.trials import support
 
-SETTLE_S, TILT_S, REST_S, WATCH_S = 0.5, 0.5, 1.0, 2.0
-"""It stands on level ground, the ground tilts, what swings comes to rest, then it is watched."""
+WATCH_S = 2.0
+LEVEL = (0.5, 0.0, 0.0)
+PHASES = (LEVEL, (0.5, 0.0, 1.0), (1.0, 1.0, 1.0), (WATCH_S, 1.0, 1.0))
+"""Seconds, and the slope at their start and end as a share of the angle: it stands on level ground,
+the ground tilts, what swings comes to rest, then it is watched."""
 SHARE = 0.8
 """Of the angle of friction, where nobody says how steep the slope is."""
 LEAN = 0.4
@@ -53,23 +44,25 @@ class Creep:
     speed: float
 
 
-def creep(model: Model, share: float, external: Mapping[str, Gains]) -> Creep | str:
+def creep(model: Model, share: float) -> Creep | str:
     """How fast the initial pose of a scene slides on a slope; or why nothing can be said.
 
-    share: of the angle of friction. external: as in `mujoco_stand.stand`.
+    share: of the angle of friction. Of drives: see `stand`.
     """
-    if not floats(model) or not floors(model):
+    if not mujoco.stands_free(model):
         return "it does not stand on a floor"
-    model = without(model)
-    with caught_warnings():
-        start = at_key(model)
-        _stand(model, start, np.array(start.qpos), external, (0.0, 0.0), SETTLE_S, np.zeros(2))
-        mu, feet = _footing(model, start)
-        if not feet:
+    model = mujoco.without(model)
+    with mujoco.caught_warnings():
+        start = mujoco.at_key(model)
+        _stand(model, start, LEVEL, 0.0, np.zeros(2))
+        touching = mujoco.floor_contacts(model, start)
+        contacts = [start.contact[index] for index, _ in touching]
+        mu = min((float(c.friction[0]) if c.dim > 1 else 0.0 for c in contacts), default=0.0)
+        if not touching:
             return "it does not touch the floor"
         if mu <= 0.0:
             return "its feet have no friction"
-        if any(_rolls(model, body, external) for body in feet):
+        if any(_rolls(model, int(model.geom_bodyid[geom])) for _, geom in touching):
             return "it rolls"
         margin = support(model).margin_m
         if margin is None or margin <= 0.0:
@@ -79,77 +72,49 @@ def creep(model: Model, share: float, external: Mapping[str, Gains]) -> Creep | 
         needed = math.tan(angle / share)
         model.geom_friction[:, 0] *= needed / mu
         model.pair_friction[:, :2] *= needed / mu
-        ways = (np.array((1.0, 0.0)), np.array((0.0, 1.0)))
-        speeds = [_slide(model, angle, way, external) for way in ways]
+        speeds = [_slide(model, angle, np.array(way)) for way in ((1.0, 0.0), (0.0, 1.0))]
     if not all(map(math.isfinite, speeds)):
         return "it falls"
     scale = math.sin(share * math.atan(mu)) / math.sin(angle)
     return Creep(angle, needed, scale * max(speeds))
 
 
-def _slide(model: Model, angle: float, down: Array, external: Mapping[str, Gains]) -> float:
+def _slide(model: Model, angle: float, down: Array) -> float:
     """Speed of the feet down the slope, m/s; nan where the robot fell."""
-    data = at_key(model)
-    target, up = np.array(data.qpos), np.array(data.xmat[1]).reshape(3, 3)[:, 2]
-    _stand(model, data, target, external, (0.0, 0.0), SETTLE_S, down)
-    _stand(model, data, target, external, (0.0, angle), TILT_S, down)
-    _stand(model, data, target, external, (angle, angle), REST_S, down)
-    slid = _stand(model, data, target, external, (angle, angle), WATCH_S, down)
+    data = mujoco.at_key(model)
+    up = np.array(data.xmat[1]).reshape(3, 3)[:, 2]
+    slid = [_stand(model, data, phase, angle, down) for phase in PHASES][-1]
     upright = float(up @ np.array(data.xmat[1]).reshape(3, 3)[:, 2]) > math.cos(angle + FALLEN)
-    return abs(slid) / WATCH_S if upright and is_finite(data) else math.nan
+    return abs(slid) / WATCH_S if upright and mujoco.is_finite(data) else math.nan
 
 
 def _stand(
-    model: Model,
-    data: Data,
-    target: Array,
-    external: Mapping[str, Gains],
-    angles: tuple[float, float],
-    seconds: float,
-    down: Array,
+    model: Model, data: Data, phase: tuple[float, float, float], angle: float, down: Array
 ) -> float:
-    """Stand on ground that tilts from one angle to another; how far the feet slid down it, m."""
-    import mujoco
-
-    laws, step = laws_of(model, external), float(model.opt.timestep)
+    """Stand on ground that tilts; how far the feet slid down it, m. down: (2,) of the slope."""
+    (seconds, first, last), step = phase, float(model.opt.timestep)
     g, slid = float(np.linalg.norm(model.opt.gravity)), 0.0
-    for tilt in np.linspace(*angles, max(1, round(seconds / step))):
+    for tilt in np.linspace(first * angle, last * angle, max(1, round(seconds / step))):
         model.opt.gravity[:] = (*(g * math.sin(tilt) * down), -g * math.cos(tilt))
-        command(model, data, target, laws)
-        mujoco.mj_step(model, data)
+        mj.mj_step(model, data)
         slid += step * float(_sliding(model, data)[:2] @ down)
     return slid
 
 
 def _sliding(model: Model, data: Data) -> Array:
     """(3,) mean velocity of the robot's material points that touch the floor, m/s."""
-    import mujoco
-
     speeds, velocity = [np.zeros(3)], np.zeros(6)
-    for index, geom in floor_contacts(model, data):
+    for index, geom in mujoco.floor_contacts(model, data):
         body = int(model.geom_bodyid[geom])
-        mujoco.mj_objectVelocity(model, data, mujoco.mjtObj.mjOBJ_BODY, body, velocity, 0)
+        mj.mj_objectVelocity(model, data, mj.mjtObj.mjOBJ_BODY, body, velocity, 0)
         arm = np.array(data.contact[index].pos) - np.array(data.xipos[body])
         speeds.append(velocity[3:] + np.cross(velocity[:3], arm))
     mean: Array = np.sum(speeds, axis=0) / max(1, len(speeds) - 1)
     return mean
 
 
-def _footing(model: Model, data: Data) -> tuple[float, set[int]]:
-    """(least friction on the floor, bodies that touch it)."""
-    touching = floor_contacts(model, data)
-    contacts = [data.contact[index] for index, _ in touching]
-    mus = [float(contact.friction[0]) if contact.dim > 1 else 0.0 for contact in contacts]
-    return min(mus, default=0.0), {int(model.geom_bodyid[geom]) for _, geom in touching}
-
-
-def _rolls(model: Model, body: int, external: Mapping[str, Gains]) -> bool:
+def _rolls(model: Model, body: int) -> bool:
     """Whether a joint above a body turns freely: nothing holds its position."""
     held = {drive.joint for drive in read_drives(model) if drive.holds_position}
-    held |= {drive.joint for drive, _ in laws_of(model, external)}
-    while body:
-        first, count = int(model.body_jntadr[body]), int(model.body_jntnum[body])
-        if any(j in turning(model) and j not in held for j in range(first, first + count)):
-            return True
-        body = int(model.body_parentid[body])
-    return False
+    line, free = mujoco.above(model, body), {*mujoco.turning(model)} - held
+    return any(int(model.jnt_bodyid[joint]) in line for joint in free)

@@ -3,39 +3,17 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
 
 from assetbuild.errors import StepError
-from assetbuild.robot.model import Control
 from assetbuild.robot.pose import Array
-from assetbuild.simulators.mujoco import (
-    Data,
-    Model,
-    at_key,
-    caught_warnings,
-    collision_geoms,
-    floats,
-    floor_contacts,
-    floors,
-    is_finite,
-    name_of,
-    overlaps,
-    turning,
-)
-from assetbuild.simulators.mujoco.drives import Drive, drives_of, read_drives
-
-
-@dataclass(frozen=True)
-class Gains:
-    """A PD law outside the simulator. effort: N m or N, None = unlimited."""
-
-    kp: float
-    kd: float
-    effort: float | None = None
+from assetbuild.simulators import mujoco
+from assetbuild.simulators.mujoco import Data, Model, mj
+from assetbuild.simulators.mujoco.drives import drives_of, read_drives
 
 
 @dataclass(frozen=True)
@@ -73,16 +51,15 @@ class Stand:
     com_sag_m: float
 
     @property
-    def worst_held(self) -> tuple[str, float]:
-        """The held joint furthest from its target at the end, and how far, rad or m."""
+    def worst_held(self) -> tuple[str, float, str]:
+        """The held joint furthest from its target at the end, how far, and the unit."""
         off = {name: abs(self.joint_sag[name]) for name in self.held}
-        return max(off.items(), key=lambda item: (item[1], item[0]), default=("", 0.0))
+        name, far = max(off.items(), key=lambda item: (item[1], item[0]), default=("", 0.0))
+        return name, far, "m" if name in self.slides else "rad"
 
 
-EXTERNAL = frozenset({"ideal_pd", "dc_motor", "motor"})
-"""Actuator models whose PD law acts outside of the simulator, from kp and kd of the table."""
-_SLIDE = 2
-"""`mjJNT_SLIDE`."""
+FAR_M = 1e3
+"""Shapes further than this above the floor count as so far."""
 Outcome = Literal["stands", "holds", "falls", "rests", "unstable"]
 """A floating robot stands under its drives, or rests where it has none; a fixed one holds."""
 
@@ -95,10 +72,8 @@ def outcome(stood: Stand, fall: float) -> Outcome:
     """
     if not stood.finite:
         return "unstable"
-    if not stood.floats and not stood.held:
-        return "rests"
     if not stood.floats:
-        return "falls" if stood.worst_held[1] > fall else "holds"
+        return "rests" if not stood.held else "falls" if stood.worst_held[1] > fall else "holds"
     # A base frame on the ground cannot sink, so the centre of mass counts besides.
     height = max(stood.height_m, stood.com_height_m)
     lower = stood.sag_m > fall * height or stood.com_sag_m > fall * stood.com_height_m
@@ -110,167 +85,97 @@ def outcome(stood: Stand, fall: float) -> Outcome:
 def outcome_figures(stood: Stand, fall: float) -> dict[str, object]:
     """The outcome with its heights (m), and a sentence for the verdict."""
     did, seconds = outcome(stood, fall), f"{stood.seconds:.3g} s"
-    if did == "unstable":
-        return {"outcome": did, "sentence": f"the simulation became unstable within {seconds}"}
-    if not stood.floats:
-        joint, off = stood.worst_held
-        unit = "m" if joint in stood.slides else "rad"
-        far = f"`{joint}` moves furthest, by {off:.3g} {unit}"
-        verb = "does not hold" if did == "falls" else "holds"
-        said = f"{verb} its pose for {seconds}: {far}"
-        if did == "rests":
-            said = "rests on its fixed base: no drive holds a position"
-        return {"outcome": did, "sentence": said}
-    after = stood.height_m - stood.sag_m
-    verb = {
-        "stands": f"stands for {seconds}",
-        "rests": f"rests for {seconds} without drives",
-        "falls": f"falls within {seconds}",
-    }[did]
-    heights = f"base height {stood.height_m:.3g} m at the start, {after:.3g} m at the end"
-    return {
-        "outcome": did,
-        "sentence": f"{verb}: {heights}, tilted by {stood.tilt_rad:.2g} rad",
-        "height_before_m": stood.height_m,
-        "height_after_m": after,
-    }
+    after, (joint, off, unit) = stood.height_m - stood.sag_m, stood.worst_held
+    far = f"its pose for {seconds}: `{joint}` moves furthest, by {off:.3g} {unit}"
+    heights = (
+        f"base height {stood.height_m:.3g} m at the start, {after:.3g} m at the end, "
+        f"tilted by {stood.tilt_rad:.2g} rad"
+    )
+    sentence = {
+        ("unstable", stood.floats): f"the simulation became unstable within {seconds}",
+        ("holds", False): f"holds {far}",
+        ("falls", False): f"does not hold {far}",
+        ("rests", False): "rests on its fixed base: no drive holds a position",
+        ("stands", True): f"stands for {seconds}: {heights}",
+        ("rests", True): f"rests for {seconds} without drives: {heights}",
+        ("falls", True): f"falls within {seconds}: {heights}",
+    }[did, stood.floats]
+    known = {"height_before_m": stood.height_m, "height_after_m": after}
+    shown = known if stood.floats and stood.finite else {}
+    return {"outcome": did, "sentence": sentence, **shown}
 
 
-def stand(
-    model: Model, keyframe: str | int, seconds: float, external: Mapping[str, Gains] | None = None
-) -> Stand:
+def stand(model: Model, keyframe: str | int, seconds: float) -> Stand:
     """Holds a keyframe of a scene with a floor (a plane of the world at z = 0) for a while.
 
-    keyframe: its name, or its number where it may have none.
-    external: PD laws by joint name, for joints whose actuator is a plain torque motor.
+    keyframe: its name, or its number where it may have none. Drives whose law is outside of the
+    simulator do nothing: see `drives.servoed`.
     Raises StepError when there is no such keyframe or no floor.
     """
-    import mujoco
-
-    key = _key(model, keyframe)
-    if not floors(model):
+    key = keyframe
+    if isinstance(key, str):
+        key = mj.mj_name2id(model, mj.mjtObj.mjOBJ_KEY, key)
+    if not 0 <= key < model.nkey:
+        raise StepError(f"the model has no keyframe `{keyframe}`")
+    if not mujoco.floors(model):
         raise StepError("the scene has no floor: no plane in its world")
-    laws = laws_of(model, external or {})
-    holding = [drive.joint_name for drive in read_drives(model) if drive.holds_position]
-    with caught_warnings() as said:
-        data = at_key(model, key)
-        target = np.array(data.qpos)
-        gaps = {name_of(model, "geom", i): lowest_z(model, data, i) for i in collision_geoms(model)}
-        overlapping = overlaps(model, data, "geom")
-        base = _base(model)
-        X_start = np.array(data.xpos[base]), np.array(data.xmat[base]).reshape(3, 3)
-        com_start = float(np.array(data.subtree_com[base])[2])
+    base = int(model.jnt_bodyid[0]) if mujoco.floats(model) else 1
+    joints = mujoco.joints(model)
+    places = {name: int(model.jnt_qposadr[j]) for name, j in joints.items()}
+    with mujoco.caught_warnings() as said:
+        data = mujoco.at_key(model, key)
+        target, overlapping = np.array(data.qpos), mujoco.overlaps(model, data, "geom")
+        shapes = {mujoco.name_of(model, "geom", i): i for i in mujoco.collision_geoms(model)}
+        gaps = {name: _gap(model, data, geom) for name, geom in shapes.items()}
+        at, com, R = np.array(data.xpos[base]), float(data.subtree_com[base][2]), _axes(data, base)
         touched: set[str] = set()
         for _ in range(max(1, round(seconds / model.opt.timestep))):
-            command(model, data, target, laws)
-            mujoco.mj_step(model, data)
+            mj.mj_step(model, data)
             touched |= _on_floor(model, data)
-        mujoco.mj_forward(model, data)
-        finite = is_finite(data)
-    turned = X_start[1].T @ np.array(data.xmat[base]).reshape(3, 3)
-    moved = np.array(data.xpos[base]) - X_start[0]
-    com = float(np.array(data.subtree_com[base])[2])
-    places = {name_of(model, "joint", j): int(model.jnt_qposadr[j]) for j in turning(model)}
+        mj.mj_forward(model, data)
+        finite = mujoco.is_finite(data)
+    moved = np.array(data.xpos[base]) - at
     return Stand(
         seconds=float(data.time),
         finite=finite,
         warnings=tuple(said),
-        height_m=float(X_start[0][2]),
+        height_m=float(at[2]),
         gap_m=gaps,
         sag_m=-float(moved[2]),
-        tilt_rad=math.acos(max(-1.0, min(1.0, float(turned[2, 2])))),
+        tilt_rad=math.acos(np.clip((R.T @ _axes(data, base))[2, 2], -1.0, 1.0)),
         drift_m=math.hypot(float(moved[0]), float(moved[1])),
         touching=tuple(sorted(_on_floor(model, data))),
         touched=tuple(sorted(touched)),
         overlapping=overlapping,
         joint_sag={name: float(target[q] - data.qpos[q]) for name, q in places.items()},
-        load=_load(model, data),
-        floats=floats(model),
+        load=dict(_load(model, data, joints)),
+        floats=mujoco.floats(model),
         driven=model.nu > 0,
-        held=tuple(dict.fromkeys((*holding, *(drive.joint_name for drive, _ in laws)))),
-        slides=tuple(n for n in places if int(model.joint(n).type[0]) == _SLIDE),
-        com_height_m=com_start,
-        com_sag_m=com_start - com,
+        held=tuple({d.joint_name: d for d in read_drives(model) if d.holds_position}),
+        slides=tuple(name for name, joint in joints.items() if int(model.jnt_type[joint]) == 2),
+        com_height_m=com,
+        com_sag_m=com - float(data.subtree_com[base][2]),
     )
 
 
-def _key(model: Model, keyframe: str | int) -> int:
-    """The number of a keyframe."""
-    import mujoco
-
-    key = keyframe
-    if isinstance(key, str):
-        key = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_KEY, key)
-    if not 0 <= key < model.nkey:
-        raise StepError(f"the model has no keyframe `{keyframe}`")
-    return key
+def _axes(data: Data, body: int) -> Array:
+    """(3, 3) axes of a body in the world, as columns."""
+    return np.array(data.xmat[body]).reshape(3, 3)
 
 
-def _base(model: Model) -> int:
-    """The body that floats; of a fixed robot the first."""
-    return int(model.jnt_bodyid[0]) if floats(model) else 1
-
-
-def lowest_z(model: Model, data: Data, geom: int) -> float:
-    """World z of the lowest point of a sphere, capsule, cylinder, ellipsoid, box or mesh, m."""
-    import mujoco
-
-    kinds = mujoco.mjtGeom
-    kind, size = int(model.geom_type[geom]), np.array(model.geom_size[geom])
-    z = float(data.geom_xpos[geom][2])
-    down = np.array(data.geom_xmat[geom]).reshape(3, 3)[2]  # world z in the axes of the geom
-    if kind == kinds.mjGEOM_SPHERE:
-        return z - float(size[0])
-    if kind == kinds.mjGEOM_CAPSULE:
-        return z - float(size[0] + size[1] * abs(down[2]))
-    if kind == kinds.mjGEOM_CYLINDER:
-        return z - float(size[0] * math.hypot(down[0], down[1]) + size[1] * abs(down[2]))
-    if kind == kinds.mjGEOM_BOX:
-        return z - float(size @ np.abs(down))
-    if kind == kinds.mjGEOM_ELLIPSOID:
-        return z - float(np.linalg.norm(size * down))
-    if kind == kinds.mjGEOM_MESH:
-        mesh = int(model.geom_dataid[geom])
-        first = int(model.mesh_vertadr[mesh])
-        vertices = model.mesh_vert[first : first + int(model.mesh_vertnum[mesh])]
-        return z + float((vertices @ down).min())
-    raise StepError(f"no lowest point of a geom of type {kind}")
+def _gap(model: Model, data: Data, geom: int) -> float:
+    """How far a shape is above the first floor, m; negative inside."""
+    return float(mj.mj_geomDistance(model, data, geom, mujoco.floors(model)[0], FAR_M, None))
 
 
 def _on_floor(model: Model, data: Data) -> set[str]:
-    return {name_of(model, "geom", geom) for _, geom in floor_contacts(model, data)}
+    return {mujoco.name_of(model, "geom", geom) for _, geom in mujoco.floor_contacts(model, data)}
 
 
-def external_laws(control: Control) -> dict[str, Gains]:
-    """PD laws by joint of the drives that are plain motors in MJCF, from the actuator table."""
-    return {a.joint: Gains(a.kp, a.kd, a.effort) for a in control.actuators if a.model in EXTERNAL}
-
-
-def laws_of(model: Model, external: Mapping[str, Gains]) -> list[tuple[Drive, Gains]]:
-    """The motors that a law outside of the simulator commands."""
-    motors = (drive for drive in read_drives(model) if drive.gain)
-    return [(drive, external[drive.joint_name]) for drive in motors if drive.joint_name in external]
-
-
-def command(model: Model, data: Data, target: Array, laws: Sequence[tuple[Drive, Gains]]) -> None:
-    """What a controller with these gains would command before this step.
-
-    target: (nq,) positions.
-    """
-    for drive, gains in laws:
-        q, v = int(model.jnt_qposadr[drive.joint]), int(model.jnt_dofadr[drive.joint])
-        torque = gains.kp * (target[q] - data.qpos[q]) - gains.kd * data.qvel[v]
-        if gains.effort is not None:
-            torque = max(-gains.effort, min(gains.effort, torque))
-        data.ctrl[drive.ctrl_index] = torque / drive.gain
-
-
-def _load(model: Model, data: Data) -> dict[str, float]:
-    load = {}
-    for joint in turning(model):
+def _load(model: Model, data: Data, joints: Mapping[str, int]) -> Iterator[tuple[str, float]]:
+    for name, joint in joints.items():
         found = drives_of(model, joint)
         torque = float(data.qfrc_actuator[int(model.jnt_dofadr[joint])])
         limit = found.torque[1] if torque > 0.0 else -found.torque[0]
         if found.drives and 0.0 < limit < math.inf:
-            load[name_of(model, "joint", joint)] = abs(torque) / limit
-    return load
+            yield name, abs(torque) / limit

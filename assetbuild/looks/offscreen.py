@@ -1,16 +1,10 @@
-"""OpenGL without a window: by EGL, by OSMesa, or on macOS by CGL, in a process of its own."""
+"""What this machine draws with where there is no window: EGL, OSMesa, or on macOS CGL."""
 
 from __future__ import annotations
 
-import os
-import select
-import signal
 import sys
-from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, NoReturn
-
-from assetbuild.errors import StepError
+from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from assetbuild.engine.world import World
@@ -59,41 +53,3 @@ def _drivers(world: World) -> list[str]:
             for name in world.names(Path(folder), ends=(".json",))
         ]
     return sorted({path.stem for path in found})
-
-
-def run_apart(work: Callable[[], None], wall_s: float) -> str:
-    """Do `work` in a forked process; why it came to nothing, or "" when it is done.
-
-    OpenGL drivers crash and hang. The caller must have no other thread.
-    """
-    said_in, said_out = os.pipe()
-    pid = os.fork()
-    if pid == 0:
-        os.close(said_in)
-        _become_worker(work, said_out)
-    os.close(said_out)
-    ready: list[int] = []
-    try:
-        ready, _, _ = select.select([said_in], [], [], wall_s)  # closed when it ends
-        said = os.read(said_in, 4096).decode("utf-8", "replace") if ready else ""
-    finally:
-        os.close(said_in)
-        if not ready:
-            os.kill(pid, signal.SIGKILL)
-        _, status = os.waitpid(pid, 0)
-    if not ready:
-        return f"the driver was not done after {wall_s:g} s"
-    if os.WIFSIGNALED(status):
-        return f"the driver crashed ({signal.Signals(os.WTERMSIG(status)).name})"
-    return said
-
-
-def _become_worker(work: Callable[[], None], said: int) -> NoReturn:
-    try:
-        work()
-    except StepError as error:
-        os.write(said, error.message.encode()[:4000])
-    except BaseException as error:
-        os.write(said, f"{type(error).__name__}: {error}".encode()[:4000])
-    finally:
-        os._exit(0)  # no exit handlers: a driver's own may hang
