@@ -11,7 +11,6 @@ from pxr import Usd, UsdGeom
 from assetbuild.facts.surface import Surface, measure
 from assetbuild.facts.table import Value
 from assetbuild.facts.usd_prims import Prim, Units, rigid
-from assetbuild.facts.usd_seen import normals_of
 from assetbuild.robot.pose import Array
 
 Whole = NDArray[np.int64]
@@ -23,15 +22,11 @@ SOURCES = (
 
 @dataclass
 class Measured:
-    """A mesh in its own frame. corners: (n, 3, 3) m, none where its faces do not fit its points.
-
-    normals: their means as in `Surface`, or what is to be said of them.
-    """
+    """A mesh in its own frame. corners: (n, 3, 3) m, none where its faces do not fit its points."""
 
     corners: Array
     uv: Array | None
     surface: Surface
-    normals: Value
 
 
 @dataclass
@@ -49,11 +44,9 @@ class Meshes:
         one = self.known[key]
         pose, scale = rigid(X_body_mesh)
         if np.all(scale == 1.0):
-            facts = one.surface.moved(pose).facts()
-        else:
-            corners = one.corners @ X_body_mesh[:3, :3].T + X_body_mesh[:3, 3]
-            facts = measure(corners, one.uv).facts()
-        return facts | {"usd:normals": one.normals}
+            return one.surface.moved(pose).facts()
+        corners = one.corners @ X_body_mesh[:3, :3].T + X_body_mesh[:3, 3]
+        return measure(corners, one.uv).facts()
 
 
 def _origin(attribute: Usd.Attribute) -> str:
@@ -76,8 +69,7 @@ def _measure(prim: Usd.Prim, units: Units) -> Measured:
         where = where[:0]
     corners = points[indices[where]] * units.metre
     uv = _texture_corners(prim, indices, where) if sound else None
-    normals = normals_of(mesh, corners) if sound and np.all(counts == 3) else None
-    return Measured(corners, uv, measure(corners, uv), normals)
+    return Measured(corners, uv, measure(corners, uv))
 
 
 def _triangles(counts: Whole, *, flip: bool) -> Whole:

@@ -10,9 +10,8 @@ from pxr import Usd
 
 from assetbuild.facts.reference import pose_value
 from assetbuild.facts.table import Table, Value, Writer
-from assetbuild.facts.usd_looks import surface_of
 from assetbuild.facts.usd_prims import Places, Prim
-from assetbuild.facts.usd_seen import seen_facts
+from assetbuild.facts.usd_shapes import surface_of
 from assetbuild.facts.usd_stage import opened, units_of
 
 
@@ -67,6 +66,5 @@ def _floor(prim: Prim, places: Places) -> dict[str, Value]:
         "usd:floor pose": pose_value(pose),
         "usd:axis": prim.text("axis") or "Z",
         "usd:collides": solid and prim.flag("physics:collisionEnabled") is not False,
-        "usd:placed": prim.value("xformOpOrder") is not None,
     }
-    return facts | surface_of(prim.prim) | seen_facts(prim.prim)
+    return facts | surface_of(prim.prim)
