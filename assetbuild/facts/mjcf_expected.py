@@ -12,7 +12,6 @@ from typing import Any
 
 from assetbuild.facts.derived import SOLIMP, SOLREF
 from assetbuild.facts.mjcf_laws import drive_facts
-from assetbuild.facts.mjcf_opaque import mjcf_names
 from assetbuild.facts.reference import (
     Reference,
     filtered_pairs,
@@ -25,6 +24,7 @@ from assetbuild.robot.contact_filter import ContactFilter
 from assetbuild.robot.loops import site_names
 from assetbuild.robot.model import MOVING, Joint, Loop, Softness
 from assetbuild.robot.pose import IDENTITY, quat_between, rotation_of
+from assetbuild.simulators.mujoco import body_names
 
 AT_SITE = ("accelerometer", "gyro", "velocimeter", "magnetometer", "force", "torque", "touch",
            "rangefinder")  # fmt: skip
@@ -52,7 +52,7 @@ def mjcf_table(reference: Reference) -> Table:
     facts |= {Key("frame", name, "mjcf:group"): HIDDEN for name in frames}
     _poses(reference, facts)
     _softness(reference, facts)
-    return Table(_renamed(facts, mjcf_names(reference)))
+    return Table(_renamed(facts, body_names(reference.tree)))
 
 
 def _structure(reference: Reference, facts: dict[Key, Value]) -> None:

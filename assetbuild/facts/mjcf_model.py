@@ -27,12 +27,13 @@ def read_model(
     model: Model,
     book: Writer,
     opaque: Collection[tuple[str, str]] = frozenset(),
-    meshes: Meshes | None = None,
+    *,
+    by_area: bool = False,
 ) -> frozenset[tuple[str, str]]:
     """Puts every fact of a compiled model into the book; the world's own geoms are left out.
 
-    opaque: (kind, name) of what no other format can say. Returns the equalities and actuators
-    that the book now tells.
+    opaque: (kind, name) of what no other format can say. by_area: see `Meshes`.
+    Returns the equalities and actuators that the book now tells.
     """
     moving = [joint for joint in range(model.njnt) if int(model.jnt_type[joint]) in (2, 3)]
     balls = [joint for joint in range(model.njnt) if int(model.jnt_type[joint]) == BALL]
@@ -58,7 +59,7 @@ def read_model(
             told.add(subject)
     for site in range(model.nsite):
         _site(model, site, book)
-    meshes = meshes or Meshes(model)
+    meshes = Meshes(model, by_area=by_area)
     for geom in range(model.ngeom):
         if int(model.geom_bodyid[geom]):
             book.put("shape", _name(model, "geom", geom), _geom(model, geom, meshes))

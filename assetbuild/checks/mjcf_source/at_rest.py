@@ -9,8 +9,8 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from assetbuild.facts.mjcf import read_spec
-from assetbuild.facts.mjcf_meshes import Spec, pose_of
+from assetbuild.facts.mjcf import compiled_facts
+from assetbuild.facts.mjcf_meshes import pose_of
 from assetbuild.facts.reference import inertial_facts, pose_value
 from assetbuild.facts.surface import Surface
 from assetbuild.facts.table import Key, Value, pair_name
@@ -85,10 +85,11 @@ def _name(model: Model, body: int) -> str:
     return name_of(model, "body", body) if body else ""
 
 
-def read_side(spec: Spec) -> Side:
+def read_side(spec: Any) -> Side:  # Any: MjSpec
     """Compile and read; MuJoCo's ValueError where it refuses."""
     _fold_gravity(spec.option)
-    model, table = read_spec(spec, by_area=True)
+    model = spec.compile()
+    table = compiled_facts(model, by_area=True)
     bodies = _Bodies(model)
     rest = {
         name_of(model, "joint", joint): float(model.qpos0[int(model.jnt_qposadr[joint])])
