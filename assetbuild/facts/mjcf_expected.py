@@ -6,6 +6,7 @@ and a torque motor stands for every drive whose law acts outside of the simulato
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from typing import Any
@@ -18,7 +19,7 @@ from assetbuild.facts.reference import (
     pose_value,
     robot_table,
 )
-from assetbuild.facts.table import Key, Table, Value, pair_name, pair_of
+from assetbuild.facts.table import Key, Table, Value, pair_name
 from assetbuild.robot.chains import axis_in_body, find_chains
 from assetbuild.robot.contact_filter import ContactFilter
 from assetbuild.robot.loops import site_names
@@ -208,21 +209,16 @@ def _softness(reference: Reference, facts: dict[Key, Value]) -> None:
 
 def _renamed(facts: Mapping[Key, Value], names: Mapping[str, str]) -> dict[Key, Value]:
     """With MuJoCo's name for a body called `world`."""
-    changed = {old: new for old, new in names.items() if old != new}
-    if not changed:
+    if names.get("world", "world") == "world":
         return dict(facts)
+    pattern, new = re.compile(r"(?<!\S)world(?!\S)"), names["world"]
     found: dict[Key, Value] = {}
     for key, value in facts.items():
-        if key.kind == "body" or (key.kind == "frame" and key.name in changed):
-            key = key._replace(name=changed.get(key.name, key.name))
-        if key.quantity in ("body", "parent", "body a", "body b") and isinstance(value, str):
-            value = changed.get(value, value)
-        if key.kind == "sensor" and isinstance(value, str) and " " in value:
-            kind, name = value.split(" ", 1)
-            value = f"{kind} {changed.get(name, name)}"
-        if key.kind == "pair":
-            one, other = (changed.get(name, name) for name in pair_of(key.name))
-            key = key._replace(name=pair_name(one, other))
+        if key.kind in ("body", "frame", "pair"):
+            key = key._replace(name=pattern.sub(new, key.name))
+        of_body = key.quantity in ("body", "parent", "body a", "body b")
+        if isinstance(value, str) and (of_body or (key.kind == "sensor" and " " in value)):
+            value = pattern.sub(new, value)
         found[key] = value
     return found
 

@@ -457,14 +457,13 @@ def test_a_file_that_is_no_usd_is_unreadable(tmp_path: Path) -> None:
 
 
 def test_a_layer_that_is_no_usd_is_one_finding(tmp_path: Path) -> None:
-    """With the prim, the statement as it stands there, and where."""
+    """With the prim and the line, in USD's own words."""
     inputs = check_inputs(tmp_path, tiny_quadruped(), UsdTarget(robot="robot"), "usd")
     path = inputs / "usd/payloads/base.usda"
     path.write_text(path.read_text().replace("quatd xformOp:orient", "xformOp:orient", 1))
     (found,) = run_step(UsdReader(robot="robot"), inputs, tmp_path / "out")
-    assert (found.rule, found.subject) == ("equal.usd.statement", "prim /robot/trunk")
-    assert str(found.data["found"]).startswith("xformOp:orient = ")
-    assert str(found.where).startswith("payloads/base.usda:")
+    assert found.rule == "equal.unreadable"
+    assert "payloads/base.usda:" in found.message and "</robot/trunk>" in found.message
 
 
 # --- anybody's USD
@@ -514,7 +513,7 @@ def test_any_stage_is_read_in_metres_and_kilograms(tmp_path: Path) -> None:
 def test_a_stage_without_a_default_prim_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "none.usda"
     Usd.Stage.CreateNew(str(path)).Save()
-    with pytest.raises(UsageError, match="`nothing` is not a default prim"):
+    with pytest.raises(UsageError, match="no default prim"):
         UsdReader(robot="none").read(path)
 
 
