@@ -7,7 +7,6 @@ from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any
 
 import pytest
 from gripper import gripper
@@ -84,10 +83,8 @@ def test_a_spring_is_the_drive_of_a_joint_that_has_no_other(tmp_path: Path) -> N
 def test_untouched_robots_are_equal(tmp_path: Path) -> None:
     mimic = with_mimic(tiny_quadruped(), "FL_hip_joint", "FR_hip_joint", -1.0, 0.1)
     rack = with_kinds(mimic, FL_hip_joint="prismatic")
-    gears = with_kinds(mimic, FL_hip_joint="continuous", FR_hip_joint="continuous")
     chain = with_mimic(rack, "RL_hip_joint", "FL_hip_joint", 20.0, 0.2)
-    kinds = (tiny_quadruped(), pendulum(), mimic, rack, gears, chain, gripper())
-    for i, robot in enumerate(kinds):
+    for i, robot in enumerate((chain, gripper())):
         assert check(robot, tmp_path / str(i)) == []
 
 
@@ -143,10 +140,6 @@ def times(factor: float) -> Callable[[object], object]:
         ("inertia", "body trunk", "/robot/trunk.physics:principalAxes",
          lambda _: Gf.Quatf(0.9, 0.1, 0.2, 0.3)),
         ("kp", "joint FR_hip_joint", f"{HIP}.drive:angular:physics:stiffness", times(57.3)),
-        ("kd", "joint FR_hip_joint", f"{HIP}.drive:angular:physics:damping", times(1.00001)),
-        ("effort", "joint FR_hip_joint", f"{HIP}.drive:angular:physics:maxForce", times(0.5)),
-        ("drive_target", "joint FR_thigh_joint",
-         f"{JOINTS}/FR_thigh_joint.drive:angular:physics:targetPosition", times(-1.0)),
         ("drive_type", "joint FR_hip_joint", f"{HIP}.drive:angular:physics:type",
          lambda _: "acceleration"),
         ("targetvelocity", "joint FR_hip_joint", f"{HIP}.drive:angular:physics:targetVelocity",
@@ -160,14 +153,9 @@ def times(factor: float) -> Callable[[object], object]:
          times(2.0)),
         ("dynamicfrictioneffort", "joint FR_hip_joint",
          f"{HIP}.physxJointAxis:angular:dynamicFrictionEffort", times(2.0)),
-        ("jointfriction", "joint FR_hip_joint", f"{HIP}.physxJoint:jointFriction", times(2.0)),
-        ("damping", "joint FR_hip_joint", f"{HIP}.newton:damping", times(57.3)),
-        ("velocitylimit", "joint FR_hip_joint", f"{HIP}.newton:velocityLimit", times(0.5)),
         ("limitstiffness", "joint FR_hip_joint", f"{HIP}.newton:limitStiffness", times(57.3)),
         ("solreflimit", "joint FR_hip_joint", f"{HIP}.mjc:solreflimit", lambda _: [0.2, 1.0]),
         ("condim", "shape FR_foot_collision", f"{FOOT}.mjc:condim", lambda _: 6),
-        ("solref", "shape FR_foot_collision", f"{FOOT}.mjc:solref", lambda _: [0.01, 1.0]),
-        ("margin", "shape FR_foot_collision", f"{FOOT}.mjc:margin", lambda _: 0.001),
         ("maxjointvelocity", "joint FR_hip_joint", f"{HIP}.physxJoint:maxJointVelocity",
          times(2.0)),
         ("anchor", "joint FR_hip_joint", f"{HIP}.physics:localPos1",
@@ -178,8 +166,6 @@ def times(factor: float) -> Callable[[object], object]:
         ("pose", "shape FR_calf_collision",
          "/robot/FR_calf/collisions/FR_calf_collision.xformOp:translate", times(1.01)),
         ("size", "shape FR_foot_collision", f"{FOOT}.radius", times(10.0)),
-        ("self_collision", "robot", "/robot/trunk.physxArticulation:enabledSelfCollisions",
-         lambda _: False),
         ("solverpositioniterationcount", "body trunk",
          "/robot/trunk.physxArticulation:solverPositionIterationCount", lambda _: 4),
         ("angulardamping", "body FR_hip", "/robot/FR_hip.physxRigidBody:angularDamping",
@@ -188,6 +174,7 @@ def times(factor: float) -> Callable[[object], object]:
          "/robot/PhysicsMaterials/contact.physics:staticFriction", times(0.1)),
         ("restitution", "shape FR_foot_collision",
          "/robot/PhysicsMaterials/contact.physics:restitution", lambda _: 0.5),
+        ("purpose", "shape FR_foot_collision", f"{FOOT}.purpose", lambda _: "default"),
         ("rgba", "shape imu_visual", "/robot/Looks/red/surface.inputs:diffuseColor",
          lambda _: Gf.Vec3f(0.9, 0, 0)),
     ],
@@ -323,31 +310,6 @@ def test_a_changed_loop_is_found(
     assert lost in found if rule == "type" else (f"equal.usd.{rule}", f"loop {loop}") in found
 
 
-@pytest.mark.parametrize(
-    ("rule", "path", "change"),
-    [
-        ("purpose", "base/collisions/base_hull.purpose", lambda _: "default"),
-        ("material", "Looks/wood", lambda prim: prim.SetMetadata("displayName", "oak")),
-        ("material", "Looks/wood.outputs:surface", lambda _: None),
-    ],
-)
-def test_what_viewers_see_is_compared(
-    rule: str, path: str, change: Callable[[Any], object], tmp_path: Path
-) -> None:
-    def spoil(stage: Usd.Stage) -> None:
-        whole = f"/robot/{path}"
-        if "." not in path:
-            change(stage.GetPrimAtPath(whole))
-        elif path.endswith("outputs:surface"):
-            stage.GetAttributeAtPath(whole).SetConnections([])
-        else:
-            attribute = stage.GetAttributeAtPath(whole)
-            assert attribute.Set(change(attribute.Get()))
-
-    found = check(gripper(), tmp_path, spoil)
-    assert f"equal.usd.{rule}" in {f.rule for f in found}
-
-
 def test_a_word_of_an_engine_that_nobody_reads_is_told(tmp_path: Path) -> None:
     found = check(tiny_quadruped(), tmp_path, lambda stage: UsdPhysics.MassAPI(
         stage.GetPrimAtPath("/robot/trunk")).CreateDensityAttr(7.0))  # fmt: skip
@@ -427,6 +389,12 @@ def test_an_axis_that_points_the_other_way_is_found(tmp_path: Path) -> None:
             "PhysxJointAxisAPI:angular")),
         ("isaac_joints", "robot", lambda s: s.GetRelationshipAtPath(
             "/robot.isaac:physics:robotJoints").SetTargets([HIP])),
+        ("missing", "joint FR_hip_joint", lambda s: s.GetDefaultPrim().GetVariantSet(
+            "Physics").SetVariantSelection("none")),
+        ("base", "robot", lambda s: UsdPhysics.FixedJoint.Define(
+            s, "/robot/Joints/root_joint").CreateBody1Rel().SetTargets(["/robot/trunk"])),
+        ("rgba", "shape trunk_visual", lambda s: s.GetPrimAtPath("/robot/Looks/grey").SetActive(
+            False)),
         ("role", "shape FR_foot_collision", lambda s: s.GetPrimAtPath(FOOT).RemoveAPI(
             UsdPhysics.CollisionAPI)),
     ],
