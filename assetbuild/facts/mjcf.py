@@ -9,7 +9,7 @@ from typing import ClassVar
 from assetbuild.errors import UsageError
 from assetbuild.facts.compare import EXACT, Precision
 from assetbuild.facts.mjcf_expected import mjcf_table, solver_facts
-from assetbuild.facts.mjcf_fields import fields
+from assetbuild.facts.mjcf_fields import Bodies, fields
 from assetbuild.facts.mjcf_model import read_model
 from assetbuild.facts.mjcf_opaque import Opaque, opaque_of
 from assetbuild.facts.reader import Reader
@@ -42,10 +42,16 @@ MESHES = Precision(
 """MuJoCo keeps vertices, texture coordinates and colours as float32."""
 
 
-def compiled_facts(model: Model, opaque: Opaque | None = None, *, by_area: bool = False) -> Table:
-    """A compiled model as facts. by_area: see `measure`."""
-    book = Writer()
-    told = read_model(model, book, opaque.subjects if opaque else (), by_area=by_area)
+def compiled_facts(
+    model: Model,
+    opaque: Opaque | None = None,
+    *,
+    by_area: bool = False,
+    bodies: Bodies | None = None,
+) -> Table:
+    """A compiled model as facts. by_area: see `measure`; bodies: in whose frames."""
+    book, known = Writer(), opaque.subjects if opaque else ()
+    told = read_model(model, book, known, by_area=by_area, bodies=bodies)
     return Table({**book.facts, **fields(model, told)})
 
 
