@@ -14,10 +14,6 @@ from assetbuild.facts.usd_prims import Prim, Units, rigid
 from assetbuild.robot.pose import Array
 
 Whole = NDArray[np.int64]
-SOURCES = (
-    "points", "faceVertexCounts", "faceVertexIndices", "orientation",
-    "primvars:st", "primvars:st:indices",
-)  # fmt: skip
 
 
 @dataclass
@@ -31,30 +27,24 @@ class Measured:
 
 @dataclass
 class Meshes:
-    """What has been measured, by the layers' specs that the numbers come from."""
+    """What has been measured; instances share a prototype."""
 
     units: Units
-    known: dict[tuple[str, ...], Measured] = field(default_factory=dict)
+    known: dict[str, Measured] = field(default_factory=dict)
 
     def facts(self, prim: Prim, X_body_mesh: Array) -> dict[str, Value]:
         """Surface in its body's frame. X_body_mesh: (4, 4), with scale."""
-        key = tuple(_origin(prim.prim.GetAttribute(name)) for name in SOURCES)
-        if key not in self.known:
-            self.known[key] = _measure(prim.prim, self.units)
-        one = self.known[key]
+        path = prim.path
+        if prim.prim.IsInstanceProxy():
+            path = str(prim.prim.GetPrimInPrototype().GetPath())
+        if path not in self.known:
+            self.known[path] = _measure(prim.prim, self.units)
+        one = self.known[path]
         pose, scale = rigid(X_body_mesh)
         if np.all(scale == 1.0):
             return one.surface.moved(pose).facts()
         corners = one.corners @ X_body_mesh[:3, :3].T + X_body_mesh[:3, 3]
         return measure(corners, one.uv).facts()
-
-
-def _origin(attribute: Usd.Attribute) -> str:
-    """The strongest spec of an attribute."""
-    if not attribute.IsAuthored():
-        return ""
-    spec = attribute.GetPropertyStack(Usd.TimeCode.Default())[0]
-    return f"{spec.layer.identifier}{spec.path}"
 
 
 def _measure(prim: Usd.Prim, units: Units) -> Measured:

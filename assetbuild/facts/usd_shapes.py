@@ -109,31 +109,27 @@ def _geometry(shape: ShapePrim, places: Places, meshes: Meshes) -> dict[str, Val
     if token in AXES:
         pose = pose @ Pose(quat=quat_between((0.0, 0.0, 1.0), AXES[token]))
     kind = {"Cube": "box"}.get(prim.type, prim.type.lower())
-    facts: dict[str, Value] = {"geometry": kind, "pose": pose_value(pose)}
     size = _size(prim, np.abs(scale) * places.units.metre, "XYZ".find(token))
-    facts["size"] = tuple(float(v) for v in size)
-    if np.any(scale < 0.0):
-        facts["usd:mirrored"] = True
-    return facts
+    return {"geometry": kind, "pose": pose_value(pose), "size": tuple(map(float, size))}
 
 
 def _size(prim: Prim, scale: Array, axis: int) -> list[float]:
-    """m; a round shape that is scaled unevenly has a radius for each direction."""
+    """m; a round shape that is scaled unevenly is as wide as its widest radius."""
     schema = prim.prim.GetPrimDefinition()
 
     def length(name: str) -> float:
         value = prim.number(name)
         return float(schema.GetAttributeFallbackValue(name)) if value is None else value
 
-    if prim.type == "Cube":
-        return list(length("size") * scale)
-    if prim.type not in ("Sphere", "Cylinder", "Capsule", "Cone"):
-        return []
-    across = [s for i, s in enumerate(scale) if i != axis] if prim.type != "Sphere" else scale
-    even = np.ptp(across) <= 1e-9 * np.max(across)
-    radius = length("radius")
-    radii = [radius * float(across[0])] if even else [radius * float(s) for s in across]
-    return radii if prim.type == "Sphere" else [*radii, length("height") * float(scale[axis])]
+    match prim.type:
+        case "Cube":
+            return list(length("size") * scale)
+        case "Sphere":
+            return [length("radius") * float(scale.max())]
+        case "Cylinder" | "Capsule" | "Cone":
+            across = max(float(s) for i, s in enumerate(scale) if i != axis)
+            return [length("radius") * across, length("height") * float(scale[axis])]
+    return []
 
 
 # --- materials -------------------------------------------------------------------------------
