@@ -36,6 +36,11 @@ LACKS: Mapping[str, str] = {
     "simulation decimation": "it belongs to the trainer",
     "floor": "the scene has one",
 }
+UNSEEN: Mapping[str, str] = {
+    **LACKS,
+    **dict.fromkeys(("shape rgba", "shape texture"), "one writer draws all forms"),
+}
+"""Of forms whose shapes that touch nothing are not read."""
 MESHES = Precision(
     {**EXACT, "length": 1e-6}, {("shape", "texture corners"): 1e-6, ("shape", "rgba"): 1e-6}
 )
@@ -61,7 +66,7 @@ class MjcfReader(Reader):
     preload: ClassVar[tuple[str, ...]] = ("mujoco",)
     precision: ClassVar[Precision] = MESHES
     folder: ClassVar[str] = "mjcf"
-    lacks: ClassVar[Mapping[str, str]] = LACKS
+    lacks: ClassVar[Mapping[str, str]] = UNSEEN
     written: ClassVar[str] = "{robot}.xml"
     """The file below that folder."""
     solver: ClassVar[str] = ""

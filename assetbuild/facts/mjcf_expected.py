@@ -27,12 +27,6 @@ from assetbuild.robot.model import MOVING, Joint, Loop, Softness
 from assetbuild.robot.pose import IDENTITY, quat_between, rotation_of
 from assetbuild.simulators.mujoco import body_names
 
-AT_SITE = ("accelerometer", "gyro", "velocimeter", "magnetometer", "force", "torque", "touch",
-           "rangefinder")  # fmt: skip
-"""Sensors that MuJoCo has on a site alone."""
-HIDDEN = 4.0
-"""Group of our sites, which viewers do not show."""
-ORIGIN = pose_value(IDENTITY)
 STRONGEST = (3.0, 2.0, 1.0)
 """Parameters of a contact sensor: it reports `found` and `force` of the strongest contact."""
 
@@ -49,8 +43,6 @@ def mjcf_table(reference: Reference) -> Table:
     _shapes(reference, facts)
     _senses(reference, names, facts)
     facts |= {Key("pair", name, "mjcf:excluded"): True for name in _excluded(reference)}
-    frames = {key.name for key in facts if key.kind == "frame"}
-    facts |= {Key("frame", name, "mjcf:group"): HIDDEN for name in frames}
     _poses(reference, facts)
     _softness(reference, facts)
     return Table(_renamed(facts, body_names(reference.tree)))
@@ -143,7 +135,7 @@ def _excluded(reference: Reference) -> Iterator[str]:
 
 
 def _senses(reference: Reference, drives: Mapping[str, str], facts: dict[Key, Value]) -> None:
-    """Objects of sensors by MuJoCo's names; a body whose frame is a sensor's place has a site."""
+    """Objects of sensors by MuJoCo's names; loops by sites, which are frames to every reader."""
     tree, control = reference.tree, reference.control
     for sensor in control.sensors:
         word, name = sensor.at.kind, sensor.at.name
@@ -156,20 +148,11 @@ def _senses(reference: Reference, drives: Mapping[str, str], facts: dict[Key, Va
             facts[Key("sensor", sensor.name, "reference")] = ""
         if sensor.kind == "contact":
             facts[Key("sensor", sensor.name, "mjcf:intprm")] = STRONGEST
-        if sensor.kind in AT_SITE and word == "frame" and name in tree.by_body:
-            put_site(name, facts)
     sites = site_names(tree, control.loops)
-    for loop in control.loops:  # by sites, which are frames to every reader
+    for loop in control.loops:
         for site, end in zip(sites[loop.name], loop.ends, strict=True):
             facts[Key("frame", site, "body")] = end.body
             facts[Key("frame", site, "pose")] = pose_value(end.X_body_end)
-
-
-def put_site(body: str, facts: dict[Key, Value]) -> None:
-    """A site in the origin of a body."""
-    facts[Key("frame", body, "body")] = body
-    facts[Key("frame", body, "pose")] = ORIGIN
-    facts[Key("frame", body, "mjcf:group")] = HIDDEN
 
 
 def _poses(reference: Reference, facts: dict[Key, Value]) -> None:

@@ -17,7 +17,7 @@ BESIDE = (
     ("jnt", "joint", "solref solimp margin actgravcomp stiffnesspoly springyield"),
     ("dof", "joint", "dampingpoly"),
     ("geom", "shape", "solmix fluid adhesion surfacevel"),
-    ("site", "frame", "type size group"),
+    ("site", "frame", "type size"),
     ("cam", "camera", "projection sensorsize intrinsic"),
     ("eq", "equality", "active0 solref solimp"),
     ("actuator", "actuator", "actlimited actrange actearly damping dampingpoly armature delay"),

@@ -13,6 +13,7 @@ from assetbuild.facts.mjcf_fields import Bodies, body_name, numbers
 from assetbuild.facts.mjcf_meshes import Meshes, pose_of
 from assetbuild.facts.mjcf_senses import BALL, JOINTS, read_keyframe, read_senses, simulation_facts
 from assetbuild.facts.table import Value, Writer, pair_name
+from assetbuild.robot.pose import IDENTITY
 from assetbuild.simulators.mujoco import Model, inertia_of, name_of, passes
 from assetbuild.simulators.mujoco.drives import Drive, read_drives
 from assetbuild.simulators.mujoco.levers import tendon_coupling
@@ -248,10 +249,13 @@ def _loop(bodies: Bodies, index: int) -> dict[str, Value]:
 
 
 def _site(bodies: Bodies, site: int, book: Writer) -> None:
+    """One in the origin of the body whose name it has is that body's frame."""
     model, body = bodies.model, int(bodies.model.site_bodyid[site])
-    pose = bodies.placed(body) @ pose_of(model.site_pos[site], model.site_quat[site])
-    facts: dict[str, Value] = {"body": bodies.name(body), "pose": (*pose.xyz, *pose.quat)}
-    book.put("frame", _name(model, "site", site), facts)
+    name, own = _name(model, "site", site), pose_of(model.site_pos[site], model.site_quat[site])
+    if (name, own) != (body_name(model, body), IDENTITY):
+        pose = bodies.placed(body) @ own
+        facts: dict[str, Value] = {"body": bodies.name(body), "pose": (*pose.xyz, *pose.quat)}
+        book.put("frame", name, facts)
 
 
 # --- shapes ---------------------------------------------------------------------------------

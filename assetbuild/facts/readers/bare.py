@@ -8,8 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import ClassVar
 
-from assetbuild.facts.mjcf import LACKS, MjcfReader
-from assetbuild.facts.mjcf_expected import put_site
+from assetbuild.facts.mjcf import UNSEEN, MjcfReader
 from assetbuild.facts.reference import Reference
 from assetbuild.facts.table import Key, Table, Value
 from assetbuild.robot.model import Actuator, Control, Place, Sensor
@@ -35,7 +34,7 @@ class BareFacts(MjcfReader):
     written = "mjcf/{robot}_bare.xml"
     asks = ("feet", "imu")
     lacks: ClassVar[Mapping[str, str]] = {
-        **LACKS,
+        **UNSEEN,
         "keyframe": "mjlab's configuration has the initial state",
         "simulation": "mjlab's configuration has the options",
     }
@@ -51,13 +50,6 @@ class BareFacts(MjcfReader):
         sensors = tuple(_sensors(reference, control))
         bare = replace(control, actuators=drives, sensors=sensors, mjcf_only=only)
         return replace(reference, control=bare)
-
-    def expected(self, reference: Reference) -> Table:
-        """With the sites of mjlab's task."""
-        facts = dict(super().expected(reference).facts)
-        for body in _sites(reference):
-            put_site(body, facts)
-        return Table(facts)
 
     def found(self, path: Path, reference: Reference) -> Table:
         """With the robot's names of collision geoms: `FR_foot` of `FR_foot_collision2`.
@@ -98,14 +90,3 @@ def _sensors(reference: Reference, control: Control) -> Iterator[Sensor]:
 
 def _imu(reference: Reference) -> str:
     return str((reference.options.get("imu") or {}).get("link") or reference.tree.root)
-
-
-def _sites(reference: Reference) -> Iterator[str]:
-    """Bodies that mjlab's task looks at as sites: feet and the IMU's."""
-    pattern = (reference.options.get("feet") or {}).get("links")
-    tree = reference.tree
-    links = [s.link for s in reference.shapes.of("collision")]
-    feet = [link for link in links if pattern and re.fullmatch(pattern, link)]
-    for link in dict.fromkeys((*feet, _imu(reference))):
-        if link in tree.by_body:
-            yield link

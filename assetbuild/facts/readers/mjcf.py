@@ -5,7 +5,7 @@ from __future__ import annotations
 from pydantic import Field
 
 from assetbuild.facts.compare import EXACT, Precision
-from assetbuild.facts.mjcf import MjcfReader
+from assetbuild.facts.mjcf import LACKS, MjcfReader
 from assetbuild.quantities import Positive
 
 
@@ -18,6 +18,7 @@ class MjcfFacts(MjcfReader):
     behind = ("mjcf/{robot}.xml", "mjcf/assets/*")
     suffixes = (".xml", ".mjcf")
     asks = ("mjcf",)
+    lacks = LACKS
     solver = "mjcf"
     visuals = True
 
