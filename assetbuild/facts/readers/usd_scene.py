@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from pathlib import Path
 from typing import ClassVar
@@ -67,19 +66,16 @@ class UsdSceneReader(Reader):
         tree, control, book = reference.tree, reference.control, Writer()
         book.put("robot", "", {
             "up axis": "Z", "metres per unit": 1.0, "kilograms per unit": 1.0,
-            "usd:file": (f"./{self.robot}.usda",),
             "usd:stated units": ("upAxis", "metersPerUnit", "kilogramsPerUnit"),
         })  # fmt: skip
         simulation, ground = control.simulation, floor_of(tree, control)
         book.put("simulation", "", {
             "gravity": tuple(simulation.gravity),
-            "usd:gravity magnitude": math.hypot(*simulation.gravity),
             "timestep": 1.0 / round(1.0 / simulation.timestep),  # USD has whole steps per second
         })  # fmt: skip
         book.put("floor", "", {
             "height": ground.height_m,
             "friction": ground.friction,
-            "usd:floor pose": pose_value(Pose((0.0, 0.0, ground.height_m))),
             "usd:axis": "Z",
             "usd:collides": True,
             "usd:dynamicFriction": ground.friction[0],
