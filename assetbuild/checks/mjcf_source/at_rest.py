@@ -62,7 +62,7 @@ class _InRoot(Bodies):
         mujoco.mj_kinematics(model, data)
         X_world = [pose_of(data.xpos[i], data.xquat[i]) for i in range(model.nbody)]
         root = X_world[min(1, model.nbody - 1)].inverse()
-        self._X_root = [root @ X for X in X_world]
+        self._X_root: list[Pose] = [root @ X for X in X_world]
 
     def name(self, body: int) -> str:
         """All that is rigidly one with the root is `ROOT`."""
