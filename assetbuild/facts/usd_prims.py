@@ -119,7 +119,8 @@ class Prim:
 
     def words(self) -> dict[str, Value]:
         """All that it states for engines and nobody has asked for, in the file's own units."""
-        found: dict[str, Value] = {}
+        custom = tuple(p.GetName() for p in self.prim.GetAuthoredProperties() if p.IsCustom())
+        found: dict[str, Value] = {"usd:custom properties": custom} if custom else {}
         for stated in self.prim.GetAuthoredAttributes():
             name = stated.GetName()
             is_read = (self.path, name) in self.asked
