@@ -72,32 +72,7 @@ def usd_table(own: Table, reference: Reference) -> Table:
     root = ("robot", "") if tree.base == "fixed" else ("body", tree.root)
     book.put(*root, _articulation(reference))
     _bodies(reference, book)
-    starts = dict(start_of(tree, control).joints)
-    springs = free_springs(control)
-    for joint in tree.joints:
-        name, row = joint.name, control.by_joint.get(joint.name)
-        book.put("joint", name, {"usd:child pose": pose_value(joint.X_parent_joint)})
-        if joint.kind in MOVING:
-            drive_type = options.get("drive_type", "force")
-            driven = _driven(row, starts[name], springs.get(name), drive_type)
-            if "usd:drive type" in driven:
-                axis = "linear" if joint.kind == "prismatic" else "angular"
-                driven[f"usd:drive:{axis}:physics:targetVelocity"] = 0.0
-            book.put("joint", name, driven)
-        if row and (law := explicit_law(row)):
-            words = {f"usd:newton:{word}": value for word, value in law.items()}
-            book.put("actuator", name, {"usd:drives": (name,), **words})
-        if joint.mimic is not None:
-            _mimic(name, joint.mimic, tree, book, coupled=options.get("mimics", True))
-    for name, (stiffness, damping) in stiff.items():
-        limit = dict(control.soft_limits).get(name)
-        per_unit = 1.0 if tree.by_joint[name].kind == "prismatic" else DEGREE
-        book.put("joint", name, {
-            "usd:newton:limitStiffness": stiffness * per_unit,
-            "usd:newton:limitDamping": damping * per_unit,
-            "usd:mjc:solreflimit": limit.solref if limit else SOLREF,
-            "usd:mjc:solimplimit": limit.solimp if limit else SOLIMP,
-        })  # fmt: skip
+    _joints(reference, options, stiff, book)
     for loop in control.loops:  # a `connect` is a weld that leaves the turn free
         free: dict[str, Value] = {"usd:mjc:torqueScale": 0.0} if loop.kind == "connect" else {}
         softness: dict[str, Value] = {"usd:mjc:solref": loop.solref, "usd:mjc:solimp": loop.solimp}
@@ -178,6 +153,39 @@ def _bodies(reference: Reference, book: Writer) -> None:
 
 
 # --- joints
+
+
+def _joints(
+    reference: Reference, options: Options, stiff: Mapping[str, tuple[float, float]], book: Writer
+) -> None:
+    """stiff: (stiffness, damping) of the limits, by joint."""
+    tree, control = reference.tree, reference.control
+    starts = dict(start_of(tree, control).joints)
+    springs = free_springs(control)
+    for joint in tree.joints:
+        name, row = joint.name, control.by_joint.get(joint.name)
+        book.put("joint", name, {"usd:child pose": pose_value(joint.X_parent_joint)})
+        if joint.kind in MOVING:
+            drive_type = options.get("drive_type", "force")
+            driven = _driven(row, starts[name], springs.get(name), drive_type)
+            if "usd:drive type" in driven:
+                axis = "linear" if joint.kind == "prismatic" else "angular"
+                driven[f"usd:drive:{axis}:physics:targetVelocity"] = 0.0
+            book.put("joint", name, driven)
+        if row and (law := explicit_law(row)):
+            words = {f"usd:newton:{word}": value for word, value in law.items()}
+            book.put("actuator", name, {"usd:drives": (name,), **words})
+        if joint.mimic is not None:
+            _mimic(name, joint.mimic, tree, book, coupled=options.get("mimics", True))
+    for name, (stiffness, damping) in stiff.items():
+        limit = dict(control.soft_limits).get(name)
+        per_unit = 1.0 if tree.by_joint[name].kind == "prismatic" else DEGREE
+        book.put("joint", name, {
+            "usd:newton:limitStiffness": stiffness * per_unit,
+            "usd:newton:limitDamping": damping * per_unit,
+            "usd:mjc:solreflimit": limit.solref if limit else SOLREF,
+            "usd:mjc:solimplimit": limit.solimp if limit else SOLIMP,
+        })  # fmt: skip
 
 
 def _driven(
