@@ -20,7 +20,7 @@ from assetbuild.facts.table import Key, Table, Value, Writer
 from assetbuild.findings import Finding, Rule
 from assetbuild.kinds import Check, RecipeView, write_figures
 from assetbuild.robot.files import RobotFiles
-from assetbuild.robot.model import Control, Tree
+from assetbuild.robot.model import MOVING, Control, Tree
 from assetbuild.robot.shapes import Capsule, Shapes
 
 Place = tuple[str, str]
@@ -129,31 +129,22 @@ def _equal(source: Table, links: Tree) -> Generator[Finding, None, int]:
         return key.kind in ("body", "joint") and UrdfFacts.holds(key) and not key.is_foreign
 
     robot = robot_table(Reference(links, links, Shapes(), Control(), Assets(), {}), merged=False)
-    expected, found = robot.only(told), _with_locked(source).only(told)
+    expected, found = robot.only(told), _with_held(source, links).only(told)
     different = differences(expected, found, Precision())
     yield from equality_findings(different, "source_urdf", "the source", source.places)
     return len({*expected.facts, *found.facts})
 
 
-def _with_locked(source: Table) -> Table:
+def _with_held(source: Table, links: Tree) -> Table:
     """The source as it moves: what mimics a fixed joint, or by a multiplier of 0, stays there."""
     book = Writer()
-    for name in source.names("joint"):
-        at = _held_at(source, name)
-        if at is not None and source.of("joint", name).get("type") != "fixed":
+    for joint in links.joints:
+        said = source.of("joint", joint.name)
+        slope, offset = (said.get(f"mimic {word}") for word in ("multiplier", "offset"))
+        if joint.mimic is None and isinstance(slope, float) and isinstance(offset, float):
+            leader = links.by_joint.get(str(said["mimics"]))
+            held = leader.limits.lower if leader and leader.kind in MOVING else 0.0
+            at = offset + slope * (held or 0.0)
             free: dict[str, Value] = {"mimics": "", "mimic multiplier": None, "mimic offset": None}
-            book.put("joint", name, free | {"lower": at, "upper": at})
+            book.put("joint", joint.name, free | {"lower": at, "upper": at})
     return source | book.table()
-
-
-def _held_at(source: Table, name: str, above: tuple[str, ...] = ()) -> float | None:
-    """rad or m; None = the joint moves."""
-    facts = source.of("joint", name)
-    if facts.get("type") == "fixed":
-        return 0.0
-    leader, slope, offset = (facts.get(f"mimic{end}") for end in ("s", " multiplier", " offset"))
-    led = leader and name not in above
-    at = 0.0 if slope == 0.0 else _held_at(source, str(leader), (*above, name)) if led else None
-    if at is None or not isinstance(slope, float) or not isinstance(offset, float):
-        return None
-    return offset + slope * at

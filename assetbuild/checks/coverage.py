@@ -18,7 +18,7 @@ from assetbuild.engine.step import Files
 from assetbuild.findings import Finding, Rule
 from assetbuild.kinds import Check, write_figures
 from assetbuild.mesh.holes import holes
-from assetbuild.mesh.hulls import read_meshes
+from assetbuild.mesh.hulls import hulls_by_body, read_meshes
 from assetbuild.mesh.primitives import tessellate
 from assetbuild.mesh.quality import surface_samples
 from assetbuild.mesh.register import Move, Target
@@ -111,7 +111,7 @@ class Coverage(Check):
         """Reads tree, shapes, meshes and their hulls."""
         parts = Parts(RobotFiles(files.inputs))
         names = [body.name for body in parts.tree.bodies]
-        fits = {b: _fit(parts, b) for b in names if parts.visual(b) and parts.collision(b)}
+        fits = {b: _fit(parts, b) for b in names if parts.seen(b) and parts.solid(b)}
         rows = [
             {"body": name, "sticks_out_mm": 1e3 * fit.over_m,
              "shift_mm": [1e3 * v for v in fit.shift_m]}
@@ -172,43 +172,37 @@ class Coverage(Check):
             )
 
 
+Shaped = tuple[Shape, TriangleMesh]
+"""A shape, and its surface in the frame of its body, m."""
+
+
 class Parts:
-    """The shapes of a robot in the frames of their bodies, m; each is worked out once."""
+    """The shapes of a robot in the frames of their bodies; each is worked out once."""
 
     def __init__(self, robot: RobotFiles) -> None:
-        self.tree = robot.tree
-        self._meshes = read_meshes(robot.triangles, robot.shapes)
-        self._hulls = read_meshes(robot.hulls, robot.shapes)
-        self._placed: dict[tuple[str, Role], list[tuple[Shape, Pose]]] = {}
+        self.tree, self.hulls = robot.tree, hulls_by_body(robot)
+        meshes = read_meshes(robot.triangles, robot.shapes)
+        self._surfaces: dict[tuple[str, Role], list[Shaped]] = {}
         for shape in robot.shapes.shapes:
             body, X_body_shape = self.tree.shape_placement(shape)
-            self._placed.setdefault((body, shape.role), []).append((shape, X_body_shape))
+            geometry = shape.geometry
+            mesh = meshes[geometry.mesh] if isinstance(geometry, Mesh) else tessellate(geometry)
+            placed = shape, mesh.placed(X_body_shape)
+            self._surfaces.setdefault((body, shape.role), []).append(placed)
 
-    def visual(self, body: str) -> list[tuple[Shape, Pose]]:
-        """What is seen of a body, each with X_body_shape."""
-        return self._placed.get((body, "visual"), [])
+    def seen(self, body: str) -> list[Shaped]:
+        """What is seen of a body."""
+        return self._surfaces.get((body, "visual"), [])
 
-    def collision(self, body: str) -> list[tuple[Shape, Pose]]:
-        """What collides, likewise."""
-        return self._placed.get((body, "collision"), [])
-
-    def surface(self, shape: Shape, X_body_shape: Pose) -> TriangleMesh:
-        """The triangles of a shape in its body."""
-        if isinstance(shape.geometry, Mesh):
-            return self._meshes[shape.geometry.mesh].placed(X_body_shape)
-        return tessellate(shape.geometry).placed(X_body_shape)
-
-    def hull(self, shape: Shape, X_body_shape: Pose) -> TriangleMesh:
-        """The hull of a shape in its body; of a flat one its vertices and no face."""
-        if not isinstance(shape.geometry, Mesh):
-            return self.surface(shape, X_body_shape)
-        return self._hulls[shape.geometry.mesh].placed(X_body_shape)
+    def solid(self, body: str) -> list[Shaped]:
+        """What collides."""
+        return self._surfaces.get((body, "collision"), [])
 
     @functools.cache  # noqa: B019 # lives as long as the step
     def outside(self, body: str) -> Distance:
         """Distance from the hull of all that is seen of a body."""
-        hulls = [self.hull(*placed).vertices for placed in self.visual(body)]
-        return distance_to(np.concatenate(hulls), IDENTITY)
+        vertices = [hull.vertices for hull in self.hulls[body, "visual"]]
+        return distance_to(np.concatenate(vertices), IDENTITY)
 
 
 def _moves(parts: Parts, bodies: Collection[str]) -> dict[str, tuple[str, Move]]:
@@ -217,28 +211,25 @@ def _moves(parts: Parts, bodies: Collection[str]) -> dict[str, tuple[str, Move]]
     That of its body and of the next ones: see `_beyond_robot`.
     """
     seen = {
-        body.name: surface_samples(_merged(parts, visual), SURFACE_POINTS, 0)[0]
+        body.name: surface_samples(_merged(visual), SURFACE_POINTS, 0)[0]
         for body in parts.tree.bodies
-        if (visual := parts.visual(body.name))
+        if (visual := parts.seen(body.name))
     }
     moves = {}
     for body in bodies:
         around = _neighbours(parts.tree, body).items()
         target = Target(np.concatenate([X.apply(seen[n]) for n, X in around if n in seen]))
-        own = parts.collision(body)
-        alike = Counter(type(shape.geometry) for shape, _ in own)
+        alike = Counter(type(shape.geometry) for shape, _ in parts.solid(body))
         pieces = {kind for kind in (Mesh, Sphere) if alike[kind] > MOST_ALIKE}
-        for shape, X_body_shape in own:
-            if type(shape.geometry) in pieces:
-                continue
-            surface = parts.surface(shape, X_body_shape)
-            points = surface_samples(surface, SHAPE_POINTS, 0)[0]
-            moves[shape.name] = (body, target.fit(points))
+        for shape, surface in parts.solid(body):
+            if type(shape.geometry) not in pieces:
+                points = surface_samples(surface, SHAPE_POINTS, 0)[0]
+                moves[shape.name] = (body, target.fit(points))
     return moves
 
 
-def _merged(parts: Parts, shapes: Sequence[tuple[Shape, Pose]]) -> TriangleMesh:
-    return merged([parts.surface(*placed) for placed in shapes])
+def _merged(shapes: Sequence[Shaped]) -> TriangleMesh:
+    return merged([surface for _, surface in shapes])
 
 
 def _length(metres: float) -> str:
@@ -252,12 +243,11 @@ def _filled(parts: Parts, body: str) -> Iterator[Finding]:
 
     A mesh collides as its hull there, whatever its own form.
     """
-    hulls = [(placed, parts.hull(*placed)) for placed in parts.collision(body)]
-    solid = [hull if len(hull.faces) else parts.surface(*placed) for placed, hull in hulls]
-    found = holes(_merged(parts, parts.visual(body)), merged(solid))
-    filled = [hole for hole in found if hole.open < LEFT]
-    if filled:
-        largest = filled[0]
+    both = zip(parts.hulls[body, "collision"], parts.solid(body), strict=True)
+    solid = [hull if len(hull.faces) else surface for hull, (_, surface) in both]
+    found = holes(_merged(parts.seen(body)), merged(solid))
+    largest = next((hole for hole in found if hole.open < LEFT), None)
+    if largest is not None:
         x, y, z = (1e3 * v for v in largest.middle_m)
         u, v, w = largest.direction
         yield HOLE(
@@ -276,8 +266,8 @@ def _filled(parts: Parts, body: str) -> Iterator[Finding]:
 
 def _fit(parts: Parts, body: str) -> Fit:
     visual, collision = (
-        np.concatenate([parts.surface(*placed).vertices for placed in shapes])
-        for shapes in (parts.visual(body), parts.collision(body))
+        np.concatenate([surface.vertices for _, surface in shapes])
+        for shapes in (parts.seen(body), parts.solid(body))
     )
     lower = collision.min(axis=0) - visual.min(axis=0)
     upper = collision.max(axis=0) - visual.max(axis=0)
@@ -294,7 +284,7 @@ def _beyond_robot(parts: Parts, body: str, collision: Array) -> float:
     """
     left, apart = collision, np.full(len(collision), np.inf)
     for name, X_body_other in _neighbours(parts.tree, body).items():
-        if parts.visual(name) and len(left):
+        if parts.seen(name) and len(left):
             beyond = parts.outside(name)(X_body_other.inverse().apply(left))
             apart = np.minimum(apart, beyond)
             left, apart = left[apart > 0.0], apart[apart > 0.0]

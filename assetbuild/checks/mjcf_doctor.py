@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from typing import ClassVar
 
 from assetbuild.findings import Finding, Rule
@@ -29,12 +29,10 @@ class MjcfDoctor(ForeignTool):
     requires: ClassVar = {"mjcf_doctor": "lint"}
     no_report = BROKEN
 
-    def command(self) -> Sequence[str]:
-        """Prints its report after a page for people."""
-        return ("-m", "mjcf_doctor", "check", "scene.xml", "--json", "-q")
+    words = ("-m", "mjcf_doctor", "check", "scene.xml", "--json", "-q")
 
     def judge(self, report: str, figures: dict[str, object]) -> Iterator[Finding]:
-        """Its codes, its severities, its words."""
+        """The report stands after a page for people."""
         (file,) = json.loads(report[f"\n{report}".index("\n[\n") :])
         figures["findings"] = len(file["findings"])
         for found in file["findings"]:

@@ -101,8 +101,9 @@ class Oracle(Check):
             text = " ".join(str(error).replace(f"{files.inputs / 'mjcf'}/", "").split())
             yield LOAD("robot", f"nothing to compare: {text}")
             return
-        except LookupError as missing:
-            yield DIFFERS.named("structure")("robot", str(missing.args[0]), REPORT)
+        except LookupError as missing:  # `Invalid name 'knee'. Valid names: ...` of MuJoCo
+            text = str(missing.args[0]).partition(". Valid")[0]
+            yield DIFFERS.named("structure")("robot", f"in the MJCF: {text}", REPORT)
             return
         figures |= {"nv": mj.model.nv - 6 * (tree.base == "fixed")}
         figures |= {"mass_mjcf_kg": float(mj.model.body_mass.sum()), "mass_source_kg": pin.mass}
@@ -284,43 +285,38 @@ class _Mujoco:
     def __init__(self, model: Model, tree: Tree) -> None:
         import mujoco
 
-        self._mj: Any = mujoco  # Any: mujoco's bindings have no complete types
         self.model, self.data, self._root = model, mujoco.MjData(model), tree.root
         mujoco.mj_setConst(model, self.data)  # MuJoCo keeps the masses of plain slides
         # MuJoCo takes a frame that is turned by less than 2e-6 rad for its body's frame.
         for same_frame in ("body_sameframe", "site_sameframe"):
             getattr(model, same_frame)[:] = int(mujoco.mjtSameFrame.mjSAMEFRAME_NONE)
         if not (model.njnt and model.jnt_type[0] == mujoco.mjtJoint.mjJNT_FREE):
-            raise LookupError("the base floats, but the first joint of the MJCF is no free joint")
-        joints = {joint.name: self._id("JOINT", joint.name) for joint in tree.moving_joints}
-        for name, at in joints.items():
-            if at < 0:
-                raise LookupError(f"the MJCF has no joint `{name}`")
-        self.dof = {name: int(model.jnt_dofadr[at]) for name, at in joints.items()}
-        self._qpos = {name: int(model.jnt_qposadr[at]) for name, at in joints.items()}
+            raise LookupError("the base floats, but the first joint is no free joint")
+        joints = {joint.name: model.joint(joint.name) for joint in tree.moving_joints}
+        self.dof = {name: int(joint.dofadr[0]) for name, joint in joints.items()}
+        self._qpos = {name: int(joint.qposadr[0]) for name, joint in joints.items()}
         self._written = body_names(tree)
+        self._sites = {str(model.site(index).name) for index in range(model.nsite)}
+        self._bodies = {str(model.body(index).name) for index in range(model.nbody)}
         for body in tree.bodies:
-            if not body.is_massless and self._id("BODY", self._written[body.name]) < 0:
-                raise LookupError(f"the MJCF has no body `{self._written[body.name]}`")
-        more = int(model.nv) - len(self.dof) - 6
-        if more:
-            raise LookupError(f"the MJCF has {more} degrees of freedom more than the robot")
+            if not body.is_massless:
+                model.body(self._written[body.name])
+        if more := int(model.nv) - len(self.dof) - 6:
+            raise LookupError(f"{more} degrees of freedom more than the robot has")
         x, y, z, *quat = (float(v) for v in model.qpos0[:7])
         self.held = Pose((x, y, z), normalised_quat(tuple(quat)))  # type: ignore[arg-type] # four numbers
         self._links = {body.name: (body.name, Pose()) for body in tree.bodies}
         self._links |= {f.name: (f.body, f.X_body_frame) for f in tree.frames}
 
-    def _id(self, kind: str, name: str) -> int:
-        objects = self._mj.mjtObj
-        return int(self._mj.mj_name2id(self.model, getattr(objects, f"mjOBJ_{kind}"), name))
-
     def move(self, positions: Mapping[str, float], X_world_body: Pose) -> None:
         """Place it at rest."""
+        import mujoco
+
         self.data.qpos[:7] = [*X_world_body.xyz, *X_world_body.quat]
         for name, index in self._qpos.items():
             self.data.qpos[index] = positions[name]
         self.data.qvel[:] = 0.0
-        self._mj.mj_forward(self.model, self.data)
+        mujoco.mj_forward(self.model, self.data)
 
     def link_poses(self, name: str) -> Iterator[Array]:
         """Poses (4, 4) of a link in the world, through the robot's frames and by its site.
@@ -328,14 +324,10 @@ class _Mujoco:
         Massless links between joints need not be there; `equal.mjcf` knows which must.
         """
         body, X_body_link = self._links[name]
-        at = self._id("BODY", self._written[body])
-        if at < 0:
-            return
-        X_world_body = _matrix(self.data.xpos[at], self.data.xmat[at])
-        yield X_world_body @ X_body_link.matrix()
-        site = self._id("SITE", name) if name != body else -1
-        if site >= 0:
-            yield _matrix(self.data.site_xpos[site], self.data.site_xmat[site])
+        if self._written[body] in self._bodies:
+            yield _matrix(self.data.body(self._written[body])) @ X_body_link.matrix()
+            if name != body and name in self._sites:
+                yield _matrix(self.data.site(name))
 
     def subject(self, index: int) -> str:
         """`joint NAME` of a velocity index, `link ROOT` of the free base."""
@@ -343,8 +335,7 @@ class _Mujoco:
         return names.get(index, f"link {self._root}")
 
 
-def _matrix(position: Array, rotation: Array) -> Array:
+def _matrix(placed: Any) -> Array:  # Any: a body or a site of MjData
     out = np.eye(4)
-    out[:3, :3] = np.reshape(rotation, (3, 3))
-    out[:3, 3] = position
+    out[:3, :3], out[:3, 3] = np.reshape(placed.xmat, (3, 3)), placed.xpos
     return out

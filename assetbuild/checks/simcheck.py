@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from typing import ClassVar
 
 from assetbuild.engine.step import Limits
@@ -32,12 +32,10 @@ class Simcheck(ForeignTool):
     limits = Limits(wall_s=1200.0, memory_mb=4096)
     no_report = BROKEN
 
-    def command(self) -> Sequence[str]:
-        """Prints its report."""
-        return (
-            "-m", "simcheck", "check", f"{self.robot}.xml", "--json", "-", "--static-only",
-            "--no-config", "--robot", "--quiet", "--fail-on", "never",
-        )  # fmt: skip
+    words = (
+        "-m", "simcheck", "check", "{tool.robot}.xml", "--json", "-", "--static-only",
+        "--no-config", "--robot", "--quiet", "--fail-on", "never",
+    )  # fmt: skip
 
     def judge(self, report: str, figures: dict[str, object]) -> Iterator[Finding]:
         """Its ids, its severities, its words."""

@@ -42,6 +42,11 @@ class SimReady(Validator):
     )
     told: ClassVar[Mapping[str, str]] = {"robot_type": "usd.robot_type"}
     no_report = NO_RESULT
+    # Its command line has no module of its own.
+    words = (
+        "-c", "from simready.validate._cli import main; main()", "--profile", "{tool.profile}",
+        "--version", VERSION, "--output", REPORT, "{tool.robot}.usda",
+    )  # fmt: skip
 
     robot_type: str | None = None
 
@@ -49,13 +54,6 @@ class SimReady(Validator):
     def profile(self) -> str:
         """Of SimReady's, the one that the robot must meet."""
         return "Robot-Gripper" if self.robot_type == "End Effector" else "Robot-Body"
-
-    def command(self) -> Sequence[str]:
-        """Its command line has no module of its own."""
-        return (
-            "-c", "from simready.validate._cli import main; main()", "--profile", self.profile,
-            "--version", VERSION, "--output", REPORT, f"{self.robot}.usda",
-        )  # fmt: skip
 
     def judge(self, report: str, figures: dict[str, object]) -> Iterator[Finding]:
         """One error for each requirement that is not met, one line for all optional features."""

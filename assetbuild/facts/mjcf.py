@@ -8,9 +8,8 @@ from typing import ClassVar
 
 from assetbuild.errors import UsageError
 from assetbuild.facts.compare import EXACT, Precision
-from assetbuild.facts.known_files import KnownFiles
-from assetbuild.facts.mjcf_fields import fields
-from assetbuild.facts.mjcf_meshes import Meshes, Spec, leave_out_copies
+from assetbuild.facts.mjcf_expected import mjcf_table, solver_facts
+from assetbuild.facts.mjcf_fields import Bodies, fields
 from assetbuild.facts.mjcf_model import read_model
 from assetbuild.facts.mjcf_opaque import Opaque, opaque_of
 from assetbuild.facts.reader import Reader
@@ -37,24 +36,28 @@ LACKS: Mapping[str, str] = {
     "simulation decimation": "it belongs to the trainer",
     "floor": "the scene has one",
 }
+UNSEEN: Mapping[str, str] = {
+    **LACKS,
+    **dict.fromkeys(("shape rgba", "shape texture"), "one writer draws all forms"),
+}
+"""Of forms whose shapes that touch nothing are not read."""
 MESHES = Precision(
     {**EXACT, "length": 1e-6}, {("shape", "texture corners"): 1e-6, ("shape", "rgba"): 1e-6}
 )
 """MuJoCo keeps vertices, texture coordinates and colours as float32."""
-NOTHING = Opaque()
 
 
-def read_spec(
-    spec: Spec, opaque: Opaque = NOTHING, known: KnownFiles | None = None, *, by_area: bool = False
-) -> tuple[Model, Table]:
-    """A specification compiled, and as facts; MuJoCo's ValueError where it refuses it.
-
-    known: see `leave_out_copies`; by_area: see `Meshes`.
-    """
-    copies = leave_out_copies(spec, known) if known else None
-    model, book = spec.compile(), Writer()
-    told = read_model(model, book, opaque.subjects, Meshes(model, copies, by_area=by_area))
-    return model, Table({**book.facts, **fields(model, told)})
+def compiled_facts(
+    model: Model,
+    opaque: Opaque | None = None,
+    *,
+    by_area: bool = False,
+    bodies: Bodies | None = None,
+) -> Table:
+    """A compiled model as facts. by_area: see `measure`; bodies: in whose frames."""
+    book, known = Writer(), opaque.subjects if opaque else ()
+    told = read_model(model, book, known, by_area=by_area, bodies=bodies)
+    return Table({**book.facts, **fields(model, told)})
 
 
 class MjcfReader(Reader):
@@ -62,33 +65,62 @@ class MjcfReader(Reader):
 
     preload: ClassVar[tuple[str, ...]] = ("mujoco",)
     precision: ClassVar[Precision] = MESHES
-    copies: ClassVar[bool] = True
-    """Whether copies of the robot's own files are known by their bytes."""
+    folder: ClassVar[str] = "mjcf"
+    lacks: ClassVar[Mapping[str, str]] = UNSEEN
+    written: ClassVar[str] = "{robot}.xml"
+    """The file below that folder."""
+    solver: ClassVar[str] = ""
+    """Section of the recipe that states the solver; none where the file has no options."""
+    visuals: ClassVar[bool] = False
+    """Whether shapes that touch nothing are read: one writer draws them in all forms."""
+
+    def file(self, root: Path, robot: str) -> Path | None:
+        """Where the target is built."""
+        path = root / self.written.replace("{robot}", robot)
+        return path if path.is_file() else None
+
+    def robot_of(self, reference: Reference) -> Reference:
+        """The robot that this form holds."""
+        return reference
 
     def read(self, path: Path) -> Table:
         """Read any MJCF; UsageError where MuJoCo refuses it."""
-        return self._read(path, NOTHING, None)
+        return self._read(path, None, visuals=True)
 
-    def _read(self, path: Path, opaque: Opaque, known: KnownFiles | None) -> Table:
+    def _read(self, path: Path, opaque: Opaque | None, *, visuals: bool) -> Table:
         import mujoco
 
         with caught_warnings():
             try:
-                return read_spec(mujoco.MjSpec.from_file(str(path)), opaque, known)[1]
+                spec = mujoco.MjSpec.from_file(str(path))
+                spec.compiler.discardvisual |= not visuals
+                return compiled_facts(spec.compile(), opaque)
             except ValueError as error:
                 text = " ".join(str(error).replace(f"{path.parent}/", "").split())
                 raise UsageError(f"MuJoCo refuses it: {text}") from None
 
+    def expected(self, reference: Reference) -> Table:
+        """The robot that this form holds, and its solver."""
+        here = self.robot_of(reference)
+        solver = solver_facts(here, self.solver) if self.solver else {}
+        return self._compared(Table({**mjcf_table(here).facts, **solver}), here)
+
     def found(self, path: Path, reference: Reference) -> Table:
-        """Without what the source's MJCF alone says."""
-        return self.complete(self.compiled(path, reference), reference)
-
-    def compiled(self, path: Path, reference: Reference) -> Table:
         """All facts of a file of this robot."""
-        known = reference.assets.known if self.copies and reference.assets.files else None
-        return self._read(path, opaque_of(reference), known)
+        here = self.robot_of(reference)
+        return self._compared(self._read(path, opaque_of(here), visuals=self.visuals), here)
 
-    def complete(self, table: Table, reference: Reference) -> Table:
+    def _compared(self, table: Table, reference: Reference) -> Table:
         """As far as MJCF holds it and the source's MJCF does not say it itself."""
-        opaque = opaque_of(reference)
-        return table.only(lambda key: self.holds(key) and not opaque.says(key))
+        opaque, unseen = opaque_of(reference), set[str]()
+        for name in () if self.visuals else table.names("shape"):
+            said = table.of("shape", name)
+            if not said.get("mask") and not said.get("partners"):
+                unseen.add(name)
+        return table.only(
+            lambda key: (
+                self.holds(key)
+                and not opaque.says(key)
+                and not (key.kind == "shape" and key.name in unseen)
+            )
+        )

@@ -6,32 +6,27 @@ and a torque motor stands for every drive whose law acts outside of the simulato
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from typing import Any
 
 from assetbuild.facts.derived import SOLIMP, SOLREF
 from assetbuild.facts.mjcf_laws import drive_facts
-from assetbuild.facts.mjcf_opaque import mjcf_names
 from assetbuild.facts.reference import (
     Reference,
     filtered_pairs,
     pose_value,
     robot_table,
 )
-from assetbuild.facts.table import Key, Table, Value, pair_name, pair_of
+from assetbuild.facts.table import Key, Table, Value, pair_name
 from assetbuild.robot.chains import axis_in_body, find_chains
 from assetbuild.robot.contact_filter import ContactFilter
 from assetbuild.robot.loops import site_names
 from assetbuild.robot.model import MOVING, Joint, Loop, Softness
 from assetbuild.robot.pose import IDENTITY, quat_between, rotation_of
+from assetbuild.simulators.mujoco import body_names
 
-AT_SITE = ("accelerometer", "gyro", "velocimeter", "magnetometer", "force", "torque", "touch",
-           "rangefinder")  # fmt: skip
-"""Sensors that MuJoCo has on a site alone."""
-HIDDEN = 4.0
-"""Group of our sites, which viewers do not show."""
-ORIGIN = pose_value(IDENTITY)
 STRONGEST = (3.0, 2.0, 1.0)
 """Parameters of a contact sensor: it reports `found` and `force` of the strongest contact."""
 
@@ -48,11 +43,9 @@ def mjcf_table(reference: Reference) -> Table:
     _shapes(reference, facts)
     _senses(reference, names, facts)
     facts |= {Key("pair", name, "mjcf:excluded"): True for name in _excluded(reference)}
-    frames = {key.name for key in facts if key.kind == "frame"}
-    facts |= {Key("frame", name, "mjcf:group"): HIDDEN for name in frames}
     _poses(reference, facts)
     _softness(reference, facts)
-    return Table(_renamed(facts, mjcf_names(reference)))
+    return Table(_renamed(facts, body_names(reference.tree)))
 
 
 def _structure(reference: Reference, facts: dict[Key, Value]) -> None:
@@ -142,7 +135,7 @@ def _excluded(reference: Reference) -> Iterator[str]:
 
 
 def _senses(reference: Reference, drives: Mapping[str, str], facts: dict[Key, Value]) -> None:
-    """Objects of sensors by MuJoCo's names; a body whose frame is a sensor's place has a site."""
+    """Objects of sensors by MuJoCo's names; loops by sites, which are frames to every reader."""
     tree, control = reference.tree, reference.control
     for sensor in control.sensors:
         word, name = sensor.at.kind, sensor.at.name
@@ -155,20 +148,11 @@ def _senses(reference: Reference, drives: Mapping[str, str], facts: dict[Key, Va
             facts[Key("sensor", sensor.name, "reference")] = ""
         if sensor.kind == "contact":
             facts[Key("sensor", sensor.name, "mjcf:intprm")] = STRONGEST
-        if sensor.kind in AT_SITE and word == "frame" and name in tree.by_body:
-            put_site(name, facts)
     sites = site_names(tree, control.loops)
-    for loop in control.loops:  # by sites, which are frames to every reader
+    for loop in control.loops:
         for site, end in zip(sites[loop.name], loop.ends, strict=True):
             facts[Key("frame", site, "body")] = end.body
             facts[Key("frame", site, "pose")] = pose_value(end.X_body_end)
-
-
-def put_site(body: str, facts: dict[Key, Value]) -> None:
-    """A site in the origin of a body."""
-    facts[Key("frame", body, "body")] = body
-    facts[Key("frame", body, "pose")] = ORIGIN
-    facts[Key("frame", body, "mjcf:group")] = HIDDEN
 
 
 def _poses(reference: Reference, facts: dict[Key, Value]) -> None:
@@ -208,21 +192,16 @@ def _softness(reference: Reference, facts: dict[Key, Value]) -> None:
 
 def _renamed(facts: Mapping[Key, Value], names: Mapping[str, str]) -> dict[Key, Value]:
     """With MuJoCo's name for a body called `world`."""
-    changed = {old: new for old, new in names.items() if old != new}
-    if not changed:
+    if names.get("world", "world") == "world":
         return dict(facts)
+    pattern, new = re.compile(r"(?<!\S)world(?!\S)"), names["world"]
     found: dict[Key, Value] = {}
     for key, value in facts.items():
-        if key.kind == "body" or (key.kind == "frame" and key.name in changed):
-            key = key._replace(name=changed.get(key.name, key.name))
-        if key.quantity in ("body", "parent", "body a", "body b") and isinstance(value, str):
-            value = changed.get(value, value)
-        if key.kind == "sensor" and isinstance(value, str) and " " in value:
-            kind, name = value.split(" ", 1)
-            value = f"{kind} {changed.get(name, name)}"
-        if key.kind == "pair":
-            one, other = (changed.get(name, name) for name in pair_of(key.name))
-            key = key._replace(name=pair_name(one, other))
+        if key.kind in ("body", "frame", "pair"):
+            key = key._replace(name=pattern.sub(new, key.name))
+        of_body = key.quantity in ("body", "parent", "body a", "body b")
+        if isinstance(value, str) and (of_body or (key.kind == "sensor" and " " in value)):
+            value = pattern.sub(new, value)
         found[key] = value
     return found
 

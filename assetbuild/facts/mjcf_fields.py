@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from assetbuild.facts.table import Key, Value
+from assetbuild.robot.pose import IDENTITY, Pose
 from assetbuild.simulators.mujoco import Model, actuators, name_of
 
 BESIDE = (
@@ -16,7 +17,7 @@ BESIDE = (
     ("jnt", "joint", "solref solimp margin actgravcomp stiffnesspoly springyield"),
     ("dof", "joint", "dampingpoly"),
     ("geom", "shape", "solmix fluid adhesion surfacevel"),
-    ("site", "frame", "type size group"),
+    ("site", "frame", "type size"),
     ("cam", "camera", "projection sensorsize intrinsic"),
     ("eq", "equality", "active0 solref solimp"),
     ("actuator", "actuator", "actlimited actrange actearly damping dampingpoly armature delay"),
@@ -110,6 +111,21 @@ def plain(value: Any) -> Value:  # Any: as above
 def body_name(model: Model, index: int) -> str:
     """ "" of the world."""
     return name_of(model, "body", index) if index else ""
+
+
+class Bodies:
+    """How bodies are called, and in which frame what they carry is told: in their own."""
+
+    def __init__(self, model: Model) -> None:
+        self.model = model
+
+    def name(self, body: int) -> str:
+        """The body's name; "" of the world."""
+        return body_name(self.model, body)
+
+    def placed(self, body: int) -> Pose:
+        """X_frame_body of the frame in which facts are told."""
+        return IDENTITY
 
 
 # --- what they act between ----------------------------------------------------------------------

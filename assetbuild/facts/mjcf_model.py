@@ -9,10 +9,11 @@ from collections.abc import Collection, Iterator
 
 import numpy as np
 
-from assetbuild.facts.mjcf_fields import body_name, numbers
+from assetbuild.facts.mjcf_fields import Bodies, body_name, numbers
 from assetbuild.facts.mjcf_meshes import Meshes, pose_of
 from assetbuild.facts.mjcf_senses import BALL, JOINTS, read_keyframe, read_senses, simulation_facts
 from assetbuild.facts.table import Value, Writer, pair_name
+from assetbuild.robot.pose import IDENTITY
 from assetbuild.simulators.mujoco import Model, inertia_of, name_of
 from assetbuild.simulators.mujoco.drives import Drive, read_drives
 from assetbuild.simulators.mujoco.levers import tendon_coupling
@@ -28,20 +29,23 @@ def read_model(
     model: Model,
     book: Writer,
     opaque: Collection[tuple[str, str]] = frozenset(),
-    meshes: Meshes | None = None,
+    *,
+    by_area: bool = False,
+    bodies: Bodies | None = None,
 ) -> frozenset[tuple[str, str]]:
     """Puts every fact of a compiled model into the book; the world's own geoms are left out.
 
-    opaque: (kind, name) of what no other format can say. Returns the equalities and actuators
-    that the book now tells.
+    opaque: (kind, name) of what no other format can say. by_area: see `Meshes`.
+    Returns the equalities and actuators that the book now tells.
     """
+    bodies = bodies or Bodies(model)
     moving = [joint for joint in range(model.njnt) if int(model.jnt_type[joint]) in (2, 3)]
     balls = [joint for joint in range(model.njnt) if int(model.jnt_type[joint]) == BALL]
     _root(model, book)
     for body in range(1, model.nbody):
         book.put("body", _name(model, "body", body), _body(model, body))
     for joint in (*moving, *balls):
-        book.put("joint", _name(model, "joint", joint), _joint(model, joint))
+        book.put("joint", _name(model, "joint", joint), _joint(model, joint, bodies))
     if model.njnt and JOINTS[int(model.jnt_type[0])] == "floating":
         book.put("joint", _name(model, "joint", 0), _free_joint(model))
     drives = {
@@ -55,20 +59,20 @@ def read_model(
     followers: set[str] = set()
     for equality in range(model.neq):
         subject = ("equality", _name(model, "equality", equality))
-        if subject not in opaque and _equality(model, equality, followers, book):
+        if subject not in opaque and _equality(bodies, equality, followers, book):
             told.add(subject)
     for site in range(model.nsite):
-        _site(model, site, book)
-    meshes = meshes or Meshes(model)
+        _site(bodies, site, book)
+    meshes = Meshes(model, by_area=by_area)
     for geom in range(model.ngeom):
         if int(model.geom_bodyid[geom]):
-            book.put("shape", _name(model, "geom", geom), _geom(model, geom, meshes))
+            book.put("shape", _name(model, "geom", geom), _geom(bodies, geom, meshes))
     for pair in _filtered(model, opaque):
         book.put("pair", pair_name(*pair), {"filtered": True})
     for signature in model.exclude_signature:  # also where it changes nothing unless a base is held
         ends = (body_name(model, int(signature) >> 16), body_name(model, int(signature) & 0xFFFF))
         book.put("pair", pair_name(*ends), {"mjcf:excluded": True})
-    read_senses(model, book)
+    read_senses(bodies, book)
     for key in range(model.nkey):
         read_keyframe(model, key, moving, drives.values(), book)
     book.put("simulation", "", simulation_facts(model.opt))
@@ -110,15 +114,15 @@ def _body(model: Model, body: int) -> dict[str, Value]:
     return facts
 
 
-def _joint(model: Model, joint: int) -> dict[str, Value]:
+def _joint(model: Model, joint: int, bodies: Bodies) -> dict[str, Value]:
     body, dof = int(model.jnt_bodyid[joint]), int(model.jnt_dofadr[joint])
     limited = bool(model.jnt_limited[joint])
     facts: dict[str, Value] = {
         "type": JOINTS[int(model.jnt_type[joint])],
-        "body": body_name(model, body),
-        "parent": body_name(model, int(model.body_parentid[body])),
-        "anchor": numbers(model.jnt_pos[joint]),
-        "axis": numbers(model.jnt_axis[joint]),
+        "body": bodies.name(body),
+        "parent": bodies.name(int(model.body_parentid[body])),
+        "anchor": numbers(bodies.placed(body).apply(model.jnt_pos[joint])),
+        "axis": numbers(bodies.placed(body).rotation @ model.jnt_axis[joint]),
         "lower": float(model.jnt_range[joint, 0]) if limited else None,
         "upper": float(model.jnt_range[joint, 1]) if limited else None,
         "damping": float(np.ravel(model.dof_damping[dof])[0]),
@@ -187,14 +191,15 @@ def general_text(model: Model, index: int) -> str:
     )
 
 
-def _equality(model: Model, index: int, followers: set[str], book: Writer) -> bool:
+def _equality(bodies: Bodies, index: int, followers: set[str], book: Writer) -> bool:
     """A mimic joint, one that is locked, or a loop; False of every other kind, a word of MJCF.
 
     followers: joints that an equality before this one leads or locks.
     """
+    model = bodies.model
     kind = int(model.eq_type[index])
     if kind in LOOPS and model.eq_active0[index]:
-        book.put("loop", _name(model, "equality", index), _loop(model, index))
+        book.put("loop", _name(model, "equality", index), _loop(bodies, index))
         return True
     follower, leader = int(model.eq_obj1id[index]), int(model.eq_obj2id[index])
     data = numbers(model.eq_data[index])
@@ -222,8 +227,9 @@ def _equality(model: Model, index: int, followers: set[str], book: Writer) -> bo
     return True
 
 
-def _loop(model: Model, index: int) -> dict[str, Value]:
+def _loop(bodies: Bodies, index: int) -> dict[str, Value]:
     """Of two sites, or of two bodies with an anchor in each, and of a weld their relative turn."""
+    model = bodies.model
     kind = LOOPS[int(model.eq_type[index])]
     data = tuple(float(v) for v in model.eq_data[index])
     by_site = int(model.eq_objtype[index]) == 6  # mjOBJ_SITE
@@ -237,33 +243,36 @@ def _loop(model: Model, index: int) -> dict[str, Value]:
             body = int(model.site_bodyid[body])
         else:
             pose = pose_of(anchor, turn)
+        pose = bodies.placed(body) @ pose
         turned = pose.quat if kind == "weld" else (1.0, 0.0, 0.0, 0.0)
-        facts |= {
-            f"body {side}": (name_of(model, "body", body) if body else ""),
-            f"end {side}": (*pose.xyz, *turned),
-        }
+        facts |= {f"body {side}": bodies.name(body), f"end {side}": (*pose.xyz, *turned)}
     return facts | ({"torque scale": data[10]} if kind == "weld" else {})
 
 
-def _site(model: Model, site: int, book: Writer) -> None:
-    pose = pose_of(model.site_pos[site], model.site_quat[site])
-    body = body_name(model, int(model.site_bodyid[site]))
-    book.put("frame", _name(model, "site", site), {"body": body, "pose": (*pose.xyz, *pose.quat)})
+def _site(bodies: Bodies, site: int, book: Writer) -> None:
+    """One in the origin of the body whose name it has is that body's frame."""
+    model, body = bodies.model, int(bodies.model.site_bodyid[site])
+    name, own = _name(model, "site", site), pose_of(model.site_pos[site], model.site_quat[site])
+    if (name, own) != (body_name(model, body), IDENTITY):
+        pose = bodies.placed(body) @ own
+        facts: dict[str, Value] = {"body": bodies.name(body), "pose": (*pose.xyz, *pose.quat)}
+        book.put("frame", name, facts)
 
 
 # --- shapes ---------------------------------------------------------------------------------
 
 
-def _geom(model: Model, geom: int, meshes: Meshes) -> dict[str, Value]:
+def _geom(bodies: Bodies, geom: int, meshes: Meshes) -> dict[str, Value]:
     import mujoco
 
+    model, body = bodies.model, int(bodies.model.geom_bodyid[geom])
     group = int(model.geom_group[geom])
     kind = mujoco.mjtGeom(int(model.geom_type[geom])).name.removeprefix("mjGEOM_").lower()
     role = GROUPS.get(group, f"group {group}")
-    pose = pose_of(model.geom_pos[geom], model.geom_quat[geom])
+    pose = bodies.placed(body) @ pose_of(model.geom_pos[geom], model.geom_quat[geom])
     facts: dict[str, Value] = {
         "role": role,
-        "body": body_name(model, int(model.geom_bodyid[geom])),
+        "body": bodies.name(body),
         "geometry": kind,
         "mask": float(model.geom_contype[geom]),
         "partners": float(model.geom_conaffinity[geom]),

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 from assetbuild.facts.reference import Reference
 from assetbuild.facts.table import Key, pair_name
 from assetbuild.robot.model import MjcfOnly
+from assetbuild.simulators.mujoco import body_names
 
 if TYPE_CHECKING:
     from xml.etree.ElementTree import Element
@@ -62,7 +63,7 @@ def opaque_of(reference: Reference) -> Opaque:
     from defusedxml.ElementTree import fromstring
 
     subjects, owners, touched = set[tuple[str, str]](), set[tuple[str, str]](), set[Key]()
-    control, names = reference.control, mjcf_names(reference)
+    control, names = reference.control, body_names(reference.tree)
     for item in control.mjcf_only:
         element = fromstring(item.element)
         if item.place in SECTIONS or (item.place == "body" and element.tag != "body"):
@@ -91,11 +92,3 @@ def _subject(item: MjcfOnly, element: Element, names: Mapping[str, str]) -> tupl
 def _commands(keyframe: str, reference: Reference) -> Iterator[Key]:
     for row in reference.control.actuators:
         yield Key("keyframe", f"{keyframe}/{row.joint}", "target")
-
-
-def mjcf_names(reference: Reference) -> dict[str, str]:
-    """Name in MJCF by name of a body: `world` is MuJoCo's own."""
-    taken, written = {body.name for body in reference.tree.bodies}, "world_body"
-    while written in taken:
-        written += "_"
-    return {name: written if name == "world" else name for name in taken}

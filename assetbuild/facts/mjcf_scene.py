@@ -7,11 +7,11 @@ from pathlib import Path
 from typing import ClassVar
 
 from assetbuild.errors import StepError, UsageError
-from assetbuild.facts.mjcf_fields import fields, plain
-from assetbuild.facts.mjcf_model import read_model
-from assetbuild.facts.reader import Proof, Reader
+from assetbuild.facts.mjcf import compiled_facts
+from assetbuild.facts.mjcf_fields import plain
+from assetbuild.facts.reader import Reader
 from assetbuild.facts.reference import Reference
-from assetbuild.facts.table import Key, Table, Value, Writer
+from assetbuild.facts.table import Key, Table, Value
 from assetbuild.facts.vocabulary import VOCABULARY
 from assetbuild.robot.floor import brings_floor, floor_of
 from assetbuild.robot.pose import rotation_of
@@ -35,15 +35,10 @@ class SceneReader(Reader):
         path = root / f"{self.stem}.xml"
         return path if path.is_file() else None
 
-    def prove(self, reference: Reference, path: Path) -> Proof:
-        """Against the robot's file beside it, which has its own reader."""
-        own = _robot_file(path, self.robot)
-        return super().prove(reference, path) if own.is_file() else Proof(Table({}), (), (), 0)
-
     def read(self, path: Path) -> Table:
         """The floor, other shapes of the world, and what the robot's own file says otherwise."""
         own, scene = _compiled(_robot_file(path, self.robot)), _compiled(path)
-        before, after = _facts(own), _facts(scene)
+        before, after = compiled_facts(own).facts, compiled_facts(scene).facts
         facts: dict[Key, Value] = {}
         for key in dict.fromkeys((*before, *after)):
             if before.get(key) != after.get(key):
@@ -83,12 +78,6 @@ def _compiled(path: Path) -> Model:
         return load(path, visuals=False).model
     except StepError as error:
         raise UsageError(f"MuJoCo refuses it: {error.message}") from None
-
-
-def _facts(model: Model) -> dict[Key, Value]:
-    book = Writer()
-    told = read_model(model, book)
-    return {**book.facts, **fields(model, told)}
 
 
 def _floor(model: Model, plane: int) -> dict[Key, Value]:

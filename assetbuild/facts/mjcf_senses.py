@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterable
 from typing import Any
 
-from assetbuild.facts.mjcf_fields import body_name, numbers
+from assetbuild.facts.mjcf_fields import Bodies, numbers
 from assetbuild.facts.mjcf_meshes import pose_of
 from assetbuild.facts.table import Value, Writer
 from assetbuild.simulators.mujoco import Model, name_of
@@ -22,10 +22,11 @@ OBJECTS = {
 """MuJoCo's kind of object -> the vocabulary's; an XBODY is the frame of a body."""
 
 
-def read_senses(model: Model, book: Writer) -> None:
+def read_senses(bodies: Bodies, book: Writer) -> None:
     """Sensors and cameras."""
     import mujoco
 
+    model = bodies.model
     for sensor in range(model.nsensor):
         kind = mujoco.mjtSensor(int(model.sensor_type[sensor])).name.removeprefix("mjSENS_").lower()
         book.put(
@@ -43,13 +44,14 @@ def read_senses(model: Model, book: Writer) -> None:
             asked = numbers(model.sensor_intprm[sensor])
             book.put("sensor", name_of(model, "sensor", sensor), {"mjcf:intprm": asked})
     for camera in range(model.ncam):
-        pose = pose_of(model.cam_pos[camera], model.cam_quat[camera])
+        body = int(model.cam_bodyid[camera])
+        pose = bodies.placed(body) @ pose_of(model.cam_pos[camera], model.cam_quat[camera])
         mode = mujoco.mjtCamLight(int(model.cam_mode[camera])).name
         book.put(
             "camera",
             name_of(model, "camera", camera),
             {
-                "body": body_name(model, int(model.cam_bodyid[camera])),
+                "body": bodies.name(body),
                 "pose": (*pose.xyz, *pose.quat),
                 "field of view": math.radians(float(model.cam_fovy[camera])),
                 "resolution": numbers(model.cam_resolution[camera]),

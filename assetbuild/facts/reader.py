@@ -12,9 +12,8 @@ from typing import Any, ClassVar
 from pydantic import BaseModel, Field
 
 from assetbuild.engine.step import Files
-from assetbuild.errors import AssetBuildError, UsageError
+from assetbuild.errors import AssetBuildError
 from assetbuild.facts.compare import (
-    EQUAL,
     Difference,
     Precision,
     differences,
@@ -23,7 +22,7 @@ from assetbuild.facts.compare import (
 from assetbuild.facts.losses import losses
 from assetbuild.facts.reference import Reference, robot_table
 from assetbuild.facts.table import Key, Table
-from assetbuild.findings import Finding, Rule, Scalar
+from assetbuild.findings import Finding, Rule
 from assetbuild.kinds import Check, RecipeView, Target, write_figures
 
 UNREADABLE = Rule(
@@ -42,17 +41,6 @@ UNREAD = Rule(
 
 BROKEN = (ValueError, TypeError, LookupError, ArithmeticError, AttributeError, RuntimeError)
 """What a reader runs into where a file is not of its format at all."""
-
-
-class StatementError(UsageError):
-    """One statement of a file makes no sense, so nothing around it can be read.
-
-    subject: what the statement is about; said: how it stands there; meant: what must stand there.
-    """
-
-    def __init__(self, subject: str, said: str, meant: str, where: str) -> None:
-        super().__init__(f"`{said}` is not {meant}")
-        self.subject, self.said, self.meant, self.place = subject, said, meant, where
 
 
 @dataclass(frozen=True)
@@ -147,13 +135,6 @@ class Reader(Check):
         try:
             known = self.found(path, reference)
             expected = self.expected(reference)
-        except StatementError as error:
-            data: dict[str, Scalar] = {"expected": error.meant, "found": error.said}
-            rule = EQUAL.named(f"{self.form}.statement")
-            text = f"{error.message}, so that {self.called} is not readable"
-            return Proof(
-                Table({}), (), (rule(error.subject, text, data=data, where=error.place),), 0
-            )
         except AssetBuildError as error:
             unreadable = UNREADABLE("robot", f"{self.called}: {error.message}", error.hint)
             return Proof(Table({}), (), (unreadable,), 0)

@@ -6,6 +6,7 @@ Derived from the robot and from the recipe's `usd` alone.
 from __future__ import annotations
 
 import itertools
+import math
 from collections.abc import Iterator, Mapping
 from typing import Any
 
@@ -19,18 +20,19 @@ from assetbuild.facts.derived import (
     start_of,
     weightless,
 )
-from assetbuild.facts.reference import Reference, filtered_pairs, pose_value
+from assetbuild.facts.reference import Reference, filtered_pairs, mimic_facts, pose_value
 from assetbuild.facts.table import Key, Table, Value, Writer, pair_name
 from assetbuild.facts.usd_options import rigid_of, solver_of, touches_itself
-from assetbuild.robot.model import MOVING, Actuator, Camera, Contact, Joint
+from assetbuild.robot.model import MOVING, Actuator, Contact, Mimic, Tree
 from assetbuild.robot.pose import IDENTITY
 from assetbuild.robot.shapes import Mesh, Shape
 
+HULL_LIMIT = "usd:physxConvexHullCollision:hullVertexLimit"
 HULL_VERTICES = 64.0
 """Most vertices of a convex hull that PhysX collides on a GPU."""
-CLIPPING_M = (0.01, 1000.0)
-"""Nearest and farthest depth that a camera sees."""
 ROOT_JOINT = "root_joint"
+DEGREE = math.pi / 180.0
+"""rad; what engines alone know stands in the file's own units."""
 SOLVER = {
     "solver_position_iterations": "solverPositionIterationCount",
     "solver_velocity_iterations": "solverVelocityIterationCount",
@@ -45,235 +47,217 @@ RIGID = {
     "max_depenetration_velocity": "maxDepenetrationVelocity",
 }
 """Keys of the recipe's `usd.articulation` and `usd.rigid_body` -> PhysX's attributes."""
+ENGINES: Mapping[str, tuple[str, ...]] = {
+    "none": (),
+    "physics": ("physx", "newton"),
+    "physx": ("physx",),
+    "newton": ("newton",),
+    "mujoco": ("newton",),
+}
+"""Whose words each variant has."""
 Options = Mapping[str, Any]  # Any: plain JSON
 
 
 def usd_table(own: Table, reference: Reference) -> Table:
     """Everything that `<robot>.usda` says. own: the robot's facts that USD holds."""
     options: Options = reference.options.get("usd") or {}
-    return _Expectation(own, reference, options).table()
+    tree, control, book = reference.tree, reference.control, Writer()
+    book.facts |= own.facts
+    solid: dict[str, list[Shape]] = {}
+    for shape in reference.shapes.of("collision"):
+        solid.setdefault(tree.placement(shape.link)[0], []).append(shape)
+    stiff = limit_springs(tree, control)
+    soft = bool(control.loops or solid or stiff)
+    book.put("robot", "", _root(reference) | _listed(tree) | _engines(soft=soft))
+    root = ("robot", "") if tree.base == "fixed" else ("body", tree.root)
+    book.put(*root, _articulation(reference))
+    _bodies(reference, book)
+    _joints(reference, options, stiff, book)
+    for loop in control.loops:  # a `connect` is a weld that leaves the turn free
+        free: dict[str, Value] = {"usd:mjc:torqueScale": 0.0} if loop.kind == "connect" else {}
+        softness: dict[str, Value] = {"usd:mjc:solref": loop.solref, "usd:mjc:solimp": loop.solimp}
+        book.put("loop", loop.name, softness | free)
+    for camera in control.cameras:
+        width, height = camera.resolution
+        book.put("camera", camera.name, {"usd:aspect": width / height})
+    for shape in reference.shapes.of("visual"):
+        book.put("shape", shape.name, {"usd:purpose": "default"})
+    own_surfaces = dict(control.contacts)
+    for shape in reference.shapes.of("collision"):
+        surface = own_surfaces.get(shape.name, control.contact)
+        book.put("shape", shape.name, _collider(shape, surface))
+    for a, b in _shape_pairs(reference, solid):
+        book.put("shape pair", pair_name(a, b), {"usd:filtered": True})
+    return book.table()
 
 
-class _Expectation:
-    """The table as it grows."""
+# --- root and bodies
 
-    def __init__(self, own: Table, reference: Reference, options: Options) -> None:
-        self._book, self._reference, self._options = Writer(), reference, options
-        self._book.facts |= own.facts
-        self._tree, self._control = reference.tree, reference.control
-        self._starts = dict(start_of(self._tree, self._control).joints)
-        self._springs = free_springs(self._control)
-        self._stiff = limit_springs(self._tree, self._control)
-        self._surfaces = dict(self._control.contacts)
-        self._solid: dict[str, list[Shape]] = {}
-        for shape in reference.shapes.of("collision"):
-            self._solid.setdefault(self._tree.placement(shape.link)[0], []).append(shape)
-        pairs = filtered_pairs(self._tree, reference.shapes, self._control)
-        self._filtered = {frozenset(pair) for pair in pairs}
 
-    def table(self) -> Table:
-        """All facts."""
-        put = self._book.put
-        put("robot", "", dict(self._root()) | self._engines() | self._listed())
-        self._bodies()
-        for joint in self._tree.joints:
-            self._joint(joint)
-        for loop in self._control.loops:
-            put("loop", loop.name, {
-                "usd:collisionEnabled": self._touch(loop.a.body, loop.b.body),
-                "usd:solref": loop.solref, "usd:solimp": loop.solimp,
-            })  # fmt: skip
-            if loop.kind == "connect":  # a weld that leaves the turn free
-                put("loop", loop.name, {"usd:torqueScale": 0.0})
-        for camera in self._control.cameras:
-            put("camera", camera.name, _camera(camera))
-        for shape in self._reference.shapes.shapes:
-            put("shape", shape.name, self._shown(shape))
-            if shape.role == "collision":
-                put("shape", shape.name, self._collider(shape))
-        for a, b in self._shape_pairs():
-            put("shape pair", pair_name(a, b), {"usd:filtered": True})
-        return self._book.table()
+def _root(reference: Reference) -> dict[str, Value]:
+    """The articulation is on the root body of a floating base, else on what holds the base."""
+    tree = reference.tree
+    fixed = tree.base == "fixed"
+    held: dict[str, Value] = {
+        "usd:world joint holds": tree.root,
+        "usd:world joint pose": pose_value(tree.X_world_root),
+    }
+    return {
+        "up axis": "Z",
+        "metres per unit": 1.0,
+        "kilograms per unit": 1.0,
+        "articulation root": "the joint with the world" if fixed else f"body {tree.root}",
+        "usd:stated units": ("upAxis", "metersPerUnit", "kilogramsPerUnit"),
+        "usd:robot prim pose": pose_value(tree.X_world_root if fixed else IDENTITY),
+        "self-collision": touches_itself(reference),
+        **(held if fixed else {}),
+    }
 
-    # --- root and bodies
 
-    def _root(self) -> Iterator[tuple[str, Value]]:
-        """The articulation is on the root body of a floating base, else on what holds the base."""
-        tree, solver = self._tree, solver_of(self._reference)
-        fixed, touching = tree.base == "fixed", touches_itself(self._reference)
-        yield from (("up axis", "Z"), ("metres per unit", 1.0), ("kilograms per unit", 1.0))
-        yield "articulation root", "the joint with the world" if fixed else f"body {tree.root}"
-        yield "usd:stated units", ("upAxis", "metersPerUnit", "kilogramsPerUnit")
-        yield "usd:robot prim pose", pose_value(tree.X_world_root if fixed else IDENTITY)
-        yield "usd:placed", tree.X_world_root != IDENTITY
-        yield from (("self-collision", touching), ("usd:newton:selfCollisionEnabled", touching))
-        yield from ((f"usd:physxArticulation:{SOLVER[key]}", v) for key, v in solver.items())
-        if fixed:
-            yield "usd:world joint holds", tree.root
-            yield "usd:world joint pose", pose_value(tree.X_world_root)
+def _articulation(reference: Reference) -> dict[str, Value]:
+    solver = solver_of(reference)
+    return {
+        "usd:newton:selfCollisionEnabled": touches_itself(reference),
+        **{f"usd:physxArticulation:{SOLVER[key]}": value for key, value in solver.items()},
+    }
 
-    def _engines(self) -> dict[str, Value]:
-        """Whose words each variant has. MuJoCo's are those of limits, loops and contacts."""
-        soft = self._control.loops or self._solid or self._stiff
-        newton = ("newton", "mjc") if soft else ("newton",)
-        held = {"none": (), "physics": ("physx", *newton), "physx": ("physx",), "newton": newton,
-                "mujoco": newton}  # fmt: skip
-        return {f"usd:engines of {variant}": engines for variant, engines in held.items()}
 
-    def _listed(self) -> dict[str, Value]:
-        """Isaac Sim's lists: a body and its frames; what holds a fixed base, then the joints."""
-        tree = self._tree
-        frames = {body: [f.name for f in tree.frames if f.body == body] for body in tree.by_body}
-        links = [name for body, own in frames.items() for name in (body, *own)]
-        held = [ROOT_JOINT] if tree.base == "fixed" else []
-        return {"usd:isaac links": tuple(links), "usd:isaac joints": (*held, *tree.by_joint)}
+def _engines(*, soft: bool) -> dict[str, Value]:
+    """soft: whether there are limits, loops and contacts, of which MuJoCo has words of its own."""
+    return {
+        f"usd:engines of {variant}": (*engines, *(("mjc",) if soft and "newton" in engines else ()))
+        for variant, engines in ENGINES.items()
+    }
 
-    def _bodies(self) -> None:
-        light, rigid = weightless(self._control), rigid_of(self._reference)
-        words = {f"usd:physxRigidBody:{RIGID[key]}": value for key, value in rigid.items()}
-        for body in self._tree.bodies:
-            if body.is_massless:  # PhysX would take a mass of 0 for none, and make one up
-                for quantity in ("centre of mass", "inertia"):
-                    self._book.facts.pop(Key("body", body.name, quantity), None)
-            self._book.put("body", body.name, words)
-            if body.name in light:
-                self._book.put("body", body.name, {"usd:physxRigidBody:disableGravity": True})
 
-    # --- joints
+def _listed(tree: Tree) -> dict[str, Value]:
+    """Isaac Sim's lists: a body and its frames; what holds a fixed base, then the joints."""
+    frames = {body: [f.name for f in tree.frames if f.body == body] for body in tree.by_body}
+    links = [name for body, own in frames.items() for name in (body, *own)]
+    held = [ROOT_JOINT] if tree.base == "fixed" else []
+    return {"usd:isaac links": tuple(links), "usd:isaac joints": (*held, *tree.by_joint)}
 
-    def _joint(self, joint: Joint) -> None:
-        name, row = joint.name, self._control.by_joint.get(joint.name)
-        self._book.put("joint", name, {
-            "usd:child pose": pose_value(joint.X_parent_joint),
-            "usd:collisionEnabled": self._touch(joint.parent, joint.child),
-        })  # fmt: skip
+
+def _bodies(reference: Reference, book: Writer) -> None:
+    light = weightless(reference.control)
+    rigid = rigid_of(reference)
+    rigid["max_angular_velocity"] /= DEGREE
+    words: dict[str, Value] = {f"usd:physxRigidBody:{RIGID[key]}": v for key, v in rigid.items()}
+    for body in reference.tree.bodies:
+        if body.is_massless:  # PhysX would take a mass of 0 for none, and make one up
+            for quantity in ("centre of mass", "inertia"):
+                book.facts.pop(Key("body", body.name, quantity), None)
+        book.put("body", body.name, words)
+        if body.name in light:
+            book.put("body", body.name, {"usd:physxRigidBody:disableGravity": True})
+
+
+# --- joints
+
+
+def _joints(
+    reference: Reference, options: Options, stiff: Mapping[str, tuple[float, float]], book: Writer
+) -> None:
+    """stiff: (stiffness, damping) of the limits, by joint."""
+    tree, control = reference.tree, reference.control
+    starts = dict(start_of(tree, control).joints)
+    springs = free_springs(control)
+    for joint in tree.joints:
+        name, row = joint.name, control.by_joint.get(joint.name)
+        book.put("joint", name, {"usd:child pose": pose_value(joint.X_parent_joint)})
         if joint.kind in MOVING:
-            self._book.put("joint", name, self._brakes(name) | self._driven(name, row))
-            law = explicit_law(row) if row else {}
-            self._book.put("joint", name, {f"usd:actuator {word}": v for word, v in law.items()})
-            self._limits(name)
+            drive_type = options.get("drive_type", "force")
+            driven = _driven(row, starts[name], springs.get(name), drive_type)
+            if "usd:drive type" in driven:
+                axis = "linear" if joint.kind == "prismatic" else "angular"
+                driven[f"usd:drive:{axis}:physics:targetVelocity"] = 0.0
+            book.put("joint", name, driven)
+        if row and (law := explicit_law(row)):
+            words = {f"usd:newton:{word}": value for word, value in law.items()}
+            book.put("actuator", name, {"usd:drives": (name,), **words})
         if joint.mimic is not None:
-            self._mimic(joint)
+            _mimic(name, joint.mimic, tree, book, coupled=options.get("mimics", True))
+    for name, (stiffness, damping) in stiff.items():
+        limit = dict(control.soft_limits).get(name)
+        per_unit = 1.0 if tree.by_joint[name].kind == "prismatic" else DEGREE
+        book.put("joint", name, {
+            "usd:newton:limitStiffness": stiffness * per_unit,
+            "usd:newton:limitDamping": damping * per_unit,
+            "usd:mjc:solreflimit": limit.solref if limit else SOLREF,
+            "usd:mjc:solimplimit": limit.solimp if limit else SOLIMP,
+        })  # fmt: skip
 
-    def _brakes(self, name: str) -> dict[str, Value]:
-        """What PhysX' older schema and Newton say again."""
-        armature, friction, damping, velocity = (
-            self._book.facts[Key("joint", name, quantity)]
-            for quantity in ("armature", "friction", "damping", "velocity")
-        )
-        return {
-            "usd:physxJointAxis:dynamicFrictionEffort": friction,
-            "usd:physxJoint:armature": armature,
-            "usd:physxJoint:jointFriction": friction,
-            "usd:physxJoint:maxJointVelocity": velocity,
-            "usd:newton:armature": armature,
-            "usd:newton:friction": friction,
-            "usd:newton:damping": damping,
-            "usd:newton:velocityLimit": velocity,
+
+def _driven(
+    row: Actuator | None, start: float, spring: tuple[float, float] | None, drive_type: str
+) -> dict[str, Value]:
+    """Gains where the simulator integrates the drive; all models but `passive` have a drive.
+
+    The others compute an effort outside of it, so its drive must add none. A spring is the drive
+    of a joint that has no other.
+    """
+    model = row.model if row else "passive"
+    facts: dict[str, Value] = {
+        "start": start, "kp": 0.0, "kd": 0.0, "effort": None,
+        "usd:brakes for": ("physxJointAxis", "physxJoint", "newton"),
+    }  # fmt: skip
+    if spring is not None:
+        facts |= {"kp": spring[0], "drive target": spring[1], "usd:drive type": "force"}
+    elif row and model != "passive":
+        facts |= {
+            "kp": row.kp if model == "pd" else 0.0,
+            "kd": row.kd if model in ("pd", "velocity") else 0.0,
+            "effort": row.effort,
+            "drive target": start if model == "pd" else None,
+            "usd:drive type": drive_type,
         }
-
-    def _driven(self, name: str, row: Actuator | None) -> dict[str, Value]:
-        """Gains where the simulator integrates the drive; all models but `passive` have a drive.
-
-        The others compute an effort outside of it, so its drive must add none. A spring is the
-        drive of a joint that has no other.
-        """
-        model = row.model if row else "passive"
-        start, spring = self._starts[name], self._springs.get(name)
-        facts: dict[str, Value] = {"start": start, "kp": 0.0, "kd": 0.0, "effort": None}
-        if spring is not None:
-            facts |= {"kp": spring[0], "drive target": spring[1], "usd:drive type": "force"}
-        elif row and model != "passive":
-            facts |= {
-                "kp": row.kp if model == "pd" else 0.0,
-                "kd": row.kd if model in ("pd", "velocity") else 0.0,
-                "effort": row.effort,
-                "drive target": start if model == "pd" else None,
-                "usd:drive type": self._options.get("drive_type", "force"),
-            }
-        return facts | ({"usd:targetVelocity": 0.0} if "usd:drive type" in facts else {})
-
-    def _limits(self, name: str) -> None:
-        """How soft Newton and MuJoCo hold the limits."""
-        soft = dict(self._control.soft_limits).get(name)
-        if name in self._stiff:
-            self._book.put("joint", name, {
-                "usd:newton:limitStiffness": self._stiff[name][0],
-                "usd:newton:limitDamping": self._stiff[name][1],
-                "usd:solreflimit": soft.solref if soft else SOLREF,
-                "usd:solimplimit": soft.solimp if soft else SOLIMP,
-            })  # fmt: skip
-
-    def _mimic(self, joint: Joint) -> None:
-        """`mimics: false` couples none. Newton follows the joint at the head of a chain."""
-        if not self._options.get("mimics", True):
-            for quantity in ("mimics", "mimic multiplier", "mimic offset"):
-                self._book.facts.pop(Key("joint", joint.name, quantity), None)
-        elif joint.mimic is not None:
-            first = leader_of(self._tree, joint.mimic)
-            self._book.put("joint", joint.name, {
-                "usd:newton:mimics": first.joint,
-                "usd:newton:mimic offset": first.offset,
-                "usd:newton:mimic multiplier": first.multiplier,
-                "usd:mimic axis": "the joint's own",
-                "usd:reference axis": "the joint's own",
-            })  # fmt: skip
-
-    # --- shapes
-
-    def _shown(self, shape: Shape) -> dict[str, Value]:
-        """Colliders are hidden; meshes are often open shells, so that both sides are shown.
-
-        A mesh without normals of its own is shown flat.
-        """
-        purpose = "guide" if shape.role == "collision" else "default"
-        facts: dict[str, Value] = {"usd:purpose": purpose, "usd:extent": True}
-        if shape.role == "visual" and shape.material is not None:
-            facts["usd:gloss"] = (0.5, 0.0)  # half rough and no metal, as in other viewers
-        if isinstance(shape.geometry, Mesh):
-            surface = dict(self._reference.assets.surfaces)[shape.geometry.mesh]
-            facts["usd:doubleSided"] = True
-            if shape.role == "visual":
-                facts["usd:shared"] = self._options.get("instanceable", True)
-            facts["usd:normals"] = surface.normals or "along its faces"
-        return facts
-
-    def _collider(self, shape: Shape) -> dict[str, Value]:
-        """Meshes are their hulls; the larger friction of two surfaces acts, as in MuJoCo."""
-        surface = self._surface(shape)
-        facts: dict[str, Value] = {
-            "collides": bool(surface.mask or surface.partners),
-            "usd:dynamicFriction": surface.friction[0],
-            "usd:frictionCombineMode": "max",
-        }
-        if isinstance(shape.geometry, Mesh):
-            facts |= {"usd:approximation": "convexHull", "usd:hullVertexLimit": HULL_VERTICES}
-        if surface.margin or surface.gap:
-            facts["usd:newton:contactMargin"] = surface.margin
-            facts["usd:newton:contactGap"] = surface.gap or None
-        return facts
-
-    def _surface(self, shape: Shape) -> Contact:
-        return self._surfaces.get(shape.name, self._control.contact)
-
-    def _touch(self, one: str, other: str) -> bool:
-        """A joint's flag lets its bodies touch: where both have shapes and nothing filters them."""
-        pair = frozenset((one, other))
-        return pair <= set(self._solid) and pair not in self._filtered
-
-    def _shape_pairs(self) -> Iterator[tuple[str, str]]:
-        """Single shapes whose masks never meet, of bodies that may touch otherwise."""
-        for one, two in itertools.combinations(self._solid, 2):
-            if frozenset((one, two)) in self._filtered:
-                continue
-            for a, b in itertools.product(self._solid[one], self._solid[two]):
-                first, second = self._surface(a), self._surface(b)
-                touch = all(s.mask or s.partners for s in (first, second))
-                meet = first.mask & second.partners or second.mask & first.partners
-                if touch and not meet:
-                    yield a.name, b.name
+    return facts
 
 
-def _camera(camera: Camera) -> dict[str, Value]:
-    width, height = camera.resolution
-    return {"usd:aspect": width / height, "usd:clippingRange": CLIPPING_M}
+def _mimic(name: str, mimic: Mimic, tree: Tree, book: Writer, *, coupled: bool) -> None:
+    """`mimics: false` couples none. Newton follows the joint at the head of a chain."""
+    if not coupled:
+        for quantity in mimic_facts(mimic):
+            book.facts.pop(Key("joint", name, quantity), None)
+        return
+    first = mimic_facts(leader_of(tree, mimic))
+    book.put("joint", name, {f"usd:newton:{quantity}": v for quantity, v in first.items()})
+    axes = ("usd:mimic axis", "usd:reference axis")
+    book.put("joint", name, dict.fromkeys(axes, "the joint's own"))
+
+
+# --- shapes
+
+
+def _collider(shape: Shape, surface: Contact) -> dict[str, Value]:
+    """Meshes are their hulls; the larger friction of two surfaces acts, as in MuJoCo."""
+    facts: dict[str, Value] = {
+        "usd:purpose": "guide",
+        "collides": bool(surface.mask or surface.partners),
+        "usd:dynamicFriction": surface.friction[0],
+        "usd:frictionCombineMode": "max",
+    }
+    if isinstance(shape.geometry, Mesh):
+        facts |= {"usd:physics:approximation": "convexHull", HULL_LIMIT: HULL_VERTICES}
+    if surface.margin or surface.gap:
+        facts["usd:newton:contactMargin"] = surface.margin
+        facts["usd:newton:contactGap"] = surface.gap or None
+    return facts
+
+
+def _shape_pairs(
+    reference: Reference, solid: Mapping[str, list[Shape]]
+) -> Iterator[tuple[str, str]]:
+    """Single shapes whose masks never meet, of bodies that may touch otherwise."""
+    control, own = reference.control, dict(reference.control.contacts)
+    pairs = filtered_pairs(reference.tree, reference.shapes, control)
+    filtered = {frozenset(pair) for pair in pairs}
+    for one, two in itertools.combinations(solid, 2):
+        if frozenset((one, two)) in filtered:
+            continue
+        for a, b in itertools.product(solid[one], solid[two]):
+            first, second = (own.get(shape.name, control.contact) for shape in (a, b))
+            touch = all(s.mask or s.partners for s in (first, second))
+            meet = first.mask & second.partners or second.mask & first.partners
+            if touch and not meet:
+                yield a.name, b.name

@@ -1,9 +1,8 @@
 """Joints: what they connect, how they move, and what drives, brakes and couples them.
 
-UsdPhysics, PhysX and Newton each have attributes of their own for armature, friction, damping,
-velocity limit and mimic joints. The facts are those of PhysX 2026 (`physxJointAxis`), or of the
-first of the others where that schema is not applied; what the others say is a word of the format,
-in SI units.
+PhysX 2026 (`physxJointAxis`), PhysX before it and Newton each have attributes of their own for
+armature, friction, damping and velocity limit. The first one that a joint has is the fact; another
+one is a word of the format, in SI units, where it says otherwise.
 """
 
 from __future__ import annotations
@@ -28,11 +27,15 @@ MOVING = ("rotary", "linear")
 UNLIMITED = 1e6
 """rad or m: from here on a limit limits nothing; PhysX couples two angles only within limits."""
 AXES = {"X": (1.0, 0.0, 0.0), "Y": (0.0, 1.0, 0.0), "Z": (0.0, 0.0, 1.0)}
-CLAMPS: Mapping[str, tuple[str, ...]] = {
-    "NewtonMaxEffortClampingAPI": ("maxEffort",),
-    "NewtonDCMotorClampingAPI": ("maxMotorEffort", "saturationEffort", "velocityLimit"),
-}
-"""Newton's schemas that limit the effort of a drive that acts outside of the solver."""
+BRAKES: Mapping[str, tuple[str, ...]] = {
+    "armature": ("physxJointAxis:armature", "physxJoint:armature", "newton:armature"),
+    "friction": ("physxJointAxis:staticFrictionEffort", "physxJoint:jointFriction",
+                 "newton:friction", "physxJointAxis:dynamicFrictionEffort"),
+    "damping": ("physxJointAxis:viscousFrictionCoefficient", "newton:damping"),
+    "velocity": ("physxJointAxis:maxJointVelocity", "physxJoint:maxJointVelocity",
+                 "newton:velocityLimit"),
+}  # fmt: skip
+"""Quantity -> its attributes, by schema and name."""
 
 
 class JointPrim:
@@ -102,13 +105,10 @@ def joint_facts(joints: Sequence[JointPrim], book: Writer) -> None:
             "parent": names.get(joint.parent, joint.parent),
             "anchor": joint.anchor,
             "usd:child pose": pose_value(joint.X_parent_child),
-            "usd:collisionEnabled": joint.touching,
         }
-        if joint.prim.flag("physics:jointEnabled") is False:
-            facts["usd:physics:jointEnabled"] = False
         if joint.kind in MOVING:
             facts |= _motion(joint) | _drive(joint) | _passive(joint)
-            facts |= _limit_springs(joint) | _mimic(joint, by_path)
+            facts |= _mimic(joint, by_path)
         book.put("joint", joint.prim.named("joint", book), facts)
 
 
@@ -116,18 +116,13 @@ def _loop(joint: JointPrim) -> dict[str, Value]:
     """A joint outside of the articulation, and how soft MuJoCo holds it."""
     facts: dict[str, Value] = {
         "type": {"ball": "connect", "fixed": "weld"}.get(joint.kind, joint.kind),
-        "usd:collisionEnabled": joint.touching,
     }
     ends = zip("ab", (joint.parent, joint.child), joint.frames, strict=True)
     for side, body, frame in ends:
         facts[f"body {side}"] = joint.names.get(body, body)
         facts[f"end {side}"] = pose_value(Pose(frame.xyz) if joint.kind == "ball" else frame)
-    prim, schema = joint.prim, "MjcEqualityWeldAPI"
-    for word in ("solref", "solimp"):
-        facts[f"usd:{word}"] = prim.numbers(f"mjc:{word}", schema)
-    weight = prim.number("mjc:torqueScale", schema)
-    facts["torque scale" if facts["type"] == "weld" else "usd:torqueScale"] = weight
-    return facts
+    scale = "torque scale" if facts["type"] == "weld" else "usd:mjc:torqueScale"
+    return facts | {scale: joint.prim.number("mjc:torqueScale", "MjcEqualityWeldAPI")}
 
 
 def _motion(joint: JointPrim) -> dict[str, Value]:
@@ -162,51 +157,31 @@ def _drive(joint: JointPrim) -> dict[str, Value]:
         "effort": prim.number(f"{start}:maxForce", unit=units.effort(joint.angular)),
         "drive target": prim.number(f"{start}:targetPosition", unit=unit),
         "usd:drive type": prim.text(f"{start}:type") or "force",
-        "usd:targetVelocity": prim.number(f"{start}:targetVelocity", unit=unit) or 0.0,
     }
 
 
 def _passive(joint: JointPrim) -> dict[str, Value]:
-    """What brakes a joint, in three spellings: the first that is stated is the fact."""
-    units, angular, axis = joint.units, joint.angular, f"physxJointAxis:{joint.word}"
-    spellings: dict[str, tuple[float, tuple[str, ...]]] = {
-        "armature": (units.inertia(angular),
-                     (f"{axis}:armature", "physxJoint:armature", "newton:armature")),
-        "friction": (units.effort(angular),
-                     (f"{axis}:staticFrictionEffort", "physxJoint:jointFriction",
-                      "newton:friction", f"{axis}:dynamicFrictionEffort")),
-        "damping": (units.gain(angular),
-                    (f"{axis}:viscousFrictionCoefficient", "newton:damping")),
-        "velocity": (units.length(angular),
-                     (f"{axis}:maxJointVelocity", "physxJoint:maxJointVelocity",
-                      "newton:velocityLimit")),
-    }  # fmt: skip
+    """What brakes a joint, and for whom it is stated."""
+    units, angular = joint.units, joint.angular
+    unit = {"armature": units.inertia(angular), "friction": units.effort(angular),
+            "damping": units.gain(angular), "velocity": units.length(angular)}  # fmt: skip
     schemas = {
         "physxJointAxis": f"PhysxJointAxisAPI:{joint.word}",
         "physxJoint": "PhysxJointAPI",
         "newton": "NewtonJointAPI",
     }
-    facts: dict[str, Value] = {}
-    for quantity, (unit, attributes) in spellings.items():
-        schema_of = {name: schemas[name.partition(":")[0]] for name in attributes}
-        applied = [name for name in attributes if joint.prim.has(schema_of[name])]
-        for rank, name in enumerate(applied):
-            value = joint.prim.number(name, unit=unit)
-            word = name.replace(f"{axis}:", "physxJointAxis:")
-            if rank > 0:
-                facts[f"usd:{word}"] = value
-            elif value is not None or quantity == "velocity":
-                facts[quantity] = value
-    return facts
-
-
-def _limit_springs(joint: JointPrim) -> dict[str, Value]:
-    """How soft Newton and MuJoCo hold the limits."""
-    prim, gain = joint.prim, joint.units.gain(joint.angular)
-    springs = {"newton:limitStiffness": gain, "newton:limitDamping": gain}
-    facts = prim.words(springs, "NewtonJointAPI")
-    for word in ("solreflimit", "solimplimit") if prim.has("MjcJointAPI") else ():
-        facts[f"usd:{word}"] = prim.numbers(f"mjc:{word}")
+    engines = [name for name, schema in schemas.items() if joint.prim.has(schema)]
+    facts: dict[str, Value] = {"usd:brakes for": tuple(engines)}
+    for quantity, spellings in BRAKES.items():
+        said: dict[str, float | None] = {}
+        for spelling in spellings:
+            engine, _, word = spelling.partition(":")
+            if engine in engines:
+                name = f"{engine}:{joint.word}:{word}" if engine == "physxJointAxis" else spelling
+                said[f"usd:{spelling}"] = joint.prim.number(name, unit=unit[quantity])
+        first = next(iter(said.values()), None)
+        facts |= {name: "none" if v is None else v for name, v in said.items() if v != first}
+        facts |= {} if first is None else {quantity: first}
     return facts
 
 
@@ -248,18 +223,3 @@ def _agrees(found: str, token: str) -> str:
 
 def _leader(paths: tuple[str, ...], by_path: dict[str, JointPrim]) -> str:
     return ", ".join(by_path[p].prim.name if p in by_path else p for p in paths)
-
-
-def read_actuators(prims: Sequence[Prim], names: Mapping[str, str], book: Writer) -> None:
-    """What Newton's actuator prims say of the joints that they drive. names: of joints by path."""
-    for prim in prims:
-        words: dict[str, Value] = {
-            "usd:actuator kp": prim.number("newton:kp", "NewtonPDControlAPI"),
-            "usd:actuator kd": prim.number("newton:kd", "NewtonPDControlAPI"),
-        }
-        for schema, attributes in CLAMPS.items():
-            if prim.has(schema):
-                said = {name: prim.number(f"newton:{name}") for name in attributes}
-                words |= {f"usd:actuator {name}": value for name, value in said.items()}
-        for path in prim.targets("newton:targets") or (prim.path,):
-            book.put("joint", names.get(path, path), words)

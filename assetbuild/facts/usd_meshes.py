@@ -11,57 +11,40 @@ from pxr import Usd, UsdGeom
 from assetbuild.facts.surface import Surface, measure
 from assetbuild.facts.table import Value
 from assetbuild.facts.usd_prims import Prim, Units, rigid
-from assetbuild.facts.usd_seen import normals_of
 from assetbuild.robot.pose import Array
 
 Whole = NDArray[np.int64]
-SOURCES = (
-    "points", "faceVertexCounts", "faceVertexIndices", "orientation",
-    "primvars:st", "primvars:st:indices",
-)  # fmt: skip
 
 
 @dataclass
 class Measured:
-    """A mesh in its own frame. corners: (n, 3, 3) m, none where its faces do not fit its points.
-
-    normals: their means as in `Surface`, or what is to be said of them.
-    """
+    """A mesh in its own frame. corners: (n, 3, 3) m, none where its faces do not fit its points."""
 
     corners: Array
     uv: Array | None
     surface: Surface
-    normals: Value
 
 
 @dataclass
 class Meshes:
-    """What has been measured, by the layers' specs that the numbers come from."""
+    """What has been measured; instances share a prototype."""
 
     units: Units
-    known: dict[tuple[str, ...], Measured] = field(default_factory=dict)
+    known: dict[str, Measured] = field(default_factory=dict)
 
     def facts(self, prim: Prim, X_body_mesh: Array) -> dict[str, Value]:
         """Surface in its body's frame. X_body_mesh: (4, 4), with scale."""
-        key = tuple(_origin(prim.prim.GetAttribute(name)) for name in SOURCES)
-        if key not in self.known:
-            self.known[key] = _measure(prim.prim, self.units)
-        one = self.known[key]
+        path = prim.path
+        if prim.prim.IsInstanceProxy():
+            path = str(prim.prim.GetPrimInPrototype().GetPath())
+        if path not in self.known:
+            self.known[path] = _measure(prim.prim, self.units)
+        one = self.known[path]
         pose, scale = rigid(X_body_mesh)
         if np.all(scale == 1.0):
-            facts = one.surface.moved(pose).facts()
-        else:
-            corners = one.corners @ X_body_mesh[:3, :3].T + X_body_mesh[:3, 3]
-            facts = measure(corners, one.uv).facts()
-        return facts | {"usd:normals": one.normals}
-
-
-def _origin(attribute: Usd.Attribute) -> str:
-    """The strongest spec of an attribute."""
-    if not attribute.IsAuthored():
-        return ""
-    spec = attribute.GetPropertyStack(Usd.TimeCode.Default())[0]
-    return f"{spec.layer.identifier}{spec.path}"
+            return one.surface.moved(pose).facts()
+        corners = one.corners @ X_body_mesh[:3, :3].T + X_body_mesh[:3, 3]
+        return measure(corners, one.uv).facts()
 
 
 def _measure(prim: Usd.Prim, units: Units) -> Measured:
@@ -76,8 +59,7 @@ def _measure(prim: Usd.Prim, units: Units) -> Measured:
         where = where[:0]
     corners = points[indices[where]] * units.metre
     uv = _texture_corners(prim, indices, where) if sound else None
-    normals = normals_of(mesh, corners) if sound and np.all(counts == 3) else None
-    return Measured(corners, uv, measure(corners, uv), normals)
+    return Measured(corners, uv, measure(corners, uv))
 
 
 def _triangles(counts: Whole, *, flip: bool) -> Whole:

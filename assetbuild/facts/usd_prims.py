@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
 from pxr import Gf, Usd, UsdGeom
 
-from assetbuild.facts.table import Value, Writer
+from assetbuild.facts.table import Value, Writer, plain_value
 from assetbuild.robot.pose import IDENTITY, Array, Pose, Quat, normalised_quat, quat_of, vec3
 
 RIGID = 1e-9
@@ -50,8 +49,8 @@ ENGINES = ("physics", "physx", "newton", "mjc", "drive", "limit", "state")
 class Prim:
     """One prim, asked for what it states itself; a schema's own default counts as not stated."""
 
-    asked: ClassVar[set[str]] = set()
-    """Names of attributes and relationships that somebody has asked any prim for."""
+    asked: ClassVar[set[tuple[str, str]]] = set()
+    """Path and name of every attribute of this stage that somebody has asked for."""
 
     def __init__(self, prim: Usd.Prim) -> None:
         self.prim, self.path = prim, str(prim.GetPath())
@@ -81,7 +80,7 @@ class Prim:
 
     def value(self, name: str, schema: str = "") -> object:
         """The value of an attribute; None where none is stated, or its schema is not applied."""
-        self.asked.add(name)
+        self.asked.add((self.path, name))
         attribute = self.prim.GetAttribute(name)
         if (schema and not self.has(schema)) or not attribute.HasAuthoredValue():
             return None
@@ -114,22 +113,34 @@ class Prim:
 
     def targets(self, name: str, schema: str = "") -> tuple[str, ...]:
         """Paths that a relationship points at."""
-        self.asked.add(name)
         if schema and not self.has(schema):
             return ()
         return tuple(str(path) for path in self.prim.GetRelationship(name).GetTargets())
 
-    def unasked(self) -> Iterator[str]:
-        """What it states for engines, and nobody here reads."""
-        for found in self.prim.GetAuthoredProperties():
-            name = found.GetName()
-            if name.startswith(ENGINES) and name not in self.asked:
-                yield name
+    def words(self) -> dict[str, Value]:
+        """All that it states for engines and nobody has asked for, in the file's own units."""
+        custom = tuple(p.GetName() for p in self.prim.GetAuthoredProperties() if p.IsCustom())
+        found: dict[str, Value] = {"usd:custom properties": custom} if custom else {}
+        for stated in self.prim.GetAuthoredAttributes():
+            name = stated.GetName()
+            is_read = (self.path, name) in self.asked
+            if name.startswith(ENGINES) and not is_read and self._acts(name):
+                value = stated.Get()
+                if isinstance(value, float) and abs(value) > UNLIMITED:
+                    value = None
+                is_plain = isinstance(value, str) or not hasattr(value, "__iter__")
+                found[f"usd:{name}"] = plain_value(value if is_plain else list(value))
+        return found
 
-    def words(self, rows: Mapping[str, float], schema: str) -> dict[str, Value]:
-        """Words of the format. rows: unit by attribute of a schema."""
-        found = {f"usd:{name}": self.number(name, schema, unit) for name, unit in rows.items()}
-        return {word: value for word, value in found.items() if value is not None}
+    def _acts(self, name: str) -> bool:
+        """Whether the schema of an attribute is applied, such as `PhysxJointAxisAPI:angular`."""
+        engine, *parts = name.split(":")
+        if engine in ("newton", "mjc"):
+            return any(schema.lower().startswith(engine) for schema in self.applied)
+        schema = f"{engine[0].upper()}{engine[1:]}API"
+        return not engine.startswith("physx") or bool(
+            {schema, f"{schema}:{parts[0]}"} & self.applied
+        )
 
 
 # --- poses

@@ -16,9 +16,7 @@ from pxr import Usd, UsdGeom, UsdPhysics
 from assetbuild.facts.known_files import KnownFiles
 from assetbuild.facts.reference import pose_value
 from assetbuild.facts.table import Table, Value, Writer
-from assetbuild.facts.usd_isaac import read_poses, read_schema
-from assetbuild.facts.usd_joints import JointPrim, joint_facts, read_actuators
-from assetbuild.facts.usd_looks import Looks
+from assetbuild.facts.usd_joints import JointPrim, joint_facts
 from assetbuild.facts.usd_prims import Places, Prim, quat_of_gf
 from assetbuild.facts.usd_shapes import ShapePrim, pair_facts, read_shapes
 from assetbuild.facts.usd_stage import VARIANTS, engines_of, opened, units_of
@@ -41,42 +39,40 @@ class Sorted:
     actuators: list[Prim] = field(default_factory=list)
     roots: list[Prim] = field(default_factory=list)
     filters: list[tuple[str, str]] = field(default_factory=list)
+    prims: list[Prim] = field(default_factory=list)
 
 
 def read_robot(path: Path, known: KnownFiles) -> Table:
     """The facts of the stage as it opens, its default variants selected."""
     with opened(path) as stage:
         book = Writer()
+        Prim.asked.clear()
         places, found = Places(units_of(stage, book)), _sorted(stage)
         names = {path: prim.named("body", book) for path, prim in found.bodies.items()}
         joints = [JointPrim(prim, names, places) for prim in found.joints]
         joint_facts(joints, book)
         jointed = {joint.prim.path: joint.prim.name for joint in joints}
-        read_actuators(found.actuators, jointed, book)
+        for prim in found.actuators:
+            driven = tuple(jointed.get(path, path) for path in prim.targets("newton:targets"))
+            book.put("actuator", prim.named("actuator", book), {"usd:drives": driven})
         _bodies(found.bodies, joints, names, places, book)
         framed = _frames(found, names, places, book)
         for prim, body in found.cameras:
             _camera(prim, found.bodies.get(body), names.get(body, ""), places, book)
-        robot = stage.GetDefaultPrim()
+        robot = Prim(stage.GetDefaultPrim())
         _root(found, joints, names, places, book)
-        book.put("robot", "", {
-            "usd:robot prim pose": pose_value(places.rigid(robot)[0]),
-            "usd:placed": robot.GetAttribute("xformOpOrder").HasAuthoredValue(),
-        })  # fmt: skip
-        for variant in robot.GetVariantSet(VARIANTS).GetVariantNames():
+        book.put("robot", "", {"usd:robot prim pose": pose_value(places.rigid(robot.prim)[0])})
+        for variant in robot.prim.GetVariantSet(VARIANTS).GetVariantNames():
             book.put("robot", "", {f"usd:engines of {variant}": engines_of(stage, variant)})
-        colliders = read_shapes(found.shapes, names, places, Looks(known), book)
+        colliders = read_shapes(found.shapes, names, places, known, book)
         apart = [frozenset(j.ends) for j in joints if len(j.ends) == 2 and not j.touching]
         articulated = [prim.path for prim in found.roots if prim.path in found.bodies]
         pair_facts(colliders, names, found.filters, apart, articulated, book)
-        read_schema(Prim(robot), names | framed | jointed, book)
-        read_poses(Prim(robot), joints, book)
-        for prim in map(Prim, Usd.PrimRange(stage.GetPseudoRoot(), Usd.TraverseInstanceProxies())):
-            for name in prim.unasked():
-                value = prim.prim.GetAttribute(name)
-                book.skip(prim.path, f"`{name}`", str(value.Get() if value else "")[:200])
-            if custom := [p.GetName() for p in prim.prim.GetAuthoredProperties() if p.IsCustom()]:
-                book.put("prim", prim.path, {"usd:custom properties": tuple(custom)})
+        _isaac(robot, names | framed | jointed, joints, book)
+        subjects = {path: subject for subject, path in book.places.items()}
+        for each in found.prims:
+            own = (subjects[path] for path in _upwards(each.prim, itself=True) if path in subjects)
+            book.put(*next(own, ("prim", each.path)), each.words())
         return book.table()
 
 
@@ -87,6 +83,7 @@ def _sorted(stage: Usd.Stage) -> Sorted:
     found = Sorted()
     for prim in Usd.PrimRange(stage.GetPseudoRoot(), Usd.TraverseInstanceProxies()):
         one = Prim(prim)
+        found.prims.append(one)
         _sort(one, found)
         if one.has(ROOT):
             found.roots.append(one)
@@ -123,9 +120,9 @@ def _shape(one: Prim, body: str) -> ShapePrim:
     return ShapePrim(one, body, holder, collider)
 
 
-def _upwards(prim: Usd.Prim) -> Iterator[str]:
+def _upwards(prim: Usd.Prim, *, itself: bool = False) -> Iterator[str]:
     """Paths of the prims above, the nearest first."""
-    path = prim.GetPath().GetParentPath()
+    path = prim.GetPath() if itself else prim.GetPath().GetParentPath()
     while path and not path.IsAbsoluteRootPath():
         yield str(path)
         path = path.GetParentPath()
@@ -142,25 +139,12 @@ def _bodies(
     book: Writer,
 ) -> None:
     parents = {j.child: j.parent for j in joints if j.parent and j.child and not j.closes_loop}
-    metre, radian = places.units.metre, places.units.length(True)
-    words = {
-        "physxRigidBody:linearDamping": 1.0,
-        "physxRigidBody:angularDamping": 1.0,
-        "physxRigidBody:maxLinearVelocity": metre,
-        "physxRigidBody:maxAngularVelocity": radian,
-        "physxRigidBody:maxDepenetrationVelocity": metre,
-    }
     for path, prim in bodies.items():
         above = parents.get(path, "")
         facts: dict[str, Value] = {"parent": names.get(above, "")}
         if above in bodies:
             facts["pose"] = _within(places, prim, bodies[above])
-        facts |= _mass(prim, places) | prim.words(words, "PhysxRigidBodyAPI")
-        for word in ("physxRigidBody:disableGravity", "physics:kinematicEnabled"):
-            if prim.flag(word):
-                facts[f"usd:{word}"] = True
-        if prim.flag("physics:rigidBodyEnabled") is False:
-            facts["usd:physics:rigidBodyEnabled"] = False
+        facts |= _mass(prim, places)
         book.put("body", names[path], facts)
 
 
@@ -210,7 +194,6 @@ def _camera(prim: Prim, above: Prim | None, body: str, places: Places, book: Wri
         "pose": pose,
         "field of view": 2.0 * math.atan(tall / (2.0 * length)),
         "usd:aspect": wide / tall,
-        "usd:clippingRange": prim.numbers("clippingRange", unit=places.units.metre),
     })  # fmt: skip
 
 
@@ -242,26 +225,32 @@ def _root(
     if first is not None:
         facts["base pose"] = pose_value(places.rigid(first.prim)[0])
     for joint in held_bodies:
+        book.place("robot", "", joint.prim.path)
         facts["usd:world joint holds"] = names.get(joint.child, "")
         facts["usd:world joint pose"] = pose_value(joint.X_parent_child)
     for prim in found.roots:
-        facts |= _articulation(prim)
+        touching = prim.flag("physxArticulation:enabledSelfCollisions", "PhysxArticulationAPI")
+        facts["self-collision"] = touching is not False  # PhysX's own default
     book.put("robot", "", facts)
 
 
-def _articulation(prim: Prim) -> dict[str, Value]:
-    schema = "PhysxArticulationAPI"
-    rows = dict.fromkeys((
-        "physxArticulation:solverPositionIterationCount",
-        "physxArticulation:solverVelocityIterationCount",
-        "physxArticulation:sleepThreshold",
-        "physxArticulation:stabilizationThreshold",
-    ), 1.0)  # fmt: skip
-    facts = prim.words(rows, schema)
-    newton = prim.flag("newton:selfCollisionEnabled", "NewtonArticulationRootAPI")
-    touching = prim.flag("physxArticulation:enabledSelfCollisions", schema)
-    if touching is None:  # PhysX's own
-        touching = True if prim.has(schema) else newton
-    if touching is not None:
-        facts["self-collision"] = touching
-    return facts | {"usd:newton:selfCollisionEnabled": newton}
+def _isaac(
+    robot: Prim, names: Mapping[str, str], joints: Sequence[JointPrim], book: Writer
+) -> None:
+    """Isaac Sim's robot schema: lists of links and joints, and keyframes in rad and m.
+
+    names: of bodies, frames and joints, by path.
+    """
+    for word in ("Links", "Joints"):
+        listed = robot.targets(f"isaac:physics:robot{word}", "IsaacRobotAPI")
+        stated = tuple(names.get(path, path) for path in listed)
+        book.put("robot", "", {f"usd:isaac {word.lower()}": stated})
+    by_path = {joint.prim.path: joint for joint in joints}
+    for path in robot.targets("isaac:robot:namedPoses", "IsaacRobotAPI"):
+        pose = Prim(robot.prim.GetStage().GetPrimAtPath(path))
+        posed = [by_path.get(each) for each in pose.targets("isaac:robot:pose:joints")]
+        values = pose.numbers("isaac:robot:pose:jointValues") or ()
+        for joint, value in zip(posed, values, strict=True):
+            if joint is not None:
+                position = value * joint.units.length(joint.angular)
+                book.put("keyframe", f"{pose.name}/{joint.prim.name}", {"position": position})

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -10,9 +9,8 @@ from pxr import Usd
 
 from assetbuild.facts.reference import pose_value
 from assetbuild.facts.table import Table, Value, Writer
-from assetbuild.facts.usd_looks import surface_of
 from assetbuild.facts.usd_prims import Places, Prim
-from assetbuild.facts.usd_seen import seen_facts
+from assetbuild.facts.usd_shapes import surface_of
 from assetbuild.facts.usd_stage import opened, units_of
 
 
@@ -21,7 +19,6 @@ def read_scene(path: Path) -> Table:
     with opened(path) as stage:
         book = Writer()
         places = Places(units_of(stage, book))
-        book.put("robot", "", {"usd:file": tuple(_references(stage))})
         for each in Usd.PrimRange(stage.GetPseudoRoot(), Usd.TraverseInstanceProxies()):
             prim = Prim(each)
             if prim.type == "PhysicsScene":
@@ -36,14 +33,6 @@ def read_scene(path: Path) -> Table:
         return book.table()
 
 
-def _references(stage: Usd.Stage) -> Iterator[str]:
-    """The files that the scene's own layer refers to."""
-    for prim in stage.Traverse():
-        spec = stage.GetRootLayer().GetPrimAtPath(prim.GetPath())
-        for arcs in (spec.referenceList, spec.payloadList) if spec else ():
-            yield from (arc.assetPath for arc in arcs.GetAddedOrExplicitItems())
-
-
 def _simulation(prim: Prim, places: Places) -> dict[str, Value]:
     """UsdPhysics: without a direction down, without a magnitude that of the earth."""
     direction = np.array(prim.numbers("physics:gravityDirection") or (0.0, 0.0, -1.0))
@@ -53,7 +42,6 @@ def _simulation(prim: Prim, places: Places) -> dict[str, Value]:
     rate = prim.number("physxScene:timeStepsPerSecond", "PhysxSceneAPI")
     return {
         "gravity": tuple(gravity.tolist()),
-        "usd:gravity magnitude": magnitude,
         "timestep": 1.0 / rate if rate else None,
     }
 
@@ -64,9 +52,7 @@ def _floor(prim: Prim, places: Places) -> dict[str, Value]:
     facts: dict[str, Value] = {
         "height": pose.xyz[2],
         "friction": None,
-        "usd:floor pose": pose_value(pose),
         "usd:axis": prim.text("axis") or "Z",
         "usd:collides": solid and prim.flag("physics:collisionEnabled") is not False,
-        "usd:placed": prim.value("xformOpOrder") is not None,
     }
-    return facts | surface_of(prim.prim) | seen_facts(prim.prim)
+    return facts | surface_of(prim.prim)

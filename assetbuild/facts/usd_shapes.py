@@ -1,19 +1,21 @@
-"""Shapes: their geometry in the body's frame, what they look like, and what they may touch."""
+"""Shapes: their geometry in the body's frame, colour, surface, and what they may touch."""
 
 from __future__ import annotations
 
 import itertools
-from collections.abc import Collection, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
 
 import numpy as np
+from pxr import Sdf, Usd, UsdGeom, UsdShade
 
+from assetbuild.facts.known_files import KnownFiles
+from assetbuild.facts.picture import pixel_digest
 from assetbuild.facts.reference import pose_value
 from assetbuild.facts.table import Value, Writer, pair_name
-from assetbuild.facts.usd_looks import Looks, surface_of
 from assetbuild.facts.usd_meshes import Meshes
 from assetbuild.facts.usd_prims import Places, Prim, rigid
-from assetbuild.facts.usd_seen import seen_facts
 from assetbuild.robot.pose import Array, Pose, quat_between
 
 AXES = {"X": (1.0, 0.0, 0.0), "Y": (0.0, 1.0, 0.0)}
@@ -54,11 +56,11 @@ def read_shapes(
     shapes: Sequence[ShapePrim],
     names: Mapping[str, str],
     places: Places,
-    looks: Looks,
+    known: KnownFiles,
     book: Writer,
 ) -> list[Collider]:
     """Facts of all shapes; the colliders among them."""
-    meshes, colliders = Meshes(places.units), []
+    meshes, looks, colliders = Meshes(places.units), Looks(known), []
     alone = [s.holder.path for s in shapes if s.holder]
     for shape in shapes:
         prim, holder = shape.geometry, shape.holder
@@ -66,41 +68,27 @@ def read_shapes(
         if holder and alone.count(holder.path) > 1:
             name = f"{name}/{prim.name}"
         role = "collision" if shape.collider else "visual"
+        purpose = str(UsdGeom.Gprim(prim.prim).ComputePurpose())
         facts: dict[str, Value] = {"role": role, "body": names.get(shape.body, "")}
-        facts |= _geometry(shape, places, meshes) | seen_facts(prim.prim)
+        facts["usd:purpose"] = purpose
+        facts |= _geometry(shape, places, meshes)
         if shape.collider:
             solid = shape.collider.flag("physics:collisionEnabled") is not False
-            facts |= {"collides": solid} | surface_of(prim.prim) | _hull(prim)
-            facts |= _contact(shape.collider)
+            facts |= {"collides": solid} | surface_of(prim.prim) | _contact(shape.collider)
             colliders.append(Collider(name, prim.path, shape.body, solid))
         else:
             facts |= looks.of(prim.prim)
-            if prim.type == "Mesh":
-                facts["usd:shared"] = holder is not None and holder.prim.IsInstanceable()
         book.put("shape", name, facts)
     return colliders
 
 
 def _contact(prim: Prim) -> dict[str, Value]:
-    """What contacts have beyond friction in MuJoCo, where its schema is applied, and in Newton."""
+    """What contacts have beyond friction in MuJoCo, where its schema is applied."""
     schema, facts = "MjcCollisionAPI", dict[str, Value]()
     for name, usual in CONTACT.items() if prim.has(schema) else ():
         values = prim.numbers(f"mjc:{name}") or usual
         facts[name] = values if len(usual) > 1 else values[0]
-    offsets = {"newton:contactMargin": 1.0, "newton:contactGap": 1.0}
-    return facts | prim.words(offsets, "NewtonCollisionAPI")
-
-
-def _hull(prim: Prim) -> dict[str, Value]:
-    """How PhysX takes a mesh."""
-    if prim.type != "Mesh":
-        return {}
-    limit = "physxConvexHullCollision:hullVertexLimit"
-    return {
-        "usd:approximation": prim.text("physics:approximation", "PhysicsMeshCollisionAPI")
-        or "none",
-        "usd:hullVertexLimit": prim.number(limit, "PhysxConvexHullCollisionAPI"),
-    }
+    return facts
 
 
 # --- geometry --------------------------------------------------------------------------------
@@ -121,31 +109,96 @@ def _geometry(shape: ShapePrim, places: Places, meshes: Meshes) -> dict[str, Val
     if token in AXES:
         pose = pose @ Pose(quat=quat_between((0.0, 0.0, 1.0), AXES[token]))
     kind = {"Cube": "box"}.get(prim.type, prim.type.lower())
-    facts: dict[str, Value] = {"geometry": kind, "pose": pose_value(pose)}
     size = _size(prim, np.abs(scale) * places.units.metre, "XYZ".find(token))
-    facts["size"] = tuple(float(v) for v in size)
-    if np.any(scale < 0.0):
-        facts["usd:mirrored"] = True
-    return facts
+    return {"geometry": kind, "pose": pose_value(pose), "size": tuple(map(float, size))}
 
 
 def _size(prim: Prim, scale: Array, axis: int) -> list[float]:
-    """m; a round shape that is scaled unevenly has a radius for each direction."""
+    """m; a round shape that is scaled unevenly is as wide as its widest radius."""
     schema = prim.prim.GetPrimDefinition()
 
     def length(name: str) -> float:
         value = prim.number(name)
         return float(schema.GetAttributeFallbackValue(name)) if value is None else value
 
-    if prim.type == "Cube":
-        return list(length("size") * scale)
-    if prim.type not in ("Sphere", "Cylinder", "Capsule", "Cone"):
-        return []
-    across = [s for i, s in enumerate(scale) if i != axis] if prim.type != "Sphere" else scale
-    even = np.ptp(across) <= 1e-9 * np.max(across)
-    radius = length("radius")
-    radii = [radius * float(across[0])] if even else [radius * float(s) for s in across]
-    return radii if prim.type == "Sphere" else [*radii, length("height") * float(scale[axis])]
+    match prim.type:
+        case "Cube":
+            return list(length("size") * scale)
+        case "Sphere":
+            return [length("radius") * float(scale.max())]
+        case "Cylinder" | "Capsule" | "Cone":
+            across = max(float(s) for i, s in enumerate(scale) if i != axis)
+            return [length("radius") * across, length("height") * float(scale[axis])]
+    return []
+
+
+# --- materials -------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Looks:
+    """Materials as shapes are bound to them. known: pictures whose digests are known."""
+
+    known: KnownFiles
+    materials: dict[str, dict[str, Value]] = field(default_factory=dict)
+
+    def of(self, shape: Usd.Prim) -> dict[str, Value]:
+        """Colour and texture of a visual shape; nothing where no material is bound to it."""
+        material, _ = UsdShade.MaterialBindingAPI(shape).ComputeBoundMaterial()
+        if not material:
+            return {}
+        path = str(material.GetPath())
+        if path not in self.materials:
+            self.materials[path] = self._shown(material)
+        return self.materials[path]
+
+    def _shown(self, material: UsdShade.Material) -> dict[str, Value]:
+        """Nothing of a material whose output leads to no shader: a viewer draws it grey."""
+        if not material.ComputeSurfaceSource()[0]:
+            return {}
+        facts: dict[str, Value] = {"material": Prim(material.GetPrim()).name}
+        for shader in _shaders(material):
+            kind = shader.text("info:id")
+            if kind == "UsdPreviewSurface":
+                colour = shader.numbers("inputs:diffuseColor") or ()
+                facts["rgba"] = (*colour, *(shader.numbers("inputs:opacity") or (1.0,)))
+            file = shader.value("inputs:file")
+            if kind == "UsdUVTexture" and isinstance(file, Sdf.AssetPath):
+                facts["texture"] = self._pixels(file)
+        return facts
+
+    def _pixels(self, file: Sdf.AssetPath) -> str:
+        found = str(file.resolvedPath)
+        digest = pixel_digest(Path(found), self.known) if found else ""
+        return digest or f"unreadable {file.path}"
+
+
+def _shaders(material: UsdShade.Material) -> Iterator[Prim]:
+    below = (Prim(prim) for prim in Usd.PrimRange(material.GetPrim()))
+    return (prim for prim in below if prim.prim.IsA(UsdShade.Shader))
+
+
+def surface_of(shape: Usd.Prim) -> dict[str, Value]:
+    """Friction and restitution of a collision shape, of the physics material bound to it.
+
+    friction has three numbers where Newton's are stated, else the sliding one alone.
+    """
+    material, _ = UsdShade.MaterialBindingAPI(shape).ComputeBoundMaterial("physics")
+    if not material:
+        return {}
+    prim = Prim(material.GetPrim())
+    if not prim.has("PhysicsMaterialAPI"):
+        return {}
+    beyond = [prim.number(f"newton:{name}Friction", "NewtonMaterialAPI")
+              for name in ("torsional", "rolling")]  # fmt: skip
+    sliding = prim.number("physics:staticFriction") or 0.0
+    facts: dict[str, Value] = {
+        "friction": (sliding, *(value for value in beyond if value is not None)),
+        "restitution": prim.number("physics:restitution") or 0.0,
+        "usd:dynamicFriction": prim.number("physics:dynamicFriction") or 0.0,
+    }
+    mode = prim.text("physxMaterial:frictionCombineMode", "PhysxMaterialAPI")
+    return facts | {"usd:frictionCombineMode": mode or "average"}
 
 
 # --- pairs -----------------------------------------------------------------------------------

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -10,7 +9,6 @@ from pathlib import Path
 from pxr import Sdf, Tf, Usd, UsdGeom, UsdPhysics
 
 from assetbuild.errors import UsageError
-from assetbuild.facts.reader import StatementError
 from assetbuild.facts.table import Writer
 from assetbuild.facts.usd_prims import Units
 
@@ -20,30 +18,14 @@ def opened(path: Path) -> Iterator[Usd.Stage]:
     """The stage with its default variants; UsageError where USD cannot make sense of it."""
     try:
         stage = Usd.Stage.Open(str(path))
+        broken = [" ".join(str(error).split()) for error in stage.GetCompositionErrors()]
         if not stage.GetDefaultPrim():
-            said = stage.GetRootLayer().defaultPrim or "nothing"
-            meant = "a default prim, which says which of the prims is the robot"
-            raise StatementError("stage", said, meant, path.name)
-        for broken in stage.GetCompositionErrors():
-            _refuse(str(broken), path.parent)
+            broken.append("it has no default prim, which says which of the prims is the robot")
+        if broken:
+            raise UsageError(broken[0].replace(f"{path.parent}/", ""))
         yield stage
     except Tf.ErrorException as error:
         raise UsageError(f"`{path}` is not readable as USD: {error}") from None
-
-
-def _refuse(error: str, folder: Path) -> None:
-    """Raises StatementError for what keeps USD from reading a layer, by its own message."""
-    text = " ".join(error.split())
-    found = _PLACE.search(text)
-    if found is None:
-        raise StatementError("stage", text.replace(f"{folder}/", ""), "a layer that composes", "")
-    file, line, wish, said, prim = found.groups()
-    where = f"{file.removeprefix(f'{folder}/')}:{line}"
-    raise StatementError(f"prim {prim}", said, f"a statement of USD ({wish.strip()})", where)
-
-
-_PLACE = re.compile(r"-- (\S+?):(\d+):\d+: (.*?)(?: at)? '(.*)' in <([^>]*)>")
-"""`-- FILE:LINE:COLUMN: Expected } at 'STATEMENT' in </PRIM>` of USD's parser."""
 
 
 UNITS = ("upAxis", "metersPerUnit", "kilogramsPerUnit")

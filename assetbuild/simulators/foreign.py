@@ -34,12 +34,15 @@ class ForeignTool(Check):
     reads: ClassVar[tuple[str, ...]] = ()
     no_report: ClassVar[Rule]
 
+    words: ClassVar[tuple[str, ...]]
+    """Words after `python -P`, in the folder of the target; `{tool.robot}` is a field of it."""
+
     robot: str
     """Name of the robot: the stem of the main file."""
 
     def command(self) -> Sequence[str]:
-        """Words after `python -P`, in the folder of the target."""
-        raise NotImplementedError
+        """Those words, of this robot."""
+        return [word.format(tool=self) for word in self.words]
 
     def judge(self, report: str, figures: dict[str, object]) -> Iterator[Finding]:
         """The report's findings; puts its numbers into `figures`.

@@ -8,7 +8,6 @@ import pytest
 from tiny import check_inputs, run_step, tiny_quadruped
 
 from assetbuild.checks.mjcf_compiles import MjcfCompiles, lint_file
-from assetbuild.errors import StepError
 from assetbuild.targets.mjcf import Mjcf
 
 LEG = """
@@ -107,13 +106,13 @@ def test_menagerie_s_defect_is_named_with_both_classes(tmp_path: Path) -> None:
     assert "`FR_thigh_joint` has class `front`" in message
 
 
-def test_includes_are_read_and_circles_end(tmp_path: Path) -> None:
-    (tmp_path / "a.xml").write_text('<mujoco><include file="a.xml"/></mujoco>')
-    with pytest.raises(StepError, match="circle"):
-        list(lint_file(tmp_path / "a.xml"))
-    (tmp_path / "b.xml").write_text("<mujoco")
-    with pytest.raises(StepError, match=r"b\.xml"):
-        list(lint_file(tmp_path / "b.xml"))
+def test_included_files_are_read_and_what_is_no_mjcf_does_not_load(tmp_path: Path) -> None:
+    (tmp_path / "inner.xml").write_text('<mujoco><compiler meshdir="/home/me"/></mujoco>')
+    (tmp_path / "outer.xml").write_text('<mujoco><include file="inner.xml"/></mujoco>')
+    assert [f.rule for f in lint_file(tmp_path / "outer.xml")] == ["lint.absolute_path"]
+    for text in ('<mujoco><include file="a.xml"/></mujoco>', "<mujoco"):
+        (tmp_path / "a.xml").write_text(text)
+        assert [f.rule for f in lint_file(tmp_path / "a.xml")] == ["mjcf.load"]
 
 
 def test_our_own_file_gives_no_lint(tmp_path: Path) -> None:

@@ -148,17 +148,6 @@ def test_a_foot_without_mass_touches_what_it_touches_in_the_source(
     assert compared(written) == []
 
 
-def test_a_root_in_the_origin_of_the_world_starts_there_beside_a_keyframe(tmp_path: Path):
-    text = """<mujoco><worldbody><body name="a"><freejoint/><geom size=".1"/></body></worldbody>
-    <keyframe><key name="home" qpos="0 0 .4 1 0 0 0"/></keyframe></mujoco>"""
-    assert compared(write(read(text, tmp_path / "read"), tmp_path / "out")) == []
-
-
-def test_a_floating_robot_comes_out_as_it_went_in(tmp_path: Path):
-    reading = read(FLOATING, tmp_path / "read", tet_obj=TET)
-    assert compared(write(reading, tmp_path / "out")) == []
-
-
 @pytest.mark.parametrize(
     ("old", "new", "rule"),
     [

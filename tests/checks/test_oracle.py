@@ -149,15 +149,6 @@ def test_a_source_that_pinocchio_refuses_is_told(robots: Path, tmp_path: Path):
     assert (finding.rule, finding.severity) == ("oracle.unreadable", "warning")
 
 
-def test_go1_is_the_same_robot_to_nine_digits(go1_root: Path, tmp_path: Path):
-    path = go1_root / "robots/go1_description/urdf/go1.urdf"
-    assert by_target(robot_folder(path.read_bytes(), tmp_path)) == []
-    found = figures(tmp_path)
-    assert max(found[f"{k}_error"] for k in ("kinematics", "mass_matrix", "gravity")) < 1e-12
-    assert found["mass_source_kg"] == pytest.approx(found["mass_mjcf_kg"], rel=1e-12)
-    assert found["nv"] == 18
-
-
 ON_THE_WALL = """<robot name="r">
   <link name="plate"/>
   <link name="arm"><inertial><origin xyz="0.1 0 0.2"/><mass value="2"/>

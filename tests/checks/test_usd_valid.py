@@ -9,11 +9,10 @@ from pathlib import Path
 
 import pxr
 import pytest
-from pxr import Sdf, Usd, UsdPhysics
+from pxr import Sdf, Usd
 from tiny import TinyRobot, check_inputs, pendulum, run_step, tiny_quadruped
 
 from assetbuild.checks.usd_valid import UsdValid
-from assetbuild.facts.readers.usd import UsdReader
 from assetbuild.findings import Finding
 from assetbuild.robot.model import Body
 from assetbuild.targets.usd import Usd as UsdTarget
@@ -111,65 +110,3 @@ def test_inertia_that_is_not_positive_is_caught(tmp_path: Path) -> None:
     findings = check(replace(robot, tree=replace(robot.tree, bodies=bodies)), tmp_path)
     assert rules(findings) == {"usd.validation"}
     assert "Inertia" in findings[0].message
-
-
-# --- what a stage loses is missed by the reader of facts
-
-
-def no_variant(stage: Usd.Stage) -> None:
-    stage.GetDefaultPrim().GetVariantSet("Physics").ClearVariantSelection()
-
-
-def variant_without_physics(stage: Usd.Stage) -> None:
-    stage.GetDefaultPrim().GetVariantSet("Physics").SetVariantSelection("none")
-
-
-def welded_base(stage: Usd.Stage) -> None:
-    joint = UsdPhysics.FixedJoint.Define(stage, "/robot/Joints/root_joint")
-    joint.CreateBody1Rel().SetTargets(["/robot/trunk"])
-
-
-def second_articulation(stage: Usd.Stage) -> None:
-    UsdPhysics.ArticulationRootAPI.Apply(stage.GetPrimAtPath("/robot/FR_calf"))
-
-
-def no_drive(stage: Usd.Stage) -> None:
-    stage.GetPrimAtPath("/robot/Joints/FR_hip_joint").RemoveAPI(UsdPhysics.DriveAPI, "angular")
-
-
-def base_that_drifts(stage: Usd.Stage) -> None:
-    joint = stage.GetPrimAtPath("/robot/Joints/root_joint")
-    joint.RemoveAPI(UsdPhysics.ArticulationRootAPI)
-    UsdPhysics.ArticulationRootAPI.Apply(stage.GetPrimAtPath("/robot/base"))
-
-
-def without(path: str) -> Spoil:
-    return lambda stage: stage.GetPrimAtPath(path).SetActive(False)
-
-
-@pytest.mark.parametrize(
-    ("robot", "spoil", "rule", "subject"),
-    [
-        (tiny_quadruped(), no_variant, "missing", "joint FR_hip_joint"),
-        (tiny_quadruped(), variant_without_physics, "missing", "joint FR_hip_joint"),
-        (tiny_quadruped(), welded_base, "base", "robot"),
-        (tiny_quadruped(), second_articulation, "articulation_root", "robot"),
-        (tiny_quadruped(), no_drive, "kp", "joint FR_hip_joint"),
-        (tiny_quadruped(), without("/robot/trunk/visuals/trunk_visual"), "missing",
-         "shape trunk_visual"),
-        (tiny_quadruped(), without("/robot/trunk/collisions/trunk_collision"), "missing",
-         "shape trunk_collision"),
-        (tiny_quadruped(), without("/robot/Joints/FR_calf_joint"), "missing",
-         "joint FR_calf_joint"),
-        (tiny_quadruped(), without("/robot/Looks/grey"), "rgba", "shape trunk_visual"),
-        (pendulum(), lambda stage: stage.ClearDefaultPrim(), "statement", "stage"),
-        (pendulum(), base_that_drifts, "articulation_root", "robot"),
-        (pendulum(), without("/robot/Joints/root_joint"), "base", "robot"),
-    ],
-)  # fmt: skip
-def test_a_loss_is_found_by_the_reader(
-    robot: TinyRobot, spoil: Spoil, rule: str, subject: str, tmp_path: Path
-) -> None:
-    found = run_step(UsdReader(robot="robot"), spoilt(robot, tmp_path, spoil), tmp_path / "out")
-    told = {(f.rule.rpartition(".")[2], f.subject) for f in found if f.severity == "error"}
-    assert (rule, subject) in told, told

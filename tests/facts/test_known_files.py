@@ -3,37 +3,23 @@
 from __future__ import annotations
 
 import json
-import re
 from dataclasses import replace
 from pathlib import Path
 
-import mujoco
-import pytest
 from gripper import gripper
 from tiny import check_inputs, run_step
 
 from assetbuild.facts.compare import FLOAT32, Precision, differences
-from assetbuild.facts.mjcf_meshes import leave_out_copies
 from assetbuild.facts.reader import Reader
-from assetbuild.facts.readers.bare import BareFacts
 from assetbuild.facts.readers.mjcf import MjcfFacts
-from assetbuild.facts.readers.mjx import MjxFacts
 from assetbuild.facts.readers.urdf import UrdfFacts
 from assetbuild.facts.reference import Assets, Reference
 from assetbuild.findings import Finding
 from assetbuild.robot.codec import decode, encode
 from assetbuild.targets.mjcf import Mjcf
-from assetbuild.targets.mjlab import Mjlab
-from assetbuild.targets.mjx import Mjx
 from assetbuild.targets.urdf import Urdf
 
-FORMS: dict[str, tuple[type[Reader], type, str, str]] = {
-    "mjcf": (MjcfFacts, Mjcf, "robot.xml", "assets/tile.obj"),
-    "mjx": (MjxFacts, Mjx, "robot_mjx.xml", "assets/tile.obj"),
-    "mjlab": (BareFacts, Mjlab, "mjcf/robot_bare.xml", "mjcf/assets/tile.obj"),
-    "urdf": (UrdfFacts, Urdf, "robot.urdf", "meshes/tile.obj"),
-}
-"""By target: reader, target, main file and a mesh of it."""
+FORMS: dict[str, tuple[type[Reader], type]] = {"mjcf": (MjcfFacts, Mjcf), "urdf": (UrdfFacts, Urdf)}
 
 
 def written(form: str, folder: Path) -> Path:
@@ -44,52 +30,24 @@ def proved(form: str, inputs: Path) -> list[Finding]:
     return run_step(FORMS[form][0](robot="robot"), inputs, inputs.parent / "out")
 
 
-@pytest.mark.parametrize("form", FORMS)
-def test_a_copy_says_what_a_full_reading_says(form: str, tmp_path: Path) -> None:
-    inputs = written(form, tmp_path)
+def test_a_copy_says_what_a_full_reading_says(tmp_path: Path) -> None:
+    inputs = written("urdf", tmp_path)
     reference = Reference.of_ports(inputs, {})
     unknown = replace(reference, assets=replace(reference.assets, files=()))
-    reader, file = FORMS[form][0](robot="robot"), inputs / form / FORMS[form][2]
+    reader, file = UrdfFacts(robot="robot"), inputs / "urdf/robot.urdf"
     known, read = (reader.found(file, one) for one in (reference, unknown))
     assert reference.assets.files
     assert differences(read, known, Precision(FLOAT32)) == []
 
 
-@pytest.mark.parametrize("form", FORMS)
-def test_a_copy_with_one_other_number_is_read(form: str, tmp_path: Path) -> None:
-    inputs = written(form, tmp_path)
-    mesh = inputs / form / FORMS[form][3]
+def test_a_copy_with_one_other_number_is_read(tmp_path: Path) -> None:
+    inputs = written("urdf", tmp_path)
+    mesh = inputs / "urdf/meshes/tile.obj"
     text = mesh.read_text()
     assert "v 0 0 0" in text
     mesh.write_text(text.replace("v 0 0 0", "v 0 0 0.0001", 1))
-    found = {(f.rule, f.subject) for f in proved(form, inputs)}
-    assert (f"equal.{FORMS[form][0].form}.mean_corner", "shape skin") in found
-
-
-@pytest.mark.parametrize("form", FORMS)
-def test_a_copy_used_otherwise_is_found(form: str, tmp_path: Path) -> None:
-    inputs = written(form, tmp_path)
-    file = inputs / form / FORMS[form][2]
-    named = r'(<mesh [^>]*"[^"]*tile.obj")'
-    text, count = re.subn(named, r'\1 scale="1 1 1.001"', file.read_text(), count=1)
-    assert count == 1
-    file.write_text(text)
-    found = {(f.rule, f.subject) for f in proved(form, inputs)}
-    said = {f"equal.{FORMS[form][0].form}.{quantity}" for quantity in ("area", "scale")}
-    assert {(rule, "shape skin") for rule in said} & found
-
-
-def test_what_acts_is_compiled_from_its_file(tmp_path: Path) -> None:
-    inputs = written("mjcf", tmp_path)
-    known = Reference.of_ports(inputs, {}).assets.known
-    path = inputs / "mjcf/robot.xml"
-    copies = leave_out_copies(mujoco.MjSpec.from_file(str(path)), known)
-    assert sorted(copies.surfaces) == ["tile"], "`block` collides"
-    assert len(copies.pixels) == 1
-    # A body whose mass follows from its mesh needs the mesh.
-    path.write_text(re.sub(r"<inertial [^>]*/>", "", path.read_text()))
-    copies = leave_out_copies(mujoco.MjSpec.from_file(str(path)), known)
-    assert not copies.surfaces
+    found = {(f.rule, f.subject) for f in proved("urdf", inputs)}
+    assert ("equal.urdf.mean_corner", "shape skin") in found
 
 
 def test_a_bundle_states_no_bytes_so_its_files_are_read(tmp_path: Path) -> None:

@@ -25,7 +25,6 @@ from assetbuild.errors import UsageError
 from assetbuild.facts.readers.urdf import UrdfFacts
 from assetbuild.findings import Finding
 from assetbuild.geometry.measure_assets import MeasureAssets
-from assetbuild.robot.model import Limits
 from assetbuild.robot.pose import Pose, normalised_quat
 from assetbuild.robot.shapes import Capsule, Material, Mesh, Shape, Shapes
 from assetbuild.targets.urdf import Urdf
@@ -69,24 +68,9 @@ def follower() -> TinyRobot:
     return replace(robot, links=replace(robot.links, joints=joints))
 
 
-def slider(limits: Limits = Limits(-0.5, 0.5, 5.0, 10.0)) -> TinyRobot:  # noqa: B008 # frozen
-    robot = pendulum()
-    joint = replace(robot.tree.joints[0], kind="prismatic", limits=limits, X_parent_joint=TURNED)
-    tree = replace(robot.tree, joints=(joint,))
-    return replace(robot, tree=tree, links=tree)
-
-
 def hung() -> TinyRobot:
     robot = pendulum()
     tree = replace(robot.tree, X_world_root=TURNED)
-    return replace(robot, tree=tree, links=tree)
-
-
-def spinning() -> TinyRobot:
-    """Without limits, and stopped by nothing."""
-    robot = slider()
-    joint = replace(robot.tree.joints[0], kind="continuous", limits=Limits(), damping=None)
-    tree = replace(robot.tree, joints=(joint,))
     return replace(robot, tree=tree, links=tree)
 
 
@@ -130,15 +114,9 @@ def textured() -> TinyRobot:
 # --- what we write ------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(
-    "robot",
-    [tiny_quadruped(), pendulum(), follower(), slider(), slider(Limits()), spinning(), hung(),
-     textured()],
-    ids=["quadruped", "pendulum", "mimic", "prismatic", "prismatic without limits", "continuous",
-         "held away from the origin", "textures"],
-)  # fmt: skip
-def test_what_we_write_is_the_robot(robot: TinyRobot, tmp_path: Path):
-    assert proved(written(robot, tmp_path / "in")) == []
+def test_what_we_write_is_the_robot(tmp_path: Path):
+    """Robots of other joints and without meshes are in the contracts of all readers."""
+    assert proved(written(textured(), tmp_path / "in")) == []
     assert '"facts": 0' not in (tmp_path / "out/figures.json").read_text()
 
 
@@ -174,22 +152,16 @@ QUADRUPED_FAULTS = {
     "mass": ("body trunk", "mass", '<mass value="6.0"', '<mass value="6.06"'),
     "centre of mass": ("body FR_hip", "centre_of_mass", 'xyz="0.0 -0.005 0.0"', 'xyz="0 0 0"'),
     "inertia swapped": ("body trunk", "inertia", 'ixx="0.025', 'ixx="0.085'),
-    "inertia turned": ("body FR_thigh", "inertia", '-0.1" rpy="0.0', '-0.1" rpy="0.5'),
     "place": ("body FR_hip", "pose", 'xyz="0.18 -0.05 0.0"', 'xyz="0.182 -0.05 0.0"'),
     "axis": ("joint FR_hip_joint", "axis", '<axis xyz="1.0', '<axis xyz="-1.0'),
     "lower": ("joint FR_hip_joint", "lower", 'lower="-0.86"', 'lower="-0.87"'),
-    "limit left out": ("joint FR_hip_joint", "lower", 'lower="-0.86"', ""),
     "effort": ("joint FR_hip_joint", "effort", 'effort="24.0"', 'effort="2.0"'),
-    "velocity": ("joint FR_hip_joint", "velocity", 'velocity="30.0"', 'velocity="31.0"'),
     "damping": ("joint FR_hip_joint", "damping", 'damping="0.1"', 'damping="0.101"'),
-    "friction": ("joint FR_hip_joint", "friction", 'friction="0.2"', ""),
-    "kind": ("joint FR_hip_joint", "type", 'type="revolute"', 'type="continuous"'),
     "link": ("body imv", "mass", 'link name="imu"', 'link name="imv"'),
     "parent": ("body FR_hip", "parent", 'parent link="trunk"', 'parent link="imu"'),
     "radius": ("shape FR_thigh_collision", "size", 'radius="0.015"', 'radius="0.016"'),
     "end of a capsule": ("shape FR_thigh_collision_top", "missing", "collision_top", "collision"),
     "role": ("shape trunk_visual", "role", "<visual", "<collision"),
-    "colour": ("shape trunk_visual", "rgba", 'rgba="0.4', 'rgba="0.5'),
     "material": ("shape trunk_visual", "material", '<material name="grey" />', ""),
     "scale": ("shape trunk_visual", "scale", ".obj", '.obj" scale="1.01 1 1'),
     "mesh moved": ("shape trunk_visual", "mean_corner", "<geometry>",

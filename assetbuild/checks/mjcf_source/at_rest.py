@@ -9,10 +9,12 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from assetbuild.facts.mjcf import read_spec
-from assetbuild.facts.mjcf_meshes import Spec, pose_of
-from assetbuild.facts.reference import inertial_facts, pose_value
-from assetbuild.facts.surface import Surface
+import numpy as np
+
+from assetbuild.facts.mjcf import compiled_facts
+from assetbuild.facts.mjcf_fields import Bodies
+from assetbuild.facts.mjcf_meshes import pose_of
+from assetbuild.facts.reference import inertial_facts
 from assetbuild.facts.table import Key, Value, pair_name
 from assetbuild.robot.inertia import combine, move_inertial, tensor_of
 from assetbuild.robot.model import Inertial
@@ -49,24 +51,27 @@ class Side:
     servos: Mapping[str, Drive]
 
 
-class _Bodies:
-    """Where the bodies of a model stand in the frame of its root."""
+class _InRoot(Bodies):
+    """In the frame of the root, and by the name of the body that carries the joints above it."""
 
     def __init__(self, model: Model) -> None:
         import mujoco
 
-        self.model, data = model, mujoco.MjData(model)
+        super().__init__(model)
+        data = mujoco.MjData(model)
         mujoco.mj_kinematics(model, data)
         X_world = [pose_of(data.xpos[i], data.xquat[i]) for i in range(model.nbody)]
         root = X_world[min(1, model.nbody - 1)].inverse()
-        self.X_root = {_name(model, i): root @ X for i, X in enumerate(X_world)}
-        self.group = {_name(model, i): self._group(i) for i in range(model.nbody)}
+        self._X_root: list[Pose] = [root @ X for X in X_world]
 
-    def _group(self, body: int) -> str:
-        """Name of the body that carries the joints above it."""
-        model = self.model
-        carrier, of_root = int(model.body_weldid[body]), int(model.body_weldid[1])
-        return ROOT if carrier == of_root else _name(model, carrier)
+    def name(self, body: int) -> str:
+        """All that is rigidly one with the root is `ROOT`."""
+        carrier, of_root = (int(self.model.body_weldid[i]) for i in (body, 1))
+        return ROOT if carrier == of_root else super().name(carrier)
+
+    def placed(self, body: int) -> Pose:
+        """X_root_body."""
+        return self._X_root[body]
 
     def weights(self) -> Iterator[tuple[str, Inertial]]:
         """All that moves together."""
@@ -74,22 +79,18 @@ class _Bodies:
         for body in range(1, self.model.nbody):
             mass, com = float(self.model.body_mass[body]), vec3(self.model.body_ipos[body])
             own = Inertial(mass, com, tensor_of(inertia_of(self.model, body)))
-            name = _name(self.model, body)
-            moved = move_inertial(own, self.X_root[name])
-            parts.setdefault(self.group[name], []).extend([moved] if mass else [])
+            moved = move_inertial(own, self.placed(body))
+            parts.setdefault(self.name(body), []).extend([moved] if mass else [])
         for name, some in parts.items():
             yield name, combine(some) if some else Inertial(0.0, (0.0,) * 3, (0.0,) * 6)
 
 
-def _name(model: Model, body: int) -> str:
-    return name_of(model, "body", body) if body else ""
-
-
-def read_side(spec: Spec) -> Side:
+def read_side(spec: Any) -> Side:  # Any: MjSpec
     """Compile and read; MuJoCo's ValueError where it refuses."""
     _fold_gravity(spec.option)
-    model, table = read_spec(spec, by_area=True)
-    bodies = _Bodies(model)
+    model = spec.compile()
+    bodies = _InRoot(model)
+    table = compiled_facts(model, by_area=True, bodies=bodies)
     rest = {
         name_of(model, "joint", joint): float(model.qpos0[int(model.jnt_qposadr[joint])])
         for joint in range(model.njnt)
@@ -100,17 +101,16 @@ def read_side(spec: Spec) -> Side:
     facts = side.facts
     keys = {str(model.key(index).name) for index in range(model.nkey)}
     keys.discard("")  # of `<size nkey>`
+    sites = np.flatnonzero(model.site_bodyid == 0)
+    scenery = {("frame", name_of(model, "site", int(site))) for site in sites}
     for key, value in table.facts.items():
         of_bodies = key.kind == "body" and key.quantity != "mjcf:gravcomp"
         unnamed = key.kind == "keyframe" and key.name.split("/")[0] not in keys
-        scenery = key.kind == "frame" and not table.facts.get(key._replace(quantity="body"))
-        if not (of_bodies or unnamed or scenery or key.kind == "pair"):
+        fixed = key.quantity == "mjcf:data" and (  # of an equality that is switched off
+            table.facts.get(key._replace(quantity="mjcf:type")) in FIXED
+        )
+        if not (of_bodies or unnamed or fixed or key[:2] in scenery or key.kind == "pair"):
             facts[key] = value
-    subjects: dict[tuple[str, str], dict[str, Value]] = {}
-    for key, value in facts.items():
-        subjects.setdefault((key.kind, key.name), {})[key.quantity] = value
-    for (kind, name), own in subjects.items():
-        facts |= {Key(kind, name, q): v for q, v in _in_root(own, bodies).items()}
     for name, weight in bodies.weights():
         facts |= {Key("body", name, q): v for q, v in inertial_facts(weight).items()}
     for pair in touching_geoms(model):
@@ -131,45 +131,6 @@ def _fold_gravity(option: Any) -> None:  # Any: MuJoCo's option
     if int(option.disableflags) & bit:
         option.disableflags = int(option.disableflags) & ~bit
         option.gravity = (0.0, 0.0, 0.0)
-
-
-def _in_root(own: Mapping[str, Value], bodies: _Bodies) -> dict[str, Value]:
-    """Facts in the frame of a body, in that of the root."""
-    found: dict[str, Value] = {}
-    for side in ("", " a", " b"):
-        body = own.get(f"body{side}")
-        if isinstance(body, str):
-            X, where = bodies.X_root[body], f"end{side}" if side else "pose"
-            found[f"body{side}"] = bodies.group[body]
-            if where in own:
-                moved = X @ _pose(own[where])
-                turned = own.get("type") != "connect"
-                found[where] = pose_value(moved if turned else Pose(moved.xyz))
-            if not side:
-                found |= _moved(own, X)
-    if isinstance(parent := own.get("parent"), str):
-        found["parent"] = bodies.group[parent]
-    if own.get("mjcf:type") in FIXED:
-        found["mjcf:data"] = None  # an equality that is switched off
-    return found
-
-
-def _moved(own: Mapping[str, Value], X: Pose) -> dict[str, Value]:
-    found: dict[str, Value] = {}
-    if "anchor" in own:
-        found["anchor"] = tuple(X.apply(own["anchor"]).tolist())  # type: ignore[arg-type] # three numbers
-    if "axis" in own:
-        found["axis"] = tuple((X.rotation @ own["axis"]).tolist())  # type: ignore[operator] # as above
-    if "corner moments" in own:
-        surface = Surface(0, 0.0, 0.0, own["mean corner"], own["corner moments"])  # type: ignore[arg-type] # numbers
-        told = surface.moved(X).facts()
-        found |= {quantity: told[quantity] for quantity in ("mean corner", "corner moments")}
-    return found
-
-
-def _pose(value: Value) -> Pose:
-    x, y, z, *quat = value  # type: ignore[misc, str-unpack] # seven numbers
-    return Pose((x, y, z), tuple(quat))  # type: ignore[arg-type] # as above
 
 
 def _watched_sites(model: Model) -> Iterator[tuple[Key, Value]]:

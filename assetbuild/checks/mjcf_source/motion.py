@@ -9,7 +9,6 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from assetbuild.checks.mjcf_source.at_rest import FREE, Side
 from assetbuild.checks.mjcf_source.reasons import ROUGH
@@ -49,11 +48,9 @@ class Motion:
         self.data = tuple(_prepared(model) for model in self.models)
         self.worst: dict[str, float] = {}
         self.joints = self._both("jnt")
-        free = [int(model.jnt_type[0]) == FREE if model.njnt else False for model in self.models]
-        if all(free):
-            self.joints = {"free joint": (0, 0)} | {
-                name: pair for name, pair in self.joints.items() if pair[0]
-            }
+        if all(model.njnt and int(model.jnt_type[0]) == FREE for model in self.models):
+            hinges = {name: pair for name, pair in self.joints.items() if pair[0]}
+            self.joints = {"free joint": (0, 0)} | hinges
 
     def _both(self, prefix: str) -> Pairs:
         one, other = ({name: i for i, name in enumerate(subjects(m, prefix))} for m in self.models)
@@ -63,99 +60,75 @@ class Motion:
         """One for each subject that differs in any of several positions."""
         if "base" in self.stated:
             return  # it stands elsewhere
-        random, told = np.random.default_rng(1), set[tuple[str, str]]()
+        told: dict[tuple[str, str], Finding] = {}
         for number in range(POSITIONS):
-            self._move(random, still=number == 0)
-            for finding in (*self._forces(), *self._readings()):
-                if (finding.rule, finding.subject) not in told:
-                    told.add((finding.rule, finding.subject))
-                    yield finding
+            for side in (0, 1):  # the same numbers for both
+                self._move(side, np.random.default_rng(number), still=number == 0)
+            before, after = self._measured(0), self._measured(1)
+            for key, value in before.items():
+                for finding in self._differ(*key, value, after[key]):
+                    told.setdefault((finding.rule, finding.subject), finding)
+        yield from told.values()
 
-    def _move(self, random: np.random.Generator, *, still: bool) -> None:
+    def _move(self, side: int, random: np.random.Generator, *, still: bool) -> None:
+        """In the source positions and commands count from a joint's `ref`."""
         import mujoco as mj
 
-        for model, data in zip(self.models, self.data, strict=True):
-            mj.mj_resetData(model, data)
-        rest = self.sides[0].rest
+        model, data = self.models[side], self.data[side]
+        rest = self.sides[0].rest if side == 0 else {}
+        mj.mj_resetData(model, data)
         for name, pair in self.joints.items():
-            is_free = int(self.models[0].jnt_type[pair[0]]) == FREE
-            turn = random.normal(size=4)
-            base = [*random.normal(size=3), *(turn / np.linalg.norm(turn))]
-            value = 0.0 if still else float(random.uniform(-1.0, 1.0))
-            speed = random.normal(size=6 if is_free else 1)
-            for side, joint in enumerate(pair):
-                model, data = self.models[side], self.data[side]
-                q, v = int(model.jnt_qposadr[joint]), int(model.jnt_dofadr[joint])
-                data.qvel[v : v + len(speed)] = speed
-                if is_free:
-                    data.qpos[q : q + 7] = base
-                else:
-                    data.qpos[q] = value + (rest.get(name, 0.0) if side == 0 else 0.0)
-        self._command(random)
-        for model, data in zip(self.models, self.data, strict=True):
-            mj.mj_forward(model, data)
-
-    def _command(self, random: np.random.Generator) -> None:
-        source, rest = self.sides[0], self.sides[0].rest
-        at_rest = {one.index: one.command_step(rest.get(joint, 0.0))
-                   for joint, one in source.servos.items()}  # fmt: skip
+            q, v = int(model.jnt_qposadr[pair[side]]), int(model.jnt_dofadr[pair[side]])
+            if int(model.jnt_type[pair[side]]) == FREE:
+                turn = random.normal(size=4)
+                data.qpos[q : q + 7] = [*random.normal(size=3), *(turn / np.linalg.norm(turn))]
+                data.qvel[v : v + 6] = random.normal(size=6)
+            else:
+                data.qpos[q] = rest.get(name, 0.0) + (0.0 if still else random.uniform(-1.0, 1.0))
+                data.qvel[v] = random.normal()
+        servos = self.sides[side].servos
+        at_rest = {one.index: one.command_step(rest.get(j, 0.0)) for j, one in servos.items()}
         for pair in self._both("actuator").values():
-            command = float(random.uniform(-0.2, 0.2))
-            for side, actuator in enumerate(pair):
-                at = mujoco.first_command(self.models[side], actuator)
-                self.data[side].ctrl[at] = command + (
-                    at_rest.get(pair[0], 0.0) if side == 0 else 0.0
-                )
+            command = random.uniform(-0.2, 0.2) + at_rest.get(pair[side], 0.0)
+            data.ctrl[mujoco.first_command(model, pair[side])] = command
+        mj.mj_forward(model, data)
 
-    def _forces(self) -> Iterator[Finding]:
-        """Inertia, gravity and speeds, springs and dampers, drives."""
-        u, v = (self._dofs(side) for side in (0, 1))
-        (a, b), (m, n) = self.data, self.models
-        names = ["qfrc_bias"] if "gravity" not in self.stated else []
-        if "actuators" not in self.stated:
-            M, N = mujoco.mass_matrix(m, a)[np.ix_(u, u)], mujoco.mass_matrix(n, b)[np.ix_(v, v)]
-            yield from self._same("mass_matrix", "robot", "mass matrix", M, N)
-            names += ["qfrc_passive", "qfrc_actuator"]
-        for name in names:
-            x, y = getattr(a, name)[u], getattr(b, name)[v]
-            yield from self._same("forces", "robot", f"{name} (N or N m)", x, y)
-
-    def _dofs(self, side: int) -> list[int]:
-        """Degrees of freedom in the order of the source's joints."""
-        model, found = self.models[side], list[int]()
+    def _measured(self, side: int) -> dict[tuple[str, str, str], Array]:
+        """Inertia, gravity and speeds, springs and dampers, drives, sensors: (what, subject, words)
+        -> numbers. Accelerations and touches differ, and should, where the recipe states drives.
+        """
+        model, data, dofs = self.models[side], self.data[side], list[int]()
         for pair in self.joints.values():
             first, joint = int(model.jnt_dofadr[pair[side]]), pair[side]
-            found += range(first, first + (6 if int(model.jnt_type[joint]) == FREE else 1))
+            dofs += range(first, first + (6 if int(model.jnt_type[joint]) == FREE else 1))
+        found: dict[tuple[str, str, str], Array] = {}
+        names = ["qfrc_bias"] if "gravity" not in self.stated else []
+        if "actuators" not in self.stated:
+            inertia = mujoco.mass_matrix(model, data)[np.ix_(dofs, dofs)]
+            found["mass_matrix", "robot", "mass matrix"] = inertia
+            names += ["qfrc_passive", "qfrc_actuator"]
+        for name in names:
+            found["forces", "robot", f"{name} (N or N m)"] = getattr(data, name)[dofs]
+        others = {"actuators", "gravity", "collision", "contact", "merge"}
+        for name, pair in {} if self.stated & others else self._both("sensor").items():
+            kind, index = int(self.models[0].sensor_type[pair[0]]), pair[side]
+            if not (self.sides[0].rest and kind in _of_positions()):  # those count from a `ref`
+                first = int(model.sensor_adr[index])
+                reading = data.sensordata[first : first + int(model.sensor_dim[index])]
+                found["sensor", f"sensor {name}", "reading"] = np.array(reading)
         return found
 
-    def _readings(self) -> Iterator[Finding]:
-        if self.stated & {"actuators", "gravity", "collision", "contact", "merge"}:
-            return  # accelerations and touches differ then, and they should
-        for name, (i, j) in self._both("sensor").items():
-            if self.sides[0].rest and int(self.models[0].sensor_type[i]) in _of_positions():
-                continue  # it counts from a `ref`
-            x, y = (
-                np.array(d.sensordata[int(m.sensor_adr[n]) :][: int(m.sensor_dim[n])])
-                for m, d, n in zip(self.models, self.data, (i, j), strict=True)
-            )
-            yield from self._same("sensor", f"sensor {name}", "reading", x, y, SOLVED)
-
-    def _same(
-        self,
-        what: str,
-        subject: str,
-        words: str,
-        expected: ArrayLike,
-        found: ArrayLike,
-        tolerance: float = 0.0,
+    def _differ(
+        self, what: str, subject: str, words: str, expected: Array, found: Array
     ) -> Iterator[Finding]:
         """A finding when two arrays differ by more than the tolerance, relative to their norm."""
-        a, b = (np.atleast_1d(np.asarray(v, dtype=np.float64)).ravel() for v in (expected, found))
+        a, b = np.ravel(expected), np.ravel(found)
         distance = float(np.linalg.norm(a - b)) if a.shape == b.shape else np.inf
         size = float(np.linalg.norm(a))
         if size > 0.0:
             self.worst[what] = max(distance / size, self.worst.get(what, 0.0))
-        if not distance <= max(tolerance, self.tolerance) * size + ROUNDING:
+        tolerance = max(SOLVED if what == "sensor" else 0.0, self.tolerance)
+        if not distance <= tolerance * size + ROUNDING:
             yield MOVES.named(what)(
                 subject,
                 f"{words}: the source has {_shown(a)}, our MJCF {_shown(b)}",

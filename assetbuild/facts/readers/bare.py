@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import ClassVar
 
-from assetbuild.facts.mjcf import LACKS, MjcfReader
-from assetbuild.facts.mjcf_expected import mjcf_table, put_site
+from assetbuild.facts.mjcf import UNSEEN, MjcfReader
 from assetbuild.facts.reference import Reference
 from assetbuild.facts.table import Key, Table, Value
 from assetbuild.robot.model import Actuator, Control, Place, Sensor
@@ -32,61 +31,45 @@ class BareFacts(MjcfReader):
     called = "the bare MJCF"
     folder = ""
     behind = ("mjcf/{robot}_bare.xml", "mjcf/assets/*")
+    written = "mjcf/{robot}_bare.xml"
     asks = ("feet", "imu")
     lacks: ClassVar[Mapping[str, str]] = {
-        **LACKS,
+        **UNSEEN,
         "keyframe": "mjlab's configuration has the initial state",
         "simulation": "mjlab's configuration has the options",
     }
 
-    def file(self, root: Path, robot: str) -> Path | None:
-        """Where the target is built."""
-        path = root / "mjcf" / f"{robot}_bare.xml"
-        return path if path.is_file() else None
-
-    def expected(self, reference: Reference) -> Table:
+    def robot_of(self, reference: Reference) -> Reference:
         """The robot without what mjlab's configuration says."""
-        bare = _bare(reference)
-        facts = dict(mjcf_table(bare).facts)
-        for body in _sites(reference):
-            put_site(body, facts)
-        return self.complete(Table(facts), bare)
+        control = reference.control
+        drives = tuple(
+            row if row.model == "passive" else Actuator(row.joint, "passive")
+            for row in control.actuators
+        )
+        only = tuple(item for item in control.mjcf_only if item.place not in BROUGHT)
+        sensors = tuple(_sensors(reference, control))
+        bare = replace(control, actuators=drives, sensors=sensors, mjcf_only=only)
+        return replace(reference, control=bare)
 
     def found(self, path: Path, reference: Reference) -> Table:
-        """As of that robot, whose collision geoms the file calls as mjlab finds them."""
-        bare, known = _bare(reference), {shape.name for shape in reference.shapes.shapes}
-        facts = self.compiled(path, bare).facts
-        return self.complete(Table(dict(_own_names(facts, known))), bare)
+        """With the robot's names of collision geoms: `FR_foot` of `FR_foot_collision2`.
 
+        That mjlab finds every geom is the check `mjlab_contract`.
+        """
+        known = {shape.name for shape in reference.shapes.shapes}
 
-def _bare(reference: Reference) -> Reference:
-    control = reference.control
-    drives = tuple(
-        row if row.model == "passive" else Actuator(row.joint, "passive")
-        for row in control.actuators
-    )
-    only = tuple(item for item in control.mjcf_only if item.place not in BROUGHT)
-    sensors = tuple(_sensors(reference, control))
-    bare = replace(control, actuators=drives, sensors=sensors, mjcf_only=only)
-    return replace(reference, control=bare)
+        def own(name: str) -> str:
+            found = RENAMED.fullmatch(name)
+            return found[1] if found and name not in known else name
 
-
-def _own_names(facts: Mapping[Key, Value], known: Collection[str]) -> Iterator[tuple[Key, Value]]:
-    """With the robot's names of shapes: `FR_foot` of one that the file calls `FR_foot_collision2`.
-
-    known: those names. That mjlab finds every geom is the check `mjlab_contract`.
-    """
-
-    def own(name: str) -> str:
-        found = RENAMED.fullmatch(name)
-        return found[1] if found and name not in known else name
-
-    for key, value in facts.items():
-        if key.kind == "shape":
-            key = key._replace(name=own(key.name))
-        if key.kind == "sensor" and isinstance(value, str) and value.startswith("shape "):
-            value = f"shape {own(value.removeprefix('shape '))}"
-        yield key, value
+        facts: dict[Key, Value] = {}
+        for key, value in super().found(path, reference).facts.items():
+            if key.kind == "shape":
+                key = key._replace(name=own(key.name))
+            if key.kind == "sensor" and isinstance(value, str) and value.startswith("shape "):
+                value = f"shape {own(value.removeprefix('shape '))}"
+            facts[key] = value
+        return Table(facts)
 
 
 def _sensors(reference: Reference, control: Control) -> Iterator[Sensor]:
@@ -107,14 +90,3 @@ def _sensors(reference: Reference, control: Control) -> Iterator[Sensor]:
 
 def _imu(reference: Reference) -> str:
     return str((reference.options.get("imu") or {}).get("link") or reference.tree.root)
-
-
-def _sites(reference: Reference) -> Iterator[str]:
-    """Bodies that mjlab's task looks at as sites: feet and the IMU's."""
-    pattern = (reference.options.get("feet") or {}).get("links")
-    tree = reference.tree
-    links = [s.link for s in reference.shapes.of("collision")]
-    feet = [link for link in links if pattern and re.fullmatch(pattern, link)]
-    for link in dict.fromkeys((*feet, _imu(reference))):
-        if link in tree.by_body:
-            yield link

@@ -2,15 +2,10 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 from pydantic import Field
 
 from assetbuild.facts.compare import EXACT, Precision
 from assetbuild.facts.mjcf import LACKS, MjcfReader
-from assetbuild.facts.mjcf_expected import mjcf_table, solver_facts
-from assetbuild.facts.reference import Reference
-from assetbuild.facts.table import Table
 from assetbuild.quantities import Positive
 
 
@@ -20,12 +15,12 @@ class MjcfFacts(MjcfReader):
     needs = ("mjcf",)
     form = "mjcf"
     called = "the MJCF"
-    folder = "mjcf"
     behind = ("mjcf/{robot}.xml", "mjcf/assets/*")
     suffixes = (".xml", ".mjcf")
     asks = ("mjcf",)
     lacks = LACKS
-    copies = False
+    solver = "mjcf"
+    visuals = True
 
     section = "validate"
     equality: Positive = Field(
@@ -40,12 +35,3 @@ class MjcfFacts(MjcfReader):
         return Precision(
             {**dict.fromkeys(EXACT, self.equality), "length": 1e-6}, self.precision.by_quantity
         )
-
-    def file(self, root: Path, robot: str) -> Path | None:
-        """Every robot has one."""
-        return root / f"{robot}.xml"
-
-    def expected(self, reference: Reference) -> Table:
-        """All that the robot is, and the solver of the recipe."""
-        table = Table({**mjcf_table(reference).facts, **solver_facts(reference, "mjcf")})
-        return self.complete(table, reference)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from pathlib import Path
 from typing import ClassVar
@@ -12,12 +11,11 @@ from assetbuild.facts.derived import start_of
 from assetbuild.facts.reader import Reader
 from assetbuild.facts.reference import Reference, pose_value
 from assetbuild.facts.table import Table, Writer
+from assetbuild.facts.vocabulary import VOCABULARY
 from assetbuild.robot.floor import floor_of
 from assetbuild.robot.pose import IDENTITY, Pose
 from assetbuild.robot.tree import forward_kinematics
 
-_ROBOT = "the scene refers to the robot's own file, which is compared by itself"
-_MUJOCO = "MuJoCo's own"
 CLEARANCE_M = 1e-3
 """The soles start a millimetre above the floor: PhysX throws out what starts inside of it."""
 
@@ -38,28 +36,19 @@ class UsdSceneReader(Reader):
     behind: ClassVar[tuple[str, ...]] = ("usd/scene.usda",)
     precision: ClassVar[Precision] = Precision(FLOAT32)
     lacks: ClassVar[Mapping[str, str]] = {
-        "robot base": _ROBOT,
-        "robot base pose": _ROBOT,
-        "robot articulation root": _ROBOT,
-        "robot self-collision": _ROBOT,
-        "joint": _ROBOT,
-        "loop": _ROBOT,
-        "frame": _ROBOT,
-        "shape": _ROBOT,
-        "pair": _ROBOT,
-        "sensor": _ROBOT,
-        "camera": _ROBOT,
-        "body": _ROBOT,
-        "robot start pose": _ROBOT,
-        "keyframe": "USD has none: each body stands where it starts",
+        **dict.fromkeys(
+            {f"{kind} {name}" if kind == "robot" else kind for kind, name in VOCABULARY}
+            - {"robot up axis", "robot metres per unit", "robot kilograms per unit"}
+            - {"simulation", "floor"},
+            "the scene refers to the robot's own file, which is compared by itself",
+        ),
         "simulation decimation": "the trainers' modules say it",
-        "simulation integrator": _MUJOCO,
-        "simulation cone": _MUJOCO,
-        "simulation solver": _MUJOCO,
-        "simulation iterations": _MUJOCO,
-        "simulation line search iterations": _MUJOCO,
-        "simulation impratio": _MUJOCO,
-    }
+        **dict.fromkeys(
+            (f"simulation {name}" for name in ("integrator", "cone", "solver", "iterations",
+                                               "line search iterations", "impratio")),
+            "MuJoCo's own",
+        ),
+    }  # fmt: skip
 
     def file(self, root: Path, robot: str) -> Path | None:
         """`scene.usda`; a robot of that name has none."""
@@ -77,23 +66,17 @@ class UsdSceneReader(Reader):
         tree, control, book = reference.tree, reference.control, Writer()
         book.put("robot", "", {
             "up axis": "Z", "metres per unit": 1.0, "kilograms per unit": 1.0,
-            "usd:file": (f"./{self.robot}.usda",),
             "usd:stated units": ("upAxis", "metersPerUnit", "kilogramsPerUnit"),
         })  # fmt: skip
         simulation, ground = control.simulation, floor_of(tree, control)
         book.put("simulation", "", {
             "gravity": tuple(simulation.gravity),
-            "usd:gravity magnitude": math.hypot(*simulation.gravity),
             "timestep": 1.0 / round(1.0 / simulation.timestep),  # USD has whole steps per second
         })  # fmt: skip
         book.put("floor", "", {
             "height": ground.height_m,
             "friction": ground.friction,
-            "usd:floor pose": pose_value(Pose((0.0, 0.0, ground.height_m))),
             "usd:axis": "Z",
-            "usd:placed": bool(ground.height_m),
-            "usd:purpose": "default",
-            "usd:extent": True,
             "usd:collides": True,
             "usd:dynamicFriction": ground.friction[0],
             "usd:frictionCombineMode": "max",  # the rougher of two surfaces decides, as in MuJoCo
