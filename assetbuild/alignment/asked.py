@@ -11,7 +11,7 @@ from typing import Literal
 from assetbuild.robot.initial import initial_pose
 from assetbuild.robot.loops import path_of
 from assetbuild.robot.mimic import with_mimics
-from assetbuild.robot.model import Actuator, Control, Joint, Tree
+from assetbuild.robot.model import Control, Joint, Tree
 from assetbuild.robot.pose import Pose
 from assetbuild.simulators.experiments import (
     SHARE_OF_RANGE,
@@ -25,14 +25,13 @@ from assetbuild.simulators.experiments import (
     bounds,
     drop,
     load,
+    servos,
     sine_of,
+    standing,
     swing,
 )
 from assetbuild.simulators.loops import about_closed
-from assetbuild.simulators.physx import clear_of_floor
 
-EXTERNAL = frozenset({"ideal_pd", "dc_motor", "motor", "general"})
-"""Their law runs outside of the simulator; the sine gives both engines the same servo instead."""
 FINE_DT, SAMPLE_S, FALL_S = 0.001, 0.005, 0.4
 STAND_S, DROP_S, DROP_M, SLOPE = 2.0, 1.2, 1.0, 0.5
 """SLOPE: tangent of the slope, as a share of the friction."""
@@ -77,13 +76,8 @@ class Asked:
             simulation.timestep,
             simulation.gravity,
             "held" if self.tree.base == "floating" else "asset",
-            drives=self.servos,
+            drives=servos(self.control),
         )
-
-    @property
-    def servos(self) -> dict[str, Actuator]:
-        """Drives whose law is outside of the simulator."""
-        return {a.joint: a for a in self.control.actuators if a.model in EXTERNAL and a.kp > 0.0}
 
     def _sines(self, wish: Swing) -> Iterator[Experiment]:
         """Twice: as it is, and stripped of what simulators model differently, in fine steps."""
@@ -108,24 +102,16 @@ class Asked:
                 yield swing(f"past_{end}_fine", fine, sine, 0.0)
 
     def _on_floor(self) -> Iterator[Experiment]:
-        simulation, start = self.control.simulation, initial_pose(self.tree, self.control)
-        base = clear_of_floor(start.base)
-        raised = Pose((base.xyz[0], base.xyz[1], base.xyz[2] + DROP_M), base.quat)
-        friction = self.control.contact.friction[0]
-        standing = Setting(
-            simulation.timestep,
-            simulation.gravity,
-            at=base,
-            keyframe=start.name,
-            floor_friction=friction,
-            drives=self.servos,
-        )
+        stand, start = standing(self.tree, self.control), initial_pose(self.tree, self.control)
+        assert stand.at is not None  # noqa: S101 # made so
+        x, y, z = stand.at.xyz
+        raised = Pose((x, y, z + DROP_M), stand.at.quat)
         for name, setting, seconds, every in (
-            ("stand", standing, STAND_S, 20),
-            ("drop", replace(standing, at=raised, raised_m=DROP_M), DROP_S, 1),
-            ("slope", replace(standing, gravity=tilted(self.control)), STAND_S, 20),
+            ("stand", stand, STAND_S, 20),
+            ("drop", replace(stand, at=raised, raised_m=DROP_M), DROP_S, 1),
+            ("slope", replace(stand, gravity=tilted(self.control)), STAND_S, 20),
         ):
-            steps = round(seconds / simulation.timestep)
+            steps = round(seconds / stand.timestep)
             yield Experiment(name, setting, steps, every, dict(start.joints))
 
 

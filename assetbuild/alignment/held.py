@@ -6,7 +6,7 @@ A quantity that one of both cannot hold has no row; what a table lacks that it c
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +16,7 @@ from assetbuild.alignment.row import NUMBER, Limits, Row
 from assetbuild.alignment.touching import touching_row
 from assetbuild.errors import AssetBuildError
 from assetbuild.facts.compare import shown, slug
-from assetbuild.facts.held import as_newton, as_physx, newton_table, physx_table
+from assetbuild.facts.held import Held, as_newton, as_physx, newton_table, physx_table
 from assetbuild.facts.mjcf import LACKS
 from assetbuild.facts.mjcf_model import read_model
 from assetbuild.facts.mjcf_senses import simulation_facts
@@ -25,19 +25,16 @@ from assetbuild.facts.table import Key, Table, Value, Writer
 from assetbuild.facts.vocabulary import VOCABULARY, Comparison
 from assetbuild.robot.model import Tree
 from assetbuild.robot.pose import Pose, normalised_quat, vec3
-from assetbuild.simulators import mujoco, physx
+from assetbuild.simulators import mujoco
 from assetbuild.simulators.mujoco.levers import joints_over
-from assetbuild.simulators.usd_names import body_identifiers, joint_identifiers
 
 PLACE: Limits = (1e-5, 1e-3, "m or 1")
 SAME: Limits = (0.0, 0.5, "yes/no")
 GAINS = frozenset({"kp", "kd", "effort"})
 SCENE = frozenset({"simulation", "floor"})
-Reading = Mapping[str, Any]
-"""What Newton holds. Any: JSON."""
 
 
-def physx_rows(model: Any, held: physx.Held, tree: Tree) -> Iterator[Row]:  # Any: mujoco.MjModel
+def physx_rows(model: Any, held: Held, tree: Tree) -> Iterator[Row]:  # Any: mujoco.MjModel
     """Return the rows that compare what MuJoCo and PhysX hold of the robot."""
     pulled = _pulled(model)
     ours = as_physx(mujoco_table(model, tree)).only(
@@ -50,16 +47,14 @@ def physx_rows(model: Any, held: physx.Held, tree: Tree) -> Iterator[Row]:  # An
     yield from fact_rows(ours, physx_table(held, tree))
 
 
-def newton_rows(model: Any, held: Reading, tree: Tree) -> Iterator[Row]:  # Any: as above
+def newton_rows(model: Any, held: Held, tree: Tree) -> Iterator[Row]:  # Any: as above
     """As above, of Newton's solver that was given the USD; and which bodies may touch."""
     pulled = _pulled(model)
     ours = as_newton(mujoco_table(model, tree)).only(
         lambda key: key.name not in pulled or key.quantity not in GAINS
     )
-    bodies = {file: name for name, file in body_identifiers(tree).items()}
-    joints = {file: name for name, file in joint_identifiers(tree).items()}
-    yield from fact_rows(ours, newton_table(held, bodies, joints, {}, ours))
-    theirs = {frozenset(bodies.get(name, name) for name in pair) for pair in held["touching"]}
+    yield from fact_rows(ours, newton_table(held, ours))
+    theirs = {frozenset(pair) for pair in held["touching"]}
     yield touching_row(model, theirs, tree, "Newton")
 
 

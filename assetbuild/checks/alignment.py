@@ -11,10 +11,11 @@ from assetbuild.alignment.gap import ranges_of, told
 from assetbuild.alignment.held import physx_rows
 from assetbuild.alignment.row import Row
 from assetbuild.alignment.touching import touching_in_usd, touching_row
+from assetbuild.facts.held import Held
 from assetbuild.findings import Finding, Rule
 from assetbuild.robot.model import Control, Tree
 from assetbuild.simulators.experiments import Experiment, Outcome
-from assetbuild.simulators.physx import ITERATIONS, Held, PhysxCheck
+from assetbuild.simulators.physx import ITERATIONS, PhysxCheck
 from assetbuild.simulators.physx.causes import cause_of
 
 UNMEASURED = "unmeasured: docs/how-to/isaaclab.md says how to fill in that half"

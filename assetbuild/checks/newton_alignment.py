@@ -11,8 +11,9 @@ from pathlib import Path
 from typing import Any, ClassVar
 
 from assetbuild.alignment.check import AlignmentCheck
-from assetbuild.alignment.held import Reading, newton_rows
+from assetbuild.alignment.held import newton_rows
 from assetbuild.alignment.row import Row
+from assetbuild.facts.held import Held
 from assetbuild.findings import Rule
 from assetbuild.robot.model import Tree
 from assetbuild.simulators.newton import NewtonCheck
@@ -37,6 +38,6 @@ class NewtonAlignment(AlignmentCheck, NewtonCheck):
     off: ClassVar[Rule] = OFF
     failed: ClassVar[Rule] = FAILED_RUN
 
-    def held_rows(self, inputs: Path, model: Any, held: Reading, tree: Tree) -> Iterator[Row]:
+    def held_rows(self, inputs: Path, model: Any, held: Held, tree: Tree) -> Iterator[Row]:
         """Rows of what both hold, and of what may touch. model: MuJoCo's."""
         return newton_rows(model, held, tree)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import ClassVar
 
@@ -12,7 +13,7 @@ import numpy as np
 from assetbuild.engine.step import Files
 from assetbuild.errors import StepError
 from assetbuild.facts.compare import differences, equality_findings
-from assetbuild.facts.held import PHYSX, physx_expected, physx_table
+from assetbuild.facts.held import PHYSX, Held, physx_expected, physx_table
 from assetbuild.facts.reader import Reader
 from assetbuild.facts.reference import Reference
 from assetbuild.facts.table import Table, Value
@@ -21,7 +22,7 @@ from assetbuild.kinds import write_figures
 from assetbuild.robot.initial import initial_pose
 from assetbuild.robot.model import Control, Tree
 from assetbuild.simulators import mujoco, physx
-from assetbuild.simulators.experiments import Experiment, Outcome, Setting
+from assetbuild.simulators.experiments import Experiment, Outcome, Setting, standing
 from assetbuild.simulators.mujoco import trials as mujoco_trials
 from assetbuild.simulators.physx import couplings as physx_couplings
 from assetbuild.simulators.physx.causes import cause_of, overlap_hint
@@ -73,15 +74,12 @@ class PhysxReadback(physx.PhysxCheck):
         write_figures(
             files,
             {
-                "articulations": held.articulations,
-                "bodies": len(held.links),
-                "dof": held.dof,
-                "shapes": held.shapes,
-                "fixed_base": held.fixed_base,
-                "mass_kg": _finite(sum(link.mass_kg for link in held.links.values())),
+                **{word: held[word] for word in ("articulations", "dof", "shapes", "fixed_base")},
+                "bodies": len(held["bodies"]),
+                "mass_kg": _finite(sum(link["mass"][0] for link in held["bodies"].values())),
                 "finite_alone": alone.finite,
                 "finite_on_floor": moved.finite,
-                "joints": {name: _shown(found.of("joint", name)) for name in held.joints},
+                "joints": {name: _shown(found.of("joint", name)) for name in held["joints"]},
             },
         )
         expected = physx_expected(robot, drive_type=self.drive_type, mimics=self.mimics)
@@ -110,8 +108,7 @@ def _experiments(tree: Tree, control: Control, seconds: float) -> tuple[Experime
     gravity, dt = control.simulation.gravity, control.simulation.timestep
     plain = Setting(dt, gravity)
     start = initial_pose(tree, control)
-    at = physx.clear_of_floor(start.base)
-    floor = Setting(dt, gravity, at=at, floor_friction=control.contact.friction[0])
+    floor = replace(standing(tree, control), drives=None)
     steps = round(seconds / dt)
     on_floor = floor if tree.base == "floating" and start.name else plain
     return (
@@ -132,21 +129,22 @@ def _shown(joint: Mapping[str, Value]) -> dict[str, float | None]:
     return {name: None if v is None else _finite(v) for name, v in numbers.items()}
 
 
-def _differing(held: physx.Held, found: Table, expected: Table) -> Iterator[Finding]:
+def _differing(held: Held, found: Table, expected: Table) -> Iterator[Finding]:
     """Everything that PhysX holds against the robot."""
-    if held.articulations != 1:
-        yield physx.ARTICULATION("robot", f"PhysX holds {held.articulations} articulations")
-    for name in held.loose:
+    if held["articulations"] != 1:
+        yield physx.ARTICULATION("robot", f"PhysX holds {held['articulations']} articulations")
+    for name in held["loose"]:
         yield physx.LOOSE_BODY(f"link {name}", "PhysX holds it outside of the articulation")
     yield from equality_findings(differences(expected, found, PHYSX), "physx", "PhysX", {})
-    for name, joint in held.joints.items():
-        low = -math.inf if joint.lower is None else joint.lower
-        high = math.inf if joint.upper is None else joint.upper
-        if not low - 1e-5 <= joint.position <= high + 1e-5:
+    for name, joint in held["joints"].items():
+        at = joint["start"]
+        low = -math.inf if joint["lower"] is None else joint["lower"]
+        high = math.inf if joint["upper"] is None else joint["upper"]
+        if not low - 1e-5 <= at <= high + 1e-5:
             yield START(
                 f"joint {name}",
-                f"starts at {joint.position:.5g} in PhysX, outside of {low:.5g}..{high:.5g}",
-                data={"position": joint.position},
+                f"starts at {at:.5g} in PhysX, outside of {low:.5g}..{high:.5g}",
+                data={"position": at},
             )
 
 

@@ -18,10 +18,14 @@ from pydantic import Field
 
 from assetbuild.kinds import Check
 from assetbuild.quantities import Model, Positive
+from assetbuild.robot.initial import initial_pose
 from assetbuild.robot.mimic import with_mimics
 from assetbuild.robot.model import Actuator, Control, Joint, Tree
-from assetbuild.robot.pose import Array, Pose, Vec3
+from assetbuild.robot.pose import IDENTITY, Array, Pose, Vec3
 
+CLEARANCE_M = 1e-3
+EXTERNAL = frozenset({"ideal_pd", "dc_motor", "motor", "general"})
+"""Their law runs outside of the simulator; both engines get the same servo instead."""
 SWING_RAD = 0.3
 SWING_M = 0.05
 SHARE_OF_RANGE = 0.2
@@ -113,6 +117,7 @@ class Setting:
     inertia where it is `acceleration`; other_drives: False takes all but these.
     unhurried: joints whose limit of speed is taken. loops: False opens every loop.
     locked: positions of joints that do not move, rad or m.
+    surface_friction: of all shapes of the robot, None = each its own.
     """
 
     timestep: float
@@ -134,6 +139,7 @@ class Setting:
     loops: bool = True
     locked: Mapping[str, float] = field(default_factory=dict)
     gripped: Gripped | None = None
+    surface_friction: float | None = None
 
 
 @dataclass(frozen=True)
@@ -163,6 +169,29 @@ def drop(control: Control, seconds: float) -> Experiment:
     setting = Setting(dt, control.simulation.gravity, contacts=False)
     steps = max(1, round(seconds / dt))
     return Experiment("fall", setting, steps=steps, every=steps)
+
+
+def standing(tree: Tree, control: Control) -> Setting:
+    """The initial pose on a floor, a hair above it, with servos for laws outside of the engine.
+
+    A sole that starts inside of the floor by the smallest amount is thrown out in the first step.
+    """
+    simulation, start = control.simulation, initial_pose(tree, control)
+    base = start.base or IDENTITY
+    x, y, z = base.xyz
+    return Setting(
+        simulation.timestep,
+        simulation.gravity,
+        at=Pose((x, y, z + CLEARANCE_M), base.quat),
+        keyframe=start.name,
+        floor_friction=control.contact.friction[0],
+        drives=servos(control),
+    )
+
+
+def servos(control: Control) -> dict[str, Actuator]:
+    """Drives whose law is outside of the simulator."""
+    return {a.joint: a for a in control.actuators if a.model in EXTERNAL and a.kp > 0.0}
 
 
 def swing(name: str, setting: Setting, sine: Sine, sample_s: float) -> Experiment:

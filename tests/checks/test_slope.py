@@ -21,7 +21,7 @@ def judged(
     inputs = check_inputs(
         folder, robot or tiny_quadruped(), Mjcf(robot="robot", options=options), "mjcf"
     )
-    findings = run_step(Slope(), inputs, folder / "out")
+    findings = run_step(Slope(robot="robot"), inputs, folder / "out")
     return findings, json.loads((folder / "out/figures.json").read_text())
 
 

@@ -1,220 +1,152 @@
-"""Newton reads the USD and the MJCF: runs in Newton's environment, without assetbuild.
+"""The program that runs Newton: reads the USD and the MJCF, and moves; runs without assetbuild.
 
-It loads each file, hands it to `SolverMuJoCo` (MuJoCo on the CPU), says what that holds, and steps
-it. Newton's API as of 1.8.
+MuJoCo on the CPU through `SolverMuJoCo`. What goes in and out is as of PhysX's program: SI, by the
+robot's own names, in `<run>.json` beside the job. Newton's API as of 1.8.
 """
 
 from __future__ import annotations
 
-import math
+import json
+from pathlib import Path
 from typing import Any
 
-UNLIMITED = 1e6
-"""Newton's word for an effort or a range without limit, at least."""
+import _reading as reading  # type: ignore[import-not-found]  # beside this file
+import numpy as np
 
-
-LAW = {
-    "kp": "kp",
-    "kd": "kd",
-    "max_effort": "maxEffort",
-    "max_motor_effort": "maxMotorEffort",
-    "saturation_effort": "saturationEffort",
-    "velocity_limit": "velocityLimit",
-}
-"""Arrays of Newton's drives and clamps, and what the USD calls them."""
+TABLE, OBJECT = "/World/table", "/World/object"
+"""As `stage_world` defines them."""
 
 
 def answer(job: dict[str, Any]) -> dict[str, Any]:
-    """What each file of the job gives, by kind."""
-    quiet_cpu()
-    return {kind: tried(kind, file, job) for kind, file in job["files"].items()}
-
-
-def quiet_cpu() -> None:
-    """Warp without its words, on the CPU."""
+    """Each run in turn; an exception ends the program, and whoever started it goes on."""
     import warp
 
     warp.config.quiet = True
     warp.set_device("cpu")
+    from newton.solvers import SolverMuJoCo
+
+    for run in job["runs"]:
+        model = loaded(run["stage"])
+        solver = SolverMuJoCo(
+            model,
+            use_mujoco_cpu=True,
+            disable_contacts=not run["contacts"],
+            **run.get("solver", {}),
+        )
+        if run["steps"]:
+            found = World(model, solver, run).moved()
+        else:
+            found = reading.readings(model, solver.mj_model, run)
+        path = Path(job["answers"]) / f"{run['name']}.json"
+        path.write_text(json.dumps(found), encoding="utf-8")
+    return {}
 
 
-def tried(kind: str, file: str, job: dict[str, Any]) -> dict[str, Any]:
-    """What one file gives; {"failure": ...} when Newton refuses it."""
-    try:
-        model = loaded(kind, file)
-        from newton.solvers import SolverMuJoCo
-
-        solver = SolverMuJoCo(model, use_mujoco_cpu=True)
-        held = readings(model, solver.mj_model, usd=kind == "usd")
-        return held | {"finite": stepped(model, solver, job["steps"], job["dt"])}
-    except Exception as error:  # whatever Newton says is the answer
-        return {"failure": f"{type(error).__name__}: {error}"[:400]}
-
-
-def loaded(kind: str, file: str) -> Any:
-    """The finished model."""
+def loaded(file: str) -> Any:
+    """The finished model of a USD or an MJCF."""
     import newton
     from newton.usd import SchemaResolverNewton, SchemaResolverPhysx
 
     builder = newton.ModelBuilder()
     newton.solvers.SolverMuJoCo.register_custom_attributes(builder)
-    if kind == "usd":
+    if file.endswith(".xml"):
+        builder.add_mjcf(file)
+    else:
         resolvers = [SchemaResolverNewton(), SchemaResolverPhysx()]
         builder.add_usd(file, schema_resolvers=resolvers)
-    else:
-        builder.add_mjcf(file)
     return builder.finalize()
 
 
-def readings(model: Any, held: Any, *, usd: bool) -> dict[str, Any]:
-    """Facts of bodies and joints by their own names, SI; None = unlimited, or none.
+class World:
+    """A model and where each joint of one coordinate and each body lies in Newton's arrays."""
 
-    usd: also what the USD alone says: how soft limits are, and the laws of explicit drives.
+    def __init__(self, model: Any, solver: Any, run: dict[str, Any]) -> None:
+        import newton
 
-    Joints are those of the solver's model: MJCF drives live in attributes of Newton that only it
-    sees.
-    """
-    names = {"_".join(label.split("/")): label.rsplit("/", 1)[-1] for label in model.joint_label}
-    names |= {name.lstrip("_"): short for name, short in names.items()}
-
-    def named(index: int) -> str:
-        name = held.joint(index).name
-        return str(names.get(name, name))
-
-    turning = [i for i in range(held.njnt) if int(held.jnt_type[i]) in (2, 3)]  # slide, hinge
-    drives = driven(held)
-    joints = {named(index): joint(held, index, *drives.get(index, ())) for index in turning}
-    for index in range(held.neq):
-        if int(held.eq_type[index]) == 2 and int(held.eq_obj2id[index]) >= 0:  # mjEQ_JOINT
-            joints[named(int(held.eq_obj1id[index]))] |= {
-                "mimics": named(int(held.eq_obj2id[index])),
-                "mimic offset": float(held.eq_data[index, 0]),
-                "mimic multiplier": float(held.eq_data[index, 1]),
-            }
-    for index in turning if usd else ():
-        row = joints[named(index)]
-        limited = row["lower"] is not None or row["upper"] is not None
-        row["newton:solreflimit"] = held.jnt_solref[index].tolist() if limited else None
-    for name, law in actuators(model).items() if usd else ():
-        joints[name] |= law
-    found = {"bodies": bodies(model), "dof": int(held.nv), "joints": joints}
-    return found | {"shapes": shapes(model, held)}
-
-
-def driven(held: Any) -> dict[int, tuple[int, float]]:
-    """By joint, its actuator and the gear by which this acts there, m or rad per m or rad.
-
-    An actuator of a fixed tendon acts on the joint that all joints of the tendon follow.
-    """
-    leaders = {
-        int(held.eq_obj1id[i]): (int(held.eq_obj2id[i]), float(held.eq_data[i, 1]))
-        for i in range(held.neq)
-        if int(held.eq_type[i]) == 2 and int(held.eq_obj2id[i]) >= 0
-    }
-    found: dict[int, tuple[int, float]] = {}
-    for index in range(held.nu):
-        moved, gear = int(held.actuator_trnid[index, 0]), float(held.actuator_gear[index, 0])
-        parts = {moved: gear}
-        if int(held.actuator_trntype[index]) == 3:  # mjTRN_TENDON
-            first, count = int(held.tendon_adr[moved]), int(held.tendon_num[moved])
-            parts = {}
-            for wrap in range(first, first + count):
-                name, share = leaders.get(int(held.wrap_objid[wrap]), (held.wrap_objid[wrap], 1.0))
-                parts[int(name)] = parts.get(int(name), 0.0) + gear * share * held.wrap_prm[wrap]
-        if len(parts) == 1:
-            found |= {name: (index, abs(float(gear))) for name, gear in parts.items()}
-    return found
-
-
-def actuators(model: Any) -> dict[str, dict[str, float | None]]:
-    """By joint, the law of its `NewtonActuator`: gains and what limits the effort, SI, rad."""
-    starts = [int(start) for start in model.joint_qd_start.numpy()]
-    names = {
-        start: label.rsplit("/", 1)[-1]
-        for start, label in zip(starts, model.joint_label, strict=False)
-    }
-    found: dict[str, dict[str, float | None]] = {}
-    for group in model.actuators:
-        parts = [group.drive, *group.clamping]
-        columns = {
-            word: getattr(part, name).numpy()
-            for part in parts
-            for name, word in LAW.items()
-            if getattr(part, name, None) is not None
+        self.model, self.solver, self.run = model, solver, run
+        self.now, self.after, self.control = model.state(), model.state(), model.control()
+        columns = ("joint_q_start", "joint_qd_start", "joint_target_q_start", "joint_type")
+        q, qd, target, kinds = (getattr(model, name).numpy() for name in columns)
+        one = (int(newton.JointType.REVOLUTE), int(newton.JointType.PRISMATIC))
+        names = run.get("joints", {})
+        rows = {
+            names.get(label, label): index
+            for index, label in enumerate(model.joint_label)
+            if int(kinds[index]) in one
         }
-        for row, dof in enumerate(group.indices.numpy()):
-            values = {word: float(column[row]) for word, column in columns.items()}
-            found[names[int(dof)]] = {
-                f"newton:actuator {word}": value if math.isfinite(value) else None
-                for word, value in values.items()
-            }
-    return found
+        self.positions = {name: int(q[i]) for name, i in rows.items()}
+        self.targets = {name: int(target[i]) for name, i in rows.items()}
+        self.speeds = {name: int(qd[i]) for name, i in rows.items()}
+        self.bodies = {run.get("bodies", {}).get(p, p): i for i, p in enumerate(model.body_label)}
+        self.first = {int(body): int(q[i]) for i, body in enumerate(model.joint_child.numpy())}
+        """Of each body, the place of its joint's first coordinate."""
+
+    def put(self, array: Any, places: dict[str, int], values: dict[str, float]) -> None:
+        """Write rad or m into one of Newton's arrays; does nothing without values."""
+        if values:
+            numbers = array.numpy()
+            for name, value in values.items():
+                numbers[places[name]] = value
+            array.assign(numbers)
+
+    def moved(self) -> dict[str, Any]:
+        """Trajectories, the start included, until something is not finite."""
+        import newton
+
+        run, model, course = self.run, self.model, self.run.get("course")
+        self.put(model.joint_q, self.positions, run.get("start", {}))
+        self.now = model.state()
+        newton.eval_fk(model, model.joint_q, model.joint_qd, self.now)
+        track: dict[str, Any] = {"time": [], "root": [], "com": [], "seen": [], "joints": {}}
+        for step in range(run["steps"] + 1):
+            if step:
+                for array, places, rows in (
+                    (self.control.joint_target_q, self.targets, run.get("targets", {})),
+                    (self.control.joint_target_qd, self.speeds, run.get("speeds", {})),
+                ):
+                    asked = {name: row[step - 1] for name, row in rows.items() if step <= len(row)}
+                    self.put(array, places, asked)
+                if course:
+                    self.push(course, step)
+                self.solver.step(self.now, self.after, self.control, None, run["dt"])
+                self.now, self.after = self.after, self.now
+            if step % run.get("every", 1) and step != run["steps"]:
+                continue
+            track["time"].append(run["dt"] * step)
+            if not self.look(track, course["watched"] if course else []):
+                break
+        return track
+
+    def look(self, track: dict[str, Any], watched: list[str]) -> bool:
+        """Add where everything is now; whether all of it is finite."""
+        q, poses = self.now.joint_q.numpy(), self.now.body_q.numpy()
+        mass, centres = self.model.body_mass.numpy(), self.model.body_com.numpy()
+        root = poses[int(self.model.joint_child.numpy()[0])]
+        places = [p[:3] + turned(p[3:], c) for p, c in zip(poses, centres, strict=True)]
+        track["root"].append([*root[:3].tolist(), float(root[6]), *root[3:6].tolist()])
+        track["com"].append((mass @ np.array(places) / mass.sum()).tolist())
+        for name, at in self.positions.items():
+            track["joints"].setdefault(name, []).append(float(q[at]))
+        if watched:
+            at = poses[self.bodies[OBJECT], :3]
+            frames = [poses[self.bodies[name]] for name in watched]
+            seen = [turned([*-f[3:6], f[6]], at - f[:3]).tolist() for f in frames]
+            track["seen"].append(seen)
+        return bool(np.isfinite(q).all() and np.isfinite(poses).all())
+
+    def push(self, course: dict[str, Any], step: int) -> None:
+        """Move the table and shake the object as the course says for this step."""
+        first = self.first[self.bodies[TABLE]]
+        places = {str(axis): first + axis for axis in range(3)}
+        table = {str(axis): value for axis, value in enumerate(course["table"][step - 1])}
+        self.put(self.now.joint_q, places, table)
+        forces = self.now.body_f.numpy()
+        forces[self.bodies[OBJECT]] = [*course["force"][step - 1], 0.0, 0.0, 0.0]
+        self.now.body_f.assign(forces)
 
 
-def bodies(model: Any) -> dict[str, dict[str, Any]]:
-    """Mass, centre and tensor (xx, yy, zz, xy, xz, yz) about it, in the body's axes."""
-    found = {}
-    columns = (model.body_mass, model.body_com, model.body_inertia)
-    rows = zip(model.body_label, *(column.numpy() for column in columns), strict=True)
-    for label, mass, centre, tensor in rows:
-        six = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
-        found[label.rsplit("/", 1)[-1]] = {
-            "mass": float(mass),
-            "centre of mass": [float(v) for v in centre],
-            "inertia": [float(tensor[i][j]) for i, j in six],
-        }
-    return found
-
-
-def shapes(model: Any, held: Any) -> dict[str, dict[str, Any]]:
-    """The surface of each collision shape; margin and gap are Newton's, whose solver has none."""
-    margins, gaps = model.shape_margin.numpy(), model.shape_gap.numpy()
-    found = {}
-    for index in range(held.ngeom):
-        label, _, shape = held.geom(index).name.rpartition("_")  # Newton appends its number
-        if label:
-            found[label.rsplit("/", 1)[-1]] = {
-                "friction": held.geom_friction[index].tolist(),
-                "condim": float(held.geom_condim[index]),
-                "priority": float(held.geom_priority[index]),
-                "solref": held.geom_solref[index].tolist(),
-                "solimp": held.geom_solimp[index].tolist(),
-                "margin": float(margins[int(shape)]),
-                "gap": float(gaps[int(shape)]),
-            }
-    return found
-
-
-def joint(held: Any, index: int, drive: int | None = None, gear: float = 1.0) -> dict[str, Any]:
-    """One joint of the solver's model; its drive as it acts on the joint, behind the gear."""
-    dof = int(held.jnt_dofadr[index])
-    efforts = [float(held.jnt_actfrcrange[index, 1])] if held.jnt_actfrclimited[index] else []
-    if drive is not None and held.actuator_forcelimited[drive]:
-        efforts.append(gear * float(held.actuator_forcerange[drive, 1]))
-    effort = min(efforts, default=math.inf)
-    limited = bool(held.jnt_limited[index]) and abs(held.jnt_range[index]).max() < UNLIMITED
-    return {
-        "type": {2: "linear", 3: "rotary"}[int(held.jnt_type[index])],
-        "axis": [float(v) for v in held.jnt_axis[index]],
-        "lower": float(held.jnt_range[index, 0]) if limited else None,
-        "upper": float(held.jnt_range[index, 1]) if limited else None,
-        "kp": -gear * gear * float(held.actuator_biasprm[drive, 1]) if drive is not None else 0.0,
-        "kd": -gear * gear * float(held.actuator_biasprm[drive, 2]) if drive is not None else 0.0,
-        "effort": effort if effort < UNLIMITED else None,
-        "armature": float(held.dof_armature[dof]),
-        "friction": float(held.dof_frictionloss[dof]),
-        "damping": float(held.dof_damping[dof]),
-    }
-
-
-def stepped(model: Any, solver: Any, steps: int, dt: float) -> bool:
-    """Whether all coordinates are finite after some steps in the air."""
-    import newton
-    import numpy
-
-    now, after, control = model.state(), model.state(), model.control()
-    newton.eval_fk(model, model.joint_q, model.joint_qd, now)
-    for _ in range(steps):
-        solver.step(now, after, control, None, dt)
-        now, after = after, now
-    return bool(numpy.isfinite(now.joint_q.numpy()).all())
+def turned(quat: Any, vector: Any) -> Any:
+    """The vector in the world; quat: xyzw."""
+    x, w = np.asarray(quat[:3]), quat[3]
+    half = 2.0 * np.cross(x, vector)
+    return vector + w * half + np.cross(x, half)

@@ -32,7 +32,7 @@ from assetbuild.simulators.mujoco.grip import (
     table_at,
 )
 from assetbuild.simulators.mujoco.hands import Hand, at_pose
-from assetbuild.simulators.physx.scene import root_pose
+from assetbuild.simulators.stage_world import root_pose
 
 SAMPLE_S = 0.1
 

@@ -219,6 +219,10 @@ def _change(prim: Usd.Prim, names: StageNames, setting: Setting) -> None:
 
     if not setting.contacts and prim.HasAPI(UsdPhysics.CollisionAPI):
         UsdPhysics.CollisionAPI(prim).CreateCollisionEnabledAttr(False)
+    if setting.surface_friction is not None and prim.HasAPI(UsdPhysics.MaterialAPI):
+        surface = UsdPhysics.MaterialAPI(prim)
+        for attribute in (surface.GetStaticFrictionAttr(), surface.GetDynamicFrictionAttr()):
+            attribute.Set(setting.surface_friction)
     name = names.joints.get(str(prim.GetPath()))
     if name is None:
         if not setting.loops and prim.IsA(UsdPhysics.Joint) and _closes_loop(prim):
