@@ -117,7 +117,8 @@ class Setting:
     inertia where it is `acceleration`; other_drives: False takes all but these.
     unhurried: joints whose limit of speed is taken. loops: False opens every loop.
     locked: positions of joints that do not move, rad or m.
-    surface_friction: of all shapes of the robot, None = each its own.
+    slippery: factor of the friction of floor and robot. solver: how Newton solves contacts, by the
+    names of its solver; a USD says nothing of it.
     """
 
     timestep: float
@@ -139,7 +140,8 @@ class Setting:
     loops: bool = True
     locked: Mapping[str, float] = field(default_factory=dict)
     gripped: Gripped | None = None
-    surface_friction: float | None = None
+    slippery: float = 1.0
+    solver: Mapping[str, object] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)

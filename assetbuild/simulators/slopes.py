@@ -65,7 +65,9 @@ class SlopeCheck(SimulatorCheck):
         ground = ground_under(model, self.wish.share, external_laws(control))
         if isinstance(ground, str):
             return ground
-        asked = [_experiment(name, tree, control, ground) for name in WAYS]
+        asked = [
+            _experiment(name, tree, control, ground, mujoco.contact_solver(model)) for name in WAYS
+        ]
         done = self.perform(inputs, asked)
         speeds = [_speed(done[way].motion, np.array(down)) for way, down in WAYS.items()]
         return Creep(ground, ground.scale * max(speeds))
@@ -96,15 +98,17 @@ class SlopeCheck(SimulatorCheck):
         write_figures(files, figures, {"speed_m_s": limit})
 
 
-def _experiment(way: str, tree: Tree, control: Control, ground: Ground) -> Experiment:
+def _experiment(
+    way: str, tree: Tree, control: Control, ground: Ground, solver: Mapping[str, object]
+) -> Experiment:
     setting, start = standing(tree, control), dict(initial_pose(tree, control).joints)
     g = math.dist(setting.gravity, (0.0, 0.0, 0.0))
     x, y = (g * math.sin(ground.angle) * part for part in WAYS[way])
     tilted = replace(
         setting,
         gravity=(x, y, -g * math.cos(ground.angle)),
-        floor_friction=ground.friction,
-        surface_friction=ground.friction,
+        slippery=ground.friction / ground.stated,
+        solver=solver,
     )
     steps = round((REST_S + WATCH_S) / setting.timestep)
     every = max(1, round(0.1 / setting.timestep))

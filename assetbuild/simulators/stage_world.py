@@ -23,6 +23,8 @@ if TYPE_CHECKING:
 ROBOT = "/World/robot"
 OBJECT, TABLE = "/World/object", "/World/table"
 FLOOR_M = 100.0
+PLAY = 1e-5
+"""rad or m, to both sides of a locked joint: MuJoCo takes no range without any."""
 
 
 @dataclass(frozen=True)
@@ -49,7 +51,7 @@ def write_world(path: Path, main: Path, setting: Setting) -> StageNames:
     _define_scene(stage, setting)
     names = _names(stage)
     if setting.floor_friction is not None:
-        _define_floor(stage, setting.floor_friction)
+        _define_floor(stage, setting.floor_friction * setting.slippery)
     if setting.base == "held":
         _hold_base(stage)
     if setting.gripped is not None:
@@ -219,10 +221,10 @@ def _change(prim: Usd.Prim, names: StageNames, setting: Setting) -> None:
 
     if not setting.contacts and prim.HasAPI(UsdPhysics.CollisionAPI):
         UsdPhysics.CollisionAPI(prim).CreateCollisionEnabledAttr(False)
-    if setting.surface_friction is not None and prim.HasAPI(UsdPhysics.MaterialAPI):
+    if setting.slippery != 1.0 and prim.HasAPI(UsdPhysics.MaterialAPI):
         surface = UsdPhysics.MaterialAPI(prim)
         for attribute in (surface.GetStaticFrictionAttr(), surface.GetDynamicFrictionAttr()):
-            attribute.Set(setting.surface_friction)
+            attribute.Set(attribute.Get() * setting.slippery)
     name = names.joints.get(str(prim.GetPath()))
     if name is None:
         if not setting.loops and prim.IsA(UsdPhysics.Joint) and _closes_loop(prim):
@@ -242,9 +244,9 @@ def _change(prim: Usd.Prim, names: StageNames, setting: Setting) -> None:
         if attribute.GetName().endswith(taken):
             attribute.Block()  # unwritten, it is not limited
     if name in setting.locked:
-        value = setting.locked[name]
-        shown = math.degrees(value) if name in names.angular else value
-        for end in ("lower", "upper"):
+        for end, off in (("lower", -PLAY), ("upper", PLAY)):
+            value = setting.locked[name] + off
+            shown = math.degrees(value) if name in names.angular else value
             prim.CreateAttribute(f"physics:{end}Limit", Sdf.ValueTypeNames.Float).Set(shown)
     actuator = (setting.drives or {}).get(name)
     if actuator is not None:

@@ -83,6 +83,7 @@ def _run(experiment: Experiment, names: StageNames, stage: Path) -> dict[str, ob
         "steps": experiment.steps,
         "every": experiment.every,
         "contacts": experiment.setting.contacts,
+        "solver": dict(experiment.setting.solver),
         "bodies": dict(names.bodies),
         "joints": dict(names.joints),
         "angular": sorted(names.angular),

@@ -308,6 +308,12 @@ def raise_base(model: Model, data: Data, height_m: float) -> None:
         data.qpos[int(model.jnt_qposadr[joint]) + 2] += height_m
 
 
+def contact_solver(model: Model) -> dict[str, object]:
+    """How a model wants contacts solved, by MuJoCo's words."""
+    cone = "elliptic" if int(model.opt.cone) else "pyramidal"
+    return {"cone": cone, "impratio": float(model.opt.impratio)}
+
+
 # --- shapes -------------------------------------------------------------------------------------
 
 
