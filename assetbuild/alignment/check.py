@@ -22,7 +22,7 @@ from assetbuild.kinds import write_figures
 from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.model import Control, Tree
 from assetbuild.simulators import mujoco
-from assetbuild.simulators.experiments import Experiment, Outcome, SimulatorCheck, Swing
+from assetbuild.simulators.experiments import Experiment, SimulatorCheck, Swing
 from assetbuild.simulators.free_fall import Fall
 from assetbuild.simulators.mujoco.motion import perform
 
@@ -78,19 +78,14 @@ class AlignmentCheck(SimulatorCheck):
         write_figures(files, {"rows": shown, **more})
         for name, done in theirs.items():
             if not done.finite:
-                yield self.failure(files.inputs, experiments[name], done, tree, control)
+                message = f"no comparison of `{name}`: {done.failure}"
+                yield self.failed("robot", message, data={"simulator": self.engine.lower()})
         yield from findings_of(rows, self.off, self.engine)
         yield from findings
 
     def held_rows(self, inputs: Path, model: Any, held: Any, tree: Tree) -> Iterator[Row]:
         """Rows of what both hold. model: MuJoCo's; held: as `Outcome.held`."""
         raise NotImplementedError
-
-    def failure(
-        self, inputs: Path, asked: Experiment, done: Outcome, tree: Tree, control: Control
-    ) -> Finding:
-        """What is said of an experiment that the simulator did not bring to its end."""
-        return self.failed("robot", f"no comparison of `{asked.name}`: {done.failure}")
 
     def beyond(
         self, rows: Sequence[Row], control: Control, asked: Mapping[str, Experiment]

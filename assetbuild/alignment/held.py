@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from assetbuild.alignment.row import NUMBER, Limits, Row
-from assetbuild.alignment.touching import touching_row
+from assetbuild.alignment.touching import touching_in_mujoco, touching_row
 from assetbuild.errors import AssetBuildError
 from assetbuild.facts.compare import shown, slug
 from assetbuild.facts.held import Held, as_newton, as_physx, newton_table, physx_table
@@ -27,6 +27,7 @@ from assetbuild.robot.model import Tree
 from assetbuild.robot.pose import Pose, normalised_quat, vec3
 from assetbuild.simulators import mujoco
 from assetbuild.simulators.mujoco.levers import joints_over
+from assetbuild.simulators.newton import HeldModel
 
 PLACE: Limits = (1e-5, 1e-3, "m or 1")
 SAME: Limits = (0.0, 0.5, "yes/no")
@@ -53,9 +54,8 @@ def newton_rows(model: Any, held: Held, tree: Tree) -> Iterator[Row]:  # Any: as
     ours = as_newton(mujoco_table(model, tree)).only(
         lambda key: key.name not in pulled or key.quantity not in GAINS
     )
-    yield from fact_rows(ours, newton_table(held, ours))
-    theirs = {frozenset(pair) for pair in held["touching"]}
-    yield touching_row(model, theirs, tree, "Newton")
+    yield from fact_rows(ours, newton_table(held))
+    yield touching_row(model, touching_in_mujoco(HeldModel(held), tree), tree, "Newton")
 
 
 def _pulled(model: Any) -> set[str]:  # Any: mujoco.MjModel

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -25,11 +26,11 @@ from assetbuild.simulators import mujoco, physx
 from assetbuild.simulators.experiments import Experiment, Outcome, Setting, standing
 from assetbuild.simulators.mujoco import trials as mujoco_trials
 from assetbuild.simulators.physx import couplings as physx_couplings
-from assetbuild.simulators.physx.causes import cause_of, overlap_hint
 
 NO_CAUSE = (
     "no bodies lie in one another where it starts: a tiny inertia? a start outside of limits?"
 )
+PAIRS_SHOWN = 8
 
 START = Rule(
     "physx.start",
@@ -58,7 +59,6 @@ class PhysxReadback(physx.PhysxCheck):
         """Figures: what PhysX holds, joint by joint, beside the robot's."""
         robot = Reference.of_ports(files.inputs, {})
         tree, control = robot.tree, robot.control
-        main = files.inputs / f"usd/{self.robot}.usda"
         experiments = _experiments(tree, control, self.seconds)
         coupled = physx_couplings.experiments(tree, control) if self.mimics else ()
         outcomes = self.perform(files.inputs, (*experiments, *coupled))
@@ -90,8 +90,9 @@ class PhysxReadback(physx.PhysxCheck):
             outcome = outcomes[experiment.name]
             yield from _judge_motion(tree, outcome, where)
             if not outcome.finite:
-                cause = cause_of(main, experiment, tree, control)
-                yield _not_finite(where, outcome, cause, self._overlaps(files.inputs))
+                overlaps = self._overlaps(files.inputs)
+                hint = overlap_hint(overlaps) or speed_hint(tree, control)
+                yield _not_finite(where, outcome, hint, len(overlaps))
 
     def _overlaps(self, inputs: Path) -> Mapping[tuple[str, str], float]:
         """Depth (m) by pair of bodies in the initial pose, as MuJoCo sees it, where it does."""
@@ -148,20 +149,45 @@ def _differing(held: Held, found: Table, expected: Table) -> Iterator[Finding]:
             )
 
 
-def _not_finite(
-    where: str,
-    outcome: Outcome,
-    cause: tuple[str, str] | None,
-    overlaps: Mapping[tuple[str, str], float],
-) -> Finding:
-    said, hint = cause or ("", overlap_hint(overlaps) or NO_CAUSE)
+def _not_finite(where: str, outcome: Outcome, hint: str, overlaps: int) -> Finding:
     return physx.NOT_FINITE(
         "robot",
-        f"{where}: {outcome.failure or 'its state is not finite'}"
-        f"{f'; it is {said}' if said else ''}",
-        hint=hint,
-        data={"overlaps": len(overlaps)},
+        f"{where}: {outcome.failure or 'its state is not finite'}",
+        hint=hint or NO_CAUSE,
+        data={"overlaps": overlaps},
     )
+
+
+def overlap_hint(overlaps: Mapping[tuple[str, str], float]) -> str:
+    """The exclude to write for bodies that lie in one another at the start; "" without any.
+
+    overlaps: depth (m) by pair of bodies, the deepest first.
+    """
+    if not overlaps:
+        return ""
+    pairs = list(overlaps)[:PAIRS_SHOWN]
+    listed = ", ".join(f"[{a}, {b}]" for a, b in pairs)
+    depths = ", ".join(f"{1e3 * overlaps[pair]:.3g}" for pair in pairs)
+    more = f"; {len(overlaps) - len(pairs)} more pairs less deep" if overlaps.keys() - pairs else ""
+    return (
+        f"bodies lie in one another where it starts ({depths} mm): "
+        f"`collision.exclude.pairs: [{listed}]`{more}, or smaller shapes"
+    )
+
+
+def speed_hint(tree: Tree, control: Control) -> str:
+    """The row to write for joints that mimic others and have limits of speed of their own.
+
+    PhysX brakes such a joint and pulls it along its leader in the same step; where both weigh next
+    to nothing, the two pulls may grow without end.
+    """
+    fast = {actuator.joint for actuator in control.actuators if actuator.velocity is not None}
+    names = [j.name for j in tree.moving_joints if j.mimic is not None and j.name in fast]
+    row = f'{{joints: "{"|".join(map(re.escape, names))}", model: passive, velocity: unlimited}}'
+    return (
+        f"the speed limits of {len(names)} joints that mimic others may be it, whose leaders limit "
+        f"them already: add the row `{row}` to `actuators`"
+    ) if names else ""  # fmt: skip
 
 
 def _judge_motion(tree: Tree, outcome: Outcome, where: str) -> Iterator[Finding]:

@@ -20,6 +20,8 @@ from assetbuild.facts.derived import (
     leader_of,
     start_of,
 )
+from assetbuild.facts.mjcf_meshes import CORNERS, FACES, Meshes
+from assetbuild.facts.mjcf_model import read_model
 from assetbuild.facts.reference import (
     Reference,
     mimic_facts,
@@ -27,10 +29,12 @@ from assetbuild.facts.reference import (
     robot_table,
     surface_facts,
 )
+from assetbuild.facts.surface import Surface, measure
 from assetbuild.facts.table import Key, Table, Value, Writer
 from assetbuild.robot.model import Control, Tree
 from assetbuild.robot.pose import Pose, normalised_quat
 from assetbuild.robot.shapes import Shapes
+from assetbuild.simulators.newton import HeldModel
 from assetbuild.simulators.physx.couplings import Coupling, measurable
 from assetbuild.simulators.stages import TURN
 
@@ -196,10 +200,10 @@ def as_newton(table: Table) -> Table:
             said |= {end: _stated(said.get(end)) for end in ("lower", "upper", "effort")}
             inside = said.get("model") in ("pd", "velocity")
             book.put("joint", name, {
-                quantity: value
-                for quantity, value in said.items()
-                if holds(NEWTON_LACKS, Key("joint", name, quantity))
-                and (inside or quantity not in OF_DRIVES)
+                key.quantity: value
+                for key, value in ((Key("joint", name, q), v) for q, v in said.items())
+                if holds(NEWTON_LACKS, key) and not key.is_foreign
+                and (inside or key.quantity not in OF_DRIVES)
             })  # fmt: skip
     return book.table()
 
@@ -364,21 +368,32 @@ def _surfaces_of(shapes: Shapes, control: Control) -> Iterator[tuple[str, dict[s
             yield shape.name, {word: facts[word] for word in sorted(wanted)}
 
 
-def newton_table(held: Held, like: Table) -> Table:
-    """What Newton holds of a file.
-
-    like: what is expected; gains of drives that it does not state are left out.
-    """
+def newton_table(held: Held) -> Table:
+    """What Newton holds of a file: its solver's model, and the laws of drives outside of it."""
+    model, book = HeldModel(held), Writer()
+    read_model(model, book, meshes=NoMeshes())
+    found, table = book.table(), as_newton(book.table())
     book = Writer()
-    book.put("robot", "", {"newton:dof": float(held["dof"])})
-    for kind, rows in (("body", "bodies"), ("joint", "joints"), ("shape", "shapes")):
-        for name, facts in held[rows].items():
-            known = like.of(kind, name)
-            said: dict[str, Value] = {
-                word: tuple(value) if isinstance(value, list) else value
-                for word, value in facts.items()
-                if (kind != "shape" or word in known) and ("kp" in known or word not in OF_DRIVES)
-            }
-            if known:
-                book.put(kind, name, said)
-    return book.table()
+    book.put("robot", "", {"newton:dof": float(held["nv"])})
+    for index, name in enumerate(held["names"]["joint"]):
+        if table.of("joint", name):
+            limited = bool(model.jnt_limited[index])
+            softness = tuple(model.jnt_solref[index].tolist()) if limited else None
+            book.put("joint", name, {"newton:solreflimit": softness})
+    for name, law in held["laws"].items():
+        book.put("joint", name, {f"newton:actuator {word}": v for word, v in law.items()})
+    for name in found.names("shape"):
+        surface = {word: v for word, v in found.of("shape", name).items() if word in SURFACE}
+        book.put("shape", name, surface)
+    return table | book.table()
+
+
+class NoMeshes(Meshes):
+    """A tetrahedron in place of each mesh, which nobody compares."""
+
+    def __init__(self) -> None:
+        self._any = measure(np.reshape(CORNERS, (4, 3))[np.reshape(FACES, (4, 3))])
+
+    def of(self, _: int) -> Surface:  # type: ignore[override] # without a cache
+        """The tetrahedron."""
+        return self._any

@@ -115,7 +115,7 @@ class Setting:
     hard: dry friction and coupled joints give way as little as in a textbook, in MuJoCo.
     drives: gains to write over the asset's own, by joint name; drive_type: of these, per unit of
     inertia where it is `acceleration`; other_drives: False takes all but these.
-    unhurried: joints whose limit of speed is taken. loops: False opens every loop.
+    loops: False opens every loop.
     locked: positions of joints that do not move, rad or m.
     slippery: factor of the friction of floor and robot. solver: how Newton solves contacts, by the
     names of its solver; a USD says nothing of it.
@@ -136,7 +136,6 @@ class Setting:
     drives: Mapping[str, Actuator] | None = None
     drive_type: Literal["force", "acceleration"] = "force"
     other_drives: bool = True
-    unhurried: tuple[str, ...] = ()
     loops: bool = True
     locked: Mapping[str, float] = field(default_factory=dict)
     gripped: Gripped | None = None

@@ -237,11 +237,8 @@ def _change(prim: Usd.Prim, names: StageNames, setting: Setting) -> None:
                 "friction" in spelled or spelled == "newton:damping"
             ):
                 attribute.Set(0.0)
-    taken = (() if setting.limited else (":physics:maxForce",)) + (
-        () if setting.limited and name not in setting.unhurried else (":maxJointVelocity",)
-    )
-    for attribute in prim.GetAttributes():
-        if attribute.GetName().endswith(taken):
+    for attribute in () if setting.limited else prim.GetAttributes():
+        if attribute.GetName().endswith((":physics:maxForce", ":maxJointVelocity")):
             attribute.Block()  # unwritten, it is not limited
     if name in setting.locked:
         for end, off in (("lower", -PLAY), ("upper", PLAY)):

@@ -112,16 +112,17 @@ def _course(course: Course) -> dict[str, object]:
 
 
 def _outcome(said: dict[str, Any]) -> Outcome:  # Any: JSON
-    if "time" not in said:
-        return Outcome(said, None)
-    root = np.array(said["root"], dtype=float)
+    held, moved, failure = said.get("held"), said.get("motion"), said.get("failure", "")
+    if moved is None:
+        return Outcome(held, None, failure)
+    root = np.array(moved["root"], dtype=float)
     motion = Motion(
-        np.array(said["time"]),
-        {name: np.array(row, dtype=float) for name, row in said["joints"].items()},
+        np.array(moved["time"]),
+        {name: np.array(row, dtype=float) for name, row in moved["joints"].items()},
         root[:, :3],
         root[:, 3:],
-        np.array(said["com"], dtype=float),
-        seen=np.array(said["seen"], dtype=float) if said["seen"] else None,
+        np.array(moved["com"], dtype=float),
+        seen=np.array(moved["seen"], dtype=float) if moved["seen"] else None,
     )
     lost = "" if motion.finite else f"it lost its numbers (NaN) after {motion.time[-1]:.3g} s"
-    return Outcome(None, motion, lost)
+    return Outcome(held, motion, lost)

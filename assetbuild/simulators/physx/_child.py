@@ -85,9 +85,9 @@ def _perform(sim: Any, run: Run, answers: Path) -> None:  # Any: ovphysx.PhysX
     sim.wait_all()
     world = World(sim, ovstage.PathDictionary(stage), run)
     try:
-        found = world.moved() if run["steps"] else world.held()
+        found = {"motion": world.moved()} if run["steps"] else {"held": world.held()}
         (answers / f"{run['name']}.json").write_text(json.dumps(found), encoding="utf-8")
-        if not found.get("finite", True):
+        if not world.finite:
             # PhysX does not come back from a NaN: the next stage gets a fresh process.
             (answers / "answer.json").write_text("{}", encoding="utf-8")
             os._exit(0)
@@ -110,6 +110,7 @@ class World:
         angular = {path for path, name in names.items() if name in run["angular"]}
         self.unit = {path: math.radians(1.0) if path in angular else 1.0 for path in names}
         """rad or m in PhysX's unit of a joint's coordinate."""
+        self.finite = True
         self.joint_paths = {name: path for path, name in names.items()}
 
     # --- reading and writing ----------------------------------------------------------------
@@ -238,9 +239,10 @@ class World:
             if step % run["every"] and step != run["steps"]:
                 continue
             track["time"].append(dt * step)
-            if not self.look(track, course["watched"] if course else []):
-                return track | {"finite": False}
-        return track | {"finite": True}
+            self.finite = self.look(track, course["watched"] if course else [])
+            if not self.finite:
+                break
+        return track
 
     def look(self, track: Run, watched: Sequence[str]) -> bool:
         """Add where everything is now; whether all of it is finite."""
