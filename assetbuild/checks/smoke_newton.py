@@ -19,7 +19,6 @@ from assetbuild.facts.reference import Assets, Reference
 from assetbuild.findings import Finding
 from assetbuild.kinds import write_figures
 from assetbuild.robot.files import RobotFiles
-from assetbuild.robot.model import Tree
 from assetbuild.robot.shapes import Shapes
 from assetbuild.simulators.consumers import FAILED, NOT_FINITE
 from assetbuild.simulators.experiments import Outcome
@@ -56,17 +55,8 @@ class SmokeNewton(NewtonCheck):
         robot = RobotFiles(files.inputs)
         paths = {"usd": f"usd/{self.robot}.usda", "mjcf": f"mjcf/{self.robot}.xml"}
         runs = [
-            {
-                "name": kind,
-                # Not resolved: the inputs are links into the store.
-                "stage": str((files.inputs / path).absolute()),
-                "reads": True,
-                "contacts": True,
-                "steps": self.steps,
-                "every": self.steps,
-                "dt": robot.control.simulation.timestep,
-                **_names(kind, robot.tree, robot.shapes),
-            }
+            # Not resolved: the inputs are links into the store.
+            run_of(kind, (files.inputs / path).absolute(), robot, self.steps)
             for kind, path in paths.items()
         ]
         with tempfile.TemporaryDirectory(prefix="newton-") as folder:
@@ -88,16 +78,23 @@ class SmokeNewton(NewtonCheck):
         write_figures(files, figures | {"summary": f"read back and stepped: {', '.join(told)}"})
 
 
-def _names(kind: str, tree: Tree, shapes: Shapes) -> dict[str, dict[str, str]]:
-    """The robot's names by those of a file; of an MJCF's Newton changes `-` alone."""
-    bodies, joints = body_identifiers(tree), joint_identifiers(tree)
-    solid = usd_identifiers(shape.name for shape in shapes.shapes)
-    if kind == "mjcf":
-        bodies, joints, solid = (
-            {name: name.replace("-", "_") for name in names} for names in (bodies, joints, solid)
-        )
-    kinds = {"bodies": bodies, "joints": joints, "shapes": solid}
-    return {of: {file: name for name, file in names.items()} for of, names in kinds.items()}
+def run_of(name: str, file: Path, robot: RobotFiles, steps: int) -> dict[str, object]:
+    """Read a file and step it; with the robot's names by those of the file."""
+    bodies, joints = body_identifiers(robot.tree), joint_identifiers(robot.tree)
+    solid = usd_identifiers(shape.name for shape in robot.shapes.shapes)
+    named = {"bodies": bodies, "joints": joints, "shapes": solid}
+    if file.suffix == ".xml":  # of an MJCF's names Newton changes `-` alone
+        named = {of: {n: n.replace("-", "_") for n in names} for of, names in named.items()}
+    return {
+        "name": name,
+        "stage": str(file),
+        "reads": True,
+        "contacts": True,
+        "steps": steps,
+        "every": steps,
+        "dt": robot.control.simulation.timestep,
+        **{of: {ours: n for n, ours in names.items()} for of, names in named.items()},
+    }
 
 
 def judged(

@@ -55,7 +55,7 @@ def readings(model: Any, held: Any, run: dict[str, Any]) -> dict[str, Any]:
     margins, gaps = model.shape_margin.numpy(), model.shape_gap.numpy()
     for index, word in enumerate(found["names"]["geom"]):
         label, _, shape = word.rpartition("_")  # Newton appends its number
-        if label:  # margin and gap are Newton's, whose solver has none
+        if shape.isdigit():  # margin and gap are Newton's, whose solver has none
             found["names"]["geom"][index] = called(label, run.get("shapes", {}))
             found["geom_margin"][index] = float(margins[int(shape)])
             found["geom_gap"][index] = float(gaps[int(shape)])
