@@ -13,10 +13,8 @@ from typing import Any
 import numpy as np
 
 from assetbuild.alignment.row import NUMBER, Limits, Row
-from assetbuild.alignment.touching import touching_in_mujoco, touching_row
 from assetbuild.errors import AssetBuildError
 from assetbuild.facts.compare import shown, slug
-from assetbuild.facts.held import Held, as_newton, as_physx, newton_table, physx_table
 from assetbuild.facts.mjcf import LACKS
 from assetbuild.facts.mjcf_model import read_model
 from assetbuild.facts.mjcf_senses import simulation_facts
@@ -27,7 +25,6 @@ from assetbuild.robot.model import Tree
 from assetbuild.robot.pose import Pose, normalised_quat, vec3
 from assetbuild.simulators import mujoco
 from assetbuild.simulators.mujoco.levers import joints_over
-from assetbuild.simulators.newton import HeldModel
 
 PLACE: Limits = (1e-5, 1e-3, "m or 1")
 SAME: Limits = (0.0, 0.5, "yes/no")
@@ -35,27 +32,19 @@ GAINS = frozenset({"kp", "kd", "effort"})
 SCENE = frozenset({"simulation", "floor"})
 
 
-def physx_rows(model: Any, held: Held, tree: Tree) -> Iterator[Row]:  # Any: mujoco.MjModel
-    """Return the rows that compare what MuJoCo and PhysX hold of the robot."""
-    pulled = _pulled(model)
-    ours = as_physx(mujoco_table(model, tree)).only(
-        lambda key: (
-            f"{key.kind} {key.quantity}" not in LACKS
-            and key.quantity != "physx:drive"
-            and (key.name not in pulled or key.quantity not in GAINS)
-        )
-    )
-    yield from fact_rows(ours, physx_table(held, tree))
+def held_rows(model: Any, ours: Table, theirs: Table) -> Iterator[Row]:  # Any: mujoco.MjModel
+    """Rows of what both hold of the robot.
 
-
-def newton_rows(model: Any, held: Held, tree: Tree) -> Iterator[Row]:  # Any: as above
-    """As above, of Newton's solver that was given the USD; and which bodies may touch."""
+    ours: MuJoCo's, in what the other engine can hold.
+    """
     pulled = _pulled(model)
-    ours = as_newton(mujoco_table(model, tree)).only(
-        lambda key: key.name not in pulled or key.quantity not in GAINS
-    )
-    yield from fact_rows(ours, newton_table(held))
-    yield touching_row(model, touching_in_mujoco(HeldModel(held), tree), tree, "Newton")
+
+    def is_alike(key: Key) -> bool:
+        if f"{key.kind} {key.quantity}" in LACKS or key.quantity == "physx:drive":
+            return False
+        return key.name not in pulled or key.quantity not in GAINS
+
+    yield from fact_rows(ours.only(is_alike), theirs)
 
 
 def _pulled(model: Any) -> set[str]:  # Any: mujoco.MjModel

@@ -15,17 +15,15 @@ Pairs = set[frozenset[str]]
 """A pair of bodies, by name."""
 
 
-def touching_in_usd(held: Table) -> Pairs:
-    """Pairs of bodies that may touch in PhysX, by what the USD says."""
+def touching_in_usd(held: Table, tree: Tree) -> Pairs:
+    """Pairs of bodies that may touch in PhysX, by what the USD says; bodies of a joint never do."""
     if held.facts.get(Key("robot", "", "self-collision")) is False:
         return set()
     shapes = [held.of("shape", name) for name in held.names("shape")]
     solid = sorted({str(shape["body"]) for shape in shapes if shape.get("collides")})
-    return {
-        frozenset(pair)
-        for pair in itertools.combinations(solid, 2)
-        if Key("pair", pair_name(*pair), "filtered") not in held.facts
-    }
+    pairs = itertools.combinations(solid, 2)
+    met = {frozenset(p) for p in pairs if Key("pair", pair_name(*p), "filtered") not in held.facts}
+    return met - {frozenset((joint.parent, joint.child)) for joint in tree.joints}
 
 
 def touching_in_mujoco(model: mujoco.Model, tree: Tree) -> Pairs:

@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import ClassVar
 
 from assetbuild.alignment.check import AlignmentCheck
 from assetbuild.alignment.gap import ranges_of, told
-from assetbuild.alignment.held import physx_rows
 from assetbuild.alignment.row import Row
-from assetbuild.alignment.touching import touching_in_usd, touching_row
-from assetbuild.facts.held import Held
+from assetbuild.alignment.touching import Pairs, touching_in_usd
+from assetbuild.facts.held import Held, as_physx, physx_table
 from assetbuild.facts.readers.usd import UsdReader
+from assetbuild.facts.table import Table
 from assetbuild.findings import Finding, Rule
 from assetbuild.robot.model import Control, Tree
 from assetbuild.simulators.experiments import Experiment
@@ -52,11 +52,10 @@ class Alignment(AlignmentCheck, PhysxCheck):
     iterations: int = 8
     """Position iterations of PhysX's solver."""
 
-    def held_rows(self, inputs: Path, model: Any, held: Held, tree: Tree) -> Iterator[Row]:
-        """Rows of what both hold, and of what may touch. model: MuJoCo's."""
+    def read(self, inputs: Path, held: Held, ours: Table, tree: Tree) -> tuple[Table, Table, Pairs]:
+        """PhysX tells what it holds; which bodies may touch stands in the USD."""
         usd = UsdReader(robot=self.robot).read(inputs / f"usd/{self.robot}.usda")
-        yield touching_row(model, touching_in_usd(usd), tree)
-        yield from physx_rows(model, held, tree)
+        return as_physx(ours), physx_table(held, tree), touching_in_usd(usd, tree)
 
     def beyond(
         self, rows: Sequence[Row], control: Control, asked: Mapping[str, Experiment]

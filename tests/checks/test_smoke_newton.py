@@ -18,7 +18,7 @@ import mujoco
 import numpy as np
 import pytest
 from pxr import Usd
-from tiny import TinyRobot, run_step, tiny_quadruped, with_mimic, write_robot_ports
+from tiny import TinyRobot, models, spoil_stage, tiny_quadruped, with_mimic
 
 from assetbuild.checks.smoke_newton import SmokeNewton, judged, run_of
 from assetbuild.engine.world import World
@@ -28,8 +28,6 @@ from assetbuild.simulators import newton
 from assetbuild.simulators.experiments import Outcome
 from assetbuild.simulators.newton._reading import readings
 from assetbuild.simulators.stages import answers
-from assetbuild.targets.mjcf import Mjcf
-from assetbuild.targets.usd import Usd as UsdTarget
 
 HIP, CALF = "/robot/Joints/FR_hip_joint", "/robot/Joints/FR_calf_joint"
 FOOT = "/robot/FR_calf/collisions/FR_foot_collision"
@@ -48,14 +46,6 @@ def robot() -> TinyRobot:
     return replace(found, control=replace(found.control, actuators=rows, contacts=own))
 
 
-def built(folder: Path) -> Path:
-    inputs = write_robot_ports(folder / "inputs", robot())
-    for target, name in ((Mjcf(robot="robot"), "mjcf"), (UsdTarget(robot="robot"), "usd")):
-        run_step(target, inputs, folder / "built")
-        (folder / "built" / name).rename(inputs / name)
-    return inputs
-
-
 def told(kind: str, done: Outcome) -> list[Finding]:
     return list(judged(kind, done, robot()))  # type: ignore[arg-type] # as `RobotFiles`
 
@@ -65,7 +55,7 @@ def told(kind: str, done: Outcome) -> list[Finding]:
 
 @pytest.fixture(scope="module")
 def reading(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
-    inputs = built(tmp_path_factory.mktemp("robot"))
+    inputs = models(tmp_path_factory.mktemp("robot"), robot())
     held = mujoco.MjModel.from_xml_path(str(inputs / "mjcf/robot.xml"))
     empty = SimpleNamespace(numpy=lambda: np.zeros(0))
     model = SimpleNamespace(
@@ -151,14 +141,12 @@ SPOILT: dict[tuple[str, str], Spoil] = {
     reason="needs `assetbuild smoke RECIPE --consumer newton` once",
 )
 def test_newton_holds_the_robot_and_each_wrong_number_is_found(tmp_path: Path):
-    inputs, one = built(tmp_path), robot()
+    one = robot()
+    inputs = models(tmp_path, one)
     stages = {"mjcf": inputs / "mjcf/robot.xml", "usd": inputs / "usd/robot.usda"}
     for (word, _), spoil in SPOILT.items():
         copy = Path(shutil.copytree(inputs / "usd", tmp_path / word))
-        stage = Usd.Stage.Open(str(copy / "robot.usda"))
-        spoil(stage)
-        stage.Save()
-        del stage
+        spoil_stage(copy / "robot.usda", spoil)
         stages[word] = copy / "robot.usda"
     runs = [run_of(name, path, one, steps=2) for name, path in stages.items()]  # type: ignore[arg-type] # as `RobotFiles`
     check = SmokeNewton(robot="robot", environment="newton")
