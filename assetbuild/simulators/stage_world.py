@@ -155,7 +155,7 @@ def _make_solid(stage: Usd.Stage, prim: Usd.Prim, friction: float) -> Usd.Prim:
 
 
 def _define_object(stage: Usd.Stage, gripped: Gripped, names: StageNames) -> None:
-    """The object, whose friction holds for whatever touches it, and the table below it alone."""
+    """The object and the table below it alone; the robot gets the object's friction too."""
     from pxr import Gf, UsdGeom, UsdPhysics
 
     kind = {"cube": UsdGeom.Cube, "cylinder": UsdGeom.Cylinder, "sphere": UsdGeom.Sphere}
@@ -221,10 +221,11 @@ def _change(prim: Usd.Prim, names: StageNames, setting: Setting) -> None:
 
     if not setting.contacts and prim.HasAPI(UsdPhysics.CollisionAPI):
         UsdPhysics.CollisionAPI(prim).CreateCollisionEnabledAttr(False)
-    if setting.slippery != 1.0 and prim.HasAPI(UsdPhysics.MaterialAPI):
-        surface = UsdPhysics.MaterialAPI(prim)
+    if prim.HasAPI(UsdPhysics.MaterialAPI):
+        surface, gripped = UsdPhysics.MaterialAPI(prim), setting.gripped
         for attribute in (surface.GetStaticFrictionAttr(), surface.GetDynamicFrictionAttr()):
-            attribute.Set(attribute.Get() * setting.slippery)
+            own = (attribute.Get() or 0.0) * setting.slippery
+            attribute.Set(gripped.friction if gripped else own)
     name = names.joints.get(str(prim.GetPath()))
     if name is None:
         if not setting.loops and prim.IsA(UsdPhysics.Joint) and _closes_loop(prim):

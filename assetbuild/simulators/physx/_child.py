@@ -2,14 +2,12 @@
 
 `ovphysx` brings a USD runtime of its own and may crash, hang or return NaN; so it never shares a
 process with `pxr` or with a step. It takes and tells degrees and quaternions xyzw; what goes in and
-out here is SI, quaternions wxyz, by the robot's own names: `<run>.json` beside the job has what
-PhysX holds after loading, or where it moved.
+out here is SI, quaternions wxyz, by the robot's own names: see `_moving`.
 """
 
 from __future__ import annotations
 
 import gc
-import json
 import math
 import os
 from collections.abc import Mapping, Sequence
@@ -17,13 +15,13 @@ from importlib.metadata import distribution
 from pathlib import Path
 from typing import Any
 
+import _moving  # type: ignore[import-not-found]  # beside `_answering`
 import numpy as np
 
 Array = Any  # numpy.ndarray
 Run = dict[str, Any]  # Any: JSON
 
-TABLE, OBJECT = "/World/table", "/World/object"
-"""As `scene` defines them."""
+COMMANDS = ("jointPositionTarget", "jointVelocityTarget")
 UNLIMITED = 3.0e38
 """PhysX writes the largest float32 where nothing limits."""
 LINK = {
@@ -68,12 +66,12 @@ def answer(job: Run) -> Run:
     folders = [schemas.locate_file(f"physx_usd_schemas/{name}/resources") for name in names]
     ovstage.population.register_usd_schemas([str(folder) for folder in folders])
     for run in job["runs"]:
-        _perform(sim, run, Path(job["answers"]))
+        _perform(sim, job, run)
     sim.destroy()
     return {}
 
 
-def _perform(sim: Any, run: Run, answers: Path) -> None:  # Any: ovphysx.PhysX
+def _perform(sim: Any, job: Run, run: Run) -> None:  # Any: ovphysx.PhysX
     """Load one stage; write down what PhysX holds, or where it went."""
     import ovstage
 
@@ -85,11 +83,11 @@ def _perform(sim: Any, run: Run, answers: Path) -> None:  # Any: ovphysx.PhysX
     sim.wait_all()
     world = World(sim, ovstage.PathDictionary(stage), run)
     try:
-        found = {"motion": world.moved()} if run["steps"] else {"held": world.held()}
-        (answers / f"{run['name']}.json").write_text(json.dumps(found), encoding="utf-8")
-        if not world.finite:
+        found = _moving.perform(world, run)
+        _moving.write(job, run, found)
+        if not found.get("motion", {}).get("finite", True):
             # PhysX does not come back from a NaN: the next stage gets a fresh process.
-            (answers / "answer.json").write_text("{}", encoding="utf-8")
+            (Path(job["answers"]) / "answer.json").write_text("{}", encoding="utf-8")
             os._exit(0)
     finally:
         del world
@@ -110,7 +108,6 @@ class World:
         angular = {path for path, name in names.items() if name in run["angular"]}
         self.unit = {path: math.radians(1.0) if path in angular else 1.0 for path in names}
         """rad or m in PhysX's unit of a joint's coordinate."""
-        self.finite = True
         self.joint_paths = {name: path for path, name in names.items()}
 
     # --- reading and writing ----------------------------------------------------------------
@@ -221,76 +218,48 @@ class World:
 
     # --- what it does -----------------------------------------------------------------------
 
-    def moved(self) -> Run:
-        """Trajectories, the start included, until something is not finite."""
-        run, dt, course = self.run, self.run["dt"], self.run["course"]
-        self.write("jointPosition", self.joints("jointPosition") | self.own(run["start"]))
-        asked = self.joints("jointPositionTarget")
-        speeds = self.joints("jointVelocityTarget") if run["speeds"] else {}
+    def start(self, positions: Mapping[str, float]) -> None:
+        """Put the joints where they begin."""
+        self.write("jointPosition", self.joints("jointPosition") | self.own(positions))
+        self.asked = {word: self.joints(word) for word in COMMANDS}
         self.sim.update_articulations_kinematic()
-        track: dict[str, Any] = {"time": [], "root": [], "com": [], "seen": [], "joints": {}}
-        for step in range(run["steps"] + 1):
-            if step:
-                asked = self.command("jointPositionTarget", asked, run["targets"], step)
-                speeds = self.command("jointVelocityTarget", speeds, run["speeds"], step)
-                if course:
-                    self.push(course, step)
-                self.sim.step_sync(dt)
-            if step % run["every"] and step != run["steps"]:
-                continue
-            track["time"].append(dt * step)
-            self.finite = self.look(track, course["watched"] if course else [])
-            if not self.finite:
-                break
-        return track
 
-    def look(self, track: Run, watched: Sequence[str]) -> bool:
-        """Add where everything is now; whether all of it is finite."""
-        root = self.poses(self.kinds.ARTICULATION, "rootPosition", "rootOrientation")
-        centre = self.read(self.kinds.ARTICULATION, "centerOfMassWorld")
-        track["root"].append(next(iter(root.values())))
-        track["com"].append(next(iter(centre.values())).tolist())
-        for path, value in self.joints("jointPosition").items():
-            row = track["joints"].setdefault(self.run["joints"].get(path, path), [])
-            row.append(value * self.unit.get(path, 1.0))
-        last = [*track["root"][-1], *track["com"][-1]]
-        if watched:
-            track["seen"].append(self.seen(watched))
-        return bool(np.isfinite([*last, *(row[-1] for row in track["joints"].values())]).all())
+    def command(self, *now: Mapping[str, float]) -> None:
+        """Write targets and speeds of this step, where there are any."""
+        for word, values in zip(COMMANDS, now, strict=True):
+            if values:
+                self.asked[word] |= self.own(values)
+                self.write(word, self.asked[word])
 
-    def command(
-        self, attribute: str, asked: dict[str, float], rows: Mapping[str, list[float]], step: int
-    ) -> dict[str, float]:
-        """Write targets of this step, where there are any; returns those of all joints."""
-        now = {name: row[step - 1] for name, row in rows.items() if step <= len(row)}
-        if now:
-            asked = asked | self.own(now)
-            self.write(attribute, asked)
-        return asked
-
-    def push(self, course: Run, step: int) -> None:
-        """Move the table and shake the object as the course says for this step."""
+    def push(self, table: Sequence[float], force: Sequence[float]) -> None:
+        """Move the table and shake the object."""
         for path, attribute, value in (
-            (TABLE, "kinematicTargetPosition", course["table"][step - 1]),
-            (OBJECT, "force", course["force"][step - 1]),
+            (_moving.TABLE, "kinematicTargetPosition", table),
+            (_moving.OBJECT, "force", force),
         ):
             with self.sim.write_sync(self.kinds.RIGID_BODY, attribute, pattern=path) as writing:
                 for group in writing.groups:
                     group.tensors[0].numpy()[...] = value
                     writing.commit_sync(group)
 
-    def seen(self, watched: Sequence[str]) -> list[list[float]]:
-        """(k, 3) place of the object in the frames of links."""
+    def step(self, dt: float) -> None:
+        """One step."""
+        self.sim.step_sync(dt)
+
+    def look(self) -> Any:
+        """Where all is now."""
+        kind, names = self.kinds.ARTICULATION, self.run["joints"]
+        root = next(iter(self.poses(kind, "rootPosition", "rootOrientation").values()))
+        centre = next(iter(self.read(kind, "centerOfMassWorld").values()))
+        joints = {
+            names.get(path, path): value * self.unit.get(path, 1.0)
+            for path, value in self.joints("jointPosition").items()
+        }
+        return root, centre, joints, self.pose
+
+    def pose(self, name: str) -> list[float]:
+        """Of a link, or of the object."""
+        if name == _moving.OBJECT:
+            return self.poses(self.kinds.RIGID_BODY, "position", "orientation")[name]
         links = self.poses(self.kinds.ARTICULATION_LINK, "position", "orientation")
-        names = {name: path for path, name in self.run["bodies"].items()}
-        at = self.read(self.kinds.RIGID_BODY, "position")[OBJECT]
-        return [_into(links[names[name]], at) for name in watched]
-
-
-def _into(pose: Sequence[float], point: Array) -> list[float]:
-    """A point of the world in the frame of a pose."""
-    w, x = pose[3], -np.array(pose[4:])
-    offset = point - np.array(pose[:3])
-    half = 2.0 * np.cross(x, offset)
-    into: list[float] = (offset + w * half + np.cross(x, half)).tolist()
-    return into
+        return next(links[path] for path, body in self.run["bodies"].items() if body == name)
