@@ -35,7 +35,7 @@ from assetbuild.robot.model import Control, Tree
 from assetbuild.robot.pose import Pose, normalised_quat
 from assetbuild.robot.shapes import Shapes
 from assetbuild.simulators.newton import HeldModel
-from assetbuild.simulators.physx.couplings import Coupling, measurable
+from assetbuild.simulators.physx.couplings import measurable
 from assetbuild.simulators.stages import TURN
 
 PHYSX = Precision(
@@ -246,7 +246,9 @@ def physx_expected(reference: Reference, *, drive_type: str, mimics: bool) -> Ta
     return book.table()
 
 
-def physx_table(held: Held, tree: Tree, couplings: Mapping[str, Coupling] | None = None) -> Table:
+def physx_table(
+    held: Held, tree: Tree, couplings: Mapping[str, Mapping[str, Value]] | None = None
+) -> Table:
     """What PhysX holds. tree: says which body hangs on which, and which has no mass."""
     book = Writer()
     book.put("robot", "", {
@@ -284,12 +286,8 @@ def physx_table(held: Held, tree: Tree, couplings: Mapping[str, Coupling] | None
             book.put("joint", joint.name, _motion(X_zero.inverse() @ X_turned))
     for name, row in held["joints"].items():
         book.put("joint", name, _held_joint(row))
-    for name, coupling in (couplings or {}).items():
-        book.put("joint", name, {
-            "mimics": coupling.leader,
-            "mimic multiplier": coupling.multiplier,
-            "mimic offset": coupling.offset,
-        })  # fmt: skip
+    for name, facts in (couplings or {}).items():
+        book.put("joint", name, facts)
     return book.table()
 
 
