@@ -15,7 +15,8 @@ from assetbuild.facts.held import Held, as_newton, newton_table
 from assetbuild.facts.table import Table
 from assetbuild.findings import Rule
 from assetbuild.robot.model import Tree
-from assetbuild.simulators.newton import HeldModel, NewtonCheck
+from assetbuild.simulators.held_model import HeldModel
+from assetbuild.simulators.newton import NewtonCheck
 
 OFF = Rule(
     "alignment.newton.*",

@@ -34,7 +34,8 @@ from assetbuild.facts.table import Key, Table, Value, Writer
 from assetbuild.robot.model import Control, Tree
 from assetbuild.robot.pose import Pose, normalised_quat
 from assetbuild.robot.shapes import Shapes
-from assetbuild.simulators.newton import HeldModel
+from assetbuild.simulators.held_model import HeldModel
+from assetbuild.simulators.mujoco import Model
 from assetbuild.simulators.physx.couplings import measurable
 from assetbuild.simulators.stages import TURN
 
@@ -368,7 +369,8 @@ def _surfaces_of(shapes: Shapes, control: Control) -> Iterator[tuple[str, dict[s
 
 def newton_table(held: Held) -> Table:
     """What Newton holds of a file: its solver's model, and the laws of drives outside of it."""
-    model, book = HeldModel(held), Writer()
+    model: Model = HeldModel(held)
+    book = Writer()
     read_model(model, book, meshes=NoMeshes())
     found, table = book.table(), as_newton(book.table())
     book = Writer()

@@ -68,14 +68,14 @@ def answers(start: Start, folder: Path, runs: Sequence[Mapping[str, object]]) ->
 def _run(experiment: Experiment, names: StageNames, stage: Path) -> dict[str, object]:
     dt, joints = experiment.setting.timestep, set(names.joints.values())
     start = {name: q for name, q in (experiment.start or {}).items() if name in joints}
-    course = experiment.course
+    course, speeds = experiment.course, dict[str, list[float]]()
     if course is not None:
-        targets, speeds = {name: row[1:].tolist() for name, row in course.targets.items()}, {}
+        targets = {name: row[1:].tolist() for name, row in course.targets.items()}
     elif experiment.sine is not None:
         targets, speeds = _follow(experiment.sine, dt * np.arange(1, experiment.steps + 1))
     else:  # servos that the asset does not know have no target there: hold the start
         servos = experiment.setting.drives or {}
-        targets, speeds = {name: [q] for name, q in start.items() if name in servos}, {}
+        targets = {name: [q] for name, q in start.items() if name in servos}
     return {
         "name": experiment.name,
         "stage": str(stage),

@@ -7,12 +7,8 @@ which defaults it has.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from functools import partial
 from pathlib import Path
-from types import SimpleNamespace
-from typing import Any, ClassVar
-
-import numpy as np
+from typing import ClassVar
 
 from assetbuild.simulators.consumers import ConsumerCheck
 from assetbuild.simulators.environments import Environment
@@ -25,24 +21,6 @@ BEYOND_IMPORTS = (
     "assetbuild.simulators.newton._child",
     "assetbuild.simulators.newton._reading",
 )
-
-
-class HeldModel:
-    """The compiled model that Newton's solver holds, to be read as `mujoco.MjModel`."""
-
-    def __init__(self, held: Mapping[str, Any]) -> None:  # Any: JSON
-        self.opt = SimpleNamespace(**_arrays(held["opt"]))
-        for kind, names in held["names"].items():
-            held = {**held, kind: partial(_named, names)}
-        self.__dict__ |= _arrays(held)
-
-
-def _arrays(values: Mapping[str, Any]) -> dict[str, Any]:  # Any: JSON; arrays and numbers
-    return {k: np.array(v) if isinstance(v, list) else v for k, v in values.items() if k != "opt"}
-
-
-def _named(names: Sequence[str], index: int) -> SimpleNamespace:
-    return SimpleNamespace(name=names[index])
 
 
 class NewtonCheck(ConsumerCheck, SimulatorCheck):

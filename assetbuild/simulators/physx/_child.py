@@ -209,7 +209,7 @@ class World:
     def places(self) -> list[dict[str, list[float]]]:
         """Poses of the links with every joint at 0, and with every joint at `turn`."""
         found, here = [], self.joints("jointPosition")
-        turned = self.own({name: self.run["turn"] for name in self.run["joints"].values()})
+        turned = self.own(dict.fromkeys(self.run["joints"].values(), float(self.run["turn"])))
         for values in (dict.fromkeys(here, 0.0), dict.fromkeys(here, 0.0) | turned):
             # This moves links; `update_articulations_kinematic` would let drives and limits pull.
             self.write("jointPosition", values)
