@@ -10,9 +10,10 @@ from __future__ import annotations
 import math
 import shutil
 import struct
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from hypothesis import settings
@@ -566,3 +567,25 @@ def check_inputs(folder: Path, robot: TinyRobot, target: Step, name: str) -> Pat
     run_step(target, inputs, outputs)
     shutil.copytree(outputs / name, inputs / name)
     return inputs
+
+
+def models(folder: Path, robot: TinyRobot) -> Path:
+    """The inputs of a check that reads the robot, its MJCF and its USD."""
+    from assetbuild.targets.mjcf import Mjcf
+    from assetbuild.targets.usd import Usd
+
+    inputs = write_robot_ports(folder / "inputs", robot)
+    for target, name in ((Mjcf(robot="robot"), "mjcf"), (Usd(robot="robot"), "usd")):
+        run_step(target, inputs, folder / "built")
+        (folder / "built" / name).rename(inputs / name)
+    return inputs
+
+
+def spoil_stage(path: Path, spoil: Callable[[Any], object]) -> None:
+    """Edit a stage's main layer. Any: Usd.Stage."""
+    from pxr import Usd
+
+    stage = Usd.Stage.Open(str(path))
+    spoil(stage)
+    stage.Save()
+    del stage

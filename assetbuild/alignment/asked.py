@@ -5,14 +5,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Literal
 
 from assetbuild.robot.initial import initial_pose
 from assetbuild.robot.loops import path_of
 from assetbuild.robot.mimic import with_mimics
-from assetbuild.robot.model import Actuator, Control, Joint, Tree
-from assetbuild.robot.pose import Pose
+from assetbuild.robot.model import Control, Joint, Tree
+from assetbuild.robot.pose import IDENTITY, Pose, Vec3
 from assetbuild.simulators.experiments import (
     SHARE_OF_RANGE,
     SHARE_OF_SPEED,
@@ -25,14 +25,13 @@ from assetbuild.simulators.experiments import (
     bounds,
     drop,
     load,
+    servos,
     sine_of,
+    standing,
     swing,
 )
 from assetbuild.simulators.loops import about_closed
-from assetbuild.simulators.physx import clear_of_floor
 
-EXTERNAL = frozenset({"ideal_pd", "dc_motor", "motor", "general"})
-"""Their law runs outside of the simulator; the sine gives both engines the same servo instead."""
 FINE_DT, SAMPLE_S, FALL_S = 0.001, 0.005, 0.4
 STAND_S, DROP_S, DROP_M, SLOPE = 2.0, 1.2, 1.0, 0.5
 """SLOPE: tangent of the slope, as a share of the friction."""
@@ -46,90 +45,61 @@ End = Literal["lower", "upper"]
 ENDS: tuple[End, End] = ("lower", "upper")
 
 
-@dataclass(frozen=True)
-class Asked:
-    """The robot and the wish. wish: None = no sine and no stops."""
-
-    tree: Tree
-    control: Control
-    wish: Swing | None
-
-    def experiments(self) -> Mapping[str, Experiment]:
-        """Name -> experiment, in the order of running."""
-        return {experiment.name: experiment for experiment in self._experiments()}
-
-    def _experiments(self) -> Iterator[Experiment]:
-        yield load(self.control)
-        if self.tree.base == "floating":
-            yield drop(self.control, FALL_S)
-        if self.wish is not None:
-            yield from self._sines(self.wish)
-            yield from self._into_stops()
-        start = initial_pose(self.tree, self.control)
-        if self.tree.base == "floating" and start.name:  # a keyframe above a floor
-            yield from self._on_floor()
-
-    @property
-    def _held(self) -> Setting:
-        """The robot as it is, its base held, with servos for laws outside of the simulator."""
-        simulation = self.control.simulation
-        return Setting(
-            simulation.timestep,
-            simulation.gravity,
-            "held" if self.tree.base == "floating" else "asset",
-            drives=self.servos,
+def experiments_of(tree: Tree, control: Control, wish: Swing | None) -> dict[str, Experiment]:
+    """Name -> experiment, in the order of running. wish: None = no sine and no stops."""
+    found = [load(control)]
+    floats, start = tree.base == "floating", initial_pose(tree, control)
+    if floats:
+        found += [drop(control, FALL_S)]
+    if wish is not None:
+        home = dict(start.joints)
+        held = Setting(
+            control.simulation.timestep,
+            control.simulation.gravity,
+            "held" if floats else "asset",
+            drives=servos(control),
         )
-
-    @property
-    def servos(self) -> dict[str, Actuator]:
-        """Drives whose law is outside of the simulator."""
-        return {a.joint: a for a in self.control.actuators if a.model in EXTERNAL and a.kp > 0.0}
-
-    def _sines(self, wish: Swing) -> Iterator[Experiment]:
-        """Twice: as it is, and stripped of what simulators model differently, in fine steps."""
-        home = dict(initial_pose(self.tree, self.control).joints)
-        sine = sine_of(self.tree, self.control, home, wish.frequency, wish.seconds)
-        sine = about_closed(self.tree, self.control, sine, home)
-        if any(sine.swing.values()):
-            bare = replace(
-                self._held, timestep=FINE_DT, contacts=False, rubbing=False, limited=False
-            )
-            yield swing("sine", bare, sine, SAMPLE_S)
-            yield swing("sine_as_is", self._held, sine, SAMPLE_S)
-
-    def _into_stops(self) -> Iterator[Experiment]:
-        """MuJoCo's limits of commands would clip what asks for more."""
-        home = dict(initial_pose(self.tree, self.control).joints)
-        own = replace(self._held, contacts=False, clipped=False)
-        fine = replace(own, timestep=own.timestep / FINER)
-        for end in ENDS:
-            if (sine := into_stop(self.tree, self.control, home, end)) is not None:
-                yield swing(f"past_{end}", own, sine, 0.0)
-                yield swing(f"past_{end}_fine", fine, sine, 0.0)
-
-    def _on_floor(self) -> Iterator[Experiment]:
-        simulation, start = self.control.simulation, initial_pose(self.tree, self.control)
-        base = clear_of_floor(start.base)
-        raised = Pose((base.xyz[0], base.xyz[1], base.xyz[2] + DROP_M), base.quat)
-        friction = self.control.contact.friction[0]
-        standing = Setting(
-            simulation.timestep,
-            simulation.gravity,
-            at=base,
-            keyframe=start.name,
-            floor_friction=friction,
-            drives=self.servos,
-        )
-        for name, setting, seconds, every in (
-            ("stand", standing, STAND_S, 20),
-            ("drop", replace(standing, at=raised, raised_m=DROP_M), DROP_S, 1),
-            ("slope", replace(standing, gravity=tilted(self.control)), STAND_S, 20),
-        ):
-            steps = round(seconds / simulation.timestep)
-            yield Experiment(name, setting, steps, every, dict(start.joints))
+        sine = sine_of(tree, control, home, wish.frequency, wish.seconds)
+        found += _sines(held, about_closed(tree, control, sine, home))
+        found += _into_stops(tree, control, home, held)
+    if floats and start.name:  # a keyframe above a floor
+        found += _on_floor(standing(tree, control), dict(start.joints), tilted(control))
+    return {experiment.name: experiment for experiment in found}
 
 
-def tilted(control: Control) -> tuple[float, float, float]:
+def _sines(held: Setting, sine: Sine) -> Iterator[Experiment]:
+    """Twice: as it is, and stripped of what simulators model differently, in fine steps."""
+    if any(sine.swing.values()):
+        bare = replace(held, timestep=FINE_DT, contacts=False, rubbing=False, limited=False)
+        yield swing("sine", bare, sine, SAMPLE_S)
+        yield swing("sine_as_is", held, sine, SAMPLE_S)
+
+
+def _into_stops(
+    tree: Tree, control: Control, home: Mapping[str, float], held: Setting
+) -> Iterator[Experiment]:
+    """MuJoCo's limits of commands would clip what asks for more."""
+    own = replace(held, contacts=False, clipped=False)
+    fine = replace(own, timestep=own.timestep / FINER)
+    for end in ENDS:
+        if (sine := into_stop(tree, control, home, end)) is not None:
+            yield swing(f"past_{end}", own, sine, 0.0)
+            yield swing(f"past_{end}_fine", fine, sine, 0.0)
+
+
+def _on_floor(stand: Setting, start: Mapping[str, float], slope: Vec3) -> Iterator[Experiment]:
+    base = stand.at or IDENTITY
+    x, y, z = base.xyz
+    raised = replace(stand, at=Pose((x, y, z + DROP_M), base.quat), raised_m=DROP_M)
+    for name, setting, seconds, every in (
+        ("stand", stand, STAND_S, 20),
+        ("drop", raised, DROP_S, 1),
+        ("slope", replace(stand, gravity=slope), STAND_S, 20),
+    ):
+        yield Experiment(name, setting, round(seconds / stand.timestep), every, start)
+
+
+def tilted(control: Control) -> Vec3:
     """Gravity as on a slope on which half of the friction holds the robot."""
     x, y, z = control.simulation.gravity
     angle = math.atan(SLOPE * control.contact.friction[0])

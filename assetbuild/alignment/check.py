@@ -11,18 +11,20 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, ClassVar
 
-from assetbuild.alignment.asked import Asked
-from assetbuild.alignment.held import scene_rows
+from assetbuild.alignment.asked import experiments_of
+from assetbuild.alignment.held import held_rows, mujoco_table, scene_rows
 from assetbuild.alignment.moved import Compared, FloorLimits
 from assetbuild.alignment.row import Row, findings_of
+from assetbuild.alignment.touching import Pairs, touching_row
 from assetbuild.engine.step import Files
 from assetbuild.errors import StepError
+from assetbuild.facts.table import Table
 from assetbuild.findings import Finding, Rule
 from assetbuild.kinds import write_figures
 from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.model import Control, Tree
 from assetbuild.simulators import mujoco
-from assetbuild.simulators.experiments import Experiment, Outcome, SimulatorCheck, Swing
+from assetbuild.simulators.experiments import Experiment, SimulatorCheck, Swing
 from assetbuild.simulators.free_fall import Fall
 from assetbuild.simulators.mujoco.motion import perform
 
@@ -55,7 +57,7 @@ class AlignmentCheck(SimulatorCheck):
         except StepError:
             write_figures(files, {"skipped": "the MJCF does not load"})  # `mjcf.load` says why
             return
-        experiments = Asked(tree, control, self.sine).experiments()
+        experiments = experiments_of(tree, control, self.sine)
         theirs = self.perform(files.inputs, tuple(experiments.values()))
         both = Compared(
             tree,
@@ -70,7 +72,9 @@ class AlignmentCheck(SimulatorCheck):
         )
         rows = [*scene_rows(files.inputs, self.robot, scene)]
         if (held := theirs["load"].held) is not None:
-            rows += self.held_rows(files.inputs, model, held, tree)
+            ours, other, pairs = self.read(files.inputs, held, mujoco_table(model, tree), tree)
+            rows += [touching_row(model, pairs, tree, self.engine)]
+            rows += held_rows(model, ours, other)
         rows += both.rows()
         rows.sort(key=lambda row: (RANKS.index(row.rank), VERDICTS.index(row.verdict)))
         shown = [row.shown(self.engine) for row in rows]
@@ -78,19 +82,14 @@ class AlignmentCheck(SimulatorCheck):
         write_figures(files, {"rows": shown, **more})
         for name, done in theirs.items():
             if not done.finite:
-                yield self.failure(files.inputs, experiments[name], done, tree, control)
+                message = f"no comparison of `{name}`: {done.failure}"
+                yield self.failed("robot", message, data={"simulator": self.engine.lower()})
         yield from findings_of(rows, self.off, self.engine)
         yield from findings
 
-    def held_rows(self, inputs: Path, model: Any, held: Any, tree: Tree) -> Iterator[Row]:
-        """Rows of what both hold. model: MuJoCo's; held: as `Outcome.held`."""
+    def read(self, inputs: Path, held: Any, ours: Table, tree: Tree) -> tuple[Table, Table, Pairs]:
+        """What MuJoCo holds, as the other holds it; what that holds; and what may touch there."""
         raise NotImplementedError
-
-    def failure(
-        self, inputs: Path, asked: Experiment, done: Outcome, tree: Tree, control: Control
-    ) -> Finding:
-        """What is said of an experiment that the simulator did not bring to its end."""
-        return self.failed("robot", f"no comparison of `{asked.name}`: {done.failure}")
 
     def beyond(
         self, rows: Sequence[Row], control: Control, asked: Mapping[str, Experiment]

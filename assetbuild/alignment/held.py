@@ -6,17 +6,15 @@ A quantity that one of both cannot hold has no row; what a table lacks that it c
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from assetbuild.alignment.row import NUMBER, Limits, Row
-from assetbuild.alignment.touching import touching_row
 from assetbuild.errors import AssetBuildError
 from assetbuild.facts.compare import shown, slug
-from assetbuild.facts.held import as_newton, as_physx, newton_table, physx_table
 from assetbuild.facts.mjcf import LACKS
 from assetbuild.facts.mjcf_model import read_model
 from assetbuild.facts.mjcf_senses import simulation_facts
@@ -25,42 +23,28 @@ from assetbuild.facts.table import Key, Table, Value, Writer
 from assetbuild.facts.vocabulary import VOCABULARY, Comparison
 from assetbuild.robot.model import Tree
 from assetbuild.robot.pose import Pose, normalised_quat, vec3
-from assetbuild.simulators import mujoco, physx
+from assetbuild.simulators import mujoco
 from assetbuild.simulators.mujoco.levers import joints_over
-from assetbuild.simulators.usd_names import body_identifiers, joint_identifiers
 
 PLACE: Limits = (1e-5, 1e-3, "m or 1")
 SAME: Limits = (0.0, 0.5, "yes/no")
 GAINS = frozenset({"kp", "kd", "effort"})
 SCENE = frozenset({"simulation", "floor"})
-Reading = Mapping[str, Any]
-"""What Newton holds. Any: JSON."""
 
 
-def physx_rows(model: Any, held: physx.Held, tree: Tree) -> Iterator[Row]:  # Any: mujoco.MjModel
-    """Return the rows that compare what MuJoCo and PhysX hold of the robot."""
+def held_rows(model: Any, ours: Table, theirs: Table) -> Iterator[Row]:  # Any: mujoco.MjModel
+    """Rows of what both hold of the robot.
+
+    ours: MuJoCo's, in what the other engine can hold.
+    """
     pulled = _pulled(model)
-    ours = as_physx(mujoco_table(model, tree)).only(
-        lambda key: (
-            f"{key.kind} {key.quantity}" not in LACKS
-            and key.quantity != "physx:drive"
-            and (key.name not in pulled or key.quantity not in GAINS)
-        )
-    )
-    yield from fact_rows(ours, physx_table(held, tree))
 
+    def is_alike(key: Key) -> bool:
+        if f"{key.kind} {key.quantity}" in LACKS or key.quantity == "physx:drive":
+            return False
+        return key.name not in pulled or key.quantity not in GAINS
 
-def newton_rows(model: Any, held: Reading, tree: Tree) -> Iterator[Row]:  # Any: as above
-    """As above, of Newton's solver that was given the USD; and which bodies may touch."""
-    pulled = _pulled(model)
-    ours = as_newton(mujoco_table(model, tree)).only(
-        lambda key: key.name not in pulled or key.quantity not in GAINS
-    )
-    bodies = {file: name for name, file in body_identifiers(tree).items()}
-    joints = {file: name for name, file in joint_identifiers(tree).items()}
-    yield from fact_rows(ours, newton_table(held, bodies, joints, {}, ours))
-    theirs = {frozenset(bodies.get(name, name) for name in pair) for pair in held["touching"]}
-    yield touching_row(model, theirs, tree, "Newton")
+    yield from fact_rows(ours.only(is_alike), theirs)
 
 
 def _pulled(model: Any) -> set[str]:  # Any: mujoco.MjModel

@@ -2,43 +2,53 @@
 
 from __future__ import annotations
 
-from typing import Any
+import itertools
+from collections.abc import Iterable
 
 from assetbuild.alignment.row import Row
+from assetbuild.facts.table import Key, Table, pair_name
 from assetbuild.robot.model import Tree
-from assetbuild.simulators import mujoco, usd_pairs
-from assetbuild.simulators.mujoco.pairs import explicit_pairs, touching_geoms
+from assetbuild.simulators import mujoco
+from assetbuild.simulators.mujoco.pairs import explicit_pairs
 
 SHOWN = 3
 Pairs = set[frozenset[str]]
 """A pair of bodies, by name."""
 
 
-def touching_in_usd(stage: Any) -> Pairs:  # Any: Usd.Stage
-    """Pairs of bodies that may touch in PhysX."""
-    owners = usd_pairs.colliders(stage)
-    bodies = {path: _name(stage.GetPrimAtPath(path)) for path in set(owners.values()) if path}
-    return {frozenset(bodies[owners[path]] for path in pair) for pair in usd_pairs.touching(stage)}
+def touching_in_usd(held: Table, tree: Tree) -> Pairs:
+    """Pairs of bodies that may touch in PhysX, by what the USD says; bodies of a joint never do."""
+    if held.facts.get(Key("robot", "", "self-collision")) is False:
+        return set()
+    shapes = [held.of("shape", name) for name in held.names("shape")]
+    solid = sorted({str(shape["body"]) for shape in shapes if shape.get("collides")})
+    pairs = itertools.combinations(solid, 2)
+    met = {frozenset(p) for p in pairs if Key("pair", pair_name(*p), "filtered") not in held.facts}
+    return met - {frozenset((joint.parent, joint.child)) for joint in tree.joints}
+
+
+def touching_in_mujoco(model: mujoco.Model, tree: Tree) -> Pairs:
+    """Pairs of bodies that may touch by masks, excludes and MuJoCo's own filter, or by `<pair>`."""
+    pairs = (*touching_geoms(model), *explicit_pairs(model))
+    return _named(model, pairs, tree)
 
 
 def touching_row(model: mujoco.Model, theirs: Pairs, tree: Tree, engine: str = "PhysX") -> Row:
     """Off: number of pairs of bodies that may touch in one engine alone.
 
-    A contact that only one engine has is an error, but for those that PhysX and Newton
-    cannot have: between
-    the two bodies of a joint, and where an MJCF asks for it by a `<pair>`.
+    A contact that only one engine has is an error, but for those that PhysX and Newton cannot have:
+    between the two bodies of a joint, and where an MJCF asks for it by a `<pair>`.
     """
-    names = {name: body for body, name in mujoco.body_names(tree).items()}
-    ours = _named(model, touching_geoms(model), names)
-    asked = _named(model, explicit_pairs(model), names)
+    ours = touching_in_mujoco(model, tree)
+    asked = _named(model, explicit_pairs(model), tree)
     jointed = {frozenset((joint.parent, joint.child)) for joint in tree.joints}
-    here, there = (ours | asked) - theirs, theirs - (ours | asked)
+    here, there = ours - theirs, theirs - ours
     impossible = not there and here <= jointed | asked
     return Row(
         "self_collision",
         "HIGH",
         "robot",
-        _told(ours | asked, here),
+        _told(ours, here),
         _told(theirs, there),
         float(len(here) + len(there)),
         0.0,
@@ -51,7 +61,8 @@ def touching_row(model: mujoco.Model, theirs: Pairs, tree: Tree, engine: str = "
     )
 
 
-def _named(model: mujoco.Model, pairs: Any, names: dict[str, str]) -> Pairs:  # Any: pairs of geoms
+def _named(model: mujoco.Model, pairs: Iterable[tuple[int, int]], tree: Tree) -> Pairs:
+    names = {name: body for body, name in mujoco.body_names(tree).items()}
     found: Pairs = set()
     for pair in pairs:
         bodies = [int(model.geom_bodyid[geom]) for geom in pair]
@@ -66,7 +77,3 @@ def _told(pairs: Pairs, alone: Pairs) -> str:
     more = f", and {len(listed) - SHOWN} more" if len(listed) > SHOWN else ""
     only = f" (here alone: {', '.join(sorted(listed)[:SHOWN])}{more})" if listed else ""
     return f"{len(pairs)} pairs of bodies may touch{only}"
-
-
-def _name(prim: Any) -> str:  # Any: Usd.Prim
-    return str(prim.GetMetadata("displayName") or prim.GetName())

@@ -2,20 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import ClassVar
 
 from assetbuild.alignment.check import AlignmentCheck
 from assetbuild.alignment.gap import ranges_of, told
-from assetbuild.alignment.held import physx_rows
 from assetbuild.alignment.row import Row
-from assetbuild.alignment.touching import touching_in_usd, touching_row
+from assetbuild.alignment.touching import Pairs, touching_in_usd
+from assetbuild.facts.held import Held, as_physx, physx_table
+from assetbuild.facts.readers.usd import UsdReader
+from assetbuild.facts.table import Table
 from assetbuild.findings import Finding, Rule
 from assetbuild.robot.model import Control, Tree
-from assetbuild.simulators.experiments import Experiment, Outcome
-from assetbuild.simulators.physx import ITERATIONS, Held, PhysxCheck
-from assetbuild.simulators.physx.causes import cause_of
+from assetbuild.simulators.experiments import Experiment
+from assetbuild.simulators.physx import ITERATIONS, PhysxCheck
 
 UNMEASURED = "unmeasured: docs/how-to/isaaclab.md says how to fill in that half"
 
@@ -51,20 +52,10 @@ class Alignment(AlignmentCheck, PhysxCheck):
     iterations: int = 8
     """Position iterations of PhysX's solver."""
 
-    def held_rows(self, inputs: Path, model: Any, held: Held, tree: Tree) -> Iterator[Row]:
-        """Rows of what both hold, and of what may touch. model: MuJoCo's."""
-        from pxr import Usd
-
-        stage = Usd.Stage.Open(str(inputs / "usd/scene.usda"))
-        yield touching_row(model, touching_in_usd(stage), tree)
-        yield from physx_rows(model, held, tree)
-
-    def failure(
-        self, inputs: Path, asked: Experiment, done: Outcome, tree: Tree, control: Control
-    ) -> Finding:
-        """Names the cause where the experiment stays finite without one thing."""
-        cause = cause_of(inputs / f"usd/{self.robot}.usda", asked, tree, control)
-        return failed_run(asked.name, done, cause)
+    def read(self, inputs: Path, held: Held, ours: Table, tree: Tree) -> tuple[Table, Table, Pairs]:
+        """PhysX tells what it holds; which bodies may touch stands in the USD."""
+        usd = UsdReader(robot=self.robot).read(inputs / f"usd/{self.robot}.usda")
+        return as_physx(ours), physx_table(held, tree), touching_in_usd(usd, tree)
 
     def beyond(
         self, rows: Sequence[Row], control: Control, asked: Mapping[str, Experiment]
@@ -73,14 +64,3 @@ class Alignment(AlignmentCheck, PhysxCheck):
         sine = asked["sine"].sine if "sine" in asked else None
         ranges = dict(ranges_of(rows, control, sine.frequency_hz if sine else 1.0))
         return {"randomize": ranges, "isaac_lab": UNMEASURED}, tuple(told(ranges))
-
-
-def failed_run(name: str, done: Outcome, cause: tuple[str, str] | None) -> Finding:
-    """cause: what it is and what to write, where that is known."""
-    said, hint = cause or ("", FAILED_RUN.advice)
-    return FAILED_RUN(
-        "robot",
-        f"no comparison of `{name}`: {done.failure}{f'; it is {said}' if said else ''}",
-        hint=hint,
-        data={"simulator": "physx"},
-    )

@@ -6,15 +6,16 @@ about a default of its solver.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import ClassVar
 
 from assetbuild.alignment.check import AlignmentCheck
-from assetbuild.alignment.held import Reading, newton_rows
-from assetbuild.alignment.row import Row
+from assetbuild.alignment.touching import Pairs, touching_in_mujoco
+from assetbuild.facts.held import Held, as_newton, newton_table
+from assetbuild.facts.table import Table
 from assetbuild.findings import Rule
 from assetbuild.robot.model import Tree
+from assetbuild.simulators.held_model import HeldModel
 from assetbuild.simulators.newton import NewtonCheck
 
 OFF = Rule(
@@ -37,6 +38,7 @@ class NewtonAlignment(AlignmentCheck, NewtonCheck):
     off: ClassVar[Rule] = OFF
     failed: ClassVar[Rule] = FAILED_RUN
 
-    def held_rows(self, inputs: Path, model: Any, held: Reading, tree: Tree) -> Iterator[Row]:
-        """Rows of what both hold, and of what may touch. model: MuJoCo's."""
-        return newton_rows(model, held, tree)
+    def read(self, inputs: Path, held: Held, ours: Table, tree: Tree) -> tuple[Table, Table, Pairs]:
+        """Newton's solver is MuJoCo's."""
+        pairs = touching_in_mujoco(HeldModel(held), tree)
+        return as_newton(ours), newton_table(held), pairs

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import ClassVar
 
@@ -12,7 +14,7 @@ import numpy as np
 from assetbuild.engine.step import Files
 from assetbuild.errors import StepError
 from assetbuild.facts.compare import differences, equality_findings
-from assetbuild.facts.held import PHYSX, physx_expected, physx_table
+from assetbuild.facts.held import PHYSX, Held, physx_expected, physx_table
 from assetbuild.facts.reader import Reader
 from assetbuild.facts.reference import Reference
 from assetbuild.facts.table import Table, Value
@@ -21,14 +23,14 @@ from assetbuild.kinds import write_figures
 from assetbuild.robot.initial import initial_pose
 from assetbuild.robot.model import Control, Tree
 from assetbuild.simulators import mujoco, physx
-from assetbuild.simulators.experiments import Experiment, Outcome, Setting
+from assetbuild.simulators.experiments import Experiment, Outcome, Setting, standing
 from assetbuild.simulators.mujoco import trials as mujoco_trials
 from assetbuild.simulators.physx import couplings as physx_couplings
-from assetbuild.simulators.physx.causes import cause_of, overlap_hint
 
 NO_CAUSE = (
     "no bodies lie in one another where it starts: a tiny inertia? a start outside of limits?"
 )
+PAIRS_SHOWN = 8
 
 START = Rule(
     "physx.start",
@@ -57,7 +59,6 @@ class PhysxReadback(physx.PhysxCheck):
         """Figures: what PhysX holds, joint by joint, beside the robot's."""
         robot = Reference.of_ports(files.inputs, {})
         tree, control = robot.tree, robot.control
-        main = files.inputs / f"usd/{self.robot}.usda"
         experiments = _experiments(tree, control, self.seconds)
         coupled = physx_couplings.experiments(tree, control) if self.mimics else ()
         outcomes = self.perform(files.inputs, (*experiments, *coupled))
@@ -73,15 +74,12 @@ class PhysxReadback(physx.PhysxCheck):
         write_figures(
             files,
             {
-                "articulations": held.articulations,
-                "bodies": len(held.links),
-                "dof": held.dof,
-                "shapes": held.shapes,
-                "fixed_base": held.fixed_base,
-                "mass_kg": _finite(sum(link.mass_kg for link in held.links.values())),
+                **{word: held[word] for word in ("articulations", "dof", "shapes", "fixed_base")},
+                "bodies": len(held["bodies"]),
+                "mass_kg": _finite(sum(link["mass"][0] for link in held["bodies"].values())),
                 "finite_alone": alone.finite,
                 "finite_on_floor": moved.finite,
-                "joints": {name: _shown(found.of("joint", name)) for name in held.joints},
+                "joints": {name: _shown(found.of("joint", name)) for name in held["joints"]},
             },
         )
         expected = physx_expected(robot, drive_type=self.drive_type, mimics=self.mimics)
@@ -92,8 +90,9 @@ class PhysxReadback(physx.PhysxCheck):
             outcome = outcomes[experiment.name]
             yield from _judge_motion(tree, outcome, where)
             if not outcome.finite:
-                cause = cause_of(main, experiment, tree, control)
-                yield _not_finite(where, outcome, cause, self._overlaps(files.inputs))
+                overlaps = self._overlaps(files.inputs)
+                hint = overlap_hint(overlaps) or speed_hint(tree, control)
+                yield _not_finite(where, outcome, hint, len(overlaps))
 
     def _overlaps(self, inputs: Path) -> Mapping[tuple[str, str], float]:
         """Depth (m) by pair of bodies in the initial pose, as MuJoCo sees it, where it does."""
@@ -110,8 +109,7 @@ def _experiments(tree: Tree, control: Control, seconds: float) -> tuple[Experime
     gravity, dt = control.simulation.gravity, control.simulation.timestep
     plain = Setting(dt, gravity)
     start = initial_pose(tree, control)
-    at = physx.clear_of_floor(start.base)
-    floor = Setting(dt, gravity, at=at, floor_friction=control.contact.friction[0])
+    floor = replace(standing(tree, control), drives=None)
     steps = round(seconds / dt)
     on_floor = floor if tree.base == "floating" and start.name else plain
     return (
@@ -132,38 +130,64 @@ def _shown(joint: Mapping[str, Value]) -> dict[str, float | None]:
     return {name: None if v is None else _finite(v) for name, v in numbers.items()}
 
 
-def _differing(held: physx.Held, found: Table, expected: Table) -> Iterator[Finding]:
+def _differing(held: Held, found: Table, expected: Table) -> Iterator[Finding]:
     """Everything that PhysX holds against the robot."""
-    if held.articulations != 1:
-        yield physx.ARTICULATION("robot", f"PhysX holds {held.articulations} articulations")
-    for name in held.loose:
+    if held["articulations"] != 1:
+        yield physx.ARTICULATION("robot", f"PhysX holds {held['articulations']} articulations")
+    for name in held["loose"]:
         yield physx.LOOSE_BODY(f"link {name}", "PhysX holds it outside of the articulation")
     yield from equality_findings(differences(expected, found, PHYSX), "physx", "PhysX", {})
-    for name, joint in held.joints.items():
-        low = -math.inf if joint.lower is None else joint.lower
-        high = math.inf if joint.upper is None else joint.upper
-        if not low - 1e-5 <= joint.position <= high + 1e-5:
+    for name, joint in held["joints"].items():
+        at = joint["start"]
+        low = -math.inf if joint["lower"] is None else joint["lower"]
+        high = math.inf if joint["upper"] is None else joint["upper"]
+        if not low - 1e-5 <= at <= high + 1e-5:
             yield START(
                 f"joint {name}",
-                f"starts at {joint.position:.5g} in PhysX, outside of {low:.5g}..{high:.5g}",
-                data={"position": joint.position},
+                f"starts at {at:.5g} in PhysX, outside of {low:.5g}..{high:.5g}",
+                data={"position": at},
             )
 
 
-def _not_finite(
-    where: str,
-    outcome: Outcome,
-    cause: tuple[str, str] | None,
-    overlaps: Mapping[tuple[str, str], float],
-) -> Finding:
-    said, hint = cause or ("", overlap_hint(overlaps) or NO_CAUSE)
+def _not_finite(where: str, outcome: Outcome, hint: str, overlaps: int) -> Finding:
     return physx.NOT_FINITE(
         "robot",
-        f"{where}: {outcome.failure or 'its state is not finite'}"
-        f"{f'; it is {said}' if said else ''}",
-        hint=hint,
-        data={"overlaps": len(overlaps)},
+        f"{where}: {outcome.failure or 'its state is not finite'}",
+        hint=hint or NO_CAUSE,
+        data={"overlaps": overlaps},
     )
+
+
+def overlap_hint(overlaps: Mapping[tuple[str, str], float]) -> str:
+    """The exclude to write for bodies that lie in one another at the start; "" without any.
+
+    overlaps: depth (m) by pair of bodies, the deepest first.
+    """
+    if not overlaps:
+        return ""
+    pairs = list(overlaps)[:PAIRS_SHOWN]
+    listed = ", ".join(f"[{a}, {b}]" for a, b in pairs)
+    depths = ", ".join(f"{1e3 * overlaps[pair]:.3g}" for pair in pairs)
+    more = f"; {len(overlaps) - len(pairs)} more pairs less deep" if overlaps.keys() - pairs else ""
+    return (
+        f"bodies lie in one another where it starts ({depths} mm): "
+        f"`collision.exclude.pairs: [{listed}]`{more}, or smaller shapes"
+    )
+
+
+def speed_hint(tree: Tree, control: Control) -> str:
+    """The row to write for joints that mimic others and have limits of speed of their own.
+
+    PhysX brakes such a joint and pulls it along its leader in the same step; where both weigh next
+    to nothing, the two pulls may grow without end.
+    """
+    fast = {actuator.joint for actuator in control.actuators if actuator.velocity is not None}
+    names = [j.name for j in tree.moving_joints if j.mimic is not None and j.name in fast]
+    row = f'{{joints: "{"|".join(map(re.escape, names))}", model: passive, velocity: unlimited}}'
+    return (
+        f"the speed limits of {len(names)} joints that mimic others may be it, whose leaders limit "
+        f"them already: add the row `{row}` to `actuators`"
+    ) if names else ""  # fmt: skip
 
 
 def _judge_motion(tree: Tree, outcome: Outcome, where: str) -> Iterator[Finding]:

@@ -99,33 +99,30 @@ class SmokeIsaacLab(ConsumerCheck):
             else:
                 found = list(judged(answer, robot.tree, robot.control, self.bounds, engine))
                 yield from found
-                figures[engine] = _shown(answer, found)
-                told.append(f"{name}: {_in_words(found)}")
+                figures[engine], words = summed_up(answer, found)
+                told.append(f"{name}: {words}")
         write_figures(files, figures | {"summary": f"read back: {', '.join(told)}"})
 
 
-def _in_words(found: Sequence[Finding]) -> str:
-    """How many readings differ, and what the robot did."""
-    different = sum(f.rule.startswith("equal.") for f in found)
-    did = {f.rule: f" and `{f.rule}`" for f in found if not f.rule.startswith("equal.")}
-    return f"{different} difference{'s' if different != 1 else ''}{''.join(did.values())}"
-
-
-def _shown(
+def summed_up(
     answer: Mapping[str, Any],  # Any: JSON of the script
     found: Sequence[Finding],
-) -> dict[str, object]:
+) -> tuple[dict[str, object], str]:
+    """How many readings differ and what the robot did: figures, and words."""
     table, simulator = readings_table(answer)
-    height = table.facts.get(Key("robot", "", HEIGHT))
+    different = sum(f.rule.startswith("equal.") for f in found)
+    moved = sorted({f.rule for f in found if not f.rule.startswith("equal.")})
     shown: dict[str, object] = {
         "simulator": simulator,
         "compared": len(table.facts),
-        "differences": sum(f.rule.startswith("equal.") for f in found),
-        "moved": sorted({f.rule for f in found if not f.rule.startswith("equal.")}),
+        "differences": different,
+        "moved": moved,
     }
+    height = table.facts.get(Key("robot", "", HEIGHT))
     if isinstance(height, float) and math.isfinite(height):
         shown |= {"start_m": round(answer["start_m"], 3), "height_m": round(height, 3)}
-    return shown
+    did = "".join(f" and `{rule}`" for rule in moved)
+    return shown, f"{different} difference{'s' if different != 1 else ''}{did}"
 
 
 def judged(

@@ -106,26 +106,22 @@ def judged(
     effort_factor: float = 1.0,
 ) -> Iterator[Finding]:
     """What is wrong with an answer; separate, so that it can be tried on bad ones."""
-    for rule, message in _wrong(answer, bounds, effort_factor):
-        yield rule("robot", f"mjlab: {message}")
-
-
-def _wrong(
-    answer: Mapping[str, Any],  # Any: as above
-    bounds: SmokeBounds,
-    effort_factor: float,
-) -> Iterator[tuple[Rule, str]]:
-    if not answer["finite"] or not answer["weights_finite"]:
-        what = "observations or rewards" if not answer["finite"] else "the policy's weights"
-        yield NOT_FINITE, f"{what} are not finite"
-    if answer["fell"] > bounds.fallen * answer["envs"]:
-        yield FELL, f"{answer['fell']} of {answer['envs']} robots fall under zero actions"
-    elif answer["walks"] and answer["height_m"] < bounds.low * answer["start_m"]:
-        yield SINKS, f"the root sinks from {answer['start_m']:.3f} to {answer['height_m']:.3f} m"
-    if answer["effort_share"] > effort_factor * 1.001:
-        yield EFFORT, f"a drive makes {answer['effort_share']:.2f} times its effort limit"
-    if answer["weights_moved"] <= 0.0:
-        yield WEIGHTS, "training changes no weight"
-    if answer.get("inconsistent"):
-        of = f"{answer['inconsistent']} of {answer['drawn']}"
-        yield INERTIA, f"{of} random inertias are no matter's"
+    fell, start, height = answer["fell"], answer["start_m"], answer["height_m"]
+    falls, share = fell > bounds.fallen * answer["envs"], answer["effort_share"]
+    sinks = not falls and answer["walks"] and height < bounds.low * start
+    inconsistent = answer.get("inconsistent", 0)
+    for rule, is_wrong, message in (
+        (NOT_FINITE, not answer["finite"], "observations or rewards are not finite"),
+        (NOT_FINITE, not answer["weights_finite"], "the policy's weights are not finite"),
+        (FELL, falls, f"{fell} of {answer['envs']} robots fall under zero actions"),
+        (SINKS, sinks, f"the root sinks from {start:.3f} to {height:.3f} m"),
+        (
+            EFFORT,
+            share > effort_factor * 1.001,
+            f"a drive makes {share:.2f} times its effort limit",
+        ),
+        (WEIGHTS, answer["weights_moved"] <= 0.0, "training changes no weight"),
+        (INERTIA, inconsistent > 0, f"{inconsistent} random inertias are no matter's"),
+    ):
+        if is_wrong:
+            yield rule("robot", f"mjlab: {message}")

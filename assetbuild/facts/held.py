@@ -7,7 +7,7 @@ MJCF. So one form serves the read-backs and the comparison of two simulators.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -20,6 +20,8 @@ from assetbuild.facts.derived import (
     leader_of,
     start_of,
 )
+from assetbuild.facts.mjcf_meshes import CORNERS, FACES, Meshes
+from assetbuild.facts.mjcf_model import read_model
 from assetbuild.facts.reference import (
     Reference,
     mimic_facts,
@@ -27,12 +29,15 @@ from assetbuild.facts.reference import (
     robot_table,
     surface_facts,
 )
+from assetbuild.facts.surface import Surface, measure
 from assetbuild.facts.table import Key, Table, Value, Writer
 from assetbuild.robot.model import Control, Tree
-from assetbuild.robot.pose import Pose
+from assetbuild.robot.pose import Pose, normalised_quat
 from assetbuild.robot.shapes import Shapes
-from assetbuild.simulators import physx
-from assetbuild.simulators.physx.couplings import Coupling, measurable
+from assetbuild.simulators.held_model import HeldModel
+from assetbuild.simulators.mujoco import Model
+from assetbuild.simulators.physx.couplings import measurable
+from assetbuild.simulators.stages import TURN
 
 PHYSX = Precision(
     {"number": 4e-7, "vector": 4e-7, "direction": 4e-6, "pose": 2e-6, "tensor": 2e-6},
@@ -107,6 +112,8 @@ OF_DRIVES = frozenset({"kp", "kd", "effort", "damping"})
 WEIGHT = ("mass", "centre of mass", "inertia")
 SIX = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
 """xx, yy, zz, xy, xz, yz of a matrix."""
+Held = Mapping[str, Any]
+"""What an engine's program says that it holds. Any: JSON."""
 STILL_M = 2e-6
 """A body that turns about its own origin stays within this of it."""
 
@@ -194,10 +201,10 @@ def as_newton(table: Table) -> Table:
             said |= {end: _stated(said.get(end)) for end in ("lower", "upper", "effort")}
             inside = said.get("model") in ("pd", "velocity")
             book.put("joint", name, {
-                quantity: value
-                for quantity, value in said.items()
-                if holds(NEWTON_LACKS, Key("joint", name, quantity))
-                and (inside or quantity not in OF_DRIVES)
+                key.quantity: value
+                for key, value in ((Key("joint", name, q), v) for q, v in said.items())
+                if holds(NEWTON_LACKS, key) and not key.is_foreign
+                and (inside or key.quantity not in OF_DRIVES)
             })  # fmt: skip
     return book.table()
 
@@ -241,54 +248,61 @@ def physx_expected(reference: Reference, *, drive_type: str, mimics: bool) -> Ta
 
 
 def physx_table(
-    held: physx.Held, tree: Tree, couplings: Mapping[str, Coupling] | None = None
+    held: Held, tree: Tree, couplings: Mapping[str, Mapping[str, Value]] | None = None
 ) -> Table:
     """What PhysX holds. tree: says which body hangs on which, and which has no mass."""
     book = Writer()
     book.put("robot", "", {
-        "base": "fixed" if held.fixed_base else "floating",
-        "physx:dof": float(held.dof),
+        "base": "fixed" if held["fixed_base"] else "floating",
+        "physx:dof": float(held["dof"]),
     })  # fmt: skip
-    if held.X_world_root is not None:
-        book.put("robot", "", {"base pose": pose_value(held.X_world_root)})
+    if held["root"] is not None:
+        book.put("robot", "", {"base pose": pose_value(_pose(held["root"]))})
     massless = {body.name for body in tree.bodies if body.is_massless}
-    for name, link in held.links.items():
-        book.put("body", name, _surfaces(*([s[i] for s in link.surfaces] for i in (0, 1))))
-        if link.surfaces:
-            bounces = tuple(sorted(surface[2] for surface in link.surfaces))
-            book.put("body", name, {"physx:restitution": bounces})
+    for name, link in held["bodies"].items():
+        shapes = int(link["shapes"][0])  # the columns are padded
+        rough = [
+            sorted(link.get(f"{kind} friction", [])[:shapes]) for kind in ("static", "dynamic")
+        ]
+        book.put("body", name, _surfaces(*rough))
+        if shapes:
+            book.put(
+                "body", name, {"physx:restitution": tuple(sorted(link["restitution"][:shapes]))}
+            )
         if name not in massless:
             book.put("body", name, {
-                "mass": link.mass_kg,
-                "centre of mass": tuple(map(float, link.com_m)),
-                "inertia": tuple(float(link.inertia[i, j]) for i, j in SIX),
+                "mass": link["mass"][0],
+                "centre of mass": tuple(link["centre of mass"]),
+                "inertia": tuple(link["inertia"][3 * i + j] for i, j in SIX),
             })  # fmt: skip
     for joint in tree.joints:
-        parent, child = held.links.get(joint.parent), held.links.get(joint.child)
-        if parent is None or child is None or parent.X_world_zero is None:
+        parent, child = (held["bodies"].get(name) for name in (joint.parent, joint.child))
+        if parent is None or child is None or parent["zero"] is None:
             continue
-        assert child.X_world_zero is not None  # noqa: S101 # read with the parent's
-        X_zero = parent.X_world_zero.inverse() @ child.X_world_zero
+        X_zero, X_turned = (
+            _pose(parent[when]).inverse() @ _pose(child[when]) for when in ("zero", "turned")
+        )
         book.put("body", joint.child, {"pose": pose_value(X_zero)})
-        if joint.name in held.joints and parent.X_world_turned and child.X_world_turned:
-            X_turned = parent.X_world_turned.inverse() @ child.X_world_turned
+        if joint.name in held["joints"]:
             book.put("joint", joint.name, _motion(X_zero.inverse() @ X_turned))
-    for name, row in held.joints.items():
+    for name, row in held["joints"].items():
         book.put("joint", name, _held_joint(row))
-    for name, coupling in (couplings or {}).items():
-        book.put("joint", name, {
-            "mimics": coupling.leader,
-            "mimic multiplier": coupling.multiplier,
-            "mimic offset": coupling.offset,
-        })  # fmt: skip
+    for name, facts in (couplings or {}).items():
+        book.put("joint", name, facts)
     return book.table()
 
 
+def _pose(row: Sequence[float]) -> Pose:
+    """row: xyz, and a quaternion wxyz."""
+    x, y, z, *quat = row
+    return Pose((x, y, z), normalised_quat(tuple(quat)))  # type: ignore[arg-type] # four numbers
+
+
 def _motion(X: Pose) -> dict[str, Value]:
-    """Return type, axis and anchor of a joint from X, its body's motion from 0 to `physx.TURN`."""
+    """Return type, axis and anchor of a joint from X, its body's motion from 0 to `TURN`."""
     w, *turn = X.quat if X.quat[0] >= 0.0 else (-v for v in X.quat)
     half, moved = float(np.linalg.norm(turn)), float(np.linalg.norm(X.xyz))
-    if 2.0 * math.atan2(half, w) <= physx.TURN / 2.0:
+    if 2.0 * math.atan2(half, w) <= TURN / 2.0:
         axis = tuple(float(v) / moved for v in X.xyz) if moved else None
         return {"type": "linear" if moved else "fixed", "axis": axis}
     facts: dict[str, Value] = {"type": "rotary", "axis": tuple(v / half for v in turn)}
@@ -298,22 +312,15 @@ def _motion(X: Pose) -> dict[str, Value]:
     return facts
 
 
-def _held_joint(joint: physx.HeldJoint) -> dict[str, Value]:
-    driven = joint.drive != 0.0
+def _held_joint(row: Held) -> dict[str, Value]:
+    drive = {0.0: "none", 1.0: "force", 2.0: "acceleration"}.get(row["physx:drive"], "unknown")
     return {
-        "lower": _stated(joint.lower),
-        "upper": _stated(joint.upper),
-        "kp": joint.kp,
-        "kd": joint.kd,
-        "effort": joint.effort if driven else None,
-        "velocity": joint.velocity,
-        "armature": joint.armature,
-        "friction": joint.static_friction,
-        "damping": joint.viscous_friction,
-        "start": joint.position,
-        "drive target": joint.target if driven and joint.kp else None,
-        "physx:dynamic friction": joint.dynamic_friction,
-        "physx:drive": {0.0: "none", 1.0: "force", 2.0: "acceleration"}.get(joint.drive, "unknown"),
+        **row,
+        "lower": _stated(row["lower"]),
+        "upper": _stated(row["upper"]),
+        "effort": None if drive == "none" else row["effort"],
+        "drive target": row["drive target"] if drive != "none" and row["kp"] else None,
+        "physx:drive": drive,
     }
 
 
@@ -360,34 +367,33 @@ def _surfaces_of(shapes: Shapes, control: Control) -> Iterator[tuple[str, dict[s
             yield shape.name, {word: facts[word] for word in sorted(wanted)}
 
 
-def newton_table(
-    reading: Mapping[str, Any],  # Any: JSON
-    bodies: Mapping[str, str],
-    joints: Mapping[str, str],
-    shapes: Mapping[str, str],
-    like: Table,
-) -> Table:
-    """What Newton holds of a file. bodies, joints, shapes: the robot's names by the file's.
-
-    like: what is expected; gains of drives that it does not state are left out.
-    """
+def newton_table(held: Held) -> Table:
+    """What Newton holds of a file: its solver's model, and the laws of drives outside of it."""
+    model: Model = HeldModel(held)
     book = Writer()
-    book.put("robot", "", {"newton:dof": float(reading["dof"])})
-    for kind, rows, names in (
-        ("body", reading["bodies"], bodies), ("joint", reading["joints"], joints),
-        ("shape", reading["shapes"], shapes),
-    ):  # fmt: skip
-        for name, facts in rows.items():
-            said: dict[str, Value] = {
-                q: tuple(v) if isinstance(v, list) else v for q, v in facts.items()
-            }
-            known = like.of(kind, names.get(name, name))
-            if kind == "joint" and "kp" not in known:
-                said = {q: v for q, v in said.items() if q not in OF_DRIVES}
-            if kind == "shape":
-                said = {q: v for q, v in said.items() if q in known}
-            if isinstance(leader := said.get("mimics"), str):
-                said["mimics"] = names.get(leader, leader)
-            if known:
-                book.put(kind, names.get(name, name), said)
-    return book.table()
+    read_model(model, book, meshes=NoMeshes())
+    found, table = book.table(), as_newton(book.table())
+    book = Writer()
+    book.put("robot", "", {"newton:dof": float(held["nv"])})
+    for index, name in enumerate(held["names"]["joint"]):
+        if table.of("joint", name):
+            limited = bool(model.jnt_limited[index])
+            softness = tuple(model.jnt_solref[index].tolist()) if limited else None
+            book.put("joint", name, {"newton:solreflimit": softness})
+    for name, law in held["laws"].items():
+        book.put("joint", name, {f"newton:actuator {word}": v for word, v in law.items()})
+    for name in found.names("shape"):
+        surface = {word: v for word, v in found.of("shape", name).items() if word in SURFACE}
+        book.put("shape", name, surface)
+    return table | book.table()
+
+
+class NoMeshes(Meshes):
+    """A tetrahedron in place of each mesh, which nobody compares."""
+
+    def __init__(self) -> None:
+        self._any = measure(np.reshape(CORNERS, (4, 3))[np.reshape(FACES, (4, 3))])
+
+    def of(self, _: int) -> Surface:  # type: ignore[override] # without a cache
+        """The tetrahedron."""
+        return self._any

@@ -91,6 +91,7 @@ def try_usd(file: Path) -> Iterator[Finding]:
     done = physx.perform(
         file,
         (
+            Experiment("load", air),
             Experiment("fall", air, steps=steps, every=steps),
             Experiment("floor", floor, steps=4 * steps, every=steps),
         ),
@@ -100,23 +101,23 @@ def try_usd(file: Path) -> Iterator[Finding]:
 
 
 def tried(done: Mapping[str, Outcome], air: Setting) -> Iterator[Finding]:
-    """What is wrong with a stage that PhysX dropped (`fall`, in `air`) and left on a `floor`."""
-    held = done["fall"].held
-    if held is None or held.articulations + len(held.loose) == 0:
-        why = done["fall"].failure or "it holds no body that moves"
+    """What is wrong with a stage, once it was loaded, dropped and left on a floor."""
+    held = done["load"].held
+    if held is None or held["articulations"] + len(held["loose"]) == 0:
+        why = done["load"].failure or "it holds no body that moves"
         yield physx.LOAD("robot", f"PhysX does not load it: {why}")
         return
     for name, where in (("fall", "in free fall"), ("floor", "on a floor")):
         if not done[name].finite:
             why = done[name].failure or "its state is not finite"
             yield physx.NOT_FINITE("robot", f"{where}: {why}")
-    if held.articulations != 1:
-        message = f"PhysX holds {held.articulations} articulations, not one"
+    if held["articulations"] != 1:
+        message = f"PhysX holds {held['articulations']} articulations, not one"
         yield physx.ARTICULATION("robot", message, severity="warning")
-    for body in held.loose:
+    for body in held["loose"]:
         message = "PhysX keeps it outside of every articulation"
         yield physx.LOOSE_BODY(f"link {body}", message, severity="warning")
-    if held.articulations == 1 and not held.fixed_base and done["fall"].finite:
+    if held["articulations"] == 1 and not held["fixed_base"] and done["fall"].finite:
         yield from _fell(done["fall"], air)
 
 

@@ -14,7 +14,8 @@ from pathlib import Path
 
 def main(program: Path, job: Path) -> None:
     """Import the program and ask it."""
-    sys.path.append(str(program.parent))  # last: its name hides no package
+    for folder in (program.parent, Path(__file__).parent):
+        sys.path.append(str(folder))  # last: its names hide no package
     answer = importlib.import_module(program.stem).answer
     found = answer(json.loads(job.read_text(encoding="utf-8")))
     job.with_name("answer.json").write_text(json.dumps(found), encoding="utf-8")

@@ -12,7 +12,7 @@ from types import MappingProxyType
 _KEPT = ("PATH", "LD_LIBRARY_PATH", "HOME", "TMPDIR")
 """Variables of ours that a child sees."""
 _RUNNER = Path(__file__).with_name("_answering.py")
-BEYOND_IMPORTS = ("assetbuild.simulators._answering",)
+BEYOND_IMPORTS = ("assetbuild.simulators._answering", "assetbuild.simulators._moving")
 _FIXED = {"PYTHONHASHSEED": "0", "PYTHONUTF8": "1"}
 
 

@@ -10,11 +10,9 @@ from __future__ import annotations
 import hashlib
 import json
 import os
-import re
 import shutil
 import subprocess
 import sys
-import tempfile
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -70,12 +68,13 @@ class Environment:
         """The interpreter, made when it is missing. MachineError when that fails."""
         if (python := self.python(World())) is not None:
             return python
-        say(f"making the environment of {self.name}, once: {' '.join(self.requirements)}")
+        packages = " ".join(self.requirements)
+        say(f"making the environment of {self.name}, once, in some minutes: pip install {packages}")
         half = self.folder.with_name(f"{self.folder.name}.{os.getpid()}.half")
         half.parent.mkdir(parents=True, exist_ok=True)
         try:
             _run([self._interpreter(), "-m", "venv", str(half)])
-            _install(str(half / "bin" / "python"), self.requirements, say)
+            _run([str(half / "bin" / "python"), "-m", "pip", "install", *self.requirements])
             if not self.folder.exists():
                 half.rename(self.folder)
         finally:
@@ -102,37 +101,10 @@ class Environment:
         return found
 
 
-def _install(python: str, requirements: Sequence[str], say: Callable[[str], None]) -> None:
-    """Install by pip; says what is downloaded, from 1 MB on, and when it is installed."""
-    command = [python, "-m", "pip", "install", "--progress-bar", "off", *requirements]
-    with (
-        tempfile.TemporaryFile() as errors,
-        subprocess.Popen(command, stdout=subprocess.PIPE, stderr=errors, text=True) as pip,
-    ):
-        for line in pip.stdout or ():
-            if words := pip_words(line):
-                say(f"  {words}")
-        if pip.wait():
-            errors.seek(0)
-            raise _not_made(errors.read())
-
-
-def pip_words(line: str) -> str:
-    """What a line of pip's means to those who wait; "" for the many that say nothing new."""
-    found = re.match(r"\s*Downloading (\S+) \(([\d.]+ [MG]B)\)", line)
-    if found:
-        return f"downloading {found[1].rpartition('/')[2].split('-')[0]}, {found[2]}"
-    return "installing what was downloaded" if line.startswith("Installing collected") else ""
-
-
 def _run(command: Sequence[str]) -> None:
     done = subprocess.run(command, check=False, capture_output=True)
     if done.returncode:
-        raise _not_made(done.stderr)
-
-
-def _not_made(errors: bytes) -> MachineError:
-    return MachineError(
-        f"the environment could not be made: {last_line(errors)}",
-        hint="pip needs the network; `assetbuild doctor` looks at the machine",
-    )
+        raise MachineError(
+            f"the environment could not be made: {last_line(done.stderr)}",
+            hint="pip needs the network; `assetbuild doctor` looks at the machine",
+        )

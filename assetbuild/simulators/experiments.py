@@ -18,10 +18,14 @@ from pydantic import Field
 
 from assetbuild.kinds import Check
 from assetbuild.quantities import Model, Positive
+from assetbuild.robot.initial import initial_pose
 from assetbuild.robot.mimic import with_mimics
 from assetbuild.robot.model import Actuator, Control, Joint, Tree
-from assetbuild.robot.pose import Array, Pose, Vec3
+from assetbuild.robot.pose import IDENTITY, Array, Pose, Vec3
 
+CLEARANCE_M = 1e-3
+EXTERNAL = frozenset({"ideal_pd", "dc_motor", "motor", "general"})
+"""Their law runs outside of the simulator; both engines get the same servo instead."""
 SWING_RAD = 0.3
 SWING_M = 0.05
 SHARE_OF_RANGE = 0.2
@@ -111,8 +115,10 @@ class Setting:
     hard: dry friction and coupled joints give way as little as in a textbook, in MuJoCo.
     drives: gains to write over the asset's own, by joint name; drive_type: of these, per unit of
     inertia where it is `acceleration`; other_drives: False takes all but these.
-    unhurried: joints whose limit of speed is taken. loops: False opens every loop.
+    loops: False opens every loop.
     locked: positions of joints that do not move, rad or m.
+    slippery: factor of the friction of floor and robot. solver: how Newton solves contacts, by the
+    names of its solver; a USD says nothing of it.
     """
 
     timestep: float
@@ -130,10 +136,11 @@ class Setting:
     drives: Mapping[str, Actuator] | None = None
     drive_type: Literal["force", "acceleration"] = "force"
     other_drives: bool = True
-    unhurried: tuple[str, ...] = ()
     loops: bool = True
     locked: Mapping[str, float] = field(default_factory=dict)
     gripped: Gripped | None = None
+    slippery: float = 1.0
+    solver: Mapping[str, object] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -163,6 +170,29 @@ def drop(control: Control, seconds: float) -> Experiment:
     setting = Setting(dt, control.simulation.gravity, contacts=False)
     steps = max(1, round(seconds / dt))
     return Experiment("fall", setting, steps=steps, every=steps)
+
+
+def standing(tree: Tree, control: Control) -> Setting:
+    """The initial pose on a floor, a hair above it, with servos for laws outside of the engine.
+
+    A sole that starts inside of the floor by the smallest amount is thrown out in the first step.
+    """
+    simulation, start = control.simulation, initial_pose(tree, control)
+    base = start.base or IDENTITY
+    x, y, z = base.xyz
+    return Setting(
+        simulation.timestep,
+        simulation.gravity,
+        at=Pose((x, y, z + CLEARANCE_M), base.quat),
+        keyframe=start.name,
+        floor_friction=control.contact.friction[0],
+        drives=servos(control),
+    )
+
+
+def servos(control: Control) -> dict[str, Actuator]:
+    """Drives whose law is outside of the simulator."""
+    return {a.joint: a for a in control.actuators if a.model in EXTERNAL and a.kp > 0.0}
 
 
 def swing(name: str, setting: Setting, sine: Sine, sample_s: float) -> Experiment:

@@ -15,10 +15,11 @@ import pytest
 from pxr import Usd, UsdPhysics
 from tiny import (
     TinyRobot,
-    check_inputs,
     kept_feet,
+    models,
     pendulum,
     run_step,
+    spoil_stage,
     tiny_quadruped,
     write_robot_ports,
 )
@@ -26,40 +27,29 @@ from tiny import (
 from assetbuild.alignment.held import _pulled, fact_rows, scene_rows
 from assetbuild.alignment.moved import Compared, FloorLimits, stand_rows
 from assetbuild.alignment.row import Row, findings_of
-from assetbuild.alignment.touching import touching_in_usd, touching_row
-from assetbuild.checks.alignment import OFF, Alignment, failed_run
+from assetbuild.alignment.touching import Pairs, touching_in_usd, touching_row
+from assetbuild.checks.alignment import OFF, Alignment
+from assetbuild.facts.readers.usd import UsdReader
 from assetbuild.facts.table import Key, Table, Value
 from assetbuild.findings import Finding
 from assetbuild.pipeline.recipes import whole_model
 from assetbuild.report.summary import WITHHELD, public_message
+from assetbuild.robot.model import Tree
 from assetbuild.robot.pose import Pose
 from assetbuild.simulators import mujoco
 from assetbuild.simulators.experiments import Motion, Outcome, Swing, load
 from assetbuild.simulators.free_fall import Fall
-from assetbuild.targets.mjcf import Mjcf
-from assetbuild.targets.usd import Usd as UsdTarget
 
 Spoil = Callable[[Usd.Stage], object]
 LOST = Outcome(None, None, "it lost its numbers (NaN) after 0.1 s")
-TARGETS = (
-    (Mjcf(robot="robot"), "mjcf"),
-    (UsdTarget(robot="robot"), "usd"),
-)
 needs_physx = pytest.mark.skipif(
     importlib.util.find_spec("ovphysx") is None, reason="needs the extra `physx`"
 )
 
 
-def check(robot: TinyRobot, folder: Path, spoil: Spoil | None = None) -> list[Finding]:
-    inputs = write_robot_ports(folder / "inputs", robot)
-    for target, name in TARGETS:
-        run_step(target, inputs, folder / "built")
-        (folder / "built" / name).rename(inputs / name)
-    if spoil is not None:
-        stage = Usd.Stage.Open(str(inputs / "usd/robot.usda"))
-        spoil(stage)
-        stage.Save()
-        del stage
+def check(robot: TinyRobot, folder: Path, spoil: Spoil = lambda stage: None) -> list[Finding]:
+    inputs = models(folder, robot)
+    spoil_stage(inputs / "usd/robot.usda", spoil)
     short = Swing(frequency=4.0, seconds=0.75, tolerance=0.02)
     found = run_step(Alignment(robot="robot", sine=short), inputs, folder / "out")
     return [finding for finding in found if finding.rule != "alignment.physx.gap"]
@@ -152,13 +142,6 @@ def test_mjcf_that_does_not_load_is_skipped(tmp_path: Path) -> None:
     assert "skipped" in json.loads((tmp_path / "out/figures.json").read_text())
 
 
-def test_a_run_that_went_to_infinity_is_an_error_with_its_cause_where_that_is_known() -> None:
-    plain, known = (failed_run("fall", LOST, cause) for cause in (None, ("too fast", "brake")))
-    assert (plain.rule, plain.hint) == ("alignment.physx.run", "see `physx.finite`")
-    assert plain.message == "no comparison of `fall`: it lost its numbers (NaN) after 0.1 s"
-    assert (known.message, known.hint) == (f"{plain.message}; it is too fast", "brake")
-
-
 def standing(height: float, tilt: float) -> Motion:
     """A root that ends at a height (m), tilted about y (rad)."""
     root, turn = np.zeros((2, 3)), np.zeros((2, 4))
@@ -215,31 +198,29 @@ def test_recipe_decides() -> None:
     assert Alignment.configure(one) is None
 
 
-def feet_kept(tmp_path: Path) -> tuple[TinyRobot, Path]:
-    """Both models of a quadruped whose feet are bodies of their own on the shins."""
-    robot = kept_feet()
-    inputs = write_robot_ports(tmp_path / "inputs", robot)
-    for target, name in ((Mjcf(robot="robot"), "mjcf"), (UsdTarget(robot="robot"), "usd")):
-        run_step(target, inputs, tmp_path / "built")
-        (tmp_path / "built" / name).rename(inputs / name)
-    return robot, inputs
+def in_usd(inputs: Path, tree: Tree) -> Pairs:
+    return touching_in_usd(UsdReader(robot="robot").read(inputs / "usd/robot.usda"), tree)
 
 
 @pytest.mark.parametrize("does", ["nothing", "forgets a pair", "filters one too many", "none"])
 def test_a_touch_that_one_engine_alone_has_is_an_error(tmp_path: Path, does: str) -> None:
-    robot, inputs = feet_kept(tmp_path)
-    stage = Usd.Stage.Open(str(inputs / "usd/robot.usda"))
-    filters = stage.GetRelationshipAtPath("/robot/FL_foot.physics:filteredPairs")
-    assert filters.GetTargets() == ["/robot/FL_thigh"]
-    if does == "forgets a pair":
-        filters.SetTargets([])
-    elif does == "filters one too many":
-        filters.AddTarget("/robot/FR_foot")
-    elif does == "none":
-        root = stage.GetPrimAtPath("/robot/trunk")
-        root.GetAttribute("physxArticulation:enabledSelfCollisions").Set(False)
+    robot = kept_feet()
+    inputs = models(tmp_path, robot)
+
+    def spoil(stage: Usd.Stage) -> None:
+        filters = stage.GetRelationshipAtPath("/robot/FL_foot.physics:filteredPairs")
+        assert filters.GetTargets() == ["/robot/FL_thigh"]
+        if does == "forgets a pair":
+            filters.SetTargets([])
+        elif does == "filters one too many":
+            filters.AddTarget("/robot/FR_foot")
+        elif does == "none":
+            root = stage.GetPrimAtPath("/robot/trunk")
+            root.GetAttribute("physxArticulation:enabledSelfCollisions").Set(False)
+
+    spoil_stage(inputs / "usd/robot.usda", spoil)
     model = mujoco.load(inputs / "mjcf/robot.xml").model
-    row = touching_row(model, touching_in_usd(stage), robot.tree)
+    row = touching_row(model, in_usd(inputs, robot.tree), robot.tree)
     assert row.verdict == ("ok" if does == "nothing" else "error")
     if does == "forgets a pair":
         assert "`FL_foot` and `FL_thigh`" in str(row.theirs)
@@ -254,11 +235,9 @@ def test_that_physx_has_no_contacts_of_a_joint_is_a_warning(tmp_path: Path) -> N
     control = replace(robot.control, excludes=(), keyframes=tuple(
         replace(key, base=None) for key in keys))  # fmt: skip
     bolted = replace(robot, tree=tree, links=replace(robot.links, base="fixed"), control=control)
-    inputs = check_inputs(tmp_path, bolted, UsdTarget(robot="robot"), "usd")
-    run_step(Mjcf(robot="robot"), write_robot_ports(tmp_path / "in", bolted), tmp_path / "out")
-    model = mujoco.load(tmp_path / "out/mjcf/robot.xml").model
-    stage = Usd.Stage.Open(str(inputs / "usd/robot.usda"))
-    row = touching_row(model, touching_in_usd(stage), tree)
+    inputs = models(tmp_path, bolted)
+    model = mujoco.load(inputs / "mjcf/robot.xml").model
+    row = touching_row(model, in_usd(inputs, tree), tree)
     assert (row.verdict, row.off) == ("warning", 4.0)
 
 
@@ -285,20 +264,14 @@ def test_both_scenes_stand_on_the_same_floor(tmp_path: Path, spoil: Spoil, off: 
     contacts = ((shape, contact.model_copy(update={"friction": (0.6, 0.02, 0.01)})),)
     control = replace(robot.control, contact=contact, contacts=contacts)
     arm = replace(robot, tree=slippery, control=control)
-    inputs = write_robot_ports(tmp_path / "inputs", arm)
-    for target, name in ((Mjcf(robot="robot"), "mjcf"), (UsdTarget(robot="robot"), "usd")):
-        run_step(target, inputs, tmp_path / "built")
-        (tmp_path / "built" / name).rename(inputs / name)
+    inputs = models(tmp_path, arm)
     model = mujoco.load(inputs / "mjcf/scene.xml").model
     floor = mujoco.floors(model)[0]
     assert (model.geom_friction[floor, 0], model.geom_pos[floor, 2]) == (
         0.6,
         pytest.approx(-0.7),
     )
-    stage = Usd.Stage.Open(str(inputs / "usd/scene.usda"))
-    spoil(stage)
-    stage.Save()
-    del stage
+    spoil_stage(inputs / "usd/scene.usda", spoil)
     rows = [row for row in scene_rows(inputs, "robot", model) if row.name.startswith("floor")]
     assert {row.name for row in rows} == {"floor_friction", "floor_height"}
     assert [row.name for row in rows if row.verdict == "error"] == off

@@ -11,9 +11,9 @@ from typing import Any
 import numpy as np
 import pytest
 from pxr import Usd
-from tiny import four_bar, pendulum, run_step, tiny_quadruped, write_robot_ports
+from tiny import four_bar, models, pendulum, run_step, spoil_stage, tiny_quadruped
 
-from assetbuild.alignment.asked import Asked, into_stop
+from assetbuild.alignment.asked import experiments_of, into_stop
 from assetbuild.alignment.moved import Compared, FloorLimits
 from assetbuild.alignment.row import Row, findings_of
 from assetbuild.checks.newton_alignment import OFF, NewtonAlignment
@@ -23,8 +23,6 @@ from assetbuild.robot.model import Actuator, Control, Joint, Limits
 from assetbuild.simulators import newton
 from assetbuild.simulators.experiments import Experiment, Motion, Outcome, Swing
 from assetbuild.simulators.free_fall import Fall
-from assetbuild.targets.mjcf import Mjcf
-from assetbuild.targets.usd import Usd as UsdTarget
 
 needs_newton = pytest.mark.skipif(
     newton.HOME.python(World()) is None, reason="needs `assetbuild smoke --consumer newton` once"
@@ -45,7 +43,7 @@ def past_upper(coarse: float, fine: float) -> Row:
     tree = pendulum().tree
     (joint,) = tree.moving_joints
     drive = Actuator(joint.name, "pd", kp=20.0, kd=0.2)
-    asked = Asked(tree, Control((drive,), ()), Swing()).experiments()
+    asked = experiments_of(tree, Control((drive,), ()), Swing())
     sine = asked["past_upper"].sine
     assert sine is not None and joint.limits.upper is not None
     assert sine.target(joint.name, 0.25) > joint.limits.upper > sine.middle[joint.name]
@@ -114,16 +112,11 @@ def test_joints_of_a_loop_stay_where_it_is_closed_while_others_run_into_their_li
 Spoil = Callable[[Usd.Stage], object]
 
 
-def check(folder: Path, spoil: Spoil | None = None) -> tuple[list[Finding], list[dict[str, Any]]]:
-    inputs = write_robot_ports(folder / "inputs", tiny_quadruped())
-    for target, name in ((Mjcf(robot="robot"), "mjcf"), (UsdTarget(robot="robot"), "usd")):
-        run_step(target, inputs, folder / "built")
-        (folder / "built" / name).rename(inputs / name)
-    if spoil is not None:
-        stage = Usd.Stage.Open(str(inputs / "usd/robot.usda"))
-        spoil(stage)
-        stage.Save()
-        del stage
+def check(
+    folder: Path, spoil: Spoil = lambda stage: None
+) -> tuple[list[Finding], list[dict[str, Any]]]:
+    inputs = models(folder, tiny_quadruped())
+    spoil_stage(inputs / "usd/robot.usda", spoil)
     short = Swing(frequency=4.0, seconds=0.75)
     step = NewtonAlignment(robot="robot", environment="newton", sine=short)
     found = run_step(step, inputs, folder / "out")

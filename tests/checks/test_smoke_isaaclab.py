@@ -14,7 +14,7 @@ import pytest
 from pxr import Usd
 from tiny import TinyRobot, pendulum, run_step, tiny_quadruped, write_robot_ports
 
-from assetbuild.checks.smoke_isaaclab import SmokeIsaacLab, _in_words, judged
+from assetbuild.checks.smoke_isaaclab import SmokeIsaacLab, judged, summed_up
 from assetbuild.engine.world import World
 from assetbuild.facts.reference import Assets, Reference, robot_table
 from assetbuild.findings import Finding
@@ -73,8 +73,9 @@ def test_the_robot_itself_is_no_finding(robot: TinyRobot) -> None:
 def test_the_summary_tells_readings_from_motion() -> None:
     wrong = found(tiny_quadruped(), times(("joint", KNEE, "kp"), DEGREES))
     sinks = found(tiny_quadruped(), times(("robot", "", HEIGHT), 0.5))
-    assert _in_words(wrong) == "1 difference"
-    assert _in_words(sinks) == "0 differences and `smoke.height`"
+    answer = readings(tiny_quadruped())
+    assert summed_up(answer, wrong)[1] == "1 difference"
+    assert summed_up(answer, sinks)[1] == "0 differences and `smoke.height`"
 
 
 def test_a_spring_is_the_stiffness_of_a_joint_without_a_drive() -> None:

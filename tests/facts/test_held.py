@@ -20,6 +20,7 @@ from assetbuild.facts.held import (
     as_physx,
     holds,
     newton_expected,
+    newton_table,
     physx_expected,
 )
 from assetbuild.facts.mjcf_model import read_model
@@ -29,10 +30,10 @@ from assetbuild.facts.vocabulary import VOCABULARY
 from assetbuild.report.summary import WITHHELD, public_message
 from assetbuild.robot.pose import Pose, quat_of
 from assetbuild.robot.shapes import Shapes
-from assetbuild.simulators import physx
 from assetbuild.simulators.experiments import Motion, Outcome
-from assetbuild.simulators.newton import _child as _newton_child
-from assetbuild.simulators.physx.couplings import Coupling, experiments, measurable, measured
+from assetbuild.simulators.newton._reading import KINDS, plain
+from assetbuild.simulators.physx.couplings import experiments, measurable, measured
+from assetbuild.simulators.stages import TURN
 
 LED = with_mimic(tiny_quadruped(), "FR_calf_joint", "FR_thigh_joint", -1.0, -0.8)
 
@@ -84,12 +85,12 @@ def test_mimics_are_expected_where_the_recipe_couples_them() -> None:
 
 
 def test_a_motion_shows_kind_axis_and_anchor() -> None:
-    half = physx.TURN / 2
+    half = TURN / 2
     turn = (math.cos(half), 0.0, 0.0, -math.sin(half))
     assert _motion(Pose((0.0, 0.0, 0.0), turn)) == {
         "type": "rotary", "axis": pytest.approx((0.0, 0.0, -1.0)),
     }  # fmt: skip
-    slid = _motion(Pose((0.0, -physx.TURN, 0.0)))
+    slid = _motion(Pose((0.0, -TURN, 0.0)))
     assert slid == {"type": "linear", "axis": (0.0, -1.0, 0.0)}
     about = Pose((0.1, 0.0, 0.0)) @ Pose((0.0, 0.0, 0.0), turn) @ Pose((-0.1, 0.0, 0.0))
     assert _motion(about)["anchor"] == pytest.approx((0.1, 0.0, 0.0))
@@ -109,11 +110,10 @@ def coupled(multiplier: float, offset: float) -> dict[str, Outcome]:
 
 def test_a_coupling_is_measured_as_physx_moves_it() -> None:
     found = measured(LED.tree, coupled(0.5, -1.0))["FR_calf_joint"]
-    assert found.leader == "FR_thigh_joint"
-    assert (found.multiplier, found.offset) == pytest.approx((0.5, -1.0))
+    assert found.pop("mimics") == "FR_thigh_joint"
+    assert found == pytest.approx({"mimic multiplier": 0.5, "mimic offset": -1.0})
     exact = measured(LED.tree, coupled(2.0, 1e-6))["FR_calf_joint"]
-    assert exact == Coupling("FR_thigh_joint", exact.multiplier, 0.0)
-    assert exact.multiplier == pytest.approx(2.0)
+    assert (exact["mimic multiplier"], exact["mimic offset"]) == (pytest.approx(2.0), 0.0)
 
 
 def test_a_leader_stays_where_its_follower_can_follow() -> None:
@@ -170,8 +170,11 @@ TENDON = """<mujoco><worldbody>
 def test_newton_holds_a_tendon_s_drive_at_the_joint_that_the_others_follow(
     share: float, one: str, left: tuple[float, float, float | None]
 ) -> None:
-    held = mujoco.MjModel.from_xml_string(TENDON.format(share=share, one=one))
-    drives = _newton_child.driven(held)
-    row = _newton_child.joint(held, 0, *drives.get(0, ()))
-    assert (row["kp"], row["kd"], row["effort"]) == left
-    assert set(drives) == ({0} if one == "left" else set())
+    model = mujoco.MjModel.from_xml_string(TENDON.format(share=share, one=one))
+    names = {
+        kind: [getattr(model, kind)(i).name for i in range(len(getattr(model, array)))]
+        for kind, array in KINDS.items()
+    }
+    held = plain(model) | {"opt": plain(model.opt), "names": names, "laws": {}}
+    row = newton_table(held).of("joint", "left")
+    assert (row.get("kp", 0.0), row.get("kd", 0.0), row.get("effort")) == left

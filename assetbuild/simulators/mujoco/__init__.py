@@ -343,6 +343,12 @@ def below(model: Model, top: int) -> set[int]:
     return found
 
 
+def contact_solver(model: Model) -> dict[str, object]:
+    """How a model wants contacts solved, by MuJoCo's words."""
+    cone = "elliptic" if int(model.opt.cone) else "pyramidal"
+    return {"cone": cone, "impratio": float(model.opt.impratio)}
+
+
 # --- shapes -------------------------------------------------------------------------------------
 
 

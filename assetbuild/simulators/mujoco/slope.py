@@ -31,16 +31,28 @@ FALLEN = 0.3
 
 
 @dataclass(frozen=True)
-class Creep:
-    """What a robot did on a slope.
+class Ground:
+    """What a robot is to stand on.
 
-    angle: of the slope, rad; friction: of the feet on it, lower where the robot would tip over.
-    speed: of what touches the floor, m/s, on the worse of a slope along x and one along y. On a
-    flatter slope it is scaled up with the load that friction would carry on the steep one.
+    angle: of the slope, rad; friction: of the feet on it, lower than the stated one where the robot
+    would tip over. scale: how much more of the load friction would carry on the steep slope.
     """
 
     angle: float
     friction: float
+    stated: float
+    scale: float
+
+
+@dataclass(frozen=True)
+class Creep:
+    """What a robot did on a slope.
+
+    speed: of what touches the floor, m/s, on the worse of a slope along x and one along y. On a
+    flatter slope it is scaled up with the load that friction would carry on the steep one.
+    """
+
+    ground: Ground
     speed: float
 
 
@@ -49,6 +61,21 @@ def creep(model: Model, share: float) -> Creep | str:
 
     share: of the angle of friction. Of drives: see `stand`.
     """
+    ground = ground_under(model, share)
+    if isinstance(ground, str):
+        return ground
+    model = mujoco.without(model)
+    with mujoco.caught_warnings():
+        model.geom_friction[:, 0] *= ground.friction / ground.stated
+        model.pair_friction[:, :2] *= ground.friction / ground.stated
+        speeds = [_slide(model, ground.angle, np.array(way)) for way in ((1.0, 0.0), (0.0, 1.0))]
+    if not all(map(math.isfinite, speeds)):
+        return "it falls"
+    return Creep(ground, ground.scale * max(speeds))
+
+
+def ground_under(model: Model, share: float) -> Ground | str:
+    """The slope on which friction carries a share of what it can; or why there is none."""
     if not mujoco.stands_free(model):
         return "it does not stand on a floor"
     model = mujoco.without(model)
@@ -65,18 +92,12 @@ def creep(model: Model, share: float) -> Creep | str:
         if any(_rolls(model, int(model.geom_bodyid[geom])) for _, geom in touching):
             return "it rolls"
         margin = support(model).margin_m
-        if margin is None or margin <= 0.0:
-            return "its centre of mass is not over its feet"
-        lean = math.atan2(margin, float(start.subtree_com[0][2]))
-        angle = min(share * math.atan(mu), LEAN * lean)
-        needed = math.tan(angle / share)
-        model.geom_friction[:, 0] *= needed / mu
-        model.pair_friction[:, :2] *= needed / mu
-        speeds = [_slide(model, angle, np.array(way)) for way in ((1.0, 0.0), (0.0, 1.0))]
-    if not all(map(math.isfinite, speeds)):
-        return "it falls"
+    if margin is None or margin <= 0.0:
+        return "its centre of mass is not over its feet"
+    lean = math.atan2(margin, float(start.subtree_com[0][2]))
+    angle = min(share * math.atan(mu), LEAN * lean)
     scale = math.sin(share * math.atan(mu)) / math.sin(angle)
-    return Creep(angle, needed, scale * max(speeds))
+    return Ground(angle, math.tan(angle / share), mu, scale)
 
 
 def _slide(model: Model, angle: float, down: Array) -> float:

@@ -1,220 +1,120 @@
-"""Newton reads the USD and the MJCF: runs in Newton's environment, without assetbuild.
+"""The program that runs Newton: reads the USD and the MJCF, and moves; runs without assetbuild.
 
-It loads each file, hands it to `SolverMuJoCo` (MuJoCo on the CPU), says what that holds, and steps
-it. Newton's API as of 1.8.
+MuJoCo on the CPU through `SolverMuJoCo`; see `_moving`. Newton's API as of 1.8.
 """
 
 from __future__ import annotations
 
-import math
 from typing import Any
 
-UNLIMITED = 1e6
-"""Newton's word for an effort or a range without limit, at least."""
-
-
-LAW = {
-    "kp": "kp",
-    "kd": "kd",
-    "max_effort": "maxEffort",
-    "max_motor_effort": "maxMotorEffort",
-    "saturation_effort": "saturationEffort",
-    "velocity_limit": "velocityLimit",
-}
-"""Arrays of Newton's drives and clamps, and what the USD calls them."""
+import _moving  # type: ignore[import-not-found]  # beside `_answering`
+import _reading  # type: ignore[import-not-found]  # beside this file
+import numpy as np
 
 
 def answer(job: dict[str, Any]) -> dict[str, Any]:
-    """What each file of the job gives, by kind."""
-    quiet_cpu()
-    return {kind: tried(kind, file, job) for kind, file in job["files"].items()}
-
-
-def quiet_cpu() -> None:
-    """Warp without its words, on the CPU."""
+    """Each run in turn; the answers are files."""
     import warp
 
     warp.config.quiet = True
     warp.set_device("cpu")
+    for run in job["runs"]:
+        try:
+            found = _moving.perform(World(loaded(run["stage"]), run), run)
+        except Exception as error:  # whatever Newton says is the answer
+            found = {"failure": f"{type(error).__name__}: {error}"[:400]}
+        _moving.write(job, run, found)
+    return {}
 
 
-def tried(kind: str, file: str, job: dict[str, Any]) -> dict[str, Any]:
-    """What one file gives; {"failure": ...} when Newton refuses it."""
-    try:
-        model = loaded(kind, file)
-        from newton.solvers import SolverMuJoCo
-
-        solver = SolverMuJoCo(model, use_mujoco_cpu=True)
-        held = readings(model, solver.mj_model, usd=kind == "usd")
-        return held | {"finite": stepped(model, solver, job["steps"], job["dt"])}
-    except Exception as error:  # whatever Newton says is the answer
-        return {"failure": f"{type(error).__name__}: {error}"[:400]}
-
-
-def loaded(kind: str, file: str) -> Any:
-    """The finished model."""
+def loaded(file: str) -> Any:
+    """The finished model of a USD or an MJCF."""
     import newton
     from newton.usd import SchemaResolverNewton, SchemaResolverPhysx
 
     builder = newton.ModelBuilder()
     newton.solvers.SolverMuJoCo.register_custom_attributes(builder)
-    if kind == "usd":
+    if file.endswith(".xml"):
+        builder.add_mjcf(file)
+    else:
         resolvers = [SchemaResolverNewton(), SchemaResolverPhysx()]
         builder.add_usd(file, schema_resolvers=resolvers)
-    else:
-        builder.add_mjcf(file)
     return builder.finalize()
 
 
-def readings(model: Any, held: Any, *, usd: bool) -> dict[str, Any]:
-    """Facts of bodies and joints by their own names, SI; None = unlimited, or none.
+class World:
+    """A model and where each joint of one coordinate and each body lies in Newton's arrays."""
 
-    usd: also what the USD alone says: how soft limits are, and the laws of explicit drives.
+    def __init__(self, model: Any, run: dict[str, Any]) -> None:
+        import newton
 
-    Joints are those of the solver's model: MJCF drives live in attributes of Newton that only it
-    sees.
-    """
-    names = {"_".join(label.split("/")): label.rsplit("/", 1)[-1] for label in model.joint_label}
-    names |= {name.lstrip("_"): short for name, short in names.items()}
-
-    def named(index: int) -> str:
-        name = held.joint(index).name
-        return str(names.get(name, name))
-
-    turning = [i for i in range(held.njnt) if int(held.jnt_type[i]) in (2, 3)]  # slide, hinge
-    drives = driven(held)
-    joints = {named(index): joint(held, index, *drives.get(index, ())) for index in turning}
-    for index in range(held.neq):
-        if int(held.eq_type[index]) == 2 and int(held.eq_obj2id[index]) >= 0:  # mjEQ_JOINT
-            joints[named(int(held.eq_obj1id[index]))] |= {
-                "mimics": named(int(held.eq_obj2id[index])),
-                "mimic offset": float(held.eq_data[index, 0]),
-                "mimic multiplier": float(held.eq_data[index, 1]),
-            }
-    for index in turning if usd else ():
-        row = joints[named(index)]
-        limited = row["lower"] is not None or row["upper"] is not None
-        row["newton:solreflimit"] = held.jnt_solref[index].tolist() if limited else None
-    for name, law in actuators(model).items() if usd else ():
-        joints[name] |= law
-    found = {"bodies": bodies(model), "dof": int(held.nv), "joints": joints}
-    return found | {"shapes": shapes(model, held)}
-
-
-def driven(held: Any) -> dict[int, tuple[int, float]]:
-    """By joint, its actuator and the gear by which this acts there, m or rad per m or rad.
-
-    An actuator of a fixed tendon acts on the joint that all joints of the tendon follow.
-    """
-    leaders = {
-        int(held.eq_obj1id[i]): (int(held.eq_obj2id[i]), float(held.eq_data[i, 1]))
-        for i in range(held.neq)
-        if int(held.eq_type[i]) == 2 and int(held.eq_obj2id[i]) >= 0
-    }
-    found: dict[int, tuple[int, float]] = {}
-    for index in range(held.nu):
-        moved, gear = int(held.actuator_trnid[index, 0]), float(held.actuator_gear[index, 0])
-        parts = {moved: gear}
-        if int(held.actuator_trntype[index]) == 3:  # mjTRN_TENDON
-            first, count = int(held.tendon_adr[moved]), int(held.tendon_num[moved])
-            parts = {}
-            for wrap in range(first, first + count):
-                name, share = leaders.get(int(held.wrap_objid[wrap]), (held.wrap_objid[wrap], 1.0))
-                parts[int(name)] = parts.get(int(name), 0.0) + gear * share * held.wrap_prm[wrap]
-        if len(parts) == 1:
-            found |= {name: (index, abs(float(gear))) for name, gear in parts.items()}
-    return found
-
-
-def actuators(model: Any) -> dict[str, dict[str, float | None]]:
-    """By joint, the law of its `NewtonActuator`: gains and what limits the effort, SI, rad."""
-    starts = [int(start) for start in model.joint_qd_start.numpy()]
-    names = {
-        start: label.rsplit("/", 1)[-1]
-        for start, label in zip(starts, model.joint_label, strict=False)
-    }
-    found: dict[str, dict[str, float | None]] = {}
-    for group in model.actuators:
-        parts = [group.drive, *group.clamping]
-        columns = {
-            word: getattr(part, name).numpy()
-            for part in parts
-            for name, word in LAW.items()
-            if getattr(part, name, None) is not None
+        self.model, self.run = model, run
+        apart, own = not run["contacts"], run.get("solver", {})
+        self.solver = newton.solvers.SolverMuJoCo(
+            model, use_mujoco_cpu=True, disable_contacts=apart, **own
+        )
+        self.now, self.after, self.control = model.state(), model.state(), model.control()
+        columns = ("joint_q_start", "joint_qd_start", "joint_target_q_start", "joint_type")
+        q, qd, target, kinds = (getattr(model, name).numpy() for name in columns)
+        one = (int(newton.JointType.REVOLUTE), int(newton.JointType.PRISMATIC))
+        rows = {
+            run["joints"].get(label, label): index
+            for index, label in enumerate(model.joint_label)
+            if int(kinds[index]) in one
         }
-        for row, dof in enumerate(group.indices.numpy()):
-            values = {word: float(column[row]) for word, column in columns.items()}
-            found[names[int(dof)]] = {
-                f"newton:actuator {word}": value if math.isfinite(value) else None
-                for word, value in values.items()
-            }
-    return found
+        self.positions = {name: int(q[i]) for name, i in rows.items()}
+        self.targets = {name: int(target[i]) for name, i in rows.items()}
+        self.speeds = {name: int(qd[i]) for name, i in rows.items()}
+        self.bodies = {run["bodies"].get(p, p): i for i, p in enumerate(model.body_label)}
+        self.first = {int(body): int(q[i]) for i, body in enumerate(model.joint_child.numpy())}
+        """Of each body, the place of its joint's first coordinate."""
+
+    def held(self) -> Any:
+        """The solver's model."""
+        return _reading.readings(self.model, self.solver.mj_model, self.run)
+
+    def start(self, positions: dict[str, float]) -> None:
+        """Put the joints where they begin."""
+        import newton
+
+        put(self.model.joint_q, self.positions, positions)
+        self.now = self.model.state()
+        newton.eval_fk(self.model, self.model.joint_q, self.model.joint_qd, self.now)
+
+    def command(self, targets: dict[str, float], speeds: dict[str, float]) -> None:
+        """What drives are asked for."""
+        put(self.control.joint_target_q, self.targets, targets)
+        put(self.control.joint_target_qd, self.speeds, speeds)
+
+    def push(self, table: list[float], force: list[float]) -> None:
+        """Move the table and shake the object."""
+        first = self.first[self.bodies[_moving.TABLE]]
+        places = {str(axis): first + axis for axis in range(3)}
+        put(self.now.joint_q, places, {str(axis): at for axis, at in enumerate(table)})
+        forces = self.now.body_f.numpy()
+        forces[self.bodies[_moving.OBJECT]] = [*force, 0.0, 0.0, 0.0]
+        self.now.body_f.assign(forces)
+
+    def step(self, dt: float) -> None:
+        """One step."""
+        self.solver.step(self.now, self.after, self.control, None, dt)
+        self.now, self.after = self.after, self.now
+
+    def look(self) -> Any:
+        """Where all is now."""
+        q, poses = self.now.joint_q.numpy(), self.now.body_q.numpy()[:, [0, 1, 2, 6, 3, 4, 5]]
+        mass, centres = self.model.body_mass.numpy(), self.model.body_com.numpy()
+        places = [p[:3] + _moving.turned(p[3:], c) for p, c in zip(poses, centres, strict=True)]
+        joints = {name: float(q[at]) for name, at in self.positions.items()}
+        root = poses[int(self.model.joint_child.numpy()[0])]
+        centre = mass @ np.array(places) / mass.sum()
+        return root, centre, joints, lambda name: poses[self.bodies[name]]
 
 
-def bodies(model: Any) -> dict[str, dict[str, Any]]:
-    """Mass, centre and tensor (xx, yy, zz, xy, xz, yz) about it, in the body's axes."""
-    found = {}
-    columns = (model.body_mass, model.body_com, model.body_inertia)
-    rows = zip(model.body_label, *(column.numpy() for column in columns), strict=True)
-    for label, mass, centre, tensor in rows:
-        six = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
-        found[label.rsplit("/", 1)[-1]] = {
-            "mass": float(mass),
-            "centre of mass": [float(v) for v in centre],
-            "inertia": [float(tensor[i][j]) for i, j in six],
-        }
-    return found
-
-
-def shapes(model: Any, held: Any) -> dict[str, dict[str, Any]]:
-    """The surface of each collision shape; margin and gap are Newton's, whose solver has none."""
-    margins, gaps = model.shape_margin.numpy(), model.shape_gap.numpy()
-    found = {}
-    for index in range(held.ngeom):
-        label, _, shape = held.geom(index).name.rpartition("_")  # Newton appends its number
-        if label:
-            found[label.rsplit("/", 1)[-1]] = {
-                "friction": held.geom_friction[index].tolist(),
-                "condim": float(held.geom_condim[index]),
-                "priority": float(held.geom_priority[index]),
-                "solref": held.geom_solref[index].tolist(),
-                "solimp": held.geom_solimp[index].tolist(),
-                "margin": float(margins[int(shape)]),
-                "gap": float(gaps[int(shape)]),
-            }
-    return found
-
-
-def joint(held: Any, index: int, drive: int | None = None, gear: float = 1.0) -> dict[str, Any]:
-    """One joint of the solver's model; its drive as it acts on the joint, behind the gear."""
-    dof = int(held.jnt_dofadr[index])
-    efforts = [float(held.jnt_actfrcrange[index, 1])] if held.jnt_actfrclimited[index] else []
-    if drive is not None and held.actuator_forcelimited[drive]:
-        efforts.append(gear * float(held.actuator_forcerange[drive, 1]))
-    effort = min(efforts, default=math.inf)
-    limited = bool(held.jnt_limited[index]) and abs(held.jnt_range[index]).max() < UNLIMITED
-    return {
-        "type": {2: "linear", 3: "rotary"}[int(held.jnt_type[index])],
-        "axis": [float(v) for v in held.jnt_axis[index]],
-        "lower": float(held.jnt_range[index, 0]) if limited else None,
-        "upper": float(held.jnt_range[index, 1]) if limited else None,
-        "kp": -gear * gear * float(held.actuator_biasprm[drive, 1]) if drive is not None else 0.0,
-        "kd": -gear * gear * float(held.actuator_biasprm[drive, 2]) if drive is not None else 0.0,
-        "effort": effort if effort < UNLIMITED else None,
-        "armature": float(held.dof_armature[dof]),
-        "friction": float(held.dof_frictionloss[dof]),
-        "damping": float(held.dof_damping[dof]),
-    }
-
-
-def stepped(model: Any, solver: Any, steps: int, dt: float) -> bool:
-    """Whether all coordinates are finite after some steps in the air."""
-    import newton
-    import numpy
-
-    now, after, control = model.state(), model.state(), model.control()
-    newton.eval_fk(model, model.joint_q, model.joint_qd, now)
-    for _ in range(steps):
-        solver.step(now, after, control, None, dt)
-        now, after = after, now
-    return bool(numpy.isfinite(now.joint_q.numpy()).all())
+def put(array: Any, places: dict[str, int], values: dict[str, float]) -> None:
+    """Write rad or m into one of Newton's arrays; does nothing without values."""
+    if values:
+        numbers = array.numpy()
+        for name, value in values.items():
+            numbers[places[name]] = value
+        array.assign(numbers)

@@ -1,57 +1,63 @@
 """The program that runs PhysX: one process, one job, native crashes and all.
 
 `ovphysx` brings a USD runtime of its own and may crash, hang or return NaN; so it never shares a
-process with `pxr` or with a step. The answers are files beside the job: `<run>.json` (what PhysX
-holds after loading) and `<run>.npz` (what it did). Everything here is in the units of the
-interface: degrees for joints, quaternions xyzw; `simulators.physx` makes SI.
+process with `pxr` or with a step. It takes and tells degrees and quaternions xyzw; what goes in and
+out here is SI, quaternions wxyz, by the robot's own names: see `_moving`.
 """
 
 from __future__ import annotations
 
 import gc
-import json
 import math
 import os
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from importlib.metadata import distribution
 from pathlib import Path
 from typing import Any
 
+import _moving  # type: ignore[import-not-found]  # beside `_answering`
 import numpy as np
 
-TABLE, OBJECT = "/World/table", "/World/object"
-"""As `scene` defines them."""
-Sim = Any  # ovphysx.PhysX: its types are not checked here
-Stage = Any  # ovstage.Stage: as above
+Array = Any  # numpy.ndarray
+Run = dict[str, Any]  # Any: JSON
 
-ROOT = ("isFixedBase", "dofCount", "shapeCount", "rootPosition", "rootOrientation")
-LINK = (
-    "mass",
-    "inertia",
-    "centerOfMassPosition",
-    "shapeCount",
-    "staticFriction",
-    "dynamicFriction",
-    "restitution",
-)
-Table = dict[str, dict[str, list[float]]]
+COMMANDS = ("jointPositionTarget", "jointVelocityTarget")
+UNLIMITED = 3.0e38
+"""PhysX writes the largest float32 where nothing limits."""
+LINK = {
+    "mass": "mass",
+    "inertia": "inertia",
+    "centre of mass": "centerOfMassPosition",
+    "shapes": "shapeCount",
+    "static friction": "staticFriction",
+    "dynamic friction": "dynamicFriction",
+    "restitution": "restitution",
+}
+JOINT = {
+    "start": ("jointPosition", 1, 0),
+    "drive target": ("jointPositionTarget", 1, 0),
+    "lower": ("jointLimit", 1, 0),
+    "upper": ("jointLimit", 1, 1),
+    "kp": ("jointStiffness", -1, 0),
+    "kd": ("jointDamping", -1, 0),
+    "effort": ("jointMaxForce", 0, 0),
+    "velocity": ("jointMaxVelocity", 1, 0),
+    "armature": ("jointArmature", 0, 0),
+    "friction": ("jointStaticFriction", 0, 0),
+    "physx:dynamic friction": ("jointDynamicFriction", 0, 0),
+    "damping": ("jointViscousFriction", -1, 0),
+    "physx:drive": ("jointDriveType", 0, 0),
+}
+"""Our word -> (PhysX's attribute, power of the coordinate's unit in it, place in the attribute)."""
 
 
-def answer(job: dict[str, Any]) -> dict[str, Any]:  # Any: JSON
+def answer(job: Run) -> Run:
     """Do all runs; the answers are files."""
-    sim = _start()
-    for run in job["runs"]:
-        _perform(sim, run, job["joint_numbers"], Path(job["answers"]))
-    sim.destroy()
-    return {}
-
-
-def _start() -> Sim:
-    """A CPU simulation that steps in this thread: a pool of threads crawls on a shared machine."""
     import ovstage
     from ovphysx import GlobalConfigKey, PhysX, set_global_config
 
     PhysX.set_cpu_mode(True)
+    # A pool of threads crawls on a shared machine: step in this one.
     set_global_config(GlobalConfigKey.NUM_THREADS, 0)
     sim = PhysX()
     # Newton's schema stays unregistered: its spelling of a number would hide the loss of PhysX's.
@@ -59,219 +65,201 @@ def _start() -> Sim:
     names = ("PhysxSchema", "OmniUsdPhysicsDeformableSchema")
     folders = [schemas.locate_file(f"physx_usd_schemas/{name}/resources") for name in names]
     ovstage.population.register_usd_schemas([str(folder) for folder in folders])
-    return sim
+    for run in job["runs"]:
+        _perform(sim, job, run)
+    sim.destroy()
+    return {}
 
 
-def _perform(sim: Sim, run: dict[str, Any], numbers: list[str], answers: Path) -> None:
-    # Any: JSON
-    """Load one stage, say what it holds, step it, write down where it went."""
+def _perform(sim: Any, job: Run, run: Run) -> None:  # Any: ovphysx.PhysX
+    """Load one stage; write down what PhysX holds, or where it went."""
     import ovstage
 
     stage = ovstage.Stage(run["name"])
-    ovstage.population.open_usd(
-        stage, run["stage"], ordinal=1, domains=ovstage.PopulationDomain.ALL
-    )
+    everything = ovstage.PopulationDomain.ALL
+    ovstage.population.open_usd(stage, run["stage"], ordinal=1, domains=everything)
     stage.advance_write_floor(ordinal=1).wait()
     sim.wait_task(sim.attach_ovstage(stage, read_ordinal=1))
     sim.wait_all()
-    paths = ovstage.PathDictionary(stage)
+    world = World(sim, ovstage.PathDictionary(stage), run)
     try:
-        held = _held(sim, paths, numbers)
-        text = json.dumps(held if run["steps"] else held | _places(sim, paths, run["turn"]))
-        (answers / f"{run['name']}.json").write_text(text, encoding="utf-8")
-        if run["steps"]:
-            track = _simulate(sim, paths, run)
-            np.savez(answers / f"{run['name']}.npz", **track)  # type: ignore[arg-type] # arrays only
-            if not all(np.isfinite(track[key]).all() for key in ("root", "turn", "com", "joints")):
-                # PhysX does not come back from a NaN: the next stage gets a fresh process.
-                (answers / f"{run['name']}.done").touch()
-                (answers / "answer.json").write_text("{}", encoding="utf-8")
-                os._exit(0)
+        found = _moving.perform(world, run)
+        _moving.write(job, run, found)
+        if not found.get("motion", {}).get("finite", True):
+            # PhysX does not come back from a NaN: the next stage gets a fresh process.
+            (Path(job["answers"]) / "answer.json").write_text("{}", encoding="utf-8")
+            os._exit(0)
     finally:
-        del paths
+        del world
         gc.collect()
         sim.wait_task(sim.detach_ovstage())
         stage.destroy()
-    (answers / f"{run['name']}.done").touch()
 
 
-# --- what PhysX holds -----------------------------------------------------------------------
+class World:
+    """A loaded stage. paths: ovstage.PathDictionary; run: see `simulators.physx`."""
 
+    def __init__(self, sim: Any, paths: Any, run: Run) -> None:
+        from ovphysx.types import SimObjectType
 
-def _held(sim: Sim, paths: Any, joint_numbers: list[str]) -> dict[str, Table]:
-    # Any: ovstage.PathDictionary
-    from ovphysx.types import SimObjectType
+        self.sim, self.paths, self.run = sim, paths, run
+        self.kinds = SimObjectType
+        names = run["joints"]
+        angular = {path for path, name in names.items() if name in run["angular"]}
+        self.unit = {path: math.radians(1.0) if path in angular else 1.0 for path in names}
+        """rad or m in PhysX's unit of a joint's coordinate."""
+        self.joint_paths = {name: path for path, name in names.items()}
 
-    return {
-        "articulations": _read_each(sim, paths, SimObjectType.ARTICULATION, ROOT),
-        "links": _read_each(sim, paths, SimObjectType.ARTICULATION_LINK, LINK),
-        "joints": _read_each(sim, paths, SimObjectType.ARTICULATION_JOINT, joint_numbers),
-        "loose": _read_each(sim, paths, SimObjectType.RIGID_BODY, ("mass",)),
-    }
+    # --- reading and writing ----------------------------------------------------------------
 
+    def read(self, kind: Any, attribute: str) -> dict[str, Array]:  # Any: an enumeration's member
+        """Values by path. Copied at once: a live alias keeps the simulation from closing."""
+        from ovphysx.types import ObjectScope
 
-def _places(sim: Sim, paths: Any, turn: dict[str, float]) -> dict[str, Table]:
-    # Any: as above
-    """Where each link is with every joint at 0, and with every joint at its `turn`."""
-    from ovphysx.types import SimObjectType
+        found: dict[str, Array] = {}
+        with self.sim.read_sync(kind, [attribute], scope=ObjectScope.ALL) as result:
+            for group in result.groups:
+                if group.is_delete or not group.tensors:
+                    continue
+                names = [str(name) for name in self.paths.get_path_strings(group.prim_list)]
+                arrays = [np.array(tensor.numpy(), copy=True) for tensor in group.tensors]
+                # A fixed group stacks its prims in one array, an array group has one for each.
+                rows = arrays if len(arrays) == len(names) else list(arrays[0])
+                found |= {
+                    n: np.ravel(row).astype(float) for n, row in zip(names, rows, strict=True)
+                }
+        return found
 
-    found, here = {}, _joints(sim, paths, "jointPosition")
-    turned = {path: turn.get(path, 0.0) for path in here}
-    for name, positions in (("zero", dict.fromkeys(here, 0.0)), ("turned", turned)):
-        # This moves the links; `update_articulations_kinematic` would let drives and limits pull.
-        _write_joints(sim, paths, "jointPosition", positions)
-        kind = SimObjectType.ARTICULATION_LINK
-        found[name] = _read_each(sim, paths, kind, ("position", "orientation"))
-    return found
-
-
-def _read_each(sim: Sim, paths: Any, kind: Any, attributes: Sequence[str]) -> Table:
-    # Any: as above, and ovphysx's enumeration
-    """Values by prim path and attribute; one read per attribute keeps groups and names simple."""
-    table: Table = {}
-    for attribute in attributes:
-        for path, values in _read(sim, paths, kind, attribute):
-            table.setdefault(path, {})[attribute] = values.ravel().astype(float).tolist()
-    return table
-
-
-def _read(sim: Sim, paths: Any, kind: Any, attribute: str) -> list[tuple[str, np.ndarray]]:
-    # Any: as above
-    """(path, values) per prim. Copied at once: a live alias keeps the simulation from closing."""
-    from ovphysx.types import ObjectScope
-
-    found = []
-    with sim.read_sync(kind, [attribute], scope=ObjectScope.ALL) as result:
-        for group in result.groups:
-            if group.is_delete or not group.tensors:
-                continue
-            names = [str(name) for name in paths.get_path_strings(group.prim_list)]
-            arrays = [np.array(tensor.numpy(), copy=True) for tensor in group.tensors]
-            # A fixed group stacks its prims in one array, an array group has one for each prim.
-            rows = arrays if len(arrays) == len(names) else list(arrays[0])
-            found += list(zip(names, rows, strict=True))
-    return found
-
-
-# --- what it does ---------------------------------------------------------------------------
-
-
-def _simulate(sim: Sim, paths: Any, run: dict[str, Any]) -> dict[str, np.ndarray]:
-    # Any: as above, JSON
-    """Trajectories of `run["steps"]` steps, the start included, until something is not finite."""
-    from ovphysx.types import SimObjectType
-
-    dt, drive = float(run["dt"]), run["targets"]
-    here = _joints(sim, paths, "jointPosition") | run["start"]
-    asked = _joints(sim, paths, "jointPositionTarget")
-    speeds = _joints(sim, paths, "jointVelocityTarget") if drive["speeds"] else {}
-    _write_joints(sim, paths, "jointPosition", here)
-    sim.update_articulations_kinematic()
-    times: list[float] = []
-    tracks: dict[str, list[np.ndarray]] = {"root": [], "turn": [], "com": [], "joints": []}
-    kind = SimObjectType.ARTICULATION
-    names: list[str] = []
-    course = dict(np.load(run["course"])) if run["course"] else None
-    for step in range(int(run["steps"]) + 1):
-        if step:
-            if course is not None:
-                _follow(sim, paths, course, step, asked)
-            if drive["joints"] and (drive["frequency"] or step == 1):
-                asked |= targets_at(drive, dt * step)
-                _write_joints(sim, paths, "jointPositionTarget", asked)
-                _write_joints(
-                    sim, paths, "jointVelocityTarget", speeds | speeds_at(drive, dt * step)
-                )
-            sim.step_sync(dt)
-        if step % int(run["every"]) and step != int(run["steps"]):
-            continue
-        joints = _read(sim, paths, SimObjectType.ARTICULATION_JOINT, "jointPosition")
-        names = [name for name, _ in joints]
-        positions = [values.ravel()[:1] for _, values in joints]
-        tracks["joints"].append(np.concatenate(positions) if positions else np.zeros(0))
-        for key, attribute in (
-            ("root", "rootPosition"),
-            ("turn", "rootOrientation"),
-            ("com", "centerOfMassWorld"),
-        ):
-            tracks[key].append(_read(sim, paths, kind, attribute)[0][1].ravel())
-        if course is not None:
-            tracks.setdefault("seen", []).append(_seen(sim, paths, course["watched"]))
-        times.append(dt * step)
-        if not all(np.isfinite(track[-1]).all() for track in tracks.values()):
-            break
-    out = {key: np.array(track, dtype=np.float64) for key, track in tracks.items()}
-    return out | {"time": np.array(times), "names": np.array(names, dtype=str)}
-
-
-def _follow(
-    sim: Sim, paths: Any, course: dict[str, np.ndarray], step: int, asked: dict[str, float]
-) -> None:  # Any: as above
-    """Command drives, move the table and shake the object as the course says for this step."""
-    from ovphysx.types import SimObjectType
-
-    targets = course["targets"][step].tolist()
-    asked |= dict(zip(course["drives"].tolist(), targets, strict=True))
-    _write_joints(sim, paths, "jointPositionTarget", asked)
-    for path, attribute, value in (
-        (TABLE, "kinematicTargetPosition", course["table"][step]),
-        (OBJECT, "force", course["force"][step]),
-    ):
-        with sim.write_sync(SimObjectType.RIGID_BODY, attribute, pattern=path) as writing:
+    def write(self, attribute: str, values: Mapping[str, float]) -> None:
+        """Write one value for each joint, by path; there is no mask, so it must name them all."""
+        if not values:
+            return
+        with self.sim.write_sync(self.kinds.ARTICULATION_JOINT, attribute) as writing:
             for group in writing.groups:
-                group.tensors[0].numpy()[...] = value
+                # Each group has its own order, so the names are asked of this very group.
+                names = self.paths.get_path_strings(group.prim_list)
+                for name, tensor in zip(names, group.tensors, strict=True):
+                    tensor.numpy()[...] = values[str(name)]
                 writing.commit_sync(group)
 
+    def joints(self, attribute: str) -> dict[str, float]:
+        """One number of every joint, by path, in PhysX's unit."""
+        rows = self.read(self.kinds.ARTICULATION_JOINT, attribute)
+        return {path: float(values[0]) for path, values in rows.items()}
 
-def _seen(sim: Sim, paths: Any, watched: np.ndarray) -> np.ndarray:  # Any: as above
-    """(k, 3) place of the object in the frames of links."""
-    from ovphysx.types import SimObjectType
+    def own(self, values: Mapping[str, float]) -> dict[str, float]:
+        """By path and in PhysX's unit, from our names and SI; of joints that PhysX knows."""
+        return {
+            self.joint_paths[name]: value / self.unit[self.joint_paths[name]]
+            for name, value in values.items()
+            if name in self.joint_paths
+        }
 
-    link = SimObjectType.ARTICULATION_LINK
-    places, turns = (dict(_read(sim, paths, link, key)) for key in ("position", "orientation"))
-    at = dict(_read(sim, paths, SimObjectType.RIGID_BODY, "position"))[OBJECT].ravel()
-    seen = []
-    for path in watched.tolist():
-        x, w = -turns[path].ravel()[:3], turns[path].ravel()[3]
-        offset = at - places[path].ravel()
-        half = 2.0 * np.cross(x, offset)
-        seen.append(offset + w * half + np.cross(x, half))
-    return np.array(seen)
+    def poses(self, kind: Any, place: str, turn: str) -> dict[str, list[float]]:  # Any: as above
+        """(7,) xyz and quaternion wxyz by path."""
+        places, turns = self.read(kind, place), self.read(kind, turn)
+        return {path: [*xyz, *np.roll(turns[path], 1)] for path, xyz in places.items()}
 
+    # --- what PhysX holds -------------------------------------------------------------------
 
-def _joints(sim: Sim, paths: Any, attribute: str) -> dict[str, float]:
-    # Any: as above
-    """One number of every joint, by path."""
-    from ovphysx.types import SimObjectType
+    def held(self) -> Run:
+        """Facts of roots, bodies and joints."""
+        kinds, bodies = self.kinds, self.run["bodies"]
+        roots = {
+            word: self.read(kinds.ARTICULATION, attribute)
+            for word, attribute in (
+                ("fixed", "isFixedBase"), ("dof", "dofCount"), ("shapes", "shapeCount"),
+            )
+        }  # fmt: skip
+        at = self.poses(kinds.ARTICULATION, "rootPosition", "rootOrientation")
+        links = {word: self.read(kinds.ARTICULATION_LINK, name) for word, name in LINK.items()}
+        joints = self.joint_rows()
+        zero, turned = self.places()  # moves the joints
+        loose = self.read(kinds.RIGID_BODY, "mass")
+        return {
+            "articulations": len(at),
+            "fixed_base": any(bool(row[0]) for row in list(roots["fixed"].values())[:1]),
+            "root": next(iter(at.values()), None),
+            "dof": int(sum(row[0] for row in roots["dof"].values())),
+            "shapes": int(sum(row[0] for row in roots["shapes"].values())),
+            "loose": sorted(bodies.get(path, path) for path in loose),
+            "bodies": {
+                bodies.get(path, path): {word: rows[path].tolist() for word, rows in links.items()
+                                         if path in rows}
+                | {"zero": zero.get(path), "turned": turned.get(path)}
+                for path in links["mass"]
+            },
+            "joints": joints,
+        }  # fmt: skip
 
-    rows = _read(sim, paths, SimObjectType.ARTICULATION_JOINT, attribute)
-    return {path: float(values.ravel()[0]) for path, values in rows}
+    def joint_rows(self) -> Run:
+        """Facts of joints by name, SI; None where nothing limits."""
+        attributes = {attribute for attribute, *_ in JOINT.values()}
+        rows = {a: self.read(self.kinds.ARTICULATION_JOINT, a) for a in attributes}
+        found: Run = {}
+        for path in rows["jointPosition"]:
+            one = self.unit.get(path, 1.0)
+            joint = found.setdefault(self.run["joints"].get(path, path), {})
+            for word, (attribute, power, end) in JOINT.items():
+                raw = float(rows[attribute][path][end])
+                value = raw / one if power < 0 else raw * one**power
+                joint[word] = None if abs(raw) >= UNLIMITED else value
+        return found
 
+    def places(self) -> list[dict[str, list[float]]]:
+        """Poses of the links with every joint at 0, and with every joint at `turn`."""
+        found, here = [], self.joints("jointPosition")
+        turned = self.own(dict.fromkeys(self.run["joints"].values(), float(self.run["turn"])))
+        for values in (dict.fromkeys(here, 0.0), dict.fromkeys(here, 0.0) | turned):
+            # This moves links; `update_articulations_kinematic` would let drives and limits pull.
+            self.write("jointPosition", values)
+            found.append(self.poses(self.kinds.ARTICULATION_LINK, "position", "orientation"))
+        return found
 
-def targets_at(drive: dict[str, Any], time: float) -> dict[str, float]:  # Any: JSON
-    """Position target of each driven joint: middle + amplitude sin(2 pi f t)."""
-    wave = math.sin(2.0 * math.pi * float(drive["frequency"]) * time)
-    return {path: middle + swing * wave for path, (middle, swing) in drive["joints"].items()}
+    # --- what it does -----------------------------------------------------------------------
 
+    def start(self, positions: Mapping[str, float]) -> None:
+        """Put the joints where they begin."""
+        self.write("jointPosition", self.joints("jointPosition") | self.own(positions))
+        self.asked = {word: self.joints(word) for word in COMMANDS}
+        self.sim.update_articulations_kinematic()
 
-def speeds_at(drive: dict[str, Any], time: float) -> dict[str, float]:  # Any: JSON
-    """Speed target of each joint that takes one: 2 pi f amplitude cos(2 pi f t)."""
-    omega = 2.0 * math.pi * float(drive["frequency"])
-    wave = omega * math.cos(omega * time)
-    return {path: drive["joints"][path][1] * wave for path in drive["speeds"]}
+    def command(self, *now: Mapping[str, float]) -> None:
+        """Write targets and speeds of this step, where there are any."""
+        for word, values in zip(COMMANDS, now, strict=True):
+            if values:
+                self.asked[word] |= self.own(values)
+                self.write(word, self.asked[word])
 
+    def push(self, table: Sequence[float], force: Sequence[float]) -> None:
+        """Move the table and shake the object."""
+        for path, attribute, value in (
+            (_moving.TABLE, "kinematicTargetPosition", table),
+            (_moving.OBJECT, "force", force),
+        ):
+            with self.sim.write_sync(self.kinds.RIGID_BODY, attribute, pattern=path) as writing:
+                for group in writing.groups:
+                    group.tensors[0].numpy()[...] = value
+                    writing.commit_sync(group)
 
-def _write_joints(sim: Sim, paths: Any, attribute: str, values: dict[str, float]) -> None:
-    # Any: as above
-    """Write one value for each joint; `values` must name them all: there is no mask."""
-    from ovphysx.types import SimObjectType
+    def step(self, dt: float) -> None:
+        """One step."""
+        self.sim.step_sync(dt)
 
-    if not values:
-        return
-    with sim.write_sync(SimObjectType.ARTICULATION_JOINT, attribute) as writing:
-        for group in writing.groups:
-            # Each group has its own order, so the names are asked of this very group.
-            names = paths.get_path_strings(group.prim_list)
-            for name, tensor in zip(names, group.tensors, strict=True):
-                tensor.numpy()[...] = values[str(name)]
-            writing.commit_sync(group)
+    def look(self) -> Any:
+        """Where all is now."""
+        kind, names = self.kinds.ARTICULATION, self.run["joints"]
+        root = next(iter(self.poses(kind, "rootPosition", "rootOrientation").values()))
+        centre = next(iter(self.read(kind, "centerOfMassWorld").values()))
+        joints = {
+            names.get(path, path): value * self.unit.get(path, 1.0)
+            for path, value in self.joints("jointPosition").items()
+        }
+        return root, centre, joints, self.pose
+
+    def pose(self, name: str) -> list[float]:
+        """Of a link, or of the object."""
+        if name == _moving.OBJECT:
+            return self.poses(self.kinds.RIGID_BODY, "position", "orientation")[name]
+        links = self.poses(self.kinds.ARTICULATION_LINK, "position", "orientation")
+        return next(links[path] for path, body in self.run["bodies"].items() if body == name)

@@ -9,7 +9,6 @@ thrown to infinity, and nothing is measured, which is a difference too.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -28,15 +27,6 @@ KP, KD = 2500.0, 100.0
 NAME = "coupling"
 ZERO = 5e-3
 """Share of the leader's way: a smaller offset is none."""
-
-
-@dataclass(frozen=True)
-class Coupling:
-    """q = multiplier * q(leader) + offset, rad or m."""
-
-    leader: str
-    multiplier: float
-    offset: float
 
 
 def measurable(tree: Tree) -> Mapping[str, tuple[float, float]]:
@@ -79,23 +69,28 @@ def experiments(tree: Tree, control: Control) -> tuple[Experiment, ...]:
     return (Experiment(NAME, setting, STEPS, every=5, start=start, sine=sine),)
 
 
-def measured(tree: Tree, outcomes: Mapping[str, Outcome]) -> dict[str, Coupling]:
-    """Return the coupling of each follower, measured once the solver has settled.
+def measured(tree: Tree, outcomes: Mapping[str, Outcome]) -> dict[str, dict[str, float | str]]:
+    """Facts of each follower's coupling, measured once the solver has settled.
 
-    A line that does not show is left out, and so are all after a failure.
+    q = multiplier * q(leader) + offset, rad or m. A line that does not show is left out, and so are
+    all after a failure.
     """
     done = outcomes.get(NAME)
     if done is None or done.motion is None or not done.finite:
         return {}
     half = len(done.motion.time) // 2
-    found, joints = {}, {name: track[half:] for name, track in done.motion.joints.items()}
+    found: dict[str, dict[str, float | str]] = {}
+    joints = {name: track[half:] for name, track in done.motion.joints.items()}
     for name in measurable(tree):
         leader = _leader(tree, name)
         way = float(np.ptp(joints[leader]))
         if way > NARROW * ZERO:
             multiplier, offset = (float(v) for v in np.polyfit(joints[leader], joints[name], 1))
-            offset = offset if abs(offset) > ZERO * way else 0.0
-            found[name] = Coupling(leader, multiplier, offset)
+            found[name] = {
+                "mimics": leader,
+                "mimic multiplier": multiplier,
+                "mimic offset": offset if abs(offset) > ZERO * way else 0.0,
+            }
     return found
 
 

@@ -1,4 +1,4 @@
-"""A gripper that closes on an object, lifts it and is shaken, in PhysX: as in MuJoCo.
+"""A gripper that closes on an object, lifts it and is shaken, in engines that read USD.
 
 Where the object lies and how the hand closes is what MuJoCo's model says. All but the fingers is
 locked, and the object alone is shaken.
@@ -6,15 +6,17 @@ locked, and the object alone is shaken.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
+from typing import ClassVar
 
 import numpy as np
 
+from assetbuild.engine.step import Limits
 from assetbuild.robot.pose import IDENTITY, Array, Pose, quat_of, vec3
-from assetbuild.simulators import physx
 from assetbuild.simulators.experiments import Course, Experiment, Gripped, Outcome, Setting
-from assetbuild.simulators.mujoco import Model, floats, name_of, turning
+from assetbuild.simulators.gripping import GripCheck
+from assetbuild.simulators.mujoco import Model, contact_solver, floats, name_of, turning
 from assetbuild.simulators.mujoco.grip import (
     CLOSE_S,
     FRICTION,
@@ -32,26 +34,34 @@ from assetbuild.simulators.mujoco.grip import (
     table_at,
 )
 from assetbuild.simulators.mujoco.hands import Hand, at_pose
-from assetbuild.simulators.physx.scene import root_pose
+from assetbuild.simulators.stage_world import root_pose
 
 SAMPLE_S = 0.1
 
 
-def grips(main: Path, model: Model, hand: Hand, tries: Sequence[Try], seconds: float) -> list[Grip]:
-    """How the hand of the USD `main` holds objects. model: of `with_object`.
+class StageGripping(GripCheck):
+    """Does what `grip` does in MuJoCo, whose model says where the objects lie."""
 
-    Of a side, it is seen from the body against which it moved least. seconds: wall-clock limit of
-    the whole.
-    """
-    experiments = [
-        _experiment(str(index), main, model, hand, place, mass)
-        for index, (place, mass) in enumerate(tries)
-    ]
-    done = physx.perform(main, experiments, seconds)
-    return [
-        _grip(done[experiment.name], hand, place, mass)
-        for experiment, (place, mass) in zip(experiments, tries, strict=True)
-    ]
+    usual_s = 60.0
+    needs: ClassVar[tuple[str, ...]] = ("mjcf", "usd")
+    limits: ClassVar[Limits] = Limits(wall_s=1200.0, memory_mb=16384)
+
+    def models(self, inputs: Path) -> Iterator[tuple[str, str, Path]]:
+        """The hands are those of `mjcf/<robot>.xml`."""
+        yield "usd", self.engine, inputs / f"mjcf/{self.robot}.xml"
+
+    def grips(self, inputs: Path, model: Model, hand: Hand, tries: Sequence[Try]) -> Sequence[Grip]:
+        """All in one process. Of a side, it is seen from the body against which it moved least."""
+        main = inputs / f"usd/{self.robot}.usda"
+        experiments = [
+            _experiment(str(index), main, model, hand, place, mass)
+            for index, (place, mass) in enumerate(tries)
+        ]
+        done = self.perform(inputs, experiments)
+        return [
+            _grip(done[experiment.name], hand, place, mass)
+            for experiment, (place, mass) in zip(experiments, tries, strict=True)
+        ]
 
 
 def _experiment(
@@ -86,6 +96,7 @@ def _experiment(
         "held" if floats(model) else "asset",
         locked={joint: at for joint, at in positions.items() if joint not in fingers},
         gripped=gripped,
+        solver=contact_solver(model),
     )
     targets = np.array([closing(hand, place, time) for time in times])
     course = Course(

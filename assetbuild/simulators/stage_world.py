@@ -23,6 +23,8 @@ if TYPE_CHECKING:
 ROBOT = "/World/robot"
 OBJECT, TABLE = "/World/object", "/World/table"
 FLOOR_M = 100.0
+PLAY = 1e-5
+"""rad or m, to both sides of a locked joint: MuJoCo takes no range without any."""
 
 
 @dataclass(frozen=True)
@@ -49,7 +51,7 @@ def write_world(path: Path, main: Path, setting: Setting) -> StageNames:
     _define_scene(stage, setting)
     names = _names(stage)
     if setting.floor_friction is not None:
-        _define_floor(stage, setting.floor_friction)
+        _define_floor(stage, setting.floor_friction * setting.slippery)
     if setting.base == "held":
         _hold_base(stage)
     if setting.gripped is not None:
@@ -153,7 +155,7 @@ def _make_solid(stage: Usd.Stage, prim: Usd.Prim, friction: float) -> Usd.Prim:
 
 
 def _define_object(stage: Usd.Stage, gripped: Gripped, names: StageNames) -> None:
-    """The object, whose friction holds for whatever touches it, and the table below it alone."""
+    """The object and the table below it alone; the robot gets the object's friction too."""
     from pxr import Gf, UsdGeom, UsdPhysics
 
     kind = {"cube": UsdGeom.Cube, "cylinder": UsdGeom.Cylinder, "sphere": UsdGeom.Sphere}
@@ -219,6 +221,11 @@ def _change(prim: Usd.Prim, names: StageNames, setting: Setting) -> None:
 
     if not setting.contacts and prim.HasAPI(UsdPhysics.CollisionAPI):
         UsdPhysics.CollisionAPI(prim).CreateCollisionEnabledAttr(False)
+    if prim.HasAPI(UsdPhysics.MaterialAPI):
+        surface, gripped = UsdPhysics.MaterialAPI(prim), setting.gripped
+        for attribute in (surface.GetStaticFrictionAttr(), surface.GetDynamicFrictionAttr()):
+            own = (attribute.Get() or 0.0) * setting.slippery
+            attribute.Set(gripped.friction if gripped else own)
     name = names.joints.get(str(prim.GetPath()))
     if name is None:
         if not setting.loops and prim.IsA(UsdPhysics.Joint) and _closes_loop(prim):
@@ -231,16 +238,13 @@ def _change(prim: Usd.Prim, names: StageNames, setting: Setting) -> None:
                 "friction" in spelled or spelled == "newton:damping"
             ):
                 attribute.Set(0.0)
-    taken = (() if setting.limited else (":physics:maxForce",)) + (
-        () if setting.limited and name not in setting.unhurried else (":maxJointVelocity",)
-    )
-    for attribute in prim.GetAttributes():
-        if attribute.GetName().endswith(taken):
+    for attribute in () if setting.limited else prim.GetAttributes():
+        if attribute.GetName().endswith((":physics:maxForce", ":maxJointVelocity")):
             attribute.Block()  # unwritten, it is not limited
     if name in setting.locked:
-        value = setting.locked[name]
-        shown = math.degrees(value) if name in names.angular else value
-        for end in ("lower", "upper"):
+        for end, off in (("lower", -PLAY), ("upper", PLAY)):
+            value = setting.locked[name] + off
+            shown = math.degrees(value) if name in names.angular else value
             prim.CreateAttribute(f"physics:{end}Limit", Sdf.ValueTypeNames.Float).Set(shown)
     actuator = (setting.drives or {}).get(name)
     if actuator is not None:

@@ -1,25 +1,43 @@
-"""A pincher holds in PhysX what it should; with a weak drive it drops it."""
+"""A pincher holds in PhysX and Newton what it should; with a weak drive it drops it."""
 
 from __future__ import annotations
 
 import json
-import shutil
 from dataclasses import replace
+from importlib.util import find_spec
 from pathlib import Path
 
 import pytest
-from tiny import TinyRobot, box_inertial, check_inputs, run_step
+from tiny import TinyRobot, box_inertial, models, run_step
 
+from assetbuild.checks.newton_grip import NewtonGripping
 from assetbuild.checks.physx_grip import PhysxGripping
+from assetbuild.engine.world import World
 from assetbuild.findings import Finding
 from assetbuild.robot.model import Actuator, Body, Control, Joint, Keyframe, Limits, Mimic, Tree
 from assetbuild.robot.pose import Pose
 from assetbuild.robot.shapes import Box, Shape, Shapes
 from assetbuild.simulators.gripping import GripWish
-from assetbuild.targets.mjcf import Mjcf
-from assetbuild.targets.usd import Usd
+from assetbuild.simulators.newton import HOME
+from assetbuild.simulators.stage_grip import StageGripping
 
-pytest.importorskip("ovphysx", reason="needs the extra `physx`")
+WISH = GripWish(masses=(0.2,))
+ENGINES = [
+    pytest.param(
+        PhysxGripping(robot="robot", wish=WISH),
+        marks=pytest.mark.skipif(find_spec("ovphysx") is None, reason="needs the extra `physx`"),
+    ),
+    pytest.param(
+        NewtonGripping(robot="robot", wish=WISH, environment="newton"),
+        marks=[
+            pytest.mark.slow,
+            pytest.mark.skipif(
+                HOME.python(World()) is None,
+                reason="needs `assetbuild smoke RECIPE --consumer newton` once",
+            ),
+        ],
+    ),
+]
 
 
 def pincher(effort: float) -> TinyRobot:
@@ -52,28 +70,22 @@ def pincher(effort: float) -> TinyRobot:
     return TinyRobot(tree, tree, shapes, control)
 
 
-def judged(effort: float, folder: Path) -> tuple[list[Finding], dict[str, list[dict]]]:
-    robot = pincher(effort)
-    inputs = check_inputs(folder / "usd", robot, Usd(robot="robot"), "usd")
-    mjcf = check_inputs(folder / "mjcf", robot, Mjcf(robot="robot"), "mjcf")
-    shutil.copytree(mjcf / "mjcf", inputs / "mjcf")
-    findings = run_step(
-        PhysxGripping(robot="robot", wish=GripWish(masses=(0.2,))), inputs, folder / "out"
-    )
-    return findings, json.loads((folder / "out/figures.json").read_text())
+@pytest.mark.parametrize("check", ENGINES)
+def test_a_pincher_holds_what_it_should_and_loses_it_without_strength(
+    check: StageGripping, tmp_path: Path
+) -> None:
+    def judged(effort: float, folder: Path) -> tuple[list[Finding], list[dict[str, object]]]:
+        findings = run_step(check, models(folder, pincher(effort)), folder / "out")
+        figures = json.loads((folder / "out/figures.json").read_text())
+        return findings, figures["usd"]["palm"]
 
-
-def test_a_pincher_holds_cube_cylinder_and_sphere(tmp_path: Path) -> None:
-    findings, figures = judged(40.0, tmp_path)
+    findings, rows = judged(40.0, tmp_path / "strong")
     assert findings == []
-    assert [row["shape"] for row in figures["usd"]["palm"]] == ["cube", "cylinder", "sphere"]
-    assert max(row["slip_m"] for row in figures["usd"]["palm"]) < 0.001
-
-
-def test_a_pincher_without_strength_loses_them(tmp_path: Path) -> None:
+    assert [row["shape"] for row in rows] == ["cube", "cylinder", "sphere"]
+    assert max(row["slip_m"] for row in rows) < 0.001
     # Friction 1 on two sides holds 2 N of weight by 1 N each; half of that is pressed.
-    (lost,), figures = judged(0.5, tmp_path)
-    assert lost.rule == "physx.grip"
+    (lost,), rows = judged(0.5, tmp_path / "weak")
+    assert lost.rule == check.lost.id
     assert "does not hold 3" in lost.message
     assert "a cube of 40 mm and 0.2 kg is lost" in lost.message
-    assert {row["slip_m"] for row in figures["usd"]["palm"]} == {None}
+    assert {row["slip_m"] for row in rows} == {None}

@@ -1,0 +1,127 @@
+"""Does a robot that stands stay where it is on a slope that friction holds?
+
+MuJoCo's model says how steep the slope may be, for every simulator.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import ClassVar
+
+import numpy as np
+from pydantic import Field
+
+from assetbuild.engine.step import Files
+from assetbuild.findings import Finding, Rule
+from assetbuild.kinds import write_figures
+from assetbuild.quantities import Model, Positive
+from assetbuild.robot.files import RobotFiles
+from assetbuild.robot.initial import initial_pose
+from assetbuild.robot.model import Control, Tree
+from assetbuild.simulators import mujoco
+from assetbuild.simulators.experiments import Experiment, Motion, SimulatorCheck, standing
+from assetbuild.simulators.mujoco.drives import servoed
+from assetbuild.simulators.mujoco.slope import FALLEN, SHARE, Creep, Ground, ground_under
+
+REST_S, WATCH_S = 2.0, 2.0
+"""What swings comes to rest, then it is watched."""
+WAYS = {"x": (1.0, 0.0), "y": (0.0, 1.0)}
+
+
+class SlopeWish(Model):
+    """Stand on a slope; null = do not."""
+
+    share: float = Field(SHARE, gt=0.0, lt=1.0, description="of the angle of friction")
+    speed: Positive = Field(0.001, description="m/s that the feet may slide, warning")
+
+
+class SlopeCheck(SimulatorCheck):
+    """Tilts the ground under the initial pose.
+
+    Figures by target: the slope in rad, its friction and the speed in m/s.
+    """
+
+    needs: ClassVar[tuple[str, ...]] = ("mjcf", "usd")
+    reads: ClassVar[tuple[str, ...]] = ("tree.json", "control.json")
+    sections: ClassVar[Mapping[str, str]] = {"validate.slope": "wish"}
+    creeps: ClassVar[Rule]
+
+    wish: SlopeWish = SlopeWish()
+
+    def scenes(
+        self, inputs: Path, figures: dict[str, object]
+    ) -> Iterator[tuple[str, str, mujoco.Model]]:
+        """(target, its name in sentences, MuJoCo's model of its scene)."""
+        for target, _, model in mujoco.full_and_mjx_models(inputs, "scene", figures):
+            if target == "mjcf":
+                yield "usd", self.engine, model
+
+    def creep(self, inputs: Path, model: mujoco.Model, robot: RobotFiles) -> Creep | str:
+        """How fast it slides, or why nothing can be said."""
+        tree, control = robot.tree, robot.control
+        ground = ground_under(servoed(model, control), self.wish.share)
+        if isinstance(ground, str):
+            return ground
+        asked = [
+            _experiment(name, tree, control, ground, mujoco.contact_solver(model)) for name in WAYS
+        ]
+        done = self.perform(inputs, asked)
+        speeds = [_speed(done[way].motion, np.array(down)) for way, down in WAYS.items()]
+        return Creep(ground, ground.scale * max(speeds))
+
+    def run(self, files: Files) -> Iterator[Finding]:
+        """Reads the robot and the simulator's scene."""
+        figures: dict[str, object] = {}
+        limit = self.wish.speed
+        for target, name, model in self.scenes(files.inputs, figures):
+            found = self.creep(files.inputs, model, RobotFiles(files.inputs))
+            if isinstance(found, str):
+                figures[target] = {"skipped": found}
+                continue
+            stood = math.isfinite(found.speed)
+            figures[target] = {
+                "angle_rad": found.ground.angle,
+                "friction": found.ground.friction,
+                **({"speed_m_s": found.speed} if stood else {"skipped": "it falls"}),
+            }
+            if not found.speed <= limit:
+                did = f"its feet slide at {1e3 * found.speed:.3g} mm/s" if stood else "it falls"
+                yield self.creeps(
+                    "robot",
+                    f"{name}: {did} on a slope of {self.wish.share:.2g} of the angle of friction "
+                    f"(limit {1e3 * limit:g} mm/s)",
+                    data={"speed_m_s": found.speed if stood else None, "limit_m_s": limit},
+                )
+        write_figures(files, figures, {"speed_m_s": limit})
+
+
+def _experiment(
+    way: str, tree: Tree, control: Control, ground: Ground, solver: Mapping[str, object]
+) -> Experiment:
+    setting, start = standing(tree, control), dict(initial_pose(tree, control).joints)
+    g = math.dist(setting.gravity, (0.0, 0.0, 0.0))
+    x, y = (g * math.sin(ground.angle) * part for part in WAYS[way])
+    tilted = replace(
+        setting,
+        gravity=(x, y, -g * math.cos(ground.angle)),
+        slippery=ground.friction / ground.stated,
+        solver=solver,
+    )
+    steps = round((REST_S + WATCH_S) / setting.timestep)
+    every = max(1, round(0.1 / setting.timestep))
+    return Experiment(way, tilted, steps, every, start)
+
+
+def _speed(motion: Motion | None, down: np.ndarray) -> float:
+    """Of the root down the slope, m/s; infinite where the robot fell or went to infinity."""
+    if motion is None or not motion.finite:
+        return math.inf
+    _, x, y, _ = motion.turn[-1]
+    if 1.0 - 2.0 * float(x * x + y * y) < math.cos(FALLEN):
+        return math.inf
+    first = int(np.searchsorted(motion.time, motion.time[-1] - WATCH_S))
+    slid = (motion.root[-1, :2] - motion.root[first, :2]) @ down
+    return abs(float(slid)) / float(motion.time[-1] - motion.time[first])

@@ -1,0 +1,128 @@
+"""Experiments in engines that read USD: a stage and a run for each, done in a child process.
+
+A run says in SI and by the robot's names what to do; the child answers in `<run>.json` with what
+the engine holds (a run without steps) or with where it moved.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import shutil
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+import numpy as np
+
+from assetbuild.simulators.experiments import Course, Experiment, Motion, Outcome, Sine
+from assetbuild.simulators.stage_world import StageNames, write_world
+
+TURN = 0.5
+"""rad or m; a position of joints at which their axes show."""
+Start = Callable[[dict[str, object], Path], str]
+"""Does a job in a folder; how it died, or "" when it ended well."""
+
+
+def perform_on_stages(
+    start: Start, main: Path, experiments: Sequence[Experiment], *, copied: bool = True
+) -> dict[str, Outcome]:
+    """Run experiments on the asset `main`, by name. A crash or a NaN ends only its own.
+
+    copied: with its whole folder, as the inputs of a step must be: they are links into the store,
+    and a resolver that follows them gets lost.
+    """
+    with TemporaryDirectory(prefix="stages-") as temporary:
+        folder = Path(temporary).resolve()
+        asset = main.resolve()
+        if copied:
+            shutil.copytree(main.parent, folder / "asset")
+            asset = folder / "asset" / main.name
+        runs = []
+        for experiment in experiments:
+            stage = folder / f"{experiment.name}.usda"
+            names = write_world(stage, asset, experiment.setting)
+            runs.append(_run(experiment, names, stage))
+        return answers(start, folder, runs)
+
+
+def answers(start: Start, folder: Path, runs: Sequence[Mapping[str, object]]) -> dict[str, Outcome]:
+    """What an engine makes of runs, by name; it is started again after one that ended it."""
+    waiting, failures = {str(run["name"]): run for run in runs}, dict[str, str]()
+    while waiting:
+        died = start({"answers": str(folder), "runs": list(waiting.values())}, folder)
+        left = {n: run for n, run in waiting.items() if not (folder / f"{n}.json").exists()}
+        if left and (died or len(left) == len(waiting)):
+            failures[next(iter(left))] = died or "it stopped without a word"
+            left.pop(next(iter(left)))
+        waiting = left
+    return {
+        name: Outcome(None, None, failures[name])
+        if name in failures
+        else _outcome(json.loads((folder / f"{name}.json").read_bytes()))
+        for name in (str(run["name"]) for run in runs)
+    }
+
+
+def _run(experiment: Experiment, names: StageNames, stage: Path) -> dict[str, object]:
+    dt, joints = experiment.setting.timestep, set(names.joints.values())
+    start = {name: q for name, q in (experiment.start or {}).items() if name in joints}
+    course, speeds = experiment.course, dict[str, list[float]]()
+    if course is not None:
+        targets = {name: row[1:].tolist() for name, row in course.targets.items()}
+    elif experiment.sine is not None:
+        targets, speeds = _follow(experiment.sine, dt * np.arange(1, experiment.steps + 1))
+    else:  # servos that the asset does not know have no target there: hold the start
+        servos = experiment.setting.drives or {}
+        targets = {name: [q] for name, q in start.items() if name in servos}
+    return {
+        "name": experiment.name,
+        "stage": str(stage),
+        "dt": dt,
+        "steps": experiment.steps,
+        "every": experiment.every,
+        "contacts": experiment.setting.contacts,
+        "solver": dict(experiment.setting.solver),
+        "bodies": dict(names.bodies),
+        "joints": dict(names.joints),
+        "angular": sorted(names.angular),
+        "start": start,
+        "turn": TURN,
+        "targets": {name: row for name, row in targets.items() if name in joints},
+        "speeds": {name: row for name, row in speeds.items() if name in joints},
+        "course": _course(course) if course is not None else None,
+    }
+
+
+def _follow(sine: Sine, times: np.ndarray) -> tuple[dict[str, list[float]], dict[str, list[float]]]:
+    """(positions, speeds) of joints at these times."""
+    omega = 2.0 * math.pi * sine.frequency_hz
+    wave, rate = np.sin(omega * times), omega * np.cos(omega * times)
+    places = {name: (q + sine.swing[name] * wave).tolist() for name, q in sine.middle.items()}
+    return places, {name: (sine.swing[name] * rate).tolist() for name in sorted(sine.speeds)}
+
+
+def _course(course: Course) -> dict[str, object]:
+    return {
+        "table": course.table[1:].tolist(),
+        "force": course.force[1:].tolist(),
+        "watched": list(course.watched),
+    }
+
+
+def _outcome(said: dict[str, Any]) -> Outcome:  # Any: JSON
+    held, moved, failure = said.get("held"), said.get("motion"), said.get("failure", "")
+    if moved is None:
+        return Outcome(held, None, failure)
+    root = np.array(moved["root"], dtype=float)
+    motion = Motion(
+        np.array(moved["time"]),
+        {name: np.array(row, dtype=float) for name, row in moved["joints"].items()},
+        root[:, :3],
+        root[:, 3:],
+        np.array(moved["com"], dtype=float),
+        seen=np.array(moved["seen"], dtype=float) if moved["seen"] else None,
+    )
+    lost = "" if motion.finite else f"it lost its numbers (NaN) after {motion.time[-1]:.3g} s"
+    return Outcome(held, motion, lost)
