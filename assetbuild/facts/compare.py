@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -324,7 +324,7 @@ def equality_findings(
             data["subjects"] = tuple(key.subject for key in keys)
         yield EQUAL.named(f"{form}.{slug(quantity)}")(
             keys[0].subject,
-            f"{_sentence(first, subject, model)}{_others(keys)}",
+            f"{_sentence(first, subject, model)}{so_for(key.name for key in keys)}",
             data=data
             if first.what == "value"
             else {k: data[k] for k in ("subjects",) if k in data},
@@ -344,12 +344,14 @@ def _sentence(one: Difference, subject: str, model: str) -> str:
     return f"{one.key.quantity} is {after} in {subject}, {before} in {model}"
 
 
-def _others(keys: Sequence[Key]) -> str:
-    if len(keys) == 1:
+def so_for(names: Iterable[str]) -> str:
+    """`; so for `b`, `c` and 2 more`, of names whose first is the subject."""
+    others = list(names)[1:]
+    if not others:
         return ""
-    names = ", ".join(f"`{key.name}`" for key in keys[1:NAMED])
-    rest = len(keys) - NAMED
-    return f"; so for {names}" + (f" and {rest} more" if rest > 0 else "")
+    listed = ", ".join(f"`{name}`" for name in others[: NAMED - 1])
+    rest = len(others) - (NAMED - 1)
+    return f"; so for {listed}" + (f" and {rest} more" if rest > 0 else "")
 
 
 def slug(text: str) -> str:
