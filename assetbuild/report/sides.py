@@ -18,7 +18,7 @@ from assetbuild.facts.reader import BROKEN, Reader
 from assetbuild.facts.readings import readings_table
 from assetbuild.facts.reference import Assets, Reference, robot_table
 from assetbuild.facts.table import Key, Table, Value
-from assetbuild.facts.yaml_file import leaves
+from assetbuild.facts.plain_yaml import leaves
 from assetbuild.plugins import usable_plugins
 from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.model import Control

@@ -7,22 +7,18 @@ from typing import Any
 
 from assetbuild.facts.again.row import NotParsedError
 from assetbuild.facts.again.tree import Node
+from assetbuild.facts.plain_yaml import plain_loader
 
 NAMED = 2
 """Tables below so many keys are about a thing: `links`, `trunk`."""
 
 
 def key_tree(path: Path) -> Node:
-    """Comments and layout mean nothing. An alias, of which a file can make an endless one, is
-    refused."""
+    """Comments and layout mean nothing."""
     import yaml
 
     try:
-        data = path.read_bytes()
-        for event in yaml.parse(data, yaml.SafeLoader):
-            if isinstance(event, yaml.AliasEvent):
-                raise NotParsedError("it has an alias", event.start_mark.line + 1)
-        root = yaml.compose(data, Loader=yaml.SafeLoader)
+        root = yaml.compose(path.read_bytes(), Loader=plain_loader())
         return _node(root, ()) if root else Node()
     except yaml.MarkedYAMLError as error:
         line = error.problem_mark.line + 1 if error.problem_mark else 0

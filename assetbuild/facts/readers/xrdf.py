@@ -21,7 +21,7 @@ from assetbuild.facts.reader import Proof, Reader
 from assetbuild.facts.reference import Reference, filtered_pairs
 from assetbuild.facts.table import Table, Value, Writer, pair_name
 from assetbuild.facts.vocabulary import VOCABULARY
-from assetbuild.facts.yaml_file import read_yaml
+from assetbuild.facts.plain_yaml import read_yaml
 from assetbuild.mesh.obj import read_triangles
 from assetbuild.robot.pose import Array
 from assetbuild.robot.shapes import Box, Mesh, Shape, Sphere
