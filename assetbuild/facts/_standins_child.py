@@ -99,7 +99,9 @@ class Recorded:
         return str(self._name)
 
 
-def stand_in(name: str, scope: Any = None, local: Any = None, words: Any = (), level: int = 0) -> Any:
+def stand_in(
+    name: str, scope: Any = None, local: Any = None, words: Any = (), level: int = 0
+) -> Any:
     """`__import__`: what Python itself does not have is a stand-in. Any: as Python calls it."""
     if (scope or {}).get("__name__") != MODULE:
         return IMPORT(name, scope, local, words, level)

@@ -70,7 +70,9 @@ TERMS: Mapping[str, Term] = {
         {f"mass{PARAMS}": "density"}, SCALED | {"recompute_inertia": True}
     ),
     "randomize_rigid_body_com": Term({f"com_range.{axis}": f"com {axis}" for axis in "xyz"}),
-    "randomize_actuator_gains": Term({f"stiffness{PARAMS}": "kp", f"damping{PARAMS}": "kd"}, SCALED),
+    "randomize_actuator_gains": Term(
+        {f"stiffness{PARAMS}": "kp", f"damping{PARAMS}": "kd"}, SCALED
+    ),
     "randomize_joint_parameters": Term(
         {f"{word}{PARAMS}": word for word in ("friction", "armature")}, SCALED
     ),
@@ -179,7 +181,9 @@ def _spawn(spawn: Record) -> Iterator[tuple[str, Value]]:
                 yield "self-collision" if name == TOUCHES[0] else f"{FORM}:{name}", value
 
 
-def _drive(group: Record, joint: str, generation: Generation, timestep_s: float) -> dict[str, Value]:
+def _drive(
+    group: Record, joint: str, generation: Generation, timestep_s: float
+) -> dict[str, Value]:
     """Quantities of one joint; what its group does not state the USD decides."""
     effort, (own, *others) = LIMITS[generation, class_of(group) == IMPLICIT]
     fields = FIELDS | {effort: "effort", own: "velocity"} | {o: f"{FORM}:{o}" for o in others}
