@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from assetbuild.facts.again.row import Row, groups
-from assetbuild.facts.again.tree import Node, same, tree_rows
+from assetbuild.facts.again.tree import Node, of_one_sign, same, tree_rows
 from assetbuild.facts.again.xml import xml_tree
 from assetbuild.facts.mjcf_fields import subjects
 from assetbuild.simulators.mujoco import Model
@@ -84,7 +84,7 @@ def _fields(model: Model) -> Fields:
         for kind, start in zip(model.jnt_type, model.jnt_qposadr, strict=True):
             if kind in QUATERNIONS:
                 first = int(start) + QUATERNIONS[int(kind)]
-                rows[:, first : first + 4] = _of_one_sign(rows[:, first : first + 4])
+                rows[:, first : first + 4] = of_one_sign(rows[:, first : first + 4])
         fields[field] = rows
     return fields
 
@@ -97,13 +97,9 @@ def _walk(value: Any, path: str) -> Iterator[tuple[str, Any]]:  # Any: a structu
         found = getattr(value, name)
         if isinstance(found, np.ndarray | int | float):
             array = np.array(found)
-            yield f"{path}{name}", _of_one_sign(array) if name.endswith("quat") else array
+            yield f"{path}{name}", of_one_sign(array) if name.endswith("quat") else array
         elif not callable(found) and not isinstance(found, str | bytes):
             yield from _walk(found, f"{path}{name}.")
-
-
-def _of_one_sign(quats: Any) -> Any:  # Any: (..., 4) arrays
-    return np.where(quats[..., :1] < 0.0, -quats, quats)
 
 
 def _tree(model: Model, fields: Fields, wanted: Sequence[str]) -> Node:

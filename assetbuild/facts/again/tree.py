@@ -9,6 +9,7 @@ import numpy as np
 
 from assetbuild.facts.again.row import LONGEST, Row
 from assetbuild.facts.table import Value
+from assetbuild.robot.pose import Array
 
 DOUBLE, SINGLE, ZERO = 1e-9, 2e-7, 1e-14
 """Relative tolerance of numbers and of those stored in fewer than 8 bytes; absolute beside zero."""
@@ -136,6 +137,15 @@ def _same_words(one: Words, other: Words) -> bool:
 def _is_numeric(value: object) -> bool:
     types = np.ndarray | np.generic | int | float | tuple
     return isinstance(value, types) and not isinstance(value, bool)
+
+
+def of_one_sign(quats: Array) -> Array:
+    """(..., 4) quaternions, each with its first part that is not 0 positive; -q turns like q."""
+    if not quats.size:
+        return quats
+    first = np.argmax(quats != 0.0, axis=-1)[..., None]
+    signs = np.where(np.take_along_axis(quats, first, -1) < 0.0, -1.0, 1.0)
+    return np.asarray(quats * signs.astype(quats.dtype))
 
 
 def quoted(value: object) -> Value:

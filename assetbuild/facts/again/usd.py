@@ -14,7 +14,7 @@ import numpy as np
 from pxr import Gf, Sdf, Tf, Usd, UsdUtils
 
 from assetbuild.facts.again.row import LONGEST, NotParsedError, Row, groups
-from assetbuild.facts.again.tree import Node, same, tree_rows
+from assetbuild.facts.again.tree import Node, of_one_sign, same, tree_rows
 from assetbuild.facts.again.usda_lines import usda_lines
 
 QUATERNIONS = (Gf.Quatd, Gf.Quatf, Gf.Quath)
@@ -121,8 +121,7 @@ def _plain(value: object) -> Node:
     if isinstance(value, Sdf.AssetPath):
         return Node(str(value.path))
     if isinstance(value, QUATERNIONS):
-        numbers = np.array((value.real, *value.imaginary), _type_of(value))
-        return Node(-numbers if numbers[0] < 0.0 else numbers)
+        return Node(of_one_sign(np.array((value.real, *value.imaginary), _type_of(value))))
     if value is None or isinstance(value, bool | str | int | float):
         return Node(value)
     if type(value).__name__.endswith("Array"):
