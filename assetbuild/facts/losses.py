@@ -51,8 +51,8 @@ def losses(
     quantities: dict[str, dict[str, None]] = {}
     for kind, name, quantity in lost:
         # `home/FR_hip_joint` is part of the keyframe `home`.
-        own = name.partition("/")[0] if kind == "keyframe" else name
-        names.setdefault(kind, {})[own] = None
+        subject = name.partition("/")[0] if kind == "keyframe" else name
+        names.setdefault(kind, {})[subject] = None
         quantities.setdefault(kind, {})[quantity] = None
     told = []
     for kind, own in names.items():

@@ -87,9 +87,9 @@ def _rows(again: Node, there: Node, place: _Place) -> Iterator[Row]:
         elif other is not None:
             yield part.row(None, _summary(other), other.line, _absence(other, "extra"))
     if again.ordered and again.parts.keys() == there.parts.keys():
-        orders = [", ".join(node.parts) for node in (again, there)]
-        if orders[0] != orders[1]:
-            yield place.row(*orders, there.line, "order")
+        before, after = (", ".join(node.parts) for node in (again, there))
+        if before != after:
+            yield place.row(before, after, there.line, "order")
 
 
 def _absence(node: Node, what: str) -> str:
@@ -135,7 +135,7 @@ def _same_words(one: Words, other: Words) -> bool:
 
 
 def _is_numeric(value: object) -> bool:
-    types = np.ndarray | np.generic | int | float | tuple
+    types = (np.ndarray, np.generic, int, float, tuple)
     return isinstance(value, types) and not isinstance(value, bool)
 
 
