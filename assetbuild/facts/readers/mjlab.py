@@ -152,7 +152,8 @@ def _table(record: Record, bodies: Names, joints: Names, file: str) -> Table:
             book.put("joint", joint, _drive(drive, record["TIMESTEP"]))
             book.place("joint", joint, f"{file}:{drive[LINE]}")
     for there, own in joints.items():
-        book.put("joint", own, {f"{FORM}:action scale": number_of(scale, there)})
+        if (number := number_of(scale, there)) is not None:
+            book.put("joint", own, {f"{FORM}:action scale": number})
     put_terms(_with_densities(terms), TERMS, bodies, joints, book, groups)
     return book.plain_table()
 

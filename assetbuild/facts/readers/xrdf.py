@@ -136,9 +136,11 @@ def _joints(
     yield from ((name, {"xrdf:place": float(place)}) for place, name in enumerate(planned))
     for word in LIMITS:
         table = said[word] if isinstance(said[word], Mapping) else {".*": said[word]}
-        limits = {name: first_match(table, name) for name in planned}
-        if None not in limits.values():
-            yield from ((name, {f"xrdf:{word}": float(v)}) for name, v in limits.items())
+        limits = [first_match(table, name) for name in planned]
+        numbers = [float(limit) for limit in limits if limit is not None]
+        if len(numbers) == len(planned):
+            for name, number in zip(planned, numbers, strict=True):
+                yield name, {f"xrdf:{word}": number}
 
 
 def _within(stated: Value, shapes: list[Shape], reference: Reference) -> Value:
