@@ -56,18 +56,23 @@ def _run(job: Record) -> bytes:
     """What the child said; it may say whatever it likes, so not all is read."""
     home = str(Path(assetbuild.__file__).parent.parent)
     command = [sys.executable, "-I", "-S", "-c", PROGRAM, home]
-    pipes: Record = {"stdout": subprocess.PIPE, "stderr": subprocess.DEVNULL}
     with (
         tempfile.TemporaryDirectory(prefix="assetbuild-module-") as folder,
         tempfile.TemporaryFile() as asked,
     ):
         asked.write(json.dumps(job).encode())
         asked.seek(0)
-        variables = _bare_environment()
-        with subprocess.Popen(command, stdin=asked, env=variables, cwd=folder, **pipes) as child:
+        with subprocess.Popen(
+            command,
+            stdin=asked,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.DEVNULL,
+            env=_bare_environment(),
+            cwd=folder,
+        ) as child:
             timer = threading.Timer(SECONDS, child.kill)
             timer.start()
-            said: bytes = child.stdout.read(MOST_BYTES)
+            said = child.stdout.read(MOST_BYTES) if child.stdout else b""
             timer.cancel()
             child.kill()
     return said

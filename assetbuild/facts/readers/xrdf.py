@@ -132,8 +132,10 @@ def _joints(
     pose = dict(start_of(reference.tree, reference.control).joints)
     driven = {row.joint for row in reference.control.actuators if row.model != "passive"}
     planned = [name for name in leading if name in driven and re.fullmatch(said["joints"], name)]
-    yield from ((name, {"xrdf:default": pose[name]}) for name in leading)
-    yield from ((name, {"xrdf:place": float(place)}) for place, name in enumerate(planned))
+    for name in leading:
+        yield name, {"xrdf:default": pose[name]}
+    for place, name in enumerate(planned):
+        yield name, {"xrdf:place": float(place)}
     for word in LIMITS:
         table = said[word] if isinstance(said[word], Mapping) else {".*": said[word]}
         limits = [first_match(table, name) for name in planned]
