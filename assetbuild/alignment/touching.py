@@ -9,7 +9,7 @@ from assetbuild.alignment.row import Row
 from assetbuild.facts.table import Key, Table, pair_name
 from assetbuild.robot.model import Tree
 from assetbuild.simulators import mujoco
-from assetbuild.simulators.mujoco.pairs import explicit_pairs
+from assetbuild.simulators.mujoco.pairs import explicit_pairs, touching_geoms
 
 SHOWN = 3
 Pairs = set[frozenset[str]]

@@ -7,14 +7,14 @@ comes as JSON on the standard input, the record goes to the standard output.
 
 from __future__ import annotations
 
-import importlib.machinery
+import builtins
 import json
 import os
 import pathlib  # noqa: F401 - our modules import it after the rights are gone
 import resource
 import sys
 import types
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 from assetbuild.engine.confine import confine
@@ -27,6 +27,10 @@ PYTHON = os.path.dirname(os.__file__)  # noqa: PTH120 - strings
 CLASS, ARGUMENTS, LINE = "()", "*", "@"
 """Keys of a recorded call beside its keyword arguments."""
 LISTING = ("os.listdir", "os.scandir")
+MODULE = "module"
+IMPORT = builtins.__import__
+IMPORTED: list[str] = []
+"""What the module imports beyond Python itself."""
 REFUSED = (
     "os.", "shutil.", "socket.", "subprocess.", "ctypes.", "tempfile.", "pty.", "mmap.", "fcntl.",
     "signal.", "webbrowser.", "urllib.",
@@ -95,35 +99,17 @@ class Recorded:
         return str(self._name)
 
 
-class StandIns:
-    """Finds and loads every module that Python itself does not have.
-
-    Not of `importlib.abc`, whose import takes longer than the module that is to be executed.
-    """
-
-    def find_spec(
-        self, name: str, path: object, target: object = None
-    ) -> importlib.machinery.ModuleSpec:
-        """A package, so that anything may be imported from below it."""
-        return importlib.machinery.ModuleSpec(name, self, is_package=True)  # type: ignore[arg-type] # it loads, too
-
-    def create_module(self, spec: importlib.machinery.ModuleSpec) -> types.ModuleType:
-        """An empty module whose names are all stand-ins."""
-        module = types.ModuleType(spec.name)
-        module.__getattr__ = _names_of(spec.name)  # type: ignore[method-assign] # PEP 562
-        return module
-
-    def exec_module(self, module: types.ModuleType) -> None:
-        """Nothing to execute."""
-
-
-def _names_of(module: str) -> Callable[[str], Recorded]:
-    def named(name: str) -> Recorded:
-        if name.startswith("__"):
-            raise AttributeError(name)
-        return Recorded(f"{module}.{name}")
-
-    return named
+def stand_in(
+    name: str, scope: Any = None, local: Any = None, words: Any = (), level: int = 0
+) -> Any:
+    """`__import__`: what Python itself does not have is a stand-in. Any: as Python calls it."""
+    if (scope or {}).get("__name__") != MODULE:
+        return IMPORT(name, scope, local, words, level)
+    try:
+        return IMPORT(name, scope, local, words, level)
+    except ModuleNotFoundError:
+        IMPORTED.append(name)
+        return Recorded(name if words else name.partition(".")[0])
 
 
 def guard(event: str, arguments: tuple[Any, ...]) -> None:  # Any: the event's own
@@ -146,7 +132,7 @@ def main() -> None:
     resource.setrlimit(resource.RLIMIT_AS, (MEMORY_BYTES, MEMORY_BYTES))
     resource.setrlimit(resource.RLIMIT_CPU, (CPU_S, CPU_S))
     sys.path[:] = [path for path in sys.path if path.startswith(PYTHON)]
-    sys.meta_path.append(StandIns())
+    builtins.__import__ = stand_in  # type: ignore[assignment] # it returns stand-ins, too
     confine([PYTHON])
     sys.addaudithook(guard)
     data = json.dumps(_answer(job["name"], job["text"], job["calls"])).encode()
@@ -164,13 +150,11 @@ def _answer(name: str, text: str, calls: Sequence[str]) -> dict[str, object]:
 
 def _record(file: str, text: str, calls: Sequence[str]) -> dict[str, object]:
     """Constants by name, `name()` -> what its function returns, `imports` -> modules."""
-    before = set(sys.modules)
-    known: dict[str, Any] = {"__name__": "module", "__file__": file, "__package__": "module"}
+    known: dict[str, Any] = {"__name__": MODULE, "__file__": file, "__package__": MODULE}
     exec(compile(text, file, "exec", dont_inherit=True), known)  # noqa: S102 - that is the job
     called = {f"{call}()": known[call]() for call in calls if call in known}
     kept = {name: value for name, value in known.items() if _is_constant(name, value)}
-    imported = sorted(set(sys.modules) - before)
-    record: dict[str, object] = plain({**kept, **called, "imports": imported})
+    record: dict[str, object] = plain({**kept, **called, "imports": sorted(set(IMPORTED))})
     json.dumps(record)
     return record
 
@@ -180,7 +164,7 @@ def _is_constant(name: str, value: object) -> bool:
     if isinstance(value, Recorded):
         return bool(value._line)
     if isinstance(value, type):
-        return value.__module__ == "module"
+        return value.__module__ == MODULE
     return not (name.startswith("__") or isinstance(value, types.ModuleType | types.FunctionType))
 
 

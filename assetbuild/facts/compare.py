@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -144,16 +144,11 @@ class Difference:
 
     @property
     def rank(self) -> Rank:
-        """How much it matters."""
-        if self.what != "value":
-            return max_rank(self.key.kind)
-        return self.quantity.rank if self.quantity else "MEDIUM"
-
-
-def max_rank(kind: str) -> Rank:
-    """The worst that a difference of such a subject can be."""
-    ranks = [quantity.rank for (of, _), quantity in VOCABULARY.items() if of == kind]
-    return min(ranks, key=RANKS.index, default="MEDIUM")
+        """How much it matters; of a whole subject the worst that its quantities can be."""
+        if self.what == "value":
+            return self.quantity.rank if self.quantity else "MEDIUM"
+        ranks = [row.rank for row in VOCABULARY.values() if row.kind == self.key.kind]
+        return min(ranks, key=RANKS.index, default="MEDIUM")
 
 
 def differences(before: Table, after: Table, precision: Precision) -> list[Difference]:
@@ -285,21 +280,13 @@ def _size(table: Table, key: Key, power: int) -> float:
 # --- findings -------------------------------------------------------------------------------
 
 
-@dataclass(frozen=True)
-class Group:
-    """Equal differences of several subjects."""
-
-    keys: tuple[Key, ...]
-    one: Difference
-
-
-def group(found: Sequence[Difference]) -> list[Group]:
+def _groups(found: Sequence[Difference]) -> list[list[Difference]]:
     """Differences of one quantity between the same two values, together; worst first."""
     groups: dict[tuple[object, ...], list[Difference]] = {}
     for item in found:
         same = (item.what, item.key.kind, item.key.quantity, item.before, item.after)
         groups.setdefault(same, []).append(item)
-    return [Group(tuple(d.key for d in some), some[0]) for some in groups.values()]
+    return list(groups.values())
 
 
 def equality_findings(
@@ -313,23 +300,18 @@ def equality_findings(
 
     subject: what the file is called; model: what it is compared with.
     """
-    for same in group(found):
-        first, keys = same.one, same.keys
+    for same in _groups(found):
+        first, keys = same[0], [item.key for item in same]
         quantity = first.key.quantity.rsplit(":", 1)[-1] if first.what == "value" else first.what
-        data: dict[str, Scalar | tuple[Scalar, ...]] = {
-            "expected": plain_data(first.before),
-            "found": plain_data(first.after),
-        }
+        data: dict[str, Scalar | tuple[Scalar, ...]] = {}
+        if first.what == "value":
+            data = {"expected": plain_data(first.before), "found": plain_data(first.after)}
         if len(keys) > 1:
             data["subjects"] = tuple(key.subject for key in keys)
-        yield EQUAL.named(f"{form}.{slug(quantity)}")(
-            keys[0].subject,
-            f"{_sentence(first, subject, model)}{_others(keys)}",
-            data=data
-            if first.what == "value"
-            else {k: data[k] for k in ("subjects",) if k in data},
-            where=places.get((first.key.kind, first.key.name), ""),
-        )
+        text = f"{_sentence(first, subject, model)}{so_for(key.name for key in keys)}"
+        where = places.get((first.key.kind, first.key.name), "")
+        rule = EQUAL.named(f"{form}.{slug(quantity)}")
+        yield rule(keys[0].subject, text, data=data, where=where)
 
 
 def _sentence(one: Difference, subject: str, model: str) -> str:
@@ -344,12 +326,14 @@ def _sentence(one: Difference, subject: str, model: str) -> str:
     return f"{one.key.quantity} is {after} in {subject}, {before} in {model}"
 
 
-def _others(keys: Sequence[Key]) -> str:
-    if len(keys) == 1:
+def so_for(names: Iterable[str]) -> str:
+    """`; so for `b`, `c` and 2 more`, of names whose first is the subject."""
+    others = list(names)[1:]
+    if not others:
         return ""
-    names = ", ".join(f"`{key.name}`" for key in keys[1:NAMED])
-    rest = len(keys) - NAMED
-    return f"; so for {names}" + (f" and {rest} more" if rest > 0 else "")
+    listed = ", ".join(f"`{name}`" for name in others[: NAMED - 1])
+    rest = len(others) - (NAMED - 1)
+    return f"; so for {listed}" + (f" and {rest} more" if rest > 0 else "")
 
 
 def slug(text: str) -> str:

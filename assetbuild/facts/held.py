@@ -20,7 +20,7 @@ from assetbuild.facts.derived import (
     leader_of,
     start_of,
 )
-from assetbuild.facts.mjcf_meshes import CORNERS, FACES, Meshes
+from assetbuild.facts.mjcf_meshes import Meshes
 from assetbuild.facts.mjcf_model import read_model
 from assetbuild.facts.reference import (
     Reference,
@@ -53,74 +53,31 @@ each within 6e-8 of its size. Tensors, places and axes pass a float32 quaternion
 NEWTON = Precision({"number": 2e-6, "vector": 2e-6, "tensor": 1e-5})
 """Newton holds float32, USD states angles in degrees; the tensor passes a diagonal form."""
 
-_SILENT = "PhysX's interface does not tell it; it is compared in the USD"
-_OUTSIDE = "its law acts outside of the simulator"
-_NO_SPRING = "a spring is the drive of a joint that has no other, else the engine has none"
-_MUJOCO = "MuJoCo's own"
-_STAGE = "the stage decides it"
-PHYSX_LACKS: Mapping[str, str] = {
-    "robot start pose": "each experiment has its own",
-    "robot soft limits": "they belong to the trainer",
-    "robot articulation root": "the base's kind is what it decides",
-    "robot self-collision": _SILENT,
-    **dict.fromkeys(("robot up axis", "robot metres per unit", "robot kilograms per unit"), _STAGE),
-    "body parent": _SILENT,
-    "frame": "it holds bodies alone",
-    "joint body": _SILENT,
-    "joint parent": _SILENT,
-    **dict.fromkeys(("joint stiffness", "joint spring reference"), _NO_SPRING),
-    **dict.fromkeys(
-        ("joint model", "joint gear", "joint stall", "joint command range",
-         "joint drive parameters", "joint delay"), _OUTSIDE),
-    "joint drive name": "a drive is part of its joint",
-    "shape": "PhysX tells how many a body has, and their friction",
-    "loop": "as above; the check `physx_loops` measures whether it holds",
-    "pair": _SILENT,
-    "sensor": "it has none",
-    "camera": "it has none",
-    "keyframe": "`start` is the initial one",
-    "simulation": "each experiment has its own",
-    "floor": "each experiment has its own",
-}  # fmt: skip
-"""`kind` or `kind quantity` -> why PhysX, as its interface tells it, cannot say it."""
-_UNREAD = "compared in the file; the read-back is about what drives and weighs"
-NEWTON_LACKS: Mapping[str, str] = {
-    "robot": _UNREAD,
-    **dict.fromkeys(("body parent", "body pose"), _UNREAD),
-    "frame": "sites carry nothing in its solver",
-    **dict.fromkeys(
-        ("joint body", "joint parent", "joint anchor", "joint start", "joint drive target"),
-        _UNREAD),
-    "joint velocity": "its solver has no limit of velocity",
-    **dict.fromkeys(("joint stiffness", "joint spring reference"), _NO_SPRING),
-    **{key: why for key, why in PHYSX_LACKS.items() if why == _OUTSIDE},
-    "joint drive name": "a drive is part of its joint",
-    "shape": "what its surface is like is read back; where it is, in the file",
-    "loop": _UNREAD,
-    "pair": _UNREAD,
-    "sensor": "it has its own",
-    "camera": "it has its own",
-    "keyframe": "it has none",
-    "simulation": "the caller decides it",
-    "floor": "the caller decides it",
-}  # fmt: skip
-"""As above, of Newton's MuJoCo solver."""
+WEIGHT = ("mass", "centre of mass", "inertia")
+OF_DRIVES = frozenset({"kp", "kd", "effort", "damping"})
+MIMICS = frozenset({"mimics", "mimic multiplier", "mimic offset"})
+OF_JOINTS = frozenset({"type", "axis", "lower", "upper", "armature", "friction"})
+HELD_BY_PHYSX: Mapping[str, frozenset[str]] = {
+    "robot": frozenset({"base", "base pose"}),
+    "body": frozenset({"pose", *WEIGHT}),
+    "joint": OF_JOINTS | OF_DRIVES | MIMICS | {"anchor", "velocity", "start", "drive target"},
+}
+"""What PhysX's interface tells of the vocabulary; the rest is compared in the USD, is the business
+of an experiment, or acts outside of the simulator."""
+HELD_BY_NEWTON: Mapping[str, frozenset[str]] = {
+    "body": frozenset(WEIGHT),
+    "joint": OF_JOINTS | OF_DRIVES | MIMICS,
+    "shape": frozenset({"friction", "condim", "priority", "solref", "solimp", "margin", "gap"}),
+}
+"""As above, of Newton's MuJoCo solver, of which what drives, weighs and touches is read back."""
 UNLIMITED = 1e6
 """Newton's word for an effort or a range without limit, at least; PhysX's for joints that mimic."""
-SURFACE = frozenset({"friction", "condim", "priority", "solref", "solimp", "margin", "gap"})
-OF_DRIVES = frozenset({"kp", "kd", "effort", "damping"})
-WEIGHT = ("mass", "centre of mass", "inertia")
 SIX = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
 """xx, yy, zz, xy, xz, yz of a matrix."""
 Held = Mapping[str, Any]
 """What an engine's program says that it holds. Any: JSON."""
 STILL_M = 2e-6
 """A body that turns about its own origin stays within this of it."""
-
-
-def holds(lacks: Mapping[str, str], key: Key) -> bool:
-    """Whether a simulator that lacks these can say this."""
-    return key.kind not in lacks and f"{key.kind} {key.quantity}" not in lacks
 
 
 # --- what any table says, in what a simulator can hold -------------------------------------------
@@ -130,7 +87,7 @@ def as_physx(table: Table, drive_type: str = "force") -> Table:
     """What PhysX must hold of it; the start and mimic joints are not the table's to say."""
     book = Writer()
     for key, value in table.facts.items():
-        if key.kind != "joint" and not key.is_foreign and holds(PHYSX_LACKS, key):
+        if key.kind != "joint" and key.quantity in HELD_BY_PHYSX.get(key.kind, ()):
             book.facts[key] = value
     moving = [name for name in table.names("joint") if _moves(table, name)]
     book.put("robot", "", {"physx:dof": float(len(moving))})
@@ -201,10 +158,9 @@ def as_newton(table: Table) -> Table:
             said |= {end: _stated(said.get(end)) for end in ("lower", "upper", "effort")}
             inside = said.get("model") in ("pd", "velocity")
             book.put("joint", name, {
-                key.quantity: value
-                for key, value in ((Key("joint", name, q), v) for q, v in said.items())
-                if holds(NEWTON_LACKS, key) and not key.is_foreign
-                and (inside or key.quantity not in OF_DRIVES)
+                quantity: value
+                for quantity, value in said.items()
+                if quantity in HELD_BY_NEWTON["joint"] and (inside or quantity not in OF_DRIVES)
             })  # fmt: skip
     return book.table()
 
@@ -236,11 +192,7 @@ def physx_expected(reference: Reference, *, drive_type: str, mimics: bool) -> Ta
             target = springs[joint.name][1]
         book.put("joint", joint.name, {"start": starts[joint.name], "drive target": target})
         if joint.name in coupled and joint.mimic is not None:
-            book.put("joint", joint.name, {
-                "mimics": joint.mimic.joint,
-                "mimic multiplier": joint.mimic.multiplier,
-                "mimic offset": joint.mimic.offset,
-            })  # fmt: skip
+            book.put("joint", joint.name, mimic_facts(joint.mimic))
     for name in table.names("body"):
         if (count := table.facts[Key("body", name, "physx:shapes")]) and isinstance(count, float):
             book.put("body", name, {"physx:restitution": (0.0,) * int(count)})
@@ -363,7 +315,7 @@ def _surfaces_of(shapes: Shapes, control: Control) -> Iterator[tuple[str, dict[s
         contact = own.get(shape.name, common)
         if contact.mask or contact.partners:
             facts = surface_facts(contact)
-            wanted = SURFACE if contact.gap else SURFACE - {"gap"}
+            wanted = HELD_BY_NEWTON["shape"] - (set() if contact.gap else {"gap"})
             yield shape.name, {word: facts[word] for word in sorted(wanted)}
 
 
@@ -383,7 +335,11 @@ def newton_table(held: Held) -> Table:
     for name, law in held["laws"].items():
         book.put("joint", name, {f"newton:actuator {word}": v for word, v in law.items()})
     for name in found.names("shape"):
-        surface = {word: v for word, v in found.of("shape", name).items() if word in SURFACE}
+        surface = {
+            word: v
+            for word, v in found.of("shape", name).items()
+            if word in HELD_BY_NEWTON["shape"]
+        }
         book.put("shape", name, surface)
     return table | book.table()
 
@@ -392,7 +348,8 @@ class NoMeshes(Meshes):
     """A tetrahedron in place of each mesh, which nobody compares."""
 
     def __init__(self) -> None:
-        self._any = measure(np.reshape(CORNERS, (4, 3))[np.reshape(FACES, (4, 3))])
+        corners = np.array([(0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1)], dtype=np.float64)
+        self._any = measure(corners[[(0, 2, 1), (0, 1, 3), (0, 3, 2), (1, 2, 3)]])
 
     def of(self, _: int) -> Surface:  # type: ignore[override] # without a cache
         """The tetrahedron."""

@@ -4,25 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Mapping
 from pathlib import Path
-from typing import Any, Literal
+from typing import Literal
 
 from assetbuild.errors import UsageError
 from assetbuild.facts.standins import Record, class_of, recorded, table_of, words_of
 from assetbuild.facts.table import Table, Value, Writer
-from assetbuild.facts.trainers import matching
+from assetbuild.facts.trainers import matching, number_of, put_start
 
 Generation = Literal[2, 3]
+FORM = "isaaclab"
 CONFIG = "ArticulationCfg"
 IMPLICIT = "ImplicitActuatorCfg"
-DRIVE = {
-    "stiffness": "kp",
-    "damping": "kd",
-    "armature": "armature",
-    "friction": "friction",
-    "viscous_friction": "damping",
-    "saturation_effort": "stall",
-}
-"""Fields of a drive -> quantities, in both generations."""
 LIMITS: dict[tuple[int, bool], tuple[str, tuple[str, ...]]] = {
     (2, True): ("effort_limit_sim", ("velocity_limit_sim",)),
     (2, False): ("effort_limit", ("velocity_limit", "velocity_limit_sim")),
@@ -31,21 +23,33 @@ LIMITS: dict[tuple[int, bool], tuple[str, tuple[str, ...]]] = {
 }
 """(generation, whether the simulator integrates the drive) -> (effort, velocities): the first
 velocity is the drive's own, the second the simulator's."""
-FOREIGN: Mapping[str, tuple[str, ...]] = {
-    "kp": ("stiffness",),
-    "kd": ("damping",),
-    "armature": ("armature",),
-    "effort": ("effort_limit_sim", "joint_effort_limit", "effort_limit", "actuator_effort_limit"),
-    "velocity": (
-        "velocity_limit_sim", "joint_velocity_limit", "velocity_limit", "actuator_velocity_limit",
-    ),
-}  # fmt: skip
-"""Quantities of anybody's configuration -> fields that state them, both generations.
+FOREIGN: Mapping[str, str] = {
+    "stiffness": "kp",
+    "damping": "kd",
+    "armature": "armature",
+    **{limits[0]: "effort" for limits in LIMITS.values()},
+    **{velocity: "velocity" for _, velocities in LIMITS.values() for velocity in velocities[::-1]},
+}
+"""Fields of anybody's drive -> quantities, both generations.
 
 No friction: what its number means depends on the generation and the simulator.
 """
 ONLY_3 = ("isaaclab_physx", "isaaclab_newton")
 """Packages that only 3.x has."""
+
+
+def configs_of(record: Record, path: Path) -> Record:
+    """The configurations of a module by name; UsageError where it has none."""
+    found = {name: value for name, value in record.items() if class_of(value) == CONFIG}
+    if not found:
+        raise UsageError(f"`{path.name}` has no `NAME = {CONFIG}(...)`")
+    return found
+
+
+def drives_of(config: Record) -> Iterator[tuple[Record, tuple[str, ...]]]:
+    """Each group of drives, and the patterns of its joints."""
+    for drive in map(table_of, table_of(config.get("actuators")).values()):
+        yield drive, words_of(drive.get("joint_names_expr"))
 
 
 def model_of(kind: str, kp: object, kd: object) -> str:
@@ -61,9 +65,9 @@ def model_of(kind: str, kp: object, kd: object) -> str:
 
 def quat_of(start: Record, generation: Generation) -> list[float]:
     """w, x, y, z of an `InitialStateCfg`; unturned where it states none."""
-    if "rot" not in start:
+    turn: list[float] = start.get("rot", [])
+    if not turn:
         return [1.0, 0.0, 0.0, 0.0]
-    turn: list[float] = start["rot"]
     return turn if generation == 2 else [*turn[-1:], *turn[:-1]]
 
 
@@ -76,71 +80,36 @@ def read_config(path: Path, name: str, joints: Collection[str]) -> Table:
     are the subjects. UsageError for a file that fails, or without that configuration.
     """
     record, book = recorded(path), Writer()
-    config = _chosen(record, path, name)
-    for drive in table_of(config.get("actuators")).values():
-        for pattern in words_of(table_of(drive).get("joint_names_expr")):
-            for joint in _subjects(pattern, joints):
-                book.put("joint", joint, dict(_plain_drive(drive, joint)))
-    _plain_start(table_of(config.get("init_state")), _generation(record, config), joints, book)
-    return book.table()
-
-
-def _chosen(record: Record, path: Path, name: str) -> Record:
-    configs = {key: value for key, value in record.items() if class_of(value) == CONFIG}
-    if not configs:
-        raise UsageError(f"`{path}` has no `NAME = {CONFIG}(...)`")
+    configs = configs_of(record, path)
     if name not in configs and (name or len(configs) > 1):
         raise UsageError(
             f"`{path}` has {', '.join(f'`{n}`' for n in configs)}",
             hint=f"say which: `{path}:{next(iter(configs))}`",
         )
-    found: Record = configs[name or next(iter(configs))]
-    return found
+    config = configs[name or next(iter(configs))]
+    patterns = [pattern for _, own in drives_of(config) for pattern in own]
+    start, names = table_of(config.get("init_state")), {name: name for name in joints or patterns}
+    for drive, own in drives_of(config):
+        for joint in matching(own, names) if joints else own:
+            book.put("joint", joint, drive_facts(drive, joint, FOREIGN))
+    put_start(start, quat_of(start, _generation(record, config)), FORM, names, book)
+    return book.table()
 
 
 def _generation(record: Record, config: Record) -> Generation:
     """Only 3.x has packages for each engine, and limits of joints beside those of actuators."""
-    drives = [table_of(drive) for drive in table_of(config.get("actuators")).values()]
-    is_3 = any(module.startswith(ONLY_3) for module in record["imports"]) or any(
-        {"joint_effort_limit", "joint_velocity_limit"} & drive.keys() for drive in drives
-    )
-    return 3 if is_3 else 2
+    fields = {field for drive, _ in drives_of(config) for field in drive}
+    is_3 = any(module.startswith(ONLY_3) for module in record["imports"])
+    return 3 if is_3 or {"joint_effort_limit", "joint_velocity_limit"} & fields else 2
 
 
-def _subjects(pattern: str, joints: Collection[str]) -> list[str]:
-    return matching([pattern], {joint: joint for joint in joints}) if joints else [pattern]
-
-
-def _plain_drive(drive: Record, joint: str) -> Iterator[tuple[str, Value]]:
-    """What it states as numbers, and its model."""
+def drive_facts(drive: Record, joint: str, fields: Mapping[str, str]) -> dict[str, Value]:
+    """What it states as numbers, and its model. fields: of a drive -> quantities."""
     found: dict[str, Value] = {}
-    for quantity, fields in FOREIGN.items():
-        numbers = (_number(drive.get(field), joint) for field in fields)
-        number = next((n for n in numbers if n is not None), None)
+    for field, quantity in fields.items():
+        number = number_of(drive.get(field), joint)
         if number is not None:
-            found[quantity] = number
+            found.setdefault(quantity, number)
     # A gain that does not stand here is some gain.
-    yield "model", model_of(class_of(drive), found.get("kp", 1.0), found.get("kd", 1.0))
-    yield from found.items()
-
-
-def _plain_start(
-    start: Record, generation: Generation, joints: Collection[str], book: Writer
-) -> None:
-    """Where the root starts, and the joints: those that it does not name at 0."""
-    pos = start.get("pos")
-    if isinstance(pos, list) and len(pos) == 3:
-        book.put("robot", "", {"start pose": (*pos, *quat_of(start, generation))})
-    positions = start.get("joint_pos")
-    if isinstance(positions, dict):
-        for joint in joints or positions:
-            book.put("joint", joint, {"start": _number(positions, joint) or 0.0})
-
-
-def _number(value: Any, joint: str) -> float | None:  # Any: JSON
-    """A number for all joints, or that of the last pattern that matches this one."""
-    if isinstance(value, dict):
-        own = [v for p, v in value.items() if p == joint or matching([p], {joint: joint})]
-        return _number(own[-1], joint) if own and not isinstance(own[-1], dict) else None
-    is_number = isinstance(value, int | float) and not isinstance(value, bool)
-    return float(value) if is_number else None
+    model = model_of(class_of(drive), found.get("kp", 1.0), found.get("kd", 1.0))
+    return found | {"model": model}

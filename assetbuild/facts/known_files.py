@@ -6,16 +6,11 @@ needs no second reading: its bytes are compared instead. `validate` knows no byt
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
+from assetbuild.engine.digest import digest_bytes
 from assetbuild.facts.surface import Surface
-
-
-def digest_of(data: bytes) -> str:
-    """SHA-256."""
-    return hashlib.sha256(data).hexdigest()
 
 
 @dataclass(frozen=True)
@@ -30,8 +25,8 @@ class KnownFiles:
 
     def surface(self, data: bytes) -> Surface | None:
         """The mesh in a file with these bytes; None of other bytes than the robot's."""
-        return self.surfaces.get(digest_of(data)) if self.surfaces else None
+        return self.surfaces.get(digest_bytes(data)) if self.surfaces else None
 
     def picture(self, data: bytes) -> str | None:
         """The digest of the pixels in a file with these bytes; None as above."""
-        return self.pixels.get(digest_of(data)) if self.pixels else None
+        return self.pixels.get(digest_bytes(data)) if self.pixels else None

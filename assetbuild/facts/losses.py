@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 
-from assetbuild.facts.table import Key, Table
+from assetbuild.facts.table import Table
 from assetbuild.facts.vocabulary import VOCABULARY
 from assetbuild.findings import Finding, Rule, Severity
 
@@ -29,54 +29,44 @@ class Lost(str):
     __slots__ = ()
 
 
-def lost_facts(table: Table, lacks: Mapping[str, str]) -> tuple[Key, ...]:
-    """The facts that a format goes without. table: all that the robot says."""
-    return tuple(
+def losses(
+    table: Table, form: str, called: str, lacks: Mapping[str, str], *, simulated: bool
+) -> Iterator[Finding]:
+    """One finding for all that a format goes without.
+
+    table: all that the robot says. form, called: as its reader is called. simulated: robots are
+    simulated from it, so that what moves otherwise is an error; else it only describes them.
+    """
+    lost = [
         key
         for key, value in table.facts.items()
         if isinstance(lacks.get(f"{key.kind} {key.quantity}", lacks.get(key.kind)), Lost)
         and value != VOCABULARY[key.kind, key.quantity].unstated
-    )
-
-
-def worth(lost: Collection[Key], *, simulated: bool) -> Severity:
-    """What a loss is worth, whichever format it is. simulated: robots are simulated from it."""
+    ]
+    if not lost:
+        return
     moves = any({key.kind, f"{key.kind} {key.quantity}"} & MOVES for key in lost)
-    return "info" if not moves else "error" if simulated else "warning"
+    severity: Severity = "info" if not moves else "error" if simulated else "warning"
+    names: dict[str, dict[str, None]] = {}
+    quantities: dict[str, dict[str, None]] = {}
+    for kind, name, quantity in lost:
+        # `home/FR_hip_joint` is part of the keyframe `home`.
+        subject = name.partition("/")[0] if kind == "keyframe" else name
+        names.setdefault(kind, {})[subject] = None
+        quantities.setdefault(kind, {})[quantity] = None
+    told = []
+    for kind, own in names.items():
+        counted = f"{len(own)} {kind}{'s' if len(own) > 1 else ''}" if any(own) else f"the {kind}"
+        if kind not in lacks:
+            counted = f"{_listed(quantities[kind])} of {counted}"
+        elif any(own):
+            counted = f"{counted} ({_listed(own)})"
+        told.append(counted)
+    data = {kind: len(own) for kind, own in names.items()}
+    text = f"{called} goes without {'; '.join(told)}"
+    yield LOST.named(form)("robot", text, severity=severity, data=data)
 
 
-def losses(
-    table: Table, form: str, called: str, lacks: Mapping[str, str], *, simulated: bool
-) -> Iterator[Finding]:
-    """One finding for all that a format goes without. form, called: as its reader is called."""
-    lost = lost_facts(table, lacks)
-    if lost:
-        kinds = dict.fromkeys(key.kind for key in lost)
-        told = [_told(kind, [key for key in lost if key.kind == kind], lacks) for kind in kinds]
-        yield LOST.named(form)(
-            "robot",
-            f"{called} goes without {'; '.join(told)}",
-            severity=worth(lost, simulated=simulated),
-            data={kind: len(_names(kind, lost)) for kind in kinds},
-        )
-
-
-def _told(kind: str, lost: list[Key], lacks: Mapping[str, str]) -> str:
-    """`2 sensors (`a`, `b`)` of a whole kind; else what is lost of how many."""
-    names = _names(kind, lost)
-    counted = f"{len(names)} {kind}{'s' if len(names) > 1 else ''}" if any(names) else f"the {kind}"
-    listed = _listed(names)
-    if kind in lacks:
-        return f"{counted} ({listed})" if listed else counted
-    return f"{_listed(list(dict.fromkeys(key.quantity for key in lost)))} of {counted}"
-
-
-def _names(kind: str, lost: Iterable[Key]) -> list[str]:
-    """Return the subjects of a kind by name; `home/FR_hip_joint` is part of the keyframe `home`."""
-    own = (key.name for key in lost if key.kind == kind)
-    return list(dict.fromkeys(n.partition("/")[0] if kind == "keyframe" else n for n in own))
-
-
-def _listed(names: list[str]) -> str:
-    shown = [f"`{name}`" for name in names if name]
+def _listed(names: Collection[str]) -> str:
+    shown = [f"`{name}`" for name in names]
     return ", ".join(shown[:SHOWN]) + (", ..." if len(shown) > SHOWN else "")

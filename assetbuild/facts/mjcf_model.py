@@ -32,6 +32,7 @@ def read_model(
     *,
     by_area: bool = False,
     bodies: Bodies | None = None,
+    meshes: Meshes | None = None,
 ) -> frozenset[tuple[str, str]]:
     """Puts every fact of a compiled model into the book; the world's own geoms are left out.
 
@@ -63,7 +64,7 @@ def read_model(
             told.add(subject)
     for site in range(model.nsite):
         _site(bodies, site, book)
-    meshes = Meshes(model, by_area=by_area)
+    meshes = meshes or Meshes(model, by_area=by_area)
     for geom in range(model.ngeom):
         if int(model.geom_bodyid[geom]):
             book.put("shape", _name(model, "geom", geom), _geom(bodies, geom, meshes))

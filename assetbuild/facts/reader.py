@@ -136,21 +136,16 @@ class Reader(Check):
             known = self.found(path, reference)
             expected = self.expected(reference)
         except AssetBuildError as error:
-            unreadable = UNREADABLE("robot", f"{self.called}: {error.message}", error.hint)
-            return Proof(Table({}), (), (unreadable,), 0)
+            return _unreadable(UNREADABLE("robot", f"{self.called}: {error.message}", error.hint))
         except BROKEN as error:  # a file may hold anything
             text = f"{self.called}: {type(error).__name__}: {error}"
-            return Proof(Table({}), (), (UNREADABLE("robot", text),), 0)
+            return _unreadable(UNREADABLE("robot", text))
         different = differences(expected, known, self.exactness)
         findings = [*equality_findings(different, self.form, self.called, known.places)]
-        findings += [
-            UNREAD(
-                item.where,
-                f"{item.attribute} is {item.text} in {self.called}; nothing in the robot says so",
-                data={"attribute": item.attribute, "expected": None, "found": item.text},
-            )
-            for item in known.unread
-        ]
+        for item in known.unread:
+            data = {"attribute": item.attribute, "expected": None, "found": item.text}
+            text = f"{item.attribute} is {item.text} in {self.called}; nothing in the robot says so"
+            findings.append(UNREAD(item.where, text, data=data))
         compared = len(dict.fromkeys((*expected.facts, *known.facts)))
         return Proof(known, tuple(different), tuple(findings), compared)
 
@@ -174,6 +169,10 @@ class Reader(Check):
         yield from proof.findings
         all_facts = robot_table(reference)
         yield from losses(all_facts, self.form, self.called, self.lacks, simulated=self.simulated)
+
+
+def _unreadable(finding: Finding) -> Proof:
+    return Proof(Table({}), (), (finding,), 0)
 
 
 def asked_sections(

@@ -110,40 +110,26 @@ class Reference:
                 decode(Shapes, parts["shapes"]), decode(Control, parts["control"]),
                 decode(Assets, parts["assets"]), dict(raw["options"]),
             )  # fmt: skip
-            read.refuse_dangling()
+            read.look_up_names()
             return read
         except FileNotFoundError:
             raise UsageError(
                 f"`{bundle}` is no bundle of this version: it has no report/robot.json",
                 hint="build it again, or give the MJCF, URDF or USD in it",
             ) from None
-        except (ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
-            raise UsageError(f"`{file}` is not the robot of a bundle: {error}") from None
+        except (ValueError, LookupError, TypeError, AttributeError, RecursionError) as error:
+            why = f"nothing in it is called {error}" if isinstance(error, KeyError) else error
+            raise UsageError(f"`{file}` is not the robot of a bundle: {why}") from None
 
-    def refuse_dangling(self) -> None:
-        """ValueError for a name that nothing in the robot has."""
-        for tree in (self.links, self.tree):
-            bodies = [body.name for body in tree.bodies]
-            ends = [joint.child for joint in tree.joints]
-            if not bodies or sorted(ends) != sorted(bodies[1:]) or len(set(bodies)) < len(bodies):
-                raise ValueError(f"its joints do not carry every body of `{tree.name}` once")
-            placed = {tree.root}
-            for joint in tree.joints:
-                if joint.parent not in placed:
-                    raise ValueError(f"joint `{joint.name}` stands on `{joint.parent}`")
-                placed.add(joint.child)
-        links = {*self.tree.by_body, *(frame.name for frame in self.tree.frames)}
-        known = dict(self.assets.surfaces)
-        for shape in self.shapes.shapes:
-            mesh = shape.geometry.mesh if isinstance(shape.geometry, Mesh) else ""
-            if shape.link not in links or (mesh and mesh not in known):
-                raise ValueError(f"shape `{shape.name}` has no link `{shape.link}` or mesh")
+    def look_up_names(self) -> None:
+        """KeyError for a name that nothing in the robot has."""
+        for merged in (True, False):
+            robot_table(self, merged=merged)
         for row in self.control.actuators:
-            if row.joint not in self.tree.by_joint:
-                raise ValueError(f"an actuator drives `{row.joint}`, which is no joint")
+            self.tree.by_joint[row.joint]
         for loop in self.control.loops:
-            if not {loop.a.body, loop.b.body} <= self.tree.by_body.keys():
-                raise ValueError(f"loop `{loop.name}` has an end without a body")
+            for end in loop.ends:
+                self.tree.by_body[end.body]
 
 
 def robot_table(reference: Reference, *, merged: bool = True) -> Table:
@@ -319,27 +305,32 @@ def surface_facts(contact: Contact) -> dict[str, Value]:
     }
 
 
-def filtered_pairs(tree: Tree, shapes: Shapes, control: Control) -> Iterator[tuple[str, str]]:
+def filtered_pairs(
+    tree: Tree, shapes: Shapes, control: Control, *, of_links: bool = False
+) -> Iterator[tuple[str, str]]:
     """Pairs of bodies (sorted) that both may touch something, and never each other.
 
     They are excluded by the recipe, or by MuJoCo's own rule, which every format must follow, or
     their masks never meet. `robot.contact_filter` defines that rule for readers and writers; the
-    proof that it is MuJoCo's is the compiled model, which the reader of MJCF asks.
+    proof that it is MuJoCo's is the compiled model, which the reader of MJCF asks. of_links: the
+    same of the links before merging, of which those of one body never touch.
     """
     own = dict(control.contacts)
     solid: dict[str, list[Contact]] = {}
     for shape in shapes.of("collision"):
-        body = tree.placement(shape.link)[0]
-        solid.setdefault(body, []).append(own.get(shape.name, control.contact))
+        name = shape.link if of_links else tree.placement(shape.link)[0]
+        solid.setdefault(name, []).append(own.get(shape.name, control.contact))
     rule = ContactFilter.of(tree, shapes, control)
     excluded = {frozenset(pair) for pair in control.excludes}
     for first, second in itertools.combinations(sorted(solid), 2):
+        bodies = [tree.placement(name)[0] for name in (first, second)]
         meets = any(
             one.mask & two.partners or two.mask & one.partners
             for one in solid[first]
             for two in solid[second]
         )
-        if frozenset((first, second)) in excluded or rule.passes(first, second) or not meets:
+        together = bodies[0] == bodies[1] or frozenset(bodies) in excluded
+        if together or rule.passes(*bodies) or not meets:
             yield first, second
 
 

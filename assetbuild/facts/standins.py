@@ -14,7 +14,6 @@ from typing import Any
 
 import assetbuild
 from assetbuild.errors import UsageError
-from assetbuild.simulators.children import last_line
 
 BEYOND_IMPORTS = ("assetbuild.facts._standins_child",)
 SECONDS = 20.0
@@ -41,11 +40,11 @@ def recorded(path: Path, calls: Sequence[str] = ()) -> Record:
         raise UsageError(f"cannot read `{path}`: {error.strerror}") from None
     except UnicodeDecodeError:
         raise UsageError(f"`{path}` is no UTF-8 text") from None
-    said, failed = _run({"name": path.name, "text": text, "calls": calls})
+    said = _run({"name": path.name, "text": text, "calls": calls})
     try:
         answer: Record = json.loads(said)
     except ValueError:
-        reason = last_line(failed) or f"it took more than {SECONDS:g} s or too much memory"
+        reason = f"it crashed, or took more than {SECONDS:g} s or too much memory"
         raise UsageError(f"`{path.name}` cannot be executed: {reason}") from None
     if "error" in answer:
         raise UsageError(f"{path.name}:{answer['line']}: {answer['error']}")
@@ -53,33 +52,30 @@ def recorded(path: Path, calls: Sequence[str] = ()) -> Record:
     return record
 
 
-def _run(job: Record) -> tuple[bytes, bytes]:
-    """What the child said and why it failed; it may say whatever it likes, so not all is read."""
+def _run(job: Record) -> bytes:
+    """What the child said; it may say whatever it likes, so not all is read."""
     home = str(Path(assetbuild.__file__).parent.parent)
+    command = [sys.executable, "-I", "-S", "-c", PROGRAM, home]
     with (
         tempfile.TemporaryDirectory(prefix="assetbuild-module-") as folder,
         tempfile.TemporaryFile() as asked,
-        tempfile.TemporaryFile() as failed,
     ):
         asked.write(json.dumps(job).encode())
         asked.seek(0)
-        command = [sys.executable, "-I", "-S", "-c", PROGRAM, home]
-        child = subprocess.Popen(
+        with subprocess.Popen(
             command,
             stdin=asked,
             stdout=subprocess.PIPE,
-            stderr=failed,
+            stderr=subprocess.DEVNULL,
             env=_bare_environment(),
             cwd=folder,
-        )
-        timer = threading.Timer(SECONDS, child.kill)
-        timer.start()
-        with child:
+        ) as child:
+            timer = threading.Timer(SECONDS, child.kill)
+            timer.start()
             said = child.stdout.read(MOST_BYTES) if child.stdout else b""
             timer.cancel()
             child.kill()
-        failed.seek(0)
-        return said, failed.read(4000)
+    return said
 
 
 def _bare_environment() -> dict[str, str]:

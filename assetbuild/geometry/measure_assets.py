@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import replace
 
+from assetbuild.engine.digest import digest_bytes
 from assetbuild.engine.step import Files, Step
-from assetbuild.facts.known_files import digest_of
 from assetbuild.facts.picture import pixel_digest
 from assetbuild.facts.reference import Assets
 from assetbuild.facts.surface import measure
@@ -39,12 +39,12 @@ class MeasureAssets(Step):
             surface = measure(mesh.corners, mesh.uv, mesh.normals)
             surfaces.append((asset.name, replace(surface, vertices=len(mesh.vertices))))
             meshes.append(mesh)
-            digests.append((asset.name, digest_of(data)))
+            digests.append((asset.name, digest_bytes(data)))
         for texture in sorted({m.texture for m in robot.shapes.materials if m.texture}):
             path = robot.mesh_dir / texture
             if shown := pixel_digest(path):
                 pixels.append((texture, shown))
-                digests.append((texture, digest_of(path.read_bytes())))
+                digests.append((texture, digest_bytes(path.read_bytes())))
         assets = Assets(tuple(surfaces), tuple(pixels), tuple(digests))
         (files.outputs / "assets.json").write_bytes(encode(assets))
         write_meshes(files.outputs / "triangles.npz", meshes)

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from assetbuild.engine.digest import digest_bytes
-from assetbuild.facts.again.row import Row, same_numbers
+from assetbuild.facts.again.row import Row
+from assetbuild.facts.again.tree import same
 from assetbuild.facts.reference import Assets
-from assetbuild.facts.table import Value
 
 LOOKS = (b"mtllib ", b"usemtl ")
 """First words of the lines that a URDF's copy of a mesh has before the mesh."""
@@ -75,12 +75,5 @@ def _mesh_rows(file: str, data: bytes, assets: Assets) -> Iterator[Row]:
     ours = dict(assets.surfaces)[name].facts()
     for quantity in dict.fromkeys((*ours, *theirs)):
         one, other = ours.get(quantity), theirs.get(quantity)
-        if not _same(one, other):
+        if not same(one, other):
             yield Row("mesh", name, quantity, one, other)
-
-
-def _same(one: Value, other: Value) -> bool:
-    a, b = (value if isinstance(value, tuple) else (value,) for value in (one, other))
-    if any(isinstance(item, str) or item is None for item in (*a, *b)):
-        return one == other
-    return same_numbers(tuple(map(float, a)), tuple(map(float, b)))  # type: ignore[arg-type] # numbers

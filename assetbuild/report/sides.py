@@ -14,11 +14,11 @@ from assetbuild.engine.digest import digest_file
 from assetbuild.engine.scratch import scratch
 from assetbuild.errors import AssetBuildError, UsageError
 from assetbuild.facts.compare import EXACT, FLOAT32, Precision
+from assetbuild.facts.plain_yaml import leaves
 from assetbuild.facts.reader import BROKEN, Reader
 from assetbuild.facts.readings import readings_table
 from assetbuild.facts.reference import Assets, Reference, robot_table
 from assetbuild.facts.table import Key, Table, Value
-from assetbuild.facts.yaml_file import leaves
 from assetbuild.plugins import usable_plugins
 from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.model import Control

@@ -80,7 +80,7 @@ def compared(folder: Path, name: str, text: str, *edits: tuple[str, str]) -> lis
         ("a.urdf", URDF, ('effort="30"', 'effort="33"'),
          Row("joint", "turn", "limit effort", 30.0, 33.0, 3)),
         ("a.urdf", URDF, ('<link name="base"/>', ""),
-         Row("link", "base", "missing", '<link name="base"/>', None, 1)),
+         Row("link", "base", "missing", 'name=base', None, 1)),
         ("a.xml", MJCF, ('name="box" size="1"', 'name="box" size="2"'),
          Row("geom", "box", "size", 1.0, 2.0, 4)),
         ("a.py", MODULE, ("80.0", "88.0"),
@@ -180,7 +180,9 @@ def test_what_does_not_parse_is_reported_with_its_line(
 
 
 def test_a_picture_is_its_pixels(tmp_path: Path):
-    again, packed, other = (tmp_path / name for name in ("a.png", "b.png", "c.png"))
+    again, packed, other = (tmp_path / name / "a.png" for name in "abc")
+    for file in (again, packed, other):
+        file.parent.mkdir()
     picture = Image.new("RGB", (3, 2), (10, 20, 30))
     picture.save(again)
     picture.save(packed, compress_level=1)
@@ -188,7 +190,7 @@ def test_a_picture_is_its_pixels(tmp_path: Path):
     picture.save(other)
     assert rows_of(again, packed) == []
     expected, found = (10.0, 20.0, 30.0), (10.0, 20.0, 33.0)
-    assert rows_of(again, other) == [Row("picture", "c.png", "pixel 2,1", expected, found)]
+    assert rows_of(again, other) == [Row("picture", "a.png", "pixels[1][2]", expected, found)]
 
 
 def test_a_yaml_file_whose_aliases_make_it_endless_is_not_parsed(tmp_path: Path) -> None:

@@ -1,4 +1,4 @@
-"""USD: fields of a layer by Sdf path locate, flattened stages decide.
+"""USD: what a layer states locates, flattened stages decide.
 
 Stages are flattened as selected and in each variant, without instances: their prototypes are
 numbered by chance.
@@ -7,22 +7,23 @@ numbered by chance.
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from pxr import Gf, Sdf, Tf, Usd, UsdUtils
 
 from assetbuild.facts.again.row import LONGEST, NotParsedError, Row, groups
+from assetbuild.facts.again.tree import Node, of_one_sign, same, tree_rows
 from assetbuild.facts.again.usda_lines import usda_lines
-from assetbuild.facts.table import Value
 
 QUATERNIONS = (Gf.Quatd, Gf.Quatf, Gf.Quath)
 SAID_ONLY = ("comment", "documentation")
 """Fields for people."""
-DOUBLE, SINGLE, ZERO = 1e-9, 2e-7, 1e-14
-"""Relative tolerances of numbers and of what is stored in half the bytes; absolute beside zero."""
+_PLACE = re.compile(r":(\d+):\d+: (.*?)'?$")
+"""Line and message at the end of an error of USD."""
+Choice = tuple[str, str] | None
+"""A variant set and its variant; None: as selected."""
 
 
 def usd_rows(again: Path, there: Path, roots: tuple[str, ...]) -> list[Row]:
@@ -30,24 +31,29 @@ def usd_rows(again: Path, there: Path, roots: tuple[str, ...]) -> list[Row]:
 
     roots: the stages that they may be part of, by path from the layer's folder.
     """
-    text = list(_layer_rows(_opened(again), _opened(there)))
-    lines = usda_lines(there.read_text("utf-8")) if there.suffix == ".usda" else {}
-    text = [_placed(row, lines) for row in text]
+    text = tree_rows(_tree(_opened(again)), _tree(_opened(there)))
     if not text:
         return []
-    flat: list[Row] = []
     for root in roots:
         one, other = again.parent / root, there.parent / root
-        flat += _stage_rows(one, other)
-        if flat:
-            break
-    return flat if len(groups(flat)) < len(groups(text)) else text
+        for choice in (None, *_choices(one)):
+            flat = tree_rows(_flattened(one, choice), _flattened(other, choice))
+            if flat and len(groups(flat)) >= len(groups(text)):
+                return _placed(text, there)
+            if flat:
+                return flat
+    return []
 
 
-def _placed(row: Row, lines: dict[str, int]) -> Row:
-    path = row.name
-    line = lines.get(f"{path}.{row.attribute.partition(' ')[0]}") or lines.get(path, 0)
-    return Row(row.kind, row.name, row.attribute, row.expected, row.found, line)
+def _placed(rows: list[Row], there: Path) -> list[Row]:
+    """With their lines, where the layer is text."""
+    lines = usda_lines(there.read_text("utf-8")) if there.suffix == ".usda" else {}
+    found = []
+    for row in rows:
+        stated = re.split(r"[ \[]", row.attribute)[0]
+        line = lines.get(f"{row.name}.{stated}") or lines.get(row.name, 0)
+        found.append(replace(row, line=line))
+    return found
 
 
 def _opened(path: Path) -> Sdf.Layer:
@@ -68,166 +74,84 @@ def _not_parsed(error: object) -> NotParsedError:
     return NotParsedError(text[-LONGEST:])
 
 
-_PLACE = re.compile(r":(\d+):\d+: (.*?)'?$")
+# --- a layer as a tree ------------------------------------------------------------------------
 
 
-# --- one layer --------------------------------------------------------------------------------
-
-
-def _layer_rows(again: Sdf.Layer, there: Sdf.Layer) -> Iterator[Row]:
-    ours, theirs = _paths(again), _paths(there)
-    alone: list[Sdf.Path] = []
-    for path in dict.fromkeys((*ours, *theirs)):
-        if any(path.HasPrefix(known) for known in alone):
+def _tree(layer: Sdf.Layer, stage: Usd.Stage | None = None) -> Node:
+    """Prims, variants and properties. stage: of a flattened layer, of which what a prim's schema
+    says anyway is left out."""
+    paths: list[Sdf.Path] = []
+    layer.Traverse(Sdf.Path.absoluteRootPath, paths.append)
+    parts: dict[Sdf.Path, dict[str, Node]] = {Sdf.Path.emptyPath: {}}
+    for path in sorted(one for one in paths if not one.IsTargetPath()):
+        spec, above = layer.GetObjectAtPath(path), parts.get(path.GetParentPath())
+        fields = {f: _plain(_field(spec, f)) for f in spec.ListInfoKeys() if f not in SAID_ONLY}
+        if above is None or (stage and _is_default(spec, fields, stage)):
             continue
-        if path in ours and path in theirs:
-            yield from _spec_rows(path, again, there)
-        else:
-            alone.append(path)
-            yield _one_sided(path, again if path in ours else there, gone=path in ours)
+        parts[path] = {field: value for field, value in fields.items() if field != "default"}
+        is_property = path.IsPropertyPath()
+        key = str(path.name) if is_property else str(path)
+        own = fields["default"].value if "default" in fields else None
+        subject = None if is_property else ("prim", str(path))
+        above[key] = Node(own, parts[path], 0, subject)
+    return Node(None, parts[Sdf.Path.emptyPath])
 
 
-def _paths(layer: Sdf.Layer) -> dict[Sdf.Path, None]:
-    found: list[Sdf.Path] = []
-    layer.Traverse(Sdf.Path.absoluteRootPath, found.append)
-    kept = [path for path in found if not path.IsTargetPath()]
-    return dict.fromkeys(sorted(kept))
-
-
-def _one_sided(path: Sdf.Path, layer: Sdf.Layer, *, gone: bool) -> Row:
-    """A prim or a property that only one layer has."""
-    spec = layer.GetObjectAtPath(path)
-    stated = _shown(spec.default) if isinstance(spec, Sdf.AttributeSpec) else str(path.name)
-    what = "missing" if gone else "extra"
-    attribute = f"{path.name} {what}" if path.IsPropertyPath() else what
-    return _row(path, attribute, stated if gone else None, None if gone else stated)
-
-
-def _spec_rows(path: Sdf.Path, again: Sdf.Layer, there: Sdf.Layer) -> Iterator[Row]:
-    one, other = again.GetObjectAtPath(path), there.GetObjectAtPath(path)
-    for field in dict.fromkeys((*one.ListInfoKeys(), *other.ListInfoKeys())):
-        if field in SAID_ONLY:
-            continue
-        a, b = _info(one, field), _info(other, field)
-        if not _same(a, b):
-            own = field if field != "default" else ""
-            label = f"{path.name} {own}".strip() if path.IsPropertyPath() else field
-            yield _first(path, label, a, b)
-
-
-def _info(spec: Sdf.Spec, field: str) -> object:
-    """A field of a spec, None where it is not stated."""
-    if field not in spec.ListInfoKeys():
-        return None
+def _field(spec: Sdf.Spec, field: str) -> object:
     if field == "subLayerOffsets":  # a type that Python does not get
         return " ".join(map(repr, spec.layer.subLayerOffsets))
     return spec.GetInfo(field)
 
 
-def _first(path: Sdf.Path, label: str, a: object, b: object) -> Row:
-    """Two long arrays by the first item that differs, two dictionaries by the first such key."""
-    if isinstance(a, dict) and isinstance(b, dict):
-        key = next(k for k in (*a, *b) if not _same(a.get(k), b.get(k)))
-        return _first(path, f"{label} {key}", a.get(key), b.get(key))
-    one, other = _array(a), _array(b)
-    if one is not None and other is not None and len(one) != len(other):
-        return _row(path, f"{label} length", float(len(one)), float(len(other)))
-    if one is not None and other is not None and len(one) > 1:
-        index = next(i for i in range(len(one)) if not _same(a[i], b[i]))  # type: ignore[index] # arrays
-        return _row(path, f"{label}[{index}]", _shown(a[index]), _shown(b[index]))  # type: ignore[index] # arrays
-    return _row(path, label, _shown(a), _shown(b))
-
-
-def _row(path: Sdf.Path, attribute: str, expected: Value, found: Value) -> Row:
-    return Row("prim", str(path.GetPrimOrPrimVariantSelectionPath()), attribute, expected, found)
-
-
-# --- values -----------------------------------------------------------------------------------
-
-
-def _array(value: object) -> Any:  # Any: a numpy array
-    """The items of an array of USD; None of anything else."""
-    return np.array(value) if type(value).__name__.endswith("Array") else None
-
-
-def _numbers(value: object) -> tuple[float, ...] | None:
-    """The components of a number, a vector, a matrix or a quaternion (w first)."""
-    if isinstance(value, bool | str):
-        return None
-    if isinstance(value, int | float):
-        return (float(value),)
-    if isinstance(value, QUATERNIONS):
-        return (float(value.real), *map(float, value.imaginary))
-    try:
-        flat = np.array(value, dtype=float).ravel()
-    except (TypeError, ValueError):
-        return None
-    return tuple(flat.tolist()) if flat.size else None
-
-
-def _same(a: object, b: object) -> bool:
-    if isinstance(a, dict) and isinstance(b, dict):
-        return a.keys() == b.keys() and all(_same(a[key], b[key]) for key in a)
-    if type(a) is not type(b):
+def _is_default(spec: Sdf.Spec, fields: dict[str, Node], stage: Usd.Stage) -> bool:
+    """Whether a property says what its schema says anyway."""
+    if not isinstance(spec, Sdf.AttributeSpec) or spec.connectionPathList.explicitItems:
         return False
-    one, other = _array(a), _array(b)
-    if one is not None and other is not None:
-        if one.shape != other.shape or one.dtype.kind != "f":
-            return bool(np.array_equal(one, other))
-        tolerance = SINGLE if one.dtype.itemsize < 8 else DOUBLE
-        return bool(np.allclose(one, other, rtol=tolerance, atol=ZERO, equal_nan=True))
-    if isinstance(a, Sdf.AssetPath) and isinstance(b, Sdf.AssetPath):
-        return str(a.path) == str(b.path)
-    numbers, others = _numbers(a), _numbers(b)
-    if numbers is None or others is None or len(numbers) != len(others):
-        return a == b
-    tolerance = DOUBLE if _is_double(a) else SINGLE
-    signs = (1.0, -1.0) if isinstance(a, QUATERNIONS) else (1.0,)
-    turned = [np.multiply(sign, others) for sign in signs]
-    return any(np.allclose(numbers, o, rtol=tolerance, atol=ZERO, equal_nan=True) for o in turned)
+    prim = stage.GetPrimAtPath(spec.path.GetPrimPath())
+    fallback = prim.GetPrimDefinition().GetAttributeFallbackValue(spec.name) if prim else None
+    if fallback is None:
+        return False
+    return "default" not in fields or same(_plain(fallback).value, fields["default"].value)
 
 
-def _is_double(value: object) -> bool:
-    return isinstance(value, int | float) or type(value).__name__.endswith("d")
-
-
-def _shown(value: object) -> Value:
-    if isinstance(value, bool) or value is None:
-        return value
+def _plain(value: object) -> Node:
+    """Numbers as arrays of their own precision; quaternions w first, of one sign."""
+    if isinstance(value, dict):
+        return Node(None, {str(key): _plain(item) for key, item in value.items()})
     if isinstance(value, Sdf.AssetPath):
-        return str(value.path)
-    numbers = None if isinstance(value, str) else _numbers(value)
-    if numbers is None:
-        return " ".join(str(value).split())[:LONGEST]
-    return numbers[0] if len(numbers) == 1 else numbers[:16]
+        return Node(str(value.path))
+    if isinstance(value, QUATERNIONS):
+        return Node(of_one_sign(np.array((value.real, *value.imaginary), _type_of(value))))
+    if value is None or isinstance(value, bool | str | int | float):
+        return Node(value)
+    if type(value).__name__.endswith("Array"):
+        return Node(np.array(value))
+    try:
+        return Node(np.array(value, dtype=_type_of(value)).ravel())
+    except (TypeError, ValueError):
+        return Node(str(value))
+
+
+def _type_of(value: object) -> str:
+    """The type of the numbers of a vector, a matrix or a quaternion."""
+    return "float64" if type(value).__name__.endswith("d") else "float32"
 
 
 # --- stages -----------------------------------------------------------------------------------
 
 
-def _stage_rows(again: Path, there: Path) -> list[Row]:
-    """What two stages say differently, as selected, else in the first variant that differs."""
-    for choice in (None, *_choices(again)):
-        ours, theirs = _flattened(again, choice), _flattened(there, choice)
-        rows = [row for row in _layer_rows(ours[0], theirs[0]) if not _is_default(row, theirs[1])]
-        if rows:
-            return rows
-    return []
-
-
-def _choices(root: Path) -> list[tuple[str, str]]:
-    """(variant set, variant) of the robot's own prim."""
+def _choices(root: Path) -> list[Choice]:
+    """The variants of the robot's own prim."""
     stage = Usd.Stage.Open(str(root))
     prim = stage.GetDefaultPrim()
     if not prim:
         return []
     sets = prim.GetVariantSets()
-    names = sets.GetNames()
-    return [(name, one) for name in names for one in sets.GetVariantSet(name).GetVariantNames()]
+    return [(n, one) for n in sets.GetNames() for one in sets.GetVariantSet(n).GetVariantNames()]
 
 
-def _flattened(root: Path, choice: tuple[str, str] | None) -> tuple[Sdf.Layer, Usd.Stage]:
-    """All of a stage in one layer, and that as a stage; NotParsedError."""
+def _flattened(root: Path, choice: Choice) -> Node:
+    """All of a stage as one layer; NotParsedError."""
     try:
         stage = Usd.Stage.Open(str(root))
         stage.SetEditTarget(stage.GetSessionLayer())
@@ -239,7 +163,7 @@ def _flattened(root: Path, choice: tuple[str, str] | None) -> tuple[Sdf.Layer, U
         raise _not_parsed(error) from None
     UsdUtils.ModifyAssetPaths(flat, lambda path: str(path).replace(str(root.parent), ""))
     flat.customLayerData = {**flat.customLayerData, "instances": " ".join(instances)}
-    return flat, Usd.Stage.Open(flat)
+    return _tree(flat, Usd.Stage.Open(flat))
 
 
 def _without_instances(stage: Usd.Stage) -> list[str]:
@@ -250,14 +174,3 @@ def _without_instances(stage: Usd.Stage) -> list[str]:
             found.append(str(prim.GetPath()))
             prim.SetInstanceable(False)
     return sorted(found)
-
-
-def _is_default(row: Row, stage: Usd.Stage) -> bool:
-    """Whether a property that only one side states says what its schema says anyway."""
-    name, _, what = row.attribute.rpartition(" ")
-    prim = stage.GetPrimAtPath(row.name)
-    if what not in ("missing", "extra") or not name or not prim:
-        return False
-    fallback = prim.GetPrimDefinition().GetAttributeFallbackValue(name)
-    stated = row.expected if what == "missing" else row.found
-    return fallback is not None and (stated is None or _shown(fallback) == stated)

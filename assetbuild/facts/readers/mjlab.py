@@ -10,11 +10,9 @@ import math
 import re
 from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import ClassVar
 
-import numpy as np
-
-from assetbuild.facts.derived import per_axis
+from assetbuild.facts.draws import FACTORS, SHEARS, drawn, varied
 from assetbuild.facts.reader import Reader
 from assetbuild.facts.reference import Reference, robot_table
 from assetbuild.facts.standins import (
@@ -28,34 +26,34 @@ from assetbuild.facts.standins import (
 )
 from assetbuild.facts.table import Key, Table, Value, Writer
 from assetbuild.facts.trainers import (
+    LOOPS,
     Names,
-    Ranges,
+    Term,
     delay_s,
-    factors,
     left_to_the_asset,
-    massive_bodies,
     matching,
+    number_of,
     own_names,
-    put_by_joint,
-    put_drawn,
     put_expected_start,
     put_start,
     put_terms,
-    varied,
 )
-from assetbuild.robot.pose import Pose
+from assetbuild.robot.model import Actuator
 
 FORM = "mjlab"
 CALLS = ("spec", "robot_cfg", "randomize_events", "velocity_flat_cfg")
-MODELS = {
-    "BuiltinPositionActuatorCfg": "pd",
-    "IdealPdActuatorCfg": "ideal_pd",
-    "DcMotorActuatorCfg": "dc_motor",
-    "BuiltinVelocityActuatorCfg": "velocity",
-    "BuiltinMotorActuatorCfg": "motor",
+ALWAYS = frozenset({"model", "effort", "armature", "friction", "damping"})
+DRIVES: Mapping[str, tuple[str, frozenset[str]]] = {
+    "BuiltinPositionActuatorCfg": ("pd", ALWAYS | {"kp", "kd"}),
+    "IdealPdActuatorCfg": ("ideal_pd", ALWAYS | {"kp", "kd"}),
+    "DcMotorActuatorCfg": ("dc_motor", ALWAYS | {"kp", "kd", "velocity", "stall"}),
+    "BuiltinVelocityActuatorCfg": ("velocity", ALWAYS | {"kd"}),
+    "BuiltinMotorActuatorCfg": ("motor", ALWAYS),
 }
-"""mjlab's actuators -> models of the table."""
-DRIVE = {
+"""mjlab's actuators -> model of the table, and the quantities that they state of a joint."""
+STATED = dict(DRIVES.values())
+"""The same by model; other drives mjlab does not have."""
+FIELDS = {
     "stiffness": "kp",
     "damping": "kd",
     "effort_limit": "effort",
@@ -66,18 +64,21 @@ DRIVE = {
     "viscous_damping": "damping",
 }
 """mjlab's fields -> the vocabulary's quantities."""
-ALWAYS = frozenset({"model", "effort", "armature", "friction", "damping"})
-STATED = {
-    "pd": ALWAYS | {"kp", "kd"},
-    "ideal_pd": ALWAYS | {"kp", "kd"},
-    "dc_motor": ALWAYS | {"kp", "kd", "velocity", "stall"},
-    "velocity": ALWAYS | {"kd"},
-    "motor": ALWAYS,
+MATTER = {"alpha_range": "density", "d_range": "stretch"}
+MATTER |= {f"t{n}_range": f"com {axis}" for n, axis in enumerate("xyz", start=1)}
+MATTER |= {f"{shear.replace('shear ', 's')}_range": shear for shear in SHEARS}
+SCALED = {"operation": "scale"}
+SOLES = {"geom_names": [r".*_collision\d*"], "axes": [0], "shared_random": True, "operation": "abs"}
+TERMS: Mapping[str, Term] = {
+    "pseudo_inertia": Term(MATTER),
+    "carry_payload": Term({"mass_range": "payload mass", "box": "payload box"}),
+    "pd_gains": Term({"kp_range": "kp", "kd_range": "kd"}),
+    "effort_limits": Term({"effort_limit_range": "effort"}),
+    **{f"joint_{word}": Term({"ranges": word}, SCALED) for word in FACTORS[3:]},
+    "encoder_bias": Term({"bias_range": "encoder bias"}),
+    "geom_friction": Term({"ranges": "surface friction"}, SOLES),
 }
-"""Model -> quantities that the module states of a joint; other drives mjlab does not have."""
-LOOPS = ("pd", "ideal_pd", "dc_motor")
-"""Drives that hold a position, which mjlab's terms for gains and effort know."""
-COLLISION = (r".*_collision\d*",)
+"""mjlab's functions that draw."""
 UNLIMITED = 1e9
 """N m or N: a motor of mjlab needs a limit, so this one says that there is none."""
 
@@ -118,7 +119,8 @@ class MjlabReader(Reader):
             stated = STATED.get(models.get(key.name, ""), frozenset())
             return self.holds(key) and (key.kind != "joint" or key.quantity in stated)
 
-        return robot_table(reference).only(is_stated) | _besides(reference, self.robot)
+        facts = robot_table(reference).only(is_stated) | _besides(reference, self.robot)
+        return facts | drawn(reference, _draws, without=("restitution",))
 
 
 # --- what the module says ---------------------------------------------------------------------
@@ -149,46 +151,55 @@ def _table(record: Record, bodies: Names, joints: Names, file: str) -> Table:
         for joint in groups[-1]:
             book.put("joint", joint, _drive(drive, record["TIMESTEP"]))
             book.place("joint", joint, f"{file}:{drive[LINE]}")
-    put_by_joint(scale, joints, f"{FORM}:action scale", book)
-    put_terms(terms, FORM, bodies, joints, book, groups)
+    for there, own in joints.items():
+        if (number := number_of(scale, there)) is not None:
+            book.put("joint", own, {f"{FORM}:action scale": number})
+    put_terms(_with_densities(terms), TERMS, bodies, joints, book, groups)
     return book.plain_table()
 
 
 def _drive(drive: Record, timestep_s: float) -> dict[str, Value]:
     """Quantities of each joint of one group."""
-    facts: dict[str, Value] = {"model": MODELS.get(class_of(drive), class_of(drive))}
-    facts |= {quantity: drive[field] for field, quantity in DRIVE.items() if field in drive}
+    kind = class_of(drive)
+    facts: dict[str, Value] = {"model": DRIVES[kind][0] if kind in DRIVES else kind}
+    facts |= {quantity: drive[field] for field, quantity in FIELDS.items() if field in drive}
     if facts["model"] == "motor" and facts.get("effort") == UNLIMITED:
         facts["effort"] = None
     steps = (drive.get("delay_min_lag", 0), drive.get("delay_max_lag", 0))
     return facts | {"delay": delay_s(steps, timestep_s)}
 
 
+def _with_densities(terms: object) -> Record:
+    """Event terms with factors of the mass, which grows by exp(2 alpha), in the place of alpha."""
+    found = dict(table_of(terms))
+    for name, term in found.items():
+        params = table_of(table_of(term).get("params"))
+        if "alpha_range" in params:
+            factors = [math.exp(2.0 * alpha) for alpha in params["alpha_range"]]
+            found[name] = term | {"params": params | {"alpha_range": factors}}
+    return found
+
+
 # --- what the robot says ----------------------------------------------------------------------
 
 
 def _besides(reference: Reference, robot: str) -> Table:
-    """The start, delays, actions, what is drawn, and the options of the velocity task."""
+    """The start, delays, actions, and the options of the velocity task."""
     book, asked = Writer(), reference.options.get("mjlab") or {}
     model = (f"/bundle/mjcf/{robot}_bare.xml",)
     book.put("robot", "", {f"{FORM}:model": model, f"{FORM}:root": reference.tree.root})
     put_expected_start(reference, FORM, asked.get("soft_joint_pos_limit_factor", 0.9), 0.0, book)
     action = {"effort_share": 0.25, "rad": 0.5, "m": 0.05} | (asked.get("action") or {})
     for row in reference.control.actuators:
-        if row.model not in STATED:
-            continue
-        steps = (varied(reference, "joints", row.joint) or {}).get("delay", (0, 0))
-        delay = delay_s(steps, reference.control.simulation.timestep)
-        book.put("joint", row.joint, {"delay": delay})
-        if row.kp and row.effort:
-            slides = reference.tree.by_joint[row.joint].kind == "prismatic"
-            scale = min(
-                action["effort_share"] * row.effort / row.kp, action["m" if slides else "rad"]
-            )
-            book.put("joint", row.joint, {f"{FORM}:action scale": scale})
-    if reference.options.get("randomize"):
-        _put_matter(reference, book)
-        _put_joints(reference, book)
+        if row.model in STATED:
+            steps = (varied(reference, "joints", row.joint) or {}).get("delay", (0, 0))
+            delay = delay_s(steps, reference.control.simulation.timestep)
+            book.put("joint", row.joint, {"delay": delay})
+            if row.kp and row.effort:
+                slides = reference.tree.by_joint[row.joint].kind == "prismatic"
+                most = action["m" if slides else "rad"]
+                scale = min(action["effort_share"] * row.effort / row.kp, most)
+                book.put("joint", row.joint, {f"{FORM}:action scale": scale})
     if _walks(reference):
         book.put("robot", "", {f"{FORM}:without": tuple(_replaced(reference))})
         solver = {"cone": asked.get("cone", "elliptic"), "impratio": asked.get("impratio", 10.0)}
@@ -201,17 +212,14 @@ def _walks(reference: Reference) -> bool:
     pattern = (reference.options.get("feet") or {}).get("links")
     links = [shape.link for shape in reference.shapes.of("collision")]
     stands = any(re.fullmatch(pattern, link) for link in links) if pattern else False
-    driven = any(row.model in STATED for row in reference.control.actuators)
-    return reference.tree.base == "floating" and stands and driven
-
-
-# --- what is drawn
+    is_driven = any(row.model in STATED for row in reference.control.actuators)
+    return reference.tree.base == "floating" and stands and is_driven
 
 
 def _replaced(reference: Reference) -> Iterator[str]:
     """Events of mjlab's velocity task that would draw the same once more."""
-    recipe, root = reference.options.get("randomize") or {}, reference.tree.root
-    if root in massive_bodies(reference) and varied(reference, "links", root) is not None:
+    recipe, root = reference.options.get("randomize") or {}, reference.tree.bodies[0]
+    if not root.is_massless and varied(reference, "links", root.name) is not None:
         yield "base_com"
     if any(joint.get("encoder_bias") for joint in recipe.get("joints", {}).values()):
         yield "encoder_bias"
@@ -219,61 +227,9 @@ def _replaced(reference: Reference) -> Iterator[str]:
         yield "foot_friction"
 
 
-def _put_matter(reference: Reference, book: Writer) -> None:
-    """A body's J becomes U J Uᵀ with U = exp(alpha) [[A, t], [0, 1]] about the body's origin."""
-    recipe, massive = reference.options["randomize"], massive_bodies(reference)
-    for body in massive:
-        if (matter := varied(reference, "links", body)) is not None:
-            put_drawn(FORM, "pseudo_inertia", "body", body, book, **dict(_log_cholesky(matter)))
-    for payload in recipe.get("payloads", ()):
-        body, X_body_link = reference.tree.placement(payload["link"])
-        if body in massive:
-            box, mass = _box(payload, X_body_link), payload["mass"]
-            put_drawn(FORM, "carry_payload", "body", body, book, mass_range=mass, box=box)
-    if recipe.get("friction") is not None:
-        same = {"geom_names": COLLISION, "axes": (0,), "shared_random": True, "operation": "abs"}
-        put_drawn(FORM, "geom_friction", "robot", "", book, ranges=recipe["friction"], **same)
-
-
-def _log_cholesky(matter: Ranges) -> Iterator[tuple[str, tuple[float, float]]]:
-    """The mass grows by exp(2 alpha)."""
-    low, high = matter["density"]
-    yield "alpha_range", (math.log(low) / 2, math.log(high) / 2)
-    for axis, most in enumerate(per_axis(matter["com"]), start=1):
-        yield f"t{axis}_range", (-most, most)
-    if matter["stretch"]:
-        yield "d_range", (-matter["stretch"], matter["stretch"])
-    for pair in ("12", "13", "23") if matter["shear"] else ():
-        yield f"s{pair}_range", (-matter["shear"], matter["shear"])
-
-
-def _box(payload: Mapping[str, Any], X_body_link: Pose) -> tuple[float, ...]:  # Any: JSON
-    """(16,) [[S, h], [h, 1]] of one kilogram: second moments e²/12 along its edges, m²."""
-    turn = X_body_link.rotation
-    centre = turn @ np.array(payload["at"]) + np.array(X_body_link.xyz)
-    second = turn @ np.diag(np.square(payload["size"]) / 12.0) @ turn.T
-    matter = np.eye(4)
-    matter[:3, :3] = second + np.outer(centre, centre)
-    matter[:3, 3] = matter[3, :3] = centre
-    return tuple(map(float, matter.ravel()))
-
-
-def _put_joints(reference: Reference, book: Writer) -> None:
-    """Gains and effort of drives that hold a position; losses and encoders of all joints."""
-    for joint in (each.name for each in reference.tree.moving_joints):
-        ranges, row = (
-            varied(reference, "joints", joint) or {},
-            reference.control.by_joint.get(joint),
-        )
-        gains = factors(ranges, "kp", "kd")
-        if row and row.model in LOOPS and gains:
-            said = {f"{key}_range": ranges[key] for key in ("kp", "kd")}
-            put_drawn(FORM, "pd_gains", "joint", joint, book, **said)
-        if row and row.model in LOOPS and row.effort is not None and factors(ranges, "effort"):
-            said = {"effort_limit_range": ranges["effort"]}
-            put_drawn(FORM, "effort_limits", "joint", joint, book, **said)
-        for key, pair in factors(ranges, "damping", "friction", "armature").items():
-            said = {"ranges": pair, "operation": "scale"}
-            put_drawn(FORM, f"joint_{key}", "joint", joint, book, **said)
-        if most := ranges.get("encoder_bias"):
-            put_drawn(FORM, "encoder_bias", "joint", joint, book, bias_range=(-most, most))
+def _draws(row: Actuator | None, word: str) -> bool:
+    """mjlab scales gains and effort of drives that hold a position, losses of all joints."""
+    is_loop = row is not None and row.model in LOOPS
+    if word == "effort":
+        return is_loop and row is not None and row.effort is not None
+    return is_loop or word not in ("kp", "kd")

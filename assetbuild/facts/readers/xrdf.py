@@ -17,26 +17,25 @@ import numpy as np
 
 from assetbuild.errors import UsageError
 from assetbuild.facts.derived import first_match, start_of
+from assetbuild.facts.plain_yaml import read_yaml
 from assetbuild.facts.reader import Proof, Reader
-from assetbuild.facts.reference import Reference, filtered_pairs
+from assetbuild.facts.reference import Reference, filtered_pairs, size_of
 from assetbuild.facts.table import Table, Value, Writer, pair_name
 from assetbuild.facts.vocabulary import VOCABULARY
-from assetbuild.facts.yaml_file import read_yaml
 from assetbuild.mesh.obj import read_triangles
 from assetbuild.robot.pose import Array
-from assetbuild.robot.shapes import Box, Mesh, Shape, Sphere
+from assetbuild.robot.shapes import Box, Mesh, Shape
 
-IN_URDF = "stands in the URDF beside"
 BALLS, WITHIN = "xrdf:spheres", "within the collision geometry"
 DEFAULTS: Mapping[str, Any] = {  # Any: plain JSON, here and below
     "joints": ".*", "acceleration": None, "jerk": None, "tool_frames": [], "max_spheres": 32,
     "margin": 0.02,
 }  # fmt: skip
 """Defaults of the recipe's `xrdf`, for a bundle that does not state them."""
+LIMITS = ("acceleration", "jerk")
+GEOMETRIES, GROUP = ("collision", "self_collision"), "collision_spheres"
 MESHES = "xrdf meshes"
 """Among the options of a reference: the folder of the URDF's meshes."""
-LISTS = {"acceleration_limits": "acceleration", "jerk_limits": "jerk"}
-WORLD, SELF, SPHERES = "collision", "self_collision", "collision_spheres"
 
 
 class Xrdf(Reader):
@@ -47,7 +46,9 @@ class Xrdf(Reader):
     called: ClassVar[str] = "the XRDF"
     folder: ClassVar[str] = "xrdf"
     behind: ClassVar[tuple[str, ...]] = ("xrdf/{robot}.xrdf",)
-    lacks: ClassVar[Mapping[str, str]] = {kind: IN_URDF for kind, _ in VOCABULARY}
+    lacks: ClassVar[Mapping[str, str]] = {
+        kind: "stands in the URDF beside" for kind, _ in VOCABULARY
+    }
     asks: ClassVar[tuple[str, ...]] = ("xrdf",)
 
     def file(self, root: Path, robot: str) -> Path | None:
@@ -56,8 +57,7 @@ class Xrdf(Reader):
 
     def prove(self, reference: Reference, path: Path) -> Proof:
         """Compare the file; the URDF's meshes are needed to see where spheres may be."""
-        meshes = str(path.parent.parent / "urdf/meshes")
-        options = {**reference.options, MESHES: meshes}
+        options = {**reference.options, MESHES: path.parent.parent / "urdf/meshes"}
         return super().prove(replace(reference, options=options), path)
 
     def found(self, path: Path, reference: Reference) -> Table:
@@ -74,37 +74,41 @@ class Xrdf(Reader):
     def read(self, path: Path) -> Table:
         """Joints, limits, spheres and pairs; UsageError for what is no YAML."""
         said, book = read_yaml(path), Writer()
-        head = {word: said.get(word) for word in ("format", "format_version")}
-        frames = tuple(said.get("tool_frames", ()))
-        head |= {"tool_frames": frames} if frames else {}
-        for section in (WORLD, SELF):
-            head |= {f"{section} {key}": value for key, value in said.get(section, {}).items()
-                     if key == "geometry"}  # fmt: skip
-        _put(book, "planner", "", head)
-        _read_joints(said, book)
-        groups = said.get("geometry", {})
-        for link, balls in groups.get(SPHERES, {}).get("spheres", {}).items():
+        words = {f"xrdf:{word}": said.get(word) for word in ("format", "format_version")}
+        words["xrdf:tool_frames"] = said.get("tool_frames")
+        words |= {f"xrdf:{name}": said.get(name, {}).get("geometry") for name in GEOMETRIES}
+        book.put("planner", "", words)
+        cspace = said.get("cspace", {})
+        names = cspace.get("joint_names", [])
+        for place, name in enumerate(names):
+            book.put("joint", name, {"xrdf:place": float(place)})
+        for word in LIMITS:
+            for name, limit in zip(names, cspace.get(f"{word}_limits", ()), strict=False):
+                book.put("joint", name, {f"xrdf:{word}": limit})
+        for name, position in said.get("default_joint_positions", {}).items():
+            book.put("joint", name, {"xrdf:default": position})
+        for link, balls in said.get("geometry", {}).get(GROUP, {}).get("spheres", {}).items():
             flat = [number for ball in balls for number in (*ball["center"], ball["radius"])]
             book.put("link", link, {BALLS: tuple(flat)})
-        for one, others in said.get(SELF, {}).get("ignore", {}).items():
+        for one, others in said.get("self_collision", {}).get("ignore", {}).items():
             for other in others:
-                _put(book, "pair", pair_name(one, other), {"ignored": True})
+                book.put("pair", pair_name(one, other), {"xrdf:ignored": True})
         return book.plain_table()
 
     def expected(self, reference: Reference) -> Table:
         """From the section `xrdf` of the recipe, and the robot."""
         said, solid, book = _said(reference), _solid(reference), Writer()
-        head: dict[str, Value] = {"format": "xrdf", "format_version": 1.0}
-        if said["tool_frames"]:
-            head["tool_frames"] = tuple(said["tool_frames"])
-        if solid:
-            head |= {f"{name} geometry": SPHERES for name in (WORLD, SELF)}
-        _put(book, "planner", "", head)
-        _joints(reference, said, book)
+        words: dict[str, Value] = {"xrdf:format": "xrdf", "xrdf:format_version": 1.0}
+        words["xrdf:tool_frames"] = tuple(said["tool_frames"]) or None
+        words |= {f"xrdf:{name}": GROUP if solid else None for name in GEOMETRIES}
+        book.put("planner", "", words)
+        for name, facts in _joints(reference, said):
+            book.put("joint", name, facts)
         for link in solid:
             book.put("link", link, {BALLS: WITHIN})
-        for one, other in _unmet(reference, list(solid)):
-            _put(book, "pair", pair_name(one, other), {"ignored": True})
+        pairs = filtered_pairs(reference.tree, reference.shapes, reference.control, of_links=True)
+        for one, other in pairs:
+            book.put("pair", pair_name(one, other), {"xrdf:ignored": True})
         return book.table()
 
 
@@ -113,53 +117,32 @@ def _said(reference: Reference) -> dict[str, Any]:
 
 
 def _solid(reference: Reference) -> dict[str, list[Shape]]:
-    """Collision shapes by link, in the order of the URDF."""
-    found: dict[str, list[Shape]] = {body.name: [] for body in reference.links.bodies}
+    """Collision shapes by link."""
+    found: dict[str, list[Shape]] = {}
     for shape in reference.shapes.of("collision"):
         found.setdefault(shape.link, []).append(shape)
-    return {link: shapes for link, shapes in found.items() if shapes}
+    return found
 
 
-def _put(book: Writer, kind: str, name: str, facts: Mapping[str, Value]) -> None:
-    book.put(kind, name, {f"xrdf:{word}": value for word, value in facts.items()})
-
-
-def _read_joints(said: Mapping[str, Any], book: Writer) -> None:
-    """Places in the cspace, limits, default positions."""
-    cspace = said.get("cspace", {})
-    names = cspace.get("joint_names", [])
-    for place, name in enumerate(names):
-        _put(book, "joint", name, {"place": float(place)})
-    for key, word in LISTS.items():
-        for name, limit in zip(names, cspace[key], strict=True) if key in cspace else ():
-            _put(book, "joint", name, {word: limit})
-    for name, position in said.get("default_joint_positions", {}).items():
-        _put(book, "joint", name, {"default": position})
-
-
-# --- what the file must say -----------------------------------------------------------------
-
-
-def _joints(reference: Reference, said: Mapping[str, Any], book: Writer) -> None:
+def _joints(
+    reference: Reference, said: Mapping[str, Any]
+) -> Iterator[tuple[str, dict[str, Value]]]:
     """Places in the cspace, limits, default positions; a joint that follows another has none."""
-    leading = [joint for joint in reference.tree.moving_joints if joint.mimic is None]
+    leading = [joint.name for joint in reference.tree.moving_joints if joint.mimic is None]
     pose = dict(start_of(reference.tree, reference.control).joints)
     driven = {row.joint for row in reference.control.actuators if row.model != "passive"}
-    planned = [j.name for j in leading if j.name in driven and re.fullmatch(said["joints"], j.name)]
-    for joint in leading:
-        _put(book, "joint", joint.name, {"default": pose[joint.name]})
+    planned = [name for name in leading if name in driven and re.fullmatch(said["joints"], name)]
+    for name in leading:
+        yield name, {"xrdf:default": pose[name]}
     for place, name in enumerate(planned):
-        _put(book, "joint", name, {"place": float(place)})
-    for word in LISTS.values():
-        limits = {name: _limit(said[word], name) for name in planned}
-        for name, limit in limits.items():
-            if None not in limits.values():
-                _put(book, "joint", name, {word: limit})
-
-
-def _limit(stated: Any, joint: str) -> float | None:
-    found = first_match(stated, joint) if isinstance(stated, Mapping) else stated
-    return None if found is None else float(found)
+        yield name, {"xrdf:place": float(place)}
+    for word in LIMITS:
+        table = said[word] if isinstance(said[word], Mapping) else {".*": said[word]}
+        limits = [first_match(table, name) for name in planned]
+        numbers = [float(limit) for limit in limits if limit is not None]
+        if len(numbers) == len(planned):
+            for name, number in zip(planned, numbers, strict=True):
+                yield name, {f"xrdf:{word}": number}
 
 
 def _within(stated: Value, shapes: list[Shape], reference: Reference) -> Value:
@@ -180,34 +163,16 @@ def _corners(shape: Shape, reference: Reference) -> Array:
     solid = shape.geometry
     if isinstance(solid, Mesh):
         file = next(mesh.file for mesh in reference.shapes.meshes if mesh.name == solid.mesh)
-        path = Path(str(reference.options.get(MESHES, ""))) / file
         try:
-            return shape.X_link_shape.apply(read_triangles(path.read_bytes(), file).vertices)
+            data = (reference.options[MESHES] / file).read_bytes()
         except OSError as error:
             message = f"cannot read `meshes/{file}` of the URDF: {error.strerror}"
             raise UsageError(message) from None
-    if isinstance(solid, Box):
-        half = np.asarray(solid.size) / 2.0
-    else:
-        height = 0.0 if isinstance(solid, Sphere) else solid.length / 2.0
-        half = np.array((solid.radius, solid.radius, height + solid.radius))
+        return shape.X_link_shape.apply(read_triangles(data, file).vertices)
+    edges = size_of(solid)
+    if not isinstance(solid, Box):
+        width = 2.0 * edges[0]
+        edges = (width, width, width + sum(edges[1:]))
+    half = np.asarray(edges) / 2.0
     signs = np.array(list(itertools.product((-1.0, 1.0), repeat=3)))
     return shape.X_link_shape.apply(signs * half)
-
-
-def _unmet(reference: Reference, links: list[str]) -> Iterator[tuple[str, str]]:
-    """Links that never meet: their bodies are one, are filtered, or only these two's masks are."""
-    tree, shapes, control = reference.tree, reference.shapes, reference.control
-    filtered = {frozenset(pair) for pair in filtered_pairs(tree, shapes, control)}
-    own = dict(control.contacts)
-    for one, other in itertools.combinations(links, 2):
-        bodies = frozenset(tree.placement(link)[0] for link in (one, other))
-        sides = [
-            [own.get(s.name, control.contact) for s in shapes.of("collision") if s.link == link]
-            for link in (one, other)
-        ]
-        masked = not any(
-            a.mask & b.partners or b.mask & a.partners for a, b in itertools.product(*sides)
-        )
-        if len(bodies) == 1 or bodies in filtered or masked:
-            yield one, other

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 
-from assetbuild.facts.held import NEWTON_LACKS, PHYSX_LACKS, holds
+from assetbuild.facts.held import HELD_BY_NEWTON, HELD_BY_PHYSX
 from assetbuild.facts.reader import Reader
-from assetbuild.facts.table import Key
 from assetbuild.facts.vocabulary import VOCABULARY, Quantity
 from assetbuild.plugins import load_plugin, plugin_names
 
@@ -28,7 +27,7 @@ Tolerances are relative: 1e-9, and 2e-7 where a format keeps float32.
 def fact_page() -> str:
     """One table for each kind of subject, and the reasons."""
     formats = {name: load_plugin(Reader, name).lacks for name in plugin_names(Reader)}
-    formats |= {"physx": PHYSX_LACKS, "newton": NEWTON_LACKS}
+    formats |= {"physx": _others(HELD_BY_PHYSX), "newton": _others(HELD_BY_NEWTON)}
     reasons: dict[str, int] = {}
     kinds = dict.fromkeys(kind for kind, _ in VOCABULARY)
     parts = [INTRODUCTION]
@@ -37,6 +36,12 @@ def fact_page() -> str:
         parts.append(f"## {kind}\n\n" + "".join(_table(rows, formats, reasons)))
     listed = "".join(f"{number}. {reason}\n" for reason, number in reasons.items())
     return "\n".join(parts) + f"\n## Why a format cannot hold a quantity\n\n{listed}"
+
+
+def _others(held: Mapping[str, frozenset[str]]) -> Mapping[str, str]:
+    """What a simulator's interface does not say."""
+    others = [row for row in VOCABULARY.values() if row.name not in held.get(row.kind, ())]
+    return {f"{row.kind} {row.name}": "not read back from the simulator" for row in others}
 
 
 def _table(
@@ -51,7 +56,5 @@ def _table(
 
 
 def _cell(row: Quantity, lacks: Mapping[str, str], reasons: dict[str, int]) -> str:
-    if holds(lacks, Key(row.kind, "", row.name)):
-        return "="
-    reason = lacks.get(f"{row.kind} {row.name}") or lacks.get(row.kind, "")
-    return str(reasons.setdefault(reason, len(reasons) + 1))
+    reason = lacks.get(f"{row.kind} {row.name}") or lacks.get(row.kind)
+    return "=" if reason is None else str(reasons.setdefault(reason, len(reasons) + 1))

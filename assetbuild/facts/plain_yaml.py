@@ -42,27 +42,6 @@ def read_yaml(path: Path) -> dict[str, Any]:  # Any: plain YAML, here and below
     return found
 
 
-def words(form: str, table: Mapping[str, Any]) -> dict[str, Value]:
-    """Leaves as words of a format; keys within keys are joined by a space, numbers by one tuple."""
-    return {f"{form}:{path}": value for path, value in _leaves(table)}
-
-
-def _leaves(table: Mapping[str, Any]) -> Iterator[tuple[str, Value]]:
-    for key, value in table.items():
-        if isinstance(value, Mapping):
-            yield from ((f"{key} {path}", leaf) for path, leaf in _leaves(value))
-        else:
-            yield str(key), tuple(_flat(value)) if isinstance(value, list | tuple) else value
-
-
-def _flat(value: Any) -> Iterator[Any]:
-    if isinstance(value, list | tuple):
-        for item in value:
-            yield from _flat(item)
-    else:
-        yield value
-
-
 def leaves(value: object, path: str = "") -> Iterator[tuple[str, Value]]:
     """(path, value) of all leaves of plain JSON; items of a list go by their names.
 

@@ -1,0 +1,161 @@
+"""Any file as a tree of what it states, and what differs between two such trees."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from assetbuild.facts.again.row import LONGEST, Row
+from assetbuild.facts.table import Value
+from assetbuild.robot.pose import Array
+
+DOUBLE, SINGLE, ZERO = 1e-9, 2e-7, 1e-14
+"""Relative tolerance of numbers and of those stored in fewer than 8 bytes; absolute beside zero."""
+SHORT = 4
+"""Numbers of a vector that is shown whole; of a longer one only the first that differs."""
+MOST = 16
+"""Numbers that a finding shows at most."""
+EXACT_INTEGERS = 2**53
+"""A larger integer is shown as text, because a float does not hold all of its digits."""
+
+
+class Words(str):
+    """Text of a file in which numbers may be spelled in several ways."""
+
+    __slots__ = ()
+
+    @property
+    def numbers(self) -> tuple[float, ...] | None:
+        """None where it has other words."""
+        try:
+            return tuple(float(word) for word in self.split()) or None
+        except ValueError:
+            return None
+
+
+@dataclass(frozen=True)
+class Node:
+    """A part of a file. value: what it states itself; parts: what it consists of, by key.
+
+    subject: (kind, name) where the part is a thing with a name. line: from 1; 0 where unknown.
+    ordered: whether the order of its parts means something.
+    """
+
+    value: object = None
+    parts: Mapping[str, Node] = field(default_factory=dict)
+    line: int = 0
+    subject: tuple[str, str] | None = None
+    ordered: bool = False
+
+
+@dataclass(frozen=True)
+class _Place:
+    """The nearest thing with a name, and the keys from there."""
+
+    kind: str = "file"
+    name: str = ""
+    path: str = ""
+
+    def at(self, key: str, node: Node) -> _Place:
+        if node.subject:
+            return _Place(*node.subject)
+        space = "" if key.startswith("[") or not self.path else " "
+        return _Place(self.kind, self.name, f"{self.path}{space}{key}")
+
+    def row(self, expected: object, found: object, line: int, what: str = "") -> Row:
+        attribute = f"{self.path} {what}".strip() or "value"
+        return Row(self.kind, self.name, attribute, quoted(expected), quoted(found), line)
+
+
+def tree_rows(again: Node, there: Node) -> list[Row]:
+    """What two files state differently."""
+    return list(_rows(again, there, _Place().at("", again)))
+
+
+def _rows(again: Node, there: Node, place: _Place) -> Iterator[Row]:
+    if not same(again.value, there.value):
+        yield _value_row(again.value, there.value, place, there.line)
+    for key in dict.fromkeys((*again.parts, *there.parts)):
+        one, other = again.parts.get(key), there.parts.get(key)
+        part = place.at(key, one or other or there)
+        if one is not None and other is not None:
+            yield from _rows(one, other, part)
+        elif one is not None:
+            yield part.row(_summary(one), None, there.line, _absence(one, "missing"))
+        elif other is not None:
+            yield part.row(None, _summary(other), other.line, _absence(other, "extra"))
+    if again.ordered and again.parts.keys() == there.parts.keys():
+        before, after = (", ".join(node.parts) for node in (again, there))
+        if before != after:
+            yield place.row(before, after, there.line, "order")
+
+
+def _absence(node: Node, what: str) -> str:
+    """A plain value that only one side states has no value on the other."""
+    return what if node.parts or node.subject else ""
+
+
+def _summary(node: Node) -> object:
+    """The value of a part, else what it consists of."""
+    if node.value is not None or not node.parts:
+        return "" if node.value is None else node.value
+    parts = (f"{key}={quoted(_summary(part))}" for key, part in node.parts.items())
+    return " ".join(parts)[:LONGEST]
+
+
+def _value_row(one: object, other: object, place: _Place, line: int) -> Row:
+    if isinstance(one, np.ndarray) and isinstance(other, np.ndarray) and one.ndim and other.ndim:
+        if len(one) != len(other):
+            return place.row(len(one), len(other), line, "length")
+        if one.ndim > 1 or len(one) > SHORT:
+            index = next(i for i in range(len(one)) if not same(one[i], other[i]))
+            inside = place.at(f"[{index}]", Node())
+            return _value_row(one[index], other[index], inside, line)
+    return place.row(one, other, line)
+
+
+def same(one: object, other: object) -> bool:
+    """Whether two values are the same, numbers but for their last digits."""
+    if isinstance(one, str) and isinstance(other, str):
+        return one == other or (isinstance(one, Words) and _same_words(one, Words(other)))
+    if not (_is_numeric(one) and _is_numeric(other)):
+        return type(one) is type(other) and bool(one == other)
+    a, b = np.asarray(one), np.asarray(other)
+    if a.shape != b.shape or "f" not in a.dtype.kind + b.dtype.kind:
+        return bool(np.array_equal(a, b))
+    tolerance = SINGLE if a.dtype.itemsize < 8 else DOUBLE
+    return bool(np.allclose(b, a, rtol=tolerance, atol=ZERO, equal_nan=True))
+
+
+def _same_words(one: Words, other: Words) -> bool:
+    a, b = one.numbers, other.numbers
+    return one.split() == other.split() if a is None or b is None else same(a, b)
+
+
+def _is_numeric(value: object) -> bool:
+    types = (np.ndarray, np.generic, int, float, tuple)
+    return isinstance(value, types) and not isinstance(value, bool)
+
+
+def of_one_sign(quats: Array) -> Array:
+    """(..., 4) quaternions, each with its first part that is not 0 positive; -q turns like q."""
+    if not quats.size:
+        return quats
+    first = np.argmax(quats != 0.0, axis=-1)[..., None]
+    signs = np.where(np.take_along_axis(quats, first, -1) < 0.0, -1.0, 1.0)
+    return np.asarray(quats * signs.astype(quats.dtype))
+
+
+def quoted(value: object) -> Value:
+    """A value as a finding shows it."""
+    if isinstance(value, Words):
+        value = value.numbers or str(value)
+    if value is None or isinstance(value, bool):
+        return value
+    too_large = isinstance(value, int) and abs(value) > EXACT_INTEGERS
+    if not _is_numeric(value) or too_large or np.asarray(value).dtype.kind not in "iuf":
+        return " ".join(str(value).split())[:LONGEST]
+    flat = np.ravel(np.asarray(value, dtype=float)).tolist()
+    return float(flat[0]) if len(flat) == 1 else tuple(flat[:MOST])

@@ -1,0 +1,416 @@
+"""Trainers' modules and dr.yaml: what they give is recorded; a bug of their writers is found."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import pytest
+from tiny import (
+    TinyRobot,
+    odd_drives,
+    pendulum,
+    run_step,
+    sprung,
+    tiny_quadruped,
+    turned,
+    write_robot_ports,
+)
+from writer_bugs import plant
+
+from assetbuild.engine.step import Step
+from assetbuild.errors import UsageError
+from assetbuild.facts.isaaclab_config import read_config
+from assetbuild.facts.reader import Proof, Reader
+from assetbuild.facts.readers.dr import Dr
+from assetbuild.facts.readers.isaaclab import IsaacLabReader
+from assetbuild.facts.readers.mjlab import MjlabReader
+from assetbuild.facts.reference import Assets, Reference
+from assetbuild.facts.surface import measure
+from assetbuild.facts.table import Key
+from assetbuild.robot.model import Actuator
+from assetbuild.robot.ranges import Randomize
+from assetbuild.samples import state_ranges
+from assetbuild.samples.state_ranges import StateRanges
+from assetbuild.targets.isaaclab import IsaacLab
+from assetbuild.targets.isaaclab import events as lab_events
+from assetbuild.targets.isaaclab.module import Module
+from assetbuild.targets.mjlab import Mjlab, events, module
+
+RANDOMIZE = Randomize.model_validate(
+    {
+        "seed": 2**63 - 1,
+        "links": {
+            "trunk": {
+                "density": (0.9, 1.2), "com": (0.02, 0.01, 0), "stretch": 0.1, "shear": 0.05,
+            },
+            ".*": {},
+        },
+        "payloads": [{"link": "imu", "mass": (0, 3), "size": (0.2, 0.15, 0.1), "at": (0, 0, 0.1)}],
+        "joints": {
+            ".*_calf_joint": {
+                "kp": (0.9, 1.1), "kd": (0.8, 1.1), "effort": (0.8, 1), "delay": (1, 2),
+                "encoder_bias": 0.01,
+            },
+            ".*": {"friction": (0.5, 2.0), "armature": (0.9, 1.1), "damping": (0.9, 1.1)},
+        },
+        "friction": (0.3, 1.2),
+    }
+)  # fmt: skip
+WALKER = {"feet": ".*_foot", "imu": "imu", "rows": (".*_(hip|thigh)_joint", ".*_calf_joint")}
+
+
+@dataclass(frozen=True)
+class Built:
+    """What a target wrote of a robot, and the reader that proves it."""
+
+    file: Path
+    reader: Reader
+    reference: Reference
+
+    def prove(self) -> Proof:
+        return self.reader.prove(self.reference, self.file)
+
+
+def built(step: Step, reader: type[Reader], robot: TinyRobot, folder: Path, **told: Any) -> Built:
+    """told: sections of the recipe."""
+    ports = write_robot_ports(folder / "in", robot)
+    run_step(step, ports, folder / "out")
+    assets = Assets(tuple((mesh.name, measure([])) for mesh in robot.shapes.meshes))
+    ranges = getattr(step, "randomize", None)
+    told["randomize"] = ranges and ranges.model_dump(mode="json", by_alias=True)
+    reference = Reference(robot.links, robot.tree, robot.shapes, robot.control, assets, told)
+    reads = reader(robot="robot-1", options=told)
+    top = folder / "out" / (reader.needs[0] if reader is not Dr else "")
+    file = reads.file(top, "robot-1")
+    assert file is not None
+    return Built(file, reads, reference)
+
+
+def mjlab(robot: TinyRobot, folder: Path, drawn: Randomize | None = RANDOMIZE) -> Built:
+    step = Mjlab(robot="robot-1", randomize=drawn, **WALKER)
+    told = {"mjlab": step.options.model_dump(mode="json"), "feet": {"links": step.feet}}
+    return built(step, MjlabReader, robot, folder, **told)
+
+
+def isaaclab(robot: TinyRobot, folder: Path, drawn: Randomize | None = RANDOMIZE) -> Built:
+    step = IsaacLab(robot="robot-1", randomize=drawn)
+    told = {name: getattr(step, field).model_dump(mode="json")
+            for name, field in (("isaaclab", "options"), ("usd", "usd"))}  # fmt: skip
+    return built(step, IsaacLabReader, robot, folder, **told)
+
+
+def dr_yaml(robot: TinyRobot, folder: Path, drawn: Randomize | None = RANDOMIZE) -> Built:
+    step = StateRanges(robot="robot-1", randomize=drawn or RANDOMIZE)
+    return built(step, Dr, robot, folder)
+
+
+Make = Callable[..., Built]
+
+
+def quadruped(last: str) -> TinyRobot:
+    """Every kind of drive that a trainer knows, and a start that is turned."""
+    robot = turned(tiny_quadruped())
+    models = {"FR": "pd", "FL": "ideal_pd", "RR": "dc_motor", "RL": last}
+    drives = tuple(
+        replace(drive, model=models[drive.joint[:2]], kp=80.0 + i, kd=4.0 + i, stall=70.0)
+        for i, drive in enumerate(robot.control.actuators)
+    )
+    return replace(robot, control=replace(robot.control, actuators=drives))
+
+
+@pytest.mark.parametrize("drawn", [None, RANDOMIZE], ids=["plain", "randomized"])
+@pytest.mark.parametrize(
+    ("make", "robot"),
+    [
+        (mjlab, quadruped("velocity")), (mjlab, tiny_quadruped()),
+        (isaaclab, quadruped("motor")), (isaaclab, tiny_quadruped()), (isaaclab, pendulum()),
+        (isaaclab, sprung()), (dr_yaml, tiny_quadruped()),
+    ],
+)  # fmt: skip
+def test_what_nobody_edited_is_the_robot(
+    make: Make, robot: TinyRobot, drawn: Randomize | None, tmp_path: Path
+):
+    if robot.tree.root == "base":
+        drawn = None  # the pendulum has no body of these names
+    proof = make(robot, tmp_path, drawn).prove()
+    assert proof.findings == ()
+    assert proof.compared > 60
+
+
+def test_a_bundles_robot_keeps_the_order_of_patterns_of_which_the_first_wins(tmp_path: Path):
+    one = mjlab(quadruped("velocity"), tmp_path)
+    (tmp_path / "report").mkdir()
+    (tmp_path / "report/robot.json").write_text(one.reference.to_json())
+    read = Reference.of_bundle(tmp_path)
+    assert one.reader.prove(read, one.file).findings == ()
+
+
+def test_the_module_alone_says_the_same_as_beside_its_robot(tmp_path: Path):
+    one = mjlab(quadruped("velocity"), tmp_path, None)
+    alone, beside = one.reader.read(one.file), one.prove().found
+    joints = {key: value for key, value in alone.facts.items() if key.kind == "joint"}
+    assert joints == {key: value for key, value in beside.facts.items() if key.kind == "joint"}
+    assert joints[Key("joint", "FR_calf_joint", "armature")] == 0.02
+
+
+def test_drives_without_a_limit_or_a_form_in_a_trainer_are_what_they_are(tmp_path: Path):
+    for make in (mjlab, isaaclab):
+        proof = make(odd_drives(tiny_quadruped()), tmp_path / make.__name__, None).prove()
+        assert proof.findings == ()
+        drives = {joint: proof.found.of("joint", joint) for joint in proof.found.names("joint")}
+        assert drives["FR_hip_joint"]["model"] == "motor"
+        assert drives["FR_hip_joint"].get("effort") is None
+        assert drives["FR_thigh_joint"]["stall"] == 70.0
+        # `general`: Isaac Lab makes a motor of it, mjlab has no form.
+        model = "motor" if make is isaaclab else None
+        assert drives["FR_calf_joint"].get("model") == model
+
+
+def test_names_that_no_usd_can_have_are_still_the_robots(tmp_path: Path):
+    robot = pendulum()
+    (joint,) = robot.tree.joints
+    tree = replace(robot.tree, joints=(replace(joint, name="swing.joint"),))
+    drive = Actuator("swing.joint", "pd", kp=1.0, kd=0.1, effort=5.0, velocity=10.0)
+    control = replace(robot.control, actuators=(drive,), keyframes=())
+    proof = isaaclab(replace(robot, tree=tree, control=control), tmp_path, None).prove()
+    assert proof.findings == ()
+    assert proof.found.facts[Key("joint", "swing.joint", "kp")] == 1.0
+
+
+MJLAB_BUGS = [
+    (module, "_actuator", '"stiffness": a.kp, "damping": a.kd',
+     '"stiffness": a.kd, "damping": a.kp', {"kp", "kd"}),
+    (module, "_actuator", '"velocity":\n            fields |= {"damping": a.kd}',
+     '"velocity":\n            fields |= {"stiffness": a.kd}', {"kp", "kd"}),
+    (module, "_actuator", "else a.effort", "else a.velocity", {"effort"}),
+    (module, "_actuator", '"saturation_effort": a.saturation', '"saturation_effort": a.effort',
+     {"stall"}),
+    (module, "_actuator", '"velocity_limit": a.velocity', '"velocity_limit": -a.velocity',
+     {"velocity"}),
+    (module, "_actuator", '"armature": a.armature, ', "", {"armature"}),
+    (module, "_actuator", '"frictionloss": a.friction, "viscous_damping": a.damping',
+     '"frictionloss": a.damping, "viscous_damping": a.friction', {"friction", "damping"}),
+    (module, "_actuator", "group.ranges.delay, strict", "(0, group.ranges.delay[1] - 1), strict",
+     {"delay"}),
+    (module, "_robot", "{base.xyz!r}", "{base.xyz[::-1]!r}", {"start_pose"}),
+    (module, "_robot", "{base.quat!r}", "{(*base.quat[1:], base.quat[0])!r}", {"start_pose"}),
+    (module, "_robot", "{base.quat!r}", "{(1.01, *base.quat[1:])!r}",
+     {"start_pose", "length_of_rot"}),
+    (module, "_robot", "dict(start.joints)", "{j: -q for j, q in start.joints}", {"start"}),
+    (module, "_robot", "soft_joint_pos_limit_factor={", "soft_joint_pos_limit_factor=0.5*{",
+     {"soft_limits"}),
+    (module, "_facts", "simulation.timestep", "2 * simulation.timestep", {"timestep", "delay"}),
+    (module, "_facts", "simulation.gravity", "simulation.gravity[::-1]", {"gravity"}),
+    (module, "_facts", "_bare.xml", ".xml", {"model"}),
+    (module, "_robot", "spec_fn=spec", "x=0", {"unreadable"}),
+    (module, "_facts", "_scale(facts, group)", "1.0", {"action_scale"}),
+    (module, "_velocity", "cfg.sim.mujoco.timestep = TIMESTEP", "", {"timestep"}),
+    (module, "_velocity", "cfg.decimation = DECIMATION", "", {"decimation"}),
+    (module, "_velocity", "impratio = ", "impratio = 2 * ", {"impratio"}),
+    (module, "_velocity", "cfg.events |= randomize_events()", "cfg.x = 0",
+     {"density", "encoder_bias", "effort"}),
+    (module, "_velocity", "for name in gone", "for name in gone[1:]", {"without"}),
+    (events, "_log_cholesky", "math.log(low) / 2", "math.log(low)", {"density"}),
+    (events, "_log_cholesky", "(-value, value)", "(0.0, value)", {"com_x"}),
+    (events, "_matter", '"body_names", bodies', '"body_names", bodies[1:]', {"density"}),
+    (events, "_payloads", "payload.at", "payload.size", {"box"}),
+    (events, "_joints", '"kd_range": ranges.kd', '"kd_range": ranges.kp', {"kd"}),
+    (events, "_joints", "getattr(ranges, key)", "ranges.friction", {"armature", "damping"}),
+    (events, "_joints", "-ranges.encoder_bias, ", "0.0, ", {"encoder_bias"}),
+    (events, "_joints", "{limited!r}", "{[i - 1 for i in limited]!r}", {"effort"}),
+    (events, "_friction", '"operation": "abs"', '"operation": "scale"', {"operation"}),
+]  # fmt: skip
+ISAACLAB_BUGS = [
+    (Module, "_values", "actuator.kp if has_kp", "actuator.kd if has_kp", {"kp"}),
+    (Module, "_values", "actuator.kd if has_kd", "math.degrees(actuator.kd) if has_kd", {"kd"}),
+    (Module, "_values", '"armature": actuator.armature,', "", {"armature"}),
+    (Module, "_values", '"viscous_friction": actuator.damping,', "", {"damping"}),
+    (Module, "_values", '"friction": actuator.friction,', '"friction": actuator.damping,',
+     {"friction"}),
+    (Module, "_values", "efforts, actuator.effort", "efforts, actuator.velocity", {"effort"}),
+    (Module, "_values", "velocities, actuator.velocity", "velocities[1:], actuator.velocity",
+     {"velocity"}),
+    (Module, "_values", "efforts, velocities = LIMITS[self.generation, inside]",
+     "efforts, velocities = LIMITS[5 - self.generation, inside]", {"effort", "velocity"}),
+    (Module, "_values", "actuator.saturation", "actuator.effort", {"stall"}),
+    (Module, "_values", "self._delay(actuator), strict", "(0, 1), strict", {"delay"}),
+    (Module, "_actuators", "for a in members", "for a in members[1:]", {"kp", "model"}),
+    (Module, "_base", "(x, y, z)!r", "(x, -y, z)!r", {"start_pose"}),
+    (Module, "_base", "self.tree.root_pose(start)", "self.tree.X_world_root", {"start_pose"}),
+    (Module, "_base", "z += self.options.clearance", "z -= self.options.clearance",
+     {"start_pose"}),
+    (Module, "_base", "if old else ((*xyz, w)", "if True else ((*xyz, w)", {"start_pose"}),
+    (Module, "_positions", "{q!r}", "{-q!r}", {"start"}),
+    (Module, "text", "dt=DT", "dt=2 * DT", {"timestep", "delay"}),
+    (Module, "text", "render_interval=DECIMATION", "render_interval=1", {"decimation"}),
+    (Module, "text", ", gravity=GRAVITY", ", gravity=GRAVITY[::-1]", {"gravity"}),
+    (Module, "text", ".usda", ".usd", {"usd_path"}),
+    (Module, "_newton", "implicitfast", "euler", {"integrator"}),
+    (Module, "_rigid_body", "math.degrees(rigid.max_angular_velocity)",
+     "rigid.max_angular_velocity", {"max_angular_velocity"}),
+    (Module, "_articulation", '"enabled_self_collisions": solver.self_collisions',
+     '"enabled_self_collisions": not solver.self_collisions', {"self_collision"}),
+    (Module, "_articulation", "solver.solver_velocity_iterations", "4",
+     {"solver_velocity_iteration_count"}),
+    (lab_events, "_matter", "matter.density,", "matter.density[::-1],", {"density"}),
+    (lab_events, "_matter", "(-most, most)", "(0.0, most)", {"com_x"}),
+    (lab_events, "_joints", "=ranges.kd", "=ranges.kp", {"kd"}),
+    (lab_events, "_joints", "getattr(ranges, key)\n", "ranges.friction\n",
+     {"armature"}),
+    (lab_events, "_joints", "for joint in joints", "for joint in joints[1:]",
+     {"friction"}),
+    (lab_events, "_friction", "dynamic_friction_range=friction", "dynamic_friction_range=(0, 2)",
+     {"dynamic_surface_friction"}),
+]  # fmt: skip
+"""(where, function, text, what stands there instead, quantities that must be found)."""
+DR_BUGS = [
+    (state_ranges, "_matter", "mass * low", "mass * high", {"mass"}),
+    (state_ranges, "_matter", '"density": [low, high]', '"density": [high, low]', {"density"}),
+    (state_ranges, "_matter", "math.log(low) / 2", "math.log(low)", {"density"}),
+    (state_ranges, "_matter", "list(com)}", "[0.0, 0.0, 0.0]}", {"com_x", "com_y"}),
+    (state_ranges, "_matter", "[-shift, shift]", "[0.0, shift]", {"com_x"}),
+    (state_ranges, "_matter", '"d": [-matter.stretch', '"d": [-matter.shear', {"stretch"}),
+    (state_ranges, "_matter", '"s": [-matter.shear', '"s": [matter.shear', {"shear_12"}),
+    (StateRanges, "_payloads", "list(payload.at)", "list(payload.size)", {"at"}),
+    (StateRanges, "_payloads", "placement(payload.link)[0]", "root + payload.link", {"body"}),
+    (StateRanges, "_joints", "nominal * high", "nominal * low", {"kp", "kd", "friction"}),
+    (StateRanges, "_joints", "list(ranges.delay)", "[0, 0]", {"delay"}),
+    (StateRanges, "_joints", "[-ranges.encoder_bias", "[ranges.encoder_bias", {"encoder_bias"}),
+    (StateRanges, "_contact", "friction[0]", "friction[1]", {"surface_friction"}),
+    (StateRanges, "run", '"seed": self.randomize.seed', '"seed": 2**63 - 2', {"seed"}),
+]
+CASES = [
+    (make, robot, *bug)
+    for make, robot, bugs in (
+        (mjlab, quadruped("velocity"), MJLAB_BUGS),
+        (isaaclab, quadruped("motor"), ISAACLAB_BUGS),
+        (dr_yaml, tiny_quadruped(), DR_BUGS),
+    )
+    for bug in bugs
+]
+
+
+@pytest.mark.parametrize(("make", "robot", "owner", "name", "old", "new", "rules"), CASES)
+def test_a_bug_of_the_writer_is_found(
+    make: Make, robot: TinyRobot, owner: type | ModuleType, name: str, old: str, new: str,
+    rules: set[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
+):  # fmt: skip
+    plant(monkeypatch, owner, name, old, new)
+    found = make(robot, tmp_path).prove().findings
+    about = {finding.rule.rpartition(".")[2] for finding in found}
+    assert all(any(rule in what for what in about) for rule in rules), about
+
+
+@pytest.mark.parametrize("generation", ["2", "3"])
+def test_a_number_of_one_module_alone_is_found(generation: str, tmp_path: Path):
+    one = isaaclab(tiny_quadruped(), tmp_path, None)
+    file = one.file.with_name(f"robot_1_isaaclab_{generation}.py")
+    file.write_text(file.read_text().replace("stiffness=100.0", "stiffness=99.0"))
+    (found,) = one.prove().findings
+    assert (found.rule, found.data["expected"], found.data["found"]) == (
+        "equal.isaaclab.kp", 100.0, 99.0,
+    )  # fmt: skip
+    assert len(found.data["subjects"]) == 12
+    if generation == "2":
+        assert re.fullmatch(r"robot_1_isaaclab_2.py:\d+", found.where)
+
+
+@pytest.mark.parametrize(
+    "other", ["None", "[1, 'a']", "'soft'", "10**400", "float('nan')", "print", "{}"]
+)
+def test_a_value_of_any_form_is_a_finding(other: str, tmp_path: Path):
+    one = isaaclab(tiny_quadruped(), tmp_path, None)
+    whole = one.file.read_text()
+    for field in ("stiffness=", "pos=", "joint_pos=", "dt=", "actuators=", "spawn="):
+        one.file.write_text(re.sub(rf"\b{field}", f"{field}{other} if True else ", whole))
+        assert one.prove().findings, field
+
+
+@pytest.mark.parametrize(
+    ("make", "text"),
+    [(isaaclab, None), *((dr_yaml, text) for text in ("[", "a: b: c", "a: &a [1]\nb: *a", "[]"))],
+)
+def test_a_file_that_is_gone_or_no_yaml_is_one_error(make: Make, text: str | None, tmp_path: Path):
+    one = make(tiny_quadruped(), tmp_path)
+    if text is None:
+        one.file.with_name("robot_1_isaaclab_3.py").unlink()
+    else:
+        one.file.write_text(text)
+    assert [finding.rule for finding in one.prove().findings] == ["equal.unreadable"]
+
+
+# --- anybody's configuration ------------------------------------------------------------------
+
+JOINTS = [joint.name for joint in tiny_quadruped().tree.moving_joints]
+FOREIGN = """
+import math
+import nowhere_to_be_found as lab
+from nowhere_to_be_found import measured
+KP = 10.0
+DRIVES = lab.ImplicitActuatorCfg(
+    joint_names_expr=[".*_hip_joint", ".*_thigh_joint"],
+    effort_limit_sim=24.0,
+    stiffness={".*_hip_joint": 2 * KP, ".*_thigh_joint": KP**2},
+    damping=math.pi,
+    armature=None,
+)
+BODY_CFG = lab.ArticulationCfg(
+    init_state=lab.ArticulationCfg.InitialStateCfg(
+        pos=(0.0, 0.0, 0.4), joint_pos={".*L_thigh_joint": -0.8}
+    ),
+    actuators={
+        "legs": DRIVES,
+        "knees": lab.DCMotorCfg(joint_names_expr=".*_calf_joint", stiffness=measured()),
+    },
+)
+OTHER_CFG = BODY_CFG.replace(prim_path="/World/other")
+"""
+
+
+@pytest.mark.parametrize("generation", ["2", "3"])
+def test_our_own_module_is_a_configuration_like_any_other(generation: str, tmp_path: Path):
+    one = isaaclab(turned(tiny_quadruped()), tmp_path, None)
+    file = one.file.with_name(f"robot_1_isaaclab_{generation}.py")
+    facts = read_config(file, "", JOINTS).facts
+    expected = one.reader.expected(one.reference).facts
+    assert len(facts) == 12 * 8 + 2
+    for key, value in facts.items():
+        assert value == pytest.approx(expected[key]), key
+
+
+def test_patterns_constants_and_sums_are_read_and_calls_are_not(tmp_path: Path):
+    file = tmp_path / "robot.py"
+    file.write_text(FOREIGN)
+    facts = read_config(file, "BODY_CFG", JOINTS).facts
+    assert facts[Key("joint", "FR_hip_joint", "kp")] == 20.0
+    assert facts[Key("joint", "FR_thigh_joint", "kp")] == 100.0
+    assert facts[Key("joint", "FR_thigh_joint", "kd")] == pytest.approx(3.14159265)
+    assert facts[Key("joint", "FR_thigh_joint", "effort")] == 24.0
+    assert facts[Key("joint", "FR_calf_joint", "model")] == "dc_motor"
+    assert facts[Key("joint", "FL_thigh_joint", "start")] == -0.8
+    assert facts[Key("joint", "FR_hip_joint", "start")] == 0.0
+    assert facts[Key("robot", "", "start pose")] == (0.0, 0.0, 0.4, 1.0, 0.0, 0.0, 0.0)
+    assert Key("joint", "FR_hip_joint", "armature") not in facts  # the USD says it
+    assert Key("joint", "FR_calf_joint", "kp") not in facts
+
+
+@pytest.mark.parametrize(
+    ("text", "name"),
+    [
+        ("x = (", ""),
+        ("x = 1", ""),
+        ("x = nowhere", ""),
+        ("from lab import ArticulationCfg as C\nA = C()\nB = C()", ""),
+        ("from lab import ArticulationCfg as C\nA = C()", "B"),
+    ],
+)
+def test_what_is_no_configuration_is_one_clear_error(text: str, name: str, tmp_path: Path):
+    file = tmp_path / "robot.py"
+    file.write_text(text)
+    with pytest.raises(UsageError):
+        read_config(file, name, ())
