@@ -219,8 +219,9 @@ def _hand(
         or _stands_on(model, states[0], sides)
     ):
         return None
-    along = _along(np.array(states[0].xmat[palm]).reshape(3, 3).T, one - base, other - base)
-    gap = other - one
+    ways = one - base, other - base
+    along = _along(np.array(states[0].xmat[palm]).reshape(3, 3).T, *ways)
+    gap = ways[1] - ways[0]
     gap = np.where(np.linalg.norm(gap, axis=1, keepdims=True) > 2e-3, gap, gap[0])
     across = _unit(gap - np.sum(gap * along, axis=1, keepdims=True) * along)
     one_side, other_side = (tuple(sorted(side)) for side in sides)
