@@ -5,7 +5,7 @@ from __future__ import annotations
 import importlib.util
 import json
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -37,7 +37,7 @@ from assetbuild.report.summary import WITHHELD, public_message
 from assetbuild.robot.model import Tree
 from assetbuild.robot.pose import Pose
 from assetbuild.simulators import mujoco
-from assetbuild.simulators.experiments import Motion, Outcome, Swing, load
+from assetbuild.simulators.experiments import Experiment, Motion, Outcome, Swing, load
 from assetbuild.simulators.free_fall import Fall
 
 Spoil = Callable[[Usd.Stage], object]
@@ -140,6 +140,16 @@ def test_mjcf_that_does_not_load_is_skipped(tmp_path: Path) -> None:
     found = run_step(Alignment(robot="robot"), inputs, tmp_path / "out")
     assert found == [], "`mjcf.load` reports it"
     assert "skipped" in json.loads((tmp_path / "out/figures.json").read_text())
+
+
+def test_runs_that_physx_loses_are_errors(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def perform(_: Alignment, __: Path, asked: Sequence[Experiment]) -> dict[str, Outcome]:
+        return {each.name: LOST for each in asked}
+
+    monkeypatch.setattr(Alignment, "perform", perform)
+    found = [f for f in check(tiny_quadruped(), tmp_path) if f.rule == "alignment.physx.run"]
+    assert found[1].message == f"no comparison of `fall`: {LOST.failure}"
+    assert {public_message(finding) for finding in found} == {WITHHELD}
 
 
 def standing(height: float, tilt: float) -> Motion:
