@@ -168,6 +168,8 @@ def _define_object(stage: Usd.Stage, gripped: Gripped, names: StageNames) -> Non
         solid.CreateHeightAttr(gripped.size[2])
     material = _make_solid(stage, solid.GetPrim(), gripped.friction)
     _foreign(material, "PhysxMaterialAPI", {"physxMaterial:frictionCombineMode": ("Token", "max")})
+    # As MuJoCo's object: in Newton it resists turning.
+    _foreign(solid.GetPrim(), "MjcCollisionAPI", {"mjc:condim": ("Int", 4)})
     mass = UsdPhysics.MassAPI.Apply(solid.GetPrim())
     mass.CreateMassAttr(gripped.mass)
     mass.CreateDiagonalInertiaAttr(Gf.Vec3f(*gripped.inertia))

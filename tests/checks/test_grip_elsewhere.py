@@ -84,7 +84,6 @@ def test_a_pincher_holds_what_it_should_and_loses_it_without_strength(
     findings, rows = judged(40.0, tmp_path / "strong")
     assert findings == []
     assert [row["shape"] for row in rows] == ["cube", "cylinder", "sphere"]
-    assert max(row["slip_m"] for row in rows) < 0.001
     # Friction 1 on two sides holds 2 N of weight by 1 N each; half of that is pressed.
     (lost,), rows = judged(0.5, tmp_path / "weak")
     assert lost.rule == rule
