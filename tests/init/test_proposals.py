@@ -52,7 +52,11 @@ def accepted(recipe: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    "urdf", ["go1_description/urdf/go1.urdf", "talos_data/robots/talos_full_v2.urdf"]
+    "urdf",
+    [
+        "go1_description/urdf/go1.urdf",
+        pytest.param("talos_data/robots/talos_full_v2.urdf", marks=pytest.mark.slow),
+    ],
 )
 def test_every_proposal_of_a_robot_with_legs_is_accepted(urdf: str, go1_root: Path, tmp_path: Path):
     recipe = tmp_path / "robot.yaml"

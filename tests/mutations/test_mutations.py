@@ -139,6 +139,7 @@ def alarms(bundle: Path, *files: str) -> dict[tuple[str, str], list[str]]:
     return {(file, how): said for file, how, said in found if said}
 
 
+@pytest.mark.slow
 def test_files_that_are_written_anew_are_the_same_robot(legs: Path):
     usd = (f"usd/payloads/{name}.usda" for name in ("physics", "physx", "newton", "mujoco"))
     files = ("mjcf/legs.xml", "urdf/legs.urdf", *usd, "report/robot.json")
