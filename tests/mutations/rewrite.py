@@ -20,15 +20,13 @@ Rewriting = Callable[[Path], None]
 DECIMAL = re.compile(r"(?<![\w.])(-?\d+\.\d+)(?![\w.])")
 
 
-def rewritten(
-    bundle: Path, wanted: Callable[[str], bool] = lambda file: True
-) -> Iterator[tuple[str, str, list[str]]]:
-    """(file, way of writing it differently, what was then said or differed) of wanted files."""
+def rewritten(bundle: Path) -> Iterator[tuple[str, str, list[str]]]:
+    """(file, way of writing it differently, what was then said or differed) of all files."""
     with tempfile.TemporaryDirectory(prefix="rewritten-") as name:
         bench = Bench(bundle, Path(name))
         alarms = [f"{rule}: {subject}" for rule, subject, _ in bench.judge.alarms]
         yield "(untouched)", "as built", alarms
-        for file in filter(wanted, files_of(bench.bundle)):
+        for file in files_of(bench.bundle):
             for how, rewrite in ways(file).items():
                 with kept(bench.bundle, file):
                     rewrite(bench.bundle / file)

@@ -133,17 +133,9 @@ def test_validate_and_diff_find_single_changes(legs: Path):
     assert diff >= FOUND, missed
 
 
-def alarms(bundle: Path, *files: str) -> dict[tuple[str, str], list[str]]:
-    """What is said of files that are written differently, of all unless some are named."""
-    found = rewritten(bundle, lambda file: not files or file in files)
-    return {(file, how): said for file, how, said in found if said}
-
-
-@pytest.mark.slow
-def test_files_that_are_written_anew_are_the_same_robot(legs: Path):
-    usd = (f"usd/payloads/{name}.usda" for name in ("physics", "physx", "newton", "mujoco"))
-    files = ("mjcf/legs.xml", "urdf/legs.urdf", *usd, "report/robot.json")
-    assert alarms(legs, *files) == {}
+def alarms(bundle: Path) -> dict[tuple[str, str], list[str]]:
+    """What is said of files that are written differently."""
+    return {(file, how): said for file, how, said in rewritten(bundle) if said}
 
 
 @pytest.mark.slow
@@ -156,7 +148,7 @@ def test_single_changes_of_an_arm_with_meshes_and_a_mimic_joint(tmp_path: Path):
     """Prismatic and mimic joints, meshes as colliders, a texture, a kept body."""
     write_arm(tmp_path / "robot")
     bundle = built(tmp_path, ARM)
-    validate, diff, missed = shares(list(try_all(bundle, sample(bundle, FORMATS, 0, 25), 1)))
+    validate, diff, missed = shares(list(try_all(bundle, sample(bundle, FORMATS, 0, 15), 1)))
     assert validate >= FOUND, missed
     assert diff >= FOUND, missed
     assert alarms(bundle) == {}
@@ -164,7 +156,7 @@ def test_single_changes_of_an_arm_with_meshes_and_a_mimic_joint(tmp_path: Path):
 
 @pytest.mark.slow
 def test_single_changes_of_the_legs_by_name(legs: Path):
-    drawn = sample(legs, OWN, 1, 40, by_name=True)
+    drawn = sample(legs, OWN, 1, 25, by_name=True)
     validate, diff, missed = shares(list(try_all(legs, drawn, 1)))
     assert validate >= FOUND, missed
     assert diff >= FOUND, missed
