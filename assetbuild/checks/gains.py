@@ -191,7 +191,7 @@ class Gains(Check):
     def _effective(
         self, actuator: Actuator, inertia: float, torque: float | None, dt: float
     ) -> Effective:
-        """With the margin: how many times kp and kd may grow together before the joint diverges.
+        """The drive at its joint. Its margin says how much kp and kd may grow before it diverges.
 
         Semi-implicit Euler on x'' = -(kp x + kd v) / I with a = kp dt^2/I, b = kd dt/I: the
         amplification matrix has trace 2 - a - b and determinant 1 - b where the damping is

@@ -130,7 +130,7 @@ class Children:
         return home
 
     def door(self, kind: Kind) -> Door:
-        """Of the process that forks workers of this kind; it is started when there is none."""
+        """The door of the process that forks workers of this kind, started if need be."""
         del kind  # one process forks all
         if self._origin is None or self._origin.dead:
             self._origin = self._launcher.submit(Origin, self._new_home()).result()
@@ -171,12 +171,12 @@ class Door:
         return ours
 
     def ask_to_leave(self) -> None:
-        """The process kills what it has started, and ends."""
+        """Ask the process to kill what it has started, and to end."""
         with suppress(OSError):
             self._end.shutdown(socket.SHUT_WR)
 
     def close(self) -> None:
-        """Nothing more is asked."""
+        """Close our end for good."""
         self._end.close()
 
 
@@ -248,7 +248,7 @@ class Worker:
 
     @property
     def pid(self) -> int:
-        """Of its process; 0 until it is known."""
+        """The worker's process ID; 0 until the worker has told it."""
         return int(json.loads(self._said)["pid"]) if self._said.endswith(b"\n") else 0
 
     @property
@@ -257,7 +257,7 @@ class Worker:
         return self._ends_within(0.0)
 
     def wait_for_start(self) -> None:
-        """Until its door is its own; what is asked earlier is lost."""
+        """Wait until it listens at its door; a request sent earlier is lost."""
         while not self.pid and not self._ends_within(0.1):
             pass
 

@@ -69,7 +69,7 @@ HELD_BY_NEWTON: Mapping[str, frozenset[str]] = {
     "joint": OF_JOINTS | OF_DRIVES | MIMICS,
     "shape": frozenset({"friction", "condim", "priority", "solref", "solimp", "margin", "gap"}),
 }
-"""As above, of Newton's MuJoCo solver, of which what drives, weighs and touches is read back."""
+"""What Newton's MuJoCo solver tells: what drives, weighs and touches."""
 UNLIMITED = 1e6
 """Newton's word for an effort or a range without limit, at least; PhysX's for joints that mimic."""
 SIX = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))

@@ -40,7 +40,7 @@ UNSEEN: Mapping[str, str] = {
     **LACKS,
     **dict.fromkeys(("shape rgba", "shape texture"), "one writer draws all forms"),
 }
-"""Of forms whose shapes that touch nothing are not read."""
+"""Facts that the mjx and bare files are not asked for: their visual shapes are not read."""
 MESHES = Precision(
     {**EXACT, "length": 1e-6}, {("shape", "texture corners"): 1e-6, ("shape", "rgba"): 1e-6}
 )

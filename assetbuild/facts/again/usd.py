@@ -46,7 +46,7 @@ def usd_rows(again: Path, there: Path, roots: tuple[str, ...]) -> list[Row]:
 
 
 def _placed(rows: list[Row], there: Path) -> list[Row]:
-    """With their lines, where the layer is text."""
+    """The same rows, each with its line if the layer is text."""
     lines = usda_lines(there.read_text("utf-8")) if there.suffix == ".usda" else {}
     found = []
     for row in rows:
