@@ -249,7 +249,7 @@ class Worker:
     @property
     def pid(self) -> int:
         """The worker's process ID; 0 until the worker has told it."""
-        return int(json.loads(self._said)["pid"]) if self._said.endswith(b"\n") else 0
+        return int(json.loads(self._said).get("pid", 0)) if self._said.endswith(b"\n") else 0
 
     @property
     def dead(self) -> bool:
@@ -268,7 +268,10 @@ class Worker:
                 return True
             if not select.select([self._end], [], [], seconds)[0]:
                 return False
-            said = self._end.recv(4096)
+            try:
+                said = self._end.recv(4096)
+            except ConnectionResetError:  # it died with a request that it had not read
+                return True
             self._said += said
             return not said
 
