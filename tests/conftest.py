@@ -8,6 +8,7 @@ import subprocess
 import sys
 import tempfile
 import zipfile
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -24,6 +25,8 @@ for name, examples in (("quick", 25), ("ci", 100)):
         suppress_health_check=[HealthCheck.too_slow],
     )
 
+OPENGL = os.environ.get("MUJOCO_GL")
+os.environ.setdefault("MUJOCO_GL", "disable")  # a picture is a third of a small build: see `drawing`
 ROBOTS = Path(__file__).parent / "robots"
 PACKAGE = "example-robot-data==6.0.0"
 ROOT_IN_WHEEL = "cmeel.prefix/share/example-robot-data"
@@ -59,6 +62,15 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
 
 def _asks_for_slow(config: pytest.Config) -> bool:
     return bool(config.getoption("markexpr") == "slow")
+
+
+@pytest.fixture(scope="module")
+def drawing() -> Iterator[None]:
+    """Builds draw their picture, where the machine can."""
+    with pytest.MonkeyPatch.context() as patch:
+        if OPENGL is None:
+            patch.delenv("MUJOCO_GL")
+        yield
 
 
 @pytest.fixture(scope="session")

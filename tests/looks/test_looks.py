@@ -35,6 +35,8 @@ from assetbuild.robot.pose import Pose
 from assetbuild.robot.shapes import Box, Mesh, MeshAsset, Shape, Shapes, Sphere
 from assetbuild.targets.mjcf import Mjcf
 
+pytestmark = pytest.mark.usefixtures("drawing")
+
 
 def ball_robot(faces_goal: int = 5000) -> TinyRobot:
     """The pendulum with one more visual: a ball of 0.1 m, finely meshed, and its sphere."""
