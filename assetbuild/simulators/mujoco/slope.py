@@ -7,6 +7,7 @@ slope, and less friction on it, so that friction carries the same share of its l
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -19,9 +20,9 @@ from assetbuild.simulators.mujoco.trials import support
 
 WATCH_S = 2.0
 LEVEL = (0.5, 0.0, 0.0)
-PHASES = (LEVEL, (0.5, 0.0, 1.0), (1.0, 1.0, 1.0), (WATCH_S, 1.0, 1.0))
+TILTING = (LEVEL, (0.5, 0.0, 1.0), (1.0, 1.0, 1.0))
 """Seconds, and the slope at their start and end as a share of the angle: it stands on level ground,
-the ground tilts, what swings comes to rest, then it is watched."""
+the ground tilts, and what swings comes to rest; then it is watched."""
 SHARE = 0.8
 """Of the angle of friction, where nobody says how steep the slope is."""
 LEAN = 0.4
@@ -81,7 +82,8 @@ def ground_under(model: Model, share: float) -> Ground | str:
     model = mujoco.without(model)
     with mujoco.caught_warnings():
         start = mujoco.at_key(model)
-        _stand(model, start, LEVEL, 0.0, np.zeros(2))
+        for _ in _stand(model, start, LEVEL, 0.0, np.zeros(2)):
+            pass
         touching = mujoco.floor_contacts(model, start)
         contacts = [start.contact[index] for index, _ in touching]
         mu = min((float(c.friction[0]) if c.dim > 1 else 0.0 for c in contacts), default=0.0)
@@ -104,33 +106,38 @@ def _slide(model: Model, angle: float, down: Array) -> float:
     """Speed of the feet down the slope, m/s; nan where the robot fell."""
     data = mujoco.at_key(model)
     up = np.array(data.xmat[1]).reshape(3, 3)[:, 2]
-    slid = [_stand(model, data, phase, angle, down) for phase in PHASES][-1]
+    for phase in TILTING:
+        for _ in _stand(model, data, phase, angle, down):
+            pass
+    watched = _stand(model, data, (WATCH_S, 1.0, 1.0), angle, down)
+    slid = sum(step * float(_sliding(model, data)[:2] @ down) for step in watched)
     upright = float(up @ np.array(data.xmat[1]).reshape(3, 3)[:, 2]) > math.cos(angle + FALLEN)
     return abs(slid) / WATCH_S if upright and mujoco.is_finite(data) else math.nan
 
 
 def _stand(
     model: Model, data: Data, phase: tuple[float, float, float], angle: float, down: Array
-) -> float:
-    """Stand on ground that tilts; how far the feet slid down it, m. down: (2,) of the slope."""
+) -> Iterator[float]:
+    """Stand on ground that tilts; yields each step's length in s. down: (2,) of the slope."""
     (seconds, first, last), step = phase, float(model.opt.timestep)
-    g, slid = float(np.linalg.norm(model.opt.gravity)), 0.0
+    g = float(np.linalg.norm(model.opt.gravity))
     for tilt in np.linspace(first * angle, last * angle, max(1, round(seconds / step))):
         model.opt.gravity[:] = (*(g * math.sin(tilt) * down), -g * math.cos(tilt))
         mj.mj_step(model, data)
-        slid += step * float(_sliding(model, data)[:2] @ down)
-    return slid
+        yield step
 
 
 def _sliding(model: Model, data: Data) -> Array:
     """(3,) mean velocity of the robot's material points that touch the floor, m/s."""
-    speeds, velocity = [np.zeros(3)], np.zeros(6)
-    for index, geom in mujoco.floor_contacts(model, data):
-        body = int(model.geom_bodyid[geom])
-        mj.mj_objectVelocity(model, data, mj.mjtObj.mjOBJ_BODY, body, velocity, 0)
-        arm = np.array(data.contact[index].pos) - np.array(data.xipos[body])
-        speeds.append(velocity[3:] + np.cross(velocity[:3], arm))
-    mean: Array = np.sum(speeds, axis=0) / max(1, len(speeds) - 1)
+    touching = mujoco.floor_contacts(model, data)
+    if not touching:
+        return np.zeros(3)
+    contacts, geoms = (list(column) for column in zip(*touching, strict=True))
+    bodies = model.geom_bodyid[geoms]
+    # MuJoCo's spatial velocities are those at the centre of mass of the body's tree.
+    turning, moving = np.split(data.cvel[bodies], 2, axis=1)
+    arms = data.contact.pos[contacts] - data.subtree_com[model.body_rootid[bodies]]
+    mean: Array = (moving + np.cross(turning, arms)).mean(axis=0)
     return mean
 
 
