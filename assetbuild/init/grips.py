@@ -7,6 +7,7 @@ from collections.abc import Collection, Iterable, Iterator, Sequence
 from assetbuild.init.anatomy import Anatomy, roles
 from assetbuild.init.look import InspectedRobot
 from assetbuild.init.patterns import patterns_of
+from assetbuild.init.tune import Tuning
 from assetbuild.init.words import quoted
 from assetbuild.robot.contact import Contact
 from assetbuild.robot.model import Control, Tree
@@ -14,6 +15,11 @@ from assetbuild.robot.model import Control, Tree
 PRESS_S = 0.004
 """Time constant of contacts of what grips, as a Robotiq 2F-85 has it in MuJoCo Menagerie."""
 SOFTNESS = ("condim", "priority", "solref", "solimp")
+
+
+def driven_by(tuning: Tuning | None) -> set[str]:
+    """Joints that get a drive of ours."""
+    return {name for row in tuning.drives if row.gains for name in row.joints} if tuning else set()
 
 
 def hand_of(
@@ -48,9 +54,11 @@ def tried(validation: Iterable[str], hand: Sequence[str]) -> Iterator[str]:
 # --- of an MJCF ---------------------------------------------------------------------------------
 
 
-def mjcf_hand(robot: InspectedRobot, anatomy: Anatomy, control: Control) -> list[str]:
+def mjcf_hand(
+    robot: InspectedRobot, anatomy: Anatomy, control: Control, tuning: Tuning | None
+) -> list[str]:
     """As `hand_of`; a tendon may drive any joint."""
-    driven = {row.joint for row in control.actuators if row.model != "passive"}
+    driven = {row.joint for row in control.actuators if row.model != "passive"} | driven_by(tuning)
     if any(item.place == "actuator" and not item.owner for item in control.mjcf_only):
         driven = {joint.name for joint in robot.tree.moving_joints}
     return hand_of(robot, anatomy, robot.tree, driven)

@@ -240,7 +240,7 @@ def mjcf_text(found: MjcfSource, path: Path) -> Recipe:
     idle = not _driven(control) and robot.tree.moving_joints
     tuning = _tuned(found, anatomy) if idle else None
     unmended = tuning.unmended if tuning else ()
-    hand = mjcf_hand(robot, anatomy, control)
+    hand = mjcf_hand(robot, anatomy, control, tuning)
     lost = lost_in_usd(control.mjcf_only)
     # Beside a guessed drive there is no room for a spring.
     springs = joint_springs(control.mjcf_only) if tuning else no_drives(control)

@@ -23,7 +23,7 @@ from assetbuild.init.drives import (
     STEP_S,
     DriveRow,
 )
-from assetbuild.init.grips import hand_of, pads, tried
+from assetbuild.init.grips import driven_by, hand_of, pads, tried
 from assetbuild.init.joint_range import resting
 from assetbuild.init.look import InspectedRobot
 from assetbuild.init.loops import NO_LOOPS, FoundLoops, find_loops
@@ -327,8 +327,7 @@ def _simulation(
     robot: InspectedRobot, anatomy: Anatomy, tuning: Tuning, trial: Trial
 ) -> Iterator[str]:
     legs, tree = anatomy.legs, tuning.tree
-    driven = {name for row in tuning.drives if row.gains for name in row.joints}
-    hand = hand_of(robot, anatomy, tree, driven)
+    hand = hand_of(robot, anatomy, tree, driven_by(tuning))
     yield from _contact(robot, hand, tuning.timestep)
     yield from _steps(tuning)
     yield targets(robot)

@@ -296,6 +296,7 @@ def test_a_gripper_without_contacts_of_its_own_gets_ones_that_hold(tmp_path: Pat
         (bare, "elliptic", True),
         (text, None, True),
         (bare.replace(pad, f'{pad} solref="0.01 1"'), "elliptic", False),
+        (bare[: bare.index("<actuator>")] + "</mujoco>", "elliptic", True),
     ):
         source.write_text(said)
         out = tmp_path / "recipe.yaml"
