@@ -6,6 +6,7 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import ClassVar
 
+from assetbuild.engine.step import Limits
 from assetbuild.findings import Rule
 from assetbuild.simulators import mujoco
 from assetbuild.simulators.gripping import GripCheck
@@ -26,7 +27,7 @@ LOST = Rule(
     "a gripper loses an object in MuJoCo, or lets it slip",
     "contacts of the fingers that are stiffer and resist turning (`contact.links`: `condim: 4, "
     "priority: 1, solref: [0.004, 1]`), "
-    "`cone: elliptic`, the rotors' armature, more effort",
+    "`cone: elliptic`, the rotors' armature, firmer `loops` of linkages, more effort",
 )
 
 
@@ -34,6 +35,7 @@ class Gripping(GripCheck, MujocoCheck):
     """In the full model and in the mjx file; with the forces of both sides in N."""
 
     also: ClassVar[tuple[str, ...]] = ("mjx",)
+    limits: ClassVar[Limits] = Limits(wall_s=1200.0)  # of two hands, on a busy machine
     lost: ClassVar[Rule] = LOST
     no_hand: ClassVar[Rule | None] = NO_HAND
 

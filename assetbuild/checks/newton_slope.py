@@ -12,7 +12,8 @@ CREEP = Rule(
     "newton.slope",
     "warning",
     "a standing robot slides in Newton on a slope below the angle of friction",
-    "does the friction of its feet reach the USD? Newton's own cone is pyramidal",
+    "a shorter timestep: gravity tilts at once there, and what slides then may not stop; does the "
+    "friction of its feet reach the USD?",
 )
 
 

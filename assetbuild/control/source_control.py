@@ -297,8 +297,14 @@ def _attribute(item: MjcfOnly, key: str) -> str:
 
 
 def _unsaid(item: MjcfOnly, stated: Collection[str]) -> MjcfOnly:
-    """Options of the source that the recipe does not state itself. stated: of the base."""
-    return _without(item, [key.removeprefix("mjcf.") for key in stated if key.startswith("mjcf.")])
+    """Options of the source that the recipe does not state itself. stated: of the base.
+
+    MuJoCo's own `impratio` belongs to its pyramid: another cone gets ours.
+    """
+    keys = [key.removeprefix("mjcf.") for key in stated if key.startswith("mjcf.")]
+    if "cone" in keys and _attribute(item, "impratio") == "1":
+        keys.append("impratio")
+    return _without(item, keys)
 
 
 def _without(item: MjcfOnly, keys: Collection[str]) -> MjcfOnly:

@@ -15,6 +15,7 @@ from assetbuild.errors import SourceError, Where
 from assetbuild.facts.mjcf_grammar import NEWEST, OLDEST, newer_words_of
 from assetbuild.init.anatomy import Anatomy, study
 from assetbuild.init.collision import soles_of
+from assetbuild.init.grips import has_pyramid, mjcf_hand, own_pads, tried
 from assetbuild.init.home import home_pose
 from assetbuild.init.joint_range import bounds
 from assetbuild.init.look import InspectedRobot, judge
@@ -37,25 +38,13 @@ from assetbuild.robot.source import SourceControl
 from assetbuild.source.mjcf.flatten_mjcf import FlattenMjcf
 from assetbuild.source.mjcf.includes import ListIncludes
 from assetbuild.source.mjcf.inline import FOLDER
+from assetbuild.source.mjcf.opaque import keys
 from assetbuild.source.mjcf.read_mjcf import ReadMjcf
 from assetbuild.source.mjcf.scenery import SeveralRobotsError
 from assetbuild.source.urdf.xml import MAX_BYTES
 
 INCLUDE = re.compile(rb"""<include\s[^>]*?file\s*=\s*["']([^"']+)["']""")
-VAGUE = {
-    "",
-    "assets",
-    "scene",
-    "mjx",
-    "robot",
-    "model",
-    "mujoco",
-    "mjcf",
-    "xml",
-    "xmls",
-    "world",
-    "main",
-}
+VAGUE = {"", *keys("assets scene mjx robot model mujoco mjcf xml xmls world main")}
 """Words that name no robot."""
 DRIVES = "# The source drives no joint; mjlab's robots, for one, are driven from Python."
 
@@ -251,6 +240,7 @@ def mjcf_text(found: MjcfSource, path: Path) -> Recipe:
     idle = not _driven(control) and robot.tree.moving_joints
     tuning = _tuned(found, anatomy) if idle else None
     unmended = tuning.unmended if tuning else ()
+    hand = mjcf_hand(robot, anatomy, control, tuning)
     lost = lost_in_usd(control.mjcf_only)
     # Beside a guessed drive there is no room for a spring.
     springs = joint_springs(control.mjcf_only) if tuning else no_drives(control)
@@ -258,13 +248,14 @@ def mjcf_text(found: MjcfSource, path: Path) -> Recipe:
         head(robot, anatomy, path, unmended),
         source_section(found.root, path, "mjcf", found.file, *_chosen(found.bodies)),
         _taken(found),
-        _grammar(found),
+        _solver(found, hand),
         repairs_text(robot, repairs(robot, found.root, usd=not (lost or springs))),
         _merging(found),
         _collision(robot),
         _drives(found, tuning),
         () if control.keyframes else _home(found, anatomy, tuning),
-        [targets(found.built, springs, lost), *_validate(found, anatomy)],
+        own_pads(robot, hand, control),
+        [targets(found.built, springs, lost), *tried(_validate(found, anatomy), hand)],
     )
     return Recipe(text, unmended)
 
@@ -313,11 +304,16 @@ def _chosen(bodies: tuple[str, ...]) -> Iterator[str]:
         yield f"  body: {quoted(bodies[0])}   # or {some(bodies[1:])}: one recipe builds one robot"
 
 
-def _grammar(found: MjcfSource) -> Iterator[str]:
-    """The key that keeps words which are refused without it."""
+def _solver(found: MjcfSource, hand: Sequence[str]) -> Iterator[str]:
+    """Words that are refused without the key, and the cone of what grips."""
+    said = {}
     if found.newer:
         words = some(list(found.newer))
-        yield f"mjcf: {{grammar: {NEWEST}}}   # keeps {words}, which MuJoCo {OLDEST} does not know"
+        said[f"grammar: {NEWEST}"] = f"keeps {words}, which MuJoCo {OLDEST} does not know"
+    if hand and has_pyramid(found.control):
+        said["cone: elliptic"] = "on the source's pyramidal one what a hand holds slips"
+    if said:
+        yield f"mjcf: {{{', '.join(said)}}}   # {'; '.join(said.values())}"
 
 
 def _taken(found: MjcfSource) -> Iterator[str]:

@@ -10,7 +10,7 @@ from pathlib import Path
 
 from assetbuild.body.lint_links import invented
 from assetbuild.init import contradicted
-from assetbuild.init.anatomy import Anatomy, Leg, roles
+from assetbuild.init.anatomy import Anatomy, Leg
 from assetbuild.init.collision import collision, compound_pairs, soles_of
 from assetbuild.init.drives import (
     DAMPING_RATIO,
@@ -23,6 +23,7 @@ from assetbuild.init.drives import (
     STEP_S,
     DriveRow,
 )
+from assetbuild.init.grips import driven_by, hand_of, pads, tried
 from assetbuild.init.joint_range import resting
 from assetbuild.init.look import InspectedRobot
 from assetbuild.init.loops import NO_LOOPS, FoundLoops, find_loops
@@ -47,9 +48,6 @@ from assetbuild.targets.mjcf.files import SCENES
 TURNED = "turned: what the drives could not hold, or what lay in the floor or in itself"
 SHOWN = 8
 """Most overlaps that are named."""
-GRIP = "grip: {}"
-PRESS_S = 0.004
-"""Time constant of contacts of what grips, as a Robotiq 2F-85 has it in MuJoCo Menagerie."""
 MANY_LEGS = 4
 """Robots on as many legs usually stand."""
 DROPPED = {"damping": "it would creep for minutes", "friction": "it takes most of the effort"}
@@ -329,46 +327,27 @@ def _simulation(
     robot: InspectedRobot, anatomy: Anatomy, tuning: Tuning, trial: Trial
 ) -> Iterator[str]:
     legs, tree = anatomy.legs, tuning.tree
-    hand = _hand(robot, anatomy, tuning)
+    hand = hand_of(robot, anatomy, tree, driven_by(tuning))
     yield from _contact(robot, hand, tuning.timestep)
     yield from _steps(tuning)
     yield targets(robot)
-    if not legs or not all(tree.by_joint[j.name].limits.effort for leg in legs for j in leg.joints):
-        if hand:
-            yield f"validate: {{{GRIP}}}   # holds a cube, a cylinder and a sphere"
-        return
-    yield from validation(robot, legs, trial)
-    if hand:
-        yield f"  {GRIP}   # holds a cube, a cylinder and a sphere"
-    if targets(robot).startswith("targets: [urdf, mjcf"):
+    efforts = [tree.by_joint[j.name].limits.effort for leg in legs for j in leg.joints]
+    walks = bool(legs) and all(efforts)
+    yield from tried(validation(robot, legs, trial) if walks else (), hand)
+    if walks and targets(robot).startswith("targets: [urdf, mjcf"):
         yield "# To train in mjlab: add `mjlab` to the targets, and"
         yield f"# feet: {{links: {quoted(_soles(robot, legs))}}}"
         yield f"# imu: {{link: {quoted(robot.tree.root)}}}   # or the link of its IMU"
-
-
-def _hand(robot: InspectedRobot, anatomy: Anatomy, tuning: Tuning) -> list[str]:
-    """Links that touch what is held: of driven fingers, of those that follow, and their palms."""
-    parts = roles(tuning.tree, anatomy)
-    driven = {name for row in tuning.drives if row.gains for name in row.joints}
-    fingers = [j for j in tuning.tree.moving_joints if parts[j.name] == "finger"]
-    if not any(joint.name in driven for joint in fingers):
-        return []
-    touching = {name for joint in fingers for name in (joint.parent, joint.child)}
-    return [body.name for body in robot.links.bodies if body.name in touching]
 
 
 def _contact(robot: InspectedRobot, hand: Sequence[str], timestep: float) -> Iterator[str]:
     if not hand:
         yield "contact: {friction: [0.8, 0.02, 0.01], condim: 3}   # rubber on a floor"
         return
-    stiff = f"solref: [{max(PRESS_S, 2.0 * timestep):g}, 1], solimp: [0.95, 0.99, 0.001, 0.5, 2]"
     yield "contact:"
     yield "  friction: [0.8, 0.02, 0.01]"
     yield "  condim: 3"
-    yield "  # What grips gives way by less than with MuJoCo's 0.02 s, and loses nothing."
-    yield "  links:"
-    for pattern in patterns_of(hand, list(robot.links.by_body)):
-        yield f"    {quoted(pattern)}: {{condim: 4, priority: 1, {stiff}}}"
+    yield from pads(robot, hand, timestep)
 
 
 def validation(robot: InspectedRobot, legs: Sequence[Leg], trial: Trial) -> Iterator[str]:

@@ -136,7 +136,7 @@ class GripCheck(SimulatorCheck):
             mass /= 2.0
             if self._holds(self.grips(inputs, model, hand, [(lightest.place, mass)])[0]):
                 return f"; it holds a {shape} of {mass:.3g} kg"
-        return f"; nor a {shape} of {mass:.3g} kg"
+        return f"; nor does it hold a {shape} of {mass:.3g} kg, so its weight is not the cause"
 
 
 def _row(one: Grip) -> dict[str, object]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
+import mujoco
 import pytest
 from mjcfs import Reading, Written, hard_arm, read, write
 
@@ -61,6 +62,19 @@ def test_a_table_of_drives_replaces_them_all_but_leaves_the_armature(tmp_path: P
 def test_a_rule_for_links_changes_the_surface_of_the_source(tmp_path: Path):
     control = made(tmp_path, contact={"links": {"a": {"condim": 1}}}).control
     assert dict(control.contacts)["ga"] == Contact(friction=(2.0, 0.1, 0.1), condim=1)
+
+
+def test_another_cone_than_the_sources_brings_its_own_impratio(tmp_path: Path):
+    """MuJoCo's default of 1, which nobody states, would let what an elliptic cone holds slip."""
+    stated = PAIR.replace("timestep", 'impratio="3" timestep')
+    for text, recipe, cone, impratio in (
+        (PAIR, {}, 0, 1.0),
+        (PAIR, {"mjcf": {"cone": "elliptic"}}, 1, 50.0),
+        (stated, {"mjcf": {"cone": "elliptic"}}, 1, 3.0),
+    ):
+        folder = tmp_path / f"{cone} {impratio}"
+        option = mujoco.MjModel.from_xml_path(str(made(folder, text, **recipe).xml)).opt
+        assert (option.cone, option.impratio) == (cone, impratio)
 
 
 def test_each_kind_of_thing_that_only_mjcf_has_is_told_once(arm: Reading, tmp_path: Path):

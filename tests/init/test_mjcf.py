@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
+from hands import COUPLED, PINCHER, robot
 from mjcfs import ROBOTS, TET
 
 from assetbuild.errors import SourceError
@@ -283,3 +284,24 @@ def test_home_as_in_the_scene_stays_within_the_limits(tmp_path: Path):
     text = propose(tmp_path / "robot.xml", tmp_path / "r.yaml", {}).text
     assert "as the keyframe of scene.xml beside it, within the limits" in text
     assert "      j: 0.4\n      k: -1.5707963" in text
+
+
+def test_a_gripper_without_contacts_of_its_own_gets_ones_that_hold(tmp_path: Path):
+    """What the source says itself stays: a cone, or how a pad gives way."""
+    source = robot(PINCHER, ["left"], tmp_path, COUPLED)
+    text = source.read_text()
+    bare = text.replace('cone="elliptic" impratio="50"', "")
+    pad = 'size=".01 .005 .03"'
+    for said, cone, pads in (
+        (bare, "elliptic", True),
+        (text, None, True),
+        (bare.replace(pad, f'{pad} solref="0.01 1"'), "elliptic", False),
+        (bare[: bare.index("<actuator>")] + "</mujoco>", "elliptic", True),
+    ):
+        source.write_text(said)
+        out = tmp_path / "recipe.yaml"
+        write(propose(source, out, {}), force=True)
+        recipe = load_recipe(out).recipe
+        assert recipe.validate_.grip is not None
+        assert recipe.mjcf.cone == cone
+        assert bool(recipe.contact.links) == pads

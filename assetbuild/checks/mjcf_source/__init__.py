@@ -61,6 +61,7 @@ class MjcfSource(Check):
             "contact": bool(recipe.stated("contact")),
             "decimated": recipe.value("visual.max_faces") is not None,
             "exclude": bool(recipe.stated("collision.exclude")),
+            "impratio": "cone" in recipe.stated("mjcf"),  # another cone brings its own
             "loops": bool(recipe.value("loops")),
             "merge": "merge" in recipe.stated("fixed_joints"),
             "senses": any(map(recipe.states, ("feet", "imu", "sensors", "cameras"))),
