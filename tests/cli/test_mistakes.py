@@ -69,13 +69,6 @@ def test_each_mistake_is_a_case_of_the_report_for_ci(legs: Legs):
     ]  # fmt: skip
 
 
-def test_more_mistakes_than_a_screen_holds_are_counted(legs: Legs):
-    legs.recipe.write_text(legs.recipe.read_text() + "".join(f"k{i}: 1\n" for i in range(30)))
-    done = legs.build()
-    assert len(errors(done.stderr)) == 20
-    assert done.stderr.splitlines()[-1] == "and 10 more errors"
-
-
 def test_a_rule_waived_by_the_name_it_had_before_is_named_anew(legs: Legs):
     legs.edit("targets:", "rules: {urdf.reload.mass: {severity: info, because: known}}\ntargets:")
     assert legs.build().returncode == 0

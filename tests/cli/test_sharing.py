@@ -39,14 +39,6 @@ def test_what_one_machine_pushed_another_pulls_and_builds_nothing(
     assert one.read_bytes() == other.read_bytes()
 
 
-def test_a_pull_of_what_nobody_built_says_so(tmp_path: Path, server):
-    machine = new_legs(tmp_path / "a")
-    came = machine.run("cache", "pull", "legs.yaml", "--remote", server.url)
-    assert came.returncode == 0
-    assert "0 of " in came.stdout
-    assert "more that is known once these are built" in came.stdout
-
-
 def test_a_server_that_fails_is_an_error_here(warm_legs: Legs, server):
     warm_legs.build()
     server.fault = "500"
@@ -86,15 +78,3 @@ def test_samples_are_shared(tmp_path: Path, warm_legs: Legs, server):
         verbs = Counter(verb for verb, _ in server.asked[before:])
         assert verbs["PUT"] > 5 if more else set(verbs) == {"GET"}
     assert machine.run("sample", "legs.yaml", "--cache-write").returncode == 2
-
-
-@pytest.mark.slow
-def test_the_trial_build_of_a_urdf_is_shared(tmp_path: Path, server):
-    urdf = "tests/robots/four_legs.urdf"
-    words = ("validate", str(Path(__file__).parents[2] / urdf), "--remote", server.url)
-    first, second = new_legs(tmp_path / "a"), new_legs(tmp_path / "b")
-    alone = first.run(*words, "--cache-write").stdout
-    assert "PUT" in {verb for verb, _ in server.asked}
-    server.asked.clear()
-    assert second.run(*words).stdout == alone
-    assert {verb for verb, _ in server.asked} == {"GET"}

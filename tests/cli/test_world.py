@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import shutil
-import zipfile
 from collections.abc import Callable
 from pathlib import Path
 
@@ -91,23 +90,6 @@ def test_a_source_behind_a_link_that_leads_elsewhere_now_is_built(warm_legs: Leg
         warm_legs.edit("path: robot", "path: above/robot")
     is_null = settled(warm_legs)
     retarget(folder / link, "new/robot" if link == "robot" else "new")
-    assert not is_null()
-    assert mass_built(warm_legs) == "7"
-
-
-@pytest.mark.slow
-def test_an_archive_behind_a_link_that_leads_elsewhere_now_is_built(warm_legs: Legs):
-    folder = warm_legs.folder
-    for name in ("old.zip", "new.zip"):
-        with zipfile.ZipFile(folder / name, "w") as archive:
-            archive.write(warm_legs.urdf, "four_legs.urdf")
-        if name == "old.zip":
-            heavier(warm_legs.urdf)
-    (folder / "robot.zip").symlink_to("old.zip")
-    warm_legs.edit("path: robot", "path: robot.zip")
-    is_null = settled(warm_legs)
-    assert mass_built(warm_legs) == "6"
-    retarget(folder / "robot.zip", "new.zip")
     assert not is_null()
     assert mass_built(warm_legs) == "7"
 
