@@ -29,12 +29,8 @@ PACKAGE = "example-robot-data==6.0.0"
 ROOT_IN_WHEEL = "cmeel.prefix/share/example-robot-data"
 UNPACKED = (
     "go1_",
-    "asr_twodof_",
     "b1_",
-    "double_pendulum_",
-    "finger_edu_",
     "hector_",
-    "hextilt_",
     "quadruped_",
     "talos_data",
     "z1_",

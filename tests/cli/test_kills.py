@@ -58,6 +58,7 @@ def test_killed_eight_times_while_it_builds(legs: Legs, undisturbed: bytes):
     assert (legs.bundle / "manifest.json").read_bytes() == undisturbed
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("point", ["kept the user's files", "exchanged"])
 def test_killed_while_the_bundle_is_swapped(warm_legs: Legs, undisturbed: bytes, point: str):
     assert warm_legs.build().returncode == 0
