@@ -51,6 +51,7 @@ actuators:
   - {{joints: ".*", model: pd, kp: {kp}, kd: 5}}
 keyframes:
   home: {{joints: {{joint1: {home}}}}}
+targets: [mjcf, usd]
 """
 PARTS = """compose:
   - recipe: arm.yaml
@@ -123,6 +124,7 @@ def test_a_part_whose_mesh_names_other_files_keeps_them(folder: Path):
     assert 0.9 in model.mat_rgba[:, 0].round(6)
 
 
+@pytest.mark.slow
 def test_two_arms_on_a_cart_are_one_robot(built):
     model = mujoco.MjModel.from_xml_path(str(built / "build/cart/mjcf/cart.xml"))
     assert model.body_mass.sum() == pytest.approx(22 + 2 * 1.5 + 0.25)
@@ -155,6 +157,7 @@ def test_a_composite_is_checked_before_anything_is_built(folder):
     assert "Traceback" not in done.stderr
 
 
+@pytest.mark.slow
 def test_a_change_of_the_part_is_a_change_of_the_whole(warm):
     folder = warm
     assert run(folder, "build", "cart.yaml").returncode == 0

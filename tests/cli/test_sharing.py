@@ -67,6 +67,7 @@ def test_a_plain_build_of_a_warm_store_fills_the_cache(tmp_path: Path, warm_legs
     assert set(second.steps().values()) == {"cached"}
 
 
+@pytest.mark.slow
 def test_samples_are_shared(tmp_path: Path, warm_legs: Legs, server):
     ranges = '\nrandomize: {links: {".*": {density: [0.8, 1.2]}}}\n'
     words = ("sample", "legs.yaml", "-n", "1", "--judge", "20", "--remote", server.url)

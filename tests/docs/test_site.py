@@ -19,6 +19,7 @@ def built(config: Path, out: Path) -> subprocess.CompletedProcess[str]:
     return subprocess.run(command, capture_output=True, text=True, env=quiet)
 
 
+@pytest.mark.slow
 def test_the_site_builds_without_a_warning(tmp_path: Path) -> None:
     done = built(CONFIG, tmp_path)
     assert done.returncode == 0, done.stderr
@@ -26,6 +27,7 @@ def test_the_site_builds_without_a_warning(tmp_path: Path) -> None:
     assert {"go1", "new-robot", "recipe", "verbs", "concepts"} <= pages
 
 
+@pytest.mark.slow
 def test_a_page_with_a_dead_link_fails_it(tmp_path: Path) -> None:
     site = tmp_path / "docs/site"
     site.mkdir(parents=True)

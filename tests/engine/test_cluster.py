@@ -133,6 +133,7 @@ def test_a_cache_that_evicts_all_the_time_costs_workers_nothing_but_time(
     assert server.forgotten > 3
 
 
+@pytest.mark.slow
 def test_a_step_that_crashes_is_one_failed_step(tmp_path, robot, workers, server):
     remote = Remote(server.url, key="k", write=True)
     with (
@@ -162,6 +163,7 @@ def test_nobody_at_the_address_is_one_error(monkeypatch, server, session):
     assert time.monotonic() - began < 20
 
 
+@pytest.mark.slow
 def test_a_cache_that_fails_is_told(tmp_path, robot, workers, server):
     server.fault = "500"
     results, _ = build(tmp_path / "own", robot, workers, server)
