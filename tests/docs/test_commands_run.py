@@ -41,8 +41,11 @@ ELSEWHERE = {
 }
 """What a page shows and needs another machine or simulator for: the test that runs it."""
 FIRST = (
-    "assetbuild build recipes/*", "assetbuild init", "assetbuild build recipes/", "assetbuild cache push"
-)  # fmt: skip
+    "assetbuild build recipes/*",
+    "assetbuild init",
+    "assetbuild build recipes/",
+    "assetbuild cache push",
+)
 """Others read what these write; all recipes are one while `init` has written none."""
 EXIT = {"--exit-code": 1}
 SHELL_S_OWN = set("*?$|<>;&`~#\n")

@@ -7,6 +7,8 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
+
 from docs.site.pages import generated
 
 ROOT = Path(__file__).parents[2]
