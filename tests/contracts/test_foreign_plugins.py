@@ -12,6 +12,7 @@ import sysconfig
 import tomllib
 from pathlib import Path
 
+import commands
 import pytest
 from tiny import box_obj
 
@@ -68,6 +69,12 @@ def run(site: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
     return python(site, "-m", "assetbuild", *arguments)
 
 
+def forked(site: Path, verb: str, *words: str) -> subprocess.CompletedProcess[str]:
+    """A command that runs no step of the package: a fork whose folder is the package's own."""
+    environment = {**os.environ, "ASSETBUILD_CACHE": str(site.parent / "cache")}
+    return commands.run([verb, *(f"../{word}" for word in words)], site, environment)
+
+
 def python(site: Path, *arguments: str, stdin: str = "") -> subprocess.CompletedProcess[str]:
     environment = {
         **os.environ,
@@ -117,12 +124,12 @@ def test_a_target_without_a_reader_builds_and_is_not_ready(site: Path):
 def test_its_keys_are_checked_and_described_like_all_others(site: Path):
     recipe = site.parent / "crate.yaml"
     recipe.write_text(recipe.read_text().replace("grow: 2 mm", "gorw: 2 mm"))
-    wrong = run(site, "check", "crate.yaml")
+    wrong = forked(site, "check", "crate.yaml")
     assert wrong.returncode == 2
     assert "crate.yaml:5:" in wrong.stderr
     assert "`bounds` has no key `gorw`" in wrong.stderr
     assert "did you mean `grow`?" in wrong.stderr
-    schema = json.loads(run(site, "schema").stdout)
+    schema = json.loads(forked(site, "schema").stdout)
     assert schema["properties"]["sdf"]["$ref"].endswith("SdfOptions")
     assert "wind" in schema["$defs"]["Validate"]["properties"]
     assert "grow" in schema["$defs"]["BoundsRule"]["properties"]
@@ -130,7 +137,7 @@ def test_its_keys_are_checked_and_described_like_all_others(site: Path):
 
 def test_a_broken_plug_in_is_one_error_that_names_its_distribution(site: Path):
     (site / "acme_assets/sdf.py").write_text("import nothing_like_that\n")
-    done = run(site, "build", "crate.yaml")
+    done = forked(site, "build", "crate.yaml")
     assert done.returncode == 1
     assert "plug-in `sdf` (targets) of acme-assets 0.1 cannot be loaded" in done.stderr
     assert "Traceback" not in done.stderr
@@ -138,17 +145,17 @@ def test_a_broken_plug_in_is_one_error_that_names_its_distribution(site: Path):
 
 def test_two_plug_ins_of_one_name_are_one_error_where_a_recipe_names_it(site: Path):
     install(site, "other-assets", {"assetbuild.targets": {"sdf": "acme_assets.sdf"}})
-    done = run(site, "check", "crate.yaml")
+    done = forked(site, "check", "crate.yaml")
     assert done.returncode == 1
     assert "two plug-ins are called `sdf` (targets)" in done.stderr
     assert "acme-assets 0.1" in done.stderr
     assert "other-assets 0.1" in done.stderr
-    assert run(site, "check", plain(site)).stderr == ""
+    assert forked(site, "check", plain(site)).stderr == ""
 
 
 def test_a_plug_in_with_a_name_of_ours_is_left_out_and_named(site: Path):
     install(site, "other-assets", {"assetbuild.targets": {"mjcf": "acme_assets.nothing"}})
-    done = run(site, "check", "crate.yaml")
+    done = forked(site, "check", "crate.yaml")
     assert done.returncode == 0
     (line,) = done.stderr.splitlines()
     assert line.startswith("warning: plug-in `mjcf` (targets) of other-assets 0.1 is not used")
@@ -166,7 +173,7 @@ FAILS = (
 def test_a_plug_in_that_nobody_names_is_not_imported(site: Path):
     for path, text in zip((site / "acme_assets").glob("*.py"), itertools.cycle(FAILS)):
         path.write_text(text)
-    done = run(site, "check", plain(site))
+    done = forked(site, "check", plain(site))
     assert (done.returncode, done.stderr) == (0, "")
 
 
@@ -174,7 +181,7 @@ def test_a_broken_plug_in_does_not_stand_in_front_of_another_recipe_s_mistake(si
     (site / "acme_assets/wind.py").write_text("import nothing_like_that\n")
     recipe = site.parent / plain(site)
     recipe.write_text(recipe.read_text().replace("base:", "bse:"))
-    done = run(site, "check", recipe.name)
+    done = forked(site, "check", recipe.name)
     assert done.returncode == 2
     warnings = [line for line in done.stderr.splitlines() if line.startswith("warning:")]
     assert len(warnings) == 1
@@ -188,11 +195,11 @@ def test_a_required_key_is_asked_of_those_alone_who_name_the_check(site: Path):
     target = site / "acme_assets/sdf.py"
     text = target.read_text().replace("SdfOptions = SdfOptions()", "SdfOptions")
     target.write_text(text)
-    other = run(site, "check", plain(site))
+    other = forked(site, "check", plain(site))
     assert (other.returncode, other.stderr) == (0, "")
     recipe = site.parent / "crate.yaml"
     recipe.write_text(recipe.read_text().replace("speed: 30, ", ""))
-    own = run(site, "check", "crate.yaml")
+    own = forked(site, "check", "crate.yaml")
     assert own.returncode == 2
     assert "validate.wind" in own.stderr
     assert "missing key `speed`" in own.stderr
