@@ -16,7 +16,7 @@ from hypothesis import HealthCheck, is_hypothesis_test, settings
 from assetbuild.engine.folders import cache_root
 
 # A busy machine is no reason to fail: nothing here is timed.
-for name, examples in (("quick", 25), ("ci", 100)):
+for name, examples in (("quick", 25), ("ci", 50)):
     settings.register_profile(
         name,
         max_examples=examples,

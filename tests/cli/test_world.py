@@ -13,7 +13,6 @@ from assetbuild.engine.world import World
 from assetbuild.looks.offscreen import renderer
 
 from .conftest import Legs
-from .test_watch import Watching, watched
 
 PART = """<robot xmlns:xacro="http://www.ros.org/wiki/xacro">
   <link name="{name}"><inertial><mass value="1"/>
@@ -161,22 +160,3 @@ def test_pictures_come_back_when_the_variable_goes_that_forbade_them(
     assert not is_null()
     if renderer(World()) != "none":
         assert list(warm_legs.bundle.glob("report/images/*.png"))
-
-
-@pytest.fixture
-def watching_parts(parts: Legs):
-    yield from watched(parts)
-
-
-@pytest.mark.slow
-def test_watch_notices_what_the_null_build_does(parts: Legs, watching_parts: Watching):
-    watching_parts.waits()
-    (parts.folder / "robot/parts/b.xacro").write_text(PART.format(name="b"))
-    assert "changed: `parts`" in watching_parts.waits()
-    assert joints_built(parts) == 2
-    (parts.folder / "robot/LICENSE").write_text("MIT")
-    assert "changed: `robot`" in watching_parts.waits()
-    (parts.folder / "robot").replace(parts.folder / "elsewhere")
-    assert "no folder or archive `robot`" in watching_parts.waits()
-    (parts.folder / "robot").symlink_to("elsewhere")
-    assert "ready for training" in watching_parts.waits()

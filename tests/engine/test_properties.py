@@ -130,7 +130,7 @@ def build(
 
 @pytest.mark.slow
 @settings(
-    max_examples=examples(16),
+    max_examples=examples(40),
     deadline=None,
     suppress_health_check=[HealthCheck.too_slow],
     derandomize=True,
@@ -164,7 +164,7 @@ def test_a_build_is_right_and_runs_no_more_than_it_must(specs, edits, jobs):
             assert none == []
 
 
-@settings(max_examples=examples(8), deadline=None, derandomize=True)
+@settings(max_examples=examples(15), deadline=None, derandomize=True)
 @given(specs=graphs())
 def test_one_or_two_at_a_time_give_the_same(specs):
     with tempfile.TemporaryDirectory() as name:
@@ -178,7 +178,7 @@ def test_one_or_two_at_a_time_give_the_same(specs):
 
 
 @pytest.mark.slow
-@settings(max_examples=examples(12), deadline=None, derandomize=True)
+@settings(max_examples=examples(25), deadline=None, derandomize=True)
 @given(
     specs=graphs(),
     victim=st.integers(0, 1000),
