@@ -86,12 +86,6 @@ LINE = RECIPE[: RECIPE.index(PIN)].count("\n") + 1
             "check the frames of both ends",
         ),
         (
-            PIN, PIN + PIN.replace("pin", "bolt").replace("0.15", "0.14"), LINE + 1,
-            "loops: `pin` and `bolt` contradict each other: each closes alone, together they stay "
-            "open by 0.005 m",
-            "remove one of them",
-        ),
-        (
             "{link: rocker, xyz: [0.15, 0, 0]}}", "{link: base, xyz: [0.25, 0, 0]}}", LINE,
             "loops: `pin` locks joint `crank_joint`, which is driven",
             "a loop must leave its driven joints a motion",
@@ -109,7 +103,7 @@ LINE = RECIPE[: RECIPE.index(PIN)].count("\n") + 1
         ),
     ],
     ids=[
-        "no such link", "cannot close", "contradict", "locked drive", "one link", "two of a name",
+        "no such link", "cannot close", "locked drive", "one link", "two of a name",
         "not a number", "impedance",
     ],
 )  # fmt: skip

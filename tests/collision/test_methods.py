@@ -145,7 +145,13 @@ def test_coacd_keeps_its_vertex_cap_and_tells_when_disjoint_parts_exceed_the_hul
 
 @pytest.mark.parametrize(
     "solid",
-    [Box((0.3, 0.2, 0.1)), Sphere(0.1), Capsule(0.05, 0.3), Cylinder(0.08, 0.25)],
+    [
+        Box((0.3, 0.2, 0.1)),
+        *(
+            pytest.param(solid, marks=pytest.mark.slow)
+            for solid in (Sphere(0.1), Capsule(0.05, 0.3), Cylinder(0.08, 0.25))
+        ),
+    ],
     ids=lambda s: type(s).__name__,
 )
 def test_a_primitive_is_recovered_from_its_own_turned_mesh(tmp_path, solid):
