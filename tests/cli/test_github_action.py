@@ -109,6 +109,7 @@ def test_a_pull_request_builds_what_it_touches_and_comments_what_changed(lab: La
     assert "repos/lab/robots/issues/7/comments" in Path(lab.variables["GH_LOG"]).read_text()
 
 
+@pytest.mark.slow
 def test_a_changed_robot_builds_all_and_a_broken_one_is_marked(lab: Lab) -> None:
     urdf = lab.root / "robots/four_legs.urdf"
     urdf.write_text(re.sub(r'izz="[^"]*"', 'izz="9"', urdf.read_text(), count=1))

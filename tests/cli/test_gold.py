@@ -12,6 +12,8 @@ import pytest
 
 from .conftest import Workplace
 
+pytestmark = pytest.mark.slow  # builds Go1
+
 ROTORS_AND_SENSORS_KG = 4 * 0.089 + 0.001 + 8 * 1e-5 + 1e-6
 """What the URDF fixes to the trunk and the hand-made model left out, its stated defect: four hip
 rotors, the IMU, eight sensors of 10 mg, the placeholder `base`."""

@@ -37,12 +37,12 @@ def is_alive(pid: int) -> bool:
         return False
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("number", "times", "code"),
     [
-        (signal.SIGINT, 1, 130),
-        pytest.param(signal.SIGINT, 2, 130, marks=pytest.mark.slow),
-        pytest.param(signal.SIGTERM, 1, 143, marks=pytest.mark.slow),
+        (signal.SIGINT, 2, 130),
+        (signal.SIGTERM, 1, 143),
     ],
 )
 def test_an_interrupted_build_leaves_nothing_running(

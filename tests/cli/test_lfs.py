@@ -50,10 +50,8 @@ def place(tmp_path: Path) -> Legs:
     ("key", "pointer"),
     [
         ("urdf: robot.urdf", "robot.urdf"),
-        ("urdf: robot.urdf", "part.obj"),
         ("urdf: robot.urdf", "part.mtl"),
         ("urdf: robot.urdf", "part.png"),
-        ("xacro: robot.xacro", "robot.xacro"),
         ("xacro: robot.xacro", "more.xacro"),
         ("mjcf: robot.xml", "robot.xml"),
         ("mjcf: robot.xml", "part.obj"),

@@ -17,7 +17,7 @@ from assetbuild.report.document import make_report
 from assetbuild.report.summary import markdown_cell, public_message
 from assetbuild.report.verdict import CheckResult
 
-from .conftest import Workplace
+from .conftest import Legs, Workplace
 
 
 def outcome(*findings: Finding, checks: Any = (), results: Any = (), built: bool = True) -> Any:
@@ -112,11 +112,11 @@ def test_junit_has_a_case_for_every_check_error_and_failed_step(tmp_path):
     assert "tiny.urdf:7" in str(ElementTree.tostring(suites))
 
 
-def test_a_build_of_the_real_robot_leaves_all_three(place: Workplace):
+def test_a_build_leaves_all_three(warm_legs: Legs):
     words = ("--log-json", "events.ndjson", "--report-junit", "junit.xml")
-    done = place.build(*words, GITHUB_STEP_SUMMARY="summary.md")
+    done = warm_legs.build(*words, GITHUB_STEP_SUMMARY="summary.md")
     assert done.returncode == 0, done.stderr
-    lines = (place.folder / "events.ndjson").read_text().splitlines()
+    lines = (warm_legs.folder / "events.ndjson").read_text().splitlines()
     events = [json.loads(line) for line in lines]
     assert "13 bodies" in next(e["text"] for e in events if e["event"] == "message")
     assert next(e for e in events if e["event"] != "message")["event"] == "planned"
@@ -124,13 +124,13 @@ def test_a_build_of_the_real_robot_leaves_all_three(place: Workplace):
     assert events[-1]["ready"]
     finished = [e for e in events if e["event"] == "finished"]
     assert {e["status"] for e in finished} <= {"ran", "cached"}
-    suite = ElementTree.parse(place.folder / "junit.xml").getroot()[0]
-    assert suite.get("name") == "go1"
+    suite = ElementTree.parse(warm_legs.folder / "junit.xml").getroot()[0]
+    assert suite.get("name") == "legs"
     assert int(suite.get("tests", 0)) > 0
-    assert "### go1: ready for training" in (place.folder / "summary.md").read_text()
-    again = place.build(GITHUB_STEP_SUMMARY="summary.md")
+    assert "### legs: " in (warm_legs.folder / "summary.md").read_text()
+    again = warm_legs.build(GITHUB_STEP_SUMMARY="summary.md")
     assert "0 ran" in again.stdout
-    assert (place.folder / "summary.md").read_text().count("### go1") == 2
+    assert (warm_legs.folder / "summary.md").read_text().count("### legs") == 2
 
 
 def test_wrong_input_is_told_everywhere(tmp_path):

@@ -1,56 +1,41 @@
-"""Several recipes as one graph, and `--rebuild-check`, on the real Go1."""
+"""Several recipes as one graph, and `--rebuild-check`."""
 
 from __future__ import annotations
 
 import json
-from pathlib import Path
 
-import pytest
-
-from .conftest import Workplace
+from .conftest import Legs
 
 
-@pytest.mark.slow
-def test_two_recipes_are_one_graph_and_share_their_steps(place: Workplace):
-    text = place.recipe.read_text()
-    other = place.folder / "recipes/other.yaml"
-    other.write_text(text.replace("robot: go1", "robot: other", 1))
-    done = place.run("build", "recipes/go1.yaml", "recipes/other.yaml", "-j2")
+def test_two_recipes_are_one_graph_and_share_their_steps(warm_legs: Legs):
+    other = warm_legs.folder / "other.yaml"
+    other.write_text(warm_legs.recipe.read_text().replace("robot: legs", "robot: other", 1))
+    done = warm_legs.build("other.yaml", "-j2")
     assert done.returncode == 0, done.stdout + done.stderr
-    assert "go1: ready" in done.stdout
-    assert "other: ready" in done.stdout
-    logs = [
-        json.loads((place.folder / f"build/{n}.run.json").read_text()) for n in ("go1", "other")
-    ]
-    assert {step["status"] for step in logs[0]["steps"].values()} <= {"cached", "ran"}
-    assert "read_urdf" in logs[1]["steps"]
-    assert (place.folder / "build/other/manifest.json").is_file()
-    alone = place.build()
-    assert "0 ran" in alone.stdout
-    _an_edit_of_one_leaves_the_bundle_of_the_other(place, other)
+    bundles = [warm_legs.folder / "build" / name for name in ("legs", "other")]
+    for bundle in bundles:
+        steps = json.loads(bundle.with_name(f"{bundle.name}.run.json").read_text())["steps"]
+        assert steps["read_urdf"]["status"] == "cached"
+        assert (bundle / "manifest.json").is_file()
+    assert "0 ran" in warm_legs.build().stdout
 
-
-def _an_edit_of_one_leaves_the_bundle_of_the_other(place: Workplace, other: Path):
-    bundles = [place.folder / "build" / name for name in ("go1", "other")]
     before = [bundle.stat().st_ino for bundle in bundles]
     other.write_text(other.read_text() + "# a word\n")
-    done = place.run("build", "recipes/go1.yaml", "recipes/other.yaml", "-j2")
-    assert done.returncode == 0, done.stdout + done.stderr
+    assert warm_legs.build("other.yaml", "-j2").returncode == 0
     after = [bundle.stat().st_ino for bundle in bundles]
     assert after[0] == before[0]
     assert after[1] != before[1]  # its provenance names the recipe's digest
 
 
-def test_two_recipes_of_one_robot_are_refused(place: Workplace):
-    (place.folder / "recipes/again.yaml").write_text(place.recipe.read_text())
-    done = place.run("build", "recipes/go1.yaml", "recipes/again.yaml")
+def test_two_recipes_of_one_robot_are_refused(legs: Legs):
+    (legs.folder / "again.yaml").write_text(legs.recipe.read_text())
+    done = legs.build("again.yaml")
     assert done.returncode == 2
-    assert "two of the recipes build `go1`" in done.stderr
+    assert "two of the recipes build `legs`" in done.stderr
 
 
-@pytest.mark.slow
-def test_the_real_robot_is_reproducible(place: Workplace):
-    done = place.build("--rebuild-check")
+def test_every_step_gives_the_same_bytes_twice(warm_legs: Legs):
+    done = warm_legs.build("--rebuild-check")
     assert done.returncode == 0, done.stdout + done.stderr
-    assert "go1: reproducible: every step gave the same bytes twice" in done.stdout
-    assert not (place.folder / "build/go1.rebuild-check").exists()
+    assert "legs: reproducible: every step gave the same bytes twice" in done.stdout
+    assert not (warm_legs.folder / "build/legs.rebuild-check").exists()

@@ -39,7 +39,6 @@ def test_doctor_without_opengl_names_the_package(monkeypatch):
     [
         ("assetbuild di", "diff"),
         ("assetbuild diff --mark", "--markdown"),
-        ("assetbuild c", "cache"),
         ("assetbuild build --fail-on n", "never"),
     ],
 )
@@ -74,7 +73,7 @@ def test_diff_says_by_its_exit_code_whether_anything_differs(tmp_path: Path, rob
     assert "CRITICAL" in capsys.readouterr().out
 
 
-@pytest.mark.parametrize("verb", ["build", "check", "lock"])
+@pytest.mark.parametrize("verb", ["build", "lock"])
 def test_all_files_of_the_folder_name_each_recipe_once(warm_legs: Legs, verb: str):
     """A shell turns `*.yaml` into recipes and locks alike."""
     (warm_legs.folder / "legs.lock.yaml").write_text("schema: assetbuild-lock/v1\n")

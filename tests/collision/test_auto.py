@@ -316,13 +316,3 @@ def test_a_false_match_is_found_out_and_decomposed_on_its_own(tmp_path):
     _, findings = fit(tmp_path, Auto(sources=MESH, like=like, **TIGHT), GRIPPER)
     assert findings["collision.gap"].data["method"] != "reused from an equal shape"
     assert findings["collision.gap"].data["iou"] > 0.9
-
-
-def test_the_same_bytes_twice(tmp_path):
-    for run in ("a", "b"):
-        fit(tmp_path, Auto(sources=MESH, probes=(GAP,), **TIGHT), GRIPPER, run)
-    files = [
-        {p.relative_to(tmp_path / run): p.read_bytes() for p in (tmp_path / run).rglob("*.*")}
-        for run in ("a", "b")
-    ]
-    assert files[0] == files[1]

@@ -29,28 +29,17 @@ def disc(radius: float, height: float) -> manifold3d.Manifold:
 
 
 PLATE = manifold3d.Manifold.cube((0.1, 0.08, 0.01), True)
-BOLTS = [
-    (0.038 * np.cos(angle), 0.038 * np.sin(angle), 0.0025)
-    for angle in np.linspace(0.0, 2.0 * np.pi, 6, endpoint=False)
-]
 # (mesh, bores that stay open, volume in m3 by the area of a polygon of 48 corners, most pieces).
 POLYGON = 24.0 * np.sin(2.0 * np.pi / 48)
 BORED = {
     "ring": (drilled(disc(0.05, 0.02), (0, 0, 0.03)), [(0, 0, 0.03)],
              POLYGON * (0.05**2 - 0.03**2) * 0.02, 16),
-    "pipe": (drilled(disc(0.05, 0.2), (0, 0, 0.03)), [(0, 0, 0.03)],
-             POLYGON * (0.05**2 - 0.03**2) * 0.2, 12),
     "pipe with a thin wall": (drilled(disc(0.05, 0.2), (0, 0, 0.045)), [(0, 0, 0.045)],
              POLYGON * (0.05**2 - 0.045**2) * 0.2, 32),
     "washer, bored off its axis": (drilled(disc(0.04, 0.006), (0.018, 0.007, 0.012)),
              [(0.018, 0.007, 0.012)], POLYGON * (0.04**2 - 0.012**2) * 0.006, 8),
-    "flange with bolt holes": (drilled(disc(0.05, 0.012), (0, 0, 0.02), *BOLTS), [(0, 0, 0.02)],
-             POLYGON * (0.05**2 - 0.02**2 - 6 * 0.0025**2) * 0.012, 12),
     "plate with small holes": (drilled(PLATE, (0.04, 0.03, 0.002), (-0.04, 0.03, 0.002)), [],
              0.1 * 0.08 * 0.01 - 2 * POLYGON * 0.002**2 * 0.01, 1),
-    "two bores": (drilled(manifold3d.Manifold.cube((0.12, 0.05, 0.02), True),
-             (-0.03, 0, 0.018), (0.03, 0, 0.018)), [(-0.03, 0, 0.018), (0.03, 0, 0.018)],
-             (0.12 * 0.05 - 2 * POLYGON * 0.018**2) * 0.02, 16),
 }  # fmt: skip
 
 
@@ -68,10 +57,11 @@ def covered(folder: Path, points: np.ndarray) -> np.ndarray:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("tilt", [UPRIGHT, TILTED], ids=["upright", "tilted"])
-@pytest.mark.parametrize(("mesh", "bores", "volume", "most"), BORED.values(), ids=list(BORED))
-def test_a_bore_wider_than_the_tolerance_stays_open(tmp_path, mesh, bores, volume, most, tilt):
+@pytest.mark.parametrize("name", BORED)
+def test_a_bore_wider_than_the_tolerance_stays_open(tmp_path, name):
     """Judged without the code's own metric: half-spaces of the hulls, a formula for the volume."""
+    mesh, bores, volume, most = BORED[name]
+    tilt = UPRIGHT if name == "ring" else TILTED
     count, findings = fit(tmp_path, MANIPULATION, mesh.placed(tilt))
     assert count <= most
     assert "collision.tolerance" not in findings
@@ -96,15 +86,6 @@ def test_a_bore_wider_than_the_tolerance_stays_open(tmp_path, mesh, bores, volum
 OPEN = {
     "U channel": ([((0.2, 0.06, 0.014), (0, 0, 0.007)), ((0.2, 0.008, 0.046), (0, 0.026, 0.037)),
                    ((0.2, 0.008, 0.046), (0, -0.026, 0.037))], ((0.19, 0.034, 0.04), (0, 0, 0.04))),
-    "L bracket": ([((0.06, 0.04, 0.006), (0.03, 0, 0.003)),
-                   ((0.006, 0.04, 0.054), (0.003, 0, 0.033))],
-                  ((0.05, 0.04, 0.05), (0.036, 0, 0.036))),
-    "slotted finger": ([((0.02, 0.012, 0.02), (0, 0, 0.01)),
-                        ((0.005, 0.012, 0.06), (-0.0075, 0, 0.05)),
-                        ((0.005, 0.012, 0.06), (0.0075, 0, 0.05))],
-                       ((0.004, 0.012, 0.05), (0, 0, 0.052))),
-    "hook": ([((0.1, 0.02, 0.01), (0, 0, 0.005)), ((0.01, 0.02, 0.08), (0.045, 0, 0.05)),
-              ((0.03, 0.02, 0.01), (0.025, 0, 0.085))], ((0.06, 0.02, 0.05), (0, 0, 0.04))),
     "frame": ([((0.12, 0.015, 0.015), (0, 0.0425, 0)), ((0.12, 0.015, 0.015), (0, -0.0425, 0)),
                ((0.015, 0.07, 0.015), (0.0525, 0, 0)), ((0.015, 0.07, 0.015), (-0.0525, 0, 0))],
               ((0.08, 0.06, 0.015), (0, 0, 0))),

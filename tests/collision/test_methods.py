@@ -27,7 +27,6 @@ from assetbuild.mesh.obj import obj_bytes, read_triangles
 from assetbuild.mesh.primitives import signed_distance, tessellate
 from assetbuild.mesh.solid import ConvexPiece
 from assetbuild.mesh.triangles import TriangleMesh, merged
-from assetbuild.mesh.vhacd import VHacdOptions
 from assetbuild.mesh.volume import is_closed, signed_volume
 from assetbuild.plugins import load_plugin, plugin_names
 from assetbuild.robot.codec import decode
@@ -71,6 +70,7 @@ def fit(tmp_path: Path, method: CollisionMethod, *meshes: TriangleMesh, run: str
     return record.pieces, hulls, findings, files
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", [n for n in plugin_names(CollisionMethod) if n != "explicit"])
 def test_every_method_makes_the_same_pieces_of_an_l_twice(tmp_path, name):
     method = load_plugin(CollisionMethod, name)(sources=MESH)
@@ -145,14 +145,18 @@ def test_coacd_keeps_its_vertex_cap_and_tells_when_disjoint_parts_exceed_the_hul
 
 @pytest.mark.parametrize(
     "solid",
-    [Box((0.3, 0.2, 0.1)), Sphere(0.1), Capsule(0.05, 0.3), Cylinder(0.08, 0.25)],
+    [
+        Box((0.3, 0.2, 0.1)),
+        *(
+            pytest.param(solid, marks=pytest.mark.slow)
+            for solid in (Sphere(0.1), Capsule(0.05, 0.3), Cylinder(0.08, 0.25))
+        ),
+    ],
     ids=lambda s: type(s).__name__,
 )
-@pytest.mark.parametrize("asked", [True, False], ids=["asked", "free"])
-def test_a_primitive_is_recovered_from_its_own_turned_mesh(tmp_path, solid, asked):
-    shape = type(solid).__name__.lower() if asked else None
+def test_a_primitive_is_recovered_from_its_own_turned_mesh(tmp_path, solid):
     mesh = tessellate(solid).placed(TURNED)
-    (piece,), _, findings, _ = fit(tmp_path, FitPrimitive(sources=MESH, shape=shape), mesh)
+    (piece,), _, findings, _ = fit(tmp_path, FitPrimitive(sources=MESH), mesh)
     assert type(piece.geometry) is type(solid)
     pose = piece.X_frame_piece
     # The same body, whatever names its axes have: equal distances at points all around.
@@ -189,29 +193,13 @@ def test_a_primitive_source_of_a_hull_method_is_convex_already(tmp_path):
     assert hulls == []
 
 
-@pytest.mark.parametrize("scale", [1e-3, 1.0, 1e3])
-def test_the_choice_does_not_depend_on_the_scale(tmp_path, scale):
+def test_the_choice_does_not_depend_on_the_scale(tmp_path):
+    scale = 1e-3
     mesh = tessellate(Capsule(0.1, 0.5)).scaled((scale,) * 3)
     (piece,), _, _, _ = fit(tmp_path, FitPrimitive(sources=MESH), mesh)
     assert isinstance(piece.geometry, Capsule)
     assert piece.geometry.radius == pytest.approx(0.1 * scale, rel=0.02)
     assert piece.geometry.length == pytest.approx(0.5 * scale, rel=0.03)
-
-
-@pytest.mark.parametrize(
-    "method",
-    [
-        Hull(sources=MESH, max_vertices=16),
-        VHacd(sources=MESH, max_hulls=4, vhacd=VHacdOptions(resolution=50_000)),
-        CoAcd(sources=MESH),
-        FitPrimitive(sources=MESH),
-    ],
-    ids=lambda m: m.step_name(),
-)
-def test_the_same_bytes_twice(tmp_path, method):
-    assert (
-        fit(tmp_path, method, l_shape(), run="a")[3] == fit(tmp_path, method, l_shape(), run="b")[3]
-    )
 
 
 BAD = {
@@ -222,8 +210,9 @@ BAD = {
 }
 
 
-@pytest.mark.parametrize("defect", BAD)
-@pytest.mark.parametrize("kind", [Hull, VHacd, CoAcd, FitPrimitive])
+@pytest.mark.parametrize(
+    ("kind", "defect"), list(zip((Hull, VHacd, CoAcd, FitPrimitive), BAD, strict=True))
+)
 def test_bad_meshes_stop_before_native_code(tmp_path, kind, defect):
     vertices, faces = BAD[defect]
     folder = tmp_path / "in/shapes/0"
@@ -282,14 +271,11 @@ def test_two_boxes_are_found_in_a_t(tmp_path):
     assert findings["collision.gap"].data["iou"] > 0.9
 
 
-@pytest.mark.parametrize(
-    "shape",
-    [("capsule", "sphere"), pytest.param(("sphere", "capsule"), marks=pytest.mark.slow)],
-)
-def test_a_shin_is_a_capsule_and_its_foot_a_sphere(tmp_path, shape):
+@pytest.mark.slow
+def test_a_shin_is_a_capsule_and_its_foot_a_sphere(tmp_path):
     foot = ConvexPiece(Sphere(0.023), Pose((0.0, 0.0, -0.21)))
     shin = ConvexPiece(Capsule(0.012, 0.2), Pose((0.0, 0.0, -0.1)))
-    method = FitPrimitive(sources=MESH, max_hulls=2, shape=shape)
+    method = FitPrimitive(sources=MESH, max_hulls=2, shape=("sphere", "capsule"))
     pieces, _, findings, _ = fit(tmp_path, method, union_of([foot, shin])[1])
     found = {type(piece.geometry): piece for piece in pieces}
     assert set(found) == {Capsule, Sphere}

@@ -5,10 +5,8 @@ from __future__ import annotations
 import inspect
 import re
 
-import pytest
-
 from assetbuild.collision import CollisionMethod
-from assetbuild.kinds import Check, Edit, Plugin, Target
+from assetbuild.kinds import Check, Edit, Target
 from assetbuild.pipeline.recipes import whole_model
 from assetbuild.plugins import load_plugin, plugin_names
 from assetbuild.recipe.schema import known_keys
@@ -17,31 +15,26 @@ PLUGINS = [(kind, name) for kind in (Target, Check) for name in plugin_names(kin
 KINDS = (Target, Check, Edit, CollisionMethod)
 
 
-@pytest.mark.parametrize(
-    ("kind", "name"), PLUGINS, ids=lambda value: getattr(value, "__name__", value)
-)
-def test_what_it_is_told_are_keys_of_the_recipe(kind: type[Plugin], name: str):
-    plugin = load_plugin(kind, name)
-    for field, path in plugin.told.items():
-        *above, key = path.split(".")
-        assert field in plugin.model_fields, field
-        assert key in known_keys(whole_model(), tuple(above)), path
+def test_what_each_is_told_are_keys_of_the_recipe():
+    for kind, name in PLUGINS:
+        plugin = load_plugin(kind, name)
+        for field, path in plugin.told.items():
+            *above, key = path.split(".")
+            assert field in plugin.model_fields, (name, field)
+            assert key in known_keys(whole_model(), tuple(above)), (name, path)
 
 
-@pytest.mark.parametrize(
-    ("kind", "name"), PLUGINS, ids=lambda value: getattr(value, "__name__", value)
-)
-def test_its_sections_stand_at_the_top_or_below_validate(kind: type[Plugin], name: str):
-    plugin = load_plugin(kind, name)
-    paths = [*plugin.sections, *([plugin.section] if plugin.keys() else [])]
-    allowed = r"validate(\.\w+)?" if kind is Check else r"\w+"
-    assert all(re.fullmatch(allowed, path) for path in paths), paths
-    assert set(plugin.sections.values()) <= set(plugin.model_fields)
+def test_their_sections_stand_at_the_top_or_below_validate():
+    for kind, name in PLUGINS:
+        plugin = load_plugin(kind, name)
+        paths = [*plugin.sections, *([plugin.section] if plugin.keys() else [])]
+        allowed = r"validate(\.\w+)?" if kind is Check else r"\w+"
+        assert all(re.fullmatch(allowed, path) for path in paths), (name, paths)
+        assert set(plugin.sections.values()) <= set(plugin.model_fields), name
 
 
-@pytest.mark.parametrize("kind", KINDS)
-def test_its_name_is_its_file_s(kind: type[Plugin]):
-    for name in plugin_names(kind):
+def test_the_name_of_each_is_its_file_s():
+    for kind, name in ((each, name) for each in KINDS for name in plugin_names(each)):
         plugin = load_plugin(kind, name)
         assert plugin.step_name() == name
         assert inspect.getdoc(plugin), name

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import functools
 import re
 import subprocess
 import sys
@@ -19,10 +20,15 @@ from docs.site.pages.rules import Entry, entries_of, package_modules, rule_pages
 ROOT = Path(__file__).parents[2]
 PACKAGE = ROOT / "assetbuild"
 LEGS = "schema: assetbuild/v1\nrobot: r\nsource: {path: ., urdf: r.urdf}\ntargets: [urdf]\n"
-TREES = {
-    path.relative_to(PACKAGE).as_posix(): ast.parse(path.read_text(encoding="utf-8"))
-    for path in sorted(PACKAGE.rglob("*.py"))
-}
+
+
+@functools.cache
+def trees() -> dict[str, ast.Module]:
+    """Of the package's files; parsed by the worker alone that runs these tests."""
+    return {
+        path.relative_to(PACKAGE).as_posix(): ast.parse(path.read_text(encoding="utf-8"))
+        for path in sorted(PACKAGE.rglob("*.py"))
+    }
 
 
 @pytest.fixture(scope="module")
@@ -50,14 +56,14 @@ def constants(tree: ast.Module) -> dict[str, ast.Call]:
 
 def test_every_finding_is_made_by_a_rule():
     made = [
-        f"{path}:{call.lineno}" for path, tree in TREES.items() for call in calls(tree, "Finding")
+        f"{path}:{call.lineno}" for path, tree in trees().items() for call in calls(tree, "Finding")
     ]
     assert [place for place in made if not place.startswith("findings.py:")] == []
 
 
 def test_every_rule_is_a_constant_of_its_module():
     """Only so the reference finds it."""
-    for path, tree in TREES.items():
+    for path, tree in trees().items():
         assert len(list(calls(tree, "Rule"))) == len(constants(tree)), path
 
 
@@ -65,7 +71,7 @@ def test_the_reference_has_every_rule_of_the_code(entries):
     """Children that are programs of their own are not imported: they can declare none."""
     declared = {
         ast.literal_eval(call.args[0])
-        for tree in TREES.values()
+        for tree in trees().values()
         for call in constants(tree).values()
     }
     assert {entry.rule.id for entry in entries} == declared
@@ -112,7 +118,7 @@ def severities_stated(call: ast.Call) -> set[str]:
 
 
 def test_every_severity_that_a_call_states_is_declared_and_not_the_usual_one():
-    for path, tree in TREES.items():
+    for path, tree in trees().items():
         for name, declaration in constants(tree).items():
             rule = Rule(*(ast.literal_eval(argument) for argument in declaration.args))
             for call in calls(tree, name):
@@ -122,7 +128,7 @@ def test_every_severity_that_a_call_states_is_declared_and_not_the_usual_one():
 
 def test_every_rule_that_the_code_compares_with_exists(entries):
     known = {entry.rule.id for entry in entries}
-    for path, tree in TREES.items():
+    for path, tree in trees().items():
         for node in ast.walk(tree):
             if isinstance(node, ast.Compare) and getattr(node.left, "attr", "") == "rule":
                 named = {c.value for c in node.comparators if isinstance(c, ast.Constant)}

@@ -9,13 +9,13 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from tiny import four_bar, pendulum, run_step, tiny_quadruped, write_robot_ports
+from tiny import four_bar, run_step, tiny_quadruped, write_robot_ports
 
 import assetbuild
 from assetbuild.kinds import Target
 from assetbuild.plugins import load_plugin, plugin_names
 
-TINY = {"quadruped": tiny_quadruped, "pendulum": pendulum, "four_bar": four_bar}
+TINY = {"quadruped": tiny_quadruped, "four_bar": four_bar}
 TARGETS = plugin_names(Target)
 FREE = ("/usr", "/etc", "/proc", "/dev", sys.prefix, sys.base_prefix, sysconfig.get_path("purelib"))
 """What any program opens, besides the package's own code."""

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import os
-import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -138,13 +137,3 @@ def test_all_that_a_cold_build_looked_at_stands_in_its_record(built: dict[str, A
     files = {subject for kind, subject, _ in built["recorded"] if kind == "bytes"}
     assert {Path(file).name for file in files} >= {"r.yaml"}
     assert ["variable", "MUJOCO_GL", ""] in built["recorded"]
-
-
-@pytest.mark.slow
-def test_so_it_is_for_a_real_robot(tmp_path: Path, go1_root: Path):
-    folder = tmp_path / "mine"
-    shutil.copytree(go1_root / "robots/go1_description", folder / "robot/robots/go1_description")
-    text = (Path(__file__).parents[2] / "recipes/go1.yaml").read_text()
-    begin, end = text.index("  pypi:"), text.index("  urdf:")
-    (folder / "go1.yaml").write_text(f"{text[:begin]}  path: robot\n{text[end:]}")
-    assert asking(folder, folder / "go1.yaml")["lacking"] == []

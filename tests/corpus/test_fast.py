@@ -1,4 +1,4 @@
-"""Six small robots of the corpus, each for what it shows; the whole corpus is `run.py`."""
+"""Two small robots of the corpus, each for what it shows; the whole corpus is `run.py`."""
 
 from __future__ import annotations
 
@@ -11,10 +11,6 @@ from corpus.one import KINDS, one
 from corpus.table import mass_error
 
 ROBOTS = {
-    "asr_twodof_description/urdf/TwoDofs.urdf": "a root called world",
-    "double_pendulum_description/urdf/double_pendulum_continuous.urdf": "joints without a range",
-    "finger_edu_description/robots/finger_edu.urdf": "one finger, fixed",
-    "hextilt_description/urdf/hextilt_flying_arm_5.urdf": "inertia axes almost the link's",
     "quadruped_description/urdf/quadruped.urdf": "locked knees, meshes beside the URDF",
     "hector_description/robots/quadrotor_base.urdf": "nothing moves but its base",
 }

@@ -63,6 +63,7 @@ def test_a_list_is_split_by_the_names(sources: Path):
     assert {r.half for r in halves[0]} <= {"a"}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("old", "new", "rule"),
     [
@@ -112,12 +113,14 @@ def test_a_robot_whose_file_is_not_there_is_left_out(tmp_path: Path):
     assert (row["result"], row["cause"]) == ("left out", "file")
 
 
+@pytest.mark.slow
 def test_a_build_that_does_not_end_is_an_outcome(sources: Path, tmp_path: Path):
     folder = sources / "someone+robots"
     row = in_a_child(Robot("r", folder / "good.urdf", folder), tmp_path, 0.01)
     assert (row["result"], row["cause"]) == ("failed", "init: time")
 
 
+@pytest.mark.slow
 def test_a_child_that_dies_is_an_outcome(sources: Path, tmp_path: Path):
     folder = sources / "someone+robots"
     (tmp_path / "r").write_text("a file where the robot's folder should be")

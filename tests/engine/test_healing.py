@@ -23,8 +23,7 @@ from assetbuild.engine.store import LostObjectError, Store
 from assetbuild.errors import MachineError
 
 
-@pytest.mark.parametrize("label", ["first", "second", "third"])
-@pytest.mark.parametrize("fault", ["flip", "delete"])
+@pytest.mark.parametrize(("label", "fault"), [("first", "flip"), ("third", "delete")])
 def test_a_lost_object_is_made_again_when_it_is_needed(tmp_path, source, label, fault):
     with Session(Store(tmp_path / "store")) as session:
         graph = chain(session, source)
@@ -46,8 +45,7 @@ def test_a_lost_object_is_made_again_when_it_is_needed(tmp_path, source, label, 
         assert session.read(results["third"]["out"]) == want
 
 
-@pytest.mark.parametrize("fault", ["flip", "delete"])
-def test_everything_is_made_again_when_the_store_lost_all_of_it(tmp_path, source, fault):
+def test_everything_is_made_again_when_the_store_lost_all_of_it(tmp_path, source):
     def plan(session: Session, length: int) -> Graph:
         planner = Planner(session)
         last = planner.add("0", Mix(), {"in": planner.source(source)})
@@ -59,7 +57,7 @@ def test_everything_is_made_again_when_the_store_lost_all_of_it(tmp_path, source
         gold = execute(plan(session, 7), session)
         want = session.read(gold["6"]["out"])
     for path in (tmp_path / "store").glob("v1/cas/*/*"):
-        flip(path) if fault == "flip" else path.unlink()
+        flip(path)
     with Session(Store(tmp_path / "store")) as session:
         results = execute(plan(session, 8), session, jobs=3)
         assert [r.status for r in results.values()] == ["ran"] * 8

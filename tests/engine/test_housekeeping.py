@@ -69,7 +69,7 @@ def test_what_was_used_least_lately_goes_first(tmp_path: Path):
     assert build(root, log, "b") == {"b": "ran"}
 
 
-@pytest.mark.parametrize("limit", [0, 1, SIZE, 3 * SIZE, 100 * SIZE])
+@pytest.mark.parametrize("limit", [0, 3 * SIZE])
 def test_the_store_is_below_the_limit_afterwards_and_still_right(tmp_path: Path, limit: int):
     root, log = tmp_path / "store", tmp_path / "log"
     build(root, log, "abcdef")
@@ -154,7 +154,7 @@ def test_builds_are_right_while_everything_is_removed_all_the_time(tmp_path: Pat
         assert remover.stdout is not None
         remover.stdout.readline()
         source = tmp_path / "source"
-        for number in range(15):
+        for number in range(6):
             source.write_text(str(number % 3))
             with Session(Store(root)) as session:
                 results = execute(chain(session, source), session, jobs=2)

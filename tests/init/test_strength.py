@@ -59,7 +59,7 @@ def row_of(proposal: Proposal, joint: str) -> dict[str, object]:
 ARM = [Segment(8.0, 0.5, ""), Segment(4.0, 0.5, ""), Segment(0.5, 0.1, "", "0 0 1")]
 
 
-@pytest.mark.parametrize("said", ["", 'effort="0"', 'effort="1e9"', 'effort="1000000"'])
+@pytest.mark.parametrize("said", ["", 'effort="1e9"'])
 def test_an_arm_without_efforts_is_driven_by_guesses_that_hold_it_stretched_out(
     said: str, tmp_path: Path
 ):
@@ -143,8 +143,9 @@ def test_what_cannot_be_mended_is_said_first(tmp_path: Path):
     assert "\n# NOT READY: actuator segment_0_joint" in head
 
 
-@pytest.mark.parametrize("mass", [2.0, 40.0, 406.0])
-@pytest.mark.parametrize(("share", "guessed"), [(0.05, True), (0.4, True), (0.9, False)])
+@pytest.mark.parametrize(
+    ("mass", "share", "guessed"), [(2.0, 0.05, True), (406.0, 0.4, True), (40.0, 0.9, False)]
+)
 def test_an_effort_that_cannot_hold_most_poses_is_guessed_and_home_stays(
     mass: float, share: float, guessed: bool, tmp_path: Path
 ):
@@ -159,7 +160,7 @@ def test_an_effort_that_cannot_hold_most_poses_is_guessed_and_home_stays(
     assert proposal.unmended == ()
 
 
-@pytest.mark.parametrize("share", [0.62, 0.66, 0.69, 0.71, 0.73, 0.76, 0.80])
+@pytest.mark.parametrize("share", [0.66, 0.71, 0.76])
 def test_of_two_equal_arms_no_shoulder_alone_is_a_guess(share: float, tmp_path: Path):
     """A rod over all angles needs more than sin(45 degrees) of its largest load in half of them."""
     effort, text = share * 4.0 * GRAVITY * 0.25, ['<robot name="two"><link name="world"/>']

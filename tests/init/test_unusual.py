@@ -107,12 +107,7 @@ STRANGE: dict[str, str | bytes] = {
     "names with quotes": robot(
         link("a&quot;b"), link("c&apos;d\\"), joint("&lt;j&gt;", "a&quot;b", "c&apos;d\\")
     ),
-    "names with line ends": robot(
-        link("a&#10;b"), link("c&#9;d"), joint("j&#10;# k", "a&#10;b", "c&#9;d")
-    ),
-    "one link": robot(link("only")),
     "one link without anything": robot(link("only", "")),
-    "nothing moves": robot(link("a"), link("b"), joint("j", "a", "b", "fixed", "")),
     "followers in a row": robot(
         link("a"),
         link("b"),
@@ -122,14 +117,6 @@ STRANGE: dict[str, str | bytes] = {
     ),
     "a byte order mark": b"\xef\xbb\xbf" + TWO.encode(),
     "UTF-16": b"\xff\xfe" + BARE.encode("utf-16-le"),
-    "lines of Windows": TWO.replace("\n", "\r\n"),
-    "a link called world": robot(
-        link("world", ""),
-        link("arm"),
-        link("tip"),
-        joint("f", "world", "arm", "fixed", ""),
-        joint("j", "arm", "tip"),
-    ),
 }
 
 

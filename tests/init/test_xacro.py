@@ -77,14 +77,6 @@ def test_arguments_decide_the_robot(packages: Path):
     assert "#   effort:" not in text  # given, so not among those that could be
 
 
-@pytest.mark.slow  # a whole build, pictures and all
-def test_the_recipe_builds(packages: Path, monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.setenv("ASSETBUILD_CACHE", str(packages / "cache"))
-    initialised(packages)
-    assert main(["build", str(packages / "bot.yaml"), "-o", str(packages / "out")]) == 0
-    assert (packages / "out/mjcf/bot.xml").is_file()
-
-
 def test_a_package_that_is_not_found_says_how_to_name_it(packages: Path):
     (packages / "ws/parts").rename(packages / "ws/other")
     with pytest.raises(SourceError, match="no package named `parts`") as raised:

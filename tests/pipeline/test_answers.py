@@ -49,7 +49,6 @@ ROW = "actuators: [{joints: 'j.', model: pd, kp: 9, kd: 1, effort: 3}]\n"
     ("limit", "weight", "edits", "rows", "key", "by"),
     [
         (OPEN, "", FREED, "", "joint.locked joint j1", "set_limits"),
-        (OPEN, "", FREED, "", "urdf.limit.omitted joint j1", "set_limits"),
         (LOCKED, "", GIVEN, "", "joint.locked joint j1", "set_limits"),
         (LIMIT, FLAT, "[{balance_inertia: {link: one}}]", "", "inertia.triangle link one",
          "balance_inertia"),
@@ -73,7 +72,6 @@ def test_what_an_edit_answers_is_information_that_names_it(
     ("limit", "weight", "edits", "key"),
     [
         (LOCKED, "", "[{set_limits: {joint: j1, effort: 3}}]", "joint.locked joint j1"),
-        (LOCKED, "", "[{set_limits: {joint: j2, lower: -2, upper: 2}}]", "joint.locked joint j1"),
         (OPEN, "", "[{set_limits: {joint: j1, velocity: 3}}]", "urdf.limit.omitted joint j1"),
         (LIMIT, FLAT, "[{set_mass: {link: one, mass: 2}}]", "inertia.triangle link one"),
         (WEAK, "", GIVEN, "joint.effort_zero joint j1"),

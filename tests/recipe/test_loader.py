@@ -217,6 +217,7 @@ def test_the_files_read_are_listed_for_the_stat_record(load, tmp_path):
     assert loaded.path == tmp_path / "recipes/r.yaml"
 
 
+@pytest.mark.slow
 def test_fifty_thousand_mistakes_cost_little_time_and_memory(tmp_path):
     (tmp_path / "r.yaml").write_text("".join(f"k{i}: 1\n" for i in range(49_000)))
     program = (

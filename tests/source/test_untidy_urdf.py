@@ -206,12 +206,11 @@ def test_what_readers_take_alike_is_taken_like_that(case: str, tmp_path: Path):
         assert inertial is not None
         assert inertial.mass_kg == mass, reader
         assert np.allclose(pose, theirs, atol=1e-12), reader
+    the_source_that_checks_read_is_tidy(found)
 
 
-@pytest.mark.parametrize("case", TAKEN)
-def test_the_source_that_checks_read_is_tidy(case: str, tmp_path: Path):
+def the_source_that_checks_read_is_tidy(found: Read) -> None:
     """pinocchio finds the same masses in it, whether or not it read the original."""
-    found = read(TAKEN[case][0], tmp_path)
     assert etree.fromstring(found.source).tag == "robot"
     stated = found.source
     for name in ("effort", "velocity"):  # urdfdom refuses a limit without them
