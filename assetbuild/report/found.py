@@ -22,16 +22,20 @@ def findings_section(findings: Sequence[Finding]) -> str:
     following = [f for f in loud if is_consequence(f)]
     parts = _by_rule([f for f in loud if f not in following])
     if following:
-        head = f"{len(following)} checks had nothing to work on because of the errors above"
+        head = f"{len(following)} more findings that follow from the errors above"
         parts.append(folded(head, "".join(_by_rule(following))))
     parts = parts or ["<p>No errors and no warnings.</p>"]
     if waived:
         parts += [f"<h3>Waived by the recipe ({len(waived)})</h3>", *_by_rule(waived)]
     if quiet:
         rules = len({f.rule for f in quiet})
-        head = f"{len(quiet)} findings of {rules} rules for your information"
+        head = f"{_count(len(quiet), 'note')} from {_count(rules, 'rule')}"
         parts.append(folded(head, "".join(_by_rule(quiet))))
     return "".join(parts)
+
+
+def _count(number: int, noun: str) -> str:
+    return f"{number} {noun}" if number == 1 else f"{number} {noun}s"
 
 
 def _by_rule(findings: Sequence[Finding]) -> list[str]:
