@@ -29,9 +29,11 @@ def recipes_of(named: Sequence[Path]) -> list[Path]:
 
 
 def given_as(recipe: Path) -> str:
-    """What names this recipe on a command line: its path, or its name in the library."""
+    """What names this recipe on a command line here: its path, or its name in the library."""
     from assetbuild.library import robots
 
+    if recipe.is_relative_to(Path.cwd()):
+        return shlex.quote(str(recipe.relative_to(Path.cwd())))
     return recipe.stem if robots().get(recipe.stem) == recipe else shlex.quote(str(recipe))
 
 

@@ -86,11 +86,6 @@ def test_a_broken_source_is_known_by_its_rule(old: str, new: str, rule: str, tmp
     assert broken(file).partition(":")[0] == rule
 
 
-def test_the_documentation_states_each_rule():
-    page = (ROOT / "docs/reference/corpus.md").read_text(encoding="utf-8")
-    assert all(f"| `{name}` | {words} |" in page for name, words in RULES.items())
-
-
 @pytest.mark.slow
 def test_a_run_that_was_stopped_goes_on(sources: Path, tmp_path: Path):
     table, lines = tmp_path / "table.md", tmp_path / "table.jsonl"
