@@ -11,7 +11,7 @@ import pytest
 
 from corpus.find import robots_in
 from corpus.lists import Robot, wide
-from corpus.rules import RULES, broken
+from corpus.rules import broken
 from corpus.run import in_a_child, rows_in
 
 ROOT = Path(__file__).parents[2]

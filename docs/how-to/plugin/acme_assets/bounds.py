@@ -8,8 +8,8 @@ from assetbuild.collision import CollisionMethod, Fitted
 from assetbuild.mesh.cover import Reference
 from assetbuild.mesh.solid import ConvexPiece
 from assetbuild.quantities import Length
-from assetbuild.robot.shapes import Box
 from assetbuild.robot.pose import Pose, vec3
+from assetbuild.robot.shapes import Box
 
 
 class Bounds(CollisionMethod):

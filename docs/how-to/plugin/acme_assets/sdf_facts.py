@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 from typing import ClassVar
-from xml.etree import ElementTree
+
+from defusedxml import ElementTree
 
 from assetbuild.facts.reader import Reader
 from assetbuild.facts.reference import Reference, robot_table
