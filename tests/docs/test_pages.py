@@ -77,6 +77,17 @@ def test_every_link_between_pages_leads_somewhere():
                 assert led.exists() or led in made, f"{page.name}: {target}"
 
 
+def test_the_readme_shows_the_recipe_that_it_builds():
+    (shown,) = blocks(ROOT / "README.md", "yaml")
+    lines = (ROOT / "recipes/go1_minimal.yaml").read_text().splitlines(keepends=True)
+    assert shown == "".join(line for line in lines if not line.startswith("#"))
+    assert any("assetbuild build go1_minimal" in command for _, command in commands())
+
+
+def test_the_readme_has_ten_links_at_most():
+    assert len(re.findall(r"\]\(", (ROOT / "README.md").read_text())) <= 10
+
+
 FULL = {
     "schema": "assetbuild/v1",
     "robot": "r",

@@ -159,7 +159,7 @@ class Trials(mujoco.InMujoco):
                 own = ", as in the source's own MJCF" if self.inherited else ""
                 yield rules.DEAD(
                     f"actuator {joint}",
-                    f"told to swing by {asked:.3g}, the joint moved by {moved:.3g}{own}",
+                    f"commanded to swing by {asked:.3g}, the joint moved by {moved:.3g}{own}",
                     severity="warning" if self.inherited else "error",
                     data={"asked": asked, "moved": moved},
                 )
