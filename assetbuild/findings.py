@@ -179,12 +179,14 @@ def finding_from_json(raw: Mapping[str, object]) -> Finding:
     )
 
 
-def is_consequence(finding: Finding) -> bool:
-    """Whether a check only says that it had nothing to work on: MuJoCo refuses the MJCF.
+FOLLOWS = "follows_from"
+"""Key of the data of a finding that another one explains: the rule of the other."""
 
-    `mjcf.load` and the findings on the description say why.
-    """
-    return finding.rule.endswith(".load") and finding.rule != "mjcf.load"
+
+def is_consequence(finding: Finding) -> bool:
+    """Whether another finding says why: a check was skipped because MuJoCo refuses the MJCF."""
+    silent = finding.rule.endswith(".load") and finding.rule != "mjcf.load"
+    return silent or FOLLOWS in finding.data
 
 
 def worst_first(findings: list[Finding]) -> list[Finding]:

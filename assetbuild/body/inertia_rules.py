@@ -223,8 +223,8 @@ class _Judged:
         if violation > TRIANGLE_ROUNDING:
             severity = self.worst if violation > self.bounds.triangle_slack else "warning"
             message = f"principal moments A + B < C by {100 * violation:.3g} % of C: {shown}"
-            hint = "was it taken about the centre of mass? MuJoCo refuses it: edit "
-            hint += "`balance_inertia`"
+            refused = "MuJoCo refuses it: " if severity == "error" else ""
+            hint = f"was it taken about the centre of mass? {refused}edit `balance_inertia`"
             data = self.data | {"violation": violation}
             return TRIANGLE(self.subject, message, hint, severity=severity, data=data)
         least = least_second_moment(self.inertial.inertia_com_kg_m2)

@@ -71,7 +71,9 @@ class SmokeIsaacLab(ConsumerCheck):
     reads: ClassVar[tuple[str, ...]] = ("tree.json", "control.json")
     sections: ClassVar[Mapping[str, str]] = {"validate.smoke_bounds": "bounds"}
     consumer: ClassVar[str] = "isaaclab"
-    home: ClassVar[Environment] = Installed("isaaclab", ("isaaclab[ovphysx]==3.0.0",), (3, 12))
+    home: ClassVar[Environment] = Installed(
+        "isaaclab", ("isaaclab[ovphysx]==3.0.0",), (3, 12), size="about 10 GB on disk"
+    )
 
     bounds: SmokeBounds = SmokeBounds()
 

@@ -60,7 +60,7 @@ def add_plain_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--sandbox",
         choices=("off", "strict"),
-        help="does nothing any more, and goes with the next version",
+        help="no longer has an effect; the next version removes it",
     )
     parser.add_argument(
         "--fail-on", choices=("error", "warning", "never"), default="error", help="default: error"
@@ -93,7 +93,7 @@ def requests_of(arguments: argparse.Namespace) -> list[Request]:
     if arguments.out is not None and len(arguments.recipes) > 1:
         raise UsageError("`-o` names one bundle, but several recipes were given")
     if arguments.sandbox:
-        print("warning: `--sandbox` does nothing any more; leave it out", file=sys.stderr)
+        print("warning: `--sandbox` no longer has an effect; omit it", file=sys.stderr)
     return [
         Request(
             recipe=recipe,

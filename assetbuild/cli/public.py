@@ -6,7 +6,9 @@ PhysX's licence does not let its figures be published. At home they are the user
 from __future__ import annotations
 
 import os
+from pathlib import Path
 
+from assetbuild.cli.recipes import given_as
 from assetbuild.findings import Finding
 from assetbuild.report.document import Report
 from assetbuild.report.summary import WITHHELD, public_message, public_rows
@@ -32,9 +34,15 @@ def shown_next_step(report: Report) -> str:
     return text
 
 
-def shown_rows(verdict: Verdict) -> tuple[tuple[str, str], ...]:
-    """The verdict's parts; in CI without figures of PhysX."""
-    return public_rows(verdict) if in_public() else verdict_rows(verdict)
+def shown_rows(verdict: Verdict, recipe: Path) -> tuple[tuple[str, str], ...]:
+    """The verdict's parts; in CI without figures of PhysX.
+
+    recipe: as it was given, so that the commands work where they are printed.
+    """
+    rows = public_rows(verdict) if in_public() else verdict_rows(verdict)
+    verb = "assetbuild smoke"
+    named, given = f"{verb} {recipe.name} ", f"{verb} {given_as(recipe)} "
+    return tuple((part, said.replace(named, given)) for part, said in rows)
 
 
 def shown_seconds(label: str, seconds: float) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import shlex
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -25,6 +26,15 @@ class Recipes(argparse.Action):
 def recipes_of(named: Sequence[Path]) -> list[Path]:
     """`a.yaml` for `a.yaml` and `a.lock.yaml`, in the order of the command line."""
     return list(dict.fromkeys(p.with_name(p.name.replace(".lock.", ".")) for p in named))
+
+
+def given_as(recipe: Path) -> str:
+    """What names this recipe on a command line here: its path, or its name in the library."""
+    from assetbuild.library import robots
+
+    if recipe.is_relative_to(Path.cwd()):
+        return shlex.quote(str(recipe.relative_to(Path.cwd())))
+    return recipe.stem if robots().get(recipe.stem) == recipe else shlex.quote(str(recipe))
 
 
 def file_or_robot(text: str) -> Path:

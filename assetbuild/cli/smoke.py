@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import sys
+from collections.abc import Sequence
 from dataclasses import replace
 
 from assetbuild.cli.build import add_plain_arguments
@@ -18,6 +19,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--consumer", choices=CONSUMERS, action="append", required=True, help="may be repeated"
     )
+    parser.add_argument(
+        "-y", "--yes", action="store_true", help="make environments without asking first"
+    )
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -25,10 +29,19 @@ def run(arguments: argparse.Namespace) -> int:
     from assetbuild.cli.build import build_and_print, requests_of
     from assetbuild.cli.public import shown_figures
     from assetbuild.engine.world import World
-    from assetbuild.pipeline.smoking import check_name, lacks, make_environments
+    from assetbuild.pipeline.building import check_requests
+    from assetbuild.pipeline.smoking import (
+        check_name,
+        environments_to_make,
+        lacks,
+        make_environments,
+    )
 
     consumers = tuple(dict.fromkeys(arguments.consumer))
     requests = [replace(request, smoke=consumers) for request in requests_of(arguments)]
+    check_requests(requests)
+    if not _agreed(environments_to_make(consumers), arguments.yes):
+        return 2
     make_environments(consumers, say=lambda line: print(line, file=sys.stderr))
     outcomes = build_and_print(requests, World())
     reports = [outcome.report for outcome in outcomes if outcome.report is not None]
@@ -45,3 +58,13 @@ def run(arguments: argparse.Namespace) -> int:
     for line in missing:
         print(f"error: {line}", file=sys.stderr)
     return max([outcome.exit_code for outcome in outcomes] + ([1] if missing else []))
+
+
+def _agreed(lines: Sequence[str], yes: bool) -> bool:
+    """Say what would be downloaded, and ask where somebody can answer."""
+    for line in lines:
+        print(line, file=sys.stderr)
+    if not lines or yes or not (sys.stdin.isatty() and sys.stderr.isatty()):
+        return True
+    print("Go on? [Y/n] ", end="", file=sys.stderr, flush=True)
+    return sys.stdin.readline().strip().lower() in ("", "y", "yes")

@@ -56,7 +56,8 @@ def summary_lines(outcome: Outcome, report: Report) -> list[str]:
     if report.verdict.blocked_by:
         head.append(f"  blocked by {', '.join(report.verdict.blocked_by)}")
     head.append(f"  next: {shown_next_step(report)}")
-    head += [f"  {part}: {said}" for part, said in shown_rows(report.verdict)]
+    rows = shown_rows(report.verdict, outcome.loaded.path)
+    head += [f"  {part}: {said}" for part, said in rows]
     head.append(f"  steps: {_steps(outcome)}")
     head += [f"  checks: {_checks(report)}", f"  findings: {_counts(report.findings)}"]
     tail = [f"  you had changed {path}: kept in {outcome.out}.edited/" for path in outcome.edited]
@@ -151,8 +152,8 @@ def _group_lines(group: Sequence[Finding], width: int | None) -> list[str]:
     """The first finding of a rule, its hint, and of whom else the rule speaks."""
     first, *others = group
     if is_consequence(first):
-        rules = ", ".join(finding.rule for finding in group)
-        line = f"    {first.severity} {rules}: nothing to work on, for what stands above"
+        rules = ", ".join(dict.fromkeys(finding.rule for finding in group))
+        line = f"    {first.severity} {rules}: caused by the errors above"
         return [line] if width is None else _wrapped([line], width)
     place = f"{first.where}: " if first.where else ""
     if width is not None:

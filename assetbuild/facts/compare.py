@@ -93,7 +93,7 @@ EQUAL = Rule(
     "error",
     "a file says something else than the robot (`equal.<format>.<quantity>`), or lacks it "
     "(`.missing`), or has more (`.extra`)",
-    "of a bundle that nobody edited, report it with both values: this is a bug",
+    "if nobody edited the bundle, this is a bug: please report it with both values",
     was=_WAS,
 )
 

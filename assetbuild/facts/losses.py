@@ -24,7 +24,7 @@ LOST = Rule(
 
 
 class Lost(str):
-    """Why a format goes without a fact; a plain text says instead where the format has it."""
+    """Why a format lacks a fact; a plain text says instead where the format has it."""
 
     __slots__ = ()
 
@@ -63,7 +63,7 @@ def losses(
             counted = f"{counted} ({_listed(own)})"
         told.append(counted)
     data = {kind: len(own) for kind, own in names.items()}
-    text = f"{called} goes without {'; '.join(told)}"
+    text = f"{called} lacks {'; '.join(told)}"
     yield LOST.named(form)("robot", text, severity=severity, data=data)
 
 

@@ -29,13 +29,13 @@ UNREADABLE = Rule(
     "equal.unreadable",
     "error",
     "a file of the bundle cannot be read back",
-    "of a bundle that nobody edited, report it: this is a bug",
+    "if nobody edited the bundle, this is a bug: please report it",
 )
 UNREAD = Rule(
     "equal.unread",
     "error",
     "a file says something that has no meaning known here, so nothing proves it right",
-    "of a bundle that nobody edited, report it: this is a bug",
+    "if nobody edited the bundle, this is a bug: please report it",
 )
 
 

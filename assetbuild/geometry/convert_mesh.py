@@ -155,7 +155,7 @@ class ConvertMesh(Step):
             yield LINES_ONLY(
                 self.subject,
                 f"{len(thin)} of {len(parts)} parts are lines without any area "
-                f"({faces} triangles): nobody can see them, they are left out",
+                f"({faces} triangles): too small to see, left out",
                 hint="delete them in the source",
                 data={"parts": len(thin), "faces": faces},
             )

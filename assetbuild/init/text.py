@@ -50,7 +50,10 @@ SHOWN = 8
 """Most overlaps that are named."""
 MANY_LEGS = 4
 """Robots on as many legs usually stand."""
-DROPPED = {"damping": "it would creep for minutes", "friction": "it takes most of the effort"}
+DROPPED = {
+    "damping": "the joints would take minutes to reach their targets",
+    "friction": "it would take most of their effort",
+}
 
 
 def recipe_name(name: str) -> str:
@@ -263,7 +266,7 @@ def _row(pattern: str, row: DriveRow) -> Iterator[str]:
     guess = f" is a guess for the {row.role}, as {row.guess}" if row.guess else ""
     yield f"  # {count}: {row.effort:g} {torque}{guess}, {speed}, moves {moved}"
     for word in row.drops:
-        yield f"  # the source's {word} of these joints cannot be meant: {DROPPED[word]}"
+        yield f"  # source {word} ignored: {DROPPED[word]}"
     yield f"  - {line}"
 
 

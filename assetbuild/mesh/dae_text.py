@@ -14,7 +14,7 @@ from assetbuild.mesh.material import STRAY
 REPEATED = Rule(
     "mesh.repeated_ids",
     "info",
-    "ids are used more than once in a COLLADA file; each part takes what stands in itself",
+    "ids are used more than once in a COLLADA file; each part uses its own",
     "give each `<source>` and `<vertices>` an id of its own",
 )
 

@@ -134,6 +134,15 @@ def build_all(
     return outcomes
 
 
+def check_requests(requests: Sequence[Request]) -> None:
+    """Read every recipe, so that a mistake shows before anything large is fetched. RecipeError."""
+    wrong = Gather(RecipeError)
+    for request in requests:
+        with wrong:
+            load_recipe(request.recipe, request.variant)
+    wrong.stop()
+
+
 def _jobs(requests: Sequence[Request], world: World, say: Callable[[str], None]) -> list[_Job]:
     """Read and pin every recipe before any is built."""
     jobs: list[_Job] = []

@@ -28,6 +28,17 @@ def check_name(consumer: str) -> str:
     return name if name in plugin_names(Check) else consumer
 
 
+def environments_to_make(consumers: Sequence[str]) -> list[str]:
+    """For each environment that is missing: what is downloaded, and where it goes."""
+    homes = [(consumer, check_of(consumer).home) for consumer in consumers]
+    return [
+        f"{name} needs an environment of its own, made once: {home.size or 'size unknown'}, "
+        f"in {home.folder}"
+        for name, home in homes
+        if home.requirements and home.python(World()) is None
+    ]
+
+
 def make_environments(consumers: Sequence[str], say: Callable[[str], None]) -> None:
     """Make those that pip can make. MachineError where one cannot be had."""
     for consumer in consumers:

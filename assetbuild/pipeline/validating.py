@@ -238,7 +238,7 @@ def _try_usd(file: Path, wish: Wish, read: Sequence[Finding]) -> list[Finding]:
     from assetbuild.pipeline.trying import try_usd
 
     if any(finding.severity == "error" for finding in read):
-        message = "not tried in PhysX: it cannot run what stands above"
+        message = "not tried in PhysX because of the errors above"
         return [UNTRIED("robot", message)]
     return list(try_usd(file))
 

@@ -42,7 +42,7 @@ class Patch(Model):
     find: str | None = Field(
         None, min_length=1, description="the passage, which occurs exactly once in the file"
     )
-    replace: str | None = Field(None, description="what stands there instead")
+    replace: str | None = Field(None, description="the replacement")
     times: int = Field(
         1, ge=1, le=10_000, description="how often `find` occurs, where that is more than once"
     )

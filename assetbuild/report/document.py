@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
 
 from assetbuild._version import __version__
-from assetbuild.findings import RENAMED, SEVERITIES, Finding, Rule, is_now, worst_first
+from assetbuild.findings import FOLLOWS, RENAMED, SEVERITIES, Finding, Rule, is_now, worst_first
 from assetbuild.recipe.models import Waiver
 from assetbuild.report.verdict import CheckResult, Verdict, judge
 
@@ -61,8 +62,28 @@ def make_report(
     """
     placed = [f if f.where else f.at(locate(f.subject)) for f in _once(findings)]
     told = [f.at(locate(f.subject)) for f in (*_unused(placed, waivers), *_renamed(waivers))]
-    final = worst_first([_waived(f, waivers) for f in placed] + told)
+    final = worst_first(_traced([_waived(f, waivers) for f in placed]) + told)
     return Report(robot, judge(final, checks, commands), tuple(final), checks)
+
+
+def _traced(findings: list[Finding]) -> list[Finding]:
+    """The findings; where MuJoCo refuses the MJCF, those that only repeat its reason say so.
+
+    `mjcf.load` itself follows from an error about the link or joint that MuJoCo names.
+    """
+    refused = next((f for f in findings if f.rule == "mjcf.load" and f.severity == "error"), None)
+    if refused is None:
+        return findings
+    reason = refused.message.partition("Error: ")[2].rpartition(", line")[0]
+    named = re.findall(r"'([^']+)'", reason)
+    errors = [f for f in findings if f.severity == "error" and f.rule != refused.rule]
+    cause = next((f.rule for f in errors if f.subject.partition(" ")[2] in named), "")
+    return [
+        replace(f, data={**f.data, FOLLOWS: cause if f.rule == refused.rule else refused.rule})
+        if reason and reason in f.message and (cause or f.rule != refused.rule)
+        else f
+        for f in findings
+    ]
 
 
 def _once(findings: Sequence[Finding]) -> list[Finding]:

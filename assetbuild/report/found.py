@@ -22,16 +22,20 @@ def findings_section(findings: Sequence[Finding]) -> str:
     following = [f for f in loud if is_consequence(f)]
     parts = _by_rule([f for f in loud if f not in following])
     if following:
-        head = f"{len(following)} checks had nothing to work on because of the errors above"
+        head = f"{len(following)} more findings that follow from the errors above"
         parts.append(folded(head, "".join(_by_rule(following))))
     parts = parts or ["<p>No errors and no warnings.</p>"]
     if waived:
         parts += [f"<h3>Waived by the recipe ({len(waived)})</h3>", *_by_rule(waived)]
     if quiet:
         rules = len({f.rule for f in quiet})
-        head = f"{len(quiet)} findings of {rules} rules for your information"
+        head = f"{_count(len(quiet), 'note')} from {_count(rules, 'rule')}"
         parts.append(folded(head, "".join(_by_rule(quiet))))
     return "".join(parts)
+
+
+def _count(number: int, noun: str) -> str:
+    return f"{number} {noun}" if number == 1 else f"{number} {noun}s"
 
 
 def _by_rule(findings: Sequence[Finding]) -> list[str]:
@@ -50,16 +54,19 @@ def _box(severity: str, rule: str, findings: Sequence[Finding]) -> str:
         f'<div class="finding {severity}"><h3><span class="{severity}">{severity}</span> '
         f"{code(rule)}{count}</h3>"
     ]
-    hints = list(dict.fromkeys(f.hint for f in findings if f.hint))
+    # What the recipe waives asks for nothing.
+    hints = list(dict.fromkeys(f.hint for f in findings if f.hint and "because" not in f.data))
+    label = "Hint" if severity == "info" else "To do"
     same_hint = len(hints) == 1
-    parts += [_item(f, with_hint=not same_hint) for f in findings[:OPEN]]
+    alone = "" if same_hint else label
+    parts += [_item(f, alone) for f in findings[:OPEN]]
     others = findings[OPEN:]
     if others:
         names = escape(", ".join(f.subject for f in others))
-        rest = "".join(_item(f, with_hint=not same_hint) for f in others)
+        rest = "".join(_item(f, alone) for f in others)
         parts.append(folded(f"{len(others)} more of {code(rule)}: {names}", rest))
     if same_hint:
-        parts.append(f"<p><b>To do:</b> {prose(hints[0])}</p>")
+        parts.append(f"<p><b>{label}:</b> {prose(hints[0])}</p>")
     if severity != "info":
         waiver = f'rules: {{{rule}: {{severity: info, because: "..."}}}}'
         shown = f'<pre class="fix" tabindex="0">{escape(waiver)}</pre>'
@@ -67,7 +74,8 @@ def _box(severity: str, rule: str, findings: Sequence[Finding]) -> str:
     return "".join([*parts, "</div>"])
 
 
-def _item(finding: Finding, *, with_hint: bool) -> str:
+def _item(finding: Finding, label: str) -> str:
+    """label: of its hint; "" = without it."""
     where = f' <span class="where">{code(finding.where)}</span>' if finding.where else ""
     said = f"<b>{escape(finding.subject)}</b>: {prose(finding.message)}{where}"
     parts = [f'<div class="said"><p>{said}</p>']
@@ -75,8 +83,8 @@ def _item(finding: Finding, *, with_hint: bool) -> str:
     before, because = numbers.pop("severity_before", None), numbers.pop("because", None)
     if because:
         parts.append(f"<p>Waived, was {escape(str(before))}: {escape(str(because))}</p>")
-    if with_hint and finding.hint:
-        parts.append(f"<p><b>To do:</b> {prose(finding.hint)}</p>")
+    if label and finding.hint and not because:
+        parts.append(f"<p><b>{label}:</b> {prose(finding.hint)}</p>")
     if numbers:
         rows = "".join(
             f"<div><dt>{escape(key)}</dt><dd>{escape(text_of(value))}</dd></div>"

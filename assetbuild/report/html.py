@@ -34,6 +34,13 @@ GROUPS: tuple[tuple[str, str, tuple[str, ...]], ...] = (
 """Anchor, title and the beginnings of the checks' names; all others come last."""
 
 
+WHERE = (
+    "Paths begin in the folder where <code>assetbuild build</code> ran; inside the bundle, omit "
+    "<code>build/NAME/</code>."
+)
+"""`page.js` puts the bundle's own place into the lines where the page is opened from a disk."""
+
+
 @dataclass(frozen=True)
 class View:
     """The 3D view: geometry as JSON, and the text of three.js; empty = none."""
@@ -47,7 +54,7 @@ def html_page(report: Report, subject: Subject, hero: bytes | None, view: View |
     view = view if view and view.library else None
     loud = sum(finding.severity != "info" for finding in report.findings)
     sections = [
-        ("findings", f"What to look at ({loud})", findings_section(report.findings)),
+        ("findings", f"Issues ({loud})", findings_section(report.findings)),
         ("view", "3D view", _viewer(subject) if view else ""),
         *_checks(report.checks),
         ("identified", "Measured on the real robot", identified_section(subject.fits)),
@@ -62,7 +69,7 @@ def html_page(report: Report, subject: Subject, hero: bytes | None, view: View |
         hero=_hero(hero) if hero else "",
         verdict=_verdict(report),
         tiles=_tiles(report, subject),
-        loading=_loading(subject),
+        loading=_loading(report, subject),
         toc="".join(f'<li><a href="#{key}">{escape(title)}</a></li>' for key, title, _ in shown),
         body="".join(
             f'<section aria-labelledby="{key}"><h2 id="{key}">{escape(title)}</h2>'
@@ -107,9 +114,11 @@ def _hero(png: bytes) -> str:
     )
 
 
-def _loading(subject: Subject) -> str:
-    """Lines to copy, one box for each consumer; the first is open."""
+def _loading(report: Report, subject: Subject) -> str:
+    """Lines to copy, one box for each consumer; the first is open. None for a failed build."""
     recipe = subject.recipe
+    if any(finding.severity == "error" for finding in report.findings):
+        return ""
     rows = list(loading_lines(recipe.robot, recipe.targets))
     boxes = "".join(
         f'<details class="load"{" open" if n == 0 else ""}><summary>{escape(name)}</summary>'
@@ -124,7 +133,9 @@ def _loading(subject: Subject) -> str:
         if missing
         else ""
     )
-    return f'<div class="loading"><h2 id="load">Load it</h2>{boxes}{more}</div>' if rows else ""
+    where = f'<p class="soft" id="bundle-place">{WHERE}</p>'
+    head = f'<h2 id="load">Load it</h2>{where}'
+    return f'<div class="loading">{head}{boxes}{more}</div>' if rows else ""
 
 
 def _tiles(report: Report, subject: Subject) -> str:

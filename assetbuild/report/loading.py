@@ -1,4 +1,4 @@
-"""The lines that load a bundle, to copy: MuJoCo, mjlab, Isaac Lab, Isaac Sim, ROS."""
+"""The lines that load a bundle, to copy: MuJoCo, mjlab, Isaac Lab, ROS."""
 
 from __future__ import annotations
 
@@ -7,15 +7,16 @@ from collections.abc import Collection, Iterator
 
 
 def loading_lines(robot: str, targets: Collection[str]) -> Iterator[tuple[str, str]]:
-    """(consumer, lines) for what the bundle holds; paths as seen from beside the bundle."""
+    """(consumer, lines) for what the bundle holds; paths as seen from where the build ran."""
+    bundle = f"build/{robot}"
     module = re.sub(r"\W", "_", robot)
     module = f"_{module}" if module[:1].isdigit() else module
     if "mjcf" in targets:
         yield (
             "MuJoCo",
-            f'import mujoco\n\nmodel = mujoco.MjModel.from_xml_path("{robot}/mjcf/scene.xml")',
+            f'import mujoco\n\nmodel = mujoco.MjModel.from_xml_path("{bundle}/mjcf/scene.xml")',
         )
-    path = f'import sys\n\nsys.path.insert(0, "{robot}/python")\n'
+    path = f'import sys\n\nsys.path.insert(0, "{bundle}/python")\n'
     if "mjlab" in targets:
         yield "mjlab", f"{path}from {module}_mjlab import robot_cfg"
     if "isaaclab" in targets:
@@ -29,10 +30,10 @@ def loading_lines(robot: str, targets: Collection[str]) -> Iterator[tuple[str, s
         yield (
             "Isaac Lab",
             "import isaaclab.sim as sim_utils\n\n"
-            f'spawn = sim_utils.UsdFileCfg(usd_path="{robot}/usd/{robot}.usda")',
+            f'spawn = sim_utils.UsdFileCfg(usd_path="{bundle}/usd/{robot}.usda")',
         )
     if "urdf" in targets:
         yield (
             "ROS 2",
-            f"ros2 run robot_state_publisher robot_state_publisher {robot}/urdf/{robot}.urdf",
+            f"ros2 run robot_state_publisher robot_state_publisher {bundle}/urdf/{robot}.urdf",
         )

@@ -34,9 +34,9 @@ def sentence(name: str, check: CheckResult) -> str:
 
 def _equal(file: str, figures: Figures) -> str:
     facts, differ, unread = (int(figures.get(key) or 0) for key in ("facts", "differ", "unread"))
-    said = "none differs" if not differ else f"{differ} differ"
+    said = "match the robot" if not differ else f"compared with the robot: {differ} differ"
     tail = f"; {unread} were not understood" if unread else ""
-    return f"{facts:,} facts of the {file} compared with the robot: {said}{tail}"
+    return f"{facts:,} values of the {file} {said}{tail}"
 
 
 def _plain(figures: Figures) -> str:
@@ -87,8 +87,8 @@ def _kinematics(f: Figures) -> str:
 def _free_fall(f: Figures) -> str:
     error = 100.0 * float(f["relative_error"])
     return (
-        f"falls {float(f['drop_m']):.4g} m in {float(f['seconds']):.3g} s, the law says "
-        f"{float(f['expected_m']):.4g} m: {error:.2g} % off, limit 0.3 %"
+        f"free fall {float(f['drop_m']):.4g} m in {float(f['seconds']):.3g} s (expected "
+        f"{float(f['expected_m']):.4g} m; {error:.2g} % off, limit 0.3 %)"
     )
 
 

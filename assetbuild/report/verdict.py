@@ -178,6 +178,9 @@ def _formats(findings: Sequence[Finding], checks: Mapping[str, CheckResult]) -> 
         kinds = ", ".join(dict.fromkeys(f.rule.split(".")[1] for f in different))
         count = f"{len(different)} finding{'s' if len(different) > 1 else ''}"
         sentence = f"{count} of the equality checks ({kinds}){tail}"
+        silent = [f.message.partition(":")[0] for f in different if f.rule == "equal.unreadable"]
+        if len(silent) == len(different):
+            sentence = f"{', '.join(dict.fromkeys(silent))} could not be read{tail}"
         return Formats("differ", sentence, len(different), left)
     if left:
         return Formats("not compared", f"no check compares {', '.join(left)}", 0, left)
@@ -185,7 +188,7 @@ def _formats(findings: Sequence[Finding], checks: Mapping[str, CheckResult]) -> 
     facts = sum(count for count in read if isinstance(count, int))
     if not facts:
         return Formats("agree", "no equality check found a difference")
-    return Formats("agree", f"{facts:,} facts in {len(read)} files compared, none differs")
+    return Formats("agree", f"{facts:,} values across {len(read)} files match")
 
 
 def _targets_of(finding: Finding) -> tuple[str, ...]:

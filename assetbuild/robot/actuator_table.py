@@ -15,7 +15,9 @@ Unlimited = Literal["unlimited"]
 class Motor(Model):
     """A motor with its gear, reusable by several rows of the actuator table."""
 
-    extends: str | None = Field(None, description="another motor, for all that is not said here")
+    extends: str | None = Field(
+        None, description="another motor, for every value that is not given here"
+    )
     rotor_inertia: NonNegative | None = Field(None, description="kg m2, before the gear")
     gear: Positive | None = Field(
         None, description="reduction, without it 1; armature = rotor_inertia * gear^2"

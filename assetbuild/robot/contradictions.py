@@ -117,7 +117,7 @@ def _of_twins(pair: Apart) -> Finding:
         said = f"its principal moments {_shown(wrong)} are {pair.inertia_factor:.3g} times "
         said += f"or more apart from those of its mirror twin `{right.name}`, {_shown(right)}"
         factor = pair.inertia_factor
-    doubt = "" if pair.sure else "; which of the two is wrong cannot be told"
+    doubt = "" if pair.sure else "; the source does not show which of the two is wrong"
     return TWIN(
         f"link {wrong.name}",
         f"{said}, though both have one shape (limit {FACTOR:g}){doubt}",

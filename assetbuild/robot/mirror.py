@@ -174,8 +174,8 @@ def _odd(one: Motion, other: Motion, others: int) -> Finding:
         f"its axis ({x}, {y}, {z}) in the root's frame has the sense opposite to that of "
         f"`{one.name}`, while those of the other {others} joints of the limb agree"
     )
-    hint = f"one of the two counts the wrong way: `flip_axis: {{joint: {other.name}}}` turns its "
-    hint += "axis, range and poses round"
+    hint = "the two joints use opposite sign conventions: "
+    hint += f"`flip_axis: {{joint: {other.name}}}` reverses its axis, range and poses"
     return _finding(AXES, "joint", one, other, message, hint, {"others": others}, slip=True)
 
 

@@ -30,12 +30,13 @@ MADE = "assetbuild.json"
 class Environment:
     """Packages that one consumer needs. requirements: as pip reads them, pinned.
 
-    version: of Python; ours unless the packages need another.
+    version: of Python; ours unless the packages need another. size: measured on Linux, for people.
     """
 
     name: str
     requirements: tuple[str, ...]
     version: tuple[int, int] = sys.version_info[:2]
+    size: str = ""
 
     @property
     def folder(self) -> Path:
@@ -69,7 +70,7 @@ class Environment:
         if (python := self.python(World())) is not None:
             return python
         packages = " ".join(self.requirements)
-        say(f"making the environment of {self.name}, once, in some minutes: pip install {packages}")
+        say(f"making the environment of {self.name}: pip install {packages}")
         half = self.folder.with_name(f"{self.folder.name}.{os.getpid()}.half")
         half.parent.mkdir(parents=True, exist_ok=True)
         try:

@@ -1,6 +1,6 @@
-"""Three engines, one robot: the table `docs/reference/engines.md`, from the reports of bundles.
+"""Three engines, one robot: a table from the reports of bundles; `docs/reference/measured.md` sums.
 
-    python -m tests.benchmarks.engines BUNDLE... > docs/reference/engines.md
+    python -m tests.benchmarks.engines BUNDLE... > engines.md
 
 Build each bundle with `validate: {simulators: [mujoco, physx], smoke: [newton, isaaclab, simready,
 asset_validator]}`. Of PhysX only the verdict is printed: its licence forbids figures in public.
@@ -22,9 +22,9 @@ STATIC = "of it"
 HEAD = """# Three engines, one robot
 
 MuJoCo runs the MJCF of a bundle, Newton and PhysX run its USD, Isaac Lab 3 its module on both.
-`python -m tests.benchmarks.engines BUNDLE... > docs/reference/engines.md` writes this page. The
+`python -m tests.benchmarks.engines BUNDLE...` prints this page. The
 bundles are built with `validate: {simulators: [mujoco, physx], smoke: [newton, isaaclab, simready,
-asset_validator]}`; [SimReady, feature by feature](simready.md) says why a feature is not there.
+asset_validator]}`; `docs/reference/simready.md` says why a feature is not there.
 
 A cell with a number counts what differs: facts that an engine reads back otherwise, or failures
 of the validator. *Rows off*: rows of the checks `newton_alignment` and `alignment` with a warning

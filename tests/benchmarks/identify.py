@@ -1,6 +1,6 @@
 """Known truth: logs of thirteen robots of the library with hidden parameters, and what a fit finds.
 
-python -m tests.benchmarks.identify [ROBOT ...] > docs/reference/identify.md
+python -m tests.benchmarks.identify [ROBOT ...] > fits.md
 
 The commands are those of `assetbuild identify --excite`. The logs come from MuJoCo in steps of a
 quarter of a millisecond, with a delay, noise and the ticks of an encoder; two robots carry a

@@ -12,8 +12,10 @@ from tiny import run_step, tiny_quadruped, write_robot_ports
 
 import assetbuild
 from assetbuild.checks.smoke_mjlab import SmokeMjlab, _shown, judged
+from assetbuild.cli import main
 from assetbuild.engine.world import World
 from assetbuild.pipeline.recipes import whole_model
+from assetbuild.pipeline.smoking import environments_to_make
 from assetbuild.recipe.models import Recipe
 from assetbuild.robot.ranges import Randomize
 from assetbuild.simulators.children import ask
@@ -138,3 +140,22 @@ def test_every_program_that_a_check_asks_is_there():
     asked = {name for text in texts for name in re.findall(r'\.answer\("([^"]+)"', text)}
     assert {"mjlab/_child.py", "isaaclab/_child.py"} <= asked
     assert [name for name in asked if not (package / "simulators" / name).is_file()] == []
+
+
+def test_a_mistyped_recipe_is_found_before_anything_is_downloaded(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def download(self: Environment, say: object) -> None:
+        raise AssertionError("pip was called")
+
+    monkeypatch.setattr(Environment, "make", download)
+    assert main(["smoke", str(tmp_path / "none.yaml"), "--consumer", "mjlab"]) == 2
+    assert "there is no such file" in capsys.readouterr().err
+
+
+def test_what_is_downloaded_is_named_with_its_size_and_place(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("ASSETBUILD_CACHE", str(tmp_path))
+    (line,) = environments_to_make(["mjlab"])
+    assert "3.4 GB to download" in line and str(tmp_path) in line

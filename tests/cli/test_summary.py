@@ -80,7 +80,29 @@ def test_explain_counts_what_nothing_touched_since_its_first_build():
 def test_what_follows_from_an_error_is_one_line_after_it():
     lines = finding_lines(worst_first([*FOLLOWS, REFUSED]))
     assert lines[0].startswith("    error mjcf.load")
-    assert lines[-1].startswith("    error free_fall.load, stand.load: nothing to work on")
+    assert lines[-1].startswith("    error free_fall.load, stand.load: caused by the errors above")
+
+
+def test_the_error_that_mujoco_names_comes_first_and_what_repeats_it_follows():
+    why = "Error: inertia must satisfy A + B >= C Element name 'thigh', id 3, line 4"
+    refused = [
+        Finding("equal.unreadable", "error", "robot", f"the MJCF: MuJoCo refuses it: {why}"),
+        Finding("inertia.triangle", "error", "link thigh", "A + B < C", "edit it"),
+        Finding("mjcf.load", "error", "robot", f"MuJoCo refuses r.xml: {why}6"),
+    ]
+    made = make_report("r", refused, {}, {}, lambda _: "")
+    assert made.verdict.blocked_by == ("inertia.triangle",)
+    assert made.verdict.next_step == "link thigh: edit it"
+    assert made.findings[0].rule == "inertia.triangle"
+    last = finding_lines(made.findings)[-1]
+    assert last.endswith("equal.unreadable, mjcf.load: caused by the errors above")
+
+
+def test_a_command_is_printed_with_the_path_as_given():
+    commands = {"mjlab": "assetbuild smoke r.yaml --consumer mjlab"}
+    verdict = make_report("r", [], {}, {}, lambda _: "", commands).verdict
+    (row,) = (said for _, said in shown_rows(verdict, Path("my robots/r.yaml")) if "smoke" in said)
+    assert "`assetbuild smoke 'my robots/r.yaml' --consumer mjlab`" in row
 
 
 def test_the_progress_line_begins_with_what_most_steps_wait_for_in_words():
@@ -144,7 +166,7 @@ def told(folder: Path, capsys: pytest.CaptureFixture[str]) -> str:
     (folder / "report/report.json").write_text(json.dumps(made.to_json()))
     report.run(argparse.Namespace(bundle=folder, open=False, pictures=None))
     printed = capsys.readouterr()
-    rows = [said for _, said in shown_rows(made.verdict)]
+    rows = [said for _, said in shown_rows(made.verdict, Path("tiny.yaml"))]
     lines = [
         *rows,
         *finding_lines([FELL]),

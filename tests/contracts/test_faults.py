@@ -6,7 +6,7 @@ import re
 from pathlib import Path
 
 ROOT = Path(__file__).parents[2]
-PAGE = ROOT / "docs/reference/faults.md"
+PAGE = ROOT / "tests/faults/faults.md"
 
 
 def test_every_test_that_the_page_names_exists():

@@ -6,6 +6,7 @@ import itertools
 import json
 import os
 import re
+import shutil
 import subprocess
 import sys
 import sysconfig
@@ -14,19 +15,12 @@ from pathlib import Path
 
 import commands
 import pytest
-from tiny import box_obj
 
 import assetbuild
 
-PAGE = Path(__file__).parents[2] / "docs/how-to/plugins.md"
-BLOCK = re.compile(r"^```\w+ file=(\S+)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
-URDF = """\
-<robot name="crate"><link name="crate">
-  <inertial><mass value="4"/>
-    <inertia ixx="0.04" iyy="0.04" izz="0.04" ixy="0" ixz="0" iyz="0"/></inertial>
-  <visual><geometry><mesh filename="crate.obj"/></geometry></visual>
-</link></robot>
-"""
+HOW_TO = Path(__file__).parents[2] / "docs/how-to"
+PACKAGE = HOW_TO / "plugin"
+"""The package that the page shows, with its recipe and a crate."""
 
 
 def install(folder: Path, name: str, points: dict[str, dict[str, str]]) -> None:
@@ -45,14 +39,11 @@ def install(folder: Path, name: str, points: dict[str, dict[str, str]]) -> None:
 def site(tmp_path: Path) -> Path:
     """The page's package installed, and its recipe with a crate beside it."""
     site = tmp_path / "site"
-    for name, text in BLOCK.findall(PAGE.read_text(encoding="utf-8")):
-        path = (tmp_path if name.endswith(".yaml") else site) / name
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_text(text, encoding="utf-8")
+    shutil.copytree(PACKAGE, site)
+    for path in site.glob("crate.*"):
+        path.rename(tmp_path / path.name)
     project = tomllib.loads((site / "pyproject.toml").read_text())["project"]
     install(site, project["name"], project["entry-points"])
-    (tmp_path / "crate.urdf").write_text(URDF)
-    (tmp_path / "crate.obj").write_bytes(box_obj((0.2, 0.3, 0.4)))
     return site
 
 
@@ -88,6 +79,14 @@ def python(site: Path, *arguments: str, stdin: str = "") -> subprocess.Completed
     )  # fmt: skip
 
 
+def test_the_page_shows_every_file_of_its_package():
+    shown = re.findall(
+        r'^--8<-- "how-to/(\S+)"$', (HOW_TO / "plugins.md").read_text(), re.MULTILINE
+    )
+    files = {path for path in PACKAGE.rglob("*.*") if path.suffix in (".py", ".yaml", ".toml")}
+    assert {HOW_TO / name for name in shown} == files - {PACKAGE / "acme_assets/__init__.py"}
+
+
 @pytest.mark.slow
 def test_the_page_of_the_how_to_builds_a_robot_and_its_reader_finds_an_edit(site: Path):
     done = run(site, "build", "crate.yaml", "-o", "out", "--fail-on", "never")
@@ -95,6 +94,7 @@ def test_the_page_of_the_how_to_builds_a_robot_and_its_reader_finds_an_edit(site
     bundle = site.parent / "out"
     assert "<static>true</static>" in (bundle / "sdf/crate.sdf").read_text()
     report = json.loads((bundle / "report/report.json").read_bytes())
+    assert report["verdict"]["ready"]
     assert report["checks"]["wind"]["figures"]["force_N"] == pytest.approx(0.5 * 1.2 * 900 * 0.5)
     assert report["checks"]["sdf_equal"] == {"status": "pass", "figures": {
         "differ": 0, "facts": 2, "unread": 0}}  # fmt: skip

@@ -11,7 +11,7 @@ import pytest
 
 from corpus.find import robots_in
 from corpus.lists import Robot, wide
-from corpus.rules import RULES, broken
+from corpus.rules import broken
 from corpus.run import in_a_child, rows_in
 
 ROOT = Path(__file__).parents[2]
@@ -85,11 +85,6 @@ def test_a_broken_source_is_known_by_its_rule(old: str, new: str, rule: str, tmp
     assert broken(file) == ""
     file.write_text(GOOD.replace(old, new))
     assert broken(file).partition(":")[0] == rule
-
-
-def test_the_documentation_states_each_rule():
-    page = (ROOT / "docs/reference/corpus.md").read_text(encoding="utf-8")
-    assert all(f"| `{name}` | {words} |" in page for name, words in RULES.items())
 
 
 @pytest.mark.slow

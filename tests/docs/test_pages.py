@@ -13,6 +13,7 @@ import yaml
 
 from assetbuild.cli import main
 from assetbuild.pipeline.recipes import whole_model
+from docs.site.pages import generated
 from docs.site.pages.rules import entries_of, package_modules
 
 ROOT = Path(__file__).parents[2]
@@ -68,10 +69,23 @@ def test_every_rule_of_the_troubleshooting_page_exists():
 
 
 def test_every_link_between_pages_leads_somewhere():
+    made = {(ROOT / "docs/reference" / name).resolve() for name in generated()}
     for page in PAGES:
         for target in re.findall(r"\]\(([^)#]+)(?:#[^)]*)?\)", page.read_text(encoding="utf-8")):
             if "://" not in target:
-                assert (page.parent / target).exists(), f"{page.name}: {target}"
+                led = (page.parent / target).resolve()
+                assert led.exists() or led in made, f"{page.name}: {target}"
+
+
+def test_the_readme_shows_the_recipe_that_it_builds():
+    (shown,) = blocks(ROOT / "README.md", "yaml")
+    lines = (ROOT / "recipes/go1_minimal.yaml").read_text().splitlines(keepends=True)
+    assert shown == "".join(line for line in lines if not line.startswith("#"))
+    assert any("assetbuild build go1_minimal" in command for _, command in commands())
+
+
+def test_the_readme_has_ten_links_at_most():
+    assert len(re.findall(r"\]\(", (ROOT / "README.md").read_text())) <= 10
 
 
 FULL = {

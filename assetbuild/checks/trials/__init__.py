@@ -159,7 +159,7 @@ class Trials(mujoco.InMujoco):
                 own = ", as in the source's own MJCF" if self.inherited else ""
                 yield rules.DEAD(
                     f"actuator {joint}",
-                    f"told to swing by {asked:.3g}, the joint moved by {moved:.3g}{own}",
+                    f"commanded to swing by {asked:.3g}, the joint moved by {moved:.3g}{own}",
                     severity="warning" if self.inherited else "error",
                     data={"asked": asked, "moved": moved},
                 )
@@ -282,11 +282,18 @@ class Trials(mujoco.InMujoco):
         found = {}
         for rule, value, limit, what, unit in (
             (rules.RESTLESS, settled.speed, self.speed, "its fastest joint moves at", "rad/s"),
-            (rules.SUNK, settled.penetration_m, self.penetration, "a contact is deep by", "m"),
+            (
+                rules.SUNK,
+                settled.penetration_m,
+                self.penetration,
+                "a contact still penetrates",
+                "m",
+            ),
             (rules.DRIFT, settled.drift_m, self.drift, "in 1000 steps its base wandered", "m"),
         ):
             if value > limit:
-                found[rule] = value, limit, f"{what} {value:.3g} {unit}"
+                shown = f"{1e3 * value:.3g} mm" if unit == "m" else f"{value:.3g} {unit}"
+                found[rule] = value, limit, f"{what} {shown}"
         return found
 
     def _left_alone(self, model: mujoco.Model, figures: dict[str, object]) -> Iterator[Finding]:

@@ -10,6 +10,15 @@
       setTimeout(() => { button.textContent = "Copy"; }, 1500);
     });
   }
+  const place = document.getElementById("bundle-place");
+  if (place && location.protocol === "file:") {
+    const bundle = decodeURIComponent(new URL("..", location.href).pathname).replace(/\/$/, "");
+    const name = document.querySelector("h1").textContent;
+    for (const lines of document.querySelectorAll(".load pre")) {
+      lines.textContent = lines.textContent.replaceAll(`build/${name}/`, `${bundle}/`);
+    }
+    place.textContent = "Paths as this report was opened.";
+  }
   const dialog = document.getElementById("large");
   const shown = dialog.querySelector("img");
   for (const button of document.querySelectorAll("button.zoom")) {

@@ -138,7 +138,7 @@ def _reason(wanted: str, lines: list[str]) -> AssetBuildError:
     """One sentence for a failed pip, by who must act."""
     text = "\n".join(lines)
     errors = [line.removeprefix("ERROR:").strip() for line in lines if line.startswith("ERROR:")]
-    last = errors[0] if errors else (lines[-1] if lines else "pip said nothing")
+    last = errors[0] if errors else (lines[-1] if lines else "pip printed nothing")
     if "No module named pip" in text:
         return MachineError(
             "pip is not installed beside assetbuild",

@@ -34,7 +34,7 @@ REFUSED = {
     "composite": "MuJoCo 4 has none; MuJoCo 3 writes its bodies out (`mj_saveLastXML`): build that",
     "flexcomp": "a robot of this kind is not a tree of rigid bodies",
     "flex": "a robot of this kind is not a tree of rigid bodies",
-    "plugin": "what a plug-in of MuJoCo does cannot be said of the robot",
+    "plugin": "the robot model has no place for MuJoCo plug-ins",
 }
 """Elements that make a robot this reader does not know, and what to do about them."""
 MESHES = (".stl", ".obj")

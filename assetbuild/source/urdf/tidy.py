@@ -27,7 +27,7 @@ FAULT = Rule(
 REPEATED = Rule(
     "urdf.repeated",
     "warning",
-    "an element stands twice where one is meant: the first counts, as in urdfdom, yourdfpy and "
+    "an element occurs twice where one is expected: the first is used, as in urdfdom, yourdfpy and "
     "PyBullet",
     "remove the others",
 )

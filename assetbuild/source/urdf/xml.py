@@ -282,7 +282,7 @@ def _not_xml(message: str, line: int, file: str) -> SourceError:
     if "Excessive depth" in message or "excessive depth" in message:
         hint = "elements nested this deep are no robot"
     if "allowed only at the start" in message:
-        hint = "delete what stands before `<?xml`, blank lines too"
+        hint = "delete everything before `<?xml`, including blank lines"
     if "in character encoding" in message or "proper UTF-8" in message:
         hint = 'save it as UTF-8, or state its encoding: `<?xml version="1.0" encoding=...?>`'
     return SourceError(f"not readable as XML: {message}", where=Where(file, line), hint=hint)

@@ -1,20 +1,11 @@
-"""Renew the committed pages below `docs/reference`."""
+"""Renew `docs/reference/recipe.schema.json`, by which editors complete recipes of a checkout."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
-from docs.site.pages import generated
+from assetbuild.pipeline.recipes import schema_text
 
-REFERENCE = Path(__file__).parents[2] / "reference"
+SCHEMA = Path(__file__).parents[2] / "reference/recipe.schema.json"
 
-
-def main() -> None:
-    """Pages of families of rules that are gone are removed."""
-    for old in (REFERENCE / "rules").glob("*.md"):
-        old.unlink()
-    for path, text in generated().items():
-        (REFERENCE / path).write_text(text, encoding="utf-8")
-
-
-main()
+SCHEMA.write_text(schema_text(), encoding="utf-8")

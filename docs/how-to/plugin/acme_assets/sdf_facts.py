@@ -1,0 +1,54 @@
+"""What an SDF of ours says of the robot."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import ClassVar
+
+from defusedxml import ElementTree
+
+from assetbuild.facts.reader import Reader
+from assetbuild.facts.reference import Reference, robot_table
+from assetbuild.facts.table import Key, Table, Writer
+from assetbuild.facts.vocabulary import VOCABULARY
+
+SAID = {("body", "mass")}
+
+
+class SdfFacts(Reader):
+    """The mass of every body, and whether the model moves."""
+
+    needs: ClassVar = ("sdf",)
+    form: ClassVar = "sdf"
+    called: ClassVar = "the SDF"
+    folder: ClassVar = "sdf"
+    behind: ClassVar = ("sdf/*",)
+    asks: ClassVar = ("sdf",)
+    lacks: ClassVar = {
+        f"{kind} {name}": "our SDF holds masses alone"
+        for kind, name in VOCABULARY
+        if (kind, name) not in SAID
+    }
+
+    def file(self, root: Path, robot: str) -> Path | None:
+        """Every robot has one."""
+        return root / f"{robot}.sdf"
+
+    def read(self, path: Path) -> Table:
+        """Masses by link; all other elements are unread."""
+        book = Writer()
+        for element in ElementTree.parse(path).getroot().iter():
+            if element.tag == "link":
+                mass = float(element.findtext("inertial/mass") or "nan")
+                book.put("body", str(element.get("name")), {"mass": mass})
+            elif element.tag == "static":
+                book.put("robot", "", {"sdf:static": element.text or ""})
+            elif element.tag not in ("sdf", "model", "inertial", "mass"):
+                book.skip(element.tag, "text", element.text)
+        return book.table()
+
+    def expected(self, reference: Reference) -> Table:
+        """The robot's masses, and the recipe's `sdf`."""
+        facts = dict(robot_table(reference).only(self.holds).facts)
+        static = bool(self.options.get("sdf", {}).get("static", False))
+        return Table({**facts, Key("robot", "", "sdf:static"): str(static).lower()})

@@ -1,0 +1,20 @@
+"""Adds to the site the pages that the code itself states; MkDocs calls this."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+from mkdocs.config.defaults import MkDocsConfig
+from mkdocs.structure.files import File, Files
+
+sys.path.insert(0, str(Path(__file__).parents[2]))
+
+
+def on_files(files: Files, config: MkDocsConfig) -> Files:
+    """Each page of `docs.site.pages`, which no file of the repository holds."""
+    from docs.site.pages import generated
+
+    for path, text in generated().items():
+        files.append(File.generated(config, f"reference/{path}", content=text))
+    return files
