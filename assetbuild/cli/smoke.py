@@ -6,27 +6,14 @@ import argparse
 import sys
 from dataclasses import replace
 
-from assetbuild.cli.build import add_plain_arguments
-
-HELP = "build the bundle and let a trainer load, step and train it for a moment"
-CONSUMERS = ("mjlab", "newton", "isaaclab", "simready", "asset_validator")
-
-
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the arguments."""
-    add_plain_arguments(parser)
-    parser.add_argument(
-        "--consumer", choices=CONSUMERS, action="append", required=True, help="may be repeated"
-    )
+from assetbuild.cli.build import build_and_print, requests_of
+from assetbuild.cli.public import shown_figures
+from assetbuild.engine.world import World
+from assetbuild.pipeline.smoking import check_name, lacks, make_environments
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Make what is missing, build, print what each trainer found; 1 when one refuses."""
-    from assetbuild.cli.build import build_and_print, requests_of
-    from assetbuild.cli.public import shown_figures
-    from assetbuild.engine.world import World
-    from assetbuild.pipeline.smoking import check_name, lacks, make_environments
-
     consumers = tuple(dict.fromkeys(arguments.consumer))
     requests = [replace(request, smoke=consumers) for request in requests_of(arguments)]
     make_environments(consumers, say=lambda line: print(line, file=sys.stderr))

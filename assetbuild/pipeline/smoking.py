@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import replace
 
 from assetbuild.engine.world import World
 from assetbuild.errors import MachineError
@@ -45,9 +44,7 @@ def asking(loaded: LoadedRecipe, consumers: Sequence[str]) -> LoadedRecipe:
     needs = [need for consumer in smoke for need in check_of(consumer).needs]
     targets = tuple(dict.fromkeys((*recipe.targets, *needs)))
     asked = recipe.validate_.model_copy(update={"smoke": smoke})
-    return replace(
-        loaded, recipe=recipe.model_copy(update={"validate_": asked, "targets": targets})
-    )
+    return loaded.but(validate_=asked, targets=targets)
 
 
 def lacks(reports: Iterable[Report], consumers: Sequence[str]) -> Iterator[str]:

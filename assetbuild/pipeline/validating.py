@@ -15,8 +15,8 @@ from assetbuild.errors import AssetBuildError, SourceError, UsageError
 from assetbuild.facts.reference import Reference
 from assetbuild.findings import Finding, Rule, worst_first
 from assetbuild.pipeline.again import prove_again
-from assetbuild.pipeline.bundling import manifest_of
 from assetbuild.pipeline.trying import UNTRIED
+from assetbuild.report.bundle import manifest_of
 from assetbuild.report.sides import bundle_readers
 from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.mirror import Tolerances, mirror_findings

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import re
 import stat
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -49,6 +49,16 @@ class LoadedRecipe:
         """The place of a key such as `("actuators", 2, "kp")`; of the nearest above if absent."""
         recipe, own = self.origin(key)
         return locate(recipe.tree, own)
+
+    @property
+    def by_prefix(self) -> Mapping[str, LoadedRecipe]:
+        """The recipes of the parts, by the prefix of their names."""
+        rows = self.recipe.compose
+        return {row.as_: part for row, part in zip(rows, self.parts, strict=True)}
+
+    def but(self, **sections: object) -> LoadedRecipe:
+        """The same with other values of these sections."""
+        return replace(self, recipe=self.recipe.model_copy(update=sections))
 
     def error(self, key: Key, message: str, hint: str = "") -> RecipeError:
         """An error about a key: its place, its path, what is wrong, the next move."""
