@@ -25,7 +25,7 @@ from assetbuild.pipeline.opening import Opened, Task, at_work
 from assetbuild.pipeline.publish import check_folder
 from assetbuild.pipeline.recipes import collision_rule, load_recipe
 from assetbuild.plugins import load_plugin
-from assetbuild.recipe.loader import LoadedRecipe
+from assetbuild.recipe.models import Collision
 from assetbuild.report.bundle import json_text
 from assetbuild.robot.codec import decode
 from assetbuild.robot.shapes import Mesh, Shapes
@@ -94,7 +94,10 @@ def bench(
         shapes = _shapes(work)
         for name in levels:
             say(f"level {name}")
-            level = loaded if name == "recipe" else with_level(loaded, shapes, name, source)
+            level = loaded
+            if name != "recipe":
+                rules = with_level(loaded.recipe.collision, shapes, name, source)
+                level = loaded.but(collision=rules)
             try:
                 rows.append(_measured(name, replace(work, loaded=level)))
             except AssetBuildError as error:
@@ -109,8 +112,8 @@ def _shapes(work: Opened) -> Shapes:
     return decode(Shapes, work.read(built, built.outline.robot["shapes.json"]))
 
 
-def with_level(loaded: LoadedRecipe, shapes: Shapes, level: str, source: Source) -> LoadedRecipe:
-    """The recipe whose links with meshes follow one level.
+def with_level(collision: Collision, shapes: Shapes, level: str, source: Source) -> Collision:
+    """The rules of a recipe whose links with meshes follow one level.
 
     shapes: of the built recipe. source: the meshes to work on. Links that hit nothing in the
     recipe hit nothing here; links without such a mesh keep their rule.
@@ -122,9 +125,8 @@ def with_level(loaded: LoadedRecipe, shapes: Shapes, level: str, source: Source)
         if isinstance(shape.geometry, Mesh) and source in ("auto", shape.role)
     }
     rule = collision_rule(**{**LEVELS[level], "from": source})
-    collision = loaded.recipe.collision
     rules = {re.escape(link): rule for link in sorted(solid & meshed)}
-    return loaded.but(collision=collision.model_copy(update={"links": rules | collision.links}))
+    return collision.model_copy(update={"links": rules | collision.links})
 
 
 def _measured(name: str, work: Opened) -> Level:

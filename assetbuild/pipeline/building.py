@@ -139,7 +139,7 @@ def _jobs(requests: Sequence[Request], world: World, say: Callable[[str], None])
     wrong.stop()
     for request, loaded in zip(requests, recipes, strict=True):
         if request.smoke:
-            loaded = asking(loaded, request.smoke)
+            loaded = loaded.but(**asking(loaded.recipe, request.smoke))
         out = request.out or default_out(loaded)
         name = loaded.recipe.robot
         if any(job.name == name for job in jobs):

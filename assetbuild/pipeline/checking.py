@@ -11,7 +11,7 @@ from assetbuild.kinds import Edit
 from assetbuild.pipeline.judging import failures, findings_of, locator
 from assetbuild.pipeline.opening import opened
 from assetbuild.pipeline.recipes import load_recipe
-from assetbuild.plan.agree import check_names
+from assetbuild.plan import check_recipes
 from assetbuild.report.document import make_report
 from assetbuild.source.get.from_archive import MESHES
 
@@ -40,7 +40,7 @@ def check(recipe: Path) -> list[Finding]:
     Raises AssetBuildError; a lock that is out of date is an OutOfDateError.
     """
     loaded = load_recipe(recipe)
-    check_names(loaded, *(load_recipe(recipe, variant) for variant in loaded.recipe.variants))
+    check_recipes(loaded, *(load_recipe(recipe, variant) for variant in loaded.recipe.variants))
     with opened(loaded) as look:
         done = settle(look.plan, look.session, may_run=_is_light)
         for error in failures(loaded, done):

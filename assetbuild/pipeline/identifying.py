@@ -79,4 +79,5 @@ def plan_excite(work: Opened, seconds: float, p: Planner) -> None:
     """Add the node `excite` and what it needs."""
     outline = replace(work, loaded=work.loaded.but(identify=())).robot(p)
     if outline.tree is not None and outline.robot:
-        add_excite(work.loaded, outline.tree, outline.robot, seconds, p)
+        with work.loaded.placing():
+            add_excite(work.loaded.recipe, outline.tree, outline.robot, seconds, p)

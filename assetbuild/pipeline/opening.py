@@ -220,6 +220,8 @@ def write_pin(
 
 def _resolved(loaded: LoadedRecipe, source: Source, say: Callable[[str], None]) -> Pin | GitPin:
     if source.git is not None:
-        return resolve_git(source.git, str(source.rev), repository(loaded))
+        return resolve_git(
+            source.git, str(source.rev), repository(source, loaded.folder, loaded.world)
+        )
     name, _, version = str(source.pypi).partition("==")
     return resolve(name, version, on_line=lambda line: say(line) if "MB)" in line else None)

@@ -19,7 +19,6 @@ from assetbuild.pipeline.opening import Opened, Task, at_work
 from assetbuild.pipeline.publish import check_replaceable
 from assetbuild.pipeline.recipes import load_recipe
 from assetbuild.plugins import load_plugin
-from assetbuild.recipe.loader import LoadedRecipe
 from assetbuild.report.bundle import BundleFile, json_text, manifest
 from assetbuild.robot.ranges import Randomize
 from assetbuild.samples.apply_sample import ApplySample
@@ -92,20 +91,16 @@ def plan_samples(work: Opened, wanted: Draws, p: Planner) -> SamplesOutline:
     robot, loaded = outline.robot, outline.composed or work.loaded
     randomize = loaded.recipe.randomize
     if randomize is None and (robot or not work.loaded.parts):
-        raise _no_ranges(work.loaded)
+        raise RecipeError(
+            "the recipe has no `randomize`: nothing says what may vary",
+            where=work.loaded.where(()),
+            hint="add for instance `randomize: {links: {'.*': {density: [0.8, 1.2], com: 0.01}}}`",
+        )
     if randomize is None or not robot:
         return SamplesOutline()
     draws = _draws(randomize, wanted, robot, p)
-    variants = [_variant(work.loaded, index, draws, robot, p) for index in range(wanted.keep)]
+    variants = [_variant(work, index, draws, robot, p) for index in range(wanted.keep)]
     return SamplesOutline(draws, variants)
-
-
-def _no_ranges(loaded: LoadedRecipe) -> RecipeError:
-    return RecipeError(
-        "the recipe has no `randomize`: nothing says what may vary",
-        where=loaded.where(()),
-        hint="add for instance `randomize: {links: {'.*': {density: [0.8, 1.2], com: 0.01}}}`",
-    )
 
 
 def _draws(randomize: Randomize, wanted: Draws, robot: dict[str, Ref], p: Planner) -> Node:
@@ -118,13 +113,11 @@ def _draws(randomize: Randomize, wanted: Draws, robot: dict[str, Ref], p: Planne
     return p.add("draw_samples", step, inputs)
 
 
-def _variant(
-    loaded: LoadedRecipe, index: int, draws: Node, robot: dict[str, Ref], p: Planner
-) -> Node:
+def _variant(work: Opened, index: int, draws: Node, robot: dict[str, Ref], p: Planner) -> Node:
     drawn = {port: robot[port] for port in ("tree.json", "control.json")}
     inputs = drawn | {"samples.json": draws["samples.json"]}
     changed = p.add(f"apply_sample {index:03}", ApplySample(index=index), inputs)
     target = load_plugin(Target, "mjcf")
     ports = robot | {port: changed[port] for port in drawn}
     inputs = {port: ports[port] for port in target.reads}
-    return p.add(f"mjcf {index:03}", target.configure(loaded.recipe), inputs)
+    return p.add(f"mjcf {index:03}", target.configure(work.loaded.recipe), inputs)

@@ -16,7 +16,7 @@ from assetbuild.pipeline.opening import Opened, open_session
 from assetbuild.pipeline.recipes import collision_rule, load_recipe
 from assetbuild.plan import plan
 from assetbuild.recipe.collision import CollisionRule
-from assetbuild.recipe.loader import LoadedRecipe
+from assetbuild.recipe.models import Recipe
 from assetbuild.report.document import Report
 from assetbuild.robot.pose import Pose, Vec3
 from assetbuild.simulators import physx
@@ -47,16 +47,16 @@ def try_urdf(
     with tempfile.TemporaryDirectory(prefix="try-") as folder:
         recipe = Path(folder).resolve() / "recipe.yaml"
         propose(recipe)
-        loaded = _in_mujoco(load_recipe(recipe))
+        loaded = load_recipe(recipe)
+        loaded = loaded.but(**_in_mujoco(loaded.recipe))
         with open_session(loaded, remote=remote) as session:
             work = Opened(loaded, None, session, on_event=on_event)
             done = work.made(lambda p: plan(loaded, None, p, drawn=False))
             return judged(loaded, done, session)
 
 
-def _in_mujoco(loaded: LoadedRecipe) -> LoadedRecipe:
+def _in_mujoco(recipe: Recipe) -> dict[str, object]:
     """Hulls in place of every method but `none`, and no target that the trials do not read."""
-    recipe = loaded.recipe
     collision = recipe.collision.model_copy(
         update={
             "default": _hulls(recipe.collision.default),
@@ -64,7 +64,7 @@ def _in_mujoco(loaded: LoadedRecipe) -> LoadedRecipe:
         }
     )
     targets = tuple(target for target in recipe.targets if target == "mjcf")
-    return loaded.but(collision=collision, targets=targets)
+    return {"collision": collision, "targets": targets}
 
 
 def _hulls(rule: CollisionRule) -> CollisionRule:

@@ -90,7 +90,7 @@ def test_swapped_limits_are_high(side: Callable[..., Side]):
 def test_a_lost_joint_is_critical_and_nothing_more_is_said_of_it(side: Callable[..., Side]):
     name = ROBOT.tree.moving_joints[-1].name
     whole = side()
-    fewer = whole.forms["robot"]().only(lambda key: key.name != name)
+    fewer = whole.forms["robot"].read().only(lambda key: key.name != name)
     lost = replace(whole, forms={"robot": Form(lambda: fewer)})
     found = changes(whole, lost).rows
     assert [(c.rank, c.subjects) for c in found] == [("CRITICAL", (f"joint {name}",))]
@@ -191,9 +191,9 @@ def test_a_comment_is_a_file_written_differently(bundle: Path):
 
 
 def test_what_no_reader_has_a_meaning_for_is_told(side: Callable[..., Side]):
-    table = side().forms["robot"]()
+    table = side().forms["robot"].read()
     winged = replace(table, unread=(Unread("link trunk", "wings", "2"),))
-    (change,) = changes(side(), replace(side(), forms={"robot": lambda: winged})).rows
+    (change,) = changes(side(), replace(side(), forms={"robot": Form(lambda: winged)})).rows
     assert (change.subjects, change.quantity) == (("place link trunk",), "wings")
 
 

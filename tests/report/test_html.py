@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from html import unescape
 from html.parser import HTMLParser
 
 from tiny import tiny_quadruped
@@ -105,10 +106,10 @@ def test_without_the_library_there_is_no_view():
 
 def test_the_first_screen_has_the_hero_and_the_lines_that_load_the_bundle():
     text = page()
-    head = text.partition('id="findings"')[0]
+    head = unescape(text.partition('id="findings"')[0])
     for shown in (
         'class="hero"',
-        "from_xml_path(&quot;tiny/mjcf/scene.xml&quot;)",
+        'from_xml_path("tiny/mjcf/scene.xml")',
         "What to do next",
     ):
         assert shown in head, shown
