@@ -89,6 +89,11 @@ def out(what: str, metavar: str = "DIR") -> Option:
     return option("-o", "--out", type=Path, metavar=metavar, help=what)
 
 
+def verb(help: str, *options: Option, **more: Any) -> Verb:  # Any: of Verb
+    """A verb with its options in the order of its help."""
+    return Verb(help, options, **more)
+
+
 RECIPE = option("recipe", type=file_or_robot, metavar="RECIPE")
 RECIPES = option("recipes", nargs="+", type=file_or_robot, metavar="RECIPE", action=Recipes)
 BUNDLE = option("bundle", type=Path, help="a folder that `assetbuild build` wrote")
@@ -121,189 +126,162 @@ BUILDING = (
            help="default: error"),
 )  # fmt: skip
 """What `build`, `smoke` and `watch` take."""
-SHARED = (
-    option("recipes", nargs="+", type=file_or_robot, metavar="RECIPE", action=Recipes),
-    option("--variant", metavar="NAME", help="a variant of the recipes"),
-    REMOTE,
-)
+SHARED = (RECIPES, option("--variant", metavar="NAME", help="a variant of the recipes"), REMOTE)
+"""What `cache push` and `cache pull` take."""
 
 VERBS: Mapping[str, Verb] = {
-    "bench": Verb(
+    "bench": verb(
         "simulate the robot with collision geometry of every kind: quality against speed",
-        (
-            RECIPE,
-            out("build/<robot>-bench"),
-            option("--levels", metavar="A,B", help="some of the levels; default: all"),
-            option("--from", dest="source", choices=("auto", "collision", "visual"),
-                   default="auto", help="the meshes to work on; default: collision, else visual"),
-            JOBS,
-            VARIANT,
-            *SHARING,
-        ),
+        RECIPE,
+        out("build/<robot>-bench"),
+        option("--levels", metavar="A,B", help="some of the levels; default: all"),
+        option("--from", dest="source", choices=("auto", "collision", "visual"),
+               default="auto", help="the meshes to work on; default: collision, else visual"),
+        JOBS,
+        VARIANT,
+        *SHARING,
     ),
-    "build": Verb(
+    "build": verb(
         "build the bundle; only stale steps run",
-        (
-            *BUILDING,
-            switch("-n", "--dry-run",
-                   help="say what would run; exit code 3 where something would"),
-            switch("--rehash", help="read every source file again"),
-            switch("--rebuild-check", help="run every step twice and compare"),
-            option("--log-json", type=Path, metavar="FILE", help="write events, one per line"),
-            option("--report-junit", type=Path, metavar="FILE", help="write JUnit XML"),
-        ),
+        *BUILDING,
+        switch("-n", "--dry-run",
+               help="say what would run; exit code 3 where something would"),
+        switch("--rehash", help="read every source file again"),
+        switch("--rebuild-check", help="run every step twice and compare"),
+        option("--log-json", type=Path, metavar="FILE", help="write events, one per line"),
+        option("--report-junit", type=Path, metavar="FILE", help="write JUnit XML"),
     ),
-    "cache": Verb(
+    "cache": verb(
         "look after the store: stats, check, gc, push, pull",
         epilog=WHICH_CHECK,
         parts={
-            "stats": Verb("count what the store holds", (switch("--json", help="print data"),)),
-            "check": Verb("verify every object; corrupt ones are set aside"),
-            "gc": Verb(
+            "stats": verb("count what the store holds", switch("--json", help="print data")),
+            "check": verb("verify every object; corrupt ones are set aside"),
+            "gc": verb(
                 "remove what was used least lately",
-                (option("--max-size", required=True, type=size_of_text, metavar="SIZE",
-                        help="as 5GB or 500MB"),),
+                option("--max-size", required=True, type=size_of_text, metavar="SIZE",
+                       help="as 5GB or 500MB"),
             ),
-            "push": Verb("send what is built of recipes to a cache that machines share", SHARED),
-            "pull": Verb("fetch what other machines built of recipes", SHARED),
+            "push": verb("send what is built of recipes to a cache that machines share", *SHARED),
+            "pull": verb("fetch what other machines built of recipes", *SHARED),
         },
     ),
-    "check": Verb(
+    "check": verb(
         "check recipes: schema, paths, static lints, lock up to date; runs nothing heavy",
-        (option("recipes", nargs="*", type=file_or_robot, metavar="RECIPE",
-                help="default: recipes/*.yaml"),),
+        option("recipes", nargs="*", type=file_or_robot, metavar="RECIPE",
+               help="default: recipes/*.yaml"),
         epilog=WHICH_CHECK,
     ),
-    "completion": Verb(
+    "completion": verb(
         "print a completion script for a shell",
-        (option("shell", choices=("bash", "zsh", "fish", "tcsh")),),
+        option("shell", choices=("bash", "zsh", "fish", "tcsh")),
         run="printing:completion",
     ),
-    "diff": Verb(
+    "diff": verb(
         "compare two bundles, recipes, MJCF, URDF or USD files, Isaac Lab configurations",
-        (
-            option("before", metavar="A", help=DIFFERENT),
-            option("after", metavar="B", help="the same, to compare with A"),
-            switch("--markdown", help="a table for a pull request"),
-            switch("--exit-code", help="1 when anything differs"),
-        ),
+        option("before", metavar="A", help=DIFFERENT),
+        option("after", metavar="B", help="the same, to compare with A"),
+        switch("--markdown", help="a table for a pull request"),
+        switch("--exit-code", help="1 when anything differs"),
     ),
-    "doctor": Verb("say what this machine has and lacks, and how to get it", epilog=WHICH_CHECK),
-    "explain": Verb(
+    "doctor": verb("say what this machine has and lacks, and how to get it", epilog=WHICH_CHECK),
+    "explain": verb(
         "say why steps ran or would run, naming the part of the key that changed",
-        (
-            RECIPE,
-            option("step", nargs="?", metavar="STEP", help="default: all"),
-            VARIANT,
-            switch("--json", help="print data"),
-        ),
+        RECIPE,
+        option("step", nargs="?", metavar="STEP", help="default: all"),
+        VARIANT,
+        switch("--json", help="print data"),
     ),
-    "identify": Verb(
+    "identify": verb(
         "fit actuator numbers to logs of the real robot",
-        (
-            option("recipe", type=file_or_robot, nargs="?", metavar="RECIPE"),
-            switch("--write", help="write what is identified into the recipe's rows"),
-            switch("--ranges", help="print the intervals as `randomize.joints`"),
-            switch("--excite", help="fit nothing: write commands that are worth recording"),
-            option("--seconds", type=whole_number(10, 600), default=60, metavar="S",
-                   help="of --excite; 60"),
-            out("of --excite; build/excite"),
-            option("--bam", type=Path, metavar="JSON",
-                   help="no recipe: print BAM's parameters as a motor"),
-            option("--volts", type=float, metavar="V", help="of --bam: the supply"),
-            switch("--json", help="print all of it as JSON"),
-            JOBS,
-            VARIANT,
-            *SHARING,
-        ),
+        option("recipe", type=file_or_robot, nargs="?", metavar="RECIPE"),
+        switch("--write", help="write what is identified into the recipe's rows"),
+        switch("--ranges", help="print the intervals as `randomize.joints`"),
+        switch("--excite", help="fit nothing: write commands that are worth recording"),
+        option("--seconds", type=whole_number(10, 600), default=60, metavar="S",
+               help="of --excite; 60"),
+        out("of --excite; build/excite"),
+        option("--bam", type=Path, metavar="JSON",
+               help="no recipe: print BAM's parameters as a motor"),
+        option("--volts", type=float, metavar="V", help="of --bam: the supply"),
+        switch("--json", help="print all of it as JSON"),
+        JOBS,
+        VARIANT,
+        *SHARING,
     ),
-    "init": Verb(
+    "init": verb(
         "look at a robot and write a commented recipe that builds",
-        (
-            option("robot", type=Path, nargs="?", metavar="ROBOT.urdf|.xacro|.xml"),
-            option("--from", dest="origin", metavar="NAME",
-                   help="copy the recipe of a robot of the library"),
-            out("default: <robot>.yaml, - prints it", "RECIPE"),
-            PACKAGE,
-            option("--arg", action="append", default=[], type=named_value, metavar="NAME=VALUE",
-                   help="an argument of a xacro file"),
-            switch("--force", help="replace a recipe that exists"),
-        ),
+        option("robot", type=Path, nargs="?", metavar="ROBOT.urdf|.xacro|.xml"),
+        option("--from", dest="origin", metavar="NAME",
+               help="copy the recipe of a robot of the library"),
+        out("default: <robot>.yaml, - prints it", "RECIPE"),
+        PACKAGE,
+        option("--arg", action="append", default=[], type=named_value, metavar="NAME=VALUE",
+               help="an argument of a xacro file"),
+        switch("--force", help="replace a recipe that exists"),
     ),
-    "list": Verb(
+    "list": verb(
         "list the robots that `assetbuild build NAME` builds without a recipe of yours",
         run="printing:library",
     ),
-    "lock": Verb("pin a recipe's source in <recipe>.lock.yaml", (RECIPES,)),
-    "plan": Verb(
+    "lock": verb("pin a recipe's source in <recipe>.lock.yaml", RECIPES),
+    "plan": verb(
         "print the graph of a recipe, what a change reaches, what a build waits for",
-        (
-            RECIPE,
-            VARIANT,
-            option("--format", choices=("text", "json", "dot", "graphml"), default="text"),
-        ),
+        RECIPE,
+        VARIANT,
+        option("--format", choices=("text", "json", "dot", "graphml"), default="text"),
         either=(
             option("--stale", metavar="WHAT",
                    help="the steps that a change of a file, step or key can reach"),
             switch("--critical", help="the steps that take longest, one after the other"),
         ),
     ),
-    "report": Verb(
+    "report": verb(
         "show the report of a bundle",
-        (
-            BUNDLE,
-            switch("--open", help="open the page in a browser"),
-            option("--pictures", type=Path, metavar="DIR",
-                   help="draw into DIR: from behind, collision, inertia, joint axes, contacts"),
-        ),
+        BUNDLE,
+        switch("--open", help="open the page in a browser"),
+        option("--pictures", type=Path, metavar="DIR",
+               help="draw into DIR: from behind, collision, inertia, joint axes, contacts"),
     ),
-    "sample": Verb(
+    "sample": verb(
         "draw robots from the recipe's `randomize` ranges and write them as MJCF",
-        (
-            RECIPE,
-            option("-n", "--count", type=whole_number(1, 1000), default=16, metavar="N",
-                   help="default: 16"),
-            option("--judge", type=whole_number(1, 1_000_000), default=10_000, metavar="N",
-                   help="draws judged; default: 10000"),
-            option("--seed", type=whole_number(0), metavar="N", help="default: the recipe's"),
-            out("build/<robot>-samples"),
-            JOBS,
-            VARIANT,
-            *SHARING,
-        ),
+        RECIPE,
+        option("-n", "--count", type=whole_number(1, 1000), default=16, metavar="N",
+               help="default: 16"),
+        option("--judge", type=whole_number(1, 1_000_000), default=10_000, metavar="N",
+               help="draws judged; default: 10000"),
+        option("--seed", type=whole_number(0), metavar="N", help="default: the recipe's"),
+        out("build/<robot>-samples"),
+        JOBS,
+        VARIANT,
+        *SHARING,
     ),
-    "schema": Verb("print the JSON Schema of recipes, for editors", run="printing:schema"),
-    "smoke": Verb(
+    "schema": verb("print the JSON Schema of recipes, for editors", run="printing:schema"),
+    "smoke": verb(
         "build the bundle and let a trainer load, step and train it for a moment",
-        (
-            *BUILDING,
-            option("--consumer", choices=CONSUMERS, action="append", required=True,
-                   help="may be repeated"),
-        ),
+        *BUILDING,
+        option("--consumer", choices=CONSUMERS, action="append", required=True,
+               help="may be repeated"),
     ),
-    "validate": Verb(
+    "validate": verb(
         "check a bundle, or any MJCF, URDF or USD file",
-        (
-            option("path", type=Path, metavar="FILE_OR_BUNDLE"),
-            switch("--json", help="findings as JSON"),
-            switch("--static", help="read the file, simulate nothing"),
-            PACKAGE,
-            *SHARING,
-        ),
+        option("path", type=Path, metavar="FILE_OR_BUNDLE"),
+        switch("--json", help="findings as JSON"),
+        switch("--static", help="read the file, simulate nothing"),
+        PACKAGE,
+        *SHARING,
         epilog=WHICH_CHECK,
     ),
-    "verify": Verb(
+    "verify": verb(
         "compare a bundle with its manifest, its provenance, and what a recipe makes",
-        (
-            BUNDLE,
-            option("--recipe", type=file_or_robot, metavar="RECIPE",
-                   help="is it what this recipe makes? asks the store"),
-            VARIANT,
-        ),
+        BUNDLE,
+        option("--recipe", type=file_or_robot, metavar="RECIPE",
+               help="is it what this recipe makes? asks the store"),
+        VARIANT,
         epilog=WHICH_CHECK,
     ),
-    "watch": Verb(
-        "build, and again whenever the recipe or a source changes; Ctrl-C ends it", BUILDING
+    "watch": verb(
+        "build, and again whenever the recipe or a source changes; Ctrl-C ends it", *BUILDING
     ),
 }  # fmt: skip
 """In the order of the help."""
