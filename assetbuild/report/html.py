@@ -12,8 +12,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import groupby
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup, escape
 
 from assetbuild._version import __version__
@@ -29,6 +29,9 @@ from assetbuild.report.tables import text_of
 from assetbuild.report.verdict import CheckResult, Verdict, verdict_rows
 from assetbuild.report.view import view_data
 from assetbuild.robot.inertia import total_mass
+
+if TYPE_CHECKING:
+    from jinja2 import Environment
 
 ASSETS = Path(__file__).parent / "assets"
 GROUPS: tuple[tuple[str, str, tuple[str, ...]], ...] = (
@@ -77,6 +80,8 @@ def html_page(report: Report, subject: Subject, hero: bytes | None, view: View |
 @functools.cache
 def templates() -> Environment:
     """The templates with what they may call."""
+    from jinja2 import Environment, FileSystemLoader, StrictUndefined  # for a page alone
+
     made = Environment(
         loader=FileSystemLoader(ASSETS), autoescape=True, undefined=StrictUndefined,
         trim_blocks=True, lstrip_blocks=True,
