@@ -23,7 +23,7 @@ from assetbuild.mesh.read import Format
 from assetbuild.plugins import load_plugin
 from assetbuild.recipe.collision import CollisionRule, ShapedRule
 from assetbuild.recipe.models import Collision, Recipe
-from assetbuild.recipe.validation import KeyedError
+from assetbuild.recipe.validation import Key, KeyedError
 from assetbuild.robot.model import Tree
 from assetbuild.robot.pose import IDENTITY, Pose, Vec3, vec3
 from assetbuild.robot.regions import Region, ToleranceRegion
@@ -196,13 +196,13 @@ def method_of(rule: CollisionRule) -> type[CollisionMethod] | None:
     return load_plugin(CollisionMethod, rule.method)
 
 
-def check_files(rule: CollisionRule, key: tuple[str, ...], folder: Path, world: World) -> None:
+def check_files(rule: CollisionRule, key: Key, folder: Path, world: World) -> None:
     """KeyedError for a piece whose file is not there, or no mesh by its name."""
     for number, piece in enumerate(getattr(rule, "pieces", None) or ()):
         if piece.file is None:
             continue
         path = file_of(piece.file, folder)
-        place: tuple[str | int, ...] = (*key, "pieces", number, "file")
+        place = (*key, "pieces", number, "file")
         if path.suffix.lower().lstrip(".") not in get_args(Format):
             hint = f"known formats: {', '.join(get_args(Format))}"
             raise KeyedError(place, f"`{piece.file}` is no mesh by its name", hint)

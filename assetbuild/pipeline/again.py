@@ -200,9 +200,9 @@ def _write(
         if result.error is not None:
             refused.append(REFUSED(f"target {name}", result.error.message, where=ROBOT))
         for file, digest in _made(result.outputs or {}, session):
-            path = place(name, type(step), file)
-            if writers.setdefault(path, name) == name:
-                session.store.restore(digest, folder / "again" / path)
+            there = place(name, type(step), file)
+            if writers.setdefault(there, name) == name:
+                session.store.restore(digest, folder / "again" / there)
     return Again(folder / "again", writers, tuple(refused))
 
 
