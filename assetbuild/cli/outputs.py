@@ -104,7 +104,7 @@ def _add_suite(root: ElementTree.Element, name: str, cases: Sequence[Case]) -> N
     kinds = Counter(case.kind for case in cases)
     counts = {"failures": kinds["failure"], "errors": kinds["error"], "skipped": kinds["skipped"]}
     told = {key: str(count) for key, count in {"tests": len(cases), **counts}.items()}
-    suite = ElementTree.SubElement(root, "testsuite", name=name, **told)
+    suite = ElementTree.SubElement(root, "testsuite", {"name": name, **told})
     for case in cases:
         names = {"classname": name, "name": _printable(case.name)}
         one = ElementTree.SubElement(suite, "testcase", names)

@@ -198,7 +198,7 @@ def joined(base: SourceControl | None, parts: Mapping[str, SourceControl]) -> So
     for part in parts.values():
         for key, values in part.ctrl:
             ctrl[key] = (*ctrl.get(key, ()), *values)
-    whole = {
+    whole: dict[str, Any] = {  # Any: tuples of what each key holds
         key: tuple(each for control in controls for each in getattr(control, key)) for key in JOINED
     }
     return SourceControl(

@@ -184,7 +184,7 @@ def _method_names() -> tuple[str, ...]:
 def _methods(said: Said) -> Iterator[tuple[tuple[str, ...], str]]:
     """The collision rules that state a method, by their keys, and the method."""
     collision = _map(said.get("collision"))
-    rules = {("collision", "default"): collision.get("default")}
+    rules: dict[tuple[str, ...], object] = {("collision", "default"): collision.get("default")}
     rules |= {("collision", "links", p): rule for p, rule in _map(collision.get("links")).items()}
     for key, rule in rules.items():
         if isinstance(method := _map(rule).get("method"), str):
