@@ -85,7 +85,7 @@ class Bundle:
 
 def load_bundle(path: str | os.PathLike[str]) -> Bundle:
     """The bundle in a folder. UsageError where there is none."""
-    from assetbuild.pipeline.bundling import manifest_of
+    from assetbuild.report.bundle import manifest_of
 
     folder = Path(path)
     return Bundle(folder, manifest_of(folder))

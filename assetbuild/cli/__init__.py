@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib
 import io
 import signal
 import sys
@@ -14,17 +13,10 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from assetbuild._version import __version__
-from assetbuild.cli.parser import Parser
+from assetbuild.cli.verbs import VERBS, make_parser, runner
 from assetbuild.errors import AssetBuildError
 
-VERBS = (
-    "bench", "build", "cache", "check", "completion", "diff", "doctor", "explain", "identify",
-    "init", "list", "lock", "plan", "report", "sample", "schema", "smoke", "validate", "verify",
-    "watch",
-)  # fmt: skip
-"""Each is a module of this package with `HELP`, `add_arguments(parser)` and `run(arguments)`; the
-help ends with its `EPILOG` where it has one."""
+__all__ = ["VERBS", "Terminated", "main", "make_parser", "print_error"]
 MOST_ERRORS = 20
 """So many errors are shown; a recipe that is no recipe has thousands."""
 
@@ -40,7 +32,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     _end_as_by_ctrl_c()
     _show_plugin_warnings()
     try:
-        return int(module_of(arguments.verb).run(arguments))
+        return runner(arguments.verb)(arguments)
     except AssetBuildError as error:
         print_error(error)
         return error.exit_code
@@ -132,26 +124,3 @@ def print_error(error: AssetBuildError) -> None:
     more = len(found[MOST_ERRORS:]) + error.uncounted
     if more:
         print(f"and {more} more errors", file=sys.stderr)
-
-
-def make_parser() -> Parser:
-    """Return the parser of all verbs."""
-    parser = Parser(
-        prog="assetbuild",
-        description="A declarative build system for robot assets",
-        epilog="exit codes: 0 ok, 1 a step or check failed, 2 wrong input, 3 out of date, "
-        "4 not reproducible, 130 interrupted",
-    )
-    parser.add_argument("--version", action="version", version=f"assetbuild {__version__}")
-    verbs = parser.add_subparsers(dest="verb", metavar="VERB")
-    for verb in VERBS:
-        module = module_of(verb)
-        epilog = getattr(module, "EPILOG", None)
-        sub = verbs.add_parser(verb, help=module.HELP, description=module.HELP, epilog=epilog)
-        module.add_arguments(sub)
-    return parser
-
-
-def module_of(verb: str):  # type: ignore[no-untyped-def] # noqa: ANN201 # a module, no type for it
-    """The module of a verb."""
-    return importlib.import_module(f"assetbuild.cli.{verb}")

@@ -4,78 +4,18 @@ from __future__ import annotations
 
 import argparse
 import json
-import os
-import re
 import sys
+import time
 from pathlib import Path
-from typing import TYPE_CHECKING
 
-from assetbuild.cli.parser import WHICH_CHECK
-from assetbuild.cli.recipes import Recipes, file_or_robot
-
-if TYPE_CHECKING:
-    from assetbuild.engine.store import Store
-
-UNITS = {"": 1, "K": 1000, "M": 1000**2, "G": 1000**3, "T": 1000**4}
-UNITS |= {"KI": 1024, "MI": 1024**2, "GI": 1024**3, "TI": 1024**4}
-
-HELP = "look after the store: stats, check, gc, push, pull"
-EPILOG = WHICH_CHECK
-
-
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the arguments."""
-    verbs = parser.add_subparsers(dest="what", metavar="WHAT", required=True)
-    stats = verbs.add_parser("stats", help="count what the store holds")
-    stats.add_argument("--json", action="store_true", help="print data")
-    verbs.add_parser("check", help="verify every object; corrupt ones are set aside")
-    gc = verbs.add_parser("gc", help="remove what was used least lately")
-    gc.add_argument(
-        "--max-size", required=True, type=size_of_text, metavar="SIZE", help="as 5GB or 500MB"
-    )
-    for name, text in (
-        ("push", "send what is built of recipes to a cache that machines share"),
-        ("pull", "fetch what other machines built of recipes"),
-    ):
-        verb = verbs.add_parser(name, help=text)
-        verb.add_argument(
-            "recipes", nargs="+", type=file_or_robot, metavar="RECIPE", action=Recipes
-        )
-        verb.add_argument("--variant", metavar="NAME", help="a variant of the recipes")
-        add_remote(verb)
-
-
-def add_sharing(parser: argparse.ArgumentParser) -> None:
-    """Declare what every verb that builds takes: `--remote` and `--cache-write`."""
-    add_remote(parser)
-    parser.add_argument("--cache-write", action="store_true", help="also write to that cache")
-
-
-def add_remote(parser: argparse.ArgumentParser) -> None:
-    """Declare `--remote`."""
-    parser.add_argument(
-        "--remote",
-        default=os.environ.get("ASSETBUILD_REMOTE", ""),
-        metavar="URL",
-        help="cache shared with other machines, http(s)://... or s3://bucket/prefix; "
-        "default: $ASSETBUILD_REMOTE",
-    )
-
-
-def size_of_text(text: str) -> int:
-    """Bytes of `5GB`, `500 MB`, `2GiB` or `1000`."""
-    found = re.fullmatch(r"(\d+(?:\.\d+)?)\s*([KMGT]?I?)B?", text.strip().upper())
-    if found is None or found[2] not in UNITS:
-        message = f"must be a size such as `500MB`, `5GB` or `2GiB`, not `{text}`"
-        raise argparse.ArgumentTypeError(message)
-    return int(float(found[1]) * UNITS[found[2]])
+from assetbuild.engine.folders import cache_root
+from assetbuild.engine.housekeeping import check, collect, stats
+from assetbuild.engine.store import LAYOUT, Store
+from assetbuild.errors import UsageError
 
 
 def run(arguments: argparse.Namespace) -> int:
     """0; 1 when `check` found something wrong, or a cache failed."""
-    from assetbuild.engine.folders import cache_root
-    from assetbuild.engine.store import LAYOUT, Store
-
     if arguments.what in ("push", "pull"):
         return _share(arguments)
     root = Path(cache_root())
@@ -92,10 +32,6 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _stats(root: Path, *, as_json: bool) -> int:
-    import time
-
-    from assetbuild.engine.housekeeping import stats
-
     found = stats(root)
     if as_json:
         print(json.dumps({"root": str(root), **found.to_json()}, indent=2, sort_keys=True))
@@ -114,7 +50,6 @@ def _stats(root: Path, *, as_json: bool) -> int:
 
 def _share(arguments: argparse.Namespace) -> int:
     """1 when the cache fails on the way: here it was asked for."""
-    from assetbuild.errors import UsageError
     from assetbuild.pipeline.opening import remote_cache
     from assetbuild.pipeline.sharing import pull, push
 
@@ -133,8 +68,6 @@ def _share(arguments: argparse.Namespace) -> int:
 
 
 def _check(store: Store) -> int:
-    from assetbuild.engine.housekeeping import check
-
     found = check(store)
     for digest in found.corrupt:
         print(f"corrupt, set aside: {digest}")
@@ -146,8 +79,6 @@ def _check(store: Store) -> int:
 
 
 def _gc(store: Store, max_bytes: int) -> int:
-    from assetbuild.engine.housekeeping import collect
-
     done = collect(store, max_bytes)
     print(
         f"{_shown(done.before)} -> {_shown(done.after)}: "

@@ -6,26 +6,14 @@ import argparse
 from pathlib import Path
 
 from assetbuild.cli import print_error
-from assetbuild.cli.parser import WHICH_CHECK
-from assetbuild.cli.recipes import file_or_robot, recipes_of
+from assetbuild.cli.summary import every_finding_line
+from assetbuild.cli.values import recipes_of
 from assetbuild.errors import AssetBuildError, UsageError
-
-HELP = "check recipes: schema, paths, static lints, lock up to date; runs nothing heavy"
-EPILOG = WHICH_CHECK
-
-
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the arguments."""
-    parser.add_argument(
-        "recipes", nargs="*", type=file_or_robot, metavar="RECIPE", help="default: recipes/*.yaml"
-    )
+from assetbuild.pipeline.checking import check
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Check each recipe; the worst exit code of all."""
-    from assetbuild.cli.summary import every_finding_line
-    from assetbuild.pipeline.checking import check
-
     codes = [0]
     for recipe in _recipes(arguments.recipes):
         try:

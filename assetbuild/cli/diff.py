@@ -8,32 +8,16 @@ import subprocess
 import sys
 import tempfile
 from pathlib import Path
-from typing import TYPE_CHECKING
 
+from assetbuild.cli.progress import progress
 from assetbuild.errors import UsageError
-
-if TYPE_CHECKING:
-    from assetbuild.report.sides import Side
-
-HELP = "compare two bundles, recipes, MJCF, URDF or USD files, Isaac Lab configurations"
-
-
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the arguments."""
-    what = (
-        "bundle, recipe, REVISION:RECIPE of git, MJCF, URDF, USD, Isaac Lab's FILE.py[:CFG], or "
-        "readings of Isaac Lab (JSON)"
-    )
-    parser.add_argument("before", metavar="A", help=what)
-    parser.add_argument("after", metavar="B", help="the same, to compare with A")
-    parser.add_argument("--markdown", action="store_true", help="a table for a pull request")
-    parser.add_argument("--exit-code", action="store_true", help="1 when anything differs")
+from assetbuild.pipeline.building import Request, build
+from assetbuild.report.diff import changes, diff_markdown, diff_text
+from assetbuild.report.sides import Side, bundle_side, config_side, foreign_side
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Print the changes; 0, or with `--exit-code` 1 when there are any."""
-    from assetbuild.report.diff import changes, diff_markdown, diff_text
-
     names = (arguments.before, arguments.after)
     with tempfile.TemporaryDirectory(prefix="assetbuild-diff-") as folder:
         sides: list[Side | None] = [
@@ -42,19 +26,13 @@ def run(arguments: argparse.Namespace) -> int:
         ]
         known = next((side for side in sides if side is not None), None)
         before, after = (
-            side or _config_side(name, known) for side, name in zip(sides, names, strict=True)
+            side or config_side(*(_config_of(name) or (Path(name), "")), known)
+            for side, name in zip(sides, names, strict=True)
         )
         found = changes(before, after)
     write = diff_markdown if arguments.markdown else diff_text
     print(write(before, after, found), end="")
     return 1 if arguments.exit_code and found.rows else 0
-
-
-def _config_side(name: str, known: Side | None) -> Side:
-    """Isaac Lab's configuration; its patterns mean joints of the other side."""
-    from assetbuild.report.sides import config_side
-
-    return config_side(*(_config_of(name) or (Path(name), "")), known)
 
 
 def _config_of(name: str) -> tuple[Path, str] | None:
@@ -69,8 +47,6 @@ def _config_of(name: str) -> tuple[Path, str] | None:
 
 def side_of(name: str, folder: Path) -> Side:
     """Facts of whatever `name` names; recipes are built below `folder`."""
-    from assetbuild.report.sides import bundle_side, foreign_side
-
     path = Path(name)
     if path.is_dir():
         return bundle_side(path)
@@ -85,10 +61,6 @@ def side_of(name: str, folder: Path) -> Side:
 
 
 def _built(recipe: Path, name: str, folder: Path) -> Side:
-    from assetbuild.cli.progress import progress
-    from assetbuild.pipeline.building import Request, build
-    from assetbuild.report.sides import bundle_side
-
     with progress(recipe.name) as shown:
         request = Request(recipe=recipe, out=folder / "bundle", fail_on="never")
         outcome = build(request, shown.on_event, shown.say)

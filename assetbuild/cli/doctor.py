@@ -16,11 +16,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
-from assetbuild.cli.parser import WHICH_CHECK
-
-HELP = "say what this machine has and lacks, and how to get it"
-EPILOG = WHICH_CHECK
-
 Level = Literal["ok", "optional", "missing", "broken"]
 CORE = (
     "numpy", "scipy", "pydantic", "trimesh", "pycollada", "fast-simplification", "coacd", "vhacdx",
@@ -45,10 +40,6 @@ class Row:
     level: Level
     told: str
     fix: str = ""
-
-
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """No arguments."""
 
 
 def run(arguments: argparse.Namespace) -> int:

@@ -7,45 +7,38 @@ import json
 import sys
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
 
-from assetbuild.cli.recipes import file_or_robot
-
-if TYPE_CHECKING:
-    from assetbuild.engine.explain import Explanation
-
-HELP = "say why steps ran or would run, naming the part of the key that changed"
-
-
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the arguments."""
-    parser.add_argument("recipe", type=file_or_robot, metavar="RECIPE")
-    parser.add_argument("step", nargs="?", metavar="STEP", help="default: all")
-    parser.add_argument("--variant", metavar="NAME", help="a variant of the recipe")
-    parser.add_argument("--json", action="store_true", help="print data")
+from assetbuild.engine.explain import Explanation, explain
+from assetbuild.errors import OutOfDateError, UsageError, did_you_mean
+from assetbuild.pipeline.opening import opened
+from assetbuild.pipeline.recipes import load_recipe
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Print the explanations; 0, or 2 for an unknown step."""
-    from assetbuild.engine.explain import explain
-    from assetbuild.errors import UsageError, did_you_mean
-    from assetbuild.pipeline.opening import looked_at
-
-    with looked_at(arguments.recipe, arguments.variant) as look:
-        graph, session = look.done.graph, look.session
-        if arguments.step is not None and arguments.step not in graph.nodes:
-            hint = did_you_mean(arguments.step, graph.nodes)
-            raise UsageError(f"no step `{arguments.step}`", hint=hint)
-        labels = [arguments.step] if arguments.step else list(graph.nodes)
-        found = [explain(graph, session, label) for label in labels]
+    step = arguments.step
+    found, whole = _explained(arguments.recipe, arguments.variant, step)
     if arguments.json:
         print(json.dumps([e.to_json() for e in found], indent=2, sort_keys=True))
         return 0
-    for line in told_of_all(found) if arguments.step is None else [found[0].to_text()]:
+    for line in told_of_all(found) if step is None else [found[0].to_text()]:
         print(line)
-    if not look.done.whole:
+    if not whole:
         print("the graph goes on once the stale steps are built", file=sys.stderr)
     return 0
+
+
+def _explained(
+    recipe: Path, variant: str | None, step: str | None = None
+) -> tuple[list[Explanation], bool]:
+    """Of one step or all; whether these are all. UsageError for a step that there is not."""
+    with opened(load_recipe(recipe, variant)) as look:
+        known = look.known()
+        labels = list(known.graph.nodes)
+        if step is not None and step not in labels:
+            raise UsageError(f"no step `{step}`", hint=did_you_mean(step, labels))
+        wanted = labels if step is None else [step]
+        return [explain(known.graph, look.session, label) for label in wanted], known.whole
 
 
 def told_of_all(found: Sequence[Explanation]) -> list[str]:
@@ -58,16 +51,10 @@ def told_of_all(found: Sequence[Explanation]) -> list[str]:
 
 def print_stale(recipe: Path, variant: str | None) -> int:
     """What a build would run, and why; nothing is run. 3 when something would run, else 0."""
-    from assetbuild.engine.explain import explain
-    from assetbuild.errors import OutOfDateError
-    from assetbuild.pipeline.opening import looked_at
-
-    with looked_at(recipe, variant) as look:
-        graph = look.done.graph
-        found = [explain(graph, look.session, label) for label in graph.nodes]
+    found, whole = _explained(recipe, variant)
     stale = [explanation for explanation in found if explanation.state != "up to date"]
     for explanation in stale:
         print(explanation.to_text())
-    more = "" if look.done.whole else ", and what follows from them"
+    more = "" if whole else ", and what follows from them"
     print(f"{recipe}: {len(stale)} of {len(found)} steps would run{more}")
     return OutOfDateError.exit_code if stale or more else 0

@@ -6,14 +6,11 @@ import os
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from assetbuild.errors import AssetBuildError
 from assetbuild.findings import is_consequence, worst_first
+from assetbuild.pipeline.building import Outcome
 from assetbuild.report.summary import markdown_cell, public_message, summary
-
-if TYPE_CHECKING:
-    from assetbuild.pipeline.building import Outcome
 
 MOST_ANNOTATIONS = 10
 """Of each severity: GitHub shows no more from one step."""

@@ -5,99 +5,50 @@ from __future__ import annotations
 import argparse
 import json
 import sys
+from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING
 
-from assetbuild.cli.cache import add_sharing
-from assetbuild.cli.parser import whole_number
-from assetbuild.cli.recipes import file_or_robot
-
-if TYPE_CHECKING:
-    from assetbuild.pipeline.identifying import Identified, IdentifyRequest
-    from assetbuild.robot.identified import Fit
-
-HELP = "fit actuator numbers to logs of the real robot"
-
-
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the arguments."""
-    parser.add_argument("recipe", type=file_or_robot, nargs="?", metavar="RECIPE")
-    parser.add_argument(
-        "--write", action="store_true", help="write what is identified into the recipe's rows"
-    )
-    parser.add_argument(
-        "--ranges", action="store_true", help="print the intervals as `randomize.joints`"
-    )
-    parser.add_argument(
-        "--excite", action="store_true", help="fit nothing: write commands that are worth recording"
-    )
-    parser.add_argument(
-        "--seconds", type=whole_number(10, 600), default=60, metavar="S", help="of --excite; 60"
-    )
-    parser.add_argument("-o", "--out", type=Path, metavar="DIR", help="of --excite; build/excite")
-    parser.add_argument(
-        "--bam", type=Path, metavar="JSON", help="no recipe: print BAM's parameters as a motor"
-    )
-    parser.add_argument("--volts", type=float, metavar="V", help="of --bam: the supply")
-    parser.add_argument("--json", action="store_true", help="print all of it as JSON")
-    parser.add_argument(
-        "-j", "--jobs", type=whole_number(1), metavar="N", help="default: all cores"
-    )
-    parser.add_argument("--variant", metavar="NAME", help="a variant of the recipe")
-    add_sharing(parser)
+from assetbuild.cli.progress import progress
+from assetbuild.cli.summary import print_findings
+from assetbuild.engine.store import OUT_OPTION, machine_errors
+from assetbuild.errors import UsageError
+from assetbuild.identify.bam import read_bam
+from assetbuild.pipeline.identifying import excite, identify
+from assetbuild.pipeline.opening import Task
+from assetbuild.pipeline.writing import write_rows
+from assetbuild.recipe.loader import read_small_file
+from assetbuild.robot.identified import Fit
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Print the table; with `--write` also change the recipe."""
-    from assetbuild.cli.progress import progress
-    from assetbuild.cli.summary import every_finding_line
-    from assetbuild.errors import UsageError
-    from assetbuild.pipeline.identifying import IdentifyRequest, identify
-
     if arguments.bam is not None:
         return _bam(arguments)
     if arguments.recipe is None:
         raise UsageError("which recipe?", hint="`assetbuild identify recipes/go1.yaml`")
-    request = IdentifyRequest(
-        recipe=arguments.recipe,
-        variant=arguments.variant,
-        jobs=arguments.jobs,
-        remote=arguments.remote,
-        cache_write=arguments.cache_write,
-    )
+    task = Task.of(vars(arguments))
     if arguments.excite:
-        return _excite(arguments, request)
+        return _excite(arguments, task)
     with progress(arguments.recipe.name) as shown:
-        found = identify(request, shown.on_event, shown.say)
-    if found.errors:
-        raise found.errors[0]
-    for line in every_finding_line(found.findings):
-        print(line, file=sys.stderr)
+        found = identify(task, shown.on_event, shown.say)
+    print_findings(found.findings)
     if arguments.json:
-        print(json.dumps(_plain(found), indent=1))
+        print(json.dumps([asdict(fit) for fit in found.fits], indent=1))
     elif arguments.ranges:
         print(found.ranges)
     else:
         for fit in found.fits:
             _print(fit)
     if arguments.write:
-        from assetbuild.pipeline.writing import write_rows
-
         print(f"{write_rows(found)} rows written to {arguments.recipe}", file=sys.stderr)
     return 0
 
 
-def _excite(arguments: argparse.Namespace, request: IdentifyRequest) -> int:
+def _excite(arguments: argparse.Namespace, task: Task) -> int:
     """Write the commands and the script that plays them; print what they will show."""
-    from assetbuild.cli.progress import progress
-    from assetbuild.cli.summary import every_finding_line
-    from assetbuild.engine.store import OUT_OPTION, machine_errors
-    from assetbuild.pipeline.identifying import excite
-
     with progress(arguments.recipe.name) as shown:
-        found = excite(request, float(arguments.seconds), shown.on_event, shown.say)
-    for line in every_finding_line(found.findings):
-        print(line, file=sys.stderr)
+        found = excite(task, float(arguments.seconds), shown.on_event, shown.say)
+    print_findings(found.findings)
     out = arguments.out or Path("build/excite")
     with machine_errors(out, OUT_OPTION):
         out.mkdir(parents=True, exist_ok=True)
@@ -159,10 +110,6 @@ with open("log.csv", "w", newline="") as file:  # all at the end: a disk makes t
 
 def _bam(arguments: argparse.Namespace) -> int:
     """Print a motor for the recipe; what it cannot hold goes to stderr."""
-    from assetbuild.errors import UsageError
-    from assetbuild.identify.bam import read_bam
-    from assetbuild.recipe.loader import read_small_file
-
     file = str(arguments.bam)
     if arguments.volts is not None and not 0.0 < arguments.volts < 1e4:
         raise UsageError("`--volts` must be above 0")
@@ -179,12 +126,6 @@ def _bam(arguments: argparse.Namespace) -> int:
             file=sys.stderr,
         )
     return 0
-
-
-def _plain(found: Identified) -> object:
-    from dataclasses import asdict
-
-    return [asdict(fit) for fit in found.fits]
 
 
 def _print(fit: Fit) -> None:

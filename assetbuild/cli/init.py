@@ -7,57 +7,13 @@ import sys
 from pathlib import Path
 
 from assetbuild.errors import UsageError
+from assetbuild.init import propose, write
+from assetbuild.library import copy
+from assetbuild.pipeline.recipes import schema_text
+from assetbuild.recipe.loader import shown_path
 
 SCHEMA_FILE = "recipe.schema.json"
 """Beside the recipe, whose first line names it: editors complete and check the recipe by it."""
-HELP = "look at a robot and write a commented recipe that builds"
-
-
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the arguments."""
-    parser.add_argument("robot", type=Path, nargs="?", metavar="ROBOT.urdf|.xacro|.xml")
-    parser.add_argument(
-        "--from", dest="origin", metavar="NAME", help="copy the recipe of a robot of the library"
-    )
-    parser.add_argument(
-        "-o", "--out", type=Path, metavar="RECIPE", help="default: <robot>.yaml, - prints it"
-    )
-    add_package_argument(parser)
-    parser.add_argument(
-        "--arg",
-        action="append",
-        default=[],
-        type=_argument,
-        metavar="NAME=VALUE",
-        help="an argument of a xacro file",
-    )
-    parser.add_argument("--force", action="store_true", help="replace a recipe that exists")
-
-
-def add_package_argument(parser: argparse.ArgumentParser) -> None:
-    """`--package NAME=PATH`, as often as wanted: pairs in `arguments.package`."""
-    parser.add_argument(
-        "--package",
-        action="append",
-        default=[],
-        type=_package,
-        metavar="NAME=PATH",
-        help="the folder that package://NAME stands for; others are looked for above the URDF",
-    )
-
-
-def _package(text: str) -> tuple[str, Path]:
-    name, equals, folder = text.partition("=")
-    if not name or not equals or not folder:
-        raise argparse.ArgumentTypeError("must be NAME=PATH")
-    return name, Path(folder)
-
-
-def _argument(text: str) -> tuple[str, str]:
-    name, equals, value = text.partition("=")
-    if not name or not equals:
-        raise argparse.ArgumentTypeError("must be NAME=VALUE")
-    return name.removesuffix(":"), value
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -65,10 +21,9 @@ def run(arguments: argparse.Namespace) -> int:
     if (arguments.robot is None) == (arguments.origin is None):
         raise UsageError("`init` takes a robot's file, or `--from NAME`")
     if arguments.origin is not None:
-        return _copy(arguments.origin, arguments.out)
-    from assetbuild.init import propose, write
-    from assetbuild.recipe.loader import shown_path
-
+        path = arguments.out or Path(f"{arguments.origin}.yaml")
+        copy(arguments.origin, path)
+        return _written(path, str(path))
     printed = str(arguments.out) == "-"
     out = None if printed else arguments.out
     proposal = propose(arguments.robot, out, dict(arguments.package), dict(arguments.arg))
@@ -80,20 +35,11 @@ def run(arguments: argparse.Namespace) -> int:
         print(proposal.text, end="")
         return 0
     write(proposal, force=arguments.force)
-    write_schema(proposal.path.with_name(SCHEMA_FILE))
-    return _written(shown_path(proposal.path))
+    return _written(proposal.path, shown_path(proposal.path))
 
 
-def _copy(name: str, out: Path | None) -> int:
-    from assetbuild.library import copy
-
-    path = out or Path(f"{name}.yaml")
-    copy(name, path)
+def _written(path: Path, shown: str) -> int:
     write_schema(path.with_name(SCHEMA_FILE))
-    return _written(str(path))
-
-
-def _written(shown: str) -> int:
     print(f"wrote {shown}")
     print(f"next: read it, then `assetbuild build {shown}`", file=sys.stderr)
     return 0
@@ -101,8 +47,6 @@ def _written(shown: str) -> int:
 
 def write_schema(path: Path) -> None:
     """Write the schema of recipes, or renew an older one; a file of another kind is left alone."""
-    from assetbuild.pipeline.recipes import schema_text
-
     text = schema_text()
     title = next(line for line in text.splitlines() if '"title"' in line)
     try:

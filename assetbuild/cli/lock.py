@@ -5,23 +5,14 @@ from __future__ import annotations
 import argparse
 import sys
 
-from assetbuild.cli.recipes import Recipes, file_or_robot
-
-HELP = "pin a recipe's source in <recipe>.lock.yaml"
-
-
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the arguments."""
-    parser.add_argument("recipes", nargs="+", type=file_or_robot, metavar="RECIPE", action=Recipes)
+from assetbuild.lock import Pin, lock_path
+from assetbuild.pipeline.opening import moving_sources, write_pin
+from assetbuild.pipeline.recipes import load_recipe
+from assetbuild.recipe.loader import shown_path
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Write the locks; prints each lock file."""
-    from assetbuild.lock import Pin, lock_path
-    from assetbuild.pipeline.opening import moving_sources, write_pin
-    from assetbuild.pipeline.recipes import load_recipe
-    from assetbuild.recipe.loader import shown_path
-
     for recipe in arguments.recipes:
         loaded = load_recipe(recipe)
         variants = [load_recipe(recipe, name) for name in loaded.recipe.variants]

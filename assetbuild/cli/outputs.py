@@ -5,18 +5,18 @@ from __future__ import annotations
 import json
 import os
 import time
+from collections import Counter
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import IO, TYPE_CHECKING
-from xml.sax.saxutils import quoteattr
+from typing import IO, NamedTuple
+from xml.etree import ElementTree
 
+from assetbuild.cli.github import annotation_lines, step_summary, workspace
 from assetbuild.engine.execute import Event
 from assetbuild.errors import AssetBuildError, MachineError
+from assetbuild.pipeline.building import Outcome
 from assetbuild.report.summary import public_message
-
-if TYPE_CHECKING:
-    from assetbuild.pipeline.building import Outcome
 
 
 @contextmanager
@@ -80,45 +80,53 @@ def write_junit(
 
     error: what kept the build from beginning. MachineError.
     """
-    suites = [_suite(outcome.loaded.recipe.robot, list(_cases(outcome))) for outcome in outcomes]
+    root = ElementTree.Element("testsuites")
+    for outcome in outcomes:
+        _add_suite(root, outcome.loaded.recipe.robot, list(_cases(outcome)))
     if error is not None:
-        cases = [_case("assetbuild", "build", "error", str(each)) for each in error.each()]
-        suites.append(_suite("assetbuild", cases))
-    text = "".join(['<?xml version="1.0" encoding="UTF-8"?>\n<testsuites>\n', *suites])
+        cases = [Case("build", "error", str(each)) for each in error.each()]
+        _add_suite(root, "assetbuild", cases)
+    ElementTree.indent(root)
+    text = ElementTree.tostring(root, "unicode")
     with _writable(path, "w") as file:
-        file.write(f"{text}</testsuites>\n")
+        file.write(f'<?xml version="1.0" encoding="UTF-8"?>\n{text}\n')
 
 
-def _suite(name: str, cases: list[str]) -> str:
-    failures = sum("<failure" in case for case in cases)
-    errors = sum("<error" in case for case in cases)
-    skipped = sum("<skipped" in case for case in cases)
-    counts = f'tests="{len(cases)}" failures="{failures}" errors="{errors}" skipped="{skipped}"'
-    return f"<testsuite name={quoteattr(name)} {counts}>\n{''.join(cases)}</testsuite>\n"
+class Case(NamedTuple):
+    """kind: `failure`, `error`, `skipped`, or "" for a case that passed."""
+
+    name: str
+    kind: str
+    message: str
 
 
-def _cases(outcome: Outcome) -> Iterator[str]:
-    robot = outcome.loaded.recipe.robot
+def _add_suite(root: ElementTree.Element, name: str, cases: Sequence[Case]) -> None:
+    kinds = Counter(case.kind for case in cases)
+    counts = {"failures": kinds["failure"], "errors": kinds["error"], "skipped": kinds["skipped"]}
+    told = {key: str(count) for key, count in {"tests": len(cases), **counts}.items()}
+    suite = ElementTree.SubElement(root, "testsuite", {"name": name, **told})
+    for case in cases:
+        names = {"classname": name, "name": _printable(case.name)}
+        one = ElementTree.SubElement(suite, "testcase", names)
+        if case.kind:
+            ElementTree.SubElement(one, case.kind, message=_printable(case.message.strip()))
+
+
+def _cases(outcome: Outcome) -> Iterator[Case]:
     for label, result in outcome.results.items():
         if result.error is not None:
-            yield _case(robot, f"step {label}", "error", str(result.error))
+            yield Case(f"step {label}", "error", str(result.error))
     for difference in outcome.differences:
-        yield _case(robot, f"reproducible {difference.label}", "failure", str(difference))
+        yield Case(f"reproducible {difference.label}", "failure", str(difference))
     if outcome.report is None:
         return
     for name, check in sorted(outcome.report.checks.items()):
         kind = {"fail": "failure", "skip": "skipped"}.get(check.status, "")
-        yield _case(robot, f"check {name}", kind, check.note or check.status)
+        yield Case(f"check {name}", kind, check.note or check.status)
     for finding in outcome.report.findings:
         if finding.severity == "error":
             name = f"{finding.rule} {finding.subject}"
-            yield _case(robot, name, "failure", f"{finding.where} {public_message(finding)}")
-
-
-def _case(robot: str, name: str, kind: str, message: str) -> str:
-    inner = f"<{kind} message={quoteattr(_printable(message.strip()))}/>" if kind else ""
-    head = f"<testcase classname={quoteattr(robot)} name={quoteattr(_printable(name))}>"
-    return f"{head}{inner}</testcase>\n"
+            yield Case(name, "failure", f"{finding.where} {public_message(finding)}")
 
 
 def _printable(text: str) -> str:
@@ -131,8 +139,6 @@ def tell_github(outcomes: Sequence[Outcome], error: AssetBuildError | None = Non
 
     MachineError.
     """
-    from assetbuild.cli.github import annotation_lines, step_summary, workspace
-
     place, checkout = os.environ.get("GITHUB_STEP_SUMMARY"), workspace()
     if place:
         with _writable(Path(place), "a") as file:

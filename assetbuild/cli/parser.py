@@ -5,17 +5,11 @@ from __future__ import annotations
 import argparse
 import re
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, NoReturn
 
 from assetbuild.errors import UsageError, nearest
-
-WHICH_CHECK = (
-    "`check` reads recipes, `validate` proves built files, `verify` compares digests, `doctor` "
-    "looks at this machine, `cache check` at the store: see docs/reference/checking.md"
-)
-"""The last line of the help of these five verbs."""
 
 
 class Parser(argparse.ArgumentParser):
@@ -93,22 +87,6 @@ class Parser(argparse.ArgumentParser):
         """The usage, the error, and exit code 2."""
         self.print_usage(sys.stderr)
         self.exit(UsageError.exit_code, f"error: {UsageError(message, hint=hint)}\n")
-
-
-def whole_number(least: int, most: int | None = None) -> Callable[[str], int]:
-    """The type of an argument that is a whole number from `least` to `most`."""
-    bounds = f"of at least {least}" if most is None else f"from {least} to {most}"
-
-    def read(text: str) -> int:
-        try:
-            value = int(text)
-        except ValueError:
-            value = least - 1
-        if value < least or (most is not None and value > most):
-            raise argparse.ArgumentTypeError(f"must be a whole number {bounds}, not `{text}`")
-        return value
-
-    return read
 
 
 def _one_of(names: Sequence[str]) -> str:

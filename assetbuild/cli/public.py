@@ -8,7 +8,7 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
-from assetbuild.cli.recipes import given_as
+from assetbuild.cli.values import given_as
 from assetbuild.findings import Finding
 from assetbuild.report.document import Report
 from assetbuild.report.summary import WITHHELD, public_message, public_rows

@@ -8,29 +8,17 @@ import sys
 import webbrowser
 from pathlib import Path
 
+from assetbuild.cli.public import shown_figures
+from assetbuild.cli.summary import every_finding_line
+from assetbuild.engine.world import World
 from assetbuild.errors import UsageError
 from assetbuild.findings import finding_from_json
-
-HELP = "show the report of a bundle"
-
-
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the arguments."""
-    parser.add_argument("bundle", type=Path, help="a folder that `assetbuild build` wrote")
-    parser.add_argument("--open", action="store_true", help="open the page in a browser")
-    parser.add_argument(
-        "--pictures",
-        type=Path,
-        metavar="DIR",
-        help="draw into DIR: from behind, collision, inertia, joint axes, contacts",
-    )
+from assetbuild.looks.offscreen import renderer
+from assetbuild.looks.render import draw_all
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Print verdict, checks and findings; 0 when ready for training, else 1."""
-    from assetbuild.cli.public import shown_figures
-    from assetbuild.cli.summary import every_finding_line
-
     path: Path = arguments.bundle / "report" / "report.json"
     try:
         report = json.loads(path.read_bytes())
@@ -62,10 +50,6 @@ def run(arguments: argparse.Namespace) -> int:
 
 def _draw(bundle: Path, folder: Path) -> None:
     """UsageError when it has no MJCF; StepError when this machine cannot draw."""
-    from assetbuild.engine.world import World
-    from assetbuild.looks.offscreen import renderer
-    from assetbuild.looks.render import draw_all
-
     scene = bundle / "mjcf" / "scene.xml"
     if not scene.is_file():
         raise UsageError(f"no `{scene}` to draw", hint="build the target `mjcf`")

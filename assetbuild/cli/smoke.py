@@ -7,36 +7,20 @@ import sys
 from collections.abc import Sequence
 from dataclasses import replace
 
-from assetbuild.cli.build import add_plain_arguments
-
-HELP = "build the bundle and let a trainer load, step and train it for a moment"
-CONSUMERS = ("mjlab", "newton", "isaaclab", "simready", "asset_validator")
-
-
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the arguments."""
-    add_plain_arguments(parser)
-    parser.add_argument(
-        "--consumer", choices=CONSUMERS, action="append", required=True, help="may be repeated"
-    )
-    parser.add_argument(
-        "-y", "--yes", action="store_true", help="make environments without asking first"
-    )
+from assetbuild.cli.build import build_and_print, requests_of
+from assetbuild.cli.public import shown_figures
+from assetbuild.engine.world import World
+from assetbuild.pipeline.building import check_requests
+from assetbuild.pipeline.smoking import (
+    check_name,
+    environments_to_make,
+    lacks,
+    make_environments,
+)
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Make what is missing, build, print what each trainer found; 1 when one refuses."""
-    from assetbuild.cli.build import build_and_print, requests_of
-    from assetbuild.cli.public import shown_figures
-    from assetbuild.engine.world import World
-    from assetbuild.pipeline.building import check_requests
-    from assetbuild.pipeline.smoking import (
-        check_name,
-        environments_to_make,
-        lacks,
-        make_environments,
-    )
-
     consumers = tuple(dict.fromkeys(arguments.consumer))
     requests = [replace(request, smoke=consumers) for request in requests_of(arguments)]
     check_requests(requests)

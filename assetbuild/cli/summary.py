@@ -144,6 +144,12 @@ def every_finding_line(findings: Sequence[Finding]) -> list[str]:
     return [line.removeprefix("    ") for group in groups for line in _group_lines(group, None)]
 
 
+def print_findings(findings: Sequence[Finding]) -> None:
+    """All findings, on stderr."""
+    for line in every_finding_line(findings):
+        print(line, file=sys.stderr)
+
+
 def _told_together(finding: Finding) -> tuple[str, str]:
     return finding.severity, "" if is_consequence(finding) else finding.rule
 

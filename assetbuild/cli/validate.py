@@ -6,29 +6,14 @@ import argparse
 import json
 from pathlib import Path
 
-from assetbuild.cli.cache import add_sharing
-from assetbuild.cli.init import add_package_argument
-from assetbuild.cli.parser import WHICH_CHECK
-
-HELP = "check a bundle, or any MJCF, URDF or USD file"
-EPILOG = WHICH_CHECK
-
-
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the arguments."""
-    parser.add_argument("path", type=Path, metavar="FILE_OR_BUNDLE")
-    parser.add_argument("--json", action="store_true", help="findings as JSON")
-    parser.add_argument("--static", action="store_true", help="read the file, simulate nothing")
-    add_package_argument(parser)
-    add_sharing(parser)
+from assetbuild.cli.progress import progress
+from assetbuild.cli.public import shown_message
+from assetbuild.pipeline.opening import remote_cache
+from assetbuild.pipeline.validating import Wish, validate, worst
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Print each finding; 1 when one is an error, else 0."""
-    from assetbuild.cli.progress import progress
-    from assetbuild.cli.public import shown_message
-    from assetbuild.pipeline.opening import remote_cache
-    from assetbuild.pipeline.validating import Wish, validate, worst
 
     def recipe_for(robot: Path, out: Path) -> None:
         from assetbuild.init import propose, write  # not for a file that is only read

@@ -6,38 +6,27 @@ import argparse
 import sys
 import time
 from pathlib import Path
-from typing import TYPE_CHECKING
 
-from assetbuild.cli.build import add_plain_arguments
+from assetbuild.cli import Terminated, print_error
+from assetbuild.cli.build import build_and_print, requests_of
 from assetbuild.engine.null import lines_of, renewed
 from assetbuild.engine.questions import STAMP, answer
+from assetbuild.engine.world import World, files_in
 from assetbuild.errors import AssetBuildError
-
-if TYPE_CHECKING:
-    from assetbuild.engine.world import World
-    from assetbuild.pipeline.building import Request
-
-HELP = "build, and again whenever the recipe or a source changes; Ctrl-C ends it"
 
 PAUSE_S = 0.25
 """Between two looks at the files. Looking works on every file system; notices do not."""
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the arguments."""
-    add_plain_arguments(parser)
-
-
 def run(arguments: argparse.Namespace) -> int:
     """Until Ctrl-C: then 0 if it waits, 130 if it builds."""
-    from assetbuild.cli import Terminated
-    from assetbuild.cli.build import requests_of
-    from assetbuild.engine.world import World, files_in
-
     requests = requests_of(arguments)
     while True:
         world, began_ns = World(), time.time_ns()
-        _build(requests, world)
+        try:
+            build_and_print(requests, world)
+        except AssetBuildError as error:
+            print_error(error)
         lines, changed = lines_of(world.record, began_ns)
         if changed:
             continue  # while it was built
@@ -50,17 +39,6 @@ def run(arguments: argparse.Namespace) -> int:
         except KeyboardInterrupt:
             print("stopped watching", file=sys.stderr)
             return 0
-
-
-def _build(requests: list[Request], world: World) -> None:
-    """Build and print. world: its record tells what was asked, also when it fails."""
-    from assetbuild.cli import print_error
-    from assetbuild.cli.build import build_and_print
-
-    try:
-        build_and_print(requests, world)
-    except AssetBuildError as error:
-        print_error(error)
 
 
 def _wait(lines: list[str]) -> None:

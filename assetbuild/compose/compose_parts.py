@@ -10,14 +10,14 @@ from pathlib import Path
 
 from pydantic import BaseModel, ConfigDict
 
-from assetbuild.compose.composed_control import KeyOf, PartControl, joined, names_of
+from assetbuild.compose.composed_control import KeyOf, PartControl, joined, names_of, under
 from assetbuild.compose.composed_masks import meeting_masks
 from assetbuild.engine.step import Files, Step
 from assetbuild.errors import RecipeError, did_you_mean
 from assetbuild.findings import Finding, Rule
 from assetbuild.robot.codec import encode
 from assetbuild.robot.files import RobotFiles
-from assetbuild.robot.model import Body, Joint, Mimic, Tree
+from assetbuild.robot.model import Body, Joint, Tree
 from assetbuild.robot.mount import At, Mount
 from assetbuild.robot.pose import IDENTITY, Pose, quat_of_rpy
 from assetbuild.robot.randomize import homogeneous_box
@@ -160,21 +160,13 @@ def _told_scenery(said: PartControl, part: PartOn) -> Iterator[Finding]:
 
 def prefixed_tree(tree: Tree, prefix: str) -> Tree:
     """The same tree with a prefix on every name."""
+    named = (under(prefix, joint, "name", "parent", "child") for joint in tree.joints)
     return replace(
         tree,
-        bodies=tuple(replace(body, name=prefix + body.name) for body in tree.bodies),
-        joints=tuple(_prefixed_joint(joint, prefix) for joint in tree.joints),
-        frames=tuple(
-            replace(frame, name=prefix + frame.name, body=prefix + frame.body)
-            for frame in tree.frames
-        ),
+        bodies=tuple(under(prefix, body, "name") for body in tree.bodies),
+        joints=tuple(replace(j, mimic=j.mimic and under(prefix, j.mimic, "joint")) for j in named),
+        frames=tuple(under(prefix, frame, "name", "body") for frame in tree.frames),
     )
-
-
-def _prefixed_joint(joint: Joint, prefix: str) -> Joint:
-    mimic: Mimic | None = joint.mimic and replace(joint.mimic, joint=prefix + joint.mimic.joint)
-    names = {key: prefix + getattr(joint, key) for key in ("name", "parent", "child")}
-    return replace(joint, mimic=mimic, **names)
 
 
 def prefixed_shapes(shapes: SourceShapes, prefix: str) -> SourceShapes:
@@ -189,19 +181,12 @@ def _prefixed_shape(shape: SourceShape, prefix: str) -> SourceShape:
     geometry = shape.geometry
     if isinstance(geometry, MeshFile):
         geometry = replace(geometry, path=part_path(prefix, geometry.path))
-    material = prefix + shape.material if shape.material else None
-    return replace(
-        shape,
-        name=prefix + shape.name,
-        link=prefix + shape.link,
-        geometry=geometry,
-        material=material,
-    )
+    return replace(under(prefix, shape, "name", "link", "material"), geometry=geometry)
 
 
 def _prefixed_material(material: Material, prefix: str) -> Material:
     texture = part_path(prefix, material.texture) if material.texture else None
-    return replace(material, name=prefix + material.name, texture=texture)
+    return replace(under(prefix, material, "name"), texture=texture)
 
 
 def part_path(prefix: str, path: str) -> str:

@@ -4,16 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
+from typing import Any, TypeVar
 from xml.etree import ElementTree
 
 import numpy as np
 
 from assetbuild.errors import RecipeError
-from assetbuild.robot.model import Actuator, Camera, Loop, MjcfOnly, Place, Sensor
+from assetbuild.robot.model import Camera, Loop, MjcfOnly, Place, Sensor
 from assetbuild.robot.pose import IDENTITY, Pose, normalised_quat, vec3
 from assetbuild.robot.source import SourceControl
 from assetbuild.source.mjcf.opaque import keys, words
 
+Named = TypeVar("Named", bound=Any)  # Any: a frozen dataclass
 WORLD = "world"
 REFERENCES = keys(
     "name joint joint1 joint2 jointinparent body body1 body2 subtree1 subtree2 target site site1 "
@@ -23,6 +25,8 @@ REFERENCES = keys(
 """Attributes that name something of the robot, in the elements that `MjcfOnly` holds."""
 OF_THE_BASE = ("option", "size", "root", "freejoint")
 """What a part says for itself alone: how it is simulated, and where it stands in its own world."""
+JOINED = ("actuators", "excludes", "contacts", "sensors", "cameras", "mjcf_only", "loops")
+"""What the whole has of all sides, one after another."""
 TIMESTEP_S = 0.002
 """MuJoCo's own, where nothing is stated."""
 _LIKE_MUJOCO = {"integrator": "Euler", "cone": "pyramidal", "impratio": "1"}
@@ -58,7 +62,7 @@ class PartControl:
         return SourceControl(
             replace(
                 control,
-                actuators=tuple(_actuator(actuator, prefix) for actuator in control.actuators),
+                actuators=tuple(under(prefix, a, "joint", "name") for a in control.actuators),
                 keyframes=(),
                 excludes=tuple((prefix + a, prefix + b) for a, b in control.excludes),
                 contacts=tuple((prefix + name, contact) for name, contact in control.contacts),
@@ -84,12 +88,12 @@ class PartControl:
 
     def _sensor(self, sensor: Sensor) -> Sensor:
         relative = self._place(sensor.relative_to) if sensor.relative_to else None
-        name = self.prefix + sensor.name
-        return replace(sensor, name=name, at=self._place(sensor.at), relative_to=relative)
+        named = under(self.prefix, sensor, "name")
+        return replace(named, at=self._place(sensor.at), relative_to=relative)
 
     def _loop(self, loop: Loop) -> Loop:
-        a, b = (replace(end, body=self.prefix + end.body) for end in loop.ends)
-        return replace(loop, name=self.prefix + loop.name, a=a, b=b)
+        a, b = (under(self.prefix, end, "body") for end in loop.ends)
+        return replace(under(self.prefix, loop, "name"), a=a, b=b)
 
     def _items(self) -> Iterator[MjcfOnly]:
         for item in self.said.control.mjcf_only:
@@ -136,11 +140,10 @@ class PartControl:
 
     def _camera(self, camera: Camera) -> Camera:
         """One in the part's world stands on its root now, as where it is attached in MuJoCo."""
-        link, pose = camera.link, camera.X_link_camera
-        if link is None:
-            link, pose = self.root, self.pose_in_root @ pose
-        name = self.prefix + camera.name
-        return replace(camera, name=name, link=self.prefix + link, X_link_camera=pose)
+        if camera.link is None:
+            pose = self.pose_in_root @ camera.X_link_camera
+            camera = replace(camera, link=self.root, X_link_camera=pose)
+        return under(self.prefix, camera, "name", "link")
 
     def scenery(self) -> list[str]:
         """Names of cameras and lights in the part's own world."""
@@ -181,6 +184,12 @@ class PartControl:
         return tuple(found)
 
 
+def under(prefix: str, thing: Named, *keys: str) -> Named:
+    """The same thing with a prefix on the names at some of its keys, where it has them."""
+    names = {key: prefix + name for key in keys if (name := getattr(thing, key))}
+    return replace(thing, **names)
+
+
 def joined(base: SourceControl | None, parts: Mapping[str, SourceControl]) -> SourceControl:
     """One for the whole: the base's, then each part's, prefixed already; parts: by prefix."""
     first = base or SourceControl()
@@ -189,17 +198,11 @@ def joined(base: SourceControl | None, parts: Mapping[str, SourceControl]) -> So
     for part in parts.values():
         for key, values in part.ctrl:
             ctrl[key] = (*ctrl.get(key, ()), *values)
+    whole: dict[str, Any] = {  # Any: tuples of what each key holds
+        key: tuple(each for control in controls for each in getattr(control, key)) for key in JOINED
+    }
     return SourceControl(
-        replace(
-            first.control,
-            actuators=tuple(each for control in controls for each in control.actuators),
-            excludes=tuple(each for control in controls for each in control.excludes),
-            contacts=tuple(each for control in controls for each in control.contacts),
-            sensors=tuple(each for control in controls for each in control.sensors),
-            cameras=tuple(each for control in controls for each in control.cameras),
-            mjcf_only=tuple(each for control in controls for each in control.mjcf_only),
-            loops=tuple(each for control in controls for each in control.loops),
-        ),
+        replace(first.control, **whole),
         bodies=(*first.bodies, *(body for part in parts.values() for body in part.bodies)),
         ctrl=tuple((key, values) for key, values in ctrl.items() if values),
         surfaces=tuple((prefix, part.control.contact) for prefix, part in parts.items()),
@@ -219,11 +222,6 @@ def names_of(said: SourceControl) -> Iterator[tuple[str, str]]:
         named = item.place in ("actuator", "sensor", "tendon", "equality") and element.get("name")
         if named and not item.owner:  # else it is the drive of its joint
             yield item.place, element.get("name", "")
-
-
-def _actuator(actuator: Actuator, prefix: str) -> Actuator:
-    name = prefix + actuator.name if actuator.name else ""
-    return replace(actuator, joint=prefix + actuator.joint, name=name)
 
 
 def _options(said: SourceControl | None) -> Mapping[str, str]:

@@ -8,9 +8,11 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 from typing import Any
 
 from assetbuild.compose.names import HOME, Member, Row, Value, rows_of, spoken_of
+from assetbuild.geometry.jobs import file_of
 from assetbuild.quantities import listed
 from assetbuild.recipe.collision import CollisionRule
 from assetbuild.recipe.loader import LoadedRecipe
@@ -166,10 +168,22 @@ def _keep_bodies(members: Sequence[Member]) -> Iterator[Row[str]]:
 def _collision(members: Sequence[Member]) -> Iterator[Row[CollisionRule]]:
     for member in members:
         own = member.recipe.collision
-        rules = {pattern: _under(rule, own.preset) for pattern, rule in own.links.items()}
+        folder = member.loaded.folder
+        rules = {p: _under(_found(rule, folder), own.preset) for p, rule in own.links.items()}
         yield from rows_of(member, ("collision", "links"), rules)
         if member.part:
-            yield _all_links(member, _under(own.default, own.preset), "collision", "default")
+            default = _under(_found(own.default, folder), own.preset)
+            yield _all_links(member, default, "collision", "default")
+
+
+def _found(rule: CollisionRule, folder: Path) -> CollisionRule:
+    """The rule with the files of its own folder, whatever that of the whole is."""
+    pieces = getattr(rule, "pieces", None)
+    if not pieces:
+        return rule
+    files = (piece.file and str(file_of(piece.file, folder)) for piece in pieces)
+    there = (p.model_copy(update={"file": f}) for p, f in zip(pieces, files, strict=True))
+    return rule.model_copy(update={"pieces": tuple(there)})
 
 
 def _under(rule: CollisionRule, preset: str) -> CollisionRule:

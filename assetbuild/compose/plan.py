@@ -16,7 +16,7 @@ from assetbuild.errors import did_you_mean
 from assetbuild.geometry.plan import Geometry
 from assetbuild.recipe.loader import LoadedRecipe
 from assetbuild.recipe.models import Recipe
-from assetbuild.recipe.validation import Key
+from assetbuild.recipe.validation import Key, KeyedError
 from assetbuild.robot.codec import decode
 from assetbuild.robot.model import Tree
 from assetbuild.robot.sides import Side
@@ -116,13 +116,13 @@ def _geometry(base: Ready, parts: Mapping[str, Ready]) -> Geometry | None:
     return base.geometry
 
 
-def check_parts(loaded: LoadedRecipe) -> None:
+def check_parts(recipe: Recipe) -> None:
     """Prefixes that cannot be told apart."""
-    prefixes = [row.as_ for row in loaded.recipe.compose]
+    prefixes = [row.as_ for row in recipe.compose]
     for index, prefix in enumerate(prefixes):
         if any(prefix.startswith(other) for other in prefixes[:index] + prefixes[index + 1 :]):
             message = f"the prefix `{prefix}` begins with that of another part"
-            raise loaded.error(("compose", index, "as"), message, "choose another")
+            raise KeyedError(("compose", index, "as"), message, "choose another")
 
 
 def _check_links(members: Sequence[Member]) -> None:

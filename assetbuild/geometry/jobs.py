@@ -16,13 +16,14 @@ import numpy as np
 from assetbuild.collision import CollisionMethod, Likeness, PlacedSource, Probe
 from assetbuild.engine.graph import Node, Ref
 from assetbuild.engine.planner import Planner
+from assetbuild.engine.world import World
 from assetbuild.errors import did_you_mean
 from assetbuild.geometry.match_shapes import MatchShapes
 from assetbuild.mesh.read import Format
 from assetbuild.plugins import load_plugin
 from assetbuild.recipe.collision import CollisionRule, ShapedRule
-from assetbuild.recipe.loader import LoadedRecipe
-from assetbuild.recipe.models import Recipe
+from assetbuild.recipe.models import Collision, Recipe
+from assetbuild.recipe.validation import Key, KeyedError
 from assetbuild.robot.model import Tree
 from assetbuild.robot.pose import IDENTITY, Pose, Vec3, vec3
 from assetbuild.robot.regions import Region, ToleranceRegion
@@ -109,27 +110,29 @@ class Meshes(Protocol):
         """The node of a converted mesh."""
 
 
-def collision_jobs(loaded: LoadedRecipe, links: Tree, meshes: Meshes) -> tuple[Job, ...]:
-    """All collision uses of the robot, in the order of its links."""
+def collision_jobs(recipe: Recipe, folder: Path, links: Tree, meshes: Meshes) -> tuple[Job, ...]:
+    """All collision uses of the robot, in the order of its links. folder: of the recipe."""
     jobs: list[Job] = []
     for body in links.bodies:
-        jobs += _jobs_of(loaded, body.name, links, meshes.shapes)
+        jobs += _jobs_of(recipe, folder, body.name, links, meshes.shapes)
     return tuple(jobs)
 
 
-def _jobs_of(loaded: LoadedRecipe, link: str, links: Tree, shapes: SourceShapes) -> list[Job]:
-    rule, key = _rule_of(loaded.recipe, link)
+def _jobs_of(
+    recipe: Recipe, folder: Path, link: str, links: Tree, shapes: SourceShapes
+) -> list[Job]:
+    rule = _rule_of(recipe.collision, link)
     own = _source_of(rule, link, shapes)
     method = method_of(rule)
     if method is None or not isinstance(rule, ShapedRule):
         return [Job(link, (shape,)) for shape in own] if rule.method == "keep" else []
     if not own and method.step_name() != "explicit":
         return []
-    fields = _fields(rule, loaded.recipe)
+    fields = _fields(rule, recipe)
     if "bones" in method.model_fields and fields.get("max_hulls", 1) > 1:
         fields["bones"] = _bones(links, link)
     if method.scope != "shape":
-        files = _own_meshes(rule, fields, loaded.folder(key))
+        files = _own_meshes(rule, fields, folder)
         return [Job(link, own, method, fields, rule.keep_open, rule.regions, files)]
     return [
         Job(link, (shape,))
@@ -169,11 +172,11 @@ def _bones(links: Tree, link: str) -> tuple[Vec3, ...]:
     return tuple(sorted({end for end in ends if math.hypot(*end) > BONE_M}))
 
 
-def _rule_of(recipe: Recipe, link: str) -> tuple[CollisionRule, tuple[str, ...]]:
-    for pattern, rule in recipe.collision.links.items():
+def _rule_of(collision: Collision, link: str) -> CollisionRule:
+    for pattern, rule in collision.links.items():
         if re.fullmatch(pattern, link):
-            return rule, ("collision", "links", pattern)
-    return recipe.collision.default, ("collision", "default")
+            return rule
+    return collision.default
 
 
 def _source_of(rule: CollisionRule, link: str, shapes: SourceShapes) -> tuple[SourceShape, ...]:
@@ -193,20 +196,20 @@ def method_of(rule: CollisionRule) -> type[CollisionMethod] | None:
     return load_plugin(CollisionMethod, rule.method)
 
 
-def check_files(loaded: LoadedRecipe, rule: CollisionRule, key: tuple[str, ...]) -> None:
-    """RecipeError for a piece whose file is not there, or no mesh by its name."""
+def check_files(rule: CollisionRule, key: Key, folder: Path, world: World) -> None:
+    """KeyedError for a piece whose file is not there, or no mesh by its name."""
     for number, piece in enumerate(getattr(rule, "pieces", None) or ()):
         if piece.file is None:
             continue
-        path = file_of(piece.file, loaded.folder(key))
-        place: tuple[str | int, ...] = (*key, "pieces", number, "file")
+        path = file_of(piece.file, folder)
+        place = (*key, "pieces", number, "file")
         if path.suffix.lower().lstrip(".") not in get_args(Format):
             hint = f"known formats: {', '.join(get_args(Format))}"
-            raise loaded.error(place, f"`{piece.file}` is no mesh by its name", hint)
-        if not loaded.world.is_file(path):
-            hint = did_you_mean(path.name, loaded.world.names(path.parent))
+            raise KeyedError(place, f"`{piece.file}` is no mesh by its name", hint)
+        if not world.is_file(path):
+            hint = did_you_mean(path.name, world.names(path.parent))
             hint = hint or "paths are relative to the recipe's folder"
-            raise loaded.error(place, f"no file `{piece.file}`", hint)
+            raise KeyedError(place, f"no file `{piece.file}`", hint)
 
 
 def _fields(rule: CollisionRule, recipe: Recipe) -> dict[str, Any]:  # Any: as Job.fields

@@ -18,7 +18,6 @@ from assetbuild.geometry.jobs import Job, Twins, collision_jobs, equal_shapes
 from assetbuild.geometry.lint_density import LintDensity
 from assetbuild.geometry.lint_meshes import LintMeshes
 from assetbuild.mesh.companions import format_of
-from assetbuild.recipe.loader import LoadedRecipe
 from assetbuild.recipe.models import Recipe
 from assetbuild.robot.model import Tree
 from assetbuild.robot.shapes import MeshFile, SourceShapes
@@ -171,7 +170,8 @@ def _numbered(records: Mapping[str, Ref]) -> dict[str, Ref]:
 
 
 def assemble(
-    loaded: LoadedRecipe,
+    recipe: Recipe,
+    folder: Path,
     links: Tree,
     geometry: Geometry,
     shapes: Ref,
@@ -180,11 +180,11 @@ def assemble(
 ) -> Node | None:
     """All final shapes and mesh files of the robot; None while equal shapes are looked for.
 
-    sides: shapes of one that comes as MJCF keep their names.
+    folder: of the recipe. sides: shapes of one that comes as MJCF keep their names.
     """
     inputs: dict[str, Ref] = {"shapes.json": shapes}
-    visuals = _visuals(loaded.recipe, geometry, sides, inputs)
-    jobs = collision_jobs(loaded, links, geometry)
+    visuals = _visuals(recipe, geometry, sides, inputs)
+    jobs = collision_jobs(recipe, folder, links, geometry)
     twins = equal_shapes(jobs, geometry, p)
     if twins is None:
         return None

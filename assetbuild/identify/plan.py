@@ -8,7 +8,7 @@ control, fits -> control
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -24,7 +24,8 @@ from assetbuild.identify.table import FORMATS
 from assetbuild.identify.use_fits import UseFits
 from assetbuild.kinds import Target
 from assetbuild.plugins import load_plugin
-from assetbuild.recipe.loader import LoadedRecipe
+from assetbuild.recipe.models import Recipe
+from assetbuild.recipe.validation import KeyedError
 from assetbuild.robot.identify import Identify, by_joint
 from assetbuild.robot.model import Tree
 
@@ -37,23 +38,24 @@ class Identified:
     fits: tuple[Node, ...]
 
 
-def identify(loaded: LoadedRecipe, tree: Tree, merged: Ref, control: Ref, p: Planner) -> Identified:
-    """Add the fits of the recipe. RecipeError for patterns and files that are not there."""
-    entries = loaded.recipe.identify
+def identify(
+    entries: Sequence[Identify], folder: Path, tree: Tree, merged: Ref, control: Ref, p: Planner
+) -> Identified:
+    """Add the fits. KeyedError for patterns and files that are not there. folder: of the recipe."""
     fits: list[Node] = []
     used: dict[str, Ref] = {}
     taken: dict[str, int] = {}
     for number, entry in enumerate(entries):
-        joints = _joints(loaded, number, entry, tree)
+        joints = _joints(number, entry, tree)
         for joint in joints:
             if joint in taken:
-                raise loaded.error(
+                raise KeyedError(
                     ("identify", number, "joints"),
                     f"joint `{joint}` is in entry {taken[joint]} too",
                     "give the logs of one joint to one entry, or narrow a pattern",
                 )
             taken[joint] = number
-        fit = _fit(loaded, number, entry, joints, merged, control, p)
+        fit = _fit(folder, number, entry, joints, merged, control, p)
         fits.append(fit)
         if entry.use:
             used[f"fits/{len(used)}.json"] = fit["fit.json"]
@@ -64,29 +66,27 @@ def identify(loaded: LoadedRecipe, tree: Tree, merged: Ref, control: Ref, p: Pla
 
 
 def excite(
-    loaded: LoadedRecipe, tree: Tree, robot: Mapping[str, Ref], seconds: float, p: Planner
+    recipe: Recipe, tree: Tree, robot: Mapping[str, Ref], seconds: float, p: Planner
 ) -> Node:
     """What to record for the first entry of `identify`, or for all drives of a recipe without."""
-    entry = next(iter(loaded.recipe.identify), None)
+    entry = next(iter(recipe.identify), None)
     if entry is None:
         entry = Identify.model_construct(logs=())
-        driven = [row.joints for row in loaded.recipe.actuators if row.model in POSITION]
+        driven = [row.joints for row in recipe.actuators if row.model in POSITION]
         names = [j.name for j in tree.moving_joints if any(re.fullmatch(d, j.name) for d in driven)]
         if not names:
-            raise loaded.error(
+            raise KeyedError(
                 ("actuators",),
                 "no row is a position controller: nothing says what could be commanded",
                 "add `identify` with `joints` and `recorded`",
             )
         joints = tuple(names)
     else:
-        joints = _joints(loaded, 0, entry, tree)
+        joints = _joints(0, entry, tree)
     ports = {port: robot[port] for port in ("tree.json", "control.json")}
     prior = p.add("keep_prior", KeepPrior(joints=joints, recorded=entry.recorded), ports)
     target = load_plugin(Target, "mjcf")
-    model = p.add(
-        "mjcf", target.configure(loaded.recipe), {port: robot[port] for port in target.reads}
-    )
+    model = p.add("mjcf", target.configure(recipe), {port: robot[port] for port in target.reads})
     step = Excite(
         joints=joints,
         fit=tuple((joint, tuple(by_joint(entry.fit, joint) or ())) for joint in joints),
@@ -94,34 +94,34 @@ def excite(
         widest=entry.widest,
         seconds=seconds,
         # A floating robot hangs in a stand; a fixed one stands on its table.
-        file="scene.xml" if tree.base == "fixed" else f"{loaded.recipe.robot}.xml",
+        file="scene.xml" if tree.base == "fixed" else f"{recipe.robot}.xml",
     )
     inputs = ports | {"prior.json": prior["prior.json"], "mjcf/": model["mjcf/"]}
     return p.add("excite", step, inputs)
 
 
-def _joints(loaded: LoadedRecipe, number: int, entry: Identify, tree: Tree) -> tuple[str, ...]:
+def _joints(number: int, entry: Identify, tree: Tree) -> tuple[str, ...]:
     free = [joint.name for joint in tree.moving_joints if joint.mimic is None]
     joints = tuple(name for name in free if re.fullmatch(entry.joints, name))
     key = ("identify", number)
     if not joints:
         hint = did_you_mean(entry.joints, free)
-        raise loaded.error((*key, "joints"), f"`{entry.joints}` matches no moving joint", hint)
+        raise KeyedError((*key, "joints"), f"`{entry.joints}` matches no moving joint", hint)
     for name in entry.names:
         if name not in joints:
             message = f"`{name}` is no joint that `{entry.joints}` matches"
-            raise loaded.error((*key, "names", name), message, did_you_mean(name, joints))
+            raise KeyedError((*key, "names", name), message, did_you_mean(name, joints))
     patterns = [("tied", pattern) for pattern in entry.tied]
     patterns += [("fit", pattern) for pattern in entry.fit] if isinstance(entry.fit, dict) else []
     for what, pattern in patterns:
         if not any(re.fullmatch(pattern, name) for name in joints):
             message = f"pattern `{pattern}` matches none of the entry's joints"
-            raise loaded.error((*key, what), message, did_you_mean(pattern, joints))
+            raise KeyedError((*key, what), message, did_you_mean(pattern, joints))
     return joints
 
 
 def _fit(
-    loaded: LoadedRecipe,
+    folder: Path,
     number: int,
     entry: Identify,
     joints: tuple[str, ...],
@@ -132,11 +132,11 @@ def _fit(
     inputs, digests = {"tree.json": merged}, []
     for index, log in enumerate(entry.logs):
         key = ("identify", number, "logs", index, "file")
-        path = loaded.folder(key) / log.file
+        path = folder / log.file
         if not log.file.endswith(FORMATS):
-            raise loaded.error(key, f"`{log.file}`: a log is one of {', '.join(FORMATS)}")
+            raise KeyedError(key, f"`{log.file}`: a log is one of {', '.join(FORMATS)}")
         if not p.world.is_file(path):
-            raise loaded.error(
+            raise KeyedError(
                 key, f"`{log.file}`: there is no such file", "paths begin at the recipe"
             )
         digests.append(p.world.digest(path))

@@ -40,8 +40,9 @@ class Lighten(Step):
     """Converted meshes -> `light/`: those that lost triangles, each named after its full file.
 
     Each mesh keeps its shape: 99 % of its surface lies within an error that the view does not show,
-    and no part of it is lost. Only a robot that has more than `max_faces` triangles then loses more of them, all meshes
-    in proportion. The view shows colours and no textures, so their coordinates are lost as well.
+    and no part of it is lost. Only a robot that has more than `max_faces` triangles then loses more
+    of them, all meshes in proportion. The view shows colours and no textures, so their coordinates
+    are lost as well.
     Nothing of this is physics, and no target reads it.
     """
 
@@ -98,7 +99,7 @@ def _light(mesh: TriangleMesh, error_m: float) -> TriangleMesh:
             return False
         kept = surface_samples(made, DENSE, 0)[0]
         off = surface.distance(kept[:: DENSE // SAMPLES])
-        lost, _ = cKDTree(kept).query(points)
+        lost = np.asarray(cKDTree(kept).query(points)[0])
         return bool(np.quantile(off, 0.99) <= error_m and lost.max() <= LOST * mesh.diagonal)
 
     light, made = mesh, clustered(mesh, CELL * error_m, DECIMALS)

@@ -1,15 +1,13 @@
 """A bundle's files are proven by writing them again, from its own robot and meshes.
 
-The targets run on `report/robot.json` in a scratch folder, in the environment that pins a build's
-kernels. Equal bytes are equal; of all else the comparers of `facts.again` tell what differs.
+The targets run on `report/robot.json` as steps of a build, in a store of their own. Equal bytes are
+equal; of all else the comparers of `facts.again` tell what differs.
 """
 
 from __future__ import annotations
 
-import json
 import os
 import shutil
-import sys
 import tempfile
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -17,12 +15,13 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from assetbuild.control.keep_ratings import KeepRatings
-from assetbuild.engine.children import Kind, environment
 from assetbuild.engine.code import Code
 from assetbuild.engine.digest import digest_file
+from assetbuild.engine.planner import Planner, settle_all
+from assetbuild.engine.session import Session
 from assetbuild.engine.step import Step
-from assetbuild.engine.wire import step_to_json
-from assetbuild.errors import MachineError, StepError
+from assetbuild.engine.store import Store
+from assetbuild.errors import StepError
 from assetbuild.facts.again.files import rows_of
 from assetbuild.facts.again.row import NotParsedError, row_findings
 from assetbuild.facts.again.written import Signed, read_signed
@@ -35,20 +34,13 @@ from assetbuild.pipeline.writers import (
     StatedRecipe,
     code_of_writers,
     place,
+    reads,
     writer,
     writer_kinds,
 )
 from assetbuild.robot.codec import encode
-from assetbuild.simulators.children import run_child
 
 ROBOT = "report/robot.json"
-BOOT = (
-    "import json, sys; sys.path[:] = json.loads(sys.argv[1]); "
-    "from assetbuild.pipeline import _again_child; _again_child.main(sys.argv[2])"
-)
-"""Program text of the process that writes: it finds the modules that this one finds."""
-SECONDS = 600.0
-"""Time for all writers."""
 
 UNPROVEN = Rule(
     "again.unproven",
@@ -69,14 +61,6 @@ REFUSED = Rule(
     "a target cannot write the robot of the bundle",
     "build the bundle again",
 )
-
-
-@dataclass(frozen=True)
-class Plan:
-    """Which writers run. steps: by name; said: why others do not."""
-
-    steps: Mapping[str, Step]
-    said: tuple[Finding, ...]
 
 
 @dataclass(frozen=True)
@@ -102,11 +86,14 @@ def prove_again(bundle: Path, robot: str, reference: Reference) -> Iterator[Find
         yield _edited(signed)
         return
     meshes = held_meshes(bundle, signed.written.meshes)
-    plan = _plan(robot, reference, signed, meshes)
-    yield from plan.said
-    yield from _edited_meshes(meshes, reference)
-    with tempfile.TemporaryDirectory(prefix="assetbuild-again-") as folder:
-        again = _write(Path(folder), reference, meshes, plan.steps)
+    with (
+        tempfile.TemporaryDirectory(prefix="assetbuild-again-") as folder,
+        Session(Store(Path(folder, "store"))) as session,
+    ):
+        steps, left = _steps(robot, reference, signed, meshes, session.code)
+        yield from left
+        yield from _edited_meshes(meshes, reference)
+        again = _write(Path(folder), reference, meshes, steps, session)
         yield from again.refused
         for path in again.writers:
             yield from _compared(path, bundle, again)
@@ -122,26 +109,28 @@ def _edited(signed: Signed) -> Finding:
 # --- what can be written ----------------------------------------------------------------------
 
 
-def _plan(robot: str, reference: Reference, signed: Signed, meshes: Mapping[str, Held]) -> Plan:
-    """The writers whose code, sections and meshes are those of the build."""
+def _steps(
+    robot: str, reference: Reference, signed: Signed, meshes: Mapping[str, Held], known: Code
+) -> tuple[dict[str, Step], list[Finding]]:
+    """The writers whose code, sections and meshes are those of the build; why others do not run."""
     written = signed.written
     stated = StatedRecipe(robot, tuple(written.writers), reference)
     kinds = writer_kinds(written.writers)
-    code = code_of_writers(kinds, Code())
+    code = code_of_writers(kinds, known)
     lost = [file for file in written.meshes if file not in meshes]
     steps: dict[str, Step] = {}
-    said: list[Finding] = []
+    left: list[Finding] = []
     for name, digest in written.writers.items():
         if why := _hindrance(kinds.get(name), code.get(name) == digest, lost):
             text = f"{why}, so that only their readers prove its files"
-            said.append(UNPROVEN(f"target {name}", text, where=ROBOT))
+            left.append(UNPROVEN(f"target {name}", text, where=ROBOT))
             continue
         try:
             steps[name] = writer(name, kinds[name], stated)
         except (ValueError, LookupError, TypeError) as error:
             why = " ".join(str(error).split())
-            said.append(REFUSED(f"target {name}", f"its section: {why}", where=ROBOT))
-    return Plan(steps, tuple(said))
+            left.append(REFUSED(f"target {name}", f"its section: {why}", where=ROBOT))
+    return steps, left
 
 
 def _hindrance(kind: type[Step] | None, same_code: bool, lost: Sequence[str]) -> str:
@@ -150,7 +139,7 @@ def _hindrance(kind: type[Step] | None, same_code: bool, lost: Sequence[str]) ->
         return "the target is not installed"
     if not same_code:
         return "the target's code has changed since the build"
-    if lost and "meshes/" in getattr(kind, "reads", ()):
+    if lost and "meshes/" in reads(kind):
         return f"no folder of the bundle holds `{lost[0]}`"
     return ""
 
@@ -178,55 +167,60 @@ def _otherwise(subject: str, path: str) -> Finding:
 
 
 def _write(
-    folder: Path, reference: Reference, meshes: Mapping[str, Held], steps: Mapping[str, Step]
+    folder: Path,
+    reference: Reference,
+    meshes: Mapping[str, Held],
+    steps: Mapping[str, Step],
+    session: Session,
 ) -> Again:
-    """Run the steps in a process of their own; MachineError where it does not end well."""
-    _put_robot(folder / "in", reference, meshes)
-    jobs = [_job("ratings", KeepRatings(), prepares=True)]
-    jobs += [_job(name, step, prepares=False) for name, step in steps.items()]
-    (folder / "steps.json").write_text(json.dumps(jobs), encoding="utf-8")
-    path = json.dumps([entry for entry in sys.path if entry])
-    command = [sys.executable, "-P", "-c", BOOT, path, str(folder)]
-    variables = environment(Kind((), 1, False), folder)
-    if how := run_child(command, folder, SECONDS, variables):
-        raise MachineError(f"writing the bundle again {how}")
-    said = json.loads((folder / "said.json").read_bytes())
-    refused = tuple(
-        REFUSED(f"target {name}", why, where=ROBOT) for name, why in said.items() if why
-    )
-    return Again(folder / "again", _gathered(folder, steps), refused)
+    """Run the steps as a build does, in a store that knows nothing."""
+    ports = {"meshes/": _put_meshes(folder / "in/meshes", meshes)}
+    for name in ("links", "tree", "shapes", "control"):
+        path = folder / "in" / f"{name}.json"
+        path.write_bytes(encode(getattr(reference, name)))
+        ports[path.name] = {path.name: path}
 
+    def add(p: Planner) -> None:
+        held = {
+            port: {name: p.source(path) for name, path in files.items()}
+            for port, files in ports.items()
+        }
+        known = {name: held[name][name] for name in ("tree.json", "control.json")}
+        rated = p.add("ratings", KeepRatings(), known)
+        held["ratings.json"] = {"ratings.json": rated["ratings.json"]}
+        for name, step in steps.items():
+            inputs = {name: ref for port in reads(type(step)) for name, ref in held[port].items()}
+            p.add(name, step, inputs)
 
-def _put_robot(ports: Path, reference: Reference, meshes: Mapping[str, Held]) -> None:
-    """Write the inputs of the targets."""
-    (ports / "meshes").mkdir(parents=True)
-    parts = {
-        "links": reference.links, "tree": reference.tree, "shapes": reference.shapes,
-        "control": reference.control,
-    }  # fmt: skip
-    for name, part in parts.items():
-        (ports / f"{name}.json").write_bytes(encode(part))
-    for file, held in meshes.items():
-        (ports / "meshes" / file).write_bytes(held.data)
-
-
-def _job(name: str, step: Step, *, prepares: bool) -> dict[str, object]:
-    return {"name": name, "step": step_to_json(step), "prepares": prepares}
-
-
-def _gathered(folder: Path, steps: Mapping[str, Step]) -> dict[str, str]:
-    """Move what the writers wrote where the bundle has it; path -> writer."""
+    done = settle_all({"": add}, session, keep_going=True)[""]
     writers: dict[str, str] = {}
+    refused = []
     for name, step in steps.items():
-        own = folder / "out" / name
-        top = own / name if (own / name).is_dir() else own
-        for file in sorted(path for path in top.rglob("*") if path.is_file()):
-            path = place(name, type(step), file.relative_to(top).as_posix())
-            target = folder / "again" / path
-            target.parent.mkdir(parents=True, exist_ok=True)
-            file.replace(target)
-            writers.setdefault(path, name)
-    return writers
+        result = done.results[name]
+        if result.error is not None:
+            refused.append(REFUSED(f"target {name}", result.error.message, where=ROBOT))
+        for file, digest in _made(result.outputs or {}, session):
+            there = place(name, type(step), file)
+            if writers.setdefault(there, name) == name:
+                session.store.restore(digest, folder / "again" / there)
+    return Again(folder / "again", writers, tuple(refused))
+
+
+def _made(outputs: Mapping[str, str], session: Session) -> Iterator[tuple[str, str]]:
+    """(path, digest) of each file that a step wrote, in its one folder or beside it."""
+    for output, digest in outputs.items():
+        if output.endswith("/"):
+            yield from ((path, held) for path, (held, _) in sorted(session.tree(digest).items()))
+        else:
+            yield output, digest
+
+
+def _put_meshes(folder: Path, meshes: Mapping[str, Held]) -> dict[str, Path]:
+    """The meshes as files, by their names among the inputs of a step."""
+    folder.mkdir(parents=True)
+    for file, held in meshes.items():
+        (folder / file).write_bytes(held.data)
+    return {f"meshes/{file}": folder / file for file in meshes}
 
 
 # --- comparing --------------------------------------------------------------------------------

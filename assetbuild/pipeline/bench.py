@@ -3,48 +3,48 @@
 from __future__ import annotations
 
 import csv
-import functools
 import io
 import json
+import re
 import subprocess
 import sys
 import tempfile
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
+from assetbuild.collision import CollisionMethod
 from assetbuild.engine.execute import Listener
-from assetbuild.engine.planner import Settled, settle
-from assetbuild.engine.processes import Processes
-from assetbuild.engine.session import Session
+from assetbuild.engine.graph import Node
+from assetbuild.engine.planner import Planner
 from assetbuild.engine.store import OUT_OPTION, machine_errors
 from assetbuild.errors import AssetBuildError, StepError
-from assetbuild.pipeline.bench_plan import LEVELS, LevelOutline, Source, plan_level, with_level
-from assetbuild.pipeline.opening import open_session, pin, remote_cache
+from assetbuild.kinds import Target
+from assetbuild.pipeline.opening import Opened, Task, at_work
 from assetbuild.pipeline.publish import check_folder
-from assetbuild.pipeline.recipes import load_recipe
-from assetbuild.recipe.loader import LoadedRecipe
+from assetbuild.pipeline.recipes import collision_rule, load_recipe
+from assetbuild.plugins import load_plugin
+from assetbuild.recipe.models import Collision
 from assetbuild.report.bundle import json_text
 from assetbuild.robot.codec import decode
-from assetbuild.robot.shapes import Shapes
+from assetbuild.robot.shapes import Mesh, Shapes
 
 SECONDS = 900
 """Wall clock of one simulation."""
-
-
-@dataclass(frozen=True)
-class BenchRequest:
-    """What the user asks for. levels: names of LEVELS, `recipe`; source: meshes to work on."""
-
-    recipe: Path
-    out: Path | None = None
-    variant: str | None = None
-    levels: Sequence[str] = ("recipe", *LEVELS)
-    source: Source = "auto"
-    jobs: int | None = None
-    remote: str = ""
-    cache_write: bool = False
+LEVELS: Mapping[str, Mapping[str, Any]] = {  # Any: values of a recipe
+    "mesh": {"method": "keep"},
+    "hull": {"method": "hull", "max_vertices": 256},
+    "hull 64": {"method": "hull", "max_vertices": 64},
+    "vhacd 8": {"method": "vhacd", "max_hulls": 8},
+    "vhacd 32": {"method": "vhacd", "max_hulls": 32},
+    "coacd 8": {"method": "coacd", "max_hulls": 8},
+    "coacd 16": {"method": "coacd", "max_hulls": 16},
+    "auto": {"method": "auto"},
+    "primitives": {"method": "primitive", "max_hulls": 3},
+}
+"""Name -> rule of the links that have meshes. `recipe` is the recipe as it is."""
+Source = Literal["auto", "collision", "visual"]
 
 
 @dataclass(frozen=True)
@@ -75,29 +75,31 @@ class Bench:
     out: Path
 
 
-def bench(request: BenchRequest, on_event: Listener, say: Callable[[str], None]) -> Bench:
-    """Build and measure every level; AssetBuildError when the recipe itself cannot be built."""
-    loaded = load_recipe(request.recipe, request.variant)
-    out = request.out or Path("build") / f"{loaded.recipe.robot}-bench"
+def bench(
+    task: Task,
+    levels: Sequence[str],
+    source: Source,
+    on_event: Listener,
+    say: Callable[[str], None],
+) -> Bench:
+    """Build and measure every level; AssetBuildError when the recipe itself cannot be built.
+
+    levels: names of LEVELS, `recipe`; source: meshes to work on.
+    """
+    loaded = load_recipe(task.recipe, task.variant)
+    out = task.out or Path("build") / f"{loaded.recipe.robot}-bench"
     check_folder(out)
-    remote = remote_cache(request.remote, say, write=request.cache_write)
-    lock = pin(loaded, frozen=False, say=say)
     rows: list[Level] = []
-    with open_session(loaded, remote=remote) as session, Processes(session) as runner:
-
-        def built(level: LoadedRecipe) -> Settled[LevelOutline]:
-            add = functools.partial(plan_level, level, lock)
-            done = settle(add, session, runner, jobs=request.jobs, on_event=on_event)
-            if done.errors:
-                raise done.errors[0]
-            return done
-
-        shapes = _shapes(built(loaded), session)
-        for name in request.levels:
+    with at_work(loaded, task, on_event, say) as work:
+        shapes = _shapes(work)
+        for name in levels:
             say(f"level {name}")
-            level = loaded if name == "recipe" else with_level(loaded, shapes, name, request.source)
+            level = loaded
+            if name != "recipe":
+                rules = with_level(loaded.recipe.collision, shapes, name, source)
+                level = loaded.but(collision=rules)
             try:
-                rows.append(_measured(name, built(level), session))
+                rows.append(_measured(name, replace(work, loaded=level)))
             except AssetBuildError as error:
                 if name == "recipe":
                     raise
@@ -105,23 +107,52 @@ def bench(request: BenchRequest, on_event: Listener, say: Callable[[str], None])
     return _written(loaded.recipe.robot, rows, out)
 
 
-def _shapes(built: Settled[LevelOutline], session: Session) -> Shapes:
-    ref = built.outline.shapes
-    assert ref is not None  # noqa: S101 # a plan without questions is whole
-    return decode(Shapes, session.read(built.results[ref.node][ref.output]))
+def _shapes(work: Opened) -> Shapes:
+    built = work.made(work.robot)
+    return decode(Shapes, work.read(built, built.outline.robot["shapes.json"]))
 
 
-def _measured(name: str, built: Settled[LevelOutline], session: Session) -> Level:
-    fits = [built.results[node.label] for node in built.outline.fits]
-    figures = [json.loads(session.read(fit["quality.json"])) for fit in fits]
+def with_level(collision: Collision, shapes: Shapes, level: str, source: Source) -> Collision:
+    """The rules of a recipe whose links with meshes follow one level.
+
+    shapes: of the built recipe. source: the meshes to work on. Links that hit nothing in the
+    recipe hit nothing here; links without such a mesh keep their rule.
+    """
+    solid = {shape.link for shape in shapes.of("collision")}
+    meshed = {
+        shape.link
+        for shape in shapes.shapes
+        if isinstance(shape.geometry, Mesh) and source in ("auto", shape.role)
+    }
+    rule = collision_rule(**{**LEVELS[level], "from": source})
+    rules = {re.escape(link): rule for link in sorted(solid & meshed)}
+    return collision.model_copy(update={"links": rules | collision.links})
+
+
+def _measured(name: str, work: Opened) -> Level:
+    def add(p: Planner) -> tuple[Node | None, list[Node]]:
+        """The MJCF, and the steps that made collision geometry."""
+        robot = work.robot(p).robot
+        if not robot:
+            return None, []
+        target = load_plugin(Target, "mjcf")
+        ports = {port: robot[port] for port in target.reads}
+        mjcf = p.add("mjcf", target.configure(work.loaded.recipe), ports)
+        nodes = p.graph().nodes.values()
+        return mjcf, [node for node in nodes if isinstance(node.step, CollisionMethod)]
+
+    built = work.made(add)
+    mjcf, made = built.outline
+    assert mjcf is not None  # noqa: S101 # a plan without questions is whole
+    fits = [built.results[node.label] for node in made]
+    figures = [json.loads(work.session.read(fit["quality.json"])) for fit in fits]
     figures = [quality for quality in figures if quality is not None]
     seconds: dict[str, float] = {}
     for fit in fits:  # equal steps: once, and as the one that ran
         seconds[fit.key] = fit.cpu_seconds or seconds.get(fit.key, fit.saved_seconds)
-    assert built.outline.mjcf is not None  # noqa: S101 # as in `_shapes`
     with tempfile.TemporaryDirectory() as folder:
         scene = Path(folder) / "mjcf"
-        session.store.restore_tree(built.results[built.outline.mjcf.label]["mjcf/"], scene)
+        work.session.store.restore_tree(built.results[mjcf.label]["mjcf/"], scene)
         speed = _simulated(scene / "scene.xml")
     return Level(
         name,

@@ -21,8 +21,8 @@ from assetbuild.engine.world import World
 from assetbuild.errors import AssetBuildError, Gather, RecipeError, UsageError
 from assetbuild.lock import Lock
 from assetbuild.pipeline.bundling import bundle_files, publish_bundle
-from assetbuild.pipeline.judging import judged, located, where_of
-from assetbuild.pipeline.opening import open_session, pin, remote_cache
+from assetbuild.pipeline.judging import failures, judged
+from assetbuild.pipeline.opening import Task, open_session, pin, remote_cache
 from assetbuild.pipeline.publish import check_replaceable
 from assetbuild.pipeline.recipes import load_recipe
 from assetbuild.pipeline.smoking import asking
@@ -38,22 +38,16 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class Request:
-    """What the user asks of a build. out: default `build/<robot>`; jobs: default, all cores.
+class Request(Task):
+    """What the user asks of a build. out: default `build/<robot>`.
 
     smoke: consumers that try the bundle, besides those of the recipe.
     """
 
-    recipe: Path
-    out: Path | None = None
-    variant: str | None = None
-    jobs: int | None = None
     keep_going: bool = False
     frozen: bool = False
     rehash: bool = False
     rebuild_check: bool = False
-    remote: str = ""
-    cache_write: bool = False
     executor: str = "local"
     fail_on: FailOn = "error"
     smoke: tuple[str, ...] = ()
@@ -154,7 +148,7 @@ def _jobs(requests: Sequence[Request], world: World, say: Callable[[str], None])
     wrong.stop()
     for request, loaded in zip(requests, recipes, strict=True):
         if request.smoke:
-            loaded = asking(loaded, request.smoke)
+            loaded = loaded.but(**asking(loaded.recipe, request.smoke))
         out = request.out or default_out(loaded)
         name = loaded.recipe.robot
         if any(job.name == name for job in jobs):
@@ -221,21 +215,16 @@ def _robot_words(tree: Tree) -> str:
 
 def _finish(job: _Job, done: Settled[Outline], session: Session, request: Request) -> Outcome:
     """Report and bundle of one recipe, if all its steps went well."""
-    loaded, lock, out = job.loaded, job.lock, job.out
-    outline, results = done.outline, done.results
+    loaded, out, results = job.loaded, job.out, done.results
     outcome = Outcome(loaded, 0, results)
-    outcome.errors = tuple(
-        located(result.error, outline.subjects.get(label, ""), where_of(loaded, outline, label))
-        for label, result in results.items()
-        if result.error is not None
-    )
+    outcome.errors = tuple(failures(loaded, done))
     if not done.whole or any(result.outputs is None for result in results.values()):
         outcome.exit_code = max((error.exit_code for error in outcome.errors), default=1)
         return outcome
-    report = judged(loaded, outline, results, session)
+    report = judged(loaded, done, session)
     outcome.exit_code = 1 if fails(report, request.fail_on) else 0
     outcome.out = out.with_name(f"{out.name}.failed") if outcome.exit_code else out
-    files = bundle_files(loaded, lock, done, report, session)
+    files = bundle_files(loaded, job.lock, done, report, session)
     outcome.edited = publish_bundle(files, outcome.out, session)
     outcome.report = report
     return outcome

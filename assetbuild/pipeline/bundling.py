@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import datetime
-import json
 import os
 import platform
 from collections.abc import Iterator, Mapping
@@ -45,6 +44,7 @@ from assetbuild.report.bundle import (
     BundleFile,
     json_text,
     manifest,
+    manifest_of,
     notice,
     package_url,
     provenance,
@@ -305,17 +305,6 @@ def _place(file: BundleFile, path: Path, out: Path, session: Session) -> None:
     else:
         session.object(file.sha256)  # a source comes into the store first
         session.store.restore(file.sha256, path, out)
-
-
-def manifest_of(bundle: Path) -> dict[str, str]:
-    """Path -> SHA-256 as the manifest says. UsageError when it is no bundle."""
-    try:
-        manifest = json.loads((bundle / "manifest.json").read_bytes())
-        return {str(row["path"]): str(row["sha256"]) for row in manifest["files"]}
-    except (FileNotFoundError, NotADirectoryError):
-        raise UsageError(f"`{bundle}` has no manifest.json, so it is no bundle") from None
-    except (ValueError, KeyError, TypeError, AttributeError, RecursionError, OSError) as error:
-        raise UsageError(f"{bundle / 'manifest.json'}: not a manifest: {error}") from None
 
 
 def _manifest_or_none(bundle: Path) -> dict[str, str] | None:

@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-import functools
 from pathlib import Path
 
 from assetbuild.engine.graph import Node
 from assetbuild.engine.planner import settle
 from assetbuild.findings import Finding
 from assetbuild.kinds import Edit
-from assetbuild.pipeline.judging import findings_of, located, locator, where_of
-from assetbuild.pipeline.opening import open_session, pin
+from assetbuild.pipeline.judging import failures, findings_of, locator
+from assetbuild.pipeline.opening import opened
 from assetbuild.pipeline.recipes import load_recipe
-from assetbuild.plan import plan
-from assetbuild.plan.agree import check_names
+from assetbuild.plan import check_recipes
 from assetbuild.report.document import make_report
 from assetbuild.source.get.from_archive import MESHES
 
@@ -42,15 +40,13 @@ def check(recipe: Path) -> list[Finding]:
     Raises AssetBuildError; a lock that is out of date is an OutOfDateError.
     """
     loaded = load_recipe(recipe)
-    check_names(loaded, *(load_recipe(recipe, variant) for variant in loaded.recipe.variants))
-    lock = pin(loaded, frozen=True, say=lambda _: None)
-    with open_session(loaded) as session:
-        done = settle(functools.partial(plan, loaded, lock), session, may_run=_is_light)
-        for label, result in done.results.items():
-            if result.error:
-                raise located(result.error, "", where_of(loaded, done.outline, label))
-        findings = findings_of(loaded, done.outline, done.results)
-        locate = locator(loaded, done.outline, done.results, session)
+    check_recipes(loaded, *(load_recipe(recipe, variant) for variant in loaded.recipe.variants))
+    with opened(loaded) as look:
+        done = settle(look.plan, look.session, may_run=_is_light)
+        for error in failures(loaded, done):
+            raise error
+        findings = findings_of(loaded, done)
+        locate = locator(loaded, done, look.session)
     return list(make_report("", findings, {}, loaded.recipe.rules, locate).findings)
 
 

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from assetbuild.compose.compose_parts import prefixed_subject
 from assetbuild.control.actuator_findings import NO_ACTUATOR
-from assetbuild.engine.make import NodeResult
+from assetbuild.engine.planner import Settled
 from assetbuild.engine.session import Session
 from assetbuild.errors import AssetBuildError, Where
 from assetbuild.facts.reader import Reader
@@ -25,28 +25,31 @@ from assetbuild.plan.edits import AGAIN
 from assetbuild.plugins import plugin_names
 from assetbuild.recipe.loader import LoadedRecipe
 from assetbuild.recipe.models import Recipe, Waiver
+from assetbuild.recipe.validation import Key
 from assetbuild.report.document import Report, make_report
 from assetbuild.report.verdict import NOT_COMPARED, NOT_RUN, TRAINER_CHECKS, CheckResult
 from assetbuild.source.patches import patch_keys
 
 
-def judged(
-    loaded: LoadedRecipe, outline: Outline, results: Mapping[str, NodeResult], session: Session
-) -> Report:
+def judged(loaded: LoadedRecipe, done: Settled[Outline], session: Session) -> Report:
     """The report of one recipe whose steps all went well."""
-    findings = [*_licences(loaded, outline), *findings_of(loaded, outline, results)]
+    outline, recipe = done.outline, loaded.recipe
     checks: dict[str, CheckResult] = {
         name: CheckResult("skip", note=note) for name, note in outline.skipped.items()
     }
     for name, node in outline.checks.items():
-        result = results[node.label]
+        result = done.results[node.label]
         bad = any(finding.severity == "error" for finding in result.findings)
         figures = json.loads(session.read(result["figures.json"]))
         checks[name] = CheckResult("fail" if bad else "pass", figures)
-    findings += [*_not_run(loaded, checks), *_not_compared(outline)]
-    locate = locator(loaded, outline, results, session)
-    waivers, commands = _waivers(loaded.recipe), _commands(loaded)
-    return make_report(loaded.recipe.robot, findings, checks, waivers, locate, commands)
+    findings = [
+        *_licences(loaded, outline),
+        *findings_of(loaded, done),
+        *_not_run(recipe, checks),
+        *_not_compared(outline),
+    ]
+    locate = locator(loaded, done, session)
+    return make_report(recipe.robot, findings, checks, _waivers(recipe), locate, _commands(loaded))
 
 
 def _waivers(recipe: Recipe) -> Mapping[str, Waiver]:
@@ -59,9 +62,9 @@ def _waivers(recipe: Recipe) -> Mapping[str, Waiver]:
     }
 
 
-def _not_run(loaded: LoadedRecipe, checks: Mapping[str, CheckResult]) -> Iterator[Finding]:
+def _not_run(recipe: Recipe, checks: Mapping[str, CheckResult]) -> Iterator[Finding]:
     """One for each request of the recipe that no check answered."""
-    for request in asked(loaded.recipe):
+    for request in asked(recipe):
         results = {name: checks[name] for name in request.checks if name in checks}
         if all(result.status == "skip" for result in results.values()):
             notes = [f"`{name}`: {result.note}" for name, result in results.items()]
@@ -99,27 +102,27 @@ def _commands(loaded: LoadedRecipe) -> dict[str, str]:
     }
 
 
-def findings_of(
-    loaded: LoadedRecipe, outline: Outline, results: Mapping[str, NodeResult]
-) -> list[Finding]:
+def findings_of(loaded: LoadedRecipe, done: Settled[Outline]) -> list[Finding]:
     """What the steps say, under the names of the robot: a step knows neither mesh nor part."""
     findings: list[Finding] = []
+    results = done.results
     said = {"": answers(loaded.recipe, results, "")}
-    for row, part in zip(loaded.recipe.compose, loaded.parts, strict=True):
-        said[row.as_] = answers(part.recipe, results, f"{row.as_} ")
+    for prefix, part in loaded.by_prefix.items():
+        said[prefix] = answers(part.recipe, results, f"{prefix} ")
     for label, result in results.items():
         if label != PICTURE_MODEL:  # the target `mjcf` says the same
-            subject, again = outline.subjects.get(label), results.get(label + AGAIN)
-            whose = said.get(label.partition(" ")[0], said[""])
+            subject, again = done.outline.subjects.get(label), results.get(label + AGAIN)
+            prefix = label.partition(" ")[0]
+            whose = said.get(prefix, said[""])
             left = whose.left_open(result.findings, again.findings if again else None)
-            own = _of_part(loaded, label, left)
+            own = left if whose is said[""] else _of_part(prefix, left)
             findings += (replace(f, subject=subject) for f in own) if subject else own
     return findings
 
 
 def _licences(loaded: LoadedRecipe, outline: Outline) -> Iterator[Finding]:
     """What the licences of the robot and of its parts ask; texts lie below each part's prefix."""
-    parts = {row.as_: part for row, part in zip(loaded.recipe.compose, loaded.parts, strict=True)}
+    parts = loaded.by_prefix
     prefixes = [path.partition("/")[0] for path in outline.licenses]
     own = sum(prefix not in parts for prefix in prefixes)
     yield from licence_findings(loaded.recipe.source.license, own)
@@ -129,12 +132,8 @@ def _licences(loaded: LoadedRecipe, outline: Outline) -> Iterator[Finding]:
             yield replace(finding, subject="recipe compose", message=message)
 
 
-def _of_part(loaded: LoadedRecipe, label: str, found: Iterable[Finding]) -> Iterator[Finding]:
+def _of_part(prefix: str, found: Iterable[Finding]) -> Iterator[Finding]:
     """What a step says of a part by the part's own names, under the names of the whole."""
-    prefix = label.partition(" ")[0]
-    if prefix not in {row.as_ for row in loaded.recipe.compose}:
-        yield from found
-        return
     for finding in found:
         kind = finding.subject.partition(" ")[0]
         subject = "recipe compose"
@@ -144,10 +143,12 @@ def _of_part(loaded: LoadedRecipe, label: str, found: Iterable[Finding]) -> Iter
         yield replace(finding, subject=subject, message=said)
 
 
-def locator(
-    loaded: LoadedRecipe, outline: Outline, results: Mapping[str, NodeResult], session: Session
-) -> Callable[[str], str]:
+# --- places ---------------------------------------------------------------------------------
+
+
+def locator(loaded: LoadedRecipe, done: Settled[Outline], session: Session) -> Callable[[str], str]:
     """From a finding's subject to `file:line` of the source or of the recipe."""
+    outline, results = done.outline, done.results
     lines: dict[str, int | str] = {}  # text where an included file says it: `file:line`
     file = loaded.recipe.source.description
     # Not there while `check` runs light steps alone.
@@ -179,7 +180,15 @@ def locator(
     return locate
 
 
-def where_of(loaded: LoadedRecipe, outline: Outline, label: str) -> Where | None:
+def failures(loaded: LoadedRecipe, done: Settled[Outline]) -> Iterator[AssetBuildError]:
+    """The errors of the steps, with the name and place of what each worked on."""
+    for label, result in done.results.items():
+        if result.error is not None:
+            subject = done.outline.subjects.get(label, "")
+            yield _located(result.error, subject, _where_of(loaded, done.outline, label))
+
+
+def _where_of(loaded: LoadedRecipe, outline: Outline, label: str) -> Where | None:
     """Who asked for a step: the line of an edit or patch, or the pin of what is fetched."""
     if label in outline.edits:
         return loaded.where(outline.edits[label])
@@ -187,16 +196,20 @@ def where_of(loaded: LoadedRecipe, outline: Outline, label: str) -> Where | None
         if loaded.recipe.source.moving is None:
             return loaded.where(("source", "sha256"))
         return place_of_pin(lock_path(loaded.path))
-    for row, part in zip(loaded.recipe.compose, loaded.parts, strict=True):
-        own = label.removeprefix(f"{row.as_} ")
-        if own != label and (key := patch_keys(part).get(own)):
+    for prefix, part in loaded.by_prefix.items():
+        own = label.removeprefix(f"{prefix} ")
+        if own != label and (key := _patches(part).get(own)):
             return part.where(key)
         if own != label and own == "fetch":
             return part.where(("source",))
     return None
 
 
-def located(error: AssetBuildError, subject: str, where: Where | None) -> AssetBuildError:
+def _patches(part: LoadedRecipe) -> Mapping[str, Key]:
+    return patch_keys(part.recipe.source.patches, part.folder, part.world)
+
+
+def _located(error: AssetBuildError, subject: str, where: Where | None) -> AssetBuildError:
     """The error of a step with the name of what it worked on, which the step did not know."""
     if where is not None and error.where is None:
         return type(error)(error.message, where=where, hint=error.hint)

@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
-import functools
 import os
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, Self, TypeVar
 
 from assetbuild.engine.actions import SharedCache
+from assetbuild.engine.execute import Listener
 from assetbuild.engine.folders import cache_root
-from assetbuild.engine.planner import Settled, planned
+from assetbuild.engine.graph import Ref
+from assetbuild.engine.planner import Planner, Settled, nothing, planned, settle
+from assetbuild.engine.processes import Processes
+from assetbuild.engine.runner import Runner
 from assetbuild.engine.session import Session
 from assetbuild.engine.store import open_store
 from assetbuild.errors import LockError, OutOfDateError, UsageError, Where
@@ -26,7 +29,6 @@ from assetbuild.lock import (
     read_lock,
     write_lock,
 )
-from assetbuild.pipeline.recipes import load_recipe
 from assetbuild.plan import Outline, plan
 from assetbuild.plugins import foreign_modules
 from assetbuild.recipe.loader import LoadedRecipe, shown_path
@@ -37,33 +39,82 @@ from assetbuild.source.plan import repository
 if TYPE_CHECKING:
     from assetbuild.engine.share.remote import Remote
 
-
-def opened(
-    recipe: Path, variant: str | None, remote: SharedCache | None = None
-) -> tuple[LoadedRecipe, Lock | None, Session]:
-    """A recipe, its lock and a session, for verbs that only look; the caller closes it."""
-    loaded = load_recipe(recipe, variant)
-    lock = pin(loaded, frozen=True, say=lambda _: None)
-    return loaded, lock, open_session(loaded, remote=remote)
+T = TypeVar("T")
 
 
 @dataclass(frozen=True)
-class Look:
-    """A recipe and its plan as far as it is known without running anything."""
+class Task:
+    """What every verb that builds takes. out: default, a folder below `build/`; jobs: all cores."""
+
+    recipe: Path
+    out: Path | None = None
+    variant: str | None = None
+    jobs: int | None = None
+    remote: str = ""
+    cache_write: bool = False
+
+    @classmethod
+    def of(cls, said: Mapping[str, Any]) -> Self:  # Any: words of a command line
+        """What a command line says; what is no field is left."""
+        return cls(**{each.name: said[each.name] for each in fields(cls) if each.name in said})
+
+
+@dataclass(frozen=True)
+class Opened:
+    """A recipe, its lock, the session that it is built in, and where its steps run."""
 
     loaded: LoadedRecipe
     lock: Lock | None
     session: Session
-    done: Settled[Outline]
+    runner: Runner | None = None
+    jobs: int | None = None
+    on_event: Listener | None = None
+
+    def plan(self, p: Planner) -> Outline:
+        """The whole build."""
+        return plan(self.loaded, self.lock, p)
+
+    def robot(self, p: Planner) -> Outline:
+        """The robot without targets and pictures."""
+        return plan(self.loaded.but(targets=()), self.lock, p, drawn=False)
+
+    def known(self) -> Settled[Outline]:
+        """The build as far as it is known without running anything."""
+        return planned(self.plan, self.session)
+
+    def stored(self) -> Settled[Outline]:
+        """The build with the results that the store and the shared cache hold; nothing runs."""
+        return settle(self.plan, self.session, may_run=nothing)
+
+    def made(self, add: Callable[[Planner], T]) -> Settled[T]:
+        """What a plan adds, built. Raises the error of the first step that fails."""
+        done = settle(add, self.session, self.runner, jobs=self.jobs, on_event=self.on_event)
+        if done.errors:
+            raise done.errors[0]
+        return done
+
+    def read(self, done: Settled[Any], ref: Ref) -> bytes:  # Any: of any plan
+        """The bytes of an output."""
+        return self.session.read(done.results[ref.node][ref.output])
 
 
 @contextmanager
-def looked_at(recipe: Path, variant: str | None) -> Iterator[Look]:
-    """For verbs that only look, while its session is open."""
-    loaded, lock, session = opened(recipe, variant)
-    with session:
-        done = planned(functools.partial(plan, loaded, lock), session)
-        yield Look(loaded, lock, session, done)
+def opened(loaded: LoadedRecipe, remote: SharedCache | None = None) -> Iterator[Opened]:
+    """For verbs that only look."""
+    lock = pin(loaded, frozen=True, say=lambda _: None)
+    with open_session(loaded, remote=remote) as session:
+        yield Opened(loaded, lock, session)
+
+
+@contextmanager
+def at_work(
+    loaded: LoadedRecipe, task: Task, on_event: Listener, say: Callable[[str], None]
+) -> Iterator[Opened]:
+    """For verbs that build something of their own."""
+    remote = remote_cache(task.remote, say, write=task.cache_write)
+    lock = pin(loaded, frozen=False, say=say)
+    with open_session(loaded, remote=remote) as session, Processes(session) as runner:
+        yield Opened(loaded, lock, session, runner, task.jobs, on_event)
 
 
 def open_session(
@@ -169,6 +220,8 @@ def write_pin(
 
 def _resolved(loaded: LoadedRecipe, source: Source, say: Callable[[str], None]) -> Pin | GitPin:
     if source.git is not None:
-        return resolve_git(source.git, str(source.rev), repository(loaded))
+        return resolve_git(
+            source.git, str(source.rev), repository(source, loaded.folder, loaded.world)
+        )
     name, _, version = str(source.pypi).partition("==")
     return resolve(name, version, on_line=lambda line: say(line) if "MB)" in line else None)

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import functools
 import operator
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, Literal, Union
@@ -35,7 +35,7 @@ from assetbuild.recipe.loader import LoadedRecipe, load
 from assetbuild.recipe.models import Collision, OneEdit, Recipe, Validate
 from assetbuild.recipe.schema import schema_of
 from assetbuild.recipe.validation import Key, Misnamed
-from assetbuild.recipe.yaml_tree import Node
+from assetbuild.recipe.yaml_tree import Node, plain
 
 Fields = dict[str, Any]  # Any: what create_model takes
 LISTS = ("linters", "smoke")
@@ -77,8 +77,8 @@ def model_of(root: Node) -> tuple[type[Recipe], list[Misnamed]]:
 
     No other plug-in is imported.
     """
-    misnamed = list(_misnamed(root))
-    return _model(_named(root)), misnamed
+    said = _map(plain(root))
+    return _model(_named(said)), list(_misnamed(said))
 
 
 def collision_rule(**keys: object) -> CollisionRule:
@@ -101,23 +101,25 @@ class _Named:
     """Return the checks and readers of other distributions; assetbuild's own always count."""
 
 
-def _named(root: Node) -> _Named:
-    """The plug-ins that a tree names, in whatever section; names that no plug-in has are left."""
-    targets = {str(node.value) for _, node in _items(root, "targets")} | _keys(root)
-    edits = {name for _, node in _items(root, "edits") for name in _keys(node)}
-    methods = {"auto"} | {str(stated.value) for _, stated in _methods(root)}
+Said = Mapping[str, Any]
+"""A recipe as plain data, right or wrong. Any: YAML."""
+
+
+def _named(said: Said) -> _Named:
+    """The plug-ins that a recipe names, in whatever section; names that no plug-in has are left."""
+    targets = {str(name) for name in _list(said.get("targets"))} | set(said)
+    edits = {name for entry in _list(said.get("edits")) for name in _map(entry)}
+    methods = {"auto"} | {method for _, method in _methods(said)}
     known = (plugin_names(Target), plugin_names(Edit), _method_names())
     pairs = zip((targets, edits, methods), known, strict=True)
     found = [tuple(sorted(named & set(names))) for named, names in pairs]
-    return _Named(found[0], found[1], found[2], _named_checks(root), _named_readers(found[0]))
+    return _Named(found[0], found[1], found[2], _named_checks(said), _named_readers(found[0]))
 
 
-def _named_checks(root: Node) -> tuple[str, ...]:
-    """The foreign checks that a tree asks for, by a key of `validate` or in one of its lists."""
-    validate = _child(root, "validate")
-    asked = _keys(validate)
-    if validate is not None:
-        asked |= {str(node.value) for key in LISTS for _, node in _items(validate, key)}
+def _named_checks(said: Said) -> tuple[str, ...]:
+    """The foreign checks that a recipe asks for, by a key of `validate` or in one of its lists."""
+    validate = _map(said.get("validate"))
+    asked = set(validate) | {str(word) for key in LISTS for word in _list(validate.get(key))}
     named = asked & set(foreign_names(Check))
     if foreign_names(Check) and (unknown := asked - named - _own_words()):
         named |= {name for name, check in usable_plugins(Check) if unknown & _words(check)}
@@ -154,25 +156,24 @@ def _names(plugins: Iterable[tuple[str, object]]) -> tuple[str, ...]:
     return tuple(name for name, _ in plugins)
 
 
-def _misnamed(root: Node) -> Iterator[Misnamed]:
+def _misnamed(said: Said) -> Iterator[Misnamed]:
     """Targets, edits and collision methods that there are not."""
-    for index, node in _items(root, "targets"):
-        names = plugin_names(Target)
-        if isinstance(node.value, str) and node.value not in names:
-            key, hint = ("targets", index), did_you_mean(node.value, names)
-            yield Misnamed(key, key, f"no target named `{node.value}`", hint)
-    for index, node in _items(root, "edits"):
-        names = plugin_names(Edit)
-        for name in _keys(node) - set(names):
-            item: Key = ("edits", index)
-            yield Misnamed(
-                (*item, name), item, f"no edit named `{name}`", did_you_mean(name, names)
-            )
-    for rule, stated in _methods(root):
-        name = str(stated.value)
-        if name not in _method_names():
+    names = plugin_names(Target)
+    for index, name in enumerate(_list(said.get("targets"))):
+        if isinstance(name, str) and name not in names:
+            key: Key = ("targets", index)
+            yield Misnamed(key, key, f"no target named `{name}`", did_you_mean(name, names))
+    names = plugin_names(Edit)
+    for index, entry in enumerate(_list(said.get("edits"))):
+        item: Key = ("edits", index)
+        for name in set(_map(entry)) - set(names):
+            hint = did_you_mean(name, names)
+            yield Misnamed((*item, name), item, f"no edit named `{name}`", hint)
+    names = _method_names()
+    for rule, name in _methods(said):
+        if name not in names:
             message = f"{'.'.join(rule)}: no collision method `{name}`"
-            yield Misnamed((*rule, "method"), rule, message, did_you_mean(name, _method_names()))
+            yield Misnamed((*rule, "method"), rule, message, did_you_mean(name, names))
 
 
 def _method_names() -> tuple[str, ...]:
@@ -180,40 +181,22 @@ def _method_names() -> tuple[str, ...]:
     return (*plugin_names(CollisionMethod), *BUILT_IN)
 
 
-def _methods(root: Node) -> Iterator[tuple[tuple[str, ...], Node]]:
+def _methods(said: Said) -> Iterator[tuple[tuple[str, ...], str]]:
     """The collision rules that state a method, by their keys, and the method."""
-    for key, rule in _rules(root):
-        stated = _child(rule, "method")
-        if stated is not None and isinstance(stated.value, str):
-            yield key, stated
+    collision = _map(said.get("collision"))
+    rules: dict[tuple[str, ...], object] = {("collision", "default"): collision.get("default")}
+    rules |= {("collision", "links", p): rule for p, rule in _map(collision.get("links")).items()}
+    for key, rule in rules.items():
+        if isinstance(method := _map(rule).get("method"), str):
+            yield key, method
 
 
-def _rules(root: Node) -> Iterator[tuple[tuple[str, ...], Node]]:
-    """The collision rules of a tree, with their keys."""
-    collision = _child(root, "collision")
-    default = _child(collision, "default")
-    if default is not None:
-        yield ("collision", "default"), default
-    links = _child(collision, "links")
-    for pattern in _keys(links):
-        rule = _child(links, pattern)
-        if rule is not None:
-            yield ("collision", "links", pattern), rule
+def _map(value: object) -> Said:
+    return value if isinstance(value, Mapping) else {}
 
 
-def _child(node: Node | None, key: str) -> Node | None:
-    value = node.value if node else None
-    return value[key].node if isinstance(value, dict) and key in value else None
-
-
-def _keys(node: Node | None) -> set[str]:
-    return set(node.value) if node and isinstance(node.value, dict) else set()
-
-
-def _items(root: Node, key: str) -> Iterator[tuple[int, Node]]:
-    listed = _child(root, key)
-    if listed is not None and isinstance(listed.value, tuple):
-        yield from enumerate(listed.value)
+def _list(value: object) -> Sequence[Any]:  # Any: YAML
+    return value if isinstance(value, list | tuple) else ()
 
 
 # --- one model of their keys ----------------------------------------------------------------

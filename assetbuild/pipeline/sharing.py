@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-import functools
 from dataclasses import dataclass
 from pathlib import Path
 
-from assetbuild.engine.planner import nothing, settle
 from assetbuild.engine.resolver import Resolver
 from assetbuild.engine.share.remote import Remote
-from assetbuild.pipeline.opening import looked_at, opened
-from assetbuild.plan import plan
+from assetbuild.pipeline.opening import opened
+from assetbuild.pipeline.recipes import load_recipe
 
 
 @dataclass(frozen=True)
@@ -27,20 +25,19 @@ class Shared:
 
 def push(recipe: Path, variant: str | None, remote: Remote) -> Shared:
     """Offer every result that the store has; nothing is built."""
-    with looked_at(recipe, variant) as look:
-        done, session = look.done, look.session
-        resolver = Resolver(done.graph.nodes, session)
+    with opened(load_recipe(recipe, variant)) as look:
+        known = look.known()
+        resolver = Resolver(known.graph.nodes, look.session)
         sent = 0
-        for label in done.graph.nodes:
+        for label in known.graph.nodes:
             action, made = resolver.action(label), resolver.made(label)
             if action is not None and made is not None:
-                sent += remote.put(action.key, made, session.store)
-    return Shared(len(done.graph.nodes), sent, done.whole)
+                sent += remote.put(action.key, made, look.session.store)
+    return Shared(len(known.graph.nodes), sent, known.whole)
 
 
 def pull(recipe: Path, variant: str | None, remote: Remote) -> Shared:
     """Fetch every result that the store lacks and the cache has; nothing is built."""
-    loaded, lock, session = opened(recipe, variant, remote)
-    with session:
-        done = settle(functools.partial(plan, loaded, lock), session, may_run=nothing)
-    return Shared(len(done.graph.nodes), len(done.results), done.whole)
+    with opened(load_recipe(recipe, variant), remote) as look:
+        stored = look.stored()
+    return Shared(len(stored.graph.nodes), len(stored.results), stored.whole)

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import replace
 
 from assetbuild.engine.world import World
 from assetbuild.errors import MachineError
 from assetbuild.kinds import Check
 from assetbuild.plugins import load_plugin, plugin_names
-from assetbuild.recipe.loader import LoadedRecipe
+from assetbuild.recipe.models import Recipe
 from assetbuild.report.document import Report
 from assetbuild.report.verdict import TRAINER_CHECKS
 from assetbuild.simulators.consumers import ConsumerCheck
@@ -49,16 +48,13 @@ def make_environments(consumers: Sequence[str], say: Callable[[str], None]) -> N
             raise MachineError(f"{consumer} is not installed here", hint=check.absent())
 
 
-def asking(loaded: LoadedRecipe, consumers: Sequence[str]) -> LoadedRecipe:
-    """The recipe with these consumers, and with the targets that they read."""
-    recipe = loaded.recipe
+def asking(recipe: Recipe, consumers: Sequence[str]) -> dict[str, object]:
+    """The sections of a recipe that asks these consumers, with the targets that they read."""
     smoke = tuple(dict.fromkeys((*recipe.validate_.smoke, *consumers)))
     needs = [need for consumer in smoke for need in check_of(consumer).needs]
     targets = tuple(dict.fromkeys((*recipe.targets, *needs)))
     asked = recipe.validate_.model_copy(update={"smoke": smoke})
-    return replace(
-        loaded, recipe=recipe.model_copy(update={"validate_": asked, "targets": targets})
-    )
+    return {"validate_": asked, "targets": targets}
 
 
 def lacks(reports: Iterable[Report], consumers: Sequence[str]) -> Iterator[str]:

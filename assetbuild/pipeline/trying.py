@@ -2,24 +2,21 @@
 
 from __future__ import annotations
 
-import functools
 import tempfile
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import replace
 from pathlib import Path
 
 from assetbuild.engine.actions import SharedCache
 from assetbuild.engine.execute import Listener
-from assetbuild.engine.planner import settle
 from assetbuild.engine.world import World
 from assetbuild.findings import Finding, Rule
 from assetbuild.kinds import lacking
 from assetbuild.pipeline.judging import judged
-from assetbuild.pipeline.opening import open_session
+from assetbuild.pipeline.opening import Opened, open_session
 from assetbuild.pipeline.recipes import collision_rule, load_recipe
 from assetbuild.plan import plan
 from assetbuild.recipe.collision import CollisionRule
-from assetbuild.recipe.loader import LoadedRecipe
+from assetbuild.recipe.models import Recipe
 from assetbuild.report.document import Report
 from assetbuild.robot.pose import Pose, Vec3
 from assetbuild.simulators import physx
@@ -50,18 +47,16 @@ def try_urdf(
     with tempfile.TemporaryDirectory(prefix="try-") as folder:
         recipe = Path(folder).resolve() / "recipe.yaml"
         propose(recipe)
-        loaded = _in_mujoco(load_recipe(recipe, None))
+        loaded = load_recipe(recipe)
+        loaded = loaded.but(**_in_mujoco(loaded.recipe))
         with open_session(loaded, remote=remote) as session:
-            add = functools.partial(plan, loaded, None, drawn=False)
-            done = settle(add, session, on_event=on_event)
-            if done.errors:
-                raise done.errors[0]
-            return judged(loaded, done.outline, done.results, session)
+            work = Opened(loaded, None, session, on_event=on_event)
+            done = work.made(lambda p: plan(loaded, None, p, drawn=False))
+            return judged(loaded, done, session)
 
 
-def _in_mujoco(loaded: LoadedRecipe) -> LoadedRecipe:
+def _in_mujoco(recipe: Recipe) -> dict[str, object]:
     """Hulls in place of every method but `none`, and no target that the trials do not read."""
-    recipe = loaded.recipe
     collision = recipe.collision.model_copy(
         update={
             "default": _hulls(recipe.collision.default),
@@ -69,9 +64,7 @@ def _in_mujoco(loaded: LoadedRecipe) -> LoadedRecipe:
         }
     )
     targets = tuple(target for target in recipe.targets if target == "mjcf")
-    return replace(
-        loaded, recipe=recipe.model_copy(update={"collision": collision, "targets": targets})
-    )
+    return {"collision": collision, "targets": targets}
 
 
 def _hulls(rule: CollisionRule) -> CollisionRule:

@@ -15,8 +15,8 @@ from assetbuild.errors import AssetBuildError, SourceError, UsageError
 from assetbuild.facts.reference import Reference
 from assetbuild.findings import Finding, Rule, worst_first
 from assetbuild.pipeline.again import prove_again
-from assetbuild.pipeline.bundling import manifest_of
 from assetbuild.pipeline.trying import UNTRIED
+from assetbuild.report.bundle import manifest_of
 from assetbuild.report.sides import bundle_readers
 from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.mirror import Tolerances, mirror_findings
@@ -67,23 +67,21 @@ def validate(path: Path, wish: Wish) -> list[Validated]:
     known here.
     """
     if path.is_dir():
-        read_only = replace(wish, simulate=False)
-        files = _of_bundle(path)
-        proved = _proved(path) if (path / "report/robot.json").exists() else {}
-        looked = {
-            file.relative_to(path).as_posix(): _validated(
-                file, file.relative_to(path).as_posix(), read_only
-            )
-            for file in files
-        }
-        for name, one in looked.items():
-            own = proved.pop(name, None)
-            if own is not None:
-                looked[name] = replace(one, findings=(*own.findings, *one.findings))
-        return [*looked.values(), *proved.values()]
+        return _of_bundle(path, replace(wish, simulate=False))
     if not path.is_file():
         raise UsageError(f"no such file or folder: `{path}`")
     return [_validated(path, str(path), wish)]
+
+
+def _of_bundle(bundle: Path, wish: Wish) -> list[Validated]:
+    files = _files(bundle)
+    proved = _proved(bundle) if (bundle / "report/robot.json").exists() else {}
+    found = []
+    for name in (file.relative_to(bundle).as_posix() for file in files):
+        one, own = _validated(bundle / name, name, wish), proved.pop(name, None)
+        findings = (*own.findings, *one.findings) if own else one.findings
+        found.append(replace(one, findings=findings))
+    return [*found, *proved.values()]
 
 
 def _proved(bundle: Path) -> dict[str, Validated]:
@@ -122,7 +120,7 @@ def _named(bundle: Path) -> str:
         return bundle.name
 
 
-def _of_bundle(folder: Path) -> list[Path]:
+def _files(folder: Path) -> list[Path]:
     """The robot's own files: scenes include them, payloads belong to the USD."""
     found = [
         *sorted(p for p in (folder / "mjcf").glob("*.xml") if not p.stem.startswith("scene")),

@@ -2,20 +2,19 @@
 
 from __future__ import annotations
 
-import functools
 import json
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
 from assetbuild.engine.digest import digest_file
-from assetbuild.engine.planner import nothing, settle
 from assetbuild.errors import OutOfDateError
-from assetbuild.pipeline.bundling import bundle_files, manifest_of
+from assetbuild.pipeline.bundling import bundle_files
 from assetbuild.pipeline.judging import judged
 from assetbuild.pipeline.opening import opened
 from assetbuild.pipeline.publish import OWN_FILES
-from assetbuild.plan import plan
+from assetbuild.pipeline.recipes import load_recipe
+from assetbuild.report.bundle import manifest_of
 
 STATEMENT, PREDICATE = "https://in-toto.io/Statement/v1", "https://slsa.dev/provenance/v1"
 
@@ -70,18 +69,17 @@ def against_recipe(bundle: Path, recipe: Path, variant: str | None) -> Iterator[
 
     OutOfDateError when the store does not hold all results: then nobody can say.
     """
-    loaded, lock, session = opened(recipe, variant)
-    with session:
-        done = settle(functools.partial(plan, loaded, lock), session, may_run=nothing)
+    with opened(load_recipe(recipe, variant)) as look:
+        done = look.stored()
         if not done.whole or done.results.keys() != done.graph.nodes.keys():
             raise OutOfDateError(
                 f"the store does not hold what {recipe} makes now",
                 hint="run `assetbuild build` first, or `assetbuild cache pull`",
             )
-        report = judged(loaded, done.outline, done.results, session)
-        files = bundle_files(loaded, lock, done, report, session)
+        report = judged(look.loaded, done, look.session)
+        files = bundle_files(look.loaded, look.lock, done, report, look.session)
         made = {file.path: file.sha256 for file in files if file.path != "provenance.json"}
-        wanted = session.world.digest(loaded.path)
+        wanted = look.session.world.digest(look.loaded.path)
     statement = json.loads((bundle / "provenance.json").read_bytes())
     if recipe_of(statement) != wanted:
         yield f"built from another text of the recipe: {recipe.name}"

@@ -49,6 +49,11 @@ def writer(name: str, kind: type[Step], stated: StatedRecipe) -> Step:
     return kind.configure(stated)
 
 
+def reads(kind: type[Step]) -> tuple[str, ...]:
+    """The ports of the robot that a writer reads."""
+    return kind.reads if issubclass(kind, Target) else ("tree.json", "control.json")
+
+
 def place(name: str, kind: type[Step], path: str) -> str:
     """Where the bundle holds what a writer writes at `path`."""
     return kind.place(name, path) if issubclass(kind, Target) else path

@@ -11,8 +11,9 @@ the open question is built, and the recipe is planned again. An answer only ever
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
 
 from assetbuild.body.lint_bodies import LintBodies
 from assetbuild.body.lint_links import LintLinks
@@ -24,6 +25,7 @@ from assetbuild.control.keep_ratings import KeepRatings
 from assetbuild.control.plan import control, control_step, own_side
 from assetbuild.engine.graph import Node, Ref
 from assetbuild.engine.planner import Planner
+from assetbuild.errors import Gather, RecipeError, Where
 from assetbuild.geometry.companions import companions
 from assetbuild.geometry.measure_assets import MeasureAssets
 from assetbuild.geometry.plan import Geometry, assemble, lint_density, lint_meshes
@@ -37,6 +39,7 @@ from assetbuild.plan.edits import AGAIN, apply_edits, edit_keys, guessed_links
 from assetbuild.plugins import load_plugin
 from assetbuild.recipe.loader import LoadedRecipe
 from assetbuild.recipe.models import Recipe
+from assetbuild.recipe.validation import Key
 from assetbuild.robot.codec import decode
 from assetbuild.robot.model import Tree
 from assetbuild.robot.shapes import SourceShapes
@@ -81,9 +84,11 @@ def plan(loaded: LoadedRecipe, lock: Lock | None, p: Planner, *, drawn: bool = T
 
     drawn: with pictures and the 3D view.
     """
-    recipe, outline = loaded.recipe, Outline()
-    check_names(loaded)
-    outline.edits = edit_keys(loaded) | patch_keys(loaded)
+    outline = Outline()
+    recipe, patches = loaded.recipe, loaded.recipe.source.patches
+    check_recipes(loaded)
+    keys = patch_keys(patches, loaded.folder, loaded.world)
+    outline.edits = edit_keys(recipe.edits) | keys
     ready = _prepare(loaded, lock, outline, p)
     if ready is None:
         return outline
@@ -96,7 +101,25 @@ def plan(loaded: LoadedRecipe, lock: Lock | None, p: Planner, *, drawn: bool = T
         if composite is None:
             return outline
         loaded, ready = composite
-        recipe, outline.source_map, outline.composed = loaded.recipe, ready.source_map, loaded
+        outline.source_map, outline.composed = ready.source_map, loaded
+    with loaded.placing():
+        return _finished(loaded.recipe, loaded.folder, ready, outline, drawn, p)
+
+
+def check_recipes(*recipes: LoadedRecipe) -> None:
+    """Files and cross references inside of recipes and of their parts. RecipeError."""
+    wrong = Gather(RecipeError)
+    for loaded in recipes:
+        for each in (loaded, *loaded.parts):
+            with wrong, each.placing():
+                check_names(each.recipe, each.folder, each.world)
+    wrong.stop()
+
+
+def _finished(
+    recipe: Recipe, folder: Path, ready: Ready, outline: Outline, drawn: bool, p: Planner
+) -> Outline:
+    """From the edited robot on."""
     read, edited, geometry, sides = ready.read, ready.robot, ready.geometry, ready.sides
     tree = _merge(recipe, ready, p)
     links, shapes = p.ask(edited["links.json"]), p.ask(edited["shapes.json"])
@@ -105,12 +128,14 @@ def plan(loaded: LoadedRecipe, lock: Lock | None, p: Planner, *, drawn: bool = T
         return outline
     step = control_step(recipe, sides, ready.poses, ready.common_surfaces)
     outline.tree = decode(Tree, merged)
-    check_against_robot(loaded, decode(Tree, links), outline.tree, step)
+    check_against_robot(recipe, decode(Tree, links), outline.tree, step)
 
     if geometry is None:
         return outline
     geometry.shapes = decode(SourceShapes, shapes)
-    assembled = assemble(loaded, decode(Tree, links), geometry, edited["shapes.json"], sides, p)
+    assembled = assemble(
+        recipe, folder, decode(Tree, links), geometry, edited["shapes.json"], sides, p
+    )
     lint_meshes(edited["links.json"], edited["shapes.json"], geometry, p)
     outline.subjects = geometry.subjects
     if assembled is None:
@@ -118,7 +143,9 @@ def plan(loaded: LoadedRecipe, lock: Lock | None, p: Planner, *, drawn: bool = T
     samples = recipe.collision.exclude.sampled
     controlled = control(step, read, tree, assembled, samples, p)["control.json"]
     if recipe.identify:
-        identified = identify(loaded, outline.tree, tree["tree.json"], controlled, p)
+        identified = identify(
+            recipe.identify, folder, outline.tree, tree["tree.json"], controlled, p
+        )
         controlled, outline.fits = identified.control, identified.fits
     outline.robot = _robot(edited["links.json"], tree, assembled, controlled, p)
     pose = p.add("pose", KeepPose(), {"control.json": controlled})["control.json"]
@@ -141,29 +168,41 @@ def plan(loaded: LoadedRecipe, lock: Lock | None, p: Planner, *, drawn: bool = T
 
 def _prepare(loaded: LoadedRecipe, lock: Lock | None, outline: Outline, p: Planner) -> Ready | None:
     """One robot, read and edited; None while an answer is missing."""
-    source = open_source(loaded, lock, p)
-    description = description_of(loaded, source, p)
+    with loaded.placing():
+        return _prepared(loaded.recipe, loaded.folder, loaded.where, lock, outline, p)
+
+
+def _prepared(
+    recipe: Recipe,
+    folder: Path,
+    where: Callable[[Key], Where],
+    lock: Lock | None,
+    outline: Outline,
+    p: Planner,
+) -> Ready | None:
+    source = open_source(recipe.source, folder, lock, p)
+    description = description_of(recipe.source, folder, where, source, p)
     outline.licenses = source.licenses()
     if description is None:
         return None
-    read = read_description(loaded.recipe, source, description, p)
+    read = read_description(recipe, source, description, p)
     if read is None:
         return None
-    bounds = loaded.recipe.validate_.inertia
+    bounds = recipe.validate_.inertia
     p.add("lint_links", LintLinks(bounds=bounds), dict(read.robot))
-    lint_export(loaded.recipe, source, description, read, p)
+    lint_export(recipe, source, description, read, p)
     outline.source_map = read.source_map
-    outline.expanded = description.ref if loaded.recipe.source.xacro else None
-    geometry = _geometry(loaded, source, description, read, p)
+    outline.expanded = description.ref if recipe.source.xacro else None
+    geometry = _geometry(recipe.source.honour_up_axis, source, description, read, p)
     if geometry is not None:
         lint_density(read.robot, geometry, p)
-    edited = apply_edits(loaded, read.robot, geometry, p)
+    edited = apply_edits(recipe.edits, read.robot, geometry, p)
     if edited is None:
         return None
-    if loaded.recipe.edits:  # what the edits answered, and what they left or made
-        lint = LintLinks(bounds=bounds, guessed=guessed_links(loaded))
+    if recipe.edits:  # what the edits answered, and what they left or made
+        lint = LintLinks(bounds=bounds, guessed=guessed_links(recipe.edits))
         p.add(f"lint_links{AGAIN}", lint, edited)
-    return Ready(read, edited, geometry, read.source_map, (own_side(loaded.recipe),))
+    return Ready(read, edited, geometry, read.source_map, (own_side(recipe),))
 
 
 def _prepare_part(whole: LoadedRecipe, index: int, outline: Outline, p: Planner) -> Ready | None:
@@ -181,9 +220,16 @@ def part_lock(part: LoadedRecipe) -> Lock | None:
 
 
 def _geometry(
-    loaded: LoadedRecipe, source: SourceFiles, description: Description, read: Reading, p: Planner
+    turned: Sequence[str],
+    source: SourceFiles,
+    description: Description,
+    read: Reading,
+    p: Planner,
 ) -> Geometry | None:
-    """The source's meshes; None while it is not known which there are."""
+    """The source's meshes; None while it is not known which there are.
+
+    turned: patterns of those whose up axis is honoured.
+    """
     meshes, shapes = p.ask(read.meshes), p.ask(read.robot["shapes.json"])
     if meshes is None or shapes is None:
         return None
@@ -194,12 +240,12 @@ def _geometry(
     textures = source.present("own textures", {m.texture for m in drawn.materials if m.texture})
     if files is None or textures is None:
         return None
-    turned = turned_meshes(loaded, files)
+    upright = turned_meshes(turned, files)
     # MuJoCo takes no material from a mesh file, so an MJCF says all about its looks itself.
     named = {} if read.urdf is None else companions(files, source, p)
     if named is None:
         return None
-    return Geometry(drawn, files, named, textures, turned, p)
+    return Geometry(drawn, files, named, textures, upright, p)
 
 
 def _merge(recipe: Recipe, ready: Ready, p: Planner) -> Node:

@@ -3,44 +3,44 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 from assetbuild.engine.graph import Ref
 from assetbuild.engine.planner import Planner
 from assetbuild.errors import did_you_mean
 from assetbuild.geometry.plan import Geometry
 from assetbuild.kinds import Edit, MassEdit
-from assetbuild.recipe.loader import LoadedRecipe
+from assetbuild.recipe.models import OneEdit
+from assetbuild.recipe.validation import Key, KeyedError
 from assetbuild.robot.codec import decode
 from assetbuild.robot.model import Tree
 from assetbuild.robot.shapes import MeshFile, SourceShapes
 
-Key = tuple[str | int, ...]
 AGAIN = " edited"
 """What a lint's label ends with that runs on the edited robot."""
 
 
-def edits_of(loaded: LoadedRecipe) -> list[tuple[str, Edit, Key]]:
+def edits_of(entries: Sequence[OneEdit]) -> list[tuple[str, Edit, Key]]:
     """(name, step, key in the recipe) of each."""
     return [
         (entry.name, getattr(entry, entry.name), ("edits", index, entry.name))
-        for index, entry in enumerate(loaded.recipe.edits)
+        for index, entry in enumerate(entries)
     ]
 
 
 def apply_edits(
-    loaded: LoadedRecipe, read: Mapping[str, Ref], geometry: Geometry | None, p: Planner
+    entries: Sequence[OneEdit], read: Mapping[str, Ref], geometry: Geometry | None, p: Planner
 ) -> dict[str, Ref] | None:
     """`links.json` and `shapes.json` after the last edit; None while one must wait for an answer.
 
     geometry: None while the meshes are not known; only an edit that reads meshes waits for it.
     """
     robot = {port: read[port] for port in ("links.json", "shapes.json")}
-    for number, (name, edit, key) in enumerate(edits_of(loaded), start=1):
+    for number, (name, edit, key) in enumerate(edits_of(entries), start=1):
         links, shapes = p.ask(robot["links.json"]), p.ask(robot["shapes.json"])
         if links is None or shapes is None:
             return None
-        _check_patterns(loaded, edit, key, decode(Tree, links))
+        _check_patterns(edit, key, decode(Tree, links))
         inputs = dict(robot)
         for index, shape in enumerate(edit.meshes(decode(SourceShapes, shapes))):
             if geometry is None:
@@ -54,9 +54,9 @@ def apply_edits(
     return robot
 
 
-def guessed_links(loaded: LoadedRecipe) -> tuple[str, ...]:
+def guessed_links(entries: Sequence[OneEdit]) -> tuple[str, ...]:
     """Patterns of the links whose mass an edit only guesses."""
-    edits = [edit for _, edit, _ in edits_of(loaded) if isinstance(edit, MassEdit)]
+    edits = [edit for _, edit, _ in edits_of(entries) if isinstance(edit, MassEdit)]
     return tuple(edit.link for edit in edits if edit.guessed)
 
 
@@ -65,15 +65,15 @@ def edit_label(number: int, name: str) -> str:
     return f"edit {number} {name}"
 
 
-def edit_keys(loaded: LoadedRecipe) -> dict[str, Key]:
+def edit_keys(entries: Sequence[OneEdit]) -> dict[str, Key]:
     """Key in the recipe of each edit's node, by label."""
-    edits = enumerate(edits_of(loaded), start=1)
+    edits = enumerate(edits_of(entries), start=1)
     return {edit_label(number, name): key for number, (name, _, key) in edits}
 
 
-def _check_patterns(loaded: LoadedRecipe, edit: Edit, key: Key, tree: Tree) -> None:
+def _check_patterns(edit: Edit, key: Key, tree: Tree) -> None:
     known = {"link": list(tree.by_body), "joint": list(tree.by_joint)}
     for below, kind, pattern in edit.patterns():
         if not any(re.fullmatch(pattern, name) for name in known[kind]):
             hint = did_you_mean(pattern, known[kind])
-            raise loaded.error((*key, *below), f"pattern `{pattern}` matches no {kind}", hint)
+            raise KeyedError((*key, *below), f"pattern `{pattern}` matches no {kind}", hint)

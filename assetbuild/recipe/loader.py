@@ -5,7 +5,8 @@ from __future__ import annotations
 import os
 import re
 import stat
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -13,9 +14,10 @@ from assetbuild.engine.world import World
 from assetbuild.errors import AssetBuildError, Gather, RecipeError, Where, did_you_mean
 from assetbuild.lfs import refuse_pointer
 from assetbuild.recipe.models import Recipe
-from assetbuild.recipe.validation import Key, Misnamed, locate, shown, validated
+from assetbuild.recipe.validation import Key, KeyedError, Misnamed, locate, shown, validated
 from assetbuild.recipe.variants import patched, variant_names
 from assetbuild.recipe.yaml_tree import MAX_BYTES, MAX_COST, Entry, Node, described, parse
+from assetbuild.robot.motors import RowError
 
 
 @dataclass(frozen=True)
@@ -41,19 +43,52 @@ class LoadedRecipe:
         """The recipe that a key is written in, and the key there; of a composite maybe a part's."""
         return self, key
 
-    def folder(self, key: Key) -> Path:
-        """Where the paths begin that a key names."""
-        return self.origin(key)[0].path.parent
+    @property
+    def folder(self) -> Path:
+        """Where its paths begin."""
+        return self.path.parent
 
     def where(self, key: Key) -> Where:
         """The place of a key such as `("actuators", 2, "kp")`; of the nearest above if absent."""
         recipe, own = self.origin(key)
         return locate(recipe.tree, own)
 
+    @property
+    def by_prefix(self) -> Mapping[str, LoadedRecipe]:
+        """The recipes of the parts, by the prefix of their names."""
+        rows = self.recipe.compose
+        return {row.as_: part for row, part in zip(rows, self.parts, strict=True)}
+
+    def but(self, **sections: object) -> LoadedRecipe:
+        """The same with other values of these sections."""
+        return replace(self, recipe=self.recipe.model_copy(update=sections))
+
     def error(self, key: Key, message: str, hint: str = "") -> RecipeError:
         """An error about a key: its place, its path, what is wrong, the next move."""
         _, own = self.origin(key)
         return RecipeError(f"{shown(own)}: {message}", where=self.where(key), hint=hint)
+
+    @contextmanager
+    def placing(self) -> Iterator[None]:
+        """Errors about keys, raised by what knows no lines, get their places."""
+        try:
+            yield
+        except RowError as error:
+            wrong = Gather(RecipeError)
+            for each in error.each():
+                with wrong:
+                    raise self._placed(each) from None
+            wrong.stop(error.uncounted)
+
+    def _placed(self, error: AssetBuildError) -> AssetBuildError:
+        """The row of a part has another index in the part's recipe."""
+        if not isinstance(error, RowError):
+            return error
+        if isinstance(error, KeyedError):
+            return self.error(error.key, error.said, error.hint)
+        _, own = self.origin(error.key)
+        message = error.message.replace(shown(error.key[:2]), shown(own[:2]), 1)
+        return RecipeError(message, where=self.where(error.key), hint=error.hint)
 
 
 ModelOf = Callable[[Node], tuple[type[Recipe], list[Misnamed]]]

@@ -11,6 +11,7 @@ from pydantic import BaseModel, ValidationError
 from assetbuild.errors import AssetBuildError, Gather, Where, did_you_mean
 from assetbuild.recipe.schema import allowed_values, known_keys, meaning
 from assetbuild.recipe.yaml_tree import Node, described, plain
+from assetbuild.robot.motors import RowError
 
 M = TypeVar("M", bound=BaseModel)
 Key = tuple[str | int, ...]
@@ -37,6 +38,17 @@ _BOUNDS = {
     "less_than": ("less than", "lt"),
     "less_than_equal": ("at most", "le"),
 }
+
+
+class KeyedError(RowError):
+    """An error about a key, from code that knows no lines; `placing` adds the place.
+
+    said: the message without the path of the key.
+    """
+
+    def __init__(self, key: Key, said: str, hint: str = "") -> None:
+        super().__init__(f"{shown(key)}: {said}", key=key, hint=hint)
+        self.said = said
 
 
 @dataclass(frozen=True)

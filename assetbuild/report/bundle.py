@@ -7,10 +7,11 @@ import json
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import PurePosixPath
+from pathlib import Path, PurePosixPath
 from typing import Any
 
 from assetbuild._version import __version__
+from assetbuild.errors import UsageError
 from assetbuild.recipe.models import Recipe
 
 _MEDIA_TYPES = {
@@ -80,6 +81,17 @@ def manifest(robot: str, files: Iterable[BundleFile]) -> BundleFile:
     ]
     content = {"schema": "assetbuild-bundle/v1", "robot": robot, "files": rows}
     return BundleFile.of_text("manifest.json", "manifest", json_text(content))
+
+
+def manifest_of(bundle: Path) -> dict[str, str]:
+    """Path -> SHA-256 as the manifest says. UsageError when it is no bundle."""
+    try:
+        manifest = json.loads((bundle / "manifest.json").read_bytes())
+        return {str(row["path"]): str(row["sha256"]) for row in manifest["files"]}
+    except (FileNotFoundError, NotADirectoryError):
+        raise UsageError(f"`{bundle}` has no manifest.json, so it is no bundle") from None
+    except (ValueError, KeyError, TypeError, AttributeError, RecursionError, OSError) as error:
+        raise UsageError(f"{bundle / 'manifest.json'}: not a manifest: {error}") from None
 
 
 def media_type(path: str) -> str:

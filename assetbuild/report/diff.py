@@ -15,7 +15,7 @@ from assetbuild.facts.again.row import NotParsedError, groups
 from assetbuild.facts.compare import Difference, Precision, differences, shown
 from assetbuild.facts.table import Key, Table
 from assetbuild.facts.vocabulary import RANKS, VOCABULARY, Rank, Required
-from assetbuild.report.sides import DERIVED, ROBOT, Side
+from assetbuild.report.sides import DERIVED, ROBOT, Form, Side
 from assetbuild.report.tables import markdown_table, table
 from assetbuild.simulators.readings import FALL, HEIGHT
 
@@ -125,7 +125,7 @@ def _facts(before: Side, after: Side) -> tuple[list[Change], frozenset[str]]:
         if _unchanged(before, after, one) and one == other:
             continue
         try:
-            differ = _compared(before, one, after, other)
+            differ = _compared(before.forms[one], after.forms[other], same=one == other)
         except UsageError as error:
             if before.folder is None or after.folder is None:
                 raise
@@ -148,21 +148,20 @@ def _exists(gone: bool) -> tuple[str, str]:
 
 def _unchanged(before: Side, after: Side, form: str) -> bool:
     """Whether all files behind a form have the same bytes."""
-    old, new = ({p: s.digests[p] for p in s.covers.get(form, ())} for s in (before, after))
+    both = ((side, side.forms.get(form)) for side in (before, after))
+    old, new = ({p: side.digests[p] for p in of.covers} if of else {} for side, of in both)
     return bool(old) and old == new
 
 
-def _compared(before: Side, one: str, after: Side, other: str) -> list[Difference]:
-    old, new = before.forms[one](), after.forms[other]()
-    precision = before.precision[one].coarser(after.precision[other])
-    if one == other:
+def _compared(before: Form, after: Form, *, same: bool) -> list[Difference]:
+    """same: both are of one format, which says all that it can."""
+    old, new = before.read(), after.read()
+    precision = before.precision.coarser(after.precision)
+    if same:
         return [*differences(old, new, precision), *_unread(old, new)]
 
     def said(key: Key) -> bool:
-        every = ((before, one), (after, other))
-        return not key.is_foreign and all(
-            side.holds[form](key) if form in side.holds else True for side, form in every
-        )
+        return not key.is_foreign and before.holds(key) and after.holds(key)
 
     stated = [{(k.kind, k.quantity) for k in table.facts} for table in (old, new)]
     kinds = (stated[0] & stated[1]) | {pair for pair in stated[0] ^ stated[1] if _counts(*pair)}
@@ -286,7 +285,8 @@ def _files(
         old, new = before.digests.get(path), after.digests.get(path)
         if old == new or path in DERIVED or path in explained:
             continue
-        behind = {f for side in (before, after) for f, of in side.covers.items() if path in of}
+        both = (before.forms.items(), after.forms.items())
+        behind = {name for forms in both for name, form in forms if path in form.covers}
         if behind & telling:
             continue
         if old is None or new is None:

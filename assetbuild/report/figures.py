@@ -1,14 +1,12 @@
-"""The figures of any check as HTML: numbers by name, and a table where there are rows."""
+"""The figures of any check as tables: numbers by name, and rows where there are rows."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from html import escape
 from typing import TypeGuard
 
-from assetbuild.report.markup import code, folded, prose
-from assetbuild.report.sentences import UNITS, sentence
-from assetbuild.report.tables import Record, Table, html_table, table, text_of
+from assetbuild.report.sentences import UNITS
+from assetbuild.report.tables import Record, Table, table, text_of
 from assetbuild.report.verdict import CheckResult
 
 FIRST = (
@@ -16,38 +14,17 @@ FIRST = (
     *("mujoco", "physx", "off", "unit"),
 )
 """Columns that stand first in a table, in this order."""
-FOLDED = 12
-"""Tables with more rows than this are closed at first."""
 
 
-def check_section(name: str, check: CheckResult) -> str:
-    """One check: its result as a sentence, all of its figures below."""
+def figures_of(name: str, check: CheckResult) -> Iterator[Table]:
+    """All figures of a check: first its plain numbers, then a table or several for each other."""
     figures = dict(sorted(check.figures.items()))
     plain = {k: v for k, v in figures.items() if not (isinstance(v, Mapping) or _is_list(v))}
-    scalars = {key: value for key, value in plain.items() if value is not None}
-    said = sentence(name, check)
-    hint = f' <span class="soft">{prose(said)}</span>' if said else ""
-    parts = [
-        f'<details class="check"{" open" if check.status == "fail" else ""}>',
-        f'<summary>{code(name)} <span class="{check.status}">{check.status}</span>{hint}</summary>',
-    ]
-    if scalars:
-        rows = [(words(k), v) for k, v in scalars.items()]
-        parts.append(html_table(table(f"figures of {name}", ("figure", "value"), rows)))
+    if rows := [(words(key), value) for key, value in plain.items() if value is not None]:
+        yield table(f"figures of {name}", ("figure", "value"), rows)
     for key, value in figures.items():
         if key not in plain and value not in ([], {}):
-            parts += [
-                f"<h3>{escape(shown.title)}</h3>{html_table(shown)}"
-                if len(shown.rows) <= FOLDED
-                else folded_table(shown)
-                for shown in tables_of(key, value)
-            ]
-    return "".join([*parts, "</details>"])
-
-
-def folded_table(shown: Table) -> str:
-    """A table that is closed at first, with the number of its rows."""
-    return folded(f"{escape(shown.title)} ({len(shown.rows)})", html_table(shown))
+            yield from tables_of(key, value)
 
 
 def tables_of(name: str, value: object) -> Iterator[Table]:

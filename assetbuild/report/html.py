@@ -1,27 +1,39 @@
-"""`report/index.html`: one self-contained page, readable in a minute."""
+"""`report/index.html`: one self-contained page, readable in a minute.
+
+Its markup stands in `assets/`, beside style and scripts; here is what the templates print.
+"""
 
 from __future__ import annotations
 
 import base64
-from collections.abc import Mapping, Sequence
+import functools
+import re
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from html import escape
+from itertools import groupby
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from markupsafe import Markup, escape
 
 from assetbuild._version import __version__
-from assetbuild.findings import SEVERITIES
+from assetbuild.findings import SEVERITIES, Finding, is_consequence
 from assetbuild.report.card import card_tables
 from assetbuild.report.document import Report
-from assetbuild.report.figures import check_section, folded_table
-from assetbuild.report.found import findings_section
-from assetbuild.report.identified import identified_section
+from assetbuild.report.figures import figures_of
+from assetbuild.report.identified import identified
 from assetbuild.report.loading import loading_lines
-from assetbuild.report.markup import asset, code, filled, prose
+from assetbuild.report.sentences import sentence
 from assetbuild.report.subject import Subject
-from assetbuild.report.tables import html_table
-from assetbuild.report.verdict import CheckResult, verdict_rows
+from assetbuild.report.tables import text_of
+from assetbuild.report.verdict import CheckResult, Verdict, verdict_rows
 from assetbuild.report.view import view_data
 from assetbuild.robot.inertia import total_mass
 
+if TYPE_CHECKING:
+    from jinja2 import Environment
+
+ASSETS = Path(__file__).parent / "assets"
 GROUPS: tuple[tuple[str, str, tuple[str, ...]], ...] = (
     ("equality", "The same robot in every format",
      ("oracle", "urdf_", "bare_", "dr_", "isaaclab_", "mjcf_", "mjlab_", "mjx_", "scene_", "usd_",
@@ -34,13 +46,6 @@ GROUPS: tuple[tuple[str, str, tuple[str, ...]], ...] = (
 """Anchor, title and the beginnings of the checks' names; all others come last."""
 
 
-WHERE = (
-    "Paths begin in the folder where <code>assetbuild build</code> ran; inside the bundle, omit "
-    "<code>build/NAME/</code>."
-)
-"""`page.js` puts the bundle's own place into the lines where the page is opened from a disk."""
-
-
 @dataclass(frozen=True)
 class View:
     """The 3D view: geometry as JSON, and the text of three.js; empty = none."""
@@ -51,169 +56,127 @@ class View:
 
 def html_page(report: Report, subject: Subject, hero: bytes | None, view: View | None) -> str:
     """The whole page; nothing in it is fetched from anywhere. hero: a PNG of the robot."""
-    view = view if view and view.library else None
-    loud = sum(finding.severity != "info" for finding in report.findings)
-    sections = [
-        ("findings", f"Issues ({loud})", findings_section(report.findings)),
-        ("view", "3D view", _viewer(subject) if view else ""),
-        *_checks(report.checks),
-        ("identified", "Measured on the real robot", identified_section(subject.fits)),
-        ("card", "Model card", _card(subject, report)),
-        ("provenance", "Provenance", _provenance(subject)),
-    ]
-    shown = [section for section in sections if section[2]]
-    return filled(
-        "page.html",
-        name=escape(report.robot),
-        style=asset("page.css"),
-        hero=_hero(hero) if hero else "",
-        verdict=_verdict(report),
+    targets = subject.recipe.targets
+    failed = any(finding.severity == "error" for finding in report.findings)
+    return templates().get_template("page.html").render(
+        report=report,
+        verdict=report.verdict,
+        name=subject.recipe.robot,
+        hero=base64.b64encode(hero).decode("ascii") if hero else "",
+        rows=list(_rows(report.verdict)),
+        loading=[] if failed else list(loading_lines(subject.recipe.robot, targets)),
+        missing=[target for target in ("mjlab", "isaaclab") if target not in targets],
         tiles=_tiles(report, subject),
-        loading=_loading(report, subject),
-        toc="".join(f'<li><a href="#{key}">{escape(title)}</a></li>' for key, title, _ in shown),
-        body="".join(
-            f'<section aria-labelledby="{key}"><h2 id="{key}">{escape(title)}</h2>'
-            f"{content}</section>"
-            for key, title, content in shown
-        ),
-        scripts=f"<script>{asset('page.js')}</script>\n"
-        + (_scripts(subject, view) if view else ""),
-    )
+        loud=sum(finding.severity != "info" for finding in report.findings),
+        findings=_sorted_out(report.findings),
+        view=view if view and view.library else None,
+        robot=Markup(view_data(subject).replace("<", "\\u003c")),  # noqa: S704 # ends no script
+        groups=_grouped(report.checks),
+        fits=[identified(*fit) for fit in subject.fits],
+        tables=card_tables(subject, report),
+        built=_provenance(subject),
+    )  # fmt: skip
 
 
-def _verdict(report: Report) -> str:
-    verdict = report.verdict
-    kind, answer = ("ready", "yes") if verdict.ready else ("error", "no")
-    parts = [f"<strong>Ready for training: {answer}</strong>"]
-    if verdict.blocked_by:
-        parts.append(f"<p>Blocked by {', '.join(map(code, verdict.blocked_by))}</p>")
-    parts.append(f'<p class="next"><b>What to do next:</b> {prose(verdict.next_step)}</p>')
-    rows = list(verdict_rows(verdict))
-    if verdict.not_tried:
-        notes = (
-            f"`{name}` ({note})" if note else f"`{name}`"
-            for name, note in verdict.not_tried.items()
-        )
-        rows.append(("checks", f"not run: {'; '.join(notes)}"))
-    parts.append(_parts(rows))
-    return f'<div class="verdict {kind}" role="status">{"".join(parts)}</div>'
+@functools.cache
+def templates() -> Environment:
+    """The templates with what they may call."""
+    from jinja2 import Environment, FileSystemLoader, StrictUndefined  # for a page alone
+
+    made = Environment(
+        loader=FileSystemLoader(ASSETS), autoescape=True, undefined=StrictUndefined,
+        trim_blocks=True, lstrip_blocks=True,
+    )  # fmt: skip
+    made.filters |= {"text": text_of, "prose": prose, "one_line": _one_line, "count_all": _count}
+    made.filters |= {"counted": lambda number, noun: f"{number} {noun}{'s' * (number != 1)}"}
+    made.globals |= {"asset": _asset, "sentence": sentence, "figures_of": figures_of}
+    return made
 
 
-def _parts(rows: Sequence[tuple[str, str]]) -> str:
+def prose(text: str) -> Markup:
+    """A sentence whose backticks become code."""
+    marked = re.sub(r"`([^`]+)`", r"<code>\1</code>", str(escape(text)))
+    return Markup(marked)  # noqa: S704 # escaped above
+
+
+def _asset(name: str) -> Markup:
+    """A file that comes with the report."""
+    return Markup((ASSETS / name).read_text(encoding="utf-8"))  # noqa: S704 # our own
+
+
+def _one_line(markup: Markup) -> Markup:
+    return Markup("").join(Markup(line.strip()) for line in markup.splitlines())  # noqa: S704 # as it was
+
+
+Box = tuple[str, str, list[Finding]]
+"""(severity, rule, its findings)."""
+
+
+def _sorted_out(findings: Sequence[Finding]) -> dict[str, list[Box]]:
+    """By how much they matter."""
+    loud = [f for f in findings if f.severity != "info"]
+    quiet = [f for f in findings if f.severity == "info"]
+    return {
+        "loud": _by_rule(f for f in loud if not is_consequence(f)),
+        "following": _by_rule(filter(is_consequence, loud)),
+        "waived": _by_rule(f for f in quiet if "because" in f.data),
+        "quiet": _by_rule(f for f in quiet if "because" not in f.data),
+    }
+
+
+def _by_rule(findings: Iterator[Finding]) -> list[Box]:
+    """One box for each rule, in order of the worst."""
+    found = list(findings)
+    order = list(dict.fromkeys((f.severity, f.rule) for f in found))
+    ordered = sorted(found, key=lambda f: order.index((f.severity, f.rule)))
+    grouped = groupby(ordered, key=lambda f: (f.severity, f.rule))
+    return [(severity, rule, list(same)) for (severity, rule), same in grouped]
+
+
+def _count(boxes: Sequence[Box]) -> int:
+    return sum(len(findings) for _, _, findings in boxes)
+
+
+def _rows(verdict: Verdict) -> Iterator[tuple[str, str]]:
     """Formats, physics and trainers, each with what was found."""
-    items = "".join(f"<div><dt>{escape(k)}</dt><dd>{prose(v)}</dd></div>" for k, v in rows)
-    return f'<dl class="parts">{items}</dl>'
+    yield from verdict_rows(verdict)
+    if verdict.not_tried:
+        notes = (f"`{name}` ({note})" if note else f"`{name}`"
+                 for name, note in verdict.not_tried.items())  # fmt: skip
+        yield "checks", f"not run: {'; '.join(notes)}"
 
 
-def _hero(png: bytes) -> str:
-    """The robot; a click, or the Enter key, enlarges it."""
-    data = base64.b64encode(png).decode("ascii")
-    return (
-        '<figure class="hero"><button type="button" class="zoom" aria-label="enlarge the robot">'
-        f'<img alt="the robot at home" src="data:image/png;base64,{data}"></button></figure>'
-    )
-
-
-def _loading(report: Report, subject: Subject) -> str:
-    """Lines to copy, one box for each consumer; the first is open. None for a failed build."""
-    recipe = subject.recipe
-    if any(finding.severity == "error" for finding in report.findings):
-        return ""
-    rows = list(loading_lines(recipe.robot, recipe.targets))
-    boxes = "".join(
-        f'<details class="load"{" open" if n == 0 else ""}><summary>{escape(name)}</summary>'
-        f'<pre tabindex="0">{escape(lines)}</pre>'
-        f'<button type="button" class="copy" hidden>Copy</button></details>'
-        for n, (name, lines) in enumerate(rows)
-    )
-    missing = [t for t in ("mjlab", "isaaclab") if t not in recipe.targets]
-    note = ", ".join(map(code, missing))
-    more = (
-        f'<p class="soft">Add {note} to <code>targets</code> for more ways to load it.</p>'
-        if missing
-        else ""
-    )
-    where = f'<p class="soft" id="bundle-place">{WHERE}</p>'
-    head = f'<h2 id="load">Load it</h2>{where}'
-    return f'<div class="loading">{head}{boxes}{more}</div>' if rows else ""
-
-
-def _tiles(report: Report, subject: Subject) -> str:
+def _tiles(report: Report, subject: Subject) -> tuple[tuple[str, str], ...]:
     states = [check.status for check in report.checks.values()]
     severities = [finding.severity for finding in report.findings]
     plural = {"error": "errors", "warning": "warnings", "info": "for information"}
     numbers = [(severities.count(severity), severity) for severity in SEVERITIES]
     counts = ", ".join(f"{n} {s if n == 1 and s != 'info' else plural[s]}" for n, s in numbers if n)
-    shapes = len(subject.shapes.of("collision"))
-    facts = (
+    return (
         (f"{total_mass(subject.tree):.4g} kg", "total mass"),
         (str(len(subject.tree.moving_joints)), "moving joints"),
         (str(len(subject.tree.bodies)), "bodies"),
-        (str(shapes), "collision shapes"),
+        (str(len(subject.shapes.of("collision"))), "collision shapes"),
         (f"{states.count('pass')} of {len(states)}", "checks passed"),
         (counts or "none", "findings"),
     )
-    tiles = "".join(f"<li><b>{escape(b)}</b><span>{escape(t)}</span></li>" for b, t in facts)
-    return f'<ul class="tiles">{tiles}</ul>'
 
 
-# --- the 3D view ----------------------------------------------------------------------------
-
-
-def _viewer(subject: Subject) -> str:
-    label = f"3D view of {subject.recipe.robot}: drag or arrow keys turn, plus and minus zoom"
-    lines = filled("viewer.html", label=escape(label)).splitlines()
-    return "".join(map(str.strip, lines))
-
-
-def _scripts(subject: Subject, view: View) -> str:
-    robot = view_data(subject).replace("<", "\\u003c")  # nothing may end the script early
-    return (
-        f'<script type="application/json" id="viewer-geometry">{view.geometry}</script>\n'
-        f'<script type="application/json" id="viewer-robot">{robot}</script>\n'
-        f"<script>{view.library}</script>\n<script>{asset('viewer.js')}</script>"
-    )
-
-
-# --- checks, card, provenance ----------------------------------------------------------------
-
-
-def _checks(checks: Mapping[str, CheckResult]) -> list[tuple[str, str, str]]:
-    """Sections of checks by what they are about."""
+def _grouped(checks: Mapping[str, CheckResult]) -> list[tuple[str, str, list[object]]]:
+    """(anchor, title, [(name, check)]) by what they are about."""
     left = dict(sorted(checks.items()))
-    sections = []
-    for key, title, names in GROUPS:
-        own = sorted((n for n in left if n.startswith(names)), key=lambda n: _rank(n, names))
-        content = "".join(check_section(name, left.pop(name)) for name in own)
-        sections.append((key, title, content))
-    rest = "".join(check_section(name, check) for name, check in left.items())
-    return [*sections, ("checks", "Other checks", rest)]
+    groups: list[tuple[str, str, list[object]]] = []
+    for key, title, beginnings in GROUPS:
+        own = [name for start in beginnings for name in left if name.startswith(start)]
+        groups.append((key, title, [(name, left.pop(name)) for name in dict.fromkeys(own)]))
+    return [*groups, ("checks", "Other checks", list(left.items()))]
 
 
-def _rank(name: str, beginnings: Sequence[str]) -> int:
-    return next(i for i, beginning in enumerate(beginnings) if name.startswith(beginning))
-
-
-def _card(subject: Subject, report: Report) -> str:
-    tables = card_tables(subject, report)
-    opened = [f"<h3>{escape(shown.title)}</h3>{html_table(shown)}" for shown in tables[:3]]
-    return "".join([*opened, *map(folded_table, tables[3:])])
-
-
-def _provenance(subject: Subject) -> str:
+def _provenance(subject: Subject) -> list[tuple[str, object]]:
     source = subject.recipe.source
-    rows = {
-        "built by": f"assetbuild {__version__}",
-        "source": source.origin,
-        **dict(sorted(subject.pin.items())),
-        "licence of the source": source.license or "not stated",
-    }
-    items = "".join(
-        f"<tr><th scope='row'>{escape(key)}</th><td>{code(str(value))}</td></tr>"
-        for key, value in rows.items()
-    )
-    return (
-        f"<table>{items}</table><p>Digests of all files: <code>manifest.json</code>; who built it, "
-        "when and from what: <code>provenance.json</code> (in-toto, SLSA v1). "
-        "<code>assetbuild verify</code> compares them.</p>"
-    )
+    return [
+        ("built by", f"assetbuild {__version__}"),
+        ("source", source.origin),
+        *sorted(subject.pin.items()),
+        ("licence of the source", source.license or "not stated"),
+    ]

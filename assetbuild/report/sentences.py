@@ -77,21 +77,6 @@ def _oracle(f: Figures) -> str:
     )
 
 
-def _kinematics(f: Figures) -> str:
-    return (
-        f"{f['links']} links stand where yourdfpy puts them in {f['samples']} poses: "
-        f"largest error {_error(float(f['kinematics_error']))}, limit 1e-9"
-    )
-
-
-def _free_fall(f: Figures) -> str:
-    error = 100.0 * float(f["relative_error"])
-    return (
-        f"free fall {float(f['drop_m']):.4g} m in {float(f['seconds']):.3g} s (expected "
-        f"{float(f['expected_m']):.4g} m; {error:.2g} % off, limit 0.3 %)"
-    )
-
-
 def _full_effort(f: Figures) -> str:
     said = []
     for kind, what in (("limits", "past a limit"), ("couplings", "from where it is held")):
@@ -123,95 +108,31 @@ def _slope(f: Figures) -> str:
     return "; ".join(said)
 
 
-def _stand(f: Figures) -> str:
-    change, tilt = float(f["height_change_m"]), math.degrees(float(f["tilt_rad"]))
-    return (
-        f"stands for {float(f['seconds']):.3g} s: its base moves by {_length(abs(change))} in "
-        f"height and {_length(float(f['drift_m']))} sideways and tilts by {tilt:.2g}°; "
-        f"the busiest drive uses {100 * float(f['max_load']):.3g} % of its effort"
-    )
-
-
 def _mass(f: Figures) -> str:
     stated = f.get("datasheet_kg")
     beside = f"; its data sheet says {float(stated):.4g} kg" if stated is not None else ""
     return f"{float(f['total_kg']):.4g} kg in {len(f['bodies'])} bodies{beside}"
 
 
-def _counts(f: Figures) -> str:
-    return (
-        f"{f['visual_built']} visual and {f['collision_built']} collision shapes were built from "
-        f"{f['visual_source']} and {f['collision_source']} of the source"
-    )
-
-
-def _mirror(f: Figures) -> str:
-    return (
-        f"{f['twins']} pairs of bodies or joints are each other's mirror image"
-        if f["twins"]
-        else ""
-    )
-
-
-def _gains(f: Figures) -> str:
-    return f"{len(f['joints'])} drives judged at `{f['keyframe']}`: stiffness, damping and sag"
-
-
-def _coverage(f: Figures) -> str:
-    return f"{len(f['shapes'])} collision shapes measured against the visual geometry"
-
-
-def _usd(f: Figures) -> str:
-    return f"its {float(f['bytes']) / 1e6:.3g} MB open elsewhere, as OpenUSD's validators want"
-
-
-def _trials(f: Figures) -> str:
-    drift = 100.0 * float(f["energy_drift"])
-    return f"let go, shaken and simulated with other time steps; energy drifts by {drift:.2g} %"
-
-
-def _compiles(f: Figures) -> str:
-    return (
-        f"{', '.join(f'`{name}`' for name in f)} compile in MuJoCo without a warning" if f else ""
-    )
-
-
-def _pairs(f: Figures) -> str:
-    return (
-        f"{f['pairs']} pairs of geometries can touch; {f['fast_on_warp']} of them are quick on Warp"
-    )
-
-
 def _loops(f: Figures) -> str:
-    if "skipped" in f:
-        return str(f["skipped"])
-    gap = _length(float(f["largest_gap"]))
     return (
         f"{len(f['open'])} loops stay closed while the drives swing for {float(f['seconds']):.3g} "
-        f"s: the largest gap is {gap}"
+        f"s: the largest gap is {_length(float(f['largest_gap']))}"
     )
-
-
-def _contract(f: Figures) -> str:
-    return (
-        f"mjlab finds the names that the module states among {f['sites']} sites and "
-        f"{f['sensors']} sensors"
-    )
-
-
-def _simready(f: Figures) -> str:
-    return f"{f['met']} of {f['of']} features of {f['profile']} are met"
-
-
-def _validator(f: Figures) -> str:
-    return f"{f['failures']} rules fail, {f['warnings']} warnings"
 
 
 SENTENCES: Mapping[str, Callable[[Figures], str]] = {
     "oracle": _oracle,
-    "urdf_kinematics": _kinematics,
+    "urdf_kinematics": lambda f: (
+        f"{f['links']} links stand where yourdfpy puts them in {f['samples']} poses: "
+        f"largest error {_error(float(f['kinematics_error']))}, limit 1e-9"
+    ),
     "urdf_loads": lambda f: f"urdfdom reads the URDF: {f['joints']} joints",
-    "free_fall": _free_fall,
+    "free_fall": lambda f: (
+        f"free fall {float(f['drop_m']):.4g} m in {float(f['seconds']):.3g} s (expected "
+        f"{float(f['expected_m']):.4g} m; {100.0 * float(f['relative_error']):.2g} % off, "
+        "limit 0.3 %)"
+    ),
     "full_effort": _full_effort,
     "grip": _grip,
     "newton_grip": _grip,
@@ -219,21 +140,49 @@ SENTENCES: Mapping[str, Callable[[Figures], str]] = {
     "newton_slope": _slope,
     "physx_slope": _slope,
     "slope": _slope,
-    "stand": _stand,
+    "stand": lambda f: (
+        f"stands for {float(f['seconds']):.3g} s: its base moves by "
+        f"{_length(abs(float(f['height_change_m'])))} in height and {_length(float(f['drift_m']))} "
+        f"sideways and tilts by {math.degrees(float(f['tilt_rad'])):.2g}°; "
+        f"the busiest drive uses {100 * float(f['max_load']):.3g} % of its effort"
+    ),
     "mass": _mass,
-    "counts": _counts,
-    "mirror": _mirror,
-    "gains": _gains,
-    "coverage": _coverage,
-    "usd_valid": _usd,
-    "trials": _trials,
-    "mjcf_compiles": _compiles,
-    "mjx_pairs": _pairs,
+    "counts": lambda f: (
+        f"{f['visual_built']} visual and {f['collision_built']} collision shapes were built from "
+        f"{f['visual_source']} and {f['collision_source']} of the source"
+    ),
+    "mirror": lambda f: (
+        f"{f['twins']} pairs of bodies or joints are each other's mirror image"
+        if f["twins"]
+        else ""
+    ),
+    "gains": lambda f: (
+        f"{len(f['joints'])} drives judged at `{f['keyframe']}`: stiffness, damping and sag"
+    ),
+    "coverage": lambda f: (
+        f"{len(f['shapes'])} collision shapes measured against the visual geometry"
+    ),
+    "usd_valid": lambda f: (
+        f"its {float(f['bytes']) / 1e6:.3g} MB open elsewhere, as OpenUSD's validators want"
+    ),
+    "trials": lambda f: (
+        "let go, shaken and simulated with other time steps; energy drifts by "
+        f"{100.0 * float(f['energy_drift']):.2g} %"
+    ),
+    "mjcf_compiles": lambda f: (
+        f"{', '.join(f'`{name}`' for name in f)} compile in MuJoCo without a warning" if f else ""
+    ),
+    "mjx_pairs": lambda f: (
+        f"{f['pairs']} pairs of geometries can touch; {f['fast_on_warp']} of them are quick on Warp"
+    ),
     "loops": _loops,
     "physx_loops": _loops,
     "newton_loops": _loops,
-    "mjlab_contract": _contract,
-    "simready": _simready,
-    "asset_validator": _validator,
+    "mjlab_contract": lambda f: (
+        f"mjlab finds the names that the module states among {f['sites']} sites and "
+        f"{f['sensors']} sensors"
+    ),
+    "simready": lambda f: f"{f['met']} of {f['of']} features of {f['profile']} are met",
+    "asset_validator": lambda f: f"{f['failures']} rules fail, {f['warnings']} warnings",
 }
 """Name of the check -> its sentence, from figures that it always has when it ran."""

@@ -5,8 +5,8 @@ from __future__ import annotations
 import functools
 import json
 import math
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -33,20 +33,33 @@ DERIVED = ("manifest.json", "provenance.json")
 """They follow from the other files."""
 
 
+def _can_say_all(_: Key) -> bool:
+    return True
+
+
+@dataclass(frozen=True)
+class Form:
+    """One format that says what the robot is. read: its table; holds: whether it can say a key.
+
+    covers: the files of a bundle behind it.
+    """
+
+    read: Callable[[], Table]
+    precision: Precision = field(default_factory=Precision)
+    holds: Callable[[Key], bool] = _can_say_all
+    covers: tuple[str, ...] = ()
+
+
 @dataclass(frozen=True)
 class Side:
     """A robot to compare, as one or several files say it.
 
-    forms: how to read each form's table, by the form's name; covers: form -> the files behind it.
-    holds: whether a form can say a key. findings: (rule, subject) -> severity; figures: of checks,
-    by dotted path; digests: of all files of a bundle, by path.
+    forms: by name. findings: (rule, subject) -> severity; figures: of checks, by dotted path;
+    digests: of all files of a bundle, by path.
     """
 
     name: str
-    forms: Mapping[str, functools.partial[Table]]
-    precision: Mapping[str, Precision]
-    holds: Mapping[str, Any] = field(default_factory=dict)  # Any: Reader.holds
-    covers: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    forms: Mapping[str, Form]
     folder: Path | None = None
     digests: Mapping[str, str] = field(default_factory=dict)
     ready: bool | None = None
@@ -64,24 +77,19 @@ def bundle_side(bundle: Path, name: str = "") -> Side:
         for path in sorted(bundle.rglob("*"))
         if path.is_file()
     }
-    forms = {ROBOT: functools.partial(_whole_robot, reference, report)}
-    precision: dict[str, Precision] = {ROBOT: Precision()}
-    covers: dict[str, tuple[str, ...]] = {ROBOT: ("report/robot.json",)}
-    holds: dict[str, Any] = {}  # Any: as above
+    whole = functools.partial(_whole_robot, reference, report)
+    forms = {ROBOT: Form(whole, covers=("report/robot.json",))}
     for form, reader, file in bundle_readers(bundle, robot, reference):
-        forms[form] = functools.partial(_read, reader, file, bundle)
-        precision[form] = Precision(EXACT)
-        covers[form] = tuple(path for path in digests if reader.covers(path, robot))
-        holds[form] = reader.holds
+        read = functools.partial(_read, reader, file, bundle)
+        covers = tuple(path for path in digests if reader.covers(path, robot))
+        forms[form] = Form(read, Precision(EXACT), reader.holds, covers)
     try:
         found = {(f["rule"], f["subject"]): f["severity"] for f in report["findings"]}
         ready = bool(report["verdict"]["ready"])
         figures = dict(_numbers({n: c.get("figures") for n, c in report["checks"].items()}))
     except (KeyError, TypeError, AttributeError) as error:
         raise UsageError(f"`{bundle}` has no readable report: {error}") from None
-    return Side(
-        name or str(bundle), forms, precision, holds, covers, bundle, digests, ready, found, figures
-    )
+    return Side(name or str(bundle), forms, bundle, digests, ready, found, figures)
 
 
 def bundle_readers(
@@ -150,40 +158,33 @@ def foreign_side(path: Path) -> Side:
     suffix = path.suffix.lower()
     if suffix == ".json":
         measured, simulator = readings(path)
-        read = _side(path, "readings", measured, Precision(FLOAT32))
         told = {(key.kind, key.quantity) for key in measured.facts}  # it measures some facts only
-        holds = {"readings": lambda key: (key.kind, key.quantity) in told}
-        return replace(read, name=f"{path} ({simulator})", holds=holds)
+        return _model(
+            f"{path} ({simulator})",
+            "readings",
+            measured,
+            precision=Precision(FLOAT32),
+            holds=lambda key: (key.kind, key.quantity) in told,
+        )
     try:
         text = path.read_bytes() if suffix in (".xml", ".urdf", ".mjcf") else b""
     except OSError as error:
         raise UsageError(f"cannot read `{path}`: {error.strerror}") from None
     if b"<robot" in text:
-        return _side(path, "merged urdf", _merged_urdf(path), Precision(), NOT_IN_URDF)
+        return _model(str(path), "merged urdf", _merged_urdf(path), holds=_in_urdf)
     for _, kind in usable_plugins(Reader):
         if suffix in kind.suffixes and suffix != ".urdf" and (not text or b"<mujoco" in text):
             table = kind(robot=path.stem).read(path)
-            made = _side(path, kind.form, table, kind.precision)
-            return replace(made, holds={kind.form: kind.holds})
+            how = {"precision": kind.precision, "holds": kind.holds}
+            return _model(str(path), kind.form, table, **how)
     raise UsageError(
         f"`{path}` is no model that can be compared",
         hint="give a bundle, a recipe, an MJCF, URDF or USD file, or an Isaac Lab configuration",
     )
 
 
-def _side(
-    path: Path, form: str, table: Table, precision: Precision, lacks: tuple[str, ...] = ()
-) -> Side:
-    def holds(key: Key) -> bool:
-        return key.kind not in lacks and key.quantity not in lacks
-
-    return Side(
-        str(path), {form: functools.partial(_same, table)}, {form: precision}, {form: holds}
-    )
-
-
-def _same(table: Table) -> Table:
-    return table
+def _model(name: str, form: str, table: Table, **how: Any) -> Side:  # Any: of Form
+    return Side(name, {form: Form(lambda: table, **how)})
 
 
 NOT_IN_URDF = (
@@ -192,6 +193,10 @@ NOT_IN_URDF = (
     "margin", "gap", "mask", "partners", "shape",
 )  # fmt: skip
 """What a URDF does not say, and what a URDF alone does not show: its meshes as files."""
+
+
+def _in_urdf(key: Key) -> bool:
+    return key.kind not in NOT_IN_URDF and key.quantity not in NOT_IN_URDF
 
 
 def _merged_urdf(path: Path) -> Table:
@@ -220,10 +225,10 @@ def config_side(path: Path, name: str, known: Side | None) -> Side:
     """An Isaac Lab configuration in a Python file; its patterns mean the joints of `known`."""
     from assetbuild.facts.isaaclab_config import read_config
 
-    tables = (read() for read in (known.forms.values() if known else ()))
+    tables = (form.read() for form in (known.forms.values() if known else ()))
     joints = next((table.names("joint") for table in tables), ())
     table = read_config(path, name, joints)
-    return _side(path, "configuration", table, Precision(FLOAT32))
+    return _model(str(path), "configuration", table, precision=Precision(FLOAT32))
 
 
 def _motion(report: Mapping[str, Any], reference: Reference) -> dict[Key, Value]:  # Any: JSON

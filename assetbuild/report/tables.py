@@ -1,11 +1,10 @@
-"""A table as data, written as Markdown or as HTML."""
+"""A table as data, and written as Markdown."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from html import escape
 
 Record = Mapping[str, object]
 """Column -> value."""
@@ -20,6 +19,17 @@ class Table:
     rows: tuple[tuple[object, ...], ...]
     note: str = ""
     empty: str = "None."
+
+    @property
+    def numbers(self) -> tuple[bool, ...]:
+        """Of each column whether it holds numbers, which stand to the right, and nothing else."""
+        return tuple(map(_all_numbers, zip(*self.rows, strict=True)))
+
+
+def _all_numbers(values: Iterable[object]) -> bool:
+    told = [value for value in values if value not in (None, "")]
+    numbers = (isinstance(v, int | float) and not isinstance(v, bool) for v in told)
+    return bool(told) and all(numbers)
 
 
 def table(
@@ -69,35 +79,3 @@ def markdown_table(shown: Table) -> str:
 
 def _cell(value: object) -> str:
     return " ".join(text_of(value).replace("|", "\\|").split())
-
-
-def html_table(shown: Table) -> str:
-    """With a caption for screen readers; numbers to the right; wide ones scroll by themselves."""
-    if not shown.rows:
-        return f"<p>{escape(shown.empty)}</p>"
-    styles = [_column_style(column) for column in zip(*shown.rows, strict=True)]
-    head = "".join(
-        f'<th scope="col"{style}>{escape(text)}</th>'
-        for text, style in zip(shown.head, styles, strict=True)
-    )
-    rows = "".join(f"<tr>{''.join(map(_html_cell, row, styles))}</tr>" for row in shown.rows)
-    note = f"<caption>{escape(shown.note)}</caption>" if shown.note else ""
-    # A part that scrolls must be reachable by the keyboard.
-    return (
-        f'<div class="scroll" tabindex="0" role="group" aria-label="{escape(shown.title)}">'
-        f"<table>{note}<thead><tr>{head}</tr></thead><tbody>{rows}</tbody></table></div>"
-    )
-
-
-def _column_style(values: Sequence[object]) -> str:
-    """A column of numbers stands to the right; one where some happen to be numbers does not."""
-    told = [value for value in values if value not in (None, "")]
-    numbers = all(isinstance(v, int | float) and not isinstance(v, bool) for v in told)
-    return ' class="number"' if told and numbers else ""
-
-
-def _html_cell(value: object, style: str) -> str:
-    text = text_of(value)
-    if text in ("pass", "fail", "skip", "error", "warning"):
-        style = f' class="{text}"'
-    return f"<td{style}>{escape(text)}</td>"

@@ -13,7 +13,7 @@ Key = tuple[str | int, ...]
 class RowError(RecipeError):
     """A table of the recipe does not fit the robot.
 
-    key: the place in the recipe, as a path for `LoadedRecipe.where`; steps know no lines.
+    key: the place in the recipe, as a path; steps know no lines.
     """
 
     def __init__(self, message: str, *, key: Key, hint: str = "") -> None:

@@ -4,18 +4,18 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 from assetbuild.engine.graph import Ref
 from assetbuild.engine.planner import Planner
+from assetbuild.engine.world import World
 from assetbuild.errors import RecipeError, Where, did_you_mean
-from assetbuild.recipe.loader import LoadedRecipe, read_small_file, shown_path
+from assetbuild.recipe.loader import read_small_file, shown_path
 from assetbuild.recipe.source import Patch
+from assetbuild.recipe.validation import Key, KeyedError
 from assetbuild.source.patch_text import PatchText
-
-Key = tuple[str | int, ...]
 
 _HUNK = re.compile(r"@@ -\d+(?:,(\d+))? \+\d+(?:,(\d+))? @@")
 
@@ -39,29 +39,28 @@ class Passage:
         return self.step.find.count("\n") != self.step.replace.count("\n")
 
 
-def patch_keys(loaded: LoadedRecipe) -> dict[str, Key]:
+def patch_keys(patches: Sequence[Patch], folder: Path, world: World) -> dict[str, Key]:
     """Key in the recipe of each passage's node, by label."""
-    return {passage.label: passage.key for passage in passages(loaded)}
+    return {passage.label: passage.key for passage in passages(patches, folder, world)}
 
 
-def passages(loaded: LoadedRecipe) -> list[Passage]:
-    """All of them in order. RecipeError for a diff that is none."""
+def passages(patches: Sequence[Patch], folder: Path, world: World) -> list[Passage]:
+    """All of them in order. RecipeError for a diff that is none. folder: of the recipe."""
     found: list[tuple[Key, PatchText]] = []
-    for index, patch in enumerate(loaded.recipe.source.patches):
-        key = ("source", "patches", index)
-        steps = _of_diff(loaded, key, patch) if patch.diff is not None else [_of_text(patch)]
-        found += ((key, step) for step in steps)
+    for index, patch in enumerate(patches):
+        steps = [_of_text(patch)] if patch.diff is None else _of_diff(patch, folder, world)
+        found += ((("source", "patches", index), step) for step in steps)
     return [Passage(key, number, step) for number, (key, step) in enumerate(found, start=1)]
 
 
-def patched(loaded: LoadedRecipe, texts: Mapping[str, Ref], p: Planner) -> dict[str, Ref]:
-    """The texts by path, each behind its patches. RecipeError for a patch of no such text."""
+def patched(found: Sequence[Passage], texts: Mapping[str, Ref], p: Planner) -> dict[str, Ref]:
+    """The texts by path, each behind its patches. KeyedError for a patch of no such text."""
     now = dict(texts)
-    for passage in passages(loaded):
+    for passage in found:
         step = passage.step
         if step.file not in now:
             message = f"`{step.file}` is no text that is read of the source"
-            raise loaded.error(passage.key, message, did_you_mean(step.file, now))
+            raise KeyedError(passage.key, message, did_you_mean(step.file, now))
         now[step.file] = p.add(passage.label, step, {"text": now[step.file]})["text"]
     return now
 
@@ -80,10 +79,10 @@ def _of_text(patch: Patch) -> PatchText:
 # --- unified diffs --------------------------------------------------------------------------
 
 
-def _of_diff(loaded: LoadedRecipe, key: Key, patch: Patch) -> list[PatchText]:
-    path = Path(os.path.normpath(loaded.folder(key) / str(patch.diff)))
+def _of_diff(patch: Patch, folder: Path, world: World) -> list[PatchText]:
+    path = Path(os.path.normpath(folder / str(patch.diff)))
     file = shown_path(path)
-    data = read_small_file(path, file, RecipeError, loaded.world)
+    data = read_small_file(path, file, RecipeError, world)
     steps = [
         PatchText(file=name, find=find, replace=replace, because=patch.because)
         for name, find, replace in _hunks(data.decode("utf-8", "replace"), file)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import posixpath
 import re
-from collections.abc import Collection, Mapping
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import count
 from pathlib import Path
@@ -13,9 +13,11 @@ from typing import Protocol
 
 from assetbuild.engine.graph import Ref
 from assetbuild.engine.planner import Planner
+from assetbuild.engine.world import World
 from assetbuild.errors import Where
 from assetbuild.lock import GitPin, Lock
-from assetbuild.recipe.loader import LoadedRecipe
+from assetbuild.recipe.source import Source
+from assetbuild.recipe.validation import Key, KeyedError
 from assetbuild.source.get.fetch import Fetch
 from assetbuild.source.get.fetch_git import FetchGit
 from assetbuild.source.get.fetch_url import FetchUrl
@@ -72,19 +74,17 @@ class SourceFiles(Protocol):
         ...
 
 
-def open_source(loaded: LoadedRecipe, lock: Lock | None, p: Planner) -> SourceFiles:
-    """The source that the recipe names. RecipeError when a folder is not there."""
-    source = loaded.recipe.source
-    if source.path is not None and not p.world.is_file(loaded.path.parent / source.path):
-        return FolderFiles(loaded, p)
-    return ArchiveFiles(_archive(loaded, lock, p), source.root, source.description, p)
+def open_source(named: Source, folder: Path, lock: Lock | None, p: Planner) -> SourceFiles:
+    """The source that a recipe in a folder names. KeyedError when a folder is not there."""
+    if named.path is not None and not p.world.is_file(folder / named.path):
+        return FolderFiles(named, folder, p)
+    return ArchiveFiles(_archive(named, folder, lock, p), named.root, named.description, p)
 
 
-def _archive(loaded: LoadedRecipe, lock: Lock | None, p: Planner) -> Ref:
+def _archive(source: Source, folder: Path, lock: Lock | None, p: Planner) -> Ref:
     """The zip or tar of a source that is no folder."""
-    source = loaded.recipe.source
     if source.path is not None:
-        return p.source(p.world.plain(loaded.path.parent / source.path))
+        return p.source(p.world.plain(folder / source.path))
     step: FetchUrl | FetchGit | Fetch
     if source.url is not None:
         step = FetchUrl(url=source.url, sha256=str(source.sha256))
@@ -92,26 +92,36 @@ def _archive(loaded: LoadedRecipe, lock: Lock | None, p: Planner) -> Ref:
         pin = lock.pin_of(source) if lock else None
         assert pin is not None  # noqa: S101 # the pipeline pins moving sources first
         if isinstance(pin, GitPin):
-            step = FetchGit(url=repository(loaded), commit=pin.commit, sha256=pin.sha256)
+            step = FetchGit(
+                url=repository(source, folder, p.world), commit=pin.commit, sha256=pin.sha256
+            )
         else:
             step = Fetch(name=pin.name, release=pin.version, filename=pin.file, sha256=pin.sha256)
     return p.add("fetch", step, {})["archive"]
 
 
-def repository(loaded: LoadedRecipe) -> str:
+def repository(source: Source, folder: Path, world: World) -> str:
     """`source.git` as git takes it: an address, or an absolute path."""
-    git = str(loaded.recipe.source.git)
+    git = str(source.git)
     if "://" in git or SCP_LIKE.match(git):
         return git
-    return str(loaded.world.real(loaded.path.parent / Path(git).expanduser()))
+    return str(world.real(folder / Path(git).expanduser()))
 
 
-def description_of(loaded: LoadedRecipe, source: SourceFiles, p: Planner) -> Description | None:
-    """The robot's description; None while the source is not listed yet."""
-    recipe = loaded.recipe.source
+def description_of(
+    recipe: Source,
+    folder: Path,
+    where: Callable[[Key], Where],
+    source: SourceFiles,
+    p: Planner,
+) -> Description | None:
+    """The robot's description; None while the source is not listed yet.
+
+    folder: of the recipe; where: its keys stand.
+    """
     path = recipe.description
     key = "xacro" if recipe.xacro else "mjcf" if recipe.mjcf else "urdf"
-    ref = source.description(path, loaded.where(("source", key)))
+    ref = source.description(path, where(("source", key)))
     if ref is None:
         return None
     beside = posixpath.dirname(path) or "."
@@ -121,32 +131,31 @@ def description_of(loaded: LoadedRecipe, source: SourceFiles, p: Planner) -> Des
     elif recipe.xacro is not None:
         folders = (beside, *sorted(recipe.packages.values()))
         texts = source.below(folders, (), NOT_INCLUDED)
-    if texts is None or not _are_missing(loaded, source):
+    if texts is None or not _are_missing(recipe.missing.visuals, source):
         return None
     if len(texts) > MOST_FILES:
         message = f"{len(texts)} files could be included, more than {MOST_FILES}"
-        raise loaded.error(("source", key), message, "name smaller folders in `source.packages`")
-    texts = patched(loaded, {path: ref} | texts, p)
+        raise KeyedError(("source", key), message, "name smaller folders in `source.packages`")
+    changes = passages(recipe.patches, folder, p.world)
+    texts = patched(changes, {path: ref} | texts, p)
     if recipe.xacro is not None:
-        return _expanded(loaded, texts, p)
-    moved = any(each.moves_lines for each in passages(loaded) if each.step.file == path)
+        return _expanded(recipe, texts, p)
+    moved = any(each.moves_lines for each in changes if each.step.file == path)
     shown = f"{path} (patched)" if moved and recipe.urdf else path
     return Description(shown, texts.pop(path), texts)
 
 
-def _are_missing(loaded: LoadedRecipe, source: SourceFiles) -> bool:
-    """Whether that is known; RecipeError for a mesh that is stated as missing and is there."""
-    stated = loaded.recipe.source.missing.visuals
+def _are_missing(stated: Sequence[str], source: SourceFiles) -> bool:
+    """Whether that is known; KeyedError for a mesh that is stated as missing and is there."""
     present = source.present("missing meshes", stated) if stated else {}
     for path in present or ():
         key = ("source", "missing", "visuals", stated.index(path))
-        raise loaded.error(key, f"`{path}` is in the source", "remove it from the list")
+        raise KeyedError(key, f"`{path}` is in the source", "remove it from the list")
     return present is not None
 
 
-def _expanded(loaded: LoadedRecipe, texts: Mapping[str, Ref], p: Planner) -> Description:
+def _expanded(recipe: Source, texts: Mapping[str, Ref], p: Planner) -> Description:
     """The URDF behind a xacro."""
-    recipe = loaded.recipe.source
     step = ExpandXacro(
         file=recipe.description,
         args={name: argument_text(value) for name, value in sorted(recipe.args.items())},

@@ -29,8 +29,9 @@ from assetbuild.engine.step import Step
 from assetbuild.engine.store import Store
 from assetbuild.engine.wire import step_to_json
 from assetbuild.pipeline.identifying import plan_excite
+from assetbuild.pipeline.opening import Opened
 from assetbuild.pipeline.recipes import load_recipe
-from assetbuild.pipeline.sampling_plan import plan_samples
+from assetbuild.pipeline.sampling import Draws, plan_samples
 from assetbuild.plan import plan
 from docs.site.pages.rules import package_modules
 
@@ -150,16 +151,11 @@ def runs(tmp_path_factory: pytest.TempPathFactory) -> list[Seen]:
         with Session(Store(folder / recipe.stem)) as session, Recording(session, known) as runner:
             done = settle(lambda planner: plan(loaded, None, planner), session, runner)  # noqa: B023
             assert not done.errors
+            work = Opened(loaded, None, session, runner)
             if loaded.recipe.randomize:
-                sampled = settle(
-                    lambda planner: plan_samples(loaded, None, planner, keep=1, judge=5, seed=1),  # noqa: B023
-                    session,
-                    runner,
-                )
-                assert not sampled.errors
+                work.made(partial(plan_samples, work, Draws(keep=1, judge=5, seed=1)))
             if loaded.recipe.identify:
-                add = partial(plan_excite, loaded, None, 10.0)
-                assert not settle(add, session, runner).errors
+                work.made(partial(plan_excite, work, 10.0))
             for number, (kind, action) in enumerate(runner.first.items()):
                 place = folder / f"{recipe.stem}-{number}"
                 steps.append((kind, laid_out(action, session, place)))

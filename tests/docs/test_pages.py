@@ -41,9 +41,7 @@ def test_the_program_takes_every_command_of_the_pages(page: str, command: str, m
     """Parsed, not run: what a command does is tested where it lives."""
     command = re.split(r" (?:&&|\|\|?|>>?|2>) ?", command)[0]
     words = shlex.split(command)[1:]
-    verb = next((w for w in words if not w.startswith("-")), "")
-    if verb:
-        monkeypatch.setattr(f"assetbuild.cli.{verb}.run", lambda arguments: 0)
+    monkeypatch.setattr("assetbuild.cli.runner", lambda verb: lambda arguments: 0)
     errors = io.StringIO()
     with contextlib.redirect_stderr(errors), contextlib.redirect_stdout(io.StringIO()):
         try:

@@ -44,7 +44,8 @@ def loaded(tmp_path: Path, collision: str) -> LoadedRecipe:
 
 
 def jobs(tmp_path: Path, collision: str):
-    return collision_jobs(loaded(tmp_path, collision), LINKS, SimpleNamespace(shapes=SHAPES))
+    recipe = loaded(tmp_path, collision).recipe
+    return collision_jobs(recipe, tmp_path, LINKS, SimpleNamespace(shapes=SHAPES))
 
 
 def test_the_preset_fills_what_a_rule_of_auto_leaves_open(tmp_path):
@@ -111,8 +112,9 @@ def test_a_piece_without_its_file_is_refused_with_its_line(tmp_path, file, said)
     (tmp_path / "pad.step").write_bytes(b"")
     piece = f"{{type: mesh, file: {file}}}"
     recipe = loaded(tmp_path, f"  default: {{method: explicit, pieces: [{piece}]}}\n")
-    with pytest.raises(RecipeError, match=said) as caught:
-        check_files(recipe, recipe.recipe.collision.default, ("collision", "default"))
+    rule, key = recipe.recipe.collision.default, ("collision", "default")
+    with pytest.raises(RecipeError, match=said) as caught, recipe.placing():
+        check_files(rule, key, tmp_path, recipe.world)
     assert caught.value.where.line == 5
 
 
@@ -191,7 +193,7 @@ def test_a_primitive_of_one_mesh_is_shared_by_all_links_that_turn_it(tmp_path):
             SourceShape("r", "right", "collision", MeshFile("hip.stl"), turned),
         )
     )
-    left, right = collision_jobs(recipe, tree, SimpleNamespace(shapes=shapes))
+    left, right = collision_jobs(recipe.recipe, tmp_path, tree, SimpleNamespace(shapes=shapes))
     assert left.step() == right.step()
     assert left.step().bones == ((0.0, 0.08, 0.0),)
     assert (left.label, right.label) == ("primitive left", "primitive right")

@@ -114,7 +114,7 @@ class Judge:
         """The readers of a file, first the one whose main file it is; of the robot's own, all."""
         if form_of(file) == "robot":
             return self.reads
-        own = [read for read in self.reads if file in self.before.covers[read.reader.form]]
+        own = [read for read in self.reads if file in self.before.forms[read.reader.form].covers]
         return sorted(own, key=lambda read: read.file != self.bundle / file)
 
     def _diff(self) -> list[Change]:
@@ -130,9 +130,15 @@ def _side(untouched: Path, bundle: Path) -> Side:
     """The untouched bundle for `diff`, as far as it was copied; each table is read once."""
     side = bundle_side(untouched)
     digests = {path: d for path, d in side.digests.items() if (bundle / path).is_file()}
-    forms = {form: functools.partial(functools.cache(read)) for form, read in side.forms.items()}
-    covers = {form: tuple(p for p in of if p in digests) for form, of in side.covers.items()}
-    return replace(side, digests=digests, forms=forms, covers=covers)
+    forms = {
+        name: replace(
+            form,
+            read=functools.cache(form.read),
+            covers=tuple(path for path in form.covers if path in digests),
+        )
+        for name, form in side.forms.items()
+    }
+    return replace(side, digests=digests, forms=forms)
 
 
 def _with_table(reader: Reader, table: Table, reference: Reference) -> Reader:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import functools
 import json
 import math
 import shutil
@@ -15,11 +14,10 @@ import pytest
 from tiny import TinyRobot, run_step, tiny_quadruped, with_mimic, write_robot_ports
 
 from assetbuild.errors import UsageError
-from assetbuild.facts.compare import Precision
 from assetbuild.facts.reference import Reference, robot_table
 from assetbuild.facts.table import Unread
 from assetbuild.report.diff import Changes, changes, counts, diff_markdown, diff_text
-from assetbuild.report.sides import Side, bundle_side, foreign_side
+from assetbuild.report.sides import Form, Side, bundle_side, foreign_side
 from assetbuild.simulators.usd_options import UsdOptions
 from assetbuild.targets.mjcf import Mjcf
 from assetbuild.targets.urdf import Urdf
@@ -38,8 +36,7 @@ def side(tmp_path: Path) -> Callable[..., Side]:
 
     def make(robot: TinyRobot = ROBOT, **more: Any) -> Side:
         table = robot_table(reference_of(robot, tmp_path / "ports"))
-        return Side("r", {"robot": functools.partial(lambda t: t, table)}, {"robot": Precision()},
-                    **more)  # fmt: skip
+        return Side("r", {"robot": Form(lambda: table)}, **more)
 
     return make
 
@@ -93,8 +90,8 @@ def test_swapped_limits_are_high(side: Callable[..., Side]):
 def test_a_lost_joint_is_critical_and_nothing_more_is_said_of_it(side: Callable[..., Side]):
     name = ROBOT.tree.moving_joints[-1].name
     whole = side()
-    fewer = whole.forms["robot"]().only(lambda key: key.name != name)
-    lost = replace(whole, forms={"robot": functools.partial(lambda t: t, fewer)})
+    fewer = whole.forms["robot"].read().only(lambda key: key.name != name)
+    lost = replace(whole, forms={"robot": Form(lambda: fewer)})
     found = changes(whole, lost).rows
     assert [(c.rank, c.subjects) for c in found] == [("CRITICAL", (f"joint {name}",))]
 
@@ -194,9 +191,9 @@ def test_a_comment_is_a_file_written_differently(bundle: Path):
 
 
 def test_what_no_reader_has_a_meaning_for_is_told(side: Callable[..., Side]):
-    table = side().forms["robot"]()
+    table = side().forms["robot"].read()
     winged = replace(table, unread=(Unread("link trunk", "wings", "2"),))
-    (change,) = changes(side(), replace(side(), forms={"robot": lambda: winged})).rows
+    (change,) = changes(side(), replace(side(), forms={"robot": Form(lambda: winged)})).rows
     assert (change.subjects, change.quantity) == (("place link trunk",), "wings")
 
 

@@ -187,11 +187,12 @@ def fetched(path: Path) -> tuple[dict[str, object], list[object]]:
     lock = pin(loaded, frozen=False, say=lambda _: None)
     with open_session(loaded) as session:
         planner = Planner(session)
-        source = open_source(loaded, lock, planner)
+        source = open_source(loaded.recipe.source, loaded.folder, lock, planner)
         source.description("r.urdf", Where("r.yaml"))
         results = execute(planner.graph(), session)
         planner = Planner(session)
-        ref = open_source(loaded, lock, planner).description("r.urdf", Where("r.yaml"))
+        source = open_source(loaded.recipe.source, loaded.folder, lock, planner)
+        ref = source.description("r.urdf", Where("r.yaml"))
         if ref is not None:
             results |= execute(planner.graph(), session)
     return results, [result.error for result in results.values() if result.error]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import functools
 import json
 from pathlib import Path
 from typing import Any
@@ -11,11 +10,10 @@ import pytest
 from tiny import tiny_quadruped, write_robot_ports
 
 from assetbuild.errors import UsageError
-from assetbuild.facts.compare import Precision
 from assetbuild.facts.reference import Reference, robot_table
 from assetbuild.facts.table import Key, Table
 from assetbuild.report.diff import changes
-from assetbuild.report.sides import Side, foreign_side
+from assetbuild.report.sides import Form, Side, foreign_side
 from assetbuild.simulators.readings import FALL, FALL_S, FORMAT, HEIGHT, fall_m
 
 ROBOT = tiny_quadruped()
@@ -45,8 +43,7 @@ def ours(height: float, folder: Path) -> Side:
     facts = dict(robot_table(Reference.of_ports(inputs, {})).facts)
     facts[Key("robot", "", FALL)] = fall_m(9.81, DT)
     facts[Key("robot", "", HEIGHT)] = height
-    return Side("ours", {"robot": functools.partial(lambda table: table, Table(facts))},
-                {"robot": Precision()})  # fmt: skip
+    return Side("ours", {"robot": Form(lambda: Table(facts))})
 
 
 def test_readings_of_the_same_robot_differ_in_nothing(tmp_path: Path) -> None:

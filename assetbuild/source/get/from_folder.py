@@ -9,26 +9,25 @@ from urllib.parse import unquote
 
 from assetbuild.engine.graph import Ref
 from assetbuild.engine.planner import Planner
-from assetbuild.errors import RecipeError, SourceError, Where, did_you_mean
-from assetbuild.recipe.loader import LoadedRecipe
+from assetbuild.errors import SourceError, Where, did_you_mean
+from assetbuild.recipe.source import Source
+from assetbuild.recipe.validation import KeyedError
 from assetbuild.source.get.from_archive import LICENSES
 
 
 class FolderFiles:
     """`source.path`: files are read where they lie, each by its own digest."""
 
-    def __init__(self, loaded: LoadedRecipe, p: Planner) -> None:
-        source = loaded.recipe.source
-        self._loaded, self._p, self._world = loaded, p, p.world
+    def __init__(self, source: Source, folder: Path, p: Planner) -> None:
+        self._description, self._p, self._world = source.description, p, p.world
         # Not resolved: a link on the way that leads elsewhere tomorrow is asked for again.
-        self.root = self._world.plain(loaded.path.parent / (source.path or "") / source.root)
+        self.root = self._world.plain(folder / (source.path or "") / source.root)
         self._real = self._world.real(self.root)
         if not self._world.is_folder(self.root):
-            key = ("source", "path")
-            raise RecipeError(
-                f"source.path: no folder or archive `{source.path}`",
-                where=loaded.where(key),
-                hint="paths are relative to the recipe's folder",
+            raise KeyedError(
+                ("source", "path"),
+                f"no folder or archive `{source.path}`",
+                "paths are relative to the recipe's folder",
             )
 
     def file(self, path: str, where: Where, what: str) -> Ref:
@@ -103,7 +102,7 @@ class FolderFiles:
     def licenses(self) -> dict[str, Ref]:
         """See `SourceFiles`."""
         found = {}
-        for folder in PurePosixPath(self._loaded.recipe.source.description).parents:
+        for folder in PurePosixPath(self._description).parents:
             for name in self._world.names(self.root / folder, starts=LICENSES):
                 path = posixpath.normpath(folder / name)
                 if self._world.is_file(self.root / path):
