@@ -20,19 +20,25 @@ Rewriting = Callable[[Path], None]
 DECIMAL = re.compile(r"(?<![\w.])(-?\d+\.\d+)(?![\w.])")
 
 
-def rewritten(bundle: Path) -> Iterator[tuple[str, str, list[str]]]:
-    """(file, way of writing it differently, what was then said or differed) of all files."""
+def rewritten(bundle: Path, *, at_once: bool = False) -> Iterator[tuple[str, str, list[str]]]:
+    """(file, way of writing it differently, what was then said or differed) of all files.
+
+    at_once: each file is written in all its ways, one after another, and then judged.
+    """
     with tempfile.TemporaryDirectory(prefix="rewritten-") as name:
         bench = Bench(bundle, Path(name))
         alarms = [f"{rule}: {subject}" for rule, subject, _ in bench.judge.alarms]
         yield "(untouched)", "as built", alarms
         for file in files_of(bench.bundle):
-            for how, rewrite in ways(file).items():
+            found = ways(file)
+            rows = [tuple(found)] if at_once and found else [(how,) for how in found]
+            for row in rows:
                 with kept(bench.bundle, file):
-                    rewrite(bench.bundle / file)
+                    for how in row:
+                        found[how](bench.bundle / file)
                     refit(bench.bundle, file)
                     verdict = bench.judge.ask(file)
-                    yield file, how, [*verdict.said, *verdict.told]
+                    yield file, ", ".join(row), [*verdict.said, *verdict.told]
 
 
 def ways(file: str) -> Mapping[str, Rewriting]:

@@ -135,7 +135,7 @@ def test_validate_and_diff_find_single_changes(legs: Path):
 
 def alarms(bundle: Path) -> dict[tuple[str, str], list[str]]:
     """What is said of files that are written differently."""
-    return {(file, how): said for file, how, said in rewritten(bundle) if said}
+    return {(file, how): said for file, how, said in rewritten(bundle, at_once=True) if said}
 
 
 @pytest.mark.slow
