@@ -26,9 +26,7 @@ for name, examples in (("quick", 25), ("ci", 50)):
     )
 
 OPENGL = os.environ.get("MUJOCO_GL")
-os.environ.setdefault(
-    "MUJOCO_GL", "disable"
-)  # a third of a small build; see `drawing`
+os.environ.setdefault("MUJOCO_GL", "disable")  # a third of a small build; see `drawing`
 ROBOTS = Path(__file__).parent / "robots"
 PACKAGE = "example-robot-data==6.0.0"
 ROOT_IN_WHEEL = "cmeel.prefix/share/example-robot-data"

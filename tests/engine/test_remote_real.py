@@ -1,0 +1,110 @@
+"""Servers that others keep, started as the documentation says: bazel-remote and nginx.
+
+A test is skipped where the program of its server is not installed.
+"""
+
+from __future__ import annotations
+
+import os
+import shutil
+import socket
+import subprocess
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+
+import pytest
+import yaml
+from builds_for_tests import Machine
+
+DOCS = Path(__file__).parents[2] / "docs/how-to"
+
+
+def free_port() -> int:
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        return int(server.getsockname()[1])
+
+
+def bazel_remote(folder: Path, port: int) -> list[str]:
+    service = yaml.safe_load((DOCS / "cache-compose.yaml").read_text())["services"]["cache"]
+    words = service["command"].replace("/data", str(folder / "data")).replace("8080", str(port))
+    return ["bazel-remote", "--host", "127.0.0.1", *words.split()]
+
+
+def nginx(folder: Path, port: int) -> list[str]:
+    text = (DOCS / "cache-nginx.conf").read_text().replace("8080", f"127.0.0.1:{port}")
+    (folder / "data").mkdir()
+    (folder / "nginx.conf").write_text(text.replace("/var/cache/assetbuild", str(folder / "data")))
+    user = "user root;" if os.geteuid() == 0 else ""
+    own = f"daemon off; pid {folder}/pid; error_log {folder}/log; {user}"
+    return ["nginx", "-p", str(folder), "-c", str(folder / "nginx.conf"), "-g", own]
+
+
+@contextmanager
+def running(command: list[str], port: int) -> Iterator[None]:
+    with subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL) as process:
+        try:
+            for _ in range(300):
+                with suppress(OSError), socket.create_connection(("127.0.0.1", port), 1):
+                    break
+                assert process.poll() is None, f"{command[0]} ended"
+                time.sleep(0.1)
+            yield
+        finally:
+            process.terminate()
+
+
+@pytest.fixture(params=[bazel_remote, nginx], ids=["bazel-remote", "nginx"])
+def server(request, tmp_path: Path):
+    """Address, and the folder in which the server keeps its files."""
+    folder, port = tmp_path / "server", free_port()
+    folder.mkdir()
+    command = request.param(folder, port)
+    program = shutil.which(command[0], path=f"{os.environ['PATH']}:/usr/sbin")
+    if program is None:
+        pytest.skip(f"needs the program `{command[0]}`")
+    with running([program, *command[1:]], port):
+        yield f"http://127.0.0.1:{port}", folder / "data"
+
+
+@pytest.fixture
+def robot(tmp_path: Path) -> Path:
+    source = tmp_path / "robot"
+    source.write_text("one 1\ntwo 2\n")
+    return source
+
+
+def objects(data: Path) -> list[Path]:
+    return [p for p in data.rglob("*") if p.is_file() and "cas" in p.relative_to(data).parts[0]]
+
+
+def test_the_second_machine_builds_nothing(tmp_path: Path, robot: Path, server):
+    url, _ = server
+    first = Machine(tmp_path / "a", url, write=True, key="k")
+    gold = first.build(robot, width=12)
+    second = Machine(tmp_path / "b", url, key="k")
+    results = second.build(robot, width=12)
+    assert [r.status for r in results.values()] == ["cached"] * 15
+    assert [r.outputs for r in results.values()] == [r.outputs for r in gold.values()]
+    assert (first.warnings, second.warnings) == ([], [])
+
+
+@pytest.mark.parametrize("how", ["gone", "cut"])
+def test_what_somebody_removes_below_the_server_costs_nothing_but_time(
+    tmp_path: Path, robot: Path, server, how: str
+):
+    url, data = server
+    gold = Machine(tmp_path / "a", url, write=True).build(robot, width=12)
+    found = objects(data)
+    assert len(found) >= 12
+    for path in found[::2]:
+        if how == "gone":
+            path.unlink()
+        else:
+            path.chmod(0o600)
+            path.write_bytes(path.read_bytes()[:-1])
+    for name in "bc":
+        machine = Machine(tmp_path / name, url, write=True)
+        results = machine.build(robot, width=12)
+        assert [r.outputs for r in results.values()] == [r.outputs for r in gold.values()]
