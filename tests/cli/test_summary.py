@@ -137,12 +137,23 @@ def test_checks_have_words_that_say_more_than_their_names():
 
 def test_the_expected_time_is_the_work_shared_among_cores_or_the_longest_chain():
     costs = Costs({"a": 4.0, "b": 2.0, "c": 2.0}, {"a": 6.0, "b": 2.0, "c": 2.0})
-    sums = Forecast(costs, 2)
+    sums = Forecast(2, costs)
     assert sums.left_s({}) == 6.0, "c follows a"
     assert sums.left_s({"a": 3.0}) == 3.0
     sums.done("a")
     assert sums.left_s({}) == 2.0
     assert (shown_time(8.2), shown_time(125.0)) == ("8 s", "2 min 05 s")
+
+
+def test_the_expected_time_follows_what_steps_took_and_says_what_it_does_not_know():
+    costs = Costs({"a": 3.0, "b": 9.0}, {"a": 3.0, "b": 9.0}, frozenset({"b"}))
+    sums = Forecast(1, costs)
+    assert (sums.word, sums.left_s({})) == ("at least", 12.0)
+    sums.done("a", 6.0)
+    assert sums.left_s({}) == 1.5 * 9.0, "twice as slow as expected, half believed"
+    assert sums.left_s({"b": 6.0}) == 1.5 * 9.0 - 6.0
+    sums.plan(Costs({"c": 2.0}, {"c": 2.0}))
+    assert (sums.word, sums.left_s({})) == ("about", 3.0)
 
 
 def test_no_total_is_shown_before_all_steps_are_known(capsys: pytest.CaptureFixture[str]):
