@@ -189,6 +189,15 @@ def is_consequence(finding: Finding) -> bool:
     return silent or FOLLOWS in finding.data
 
 
+WAIVED = "severity_before"
+"""Key of the data of a finding that the recipe waives: how severe it would be."""
+
+
+def is_waived(finding: Finding) -> bool:
+    """Whether the recipe accepts it, and says why."""
+    return WAIVED in finding.data
+
+
 def worst_first(findings: list[Finding]) -> list[Finding]:
     """Errors, warnings, infos; causes before consequences; else by rule and subject."""
     return sorted(

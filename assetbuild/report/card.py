@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 
+from assetbuild.findings import is_waived
 from assetbuild.report.document import Report
 from assetbuild.report.grade import grade
 from assetbuild.report.subject import Subject
@@ -220,8 +221,8 @@ def _known_limits(report: Report) -> Table:
 
 def _limit_rows(report: Report) -> Iterator[tuple[str, str, str]]:
     for finding in report.findings:
-        because = finding.data.get("because")
-        if because:
+        if is_waived(finding):
+            because = finding.data["because"]
             yield finding.rule, finding.subject, f"{finding.message}; waived: {because}"
         elif finding.severity != "info" or (
             finding.rule.startswith(LIMITS) and not finding.rule.startswith(CHANGES)

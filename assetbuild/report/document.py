@@ -8,7 +8,16 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 from assetbuild._version import __version__
-from assetbuild.findings import FOLLOWS, RENAMED, SEVERITIES, Finding, Rule, is_now, worst_first
+from assetbuild.findings import (
+    FOLLOWS,
+    RENAMED,
+    SEVERITIES,
+    WAIVED,
+    Finding,
+    Rule,
+    is_now,
+    worst_first,
+)
 from assetbuild.recipe.models import Waiver
 from assetbuild.report.verdict import CheckResult, Verdict, judge
 
@@ -107,7 +116,7 @@ def _waived(finding: Finding, waivers: Mapping[str, Waiver]) -> Finding:
     waiver = waivers.get(finding.rule) or next(old, None)
     if waiver is None or waiver.severity == finding.severity:
         return finding
-    data = {**finding.data, "severity_before": finding.severity, "because": waiver.because}
+    data = {**finding.data, WAIVED: finding.severity, "because": waiver.because}
     return replace(finding, severity=waiver.severity, data=data)
 
 

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING
 from markupsafe import Markup, escape
 
 from assetbuild._version import __version__
-from assetbuild.findings import SEVERITIES, Finding, is_consequence
+from assetbuild.findings import SEVERITIES, Finding, is_consequence, is_waived
 from assetbuild.report.card import card_tables
 from assetbuild.report.document import Report
 from assetbuild.report.figures import figures_of
@@ -89,6 +89,7 @@ def templates() -> Environment:
     )  # fmt: skip
     made.filters |= {"text": text_of, "prose": prose, "one_line": _one_line, "count_all": _count}
     made.filters |= {"counted": lambda number, noun: f"{number} {noun}{'s' * (number != 1)}"}
+    made.tests["waived"] = is_waived
     made.globals |= {"asset": _asset, "sentence": sentence, "figures_of": figures_of}
     return made
 
@@ -119,8 +120,8 @@ def _sorted_out(findings: Sequence[Finding]) -> dict[str, list[Box]]:
     return {
         "loud": _by_rule(f for f in loud if not is_consequence(f)),
         "following": _by_rule(filter(is_consequence, loud)),
-        "waived": _by_rule(f for f in quiet if "because" in f.data),
-        "quiet": _by_rule(f for f in quiet if "because" not in f.data),
+        "waived": _by_rule(f for f in quiet if is_waived(f)),
+        "quiet": _by_rule(f for f in quiet if not is_waived(f)),
     }
 
 
