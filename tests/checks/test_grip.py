@@ -72,6 +72,7 @@ def test_keyframes_that_are_not_there_are_an_error_of_the_recipe(tmp_path: Path)
     assert "no keyframe `open`" in found.message
 
 
+@pytest.mark.slow
 def test_an_object_that_does_not_fit_is_told(tmp_path: Path) -> None:
     """A block on the palm takes the room between the fingers."""
     block = {'pos="0 0 -.005"/>': 'pos="0 0 -.005"/><geom type="box" size=".02 .05 .2"/>'}

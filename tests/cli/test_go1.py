@@ -8,8 +8,11 @@ import re
 import shutil
 from pathlib import Path
 
+import pytest
+
 from .conftest import Workplace
 
+pytestmark = pytest.mark.slow  # whole builds of a real robot
 CONTROL_READERS = {
     "control",
     "state_ranges",
