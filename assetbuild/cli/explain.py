@@ -31,7 +31,9 @@ def run(arguments: argparse.Namespace) -> int:
 def _explained(
     recipe: Path, variant: str | None, step: str | None = None
 ) -> tuple[list[Explanation], bool]:
-    """Of one step or all; whether these are all. UsageError for a step that there is not."""
+    """(explanations of one step or of all steps, whether the graph is complete). UsageError for an
+    unknown step.
+    """
     with opened(load_recipe(recipe, variant)) as look:
         known = look.known()
         labels = list(known.graph.nodes)

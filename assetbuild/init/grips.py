@@ -57,7 +57,7 @@ def tried(validation: Iterable[str], hand: Sequence[str]) -> Iterator[str]:
 def mjcf_hand(
     robot: InspectedRobot, anatomy: Anatomy, control: Control, tuning: Tuning | None
 ) -> list[str]:
-    """As `hand_of`; a tendon may drive any joint."""
+    """The links of the hand, as `hand_of` finds them; a tendon's actuator may drive any joint."""
     driven = {row.joint for row in control.actuators if row.model != "passive"} | driven_by(tuning)
     if any(item.place == "actuator" and not item.owner for item in control.mjcf_only):
         driven = {joint.name for joint in robot.tree.moving_joints}

@@ -21,7 +21,7 @@ from assetbuild.findings import SEVERITIES, Finding, is_consequence, is_waived
 from assetbuild.report.card import card_tables
 from assetbuild.report.document import Report
 from assetbuild.report.figures import figures_of
-from assetbuild.report.identified import identified
+from assetbuild.report.identified import HEIGHT, WIDTH, identified
 from assetbuild.report.loading import loading_lines
 from assetbuild.report.sentences import sentence
 from assetbuild.report.subject import Subject
@@ -91,6 +91,7 @@ def templates() -> Environment:
     made.filters |= {"counted": lambda number, noun: f"{number} {noun}{'s' * (number != 1)}"}
     made.tests["waived"] = is_waived
     made.globals |= {"asset": _asset, "sentence": sentence, "figures_of": figures_of}
+    made.globals["PLOT"] = (WIDTH, HEIGHT)
     return made
 
 
@@ -114,7 +115,7 @@ Box = tuple[str, str, list[Finding]]
 
 
 def _sorted_out(findings: Sequence[Finding]) -> dict[str, list[Box]]:
-    """By how much they matter."""
+    """Findings in groups: open ones, their consequences, waived ones, and notes."""
     loud = [f for f in findings if f.severity != "info"]
     quiet = [f for f in findings if f.severity == "info"]
     return {

@@ -9,7 +9,7 @@ from assetbuild.report.tables import Table, table
 from assetbuild.robot.identified import Curve, Curves, Fit
 
 WIDTH, HEIGHT, PAD = 900, 150, 34
-"""Of a plot, as the template has it."""
+"""Of a plot, in units of its view box: size, and the margin on the left."""
 
 
 @dataclass(frozen=True)

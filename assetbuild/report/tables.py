@@ -22,7 +22,7 @@ class Table:
 
     @property
     def numbers(self) -> tuple[bool, ...]:
-        """Of each column whether it holds numbers, which stand to the right, and nothing else."""
+        """For each column: whether it holds only numbers, which are aligned to the right."""
         return tuple(map(_all_numbers, zip(*self.rows, strict=True)))
 
 

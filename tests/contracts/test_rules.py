@@ -24,7 +24,7 @@ LEGS = "schema: assetbuild/v1\nrobot: r\nsource: {path: ., urdf: r.urdf}\ntarget
 
 @functools.cache
 def trees() -> dict[str, ast.Module]:
-    """Of the package's files; parsed by the worker alone that runs these tests."""
+    """Syntax trees of the package's files, parsed only in the process that runs these tests."""
     return {
         path.relative_to(PACKAGE).as_posix(): ast.parse(path.read_text(encoding="utf-8"))
         for path in sorted(PACKAGE.rglob("*.py"))

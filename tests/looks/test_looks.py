@@ -79,6 +79,17 @@ def test_light_meshes_have_fewer_triangles_and_the_same_shape(tmp_path: Path):
     assert len(read_triangles((small / LIGHT).read_bytes()).faces) <= 310
 
 
+def test_a_light_mesh_that_lost_a_part_is_not_taken(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    def half(mesh: TriangleMesh, goal: int) -> TriangleMesh:
+        return TriangleMesh(mesh.vertices, mesh.faces[mesh.corners[:, :, 0].min(axis=1) > 0.0])
+
+    monkeypatch.setattr("assetbuild.looks.lighten.clustered", lambda mesh, *_: mesh)
+    monkeypatch.setattr("assetbuild.looks.lighten._thinned", half)
+    assert not list((lighten(tmp_path, Lighten()) / "light").iterdir())
+
+
 @pytest.mark.parametrize("collides", [False, True])
 def test_the_view_shows_the_thinned_mesh_unless_it_collides(tmp_path: Path, collides: bool):
     robot = ball_robot()
