@@ -39,4 +39,4 @@ class Slope(SlopeCheck, MujocoCheck):
 
     def creep(self, inputs: Path, model: mujoco.Model, robot: RobotFiles) -> Creep | str:
         """In MuJoCo, whose ground tilts while the robot stands on it."""
-        return creep(servoed(model, robot.control), self.wish.share)
+        return creep(servoed(model, robot.control), self.wish.share, self.wish.speed)

@@ -24,7 +24,7 @@ from assetbuild.robot.model import Control, Tree
 from assetbuild.simulators import mujoco
 from assetbuild.simulators.experiments import Experiment, Motion, SimulatorCheck, standing
 from assetbuild.simulators.mujoco.drives import servoed
-from assetbuild.simulators.mujoco.slope import FALLEN, SHARE, Creep, Ground, ground_under
+from assetbuild.simulators.mujoco.slope import FALLEN, SHARE, SLOW, Creep, Ground, creep
 
 REST_S, WATCH_S = 2.0, 2.0
 """What swings comes to rest, then it is watched."""
@@ -35,7 +35,7 @@ class SlopeWish(Model):
     """Stand on a slope; null = do not."""
 
     share: float = Field(SHARE, gt=0.0, lt=1.0, description="of the angle of friction")
-    speed: Positive = Field(0.001, description="m/s that the feet may slide, warning")
+    speed: Positive = Field(SLOW, description="m/s that the feet may slide, warning")
 
 
 class SlopeCheck(SimulatorCheck):
@@ -62,9 +62,10 @@ class SlopeCheck(SimulatorCheck):
     def creep(self, inputs: Path, model: mujoco.Model, robot: RobotFiles) -> Creep | str:
         """How fast it slides, or why nothing can be said."""
         tree, control = robot.tree, robot.control
-        ground = ground_under(servoed(model, control), self.wish.share)
-        if isinstance(ground, str):
-            return ground
+        in_mujoco = creep(servoed(model, control), self.wish.share, self.wish.speed)
+        if isinstance(in_mujoco, str):
+            return in_mujoco
+        ground = in_mujoco.ground
         asked = [
             _experiment(name, tree, control, ground, mujoco.contact_solver(model)) for name in WAYS
         ]

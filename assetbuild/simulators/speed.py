@@ -18,7 +18,7 @@ from assetbuild.simulators import mujoco
 from assetbuild.simulators.gripping import GripWish
 from assetbuild.simulators.mujoco import Data, Model, mj
 from assetbuild.simulators.mujoco.grip import grip, hands_of, tries_of, with_object
-from assetbuild.simulators.mujoco.slope import SHARE, creep
+from assetbuild.simulators.mujoco.slope import creep
 
 STEPS = 1500
 REPEATS = 3
@@ -59,7 +59,7 @@ def measure_speed(scene: Path) -> Speed:
         for _ in range(STEPS):
             mj.mj_step(model, data)
             touching += data.ncon
-    found = creep(whole, SHARE)
+    found = creep(whole)
     return Speed(
         steps_per_s=float(np.median(rates)),
         contacts=touching / STEPS,

@@ -55,6 +55,18 @@ def test_feet_without_friction_are_not_judged(tmp_path: Path) -> None:
     assert figures["mjcf"]["skipped"] == "its feet have no friction"
 
 
+def test_drives_that_give_way_get_a_flatter_slope(tmp_path: Path) -> None:
+    robot = tiny_quadruped()
+    soft = tuple(replace(row, kp=25.0, kd=1.0) for row in robot.control.actuators)
+    robot = replace(robot, control=replace(robot.control, actuators=soft))
+    findings, figures = judged(tmp_path, MjcfOptions(), robot)
+    assert findings == []
+    row = figures["mjcf"]
+    assert row["angle_rad"] == pytest.approx(0.8 * math.atan(row["friction"]), rel=1e-3)
+    _, firm = judged(tmp_path / "firm", MjcfOptions())
+    assert row["angle_rad"] <= firm["mjcf"]["angle_rad"] / 2.0
+
+
 def slippery(stage: Usd.Stage) -> None:
     """Feet whose friction is lost, and that no longer win over the floor's."""
     for prim in stage.Traverse():

@@ -1,7 +1,8 @@
 """A robot that stands on a slope, in MuJoCo: does it creep below the angle of friction?
 
-Gravity is turned instead of the floor. A robot that would tip over before it slides gets a flatter
-slope, and less friction on it, so that friction carries the same share of its load.
+Gravity is turned instead of the floor. A robot that would tip over before it slides, or whose drives
+give way, gets a flatter slope, and less friction on it, so that friction carries the same share of
+its load.
 """
 
 from __future__ import annotations
@@ -25,8 +26,12 @@ TILTING = (LEVEL, (0.5, 0.0, 1.0), (1.0, 1.0, 1.0))
 the ground tilts, and what swings comes to rest; then it is watched."""
 SHARE = 0.8
 """Of the angle of friction, where nobody says how steep the slope is."""
+SLOW = 0.001
+"""m/s that feet may slide at, where nobody says."""
 LEAN = 0.4
 """Share of the angle at which it would tip over that the ground tilts by at most."""
+FLATTER = (1.0, 0.5, 0.25)
+"""Parts of that angle that are tried, one after the other, until the robot's drives carry it."""
 FALLEN = 0.3
 """rad; a robot that leaned further has fallen."""
 
@@ -57,26 +62,45 @@ class Creep:
     speed: float
 
 
-def creep(model: Model, share: float) -> Creep | str:
+def creep(model: Model, share: float = SHARE, limit: float = SLOW) -> Creep | str:
     """How fast the initial pose of a scene slides on a slope; or why nothing can be said.
 
-    share: of the angle of friction. Of drives: see `stand`.
+    share: of the angle of friction. limit: m/s; a robot that slides faster is tried on flatter
+    slopes, where it slides as fast if the contacts are the cause, and not if its drives are.
+    Of drives: see `stand`.
     """
-    ground = ground_under(model, share)
-    if isinstance(ground, str):
-        return ground
+    steepest = ground_under(model, share)
+    if isinstance(steepest, str):
+        return steepest
+    stood = []
+    for part in FLATTER:
+        ground = ground_at(part * steepest.angle, steepest.stated, share)
+        speed = _speed(model, ground)
+        if math.isfinite(speed):
+            stood.append(Creep(ground, speed))
+        if speed <= limit:
+            break
+    return min(stood, key=lambda one: one.speed, default="it falls")
+
+
+def _speed(model: Model, ground: Ground) -> float:
+    """The worse of two directions, scaled up to the steep slope, m/s; nan where the robot fell."""
     model = mujoco.without(model)
+    model.geom_friction[:, 0] *= ground.friction / ground.stated
+    model.pair_friction[:, :2] *= ground.friction / ground.stated
     with mujoco.caught_warnings():
-        model.geom_friction[:, 0] *= ground.friction / ground.stated
-        model.pair_friction[:, :2] *= ground.friction / ground.stated
         speeds = [_slide(model, ground.angle, np.array(way)) for way in ((1.0, 0.0), (0.0, 1.0))]
-    if not all(map(math.isfinite, speeds)):
-        return "it falls"
-    return Creep(ground, ground.scale * max(speeds))
+    return ground.scale * float(np.max(speeds))
+
+
+def ground_at(angle: float, friction: float, share: float) -> Ground:
+    """A slope of `angle` rad with so little friction that it carries a share of what it can."""
+    scale = math.sin(share * math.atan(friction)) / math.sin(angle)
+    return Ground(angle, math.tan(angle / share), friction, scale)
 
 
 def ground_under(model: Model, share: float) -> Ground | str:
-    """The slope on which friction carries a share of what it can; or why there is none."""
+    """The steepest slope that a robot may stand on without tipping over; or why there is none."""
     if not mujoco.stands_free(model):
         return "it does not stand on a floor"
     model = mujoco.without(model)
@@ -97,9 +121,7 @@ def ground_under(model: Model, share: float) -> Ground | str:
     if margin is None or margin <= 0.0:
         return "its centre of mass is not over its feet"
     lean = math.atan2(margin, float(start.subtree_com[0][2]))
-    angle = min(share * math.atan(mu), LEAN * lean)
-    scale = math.sin(share * math.atan(mu)) / math.sin(angle)
-    return Ground(angle, math.tan(angle / share), mu, scale)
+    return ground_at(min(share * math.atan(mu), LEAN * lean), mu, share)
 
 
 def _slide(model: Model, angle: float, down: Array) -> float:
