@@ -131,7 +131,10 @@ def roles(tree: Tree, anatomy: Anatomy) -> dict[str, Role]:
         elif joint.name in anatomy.turning:
             found[joint.name] = anatomy.turning[joint.name].role
         elif _is_small(tree, joint.child if called else limb_of(tree, joint)):
-            found[joint.name] = "finger"
+            # What hangs on a leg is no finger: a rod, a spring, a toe.
+            above = chain_to(tree, joint.child)
+            of_leg = any(part.name in legs or _LEG.fullmatch(part.child) for part in above)
+            found[joint.name] = "arm" if of_leg and not called else "finger"
         else:
             found[joint.name] = "arm"
     return found

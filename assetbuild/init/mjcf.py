@@ -248,7 +248,7 @@ def mjcf_text(found: MjcfSource, path: Path) -> Recipe:
         head(robot, anatomy, path, unmended),
         source_section(found.root, path, "mjcf", found.file, *_chosen(found.bodies)),
         _taken(found),
-        _solver(found, hand),
+        _solver(found, anatomy, hand),
         repairs_text(robot, repairs(robot, found.root, usd=not (lost or springs))),
         _merging(found),
         _collision(robot),
@@ -304,14 +304,15 @@ def _chosen(bodies: tuple[str, ...]) -> Iterator[str]:
         yield f"  body: {quoted(bodies[0])}   # or {some(bodies[1:])}: one recipe builds one robot"
 
 
-def _solver(found: MjcfSource, hand: Sequence[str]) -> Iterator[str]:
-    """Words that are refused without the key, and the cone of what grips."""
+def _solver(found: MjcfSource, anatomy: Anatomy, hand: Sequence[str]) -> Iterator[str]:
+    """Words that are refused without the key, and the cone of what grips or stands."""
     said = {}
     if found.newer:
         words = some(list(found.newer))
         said[f"grammar: {NEWEST}"] = f"keeps {words}, which MuJoCo {OLDEST} does not know"
-    if hand and has_pyramid(found.control):
-        said["cone: elliptic"] = "on the source's pyramidal one what a hand holds slips"
+    if (hand or anatomy.walks_on) and has_pyramid(found.control):
+        slips = "what a hand holds slips" if hand else "feet creep"
+        said["cone: elliptic"] = f"with the source's pyramidal cone {slips}"
     if said:
         yield f"mjcf: {{{', '.join(said)}}}   # {'; '.join(said.values())}"
 

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from assetbuild.errors import StepError
-from assetbuild.mesh.polygons import polygon_triangles
+from assetbuild.mesh.polygons import polygon_triangles, with_short_diagonals
 from assetbuild.mesh.triangles import Indices, TriangleMesh
 from assetbuild.mesh.weld import first_seen
 from assetbuild.robot.pose import Array
@@ -238,7 +238,8 @@ def _surface(
         raise StepError(
             f"{subject}: line {line}: index {corners[at, 0]} of `v`, there are {len(tables[0])}"
         )
-    cut = polygon_triangles(counts, tables[0][corners[:, 0] - 1])
+    points = tables[0][corners[:, 0] - 1]
+    cut = with_short_diagonals(polygon_triangles(counts, points), counts, points)
     picked: list[Array | None] = []
     lost = []
     for kind, table, column in zip(("vt", "vn"), tables[1:], corners.T[1:], strict=True):

@@ -9,6 +9,8 @@ from assetbuild.robot.pose import Array
 
 TURNED = 1e-9
 """Share of the polygon's own area from which a triangle that faces the other way counts."""
+SKEW = 1e-6
+"""Of the cube of its diagonal: six times the volume that the corners of a skew quad span."""
 
 
 def fan_triangles(counts: Indices) -> Indices:
@@ -46,6 +48,24 @@ def polygon_triangles(counts: Indices, corners: Array) -> Indices:
     owners = np.concatenate([owner[is_kept], np.repeat(hollow, [len(ears) for ears in cut])])
     triangles = np.concatenate([fans[is_kept], *cut])
     return triangles[np.argsort(owners, kind="stable")]
+
+
+def with_short_diagonals(triangles: Indices, counts: Indices, corners: Array) -> Indices:
+    """The same, but a quad that lies in no plane is cut along its shorter diagonal.
+
+    MuJoCo reads an OBJ file so (tinyobjloader); the other diagonal bounds another volume.
+    triangles: (k, 3), those of `polygon_triangles` for the same counts and corners.
+    """
+    fans = np.maximum(counts - 2, 0)
+    starts, rows = ((np.cumsum(n) - n)[counts == 4] for n in (counts, fans))
+    p0, p1, p2, p3 = (corners[starts + i] for i in range(4))
+    spanned = np.abs(np.einsum("ij,ij->i", np.cross(p1 - p0, p2 - p0), p3 - p0))
+    fan_cut, other = (np.einsum("ij,ij->i", d, d) for d in (p2 - p0, p3 - p1))
+    is_fan = (triangles[rows] == starts[:, None] + (0, 1, 2)).all(axis=1)
+    is_cut = is_fan & (other < fan_cut) & (spanned > SKEW * fan_cut**1.5)
+    starts, rows, turned = starts[is_cut, None], rows[is_cut], triangles.copy()
+    turned[rows], turned[rows + 1] = starts + (0, 1, 3), starts + (1, 2, 3)
+    return turned
 
 
 def _areas(triangles: Array) -> Array:

@@ -280,3 +280,17 @@ def test_what_turns_on_top_is_driven_by_speed_where_it_is_called_so(tmp_path: Pa
     lidar = body("lidar", '<cylinder radius="0.03" length="0.05"/>')
     _, found = seen(tmp_path, TRUNK, WHEELS, lidar, spin("lidar", "trunk", "0 0 0.1", "0 0 1"))
     assert found["lidar"] == "spinner"
+
+
+def test_a_spring_at_the_heel_of_a_leg_is_no_finger(tmp_path: Path):
+    """By the leg's names, where nothing says that it is one: its linkage branches (Cassie)."""
+    above, parts = "trunk", [TRUNK]
+    for name in ("hip", "knee", "tarsus"):
+        parts += [body(name, xyz="0 0 -0.1"), spin(name, above, "0 0 -0.3", limit=BOUNDED)]
+        above = name
+    for name in ("heel_spring", "toe"):
+        parts += [body(name, mass=0.1), spin(name, above, "0.02 0 0", limit=BOUNDED)]
+    parts += [body("gripper", mass=0.1), spin("gripper", "trunk", "0.2 0 0", limit=BOUNDED)]
+    _, found = seen(tmp_path, *parts)
+    assert found["heel_spring"] == found["toe"] == "arm"
+    assert found["gripper"] == "finger"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 
+import mujoco
 import numpy as np
 import pytest
 import trimesh
@@ -127,3 +128,26 @@ def test_negative_indices_count_back_in_each_table_for_itself():
     ((_, mesh),) = parse_obj(text, "mesh").parts
     assert mesh.faces.tolist() == [[0, 1, 2]]
     assert mesh.uv.tolist() == [[[0, 0]] * 3]
+
+
+@pytest.mark.parametrize("corner", range(8))
+def test_skew_quads_are_cut_as_mujoco_cuts_them(corner: int):
+    box = np.array([[x, y, z] for x in (0.0, 1.0) for y in (0.0, 2.0) for z in (0.0, 3.0)])
+    box[corner] += (0.11, -0.07, 0.13)
+    quads = ("1 2 4 3", "5 7 8 6", "1 5 6 2", "3 4 8 7", "1 3 7 5", "2 6 8 4")
+    lines = [*(f"v {x} {y} {z}" for x, y, z in box), *(f"f {quad}" for quad in quads)]
+    text = "\n".join(lines).encode()
+    xml = (
+        "<mujoco><asset><mesh file='a.obj'/></asset>"
+        "<worldbody><geom type='mesh' mesh='a'/></worldbody></mujoco>"
+    )
+    model = mujoco.MjModel.from_xml_string(xml, {"a.obj": text})
+    ours = read_triangles(text)
+    theirs = model.mesh_vert[model.mesh_face]
+    assert volume_of(ours.vertices[ours.faces]) == pytest.approx(volume_of(theirs), rel=1e-6)
+
+
+def volume_of(triangles: np.ndarray) -> float:
+    """(k, 3, 3) m; m3."""
+    a, b, c = np.moveaxis(np.asarray(triangles, dtype=float), 1, 0)
+    return float(np.einsum("ij,ij->", a, np.cross(b, c))) / 6.0

@@ -1,8 +1,8 @@
 """A robot that stands on a slope, in MuJoCo: does it creep below the angle of friction?
 
-Gravity is turned instead of the floor. A robot that would tip over before it slides, or whose drives
-give way, gets a flatter slope, and less friction on it, so that friction carries the same share of
-its load.
+Gravity is turned instead of the floor. A robot that would tip over before it slides, or whose
+drives give way, gets a flatter slope, and less friction on it, so that friction carries the same
+share of its load.
 """
 
 from __future__ import annotations
