@@ -61,10 +61,11 @@ def with_short_diagonals(triangles: Indices, counts: Indices, corners: Array) ->
     p0, p1, p2, p3 = (corners[starts + i] for i in range(4))
     spanned = np.abs(np.einsum("ij,ij->i", np.cross(p1 - p0, p2 - p0), p3 - p0))
     fan_cut, other = (np.einsum("ij,ij->i", d, d) for d in (p2 - p0, p3 - p1))
-    is_fan = (triangles[rows] == starts[:, None] + (0, 1, 2)).all(axis=1)
+    is_fan = (triangles[rows] == np.stack([starts, starts + 1, starts + 2], axis=1)).all(axis=1)
     is_cut = is_fan & (other < fan_cut) & (spanned > SKEW * fan_cut**1.5)
-    starts, rows, turned = starts[is_cut, None], rows[is_cut], triangles.copy()
-    turned[rows], turned[rows + 1] = starts + (0, 1, 3), starts + (1, 2, 3)
+    at, rows, turned = starts[is_cut], rows[is_cut], triangles.copy()
+    turned[rows] = np.stack([at, at + 1, at + 3], axis=1)
+    turned[rows + 1] = np.stack([at + 1, at + 2, at + 3], axis=1)
     return turned
 
 
