@@ -11,12 +11,10 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from assetbuild.errors import MachineError, SourceError, UsageError, Where
-from assetbuild.init.absent import mended
 from assetbuild.init.anatomy import study
 from assetbuild.init.look import judge, look
 from assetbuild.init.mjcf import find_mjcf, is_mjcf, mjcf_text
-from assetbuild.init.second_parents import cut_loops
-from assetbuild.init.source import find_source
+from assetbuild.init.source import find_source, mended
 from assetbuild.init.text import recipe_name, recipe_text
 from assetbuild.recipe.loader import read_small_file, shown_path
 
@@ -53,7 +51,7 @@ def propose(
         path = out or Path(f"{recipe_name(found.robot.links.name)}.yaml")
         recipe = mjcf_text(found, path)
         return Proposal(path, recipe.text, recipe.unmended)
-    source = mended(cut_loops(find_source(file, packages, args or {})))
+    source = mended(find_source(file, packages, args or {}))
     robot = look(source)
     anatomy = study(robot)
     judged = judge(robot.links, robot.shapes, anatomy.base, robot.source_findings)

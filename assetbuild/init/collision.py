@@ -1,22 +1,22 @@
-"""The section `collision:`: what each link hits with, where one rule does not suit all."""
+"""What each link hits with, where one rule does not suit all, and the contacts of hands."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from types import MappingProxyType
 
 import numpy as np
 
 from assetbuild.errors import StepError
-from assetbuild.init.anatomy import Anatomy
-from assetbuild.init.look import InspectedRobot
-from assetbuild.init.mesh_points import is_flat, mesh_of, scaled_points
-from assetbuild.init.patterns import patterns_of
-from assetbuild.init.words import flow, inline, plain, quoted
+from assetbuild.init.anatomy import Anatomy, roles
+from assetbuild.init.look import InspectedRobot, is_flat, mesh_of, scaled_points
+from assetbuild.init.tune import Tuning
+from assetbuild.init.words import flow, inline, patterns_of, plain, quoted
 from assetbuild.mesh.hull import refuse_flat
-from assetbuild.robot.model import Tree
+from assetbuild.robot.contact import Contact
+from assetbuild.robot.model import Control, Tree
 from assetbuild.robot.shapes import MeshFile, Role, SourceShape
 from assetbuild.robot.tree import forward_kinematics
 
@@ -25,9 +25,6 @@ COMPOUND = 0.15
 
 BALL = 3.0
 """Longest extent over the shortest of a foot that a sphere stands for; more is a disc or a rod."""
-
-OUTSIZED = 100.0
-"""A collision mesh that is so many times as large as its link's visual mesh is a mistake."""
 
 Rules = dict[str, tuple[dict[str, str], str]]
 """Link -> its rule and the reason."""
@@ -99,7 +96,7 @@ def soles_of(robot: InspectedRobot, anatomy: Anatomy) -> list[str]:
 
 def _rules(robot: InspectedRobot, anatomy: Anatomy, root: Path) -> Rules:
     """The last word on a link wins."""
-    rules = _flat(robot, root) | _outsized(robot, root)
+    rules = _flat(robot, root)
     for link in _ball_feet(robot, anatomy, root):
         if link not in rules:
             why = "A foot that meets the ground in a point rolls best as a sphere."
@@ -133,30 +130,6 @@ def _instead(
     if _span(root, [shape for shape in own if shape.role == role]):
         return {"method": "primitive", "shape": "box"}, why + "one box is put around all of them."
     return {"method": "none"}, why + "it hits nothing."
-
-
-def _outsized(robot: InspectedRobot, root: Path) -> Rules:
-    """Links whose collision meshes lie far beyond what is drawn: of another unit, by mistake."""
-    found: Rules = {}
-    for link in robot.solid_links:
-        own = [shape for shape in robot.shapes.shapes if shape.link == link]
-        drawn, solid = (
-            max((_extent(root, shape) for shape in own if shape.role == role), default=0.0)
-            for role in ("visual", "collision")
-        )
-        if drawn and solid > OUTSIZED * drawn:
-            times = f"{solid / drawn:,.0f} times as large as what is drawn of it"
-            why = f"The collision mesh of this link is {times}, which is taken instead."
-            found[link] = ({"method": "auto", "from": "visual"}, why)
-    return found
-
-
-def _extent(root: Path, shape: SourceShape) -> float:
-    """The longest extent of a mesh, m; 0 of what is no mesh, or is left unread."""
-    if not isinstance(shape.geometry, MeshFile):
-        return 0.0
-    read = mesh_of(root, shape.geometry)
-    return 0.0 if read is None else float(np.ptp(scaled_points(read, shape.geometry), axis=0).max())
 
 
 def _is_flat(root: Path, shape: SourceShape) -> bool:
@@ -214,3 +187,70 @@ def compound_pairs(tree: Tree, size: float) -> list[tuple[str, str]]:
             if apart < COMPOUND * size:
                 pairs.append((above.parent, joint.child))
     return pairs
+
+
+PRESS_S = 0.004
+"""Time constant of contacts of what grips, as a Robotiq 2F-85 has it in MuJoCo Menagerie."""
+SOFTNESS = ("condim", "priority", "solref", "solimp")
+
+
+def driven_by(tuning: Tuning | None) -> set[str]:
+    """Joints that get a drive of ours."""
+    return {name for row in tuning.drives if row.gains for name in row.joints} if tuning else set()
+
+
+def hand_of(
+    robot: InspectedRobot, anatomy: Anatomy, tree: Tree, driven: Collection[str]
+) -> list[str]:
+    """Links that touch what is held: of driven fingers, of those that follow, and their palms."""
+    parts = roles(tree, anatomy)
+    fingers = [joint for joint in tree.moving_joints if parts[joint.name] == "finger"]
+    if not any(joint.name in driven for joint in fingers):
+        return []
+    touching = {name for joint in fingers for name in (joint.parent, joint.child)}
+    return [body.name for body in robot.links.bodies if body.name in touching]
+
+
+def pads(robot: InspectedRobot, hand: Sequence[str], timestep: float) -> Iterator[str]:
+    """Lines below `contact`."""
+    stiff = f"solref: [{max(PRESS_S, 2.0 * timestep):g}, 1], solimp: [0.95, 0.99, 0.001, 0.5, 2]"
+    yield "  # What grips gives way by less than with MuJoCo's 0.02 s, and loses nothing."
+    yield "  links:"
+    for pattern in patterns_of(hand, list(robot.links.by_body)):
+        yield f"    {quoted(pattern)}: {{condim: 4, priority: 1, {stiff}}}"
+
+
+def tried(validation: Iterable[str], hand: Sequence[str]) -> Iterator[str]:
+    """The section `validate`, empty or not, and in it that hands hold something."""
+    lines, wish, why = [*validation], "grip: {}", "# holds a cube, a cylinder and a sphere"
+    yield from lines
+    if hand:
+        yield f"  {wish}   {why}" if lines else f"validate: {{{wish}}}   {why}"
+
+
+# --- of an MJCF ---------------------------------------------------------------------------------
+
+
+def mjcf_hand(
+    robot: InspectedRobot, anatomy: Anatomy, control: Control, tuning: Tuning | None
+) -> list[str]:
+    """The links of the hand, as `hand_of` finds them; a tendon's actuator may drive any joint."""
+    driven = {row.joint for row in control.actuators if row.model != "passive"} | driven_by(tuning)
+    if any(item.place == "actuator" and not item.owner for item in control.mjcf_only):
+        driven = {joint.name for joint in robot.tree.moving_joints}
+    return hand_of(robot, anatomy, robot.tree, driven)
+
+
+def has_pyramid(control: Control) -> bool:
+    """Whether the source compiles to MuJoCo's pyramidal cone."""
+    options = [item.element for item in control.mjcf_only if item.place == "option"]
+    return not any('cone="elliptic"' in option for option in options)
+
+
+def own_pads(robot: InspectedRobot, hand: Sequence[str], control: Control) -> Iterator[str]:
+    """The section `contact`, where no surface of the source says how it gives way."""
+    usual, stated = Contact(), [control.contact, *(own for _, own in control.contacts)]
+    own = [key for one in stated for key in SOFTNESS if getattr(one, key) != getattr(usual, key)]
+    if hand and not own:
+        yield "contact:"
+        yield from pads(robot, hand, control.simulation.timestep)

@@ -10,8 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from assetbuild.findings import Finding
-from assetbuild.init.look import InspectedRobot
-from assetbuild.init.mesh_points import mesh_of, scaled_points
+from assetbuild.init.look import InspectedRobot, mesh_of, scaled_points
 from assetbuild.mesh.hulls import extent_of
 from assetbuild.mesh.primitives import tessellate
 from assetbuild.robot.contradictions import (

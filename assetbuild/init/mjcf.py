@@ -14,20 +14,17 @@ from assetbuild.engine.scratch import Scratch, scratch
 from assetbuild.errors import SourceError, Where
 from assetbuild.facts.mjcf_grammar import NEWEST, OLDEST, newer_words_of
 from assetbuild.init.anatomy import Anatomy, study
-from assetbuild.init.collision import soles_of
-from assetbuild.init.grips import has_pyramid, mjcf_hand, own_pads, tried
+from assetbuild.init.collision import has_pyramid, mjcf_hand, own_pads, soles_of, tried
 from assetbuild.init.home import home_pose
-from assetbuild.init.joint_range import bounds
-from assetbuild.init.look import InspectedRobot, judge
+from assetbuild.init.licence import source_section
+from assetbuild.init.look import InspectedRobot, carried, judge, not_in_usd, targets
 from assetbuild.init.packages import above, is_file
-from assetbuild.init.patterns import patterns_of
 from assetbuild.init.repairs import repairs, repairs_text
-from assetbuild.init.strength import strengthened
-from assetbuild.init.targets import carried, not_in_usd, targets
+from assetbuild.init.strength import bounds, strengthened
 from assetbuild.init.text import Recipe, actuators, head, home, validation
 from assetbuild.init.trial import Trial, staged, tables
 from assetbuild.init.tune import Tuning, tune
-from assetbuild.init.words import inline, plain, quoted, some, source_section, written
+from assetbuild.init.words import inline, patterns_of, plain, quoted, some, written
 from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.joint_springs import joint_springs, no_drives
 from assetbuild.robot.loops import path_of

@@ -11,7 +11,15 @@ from pathlib import Path
 from assetbuild.body.lint_links import invented
 from assetbuild.init import contradicted
 from assetbuild.init.anatomy import Anatomy, Leg
-from assetbuild.init.collision import collision, compound_pairs, soles_of
+from assetbuild.init.collision import (
+    collision,
+    compound_pairs,
+    driven_by,
+    hand_of,
+    pads,
+    soles_of,
+    tried,
+)
 from assetbuild.init.drives import (
     DAMPING_RATIO,
     FASTEST_HZ,
@@ -23,22 +31,26 @@ from assetbuild.init.drives import (
     STEP_S,
     DriveRow,
 )
-from assetbuild.init.grips import driven_by, hand_of, pads, tried
-from assetbuild.init.joint_range import resting
-from assetbuild.init.look import InspectedRobot
+from assetbuild.init.home import DEEP_M, Pair, made_so, nothing_deep
+from assetbuild.init.licence import source_section
+from assetbuild.init.look import InspectedRobot, targets
 from assetbuild.init.loops import NO_LOOPS, FoundLoops, find_loops
-from assetbuild.init.mend import mended
 from assetbuild.init.packages import lacking
-from assetbuild.init.patterns import pattern_of, patterns_of
-from assetbuild.init.relief import DEEP_M, Pair, made_so, nothing_deep
-from assetbuild.init.repairs import guessed_masses, repairs, repairs_text, unmended
+from assetbuild.init.repairs import guessed_masses, mended, repairs, repairs_text, unmended
 from assetbuild.init.source import UrdfSource
-from assetbuild.init.strength import MARGIN, ROTOR_RULE, is_locked, strengthened
-from assetbuild.init.targets import targets
+from assetbuild.init.strength import MARGIN, ROTOR_RULE, is_locked, resting, strengthened
 from assetbuild.init.trial import Trial, staged, tables
 from assetbuild.init.tune import LIGHT_KG, Tuning, tune
-from assetbuild.init.up_axis import turned
-from assetbuild.init.words import flow, inline, plain, quoted, some, source_section, written
+from assetbuild.init.words import (
+    flow,
+    inline,
+    pattern_of,
+    patterns_of,
+    plain,
+    quoted,
+    some,
+    written,
+)
 from assetbuild.recipe.loader import shown_path
 from assetbuild.robot.contact import Exclude
 from assetbuild.robot.inertia import total_mass
@@ -73,13 +85,12 @@ class Recipe:
 def recipe_text(robot: InspectedRobot, anatomy: Anatomy, source: UrdfSource, path: Path) -> Recipe:
     """The whole recipe, as it will lie at `path`; its drives and pose are tried before."""
     edits = repairs(robot, source.root)
-    up_axis, turn = turned(source, robot)
-    whole = mended(robot, source.root, edits, turn)
+    whole = mended(robot, source.root, edits)
     tree, guesses = strengthened(whole.tree, anatomy)
-    soles, loops = soles_of(whole, anatomy), find_loops(whole, source.loops, source.remarks)
+    soles, loops = soles_of(whole, anatomy), find_loops(whole)
 
     exclude = Exclude(adjacent=True, pairs=tuple(compound_pairs(robot.tree, anatomy.size_m)))
-    with staged(whole, source.root, soles, turn) as stage:
+    with staged(whole, source.root, soles) as stage:
 
         def attempt(tuning: Tuning) -> Trial:
             drives, pose = loops.drives(tuning.drives), loops.pose(tuning.pose)
@@ -96,7 +107,7 @@ def recipe_text(robot: InspectedRobot, anatomy: Anatomy, source: UrdfSource, pat
     unknown = [f"{f.message} ({f.hint})" for f in invented(whole.links, guessed_masses(edits))]
     unrepaired = (*_locked(tree), *unmended(robot), *unknown, *contrary)
     tuning = replace(tuning, unmended=(*unrepaired, *tuning.unmended))
-    more = (*_arguments(source), *_packages(source), *up_axis)
+    more = (*_arguments(source), *_packages(source))
     text = written(
         head(whole, anatomy, path, tuning.unmended),
         source_section(source.root, path, source.key, source.file, *more),

@@ -18,10 +18,8 @@ import numpy as np
 from assetbuild.findings import Finding
 from assetbuild.init.anatomy import Anatomy, Leg
 from assetbuild.init.drives import FIRM, FIRMER, MOST_DAMPED, STEP_S, TABLE, DriveRow, drive_rows
-from assetbuild.init.home import UPRIGHT, Stance, home_pose
+from assetbuild.init.home import UPRIGHT, Depths, Stance, home_pose, nothing_deep
 from assetbuild.init.loops import NO_LOOPS, FoundLoops
-from assetbuild.init.patterns import patterns_of
-from assetbuild.init.relief import Depths, nothing_deep
 from assetbuild.init.strength import (
     Guess,
     rotor_inertia,
@@ -30,6 +28,7 @@ from assetbuild.init.strength import (
 )
 from assetbuild.init.trial import PUSHED_RAD, Trial
 from assetbuild.init.wheels import Turning
+from assetbuild.init.words import patterns_of
 from assetbuild.robot.inertia import total_mass
 from assetbuild.robot.model import Tree
 

@@ -18,8 +18,7 @@ from typing import Literal
 
 import numpy as np
 
-from assetbuild.init.look import InspectedRobot, zeroed
-from assetbuild.init.mesh_points import mesh_of, scaled_points
+from assetbuild.init.look import InspectedRobot, mesh_of, scaled_points, zeroed
 from assetbuild.robot.model import Joint, Tree
 from assetbuild.robot.pose import Array, Pose
 from assetbuild.robot.shapes import Box, Cylinder, MeshFile, SourceGeometry, SourceShape, Sphere

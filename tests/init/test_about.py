@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from assetbuild.init.about import stated_about
+from assetbuild.init.licence import stated_about
 
 SAID = """<package><name>arm</name>
   <!-- <author>Nobody</author> -->

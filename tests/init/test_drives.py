@@ -10,9 +10,8 @@ import pytest
 
 from assetbuild.init.anatomy import study
 from assetbuild.init.drives import MOST_DAMPED, SAG, DriveRow, drive_rows
-from assetbuild.init.home import home_pose
+from assetbuild.init.home import HEAVY, home_pose
 from assetbuild.init.look import InspectedRobot, judge, look
-from assetbuild.init.relief import HEAVY
 from assetbuild.init.source import find_source
 from assetbuild.init.text import recipe_text
 from assetbuild.robot.dynamics import dynamics

@@ -7,16 +7,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import trimesh
-from urdfs import LIMIT, box, inertial, joint, link, mesh, robot, shape, tensor
+from urdfs import LIMIT, box, inertial, joint, link, robot, shape, tensor
 
 from assetbuild.cli import main
 from assetbuild.init import propose, write
-from assetbuild.init.look import judge, look
-from assetbuild.init.mend import mended
-from assetbuild.init.repairs import repairs
-from assetbuild.init.source import find_source
-from assetbuild.init.up_axis import turned
 from assetbuild.pipeline.recipes import load_recipe
 
 
@@ -76,33 +70,6 @@ def test_hinges_whose_limits_are_all_zero_turn_without_end(tmp_path: Path):
     assert edits_for(chain(inertial(1.0), inertial(1.0), limits=zeros), tmp_path) == [
         {"set_limits": {"joint": ".*", "unlimited": True}}
     ]
-
-
-def test_the_inertia_of_a_turned_mesh_is_tried_as_it_is_turned(tmp_path: Path):
-    rod = trimesh.creation.box((0.1, 1.0, 0.1))
-    rod.apply_translation((0.0, 0.5, 0.0))
-    rod.export(tmp_path / "rod.glb")  # whose Y is up
-    zeros = inertial(1.0, tensor(0.0, 0.0, 0.0), xyz="0 0 0.5")
-    (tmp_path / "bot.urdf").write_text(chain(zeros + shape("visual", mesh("rod.glb"))))
-    source = find_source(tmp_path / "bot.urdf", {})
-    read = look(source)
-    robot = judge(read.links, read.shapes, "fixed")
-    _, turn = turned(source, robot)
-    whole = mended(robot, source.root, repairs(robot, source.root), turn)
-    rod_inertia = whole.links.by_body["link0"].inertial
-    assert turn == {"rod.glb"}
-    assert rod_inertia is not None
-    assert rod_inertia.com_m == pytest.approx((0.0, 0.0, 0.5))
-
-
-def test_a_drawer_of_flat_boards_weighs_more_than_a_screw(tmp_path: Path):
-    """Boards of 0.5 x 0.4 m and 0.5 x 0.2 m: the box around them has 40 litres."""
-    for name, edge in (("bottom", (0.0, 0.4, 0.0)), ("side", (0.0, 0.0, 0.2))):
-        corners = [(0.0, 0.0, 0.0), (0.5, 0.0, 0.0), (0.5, *edge[1:]), edge]
-        trimesh.Trimesh(corners, [[0, 1, 2], [0, 2, 3]]).export(tmp_path / f"{name}.stl")
-    boards = shape("visual", mesh("bottom.stl")) + shape("visual", mesh("side.stl"))
-    (edit,) = edits_for(chain(boards), tmp_path)
-    assert edit["set_inertia"]["mass"] == 4.0
 
 
 def test_a_point_mass_is_computed_from_the_shapes(tmp_path: Path):
