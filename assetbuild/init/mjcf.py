@@ -32,9 +32,8 @@ from assetbuild.robot.lost_motion import lost_in_usd
 from assetbuild.robot.model import Control, Joint, Tree
 from assetbuild.robot.shapes import SourceShapes
 from assetbuild.robot.source import SourceControl
-from assetbuild.source.mjcf.flatten_mjcf import FlattenMjcf
+from assetbuild.source.mjcf.flatten_mjcf import FOLDER, FlattenMjcf
 from assetbuild.source.mjcf.includes import ListIncludes
-from assetbuild.source.mjcf.inline import FOLDER
 from assetbuild.source.mjcf.opaque import keys
 from assetbuild.source.mjcf.read_mjcf import ReadMjcf
 from assetbuild.source.mjcf.scenery import SeveralRobotsError

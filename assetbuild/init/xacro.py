@@ -25,7 +25,7 @@ from assetbuild.init.packages import (
     start_of,
 )
 from assetbuild.recipe.loader import shown_path
-from assetbuild.source.get.from_archive import left_out
+from assetbuild.source.get.files import left_out
 from assetbuild.source.urdf.expand_xacro import MOST_FILES, NOT_INCLUDED, ExpandXacro
 
 MOST_TRIES = 60
