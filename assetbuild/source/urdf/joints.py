@@ -5,11 +5,10 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import Literal, cast, get_args
+from typing import cast, get_args
 
 from assetbuild.errors import did_you_mean
 from assetbuild.findings import Data, Finding, Rule
-from assetbuild.robot.loops import LoopFrame, LoopRow
 from assetbuild.robot.model import (
     URDF_UNLIMITED,
     Base,
@@ -310,50 +309,32 @@ def _locked(joint: Joint, at: float) -> Joint:
     return replace(joint, kind=kind, mimic=None, limits=limits)
 
 
-_LOOPS: dict[str, Literal["weld", "hinge"]] = {
-    "fixed": "weld",
-    "revolute": "hinge",
-    "continuous": "hinge",
-}
+# --- a link with two parents ----------------------------------------------------------------
+
+_LOOPS = {"fixed": "weld", "revolute": "hinge", "continuous": "hinge"}
 """Kind of the loop by that of the joint that it stands for."""
 
 
-def to_cut(joints: Sequence[Joint], one: Joint, other: Joint) -> Joint:
+def _to_cut(joints: Sequence[Joint], one: Joint, other: Joint) -> Joint:
     """Which of two joints with the same child becomes a loop; driven joints stay.
 
     Only what hangs on the root by other joints may keep the link: the tree stays in one piece.
     """
     both = [joint for joint in (other, one) if _stays(joints, joint, {one.name, other.name})]
-    keep = max(both or [other, one], key=_is_driven)
+    keep = max(both or [other, one], key=lambda joint: bool(joint.limits.effort))
     return other if keep is one else one
-
-
-def loop_of(cut: Joint) -> LoopRow | None:
-    """The loop that holds what the joint held, but for its limits; None where none can."""
-    kind = _LOOPS.get(cut.kind)
-    if kind is None:
-        return None
-    X = cut.X_parent_joint
-    turn = rpy_of(X.quat) if X.quat != IDENTITY.quat else (0.0, 0.0, 0.0)
-    return LoopRow(
-        name=cut.name,
-        kind=kind,
-        a=LoopFrame(link=cut.parent, xyz=X.xyz, rpy=turn),
-        b=LoopFrame(link=cut.child),
-        axis=cut.axis if kind == "hinge" else None,
-    )
 
 
 def loop_hint(joints: Sequence[Joint], one: Joint, other: Joint) -> str:
     """What to write instead of one of two joints with the same child."""
-    cut = to_cut(joints, one, other)
-    row = loop_of(cut)
-    if row is None:
+    cut = _to_cut(joints, one, other)
+    kind, X = _LOOPS.get(cut.kind), cut.X_parent_joint
+    if kind is None:
         return f"remove `{cut.name}`, and close the loop by the recipe's `loops`"
-    turn = f", rpy: {_row(row.a.rpy)}" if any(row.a.rpy) else ""
-    end = f"{{link: {cut.parent}, xyz: {_row(row.a.xyz)}{turn}}}"
-    axis = f", axis: {_row(row.axis)}" if row.axis else ""
-    loop = f"{{name: {cut.name}, kind: {row.kind}{axis}, a: {end}, b: {{link: {cut.child}}}}}"
+    turn = f", rpy: {_row(rpy_of(X.quat))}" if X.quat != IDENTITY.quat else ""
+    end = f"{{link: {cut.parent}, xyz: {_row(X.xyz)}{turn}}}"
+    axis = f", axis: {_row(cut.axis)}" if kind == "hinge" else ""
+    loop = f"{{name: {cut.name}, kind: {kind}{axis}, a: {end}, b: {{link: {cut.child}}}}}"
     more = "; it holds no limits" if cut.kind == "revolute" else ""
     return f"remove `{cut.name}` and write `loops: [{loop}]`{more}"
 
@@ -366,10 +347,6 @@ def _stays(joints: Sequence[Joint], joint: Joint, cut: set[str]) -> bool:
         seen.add(link)
         link = above[link]
     return joint.child not in (link, *seen)
-
-
-def _is_driven(joint: Joint) -> bool:
-    return bool(joint.limits.effort)
 
 
 def _row(values: Vec3) -> str:
