@@ -7,7 +7,7 @@ beside it, and a build never guesses.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 from assetbuild.errors import MachineError, SourceError, UsageError, Where
@@ -54,8 +54,7 @@ def propose(
     source = mended(find_source(file, packages, args or {}))
     robot = look(source)
     anatomy = study(robot)
-    judged = judge(robot.links, robot.shapes, anatomy.base, robot.source_findings)
-    robot = replace(judged, planar=robot.planar, root=robot.root)
+    robot = judge(robot, anatomy.base)
     path = out or Path(f"{recipe_name(robot.links.name)}.yaml")
     recipe = recipe_text(robot, anatomy, source, path)
     return Proposal(path, recipe.text, recipe.unmended, anatomy.doubt)

@@ -4,17 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
-from pathlib import Path
 from types import MappingProxyType
 
 import numpy as np
 
-from assetbuild.errors import StepError
 from assetbuild.init.anatomy import Anatomy, roles
-from assetbuild.init.look import InspectedRobot, is_flat, mesh_of, scaled_points
+from assetbuild.init.look import InspectedRobot, spans_volume
 from assetbuild.init.tune import Tuning
 from assetbuild.init.words import flow, inline, patterns_of, plain, quoted
-from assetbuild.mesh.hull import refuse_flat
 from assetbuild.robot.contact import Contact
 from assetbuild.robot.model import Control, Tree
 from assetbuild.robot.shapes import MeshFile, Role, SourceShape
@@ -33,11 +30,10 @@ Rules = dict[str, tuple[dict[str, str], str]]
 def collision(
     robot: InspectedRobot,
     anatomy: Anatomy,
-    root: Path,
     overlaps: Mapping[tuple[str, str], float] = MappingProxyType({}),
     inside: Mapping[tuple[str, str], float] = MappingProxyType({}),
 ) -> Iterator[str]:
-    """The whole section. root: of the source's files.
+    """The whole section.
 
     overlaps: bodies whose hulls throw the robot over at home, and depths, m; inside: bodies that
     lie in each other in every pose.
@@ -57,7 +53,7 @@ def collision(
         "  # auto: a primitive stays as it is, a mesh becomes few convex pieces within tolerances"
     )
     yield f"  default: {{method: auto, from: {origin}}}   # {why}"
-    rules = _rules(robot, anatomy, root)
+    rules = _rules(robot, anatomy)
     if rules:
         yield "  links:"
     for rule, reason in dict.fromkeys((inline(rule), reason) for rule, reason in rules.values()):
@@ -94,10 +90,10 @@ def soles_of(robot: InspectedRobot, anatomy: Anatomy) -> list[str]:
     return [sole for leg in anatomy.legs for sole in leg.soles if sole in shaped]
 
 
-def _rules(robot: InspectedRobot, anatomy: Anatomy, root: Path) -> Rules:
+def _rules(robot: InspectedRobot, anatomy: Anatomy) -> Rules:
     """The last word on a link wins."""
-    rules = _flat(robot, root)
-    for link in _ball_feet(robot, anatomy, root):
+    rules = _flat(robot)
+    for link in _ball_feet(robot, anatomy):
         if link not in rules:
             why = "A foot that meets the ground in a point rolls best as a sphere."
             rules[link] = ({"method": "primitive", "shape": "sphere"}, why)
@@ -109,49 +105,40 @@ def _rules(robot: InspectedRobot, anatomy: Anatomy, root: Path) -> Rules:
     return rules
 
 
-def _flat(robot: InspectedRobot, root: Path) -> Rules:
+def _flat(robot: InspectedRobot) -> Rules:
     """Links with a collision mesh that spans no volume, which no method can use."""
     role: Role = "collision" if robot.shapes.of("collision") else "visual"
     found: Rules = {}
     for shape in robot.shapes.of(role):
-        if isinstance(shape.geometry, MeshFile) and is_flat(root, shape.geometry):
-            found[shape.link] = _instead(robot, root, shape.link, role)
+        if isinstance(shape.geometry, MeshFile) and robot.is_flat(shape.geometry):
+            found[shape.link] = _instead(robot, shape.link, role)
     return found
 
 
-def _instead(
-    robot: InspectedRobot, root: Path, link: str, role: Role
-) -> tuple[dict[str, str], str]:
+def _instead(robot: InspectedRobot, link: str, role: Role) -> tuple[dict[str, str], str]:
     why = f"A {role} mesh of this link is flat and can be no collision shape: "
     own = [shape for shape in robot.shapes.shapes if shape.link == link]
     drawn = [shape for shape in own if shape.role == "visual"]
-    if role == "collision" and drawn and not any(_is_flat(root, shape) for shape in drawn):
+    flat = [isinstance(s.geometry, MeshFile) and robot.is_flat(s.geometry) for s in drawn]
+    if role == "collision" and drawn and not any(flat):
         return {"method": "auto", "from": "visual"}, why + "what is drawn of it is taken."
-    if _span(root, [shape for shape in own if shape.role == role]):
+    if _span(robot, [shape for shape in own if shape.role == role]):
         return {"method": "primitive", "shape": "box"}, why + "one box is put around all of them."
     return {"method": "none"}, why + "it hits nothing."
 
 
-def _is_flat(root: Path, shape: SourceShape) -> bool:
-    return isinstance(shape.geometry, MeshFile) and is_flat(root, shape.geometry)
-
-
-def _span(root: Path, shapes: list[SourceShape]) -> bool:
+def _span(robot: InspectedRobot, shapes: list[SourceShape]) -> bool:
     """Whether all of them together span a volume."""
     clouds = []
     for shape in shapes:
         if not isinstance(shape.geometry, MeshFile):
             return True
-        if (read := mesh_of(root, shape.geometry)) is not None:
-            clouds.append(shape.X_link_shape.apply(scaled_points(read, shape.geometry)))
-    try:
-        refuse_flat(np.concatenate(clouds), "all")
-    except (StepError, ValueError):
-        return False
-    return True
+        if (points := robot.points_of(shape.geometry)) is not None:
+            clouds.append(shape.X_link_shape.apply(points))
+    return bool(clouds) and spans_volume(np.concatenate(clouds))
 
 
-def _ball_feet(robot: InspectedRobot, anatomy: Anatomy, root: Path) -> list[str]:
+def _ball_feet(robot: InspectedRobot, anatomy: Anatomy) -> list[str]:
     """Feet of walkers on four legs or more that are meshes, about as wide as they are high."""
     if len(anatomy.legs) < 4:
         return []
@@ -160,19 +147,19 @@ def _ball_feet(robot: InspectedRobot, anatomy: Anatomy, root: Path) -> list[str]
     for leg in anatomy.legs:
         own = [s for s in solid if s.link == leg.foot]
         separate = not leg.rolls and (leg.foot != leg.tip or len(leg.joints) >= 4)
-        if own and separate and all(_is_ball(root, shape) for shape in own):
+        if own and separate and all(_is_ball(robot, shape) for shape in own):
             balls.append(leg.foot)
     return balls
 
 
-def _is_ball(root: Path, shape: SourceShape) -> bool:
+def _is_ball(robot: InspectedRobot, shape: SourceShape) -> bool:
     """Whether the mesh's extents, m, differ by less than BALL; a mesh that init leaves unread."""
     if not isinstance(shape.geometry, MeshFile):
         return False
-    read = mesh_of(root, shape.geometry)
-    if read is None:
+    points = robot.points_of(shape.geometry)
+    if points is None:
         return True
-    extents = np.ptp(scaled_points(read, shape.geometry), axis=0)
+    extents = np.ptp(points, axis=0)
     return float(extents.max()) < BALL * float(extents.min())
 
 

@@ -11,7 +11,7 @@ from itertools import chain
 from pathlib import Path, PurePosixPath
 from urllib.parse import unquote
 
-from assetbuild.errors import SourceError, UsageError, Where
+from assetbuild.errors import UsageError
 from assetbuild.recipe.loader import shown_path
 from assetbuild.source.urdf.xml import Node, parse
 
@@ -312,7 +312,11 @@ def absolute_folders(uses: Uses, file: Path) -> dict[str, Path]:
         found[str(PurePosixPath(*PurePosixPath(path).parts[:-near]))] = longest[0].parents[near - 1]
     for path, node in lost:
         if not any(path.startswith(f"{known}/") for known in found):
-            raise _not_here(path, node.file, node.line)
+            raise node.error(
+                f"`{path}` is on the author's machine, and no folder above the URDF holds the end "
+                "of it",
+                "bring the file, or write `package://NAME/path` (and `--package NAME=FOLDER`)",
+            )
     return found
 
 
@@ -346,11 +350,3 @@ def _hits(path: str, file: Path) -> Iterator[tuple[int, Path]]:
 
 def _same(one: Path, other: Path) -> bool:
     return one == other or one.read_bytes() == other.read_bytes()
-
-
-def _not_here(path: str, file: str, line: int) -> SourceError:
-    return SourceError(
-        f"`{path}` is on the author's machine, and no folder above the URDF holds the end of it",
-        where=Where(file, line),
-        hint="bring the file, or write `package://NAME/path` (and `--package NAME=FOLDER`)",
-    )

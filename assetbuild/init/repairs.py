@@ -10,7 +10,6 @@ import math
 import re
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
 from typing import get_args
 
 from assetbuild.body.lint_links import MIMIC_LIMITS
@@ -18,8 +17,7 @@ from assetbuild.engine.scratch import Scratch, scratch
 from assetbuild.errors import AssetBuildError
 from assetbuild.findings import Finding
 from assetbuild.geometry.convert_mesh import ConvertMesh
-from assetbuild.init.contradicted import Weighed, keys_of
-from assetbuild.init.look import LARGEST, InspectedRobot, is_flat, not_in_usd, zeroed
+from assetbuild.init.look import LARGEST, InspectedRobot, Weighed, not_in_usd, zeroed
 from assetbuild.init.words import inline, patterns_of, plain, some
 from assetbuild.kinds import Edit
 from assetbuild.mesh.read import Format
@@ -29,7 +27,7 @@ from assetbuild.robot.contradictions import FACTOR
 from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.inertia import principal_moments
 from assetbuild.robot.mimic import common_range, has_range, leading
-from assetbuild.robot.shapes import MeshFile, SourceShapes
+from assetbuild.robot.shapes import MeshFile
 from assetbuild.robot.tree import merge_fixed_joints
 
 GUESSED_DENSITY = 1000
@@ -63,13 +61,13 @@ class Repair:
         return "joint" if self.edit in ("set_limits", "split_joint") else "link"
 
 
-def repairs(robot: InspectedRobot, root: Path, *, usd: bool = True) -> tuple[Repair, ...]:
+def repairs(robot: InspectedRobot, *, usd: bool = True) -> tuple[Repair, ...]:
     """What stops a build, mended; in the order of the recipe.
 
-    root: of the source's files; usd: whether the robot's other facts let it have one.
+    usd: whether the robot's other facts let it have one.
     """
     shares = _shares(robot) if usd else ()
-    return (*_splits(robot), *_inertias(robot, root), *shares, *_limits(robot))
+    return (*_splits(robot), *_inertias(robot), *shares, *_limits(robot))
 
 
 def repairs_text(robot: InspectedRobot, found: Sequence[Repair]) -> Iterator[str]:
@@ -98,30 +96,19 @@ def _subject(finding: Finding) -> str:
 # --- what to do -----------------------------------------------------------------------------
 
 
-def _inertias(robot: InspectedRobot, root: Path) -> Iterator[Repair]:
-    """One repair for each link that makes a body impossible or contradicts its shapes or twin.
-
-    A mirror twin of the same shape says what is right; without one, the link's own shapes do.
-    """
-    weighed, broken = Weighed(robot, root), _broken_links(robot)
-    wrong = {**weighed.wrong_links(), **{link: _worst(own) for link, own in broken.items()}}
+def _inertias(robot: InspectedRobot) -> Iterator[Repair]:
+    """One repair for each link that makes a body impossible or contradicts its shapes or twin."""
+    broken = _broken_links(robot)
+    wrong = Weighed(robot).wrong_links()
+    for link, found in broken.items():
+        wrong[link] = next((f for f in found if f.rule in _BROKEN), found[0])
     for link, finding in wrong.items():
-        twin = weighed.from_twin(link, wrong)
         rules = {finding.rule for finding in broken.get(link, ())}
-        if twin is not None:
-            name, inertial = twin
-            keys = keys_of(inertial, robot.links.by_body[link].inertial)
-            why = f"the mirror image of `{name}`, its twin, which has the same shape"
-            yield Repair(link, "set_inertia", keys, why, finding.message)
-        elif rules and not rules & _BROKEN and _is_near(robot, link):
+        if rules and not rules & _BROKEN and _is_near(robot, link):
             why = "MuJoCo refuses such a tensor; the smallest moment is raised as far as needed"
             yield Repair(link, "balance_inertia", {}, why, finding.message)
         else:
-            yield _remade(robot, root, link, finding)
-
-
-def _worst(findings: Sequence[Finding]) -> Finding:
-    return next((f for f in findings if f.rule in _BROKEN), findings[0])
+            yield _remade(robot, link, finding)
 
 
 def _is_near(robot: InspectedRobot, link: str) -> bool:
@@ -165,10 +152,10 @@ def _spoils(robot: InspectedRobot, link: str) -> bool:
     return link in robot.tree.by_body or (inertial is not None and inertial.mass_kg > 0.0)
 
 
-def _remade(robot: InspectedRobot, root: Path, link: str, finding: Finding) -> Repair:
+def _remade(robot: InspectedRobot, link: str, finding: Finding) -> Repair:
     inertial = robot.links.by_body[link].inertial
     mass = inertial.mass_kg if inertial else 0.0
-    shown = [role for role in ("visual", "collision") if _is_solid(robot, root, link, role)]
+    shown = [role for role in ("visual", "collision") if _is_solid(robot, link, role)]
     if not shown:
         return _ball(link, mass, finding)
     how = {"open": "hull"} if shown[0] == "visual" else {"from": shown[0], "open": "hull"}
@@ -184,11 +171,11 @@ def _remade(robot: InspectedRobot, root: Path, link: str, finding: Finding) -> R
     return Repair(link, "inertia_from_geometry", {**matter, **how}, why, finding.message)
 
 
-def _is_solid(robot: InspectedRobot, root: Path, link: str, role: str) -> bool:
+def _is_solid(robot: InspectedRobot, link: str, role: str) -> bool:
     """Whether the link has shapes of this role, and each spans a volume."""
     shapes = [s.geometry for s in robot.shapes.shapes if (s.link, s.role) == (link, role)]
     meshes = [geometry for geometry in shapes if isinstance(geometry, MeshFile)]
-    return bool(shapes) and not any(is_flat(root, mesh) for mesh in meshes)
+    return bool(shapes) and not any(map(robot.is_flat, meshes))
 
 
 def _ball(link: str, mass: float, finding: Finding) -> Repair:
@@ -294,24 +281,24 @@ def _hints(robot: InspectedRobot, mended: Collection[str]) -> Iterator[str]:
         yield f"#   - set_limits: {inline(keys)}"
 
 
-def mended(robot: InspectedRobot, root: Path, repairs: Iterable[Repair]) -> InspectedRobot:
+def mended(robot: InspectedRobot, repairs: Iterable[Repair]) -> InspectedRobot:
     """Apply the edits in order; one whose mesh only the build can read is left out.
 
-    root: of the source's files. The findings stay those of the source.
+    The findings stay those of the source.
     """
     for repair in repairs:
-        robot = _applied(robot, root, repair)
+        robot = _applied(robot, repair)
     return robot
 
 
-def _applied(robot: InspectedRobot, root: Path, repair: Repair) -> InspectedRobot:
+def _applied(robot: InspectedRobot, repair: Repair) -> InspectedRobot:
     try:
         plugin = load_plugin(Edit, repair.edit)
         edit = plugin.model_validate({repair.kind: re.escape(repair.on), **repair.keys})
         with scratch() as ports:
             ports.put("links.json", encode(robot.links))
             ports.put("shapes.json", encode(robot.shapes))
-            _convert(edit, robot.shapes, root, ports)
+            _convert(edit, robot, ports)
             ports.run(edit)
             done = RobotFiles(ports.folder)
             links, shapes = done.links, done.source_shapes
@@ -321,12 +308,12 @@ def _applied(robot: InspectedRobot, root: Path, repair: Repair) -> InspectedRobo
     return replace(robot, links=links, tree=tree, shapes=shapes)
 
 
-def _convert(edit: Edit, shapes: SourceShapes, root: Path, ports: Scratch) -> None:
+def _convert(edit: Edit, robot: InspectedRobot, ports: Scratch) -> None:
     """The meshes that the edit reads, where it looks for them. Raises OSError for a huge one."""
     formats: dict[str, Format] = {f".{format}": format for format in get_args(Format)}
-    for index, shape in enumerate(edit.meshes(shapes)):
+    for index, shape in enumerate(edit.meshes(robot.shapes)):
         assert isinstance(shape.geometry, MeshFile)  # noqa: S101 # that is what it asked for
-        path = root / shape.geometry.path
+        path = robot.root / shape.geometry.path
         if path.stat().st_size > LARGEST or path.suffix.lower() not in formats:
             raise OSError(f"left to the build: {shape.geometry.path}")
         with scratch() as own:

@@ -190,7 +190,9 @@ def mended(source: UrdfSource) -> UrdfSource:
     A visual mesh may be missing, a collision mesh may not. SourceError with file and line for what
     no recipe can mend.
     """
-    source = patched(source, (*_slashes(source), *retyped(source)))
+    windows = [uri for uri in dict.fromkeys(_names(source)) if "\\" in uri]
+    slashes = [_renaming(source, uri, uri.replace("\\", "/"), BACKSLASH) for uri in windows]
+    source = patched(source, (*slashes, *retyped(source)))
     meshes, solid = _meshes(source)
     absent = [mesh for mesh in meshes if not is_file(source.root / mesh["path"])]
     needed = [mesh for mesh in absent if mesh["path"] in solid]
@@ -213,7 +215,8 @@ def _refused(source: UrdfSource, absent: list[dict[str, str]]) -> SourceError:
     """A build would stop there too, at the first; here all are named."""
     first, others = absent[0], [f"`{mesh['path']}`" for mesh in absent[1:]]
     near = (source.root / first["path"]).parent
-    names = [str(PurePosixPath(first["path"]).parent / f.name) for f in _listing(near)]
+    beside = sorted(near.iterdir()) if near.is_dir() else ()
+    names = [str(PurePosixPath(first["path"]).parent / file.name) for file in beside]
     close, (lack, meant) = nearest(first["path"], names), lacking(source.root, first["path"])
     more = f" (and {len(others)} more: {some(others)})" if others else ""
     return SourceError(
@@ -223,20 +226,7 @@ def _refused(source: UrdfSource, absent: list[dict[str, str]]) -> SourceError:
     )
 
 
-def _listing(folder: Path) -> Iterable[Path]:
-    try:
-        return sorted(folder.iterdir())
-    except OSError:
-        return ()
-
-
 # --- patches --------------------------------------------------------------------------------
-
-
-def _slashes(source: UrdfSource) -> Iterator[Patch | None]:
-    for uri in dict.fromkeys(_names(source)):
-        if "\\" in uri:
-            yield _renaming(source, uri, uri.replace("\\", "/"), BACKSLASH)
 
 
 def _names(source: UrdfSource) -> list[str]:

@@ -25,7 +25,7 @@ from statistics import fmean
 
 import numpy as np
 
-from assetbuild.init.anatomy import Anatomy, Leg, Role, chain_to, length_below, limb_of, roles
+from assetbuild.init.anatomy import Anatomy, Role, chain_to, length_below, limb_of, roles
 from assetbuild.init.wheels import VELOCITY_DRIVEN
 from assetbuild.robot.dynamics import dynamics
 from assetbuild.robot.inertia import total_mass
@@ -34,6 +34,10 @@ from assetbuild.robot.model import Joint, Tree
 from assetbuild.robot.pose import Array
 from assetbuild.robot.tree import forward_kinematics
 
+GRAVITY = 9.81
+SAMPLES = 40
+"""Random poses in which the worst load is looked for, besides the pose of zeros."""
+SEED = 1
 MARGIN = 2.0
 """Times the gravity of the worst pose."""
 ACCELERATION = {"rad": 20.0, "m": 10.0}
@@ -98,10 +102,8 @@ def strengthened(tree: Tree, anatomy: Anatomy) -> tuple[Tree, dict[str, Guess]]:
     for name, reason in why.items():
         joint = tree.by_joint[name]
         if reason and not is_locked(joint) and not stays_passive(tree, joint, anatomy):
-            like = [
-                n for n in stated if parts[n] == parts[name] and _is_like(tree, physics, n, name)
-            ]
-            effort = _of_nearest(tree, physics, name, like)
+            alike = [n for n in stated if parts[n] == parts[name]]
+            effort = _of_its_like(tree, physics, name, alike)
             if effort is not None:
                 reason = f"{reason} here and {effort:g} for its like"
             guesses[name] = Guess(effort or rounded_up(physics[name]), reason, parts[name])
@@ -124,17 +126,17 @@ def _alike(tree: Tree, physics: Mapping[str, float], over: Mapping[str, float]) 
     }
 
 
-def _is_like(tree: Tree, physics: Mapping[str, float], one: str, other: str) -> bool:
-    """Whether one motor suits both: what they need differs by less than a factor of two."""
-    units = {unit_of(tree.by_joint[name]) for name in (one, other)}
-    return len(units) == 1 and 0.5 < physics[one] / physics[other] < 2.0
-
-
-def _of_nearest(
-    tree: Tree, physics: Mapping[str, float], name: str, others: Collection[str]
+def _of_its_like(
+    tree: Tree, physics: Mapping[str, float], name: str, others: Iterable[str]
 ) -> float | None:
-    """The effort that the source states of the joint that needs about as much."""
-    found = min(others, key=lambda n: abs(math.log(physics[n] / physics[name])), default=None)
+    """The effort that the source states of the joint that needs about as much: one motor suits
+    both where what they need differs by less than a factor of two.
+    """
+    unit, need = unit_of(tree.by_joint[name]), physics[name]
+    like = [
+        n for n in others if unit_of(tree.by_joint[n]) == unit and 0.5 < physics[n] / need < 2.0
+    ]
+    found = min(like, key=lambda n: abs(math.log(physics[n] / need)), default=None)
     return None if found is None else tree.by_joint[found].limits.effort
 
 
@@ -218,7 +220,8 @@ def physical_efforts(tree: Tree, anatomy: Anatomy, parts: Mapping[str, Role]) ->
     weight, found = total_mass(tree) * GRAVITY, {}
     turned = _turned(anatomy, weight)
     share = weight / max(1, len(anatomy.walks_on) // 2)
-    legs = {j.name: _standing_load(leg, share) for leg in anatomy.walks_on for j in leg.joints}
+    # A leg that carries its share on half of the legs, half its length off its foot.
+    legs = {j.name: share * leg.length / 2.0 for leg in anatomy.walks_on for j in leg.joints}
     for joint in tree.moving_joints:
         if joint.mimic is not None:
             continue
@@ -288,9 +291,7 @@ def largest_inertias(tree: Tree) -> dict[str, float]:
     return largest
 
 
-def _standing_load(leg: Leg, weight: float) -> float:
-    """N m of a leg that carries its share on half of the legs, half its length off its foot."""
-    return weight * leg.length / 2.0
+# --- where joints may stand, and what weight does to them ------------------------------------
 
 
 def bounds(joint: Joint) -> tuple[float, float]:
@@ -305,12 +306,6 @@ def resting(joint: Joint) -> float:
     """0 where the limits allow it, else the middle of the range."""
     lower, upper = bounds(joint)
     return 0.0 if lower <= 0.0 <= upper else (lower + upper) / 2
-
-
-GRAVITY = 9.81
-SAMPLES = 40
-"""Random poses in which the worst load is looked for, besides the pose of zeros."""
-SEED = 1
 
 
 def gravity_loads(

@@ -9,7 +9,6 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from assetbuild.body.lint_links import invented
-from assetbuild.init import contradicted
 from assetbuild.init.anatomy import Anatomy, Leg
 from assetbuild.init.collision import (
     collision,
@@ -33,7 +32,7 @@ from assetbuild.init.drives import (
 )
 from assetbuild.init.home import DEEP_M, Pair, made_so, nothing_deep
 from assetbuild.init.licence import source_section
-from assetbuild.init.look import InspectedRobot, targets
+from assetbuild.init.look import InspectedRobot, Weighed, targets
 from assetbuild.init.loops import NO_LOOPS, FoundLoops, find_loops
 from assetbuild.init.packages import lacking
 from assetbuild.init.repairs import guessed_masses, mended, repairs, repairs_text, unmended
@@ -84,13 +83,13 @@ class Recipe:
 
 def recipe_text(robot: InspectedRobot, anatomy: Anatomy, source: UrdfSource, path: Path) -> Recipe:
     """The whole recipe, as it will lie at `path`; its drives and pose are tried before."""
-    edits = repairs(robot, source.root)
-    whole = mended(robot, source.root, edits)
+    edits = repairs(robot)
+    whole = mended(robot, edits)
     tree, guesses = strengthened(whole.tree, anatomy)
     soles, loops = soles_of(whole, anatomy), find_loops(whole)
 
     exclude = Exclude(adjacent=True, pairs=tuple(compound_pairs(robot.tree, anatomy.size_m)))
-    with staged(whole, source.root, soles) as stage:
+    with staged(whole, soles) as stage:
 
         def attempt(tuning: Tuning) -> Trial:
             drives, pose = loops.drives(tuning.drives), loops.pose(tuning.pose)
@@ -103,7 +102,7 @@ def recipe_text(robot: InspectedRobot, anatomy: Anatomy, source: UrdfSource, pat
         inside = made_so(tree, depths, tuning.pose)
     drives, pose = loops.drives(tuning.drives), loops.pose(tuning.pose)
     tuning = replace(tuning, drives=drives, pose=pose)
-    contrary = contradicted.unmended(contradicted.Weighed(whole, source.root))
+    contrary = Weighed(whole).unmended()
     unknown = [f"{f.message} ({f.hint})" for f in invented(whole.links, guessed_masses(edits))]
     unrepaired = (*_locked(tree), *unmended(robot), *unknown, *contrary)
     tuning = replace(tuning, unmended=(*unrepaired, *tuning.unmended))
@@ -116,7 +115,7 @@ def recipe_text(robot: InspectedRobot, anatomy: Anatomy, source: UrdfSource, pat
         repairs_text(robot, edits),
         loops.text(),
         ["visual:", "  max_faces: 20000   # finer meshes are thinned, each with a finding"],
-        collision(robot, anatomy, source.root, trial.overlaps, inside),
+        collision(robot, anatomy, trial.overlaps, inside),
         actuators(tree, tuning),
         home(robot, anatomy, tuning.pose, loops),
         _left(left, {*trial.overlaps, *inside}),
@@ -253,32 +252,26 @@ def actuators(tree: Tree, tuning: Tuning) -> Iterator[str]:
 
 
 def _row(pattern: str, row: DriveRow) -> Iterator[str]:
+    """A row of the table below what it is of."""
     count = "1 joint" if len(row.joints) == 1 else f"{len(row.joints)} joints"
-    line = inline({"joints": pattern, **row.keys})
     if row.locked:
-        yield f"  # {count} locked by equal limits: a drive would move nothing"
-        yield f"  - {line}"
-        return
-    if row.role == "loop":
-        yield f"  # {count} that the loops move"
-        yield f"  - {line}"
-        return
-    if row.role == "caster":
-        yield f"  # {count} of casters, which follow where the wheels go"
-        yield f"  - {line}"
-        return
-    if row.effort is None:
-        yield f"  # {count} without effort that nothing seems to drive: casters, springs"
-        yield f"  - {line}"
-        return
-    torque, unit = ("N", "kg") if row.unit == "m" else ("N m", "kg m2")
-    speed = f"{row.velocity:g} {row.unit}/s" if row.velocity else "no stated speed"
-    moved = f"{row.inertia:.3g} {unit}" if row.inertia else "what the edits above give a mass"
-    guess = f" is a guess for the {row.role}, as {row.guess}" if row.guess else ""
-    yield f"  # {count}: {row.effort:g} {torque}{guess}, {speed}, moves {moved}"
+        count += " locked by equal limits: a drive would move nothing"
+    elif row.role == "loop":
+        count += " that the loops move"
+    elif row.role == "caster":
+        count += " of casters, which follow where the wheels go"
+    elif row.effort is None:
+        count += " without effort that nothing seems to drive: casters, springs"
+    else:
+        torque, unit = ("N", "kg") if row.unit == "m" else ("N m", "kg m2")
+        speed = f"{row.velocity:g} {row.unit}/s" if row.velocity else "no stated speed"
+        moved = f"{row.inertia:.3g} {unit}" if row.inertia else "what the edits above give a mass"
+        guess = f" is a guess for the {row.role}, as {row.guess}" if row.guess else ""
+        count += f": {row.effort:g} {torque}{guess}, {speed}, moves {moved}"
+    yield f"  # {count}"
     for word in row.drops:
         yield f"  # source {word} ignored: {DROPPED[word]}"
-    yield f"  - {line}"
+    yield f"  - {inline({'joints': pattern, **row.keys})}"
 
 
 def home(

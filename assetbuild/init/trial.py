@@ -11,7 +11,6 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from pathlib import Path
 
 import numpy as np
 
@@ -28,7 +27,6 @@ from assetbuild.init.home import DEEP_M, Depths, Pair, nothing_deep
 from assetbuild.init.look import InspectedRobot, mesh_of, scaled_points
 from assetbuild.init.words import patterns_of
 from assetbuild.mesh.hull import convex_hull
-from assetbuild.mesh.material import SourceMesh
 from assetbuild.mesh.obj import obj_bytes
 from assetbuild.mesh.primitives import tessellate
 from assetbuild.mesh.quality import NearestSurface, surface_samples
@@ -232,17 +230,11 @@ def _stays(stood: Stand) -> bool:
 
 
 @contextmanager
-def staged(
-    robot: InspectedRobot,
-    root: Path,
-    soles: Sequence[str],
-    *,
-    whole: bool = True,
-) -> Iterator[Stage]:
-    """Lay the robot out. root: of the source's files; soles: source links."""
+def staged(robot: InspectedRobot, soles: Sequence[str], *, whole: bool = True) -> Iterator[Stage]:
+    """Lay the robot out. soles: source links."""
     links = sorted(robot.solid_links | set(soles))
     with scratch() as ports:
-        shapes, meshes = _laid_out(robot, root, links, ports)
+        shapes, meshes = _laid_out(robot, links, ports)
         real = Overlaps(robot.tree, {shape.name: shape for shape in shapes.shapes}, meshes)
         yield Stage(robot, soles, shapes, real, ports, whole)
 
@@ -274,7 +266,7 @@ def tables(
 
 
 def _laid_out(
-    robot: InspectedRobot, root: Path, links: Sequence[str], ports: Scratch
+    robot: InspectedRobot, links: Sequence[str], ports: Scratch
 ) -> tuple[Shapes, dict[str, TriangleMesh]]:
     """The robot as a build has it, with a hull or primitive for each shape of these links.
 
@@ -286,8 +278,8 @@ def _laid_out(
         name, source = f"shape_{index}", shape.geometry
         geometry: Geometry
         if isinstance(source, MeshFile):
-            read = mesh_of(root, source)
-            asset = _hull(shape, read, name, ports)
+            read = mesh_of(robot.root, source)
+            asset = _hull(scaled_points(read, source), name, ports) if read else None
             if read is None or asset is None:
                 continue
             whole = merged([part.mesh for part in read.parts])
@@ -310,14 +302,10 @@ def _shapes_of(robot: InspectedRobot, links: Sequence[str]) -> Iterator[SourceSh
         yield from [s for s in own if s.role == "collision"] or own
 
 
-def _hull(
-    shape: SourceShape, read: SourceMesh | None, name: str, ports: Scratch
-) -> MeshAsset | None:
-    """Written to `meshes/`; None for a mesh that cannot be read or is flat."""
-    if read is None or not isinstance(mesh := shape.geometry, MeshFile):
-        return None
+def _hull(points: Array, name: str, ports: Scratch) -> MeshAsset | None:
+    """Written to `meshes/`; None for a mesh that is flat. points: (n, 3) m."""
     try:
-        hull = convex_hull(scaled_points(read, mesh), max_vertices=CORNERS, subject=shape.name)
+        hull = convex_hull(points, max_vertices=CORNERS, subject=name)
     except StepError:
         return None
     asset = MeshAsset(name, f"{name}.obj", len(hull.vertices), len(hull.faces), convex=True)

@@ -74,7 +74,10 @@ def patterns_of(group: Sequence[str], everything: Sequence[str]) -> tuple[str, .
         return (re.escape(group[0]),)
     wanted = set(group)
     for pattern in sorted(_candidates(group), key=lambda text: (len(text), text)):
-        if len(pattern) <= LONGEST and _matched(pattern, everything) == wanted:
+        if (
+            len(pattern) <= LONGEST
+            and {n for n in everything if re.fullmatch(pattern, n)} == wanted
+        ):
             return (pattern,)
     half = len(group) // 2
     return patterns_of(group[:half], everything) + patterns_of(group[half:], everything)
@@ -84,10 +87,6 @@ def pattern_of(group: Sequence[str], everything: Sequence[str]) -> str:
     """The same as one pattern, however long."""
     patterns = patterns_of(group, everything)
     return patterns[0] if len(patterns) == 1 else f"({'|'.join(patterns)})"
-
-
-def _matched(pattern: str, names: Iterable[str]) -> set[str]:
-    return {name for name in names if re.fullmatch(pattern, name)}
 
 
 def _candidates(group: Sequence[str]) -> Iterable[str]:

@@ -41,7 +41,7 @@ def arm(folder: Path, links: list[tuple[float, float]], **limits: float) -> Insp
     path = folder / "arm.urdf"
     path.write_text("\n".join([*text, "</robot>"]))
     read = look(find_source(path, {}))
-    return judge(read.links, read.shapes, "fixed")
+    return judge(read, "fixed")
 
 
 def rows_of(robot: InspectedRobot) -> tuple[dict[str, float], tuple[DriveRow, ...]]:
