@@ -335,7 +335,11 @@ def _simulation(
 ) -> Iterator[str]:
     legs, tree = anatomy.legs, tuning.tree
     hand = hand_of(robot, anatomy, tree, driven_by(tuning))
-    yield from _contact(robot, hand, tuning.timestep)
+    if hand:
+        yield from ("contact:", "  friction: [0.8, 0.02, 0.01]", "  condim: 3")
+        yield from pads(robot, hand, tuning.timestep)
+    else:
+        yield "contact: {friction: [0.8, 0.02, 0.01], condim: 3}   # rubber on a floor"
     yield from _steps(tuning)
     yield targets(robot)
     efforts = [tree.by_joint[j.name].limits.effort for leg in legs for j in leg.joints]
@@ -345,16 +349,6 @@ def _simulation(
         yield "# To train in mjlab: add `mjlab` to the targets, and"
         yield f"# feet: {{links: {quoted(_soles(robot, legs))}}}"
         yield f"# imu: {{link: {quoted(robot.tree.root)}}}   # or the link of its IMU"
-
-
-def _contact(robot: InspectedRobot, hand: Sequence[str], timestep: float) -> Iterator[str]:
-    if not hand:
-        yield "contact: {friction: [0.8, 0.02, 0.01], condim: 3}   # rubber on a floor"
-        return
-    yield "contact:"
-    yield "  friction: [0.8, 0.02, 0.01]"
-    yield "  condim: 3"
-    yield from pads(robot, hand, timestep)
 
 
 def validation(robot: InspectedRobot, legs: Sequence[Leg], trial: Trial) -> Iterator[str]:

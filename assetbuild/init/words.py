@@ -74,10 +74,8 @@ def patterns_of(group: Sequence[str], everything: Sequence[str]) -> tuple[str, .
         return (re.escape(group[0]),)
     wanted = set(group)
     for pattern in sorted(_candidates(group), key=lambda text: (len(text), text)):
-        if (
-            len(pattern) <= LONGEST
-            and {n for n in everything if re.fullmatch(pattern, n)} == wanted
-        ):
+        matched = {name for name in everything if re.fullmatch(pattern, name)}
+        if len(pattern) <= LONGEST and matched == wanted:
             return (pattern,)
     half = len(group) // 2
     return patterns_of(group[:half], everything) + patterns_of(group[half:], everything)
