@@ -5,11 +5,10 @@ from __future__ import annotations
 import json
 import posixpath
 import re
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import count
 from pathlib import Path
-from typing import Protocol
 
 from assetbuild.engine.graph import Ref
 from assetbuild.engine.planner import Planner
@@ -46,36 +45,8 @@ class Description:
     includes: Mapping[str, Ref] = field(default_factory=dict)
 
 
-class SourceFiles(Protocol):
-    """A robot's files, each as a reference into the graph. Errors name who asked for a file."""
-
-    def description(self, path: str, where: Where) -> Ref | None:
-        """The description below the root; None while that is not known yet."""
-        ...
-
-    def meshes(self, listing: list[dict[str, str]], urdf: str) -> dict[str, Ref] | None:
-        """The files that `meshes.json` of the reader lists, by path; None: not known yet."""
-        ...
-
-    def below(
-        self, folders: tuple[str, ...], suffixes: tuple[str, ...], but: tuple[str, ...] = ()
-    ) -> dict[str, Ref] | None:
-        """All files below the folders with one of the suffixes, by path; None: not known yet.
-
-        suffixes: () = any; but: suffixes of those that are left out, hidden ones are as well.
-        """
-        ...
-
-    def present(self, what: str, paths: Collection[str]) -> dict[str, Ref] | None:
-        """Those of the paths that are files of the source; None: not known yet.
-
-        what: they are, in two words; each question has its own.
-        """
-        ...
-
-    def licenses(self) -> dict[str, Ref]:
-        """Licence texts that come with the robot, by path."""
-        ...
+SourceFiles = ArchiveFiles | FolderFiles
+"""A robot's files, each as a reference into the graph. Errors name who asked for a file."""
 
 
 def open_source(named: Source, folder: Path, lock: Lock | None, p: Planner) -> SourceFiles:

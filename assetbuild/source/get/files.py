@@ -57,14 +57,14 @@ class ArchiveFiles:
             raise SourceError(f"{what}: no file `{path}` in the source", where=where, hint=hint)
 
     def description(self, path: str, where: Where) -> Ref | None:
-        """See `SourceFiles`."""
+        """The description below the root; None while that is not known yet."""
         if not self._listed:
             return None
         self._require(path, where, "the robot's description")
         return self._unpacked("unpack description", self._root, (path,))[path]
 
     def meshes(self, listing: list[dict[str, str]], urdf: str) -> dict[str, Ref] | None:
-        """See `SourceFiles`."""
+        """The files that `meshes.json` of the reader lists, by path; None: not known yet."""
         for entry in listing:
             where = Where(urdf, int(entry["line"]))
             self._require(entry["path"], where, f"{entry['subject']}: mesh")
@@ -73,7 +73,10 @@ class ArchiveFiles:
     def below(
         self, folders: tuple[str, ...], suffixes: tuple[str, ...], but: tuple[str, ...] = ()
     ) -> dict[str, Ref] | None:
-        """See `SourceFiles`."""
+        """All files below the folders with one of the suffixes, by path; None: not known yet.
+
+        suffixes: () = any; but: suffixes of those that are left out, hidden ones are as well.
+        """
         if not self._listed:
             return None
         prefixes = tuple("" if folder == "." else f"{folder}/" for folder in folders)
@@ -86,13 +89,16 @@ class ArchiveFiles:
         return self._unpacked("unpack includes", self._root, wanted)
 
     def present(self, what: str, paths: Collection[str]) -> dict[str, Ref] | None:
-        """See `SourceFiles`."""
+        """Those of the paths that are files of the source; None: not known yet.
+
+        what: they are, in two words; each question has its own.
+        """
         if not self._listed:
             return None
         return self._unpacked(f"unpack {what}", self._root, set(paths) & self._regular)
 
     def licenses(self) -> dict[str, Ref]:
-        """See `SourceFiles`."""
+        """Licence texts that come with the robot, by path."""
         of_wheel = self._unpacked("unpack licences", ".", self._of_wheel)
         beside = filter(self._is_license, self._regular)
         return of_wheel | self._unpacked("unpack licences of the robot", self._root, beside)
@@ -152,11 +158,11 @@ class FolderFiles:
         return found[0].as_posix() if len(found) == 1 else ""
 
     def description(self, path: str, where: Where) -> Ref | None:
-        """See `SourceFiles`."""
+        """See `ArchiveFiles`."""
         return self.file(path, where, "the robot's description")
 
     def meshes(self, listing: list[dict[str, str]], urdf: str) -> dict[str, Ref] | None:
-        """See `SourceFiles`."""
+        """See `ArchiveFiles`."""
         return {
             entry["path"]: self.file(
                 entry["path"], Where(urdf, int(entry["line"])), f"{entry['subject']}: mesh"
@@ -167,7 +173,7 @@ class FolderFiles:
     def below(
         self, folders: tuple[str, ...], suffixes: tuple[str, ...], but: tuple[str, ...] = ()
     ) -> dict[str, Ref] | None:
-        """See `SourceFiles`. Links that lead out of the source, or nowhere, are not among them."""
+        """See `ArchiveFiles`. Links that lead out of the source, or nowhere, are not among them."""
         found = {}
         for folder in folders:
             for path in self._world.below(self.root / folder, suffixes, but):
@@ -176,7 +182,7 @@ class FolderFiles:
         return {name: self._p.source(path) for name, path in sorted(found.items())}
 
     def present(self, what: str, paths: Collection[str]) -> dict[str, Ref] | None:
-        """See `SourceFiles`. A link that leads out of the source is not there."""
+        """See `ArchiveFiles`. A link that leads out of the source is not there."""
         found = ((path, self.root / path) for path in sorted(paths))
         return {path: self._p.source(full) for path, full in found if self._is_inside(full)}
 
@@ -188,7 +194,7 @@ class FolderFiles:
         return self._world.real(path).is_relative_to(self._real)
 
     def licenses(self) -> dict[str, Ref]:
-        """See `SourceFiles`."""
+        """See `ArchiveFiles`."""
         found = {}
         for folder in PurePosixPath(self._description).parents:
             for name in self._world.names(self.root / folder, starts=LICENSES):

@@ -160,14 +160,10 @@ def _resolved(root: _Element) -> _Element:
                 inside = posixpath.join(folder, folders[str(element.tag)])
                 element.set(key, below(element, inside, name))
         for mesh in asset.iterchildren("mesh"):
-            _check_mesh(mesh)
+            file = mesh.get("file", "")
+            if file and not file.lower().endswith(MESHES):
+                raise error_at(mesh, f"mesh `{file}` is neither STL nor OBJ", "convert it to OBJ")
     return root
-
-
-def _check_mesh(mesh: _Element) -> None:
-    file = mesh.get("file", "")
-    if file and not file.lower().endswith(MESHES):
-        raise error_at(mesh, f"mesh `{file}` is neither STL nor OBJ", "convert it to OBJ")
 
 
 def _meshes(root: _Element) -> list[dict[str, object]]:

@@ -135,7 +135,9 @@ def _root(tops: list[_Element], source: Compiled, base: Base | None) -> Links:
 
 def _add_body(links: Links, element: _Element, parent: str) -> None:
     name, model = str(element.get("name")), links.source.model
-    _refuse(element, name, links.source.joint_kinds(name), name == links.root)
+    if FREE in links.source.joint_kinds(name) and name != links.root:
+        hint = "one recipe builds one robot; its root alone may float"
+        raise error_at(element, f"body `{name}`: a free joint inside the robot", hint)
     links.shift[name] = (0.0, 0.0, 0.0)
     if name != links.root:
         joints = links.source.joints_of(name)
@@ -292,15 +294,6 @@ def tendon_rest(tendon: _Element, rest: Mapping[str, float]) -> float:
     """Length of a fixed tendon whose joints stand at their `ref`. rest: `ref` by joint."""
     moved = [child for child in tendon.iterchildren("joint") if child.get("joint") in rest]
     return sum(float(str(c.get("coef"))) * rest[str(c.get("joint"))] for c in moved)
-
-
-# --- refusals -------------------------------------------------------------------------------
-
-
-def _refuse(element: _Element, name: str, kinds: list[int], is_root: bool) -> None:
-    if FREE in kinds and not is_root:
-        hint = "one recipe builds one robot; its root alone may float"
-        raise error_at(element, f"body `{name}`: a free joint inside the robot", hint)
 
 
 # --- small things ---------------------------------------------------------------------------

@@ -17,7 +17,7 @@ from assetbuild.robot.pose import IDENTITY
 from assetbuild.robot.shapes import SourceShapes
 from assetbuild.robot.source import SourceControl
 from assetbuild.robot.tree import depth_first
-from assetbuild.source.mjcf.compiled import Compiled, compile_source, pose_at
+from assetbuild.source.mjcf.compiled import compile_source, pose_at
 from assetbuild.source.mjcf.drives import Drives, read_drives
 from assetbuild.source.mjcf.links import BALL, Links, read_links
 from assetbuild.source.mjcf.opaque import attributes_of, body_element, keys, leftover, words
@@ -53,7 +53,9 @@ class ReadMjcf(Step):
     def run(self, files: Files) -> Iterator[Finding]:
         """Writes Tree, SourceShapes and SourceControl."""
         root = _source(files.inputs)
-        compiled = compile_source(root, _meshes(root, files.inputs / "files"))
+        paths = sorted({str(mesh.get("file")) for mesh in root.iterfind("asset/mesh")})
+        meshes = {path: (files.inputs / "files" / path).read_bytes() for path in paths}
+        compiled = compile_source(root, meshes)
         links = read_links(compiled, self.base)
         geoms = read_geoms(links)
         drives = read_drives(links)
@@ -80,7 +82,9 @@ class ReadMjcf(Step):
         (files.outputs / "links.json").write_bytes(encode(_tree(name, links, drives)))
         (files.outputs / "shapes.json").write_bytes(encode(shapes))
         (files.outputs / "source_control.json").write_bytes(encode(source))
-        yield from _warnings(compiled)
+        for text in compiled.warnings:
+            message = f"MuJoCo warns about the source: {text}"
+            yield SOURCE_WARNING("robot", message, "repair it in the source")
         yield from [*links.findings, *geoms.findings, *drives.findings, *sections.findings]
         yield from _order(sections, drives)
 
@@ -94,11 +98,6 @@ def _source(folder: Path) -> _Element:
     for element, where in zip(root.iter("*"), lines, strict=True):
         element.set(AT, where)
     return root
-
-
-def _meshes(root: _Element, folder: Path) -> dict[str, bytes]:
-    paths = {str(mesh.get("file")) for mesh in root.iterfind("asset/mesh")}
-    return {path: (folder / path).read_bytes() for path in sorted(paths)}
 
 
 def _tree(name: str, links: Links, drives: Drives) -> Tree:
@@ -136,13 +135,6 @@ def _common(geoms: Geoms) -> Contact:
     """The surface that most collision shapes have; the first of equals."""
     surfaces = list(geoms.contacts.values())
     return max(surfaces, key=surfaces.count, default=Contact())
-
-
-def _warnings(compiled: Compiled) -> Iterator[Finding]:
-    for text in compiled.warnings:
-        yield SOURCE_WARNING(
-            "robot", f"MuJoCo warns about the source: {text}", "repair it in the source"
-        )
 
 
 def _order(sections: Sections, drives: Drives) -> Iterator[Finding]:

@@ -193,14 +193,12 @@ def _read_limits(node: Node, kind: str) -> tuple[Limits, list[Finding]]:
         findings = _omitted(node, missing) if missing else []
         stated |= {"lower": lower or 0.0, "upper": upper or 0.0}
     free = [name for name, value in stated.items() if abs(value or 0.0) >= URDF_UNLIMITED]
-    limits = Limits(**(stated | dict.fromkeys(free)))
-    return limits, findings + (_unlimited(node, free) if free else [])
-
-
-def _unlimited(node: Node, free: list[str]) -> list[Finding]:
-    words = ", ".join(f"`{name}`" for name in free)
-    message = f"<limit> states {URDF_UNLIMITED:g} or more for {words}: it counts as unlimited"
-    return [LIMIT_UNLIMITED(node.subject, message, data={"unlimited": tuple(free)})]
+    if free:
+        words = ", ".join(f"`{name}`" for name in free)
+        message = f"<limit> states {URDF_UNLIMITED:g} or more for {words}: it counts as unlimited"
+        data: Data = {"unlimited": tuple(free)}
+        findings.append(LIMIT_UNLIMITED(node.subject, message, data=data))
+    return Limits(**(stated | dict.fromkeys(free))), findings
 
 
 def _ignored_range(node: Node, lower: float | None, upper: float | None) -> list[Finding]:
