@@ -5,10 +5,11 @@ One folder holds them all.
 
 from __future__ import annotations
 
+import itertools
 import json
 import os
 import re
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path, PurePosixPath
 from typing import Literal
@@ -116,7 +117,7 @@ def find_source(
         file=real.relative_to(root).as_posix(),
         packages={name: used[name].relative_to(root).as_posix() for name in sorted(used)},
         data=read.data,
-        args=read.args,
+        args=args,
         defaults=read.defaults,
         relative_to=start.relative_to(root).as_posix() if start else None,
         absolute={of: to.relative_to(root).as_posix() for of, to in sorted(absolute.items())},
@@ -181,6 +182,7 @@ def _of_type(source: UrdfSource, joint: Node, kind: str, because: str) -> Patch 
     )
 
 
+CASE = "Linux tells upper from lower case, and this is how the file is called"
 BACKSLASH = "only Windows reads a backslash as the end of a folder"
 
 
@@ -194,6 +196,10 @@ def mended(source: UrdfSource) -> UrdfSource:
     slashes = [_renaming(source, uri, uri.replace("\\", "/"), BACKSLASH) for uri in windows]
     source = patched(source, (*slashes, *retyped(source)))
     meshes, solid = _meshes(source)
+    renamed = patched(source, _cases(source, meshes))
+    if renamed != source:
+        source = renamed
+        meshes, solid = _meshes(source)
     absent = [mesh for mesh in meshes if not is_file(source.root / mesh["path"])]
     needed = [mesh for mesh in absent if mesh["path"] in solid]
     if needed or (absent and len(absent) == len(meshes)):
@@ -227,6 +233,34 @@ def _refused(source: UrdfSource, absent: list[dict[str, str]]) -> SourceError:
 
 
 # --- patches --------------------------------------------------------------------------------
+
+
+def _cases(source: UrdfSource, meshes: Sequence[dict[str, str]]) -> Iterator[Patch | None]:
+    """A patch for each mesh that is there under one name of other case alone."""
+    for mesh in meshes:
+        stated = PurePosixPath(mesh["path"])
+        own = None if is_file(source.root / stated) else _other_case(source.root, stated)
+        if own is not None:
+            said = mesh["uri"].split("/")
+            pairs = zip(reversed(stated.parts), reversed(said), strict=False)
+            same = len(list(itertools.takewhile(lambda pair: pair[0] == pair[1], pairs)))
+            if same and own.parts[:-same] == stated.parts[:-same]:
+                named = "/".join((*said[:-same], *own.parts[-same:]))
+                yield _renaming(source, mesh["uri"], named, CASE)
+
+
+def _other_case(root: Path, path: PurePosixPath) -> PurePosixPath | None:
+    """The one file below the root whose path is the same but for upper and lower case."""
+    found = [PurePosixPath()]
+    for part in path.parts:
+        found = [
+            here / entry.name
+            for here in found
+            if (root / here).is_dir()
+            for entry in (root / here).iterdir()
+            if entry.name.lower() == part.lower()
+        ]
+    return found[0] if len(found) == 1 else None
 
 
 def _names(source: UrdfSource) -> list[str]:

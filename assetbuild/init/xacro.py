@@ -40,13 +40,10 @@ _XACRO = re.compile(rb"<xacro:")
 
 @dataclass(frozen=True)
 class Expanded:
-    """data: URDF; packages: the folders that were used; args: as given, and those that are used
-    before their default; defaults, absent: see `UrdfSource`.
-    """
+    """data: URDF; packages: the folders that were used; defaults, absent: see `UrdfSource`."""
 
     data: bytes
     packages: Mapping[str, Path] = field(default_factory=dict)
-    args: Mapping[str, str] = field(default_factory=dict)
     defaults: Mapping[str, str] = field(default_factory=dict)
     absent: tuple[str, ...] = ()
 
@@ -64,7 +61,7 @@ def expand(
     file: real path. What the file asks for by a computed name is found by expanding it again and
     again. A package that is found nowhere is an error only where the robot needs its files.
     """
-    attempt = _Attempt(file, _packages(file, data, stated), dict(args))
+    attempt = _Attempt(file, _packages(file, data, stated), args)
     for _ in range(MOST_TRIES):
         try:
             return attempt.run()
@@ -79,7 +76,7 @@ class _Attempt:
 
     file: Path
     folders: dict[str, Path]
-    args: dict[str, str]
+    args: Mapping[str, str]
     absent: list[str] = field(default_factory=list)
 
     @property
@@ -111,7 +108,7 @@ class _Attempt:
         }
         absent = tuple(sorted({*self.absent} & {*used["packages"]}))
         defaults = _defaults([self.file, *files])
-        return Expanded(urdf, needed, self.args, defaults, absent)
+        return Expanded(urdf, needed, defaults, absent)
 
     def mend(self, error: SourceError) -> None:
         """Find what it lacked; raise the error, in words of `init`, where that cannot be."""
@@ -121,19 +118,8 @@ class _Attempt:
                 self.absent.append(asked[1])
             else:
                 self.folders[asked[1]] = folder
-        elif not self._gave_default(error) and not self._own_package(error):
+        elif not self._own_package(error):
             raise _reworded(error, self.file)
-
-    def _gave_default(self, error: SourceError) -> bool:
-        """An argument that is used above the line that gives it a default."""
-        undefined = _UNDEFINED.search(error.message)
-        if undefined is None:
-            return False
-        value = _defaults([self.file]).get(undefined[1], "$")
-        if "$" in value or undefined[1] in self.args:
-            return False
-        self.args[undefined[1]] = value
-        return True
 
     def _own_package(self, error: SourceError) -> bool:
         """The package that the file lies in, where it includes from there by a relative name."""

@@ -204,12 +204,6 @@ def test_a_package_of_which_something_is_read_may_not(tmp_path: Path):
     assert raised.value.hint == "say where it is: `--package NAME=FOLDER`"
 
 
-def test_an_argument_that_is_used_above_its_default_gets_it(tmp_path: Path):
-    text = xacro("<xacro:arg name='called' default='bot'/>" + BODY)
-    lay(tmp_path, {"arm/arm.xacro": text.replace("name='arm'", "name='$(arg called)'")})
-    assert proposed(tmp_path, "arm/arm.xacro")["args"] == {"called": "bot"}
-
-
 # --- what is missing, and what is called otherwise ------------------------------------------
 
 
@@ -249,8 +243,8 @@ def test_names_of_no_package_start_from_the_urdf(tmp_path: Path):
     assert (patch["find"], patch["replace"], patch["times"]) == ("package:///", "", 2)
 
 
-def test_a_backslash_is_patched(tmp_path: Path):
-    name = "meshes\\a.obj"
+@pytest.mark.parametrize("name", ["meshes/A.OBJ", "Meshes/a.obj", "meshes\\a.obj"])
+def test_a_name_that_only_windows_would_find_is_patched(tmp_path: Path, name: str):
     lay(tmp_path, {"arm.urdf": arm(name, name), "meshes/a.obj": OBJ})
     source, findings = built(tmp_path, "arm.urdf")
     (patch,) = source["patches"]
