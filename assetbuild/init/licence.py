@@ -10,7 +10,6 @@ import html
 import os
 import re
 from collections.abc import Iterator
-from dataclasses import dataclass
 from pathlib import Path
 
 from assetbuild.init.words import quoted
@@ -44,13 +43,10 @@ ABOVE = 2
 """Folders above the source that are looked at: meshes and URDF may lie deep in a package."""
 
 
-@dataclass(frozen=True)
-class StatedLicence:
-    """What a file states. name: as SPDX spells it, or "" where the words mean no one licence."""
-
-    name: str
-    words: str
-    file: str
+StatedLicence = tuple[str, str, str]
+"""What a file states: the licence as SPDX spells it, or "" where the words mean no one licence;
+the words; the file.
+"""
 
 
 def source_section(root: Path, recipe: Path, key: str, file: str, *more: str) -> Iterator[str]:
@@ -77,7 +73,7 @@ def stated_licence(root: Path, file: str) -> StatedLicence | None:
             if path.name.lower().startswith(NAMES) and (text := text_of(path)):
                 found = _of_text(text)
                 if found:
-                    return StatedLicence(found, found, path.name)
+                    return found, found, path.name
         package = text_of(folder / "package.xml")
         if package:
             stated = _of_package(package, robot.relative_to(folder).parts)
@@ -91,10 +87,12 @@ def licence_lines(root: Path, file: str) -> Iterator[str]:
     stated = stated_licence(root, file)
     if stated is None:
         yield "  # license: its SPDX name here; no file of the source states one"
-    elif stated.name:
-        yield f"  license: {stated.name}   # as {stated.file} says"
+        return
+    name, words, said_by = stated
+    if name:
+        yield f"  license: {name}   # as {said_by} says"
     else:
-        yield f"  # {stated.file} says {stated.words!r}: write the SPDX name of this robot's"
+        yield f"  # {said_by} says {words!r}: write the SPDX name of this robot's"
         yield "  # license:"
 
 
@@ -139,7 +137,7 @@ def _of_package(text: str, parts: tuple[str, ...]) -> StatedLicence | None:
     if not chosen:
         return None
     name = SPELLINGS.get(chosen[0].lower(), "") if len(chosen) == 1 else ""
-    return StatedLicence(name, ", ".join(chosen), "package.xml")
+    return name, ", ".join(chosen), "package.xml"
 
 
 _AUTHOR = re.compile(r"<author\b[^>]*>([^<]+)</author>")

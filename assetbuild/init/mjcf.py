@@ -21,10 +21,10 @@ from assetbuild.init.look import InspectedRobot, carried, judge, not_in_usd, tar
 from assetbuild.init.packages import above, is_file
 from assetbuild.init.repairs import repairs, repairs_text
 from assetbuild.init.strength import bounds, strengthened
-from assetbuild.init.text import Recipe, actuators, head, home, validation
+from assetbuild.init.text import actuators, head, home, validation
 from assetbuild.init.trial import Trial, staged, tables
 from assetbuild.init.tune import Tuning, tune
-from assetbuild.init.words import inline, patterns_of, plain, quoted, some, written
+from assetbuild.init.words import Proposal, inline, patterns_of, plain, quoted, some, written
 from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.joint_springs import joint_springs, no_drives
 from assetbuild.robot.loops import path_of
@@ -215,7 +215,7 @@ def _included(ports: Scratch, root: Path, name: str) -> bool:
     return bool(paths)
 
 
-def mjcf_text(found: MjcfSource, path: Path) -> Recipe:
+def mjcf_recipe(found: MjcfSource, path: Path) -> Proposal:
     """The whole recipe, as it will lie at `path`."""
     robot, control = found.robot, found.control
     anatomy = replace(study(robot), doubt="")  # the source says its base
@@ -243,7 +243,7 @@ def mjcf_text(found: MjcfSource, path: Path) -> Recipe:
         own_pads(robot, hand, control),
         [targets(found.built, springs, lost), *tried(_validate(found, anatomy), hand)],
     )
-    return Recipe(text, unmended)
+    return Proposal(path, text, unmended)
 
 
 def _tuned(found: MjcfSource, anatomy: Anatomy) -> Tuning:

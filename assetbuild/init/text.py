@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Collection, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 
 from assetbuild.body.lint_links import invented
@@ -41,6 +41,7 @@ from assetbuild.init.strength import MARGIN, ROTOR_RULE, is_locked, resting, str
 from assetbuild.init.trial import Trial, staged, tables
 from assetbuild.init.tune import LIGHT_KG, Tuning, tune
 from assetbuild.init.words import (
+    Proposal,
     flow,
     inline,
     pattern_of,
@@ -73,15 +74,9 @@ def recipe_name(name: str) -> str:
     return (plain if plain[:1].isalpha() and plain not in SCENES else f"robot_{plain}")[:64]
 
 
-@dataclass(frozen=True)
-class Recipe:
-    """Its text, and what it could not mend, each a sentence with the edit that does."""
-
-    text: str
-    unmended: tuple[str, ...] = ()
-
-
-def recipe_text(robot: InspectedRobot, anatomy: Anatomy, source: UrdfSource, path: Path) -> Recipe:
+def urdf_recipe(
+    robot: InspectedRobot, anatomy: Anatomy, source: UrdfSource, path: Path
+) -> Proposal:
     """The whole recipe, as it will lie at `path`; its drives and pose are tried before."""
     edits = repairs(robot)
     whole = mended(robot, edits)
@@ -122,7 +117,7 @@ def recipe_text(robot: InspectedRobot, anatomy: Anatomy, source: UrdfSource, pat
         _simulation(whole, anatomy, tuning, trial),
         _variants(robot, anatomy),
     )
-    return Recipe(text, tuning.unmended)
+    return Proposal(path, text, tuning.unmended, anatomy.doubt)
 
 
 def _locked(tree: Tree) -> Iterator[str]:

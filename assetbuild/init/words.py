@@ -5,10 +5,26 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
 from itertools import takewhile
+from pathlib import Path
 
 WIDTH = 100
 """Characters in a line of a recipe."""
+
+
+@dataclass(frozen=True)
+class Proposal:
+    """A recipe that is not written yet. path: where it belongs.
+
+    unmended: what keeps its robot from being ready, each with the edit that mends it.
+    undecided: that the robot matches nothing known and what to decide, "" for one that does.
+    """
+
+    path: Path
+    text: str
+    unmended: tuple[str, ...] = ()
+    undecided: str = ""
 
 
 def written(*sections: Iterable[str]) -> str:

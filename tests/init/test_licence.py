@@ -52,10 +52,10 @@ def test_of_several_licences_the_one_behind_the_robots_own_folder_counts(robot: 
     text = "<license>MIT</license><!-- for: - arm\n - leg --> <license>Apache-2.0</license>"
     (robot / "package.xml").write_text(f"<package>{text}</package>")
     stated = stated_licence(robot, "arm/urdf/arm.urdf")
-    assert stated is not None and stated.name == "Apache-2.0"
+    assert stated is not None and stated[0] == "Apache-2.0"
     (robot / "package.xml").write_text(f"<package>{text.replace('arm', 'hand')}</package>")
     stated = stated_licence(robot, "arm/urdf/arm.urdf")
-    assert stated is not None and stated.name == "", "MIT or Apache-2.0? nobody knows"
+    assert stated is not None and stated[0] == "", "MIT or Apache-2.0? nobody knows"
 
 
 def test_a_source_that_states_none_gets_no_placeholder_to_uncomment(robot: Path):

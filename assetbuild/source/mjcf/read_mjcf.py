@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -61,7 +61,7 @@ class ReadMjcf(Step):
         drives = read_drives(links)
         sections = read_sections(links, drives)
         links.joints = sections.joints
-        details = read_details(links)
+        cameras, details = read_details(links)
         control = Control(
             actuators=tuple(drives.actuators),
             keyframes=tuple(sections.keyframes),
@@ -70,12 +70,10 @@ class ReadMjcf(Step):
             contacts=tuple(geoms.contacts.items()),
             simulation=sections.simulation,
             sensors=tuple(sections.sensors),
-            cameras=tuple(details.cameras),
+            cameras=tuple(cameras),
             loops=tuple(sections.loops),
-            mjcf_only=(
-                *details.mjcf_only, *geoms.mjcf_only, *sections.mjcf_only, *drives.mjcf_only
-            ),
-        )  # fmt: skip
+            mjcf_only=(*details, *geoms.mjcf_only, *sections.mjcf_only, *drives.mjcf_only),
+        )
         shapes = SourceShapes(tuple(geoms.shapes), tuple(geoms.materials.values()))
         source = SourceControl(control, tuple(links.kept), _commands(sections, drives, links))
         name = root.get("model") or "robot"
@@ -161,32 +159,23 @@ CAMERA_MODES = ("fixed", "track", "trackcom", "targetbody", "targetbodycom")
 _LENS = ("focal", "focalpixel", "sensorsize")
 
 
-@dataclass
-class Details:
-    """cameras: as the Robot has them. mjcf_only: the rest."""
-
-    cameras: list[Camera] = field(default_factory=list)
-    mjcf_only: list[MjcfOnly] = field(default_factory=list)
-
-
-def read_details(links: Links) -> Details:
-    """In the order of the bodies."""
-    found, said = Details(), links.source.classes.attributes
-    found.mjcf_only += _root(links)
+def read_details(links: Links) -> tuple[list[Camera], list[MjcfOnly]]:
+    """The cameras as the Robot has them, and the rest; in the order of the bodies."""
+    said, cameras, mjcf_only = links.source.classes.attributes, list[Camera](), [*_root(links)]
     for body, name in links.source.bodies:
         if name not in links.shift and name != WORLD:
             continue
         if name != WORLD and (more := leftover(said(body), BODY)):
-            found.mjcf_only.append(MjcfOnly("body", attributes_of("body", more), name))
+            mjcf_only.append(MjcfOnly("body", attributes_of("body", more), name))
         for joint in parts(body, "joint"):
-            found.mjcf_only += _joint(links, str(joint.get("name")), said(joint))
+            mjcf_only += _joint(links, str(joint.get("name")), said(joint))
         for site in parts(body, "site"):
-            found.mjcf_only += _site(links, site)
+            mjcf_only += _site(links, site)
         for camera in parts(body, "camera"):
-            _camera(links, str(camera.get("name")), said(camera), name, found)
+            mjcf_only += _camera(links, camera, name, cameras)
         for light in parts(body, "light"):
-            found.mjcf_only.append(_light(links, str(light.get("name")), said(light), name))
-    return found
+            mjcf_only.append(_light(links, str(light.get("name")), said(light), name))
+    return cameras, mjcf_only
 
 
 def _root(links: Links) -> Iterator[MjcfOnly]:
@@ -271,7 +260,10 @@ def _site(links: Links, element: _Element) -> Iterator[MjcfOnly]:
     yield MjcfOnly("frame", attributes_of("site", more), links.sites[site])
 
 
-def _camera(links: Links, name: str, said: Mapping[str, str], body: str, found: Details) -> None:
+def _camera(
+    links: Links, element: _Element, body: str, cameras: list[Camera]
+) -> Iterator[MjcfOnly]:
+    name, said = str(element.get("name")), links.source.classes.attributes(element)
     model, index = links.source.model, links.source.id_of("camera", name)
     mode = CAMERA_MODES[int(model.cam_mode[index])]
     pose = pose_at(model.cam_pos[index], model.cam_quat[index])
@@ -288,9 +280,9 @@ def _camera(links: Links, name: str, said: Mapping[str, str], body: str, found: 
     at = body if body in links.shift else None
     pose = links.in_link(body, pose) if at else pose
     fovy = math.radians(float(model.cam_fovy[index]))
-    found.cameras.append(Camera(name, at, pose, fovy, size, mode))
+    cameras.append(Camera(name, at, pose, fovy, size, mode))
     if more:
-        found.mjcf_only.append(MjcfOnly("camera", attributes_of("camera", more), name))
+        yield MjcfOnly("camera", attributes_of("camera", more), name)
 
 
 def _light(links: Links, name: str, said: Mapping[str, str], body: str) -> MjcfOnly:
