@@ -6,13 +6,13 @@ import functools
 import os
 import re
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass
 from itertools import chain
 from pathlib import Path, PurePosixPath
 from urllib.parse import unquote
 
 from assetbuild.errors import UsageError
 from assetbuild.recipe.loader import shown_path
+from assetbuild.recipe.source import Patch
 from assetbuild.source.urdf.xml import Node, parse
 
 LEVELS = 12
@@ -210,37 +210,29 @@ ENCODED = "the name is percent-encoded, which ROS' `file://` decodes; the file h
 PACKAGELESS = "no package is named: pinocchio reads such names from each package's folder"
 
 
-@dataclass(frozen=True)
-class Rewrite:
-    """Text that no reader can follow, and what is read in its place. tag: the text itself."""
-
-    file: Path
-    tag: str
-    because: str
-    instead: str = ""
-
-
-def rewritten(data: bytes, rewrites: Iterable[Rewrite]) -> bytes:
-    """The text with what is read in the place of each passage."""
-    for one in rewrites:
-        data = data.replace(one.tag.encode(), one.instead.encode())
+def replaced(data: bytes, patches: Iterable[Patch]) -> bytes:
+    """The text behind its patches."""
+    for patch in patches:
+        data = data.replace(str(patch.find).encode(), str(patch.replace).encode())
     return data
 
 
-def packageless(file: Path, data: bytes) -> tuple[Rewrite, ...]:
+def packageless(file: Path, data: bytes) -> list[Patch]:
     """The `package:///` before names that lie beside a URDF, as Onshape's exporters write it."""
     names = {*_NO_PACKAGE.findall(data)}
     if file.suffix != ".urdf" or not names or any(b"/" in name for name in names):
-        return ()
-    return (Rewrite(file, "package:///", PACKAGELESS),)
+        return []
+    prefix = "package:///"
+    times = data.count(prefix.encode())
+    return [Patch(file=file.name, find=prefix, replace="", times=times, because=PACKAGELESS)]
 
 
-def respelled(file: Path, data: bytes, known: Mapping[str, Path]) -> tuple[Rewrite, ...]:
+def respelled(file: Path, data: bytes, known: Mapping[str, Path]) -> list[Patch]:
     """Names of a URDF as its readers spell them: `$(find NAME)/` and percent-encoding resolved.
 
     An encoded name that leads to a file as it stands is that file's.
     """
-    text, made = data.decode("utf-8", "replace"), []
+    text, made = data.decode("utf-8", "replace"), list[Patch]()
     for uri in dict.fromkeys(uri for uri, _ in files_named(parse(data, shown_path(file)))):
         named, because = _FIND.sub(r"package://\1/", uri), FIND
         decoded = unquote(named)
@@ -248,8 +240,12 @@ def respelled(file: Path, data: bytes, known: Mapping[str, Path]) -> tuple[Rewri
             named, because = decoded, ENCODED if named == uri else f"{FIND}; {ENCODED}"
         if named != uri and not set(named) & set("\"'<>&"):
             quoted = ((f"{mark}{uri}{mark}", f"{mark}{named}{mark}") for mark in "\"'")
-            made += [Rewrite(file, old, because, new) for old, new in quoted if old in text]
-    return tuple(made)
+            made += [
+                Patch(file=file.name, find=a, replace=b, times=text.count(a), because=because)
+                for a, b in quoted
+                if a in text
+            ]
+    return made
 
 
 def _leads(uri: str, file: Path, known: Mapping[str, Path]) -> bool:

@@ -17,7 +17,6 @@ from typing import Literal
 from assetbuild.engine.scratch import scratch
 from assetbuild.errors import SourceError, UsageError, Where, nearest
 from assetbuild.init.packages import (
-    Rewrite,
     absolute_folders,
     common_folder,
     files_named,
@@ -27,8 +26,8 @@ from assetbuild.init.packages import (
     packageless,
     packages_below,
     relative_start,
+    replaced,
     respelled,
-    rewritten,
     stated,
 )
 from assetbuild.init.words import some
@@ -95,12 +94,12 @@ def find_source(
     data = read_small_file(file, name, SourceError)
     folders = {name: stated(name, folder) for name, folder in packages.items()}
     real = Path(os.path.realpath(file))
-    left = packageless(real, data)
-    data = rewritten(data, left)
+    patches = packageless(real, data)
+    data = replaced(data, patches)
     by_xacro = is_xacro(file, data)
     if not by_xacro:
-        left = (*left, *respelled(real, data, folders))
-        data = rewritten(data, left)
+        spelled = respelled(real, data, folders)
+        data, patches = replaced(data, spelled), [*patches, *spelled]
     if args and not by_xacro:
         raise UsageError("`--arg` is for a xacro file", where=Where(name), hint="leave it out")
     read = expand(real, data, folders, args) if by_xacro else Expanded(data)
@@ -111,10 +110,11 @@ def find_source(
     used |= find_packages(uses, real, used)
     start, absolute = relative_start(uses, real), absolute_folders(uses, real)
     root = common_folder(real, (*used.values(), *absolute.values()), uses, start)
+    path = real.relative_to(root).as_posix()
     return UrdfSource(
         key="xacro" if by_xacro else "urdf",
         root=root,
-        file=real.relative_to(root).as_posix(),
+        file=path,
         packages={name: used[name].relative_to(root).as_posix() for name in sorted(used)},
         data=read.data,
         args=args,
@@ -122,19 +122,7 @@ def find_source(
         relative_to=start.relative_to(root).as_posix() if start else None,
         absolute={of: to.relative_to(root).as_posix() for of, to in sorted(absolute.items())},
         absent=read.absent,
-        patches=tuple(_patch(each, root) for each in left),
-    )
-
-
-def _patch(passage: Rewrite, root: Path) -> Patch:
-    """The patch of a passage, everywhere."""
-    text = passage.file.read_bytes().decode("utf-8", "replace")
-    return Patch(
-        file=passage.file.relative_to(root).as_posix(),
-        find=passage.tag,
-        replace=passage.instead,
-        times=text.count(passage.tag),
-        because=passage.because,
+        patches=tuple(patch.model_copy(update={"file": path}) for patch in patches),
     )
 
 
@@ -148,10 +136,7 @@ SPELLED = "readers know this type in small letters alone"
 def patched(source: UrdfSource, patches: Iterable[Patch | None]) -> UrdfSource:
     """The source behind the patches; only a URDF says its names in its own text."""
     made = tuple(patch for patch in patches if patch is not None)
-    data = source.data
-    for patch in made:
-        data = data.replace(str(patch.find).encode(), str(patch.replace).encode())
-    return replace(source, data=data, patches=source.patches + made)
+    return replace(source, data=replaced(source.data, made), patches=source.patches + made)
 
 
 def retyped(source: UrdfSource) -> Iterator[Patch | None]:
