@@ -12,6 +12,7 @@ import re
 from collections.abc import Iterator
 from pathlib import Path
 
+from assetbuild.init.packages import start_of
 from assetbuild.init.words import quoted
 
 SPDX = (
@@ -37,8 +38,8 @@ TEXTS = (
 )
 """Words that only the text of one licence has; the first that matches counts."""
 NAMES = ("license", "licence", "copying")
-LARGEST = 200_000
-"""Bytes of a licence or a package.xml; larger files are something else."""
+MOST_BYTES = 200_000
+"""Bytes of a licence or a package.xml that are read."""
 ABOVE = 2
 """Folders above the source that are looked at: meshes and URDF may lie deep in a package."""
 
@@ -70,11 +71,11 @@ def stated_licence(root: Path, file: str) -> StatedLicence | None:
     robot = root / file
     for folder in folders_above(root, robot):
         for path in sorted(folder.iterdir()) if folder.is_dir() else ():
-            if path.name.lower().startswith(NAMES) and (text := text_of(path)):
+            if path.name.lower().startswith(NAMES) and (text := start_of(path, MOST_BYTES)):
                 found = _of_text(text)
                 if found:
                     return found, found, path.name
-        package = text_of(folder / "package.xml")
+        package = start_of(folder / "package.xml", MOST_BYTES)
         if package:
             stated = _of_package(package, robot.relative_to(folder).parts)
             if stated:
@@ -107,16 +108,6 @@ def folders_above(root: Path, robot: Path) -> Iterator[Path]:
         yield folder
         if (folder / ".git").exists():
             return
-
-
-def text_of(path: Path) -> str:
-    """A small text file; "" where there is none that can be read."""
-    try:
-        if not path.is_file() or path.stat().st_size > LARGEST:
-            return ""
-        return path.read_text("utf-8", "replace")
-    except OSError:
-        return ""
 
 
 def _of_text(text: str) -> str:
@@ -155,7 +146,7 @@ def stated_about(root: Path, file: str) -> dict[str, str]:
     root: of the source; file: the description, below it.
     """
     for folder in folders_above(root, root / file):
-        text = _COMMENT.sub("", text_of(folder / "package.xml"))
+        text = _COMMENT.sub("", start_of(folder / "package.xml", MOST_BYTES))
         authors = [name for found in _AUTHOR.findall(text) if (name := _plain(found))]
         said = _DESCRIPTION.search(text)
         about = {

@@ -138,6 +138,7 @@ def zeroed(tree: Tree) -> list[str]:
     return [joint.name for joint in moving if joint.kind == "revolute"]
 
 
+FORMATS: dict[str, Format] = {f".{format}": format for format in get_args(Format)}
 LARGEST = 16 << 20
 """A mesh of more bytes is left to the build, which reads it in a process of its own."""
 
@@ -170,8 +171,7 @@ def mesh_of(root: Path, mesh: MeshFile) -> SourceMesh | None:
     root: the folder that the mesh's path starts from.
     """
     path = root / mesh.path
-    formats: dict[str, Format] = {f".{format}": format for format in get_args(Format)}
-    format = formats.get(path.suffix.lower())
+    format = FORMATS.get(path.suffix.lower())
     try:
         if format is not None and path.stat().st_size <= LARGEST:
             data = path.read_bytes()

@@ -10,17 +10,15 @@ import math
 import re
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import get_args
 
 from assetbuild.body.lint_links import MIMIC_LIMITS
 from assetbuild.engine.scratch import Scratch, scratch
 from assetbuild.errors import AssetBuildError
 from assetbuild.findings import Finding
 from assetbuild.geometry.convert_mesh import ConvertMesh
-from assetbuild.init.look import LARGEST, InspectedRobot, Weighed, not_in_usd, zeroed
+from assetbuild.init.look import FORMATS, LARGEST, InspectedRobot, Weighed, not_in_usd, zeroed
 from assetbuild.init.words import inline, patterns_of, plain, some
 from assetbuild.kinds import Edit
-from assetbuild.mesh.read import Format
 from assetbuild.plugins import load_plugin
 from assetbuild.robot.codec import encode
 from assetbuild.robot.contradictions import FACTOR
@@ -310,16 +308,15 @@ def _applied(robot: InspectedRobot, repair: Repair) -> InspectedRobot:
 
 def _convert(edit: Edit, robot: InspectedRobot, ports: Scratch) -> None:
     """The meshes that the edit reads, where it looks for them. Raises OSError for a huge one."""
-    formats: dict[str, Format] = {f".{format}": format for format in get_args(Format)}
     for index, shape in enumerate(edit.meshes(robot.shapes)):
         assert isinstance(shape.geometry, MeshFile)  # noqa: S101 # that is what it asked for
         path = robot.root / shape.geometry.path
-        if path.stat().st_size > LARGEST or path.suffix.lower() not in formats:
+        if path.stat().st_size > LARGEST or path.suffix.lower() not in FORMATS:
             raise OSError(f"left to the build: {shape.geometry.path}")
         with scratch() as own:
             own.put("mesh", path.read_bytes())
             convert = ConvertMesh(
-                format=formats[path.suffix.lower()],
+                format=FORMATS[path.suffix.lower()],
                 scale=shape.geometry.scale,
                 subject=shape.name,
             )
