@@ -31,7 +31,7 @@ from assetbuild.init.packages import (
     stated,
 )
 from assetbuild.init.words import some
-from assetbuild.init.xacro import Expanded, expand, is_xacro
+from assetbuild.init.xacro import Expanded, expand, is_xacro, leftovers
 from assetbuild.recipe.loader import read_small_file, shown_path
 from assetbuild.recipe.source import Patch
 from assetbuild.robot.files import RobotFiles
@@ -94,7 +94,7 @@ def find_source(
     data = read_small_file(file, name, SourceError)
     folders = {name: stated(name, folder) for name, folder in packages.items()}
     real = Path(os.path.realpath(file))
-    patches = packageless(real, data)
+    patches = [*leftovers(real, data), *packageless(real, data)]
     data = replaced(data, patches)
     by_xacro = is_xacro(file, data)
     if not by_xacro:
