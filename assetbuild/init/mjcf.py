@@ -20,7 +20,7 @@ from assetbuild.init.licence import source_section
 from assetbuild.init.look import InspectedRobot, carried, judge, not_in_usd, targets
 from assetbuild.init.packages import above, is_file
 from assetbuild.init.repairs import repairs, repairs_text
-from assetbuild.init.strength import bounds, strengthened
+from assetbuild.init.strength import bounds
 from assetbuild.init.text import actuators, head, home, validation
 from assetbuild.init.trial import Trial, staged, tables
 from assetbuild.init.tune import Tuning, tune
@@ -249,16 +249,14 @@ def mjcf_recipe(found: MjcfSource, path: Path) -> Proposal:
 def _tuned(found: MjcfSource, anatomy: Anatomy) -> Tuning:
     """Drives for a source that has none, with its own rotors and at most its own time step."""
     robot, control = found.robot, found.control
-    tree, guesses = strengthened(robot.tree, anatomy)
-
     rotors = {actuator.joint: actuator.armature for actuator in control.actuators}
     with staged(robot, soles_of(robot, anatomy), whole=False) as stage:
 
         def attempt(tuning: Tuning) -> Trial:
             step = {"timestep": tuning.timestep}
-            return stage.attempt(tables(tree, tuning.drives, tuning.pose, step))
+            return stage.attempt(tables(robot.tree, tuning.drives, tuning.pose, step))
 
-        return tune(tree, anatomy, guesses, attempt, rotors, control.simulation.timestep)[0]
+        return tune(robot.tree, anatomy, attempt, rotors, control.simulation.timestep)[0]
 
 
 def _home(found: MjcfSource, anatomy: Anatomy, tuning: Tuning | None) -> Iterator[str]:
@@ -345,7 +343,7 @@ def _drives(found: MjcfSource, tuning: Tuning | None) -> Iterator[str]:
         yield "# An `actuators:` table here would replace them all."
     if tuning is not None:
         yield DRIVES
-        yield from actuators(tuning.tree, tuning)
+        yield from actuators(tuning)
         if tuning.timestep < found.control.simulation.timestep:
             yield f"simulation: {{timestep: {tuning.timestep!r}}}"
 

@@ -37,7 +37,7 @@ from assetbuild.init.loops import NO_LOOPS, FoundLoops, find_loops
 from assetbuild.init.packages import lacking
 from assetbuild.init.repairs import guessed_masses, mended, repairs, repairs_text, unmended
 from assetbuild.init.source import UrdfSource
-from assetbuild.init.strength import MARGIN, ROTOR_RULE, is_locked, resting, strengthened
+from assetbuild.init.strength import MARGIN, ROTOR_RULE, is_locked, resting
 from assetbuild.init.trial import Trial, staged, tables
 from assetbuild.init.tune import LIGHT_KG, Tuning, tune
 from assetbuild.init.words import (
@@ -80,7 +80,7 @@ def urdf_recipe(
     """The whole recipe, as it will lie at `path`; its drives and pose are tried before."""
     edits = repairs(robot)
     whole = mended(robot, edits)
-    tree, guesses = strengthened(whole.tree, anatomy)
+    tree = whole.tree
     soles, loops = soles_of(whole, anatomy), find_loops(whole)
 
     exclude = Exclude(adjacent=True, pairs=tuple(compound_pairs(robot.tree, anatomy.size_m)))
@@ -92,7 +92,7 @@ def urdf_recipe(
             return stage.attempt(tables(tree, drives, pose, step, loops.rows, exclude))
 
         depths = stage.depths(exclude) if not loops.rows else nothing_deep
-        tuning, trial = tune(tree, anatomy, guesses, attempt, loops=loops, depths=depths)
+        tuning, trial = tune(tree, anatomy, attempt, loops=loops, depths=depths)
         left = {p: d for p, d in depths(tuning.pose, True).items() if d > DEEP_M}
         inside = made_so(tree, depths, tuning.pose)
     drives, pose = loops.drives(tuning.drives), loops.pose(tuning.pose)
@@ -111,7 +111,7 @@ def urdf_recipe(
         loops.text(),
         ["visual:", "  max_faces: 20000   # finer meshes are thinned, each with a finding"],
         collision(robot, anatomy, trial.overlaps, inside),
-        actuators(tree, tuning),
+        actuators(tuning),
         home(robot, anatomy, tuning.pose, loops),
         _left(left, {*trial.overlaps, *inside}),
         _simulation(whole, anatomy, tuning, trial),
@@ -207,9 +207,9 @@ def _fixed_joints(robot: InspectedRobot) -> Iterator[str]:
 # --- drives and poses -----------------------------------------------------------------------
 
 
-def actuators(tree: Tree, tuning: Tuning) -> Iterator[str]:
+def actuators(tuning: Tuning) -> Iterator[str]:
     """The table of the drives."""
-    rows = tuning.drives
+    rows, moving = tuning.drives, tuning.tree.moving_joints
     if not rows:
         return
     yield "# Effort and velocity limits are the source's. Joints with equal limits that move about"
@@ -237,11 +237,11 @@ def actuators(tree: Tree, tuning: Tuning) -> Iterator[str]:
         yield f"# motor of that size has: {ROTOR_RULE}."
     yield from (f"# Corrected: {plain(note, 400)}" for note in tuning.notes)
     yield "actuators:"
-    everything = [joint.name for joint in tree.moving_joints]
+    everything = [joint.name for joint in moving]
     for row in rows:
         for pattern in patterns_of(row.joints, everything):
             yield from _row(pattern, row)
-    mimics = [joint.name for joint in tree.moving_joints if joint.mimic is not None]
+    mimics = [joint.name for joint in moving if joint.mimic is not None]
     if mimics:
         yield f"  # mimic others and need no row: {some(mimics)}"
 

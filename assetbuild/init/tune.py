@@ -24,6 +24,7 @@ from assetbuild.init.strength import (
     Guess,
     rotor_inertia,
     rounded_up,
+    strengthened,
     with_efforts,
 )
 from assetbuild.init.trial import PUSHED_RAD, Trial
@@ -81,7 +82,6 @@ class Tuning:
 def tune(
     tree: Tree,
     anatomy: Anatomy,
-    guesses: Mapping[str, Guess],
     attempt: Try,
     rotors: Mapping[str, float] = MappingProxyType({}),
     longest_step: float = STEP_S,
@@ -90,10 +90,11 @@ def tune(
 ) -> tuple[Tuning, Trial]:
     """The first choice of drives that the trial has nothing against, else the last.
 
-    tree: with the guessed efforts. rotors: inertias that the source states, by joint, kg m2 or kg;
+    tree: as the source states it. rotors: inertias that it states, by joint, kg m2 or kg;
     longest_step: s.
     """
-    start = Tuning(tree, anatomy, {}, (), 0.0, guesses, rotors, loops=loops, depths=depths)
+    strong, guesses = strengthened(tree, anatomy)
+    start = Tuning(strong, anatomy, {}, (), 0.0, guesses, rotors, loops=loops, depths=depths)
     tuning = _chosen(start, longest_step)
     trial = attempt(tuning)
     for _ in range(ROUNDS):

@@ -57,7 +57,7 @@ def test_every_driven_joint_has_the_rotor_that_its_effort_needs_or_the_sources_o
     tree = judge(robot, "floating").tree
     first, *others = (joint for joint in tree.moving_joints if joint.mimic is None)
     own = {first.name: 0.5}
-    tuning, _ = tune(tree, study(robot), {}, lambda _: Trial(True, "stands"), own)
+    tuning, _ = tune(tree, study(robot), lambda _: Trial(True, "stands"), own)
     assert tuning.armature[first.name] == 0.5
     for joint in others:
         assert tuning.armature[joint.name] == pytest.approx(joint.limits.effort / 6000, rel=0.05)
