@@ -19,8 +19,7 @@ from assetbuild.robot.codec import decode
 from assetbuild.robot.model import Base, Control, Tree
 from assetbuild.robot.shapes import MeshFile, SourceShapes
 from assetbuild.robot.source import SourceControl
-from assetbuild.source.mjcf.flatten_mjcf import FlattenMjcf
-from assetbuild.source.mjcf.inline import FOLDER
+from assetbuild.source.mjcf.flatten_mjcf import FOLDER, FlattenMjcf
 from assetbuild.source.mjcf.read_mjcf import ReadMjcf
 from assetbuild.targets.mjcf import Mjcf
 

@@ -21,7 +21,7 @@ from assetbuild.robot.codec import decode
 from assetbuild.robot.model import Tree
 from assetbuild.robot.sides import Side
 from assetbuild.robot.source import SourceControl
-from assetbuild.source.reading import Reading
+from assetbuild.source.plan import Reading
 
 
 @dataclass(frozen=True)

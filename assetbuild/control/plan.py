@@ -10,7 +10,7 @@ from assetbuild.engine.graph import Node
 from assetbuild.engine.planner import Planner
 from assetbuild.recipe.models import Recipe
 from assetbuild.robot.sides import Side
-from assetbuild.source.reading import Reading
+from assetbuild.source.plan import Reading
 
 
 def own_side(recipe: Recipe, prefix: str = "") -> Side:

@@ -7,32 +7,16 @@ beside it, and a build never guesses.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
 from pathlib import Path
 
 from assetbuild.errors import MachineError, SourceError, UsageError, Where
-from assetbuild.init.absent import mended
 from assetbuild.init.anatomy import study
 from assetbuild.init.look import judge, look
-from assetbuild.init.mjcf import find_mjcf, is_mjcf, mjcf_text
-from assetbuild.init.second_parents import cut_loops
-from assetbuild.init.source import find_source
-from assetbuild.init.text import recipe_name, recipe_text
+from assetbuild.init.mjcf import find_mjcf, is_mjcf, mjcf_recipe
+from assetbuild.init.source import find_source, mended
+from assetbuild.init.text import recipe_name, urdf_recipe
+from assetbuild.init.words import Proposal
 from assetbuild.recipe.loader import read_small_file, shown_path
-
-
-@dataclass(frozen=True)
-class Proposal:
-    """A recipe that is not written yet. path: where it belongs.
-
-    unmended: what keeps its robot from being ready, each with the edit that mends it.
-    undecided: that the robot matches nothing known and what to decide, "" for one that does.
-    """
-
-    path: Path
-    text: str
-    unmended: tuple[str, ...] = ()
-    undecided: str = ""
 
 
 def propose(
@@ -51,16 +35,13 @@ def propose(
     if is_mjcf(file, read_small_file(file, shown_path(file), SourceError)):
         found = find_mjcf(file)
         path = out or Path(f"{recipe_name(found.robot.links.name)}.yaml")
-        recipe = mjcf_text(found, path)
-        return Proposal(path, recipe.text, recipe.unmended)
-    source = mended(cut_loops(find_source(file, packages, args or {})))
+        return mjcf_recipe(found, path)
+    source = mended(find_source(file, packages, args or {}))
     robot = look(source)
     anatomy = study(robot)
-    judged = judge(robot.links, robot.shapes, anatomy.base, robot.source_findings)
-    robot = replace(judged, planar=robot.planar, root=robot.root)
+    robot = judge(robot, anatomy.base)
     path = out or Path(f"{recipe_name(robot.links.name)}.yaml")
-    recipe = recipe_text(robot, anatomy, source, path)
-    return Proposal(path, recipe.text, recipe.unmended, anatomy.doubt)
+    return urdf_recipe(robot, anatomy, source, path)
 
 
 def write(proposal: Proposal, *, force: bool) -> None:

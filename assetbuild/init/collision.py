@@ -1,22 +1,19 @@
-"""The section `collision:`: what each link hits with, where one rule does not suit all."""
+"""What each link hits with, where one rule does not suit all, and the contacts of hands."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
-from pathlib import Path
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from types import MappingProxyType
 
 import numpy as np
 
-from assetbuild.errors import StepError
-from assetbuild.init.anatomy import Anatomy
-from assetbuild.init.look import InspectedRobot
-from assetbuild.init.mesh_points import is_flat, mesh_of, scaled_points
-from assetbuild.init.patterns import patterns_of
-from assetbuild.init.words import flow, inline, plain, quoted
-from assetbuild.mesh.hull import refuse_flat
-from assetbuild.robot.model import Tree
+from assetbuild.init.anatomy import Anatomy, roles
+from assetbuild.init.look import InspectedRobot, spans_volume
+from assetbuild.init.tune import Tuning
+from assetbuild.init.words import flow, inline, patterns_of, plain, quoted
+from assetbuild.robot.contact import Contact
+from assetbuild.robot.model import Control, Tree
 from assetbuild.robot.shapes import MeshFile, Role, SourceShape
 from assetbuild.robot.tree import forward_kinematics
 
@@ -26,9 +23,6 @@ COMPOUND = 0.15
 BALL = 3.0
 """Longest extent over the shortest of a foot that a sphere stands for; more is a disc or a rod."""
 
-OUTSIZED = 100.0
-"""A collision mesh that is so many times as large as its link's visual mesh is a mistake."""
-
 Rules = dict[str, tuple[dict[str, str], str]]
 """Link -> its rule and the reason."""
 
@@ -36,11 +30,10 @@ Rules = dict[str, tuple[dict[str, str], str]]
 def collision(
     robot: InspectedRobot,
     anatomy: Anatomy,
-    root: Path,
     overlaps: Mapping[tuple[str, str], float] = MappingProxyType({}),
     inside: Mapping[tuple[str, str], float] = MappingProxyType({}),
 ) -> Iterator[str]:
-    """The whole section. root: of the source's files.
+    """The whole section.
 
     overlaps: bodies whose hulls throw the robot over at home, and depths, m; inside: bodies that
     lie in each other in every pose.
@@ -60,7 +53,7 @@ def collision(
         "  # auto: a primitive stays as it is, a mesh becomes few convex pieces within tolerances"
     )
     yield f"  default: {{method: auto, from: {origin}}}   # {why}"
-    rules = _rules(robot, anatomy, root)
+    rules = _rules(robot, anatomy)
     if rules:
         yield "  links:"
     for rule, reason in dict.fromkeys((inline(rule), reason) for rule, reason in rules.values()):
@@ -97,10 +90,10 @@ def soles_of(robot: InspectedRobot, anatomy: Anatomy) -> list[str]:
     return [sole for leg in anatomy.legs for sole in leg.soles if sole in shaped]
 
 
-def _rules(robot: InspectedRobot, anatomy: Anatomy, root: Path) -> Rules:
+def _rules(robot: InspectedRobot, anatomy: Anatomy) -> Rules:
     """The last word on a link wins."""
-    rules = _flat(robot, root) | _outsized(robot, root)
-    for link in _ball_feet(robot, anatomy, root):
+    rules = _flat(robot)
+    for link in _ball_feet(robot, anatomy):
         if link not in rules:
             why = "A foot that meets the ground in a point rolls best as a sphere."
             rules[link] = ({"method": "primitive", "shape": "sphere"}, why)
@@ -112,73 +105,40 @@ def _rules(robot: InspectedRobot, anatomy: Anatomy, root: Path) -> Rules:
     return rules
 
 
-def _flat(robot: InspectedRobot, root: Path) -> Rules:
+def _flat(robot: InspectedRobot) -> Rules:
     """Links with a collision mesh that spans no volume, which no method can use."""
     role: Role = "collision" if robot.shapes.of("collision") else "visual"
     found: Rules = {}
     for shape in robot.shapes.of(role):
-        if isinstance(shape.geometry, MeshFile) and is_flat(root, shape.geometry):
-            found[shape.link] = _instead(robot, root, shape.link, role)
+        if isinstance(shape.geometry, MeshFile) and robot.is_flat(shape.geometry):
+            found[shape.link] = _instead(robot, shape.link, role)
     return found
 
 
-def _instead(
-    robot: InspectedRobot, root: Path, link: str, role: Role
-) -> tuple[dict[str, str], str]:
+def _instead(robot: InspectedRobot, link: str, role: Role) -> tuple[dict[str, str], str]:
     why = f"A {role} mesh of this link is flat and can be no collision shape: "
     own = [shape for shape in robot.shapes.shapes if shape.link == link]
     drawn = [shape for shape in own if shape.role == "visual"]
-    if role == "collision" and drawn and not any(_is_flat(root, shape) for shape in drawn):
+    flat = [isinstance(s.geometry, MeshFile) and robot.is_flat(s.geometry) for s in drawn]
+    if role == "collision" and drawn and not any(flat):
         return {"method": "auto", "from": "visual"}, why + "what is drawn of it is taken."
-    if _span(root, [shape for shape in own if shape.role == role]):
+    if _span(robot, [shape for shape in own if shape.role == role]):
         return {"method": "primitive", "shape": "box"}, why + "one box is put around all of them."
     return {"method": "none"}, why + "it hits nothing."
 
 
-def _outsized(robot: InspectedRobot, root: Path) -> Rules:
-    """Links whose collision meshes lie far beyond what is drawn: of another unit, by mistake."""
-    found: Rules = {}
-    for link in robot.solid_links:
-        own = [shape for shape in robot.shapes.shapes if shape.link == link]
-        drawn, solid = (
-            max((_extent(root, shape) for shape in own if shape.role == role), default=0.0)
-            for role in ("visual", "collision")
-        )
-        if drawn and solid > OUTSIZED * drawn:
-            times = f"{solid / drawn:,.0f} times as large as what is drawn of it"
-            why = f"The collision mesh of this link is {times}, which is taken instead."
-            found[link] = ({"method": "auto", "from": "visual"}, why)
-    return found
-
-
-def _extent(root: Path, shape: SourceShape) -> float:
-    """The longest extent of a mesh, m; 0 of what is no mesh, or is left unread."""
-    if not isinstance(shape.geometry, MeshFile):
-        return 0.0
-    read = mesh_of(root, shape.geometry)
-    return 0.0 if read is None else float(np.ptp(scaled_points(read, shape.geometry), axis=0).max())
-
-
-def _is_flat(root: Path, shape: SourceShape) -> bool:
-    return isinstance(shape.geometry, MeshFile) and is_flat(root, shape.geometry)
-
-
-def _span(root: Path, shapes: list[SourceShape]) -> bool:
+def _span(robot: InspectedRobot, shapes: list[SourceShape]) -> bool:
     """Whether all of them together span a volume."""
     clouds = []
     for shape in shapes:
         if not isinstance(shape.geometry, MeshFile):
             return True
-        if (read := mesh_of(root, shape.geometry)) is not None:
-            clouds.append(shape.X_link_shape.apply(scaled_points(read, shape.geometry)))
-    try:
-        refuse_flat(np.concatenate(clouds), "all")
-    except (StepError, ValueError):
-        return False
-    return True
+        if (points := robot.points_of(shape.geometry)) is not None:
+            clouds.append(shape.X_link_shape.apply(points))
+    return bool(clouds) and spans_volume(np.concatenate(clouds))
 
 
-def _ball_feet(robot: InspectedRobot, anatomy: Anatomy, root: Path) -> list[str]:
+def _ball_feet(robot: InspectedRobot, anatomy: Anatomy) -> list[str]:
     """Feet of walkers on four legs or more that are meshes, about as wide as they are high."""
     if len(anatomy.legs) < 4:
         return []
@@ -187,19 +147,19 @@ def _ball_feet(robot: InspectedRobot, anatomy: Anatomy, root: Path) -> list[str]
     for leg in anatomy.legs:
         own = [s for s in solid if s.link == leg.foot]
         separate = not leg.rolls and (leg.foot != leg.tip or len(leg.joints) >= 4)
-        if own and separate and all(_is_ball(root, shape) for shape in own):
+        if own and separate and all(_is_ball(robot, shape) for shape in own):
             balls.append(leg.foot)
     return balls
 
 
-def _is_ball(root: Path, shape: SourceShape) -> bool:
+def _is_ball(robot: InspectedRobot, shape: SourceShape) -> bool:
     """Whether the mesh's extents, m, differ by less than BALL; a mesh that init leaves unread."""
     if not isinstance(shape.geometry, MeshFile):
         return False
-    read = mesh_of(root, shape.geometry)
-    if read is None:
+    points = robot.points_of(shape.geometry)
+    if points is None:
         return True
-    extents = np.ptp(scaled_points(read, shape.geometry), axis=0)
+    extents = np.ptp(points, axis=0)
     return float(extents.max()) < BALL * float(extents.min())
 
 
@@ -214,3 +174,70 @@ def compound_pairs(tree: Tree, size: float) -> list[tuple[str, str]]:
             if apart < COMPOUND * size:
                 pairs.append((above.parent, joint.child))
     return pairs
+
+
+PRESS_S = 0.004
+"""Time constant of contacts of what grips, as a Robotiq 2F-85 has it in MuJoCo Menagerie."""
+SOFTNESS = ("condim", "priority", "solref", "solimp")
+
+
+def driven_by(tuning: Tuning | None) -> set[str]:
+    """Joints that get a drive of ours."""
+    return {name for row in tuning.drives if row.gains for name in row.joints} if tuning else set()
+
+
+def hand_of(
+    robot: InspectedRobot, anatomy: Anatomy, tree: Tree, driven: Collection[str]
+) -> list[str]:
+    """Links that touch what is held: of driven fingers, of those that follow, and their palms."""
+    parts = roles(tree, anatomy)
+    fingers = [joint for joint in tree.moving_joints if parts[joint.name] == "finger"]
+    if not any(joint.name in driven for joint in fingers):
+        return []
+    touching = {name for joint in fingers for name in (joint.parent, joint.child)}
+    return [body.name for body in robot.links.bodies if body.name in touching]
+
+
+def pads(robot: InspectedRobot, hand: Sequence[str], timestep: float) -> Iterator[str]:
+    """Lines below `contact`."""
+    stiff = f"solref: [{max(PRESS_S, 2.0 * timestep):g}, 1], solimp: [0.95, 0.99, 0.001, 0.5, 2]"
+    yield "  # What grips gives way by less than with MuJoCo's 0.02 s, and loses nothing."
+    yield "  links:"
+    for pattern in patterns_of(hand, list(robot.links.by_body)):
+        yield f"    {quoted(pattern)}: {{condim: 4, priority: 1, {stiff}}}"
+
+
+def tried(validation: Iterable[str], hand: Sequence[str]) -> Iterator[str]:
+    """The section `validate`, empty or not, and in it that hands hold something."""
+    lines, wish, why = [*validation], "grip: {}", "# holds a cube, a cylinder and a sphere"
+    yield from lines
+    if hand:
+        yield f"  {wish}   {why}" if lines else f"validate: {{{wish}}}   {why}"
+
+
+# --- of an MJCF ---------------------------------------------------------------------------------
+
+
+def mjcf_hand(
+    robot: InspectedRobot, anatomy: Anatomy, control: Control, tuning: Tuning | None
+) -> list[str]:
+    """The links of the hand, as `hand_of` finds them; a tendon's actuator may drive any joint."""
+    driven = {row.joint for row in control.actuators if row.model != "passive"} | driven_by(tuning)
+    if any(item.place == "actuator" and not item.owner for item in control.mjcf_only):
+        driven = {joint.name for joint in robot.tree.moving_joints}
+    return hand_of(robot, anatomy, robot.tree, driven)
+
+
+def has_pyramid(control: Control) -> bool:
+    """Whether the source compiles to MuJoCo's pyramidal cone."""
+    options = [item.element for item in control.mjcf_only if item.place == "option"]
+    return not any('cone="elliptic"' in option for option in options)
+
+
+def own_pads(robot: InspectedRobot, hand: Sequence[str], control: Control) -> Iterator[str]:
+    """The section `contact`, where no surface of the source says how it gives way."""
+    usual, stated = Contact(), [control.contact, *(own for _, own in control.contacts)]
+    own = [key for one in stated for key in SOFTNESS if getattr(one, key) != getattr(usual, key)]
+    if hand and not own:
+        yield "contact:"
+        yield from pads(robot, hand, control.simulation.timestep)

@@ -18,8 +18,7 @@ import numpy as np
 
 from assetbuild.checks.gains import Gains
 from assetbuild.init.anatomy import Leg
-from assetbuild.init.gravity import GRAVITY
-from assetbuild.init.strength import Guess, is_locked, unit_of
+from assetbuild.init.strength import GRAVITY, Guess, is_locked, unit_of
 from assetbuild.init.wheels import VELOCITY_DRIVEN, Turning
 from assetbuild.robot.dynamics import Dynamics, dynamics, holding_torques
 from assetbuild.robot.inertia import total_mass

@@ -1,19 +1,25 @@
 """A home pose inside the limits: legs under their hips, everything else at 0 where it may be.
 
-What the drives could not hold there hangs, and nothing lies in anything: see `relief`.
+Limbs that the drives could not hold stretched out hang instead, and none lies in another. At a pose
+of zeros many arms reach straight forward, the heaviest pose they know (PR2's shoulders would need
+52 of their 30 N m), and the two arms of a bench may reach into each other, or into the floor. Where
+gravity loads a joint too much, the joints beyond it, the outermost first, and then itself, take
+another of a few values within their limits: the one that relieves most, and of those the one
+nearest to rest. So an arm folds before it drops into the body. Where bodies lie in each other, the
+joints between them do the same; where that is in vain, the best of some random poses is the start.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence, Set
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from assetbuild.init.anatomy import ANKLE, Leg, chain_to
-from assetbuild.init.joint_range import bounds, resting
-from assetbuild.init.relief import Depths, nothing_deep, relieved
+from assetbuild.init.strength import bounds, gravity_loads, resting, sample_poses
+from assetbuild.robot.inertia import total_mass
 from assetbuild.robot.model import Joint, Tree
 from assetbuild.robot.pose import Array, Pose
 from assetbuild.robot.tree import forward_kinematics
@@ -28,6 +34,42 @@ SETTLE = 0.97
 """The same on two legs, where a joint of the leg cannot be 0."""
 MARGIN_RAD = 0.02
 BEHIND_M = 0.02
+
+
+HEAVY = 0.7
+"""Share of the effort limit that holding the pose may need."""
+REJECTED = 1.0 - HEAVY
+"""Overload with which a build takes no pose: it cannot be held."""
+DEEP_M = 0.004
+"""How deep a body may lie in another or in the floor: hulls are a little rounder than meshes."""
+FULL_DEPTH_M = 0.001 / REJECTED
+"""Depth beyond DEEP_M that weighs as much as a load of the whole effort."""
+VALUES = 9
+"""Values that a joint may try, over its range."""
+STEPS = (0.05, 0.1, 0.2, 0.4, 0.8)
+"""rad or m to both sides that it may try besides, to come free of another body."""
+PULL, PULL_BEYOND = 0.05, 0.3
+"""Overload that the other end of its range is worth, of the overloaded joint and of the joints
+beyond it: a limb folds where that helps much, and not into itself for little."""
+TRUNK = 30.0
+"""Times that pull is stronger for a joint that carries all of the robot: a hand turns first."""
+ROUNDS = 12
+FEW = 6
+"""Random poses that show which bodies always lie in each other."""
+STARTS = 20
+"""Random poses of which the best is a start, where the search from the pose of rest fails; bodies
+that lie in each other in all of them are made so."""
+
+JointValues = Mapping[str, float]
+Pair = tuple[str, str]
+Depths = Callable[[JointValues, bool], Mapping[Pair, float]]
+"""Joint values -> how deep two bodies lie in each other, or "" (the floor) and one; m. Of their
+hulls, which is quick, or (True) of their meshes where the hulls are deep."""
+
+
+def nothing_deep(pose: JointValues, really: bool) -> Mapping[Pair, float]:
+    """Return no overlap: the robot's shapes are not known."""
+    return {}
 
 
 @dataclass(frozen=True)
@@ -159,3 +201,185 @@ def _bent(leg: Leg, at_zero: Mapping[str, Pose], behind: bool) -> list[float]:
         sign * next(swings, 0.0) if sign else resting(joint)
         for sign, joint in zip(signs, leg.joints, strict=True)
     ]
+
+
+# --- limbs that hang, and bodies apart ---------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class _Search:
+    """free: joints that may turn; rest: where they would like to be;
+    among: pairs of bodies that may be apart.
+    """
+
+    tree: Tree
+    free: Sequence[Joint]
+    rest: JointValues
+    depths: Depths
+    overlooked: Set[Pair]
+
+    def best(self, others: Sequence[JointValues]) -> dict[str, float]:
+        """From the pose of rest; from the best of other poses where a build takes none from there,
+        and then with as many joints at rest as may be.
+        """
+        found = self.from_pose(self.rest)
+        if not self._must_turn(found):
+            return found
+        start = min(others, key=lambda pose: math.fsum(self.objections(pose).values()))
+        again = self.from_pose(start)
+        if self._must_turn(again):
+            return found
+        for joint in self.free:
+            rested = {**again, joint.name: self.rest[joint.name]}
+            again = again if self.objections(rested) else rested
+        return again
+
+    def _must_turn(self, pose: JointValues) -> bool:
+        """Whether a build rejects the pose, and a joint might help."""
+        over = self.objections(pose)
+        return any(v > REJECTED and self._movers(what) for what, v in over.items())
+
+    def objections(self, pose: JointValues) -> dict[str | Pair, float]:
+        """Return the excess of each joint's load (HEAVY) and of each pair's depth (DEEP_M)."""
+        found: dict[str | Pair, float] = {}
+        for name, load in _loads(self.tree, pose, self.free).items():
+            found[name] = load - HEAVY
+        for pair, depth in self.depths(pose, False).items():
+            if pair not in self.overlooked:
+                found[pair] = (depth - DEEP_M) / FULL_DEPTH_M
+        return {what: over for what, over in found.items() if over > 0.0}
+
+    def from_pose(self, pose: JointValues) -> dict[str, float]:
+        """The pose after ROUNDS of turning what objects most."""
+        found, stuck = dict(pose), set[str | Pair]()
+        for _ in range(ROUNDS):
+            over = {w: v for w, v in self.objections(found).items() if w not in stuck}
+            if not over:
+                break
+            worst = max(over, key=lambda what: (over[what], str(what)))
+            better = self._turned(found, worst)
+            if better == found:
+                stuck.add(worst)
+            found = better
+        return found
+
+    def _turned(self, now: JointValues, worst: str | Pair) -> dict[str, float]:
+        """Joint after joint, from the tip inward, takes its best value: of a limb that is too heavy
+        until it can be held. Where two bodies meet, the joint turns that frees them best.
+        """
+        found, tries = dict(now), []
+        for mover in sorted(self._movers(worst), key=lambda j: -len(chain_to(self.tree, j.child))):
+            best, over = self._best(found, mover, worst)
+            if isinstance(worst, str):
+                found[mover.name] = best
+                if worst not in self.objections(found):
+                    break
+            else:
+                tries.append((over, mover.name, best))
+        if tries:
+            _, name, best = min(tries, key=lambda it: it[0])
+            found[name] = best
+        return found
+
+    def _best(self, now: JointValues, mover: Joint, worst: str | Pair) -> tuple[float, float]:
+        """The value of a joint that costs least, and what it costs."""
+        at = now[mover.name]
+        values = [at, *_values(mover, at, fine=not isinstance(worst, str))]
+        pull = PULL if mover.name == worst else PULL_BEYOND
+        pull *= 1.0 + TRUNK * self._share(mover)
+        pull /= max(values) - min(values) or 1.0
+
+        def cost(value: float) -> float:
+            over = math.fsum(self.objections({**now, mover.name: value}).values())
+            return over + pull * abs(value - self.rest[mover.name])
+
+        best = min(values, key=cost)
+        return best, cost(best)
+
+    def _share(self, joint: Joint) -> float:
+        """What the joint carries, of all mass."""
+        carried = [b for b in self.tree.bodies if joint in chain_to(self.tree, b.name)]
+        return math.fsum(b.inertial.mass_kg for b in carried if b.inertial) / total_mass(self.tree)
+
+    def _movers(self, worst: str | Pair) -> list[Joint]:
+        """The joint and those beyond it; those that move one body against the other."""
+        if isinstance(worst, str):
+            joint = self.tree.by_joint[worst]
+            return [j for j in self.free if joint in chain_to(self.tree, j.child)]
+        one, other = (chain_to(self.tree, body) if body else () for body in worst)
+        return [j for j in self.free if (j in one) != (j in other)]
+
+
+def relieved(
+    tree: Tree, pose: JointValues, legs: tuple[Leg, ...], depths: Depths = nothing_deep
+) -> dict[str, float]:
+    """The pose with overloaded limbs lowered and none in another; legs stay as they stand.
+
+    Bodies that lie in each other in every pose do so by their shape; those whose meshes do not are
+    overlooked as long as that is so.
+    """
+    standing = {joint.name for leg in legs for joint in chain_to(tree, leg.tip)}
+    free = [j for j in tree.moving_joints if j.mimic is None and j.name not in standing]
+    drawn = [{**pose, **other} for other in sample_poses(free, STARTS)[1:]]
+    deep = [_deep(depths, q, really=False) for q in (pose, *drawn[:FEW])]
+    always = set.intersection(*deep)
+    seeming = deep[0] - _deep(depths, pose, really=True) if deep[0] else set()
+    found = dict(pose)
+    for overlooked in (always | seeming, always):
+        found = _Search(tree, free, pose, depths, overlooked).best(drawn)
+        if not seeming & _deep(depths, found, really=True):
+            break
+    return found
+
+
+def made_so(tree: Tree, depths: Depths, home: JointValues) -> dict[Pair, float]:
+    """Bodies that lie in each other at home and in random poses alike, and how deep at home, m.
+
+    Their meshes do, as the two halves of a gas spring; or their hulls, of the parts of a linkage
+    that one joint moves, as the bars of a finger. No pose frees them.
+    """
+    deep = _always(tree, depths, home)
+    free = [joint for joint in tree.moving_joints if joint.mimic is None]
+    for pose in sample_poses(free, STARTS)[1:]:
+        if deep:
+            now = _always(tree, depths, pose)
+            deep = {pair: depth for pair, depth in deep.items() if pair in now}
+    return deep
+
+
+def _always(tree: Tree, depths: Depths, pose: JointValues) -> dict[Pair, float]:
+    hulls = {pair: d for pair, d in depths(pose, False).items() if d > DEEP_M and all(pair)}
+    real = depths(pose, True) if hulls else {}
+    return {
+        pair: depth
+        for pair, depth in hulls.items()
+        if real.get(pair, 0.0) > DEEP_M or _is_linkage(tree, *pair)
+    }
+
+
+def _is_linkage(tree: Tree, one: str, other: str) -> bool:
+    """Whether one coordinate says how two bodies lie to each other."""
+    between = {j.name: j for j in (*chain_to(tree, one), *chain_to(tree, other))}
+    both = {j.name for j in chain_to(tree, one)} & {j.name for j in chain_to(tree, other)}
+    moving = [j for name, j in between.items() if name not in both and j.kind != "fixed"]
+    return len({j.mimic.joint if j.mimic else j.name for j in moving}) == 1
+
+
+def _deep(depths: Depths, pose: JointValues, *, really: bool) -> set[Pair]:
+    return {pair for pair, depth in depths(pose, really).items() if depth > DEEP_M}
+
+
+def _values(joint: Joint, now: float, fine: bool) -> list[float]:
+    lower, upper = bounds(joint)
+    lower, upper = max(lower, -math.pi), min(upper, math.pi)
+    margin = 0.02 * (upper - lower)
+    near = [now + side * step for step in STEPS if fine for side in (-1.0, 1.0)]
+    inside = [value for value in near if lower + margin <= value <= upper - margin]
+    return inside + [float(v) for v in np.linspace(lower + margin, upper - margin, VALUES)]
+
+
+def _loads(tree: Tree, pose: JointValues, joints: Sequence[Joint]) -> dict[str, float]:
+    """Share of its effort limit with which each joint holds what hangs on it."""
+    limited = [j for j in joints if j.limits.effort and j.kind != "prismatic"]
+    loads = gravity_loads(tree, pose, limited)  # a slide holds the same weight in every pose
+    return {j.name: loads[j.name] / (j.limits.effort or math.inf) for j in limited}

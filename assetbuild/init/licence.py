@@ -1,11 +1,19 @@
-"""The licence that the source states itself: in a LICENSE beside the robot, or in package.xml."""
+"""What the source states of itself: its licence, who made it and what the robot is.
+
+The licence stands in a LICENSE beside the robot or in a package.xml, the rest in the package.xml
+nearest to it.
+"""
 
 from __future__ import annotations
 
+import html
+import os
 import re
 from collections.abc import Iterator
-from dataclasses import dataclass
 from pathlib import Path
+
+from assetbuild.init.packages import start_of
+from assetbuild.init.words import quoted
 
 SPDX = (
     "Apache-2.0", "MIT", "MIT-0", "BSD-2-Clause", "BSD-3-Clause", "BSD-3-Clause-Clear", "MPL-2.0",
@@ -30,19 +38,29 @@ TEXTS = (
 )
 """Words that only the text of one licence has; the first that matches counts."""
 NAMES = ("license", "licence", "copying")
-LARGEST = 200_000
-"""Bytes of a licence or a package.xml; larger files are something else."""
+MOST_BYTES = 200_000
+"""Bytes of a licence or a package.xml that are read."""
 ABOVE = 2
 """Folders above the source that are looked at: meshes and URDF may lie deep in a package."""
 
 
-@dataclass(frozen=True)
-class StatedLicence:
-    """What a file states. name: as SPDX spells it, or "" where the words mean no one licence."""
+StatedLicence = tuple[str, str, str]
+"""What a file states: the licence as SPDX spells it, or "" where the words mean no one licence;
+the words; the file.
+"""
 
-    name: str
-    words: str
-    file: str
+
+def source_section(root: Path, recipe: Path, key: str, file: str, *more: str) -> Iterator[str]:
+    """The sections `source:` and `about:` of a recipe that will lie at `recipe`; more: lines."""
+    relative = os.path.relpath(root, os.path.realpath(recipe.parent))
+    yield "source:"
+    yield f"  path: {quoted(Path(relative).as_posix())}   # relative to this file"
+    yield f"  {key}: {quoted(file)}"
+    yield from more
+    yield from licence_lines(root, file)
+    if about := stated_about(root, file):
+        yield "about:   # as package.xml says"
+        yield from (f"  {key}: {quoted(text)}" for key, text in about.items())
 
 
 def stated_licence(root: Path, file: str) -> StatedLicence | None:
@@ -53,11 +71,11 @@ def stated_licence(root: Path, file: str) -> StatedLicence | None:
     robot = root / file
     for folder in folders_above(root, robot):
         for path in sorted(folder.iterdir()) if folder.is_dir() else ():
-            if path.name.lower().startswith(NAMES) and (text := text_of(path)):
+            if path.name.lower().startswith(NAMES) and (text := start_of(path, MOST_BYTES)):
                 found = _of_text(text)
                 if found:
-                    return StatedLicence(found, found, path.name)
-        package = text_of(folder / "package.xml")
+                    return found, found, path.name
+        package = start_of(folder / "package.xml", MOST_BYTES)
         if package:
             stated = _of_package(package, robot.relative_to(folder).parts)
             if stated:
@@ -70,10 +88,12 @@ def licence_lines(root: Path, file: str) -> Iterator[str]:
     stated = stated_licence(root, file)
     if stated is None:
         yield "  # license: its SPDX name here; no file of the source states one"
-    elif stated.name:
-        yield f"  license: {stated.name}   # as {stated.file} says"
+        return
+    name, words, said_by = stated
+    if name:
+        yield f"  license: {name}   # as {said_by} says"
     else:
-        yield f"  # {stated.file} says {stated.words!r}: write the SPDX name of this robot's"
+        yield f"  # {said_by} says {words!r}: write the SPDX name of this robot's"
         yield "  # license:"
 
 
@@ -88,16 +108,6 @@ def folders_above(root: Path, robot: Path) -> Iterator[Path]:
         yield folder
         if (folder / ".git").exists():
             return
-
-
-def text_of(path: Path) -> str:
-    """A small text file; "" where there is none that can be read."""
-    try:
-        if not path.is_file() or path.stat().st_size > LARGEST:
-            return ""
-        return path.read_text("utf-8", "replace")
-    except OSError:
-        return ""
 
 
 def _of_text(text: str) -> str:
@@ -118,4 +128,53 @@ def _of_package(text: str, parts: tuple[str, ...]) -> StatedLicence | None:
     if not chosen:
         return None
     name = SPELLINGS.get(chosen[0].lower(), "") if len(chosen) == 1 else ""
-    return StatedLicence(name, ", ".join(chosen), "package.xml")
+    return name, ", ".join(chosen), "package.xml"
+
+
+_AUTHOR = re.compile(r"<author\b[^>]*>([^<]+)</author>")
+_DESCRIPTION = re.compile(r"<description\b[^>]*>(.*?)</description>", re.S)
+_COMMENT = re.compile(r"<!--.*?-->", re.S)
+_TEMPLATE = re.compile(r"\bTODO\b|^(The )?[\w-]+ package\.?$|^$", re.I)
+"""What a generator of packages has written, and nobody since."""
+LONGEST = 200
+"""Characters of a line; a longer description is cut after its first sentence."""
+
+
+def stated_about(root: Path, file: str) -> dict[str, str]:
+    """`author` and `description` of the nearest package.xml that states one of them.
+
+    root: of the source; file: the description, below it.
+    """
+    for folder in folders_above(root, root / file):
+        text = _COMMENT.sub("", start_of(folder / "package.xml", MOST_BYTES))
+        authors = [name for found in _AUTHOR.findall(text) if (name := _plain(found))]
+        said = _DESCRIPTION.search(text)
+        about = {
+            "author": _joined(list(dict.fromkeys(authors))),
+            "description": _sentence(_plain(said[1])) if said else "",
+        }
+        if any(about.values()):
+            return {key: value for key, value in about.items() if value}
+    return {}
+
+
+def _plain(text: str) -> str:
+    """One line without markup; "" for what stands for nothing."""
+    line = " ".join(html.unescape(re.sub(r"<[^>]*>", " ", text)).split())
+    line = "".join(letter for letter in line if letter.isprintable())
+    return "" if _TEMPLATE.search(line) else line
+
+
+def _joined(names: list[str]) -> str:
+    """All names where they fit, else the first and how many others there are."""
+    line = ", ".join(names)
+    if len(line) > LONGEST:
+        line = f"{names[0][:LONGEST]} and {len(names) - 1} others" if names[1:] else line[:LONGEST]
+    return line
+
+
+def _sentence(text: str) -> str:
+    """The first sentence where the whole is long; "" where that is long as well."""
+    if len(text) > LONGEST:
+        text = text.partition(". ")[0]
+    return text if len(text) <= LONGEST else ""

@@ -1,20 +1,45 @@
-"""The robot as the build will read it: the same steps, run on the spot."""
+"""The robot as the build will read it: the same steps, run on the spot.
+
+And what it can become, and where its masses contradict its shapes.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Iterator
 from dataclasses import astuple, dataclass, replace
+from functools import cached_property, lru_cache
 from pathlib import Path
+from typing import get_args
+
+import numpy as np
 
 from assetbuild.body.lint_bodies import LintBodies
 from assetbuild.body.lint_links import LintLinks
 from assetbuild.engine.scratch import scratch
+from assetbuild.errors import StepError
 from assetbuild.findings import Finding
 from assetbuild.init.source import UrdfSource
+from assetbuild.init.words import plain, some
+from assetbuild.mesh.companions import companions_of
+from assetbuild.mesh.hull import refuse_flat
+from assetbuild.mesh.hulls import extent_of
+from assetbuild.mesh.material import SourceMesh
+from assetbuild.mesh.primitives import tessellate
+from assetbuild.mesh.read import Format, read_mesh
+from assetbuild.robot.chains import is_massless, weighs
 from assetbuild.robot.codec import encode
+from assetbuild.robot.contradictions import (
+    FACTOR,
+    Extent,
+    beyond_reach,
+    contradictions,
+    twins_apart,
+)
 from assetbuild.robot.files import RobotFiles
+from assetbuild.robot.inertia import principal_moments
 from assetbuild.robot.model import Base, Tree
-from assetbuild.robot.shapes import SourceShapes
+from assetbuild.robot.pose import Array
+from assetbuild.robot.shapes import MeshFile, SourceShapes
 from assetbuild.robot.split_joints import split
 from assetbuild.robot.tree import merge_fixed_joints
 from assetbuild.source.urdf.joints import LIMIT_OMITTED
@@ -65,6 +90,15 @@ class InspectedRobot:
         """The links that became one body."""
         return [name for name in self.links.by_body if self.tree.placement(name)[0] == body]
 
+    def points_of(self, mesh: MeshFile) -> Array | None:
+        """See `mesh_points`."""
+        return mesh_points(self.root, mesh)
+
+    def is_flat(self, mesh: MeshFile) -> bool:
+        """Whether the mesh can be read and spans no volume."""
+        points = self.points_of(mesh)
+        return points is not None and not spans_volume(points)
+
 
 def look(source: UrdfSource) -> InspectedRobot:
     """Read. Raises SourceError with file and line, as a build would."""
@@ -81,26 +115,18 @@ def look(source: UrdfSource) -> InspectedRobot:
         )
 
 
-def judge(
-    links: Tree,
-    shapes: SourceShapes,
-    base: Base,
-    source_findings: tuple[Finding, ...] = (),
-    kept: Collection[str] | None = None,
-    root: Path = Path(),
-) -> InspectedRobot:
+def judge(robot: InspectedRobot, base: Base, kept: Collection[str] | None = None) -> InspectedRobot:
     """The robot on this base, with what the lints say of it there.
 
     kept: of an MJCF, links that stay bodies on their fixed joint, and the root stays the root.
-    root: folder of the source's files.
     """
-    links = replace(links, base=base)
+    links = replace(robot.links, base=base)
     tree, _ = merge_fixed_joints(links, True, kept or (), keep_root=kept is not None)
     with scratch() as ports:
-        for name, value in (("links", links), ("tree", tree), ("shapes", shapes)):
+        for name, value in (("links", links), ("tree", tree), ("shapes", robot.shapes)):
             ports.put(f"{name}.json", encode(value))
         of_links, of_bodies = ports.run(LintLinks()), ports.run(LintBodies())
-    return InspectedRobot(links, tree, shapes, of_links, of_bodies, source_findings, root=root)
+    return replace(robot, links=links, tree=tree, link_findings=of_links, body_findings=of_bodies)
 
 
 def zeroed(tree: Tree) -> list[str]:
@@ -110,3 +136,195 @@ def zeroed(tree: Tree) -> list[str]:
     if any(value != 0.0 for value in stated):
         return []
     return [joint.name for joint in moving if joint.kind == "revolute"]
+
+
+FORMATS: dict[str, Format] = {f".{format}": format for format in get_args(Format)}
+LARGEST = 16 << 20
+"""A mesh of more bytes is left to the build, which reads it in a process of its own."""
+
+
+def mesh_points(root: Path, mesh: MeshFile) -> Array | None:
+    """See `scaled_points`; None for a mesh that `mesh_of` leaves unread."""
+    read = mesh_of(root, mesh)
+    return None if read is None else scaled_points(read, mesh)
+
+
+def scaled_points(read: SourceMesh, mesh: MeshFile) -> Array:
+    """(n, 3) m, of the points that a face uses."""
+    used = [part.mesh.vertices[np.unique(part.mesh.faces)] for part in read.parts]
+    points: Array = np.concatenate(used) * np.array(mesh.scale)
+    return points
+
+
+def spans_volume(points: Array) -> bool:
+    """Whether points (n, 3) have a hull."""
+    try:
+        refuse_flat(points, "points")
+    except StepError:
+        return False
+    return True
+
+
+def mesh_of(root: Path, mesh: MeshFile) -> SourceMesh | None:
+    """What the file holds; None for one that the build would refuse, or that is too large.
+
+    root: the folder that the mesh's path starts from.
+    """
+    path = root / mesh.path
+    format = FORMATS.get(path.suffix.lower())
+    try:
+        if format is not None and path.stat().st_size <= LARGEST:
+            data = path.read_bytes()
+            names = companions_of(data, "gltf") if format == "gltf" else ()
+            beside = {n: f.read_bytes() for n in names if (f := path.parent / n).is_file()}
+            return read_mesh(data, format, companions=beside, subject=mesh.path)
+    except (StepError, OSError):
+        pass
+    return None
+
+
+MERGED = "`fixed_joints: {merge: true}`, and the edit `share_mass` for links without mass above it"
+
+
+def targets(
+    robot: InspectedRobot, springs: Collection[str] = (), motion: Collection[str] = ()
+) -> str:
+    """The line of the recipe.
+
+    springs: joints with one that the USD cannot hold; motion: what else it cannot, in words.
+    """
+    free = next((joint.name for joint in robot.tree.joints if joint.kind == "floating"), None)
+    if free is not None:
+        reason = f"joint {plain(free)} is floating, which only a base can be in MJCF and USD; "
+        reason += "the edit `split_joint` makes six joints of it"
+        return f"targets: [urdf]   # {reason}"
+    ball = next((joint.name for joint in robot.tree.joints if joint.kind == "ball"), None)
+    if ball is not None:
+        reason = f"joint {plain(ball)} is a ball, which MJCF alone has here"
+        hint = "the edit `split_joint` makes three hinges of it, if it never turns to 90 degrees"
+        return f"targets: [mjcf]   # {reason}; {hint}"
+    reason = not_in_usd(robot)
+    if springs and not reason:
+        reason = f"it cannot hold the springs of {some(list(springs))}; see `usd.spring`"
+    if motion and not reason:
+        reason = f"it cannot hold {next(iter(motion))}; see `usd.motion`"
+    if reason:
+        return f"targets: [urdf, mjcf]   # no usd: {plain(reason, 160)}"
+    return "targets: [urdf, mjcf, usd]"
+
+
+def not_in_usd(robot: InspectedRobot) -> str:
+    """Why no articulation of PhysX is this robot, exactly; "" when one is."""
+    shown = {shape.link for shape in robot.shapes.shapes}
+    for name in carried(robot):
+        return f"{name} has no mass but for the bodies that fixed joints hold to it; {MERGED}"
+    for body in robot.tree.bodies:
+        above = robot.tree.joint_above.get(body.name)
+        if above is None or above.kind != "fixed":
+            continue
+        if is_massless(body) and body.name in shown:
+            return f"{body.name} has no mass, and is excluded from other pairs than {above.parent}"
+    return ""
+
+
+def carried(robot: InspectedRobot) -> list[str]:
+    """Moving bodies without mass, to which fixed joints hold bodies that have some."""
+    tree = robot.tree
+    return [
+        body.name
+        for body in tree.bodies
+        if (tree.base == "floating" or body.name != tree.root)
+        and is_massless(body)
+        and weighs(tree, body.name)
+    ]
+
+
+@dataclass(frozen=True)
+class Weighed:
+    """A robot with what its shapes occupy."""
+
+    robot: InspectedRobot
+
+    @cached_property
+    def by_link(self) -> dict[str, Extent]:
+        """Links with shapes that can all be read."""
+        return {link: extent_of(points) for link, points in self._clouds.items() if points}
+
+    @cached_property
+    def by_body(self) -> dict[str, Extent]:
+        """The same of merged bodies."""
+        points: dict[str, list[Array]] = {}
+        unread = {link for link, own in self._clouds.items() if not own}
+        placed = {link: self.robot.tree.placement(link) for link in self._clouds}
+        for link, extent in self.by_link.items():
+            body, X_body_link = placed[link]
+            points.setdefault(body, []).append(X_body_link.apply(extent.points))
+        for link in unread:
+            points.pop(placed[link][0], None)
+        return {body: extent_of(own) for body, own in points.items()}
+
+    @cached_property
+    def _clouds(self) -> dict[str, list[Array]]:
+        """Points by link; none of a link with a shape that cannot be read."""
+        found: dict[str, list[Array | None]] = {}
+        for shape in self.robot.shapes.shapes:
+            points = (
+                self._points_of(shape.geometry)
+                if isinstance(shape.geometry, MeshFile)
+                else tessellate(shape.geometry).vertices
+            )
+            own = found.setdefault(shape.link, [])
+            own.append(None if points is None else shape.X_link_shape.apply(points))
+        return {
+            link: [] if any(p is None for p in own) else [p for p in own if p is not None]
+            for link, own in found.items()
+        }
+
+    def _points_of(self, mesh: MeshFile) -> Array | None:
+        try:
+            stamp = (self.robot.root / mesh.path).stat()
+        except OSError:
+            return None
+        return _hull_points(self.robot.root, mesh, (stamp.st_mtime_ns, stamp.st_size))
+
+    def findings(self) -> tuple[Finding, ...]:
+        """What a build will find contradicted."""
+        return tuple(contradictions(self.robot.tree, self.by_body))
+
+    def unmended(self) -> Iterator[str]:
+        """What is contradicted, each a sentence with the edit that mends it."""
+        for finding in self.findings():
+            yield f"{finding.subject}: {finding.message} ({finding.hint})"
+
+    def wrong_links(self) -> dict[str, Finding]:
+        """Links that make a body contradicted, where it is known which they are."""
+        links, tree = self.robot.links, self.robot.tree
+        bodies = {finding.subject.removeprefix("link "): finding for finding in self.findings()}
+        wrong = {*beyond_reach(links, self.by_link)}
+        wrong |= {pair.wrong.name for pair in twins_apart(links, self.by_link) if pair.sure}
+        beyond = beyond_reach(tree, self.by_body)
+        wrong |= {link for body in beyond for link in self.robot.links_of(body)
+                  if self._is_beyond(link, body)}  # fmt: skip
+        placed = {link: tree.placement(link)[0] for link in links.by_body if link in wrong}
+        return {link: bodies[body] for link, body in placed.items() if body in bodies}
+
+    def _is_beyond(self, link: str, body: str) -> bool:
+        """Whether the shapes of a merged body rule out the inertia of one of its links.
+
+        That link may have no shape of its own: a fingertip's frame with a placeholder.
+        """
+        inertial = self.robot.links.by_body[link].inertial
+        if inertial is None:
+            return False
+        X_body_link = self.robot.tree.placement(link)[1]
+        away = self.by_body[body].points - X_body_link.apply(inertial.com_m)
+        reach = float(np.linalg.norm(away, axis=1).max())
+        largest = principal_moments(inertial.inertia_com_kg_m2)[-1]
+        return largest > FACTOR * inertial.mass_kg * reach**2
+
+
+@lru_cache(maxsize=1024)
+def _hull_points(root: Path, mesh: MeshFile, stamp: tuple[int, int]) -> Array | None:
+    """Corners (n, 3) of a mesh's hull, m; None where it cannot be read. stamp: of its file."""
+    points = mesh_points(root, mesh)
+    return None if points is None else extent_of([points]).points

@@ -6,9 +6,8 @@ Exporters that cut a loop leave a frame on both sides of the cut: `closedloop1_A
 
 from __future__ import annotations
 
-import itertools
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 from assetbuild.init.drives import DriveRow
@@ -17,14 +16,12 @@ from assetbuild.init.words import inline, plain, some
 from assetbuild.robot.closure import close, coordinates, locked_joints
 from assetbuild.robot.dynamics import dynamics
 from assetbuild.robot.loops import LoopRow, path_of, resolve_loops
-from assetbuild.robot.model import Loop, LoopEnd, Tree
+from assetbuild.robot.model import Loop, Tree
 from assetbuild.robot.motors import RowError
-from assetbuild.robot.tree import forward_kinematics
 
 LOOP = re.compile(r"clos|loop|constraint|fermeture", re.IGNORECASE)
 MOTOR = re.compile(r"mot|act|driv|crank|servo", re.IGNORECASE)
 SIDES = (("A", "B"), ("a", "b"), ("1", "2"))
-COINCIDENT_M = 1e-6
 
 
 @dataclass(frozen=True)
@@ -71,14 +68,10 @@ class FoundLoops:
 NO_LOOPS = FoundLoops()
 
 
-def find_loops(
-    robot: InspectedRobot, cut: Sequence[LoopRow] = (), said: Sequence[str] = ()
-) -> FoundLoops:
-    """Pairs of frames that are named as the two sides of a cut and can meet; all others said.
-
-    cut: in place of joints that were taken away, said: of these.
-    """
-    tree, rows, remarks = robot.tree, list(cut), list(said)
+def find_loops(robot: InspectedRobot) -> FoundLoops:
+    """Pairs of frames that are named as the two sides of a cut and can meet; all others said."""
+    tree = robot.tree
+    rows, remarks = list[LoopRow](), list[str]()
     for stem, one, other in _pairs(robot.links):
         row, why = _row(tree, stem, one, other)
         if row is not None:
@@ -86,15 +79,14 @@ def find_loops(
         else:
             remarks.append(f"`{one}` and `{other}` are named as the ends of a loop, but {why}")
     if not rows:
-        return FoundLoops(remarks=(*remarks, *_coincident(robot)))
+        return FoundLoops(remarks=tuple(remarks))
     loops = resolve_loops(tree, rows)
     chain = {joint.name for loop in loops for joint in path_of(tree, loop)}
     found = close(tree, loops, {}, chain)
     if not found.closed:
         names = some([row.name for row in rows])
         remark = f"loops {names} stay open together, by {found.residual:.3g} m"
-        # A joint that was taken away has its loop: the build says what cannot close.
-        return FoundLoops(tuple(cut), remarks=(*remarks, remark))
+        return FoundLoops(remarks=(*remarks, remark))
     stated = {joint.name for joint in tree.moving_joints if joint.limits.effort} & chain
     motors = {name for name in chain if MOTOR.search(name)} or stated
     robot_now = dynamics(tree, found.positions, {})
@@ -148,24 +140,3 @@ def _row(tree: Tree, stem: str, one: str, other: str) -> tuple[LoopRow | None, s
         elif kind == "connect" or not locked_joints(tree, loops, found.positions, chain):
             return row, ""
     return None, why
-
-
-def _coincident(robot: InspectedRobot) -> Iterator[str]:
-    """Empty leaf links of different bodies in one place at 0, as touching fingertips are too."""
-    tree, links = robot.tree, robot.links
-    drawn = {shape.link for shape in robot.shapes.shapes}
-    parents = {joint.parent for joint in links.joints}
-    poses = forward_kinematics(tree, {})
-    ends = []
-    for body in links.bodies:
-        if body.is_massless and body.name not in parents | drawn and body.name != links.root:
-            base, X = tree.placement(body.name)
-            ends.append((body.name, base, poses[base] @ X))
-    for (one, first, X_a), (other, second, X_b) in itertools.combinations(ends, 2):
-        apart = (X_a.inverse() @ X_b).xyz
-        if first != second and max(map(abs, apart)) < COINCIDENT_M:
-            a, b = (LoopEnd(*tree.placement(name)) for name in (one, other))
-            ends_of = Loop("", "connect", a, b)
-            if len(path_of(tree, ends_of)) > 2:
-                entry = inline([{"name": one, "a": {"link": one}, "b": {"link": other}}])
-                yield f"`{one}` and `{other}` coincide: if they close a loop, `loops: {entry}`"

@@ -14,30 +14,25 @@ from assetbuild.engine.scratch import Scratch, scratch
 from assetbuild.errors import SourceError, Where
 from assetbuild.facts.mjcf_grammar import NEWEST, OLDEST, newer_words_of
 from assetbuild.init.anatomy import Anatomy, study
-from assetbuild.init.collision import soles_of
-from assetbuild.init.grips import has_pyramid, mjcf_hand, own_pads, tried
+from assetbuild.init.collision import has_pyramid, mjcf_hand, own_pads, soles_of, tried
 from assetbuild.init.home import home_pose
-from assetbuild.init.joint_range import bounds
-from assetbuild.init.look import InspectedRobot, judge
+from assetbuild.init.licence import source_section
+from assetbuild.init.look import InspectedRobot, carried, judge, not_in_usd, targets
 from assetbuild.init.packages import above, is_file
-from assetbuild.init.patterns import patterns_of
 from assetbuild.init.repairs import repairs, repairs_text
-from assetbuild.init.strength import strengthened
-from assetbuild.init.targets import carried, not_in_usd, targets
-from assetbuild.init.text import Recipe, actuators, head, home, validation
+from assetbuild.init.strength import bounds
+from assetbuild.init.text import actuators, head, home, validation
 from assetbuild.init.trial import Trial, staged, tables
 from assetbuild.init.tune import Tuning, tune
-from assetbuild.init.words import inline, plain, quoted, some, source_section, written
+from assetbuild.init.words import Proposal, inline, patterns_of, plain, quoted, some, written
 from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.joint_springs import joint_springs, no_drives
 from assetbuild.robot.loops import path_of
 from assetbuild.robot.lost_motion import lost_in_usd
-from assetbuild.robot.model import Control, Joint, Tree
-from assetbuild.robot.shapes import SourceShapes
+from assetbuild.robot.model import Control, Joint
 from assetbuild.robot.source import SourceControl
-from assetbuild.source.mjcf.flatten_mjcf import FlattenMjcf
+from assetbuild.source.mjcf.flatten_mjcf import FOLDER, FlattenMjcf
 from assetbuild.source.mjcf.includes import ListIncludes
-from assetbuild.source.mjcf.inline import FOLDER
 from assetbuild.source.mjcf.opaque import keys
 from assetbuild.source.mjcf.read_mjcf import ReadMjcf
 from assetbuild.source.mjcf.scenery import SeveralRobotsError
@@ -150,13 +145,11 @@ def _read(root: Path, name: str, bodies: tuple[str, ...] = ()) -> MjcfSource:
         ports.run(ReadMjcf())
         read = RobotFiles(ports.folder)
         said = read.source_control or SourceControl()
-        links, shapes = read.links, read.source_shapes
-        robot, built = (
-            judge(links, shapes, links.base, kept=k, root=root) for k in ((), said.bodies)
-        )
+        whole = InspectedRobot(read.links, read.links, read.source_shapes, root=root)
+        robot, built = (judge(whole, read.links.base, kept) for kept in ((), said.bodies))
         weak = _weak(built)
         if weak:
-            mended = next(_mended(links, shapes, said.bodies, built, weak), None)
+            mended = next(_mended(built, said.bodies, weak), None)
             built, weak = (mended, weak) if mended else (built, ())
     called = robot_name(robot.links.name, root / name)
     robot = replace(robot, links=replace(robot.links, name=called))
@@ -192,36 +185,25 @@ def _wrong(robot: InspectedRobot) -> list[str]:
 
 
 def _mended(
-    links: Tree,
-    shapes: SourceShapes,
-    bodies: Collection[str],
-    built: InspectedRobot,
-    weak: Sequence[str],
+    built: InspectedRobot, bodies: Collection[str], weak: Collection[str]
 ) -> Iterator[InspectedRobot]:
     """The robot with weak bodies merged, where that leaves none and is worth it.
 
     First with what fixed joints hold to them, then with what they are held to, as a foot without
     inertia is to its shank.
     """
-    for kept in (_without_held(links, bodies, weak), _without_weak(links, bodies, weak)):
-        mended = judge(links, shapes, links.base, kept=kept, root=built.root)
+    fixed = [joint for joint in built.links.joints if joint.kind == "fixed"]
+    held = set(weak)
+    for joint in fixed:  # a parent before its children
+        if joint.parent in held:
+            held.add(joint.child)
+    without_held = [name for name in bodies if name not in held or name in weak]
+    weak_on_others = {joint.child for joint in fixed} & set(weak)
+    without_weak = [name for name in bodies if name not in weak_on_others]
+    for kept in (without_held, without_weak):
+        mended = judge(built, built.links.base, kept)
         if not _weak(mended) and (_wrong(built) or not not_in_usd(mended)):
             yield mended
-
-
-def _without_held(links: Tree, bodies: Collection[str], weak: Collection[str]) -> list[str]:
-    """Bodies without those that fixed joints hold to weak ones."""
-    held = set(weak)
-    for joint in links.joints:  # a parent before its children
-        if joint.kind == "fixed" and joint.parent in held:
-            held.add(joint.child)
-    return [name for name in bodies if name not in held or name in weak]
-
-
-def _without_weak(links: Tree, bodies: Collection[str], weak: Collection[str]) -> list[str]:
-    """Bodies without the weak ones that fixed joints hold to others."""
-    held = {joint.child for joint in links.joints if joint.kind == "fixed"} & set(weak)
-    return [name for name in bodies if name not in held]
 
 
 def _included(ports: Scratch, root: Path, name: str) -> bool:
@@ -233,7 +215,7 @@ def _included(ports: Scratch, root: Path, name: str) -> bool:
     return bool(paths)
 
 
-def mjcf_text(found: MjcfSource, path: Path) -> Recipe:
+def mjcf_recipe(found: MjcfSource, path: Path) -> Proposal:
     """The whole recipe, as it will lie at `path`."""
     robot, control = found.robot, found.control
     anatomy = replace(study(robot), doubt="")  # the source says its base
@@ -242,14 +224,18 @@ def mjcf_text(found: MjcfSource, path: Path) -> Recipe:
     unmended = tuning.unmended if tuning else ()
     hand = mjcf_hand(robot, anatomy, control, tuning)
     lost = lost_in_usd(control.mjcf_only)
+    chosen = [
+        f"  body: {quoted(first)}   # or {some(others)}: one recipe builds one robot"
+        for first, *others in [found.bodies] * bool(found.bodies)
+    ]
     # Beside a guessed drive there is no room for a spring.
     springs = joint_springs(control.mjcf_only) if tuning else no_drives(control)
     text = written(
         head(robot, anatomy, path, unmended),
-        source_section(found.root, path, "mjcf", found.file, *_chosen(found.bodies)),
+        source_section(found.root, path, "mjcf", found.file, *chosen),
         _taken(found),
         _solver(found, anatomy, hand),
-        repairs_text(robot, repairs(robot, found.root, usd=not (lost or springs))),
+        repairs_text(robot, repairs(robot, usd=not (lost or springs))),
         _merging(found),
         _collision(robot),
         _drives(found, tuning),
@@ -257,22 +243,20 @@ def mjcf_text(found: MjcfSource, path: Path) -> Recipe:
         own_pads(robot, hand, control),
         [targets(found.built, springs, lost), *tried(_validate(found, anatomy), hand)],
     )
-    return Recipe(text, unmended)
+    return Proposal(path, text, unmended)
 
 
 def _tuned(found: MjcfSource, anatomy: Anatomy) -> Tuning:
     """Drives for a source that has none, with its own rotors and at most its own time step."""
     robot, control = found.robot, found.control
-    tree, guesses = strengthened(robot.tree, anatomy)
-
     rotors = {actuator.joint: actuator.armature for actuator in control.actuators}
-    with staged(robot, found.root, soles_of(robot, anatomy), whole=False) as stage:
+    with staged(robot, soles_of(robot, anatomy), whole=False) as stage:
 
         def attempt(tuning: Tuning) -> Trial:
             step = {"timestep": tuning.timestep}
-            return stage.attempt(tables(tree, tuning.drives, tuning.pose, step))
+            return stage.attempt(tables(robot.tree, tuning.drives, tuning.pose, step))
 
-        return tune(tree, anatomy, guesses, attempt, rotors, control.simulation.timestep)[0]
+        return tune(robot.tree, anatomy, attempt, rotors, control.simulation.timestep)[0]
 
 
 def _home(found: MjcfSource, anatomy: Anatomy, tuning: Tuning | None) -> Iterator[str]:
@@ -296,12 +280,6 @@ def _pose(found: MjcfSource, anatomy: Anatomy, tuning: Tuning | None) -> Mapping
     chain = {j.name for p in placed_loops(tree, control.loops) for j in path_of(tree, p)}
     driven = {row.joint for row in control.actuators if row.model != "passive"}
     return {name: q for name, q in pose.items() if name not in chain - driven}
-
-
-def _chosen(bodies: tuple[str, ...]) -> Iterator[str]:
-    """The first of several robots; the recipe of another differs by this line."""
-    if bodies:
-        yield f"  body: {quoted(bodies[0])}   # or {some(bodies[1:])}: one recipe builds one robot"
 
 
 def _solver(found: MjcfSource, anatomy: Anatomy, hand: Sequence[str]) -> Iterator[str]:
@@ -336,16 +314,11 @@ def _merging(found: MjcfSource) -> Iterator[str]:
     if not found.weak:
         return
     tree = found.built.tree
-    kept = [body.name for body in tree.bodies if _is_fixed(tree, body.name)]
+    kept = [joint.child for joint in tree.joints if joint.kind == "fixed"]
     patterns = patterns_of(kept, list(found.robot.links.by_body))
     more = f", keep_bodies: {inline(patterns)}" if kept else ""
     yield f"# {some(found.weak)} cannot be simulated alone: no mass, or no inertia"
     yield f"fixed_joints: {{merge: true{more}}}"
-
-
-def _is_fixed(tree: Tree, body: str) -> bool:
-    above = tree.joint_above.get(body)
-    return above is not None and above.kind == "fixed"
 
 
 def _collision(robot: InspectedRobot) -> Iterator[str]:
@@ -371,7 +344,7 @@ def _drives(found: MjcfSource, tuning: Tuning | None) -> Iterator[str]:
         yield "# An `actuators:` table here would replace them all."
     if tuning is not None:
         yield DRIVES
-        yield from actuators(tuning.tree, tuning)
+        yield from actuators(tuning)
         if tuning.timestep < found.control.simulation.timestep:
             yield f"simulation: {{timestep: {tuning.timestep!r}}}"
 
@@ -389,6 +362,6 @@ def _validate(found: MjcfSource, anatomy: Anatomy) -> Iterator[str]:
     step = {"timestep": control.simulation.timestep}
     home = control.initial_keyframe
     pose = dict(home.joints) if home else found.posed or home_pose(robot.tree, legs)
-    with staged(robot, found.root, soles, whole=False) as stage:
+    with staged(robot, soles, whole=False) as stage:
         trial = stage.attempt(tables(robot.tree, (), pose, step), control)
     yield from validation(robot, legs, trial)

@@ -1,4 +1,4 @@
-"""Packages: what a description names, the folders that they stand for, the folder around all."""
+"""What file names of a description mean: folders of packages, relative and absolute names."""
 
 from __future__ import annotations
 
@@ -6,11 +6,14 @@ import functools
 import os
 import re
 from collections.abc import Iterable, Iterator, Mapping
+from itertools import chain
 from pathlib import Path, PurePosixPath
+from urllib.parse import unquote
 
 from assetbuild.errors import UsageError
 from assetbuild.recipe.loader import shown_path
-from assetbuild.source.urdf.xml import Node
+from assetbuild.recipe.source import Patch
+from assetbuild.source.urdf.xml import Node, parse
 
 LEVELS = 12
 """Folders above the URDF that are looked at for a package: a tree of files, not a disk."""
@@ -195,3 +198,151 @@ def common_folder(
     except ValueError:  # another drive
         message = "the URDF and its packages share no folder"
         raise UsageError(message, hint="copy them below one folder") from None
+
+
+SHORTEST = 2
+"""Names at the end of an absolute path that must agree: a file's name alone proves nothing."""
+
+_NO_PACKAGE = re.compile(rb"package:///([^\"'<>]*)")
+_FIND = re.compile(r"^(?:(?:file|package):/*)?\$\(\s*find\s+([^)\s]+)\s*\)/*")
+FIND = "xacro and ROS 1 launch files know `$(find ...)`, readers of URDF do not"
+ENCODED = "the name is percent-encoded, which ROS' `file://` decodes; the file has the decoded name"
+PACKAGELESS = "no package is named: pinocchio reads such names from each package's folder"
+
+
+def replaced(data: bytes, patches: Iterable[Patch]) -> bytes:
+    """The text behind its patches."""
+    for patch in patches:
+        data = data.replace(str(patch.find).encode(), str(patch.replace).encode())
+    return data
+
+
+def packageless(file: Path, data: bytes) -> list[Patch]:
+    """The `package:///` before names that lie beside a URDF, as Onshape's exporters write it."""
+    names = {*_NO_PACKAGE.findall(data)}
+    if file.suffix != ".urdf" or not names or any(b"/" in name for name in names):
+        return []
+    prefix = "package:///"
+    times = data.count(prefix.encode())
+    return [Patch(file=file.name, find=prefix, replace="", times=times, because=PACKAGELESS)]
+
+
+def respelled(file: Path, data: bytes, known: Mapping[str, Path]) -> list[Patch]:
+    """Names of a URDF as its readers spell them: `$(find NAME)/` and percent-encoding resolved.
+
+    An encoded name that leads to a file as it stands is that file's.
+    """
+    text, made = data.decode("utf-8", "replace"), list[Patch]()
+    for uri in dict.fromkeys(uri for uri, _ in files_named(parse(data, shown_path(file)))):
+        named, because = _FIND.sub(r"package://\1/", uri), FIND
+        decoded = unquote(named)
+        if decoded != named and not _leads(named, file, known) and _leads(decoded, file, known):
+            named, because = decoded, ENCODED if named == uri else f"{FIND}; {ENCODED}"
+        if named != uri and not set(named) & set("\"'<>&"):
+            quoted = ((f"{mark}{uri}{mark}", f"{mark}{named}{mark}") for mark in "\"'")
+            made += [
+                Patch(file=file.name, find=a, replace=b, times=text.count(a), because=because)
+                for a, b in quoted
+                if a in text
+            ]
+    return made
+
+
+def _leads(uri: str, file: Path, known: Mapping[str, Path]) -> bool:
+    """Whether a name, taken literally, may be that of a file here."""
+    if inside := PACKAGE.fullmatch(uri):
+        name, path = inside[1], inside[2]
+        likely = [[known[name]]] if name in known else package_folders(name, file)
+        return any(is_file(at / path) for at in chain(above(file), *likely))
+    if (path := absolute_path(uri)) is not None:
+        return any(True for _ in _hits(path, file))
+    return any(is_file(folder / uri.removeprefix("file://")) for folder in above(file))
+
+
+def relative_start(uses: Uses, file: Path) -> Path | None:
+    """The folder above the URDF that relative names start from; None: its own folder.
+
+    The nearest that holds the most of them. SourceError where two folders hold other bytes.
+    """
+    names = {uri: node for uri, node in uses if ":" not in uri and not uri.startswith("/")}
+    folders = above(file)
+    held = {folder: [uri for uri in names if is_file(folder / uri)] for folder in folders}
+    best = max(folders, key=lambda folder: len(held[folder]))  # of equals the first
+    if best == file.parent:
+        return None
+    for folder in folders:
+        for uri in held[folder]:
+            if is_file(best / uri) and not _same(folder / uri, best / uri):
+                first, second = (shown_path(one / uri) for one in (folder, best))
+                raise names[uri].error(
+                    f"relative names are taken from a folder above the URDF, where `{uri}` is two "
+                    f"files: `{first}` and `{second}`",
+                    "remove the one that is not meant, or write the names from the URDF's folder",
+                )
+    return best
+
+
+def absolute_folders(uses: Uses, file: Path) -> dict[str, Path]:
+    """Folder of the author's machine -> the folder here, for absolute names of files.
+
+    Found by the longest end of the name that is a file here. SourceError with the line where none
+    is, or several files are.
+    """
+    found: dict[str, Path] = {}
+    lost: Uses = []
+    for uri, node in uses:
+        path = absolute_path(uri)
+        if path is None or _is_known(path, found):
+            continue
+        hits = list(_hits(path, file))
+        if not hits:
+            lost.append((path, node))
+            continue
+        length = max(length for length, _ in hits)
+        longest = [here for count, here in hits if count == length]
+        if any(not _same(longest[0], other) for other in longest):
+            choices = " or ".join(f"`{shown_path(here)}`" for here in longest)
+            raise node.error(f"`{uri}` may be {choices}", "remove the one that is not meant")
+        # The same file may be reached from several folders above: the nearest says the least.
+        near = min(count for count, here in hits if here == longest[0])
+        found[str(PurePosixPath(*PurePosixPath(path).parts[:-near]))] = longest[0].parents[near - 1]
+    for path, node in lost:
+        if not any(path.startswith(f"{known}/") for known in found):
+            raise node.error(
+                f"`{path}` is on the author's machine, and no folder above the URDF holds the end "
+                "of it",
+                "bring the file, or write `package://NAME/path` (and `--package NAME=FOLDER`)",
+            )
+    return found
+
+
+def absolute_path(uri: str) -> str | None:
+    """`/home/me/arm.stl` of that name or of `file:///home/me/arm.stl`; None for others.
+
+    `file://meshes/arm.stl` has two slashes and starts from the URDF.
+    """
+    match = re.fullmatch(r"(?:file:(?://(?=/)|(?!//)))?(/.*)", uri)
+    return None if match is None else os.path.normpath("/" + match[1].lstrip("/"))
+
+
+def _is_known(path: str, found: Mapping[str, Path]) -> bool:
+    """Whether a folder of the author's machine that is known already leads to a file here."""
+    begun = [of for of in found if path.startswith(f"{of}/")]
+    return any(is_file(found[of] / path[len(of) + 1 :]) for of in begun)
+
+
+def _hits(path: str, file: Path) -> Iterator[tuple[int, Path]]:
+    """(names that agree, file here) of every end of the path that is a file here."""
+    parts = PurePosixPath(path).parts[1:]
+    for count in range(len(parts) - 1, SHORTEST - 1, -1):
+        tail = PurePosixPath(*parts[-count:])
+        for folder in above(file):
+            if is_file(folder / tail):
+                yield count, Path(os.path.realpath(folder)) / tail
+        package = find_package(parts[-count], file) if count > SHORTEST else None
+        if package is not None and is_file(package.joinpath(*parts[-count + 1 :])):
+            yield count - 1, package.joinpath(*parts[-count + 1 :])
+
+
+def _same(one: Path, other: Path) -> bool:
+    return one == other or one.read_bytes() == other.read_bytes()

@@ -9,30 +9,29 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
-from pathlib import Path
-
-import numpy as np
+from dataclasses import dataclass, replace
 
 from assetbuild.body.lint_links import MIMIC_LIMITS
+from assetbuild.engine.scratch import Scratch, scratch
+from assetbuild.errors import AssetBuildError
 from assetbuild.findings import Finding
-from assetbuild.init.contradicted import Weighed, keys_of
-from assetbuild.init.look import InspectedRobot, zeroed
-from assetbuild.init.mesh_points import is_flat, mesh_of, scaled_points
-from assetbuild.init.patterns import patterns_of
-from assetbuild.init.targets import not_in_usd
-from assetbuild.init.words import inline, plain, some
+from assetbuild.geometry.convert_mesh import ConvertMesh
+from assetbuild.init.look import FORMATS, LARGEST, InspectedRobot, Weighed, not_in_usd, zeroed
+from assetbuild.init.words import inline, patterns_of, plain, some
+from assetbuild.kinds import Edit
+from assetbuild.plugins import load_plugin
+from assetbuild.robot.codec import encode
 from assetbuild.robot.contradictions import FACTOR
+from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.inertia import principal_moments
 from assetbuild.robot.mimic import common_range, has_range, leading
 from assetbuild.robot.shapes import MeshFile
+from assetbuild.robot.tree import merge_fixed_joints
 
 GUESSED_DENSITY = 1000
 """kg/m3, of links without a mass: water's, and that of many a printed or hollow part."""
 GUESSED_MASS = 0.01
 """kg, of a moving link that has neither a mass nor a shape."""
-BOARDS = 100.0
-"""kg/m3, of the box around a link of flat meshes, as a drawer has."""
 DUMMY_DENSITY = 1e6
 """kg/m3: fifty times the densest matter. Below, a small inertia is odd but can be simulated."""
 
@@ -60,13 +59,13 @@ class Repair:
         return "joint" if self.edit in ("set_limits", "split_joint") else "link"
 
 
-def repairs(robot: InspectedRobot, root: Path, *, usd: bool = True) -> tuple[Repair, ...]:
+def repairs(robot: InspectedRobot, *, usd: bool = True) -> tuple[Repair, ...]:
     """What stops a build, mended; in the order of the recipe.
 
-    root: of the source's files; usd: whether the robot's other facts let it have one.
+    usd: whether the robot's other facts let it have one.
     """
     shares = _shares(robot) if usd else ()
-    return (*_splits(robot), *_inertias(robot, root), *shares, *_limits(robot))
+    return (*_splits(robot), *_inertias(robot), *shares, *_limits(robot))
 
 
 def repairs_text(robot: InspectedRobot, found: Sequence[Repair]) -> Iterator[str]:
@@ -95,30 +94,19 @@ def _subject(finding: Finding) -> str:
 # --- what to do -----------------------------------------------------------------------------
 
 
-def _inertias(robot: InspectedRobot, root: Path) -> Iterator[Repair]:
-    """One repair for each link that makes a body impossible or contradicts its shapes or twin.
-
-    A mirror twin of the same shape says what is right; without one, the link's own shapes do.
-    """
-    weighed, broken = Weighed(robot, root), _broken_links(robot)
-    wrong = {**weighed.wrong_links(), **{link: _worst(own) for link, own in broken.items()}}
+def _inertias(robot: InspectedRobot) -> Iterator[Repair]:
+    """One repair for each link that makes a body impossible or contradicts its shapes or twin."""
+    broken = _broken_links(robot)
+    wrong = Weighed(robot).wrong_links()
+    for link, found in broken.items():
+        wrong[link] = next((f for f in found if f.rule in _BROKEN), found[0])
     for link, finding in wrong.items():
-        twin = weighed.from_twin(link, wrong)
         rules = {finding.rule for finding in broken.get(link, ())}
-        if twin is not None:
-            name, inertial = twin
-            keys = keys_of(inertial, robot.links.by_body[link].inertial)
-            why = f"the mirror image of `{name}`, its twin, which has the same shape"
-            yield Repair(link, "set_inertia", keys, why, finding.message)
-        elif rules and not rules & _BROKEN and _is_near(robot, link):
+        if rules and not rules & _BROKEN and _is_near(robot, link):
             why = "MuJoCo refuses such a tensor; the smallest moment is raised as far as needed"
             yield Repair(link, "balance_inertia", {}, why, finding.message)
         else:
-            yield _remade(robot, root, link, finding)
-
-
-def _worst(findings: Sequence[Finding]) -> Finding:
-    return next((f for f in findings if f.rule in _BROKEN), findings[0])
+            yield _remade(robot, link, finding)
 
 
 def _is_near(robot: InspectedRobot, link: str) -> bool:
@@ -162,12 +150,12 @@ def _spoils(robot: InspectedRobot, link: str) -> bool:
     return link in robot.tree.by_body or (inertial is not None and inertial.mass_kg > 0.0)
 
 
-def _remade(robot: InspectedRobot, root: Path, link: str, finding: Finding) -> Repair:
+def _remade(robot: InspectedRobot, link: str, finding: Finding) -> Repair:
     inertial = robot.links.by_body[link].inertial
     mass = inertial.mass_kg if inertial else 0.0
-    shown = [role for role in ("visual", "collision") if _is_solid(robot, root, link, role)]
+    shown = [role for role in ("visual", "collision") if _is_solid(robot, link, role)]
     if not shown:
-        return _ball(link, mass, _box_m3(robot, root, link), finding)
+        return _ball(link, mass, finding)
     how = {"open": "hull"} if shown[0] == "visual" else {"from": shown[0], "open": "hull"}
     if mass > 0.0:
         matter: dict[str, object] = {"mass": mass}
@@ -181,28 +169,16 @@ def _remade(robot: InspectedRobot, root: Path, link: str, finding: Finding) -> R
     return Repair(link, "inertia_from_geometry", {**matter, **how}, why, finding.message)
 
 
-def _is_solid(robot: InspectedRobot, root: Path, link: str, role: str) -> bool:
+def _is_solid(robot: InspectedRobot, link: str, role: str) -> bool:
     """Whether the link has shapes of this role, and each spans a volume."""
     shapes = [s.geometry for s in robot.shapes.shapes if (s.link, s.role) == (link, role)]
     meshes = [geometry for geometry in shapes if isinstance(geometry, MeshFile)]
-    return bool(shapes) and not any(is_flat(root, mesh) for mesh in meshes)
+    return bool(shapes) and not any(map(robot.is_flat, meshes))
 
 
-def _box_m3(robot: InspectedRobot, root: Path, link: str) -> float:
-    """Volume of the box around the meshes of a link, along its axes; 0 where none can be read."""
-    clouds = [
-        shape.X_link_shape.apply(scaled_points(read, shape.geometry))
-        for shape in robot.shapes.shapes
-        if shape.link == link
-        and isinstance(shape.geometry, MeshFile)
-        and (read := mesh_of(root, shape.geometry)) is not None
-    ]
-    return float(np.prod(np.ptp(np.concatenate(clouds), axis=0))) if clouds else 0.0
-
-
-def _ball(link: str, mass: float, box_m3: float, finding: Finding) -> Repair:
-    """A solid ball of water's density: there is nothing to compute it from but its boards."""
-    ball = mass or max(GUESSED_MASS, float(f"{BOARDS * box_m3:.2g}"))
+def _ball(link: str, mass: float, finding: Finding) -> Repair:
+    """A solid ball of water's density: there is nothing to compute it from."""
+    ball = mass or GUESSED_MASS
     radius = (3.0 * ball / (4.0 * math.pi * GUESSED_DENSITY)) ** (1.0 / 3.0)
     moment = float(f"{0.4 * ball * radius**2:.3g}")
     keys: dict[str, object] = {} if mass else {"mass": ball, "guessed": True}
@@ -301,3 +277,51 @@ def _hints(robot: InspectedRobot, mended: Collection[str]) -> Iterator[str]:
     for finding in locked:
         keys = {"joint": _subject(finding), "lower": 0, "upper": 0}
         yield f"#   - set_limits: {inline(keys)}"
+
+
+def mended(robot: InspectedRobot, repairs: Iterable[Repair]) -> InspectedRobot:
+    """Apply the edits in order; one whose mesh only the build can read is left out.
+
+    The findings stay those of the source.
+    """
+    for repair in repairs:
+        robot = _applied(robot, repair)
+    return robot
+
+
+def _applied(robot: InspectedRobot, repair: Repair) -> InspectedRobot:
+    try:
+        plugin = load_plugin(Edit, repair.edit)
+        edit = plugin.model_validate({repair.kind: re.escape(repair.on), **repair.keys})
+        with scratch() as ports:
+            ports.put("links.json", encode(robot.links))
+            ports.put("shapes.json", encode(robot.shapes))
+            _convert(edit, robot, ports)
+            ports.run(edit)
+            done = RobotFiles(ports.folder)
+            links, shapes = done.links, done.source_shapes
+    except (AssetBuildError, OSError):
+        return robot
+    tree, _ = merge_fixed_joints(links, True, ())
+    return replace(robot, links=links, tree=tree, shapes=shapes)
+
+
+def _convert(edit: Edit, robot: InspectedRobot, ports: Scratch) -> None:
+    """The meshes that the edit reads, where it looks for them. Raises OSError for a huge one."""
+    for index, shape in enumerate(edit.meshes(robot.shapes)):
+        assert isinstance(shape.geometry, MeshFile)  # noqa: S101 # that is what it asked for
+        path = robot.root / shape.geometry.path
+        if path.stat().st_size > LARGEST or path.suffix.lower() not in FORMATS:
+            raise OSError(f"left to the build: {shape.geometry.path}")
+        with scratch() as own:
+            own.put("mesh", path.read_bytes())
+            convert = ConvertMesh(
+                format=FORMATS[path.suffix.lower()],
+                scale=shape.geometry.scale,
+                subject=shape.name,
+            )
+            own.run(convert)
+            folder = ports.folder / "mesh" / str(index)
+            folder.mkdir(parents=True)
+            (own.folder / "parts").rename(folder / "parts")
+            (own.folder / "mesh.json").rename(folder / "mesh.json")

@@ -1,34 +1,44 @@
-"""What file the user gave, and where the robot's other files lie: one folder holds them all."""
+"""What file the user gave, where the robot's other files lie, and patches for what no build reads.
+
+One folder holds them all.
+"""
 
 from __future__ import annotations
 
+import itertools
+import json
 import os
-from collections.abc import Mapping
-from dataclasses import dataclass, field
-from pathlib import Path
+import re
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path, PurePosixPath
 from typing import Literal
 
-from assetbuild.errors import SourceError, UsageError, Where
-from assetbuild.init.file_names import (
-    absolute_folders,
-    elsewhere,
-    packageless,
-    relative_start,
-    respelled,
-)
+from assetbuild.engine.scratch import scratch
+from assetbuild.errors import SourceError, UsageError, Where, nearest
 from assetbuild.init.packages import (
+    absolute_folders,
     common_folder,
     files_named,
     find_packages,
+    is_file,
+    lacking,
+    packageless,
     packages_below,
+    relative_start,
+    replaced,
+    respelled,
     stated,
 )
-from assetbuild.init.xacro import Expanded, Rewrite, expand, is_xacro, leftovers, rewritten
+from assetbuild.init.words import some
+from assetbuild.init.xacro import Expanded, expand, is_xacro, leftovers
 from assetbuild.recipe.loader import read_small_file, shown_path
 from assetbuild.recipe.source import Patch
-from assetbuild.robot.loops import LoopRow
+from assetbuild.robot.files import RobotFiles
+from assetbuild.robot.shapes import MeshFile
+from assetbuild.source.urdf.joints import KINDS
 from assetbuild.source.urdf.read_urdf import ReadUrdf
-from assetbuild.source.urdf.xml import parse
+from assetbuild.source.urdf.xml import Node, parse
 
 
 @dataclass(frozen=True)
@@ -38,8 +48,7 @@ class UrdfSource:
     root: absolute, without links; file and the package folders: below it, `/` between.
     args: as given; defaults: of all arguments that the xacro declares, as it spells them.
     relative_to, absolute, patches: see `recipe.source`; absent: packages that the source lacks;
-    missing: visual meshes that it lacks; loops: in place of joints that patches take away, remarks:
-    what is to be said of these.
+    missing: visual meshes that it lacks.
     """
 
     key: Literal["urdf", "xacro"]
@@ -54,8 +63,6 @@ class UrdfSource:
     absent: tuple[str, ...] = ()
     missing: tuple[str, ...] = ()
     patches: tuple[Patch, ...] = ()
-    loops: tuple[LoopRow, ...] = ()
-    remarks: tuple[str, ...] = ()
 
     @property
     def shown(self) -> str:
@@ -87,12 +94,12 @@ def find_source(
     data = read_small_file(file, name, SourceError)
     folders = {name: stated(name, folder) for name, folder in packages.items()}
     real = Path(os.path.realpath(file))
-    left = (*leftovers(real, data), *packageless(real, data))
-    data = rewritten(data, left)
+    patches = [*leftovers(real, data), *packageless(real, data)]
+    data = replaced(data, patches)
     by_xacro = is_xacro(file, data)
     if not by_xacro:
-        left = (*left, *respelled(real, data, folders))
-        data = rewritten(data, left)
+        spelled = respelled(real, data, folders)
+        data, patches = replaced(data, spelled), [*patches, *spelled]
     if args and not by_xacro:
         raise UsageError("`--arg` is for a xacro file", where=Where(name), hint="leave it out")
     read = expand(real, data, folders, args) if by_xacro else Expanded(data)
@@ -102,30 +109,158 @@ def find_source(
     used = {**folders, **read.packages}
     used |= find_packages(uses, real, used)
     start, absolute = relative_start(uses, real), absolute_folders(uses, real)
-    strays = [stray.parent for stray in elsewhere(uses, real, start).values()]
-    root = common_folder(real, (*used.values(), *absolute.values(), *strays), uses, start)
+    root = common_folder(real, (*used.values(), *absolute.values()), uses, start)
+    path = real.relative_to(root).as_posix()
     return UrdfSource(
         key="xacro" if by_xacro else "urdf",
         root=root,
-        file=real.relative_to(root).as_posix(),
+        file=path,
         packages={name: used[name].relative_to(root).as_posix() for name in sorted(used)},
         data=read.data,
-        args=read.args,
+        args=args,
         defaults=read.defaults,
         relative_to=start.relative_to(root).as_posix() if start else None,
         absolute={of: to.relative_to(root).as_posix() for of, to in sorted(absolute.items())},
         absent=read.absent,
-        patches=tuple(_patch(each, root) for each in (*left, *read.removed)),
+        patches=tuple(patch.model_copy(update={"file": path}) for patch in patches),
     )
 
 
-def _patch(passage: Rewrite, root: Path) -> Patch:
-    """The patch of a passage, everywhere."""
-    text = passage.file.read_bytes().decode("utf-8", "replace")
+NO_LIMIT = (
+    "it states no <limit>, which urdfdom and PyBullet refuse; MuJoCo and Isaac Sim let it turn "
+    "without end: give it a range where it has one"
+)
+SPELLED = "readers know this type in small letters alone"
+
+
+def patched(source: UrdfSource, patches: Iterable[Patch | None]) -> UrdfSource:
+    """The source behind the patches; only a URDF says its names in its own text."""
+    made = tuple(patch for patch in patches if patch is not None)
+    return replace(source, data=replaced(source.data, made), patches=source.patches + made)
+
+
+def retyped(source: UrdfSource) -> Iterator[Patch | None]:
+    """A patch for each joint whose type no build takes as it stands; none of a xacro."""
+    if source.key != "urdf":
+        return
+    for joint in parse(source.data, source.shown).all("joint"):
+        kind = joint.get("type") or ""
+        if kind == "revolute" and joint.only("limit") is None:
+            yield _of_type(source, joint, "continuous", NO_LIMIT)
+        elif kind not in KINDS and kind.strip().lower() in KINDS:
+            yield _of_type(source, joint, kind.strip().lower(), SPELLED)
+
+
+def _of_type(source: UrdfSource, joint: Node, kind: str, because: str) -> Patch | None:
+    """A patch of the joint's start tag; None where the text has no such tag, or several."""
+    text, name = source.data.decode("utf-8", "replace"), re.escape(joint.get("name") or "")
+    tag = rf"<joint\b(?=[^<>]*\sname\s*=\s*[\"']{name}[\"'])[^<>]*\stype\s*=\s*[\"'][^<>\"']*[\"']"
+    found = re.findall(tag, text)
+    if len(found) != 1 or text.count(found[0]) != 1:
+        return None
+    find = found[0]
     return Patch(
-        file=passage.file.relative_to(root).as_posix(),
-        find=passage.tag,
-        replace=passage.instead,
-        times=text.count(passage.tag),
-        because=passage.because,
+        file=source.file,
+        find=find,
+        replace=re.sub(r"(\stype\s*=\s*)([\"'])[^\"']*\2", rf"\g<1>\g<2>{kind}\g<2>", find),
+        because=because,
     )
+
+
+CASE = "Linux tells upper from lower case, and this is how the file is called"
+BACKSLASH = "only Windows reads a backslash as the end of a folder"
+
+
+def mended(source: UrdfSource) -> UrdfSource:
+    """The source with patches for names and types, and what it lacks stated as missing.
+
+    A visual mesh may be missing, a collision mesh may not. SourceError with file and line for what
+    no recipe can mend.
+    """
+    windows = [uri for uri in dict.fromkeys(_names(source)) if "\\" in uri]
+    slashes = [_renaming(source, uri, uri.replace("\\", "/"), BACKSLASH) for uri in windows]
+    source = patched(source, (*slashes, *retyped(source)))
+    meshes, solid = _meshes(source)
+    renamed = patched(source, _cases(source, meshes))
+    if renamed != source:
+        source = renamed
+        meshes, solid = _meshes(source)
+    absent = [mesh for mesh in meshes if not is_file(source.root / mesh["path"])]
+    needed = [mesh for mesh in absent if mesh["path"] in solid]
+    if needed or (absent and len(absent) == len(meshes)):
+        raise _refused(source, needed or absent)
+    return replace(source, missing=tuple(mesh["path"] for mesh in absent))
+
+
+def _meshes(source: UrdfSource) -> tuple[list[dict[str, str]], set[str]]:
+    """Every mesh that is named, and the paths of those that something collides with."""
+    with scratch() as ports:
+        ports.put("robot.urdf", source.data)
+        ports.run(source.reader())
+        listed: list[dict[str, str]] = json.loads(ports.read("meshes.json"))
+        shapes = RobotFiles(ports.folder).source_shapes.of("collision")
+    return listed, {s.geometry.path for s in shapes if isinstance(s.geometry, MeshFile)}
+
+
+def _refused(source: UrdfSource, absent: list[dict[str, str]]) -> SourceError:
+    """A build would stop there too, at the first; here all are named."""
+    first, others = absent[0], [f"`{mesh['path']}`" for mesh in absent[1:]]
+    near = (source.root / first["path"]).parent
+    beside = sorted(near.iterdir()) if near.is_dir() else ()
+    names = [str(PurePosixPath(first["path"]).parent / file.name) for file in beside]
+    close, (lack, meant) = nearest(first["path"], names), lacking(source.root, first["path"])
+    more = f" (and {len(others)} more: {some(others)})" if others else ""
+    return SourceError(
+        f"{first['subject']}: no file `{first['path']}`{more}",
+        where=Where(source.shown, int(first["line"])),
+        hint=f"did you mean `{close}`?" if close else meant or f"the source holds {lack}",
+    )
+
+
+# --- patches --------------------------------------------------------------------------------
+
+
+def _cases(source: UrdfSource, meshes: Sequence[dict[str, str]]) -> Iterator[Patch | None]:
+    """A patch for each mesh that is there under one name of other case alone."""
+    for mesh in meshes:
+        stated = PurePosixPath(mesh["path"])
+        own = None if is_file(source.root / stated) else _other_case(source.root, stated)
+        if own is not None:
+            said = mesh["uri"].split("/")
+            pairs = zip(reversed(stated.parts), reversed(said), strict=False)
+            same = len(list(itertools.takewhile(lambda pair: pair[0] == pair[1], pairs)))
+            if same and own.parts[:-same] == stated.parts[:-same]:
+                named = "/".join((*said[:-same], *own.parts[-same:]))
+                yield _renaming(source, mesh["uri"], named, CASE)
+
+
+def _other_case(root: Path, path: PurePosixPath) -> PurePosixPath | None:
+    """The one file below the root whose path is the same but for upper and lower case."""
+    found = [PurePosixPath()]
+    for part in path.parts:
+        found = [
+            here / entry.name
+            for here in found
+            if (root / here).is_dir()
+            for entry in (root / here).iterdir()
+            if entry.name.lower() == part.lower()
+        ]
+    return found[0] if len(found) == 1 else None
+
+
+def _names(source: UrdfSource) -> list[str]:
+    """Every name of a file, as often as it is used; none of a xacro, which computes them."""
+    if source.key != "urdf":
+        return []
+    return [uri for uri, _ in files_named(parse(source.data, source.shown))]
+
+
+def _renaming(source: UrdfSource, old: str, new: str, because: str) -> Patch | None:
+    """A patch of a name, everywhere; None where the text spells it in another way."""
+    uses, text = _names(source).count(old), source.data.decode("utf-8", "replace")
+    for mark in ('"', "'", ""):
+        if uses and text.count(f"{mark}{old}{mark}") == uses:
+            find, replace = f"{mark}{old}{mark}", f"{mark}{new}{mark}"
+            file = source.file
+            return Patch(file=file, find=find, replace=replace, times=uses, because=because)
+    return None

@@ -19,17 +19,25 @@ from __future__ import annotations
 import math
 import re
 from collections import Counter
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from statistics import fmean
 
-from assetbuild.init.anatomy import Anatomy, Leg, Role, chain_to, length_below, limb_of, roles
-from assetbuild.init.gravity import GRAVITY, overloaded, sample_poses, worst_loads
+import numpy as np
+
+from assetbuild.init.anatomy import Anatomy, Role, chain_to, length_below, limb_of, roles
 from assetbuild.init.wheels import VELOCITY_DRIVEN
 from assetbuild.robot.dynamics import dynamics
 from assetbuild.robot.inertia import total_mass
+from assetbuild.robot.mimic import with_mimics
 from assetbuild.robot.model import Joint, Tree
+from assetbuild.robot.pose import Array
+from assetbuild.robot.tree import forward_kinematics
 
+GRAVITY = 9.81
+SAMPLES = 40
+"""Random poses in which the worst load is looked for, besides the pose of zeros."""
+SEED = 1
 MARGIN = 2.0
 """Times the gravity of the worst pose."""
 ACCELERATION = {"rad": 20.0, "m": 10.0}
@@ -94,10 +102,8 @@ def strengthened(tree: Tree, anatomy: Anatomy) -> tuple[Tree, dict[str, Guess]]:
     for name, reason in why.items():
         joint = tree.by_joint[name]
         if reason and not is_locked(joint) and not stays_passive(tree, joint, anatomy):
-            like = [
-                n for n in stated if parts[n] == parts[name] and _is_like(tree, physics, n, name)
-            ]
-            effort = _of_nearest(tree, physics, name, like)
+            alike = [n for n in stated if parts[n] == parts[name]]
+            effort = _of_its_like(tree, physics, name, alike)
             if effort is not None:
                 reason = f"{reason} here and {effort:g} for its like"
             guesses[name] = Guess(effort or rounded_up(physics[name]), reason, parts[name])
@@ -120,17 +126,17 @@ def _alike(tree: Tree, physics: Mapping[str, float], over: Mapping[str, float]) 
     }
 
 
-def _is_like(tree: Tree, physics: Mapping[str, float], one: str, other: str) -> bool:
-    """Whether one motor suits both: what they need differs by less than a factor of two."""
-    units = {unit_of(tree.by_joint[name]) for name in (one, other)}
-    return len(units) == 1 and 0.5 < physics[one] / physics[other] < 2.0
-
-
-def _of_nearest(
-    tree: Tree, physics: Mapping[str, float], name: str, others: Collection[str]
+def _of_its_like(
+    tree: Tree, physics: Mapping[str, float], name: str, others: Iterable[str]
 ) -> float | None:
-    """The effort that the source states of the joint that needs about as much."""
-    found = min(others, key=lambda n: abs(math.log(physics[n] / physics[name])), default=None)
+    """The effort that the source states of the joint that needs about as much: one motor suits
+    both where what they need differs by less than a factor of two.
+    """
+    unit, need = unit_of(tree.by_joint[name]), physics[name]
+    like = [
+        n for n in others if unit_of(tree.by_joint[n]) == unit and 0.5 < physics[n] / need < 2.0
+    ]
+    found = min(like, key=lambda n: abs(math.log(physics[n] / need)), default=None)
     return None if found is None else tree.by_joint[found].limits.effort
 
 
@@ -214,7 +220,8 @@ def physical_efforts(tree: Tree, anatomy: Anatomy, parts: Mapping[str, Role]) ->
     weight, found = total_mass(tree) * GRAVITY, {}
     turned = _turned(anatomy, weight)
     share = weight / max(1, len(anatomy.walks_on) // 2)
-    legs = {j.name: _standing_load(leg, share) for leg in anatomy.walks_on for j in leg.joints}
+    # A leg that carries its share on half of the legs, half its length off its foot.
+    legs = {j.name: share * leg.length / 2.0 for leg in anatomy.walks_on for j in leg.joints}
     for joint in tree.moving_joints:
         if joint.mimic is not None:
             continue
@@ -284,6 +291,88 @@ def largest_inertias(tree: Tree) -> dict[str, float]:
     return largest
 
 
-def _standing_load(leg: Leg, weight: float) -> float:
-    """N m of a leg that carries its share on half of the legs, half its length off its foot."""
-    return weight * leg.length / 2.0
+# --- where joints may stand, and what weight does to them ------------------------------------
+
+
+def bounds(joint: Joint) -> tuple[float, float]:
+    """The limits; half a turn to both sides where the source states none that hold."""
+    lower, upper = joint.limits.lower, joint.limits.upper
+    if joint.kind == "continuous" or lower is None or upper is None or lower > upper:
+        return -math.pi, math.pi
+    return lower, upper
+
+
+def resting(joint: Joint) -> float:
+    """0 where the limits allow it, else the middle of the range."""
+    lower, upper = bounds(joint)
+    return 0.0 if lower <= 0.0 <= upper else (lower + upper) / 2
+
+
+def gravity_loads(
+    tree: Tree, pose: Mapping[str, float], joints: Iterable[Joint]
+) -> dict[str, float]:
+    """What each joint must push to hold all that hangs on it, N m or N; the root stands upright."""
+    X_root = forward_kinematics(tree, with_mimics(tree, pose))
+    mass: dict[str, float] = {}
+    moment: dict[str, Array] = {}
+    for body in tree.bodies:
+        inertial = body.inertial
+        mass[body.name] = inertial.mass_kg if inertial else 0.0
+        com = X_root[body.name].apply(inertial.com_m if inertial else (0.0, 0.0, 0.0))
+        moment[body.name] = mass[body.name] * np.asarray(com)
+    for joint in reversed(tree.joints):  # children come after their parents
+        mass[joint.parent] += mass[joint.child]
+        moment[joint.parent] = moment[joint.parent] + moment[joint.child]
+    found = {}
+    for joint in joints:
+        X = X_root[joint.child]
+        axis = X.rotation @ np.asarray(joint.axis)
+        if joint.kind == "prismatic":
+            found[joint.name] = abs(mass[joint.child] * GRAVITY * float(axis[2]))
+        else:
+            arm = moment[joint.child] - mass[joint.child] * np.asarray(X.xyz)
+            found[joint.name] = abs(float(axis @ np.cross(arm, (0.0, 0.0, GRAVITY))))
+    return found
+
+
+def worst_loads(tree: Tree) -> dict[str, float]:
+    """The largest of `gravity_loads` over the joints' ranges; what mimics a joint loads it too."""
+    loads = _sampled_loads(tree)
+    return {joint.name: max(load[joint.name] for load in loads) for joint in tree.moving_joints}
+
+
+def overloaded(tree: Tree) -> dict[str, float]:
+    """Share of the random poses that need more than the stated effort, by joint that states one."""
+    loads = _sampled_loads(tree)[1:]
+    stated = {j.name: j.limits.effort for j in tree.moving_joints if j.limits.effort}
+    return {n: sum(load[n] > most for load in loads) / len(loads) for n, most in stated.items()}
+
+
+def _sampled_loads(tree: Tree) -> list[dict[str, float]]:
+    """`gravity_loads` in the pose of zeros and in random ones."""
+    joints = tree.moving_joints
+    found = []
+    for pose in sample_poses(joints, SAMPLES):
+        loads = gravity_loads(tree, pose, joints)
+        for joint in joints:
+            leader, factor = joint, 1.0
+            while leader.mimic is not None:
+                factor *= abs(leader.mimic.multiplier)
+                leader = tree.by_joint[leader.mimic.joint]
+            if leader is not joint:
+                loads[leader.name] += factor * loads[joint.name]
+        found.append(loads)
+    return found
+
+
+def sample_poses(joints: Sequence[Joint], count: int) -> list[dict[str, float]]:
+    """The pose of zeros and random ones over the joints' ranges, the same every time."""
+    random = np.random.default_rng(SEED)
+    free = [joint for joint in joints if joint.mimic is None]
+    ends = [bounds(joint) for joint in free]
+    low = np.array([max(lower, -math.pi) for lower, _ in ends])
+    high = np.array([min(upper, math.pi) for _, upper in ends])
+    drawn = low + (high - low) * random.random((count, len(free)))
+    names = [joint.name for joint in free]
+    zero = np.clip(np.zeros(len(free)), low, high)
+    return [dict(zip(names, map(float, row), strict=True)) for row in (zero, *drawn)]

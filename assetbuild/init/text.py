@@ -5,13 +5,20 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Collection, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 
 from assetbuild.body.lint_links import invented
-from assetbuild.init import contradicted
 from assetbuild.init.anatomy import Anatomy, Leg
-from assetbuild.init.collision import collision, compound_pairs, soles_of
+from assetbuild.init.collision import (
+    collision,
+    compound_pairs,
+    driven_by,
+    hand_of,
+    pads,
+    soles_of,
+    tried,
+)
 from assetbuild.init.drives import (
     DAMPING_RATIO,
     FASTEST_HZ,
@@ -23,22 +30,27 @@ from assetbuild.init.drives import (
     STEP_S,
     DriveRow,
 )
-from assetbuild.init.grips import driven_by, hand_of, pads, tried
-from assetbuild.init.joint_range import resting
-from assetbuild.init.look import InspectedRobot
+from assetbuild.init.home import DEEP_M, Pair, made_so, nothing_deep
+from assetbuild.init.licence import source_section
+from assetbuild.init.look import InspectedRobot, Weighed, targets
 from assetbuild.init.loops import NO_LOOPS, FoundLoops, find_loops
-from assetbuild.init.mend import mended
 from assetbuild.init.packages import lacking
-from assetbuild.init.patterns import pattern_of, patterns_of
-from assetbuild.init.relief import DEEP_M, Pair, made_so, nothing_deep
-from assetbuild.init.repairs import guessed_masses, repairs, repairs_text, unmended
+from assetbuild.init.repairs import guessed_masses, mended, repairs, repairs_text, unmended
 from assetbuild.init.source import UrdfSource
-from assetbuild.init.strength import MARGIN, ROTOR_RULE, is_locked, strengthened
-from assetbuild.init.targets import targets
+from assetbuild.init.strength import MARGIN, ROTOR_RULE, is_locked, resting
 from assetbuild.init.trial import Trial, staged, tables
 from assetbuild.init.tune import LIGHT_KG, Tuning, tune
-from assetbuild.init.up_axis import turned
-from assetbuild.init.words import flow, inline, plain, quoted, some, source_section, written
+from assetbuild.init.words import (
+    Proposal,
+    flow,
+    inline,
+    pattern_of,
+    patterns_of,
+    plain,
+    quoted,
+    some,
+    written,
+)
 from assetbuild.recipe.loader import shown_path
 from assetbuild.robot.contact import Exclude
 from assetbuild.robot.inertia import total_mass
@@ -62,24 +74,17 @@ def recipe_name(name: str) -> str:
     return (plain if plain[:1].isalpha() and plain not in SCENES else f"robot_{plain}")[:64]
 
 
-@dataclass(frozen=True)
-class Recipe:
-    """Its text, and what it could not mend, each a sentence with the edit that does."""
-
-    text: str
-    unmended: tuple[str, ...] = ()
-
-
-def recipe_text(robot: InspectedRobot, anatomy: Anatomy, source: UrdfSource, path: Path) -> Recipe:
+def urdf_recipe(
+    robot: InspectedRobot, anatomy: Anatomy, source: UrdfSource, path: Path
+) -> Proposal:
     """The whole recipe, as it will lie at `path`; its drives and pose are tried before."""
-    edits = repairs(robot, source.root)
-    up_axis, turn = turned(source, robot)
-    whole = mended(robot, source.root, edits, turn)
-    tree, guesses = strengthened(whole.tree, anatomy)
-    soles, loops = soles_of(whole, anatomy), find_loops(whole, source.loops, source.remarks)
+    edits = repairs(robot)
+    whole = mended(robot, edits)
+    tree = whole.tree
+    soles, loops = soles_of(whole, anatomy), find_loops(whole)
 
     exclude = Exclude(adjacent=True, pairs=tuple(compound_pairs(robot.tree, anatomy.size_m)))
-    with staged(whole, source.root, soles, turn) as stage:
+    with staged(whole, soles) as stage:
 
         def attempt(tuning: Tuning) -> Trial:
             drives, pose = loops.drives(tuning.drives), loops.pose(tuning.pose)
@@ -87,16 +92,16 @@ def recipe_text(robot: InspectedRobot, anatomy: Anatomy, source: UrdfSource, pat
             return stage.attempt(tables(tree, drives, pose, step, loops.rows, exclude))
 
         depths = stage.depths(exclude) if not loops.rows else nothing_deep
-        tuning, trial = tune(tree, anatomy, guesses, attempt, loops=loops, depths=depths)
+        tuning, trial = tune(tree, anatomy, attempt, loops=loops, depths=depths)
         left = {p: d for p, d in depths(tuning.pose, True).items() if d > DEEP_M}
         inside = made_so(tree, depths, tuning.pose)
     drives, pose = loops.drives(tuning.drives), loops.pose(tuning.pose)
     tuning = replace(tuning, drives=drives, pose=pose)
-    contrary = contradicted.unmended(contradicted.Weighed(whole, source.root))
+    contrary = Weighed(whole).unmended()
     unknown = [f"{f.message} ({f.hint})" for f in invented(whole.links, guessed_masses(edits))]
     unrepaired = (*_locked(tree), *unmended(robot), *unknown, *contrary)
     tuning = replace(tuning, unmended=(*unrepaired, *tuning.unmended))
-    more = (*_arguments(source), *_packages(source), *up_axis)
+    more = (*_arguments(source), *_packages(source))
     text = written(
         head(whole, anatomy, path, tuning.unmended),
         source_section(source.root, path, source.key, source.file, *more),
@@ -105,14 +110,14 @@ def recipe_text(robot: InspectedRobot, anatomy: Anatomy, source: UrdfSource, pat
         repairs_text(robot, edits),
         loops.text(),
         ["visual:", "  max_faces: 20000   # finer meshes are thinned, each with a finding"],
-        collision(robot, anatomy, source.root, trial.overlaps, inside),
-        actuators(tree, tuning),
+        collision(robot, anatomy, trial.overlaps, inside),
+        actuators(tuning),
         home(robot, anatomy, tuning.pose, loops),
         _left(left, {*trial.overlaps, *inside}),
         _simulation(whole, anatomy, tuning, trial),
         _variants(robot, anatomy),
     )
-    return Recipe(text, tuning.unmended)
+    return Proposal(path, text, tuning.unmended, anatomy.doubt)
 
 
 def _locked(tree: Tree) -> Iterator[str]:
@@ -202,9 +207,9 @@ def _fixed_joints(robot: InspectedRobot) -> Iterator[str]:
 # --- drives and poses -----------------------------------------------------------------------
 
 
-def actuators(tree: Tree, tuning: Tuning) -> Iterator[str]:
+def actuators(tuning: Tuning) -> Iterator[str]:
     """The table of the drives."""
-    rows = tuning.drives
+    rows, moving = tuning.drives, tuning.tree.moving_joints
     if not rows:
         return
     yield "# Effort and velocity limits are the source's. Joints with equal limits that move about"
@@ -232,42 +237,36 @@ def actuators(tree: Tree, tuning: Tuning) -> Iterator[str]:
         yield f"# motor of that size has: {ROTOR_RULE}."
     yield from (f"# Corrected: {plain(note, 400)}" for note in tuning.notes)
     yield "actuators:"
-    everything = [joint.name for joint in tree.moving_joints]
+    everything = [joint.name for joint in moving]
     for row in rows:
         for pattern in patterns_of(row.joints, everything):
             yield from _row(pattern, row)
-    mimics = [joint.name for joint in tree.moving_joints if joint.mimic is not None]
+    mimics = [joint.name for joint in moving if joint.mimic is not None]
     if mimics:
         yield f"  # mimic others and need no row: {some(mimics)}"
 
 
 def _row(pattern: str, row: DriveRow) -> Iterator[str]:
+    """A row of the table below what it is of."""
     count = "1 joint" if len(row.joints) == 1 else f"{len(row.joints)} joints"
-    line = inline({"joints": pattern, **row.keys})
     if row.locked:
-        yield f"  # {count} locked by equal limits: a drive would move nothing"
-        yield f"  - {line}"
-        return
-    if row.role == "loop":
-        yield f"  # {count} that the loops move"
-        yield f"  - {line}"
-        return
-    if row.role == "caster":
-        yield f"  # {count} of casters, which follow where the wheels go"
-        yield f"  - {line}"
-        return
-    if row.effort is None:
-        yield f"  # {count} without effort that nothing seems to drive: casters, springs"
-        yield f"  - {line}"
-        return
-    torque, unit = ("N", "kg") if row.unit == "m" else ("N m", "kg m2")
-    speed = f"{row.velocity:g} {row.unit}/s" if row.velocity else "no stated speed"
-    moved = f"{row.inertia:.3g} {unit}" if row.inertia else "what the edits above give a mass"
-    guess = f" is a guess for the {row.role}, as {row.guess}" if row.guess else ""
-    yield f"  # {count}: {row.effort:g} {torque}{guess}, {speed}, moves {moved}"
+        count += " locked by equal limits: a drive would move nothing"
+    elif row.role == "loop":
+        count += " that the loops move"
+    elif row.role == "caster":
+        count += " of casters, which follow where the wheels go"
+    elif row.effort is None:
+        count += " without effort that nothing seems to drive: casters, springs"
+    else:
+        torque, unit = ("N", "kg") if row.unit == "m" else ("N m", "kg m2")
+        speed = f"{row.velocity:g} {row.unit}/s" if row.velocity else "no stated speed"
+        moved = f"{row.inertia:.3g} {unit}" if row.inertia else "what the edits above give a mass"
+        guess = f" is a guess for the {row.role}, as {row.guess}" if row.guess else ""
+        count += f": {row.effort:g} {torque}{guess}, {speed}, moves {moved}"
+    yield f"  # {count}"
     for word in row.drops:
         yield f"  # source {word} ignored: {DROPPED[word]}"
-    yield f"  - {line}"
+    yield f"  - {inline({'joints': pattern, **row.keys})}"
 
 
 def home(
@@ -331,7 +330,11 @@ def _simulation(
 ) -> Iterator[str]:
     legs, tree = anatomy.legs, tuning.tree
     hand = hand_of(robot, anatomy, tree, driven_by(tuning))
-    yield from _contact(robot, hand, tuning.timestep)
+    if hand:
+        yield from ("contact:", "  friction: [0.8, 0.02, 0.01]", "  condim: 3")
+        yield from pads(robot, hand, tuning.timestep)
+    else:
+        yield "contact: {friction: [0.8, 0.02, 0.01], condim: 3}   # rubber on a floor"
     yield from _steps(tuning)
     yield targets(robot)
     efforts = [tree.by_joint[j.name].limits.effort for leg in legs for j in leg.joints]
@@ -341,16 +344,6 @@ def _simulation(
         yield "# To train in mjlab: add `mjlab` to the targets, and"
         yield f"# feet: {{links: {quoted(_soles(robot, legs))}}}"
         yield f"# imu: {{link: {quoted(robot.tree.root)}}}   # or the link of its IMU"
-
-
-def _contact(robot: InspectedRobot, hand: Sequence[str], timestep: float) -> Iterator[str]:
-    if not hand:
-        yield "contact: {friction: [0.8, 0.02, 0.01], condim: 3}   # rubber on a floor"
-        return
-    yield "contact:"
-    yield "  friction: [0.8, 0.02, 0.01]"
-    yield "  condim: 3"
-    yield from pads(robot, hand, timestep)
 
 
 def validation(robot: InspectedRobot, legs: Sequence[Leg], trial: Trial) -> Iterator[str]:

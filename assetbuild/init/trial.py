@@ -7,10 +7,10 @@ robot over. What random commands do to its drives is tried on the hulls of its s
 from __future__ import annotations
 
 import re
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
-from pathlib import Path
+from functools import cached_property
 
 import numpy as np
 
@@ -23,15 +23,14 @@ from assetbuild.engine.scratch import Scratch, scratch
 from assetbuild.errors import AssetBuildError, StepError
 from assetbuild.findings import Finding
 from assetbuild.init.drives import DriveRow
-from assetbuild.init.look import InspectedRobot
-from assetbuild.init.mesh_points import mesh_of, scaled_points
-from assetbuild.init.overlap import Overlaps
-from assetbuild.init.patterns import patterns_of
-from assetbuild.init.relief import DEEP_M, Depths, Pair, nothing_deep
+from assetbuild.init.home import DEEP_M, Depths, Pair, nothing_deep
+from assetbuild.init.look import InspectedRobot, mesh_of, scaled_points
+from assetbuild.init.words import patterns_of
 from assetbuild.mesh.hull import convex_hull
-from assetbuild.mesh.material import SourceMesh
 from assetbuild.mesh.obj import obj_bytes
-from assetbuild.mesh.read import UpAxis
+from assetbuild.mesh.primitives import tessellate
+from assetbuild.mesh.quality import NearestSurface, surface_samples
+from assetbuild.mesh.solid import Solid
 from assetbuild.mesh.triangles import TriangleMesh, merged
 from assetbuild.robot.actuator_table import ActuatorRow
 from assetbuild.robot.actuators import RowError
@@ -41,9 +40,11 @@ from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.loops import LoopRow
 from assetbuild.robot.mimic import with_mimics
 from assetbuild.robot.model import Control, Tree
+from assetbuild.robot.pose import Array, Pose
 from assetbuild.robot.poses import Keyframe
 from assetbuild.robot.shapes import Geometry, Mesh, MeshAsset, MeshFile, Shape, Shapes, SourceShape
 from assetbuild.robot.simulation import Simulation
+from assetbuild.robot.tree import forward_kinematics
 from assetbuild.simulators import mujoco
 from assetbuild.simulators.mujoco import trials as mujoco_trials
 from assetbuild.simulators.mujoco.drives import servoed
@@ -229,21 +230,11 @@ def _stays(stood: Stand) -> bool:
 
 
 @contextmanager
-def staged(
-    robot: InspectedRobot,
-    root: Path,
-    soles: Sequence[str],
-    turned: Collection[str] = (),
-    *,
-    whole: bool = True,
-) -> Iterator[Stage]:
-    """Lay the robot out. root: of the source's files; soles: source links.
-
-    turned: paths of the meshes that the recipe turns as their files say.
-    """
+def staged(robot: InspectedRobot, soles: Sequence[str], *, whole: bool = True) -> Iterator[Stage]:
+    """Lay the robot out. soles: source links."""
     links = sorted(robot.solid_links | set(soles))
     with scratch() as ports:
-        shapes, meshes = _laid_out(robot, root, links, ports, turned)
+        shapes, meshes = _laid_out(robot, links, ports)
         real = Overlaps(robot.tree, {shape.name: shape for shape in shapes.shapes}, meshes)
         yield Stage(robot, soles, shapes, real, ports, whole)
 
@@ -275,11 +266,7 @@ def tables(
 
 
 def _laid_out(
-    robot: InspectedRobot,
-    root: Path,
-    links: Sequence[str],
-    ports: Scratch,
-    turned: Collection[str],
+    robot: InspectedRobot, links: Sequence[str], ports: Scratch
 ) -> tuple[Shapes, dict[str, TriangleMesh]]:
     """The robot as a build has it, with a hull or primitive for each shape of these links.
 
@@ -291,9 +278,8 @@ def _laid_out(
         name, source = f"shape_{index}", shape.geometry
         geometry: Geometry
         if isinstance(source, MeshFile):
-            up_axis: UpAxis = "honour" if source.path in turned else "ignore"
-            read = mesh_of(root, source, up_axis)
-            asset = _hull(shape, read, name, ports)
+            read = mesh_of(robot.root, source)
+            asset = _hull(scaled_points(read, source), name, ports) if read else None
             if read is None or asset is None:
                 continue
             whole = merged([part.mesh for part in read.parts])
@@ -316,16 +302,79 @@ def _shapes_of(robot: InspectedRobot, links: Sequence[str]) -> Iterator[SourceSh
         yield from [s for s in own if s.role == "collision"] or own
 
 
-def _hull(
-    shape: SourceShape, read: SourceMesh | None, name: str, ports: Scratch
-) -> MeshAsset | None:
-    """Written to `meshes/`; None for a mesh that cannot be read or is flat."""
-    if read is None or not isinstance(mesh := shape.geometry, MeshFile):
-        return None
+def _hull(points: Array, name: str, ports: Scratch) -> MeshAsset | None:
+    """Written to `meshes/`; None for a mesh that is flat. points: (n, 3) m."""
     try:
-        hull = convex_hull(scaled_points(read, mesh), max_vertices=CORNERS, subject=shape.name)
+        hull = convex_hull(points, max_vertices=CORNERS, subject=name)
     except StepError:
         return None
     asset = MeshAsset(name, f"{name}.obj", len(hull.vertices), len(hull.faces), convex=True)
     ports.put(f"meshes/{asset.file}", obj_bytes(hull))
     return asset
+
+
+SAMPLES = 300
+"""Points of a surface that may lie in another."""
+
+
+class Surface:
+    """A shape's triangles, in its own frame, and what is asked of them."""
+
+    def __init__(self, mesh: TriangleMesh) -> None:
+        self.mesh = mesh
+
+    @cached_property
+    def points(self) -> Array:
+        """(SAMPLES, 3) m, on the surface."""
+        return surface_samples(self.mesh, SAMPLES, 0)[0]
+
+    def depth_of(self, points: Array) -> float:
+        """How deep the deepest of points (n, 3) lies inside, m; 0 where none does."""
+        lower, upper = self.mesh.bounds
+        near = points[((points > lower) & (points < upper)).all(axis=1)]
+        inside = near[self._solid.contains(near)] if len(near) else near
+        return float(self._nearest.distance(inside).max()) if len(inside) else 0.0
+
+    @cached_property
+    def _solid(self) -> Solid:
+        return Solid(self.mesh)
+
+    @cached_property
+    def _nearest(self) -> NearestSurface:
+        return NearestSurface(self.mesh)
+
+
+@dataclass(frozen=True)
+class Overlaps:
+    """shapes: of the robot by name; meshes: those of them that are meshes, in the shape's frame."""
+
+    tree: Tree
+    shapes: Mapping[str, Shape]
+    meshes: Mapping[str, TriangleMesh]
+    _surfaces: dict[str, Surface] = field(default_factory=dict)
+
+    def body_of(self, shape: str) -> str:
+        """The body that the shape belongs to; "" is the floor."""
+        return self.tree.placement(self.shapes[shape].link)[0] if shape else ""
+
+    def depth(self, one: str, other: str, positions: Mapping[str, float]) -> float:
+        """Depth of the overlap of two shapes in a pose of all joints, m."""
+        X_root = forward_kinematics(self.tree, positions)
+        here, there = self._surface(one), self._surface(other)
+        X_there_here = self._placed(other, X_root).inverse() @ self._placed(one, X_root)
+        return max(
+            there.depth_of(X_there_here.apply(here.points)),
+            here.depth_of(X_there_here.inverse().apply(there.points)),
+        )
+
+    def _placed(self, name: str, X_root: Mapping[str, Pose]) -> Pose:
+        shape = self.shapes[name]
+        body, X_body_link = self.tree.placement(shape.link)
+        return X_root[body] @ X_body_link @ shape.X_link_shape
+
+    def _surface(self, name: str) -> Surface:
+        if name not in self._surfaces:
+            geometry = self.shapes[name].geometry
+            mesh = self.meshes[name] if isinstance(geometry, Mesh) else tessellate(geometry)
+            self._surfaces[name] = Surface(mesh)
+        return self._surfaces[name]

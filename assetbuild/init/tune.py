@@ -10,26 +10,26 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from types import MappingProxyType
 
 import numpy as np
 
 from assetbuild.findings import Finding
-from assetbuild.init.anatomy import Anatomy, Leg
+from assetbuild.init.anatomy import Anatomy
 from assetbuild.init.drives import FIRM, FIRMER, MOST_DAMPED, STEP_S, TABLE, DriveRow, drive_rows
-from assetbuild.init.home import UPRIGHT, Stance, home_pose
+from assetbuild.init.home import UPRIGHT, Depths, Stance, home_pose, nothing_deep
 from assetbuild.init.loops import NO_LOOPS, FoundLoops
-from assetbuild.init.patterns import patterns_of
-from assetbuild.init.relief import Depths, nothing_deep
 from assetbuild.init.strength import (
     Guess,
     rotor_inertia,
     rounded_up,
+    strengthened,
     with_efforts,
 )
 from assetbuild.init.trial import PUSHED_RAD, Trial
-from assetbuild.init.wheels import Turning
+from assetbuild.init.words import patterns_of
+from assetbuild.robot.actuators import RowError
 from assetbuild.robot.inertia import total_mass
 from assetbuild.robot.model import Tree
 
@@ -54,10 +54,11 @@ class Tuning:
 
     notes: what was corrected and why; unmended: what could not be, each with the edit that mends
     it. rotors: inertias that the source states, by joint, kg m2 or kg. loops: the joints that they
-    move have no drive. turning: what turns without end, by joint.
+    move have no drive.
     """
 
     tree: Tree
+    anatomy: Anatomy
     pose: Mapping[str, float]
     drives: tuple[DriveRow, ...]
     timestep: float
@@ -66,7 +67,6 @@ class Tuning:
     notes: tuple[str, ...] = ()
     unmended: tuple[str, ...] = ()
     loops: FoundLoops = NO_LOOPS
-    turning: Mapping[str, Turning] = field(default_factory=dict)
     stance: Stance = UPRIGHT
     firmness: float = FIRM
     depths: Depths = nothing_deep
@@ -82,7 +82,6 @@ class Tuning:
 def tune(
     tree: Tree,
     anatomy: Anatomy,
-    guesses: Mapping[str, Guess],
     attempt: Try,
     rotors: Mapping[str, float] = MappingProxyType({}),
     longest_step: float = STEP_S,
@@ -91,67 +90,58 @@ def tune(
 ) -> tuple[Tuning, Trial]:
     """The first choice of drives that the trial has nothing against, else the last.
 
-    tree: with the guessed efforts. rotors: inertias that the source states, by joint, kg m2 or kg;
+    tree: as the source states it. rotors: inertias that it states, by joint, kg m2 or kg;
     longest_step: s.
     """
-    start = Tuning(
-        tree,
-        {},
-        (),
-        0.0,
-        guesses,
-        rotors,
-        loops=loops,
-        turning=anatomy.turning,
-        depths=depths,
-    )
-    tuning = _chosen(start, anatomy.legs, longest_step)
+    strong, guesses = strengthened(tree, anatomy)
+    start = Tuning(strong, anatomy, {}, (), 0.0, guesses, rotors, loops=loops, depths=depths)
+    tuning = _chosen(start, longest_step)
     trial = attempt(tuning)
     for _ in range(ROUNDS):
-        better = None if trial.is_fine else _corrected(tuning, trial, anatomy.legs)
+        better = None if trial.is_fine else _corrected(tuning, trial)
         if better is None:
             break
         tuning, trial = better, attempt(better)
     askew = trial.stands is False or trial.lean > PUSHED_RAD
     if trial.is_fine and askew and not trial.points:
-        tuning, trial = _standing(tuning, trial, anatomy.legs, attempt)
+        tuning, trial = _standing(tuning, trial, attempt)
     rest = tuple(f"{error.subject}: {error.message} ({error.hint})" for error in trial.errors)
     if trial.refused is not None:
         rest += (f"{trial.refused.message} ({trial.refused.hint})",)
     return replace(tuning, unmended=rest), trial
 
 
-def _chosen(tuning: Tuning, legs: tuple[Leg, ...], step: float = 0.0) -> Tuning:
+def _chosen(tuning: Tuning, step: float) -> Tuning:
     """The same with pose, drives and time step chosen anew; step: no longer than this, s."""
-    tree = tuning.tree
+    tree, legs, turning = tuning.tree, tuning.anatomy.legs, tuning.anatomy.turning
     pose = home_pose(tree, legs, tuning.stance, tuning.depths)
     loops, closed = tuning.loops.closed(tree, pose)
     passive = tuning.loops.passive
-    said = (tuning.guesses, tuning.armature, loops, passive, tuning.turning, tuning.firmness)
+    said = (tuning.guesses, tuning.armature, loops, passive, turning, tuning.firmness)
     drives = drive_rows(tree, closed, legs, *said)
     hops = any(row.outruns(STEP_S) for row in drives)
     own = SHORT_STEP_S if hops or total_mass(tree) < LIGHT_KG else STEP_S
-    return replace(tuning, pose=pose, drives=drives, timestep=min(own, step or own))
+    return replace(tuning, pose=pose, drives=drives, timestep=min(own, step))
 
 
 # --- corrections ----------------------------------------------------------------------------
 
 
-def _corrected(tuning: Tuning, trial: Trial, legs: tuple[Leg, ...]) -> Tuning | None:
+def _corrected(tuning: Tuning, trial: Trial) -> Tuning | None:
     """One step further; None when nothing is left to try."""
     if trial.refused is not None:
-        return _damped_more(tuning, trial)
+        return _damped_more(tuning, trial.refused)
     weak = [error for error in trial.errors if error.rule in WEAK]
-    stronger = _stronger(tuning, weak, legs) if weak else None
+    stronger = _stronger(tuning, weak) if weak else None
     if stronger is not None:
         return stronger
     others = [error for error in trial.errors if error.rule not in WEAK]
-    return _calmer(tuning, others[0], legs) if others else None
+    return _calmer(tuning, others[0]) if others else None
 
 
-def _damped_more(tuning: Tuning, trial: Trial) -> Tuning | None:
+def _damped_more(tuning: Tuning, refused: RowError) -> Tuning | None:
     """More than the joints' own damping makes; damping that makes too much is dropped."""
-    key = trial.refused.key if trial.refused else ()
+    key = refused.key
     if len(key) < 3 or key[2] != "damping_ratio" or not isinstance(key[1], int):
         return None
     drives, index = list(tuning.drives), _drive_of(tuning, key[1])
@@ -174,7 +164,7 @@ def _drive_of(tuning: Tuning, row: int) -> int:
     return next(i for i in range(len(counts)) if row < sum(counts[: i + 1]))
 
 
-def _stronger(tuning: Tuning, weak: list[Finding], legs: tuple[Leg, ...]) -> Tuning | None:
+def _stronger(tuning: Tuning, weak: list[Finding]) -> Tuning | None:
     """Efforts that are guesses grow."""
     guesses, grown = dict(tuning.guesses), []
     for error in weak:
@@ -187,27 +177,20 @@ def _stronger(tuning: Tuning, weak: list[Finding], legs: tuple[Leg, ...]) -> Tun
     if not grown:
         return None
     tree = with_efforts(tuning.tree, {name: guesses[name].effort for name in grown})
-    return _chosen(replace(tuning, tree=tree, guesses=guesses), legs, tuning.timestep)
+    return _chosen(replace(tuning, tree=tree, guesses=guesses), tuning.timestep)
 
 
-def _calmer(tuning: Tuning, error: Finding, legs: tuple[Leg, ...]) -> Tuning | None:
+def _calmer(tuning: Tuning, error: Finding) -> Tuning | None:
     """A step of 2 ms, then one of 1 ms."""
-    said = f"{error.subject} {error.message}"
-    if tuning.timestep > SHORT_STEP_S:
-        return _shorter(tuning, SHORT_STEP_S, said, legs)
-    if tuning.timestep > SHORTEST_STEP_S:
-        return _shorter(tuning, SHORTEST_STEP_S, said, legs)
-    return None
+    step = next((s for s in (SHORT_STEP_S, SHORTEST_STEP_S) if s < tuning.timestep), None)
+    if step is None:
+        return None
+    note = f"a time step of {1e3 * step:g} ms: at {1e3 * tuning.timestep:g} ms "
+    note += f"{error.subject} {error.message}"
+    return _chosen(replace(tuning, notes=(*tuning.notes, note)), step)
 
 
-def _shorter(tuning: Tuning, step: float, said: str, legs: tuple[Leg, ...]) -> Tuning:
-    note = f"a time step of {1e3 * step:g} ms: at {1e3 * tuning.timestep:g} ms {said}"
-    return _chosen(replace(tuning, notes=(*tuning.notes, note)), legs, step)
-
-
-def _standing(
-    tuning: Tuning, trial: Trial, legs: tuple[Leg, ...], attempt: Try
-) -> tuple[Tuning, Trial]:
+def _standing(tuning: Tuning, trial: Trial, attempt: Try) -> tuple[Tuning, Trial]:
     """The first remedy that makes the robot stand upright, else the most upright of those with
     which one that fell stands; else as it was, with what was tried.
     """
@@ -216,8 +199,8 @@ def _standing(
     tried: list[str] = []
     kept: list[str] = []
     failed = f"leans by {trial.lean:.2g} rad" if trial.stands else trial.sentence
-    for remedy in REMEDIES if legs else ():
-        found = remedy(now, seen, legs)
+    for remedy in REMEDIES if tuning.anatomy.legs else ():
+        found = remedy(now, seen)
         if found is None:
             continue
         what, again = found
@@ -238,38 +221,37 @@ def _standing(
     )
 
 
-Remedy = Callable[[Tuning, Trial, tuple[Leg, ...]], tuple[str, Tuning] | None]
+Remedy = Callable[[Tuning, Trial], tuple[str, Tuning] | None]
 
 
-def _balanced(tuning: Tuning, trial: Trial, legs: tuple[Leg, ...]) -> tuple[str, Tuning] | None:
+def _balanced(tuning: Tuning, trial: Trial) -> tuple[str, Tuning] | None:
     """The feet under the centre of mass, where they are not."""
     if math.hypot(*trial.off) < BALANCED_M:
         return None
     ahead, aside = np.add(tuning.stance.shift_m, trial.off)
     stance = replace(tuning.stance, shift_m=(float(ahead), float(aside)))
-    return "feet under the centre of mass", _chosen(
-        replace(tuning, stance=stance), legs, tuning.timestep
-    )
+    balanced = _chosen(replace(tuning, stance=stance), tuning.timestep)
+    return "feet under the centre of mass", balanced
 
 
-def _firmer(tuning: Tuning, trial: Trial, legs: tuple[Leg, ...]) -> tuple[str, Tuning] | None:
-    if tuning.firmness >= FIRMER or len(legs) >= TABLE:
+def _firmer(tuning: Tuning, trial: Trial) -> tuple[str, Tuning] | None:
+    if tuning.firmness >= FIRMER or len(tuning.anatomy.legs) >= TABLE:
         return None
-    firm = _chosen(replace(tuning, firmness=FIRMER), legs, tuning.timestep)
+    firm = _chosen(replace(tuning, firmness=FIRMER), tuning.timestep)
     return f"legs {FIRMER:g} times as stiff as would let it tip over", firm
 
 
-def _bent(tuning: Tuning, trial: Trial, legs: tuple[Leg, ...]) -> tuple[str, Tuning] | None:
-    if tuning.stance.bent or len(legs) >= TABLE:
+def _bent(tuning: Tuning, trial: Trial) -> tuple[str, Tuning] | None:
+    if tuning.stance.bent or len(tuning.anatomy.legs) >= TABLE:
         return None
     stance = replace(tuning.stance, bent=True)
-    return "bent knees", _chosen(replace(tuning, stance=stance), legs, tuning.timestep)
+    return "bent knees", _chosen(replace(tuning, stance=stance), tuning.timestep)
 
 
-def _hasty(tuning: Tuning, trial: Trial, legs: tuple[Leg, ...]) -> tuple[str, Tuning] | None:
+def _hasty(tuning: Tuning, trial: Trial) -> tuple[str, Tuning] | None:
     if tuning.timestep <= SHORT_STEP_S:
         return None
-    return f"a time step of {1e3 * SHORT_STEP_S:g} ms", _chosen(tuning, legs, SHORT_STEP_S)
+    return f"a time step of {1e3 * SHORT_STEP_S:g} ms", _chosen(tuning, SHORT_STEP_S)
 
 
 REMEDIES: tuple[Remedy, ...] = (_balanced, _balanced, _hasty, _firmer, _bent, _balanced)

@@ -19,7 +19,6 @@ from typing import Literal
 import numpy as np
 
 from assetbuild.init.look import InspectedRobot, zeroed
-from assetbuild.init.mesh_points import mesh_of, scaled_points
 from assetbuild.robot.model import Joint, Tree
 from assetbuild.robot.pose import Array, Pose
 from assetbuild.robot.shapes import Box, Cylinder, MeshFile, SourceGeometry, SourceShape, Sphere
@@ -314,8 +313,7 @@ def _clouds(robot: InspectedRobot, body: str) -> Iterator[Array]:
 def _points(robot: InspectedRobot, shape: SourceShape) -> Array | None:
     geometry: SourceGeometry = shape.geometry
     if isinstance(geometry, MeshFile):
-        read = mesh_of(robot.root, geometry)
-        return None if read is None else scaled_points(read, geometry)
+        return robot.points_of(geometry)
     if isinstance(geometry, Box):
         corners = np.array(np.meshgrid(*[(-0.5, 0.5)] * 3)).reshape(3, -1).T
         return np.asarray(corners * np.asarray(geometry.size))

@@ -8,7 +8,7 @@ from __future__ import annotations
 import json
 import os
 import re
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from itertools import chain
 from pathlib import Path
@@ -25,7 +25,8 @@ from assetbuild.init.packages import (
     start_of,
 )
 from assetbuild.recipe.loader import shown_path
-from assetbuild.source.get.from_archive import left_out
+from assetbuild.recipe.source import Patch
+from assetbuild.source.get.files import left_out
 from assetbuild.source.urdf.expand_xacro import MOST_FILES, NOT_INCLUDED, ExpandXacro
 
 MOST_TRIES = 60
@@ -35,9 +36,9 @@ _FIND = re.compile(r"\$\(find\s+([^\s)]+)\s*\)|package:/*([A-Za-z][\w-]*)/")
 _ASKED = re.compile(r"`\$\(find ([^`]+)\)`: no package")
 _ABSENT = re.compile(r"of the package `([^`]+)`, which is stated as missing")
 _UNDEFINED = re.compile(r"Undefined substitution argument (\S+)")
-_UNKNOWN = re.compile("unknown macro name|is not defined")
 _XACRO = re.compile(rb"<xacro:")
-_MACRO = re.compile(r"""<xacro:macro\s[^<>]*?name\s*=\s*["'](?:xacro:)?([^"']+)""")
+
+
 _CALL = re.compile(r"<xacro:([\w.-]+)")
 _WHOLE_CALL = re.compile(r"<xacro:([\w.-]+)(?:[^<>]*/>|(?:\s[^<>]*)?>\s*</xacro:\1\s*>)")
 LEFTOVER = "nothing here defines this macro; readers of URDF leave the call out"
@@ -49,27 +50,13 @@ _OWN = {
 
 
 @dataclass(frozen=True)
-class Rewrite:
-    """Text that no reader can follow, and what is read in its place. tag: the text itself."""
-
-    file: Path
-    tag: str
-    because: str
-    instead: str = ""
-
-
-@dataclass(frozen=True)
 class Expanded:
-    """data: URDF; packages: the folders that were used; args: as given, and those that are used
-    before their default; defaults, absent: see `UrdfSource`; removed: of the files themselves.
-    """
+    """data: URDF; packages: the folders that were used; defaults, absent: see `UrdfSource`."""
 
     data: bytes
     packages: Mapping[str, Path] = field(default_factory=dict)
-    args: Mapping[str, str] = field(default_factory=dict)
     defaults: Mapping[str, str] = field(default_factory=dict)
     absent: tuple[str, ...] = ()
-    removed: tuple[Rewrite, ...] = ()
 
 
 def is_xacro(file: Path, data: bytes) -> bool:
@@ -77,21 +64,17 @@ def is_xacro(file: Path, data: bytes) -> bool:
     return file.suffix == ".xacro" or _XACRO.search(data) is not None
 
 
-def leftovers(file: Path, data: bytes) -> tuple[Rewrite, ...]:
+def leftovers(file: Path, data: bytes) -> list[Patch]:
     """Calls of macros in a `.urdf` that defines and includes none: what xacro has left behind."""
     text = data.decode("utf-8", "replace")
     elements = {*_CALL.findall(text)}
     if file.suffix != ".urdf" or not elements or elements & _OWN:
-        return ()
+        return []
     calls = dict.fromkeys(found[0] for found in _WHOLE_CALL.finditer(text))
-    return tuple(Rewrite(file, call, LEFTOVER) for call in calls)
-
-
-def rewritten(data: bytes, rewrites: Iterable[Rewrite]) -> bytes:
-    """The text with what is read in the place of each passage."""
-    for one in rewrites:
-        data = data.replace(one.tag.encode(), one.instead.encode())
-    return data
+    return [
+        Patch(file=file.name, find=call, replace="", times=text.count(call), because=LEFTOVER)
+        for call in calls
+    ]
 
 
 def expand(
@@ -102,7 +85,7 @@ def expand(
     file: real path. What the file asks for by a computed name is found by expanding it again and
     again. A package that is found nowhere is an error only where the robot needs its files.
     """
-    attempt = _Attempt(file, _packages(file, data, stated), dict(args))
+    attempt = _Attempt(file, _packages(file, data, stated), args)
     for _ in range(MOST_TRIES):
         try:
             return attempt.run()
@@ -113,14 +96,12 @@ def expand(
 
 @dataclass
 class _Attempt:
-    """One expansion; what it lacked is given to the next. lacking: what a rewrite was made for."""
+    """One expansion; what it lacked is given to the next."""
 
     file: Path
     folders: dict[str, Path]
-    args: dict[str, str]
+    args: Mapping[str, str]
     absent: list[str] = field(default_factory=list)
-    removed: list[Rewrite] = field(default_factory=list)
-    lacking: SourceError | None = None
 
     @property
     def root(self) -> Path:
@@ -136,8 +117,6 @@ class _Attempt:
         )
         tree = (self.file, *_readable(self.file.parent), *chain(*map(_readable, folders.values())))
         with scratch() as ports:
-            for path in {one.file for one in self.removed}:
-                ports.put(f"tree/{path.relative_to(root)}", self._without(path))
             for path in tree:
                 ports.link(f"tree/{path.relative_to(root)}", path)
             ports.run(step)
@@ -153,7 +132,7 @@ class _Attempt:
         }
         absent = tuple(sorted({*self.absent} & {*used["packages"]}))
         defaults = _defaults([self.file, *files])
-        return Expanded(urdf, needed, self.args, defaults, absent, tuple(self.removed))
+        return Expanded(urdf, needed, defaults, absent)
 
     def mend(self, error: SourceError) -> None:
         """Find what it lacked; raise the error, in words of `init`, where that cannot be."""
@@ -163,23 +142,8 @@ class _Attempt:
                 self.absent.append(asked[1])
             else:
                 self.folders[asked[1]] = folder
-        elif self._gave_default(error) or self._own_package(error) or self._removed_include(error):
-            return
-        elif self.lacking is not None and _UNKNOWN.search(error.message):
-            raise self.lacking
-        else:
+        elif not self._own_package(error):
             raise _reworded(error, self.file)
-
-    def _gave_default(self, error: SourceError) -> bool:
-        """An argument that is used above the line that gives it a default."""
-        undefined = _UNDEFINED.search(error.message)
-        if undefined is None:
-            return False
-        value = _defaults([self.file]).get(undefined[1], "$")
-        if "$" in value or undefined[1] in self.args:
-            return False
-        self.args[undefined[1]] = value
-        return True
 
     def _own_package(self, error: SourceError) -> bool:
         """The package that the file lies in, where it includes from there by a relative name."""
@@ -190,32 +154,6 @@ class _Attempt:
             return False
         self.folders[found[1]] = found[0]
         return True
-
-    def _removed_include(self, error: SourceError) -> bool:
-        """An include from a package that is nowhere, of macros that the robot may not call."""
-        read = _ABSENT.search(error.message)
-        if read is None or error.where is None:
-            return False
-        path = self.root / error.where.file
-        text = _text(path)
-        tag = rf"<xacro:include\s[^<>]*\$\(find\s+{re.escape(read[1])}\s*\)[^<>]*/>"
-        found = dict.fromkeys(re.findall(tag, text))
-        if not found or not self._calls_unknown(text):
-            return False
-        self.lacking = self.lacking or _reworded(error, self.file)
-        because = f"{read[1]} is not here, and the robot calls none of its macros"
-        self.removed += [Rewrite(path, one, because) for one in found]
-        return True
-
-    def _calls_unknown(self, text: str) -> bool:
-        """Whether a file calls a macro that no file here defines: what it includes does."""
-        folders = {self.file.parent, *self.folders.values()}
-        texts = [_text(path) for folder in folders for path in _readable(folder)]
-        known = {name for each in texts for name in _MACRO.findall(each)}
-        return bool({*_CALL.findall(text)} - known - _OWN)
-
-    def _without(self, path: Path) -> bytes:
-        return rewritten(path.read_bytes(), [each for each in self.removed if each.file == path])
 
 
 def _reworded(error: SourceError, file: Path) -> SourceError:

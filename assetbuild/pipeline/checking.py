@@ -13,7 +13,7 @@ from assetbuild.pipeline.opening import opened
 from assetbuild.pipeline.recipes import load_recipe
 from assetbuild.plan import check_recipes
 from assetbuild.report.document import make_report
-from assetbuild.source.get.from_archive import MESHES
+from assetbuild.source.get.files import MESHES
 
 LIGHT_STEPS = frozenset(
     {

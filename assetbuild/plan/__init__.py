@@ -44,10 +44,16 @@ from assetbuild.robot.codec import decode
 from assetbuild.robot.model import Tree
 from assetbuild.robot.shapes import SourceShapes
 from assetbuild.samples.state_ranges import StateRanges
-from assetbuild.source.export import lint_export
 from assetbuild.source.patches import patch_keys
-from assetbuild.source.plan import Description, SourceFiles, description_of, open_source
-from assetbuild.source.reading import Reading, read_description
+from assetbuild.source.plan import (
+    Description,
+    Reading,
+    SourceFiles,
+    description_of,
+    lint_export,
+    open_source,
+    read_description,
+)
 
 
 @dataclass

@@ -1,31 +1,34 @@
-"""Where the robot's files come from, as references into the graph."""
+"""Where the robot's files come from, and the steps that read its description."""
 
 from __future__ import annotations
 
 import json
 import posixpath
 import re
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import count
 from pathlib import Path
-from typing import Protocol
 
 from assetbuild.engine.graph import Ref
 from assetbuild.engine.planner import Planner
 from assetbuild.engine.world import World
 from assetbuild.errors import Where
 from assetbuild.lock import GitPin, Lock
+from assetbuild.recipe.models import Recipe
 from assetbuild.recipe.source import Source
 from assetbuild.recipe.validation import Key, KeyedError
 from assetbuild.source.get.fetch import Fetch
 from assetbuild.source.get.fetch_git import FetchGit
 from assetbuild.source.get.fetch_url import FetchUrl
-from assetbuild.source.get.from_archive import ArchiveFiles
-from assetbuild.source.get.from_folder import FolderFiles
+from assetbuild.source.get.files import ArchiveFiles, FolderFiles
+from assetbuild.source.mjcf.flatten_mjcf import FOLDER, FlattenMjcf
 from assetbuild.source.mjcf.includes import ListIncludes
+from assetbuild.source.mjcf.read_mjcf import ReadMjcf
 from assetbuild.source.patches import passages, patched
 from assetbuild.source.urdf.expand_xacro import MOST_FILES, NOT_INCLUDED, ExpandXacro
+from assetbuild.source.urdf.lint_export import LintExport
+from assetbuild.source.urdf.read_urdf import ReadUrdf
 
 SCP_LIKE = re.compile(r"[A-Za-z0-9._-]+@[A-Za-z0-9.-]+:")
 """`git@host:path`, which ssh understands."""
@@ -42,36 +45,8 @@ class Description:
     includes: Mapping[str, Ref] = field(default_factory=dict)
 
 
-class SourceFiles(Protocol):
-    """A robot's files, each as a reference into the graph. Errors name who asked for a file."""
-
-    def description(self, path: str, where: Where) -> Ref | None:
-        """The description below the root; None while that is not known yet."""
-        ...
-
-    def meshes(self, listing: list[dict[str, str]], urdf: str) -> dict[str, Ref] | None:
-        """The files that `meshes.json` of the reader lists, by path; None: not known yet."""
-        ...
-
-    def below(
-        self, folders: tuple[str, ...], suffixes: tuple[str, ...], but: tuple[str, ...] = ()
-    ) -> dict[str, Ref] | None:
-        """All files below the folders with one of the suffixes, by path; None: not known yet.
-
-        suffixes: () = any; but: suffixes of those that are left out, hidden ones are as well.
-        """
-        ...
-
-    def present(self, what: str, paths: Collection[str]) -> dict[str, Ref] | None:
-        """Those of the paths that are files of the source; None: not known yet.
-
-        what: they are, in two words; each question has its own.
-        """
-        ...
-
-    def licenses(self) -> dict[str, Ref]:
-        """Licence texts that come with the robot, by path."""
-        ...
+SourceFiles = ArchiveFiles | FolderFiles
+"""A robot's files, each as a reference into the graph. Errors name who asked for a file."""
 
 
 def open_source(named: Source, folder: Path, lock: Lock | None, p: Planner) -> SourceFiles:
@@ -188,3 +163,102 @@ def _included(path: str, ref: Ref, source: SourceFiles, p: Planner) -> dict[str,
 def argument_text(value: str | float | bool) -> str:
     """An argument as xacro's command line would get it."""
     return str(value).lower() if isinstance(value, bool) else str(value)
+
+
+@dataclass(frozen=True)
+class Reading:
+    """What a reader made of the description.
+
+    robot: `links.json` and `shapes.json`. meshes: listing of the files it names; files: those
+        of an MJCF by path, which its reader has asked for already.
+    control: `source_control.json` of an MJCF. urdf: the untouched description, when it is one.
+    mjcf: `source.xml` and its meshes as a check finds them, by input name.
+    """
+
+    robot: Mapping[str, Ref]
+    meshes: Ref
+    files: Mapping[str, Ref] | None = field(default=None, kw_only=True)
+    source_map: Ref
+    control: Ref | None = None
+    urdf: Ref | None = None
+    mjcf: Mapping[str, Ref] = field(default_factory=dict)
+
+
+def read_description(
+    recipe: Recipe, source: SourceFiles, description: Description, p: Planner
+) -> Reading | None:
+    """The steps that read the robot; None while an answer is missing."""
+    if recipe.source.mjcf is not None:
+        return _read_mjcf(recipe, source, description, p)
+    origin = recipe.source
+    step = ReadUrdf(
+        file=description.path,
+        base=recipe.base,
+        packages=dict(sorted(origin.packages.items())),
+        relative_to=origin.relative_to,
+        absolute=dict(sorted(origin.absolute.items())),
+        missing=tuple(sorted(origin.missing.visuals)),
+    )
+    read = p.add("read_urdf", step, {"robot.urdf": description.ref})
+    return Reading(
+        robot={port: read[port] for port in ("links.json", "shapes.json")},
+        meshes=read["meshes.json"],
+        source_map=read["source_map.json"],
+        urdf=read["source.urdf"],
+    )
+
+
+def _read_mjcf(
+    recipe: Recipe, source: SourceFiles, description: Description, p: Planner
+) -> Reading | None:
+    tree = {description.path: description.ref} | dict(description.includes)
+    inputs = {f"tree/{path}": ref for path, ref in sorted(tree.items())}
+    step = FlattenMjcf(file=description.path, body=recipe.source.body)
+    if "grammar" in recipe.stated("mjcf"):
+        step = step.model_copy(update={"grammar": recipe.value("mjcf.grammar")})
+    flat = p.add("flatten_mjcf", step, inputs)
+    answer = p.ask(flat["meshes.json"])
+    listed = json.loads(answer) if answer is not None else []
+    own = [entry for entry in listed if not entry["path"].startswith(FOLDER)]
+    files = source.meshes(own, description.path) if answer is not None else None
+    if files is None:
+        return None
+    made = (entry["path"] for entry in listed if entry not in own)
+    files = {**files, **{path: flat["inline/"] / path.removeprefix(FOLDER) for path in made}}
+    given = {"source.xml": flat["source.xml"]}
+    given |= {f"files/{path}": ref for path, ref in files.items()}
+    # Without the key the source itself says whether its root floats.
+    base = recipe.base if "base" in recipe.model_fields_set else None
+    read = p.add("read_mjcf", ReadMjcf(base=base), {**given, "lines.json": flat["lines.json"]})
+    return Reading(
+        robot={port: read[port] for port in ("links.json", "shapes.json")},
+        meshes=flat["meshes.json"],
+        files=files,
+        source_map=flat["source_map.json"],
+        control=read["source_control.json"],
+        mjcf=given,
+    )
+
+
+def lint_export(
+    recipe: Recipe, source: SourceFiles, description: Description, read: Reading, p: Planner
+) -> None:
+    """Add the lint of SolidWorks' and Onshape's exports; nothing for an MJCF or a xacro."""
+    if recipe.source.urdf is None:
+        return
+    path = recipe.source.urdf
+    folder, stem = posixpath.dirname(path), posixpath.splitext(posixpath.basename(path))[0]
+    table = posixpath.join(folder, f"{stem}.csv")
+    config = posixpath.normpath(posixpath.join(folder, "..", "config"))
+    names = posixpath.join(config, f"joint_names_{stem}.yaml")
+    wanted = {table} if config.startswith("..") else {table, names}
+    beside = source.present("export tables", wanted)
+    if beside is None:
+        return
+    inputs = {"robot.urdf": description.ref, "links.json": read.robot["links.json"]}
+    inputs |= {"table.csv": beside[table]} if table in beside else {}
+    inputs |= {"joint_names.yaml": beside[names]} if names in beside else {}
+    step = LintExport(
+        table=table if table in beside else "", names=names if names in beside else ""
+    )
+    p.add("lint_export", step, inputs)

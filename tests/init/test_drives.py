@@ -10,11 +10,10 @@ import pytest
 
 from assetbuild.init.anatomy import study
 from assetbuild.init.drives import MOST_DAMPED, SAG, DriveRow, drive_rows
-from assetbuild.init.home import home_pose
+from assetbuild.init.home import HEAVY, home_pose
 from assetbuild.init.look import InspectedRobot, judge, look
-from assetbuild.init.relief import HEAVY
 from assetbuild.init.source import find_source
-from assetbuild.init.text import recipe_text
+from assetbuild.init.text import urdf_recipe
 from assetbuild.robot.dynamics import dynamics
 
 LINK = """\
@@ -42,7 +41,7 @@ def arm(folder: Path, links: list[tuple[float, float]], **limits: float) -> Insp
     path = folder / "arm.urdf"
     path.write_text("\n".join([*text, "</robot>"]))
     read = look(find_source(path, {}))
-    return judge(read.links, read.shapes, "fixed")
+    return judge(read, "fixed")
 
 
 def rows_of(robot: InspectedRobot) -> tuple[dict[str, float], tuple[DriveRow, ...]]:
@@ -60,7 +59,7 @@ def test_joints_of_a_hand_get_a_frequency_each_and_its_impossible_dampers_go(tmp
     # Gravity on a point at a distance l: sag = g / (l (2 pi f)^2), most for the tip's 10 mm.
     assert 9.81 / (0.01 * 1.1 * (2 * math.pi * row.gains["frequency"]) ** 2) <= SAG["rad"] * 1.1
     source = find_source(tmp_path / "arm.urdf", {})
-    text = recipe_text(robot, study(robot), source, tmp_path / "a").text
+    text = urdf_recipe(robot, study(robot), source, tmp_path / "a").text
     assert "armature: 0.0025, damping: 0, friction: 0}" in text
 
 
@@ -127,7 +126,7 @@ def test_links_that_only_an_edit_gives_a_mass_get_gains_for_that_mass(tmp_path: 
     """The two balls of 0.01 kg that the edits make, each 0.2 m further out."""
     robot = arm(tmp_path, [(0.0, 0.2), (0.0, 0.2)], effort=0.1)
     source = find_source(tmp_path / "arm.urdf", {})
-    text = recipe_text(robot, study(robot), source, tmp_path / "a").text
+    text = urdf_recipe(robot, study(robot), source, tmp_path / "a").text
     assert "set_inertia" in text
     assert "\n# arm: 0.02 kg" in text
     assert "moves 0.000" in text

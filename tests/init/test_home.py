@@ -13,7 +13,7 @@ import pytest
 import yaml
 
 from assetbuild.init import propose
-from assetbuild.init.relief import _is_linkage
+from assetbuild.init.home import _is_linkage
 from assetbuild.robot.model import Body, Joint, Mimic, Tree
 from assetbuild.robot.pose import Pose
 

@@ -72,10 +72,3 @@ def test_frames_that_cannot_meet_are_a_remark_and_no_loop(tmp_path: Path):
     plain, text = recipe_of(four_bar(tmp_path, "loop_A", "loop_B", ground=2.0))
     assert "loops" not in plain
     assert "`loop_A` and `loop_B` are named as the ends of a loop" in text
-
-
-def test_frames_of_other_names_that_coincide_are_a_remark(tmp_path: Path):
-    # All joints at 0 lie in one line: 0.1 + 0.2 = 0.2 + 0.1.
-    plain, text = recipe_of(four_bar(tmp_path, "coupler_tip", "rocker_tip", rocker=0.1))
-    assert "loops" not in plain
-    assert "`coupler_tip` and `rocker_tip` coincide" in text

@@ -7,16 +7,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import trimesh
-from urdfs import LIMIT, box, inertial, joint, link, mesh, robot, shape, tensor
+from urdfs import LIMIT, box, inertial, joint, link, robot, shape, tensor
 
 from assetbuild.cli import main
 from assetbuild.init import propose, write
-from assetbuild.init.look import judge, look
-from assetbuild.init.mend import mended
-from assetbuild.init.repairs import repairs
-from assetbuild.init.source import find_source
-from assetbuild.init.up_axis import turned
 from assetbuild.pipeline.recipes import load_recipe
 
 
@@ -76,33 +70,6 @@ def test_hinges_whose_limits_are_all_zero_turn_without_end(tmp_path: Path):
     assert edits_for(chain(inertial(1.0), inertial(1.0), limits=zeros), tmp_path) == [
         {"set_limits": {"joint": ".*", "unlimited": True}}
     ]
-
-
-def test_the_inertia_of_a_turned_mesh_is_tried_as_it_is_turned(tmp_path: Path):
-    rod = trimesh.creation.box((0.1, 1.0, 0.1))
-    rod.apply_translation((0.0, 0.5, 0.0))
-    rod.export(tmp_path / "rod.glb")  # whose Y is up
-    zeros = inertial(1.0, tensor(0.0, 0.0, 0.0), xyz="0 0 0.5")
-    (tmp_path / "bot.urdf").write_text(chain(zeros + shape("visual", mesh("rod.glb"))))
-    source = find_source(tmp_path / "bot.urdf", {})
-    read = look(source)
-    robot = judge(read.links, read.shapes, "fixed")
-    _, turn = turned(source, robot)
-    whole = mended(robot, source.root, repairs(robot, source.root), turn)
-    rod_inertia = whole.links.by_body["link0"].inertial
-    assert turn == {"rod.glb"}
-    assert rod_inertia is not None
-    assert rod_inertia.com_m == pytest.approx((0.0, 0.0, 0.5))
-
-
-def test_a_drawer_of_flat_boards_weighs_more_than_a_screw(tmp_path: Path):
-    """Boards of 0.5 x 0.4 m and 0.5 x 0.2 m: the box around them has 40 litres."""
-    for name, edge in (("bottom", (0.0, 0.4, 0.0)), ("side", (0.0, 0.0, 0.2))):
-        corners = [(0.0, 0.0, 0.0), (0.5, 0.0, 0.0), (0.5, *edge[1:]), edge]
-        trimesh.Trimesh(corners, [[0, 1, 2], [0, 2, 3]]).export(tmp_path / f"{name}.stl")
-    boards = shape("visual", mesh("bottom.stl")) + shape("visual", mesh("side.stl"))
-    (edit,) = edits_for(chain(boards), tmp_path)
-    assert edit["set_inertia"]["mass"] == 4.0
 
 
 def test_a_point_mass_is_computed_from_the_shapes(tmp_path: Path):
@@ -168,15 +135,13 @@ HIP = tensor(0.0004, 0.0005, 0.00045)
 """kg m2, of 0.6 kg in a box of 10 cm."""
 
 
-def hips(right: str, *, turned: str = "", mass: float = 0.6) -> str:
-    """Two hips at mirrored places. turned: of the right one's frame, rpy."""
+def hips(right: str) -> str:
+    """Two hips at mirrored places."""
     parts = [link("base", inertial(5.0))]
-    for side, y, own, kg in (("left", 0.1, HIP, 0.6), ("right", -0.1, right, mass)):
+    for side, y, own in (("left", 0.1, HIP), ("right", -0.1, right)):
         name = f"{side}_hip"
-        content = inertial(kg, own) + shape("collision", box())
+        content = inertial(0.6, own) + shape("collision", box())
         hinge = joint(f"{name}_joint", "base", name, xyz=f"0.2 {y} 0", axis="1 0 0")
-        if turned and side == "right":
-            hinge = hinge.replace("<origin xyz", f'<origin rpy="{turned}" xyz')
         parts += [link(name, content), hinge]
     return robot(*parts, name="bot")
 
@@ -189,26 +154,10 @@ def hips(right: str, *, turned: str = "", mass: float = 0.6) -> str:
         tensor(0.0, 0.0, 0.0),
     ],
 )
-def test_an_impossible_tensor_becomes_its_twins(wrong: str, tmp_path: Path):
+def test_a_tensor_that_the_shapes_rule_out_is_computed_from_them(wrong: str, tmp_path: Path):
     (edit,) = edits_for(hips(wrong), tmp_path)
-    assert edit == {
-        "set_inertia": {
-            "link": "right_hip",
-            "inertia": {"ixx": 0.0004, "iyy": 0.0005, "izz": 0.00045},
-        }
-    }
-
-
-def test_the_twins_tensor_is_turned_into_the_links_own_frame(tmp_path: Path):
-    """A frame that is turned by 90° about x has y where z was."""
-    (edit,) = edits_for(hips(tensor(1, 1, 1), turned="1.5707963267948966 0 0"), tmp_path)
-    moments = edit["set_inertia"]["inertia"]
-    assert [moments[k] for k in ("ixx", "iyy", "izz")] == pytest.approx([4e-4, 4.5e-4, 5e-4])
-
-
-def test_a_mass_far_from_the_twins_is_taken_from_it_too(tmp_path: Path):
-    (edit,) = edits_for(hips(tensor(0.04, 0.05, 0.045), mass=60.0), tmp_path)
-    assert edit["set_inertia"]["mass"] == 0.6
+    made = {"link": "right_hip", "mass": 0.6, "from": "collision", "open": "hull"}
+    assert edit == {"inertia_from_geometry": made}
 
 
 def test_twins_within_a_factor_of_three_are_left_alone(tmp_path: Path):

@@ -23,10 +23,9 @@ DOG = "four_legs.urdf"
 
 def tried(robots: Path, weaker: float = 1.0, soles: tuple[str, ...] | None = None) -> Trial:
     """The dog with the gains that `init` gives it, divided by `weaker`."""
-    source = find_source(robots / DOG, {})
-    robot = look(source)
+    robot = look(find_source(robots / DOG, {}))
     legs = study(robot).legs
-    robot = judge(robot.links, robot.shapes, "floating")
+    robot = judge(robot, "floating")
     pose = home_pose(robot.tree, legs)
     drives = [
         replace(row, gains={name: gain / weaker for name, gain in row.gains.items()})
@@ -34,7 +33,7 @@ def tried(robots: Path, weaker: float = 1.0, soles: tuple[str, ...] | None = Non
     ]
     feet = soles if soles is not None else tuple(sole for leg in legs for sole in leg.soles)
     control = tables(robot.tree, drives, pose, {"timestep": 0.002})
-    with staged(robot, source.root, feet) as stage:
+    with staged(robot, feet) as stage:
         return stage.attempt(control)
 
 
@@ -55,10 +54,10 @@ def test_soles_without_a_shape_cannot_be_tried(robots: Path):
 
 def test_every_driven_joint_has_the_rotor_that_its_effort_needs_or_the_sources_own(robots: Path):
     robot = look(find_source(robots / DOG, {}))
-    tree = judge(robot.links, robot.shapes, "floating").tree
+    tree = judge(robot, "floating").tree
     first, *others = (joint for joint in tree.moving_joints if joint.mimic is None)
     own = {first.name: 0.5}
-    tuning, _ = tune(tree, study(robot), {}, lambda _: Trial(True, "stands"), own)
+    tuning, _ = tune(tree, study(robot), lambda _: Trial(True, "stands"), own)
     assert tuning.armature[first.name] == 0.5
     for joint in others:
         assert tuning.armature[joint.name] == pytest.approx(joint.limits.effort / 6000, rel=0.05)

@@ -74,14 +74,6 @@ def test_a_type_that_no_build_takes_is_patched(kind: str, limit: str, becomes: s
     assert patch.replace == str(patch.find).replace(kind, becomes)
 
 
-def test_a_turn_of_four_numbers_is_patched_to_its_first_three(tmp_path: Path):
-    four = joint("j", "base", "arm").replace('xyz="0.0 0 0.2"', 'xyz="0.0 0 0.2" rpy="1 0.5 0 0"')
-    urdf = robot(link("base"), link("arm"), four)
-    assert 'rpy="1 0.5 0 0"' in urdf
-    (patch,) = initialised(urdf, tmp_path).source.patches
-    assert (patch.find, patch.replace) == ('rpy="1 0.5 0 0"', 'rpy="1 0.5 0"')
-
-
 TWO = robot(link("base"), link("arm"), joint("j", "base", "arm"))
 BARE = TWO.partition("\n")[2]
 STRANGE: dict[str, str | bytes] = {

@@ -15,7 +15,7 @@ from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import IO, Literal, Protocol
+from typing import IO, Literal
 
 from assetbuild.errors import SourceError
 from assetbuild.lfs import refuse_pointer
@@ -49,16 +49,6 @@ class Member:
     packed: int
     encrypted: bool
     index: int
-
-
-class Archive(Protocol):
-    """What every archive format offers."""
-
-    members: tuple[Member, ...]
-
-    def open(self, member: Member) -> IO[bytes]:
-        """A stream of the member's bytes; raises one of `READ_ERRORS`."""
-        ...
 
 
 class _Zip:
@@ -125,6 +115,10 @@ def _tar_member(index: int, info: tarfile.TarInfo) -> Member:
     path = path if path in (".", "./") else path.removeprefix("./")
     # The packed size is that of the whole archive; `unpack` bounds all members by it together.
     return Member(path, kind, info.size, info.size, encrypted=False, index=index)
+
+
+Archive = _Zip | _Tar
+"""`members`, and `open`: a stream of a member's bytes, which raises one of `READ_ERRORS`."""
 
 
 @contextmanager

@@ -87,7 +87,9 @@ def read_drives(links: Links) -> Drives:
             found.mjcf_only.append(MjcfOnly("drive", unclipped, joint))
     for name, moved in moving.items():
         own = driven.get(name, Actuator(name, "passive"))
-        limited, words_of_its_own = _clamped(own, _clamp(model, name))
+        at = int(model.joint(name).id)
+        clamp = _range(model.jnt_actfrclimited[at], model.jnt_actfrcrange[at])
+        limited, words_of_its_own = _clamped(own, clamp)
         found.actuators.append(_of_joint(limited, moved, model))
         if words_of_its_own:
             text = element_text("general", words_of_its_own)
@@ -95,11 +97,6 @@ def read_drives(links: Links) -> Drives:
         if limited.effort is not None:
             found.limits[name] = replace(moved.limits, effort=limited.effort)
     return found
-
-
-def _clamp(model: Model, joint: str) -> tuple[float, float] | None:
-    index = int(model.joint(joint).id)
-    return _range(model.jnt_actfrclimited[index], model.jnt_actfrcrange[index])
 
 
 def _clamped(
@@ -275,7 +272,9 @@ def _whole(element: _Element, links: Links, index: int) -> str:
         hint = "give the joint no `ref`, and move its range and body instead"
         raise error_at(element, f"actuator `{said['name']}` on a joint with `ref`", hint)
     if beyond:
-        return _as_stated(element, links, said)
+        stated = links.source.classes.attributes(element)  # in the source's own words
+        plain = {key: value for key, value in stated.items() if key != "user"}
+        return element_text(str(element.tag), plain | said)
     said |= {f"{part}type": kind for part, kind in kinds.items()}
     for part in KINDS:
         said[f"{part}prm"] = words(_trimmed(getattr(model, f"actuator_{part}prm")[index]))
@@ -294,13 +293,6 @@ def _whole(element: _Element, links: Links, index: int) -> str:
     if model.actuator_actearly[index]:
         said["actearly"] = "true"
     return element_text("general", said)
-
-
-def _as_stated(element: _Element, links: Links, names: dict[str, str]) -> str:
-    """In the source's own words, its classes included; names: of what it refers to."""
-    stated = links.source.classes.attributes(element)
-    plain = {key: value for key, value in stated.items() if key != "user"}
-    return element_text(str(element.tag), plain | names)
 
 
 def _kinds(model: Model, index: int) -> dict[str, str]:

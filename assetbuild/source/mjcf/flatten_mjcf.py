@@ -1,24 +1,31 @@
-"""An MJCF and what it includes -> one XML without comments in which everything has a name."""
+"""An MJCF and what it includes -> one XML without comments in which everything has a name.
+
+Meshes whose points stand in the MJCF itself, or that MuJoCo makes, become OBJ files.
+"""
 
 from __future__ import annotations
 
 import json
 import posixpath
-from collections.abc import Iterator
-from pathlib import Path
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path, PurePosixPath
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from assetbuild.engine.step import Files, Limits, Step
+from assetbuild.errors import SourceError
 from assetbuild.facts.mjcf_grammar import NEWEST, OLDEST, UNWRITTEN, newer_words
 from assetbuild.findings import Data, Finding
+from assetbuild.mesh.hull import convex_hull
+from assetbuild.robot.pose import Array, normalised_quat, rotation_of
 from assetbuild.source.mjcf.copies import write_out
 from assetbuild.source.mjcf.includes import below, expanded, folder_of
-from assetbuild.source.mjcf.inline import write_inline
-from assetbuild.source.mjcf.names import name_all
 from assetbuild.source.mjcf.scenery import cut_scenery
 from assetbuild.source.mjcf.text import (
     AT,
     DROPPED,
+    Classes,
     bodies,
     error_at,
     own_attributes,
@@ -153,14 +160,10 @@ def _resolved(root: _Element) -> _Element:
                 inside = posixpath.join(folder, folders[str(element.tag)])
                 element.set(key, below(element, inside, name))
         for mesh in asset.iterchildren("mesh"):
-            _check_mesh(mesh)
+            file = mesh.get("file", "")
+            if file and not file.lower().endswith(MESHES):
+                raise error_at(mesh, f"mesh `{file}` is neither STL nor OBJ", "convert it to OBJ")
     return root
-
-
-def _check_mesh(mesh: _Element) -> None:
-    file = mesh.get("file", "")
-    if file and not file.lower().endswith(MESHES):
-        raise error_at(mesh, f"mesh `{file}` is neither STL nor OBJ", "convert it to OBJ")
 
 
 def _meshes(root: _Element) -> list[dict[str, object]]:
@@ -210,3 +213,154 @@ _SUBJECTS = {
     "camera": "camera",
     "light": "light",
 }
+
+
+SECTIONS = ("actuator", "sensor", "equality", "tendon", "keyframe")
+
+
+def name_all(root: _Element) -> None:
+    """Name every body, joint, geom, site, camera, light, mesh and element of a section."""
+    classes = Classes(root)
+    world = root.find("worldbody")
+    if world is not None:
+        _name_bodies(world)
+        _name_parts(world, classes)
+    for asset in root.iterchildren("asset"):
+        for tag in ("mesh", "material", "texture", "hfield"):
+            _name(list(asset.iterchildren(tag)), _asset_name)
+    for section in SECTIONS:
+        for node in root.iterchildren(section):
+            _name(list(node.iterchildren("*")), _acting_name)
+
+
+def _name_bodies(world: _Element) -> None:
+    taken = {str(body.get("name")) for body, _ in bodies(world) if body.get("name")} | {"world"}
+    waiting = [(child, "world") for child in parts(world, "body")][::-1]
+    while waiting:
+        body, parent = waiting.pop()
+        if not body.get("name"):
+            body.set("name", _free("body" if parent == "world" else f"{parent}_body", taken))
+        name = str(body.get("name"))
+        waiting += [(child, name) for child in parts(body, "body")][::-1]
+
+
+def _name_parts(world: _Element, classes: Classes) -> None:
+    around = [(world, "world"), *((body, str(body.get("name"))) for body, _ in bodies(world))]
+    for tags in (("joint", "freejoint"), ("geom",), ("site",), ("camera",), ("light",)):
+        found = [(part, name) for body, name in around for part in parts(body, *tags)]
+        taken = {str(part.get("name")) for part, _ in found if part.get("name")}
+        for part, body_name in found:
+            if not part.get("name"):
+                suffix = _role(classes.attributes(part)) if part.tag == "geom" else tags[0]
+                part.set("name", _free(f"{body_name}_{suffix}", taken))
+
+
+def _role(said: dict[str, str]) -> str:
+    """Whether a geom's masks let it touch anything."""
+    masks = [said.get(key, "1").strip() for key in ("contype", "conaffinity")]
+    return "visual" if all(mask in ("0", "+0") for mask in masks) else "collision"
+
+
+def _name(elements: list[_Element], wanted: Callable[[_Element], str]) -> None:
+    taken = {str(element.get("name")) for element in elements if element.get("name")}
+    for element in elements:
+        if not element.get("name"):
+            element.set("name", _free(wanted(element), taken))
+
+
+def _asset_name(element: _Element) -> str:
+    return PurePosixPath(element.get("file", "")).stem or str(element.tag)
+
+
+def _acting_name(element: _Element) -> str:
+    """After what it acts on or looks at: `FR_hip_joint`, `imu_gyro`."""
+    for key in ("joint", "tendon", "site", "objname", "body", "joint1", "body1"):
+        if element.get(key):
+            owner = str(element.get(key))
+            parent = element.getparent()
+            acting = parent is not None and parent.tag == "actuator"
+            return owner if acting else f"{owner}_{element.tag}"
+    return str(element.tag)
+
+
+def _free(wanted: str, taken: set[str]) -> str:
+    """`wanted`, or with the first number from 2 that makes it new; it is taken from now on."""
+    name, count = wanted, 1
+    while name in taken:
+        count += 1
+        name = f"{wanted}{count}"
+    taken.add(name)
+    return name
+
+
+FOLDER = "(inline)/"
+"""Where such files lie for those who read the source: no folder of its own is called that."""
+WRITTEN = ("vertex", "face", "builtin", "params")
+LOST = ("normal", "texcoord", "facenormal", "facetexcoord")
+
+
+def write_inline(root: _Element, folder: Path) -> Iterator[Finding]:
+    """Write each mesh without a file to a folder, and name that file instead of its points."""
+    folder.mkdir()
+    meshes = [mesh for mesh in root.iterfind("asset/mesh") if not mesh.get("file")]
+    for number, mesh in enumerate(meshes):
+        name = str(mesh.get("name"))
+        if mesh.get("vertex"):
+            points, faces = _stated(mesh, name)
+        elif mesh.get("builtin"):
+            points, faces = _made(mesh, name)
+        else:
+            raise error_at(mesh, f"mesh `{name}` has neither a file nor points")
+        lines = [f"v {' '.join(map(repr, point))}" for point in points]
+        lines += [f"f {' '.join(str(corner + 1) for corner in face)}" for face in faces]
+        (folder / f"{number}.obj").write_text("\n".join(lines) + "\n", encoding="ascii")
+        lost = tuple(word for word in LOST if word in mesh.attrib)
+        for word in (*WRITTEN, *LOST):
+            mesh.attrib.pop(word, "")
+        mesh.set("file", f"{FOLDER}{number}.obj")
+        if lost:
+            message = f"{', '.join(f'`{a}`' for a in lost)} of mesh `{name}` was left out "
+            hint = "store the mesh in an OBJ file"
+            data: Data = {"element": "mesh", "attributes": lost}
+            yield DROPPED(f"mesh {name}", f"{message}({where_of(mesh)})", hint, data=data)
+
+
+_Triangles = tuple[Sequence[Sequence[float]], Sequence[Sequence[int]]]
+
+
+def _stated(mesh: _Element, name: str) -> _Triangles:
+    """Points, m, and triangles; without triangles the hull of the points, as MuJoCo has it."""
+    try:
+        points = np.array([float(word) for word in mesh.get("vertex", "").split()])
+        faces = np.array([int(word) for word in mesh.get("face", "").split()], dtype=np.int64)
+        points, faces = points.reshape(-1, 3), faces.reshape(-1, 3)
+    except ValueError:
+        message = f"mesh `{name}`: `vertex` and `face` are rows of three numbers"
+        raise error_at(mesh, message) from None
+    outside = (faces < 0) | (faces >= len(points))
+    if not np.isfinite(points).all() or outside.any():
+        raise error_at(mesh, f"mesh `{name}`: a point is not finite, or a corner is none of them")
+    if not faces.size:
+        hull = convex_hull(points, subject=f"mesh {name}")
+        points, faces = hull.vertices, hull.faces
+    return points.tolist(), faces.tolist()
+
+
+def _made(mesh: _Element, name: str) -> _Triangles:
+    """What MuJoCo makes of `builtin`, moved back from the principal axes where it keeps it."""
+    import mujoco
+    from lxml import etree
+
+    said = {key: value for key, value in own_attributes(mesh).items() if key in WRITTEN}
+    alone = etree.tostring(etree.Element("mesh", {"name": "m", **said}), encoding="unicode")
+    text = f"""<mujoco><asset>{alone}</asset>
+      <worldbody><geom type="mesh" mesh="m" contype="0" conaffinity="0"/></worldbody></mujoco>"""
+    try:
+        model = mujoco.MjModel.from_xml_string(text)
+    except ValueError as error:
+        words = " ".join(str(error).split())
+        message = f"mesh `{name}`: MuJoCo does not make it: {words}"
+        raise SourceError(message, where=where_of(mesh)) from None
+    turn = normalised_quat(tuple(float(v) for v in model.mesh_quat[0]))  # type: ignore[arg-type] # four numbers
+    points: Array = np.asarray(model.mesh_vert, dtype=np.float64) @ rotation_of(turn).T
+    return (points + model.mesh_pos[0]).tolist(), np.asarray(model.mesh_face).tolist()

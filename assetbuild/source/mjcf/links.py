@@ -14,22 +14,22 @@ A site is a link without mass on a fixed joint, which merging makes a frame.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from assetbuild.findings import Finding, Rule
 from assetbuild.robot.inertia import Tensor, rotate_tensor
-from assetbuild.robot.model import Base, Body, Inertial, Joint, JointKind, Limits
+from assetbuild.robot.model import Base, Body, Inertial, Joint, JointKind, Limits, Mimic
 from assetbuild.robot.pose import IDENTITY, Pose, Vec3, normalised_quat, vec3
-from assetbuild.source.mjcf.compiled import Compiled
+from assetbuild.simulators.mujoco.levers import tendon_coupling
+from assetbuild.source.mjcf.compiled import Compiled, Model
 from assetbuild.source.mjcf.scenery import is_held
 from assetbuild.source.mjcf.text import WORLD, bodies, error_at, parts
 
 if TYPE_CHECKING:
     from lxml.etree import _Element
-
 
 FREE, BALL, SLIDE, HINGE = 0, 1, 2, 3
 
@@ -135,7 +135,9 @@ def _root(tops: list[_Element], source: Compiled, base: Base | None) -> Links:
 
 def _add_body(links: Links, element: _Element, parent: str) -> None:
     name, model = str(element.get("name")), links.source.model
-    _refuse(element, name, links.source.joint_kinds(name), name == links.root)
+    if FREE in links.source.joint_kinds(name) and name != links.root:
+        hint = "one recipe builds one robot; its root alone may float"
+        raise error_at(element, f"body `{name}`: a free joint inside the robot", hint)
     links.shift[name] = (0.0, 0.0, 0.0)
     if name != links.root:
         joints = links.source.joints_of(name)
@@ -294,18 +296,40 @@ def tendon_rest(tendon: _Element, rest: Mapping[str, float]) -> float:
     return sum(float(str(c.get("coef"))) * rest[str(c.get("joint"))] for c in moved)
 
 
-# --- refusals -------------------------------------------------------------------------------
-
-
-def _refuse(element: _Element, name: str, kinds: list[int], is_root: bool) -> None:
-    if FREE in kinds and not is_root:
-        hint = "one recipe builds one robot; its root alone may float"
-        raise error_at(element, f"body `{name}`: a free joint inside the robot", hint)
-
-
 # --- small things ---------------------------------------------------------------------------
 
 
 def _minus(a: Vec3, b: Vec3) -> Vec3:
     """Negative zeros become zero; subtracting zeros changes no bit."""
     return vec3([x - y for x, y in zip(a, b, strict=True)])
+
+
+def coupling_of(
+    tag: str, model: Model, index: int, said: Mapping[str, str]
+) -> tuple[str, Mimic] | None:
+    """(follower, mimic) of an equality; None of one that is no mimic.
+
+    q1 = c0 + c1 q2, counted from the joints' `ref`, as the Robot counts.
+    """
+    if tag == "tendon" and (found := tendon_coupling(model, index)):
+        follower, leader = (str(model.joint(joint).name) for joint in found[:2])
+        return follower, Mimic(leader, *found[2:])
+    c = [float(v) for v in model.eq_data[index][:5]]
+    leader = said.get("joint2", "")
+    if tag != "joint" or not leader or any(c[2:]) or c[1] == 0.0 or not model.eq_active0[index]:
+        return None
+    return said.get("joint1", ""), Mimic(leader, c[1], c[0])
+
+
+def coupled(joints: Sequence[Joint], follower: str, mimic: Mimic) -> list[Joint] | None:
+    """The joints with that mimic; None where it follows already, and of a circle."""
+    by_name = {joint.name: joint for joint in joints}
+    if not {follower, mimic.joint} <= by_name.keys() or by_name[follower].mimic:
+        return None
+    name = mimic.joint
+    while (above := by_name[name].mimic) is not None:
+        name = above.joint
+        if name == follower:
+            return None
+    by_name[follower] = replace(by_name[follower], mimic=mimic)
+    return list(by_name.values())

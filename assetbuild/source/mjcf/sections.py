@@ -21,9 +21,8 @@ from assetbuild.robot.model import (
 )
 from assetbuild.robot.pose import IDENTITY, Pose, Vec3, vec3
 from assetbuild.source.mjcf.compiled import Model, pose_at
-from assetbuild.source.mjcf.couplings import coupled, coupling_of
 from assetbuild.source.mjcf.drives import Drives
-from assetbuild.source.mjcf.links import FREE, JOINT_REF, Links, tendon_rest
+from assetbuild.source.mjcf.links import FREE, JOINT_REF, Links, coupled, coupling_of, tendon_rest
 from assetbuild.source.mjcf.opaque import element_text, keys, leftover, words
 from assetbuild.source.mjcf.scenery import NAMES
 from assetbuild.source.mjcf.text import DROPPED, WORLD, error_at, own_attributes, where_of

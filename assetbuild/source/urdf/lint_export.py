@@ -13,7 +13,6 @@ import io
 import math
 import re
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
 
 from pydantic import Field
 
@@ -30,6 +29,7 @@ SAME = 1e-3
 _VERSION = re.compile(rb"Commit Version:\s*(\S+)")
 _ONSHAPE = re.compile(rb"onshape-to-robot")
 _NAMES = re.compile(r"controller_joint_names:\s*\[([^\]]*)\]")
+_CENTRE = tuple(f"Center of Mass {axis}" for axis in "XYZ")
 _MOMENTS = ("Moment Ixx", "Moment Iyy", "Moment Izz", "Moment Ixy", "Moment Ixz", "Moment Iyz")
 
 SOLIDWORKS = Rule(
@@ -160,27 +160,11 @@ def _exporter(head: bytes, table: str, names: str) -> Finding | None:
 # --- the table ------------------------------------------------------------------------------
 
 
-@dataclass(frozen=True)
-class _Row:
-    """A link as the CAD weighed it; None where the table has no number."""
-
-    mass_kg: float | None
-    com_m: tuple[float | None, ...]
-    moments_kg_m2: tuple[float | None, ...]
-
-
-def _rows(data: bytes) -> Mapping[str, _Row]:
-    text = data.decode("utf-8-sig", "replace")
-    found = {}
-    for row in csv.DictReader(io.StringIO(text)):
-        name = (row.get("Link Name") or "").strip()
-        if name:
-            found[name] = _Row(
-                _number(row.get("Mass")),
-                tuple(_number(row.get(f"Center of Mass {axis}")) for axis in "XYZ"),
-                tuple(_number(row.get(column)) for column in _MOMENTS),
-            )
-    return found
+def _rows(data: bytes) -> dict[str, dict[str, str]]:
+    """Each link as the CAD weighed it, by its name."""
+    rows = csv.DictReader(io.StringIO(data.decode("utf-8-sig", "replace")))
+    named = (((row.get("Link Name") or "").strip(), row) for row in rows)
+    return {name: row for name, row in named if name}
 
 
 def _number(text: str | None) -> float | None:
@@ -191,16 +175,17 @@ def _number(text: str | None) -> float | None:
     return value if math.isfinite(value) else None
 
 
-def _differences(body: Body, row: _Row, table: str) -> Iterator[Finding]:
+def _differences(body: Body, row: Mapping[str, str], table: str) -> Iterator[Finding]:
     """Mass, centre and moments, each against the largest number of its kind."""
     inertial = body.inertial or Inertial(0.0, (0.0, 0.0, 0.0), (0.0,) * 6)
-    for what, unit, ours, theirs in (
-        ("mass", "kg", (inertial.mass_kg,), (row.mass_kg,)),
-        ("centre of mass", "m", inertial.com_m, row.com_m),
-        ("inertia", "kg m2", inertial.inertia_com_kg_m2, row.moments_kg_m2),
+    for what, unit, ours, columns in (
+        ("mass", "kg", (inertial.mass_kg,), ("Mass",)),
+        ("centre of mass", "m", inertial.com_m, _CENTRE),
+        ("inertia", "kg m2", inertial.inertia_com_kg_m2, _MOMENTS),
     ):
-        stated = tuple(value for value in theirs if value is not None)
-        if len(stated) != len(theirs):
+        numbers = (_number(row.get(column)) for column in columns)
+        stated = tuple(value for value in numbers if value is not None)
+        if len(stated) != len(columns):
             continue
         size = max(map(abs, (*ours, *stated)))
         if max(abs(a - b) for a, b in zip(ours, stated, strict=True)) > SAME * size:

@@ -6,14 +6,17 @@ of links and joints refuse it. See docs/reference/readers.md, which says what ea
 
 from __future__ import annotations
 
-import math
-from collections.abc import Iterator
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterator, Mapping
 
 from assetbuild.findings import Data, Finding, Rule
-from assetbuild.robot.model import URDF_UNLIMITED, Base
-from assetbuild.source.urdf.orientation import tidy_orientation
-from assetbuild.source.urdf.shape_text import tidy_shapes
+from assetbuild.robot.model import Base
+from assetbuild.source.urdf.tidy_parts import (
+    MOMENTS,
+    tidy_inertial,
+    tidy_limit,
+    tidy_orientation,
+    tidy_shapes,
+)
 from assetbuild.source.urdf.xml import Node, Problems, parse_untidy
 from assetbuild.xml_text import Fault, FaultKind, number_words
 
@@ -43,20 +46,6 @@ BLANK = Rule(
     "an attribute has no text and counts as absent",
     "remove it, or give its value",
 )
-INCOMPLETE = Rule(
-    "urdf.inertial.incomplete",
-    "warning",
-    "`<inertial>` lacks a mass or a part of its tensor; without a mass it counts as absent, "
-    "without a moment the tensor counts as 0, a missing product counts as 0",
-    "state the mass and all six numbers",
-)
-NO_LIMIT = Rule(
-    "urdf.limit.none",
-    "warning",
-    "an effort or velocity limit is negative or infinite, or a revolute joint's range is infinite: "
-    "it counts as not stated",
-    "state the limit, or give effort and velocity in the recipe's actuator table",
-)
 WORLD_JOINT = Rule(
     "urdf.world.floating",
     "info",
@@ -78,7 +67,7 @@ _VECTORS = {
 }  # fmt: skip
 _NUMBERS = {
     "mass": ("value",),
-    "inertia": ("ixx", "iyy", "izz", "ixy", "ixz", "iyz"),
+    "inertia": MOMENTS,
     "sphere": ("radius",),
     "cylinder": ("radius", "length"),
     "capsule": ("radius", "length"),
@@ -91,83 +80,51 @@ _OPTIONAL = frozenset(
     + [(tag, name) for tag in ("limit", "dynamics", "mimic", "inertia") for name in _NUMBERS[tag]]
 )
 """What counts as absent when it has no text."""
-_SAID: dict[FaultKind, str] = {
-    "declaration": "`<?xml ...?>` stands twice or not at the start of the file",
-    "comment": "`--` inside of a comment",
-    "encoding": "the text is not in the encoding that it states; what could not be read is comment",
-    "ampersand": "`&` stands for itself",
-    "space": "no blank between two attributes",
-    "prefix": "a prefix is declared nowhere; its elements and attributes are left out",
-    "end": "more text follows the end of <robot>; it is not read",
-    "namespace": "`xmlns` puts all elements into a namespace, which readers ignore",
+_FAULTS: dict[FaultKind, tuple[str, str]] = {
+    "declaration": (
+        "`<?xml ...?>` stands twice or not at the start of the file",
+        "write it once, as the first bytes of the file",
+    ),
+    "comment": ("`--` inside of a comment", "write `-` once"),
+    "encoding": (
+        "the text is not in the encoding that it states; what could not be read is comment",
+        "save the file as UTF-8 and state no other encoding",
+    ),
+    "ampersand": ("`&` stands for itself", "write `&amp;`"),
+    "space": ("no blank between two attributes", "put a blank between them"),
+    "prefix": (
+        "a prefix is declared nowhere; its elements and attributes are left out",
+        'declare it at <robot>: `xmlns:NAME="..."`, or remove what has it',
+    ),
+    "end": (
+        "more text follows the end of <robot>; it is not read",
+        "remove what follows `</robot>`",
+    ),
+    "namespace": (
+        "`xmlns` puts all elements into a namespace, which readers ignore",
+        "remove `xmlns`",
+    ),
 }
-_MEND: dict[FaultKind, str] = {
-    "declaration": "write it once, as the first bytes of the file",
-    "comment": "write `-` once",
-    "encoding": "save the file as UTF-8 and state no other encoding",
-    "ampersand": "write `&amp;`",
-    "space": "put a blank between them",
-    "prefix": 'declare it at <robot>: `xmlns:NAME="..."`, or remove what has it',
-    "end": "remove what follows `</robot>`",
-    "namespace": "remove `xmlns`",
+"""Fault of the text -> what it is, and how to mend it."""
+_PARTS: Mapping[str, tuple[Callable[[Node], Iterator[Finding]], ...]] = {
+    "link": (tidy_inertial, tidy_shapes),
+    "material": (tidy_shapes,),
+    "joint": (tidy_limit,),
 }
-
-
-@dataclass
-class _Count:
-    """How often something was found, and where first."""
-
-    count: int = 0
-    line: int = 0
-    first: str = ""
-
-    def add(self, node: Node, attribute: str) -> None:
-        if not self.count:
-            self.line, self.first = node.line, f'{attribute}="{node.get(attribute)}"'
-        self.count += 1
-
-    def data(self) -> Data:
-        return {"count": self.count, "line": self.line}
-
-
-@dataclass
-class _Text:
-    """What the numbers of the whole file have in common."""
-
-    separators: _Count = field(default_factory=_Count)
-    blanks: _Count = field(default_factory=_Count)
-
-    def findings(self) -> Iterator[Finding]:
-        if self.separators.count:
-            message = (
-                f"commas or semicolons beside numbers, {_times(self.separators)}: read as blanks"
-            )
-            hint = "urdfdom and MuJoCo refuse them: write blanks"
-            yield SEPARATORS("robot", message, hint, data=self.separators.data())
-        if self.blanks.count:
-            message = f"attributes without text, {_times(self.blanks)}: read as if they were absent"
-            yield BLANK("robot", message, "remove them", data=self.blanks.data())
+"""Element of <robot> -> what makes its parts tidy."""
 
 
 def read_tidy(data: bytes, file: str, problems: Problems, base: Base) -> tuple[Node, list[Finding]]:
     """The <robot> element of a URDF in tidy text, and what was taken for what."""
     root, faults = parse_untidy(data, file)
-    findings = [_overlooked(fault) for fault in _first_of_each(faults)]
-    text = _Text()
+    findings = list(_overlooked(faults))
     findings += _same_materials(root)
-    for node in _known(root):
-        findings += _only_first(node)
-        _tidy_numbers(node, text)
-    findings += text.findings()
+    findings += _once_and_in_blanks(root)
     findings += tidy_orientation(root, problems)
-    for link in root.all("link"):
-        about = link.about(f"link {link.get('name')}")
-        findings += _tidy_inertial(about)
-        findings += tidy_shapes(about)
-    for material in root.all("material"):
-        findings += tidy_shapes(material.about(f"material {material.get('name')}"))
-    for joint in root.all("joint"):
-        findings += _tidy_limit(joint.about(f"joint {joint.get('name')}"))
+    for tag, tidied in _PARTS.items():
+        for node in root.all(tag):
+            about = node.about(f"{tag} {node.get('name')}")
+            findings += [finding for part in tidied for finding in part(about)]
     if base == "floating":
         findings += _without_world(root)
     return root, findings
@@ -192,26 +149,44 @@ def _without_world(root: Node) -> Iterator[Finding]:
     roots[0].remove()
 
 
-def _known(root: Node) -> Iterator[Node]:
-    """The links, joints and materials with all that is in them, under the name of each."""
+def _overlooked(faults: tuple[Fault, ...]) -> Iterator[Finding]:
+    """The first fault of each kind."""
+    for kind in dict.fromkeys(fault.kind for fault in faults):
+        fault = next(fault for fault in faults if fault.kind == kind)
+        what, remedy = _FAULTS[kind]
+        message = f"line {fault.line}: {what}: `{fault.text}`"
+        yield FAULT("robot", message, remedy, data={"fault": kind, "line": fault.line})
+
+
+def _once_and_in_blanks(root: Node) -> Iterator[Finding]:
+    """What stands a second time goes; numbers are parted by blanks, and none is without text."""
+    separators, blanks = list[_Seen](), list[_Seen]()
     for tag in ("material", "link", "joint"):
         for top in root.all(tag):
-            subject = f"{tag} {top.get('name')}"
             for element in list(top.element.iter("*")):
-                yield Node(element, root.file, subject)
+                node = Node(element, root.file, f"{tag} {top.get('name')}")
+                yield from _only_first(node)
+                _tidy_numbers(node, separators, blanks)
+    if separators:
+        message = f"commas or semicolons beside numbers, {_times(separators)}: read as blanks"
+        hint = "urdfdom and MuJoCo refuse them: write blanks"
+        yield SEPARATORS("robot", message, hint, data=_counted(separators))
+    if blanks:
+        message = f"attributes without text, {_times(blanks)}: read as if they were absent"
+        yield BLANK("robot", message, "remove them", data=_counted(blanks))
 
 
-def _first_of_each(faults: tuple[Fault, ...]) -> list[Fault]:
-    return [f for i, f in enumerate(faults) if f.kind not in {g.kind for g in faults[:i]}]
+_Seen = tuple[int, str]
+"""Line and text of an attribute."""
 
 
-def _overlooked(fault: Fault) -> Finding:
-    return FAULT(
-        "robot",
-        f"line {fault.line}: {_SAID[fault.kind]}: `{fault.text}`",
-        _MEND[fault.kind],
-        data={"fault": fault.kind, "line": fault.line},
-    )
+def _times(found: list[_Seen]) -> str:
+    times = f"{len(found)} times" if len(found) > 1 else "once"
+    return f"{times} (line {found[0][0]}: `{found[0][1]}`)"
+
+
+def _counted(found: list[_Seen]) -> Data:
+    return {"count": len(found), "line": found[0][0]}
 
 
 def _only_first(node: Node) -> Iterator[Finding]:
@@ -252,7 +227,7 @@ def _repeated(parent: Node, extra: Node) -> Finding:
     )
 
 
-def _tidy_numbers(node: Node, text: _Text) -> None:
+def _tidy_numbers(node: Node, separators: list[_Seen], blanks: list[_Seen]) -> None:
     """Blanks for commas; no attribute for one without text."""
     counts = dict.fromkeys(_NUMBERS.get(node.tag, ()), 1)
     counts |= {name: n for (tag, name), n in _VECTORS.items() if tag == node.tag}
@@ -260,93 +235,12 @@ def _tidy_numbers(node: Node, text: _Text) -> None:
         stated = node.get(name)
         if stated is None:
             continue
+        seen = (node.line, f'{name}="{stated}"')
         if not stated.strip() and (node.tag, name) in _OPTIONAL:
-            text.blanks.add(node, name)
+            blanks.append(seen)
             del node.element.attrib[name]
             continue
         words = number_words(stated, count)
         if words != stated.split():
-            text.separators.add(node, name)
+            separators.append(seen)
             node.element.set(name, " ".join(words))
-
-
-def _times(found: _Count) -> str:
-    times = f"{found.count} times" if found.count > 1 else "once"
-    return f"{times} (line {found.line}: `{found.first}`)"
-
-
-def _tidy_inertial(link: Node) -> Iterator[Finding]:
-    """Without a mass there is no <inertial>; without a moment the tensor is 0."""
-    inertial = link.only("inertial")
-    if inertial is None:
-        return
-    mass, tensor = inertial.only("mass"), inertial.only("inertia")
-    if mass is None or mass.get("value") is None:
-        inertial.remove()
-        yield _incomplete(inertial, "it states no mass and counts as absent", "mass", "inertia")
-        return
-    if tensor is None:
-        tensor = inertial.added("inertia")
-    missing = [name for name in _NUMBERS["inertia"] if tensor.get(name) is None]
-    if not missing:
-        return
-    if any(name in missing for name in ("ixx", "iyy", "izz")):
-        for name in _NUMBERS["inertia"]:
-            tensor.element.set(name, "0")
-        what = "it states no tensor (`ixx`, `iyy`, `izz`), which counts as 0"
-        yield _incomplete(inertial, what, "inertia")
-    else:
-        for name in missing:
-            tensor.element.set(name, "0")
-        words = ", ".join(f"`{name}`" for name in missing)
-        yield _incomplete(inertial, f"<inertia> lacks {words}: taken as 0", "inertia")
-
-
-def _incomplete(inertial: Node, what: str, *missing: str) -> Finding:
-    return INCOMPLETE(
-        inertial.subject,
-        f"<inertial> on line {inertial.line}: {what}",
-        hint="state the mass and all six numbers, or use the edit `inertia_from_geometry`",
-        data={"line": inertial.line, "missing": missing},
-    )
-
-
-def _tidy_limit(joint: Node) -> Iterator[Finding]:
-    """A limit below zero or without end is none."""
-    limit = joint.only("limit")
-    if limit is None or joint.get("type") not in ("revolute", "continuous", "prismatic"):
-        return
-    for name in ("effort", "velocity"):
-        value = _float(limit.get(name))
-        if value < 0.0 or value == math.inf:
-            yield _not_stated(limit, name, "counts as not stated")
-            del limit.element.attrib[name]
-    ends = [_float(limit.get(name)) for name in ("lower", "upper")]
-    endless = ends[0] <= -URDF_UNLIMITED and ends[1] >= URDF_UNLIMITED
-    if endless and joint.get("type") == "revolute":
-        yield _not_stated(limit, "lower", "has no end: the joint counts as continuous")
-        joint.element.set("type", "continuous")
-        for name in ("lower", "upper"):
-            del limit.element.attrib[name]
-
-
-def _not_stated(limit: Node, name: str, what: str) -> Finding:
-    return NO_LIMIT(
-        limit.subject,
-        f"limit {name} `{limit.get(name)}` on line {limit.line} {what}",
-        hint="readers take it differently: state it in the URDF, or in the recipe's actuator table",
-        data={
-            "limit": name,
-            "stated": limit.get(name),
-            "line": limit.line,
-            "missing": (name,),
-        },
-    )
-
-
-def _float(text: str | None) -> float:
-    """The number, infinite ones included; not a number where there is none."""
-    try:
-        return math.nan if text is None or "_" in text else float(text)
-    except ValueError:
-        return math.nan

@@ -247,7 +247,9 @@ def _read(data: bytes, file: str, what: str, reader: Callable[[bytes], T]) -> T:
         return reader(in_xml_1(data))
     except NotXml as error:
         if error.doctype:
-            raise _doctype(file, error.line) from None
+            hint = "a robot needs none: delete the <!DOCTYPE ...> and the entities it defines"
+            where = Where(file, error.line)
+            raise SourceError("a DOCTYPE is not allowed", where=where, hint=hint) from None
         raise _not_xml(error.message, error.line, file) from None
 
 
@@ -268,11 +270,6 @@ def in_xml_1(data: bytes) -> bytes:
     """The same text as XML 1.0, where it states a version that does not exist."""
     found = _VERSION.match(data)
     return data[: found.start(1)] + b"1.0" + data[found.end(1) :] if found else data
-
-
-def _doctype(file: str, line: int) -> SourceError:
-    hint = "a robot needs none: delete the <!DOCTYPE ...> and the entities it defines"
-    return SourceError("a DOCTYPE is not allowed", where=Where(file, line), hint=hint)
 
 
 def _not_xml(message: str, line: int, file: str) -> SourceError:

@@ -10,7 +10,7 @@ from collections.abc import Iterator
 
 from assetbuild.facts.mjcf_grammar import NEWER_ATTRIBUTES, NEWER_TAGS, OLDEST, Path, schema
 from assetbuild.robot import lost_motion
-from assetbuild.source.mjcf import details, sections, shapes
+from assetbuild.source.mjcf import read_mjcf, sections, shapes
 from assetbuild.source.mjcf.flatten_mjcf import REFUSED
 from assetbuild.source.mjcf.opaque import keys
 
@@ -44,7 +44,7 @@ HELD, RESOLVED, MJCF = "every format", "resolved", "MJCF only"
 MOVES, LEFT_OUT, NO = "MJCF only, moves", "left out", "refused"
 FATES = (HELD, RESOLVED, MJCF, MOVES, LEFT_OUT, NO)
 _MOVING_JOINT = frozenset(("springref", "stiffness"))
-_OF_JOINT = details.JOINT | {"name", "class", "damping", "frictionloss", "actuatorfrcrange",
+_OF_JOINT = read_mjcf.JOINT | {"name", "class", "damping", "frictionloss", "actuatorfrcrange",
                              "actuatorfrclimited"}  # fmt: skip
 _OF_DRIVE = keys(
     "name class joint jointinparent gear ctrllimited ctrlrange forcelimited forcerange "
@@ -94,11 +94,11 @@ def _body(path: Path, tag: str, attribute: str) -> str:
     held = {
         "joint": _OF_JOINT,
         "geom": shapes.SAID,
-        "site": details.SITE | {"name", "class"},
-        "camera": details.CAMERA - {"target"} | {"name", "class"},
+        "site": read_mjcf.SITE | {"name", "class"},
+        "camera": read_mjcf.CAMERA - {"target"} | {"name", "class"},
         "light": frozenset(("class",)),
-        "inertial": details.BODY | keys("mass diaginertia fullinertia"),
-        "(world)body": details.BODY | {"name"},
+        "inertial": read_mjcf.BODY | keys("mass diaginertia fullinertia"),
+        "(world)body": read_mjcf.BODY | {"name"},
     }
     if tag == "attach":
         return RESOLVED

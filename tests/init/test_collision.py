@@ -61,20 +61,6 @@ def test_a_box_needs_no_rule_of_its_own(tmp_path: Path):
     assert rules_of(tmp_path, shape("visual", PLATE), shape("collision", BOX)) == {}
 
 
-@pytest.mark.parametrize(
-    ("scale", "rules"), [(1000, {"tip": {"method": "auto", "from": "visual"}}), (3, {})]
-)
-def test_a_collision_mesh_of_another_unit_is_not_taken(
-    scale: int, rules: dict[str, dict[str, str]], tmp_path: Path
-):
-    """In millimetres, where what is drawn is in metres."""
-    solid = trimesh.creation.box((0.1, 0.05, 0.1))
-    solid.export(tmp_path / "seen.stl")
-    solid.apply_scale(scale).export(tmp_path / "hit.stl")
-    seen, hit = (f'<mesh filename="{name}.stl"/>' for name in ("seen", "hit"))
-    assert rules_of(tmp_path, shape("visual", seen), shape("collision", hit)) == rules
-
-
 @pytest.mark.parametrize(("width", "ball"), [(0.04, True), (0.005, False)])
 def test_a_foot_that_is_a_thin_disc_is_no_sphere(
     width: float, ball: bool, robots: Path, tmp_path: Path
