@@ -20,11 +20,10 @@ from assetbuild.engine.step import Files, Limits, Step
 from assetbuild.errors import StepError
 from assetbuild.findings import Finding, Rule
 from assetbuild.kinds import ConvertedMesh, Piece, Pieces
-from assetbuild.mesh.arrays import read_part
 from assetbuild.mesh.cover import Quality, Reference, blocked_by, measure
 from assetbuild.mesh.hull import convex_hull, refuse_flat
 from assetbuild.mesh.native import NativeError, NativeLimits
-from assetbuild.mesh.obj import obj_bytes, read_triangles
+from assetbuild.mesh.obj import obj_bytes, read_part, read_triangles
 from assetbuild.mesh.primitives import tessellate
 from assetbuild.mesh.solid import ConvexPiece
 from assetbuild.mesh.sources import Likeness as Likeness  # what the fields are made of

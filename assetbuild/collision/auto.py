@@ -25,10 +25,10 @@ from assetbuild.mesh.coacd import CoAcdOptions, Patience, coacd_parts
 from assetbuild.mesh.cover import SAMPLES, Quality, Reference, blocked_by, rough
 from assetbuild.mesh.cut import cut_parts, tips
 from assetbuild.mesh.fit import box_axes
-from assetbuild.mesh.holes import holes
 from assetbuild.mesh.hull import convex_hull
 from assetbuild.mesh.merge import grown_to, hulls_of, merge_steps
 from assetbuild.mesh.native import NativeError
+from assetbuild.mesh.rays import holes
 from assetbuild.mesh.solid import ConvexPiece
 from assetbuild.mesh.triangles import TriangleMesh
 from assetbuild.mesh.vhacd import VHacdOptions, vhacd_parts

@@ -8,11 +8,11 @@ from collections.abc import Collection, Iterator, Mapping
 from assetbuild.errors import did_you_mean
 from assetbuild.quantities import stated
 from assetbuild.robot import model
+from assetbuild.robot.actuator_table import Key
 from assetbuild.robot.actuators import RowError
 from assetbuild.robot.contact import Contacts, Surface
-from assetbuild.robot.motors import Key
 from assetbuild.robot.pose import Pose, quat_multiply, quat_of_rpy
-from assetbuild.robot.sensing import IMU_NAMES, Camera, Feet, Imu, Sensor
+from assetbuild.robot.sections import IMU_NAMES, Camera, Feet, Imu, Sensor
 from assetbuild.robot.shapes import Shapes
 
 _ABOUT_X = (0.0, 1.0, 0.0, 0.0)

@@ -26,7 +26,7 @@ from assetbuild.recipe.models import Collision, Recipe
 from assetbuild.recipe.validation import Key, KeyedError
 from assetbuild.robot.model import Tree
 from assetbuild.robot.pose import IDENTITY, Pose, Vec3, vec3
-from assetbuild.robot.regions import Region, ToleranceRegion
+from assetbuild.robot.sections import Region, ToleranceRegion
 from assetbuild.robot.shapes import MeshFile, SourceShape, SourceShapes
 
 BUILT_IN = ("keep", "none")

@@ -17,7 +17,7 @@ from pydantic import Field
 
 from assetbuild.engine.step import Files, Limits, Step
 from assetbuild.kinds import ConvertedMesh
-from assetbuild.mesh.arrays import read_part
+from assetbuild.mesh.obj import read_part
 from assetbuild.mesh.quality import surface_samples
 from assetbuild.mesh.triangles import TriangleMesh, merged
 from assetbuild.mesh.volume import area

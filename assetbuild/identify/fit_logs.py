@@ -19,7 +19,7 @@ from assetbuild.identify.record import Drive, Record, smooth
 from assetbuild.identify.solve import LACKS, Solution, Unknown, solve
 from assetbuild.robot.codec import decode_file, encode
 from assetbuild.robot.files import RobotFiles
-from assetbuild.robot.identified import (
+from assetbuild.robot.identify import (
     UNITS,
     Curve,
     Curves,

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from assetbuild.identify.base import Moving, commands, on_moving_base, speeds
-from assetbuild.identify.record import Drive, Record
+from assetbuild.identify.record import OF_JOINTS, Drive, Record
 from assetbuild.robot.initial import initial_pose
 from assetbuild.robot.model import Actuator, Control, Tree
 from assetbuild.robot.pose import IDENTITY, Array
@@ -32,8 +32,6 @@ AT_ONCE = 16
 """Variants that are simulated together, for the same reason."""
 HELD, HELD_RAD_S = 1e3, 100.0
 """Joints that no log holds: their armature, in largest inertias of the others; of their spring."""
-OF_JOINTS = ("joint", "equality", "tendon", "mimic")
-"""Places of `MjcfOnly` that move joints; the others need shapes, or are drives."""
 
 
 class Plant:

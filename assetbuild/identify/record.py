@@ -12,6 +12,8 @@ CUTOFF_HZ = 20.0
 LEAD_S = 0.03
 QUIET_S = 1.5
 """A calm moment is looked for in so much of the beginning of a record."""
+OF_JOINTS = ("joint", "equality", "tendon", "mimic")
+"""Places of `MjcfOnly` that move joints; the others need shapes, or are drives."""
 
 
 def cutoff_hz(rate_hz: float) -> float:

@@ -6,16 +6,15 @@ from collections.abc import Collection
 from dataclasses import astuple, dataclass, replace
 from pathlib import Path
 
-from assetbuild.body.lint_bodies import LintBodies
-from assetbuild.body.lint_links import LintLinks
+from assetbuild.body.lint import LintBodies, LintLinks
 from assetbuild.engine.scratch import scratch
 from assetbuild.findings import Finding
 from assetbuild.init.source import UrdfSource
+from assetbuild.robot.chains import split
 from assetbuild.robot.codec import encode
 from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.model import Base, Tree
 from assetbuild.robot.shapes import SourceShapes
-from assetbuild.robot.split_joints import split
 from assetbuild.robot.tree import merge_fixed_joints
 from assetbuild.source.urdf.joints import LIMIT_OMITTED
 from assetbuild.source.urdf.tidy import WORLD_JOINT

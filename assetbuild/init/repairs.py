@@ -14,7 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
-from assetbuild.body.lint_links import MIMIC_LIMITS
+from assetbuild.body.lint import MIMIC_LIMITS
 from assetbuild.findings import Finding
 from assetbuild.init.contradicted import Weighed, keys_of
 from assetbuild.init.look import InspectedRobot, zeroed

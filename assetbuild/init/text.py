@@ -8,7 +8,7 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from assetbuild.body.lint_links import invented
+from assetbuild.body.lint import invented
 from assetbuild.init import contradicted
 from assetbuild.init.anatomy import Anatomy, Leg
 from assetbuild.init.collision import collision, compound_pairs, soles_of

@@ -19,8 +19,7 @@ from assetbuild.mesh.material import (
     colours_finding,
     group_by_material,
 )
-from assetbuild.mesh.polygons import polygon_triangles
-from assetbuild.mesh.triangles import Indices, TriangleMesh
+from assetbuild.mesh.triangles import Indices, TriangleMesh, polygon_triangles
 from assetbuild.robot.pose import Array
 
 SKIPPED = Rule(

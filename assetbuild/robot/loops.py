@@ -11,8 +11,8 @@ from pydantic import Field, model_validator
 
 from assetbuild.errors import Gather, did_you_mean
 from assetbuild.quantities import Model, Name, Positive, Real
+from assetbuild.robot.actuator_table import RowError
 from assetbuild.robot.model import Joint, Loop, LoopEnd, Tree
-from assetbuild.robot.motors import RowError
 from assetbuild.robot.pose import Pose, quat_of_rpy, vec3
 
 AXIS = "_axis"

@@ -19,8 +19,8 @@ from assetbuild.robot.actuator_table import ActuatorModel as ActuatorModel
 from assetbuild.robot.actuator_table import General as General
 from assetbuild.robot.contact import Contact as Contact
 from assetbuild.robot.pose import IDENTITY, Pose, Quat, Vec3
+from assetbuild.robot.sections import Simulation as Simulation
 from assetbuild.robot.shapes import Shape
-from assetbuild.robot.simulation import Simulation as Simulation
 
 Base = Literal["floating", "fixed"]
 JointKind = Literal["revolute", "continuous", "prismatic", "fixed", "floating", "planar", "ball"]

@@ -13,14 +13,16 @@ limit. Source: MuJoCo, Computation, "Solver parameters", with a constant impedan
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
 
 from pydantic import Field
 
 from assetbuild.quantities import Model, Positive
 from assetbuild.robot.dynamics import dynamics
 from assetbuild.robot.mimic import first_leader, without_mimics
-from assetbuild.robot.model import Control, Joint, Softness, Tree
+from assetbuild.robot.model import Control, Joint, MjcfOnly, Softness, Tree
+from assetbuild.robot.sides import Side, side_of
 
 TIME_S, IMPEDANCE = 0.02, 0.95
 """MuJoCo's defaults: the time constant, and the impedance beyond a width of 1 mm or 1 mrad."""
@@ -188,3 +190,39 @@ def _is_locked(joint: Joint) -> bool:
     limits = joint.limits
     stated = joint.kind != "continuous" and limits.lower is not None
     return stated and limits.lower == limits.upper
+
+
+PLACES = {"limits": "joint", "couplings": "mimic"}
+"""Section of the recipe -> the place of MJCF's own words about the same."""
+
+
+def softened(
+    tree: Tree,
+    control: Control,
+    sides: Sequence[Side],
+    limits: LimitError,
+    couplings: CouplingError,
+) -> Control:
+    """The control with what MuJoCo's default would not hold; the check `full_effort` measures it.
+
+    What an MJCF source says of its constraints stays, unless the recipe states a wish.
+    """
+    at_limits = _ours(soft_limits(tree, control, limits), control, sides, "limits")
+    coupled = _ours(soft_couplings(tree, control, couplings), control, sides, "couplings")
+    return replace(control, soft_limits=tuple(at_limits), soft_couplings=tuple(coupled))
+
+
+def _ours(
+    held: Iterable[tuple[str, Softness]], control: Control, sides: Sequence[Side], section: str
+) -> Iterator[tuple[str, Softness]]:
+    """Without joints whose softness an MJCF source decides."""
+    said = {item.owner for item in control.mjcf_only if _says_softness(item, PLACES[section])}
+    for joint, soft in held:
+        side = side_of(sides, joint)
+        ours = not side.from_mjcf or section in side.stated
+        if ours and joint not in said:
+            yield joint, soft
+
+
+def _says_softness(item: MjcfOnly, place: str) -> bool:
+    return item.place == place and ("solref" in item.element or "solimp" in item.element)

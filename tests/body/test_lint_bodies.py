@@ -9,14 +9,14 @@ from pathlib import Path
 import pytest
 from tiny import TinyRobot, box_inertial, pendulum, run_step, tiny_quadruped, write_source_ports
 
-from assetbuild.body.lint_bodies import LintBodies
+from assetbuild.body.lint import LintBodies
 from assetbuild.findings import Finding
 from assetbuild.pipeline.recipes import whole_model
+from assetbuild.robot.chains import split
 from assetbuild.robot.codec import encode
 from assetbuild.robot.inertia import InertiaBounds
 from assetbuild.robot.model import Body, Inertial, Joint, Limits, Tree
 from assetbuild.robot.shapes import SourceShape, SourceShapes, Sphere
-from assetbuild.robot.split_joints import split
 
 BRICK = box_inertial(1.0, (0.1, 0.1, 0.1))
 
@@ -155,7 +155,7 @@ def test_a_kept_body_without_mass_is_a_warning(tmp_path: Path):
 
 
 def test_go1s_singular_base_is_valid_once_merged(go1_root: Path, tmp_path: Path):
-    from assetbuild.body.lint_links import LintLinks
+    from assetbuild.body.lint import LintLinks
     from assetbuild.body.merge_fixed_joints import MergeFixedJoints
     from assetbuild.source.urdf.read_urdf import ReadUrdf
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from tiny import TinyRobot, box_inertial, pendulum, run_step, tiny_quadruped, write_source_ports
 
-from assetbuild.body.lint_links import LintLinks
+from assetbuild.body.lint import LintLinks
 from assetbuild.findings import Finding
 from assetbuild.robot.model import Body, Inertial, Joint, Limits, Mimic, Tree
 from assetbuild.robot.shapes import Box, SourceShape, SourceShapes

@@ -20,10 +20,9 @@ from assetbuild.facts.readers.mjcf import MjcfFacts
 from assetbuild.findings import Finding
 from assetbuild.quantities import Model
 from assetbuild.robot.contact import Contact, Contacts
-from assetbuild.robot.files import RobotFiles
+from assetbuild.robot.files import RobotFiles, SourceControl
+from assetbuild.robot.sections import Simulation
 from assetbuild.robot.sides import Side
-from assetbuild.robot.simulation import Simulation
-from assetbuild.robot.source import SourceControl
 from assetbuild.source.mjcf.flatten_mjcf import FlattenMjcf
 from assetbuild.source.mjcf.read_mjcf import ReadMjcf
 from assetbuild.targets.mjcf import Mjcf

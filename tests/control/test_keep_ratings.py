@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from tiny import run_step, tiny_quadruped, write_robot_ports
 
-from assetbuild.control.keep_ratings import KeepRatings
+from assetbuild.control.keep import KeepRatings
 from assetbuild.robot.codec import encode
 from assetbuild.robot.model import Control
 from assetbuild.targets.urdf import Urdf

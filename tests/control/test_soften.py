@@ -6,10 +6,9 @@ from dataclasses import replace
 
 from tiny import TinyRobot, pendulum
 
-from assetbuild.control.soften import softened
 from assetbuild.robot.model import Control, MjcfOnly
 from assetbuild.robot.sides import Side
-from assetbuild.robot.softness import CouplingError, LimitError
+from assetbuild.robot.softness import CouplingError, LimitError, softened
 
 LIMITS, COUPLINGS = LimitError.model_validate({}), CouplingError.model_validate({})
 SAID = MjcfOnly("joint", '<joint solreflimit="0.03 1"/>', "swing_joint")

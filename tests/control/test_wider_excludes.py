@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from assetbuild.control.wider_excludes import wider_excludes
+from assetbuild.control.only_mjcf import wider_excludes
 from assetbuild.robot.model import Body, Joint, Tree
 from assetbuild.robot.pose import IDENTITY
 from assetbuild.robot.shapes import Shape, Shapes, Sphere

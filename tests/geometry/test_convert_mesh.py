@@ -18,8 +18,7 @@ from tiny import box_obj, run_step, stl
 from assetbuild.errors import StepError
 from assetbuild.geometry.convert_mesh import ConvertMesh
 from assetbuild.kinds import ConvertedMesh
-from assetbuild.mesh.arrays import read_part
-from assetbuild.mesh.obj import read_triangles
+from assetbuild.mesh.obj import read_part, read_triangles
 from assetbuild.mesh.volume import signed_volume
 from assetbuild.robot.codec import decode
 

@@ -3,8 +3,8 @@
 import pytest
 import yaml
 
-from assetbuild.identify.as_ranges import as_ranges
-from assetbuild.robot.identified import Fit, LogUsed, Parameter
+from assetbuild.identify.for_recipe import as_ranges
+from assetbuild.robot.identify import Fit, LogUsed, Parameter
 from assetbuild.robot.ranges import Randomize, first_match
 
 LOG = LogUsed("chirp.csv", "0" * 64, 48.0, 12.0, 500.0)

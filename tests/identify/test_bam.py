@@ -5,7 +5,7 @@ import json
 import pytest
 
 from assetbuild.errors import UsageError
-from assetbuild.identify.bam import read_bam
+from assetbuild.identify.for_recipe import read_bam
 from assetbuild.robot.actuator_table import Motor
 
 M1 = {

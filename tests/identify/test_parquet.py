@@ -11,9 +11,8 @@ from logs import JOINTS, arm
 from tiny import run_step
 
 from assetbuild.errors import StepError
-from assetbuild.identify.lerobot import element_names, info_beside
 from assetbuild.identify.read_log import ReadLog
-from assetbuild.identify.table import read_columns
+from assetbuild.identify.table import element_names, info_beside, read_columns
 from assetbuild.robot.codec import encode
 from assetbuild.robot.identify import Columns
 

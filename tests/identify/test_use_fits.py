@@ -8,9 +8,9 @@ import pytest
 from logs import JOINTS, prior
 from tiny import run_step
 
-from assetbuild.identify.use_fits import UseFits
+from assetbuild.identify.priors import UseFits
 from assetbuild.robot.codec import decode_file, encode
-from assetbuild.robot.identified import Fit, LogUsed, Parameter
+from assetbuild.robot.identify import Fit, LogUsed, Parameter
 from assetbuild.robot.model import Control
 
 

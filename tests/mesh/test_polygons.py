@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from assetbuild.mesh.polygons import fan_triangles, polygon_triangles
+from assetbuild.mesh.triangles import fan_triangles, polygon_triangles
 
 SQUARE = [[0, 0], [1, 0], [1, 1], [0, 1]]
 ARROW = [[0, 2], [0, 0], [2, 0], [0.2, 0.2]]

@@ -7,8 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from assetbuild.mesh.polygons import fan_triangles
-from assetbuild.mesh.triangles import TriangleMesh, merged
+from assetbuild.mesh.triangles import TriangleMesh, fan_triangles, merged
 from assetbuild.mesh.volume import area, is_closed, signed_volume, solid_moments
 from assetbuild.robot.pose import Pose, quat_of_rpy
 

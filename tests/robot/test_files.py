@@ -7,9 +7,8 @@ from pathlib import Path
 import pytest
 
 from assetbuild.robot.codec import encode
-from assetbuild.robot.files import RobotFiles
+from assetbuild.robot.files import RobotFiles, SourceControl
 from assetbuild.robot.model import Body, Control, Tree
-from assetbuild.robot.source import SourceControl
 
 TREE = Tree("tiny", "fixed", (Body("base"),), ())
 

@@ -10,10 +10,9 @@ import pytest
 from tiny import four_bar
 
 from assetbuild.init.drives import drive_rows
-from assetbuild.robot.closure import close
+from assetbuild.robot.closure import close, felt_inertia, held_by, reflected_range
 from assetbuild.robot.dynamics import dynamics, holding_torques
 from assetbuild.robot.initial import initial_pose
-from assetbuild.robot.reflected import felt_inertia, held_by, reflected_range
 from assetbuild.robot.tree import forward_kinematics
 
 BAR = four_bar("connect")

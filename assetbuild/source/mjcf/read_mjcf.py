@@ -11,10 +11,10 @@ from typing import TYPE_CHECKING
 from assetbuild.engine.step import Files, Limits, Step
 from assetbuild.findings import Finding, Rule
 from assetbuild.robot.codec import encode
+from assetbuild.robot.files import SourceControl
 from assetbuild.robot.model import Base, Contact, Control, Tree
 from assetbuild.robot.pose import IDENTITY
 from assetbuild.robot.shapes import SourceShapes
-from assetbuild.robot.source import SourceControl
 from assetbuild.robot.tree import depth_first
 from assetbuild.source.mjcf.compiled import Compiled, compile_source
 from assetbuild.source.mjcf.details import read_details
