@@ -113,9 +113,7 @@ class Explicit(CollisionMethod):
         yield from self.proven(files, reference, made, measure(reference, made), "explicit")
 
     def _own_mesh(self, piece: ExplicitPiece, number: int, inputs: Path) -> TriangleMesh:
-        mesh = cleaned(
-            self.source_mesh(PlacedSource.of_mesh(piece.file or "", _pose(piece)), inputs)
-        )
+        mesh = cleaned(self.source_mesh(PlacedSource(piece.file or "", pose=_pose(piece)), inputs))
         refuse_flat(mesh.vertices, f"{self.subject}: piece {number}")
         return mesh
 

@@ -48,6 +48,7 @@ from assetbuild.robot.sections import Camera, Feet, Imu, Keyframe, Sensor, Simul
 from assetbuild.robot.shapes import Shapes
 from assetbuild.robot.sides import Side, moving_by_source, side_of
 from assetbuild.robot.softness import CouplingError, LimitError, softened
+from assetbuild.robot.tree import link_placement
 
 LIMIT_TOLERANCE = 1e-9
 """rad or m; a value that was rounded from the limit itself is inside."""
@@ -195,9 +196,8 @@ class ControlStep(Step):
         )
         if source is not None:
             recipe = StatedControl(self.sides, self.rows, self.contact.links, parts)
-            joined = join(control, source, tree, shapes, recipe)
-            control = joined.control
-            yield from joined.findings
+            control, findings = join(control, source, tree, shapes, recipe)
+            yield from findings
             if loops:
                 kept, start = control.keyframes[len(own) :], initial_pose(tree, control)
                 yield from source_findings(tree, loops, kept, start, driven)
@@ -319,18 +319,9 @@ def _excludes(
 
 
 def _bodies(tree: model.Tree, index: int, pair: tuple[str, str]) -> tuple[str, str]:
-    bodies = []
-    for side, link in enumerate(pair):
-        try:
-            bodies.append(tree.placement(link)[0])
-        except KeyError:
-            known = [body.name for body in tree.bodies] + [frame.name for frame in tree.frames]
-            raise RowError(
-                f"collision.exclude.pairs[{index}]: no link `{link}`",
-                key=("collision", "exclude", "pairs", index, side),
-                hint=did_you_mean(link, known),
-            ) from None
-    return _sorted(*bodies)
+    place, key = f"collision.exclude.pairs[{index}]", ("collision", "exclude", "pairs", index)
+    a, b = (link_placement(tree, link, place, (*key, side)) for side, link in enumerate(pair))
+    return _sorted(a[0], b[0])
 
 
 def _with_sampled(control: model.Control, path: Path) -> model.Control:

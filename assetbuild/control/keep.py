@@ -134,20 +134,19 @@ class KeepRatings(Step):
         refused: dict[str, str] = {}
         if any(loop.urdf == "mimic" for loop in control.loops):
             mimics, refused = loop_mimics(RobotFiles(files.inputs).tree, control)
-        ratings = tuple(map(_rating, control.actuators))
-        kept = Control(actuators=ratings, loops=control.loops, loop_mimics=mimics)
+        ratings = (
+            Actuator(
+                joint=row.joint,
+                model="passive",
+                damping=row.damping,
+                friction=row.friction,
+                effort=row.effort,
+                velocity=row.velocity,
+            )
+            for row in control.actuators
+        )
+        kept = Control(actuators=tuple(ratings), loops=control.loops, loop_mimics=mimics)
         (files.outputs / "ratings.json").write_bytes(encode(kept))
         for name, why in refused.items():
             hint = "leave `urdf: mimic` out: the URDF then leaves the loop open"
             yield LOOP_MIMIC(f"loop {name}", f"no mimic joints can stand for it: {why}", hint)
-
-
-def _rating(row: Actuator) -> Actuator:
-    return Actuator(
-        joint=row.joint,
-        model="passive",
-        damping=row.damping,
-        friction=row.friction,
-        effort=row.effort,
-        velocity=row.velocity,
-    )

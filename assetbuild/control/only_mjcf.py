@@ -123,7 +123,9 @@ def explain_opaque(items: tuple[MjcfOnly, ...]) -> Iterator[Finding]:
             element.attrib.pop(name)  # what the source leaves to MuJoCo
         if not element.attrib and (own or item.place == "camera"):
             continue
-        said = _SAID_OF.get(item.place, _element_of)(element)
+        said = f"<{element.tag}>"
+        if item.place in _BY_ATTRIBUTES:
+            said = ", ".join(f"`{key}`" for key in element.attrib)
         groups.setdefault((item.place, said), []).append(item.owner or element.get("name", ""))
     told = tuple(_told(place, said, _listed(names)) for (place, said), names in groups.items())
     if told:
@@ -169,17 +171,8 @@ def _uneven(item: MjcfOnly) -> Iterator[Finding]:
         )
 
 
-def _attributes_of(element: ElementTree.Element) -> str:
-    return ", ".join(f"`{key}`" for key in element.attrib)
-
-
-def _element_of(element: ElementTree.Element) -> str:
-    return f"<{element.tag}>"
-
-
-_SAID_OF: Mapping[str, Callable[[ElementTree.Element], str]] = dict.fromkeys(
-    ("joint", "shape", "frame", "camera", "material", "option", "size", "drive", "mimic", "root"),
-    _attributes_of,
+_BY_ATTRIBUTES = frozenset(
+    ("joint", "shape", "frame", "camera", "material", "option", "size", "drive", "mimic", "root")
 )
 _WORDS = {"shape": "geom", "frame": "site", "drive": "actuator", "mimic": "coupled joint"}
 
@@ -202,7 +195,7 @@ def commands_of(
     own = [i for i in source.control.mjcf_only if i.place == "actuator" and i.owner]
     own = [item for item in own if not replaces(item.owner)]
     for key in keyframes:
-        now = dict(key.joints)
+        now, was = dict(key.joints), before.get(key.name, {})
         holding = (_holding(item, source.control.by_joint[item.owner], now) for item in own)
         commands = dict(filter(None, holding))
         for actuator, value in stated.get(key.name, ()):
@@ -210,7 +203,7 @@ def commands_of(
             if joint is None:
                 if has_table(actuator):
                     continue
-            elif replaces(joint) or _moved(joint, before.get(key.name, {}), now):
+            elif replaces(joint) or (joint in was and was[joint] != now.get(joint, was[joint])):
                 continue
             commands[actuator] = value
         element = ElementTree.Element("key")
@@ -229,10 +222,6 @@ def _holding(item: MjcfOnly, row: Actuator, pose: Mapping[str, float]) -> tuple[
     constant, stiff = (float(word) for word in said.get("biasprm", "").split()[:2])
     length = row.gear * pose.get(row.joint, 0.0)
     return row.name, (0.0 - stiff * length - constant) / gain
-
-
-def _moved(joint: str, before: Mapping[str, float], now: Mapping[str, float]) -> bool:
-    return joint in before and before[joint] != now.get(joint, before[joint])
 
 
 WIDER_EXCLUDE = Rule(

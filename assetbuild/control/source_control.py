@@ -48,14 +48,6 @@ NEW_SURFACE = Rule(
 )
 
 
-@dataclass
-class JoinedControl:
-    """The control of the robot, and what is said about joining."""
-
-    control: Control
-    findings: list[Finding] = field(default_factory=list)
-
-
 @dataclass(frozen=True)
 class StatedControl:
     """What the recipe says. sides: see `Side`; rows: of the actuator table; surfaces: by pattern
@@ -84,8 +76,11 @@ class StatedControl:
 
 def join(
     control: Control, source: SourceControl, tree: Tree, shapes: Shapes, stated: StatedControl
-) -> JoinedControl:
-    """The source's words where the recipe has none. control: as the recipe alone makes it."""
+) -> tuple[Control, list[Finding]]:
+    """The source's words where the recipe has none, and what is said about joining.
+
+    control: as the recipe alone makes it.
+    """
     said, findings = source.control, list[Finding]()
     bodies = _Bodies(tree, findings)
     contact, contacts = _contacts(control.contact, source, shapes, stated, findings)
@@ -109,7 +104,7 @@ def join(
     )
     findings += [*explain_gears(actuators), *explain_opaque(mjcf_only)]
     findings += wider_excludes(said.excludes, tree, shapes)
-    return JoinedControl(joined, findings)
+    return joined, findings
 
 
 def _by_name(own: tuple[T, ...], said: Sequence[T]) -> tuple[T, ...]:

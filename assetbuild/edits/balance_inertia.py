@@ -43,15 +43,13 @@ class BalanceInertia(Edit):
     def edit(self, tree: Tree, shapes: SourceShapes, files: Files) -> Edited:
         """See `Edit`."""
         tree, findings = edit_inertials(tree, self.link, _balanced)
-        return Edited(tree, shapes, findings or (self._needless(),))
-
-    def _needless(self) -> Finding:
-        return BALANCE_INERTIA(
-            "recipe edits",
-            f"no link that matches `{self.link}` violates A + B >= C",
-            severity="warning",
-            hint="remove the edit",
-        )
+        if not findings:
+            message = f"no link that matches `{self.link}` violates A + B >= C"
+            needless = BALANCE_INERTIA(
+                "recipe edits", message, "remove the edit", severity="warning"
+            )
+            findings = (needless,)
+        return Edited(tree, shapes, findings)
 
 
 def _balanced(body: Body) -> tuple[Inertial, Finding] | None:

@@ -91,5 +91,5 @@ class Step(BaseModel):
 
     @classmethod
     def step_name(cls) -> str:
-        """`read_urdf` for `assetbuild.source.urdf.read_urdf`: the file name, or a name of its own."""
+        """`read_urdf` for `assetbuild.source.urdf.read_urdf`: its file, or a name of its own."""
         return cls.own_name or cls.__module__.rsplit(".", 1)[-1]

@@ -245,8 +245,8 @@ def assemble(
     """
     inputs: dict[str, Ref] = {"shapes.json": shapes}
     visuals = _visuals(recipe, geometry, sides, inputs)
-    jobs = collision_jobs(recipe, folder, links, geometry)
-    twins = equal_shapes(jobs, geometry, p)
+    jobs = collision_jobs(recipe, folder, links, geometry.shapes)
+    twins = equal_shapes(jobs, geometry.converted, p)
     if twins is None:
         return None
     nodes: dict[Job, Node] = {}

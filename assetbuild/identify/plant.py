@@ -100,7 +100,8 @@ class Plant:
         late = np.zeros(len(drives))
         if self.simulator_step is None:
             late = dt / 2.0 * (table[:, 1] + np.array([d.kd for d in drives]))
-            late = np.minimum(late, self._most_late(table[:, 0]))
+            # No more than leaves all inertias positive.
+            late = np.minimum(late, 0.25 * (self.inertia + table[:, 0]))
         model.dof_armature[self.dof], model.dof_damping[self.dof] = table[:, 0], table[:, 1]
         model.dof_frictionloss[self.dof] = table[:, 2]
         for actuator, drive in zip(self.drive, drives, strict=True):
@@ -177,11 +178,6 @@ class Plant:
             v.append(sampled[:, :, first + self.dof])
         position, velocity = np.concatenate(q, axis=1), np.concatenate(v, axis=1)
         return position, _torque(position, velocity, variants, record)
-
-    def _most_late(self, armature: Array) -> Array:
-        """(J,) what may be taken off, so that all inertias stay positive."""
-        most: Array = 0.25 * (self.inertia + armature)
-        return most
 
     def _hold_others(self) -> None:
         """Joints that no log holds stay where they are: heavy, on a spring without swing.

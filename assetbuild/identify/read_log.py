@@ -6,7 +6,6 @@ import itertools
 import json
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -32,25 +31,21 @@ FOLLOWS = 0.6
 """Correlation of position and command from which the one follows the other."""
 
 
-@dataclass(frozen=True)
-class Suspicion:
-    """One thing that is wrong, and the next move."""
-
-    message: str
-    hint: str
+Suspicion = tuple[str, str]
+"""One thing that is wrong, and the next move."""
 
 
 def suspicions(
     tree: Tree, joints: Sequence[str], time: Array, values: Mapping[str, Array]
-) -> list[Suspicion]:
+) -> Iterator[Suspicion]:
     """What is wrong, the most telling first. values: (N, J) by the kind of column, rad or m."""
     position, target = values["position"], values["target"]
-    found = [*_swapped(joints, position, target), *_against(joints, position, target)]
-    found += _still(joints, position, target)
-    found += _outside(tree, joints, position)
+    yield from _swapped(joints, position, target)
+    yield from _against(joints, position, target)
+    yield from _still(joints, position, target)
+    yield from _outside(tree, joints, position)
     if "velocity" in values:
-        found += _velocity(joints, time, position, values["velocity"])
-    return found
+        yield from _velocity(joints, time, position, values["velocity"])
 
 
 def _correlations(a: Array, b: Array) -> Array:
@@ -70,7 +65,7 @@ def _swapped(joints: Sequence[str], position: Array, target: Array) -> Iterator[
         mutual = int(np.argmax(alike[best])) == i
         clear = all(left[a, b] < 0.5 * left[a, a] for a, b in ((i, best), (best, i)))
         if i < best and mutual and clear and alike[i, best] > 0.9:
-            yield Suspicion(
+            yield (
                 f"the position of `{joint}` follows the command of `{joints[best]}` and the other "
                 "way round: two columns are swapped",
                 "correct `names`, or the columns of the log",
@@ -81,7 +76,7 @@ def _against(joints: Sequence[str], position: Array, target: Array) -> Iterator[
     alike = np.diag(_correlations(position, target))
     for joint, value in zip(joints, alike, strict=True):
         if value < -FOLLOWS:
-            yield Suspicion(
+            yield (
                 f"`{joint}` moves against its command (correlation {value:.2f}): the sign of its "
                 "position or of its command is wrong",
                 "turn the sign of the column in the log",
@@ -91,7 +86,7 @@ def _against(joints: Sequence[str], position: Array, target: Array) -> Iterator[
 def _still(joints: Sequence[str], position: Array, target: Array) -> Iterator[Suspicion]:
     for joint, q, u in zip(joints, position.T, target.T, strict=True):
         if np.std(u) > STILL and np.std(q) < MOVES * np.std(u):
-            yield Suspicion(
+            yield (
                 f"`{joint}` never moves: its position varies by {np.std(q):.2g} while its command "
                 f"varies by {np.std(u):.2g}",
                 "leave it out by the pattern `joints` of the entry, or correct its column",
@@ -108,7 +103,7 @@ def _outside(tree: Tree, joints: Sequence[str], position: Array) -> Iterator[Sus
         low, high = (float(v) for v in np.quantile(position[:, i], (0.005, 0.995)))
         if lower - OUTSIDE <= low and high <= upper + OUTSIDE:
             continue
-        yield Suspicion(
+        yield (
             f"`{name}` is at {low:.4g}..{high:.4g}, outside of its limits {lower:.4g}..{upper:.4g}",
             _explained(low, high, lower, upper, joint.kind == "prismatic"),
         )
@@ -140,7 +135,7 @@ def _velocity(
     alike = _correlations(slope, velocity)
     for i, joint in enumerate(joints):
         if np.std(velocity[:, i]) > 0.0 and alike[i, i] < -FOLLOWS:
-            yield Suspicion(
+            yield (
                 f"the velocity of `{joint}` has the opposite sign of the slope of its position",
                 "turn the sign of one of the two columns",
             )
@@ -186,14 +181,14 @@ class ReadLog(Step):
 
     def run(self, files: Files) -> Iterator[Finding]:
         """Raises StepError, in one sentence, for a log that cannot be what the recipe says."""
-        tree = RobotFiles(files.inputs).tree
+        tree, info = RobotFiles(files.inputs).tree, files.inputs / "info.json"
         table = read_columns(
             files.inputs / "log",
             self.file,
             self._names(),
             self.interval,
             SECONDS[self.time_unit],
-            self._elements(files.inputs / "info.json"),
+            element_names(info.read_bytes(), self.file) if info.is_file() else {},
             self.episode,
         )
         time = table[:, 0]
@@ -206,9 +201,8 @@ class ReadLog(Step):
                 values[name] = values[name] * scale
         if "torque" in values and self.torque_constants is not None:
             values["torque"] = values["torque"] * np.array(self.torque_constants)
-        wrong = suspicions(tree, self.joints, time, values)
-        if wrong:
-            raise StepError(f"{self.file}: {wrong[0].message}", hint=wrong[0].hint)
+        for message, hint in suspicions(tree, self.joints, time, values):
+            raise StepError(f"{self.file}: {message}", hint=hint)
         if self.columns.base_orientation:
             rest = table[:, 1 + len(self._kinds) * count :]
             values["base"] = poses(
@@ -249,9 +243,6 @@ class ReadLog(Step):
                 hint="`{joint}` in `columns` stands for the joint's name in the log",
             )
         return found
-
-    def _elements(self, info: Path) -> dict[str, tuple[str, ...]]:
-        return element_names(info.read_bytes(), self.file) if info.is_file() else {}
 
     def _scale(self, tree: Tree, joint: str) -> float:
         """Radians in one unit of the log's angles; joints that slide are in metres."""

@@ -15,9 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from assetbuild.mesh.hull import convex_hull, polygon_count
-from assetbuild.mesh.quality import Distance, NearestSurface, surface_samples
+from assetbuild.mesh.quality import Distance, NearestSurface, sobol, surface_samples
 from assetbuild.mesh.rays import grids, missed
-from assetbuild.mesh.sobol import sobol
 from assetbuild.mesh.solid import ConvexPiece, Solid
 from assetbuild.mesh.sources import Probe
 from assetbuild.mesh.triangles import TriangleMesh
@@ -200,7 +199,9 @@ def union_of(pieces: Sequence[ConvexPiece]) -> tuple[Manifold, TriangleMesh]:
 
     solids = [manifold3d.Manifold.hull_points(_float64(p.surface().vertices)) for p in pieces]
     union = manifold3d.Manifold.batch_boolean(solids, manifold3d.OpType.Add)
-    return union, _triangles(union)
+    mesh = union.to_mesh64()
+    vertices = np.asarray(mesh.vert_properties, dtype=np.float64)[:, :3]
+    return union, TriangleMesh(vertices, np.asarray(mesh.tri_verts, dtype=np.int64))
 
 
 def rough(reference: Reference, pieces: Sequence[ConvexPiece], samples: int = SAMPLES) -> Quality:
@@ -303,16 +304,5 @@ def _key(lower: Array, upper: Array) -> tuple[float, ...]:
     return (*lower.tolist(), *upper.tolist())
 
 
-# --- solids and rays ------------------------------------------------------------------------
-
-
 def _float64(points: Array) -> Array:
     return np.ascontiguousarray(points, dtype=np.float64)
-
-
-def _triangles(solid: Manifold) -> TriangleMesh:
-    mesh = solid.to_mesh64()
-    return TriangleMesh(
-        np.asarray(mesh.vert_properties, dtype=np.float64)[:, :3],
-        np.asarray(mesh.tri_verts, dtype=np.int64),
-    )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
 
 import numpy as np
 
@@ -17,7 +18,11 @@ NEAR = 0.005
 
 def hulls_of(parts: Sequence[Array]) -> list[TriangleMesh]:
     """The hull of each part's points (n, 3); parts without volume are left out."""
-    return [hull for hull in map(_hull_or_none, parts) if hull is not None]
+    hulls = []
+    for points in parts:
+        with suppress(StepError):
+            hulls.append(convex_hull(points))
+    return hulls
 
 
 def grown_to(parts: Sequence[TriangleMesh], surface: Array, reach: float) -> list[TriangleMesh]:
@@ -110,10 +115,3 @@ def _hull_corners(points: Array) -> Array:
 
     hull = ConvexHull(points - points.mean(axis=0), qhull_options="Qt")
     return points[np.sort(hull.vertices)]
-
-
-def _hull_or_none(points: Array) -> TriangleMesh | None:
-    try:
-        return convex_hull(points)
-    except StepError:
-        return None

@@ -32,11 +32,6 @@ class PlacedSource:
             raise ValueError("a source is either a mesh folder or a primitive")
 
     @classmethod
-    def of_mesh(cls, folder: str, pose: Pose = IDENTITY) -> PlacedSource:
-        """The converted mesh in the input folder `folder`."""
-        return cls(folder=folder, pose=pose)
-
-    @classmethod
     def of_primitive(cls, geometry: Primitive, pose: Pose = IDENTITY) -> PlacedSource:
         """A primitive of the source."""
         return cls(kind=type(geometry).__name__, sizes=sizes_of(geometry), pose=pose)

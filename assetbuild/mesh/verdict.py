@@ -69,22 +69,21 @@ def verdict(
 
     how: the method in words; usual: those of the tolerances that a preset states, not the recipe.
     """
-    if quality.flat:
-        yield _flat_pieces(subject, quality)
+    if flat := quality.flat:
+        made = flat + quality.pieces
+        message, data = (
+            f"{flat} of {made} pieces are flat and left out",
+            {"flat": flat, "pieces": made},
+        )
+        yield FLAT_PIECE(subject, message, data=data)
     yield _gap(subject, reference, quality, how)
     if quality.missing > MISSING:
-        yield _mostly_missing(subject, quality)
+        message = f"{100 * quality.missing:.0f} % of the volume has no collision"
+        hint = "the result may be hollow: use `hull`, or more pieces"
+        data = {"max_missing": round(quality.missing, 4)}
+        yield MOSTLY_MISSING(subject, message, hint, data=data)
     yield from _missed(subject, quality, tolerances, max_hulls, usual)
     yield from _places(subject, reference, pieces, places)
-
-
-def _flat_pieces(subject: str, quality: Quality) -> Finding:
-    made = quality.flat + quality.pieces
-    return FLAT_PIECE(
-        subject,
-        f"{quality.flat} of {made} pieces are flat and left out",
-        data={"flat": quality.flat, "pieces": made},
-    )
 
 
 def _gap(subject: str, reference: Reference, quality: Quality, how: str) -> Finding:
@@ -113,15 +112,6 @@ def _gap(subject: str, reference: Reference, quality: Quality, how: str) -> Find
             "max_vertices": quality.vertices,
             "max_polygons": quality.polygons,
         },
-    )
-
-
-def _mostly_missing(subject: str, quality: Quality) -> Finding:
-    return MOSTLY_MISSING(
-        subject,
-        f"{100 * quality.missing:.0f} % of the volume has no collision",
-        hint="the result may be hollow: use `hull`, or more pieces",
-        data={"max_missing": round(quality.missing, 4)},
     )
 
 

@@ -17,7 +17,7 @@ from assetbuild.robot.inertia import matrix_of
 from assetbuild.robot.mimic import with_mimics
 from assetbuild.robot.model import Tree
 from assetbuild.robot.pose import Array, Pose
-from assetbuild.robot.shapes import Geometry, Shapes, Sphere
+from assetbuild.robot.shapes import Shapes, Sphere
 from assetbuild.robot.tree import forward_kinematics
 
 
@@ -216,13 +216,11 @@ def soles(
             continue
         body, X_body_link = tree.placement(shape.link)
         X_world_shape = robot.motions[body].pose @ X_body_link @ shape.X_link_shape
-        found.append((body, np.asarray(X_world_shape.xyz) - (0.0, 0.0, _drop(shape.geometry))))
+        drop = (
+            shape.geometry.radius if isinstance(shape.geometry, Sphere) else 0.0
+        )  # without a mesh
+        found.append((body, np.asarray(X_world_shape.xyz) - (0.0, 0.0, drop)))
     if feet is None and found:
         ground = min(point[2] for _, point in found)
         found = [(body, point) for body, point in found if point[2] - ground < 0.01]
     return found
-
-
-def _drop(geometry: Geometry) -> float:
-    """From the centre of a shape to its lowest point where that needs no mesh, m."""
-    return geometry.radius if isinstance(geometry, Sphere) else 0.0

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Annotated, Literal, TypeVar
@@ -10,6 +9,7 @@ from typing import Annotated, Literal, TypeVar
 from pydantic import Field, model_validator
 
 from assetbuild.quantities import Model, NonNegative, Pattern, Positive, Real
+from assetbuild.robot.ranges import first_match
 
 ParameterName = Literal["armature", "damping", "friction", "kp", "kd", "delay", "effort"]
 ByJoint = NonNegative | dict[Pattern, NonNegative]
@@ -145,9 +145,7 @@ class Identify(Model):
 
 def by_joint(table: V | Mapping[str, V], joint: str) -> V | None:
     """The number of a joint: the only one, or that of the first pattern that matches."""
-    if not isinstance(table, Mapping):
-        return table
-    return next((value for key, value in table.items() if re.fullmatch(key, joint)), None)
+    return first_match(table, joint) if isinstance(table, Mapping) else table
 
 
 UNITS = {

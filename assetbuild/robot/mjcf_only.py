@@ -148,14 +148,10 @@ def whole_gravity(items: Iterable[MjcfOnly]) -> frozenset[str]:
     for item in items:
         if item.place == "joint" and 'actuatorgravcomp="true"' in item.element:
             return frozenset()
-        if item.place == "body" and item.element.startswith("<body") and _gravcomp(item) == 1.0:
+        is_body = item.place == "body" and item.element.startswith("<body")
+        if is_body and float(parsed(item).get("gravcomp", "0")) == 1.0:
             whole.add(item.owner)
     return frozenset(whole)
-
-
-def _gravcomp(item: MjcfOnly) -> float:
-    element = parsed(item)
-    return float(element.get("gravcomp", "0"))
 
 
 def _lost(item: MjcfOnly, element: Element) -> Iterator[str]:

@@ -20,8 +20,8 @@ from pydantic import Field
 
 from assetbuild.quantities import Model, Positive
 from assetbuild.robot.dynamics import dynamics
-from assetbuild.robot.mimic import first_leader, without_mimics
-from assetbuild.robot.model import Control, Joint, MjcfOnly, Softness, Tree
+from assetbuild.robot.mimic import first_leader, has_range, without_mimics
+from assetbuild.robot.model import Control, Joint, Softness, Tree
 from assetbuild.robot.sides import Side, side_of
 
 TIME_S, IMPEDANCE = 0.02, 0.95
@@ -68,7 +68,7 @@ Soft = Iterator[tuple[str, Softness]]
 def soft_limits(tree: Tree, control: Control, allowed: Allowed) -> Soft:
     """How to hold each joint with limits and an effort, in tree order."""
     inertia = bare_inertia(tree, control)
-    joints = [joint for joint in tree.moving_joints if _has_range(joint)]
+    joints = [joint for joint in tree.moving_joints if has_range(joint)]
     yield from _held(tree, control, joints, allowed, inertia)
 
 
@@ -181,11 +181,6 @@ def _held(
             yield joint.name, soft
 
 
-def _has_range(joint: Joint) -> bool:
-    lower, upper = joint.limits.lower, joint.limits.upper
-    return joint.kind != "continuous" and None not in (lower, upper) and not _is_locked(joint)
-
-
 def _is_locked(joint: Joint) -> bool:
     limits = joint.limits
     stated = joint.kind != "continuous" and limits.lower is not None
@@ -216,13 +211,10 @@ def _ours(
     held: Iterable[tuple[str, Softness]], control: Control, sides: Sequence[Side], section: str
 ) -> Iterator[tuple[str, Softness]]:
     """Without joints whose softness an MJCF source decides."""
-    said = {item.owner for item in control.mjcf_only if _says_softness(item, PLACES[section])}
+    words = [item for item in control.mjcf_only if item.place == PLACES[section]]
+    said = {i.owner for i in words if "solref" in i.element or "solimp" in i.element}
     for joint, soft in held:
         side = side_of(sides, joint)
         ours = not side.from_mjcf or section in side.stated
         if ours and joint not in said:
             yield joint, soft
-
-
-def _says_softness(item: MjcfOnly, place: str) -> bool:
-    return item.place == place and ("solref" in item.element or "solimp" in item.element)

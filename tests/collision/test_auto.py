@@ -37,7 +37,7 @@ from assetbuild.robot.codec import decode
 from assetbuild.robot.pose import Pose, quat_of_rpy
 from assetbuild.robot.shapes import Box, Sphere
 
-MESH = (PlacedSource.of_mesh("shapes/0"),)
+MESH = (PlacedSource("shapes/0"),)
 COARSE = VHacdOptions(resolution=30_000)
 TIGHT = {"max_outside": 0.1, "max_missing": 0.02, "max_overcover": 0.05, "vhacd": COARSE}
 

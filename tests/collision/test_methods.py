@@ -34,7 +34,7 @@ from assetbuild.robot.pose import Pose, quat_of_rpy
 from assetbuild.robot.shapes import Box, Capsule, Cylinder, Mesh, Sphere
 
 BOX = tessellate(Box((1.0, 1.0, 1.0)))
-MESH = (PlacedSource.of_mesh("shapes/0"),)
+MESH = (PlacedSource("shapes/0"),)
 TURNED = Pose((0.3, -0.2, 0.5), quat_of_rpy(0.4, -0.7, 1.1))
 
 
@@ -101,7 +101,7 @@ def test_a_capped_hull_has_exactly_the_asked_vertices(tmp_path):
 
 def test_sources_are_placed_and_joined_in_the_output_frame(tmp_path):
     sources = (
-        PlacedSource.of_mesh("shapes/0", Pose((10.0, 0.0, 0.0))),
+        PlacedSource("shapes/0", pose=Pose((10.0, 0.0, 0.0))),
         PlacedSource.of_primitive(Box((1.0, 1.0, 1.0)), Pose((0.0, 0.0, 0.0))),
     )
     _, (hull,), _, _ = fit(tmp_path, Hull(sources=sources), BOX)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import math
 from pathlib import Path
-from types import SimpleNamespace
 
 import pytest
 
@@ -45,7 +44,7 @@ def loaded(tmp_path: Path, collision: str) -> LoadedRecipe:
 
 def jobs(tmp_path: Path, collision: str):
     recipe = loaded(tmp_path, collision).recipe
-    return collision_jobs(recipe, tmp_path, LINKS, SimpleNamespace(shapes=SHAPES))
+    return collision_jobs(recipe, tmp_path, LINKS, SHAPES)
 
 
 def test_the_preset_fills_what_a_rule_of_auto_leaves_open(tmp_path):
@@ -193,7 +192,7 @@ def test_a_primitive_of_one_mesh_is_shared_by_all_links_that_turn_it(tmp_path):
             SourceShape("r", "right", "collision", MeshFile("hip.stl"), turned),
         )
     )
-    left, right = collision_jobs(recipe.recipe, tmp_path, tree, SimpleNamespace(shapes=shapes))
+    left, right = collision_jobs(recipe.recipe, tmp_path, tree, shapes)
     assert left.step() == right.step()
     assert left.step().bones == ((0.0, 0.08, 0.0),)
     assert (left.label, right.label) == ("primitive left", "primitive right")
