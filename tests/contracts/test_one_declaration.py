@@ -111,7 +111,7 @@ def test_the_recipe_wins_over_an_mjcf_where_it_states_the_key(key: str):
     own = robot.control
     for stated, winner in (((), source.control), ((key,), own)):
         sides = StatedControl((Side(from_mjcf=True, stated=stated),))
-        joined = join(own, source, robot.tree, robot.shapes, sides).control
+        joined, _ = join(own, source, robot.tree, robot.shapes, sides)
         name = key.partition(".")[2]
         assert getattr(getattr(joined, section), name) == getattr(getattr(winner, section), name)
 
