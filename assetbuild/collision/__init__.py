@@ -20,21 +20,18 @@ from assetbuild.engine.step import Files, Limits, Step
 from assetbuild.errors import StepError
 from assetbuild.findings import Finding, Rule
 from assetbuild.kinds import ConvertedMesh, Piece, Pieces
-from assetbuild.mesh.cover import Quality, Reference, blocked_by, measure
+from assetbuild.mesh.cover import Quality, Reference, measure
 from assetbuild.mesh.hull import convex_hull, refuse_flat
 from assetbuild.mesh.native import NativeError, NativeLimits
 from assetbuild.mesh.obj import obj_bytes, read_part, read_triangles
-from assetbuild.mesh.primitives import tessellate
+from assetbuild.mesh.primitives import BY_NAME, resized, sizes_of, tessellate
 from assetbuild.mesh.solid import ConvexPiece
-from assetbuild.mesh.sources import Likeness as Likeness  # what the fields are made of
-from assetbuild.mesh.sources import PlacedSource as PlacedSource
-from assetbuild.mesh.sources import Probe as Probe
 from assetbuild.mesh.triangles import TriangleMesh, merged
-from assetbuild.mesh.verdict import verdict
+from assetbuild.mesh.verdict import Probe, blocked_by, verdict
 from assetbuild.mesh.weld import cleaned
 from assetbuild.quantities import Length, Positive, Share
 from assetbuild.robot.codec import decode_file, encode
-from assetbuild.robot.pose import IDENTITY, Pose, quat_of, vec3
+from assetbuild.robot.pose import IDENTITY, Pose, Vec3, quat_of, vec3
 from assetbuild.robot.shapes import Box, Capsule, Cylinder, Mesh, Primitive, Sphere
 
 PRELOAD = (
@@ -67,6 +64,42 @@ LIBRARY_FAILED = Rule(
     "V-HACD or CoACD crashed, or exceeded its time or memory limit; the next method was used",
     "raise the limit, or repair the mesh",
 )
+
+
+@dataclass(frozen=True)
+class PlacedSource:
+    """One source shape: a mesh (its input folder) or a primitive, with its pose.
+
+    kind: the class of a primitive by name, so that equal sizes of another kind differ; sizes: its
+    own, as `sizes_of` lists them, m. pose: of the shape in the output frame.
+    """
+
+    folder: str | None = None
+    kind: str | None = None
+    sizes: tuple[float, ...] = ()
+    pose: Pose = IDENTITY
+
+    def __post_init__(self) -> None:
+        if (self.folder is None) == (self.kind is None):
+            raise ValueError("a source is either a mesh folder or a primitive")
+
+    @classmethod
+    def of_primitive(cls, geometry: Primitive, pose: Pose = IDENTITY) -> PlacedSource:
+        """A primitive of the source."""
+        return cls(kind=type(geometry).__name__, sizes=sizes_of(geometry), pose=pose)
+
+    @property
+    def primitive(self) -> Primitive | None:
+        """The primitive of the robot model, if it is one."""
+        return None if self.kind is None else resized(BY_NAME[self.kind], self.sizes)
+
+
+@dataclass(frozen=True)
+class Likeness:
+    """Another mesh has the same shape: p = signs * p_other + shift, per axis."""
+
+    signs: Vec3
+    shift: Vec3
 
 
 class CollisionMethod(Step):

@@ -28,7 +28,7 @@ from assetbuild.collision import (
 )
 from assetbuild.findings import Finding
 from assetbuild.mesh.coacd import CoAcdOptions, Patience, coacd_parts
-from assetbuild.mesh.cover import SAMPLES, Quality, Reference, blocked_by, rough
+from assetbuild.mesh.cover import SAMPLES, Quality, Reference, rough
 from assetbuild.mesh.cut import cut_parts, tips
 from assetbuild.mesh.fit import box_axes
 from assetbuild.mesh.hull import convex_hull
@@ -37,6 +37,7 @@ from assetbuild.mesh.native import NativeError
 from assetbuild.mesh.rays import holes
 from assetbuild.mesh.solid import ConvexPiece
 from assetbuild.mesh.triangles import TriangleMesh
+from assetbuild.mesh.verdict import blocked_by
 from assetbuild.mesh.vhacd import VHacdOptions, vhacd_parts
 from assetbuild.mesh.volume import signed_volume, solid_moments
 from assetbuild.robot.pose import Array

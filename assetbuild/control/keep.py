@@ -14,7 +14,17 @@ from assetbuild.robot.dynamics import motions
 from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.initial import initial_pose
 from assetbuild.robot.loops import by_constraint, path_of
-from assetbuild.robot.model import Actuator, Contact, Control, Joint, Loop, LoopMimic, Mimic, Tree
+from assetbuild.robot.model import (
+    MOVING,
+    Actuator,
+    Contact,
+    Control,
+    Joint,
+    Loop,
+    LoopMimic,
+    Mimic,
+    Tree,
+)
 
 
 class KeepPose(Step):
@@ -43,9 +53,6 @@ def _masks(contact: Contact) -> Contact:
     return Contact(mask=contact.mask, partners=contact.partners)
 
 
-SINGLE = ("revolute", "continuous", "prismatic")
-
-
 def loop_mimics(tree: Tree, control: Control) -> tuple[tuple[LoopMimic, ...], dict[str, str]]:
     """The mimics of the loops that ask for them; by name of a loop, why it can have none."""
     asked = by_constraint(loop for loop in control.loops if loop.urdf == "mimic")
@@ -67,7 +74,7 @@ def _of_loop(
     """One mimic for each joint of the loop that does not lead, or why there is none."""
     driven = {row.joint for row in control.actuators if row.model != "passive"}
     leaders = sorted({_leader(tree, joint) for joint in path} & driven)
-    if odd := [joint for joint in path if joint.kind not in SINGLE]:
+    if odd := [joint for joint in path if joint.kind not in MOVING]:
         return f"joint `{odd[0].name}` is {odd[0].kind}: `split_joint` makes hinges of it"
     if len(leaders) != 1:
         listed = ", ".join(f"`{leader}`" for leader in leaders) or "none"

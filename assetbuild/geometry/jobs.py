@@ -12,13 +12,14 @@ from typing import Any, get_args
 
 import numpy as np
 
-from assetbuild.collision import CollisionMethod, Likeness, PlacedSource, Probe
+from assetbuild.collision import CollisionMethod, Likeness, PlacedSource
 from assetbuild.engine.graph import Node, Ref
 from assetbuild.engine.planner import Planner
 from assetbuild.engine.world import World
 from assetbuild.errors import did_you_mean
 from assetbuild.geometry.match_shapes import MatchShapes
 from assetbuild.mesh.read import Format
+from assetbuild.mesh.verdict import Probe
 from assetbuild.plugins import load_plugin
 from assetbuild.recipe.collision import CollisionRule, ShapedRule
 from assetbuild.recipe.models import Recipe

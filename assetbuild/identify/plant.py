@@ -10,8 +10,15 @@ from typing import Any
 
 import numpy as np
 
-from assetbuild.identify.base import Moving, commands, on_moving_base, speeds
-from assetbuild.identify.record import OF_JOINTS, Drive, Record
+from assetbuild.identify.record import (
+    OF_JOINTS,
+    Drive,
+    Moving,
+    Record,
+    commands,
+    on_moving_base,
+    speeds,
+)
 from assetbuild.robot.initial import initial_pose
 from assetbuild.robot.model import Actuator, Control, Tree
 from assetbuild.robot.pose import IDENTITY, Array
@@ -184,9 +191,12 @@ class Plant:
 
         Not heavier than needed: beside 1e9 kg m2 the solver lost the friction of the others.
         """
+        import mujoco
+
         model = self.model
         heavy = HELD * float(np.max(self.inertia))
-        followers = _followers(model)
+        coupled = model.eq_type == int(mujoco.mjtEq.mjEQ_JOINT)
+        followers = [int(joint) for joint in model.eq_obj1id[coupled]]
         for joint in range(model.njnt):
             dof, at = int(model.jnt_dofadr[joint]), int(model.jnt_qposadr[joint])
             if dof in self.dof or dof in self.base.dof or joint in followers:
@@ -264,14 +274,6 @@ def _rest(model: Any, tree: Tree, control: Control) -> Array:  # Any: as above
         if name in pose:
             rest[int(model.jnt_qposadr[joint])] = pose[name]
     return rest
-
-
-def _followers(model: Any) -> list[int]:  # Any: as above
-    """Joints that an equality couples to another."""
-    import mujoco
-
-    coupled = model.eq_type == int(mujoco.mjtEq.mjEQ_JOINT)
-    return [int(j) for j in model.eq_obj1id[coupled]]
 
 
 def _moved(model: Any, dof: Array) -> tuple[frozenset[int], ...]:  # Any: as above

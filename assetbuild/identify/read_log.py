@@ -14,7 +14,7 @@ from pydantic import Field
 from assetbuild.engine.step import Files, Limits, Step
 from assetbuild.errors import StepError
 from assetbuild.findings import Finding, Rule
-from assetbuild.identify.base import poses
+from assetbuild.identify.record import poses
 from assetbuild.identify.table import element_names, read_columns
 from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.identify import Columns

@@ -18,7 +18,6 @@ from assetbuild.mesh.hull import convex_hull, polygon_count
 from assetbuild.mesh.quality import Distance, NearestSurface, sobol, surface_samples
 from assetbuild.mesh.rays import grids, missed
 from assetbuild.mesh.solid import ConvexPiece, Solid
-from assetbuild.mesh.sources import Probe
 from assetbuild.mesh.triangles import TriangleMesh
 from assetbuild.mesh.volume import is_closed, signed_volume
 from assetbuild.robot.pose import Array
@@ -278,26 +277,6 @@ def outside(reference: Reference, points: Array) -> float:
         found = float(reference.surface.distance(away).max(initial=found))
         start, count = start + count, 2 * count
     return found if found > least else 0.0
-
-
-def outside_in(reference: Reference, pieces: Sequence[ConvexPiece], probe: Probe) -> float:
-    """How far pieces stick out of the mesh within a region, m."""
-    _, skin = union_of(pieces)
-    points = np.concatenate([surface_samples(skin, 4 * SAMPLES, 2)[0], skin.vertices])
-    return outside(reference, points[probe.distance(points) <= 0.0])
-
-
-def blocked_by(piece: ConvexPiece, probe: Probe) -> bool:
-    """Whether a piece enters the probe.
-
-    The distance between the axis and the piece is bounded from both sides by points on either;
-    what touches within a hundredth of the radius counts as free.
-    """
-    radius = probe.radius * 0.99
-    least = float(piece.distance(probe.axis()).min())  # outside of a hull a lower bound
-    if least <= 0.0 or least >= radius:
-        return least <= 0.0
-    return bool((NearestSurface(piece.surface()).distance(probe.axis()) < radius).any())
 
 
 def _key(lower: Array, upper: Array) -> tuple[float, ...]:

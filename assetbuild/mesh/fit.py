@@ -223,8 +223,12 @@ def _tilted(along: Callable[[Array, Array, int], Fitted], axis: Array, search: A
         return volume_of(along(direction(tilt), search, 60)[0])
 
     simplex = np.array([[0.0, 0.0], [0.05, 0.0], [0.0, 0.05]])
-    options = {"maxiter": 40, "initial_simplex": simplex}
-    found = minimize(volume, np.zeros(2), method="Nelder-Mead", options=options)
+    found = minimize(
+        volume,
+        np.zeros(2),
+        method="Nelder-Mead",
+        options={"maxiter": 40, "initial_simplex": simplex},
+    )
     return direction(found.x)
 
 

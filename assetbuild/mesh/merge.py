@@ -74,12 +74,15 @@ class _Forest:
 
     def join(self) -> None:
         """The cheapest pair becomes one part."""
+        from scipy.spatial import ConvexHull
+
         if not self._added:
             pairs = [(a, b) for a in self.alive for b in self.alive if a < b]
             self._added = self._costs(pairs, near=False)
         first, second = min(self._added, key=lambda pair: (self._added[pair], pair))
         joined = np.concatenate([self._points[first], self._points[second]])
-        self._points.append(_hull_corners(joined))
+        hull = ConvexHull(joined - joined.mean(axis=0), qhull_options="Qt")
+        self._points.append(joined[np.sort(hull.vertices)])
         self._volumes.append(_hull_volume(joined))
         self._bounds.append((joined.min(axis=0), joined.max(axis=0)))
         new, gone = len(self._points) - 1, {first, second}
@@ -108,10 +111,3 @@ def _hull_volume(points: Array) -> float:
 
     local = np.ascontiguousarray(points - points.mean(axis=0))
     return float(manifold3d.Manifold.hull_points(local).volume())
-
-
-def _hull_corners(points: Array) -> Array:
-    from scipy.spatial import ConvexHull
-
-    hull = ConvexHull(points - points.mean(axis=0), qhull_options="Qt")
-    return points[np.sort(hull.vertices)]

@@ -222,8 +222,8 @@ class Actuator:
     @property
     def undriven(self) -> Actuator:
         """The joint's own numbers."""
-        numbers = {"damping": self.damping, "friction": self.friction, "armature": self.armature}
-        return Actuator(self.joint, "passive", **numbers)
+        kept = Actuator(self.joint, "passive", damping=self.damping, friction=self.friction)
+        return replace(kept, armature=self.armature)
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,7 @@ before merging.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Annotated, Literal
+from typing import Annotated, Literal, get_args
 
 from pydantic import Field, model_validator
 
@@ -119,22 +119,17 @@ class Keyframe(Model):
 
 
 ImuKind = Literal["gyro", "accelerometer", "velocimeter", "framequat", "framezaxis", "magnetometer"]
-AT_LINK = (
+AtLink = Literal[
     "accelerometer", "gyro", "velocimeter", "magnetometer", "force", "torque", "touch",
     "rangefinder", "framepos", "framequat", "framexaxis", "frameyaxis", "framezaxis",
     "framelinvel", "frameangvel", "framelinacc", "frameangacc",
     "subtreecom", "subtreelinvel", "subtreeangmom",
-)  # fmt: skip
+]  # fmt: skip
 SensorKind = Literal[
-    "accelerometer", "gyro", "velocimeter", "magnetometer", "force", "torque", "touch",
-    "rangefinder", "framepos", "framequat", "framexaxis", "frameyaxis", "framezaxis",
-    "framelinvel", "frameangvel", "framelinacc", "frameangacc",
-    "subtreecom", "subtreelinvel", "subtreeangmom",
+    AtLink,
     "jointpos", "jointvel", "jointlimitpos", "jointlimitvel", "jointlimitfrc",
     "jointactuatorfrc", "actuatorpos", "actuatorvel", "actuatorfrc",
 ]  # fmt: skip
-
-
 IMU_NAMES: Mapping[ImuKind, str] = {
     "gyro": "imu_ang_vel",
     "accelerometer": "imu_lin_acc",
@@ -175,7 +170,7 @@ class Sensor(Model):
 
     @model_validator(mode="after")
     def _place(self) -> Sensor:
-        wanted = "link" if self.kind in AT_LINK else "joint"
+        wanted = "link" if self.kind in get_args(AtLink) else "joint"
         other = "joint" if wanted == "link" else "link"
         if getattr(self, wanted) is None or getattr(self, other) is not None:
             raise ValueError(f"a {self.kind} sits at a `{wanted}`")

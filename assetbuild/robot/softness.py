@@ -83,7 +83,9 @@ def soft_couplings(tree: Tree, control: Control, allowed: Allowed) -> Soft:
         if joint.mimic is not None and joint.name in alone and joint.mimic.joint in alone:
             both = 1.0 / alone[joint.name] + 1.0 / alone[joint.mimic.joint]
             inertia[joint.name] = 1.0 / both
-        if joint.mimic is not None or _is_locked(joint):
+        limits = joint.limits
+        is_locked = limits.lower is not None and limits.lower == limits.upper
+        if joint.mimic is not None or (is_locked and joint.kind != "continuous"):
             coupled.append(joint)
     yield from _held(tree, control, coupled, allowed, inertia)
 
@@ -179,12 +181,6 @@ def _held(
         soft = softness(force, lightest[joint.name], allowed.of(joint), timestep)
         if soft != USUAL:
             yield joint.name, soft
-
-
-def _is_locked(joint: Joint) -> bool:
-    limits = joint.limits
-    stated = joint.kind != "continuous" and limits.lower is not None
-    return stated and limits.lower == limits.upper
 
 
 PLACES = {"limits": "joint", "couplings": "mimic"}

@@ -72,7 +72,7 @@ def held_by_world(tree: Tree) -> Tree:
 
 def link_names(tree: Tree) -> tuple[str, ...]:
     """Names of the source's links: of the bodies, then of those that are frames now."""
-    return tuple(thing.name for thing in (*tree.bodies, *tree.frames))
+    return (*tree.by_body, *(frame.name for frame in tree.frames))
 
 
 def link_placement(tree: Tree, link: str, place: str, key: Key) -> tuple[str, Pose]:
