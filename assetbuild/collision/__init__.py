@@ -26,9 +26,8 @@ from assetbuild.mesh.native import NativeError, NativeLimits
 from assetbuild.mesh.obj import obj_bytes, read_part, read_triangles
 from assetbuild.mesh.primitives import BY_NAME, resized, sizes_of, tessellate
 from assetbuild.mesh.solid import ConvexPiece
-from assetbuild.mesh.triangles import TriangleMesh, merged
+from assetbuild.mesh.triangles import TriangleMesh, cleaned, merged
 from assetbuild.mesh.verdict import Probe, blocked_by, verdict
-from assetbuild.mesh.weld import cleaned
 from assetbuild.quantities import Length, Positive, Share
 from assetbuild.robot.codec import decode_file, encode
 from assetbuild.robot.pose import IDENTITY, Pose, Vec3, quat_of, vec3

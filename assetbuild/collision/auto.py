@@ -36,10 +36,9 @@ from assetbuild.mesh.merge import grown_to, hulls_of, merge_steps
 from assetbuild.mesh.native import NativeError
 from assetbuild.mesh.rays import holes
 from assetbuild.mesh.solid import ConvexPiece
-from assetbuild.mesh.triangles import TriangleMesh
+from assetbuild.mesh.triangles import TriangleMesh, signed_volume, solid_moments
 from assetbuild.mesh.verdict import blocked_by
 from assetbuild.mesh.vhacd import VHacdOptions, vhacd_parts
-from assetbuild.mesh.volume import signed_volume, solid_moments
 from assetbuild.robot.pose import Array
 
 CONVEX = 0.98

@@ -14,9 +14,7 @@ from assetbuild.findings import Finding, Rule
 from assetbuild.mesh.cover import Reference, measure
 from assetbuild.mesh.hull import convex_hull, refuse_flat
 from assetbuild.mesh.solid import ConvexPiece
-from assetbuild.mesh.triangles import TriangleMesh
-from assetbuild.mesh.volume import is_closed, signed_volume
-from assetbuild.mesh.weld import cleaned
+from assetbuild.mesh.triangles import TriangleMesh, cleaned, is_closed, signed_volume
 from assetbuild.quantities import Model, NonNegative, Positive, Real
 from assetbuild.robot.pose import Pose, quat_of_rpy
 from assetbuild.robot.shapes import Box, Capsule, Cylinder, Sphere

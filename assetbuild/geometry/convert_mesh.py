@@ -19,9 +19,16 @@ from assetbuild.mesh.material import MaterialPart, SurfaceMaterial, corner_norma
 from assetbuild.mesh.obj import SUFFIX, array_bytes, obj_bytes
 from assetbuild.mesh.picture import has_holes, png_of
 from assetbuild.mesh.read import BY_TRIMESH, Format, UpAxis, read_mesh
-from assetbuild.mesh.triangles import TriangleMesh, merged, unit_vectors
-from assetbuild.mesh.volume import area, is_closed, signed_volume
-from assetbuild.mesh.weld import drop_collapsed, weld
+from assetbuild.mesh.triangles import (
+    TriangleMesh,
+    area,
+    drop_collapsed,
+    is_closed,
+    merged,
+    signed_volume,
+    unit_vectors,
+    weld,
+)
 from assetbuild.robot.codec import encode
 from assetbuild.robot.pose import Array, Vec3, vec3
 

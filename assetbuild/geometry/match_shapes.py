@@ -19,8 +19,7 @@ from assetbuild.engine.step import Files, Limits, Step
 from assetbuild.kinds import ConvertedMesh
 from assetbuild.mesh.obj import read_part
 from assetbuild.mesh.quality import surface_samples
-from assetbuild.mesh.triangles import TriangleMesh, merged
-from assetbuild.mesh.volume import area
+from assetbuild.mesh.triangles import TriangleMesh, area, merged
 from assetbuild.robot.codec import decode_file
 from assetbuild.robot.pose import Array
 

@@ -13,12 +13,11 @@ from assetbuild.engine.graph import Node, Ref
 from assetbuild.engine.planner import Planner
 from assetbuild.engine.step import Step
 from assetbuild.geometry.assemble import Assemble, CollisionUse, VisualUse
+from assetbuild.geometry.companion_files import ConvertTexture, MeshCompanions
 from assetbuild.geometry.convert_mesh import ConvertMesh
-from assetbuild.geometry.convert_texture import ConvertTexture
 from assetbuild.geometry.decimate_mesh import DecimateMesh
 from assetbuild.geometry.jobs import Job, Twins, collision_jobs, equal_shapes
 from assetbuild.geometry.lint_meshes import LintDensity, LintMeshes
-from assetbuild.geometry.mesh_companions import MeshCompanions
 from assetbuild.mesh.companions import Naming, format_of
 from assetbuild.recipe.models import Recipe
 from assetbuild.robot.model import Tree

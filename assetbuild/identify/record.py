@@ -173,7 +173,7 @@ class Record:
     target: Array
     torque: Array | None = None
     base: Array | None = None
-    """(N, 6) smoothed poses of the root, see `base`; None = it stood still."""
+    """(N, 6) smoothed poses of the root; None = it stood still."""
 
     @property
     def lead(self) -> int:

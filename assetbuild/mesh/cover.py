@@ -18,8 +18,7 @@ from assetbuild.mesh.hull import convex_hull, polygon_count
 from assetbuild.mesh.quality import Distance, NearestSurface, sobol, surface_samples
 from assetbuild.mesh.rays import grids, missed
 from assetbuild.mesh.solid import ConvexPiece, Solid
-from assetbuild.mesh.triangles import TriangleMesh
-from assetbuild.mesh.volume import is_closed, signed_volume
+from assetbuild.mesh.triangles import TriangleMesh, is_closed, signed_volume
 from assetbuild.robot.pose import Array
 
 Manifold = Any  # manifold3d.Manifold: its extension module has no types

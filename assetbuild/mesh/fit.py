@@ -17,8 +17,7 @@ from assetbuild.mesh.hull import convex_hull
 from assetbuild.mesh.primitives import resized, signed_distance, sizes_of, volume_of
 from assetbuild.mesh.quality import sobol, surface_samples
 from assetbuild.mesh.solid import ConvexPiece
-from assetbuild.mesh.triangles import TriangleMesh
-from assetbuild.mesh.volume import face_areas
+from assetbuild.mesh.triangles import TriangleMesh, face_areas
 from assetbuild.robot.pose import Array, Pose, quat_between, quat_of, vec3
 from assetbuild.robot.shapes import Box, Capsule, Cylinder, Primitive, Sphere
 

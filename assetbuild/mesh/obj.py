@@ -19,8 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from assetbuild.errors import StepError
-from assetbuild.mesh.triangles import Indices, TriangleMesh, polygon_triangles
-from assetbuild.mesh.weld import first_seen
+from assetbuild.mesh.triangles import Indices, TriangleMesh, first_seen, polygon_triangles
 from assetbuild.robot.pose import Array
 
 WIDTHS = {b"v": 3, b"vt": 2, b"vn": 3}
@@ -301,6 +300,6 @@ def read_part(path: Path, subject: str = "mesh") -> TriangleMesh:
         raise StepError(f"{subject}: `{path.name}` holds no mesh: {error}") from error
 
 
-def obj_of(path: Path, subject: str = "mesh") -> bytes:
+def obj_of(path: Path) -> bytes:
     """A part of a converted mesh as OBJ text."""
-    return obj_bytes(read_part(path, subject)) if path.suffix == SUFFIX else path.read_bytes()
+    return obj_bytes(read_part(path)) if path.suffix == SUFFIX else path.read_bytes()

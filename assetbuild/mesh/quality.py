@@ -8,8 +8,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from assetbuild.mesh.triangles import Indices, TriangleMesh
-from assetbuild.mesh.volume import face_areas
+from assetbuild.mesh.triangles import Indices, TriangleMesh, face_areas
 from assetbuild.robot.pose import Array
 
 Numbers = NDArray[np.uint32]
@@ -187,8 +186,8 @@ def point_triangle_distance(points: Array, corners: Array) -> Array:
     return np.asarray(np.where(inside, height, np.sqrt(nearest)), dtype=np.float64)
 
 
-def surface_distance(a: TriangleMesh, b: TriangleMesh, *, samples: int = SAMPLES) -> Distance:
-    """Two-sided distance between surfaces from `samples` points on each, seeds 0 and 1."""
-    from_a = NearestSurface(b).distance(surface_samples(a, samples, 0)[0])
-    from_b = NearestSurface(a).distance(surface_samples(b, samples, 1)[0])
+def surface_distance(a: TriangleMesh, b: TriangleMesh) -> Distance:
+    """Two-sided distance between surfaces from SAMPLES points on each, seeds 0 and 1."""
+    from_a = NearestSurface(b).distance(surface_samples(a, SAMPLES, 0)[0])
+    from_b = NearestSurface(a).distance(surface_samples(b, SAMPLES, 1)[0])
     return Distance.of(from_a, from_b)

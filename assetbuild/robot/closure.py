@@ -221,18 +221,6 @@ def _still(
     )
 
 
-def constrained_mass(loops: Sequence[Loop], robot: Dynamics, chosen: Sequence[int]) -> Array:
-    """(k, k) mass matrix in the coordinates `chosen`, all others following through the loops.
-
-    M = N^T M N with the free motions N scaled so that its rows of the chosen coordinates are the
-    identity; the coordinates must be as many as the robot can move in.
-    """
-    basis = free_motions(loops, robot.motions)
-    moved = basis @ np.linalg.inv(basis[list(chosen)])
-    mass: Array = moved.T @ robot.mass @ moved
-    return mass
-
-
 def coordinates(loops: Sequence[Loop], robot: Dynamics, first: Collection[str]) -> tuple[int, ...]:
     """Columns that describe the motion of the closed robot: the base's, then of joints.
 

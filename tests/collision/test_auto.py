@@ -29,10 +29,8 @@ from assetbuild.mesh.native import NativeError, NativeLimits
 from assetbuild.mesh.obj import read_triangles
 from assetbuild.mesh.primitives import tessellate
 from assetbuild.mesh.solid import ConvexPiece
-from assetbuild.mesh.triangles import TriangleMesh
+from assetbuild.mesh.triangles import TriangleMesh, cleaned, face_areas
 from assetbuild.mesh.vhacd import VHacdOptions
-from assetbuild.mesh.volume import face_areas
-from assetbuild.mesh.weld import cleaned
 from assetbuild.robot.codec import decode
 from assetbuild.robot.pose import Pose, quat_of_rpy
 from assetbuild.robot.shapes import Box, Sphere

@@ -26,8 +26,7 @@ from assetbuild.mesh.material import MaterialPart, SurfaceMaterial
 from assetbuild.mesh.obj import obj_bytes, read_triangles
 from assetbuild.mesh.primitives import signed_distance, tessellate
 from assetbuild.mesh.solid import ConvexPiece
-from assetbuild.mesh.triangles import TriangleMesh, merged
-from assetbuild.mesh.volume import is_closed, signed_volume
+from assetbuild.mesh.triangles import TriangleMesh, is_closed, merged, signed_volume
 from assetbuild.plugins import load_plugin, plugin_names
 from assetbuild.robot.codec import decode
 from assetbuild.robot.pose import Pose, quat_of_rpy

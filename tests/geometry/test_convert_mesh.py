@@ -17,11 +17,11 @@ from pydantic import ValidationError
 from tiny import box_obj, run_step, stl
 
 from assetbuild.errors import StepError
+from assetbuild.geometry.companion_files import ConvertTexture
 from assetbuild.geometry.convert_mesh import ConvertMesh
-from assetbuild.geometry.convert_texture import ConvertTexture
 from assetbuild.kinds import ConvertedMesh
 from assetbuild.mesh.obj import read_part, read_triangles
-from assetbuild.mesh.volume import signed_volume
+from assetbuild.mesh.triangles import signed_volume
 from assetbuild.robot.codec import decode
 
 GO1_MESHES = (

@@ -18,8 +18,7 @@ from assetbuild.mesh.material import MaterialPart, SurfaceMaterial
 from assetbuild.mesh.obj import obj_bytes, read_triangles
 from assetbuild.mesh.primitives import tessellate
 from assetbuild.mesh.solid import ConvexPiece
-from assetbuild.mesh.triangles import TriangleMesh, merged
-from assetbuild.mesh.volume import signed_volume
+from assetbuild.mesh.triangles import TriangleMesh, merged, signed_volume
 from assetbuild.robot.codec import decode
 from assetbuild.robot.pose import Pose
 from assetbuild.robot.shapes import Box, Sphere

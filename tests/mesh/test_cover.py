@@ -11,10 +11,8 @@ from hypothesis import strategies as st
 
 from assetbuild.mesh.cover import (
     Reference,
-    blocked_by,
     measure,
     outside,
-    outside_in,
     rough,
     union_of,
 )
@@ -23,11 +21,8 @@ from assetbuild.mesh.hull import convex_hull, polygon_count
 from assetbuild.mesh.merge import hulls_of
 from assetbuild.mesh.primitives import tessellate
 from assetbuild.mesh.solid import ConvexPiece
-from assetbuild.mesh.sources import Probe
-from assetbuild.mesh.triangles import TriangleMesh, merged
-from assetbuild.mesh.verdict import verdict
-from assetbuild.mesh.volume import signed_volume
-from assetbuild.mesh.weld import cleaned
+from assetbuild.mesh.triangles import TriangleMesh, cleaned, merged, signed_volume
+from assetbuild.mesh.verdict import Probe, blocked_by, outside_in, verdict
 from assetbuild.robot.pose import Pose
 from assetbuild.robot.shapes import Box, Capsule, Sphere
 

@@ -19,8 +19,7 @@ from assetbuild.mesh.primitives import (
     sizes_of,
     tessellate,
 )
-from assetbuild.mesh.triangles import TriangleMesh
-from assetbuild.mesh.volume import is_closed, signed_volume, solid_moments
+from assetbuild.mesh.triangles import TriangleMesh, is_closed, signed_volume, solid_moments
 from assetbuild.robot.pose import Pose
 from assetbuild.robot.shapes import Box, Capsule, Cylinder, MeshAsset, Primitive, Shapes, Sphere
 

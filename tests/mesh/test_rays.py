@@ -19,8 +19,7 @@ from assetbuild.mesh.quality import (
 )
 from assetbuild.mesh.rays import Across, missed
 from assetbuild.mesh.solid import ConvexPiece, Solid
-from assetbuild.mesh.triangles import TriangleMesh, merged
-from assetbuild.mesh.volume import area
+from assetbuild.mesh.triangles import TriangleMesh, area, merged
 from assetbuild.robot.pose import Pose
 from assetbuild.robot.shapes import Box, Capsule, Cylinder, Sphere
 

@@ -18,7 +18,7 @@ from assetbuild.mesh.companions import companions_of, relative_name
 from assetbuild.mesh.material import SurfaceMaterial
 from assetbuild.mesh.primitives import tessellate
 from assetbuild.mesh.read import read_mesh
-from assetbuild.mesh.volume import area, signed_volume
+from assetbuild.mesh.triangles import area, signed_volume
 from assetbuild.robot.shapes import Box
 
 BOX = tessellate(Box((1.0, 2.0, 3.0)))

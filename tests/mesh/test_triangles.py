@@ -10,14 +10,20 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from assetbuild.mesh.primitives import tessellate
-from assetbuild.mesh.triangles import TriangleMesh, fan_triangles, merged, polygon_triangles
-from assetbuild.mesh.volume import area, is_closed, signed_volume, solid_moments
-from assetbuild.mesh.weld import (
+from assetbuild.mesh.triangles import (
+    TriangleMesh,
     _mixed,
+    area,
     cleaned,
     drop_collapsed,
     drop_repeated,
+    fan_triangles,
     first_seen,
+    is_closed,
+    merged,
+    polygon_triangles,
+    signed_volume,
+    solid_moments,
     weld,
 )
 from assetbuild.robot.pose import Pose, quat_of_rpy

@@ -12,7 +12,6 @@ from tiny import COUPLER_M, CRANK_M, GROUND_M, ROCKER_M, four_bar
 from assetbuild.init.drives import drive_rows
 from assetbuild.robot.closure import (
     close,
-    constrained_mass,
     constraint_jacobian,
     coordinates,
     felt_inertia,
@@ -111,18 +110,6 @@ def test_a_crank_at_its_dead_centre_is_not_locked():
     assert found.closed
     joints = ("crank_joint", "rocker_joint")
     assert locked_joints(robot.tree, robot.control.loops, found.positions, joints) == ()
-
-
-def test_the_constrained_mass_is_the_kinetic_energy_of_the_moving_loop():
-    robot, step = four_bar(), 1e-6
-    q = closed(0.4)
-    at = dynamics(robot.tree, q, {})
-    chosen = coordinates(robot.control.loops, at, ("crank_joint",))
-    assert chosen == (at.column("crank_joint"),)
-    mass = constrained_mass(robot.control.loops, at, chosen)
-    ahead, behind = closed(0.4 + step), closed(0.4 - step)
-    rates = np.array([(ahead[n] - behind[n]) / (2 * step) for n in at.joints])
-    assert mass[0, 0] == pytest.approx(float(rates @ at.mass @ rates), rel=1e-5)
 
 
 @pytest.mark.parametrize(("kind", "ways"), [("connect", 2), ("hinge", 1)])
