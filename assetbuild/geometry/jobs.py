@@ -79,17 +79,16 @@ class Job:
                 sources.append(PlacedSource.of_primitive(shape.geometry, pose))
         given = {"sources": tuple(sources), "probes": self._probes(), **self.fields}
         if "bones" in given:
-            given["bones"] = tuple(self._direction(bone) for bone in given["bones"])
+            turn = self._to_output.rotation
+            # Rounded, so that four legs share a key.
+            turned = (np.round(turn @ np.asarray(bone), 6) + 0.0 for bone in given["bones"])
+            given["bones"] = tuple(map(vec3, turned))
         return self.method.model_validate(given | ({"like": like} if like else {}))
 
     @property
     def _to_output(self) -> Pose:
         alone = self.shapes and not self.per_link
         return self.shapes[0].X_link_shape.inverse() if alone else Pose()
-
-    def _direction(self, bone: Vec3) -> Vec3:
-        """A direction of the link in the output frame; rounded, so that four legs share a key."""
-        return vec3(np.round(self._to_output.rotation @ np.asarray(bone), 6) + 0.0)
 
     def _probes(self) -> tuple[Probe, ...]:
         places: list[tuple[Region, float | None]]
