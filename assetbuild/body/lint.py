@@ -21,30 +21,6 @@ from assetbuild.robot.model import Joint, Tree
 from assetbuild.robot.shapes import SourceShapes
 from assetbuild.robot.tree import PLACEHOLDER_KG
 
-CROSSED_LIMITS = Rule(
-    "joint.limits",
-    ("warning", "error"),
-    "the lower limit is above the upper one, so the MJCF gives the joint no range (a warning in "
-    "the source, an error after the edits)",
-    "set the limits, or make the joint fixed",
-)
-
-
-def crossed_limits(joint: Joint, severity: Severity) -> Iterator[Finding]:
-    """`joint.limits` where the lower limit is above the upper one."""
-    lower, upper = joint.limits.lower, joint.limits.upper
-    if lower is None or upper is None or lower <= upper:
-        return
-    unit = "m" if joint.kind == "prismatic" else "rad"
-    yield CROSSED_LIMITS(
-        f"joint {joint.name}",
-        f"lower limit {lower:g} {unit} is not below upper limit {upper:g} {unit}",
-        "edit `set_limits` gives it both; make the joint `fixed` if it is not meant to move",
-        severity=severity,
-        data={"lower": lower, "upper": upper},
-    )
-
-
 CONTRADICTION = 0.01
 """Share of a range by which a mimic joint may be led over its limits: rounding in the source."""
 
@@ -272,3 +248,29 @@ class LintBodies(Step):
         if not moves and not robot.source_shapes.shapes:
             message = "no joint moves and no link has a shape: there is nothing to simulate"
             yield EMPTY("robot", message, "give it joints or shapes; is this the right file?")
+
+
+# --- limits the wrong way round ---------------------------------------------------------------
+
+CROSSED_LIMITS = Rule(
+    "joint.limits",
+    ("warning", "error"),
+    "the lower limit is above the upper one, so the MJCF gives the joint no range (a warning in "
+    "the source, an error after the edits)",
+    "set the limits, or make the joint fixed",
+)
+
+
+def crossed_limits(joint: Joint, severity: Severity) -> Iterator[Finding]:
+    """`joint.limits` where the lower limit is above the upper one."""
+    lower, upper = joint.limits.lower, joint.limits.upper
+    if lower is None or upper is None or lower <= upper:
+        return
+    unit = "m" if joint.kind == "prismatic" else "rad"
+    yield CROSSED_LIMITS(
+        f"joint {joint.name}",
+        f"lower limit {lower:g} {unit} is not below upper limit {upper:g} {unit}",
+        "edit `set_limits` gives it both; make the joint `fixed` if it is not meant to move",
+        severity=severity,
+        data={"lower": lower, "upper": upper},
+    )

@@ -53,6 +53,51 @@ def _masks(contact: Contact) -> Contact:
     return Contact(mask=contact.mask, partners=contact.partners)
 
 
+LOOP_MIMIC = Rule(
+    "loop.mimic",
+    "error",
+    "a loop with `urdf: mimic` does not follow one driven joint, so no mimic joints stand for it",
+    "leave `urdf: mimic` out, so that the URDF leaves the loop open",
+)
+
+
+class KeepRatings(Step):
+    """`control.json`, `tree.json` -> `ratings.json`: the ratings of the joints and the loops alone.
+
+    Its bytes stay the same when a gain changes, so that no URDF is written and read back anew.
+    """
+
+    own_name = "keep_ratings"
+    outputs = ("ratings.json",)
+
+    def run(self, files: Files) -> Iterator[Finding]:
+        """Effort, velocity, damping and friction are kept."""
+        control = RobotFiles(files.inputs).control
+        mimics: tuple[LoopMimic, ...] = ()
+        refused: dict[str, str] = {}
+        if any(loop.urdf == "mimic" for loop in control.loops):
+            mimics, refused = loop_mimics(RobotFiles(files.inputs).tree, control)
+        ratings = (
+            Actuator(
+                joint=row.joint,
+                model="passive",
+                damping=row.damping,
+                friction=row.friction,
+                effort=row.effort,
+                velocity=row.velocity,
+            )
+            for row in control.actuators
+        )
+        kept = Control(actuators=tuple(ratings), loops=control.loops, loop_mimics=mimics)
+        (files.outputs / "ratings.json").write_bytes(encode(kept))
+        for name, why in refused.items():
+            hint = "leave `urdf: mimic` out: the URDF then leaves the loop open"
+            yield LOOP_MIMIC(f"loop {name}", f"no mimic joints can stand for it: {why}", hint)
+
+
+# --- mimics that stand for loops --------------------------------------------------------------
+
+
 def loop_mimics(tree: Tree, control: Control) -> tuple[tuple[LoopMimic, ...], dict[str, str]]:
     """The mimics of the loops that ask for them; by name of a loop, why it can have none."""
     asked = by_constraint(loop for loop in control.loops if loop.urdf == "mimic")
@@ -115,45 +160,3 @@ def _are_led(
     jacobian = constraint_jacobian(loops, moving.bodies)[:, columns]
     sizes = np.linalg.svd(jacobian, compute_uv=False)
     return int((sizes > RANK * max(float(sizes.max(initial=0.0)), 1.0)).sum()) == len(columns)
-
-
-LOOP_MIMIC = Rule(
-    "loop.mimic",
-    "error",
-    "a loop with `urdf: mimic` does not follow one driven joint, so no mimic joints stand for it",
-    "leave `urdf: mimic` out, so that the URDF leaves the loop open",
-)
-
-
-class KeepRatings(Step):
-    """`control.json`, `tree.json` -> `ratings.json`: the ratings of the joints and the loops alone.
-
-    Its bytes stay the same when a gain changes, so that no URDF is written and read back anew.
-    """
-
-    own_name = "keep_ratings"
-    outputs = ("ratings.json",)
-
-    def run(self, files: Files) -> Iterator[Finding]:
-        """Effort, velocity, damping and friction are kept."""
-        control = RobotFiles(files.inputs).control
-        mimics: tuple[LoopMimic, ...] = ()
-        refused: dict[str, str] = {}
-        if any(loop.urdf == "mimic" for loop in control.loops):
-            mimics, refused = loop_mimics(RobotFiles(files.inputs).tree, control)
-        ratings = (
-            Actuator(
-                joint=row.joint,
-                model="passive",
-                damping=row.damping,
-                friction=row.friction,
-                effort=row.effort,
-                velocity=row.velocity,
-            )
-            for row in control.actuators
-        )
-        kept = Control(actuators=tuple(ratings), loops=control.loops, loop_mimics=mimics)
-        (files.outputs / "ratings.json").write_bytes(encode(kept))
-        for name, why in refused.items():
-            hint = "leave `urdf: mimic` out: the URDF then leaves the loop open"
-            yield LOOP_MIMIC(f"loop {name}", f"no mimic joints can stand for it: {why}", hint)
