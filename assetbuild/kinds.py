@@ -138,15 +138,49 @@ class Edit(Step):
         return done.findings
 
 
-class MassEdit(Edit):
-    """An edit that can give links a mass."""
+class LinkEdit(Edit):
+    """An edit of the mass properties of links, one by one."""
 
     link: Pattern = Field(description="links, by whole name")
+
+    def change(self, body: Body) -> tuple[Inertial, Finding] | None:
+        """The new mass properties of a link that matches, and what to say; None = it stays."""
+        raise NotImplementedError
+
+    def edit(self, tree: Tree, shapes: SourceShapes, files: Files) -> Edited:
+        """See `Edit`."""
+        tree, findings = edit_inertials(tree, self.link, self.change)
+        return Edited(tree, shapes, findings)
+
+
+class MassEdit(LinkEdit):
+    """An edit that can give links a mass."""
+
     guessed: bool = Field(
         False,
         description="true: nobody measured the mass; a robot all of whose masses are guesses is "
         "not ready",
     )
+
+
+class JointEdit(Edit):
+    """An edit of joints, one by one."""
+
+    joint: Pattern = Field(description="joints, by whole name")
+
+    def change(self, joint: Joint) -> tuple[Joint, Finding]:
+        """What becomes of a joint that matches, and what to say."""
+        raise NotImplementedError
+
+    def edit(self, tree: Tree, shapes: SourceShapes, files: Files) -> Edited:
+        """See `Edit`."""
+        joints, findings = [], []
+        for joint in tree.joints:
+            if re.fullmatch(self.joint, joint.name):
+                joint, finding = self.change(joint)
+                findings.append(finding)
+            joints.append(joint)
+        return Edited(replace(tree, joints=tuple(joints)), shapes, tuple(findings))
 
 
 @dataclass(frozen=True)
@@ -170,19 +204,6 @@ def edit_inertials(
             findings.append(changed[1])
         bodies.append(body)
     return replace(tree, bodies=tuple(bodies)), tuple(findings)
-
-
-def edit_joints(
-    tree: Tree, pattern: str, change: Callable[[Joint], tuple[Joint, Finding]]
-) -> tuple[Tree, tuple[Finding, ...]]:
-    """The tree with the joints that match replaced."""
-    joints, findings = [], []
-    for joint in tree.joints:
-        if re.fullmatch(pattern, joint.name):
-            joint, finding = change(joint)
-            findings.append(finding)
-        joints.append(joint)
-    return replace(tree, joints=tuple(joints)), tuple(findings)
 
 
 class RecipeView(Protocol):

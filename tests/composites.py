@@ -16,8 +16,8 @@ from assetbuild.recipe.loader import LoadedRecipe
 from assetbuild.recipe.models import Recipe
 from assetbuild.recipe.validation import validated
 from assetbuild.recipe.yaml_tree import parse
+from assetbuild.robot.files import SourceControl
 from assetbuild.robot.model import Body, Control, Joint, Keyframe, Tree
-from assetbuild.robot.source import SourceControl
 
 
 @dataclass(frozen=True)

@@ -16,7 +16,7 @@ from tiny import run_step
 from assetbuild.findings import Finding
 from assetbuild.identify.fit_logs import FitLogs
 from assetbuild.robot.codec import decode_file, encode
-from assetbuild.robot.identified import Fit
+from assetbuild.robot.identify import Fit
 from assetbuild.robot.model import Actuator, Body, Control, Inertial, Joint, Limits, Tree
 from assetbuild.robot.pose import Pose
 

@@ -16,9 +16,9 @@ from assetbuild.geometry.assemble import Assemble, CollisionUse, VisualUse
 from assetbuild.geometry.convert_mesh import ConvertMesh
 from assetbuild.pipeline.recipes import whole_model
 from assetbuild.robot.codec import decode
+from assetbuild.robot.files import SourceControl
 from assetbuild.robot.model import Base, Control, Tree
 from assetbuild.robot.shapes import MeshFile, SourceShapes
-from assetbuild.robot.source import SourceControl
 from assetbuild.source.mjcf.flatten_mjcf import FOLDER, FlattenMjcf
 from assetbuild.source.mjcf.read_mjcf import ReadMjcf
 from assetbuild.targets.mjcf import Mjcf

@@ -74,7 +74,9 @@ def measure(tree: Tree, control: Control) -> Measured:
             semi_axes = ellipsoid(body.inertial)
             bodies.append(MeasuredBody(body.name, *principal(body.inertial), semi_axes))
     com = center_of_mass(tree, initial_pose(tree, control))
-    return Measured(tuple(bodies), com, _size(tree))
+    points = [pose.xyz for pose in forward_kinematics(tree, {}).values()]
+    size = max([0.1, *(math.dist(points[0], point) for point in points)])
+    return Measured(tuple(bodies), com, size)
 
 
 def center_of_mass(tree: Tree, keyframe: Keyframe) -> Vec3 | None:
@@ -111,9 +113,3 @@ def ellipsoid(inertial: Inertial) -> Vec3 | None:
     if min(squares) < -1e-6 * max(squares):
         return None
     return vec3([math.sqrt(max(v, 0.0)) for v in squares])
-
-
-def _size(tree: Tree) -> float:
-    """How far the farthest body frame is from the root's at zero, m; the scale of arrows."""
-    points = [pose.xyz for pose in forward_kinematics(tree, {}).values()]
-    return max([0.1, *(math.dist(points[0], point) for point in points)])

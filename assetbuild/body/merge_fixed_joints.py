@@ -54,7 +54,16 @@ class MergeFixedJoints(Step):
             if fact.placeholder:
                 yield _placeholder(fact, links)
         if facts:
-            yield _merged(facts, tree)
+            merged = tuple(link for fact in facts for link in fact.links)
+            names = ", ".join(f"`{link}`" for link in merged[:6])
+            names += ", ..." if len(merged) > 6 else ""
+            yield FIXED_JOINTS(
+                "robot",
+                f"fixed joints hold {len(merged)} links to their neighbours: {names}; they became "
+                f"frames, {len(tree.bodies)} bodies remain",
+                hint="name a link in `fixed_joints.keep_bodies` to keep it as a body of its own",
+                data={"bodies": len(tree.bodies), "links": merged},
+            )
 
     def _kept(self, links: Tree) -> frozenset[str]:
         kept: set[str] = set()
@@ -76,16 +85,4 @@ def _placeholder(fact: Merged, links: Tree) -> Finding:
         f"has its frame; `{fact.placeholder}` lives on as a frame",
         hint=f"use `{fact.body}` where a tool asks for the root body",
         data={"body": fact.body, "mass_kg": mass},
-    )
-
-
-def _merged(facts: tuple[Merged, ...], tree: Tree) -> Finding:
-    links = tuple(link for fact in facts for link in fact.links)
-    names = ", ".join(f"`{link}`" for link in links[:6]) + (", ..." if len(links) > 6 else "")
-    return FIXED_JOINTS(
-        "robot",
-        f"fixed joints hold {len(links)} links to their neighbours: {names}; they became "
-        f"frames, {len(tree.bodies)} bodies remain",
-        hint="name a link in `fixed_joints.keep_bodies` to keep it as a body of its own",
-        data={"bodies": len(tree.bodies), "links": links},
     )

@@ -17,10 +17,10 @@ from pydantic import Field
 from assetbuild.engine.step import Files
 from assetbuild.findings import Finding, Rule
 from assetbuild.kinds import Check, write_figures
-from assetbuild.mesh.holes import holes
 from assetbuild.mesh.hulls import hulls_by_body, read_meshes
 from assetbuild.mesh.primitives import tessellate
 from assetbuild.mesh.quality import surface_samples
+from assetbuild.mesh.rays import holes
 from assetbuild.mesh.register import Move, Target
 from assetbuild.mesh.solid import Distance, distance_to
 from assetbuild.mesh.triangles import TriangleMesh, merged

@@ -18,12 +18,11 @@ from assetbuild.engine.step import Files
 from assetbuild.findings import Data, Finding, Rule
 from assetbuild.kinds import Check, RecipeView, write_figures
 from assetbuild.quantities import Positive
-from assetbuild.robot.dynamics import dynamics, holding_torques
+from assetbuild.robot.closure import felt_inertia, reflected_range
+from assetbuild.robot.dynamics import dynamics, holding_torques, soles
 from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.initial import initial_pose
 from assetbuild.robot.model import Actuator
-from assetbuild.robot.reflected import felt_inertia, reflected_range
-from assetbuild.robot.soles import soles
 
 EXPLICIT = frozenset({"ideal_pd", "dc_motor"})
 """Models whose gains a controller applies once a step, instead of the integrator."""

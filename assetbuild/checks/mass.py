@@ -20,8 +20,7 @@ from assetbuild.errors import StepError
 from assetbuild.findings import Finding, Rule
 from assetbuild.kinds import Check, write_figures
 from assetbuild.mesh.hulls import common_hull, extent_of, hulls_by_body
-from assetbuild.mesh.triangles import TriangleMesh
-from assetbuild.mesh.volume import solid_moments
+from assetbuild.mesh.triangles import TriangleMesh, solid_moments
 from assetbuild.quantities import Positive
 from assetbuild.robot.contradictions import Extent, contradictions
 from assetbuild.robot.files import RobotFiles

@@ -21,7 +21,7 @@ from assetbuild.facts.table import Key, Table, Writer
 from assetbuild.findings import Finding, Rule
 from assetbuild.kinds import write_figures
 from assetbuild.robot.files import RobotFiles
-from assetbuild.robot.joint_springs import as_drives
+from assetbuild.robot.mjcf_only import as_drives
 from assetbuild.robot.model import Control, Tree
 from assetbuild.robot.shapes import Shapes
 from assetbuild.simulators.consumers import FAILED, NOT_FINITE, SINKS, ConsumerCheck, SmokeBounds

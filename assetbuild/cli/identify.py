@@ -12,12 +12,12 @@ from assetbuild.cli.progress import progress
 from assetbuild.cli.summary import print_findings
 from assetbuild.engine.store import OUT_OPTION, machine_errors
 from assetbuild.errors import UsageError
-from assetbuild.identify.bam import read_bam
+from assetbuild.identify.for_recipe import read_bam
 from assetbuild.pipeline.identifying import excite, identify
 from assetbuild.pipeline.opening import Task
 from assetbuild.pipeline.writing import write_rows
 from assetbuild.recipe.loader import read_small_file
-from assetbuild.robot.identified import Fit
+from assetbuild.robot.identify import Fit
 
 
 def run(arguments: argparse.Namespace) -> int:

@@ -10,7 +10,7 @@ import json
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import ClassVar, Literal
+from typing import Annotated, ClassVar, Literal
 
 import numpy as np
 from pydantic import Field
@@ -20,22 +20,17 @@ from assetbuild.engine.step import Files, Limits, Step
 from assetbuild.errors import StepError
 from assetbuild.findings import Finding, Rule
 from assetbuild.kinds import ConvertedMesh, Piece, Pieces
-from assetbuild.mesh.arrays import read_part
-from assetbuild.mesh.cover import Quality, Reference, blocked_by, measure
+from assetbuild.mesh.cover import Quality, Reference, measure
 from assetbuild.mesh.hull import convex_hull, refuse_flat
 from assetbuild.mesh.native import NativeError, NativeLimits
-from assetbuild.mesh.obj import obj_bytes, read_triangles
-from assetbuild.mesh.primitives import tessellate
+from assetbuild.mesh.obj import obj_bytes, read_part, read_triangles
+from assetbuild.mesh.primitives import BY_NAME, resized, sizes_of, tessellate
 from assetbuild.mesh.solid import ConvexPiece
-from assetbuild.mesh.sources import Likeness as Likeness  # what the fields are made of
-from assetbuild.mesh.sources import PlacedSource as PlacedSource
-from assetbuild.mesh.sources import Probe as Probe
-from assetbuild.mesh.triangles import TriangleMesh, merged
-from assetbuild.mesh.verdict import verdict
-from assetbuild.mesh.weld import cleaned
-from assetbuild.quantities import Length, Share
+from assetbuild.mesh.triangles import TriangleMesh, cleaned, merged
+from assetbuild.mesh.verdict import Probe, blocked_by, verdict
+from assetbuild.quantities import Length, Positive, Share
 from assetbuild.robot.codec import decode_file, encode
-from assetbuild.robot.pose import IDENTITY, Pose, quat_of, vec3
+from assetbuild.robot.pose import IDENTITY, Pose, Vec3, quat_of, vec3
 from assetbuild.robot.shapes import Box, Capsule, Cylinder, Mesh, Primitive, Sphere
 
 PRELOAD = (
@@ -54,12 +49,56 @@ AS_GOOD_IOU = 0.01
 AS_GOOD = 0.01
 """Distances of a reused result may be worse by this share of the diagonal."""
 
+MaxHulls = Annotated[int, Field(ge=1, le=1024, description="most pieces")]
+MaxVertices = Annotated[
+    int, Field(ge=4, le=256, description="most vertices of a piece; PhysX on a GPU takes 64")
+]
+MaxPolygons = Annotated[
+    int | None,
+    Field(ge=16, le=1024, description="most polygons of a piece; PhysX on a GPU takes 64"),
+]
 LIBRARY_FAILED = Rule(
     "collision.library_failed",
     "warning",
     "V-HACD or CoACD crashed, or exceeded its time or memory limit; the next method was used",
     "raise the limit, or repair the mesh",
 )
+
+
+@dataclass(frozen=True)
+class PlacedSource:
+    """One source shape: a mesh (its input folder) or a primitive, with its pose.
+
+    kind: the class of a primitive by name, so that equal sizes of another kind differ; sizes: its
+    own, as `sizes_of` lists them, m. pose: of the shape in the output frame.
+    """
+
+    folder: str | None = None
+    kind: str | None = None
+    sizes: tuple[float, ...] = ()
+    pose: Pose = IDENTITY
+
+    def __post_init__(self) -> None:
+        if (self.folder is None) == (self.kind is None):
+            raise ValueError("a source is either a mesh folder or a primitive")
+
+    @classmethod
+    def of_primitive(cls, geometry: Primitive, pose: Pose = IDENTITY) -> PlacedSource:
+        """A primitive of the source."""
+        return cls(kind=type(geometry).__name__, sizes=sizes_of(geometry), pose=pose)
+
+    @property
+    def primitive(self) -> Primitive | None:
+        """The primitive of the robot model, if it is one."""
+        return None if self.kind is None else resized(BY_NAME[self.kind], self.sizes)
+
+
+@dataclass(frozen=True)
+class Likeness:
+    """Another mesh has the same shape: p = signs * p_other + shift, per axis."""
+
+    signs: Vec3
+    shift: Vec3
 
 
 class CollisionMethod(Step):
@@ -120,15 +159,6 @@ class CollisionMethod(Step):
     def preset(cls, name: str) -> Mapping[str, float]:
         """What `collision.preset` states where a rule does not; `auto` alone has any."""
         return {}
-
-    @property
-    def native_limits(self) -> NativeLimits:
-        """Limits of one run of a native library: the fields `cpu_limit` and `memory_limit_mb`."""
-        default = NativeLimits()
-        return NativeLimits(
-            getattr(self, "cpu_limit", None) or default.cpu_s,
-            getattr(self, "memory_limit_mb", None) or default.memory_mb,
-        )
 
     def run(self, files: Files) -> Iterable[Finding]:
         """Fit; raises StepError for sources that no method can work with."""
@@ -211,25 +241,6 @@ class CollisionMethod(Step):
             return None
         return ConvexPiece(hull)
 
-    def hull_after(self, reference: Reference, library: str, failure: NativeError) -> Fitted:
-        """The last rung: one hull, and a finding with the cause."""
-        return Fitted(
-            (ConvexPiece(reference.hull),), (self.fell(library, failure, "hull"),), "hull"
-        )
-
-    def fell(self, library: str, failure: NativeError, instead: str) -> Finding:
-        """What is said when a library gave no result."""
-        hints = {
-            "time": "raise `cpu_limit`, or give the link another method",
-            "memory": "raise `memory_limit_mb`, or give the link another method",
-        }
-        return LIBRARY_FAILED(
-            self.subject,
-            f"{library}: {failure}; `{instead}` was used instead",
-            hint=hints.get(failure.cause, "give the link another method, or repair its mesh"),
-            data={"library": library, "cause": failure.cause, "instead": instead},
-        )
-
     # --- reuse --------------------------------------------------------------------------------
 
     def _reused(
@@ -279,6 +290,41 @@ class CollisionMethod(Step):
     def closed_places(self) -> tuple[Probe, ...]:
         """Where no piece may be."""
         return tuple(place for place in self.probes if place.max_outside is None)
+
+
+class LibraryMethod(CollisionMethod):
+    """A method that runs V-HACD or CoACD in a process of its own, within limits."""
+
+    cpu_limit: Positive = Field(
+        60.0, le=1800, description="CPU seconds of one run of a native library"
+    )
+    memory_limit_mb: int = Field(
+        3072, ge=64, le=4096, description="memory of one run of a native library, MB"
+    )
+
+    @property
+    def native_limits(self) -> NativeLimits:
+        """Limits of one run."""
+        return NativeLimits(self.cpu_limit, self.memory_limit_mb)
+
+    def hull_after(self, reference: Reference, library: str, failure: NativeError) -> Fitted:
+        """The last rung: one hull, and a finding with the cause."""
+        return Fitted(
+            (ConvexPiece(reference.hull),), (self.fell(library, failure, "hull"),), "hull"
+        )
+
+    def fell(self, library: str, failure: NativeError, instead: str) -> Finding:
+        """What is said when a library gave no result."""
+        hints = {
+            "time": "raise `cpu_limit`, or give the link another method",
+            "memory": "raise `memory_limit_mb`, or give the link another method",
+        }
+        return LIBRARY_FAILED(
+            self.subject,
+            f"{library}: {failure}; `{instead}` was used instead",
+            hint=hints.get(failure.cause, "give the link another method, or repair its mesh"),
+            data={"library": library, "cause": failure.cause, "instead": instead},
+        )
 
 
 @dataclass(frozen=True)

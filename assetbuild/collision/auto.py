@@ -19,21 +19,26 @@ from dataclasses import dataclass, replace
 import numpy as np
 from pydantic import Field
 
-from assetbuild.collision import CollisionMethod, Fitted
+from assetbuild.collision import (
+    Fitted,
+    LibraryMethod,
+    MaxHulls,
+    MaxPolygons,
+    MaxVertices,
+)
 from assetbuild.findings import Finding
 from assetbuild.mesh.coacd import CoAcdOptions, Patience, coacd_parts
-from assetbuild.mesh.cover import SAMPLES, Quality, Reference, blocked_by, rough
+from assetbuild.mesh.cover import SAMPLES, Quality, Reference, rough
 from assetbuild.mesh.cut import cut_parts, tips
 from assetbuild.mesh.fit import box_axes
-from assetbuild.mesh.holes import holes
 from assetbuild.mesh.hull import convex_hull
 from assetbuild.mesh.merge import grown_to, hulls_of, merge_steps
 from assetbuild.mesh.native import NativeError
+from assetbuild.mesh.rays import holes
 from assetbuild.mesh.solid import ConvexPiece
-from assetbuild.mesh.triangles import TriangleMesh
+from assetbuild.mesh.triangles import TriangleMesh, signed_volume, solid_moments
+from assetbuild.mesh.verdict import blocked_by
 from assetbuild.mesh.vhacd import VHacdOptions, vhacd_parts
-from assetbuild.mesh.volume import signed_volume, solid_moments
-from assetbuild.quantities import Positive
 from assetbuild.robot.pose import Array
 
 CONVEX = 0.98
@@ -115,27 +120,17 @@ class _View:
         return [part.mapped(self.axes) for part in parts]
 
 
-class Auto(CollisionMethod):
+class Auto(LibraryMethod):
     """The fewest pieces of each source shape that meet the tolerances, else the best there are."""
 
     usual_s = 2.5
 
-    max_hulls: int = Field(32, ge=1, le=1024, description="most pieces")
-    max_vertices: int = Field(
-        64, ge=4, le=256, description="most vertices of a piece; PhysX on a GPU takes 64"
-    )
-    max_polygons: int | None = Field(
-        64, ge=16, le=1024, description="most polygons of a piece; PhysX on a GPU takes 64"
-    )
+    max_hulls: MaxHulls = 32
+    max_vertices: MaxVertices = 64
+    max_polygons: MaxPolygons = 64
     vhacd: VHacdOptions = Field(VHacdOptions(), description="parameters of V-HACD")
     coacd: CoAcdOptions | None = Field(
         None, description="parameters of CoACD; without it the threshold follows `max_outside`"
-    )
-    cpu_limit: Positive = Field(
-        60.0, le=1800, description="CPU seconds of one run of a native library"
-    )
-    memory_limit_mb: int = Field(
-        3072, ge=64, le=4096, description="memory of one run of a native library, MB"
     )
 
     @classmethod
@@ -267,7 +262,8 @@ class Auto(CollisionMethod):
 
         def piece(points: Array) -> ConvexPiece | None:
             if id(points) not in known:
-                known[id(points)] = self.verified(_piece(points))
+                bare = TriangleMesh(points, np.zeros((0, 3), dtype=np.int64))
+                known[id(points)] = self.verified(ConvexPiece(bare))
             return known[id(points)]
 
         def member(count: int, samples: int = SAMPLES) -> _Candidate:
@@ -341,10 +337,6 @@ def _rank(candidate: _Candidate) -> tuple[float, float, int]:
 def _fewest(candidate: _Candidate) -> tuple[float, int]:
     """Least badness first (to a hundredth), then the fewest pieces."""
     return round(candidate.badness, 2), len(candidate.pieces)
-
-
-def _piece(corners: Array) -> ConvexPiece:
-    return ConvexPiece(TriangleMesh(corners, np.zeros((0, 3), dtype=np.int64)))
 
 
 _NOTHING = Quality(False, False, 0.0, 0.0, 1.0, 0.0, 0)

@@ -4,7 +4,12 @@ from __future__ import annotations
 
 from pydantic import Field
 
-from assetbuild.collision import CollisionMethod, Fitted
+from assetbuild.collision import (
+    Fitted,
+    LibraryMethod,
+    MaxPolygons,
+    MaxVertices,
+)
 from assetbuild.findings import Finding, Rule
 from assetbuild.mesh.coacd import CoAcdOptions, coacd_parts
 from assetbuild.mesh.cover import Reference
@@ -21,7 +26,7 @@ MORE_HULLS = Rule(
 )
 
 
-class CoAcd(CollisionMethod):
+class CoAcd(LibraryMethod):
     """Pieces of each source shape. It covers too much rather than too little."""
 
     usual_s = 8.0
@@ -32,18 +37,11 @@ class CoAcd(CollisionMethod):
         le=1024,
         description="most pieces; parts that do not touch each other can exceed it",
     )
-    max_vertices: int = Field(
-        64, ge=4, le=256, description="most vertices of a piece; PhysX on a GPU takes 64"
-    )
-    max_polygons: int | None = Field(
-        None, ge=16, le=1024, description="most polygons of a piece; PhysX on a GPU takes 64"
-    )
+    max_vertices: MaxVertices = 64
+    max_polygons: MaxPolygons = None
     coacd: CoAcdOptions = Field(CoAcdOptions(), description="parameters of CoACD")
     cpu_limit: Positive = Field(
         120.0, le=1800, description="CPU seconds of one run of a native library"
-    )
-    memory_limit_mb: int = Field(
-        3072, ge=64, le=4096, description="memory of one run of a native library, MB"
     )
 
     def fit(self, reference: Reference) -> Fitted:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from pathlib import Path
 from typing import Literal
 
 from pydantic import Field, model_validator
@@ -14,9 +13,7 @@ from assetbuild.findings import Finding, Rule
 from assetbuild.mesh.cover import Reference, measure
 from assetbuild.mesh.hull import convex_hull, refuse_flat
 from assetbuild.mesh.solid import ConvexPiece
-from assetbuild.mesh.triangles import TriangleMesh
-from assetbuild.mesh.volume import is_closed, signed_volume
-from assetbuild.mesh.weld import cleaned
+from assetbuild.mesh.triangles import TriangleMesh, cleaned, is_closed, signed_volume
 from assetbuild.quantities import Model, NonNegative, Positive, Real
 from assetbuild.robot.pose import Pose, quat_of_rpy
 from assetbuild.robot.shapes import Box, Capsule, Cylinder, Sphere
@@ -102,7 +99,9 @@ class Explicit(CollisionMethod):
             if piece.file is None:
                 made.append(ConvexPiece(_geometry(piece), _pose(piece)))
                 continue
-            mesh = self._own_mesh(piece, number, files.inputs)
+            source = PlacedSource(piece.file, pose=_pose(piece))
+            mesh = cleaned(self.source_mesh(source, files.inputs))
+            refuse_flat(mesh.vertices, f"{self.subject}: piece {number}")
             hull = convex_hull(mesh.vertices)
             yield from self._told(number, mesh, hull)
             made.append(ConvexPiece(hull))
@@ -111,13 +110,6 @@ class Explicit(CollisionMethod):
             return
         reference = Reference(self.mesh_of(files))
         yield from self.proven(files, reference, made, measure(reference, made), "explicit")
-
-    def _own_mesh(self, piece: ExplicitPiece, number: int, inputs: Path) -> TriangleMesh:
-        mesh = cleaned(
-            self.source_mesh(PlacedSource.of_mesh(piece.file or "", _pose(piece)), inputs)
-        )
-        refuse_flat(mesh.vertices, f"{self.subject}: piece {number}")
-        return mesh
 
     def _told(self, number: int, mesh: TriangleMesh, hull: TriangleMesh) -> Iterator[Finding]:
         """What a simulator will not do with this piece as it is."""

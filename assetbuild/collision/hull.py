@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pydantic import Field
 
-from assetbuild.collision import CollisionMethod, Fitted
+from assetbuild.collision import CollisionMethod, Fitted, MaxPolygons
 from assetbuild.mesh.cover import Reference
 from assetbuild.mesh.solid import ConvexPiece
 
@@ -17,9 +17,7 @@ class Hull(CollisionMethod):
     max_vertices: int | None = Field(
         64, ge=4, le=256, description="most vertices of a piece; PhysX on a GPU takes 64"
     )
-    max_polygons: int | None = Field(
-        None, ge=16, le=1024, description="most polygons of a piece; PhysX on a GPU takes 64"
-    )
+    max_polygons: MaxPolygons = None
 
     def fit(self, reference: Reference) -> Fitted:
         """The hull as it is: the base class caps it."""

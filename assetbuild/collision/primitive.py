@@ -6,7 +6,10 @@ from typing import Literal
 
 from pydantic import Field
 
-from assetbuild.collision import CollisionMethod, Fitted
+from assetbuild.collision import (
+    Fitted,
+    LibraryMethod,
+)
 from assetbuild.findings import Finding
 from assetbuild.mesh.cover import Reference
 from assetbuild.mesh.fit import KINDS, best_primitive
@@ -17,7 +20,6 @@ from assetbuild.mesh.native import NativeError
 from assetbuild.mesh.solid import ConvexPiece
 from assetbuild.mesh.triangles import TriangleMesh
 from assetbuild.mesh.vhacd import VHacdOptions, vhacd_parts
-from assetbuild.quantities import Positive
 from assetbuild.robot.pose import Pose, Vec3
 from assetbuild.robot.shapes import Box, Capsule, Cylinder, Primitive, Sphere
 
@@ -34,7 +36,7 @@ PARTS = 32
 """Parts of the decomposition that the primitives are fitted to, before they are merged."""
 
 
-class FitPrimitive(CollisionMethod):
+class FitPrimitive(LibraryMethod):
     """Few primitives for all shapes of a link, by a two-sided score of what is over and missing."""
 
     usual_s = 2.0
@@ -51,12 +53,6 @@ class FitPrimitive(CollisionMethod):
     vhacd: VHacdOptions = Field(
         VHacdOptions(resolution=100_000),
         description="how the mesh is cut into parts when there may be several primitives",
-    )
-    cpu_limit: Positive = Field(
-        60.0, le=1800, description="CPU seconds of one run of a native library"
-    )
-    memory_limit_mb: int = Field(
-        3072, ge=64, le=4096, description="memory of one run of a native library, MB"
     )
 
     def exact(self) -> tuple[ConvexPiece, ...] | None:

@@ -8,7 +8,7 @@ from pydantic import Field
 
 from assetbuild.collision import CollisionMethod, Fitted
 from assetbuild.mesh.cover import Reference
-from assetbuild.mesh.sobol import sobol
+from assetbuild.mesh.quality import sobol
 from assetbuild.mesh.solid import ConvexPiece
 from assetbuild.quantities import Share
 from assetbuild.robot.pose import Array, Pose, vec3

@@ -4,33 +4,28 @@ from __future__ import annotations
 
 from pydantic import Field
 
-from assetbuild.collision import CollisionMethod, Fitted
+from assetbuild.collision import (
+    Fitted,
+    LibraryMethod,
+    MaxHulls,
+    MaxPolygons,
+    MaxVertices,
+)
 from assetbuild.mesh.cover import Reference
 from assetbuild.mesh.native import NativeError
 from assetbuild.mesh.solid import ConvexPiece
 from assetbuild.mesh.vhacd import VHacdOptions, vhacd_parts
-from assetbuild.quantities import Positive
 
 
-class VHacd(CollisionMethod):
+class VHacd(LibraryMethod):
     """Pieces of each source shape. It shrinks a little: 1 to 6 % of the volume is not covered."""
 
     usual_s = 3.0
 
-    max_hulls: int = Field(32, ge=1, le=1024, description="most pieces")
-    max_vertices: int = Field(
-        64, ge=4, le=256, description="most vertices of a piece; PhysX on a GPU takes 64"
-    )
-    max_polygons: int | None = Field(
-        None, ge=16, le=1024, description="most polygons of a piece; PhysX on a GPU takes 64"
-    )
+    max_hulls: MaxHulls = 32
+    max_vertices: MaxVertices = 64
+    max_polygons: MaxPolygons = None
     vhacd: VHacdOptions = Field(VHacdOptions(), description="parameters of V-HACD")
-    cpu_limit: Positive = Field(
-        60.0, le=1800, description="CPU seconds of one run of a native library"
-    )
-    memory_limit_mb: int = Field(
-        3072, ge=64, le=4096, description="memory of one run of a native library, MB"
-    )
 
     def fit(self, reference: Reference) -> Fitted:
         """V-HACD's parts; one hull when it fails."""

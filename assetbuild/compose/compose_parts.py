@@ -16,13 +16,12 @@ from assetbuild.engine.step import Files, Step
 from assetbuild.errors import RecipeError, did_you_mean
 from assetbuild.findings import Finding, Rule
 from assetbuild.robot.codec import encode
-from assetbuild.robot.files import RobotFiles
+from assetbuild.robot.files import RobotFiles, SourceControl
 from assetbuild.robot.model import Body, Joint, Tree
-from assetbuild.robot.mount import At, Mount
 from assetbuild.robot.pose import IDENTITY, Pose, quat_of_rpy
 from assetbuild.robot.randomize import homogeneous_box
+from assetbuild.robot.sections import At, Mount
 from assetbuild.robot.shapes import Box, Material, MeshFile, SourceShape, SourceShapes
-from assetbuild.robot.source import SourceControl
 from assetbuild.robot.tree import depth_first
 
 PLATE = "mount_plate"

@@ -10,9 +10,9 @@ from xml.etree import ElementTree
 import numpy as np
 
 from assetbuild.errors import RecipeError
+from assetbuild.robot.files import SourceControl
 from assetbuild.robot.model import Camera, Loop, MjcfOnly, Place, Sensor
 from assetbuild.robot.pose import IDENTITY, Pose, normalised_quat, vec3
-from assetbuild.robot.source import SourceControl
 from assetbuild.source.mjcf.opaque import keys, words
 
 Named = TypeVar("Named", bound=Any)  # Any: a frozen dataclass

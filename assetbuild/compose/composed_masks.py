@@ -17,8 +17,8 @@ from xml.etree import ElementTree
 
 from assetbuild.errors import RecipeError
 from assetbuild.findings import Finding, Rule
+from assetbuild.robot.files import SourceControl
 from assetbuild.robot.model import Contact, MjcfOnly
-from assetbuild.robot.source import SourceControl
 
 FLOOR = 1
 """Both masks of a shape that says nothing of them."""

@@ -21,9 +21,8 @@ from assetbuild.recipe.validation import Key
 from assetbuild.robot.actuator_table import ActuatorRow
 from assetbuild.robot.contact import Contact, Surface
 from assetbuild.robot.loops import LoopRow
-from assetbuild.robot.poses import Keyframe
 from assetbuild.robot.ranges import Randomize
-from assetbuild.robot.sensing import IMU_NAMES, Feet, Imu, Sensor
+from assetbuild.robot.sections import IMU_NAMES, Feet, Imu, Keyframe, Sensor
 
 Table = Mapping[str, Row[Any]] | Sequence[Row[Any]]  # Any: rows of any model of a recipe
 OF_THE_WHOLE = ("identify", "visual", "simulation", "validate", "rules")

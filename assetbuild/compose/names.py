@@ -28,9 +28,9 @@ from assetbuild.recipe.compose import Part
 from assetbuild.recipe.loader import LoadedRecipe
 from assetbuild.recipe.models import Recipe
 from assetbuild.recipe.validation import Key
+from assetbuild.robot.files import SourceControl
 from assetbuild.robot.model import Tree
 from assetbuild.robot.sides import Side
-from assetbuild.robot.source import SourceControl
 
 Value = TypeVar("Value")
 Kind = Literal["links", "joints"]

@@ -18,9 +18,9 @@ from assetbuild.recipe.loader import LoadedRecipe
 from assetbuild.recipe.models import Recipe
 from assetbuild.recipe.validation import Key, KeyedError
 from assetbuild.robot.codec import decode
+from assetbuild.robot.files import SourceControl
 from assetbuild.robot.model import Tree
 from assetbuild.robot.sides import Side
-from assetbuild.robot.source import SourceControl
 from assetbuild.source.plan import Reading
 
 

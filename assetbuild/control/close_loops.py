@@ -9,16 +9,15 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import replace
 
 from assetbuild.findings import Finding, Rule
-from assetbuild.robot.actuator_table import ActuatorRow
+from assetbuild.robot.actuator_table import ActuatorRow, RowError
+from assetbuild.robot.chains import angles_of, split
 from assetbuild.robot.closure import CLOSED, Solution, close, gaps, locked_joints
+from assetbuild.robot.files import SourceControl
 from assetbuild.robot.loops import by_constraint, path_of, placed_loop
 from assetbuild.robot.mimic import with_mimics
 from assetbuild.robot.model import Keyframe, Loop, LoopEnd, Tree
-from assetbuild.robot.motors import RowError
 from assetbuild.robot.pose import IDENTITY, Quat, quat_multiply, quat_of_rpy
 from assetbuild.robot.sides import Side, moving_by_source
-from assetbuild.robot.source import SourceControl
-from assetbuild.robot.split_joints import angles_of, split
 
 VISIBLE_M = 1e-3
 """m or rad: a loop that a source's keyframe leaves open by more is a warning."""

@@ -11,7 +11,6 @@ from pathlib import Path
 
 from pydantic import Field
 
-from assetbuild.control.actuator_findings import actuator_findings, row_findings
 from assetbuild.control.close_loops import (
     check_locked,
     check_start,
@@ -22,7 +21,7 @@ from assetbuild.control.close_loops import (
     solved_findings,
     source_findings,
 )
-from assetbuild.control.contact_findings import contact_findings
+from assetbuild.control.findings import actuator_findings, contact_findings, row_findings
 from assetbuild.control.ground import Ground, placed_base, with_reach
 from assetbuild.control.senses import (
     check_sensors,
@@ -30,7 +29,6 @@ from assetbuild.control.senses import (
     placed_cameras,
     placed_sensors,
 )
-from assetbuild.control.soften import softened
 from assetbuild.control.source_control import StatedControl, join, joined_keyframes
 from assetbuild.engine.step import Files, Step
 from assetbuild.errors import Gather, did_you_mean
@@ -43,15 +41,14 @@ from assetbuild.robot.codec import encode
 from assetbuild.robot.contact import Contacts, Exclude
 from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.initial import initial_pose
-from assetbuild.robot.joint_springs import joint_springs
 from assetbuild.robot.loops import LoopRow, resolve_loops, row_numbers
 from assetbuild.robot.mimic import with_mimics
-from assetbuild.robot.poses import Keyframe
-from assetbuild.robot.sensing import Camera, Feet, Imu, Sensor
+from assetbuild.robot.mjcf_only import joint_springs
+from assetbuild.robot.sections import Camera, Feet, Imu, Keyframe, Sensor, Simulation
 from assetbuild.robot.shapes import Shapes
 from assetbuild.robot.sides import Side, moving_by_source, side_of
-from assetbuild.robot.simulation import Simulation
-from assetbuild.robot.softness import CouplingError, LimitError
+from assetbuild.robot.softness import CouplingError, LimitError, softened
+from assetbuild.robot.tree import link_placement
 
 LIMIT_TOLERANCE = 1e-9
 """rad or m; a value that was rounded from the limit itself is inside."""
@@ -199,9 +196,8 @@ class ControlStep(Step):
         )
         if source is not None:
             recipe = StatedControl(self.sides, self.rows, self.contact.links, parts)
-            joined = join(control, source, tree, shapes, recipe)
-            control = joined.control
-            yield from joined.findings
+            control, findings = join(control, source, tree, shapes, recipe)
+            yield from findings
             if loops:
                 kept, start = control.keyframes[len(own) :], initial_pose(tree, control)
                 yield from source_findings(tree, loops, kept, start, driven)
@@ -323,18 +319,9 @@ def _excludes(
 
 
 def _bodies(tree: model.Tree, index: int, pair: tuple[str, str]) -> tuple[str, str]:
-    bodies = []
-    for side, link in enumerate(pair):
-        try:
-            bodies.append(tree.placement(link)[0])
-        except KeyError:
-            known = [body.name for body in tree.bodies] + [frame.name for frame in tree.frames]
-            raise RowError(
-                f"collision.exclude.pairs[{index}]: no link `{link}`",
-                key=("collision", "exclude", "pairs", index, side),
-                hint=did_you_mean(link, known),
-            ) from None
-    return _sorted(*bodies)
+    place, key = f"collision.exclude.pairs[{index}]", ("collision", "exclude", "pairs", index)
+    a, b = (link_placement(tree, link, place, (*key, side)) for side, link in enumerate(pair))
+    return _sorted(a[0], b[0])
 
 
 def _with_sampled(control: model.Control, path: Path) -> model.Control:

@@ -18,7 +18,7 @@ from assetbuild.robot import model
 from assetbuild.robot.floor import BELOW_M, brings_floor, floor_of
 from assetbuild.robot.initial import initial_pose
 from assetbuild.robot.pose import Array, Pose
-from assetbuild.robot.poses import Keyframe
+from assetbuild.robot.sections import Keyframe
 from assetbuild.robot.shapes import Box, Capsule, Cylinder, Geometry, Mesh, Shapes, Sphere
 from assetbuild.robot.tree import forward_kinematics
 

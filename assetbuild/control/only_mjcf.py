@@ -2,16 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from xml.etree import ElementTree
 
 from assetbuild.findings import Finding, Rule
-from assetbuild.robot.effort_words import WORDS as EFFORT_WORDS
-from assetbuild.robot.effort_words import force_range
-from assetbuild.robot.joint_springs import WORDS as SPRING_WORDS
-from assetbuild.robot.joint_springs import joint_springs, shown
-from assetbuild.robot.lost_motion import lost_motion
-from assetbuild.robot.model import Actuator, MjcfOnly
+from assetbuild.robot.files import SourceControl
+from assetbuild.robot.mjcf_only import (
+    EFFORT_WORDS,
+    SPRING_WORDS,
+    force_range,
+    joint_springs,
+    lost_motion,
+    parsed,
+    shown,
+)
+from assetbuild.robot.model import Actuator, Keyframe, MjcfOnly, Tree
+from assetbuild.robot.shapes import Shapes
 
 ONLY_IN_MJCF = Rule(
     "mjcf.only",
@@ -108,7 +114,7 @@ def explain_opaque(items: tuple[MjcfOnly, ...]) -> Iterator[Finding]:
         if item.place == "actuator" and item.owner:
             yield _own_drive(item)
             continue
-        element = ElementTree.fromstring(item.element)  # noqa: S314 # our own reader wrote it
+        element = parsed(item)
         yield from _uneven(item)
         own = (*EFFORT_WORDS.get(item.place, ()), *(SPRING_WORDS if item.place == "joint" else ()))
         for name in own:
@@ -117,7 +123,9 @@ def explain_opaque(items: tuple[MjcfOnly, ...]) -> Iterator[Finding]:
             element.attrib.pop(name)  # what the source leaves to MuJoCo
         if not element.attrib and (own or item.place == "camera"):
             continue
-        said = _SAID_OF.get(item.place, _element_of)(element)
+        said = f"<{element.tag}>"
+        if item.place in _BY_ATTRIBUTES:
+            said = ", ".join(f"`{key}`" for key in element.attrib)
         groups.setdefault((item.place, said), []).append(item.owner or element.get("name", ""))
     told = tuple(_told(place, said, _listed(names)) for (place, said), names in groups.items())
     if told:
@@ -133,7 +141,7 @@ def _told(place: str, said: str, listed: str) -> str:
 
 
 def _own_drive(item: MjcfOnly) -> Finding:
-    said = ElementTree.fromstring(item.element)  # noqa: S314 # our own reader wrote it
+    said = parsed(item)
     name, tendon = said.get("name", ""), said.get("tendon", "")
     why = f"pulls the tendon `{tendon}`, whose joints follow this one" if tendon else ""
     return OWN_DRIVE(
@@ -163,16 +171,89 @@ def _uneven(item: MjcfOnly) -> Iterator[Finding]:
         )
 
 
-def _attributes_of(element: ElementTree.Element) -> str:
-    return ", ".join(f"`{key}`" for key in element.attrib)
-
-
-def _element_of(element: ElementTree.Element) -> str:
-    return f"<{element.tag}>"
-
-
-_SAID_OF: Mapping[str, Callable[[ElementTree.Element], str]] = dict.fromkeys(
-    ("joint", "shape", "frame", "camera", "material", "option", "size", "drive", "mimic", "root"),
-    _attributes_of,
+_BY_ATTRIBUTES = frozenset(
+    ("joint", "shape", "frame", "camera", "material", "option", "size", "drive", "mimic", "root")
 )
 _WORDS = {"shape": "geom", "frame": "site", "drive": "actuator", "mimic": "coupled joint"}
+
+
+def commands_of(
+    source: SourceControl,
+    keyframes: Sequence[Keyframe],
+    replaces: Callable[[str], bool],
+    has_table: Callable[[str], bool],
+) -> Iterator[MjcfOnly]:
+    """The commands of each keyframe, by actuator.
+
+    A drive whose joint stands elsewhere now than in the source gets the command of that place.
+    replaces: whether the recipe says what drives a joint; has_table: whether it says so of all
+    drives where an actuator belongs.
+    """
+    joint_of = {a.name: a.joint for a in source.control.actuators if a.name}
+    before = {key.name: dict(key.joints) for key in source.control.keyframes}
+    stated = dict(source.ctrl)
+    own = [i for i in source.control.mjcf_only if i.place == "actuator" and i.owner]
+    own = [item for item in own if not replaces(item.owner)]
+    for key in keyframes:
+        now, was = dict(key.joints), before.get(key.name, {})
+        holding = (_holding(item, source.control.by_joint[item.owner], now) for item in own)
+        commands = dict(filter(None, holding))
+        for actuator, value in stated.get(key.name, ()):
+            joint = joint_of.get(actuator)
+            if joint is None:
+                if has_table(actuator):
+                    continue
+            elif replaces(joint) or (joint in was and was[joint] != now.get(joint, was[joint])):
+                continue
+            commands[actuator] = value
+        element = ElementTree.Element("key")
+        for actuator, value in commands.items():
+            ElementTree.SubElement(element, "ctrl", {"actuator": actuator, "value": repr(value)})
+        if len(element):
+            yield MjcfOnly("keyframe", ElementTree.tostring(element, "unicode"), key.name)
+
+
+def _holding(item: MjcfOnly, row: Actuator, pose: Mapping[str, float]) -> tuple[str, float] | None:
+    """(actuator, its command at rest in a pose) of one that holds positions: see `MjcfOnly`."""
+    said = parsed(item)
+    if row.model != "pd":
+        return None
+    gain = float(said.get("gainprm", "").split()[0])
+    constant, stiff = (float(word) for word in said.get("biasprm", "").split()[:2])
+    length = row.gear * pose.get(row.joint, 0.0)
+    return row.name, (0.0 - stiff * length - constant) / gain
+
+
+WIDER_EXCLUDE = Rule(
+    "mjcf.wider_exclude",
+    "warning",
+    "the source excludes one of several links that were merged into one body: now it excludes all",
+    "`fixed_joints.keep_bodies` keeps a link as a body",
+)
+
+
+def wider_excludes(
+    excludes: Collection[tuple[str, str]], tree: Tree, shapes: Shapes
+) -> Iterator[Finding]:
+    """A finding for each pair of bodies that loses contacts. excludes: pairs of the source's links.
+
+    Bodies that a joint connects never touch in MuJoCo.
+    """
+    said = {frozenset(pair) for pair in excludes}
+    adjacent = {frozenset((joint.parent, joint.child)) for joint in tree.joints}
+    solid: dict[str, list[str]] = {}
+    for link in dict.fromkeys(shape.link for shape in shapes.of("collision")):
+        solid.setdefault(tree.placement(link)[0], []).append(link)
+    bodies = (sorted(tree.placement(link)[0] for link in pair) for pair in excludes)
+    for a, b in sorted({(a, b) for a, b in bodies if a != b}):
+        pairs = [(one, two) for one in solid.get(a, ()) for two in solid.get(b, ())]
+        lost = [pair for pair in pairs if frozenset(pair) not in said]
+        if not lost or frozenset((a, b)) in adjacent:
+            continue
+        shown = ", ".join(f"`{one}` and `{two}`" for one, two in lost[:3])
+        yield WIDER_EXCLUDE(
+            f"pair {a} {b}",
+            f"{shown}{', ...' if len(lost) > 3 else ''} touch in the source, and no longer here",
+            f"name {lost[0][0]} or {lost[0][1]} in `fixed_joints.keep_bodies`",
+            data={"pairs": len(lost)},
+        )

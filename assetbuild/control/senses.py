@@ -8,12 +8,14 @@ from collections.abc import Collection, Iterator, Mapping
 from assetbuild.errors import did_you_mean
 from assetbuild.quantities import stated
 from assetbuild.robot import model
+from assetbuild.robot.actuator_table import Key
 from assetbuild.robot.actuators import RowError
 from assetbuild.robot.contact import Contacts, Surface
-from assetbuild.robot.motors import Key
 from assetbuild.robot.pose import Pose, quat_multiply, quat_of_rpy
-from assetbuild.robot.sensing import IMU_NAMES, Camera, Feet, Imu, Sensor
+from assetbuild.robot.ranges import first_match
+from assetbuild.robot.sections import IMU_NAMES, Camera, Feet, Imu, Sensor
 from assetbuild.robot.shapes import Shapes
+from assetbuild.robot.tree import link_placement
 
 _ABOUT_X = (0.0, 1.0, 0.0, 0.0)
 
@@ -46,10 +48,8 @@ def contacts(
 
 def changed(common: model.Contact, rules: Mapping[str, Surface], link: str) -> model.Contact:
     """The surface of a link by the first rule that matches it."""
-    for pattern, rule in rules.items():
-        if re.fullmatch(pattern, link):
-            return common.model_copy(update=stated(rule))
-    return common
+    rule = first_match(rules, link)
+    return common if rule is None else common.model_copy(update=stated(rule))
 
 
 # --- sensors --------------------------------------------------------------------------------
@@ -138,13 +138,7 @@ def _place(tree: model.Tree, name: str, sensor: Sensor) -> model.Place:
 
 
 def _frame(tree: model.Tree, link: str, key: Key) -> model.Place:
-    try:
-        tree.placement(link)
-    except KeyError:
-        known = [body.name for body in tree.bodies] + [frame.name for frame in tree.frames]
-        shown = ".".join(map(str, key))
-        hint = did_you_mean(link, known)
-        raise RowError(f"{shown}: no link `{link}`", key=key, hint=hint) from None
+    link_placement(tree, link, ".".join(map(str, key)), key)
     return model.Place("frame", link)
 
 

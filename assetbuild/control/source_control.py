@@ -8,14 +8,14 @@ from dataclasses import dataclass, field, replace
 from typing import TypeVar
 from xml.etree import ElementTree
 
-from assetbuild.control.commands import commands_of
-from assetbuild.control.only_mjcf import explain_gears, explain_opaque
+from assetbuild.control.only_mjcf import commands_of, explain_gears, explain_opaque, wider_excludes
 from assetbuild.control.senses import changed
-from assetbuild.control.wider_excludes import wider_excludes
 from assetbuild.findings import Finding, Rule
 from assetbuild.robot.actuator_table import ActuatorRow
+from assetbuild.robot.chains import ROWS, angles_of
 from assetbuild.robot.contact import Surface
-from assetbuild.robot.effort_words import of_same_effort
+from assetbuild.robot.files import SourceControl
+from assetbuild.robot.mjcf_only import of_same_effort, parsed
 from assetbuild.robot.model import (
     Actuator,
     Camera,
@@ -30,8 +30,6 @@ from assetbuild.robot.model import (
 )
 from assetbuild.robot.shapes import Shapes
 from assetbuild.robot.sides import Side, side_of
-from assetbuild.robot.source import SourceControl
-from assetbuild.robot.split_joints import ROWS, angles_of
 from assetbuild.source.mjcf.text import DROPPED
 
 BODY_NAMES = ("body", "body1", "body2", "target")
@@ -48,14 +46,6 @@ NEW_SURFACE = Rule(
     "have",
     "`method: keep` keeps the source's shapes",
 )
-
-
-@dataclass
-class JoinedControl:
-    """The control of the robot, and what is said about joining."""
-
-    control: Control
-    findings: list[Finding] = field(default_factory=list)
 
 
 @dataclass(frozen=True)
@@ -86,8 +76,11 @@ class StatedControl:
 
 def join(
     control: Control, source: SourceControl, tree: Tree, shapes: Shapes, stated: StatedControl
-) -> JoinedControl:
-    """The source's words where the recipe has none. control: as the recipe alone makes it."""
+) -> tuple[Control, list[Finding]]:
+    """The source's words where the recipe has none, and what is said about joining.
+
+    control: as the recipe alone makes it.
+    """
     said, findings = source.control, list[Finding]()
     bodies = _Bodies(tree, findings)
     contact, contacts = _contacts(control.contact, source, shapes, stated, findings)
@@ -111,7 +104,7 @@ def join(
     )
     findings += [*explain_gears(actuators), *explain_opaque(mjcf_only)]
     findings += wider_excludes(said.excludes, tree, shapes)
-    return JoinedControl(joined, findings)
+    return joined, findings
 
 
 def _by_name(own: tuple[T, ...], said: Sequence[T]) -> tuple[T, ...]:
@@ -293,7 +286,7 @@ def _replaced(said: Control, stated: StatedControl) -> frozenset[str]:
 
 
 def _attribute(item: MjcfOnly, key: str) -> str:
-    return ElementTree.fromstring(item.element).get(key, "")  # noqa: S314 # our own reader wrote it
+    return parsed(item).get(key, "")
 
 
 def _unsaid(item: MjcfOnly, stated: Collection[str]) -> MjcfOnly:
@@ -308,7 +301,7 @@ def _unsaid(item: MjcfOnly, stated: Collection[str]) -> MjcfOnly:
 
 
 def _without(item: MjcfOnly, keys: Collection[str]) -> MjcfOnly:
-    element = ElementTree.fromstring(item.element)  # noqa: S314 # our own reader wrote it
+    element = parsed(item)
     for key in keys:
         element.attrib.pop(key, "")
     return replace(item, element=ElementTree.tostring(element, "unicode"))
@@ -370,7 +363,7 @@ class _Bodies:
 
     def keeps(self, item: MjcfOnly) -> bool:
         """Whether the bodies are there that an element stands on or names."""
-        element = ElementTree.fromstring(item.element)  # noqa: S314 # our own reader wrote it
+        element = parsed(item)
         names = [value for key in BODY_NAMES if (value := element.get(key))]
         names += [
             element.get(f"{side}name", "")

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
-from pydantic import Field
 
 from assetbuild.engine.step import Files
 from assetbuild.errors import RecipeError
 from assetbuild.findings import Finding, Rule
-from assetbuild.kinds import Edit, Edited, edit_inertials
-from assetbuild.quantities import Pattern
+from assetbuild.kinds import Edited, LinkEdit
 from assetbuild.robot.inertia import (
     Tensor,
     matrix_of,
@@ -31,55 +31,49 @@ BALANCE_INERTIA = Rule(
 )
 
 
-class BalanceInertia(Edit):
+class BalanceInertia(LinkEdit):
     """Where C > A + B of the principal moments A <= B <= C, A becomes C - B, and a billionth of C.
 
     The other two and all axes stay: of all ways to raise one moment it is the smallest change.
     Links that satisfy the inequality are left alone.
     """
 
-    link: Pattern = Field(description="links, by whole name")
-
     def edit(self, tree: Tree, shapes: SourceShapes, files: Files) -> Edited:
         """See `Edit`."""
-        tree, findings = edit_inertials(tree, self.link, _balanced)
-        return Edited(tree, shapes, findings or (self._needless(),))
+        done = super().edit(tree, shapes, files)
+        if done.findings:
+            return done
+        message = f"no link that matches `{self.link}` violates A + B >= C"
+        needless = BALANCE_INERTIA("recipe edits", message, "remove the edit", severity="warning")
+        return replace(done, findings=(needless,))
 
-    def _needless(self) -> Finding:
-        return BALANCE_INERTIA(
-            "recipe edits",
-            f"no link that matches `{self.link}` violates A + B >= C",
-            severity="warning",
-            hint="remove the edit",
+    def change(self, body: Body) -> tuple[Inertial, Finding] | None:
+        """See `LinkEdit`."""
+        old = body.inertial
+        if old is None or triangle_violation(old.inertia_com_kg_m2) <= 0.0:
+            return None
+        before = old.inertia_com_kg_m2
+        a, b, c = principal_moments(before)
+        if b <= 0.0:
+            raise RecipeError(
+                f"balance_inertia: two principal moments of link `{body.name}` are not positive "
+                f"({a:.4g}, {b:.4g} kg m2)",
+                hint="use `set_inertia` or `inertia_from_geometry`",
+            )
+        raised = c - b + ROOM * c
+        after = _raised(before, raised - a)
+        finding = BALANCE_INERTIA(
+            f"link {body.name}",
+            f"smallest principal moment {a:.6g} -> {raised:.6g} kg m2, the others "
+            f"{b:.6g} and {c:.6g} as they were",
+            data={
+                "before_kg_m2": before,
+                "after_kg_m2": after,
+                "before_smallest_kg_m2": a,
+                "after_smallest_kg_m2": raised,
+            },
         )
-
-
-def _balanced(body: Body) -> tuple[Inertial, Finding] | None:
-    old = body.inertial
-    if old is None or triangle_violation(old.inertia_com_kg_m2) <= 0.0:
-        return None
-    before = old.inertia_com_kg_m2
-    a, b, c = principal_moments(before)
-    if b <= 0.0:
-        raise RecipeError(
-            f"balance_inertia: two principal moments of link `{body.name}` are not positive "
-            f"({a:.4g}, {b:.4g} kg m2)",
-            hint="use `set_inertia` or `inertia_from_geometry`",
-        )
-    raised = c - b + ROOM * c
-    after = _raised(before, raised - a)
-    finding = BALANCE_INERTIA(
-        f"link {body.name}",
-        f"smallest principal moment {a:.6g} -> {raised:.6g} kg m2, the others "
-        f"{b:.6g} and {c:.6g} as they were",
-        data={
-            "before_kg_m2": before,
-            "after_kg_m2": after,
-            "before_smallest_kg_m2": a,
-            "after_smallest_kg_m2": raised,
-        },
-    )
-    return Inertial(old.mass_kg, old.com_m, after), finding
+        return Inertial(old.mass_kg, old.com_m, after), finding
 
 
 def _raised(tensor: Tensor, step: float) -> Tensor:

@@ -11,8 +11,7 @@ from pydantic import Field
 from assetbuild.engine.step import Files
 from assetbuild.errors import RecipeError
 from assetbuild.findings import Finding, Rule
-from assetbuild.kinds import Edit, Edited, edit_joints
-from assetbuild.quantities import Pattern
+from assetbuild.kinds import Edited, JointEdit
 from assetbuild.robot.model import MOVING, Joint, Limits, Mimic, Tree
 from assetbuild.robot.shapes import SourceShapes
 
@@ -21,7 +20,7 @@ FLIP_AXIS = Rule(
 )
 
 
-class FlipAxis(Edit):
+class FlipAxis(JointEdit):
     """`limits: mirror`: the same robot in another sign convention; limits and mimics turn too.
 
     `limits: keep`: the axis itself is wrong in the source, its limits are right.
@@ -29,7 +28,6 @@ class FlipAxis(Edit):
 
     follows_names: ClassVar[bool] = False
 
-    joint: Pattern = Field(description="joints, by whole name")
     limits_: Literal["mirror", "keep"] = Field(
         "mirror",
         alias="limits",
@@ -38,13 +36,14 @@ class FlipAxis(Edit):
 
     def edit(self, tree: Tree, shapes: SourceShapes, files: Files) -> Edited:
         """See `Edit`."""
-        tree, findings = edit_joints(tree, self.joint, self._flipped)
-        if self.limits_ == "mirror":
-            joints = tuple(self._coupled(joint) for joint in tree.joints)
-            tree = replace(tree, joints=joints)
-        return Edited(tree, shapes, findings)
+        done = super().edit(tree, shapes, files)
+        if self.limits_ == "keep":
+            return done
+        joints = tuple(self._coupled(joint) for joint in done.tree.joints)
+        return replace(done, tree=replace(done.tree, joints=joints))
 
-    def _flipped(self, joint: Joint) -> tuple[Joint, Finding]:
+    def change(self, joint: Joint) -> tuple[Joint, Finding]:
+        """See `JointEdit`."""
         if joint.kind not in MOVING:
             raise RecipeError(f"flip_axis: joint `{joint.name}` is {joint.kind} and has no axis")
         x, y, z = joint.axis

@@ -15,12 +15,10 @@ from assetbuild.engine.step import Files, Limits
 from assetbuild.errors import RecipeError, StepError
 from assetbuild.findings import Finding, Rule
 from assetbuild.kinds import ConvertedMesh, Edited, MassEdit, edit_inertials
-from assetbuild.mesh.arrays import read_part
 from assetbuild.mesh.hull import convex_hull
+from assetbuild.mesh.obj import read_part
 from assetbuild.mesh.primitives import volume_of
-from assetbuild.mesh.triangles import merged
-from assetbuild.mesh.volume import is_closed, solid_moments
-from assetbuild.mesh.weld import cleaned
+from assetbuild.mesh.triangles import cleaned, is_closed, merged, solid_moments
 from assetbuild.quantities import Positive
 from assetbuild.robot.codec import decode_file
 from assetbuild.robot.inertia import combine, move_inertial, tensor_of

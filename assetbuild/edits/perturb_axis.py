@@ -7,14 +7,11 @@ from dataclasses import replace
 
 from pydantic import Field
 
-from assetbuild.engine.step import Files
 from assetbuild.errors import RecipeError
 from assetbuild.findings import Finding, Rule
-from assetbuild.kinds import Edit, Edited, edit_joints
-from assetbuild.quantities import Pattern
-from assetbuild.robot.model import MOVING, Joint, Tree
+from assetbuild.kinds import JointEdit
+from assetbuild.robot.model import MOVING, Joint
 from assetbuild.robot.pose import Vec3
-from assetbuild.robot.shapes import SourceShapes
 
 PERTURB_AXIS = Rule(
     "edit.perturb_axis",
@@ -24,21 +21,16 @@ PERTURB_AXIS = Rule(
 )
 
 
-class PerturbAxis(Edit):
+class PerturbAxis(JointEdit):
     """For runtimes that treat an axis along x, y or z of its body as a special case.
 
     Only axes that are parallel to one are turned; the others stay as they are.
     """
 
-    joint: Pattern = Field(description="joints, by whole name")
     eps: float = Field(1e-6, gt=1e-8, le=1e-3, description="rad by which the axis is turned")
 
-    def edit(self, tree: Tree, shapes: SourceShapes, files: Files) -> Edited:
-        """See `Edit`."""
-        tree, findings = edit_joints(tree, self.joint, self._turned)
-        return Edited(tree, shapes, findings)
-
-    def _turned(self, joint: Joint) -> tuple[Joint, Finding]:
+    def change(self, joint: Joint) -> tuple[Joint, Finding]:
+        """See `JointEdit`."""
         if joint.kind not in MOVING:
             raise RecipeError(f"perturb_axis: joint `{joint.name}` is {joint.kind}: it has no axis")
         axis = self._axis(joint.axis)

@@ -11,7 +11,7 @@ from pydantic import Field, model_validator
 
 from assetbuild.engine.step import Files
 from assetbuild.errors import RecipeError
-from assetbuild.findings import Finding, Rule
+from assetbuild.findings import Rule
 from assetbuild.kinds import Edit, Edited
 from assetbuild.quantities import Pattern
 from assetbuild.robot.model import Tree
@@ -63,7 +63,8 @@ class Rename(Edit):
             for j in tree.joints
         )
         moved = tuple(replace(shape, link=link[shape.link]) for shape in shapes.shapes)
-        findings = [_finding(kind, old, new)
+        findings = [RENAMED(f"{kind} {new}", f"{kind} `{old}` is called `{new}`",
+                            data={"before": old, "after": new})
                     for kind, names in (("link", link), ("joint", joint))
                     for old, new in names.items() if old != new]  # fmt: skip
         renamed = replace(tree, bodies=bodies, joints=joints)
@@ -98,9 +99,3 @@ def _new_name(kind: str, name: str, rules: Mapping[str, str]) -> str:
             raise RecipeError(f"rename: the {kind} `{name}` would have no name")
         return new
     return name
-
-
-def _finding(kind: str, old: str, new: str) -> Finding:
-    return RENAMED(
-        f"{kind} {new}", f"{kind} `{old}` is called `{new}`", data={"before": old, "after": new}
-    )

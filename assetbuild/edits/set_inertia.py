@@ -4,15 +4,13 @@ from __future__ import annotations
 
 from pydantic import Field
 
-from assetbuild.engine.step import Files
 from assetbuild.errors import RecipeError
 from assetbuild.findings import Finding, Rule
-from assetbuild.kinds import Edited, MassEdit, edit_inertials
+from assetbuild.kinds import MassEdit
 from assetbuild.quantities import Model, Positive, Real
 from assetbuild.robot.inertia import Tensor
-from assetbuild.robot.model import Body, Inertial, Tree
+from assetbuild.robot.model import Body, Inertial
 from assetbuild.robot.pose import Vec3
-from assetbuild.robot.shapes import SourceShapes
 
 SET_INERTIA = Rule("edit.set_inertia", "info", "a link has other mass properties", "nothing")
 
@@ -37,12 +35,8 @@ class SetInertia(MassEdit):
         None, description="centre of mass in the link, m; without it it stays"
     )
 
-    def edit(self, tree: Tree, shapes: SourceShapes, files: Files) -> Edited:
-        """See `Edit`."""
-        tree, findings = edit_inertials(tree, self.link, self._changed)
-        return Edited(tree, shapes, findings)
-
-    def _changed(self, body: Body) -> tuple[Inertial, Finding]:
+    def change(self, body: Body) -> tuple[Inertial, Finding]:
+        """See `LinkEdit`."""
         old = body.inertial or Inertial(0.0, (0.0, 0.0, 0.0), (0.0,) * 6)
         mass = old.mass_kg if self.mass is None else self.mass
         if mass <= 0.0:

@@ -6,24 +6,21 @@ from dataclasses import replace
 
 from pydantic import Field, model_validator
 
-from assetbuild.engine.step import Files
 from assetbuild.errors import RecipeError
 from assetbuild.findings import Finding, Rule, Scalar
-from assetbuild.kinds import Edit, Edited, edit_joints
-from assetbuild.quantities import Pattern, Positive, Real
-from assetbuild.robot.model import MOVING, Joint, Tree
-from assetbuild.robot.shapes import SourceShapes
+from assetbuild.kinds import JointEdit
+from assetbuild.quantities import Positive, Real
+from assetbuild.robot.model import MOVING, Joint
 
 FIELDS = ("lower", "upper", "effort", "velocity")
 
 SET_LIMITS = Rule("edit.set_limits", "info", "a joint has other limits", "nothing")
 
 
-class SetLimits(Edit):
+class SetLimits(JointEdit):
     """What is not given stays. A continuous joint with `lower` and `upper` becomes revolute, a
     revolute one with `unlimited` continuous."""
 
-    joint: Pattern = Field(description="joints, by whole name")
     lower: Real | None = Field(None, description="rad or m")
     upper: Real | None = Field(None, description="rad or m")
     unlimited: bool = Field(False, description="true: a revolute joint turns without end")
@@ -40,12 +37,8 @@ class SetLimits(Edit):
             raise ValueError("a joint with `lower` or `upper` is not `unlimited`")
         return self
 
-    def edit(self, tree: Tree, shapes: SourceShapes, files: Files) -> Edited:
-        """See `Edit`."""
-        tree, findings = edit_joints(tree, self.joint, self._changed)
-        return Edited(tree, shapes, findings)
-
-    def _changed(self, joint: Joint) -> tuple[Joint, Finding]:
+    def change(self, joint: Joint) -> tuple[Joint, Finding]:
+        """See `JointEdit`."""
         if joint.kind not in MOVING:
             raise RecipeError(f"set_limits: joint `{joint.name}` is {joint.kind} and has no limits")
         given = {n: getattr(self, n) for n in FIELDS if getattr(self, n) is not None}

@@ -6,14 +6,12 @@ from typing import Literal
 
 from pydantic import Field
 
-from assetbuild.engine.step import Files
 from assetbuild.errors import RecipeError
 from assetbuild.findings import Finding, Rule
-from assetbuild.kinds import Edited, MassEdit, edit_inertials
+from assetbuild.kinds import MassEdit
 from assetbuild.quantities import Positive
 from assetbuild.robot.inertia import Tensor
-from assetbuild.robot.model import Body, Inertial, Tree
-from assetbuild.robot.shapes import SourceShapes
+from assetbuild.robot.model import Body, Inertial
 
 SET_MASS = Rule(
     "edit.set_mass", "info", "a link has another mass; its inertia was scaled, or kept", "nothing"
@@ -28,12 +26,8 @@ class SetMass(MassEdit):
         "scale", description="scale: in proportion to the mass; keep: as it is"
     )
 
-    def edit(self, tree: Tree, shapes: SourceShapes, files: Files) -> Edited:
-        """See `Edit`."""
-        tree, findings = edit_inertials(tree, self.link, self._changed)
-        return Edited(tree, shapes, findings)
-
-    def _changed(self, body: Body) -> tuple[Inertial, Finding]:
+    def change(self, body: Body) -> tuple[Inertial, Finding]:
+        """See `LinkEdit`."""
         before = body.inertial
         if before is None:
             raise RecipeError(

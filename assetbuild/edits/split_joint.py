@@ -12,9 +12,9 @@ from assetbuild.errors import RecipeError
 from assetbuild.findings import Finding, Rule
 from assetbuild.kinds import Edit, Edited
 from assetbuild.quantities import Pattern
+from assetbuild.robot.chains import ROWS, between, split
 from assetbuild.robot.model import Joint, Tree
 from assetbuild.robot.shapes import SourceShapes
-from assetbuild.robot.split_joints import ROWS, between, split
 
 SPLIT_JOINT = Rule(
     "edit.split_joint",

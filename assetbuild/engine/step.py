@@ -76,6 +76,8 @@ class Step(BaseModel):
     all_told: ClassVar[bool] = False
     """When one fails, the others of its kind that can run still do: each is a file of the user's,
     and one build names all that are broken."""
+    own_name: ClassVar[str] = ""
+    """Where its file holds several steps."""
     network: ClassVar[bool] = False
     """Only the `fetch*` steps may say True."""
 
@@ -89,5 +91,5 @@ class Step(BaseModel):
 
     @classmethod
     def step_name(cls) -> str:
-        """`read_urdf` for `assetbuild.source.urdf.read_urdf`: the file name is the name."""
-        return cls.__module__.rsplit(".", 1)[-1]
+        """`read_urdf` for `assetbuild.source.urdf.read_urdf`: its file, or a name of its own."""
+        return cls.own_name or cls.__module__.rsplit(".", 1)[-1]

@@ -13,7 +13,7 @@ from pathlib import Path, PurePosixPath
 from assetbuild.engine.step import Files, Step
 from assetbuild.findings import Finding, Rule
 from assetbuild.kinds import ConvertedMesh, MeshPart, Pieces
-from assetbuild.mesh.arrays import obj_of
+from assetbuild.mesh.obj import obj_of
 from assetbuild.mesh.picture import mean_colour
 from assetbuild.robot.codec import decode_file, encode
 from assetbuild.robot.files import RobotFiles

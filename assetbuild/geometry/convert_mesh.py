@@ -15,15 +15,20 @@ from assetbuild.engine.step import Files, Limits, Step
 from assetbuild.errors import StepError
 from assetbuild.findings import Finding, Rule
 from assetbuild.kinds import ConvertedMesh, MeshPart
-from assetbuild.mesh.arrays import SUFFIX, array_bytes
 from assetbuild.mesh.material import MaterialPart, SurfaceMaterial, corner_normals
-from assetbuild.mesh.obj import obj_bytes
+from assetbuild.mesh.obj import SUFFIX, array_bytes, obj_bytes
 from assetbuild.mesh.picture import has_holes, png_of
 from assetbuild.mesh.read import BY_TRIMESH, Format, UpAxis, read_mesh
-from assetbuild.mesh.split import with_four_corners
-from assetbuild.mesh.triangles import TriangleMesh, merged, unit_vectors
-from assetbuild.mesh.volume import area, is_closed, signed_volume
-from assetbuild.mesh.weld import drop_collapsed, weld
+from assetbuild.mesh.triangles import (
+    TriangleMesh,
+    area,
+    drop_collapsed,
+    is_closed,
+    merged,
+    signed_volume,
+    unit_vectors,
+    weld,
+)
 from assetbuild.robot.codec import encode
 from assetbuild.robot.pose import Array, Vec3, vec3
 
@@ -303,3 +308,31 @@ def _tidy_normals(mesh: TriangleMesh) -> Array:
         normals[missing] = corner_normals(mesh)[missing]
         normals[~normals.any(axis=2)] = (0.0, 0.0, 1.0)  # a needle without area: any direction
     return np.round(normals, NORMAL_DECIMALS) + 0.0
+
+
+def with_four_corners(mesh: TriangleMesh) -> TriangleMesh:
+    """The same surface; where it has but three vertices, one more in its middle.
+
+    The edges stay, so that a closed mesh of several parts stays closed.
+    mesh: welded, without collapsed faces. Texture coordinates and normals are averaged alike.
+    """
+    if len(mesh.vertices) != 3 or not len(mesh.faces):
+        return mesh
+    ends = np.roll(mesh.faces, -1, axis=1)
+    middle = np.full(len(mesh.faces), 3)
+    thirds = [np.stack([mesh.faces[:, i], ends[:, i], middle], axis=1) for i in range(3)]
+    return TriangleMesh(
+        np.vstack([mesh.vertices, mesh.vertices.mean(axis=0)]),
+        np.concatenate(thirds),
+        None if mesh.uv is None else _thirds(mesh.uv, mesh.uv.mean(axis=1)),
+        None
+        if mesh.normals is None
+        else _thirds(mesh.normals, unit_vectors(mesh.normals.mean(axis=1))),
+    )
+
+
+def _thirds(corners: Array, middle: Array) -> Array:
+    """(3 m, 3, k): from each edge of (m, 3, k) corners to the (m, k) middle."""
+    ends = np.roll(corners, -1, axis=1)
+    thirds = [np.stack([corners[:, i], ends[:, i], middle], axis=1) for i in range(3)]
+    return np.concatenate(thirds)

@@ -16,12 +16,11 @@ from assetbuild.errors import StepError
 from assetbuild.findings import Finding, Rule
 from assetbuild.geometry.convert_mesh import write_converted
 from assetbuild.kinds import ConvertedMesh
-from assetbuild.mesh.arrays import SUFFIX, obj_of, read_part
 from assetbuild.mesh.material import MaterialPart, SurfaceMaterial
+from assetbuild.mesh.obj import SUFFIX, obj_of, read_part
 from assetbuild.mesh.quality import Distance, surface_distance
 from assetbuild.mesh.simplify import simplified
-from assetbuild.mesh.triangles import TriangleMesh, merged
-from assetbuild.mesh.volume import area
+from assetbuild.mesh.triangles import TriangleMesh, area, merged
 from assetbuild.robot.codec import decode_file, encode
 
 AREA = (0.98, 1.02)

@@ -5,28 +5,29 @@ from __future__ import annotations
 import json
 import math
 import os
-import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Protocol, get_args
+from typing import Any, get_args
 
 import numpy as np
 
-from assetbuild.collision import CollisionMethod, Likeness, PlacedSource, Probe
+from assetbuild.collision import CollisionMethod, Likeness, PlacedSource
 from assetbuild.engine.graph import Node, Ref
 from assetbuild.engine.planner import Planner
 from assetbuild.engine.world import World
 from assetbuild.errors import did_you_mean
 from assetbuild.geometry.match_shapes import MatchShapes
 from assetbuild.mesh.read import Format
+from assetbuild.mesh.verdict import Probe
 from assetbuild.plugins import load_plugin
 from assetbuild.recipe.collision import CollisionRule, ShapedRule
-from assetbuild.recipe.models import Collision, Recipe
+from assetbuild.recipe.models import Recipe
 from assetbuild.recipe.validation import Key, KeyedError
 from assetbuild.robot.model import Tree
 from assetbuild.robot.pose import IDENTITY, Pose, Vec3, vec3
-from assetbuild.robot.regions import Region, ToleranceRegion
+from assetbuild.robot.ranges import first_match
+from assetbuild.robot.sections import Region, ToleranceRegion
 from assetbuild.robot.shapes import MeshFile, SourceShape, SourceShapes
 
 BUILT_IN = ("keep", "none")
@@ -73,22 +74,21 @@ class Job:
         for index, shape in enumerate(self.shapes):
             pose = shape.X_link_shape if self.per_link else IDENTITY
             if isinstance(shape.geometry, MeshFile):
-                sources.append(PlacedSource.of_mesh(f"shapes/{index}", pose))
+                sources.append(PlacedSource(f"shapes/{index}", pose=pose))
             else:
                 sources.append(PlacedSource.of_primitive(shape.geometry, pose))
         given = {"sources": tuple(sources), "probes": self._probes(), **self.fields}
         if "bones" in given:
-            given["bones"] = tuple(self._direction(bone) for bone in given["bones"])
+            turn = self._to_output.rotation
+            # Rounded, so that four legs share a key.
+            turned = (np.round(turn @ np.asarray(bone), 6) + 0.0 for bone in given["bones"])
+            given["bones"] = tuple(map(vec3, turned))
         return self.method.model_validate(given | ({"like": like} if like else {}))
 
     @property
     def _to_output(self) -> Pose:
         alone = self.shapes and not self.per_link
         return self.shapes[0].X_link_shape.inverse() if alone else Pose()
-
-    def _direction(self, bone: Vec3) -> Vec3:
-        """A direction of the link in the output frame; rounded, so that four legs share a key."""
-        return vec3(np.round(self._to_output.rotation @ np.asarray(bone), 6) + 0.0)
 
     def _probes(self) -> tuple[Probe, ...]:
         places: list[tuple[Region, float | None]]
@@ -101,27 +101,20 @@ class Job:
         return tuple(made)
 
 
-class Meshes(Protocol):
-    """What knows the source's shapes and their converted meshes."""
-
-    shapes: SourceShapes
-
-    def converted(self, mesh: MeshFile) -> Node:
-        """The node of a converted mesh."""
-
-
-def collision_jobs(recipe: Recipe, folder: Path, links: Tree, meshes: Meshes) -> tuple[Job, ...]:
+def collision_jobs(
+    recipe: Recipe, folder: Path, links: Tree, shapes: SourceShapes
+) -> tuple[Job, ...]:
     """All collision uses of the robot, in the order of its links. folder: of the recipe."""
     jobs: list[Job] = []
     for body in links.bodies:
-        jobs += _jobs_of(recipe, folder, body.name, links, meshes.shapes)
+        jobs += _jobs_of(recipe, folder, body.name, links, shapes)
     return tuple(jobs)
 
 
 def _jobs_of(
     recipe: Recipe, folder: Path, link: str, links: Tree, shapes: SourceShapes
 ) -> list[Job]:
-    rule = _rule_of(recipe.collision, link)
+    rule = first_match(recipe.collision.links, link) or recipe.collision.default
     own = _source_of(rule, link, shapes)
     method = method_of(rule)
     if method is None or not isinstance(rule, ShapedRule):
@@ -170,13 +163,6 @@ def _bones(links: Tree, link: str) -> tuple[Vec3, ...]:
     """From the link's frame to the joints that it carries, m."""
     ends = [joint.X_parent_joint.xyz for joint in links.joints if joint.parent == link]
     return tuple(sorted({end for end in ends if math.hypot(*end) > BONE_M}))
-
-
-def _rule_of(collision: Collision, link: str) -> CollisionRule:
-    for pattern, rule in collision.links.items():
-        if re.fullmatch(pattern, link):
-            return rule
-    return collision.default
 
 
 def _source_of(rule: CollisionRule, link: str, shapes: SourceShapes) -> tuple[SourceShape, ...]:
@@ -232,23 +218,25 @@ class Twin:
     likeness: Likeness
 
 
+Converted = Callable[[MeshFile], Node]
+"""The node of a converted mesh."""
 Twins = Mapping[Job, Twin]
 """Keyed by the job that may reuse the other's result."""
 
 
-def equal_shapes(jobs: Sequence[Job], meshes: Meshes, p: Planner) -> Twins | None:
+def equal_shapes(jobs: Sequence[Job], converted: Converted, p: Planner) -> Twins | None:
     """Jobs that may take the result of another; None while that is not known.
 
     A question to the graph: meshes are compared once they are converted.
     """
-    shared = _by_mesh(jobs, meshes)
+    shared = _by_mesh(jobs, converted)
     labels = list(dict.fromkeys(label for label, _ in shared))
     if len(labels) < 2:
         return {}
     folders = {label: f"shapes/{number}" for number, label in enumerate(labels)}
     inputs: dict[str, Ref] = {}
     for job in (same[0] for same in shared.values()):
-        node = _mesh_node(job, meshes)
+        node = _mesh_node(job, converted)
         for output in ("parts/", "mesh.json"):
             inputs[f"{folders[node.label]}/{output}"] = node[output]
     node = p.add("match_shapes", MatchShapes(folders=tuple(folders.values())), inputs)
@@ -267,7 +255,7 @@ def equal_shapes(jobs: Sequence[Job], meshes: Meshes, p: Planner) -> Twins | Non
     return twins
 
 
-def _by_mesh(jobs: Sequence[Job], meshes: Meshes) -> dict[tuple[str, str], list[Job]]:
+def _by_mesh(jobs: Sequence[Job], converted: Converted) -> dict[tuple[str, str], list[Job]]:
     """(label of the mesh, fields) -> the jobs with them, of those worth the comparison."""
     found: dict[tuple[str, str], list[Job]] = {}
     for job in jobs:
@@ -278,12 +266,12 @@ def _by_mesh(jobs: Sequence[Job], meshes: Meshes) -> dict[tuple[str, str], list[
         if not isinstance(job.shapes[0].geometry, MeshFile):
             continue
         options = json.dumps([job.method.step_name(), job.fields], sort_keys=True, default=str)
-        found.setdefault((_mesh_node(job, meshes).label, options), []).append(job)
+        found.setdefault((_mesh_node(job, converted).label, options), []).append(job)
     return found
 
 
-def _mesh_node(job: Job, meshes: Meshes) -> Node:
+def _mesh_node(job: Job, converted: Converted) -> Node:
     (shape,) = job.shapes
     if not isinstance(shape.geometry, MeshFile):
         raise TypeError("only meshes are compared")
-    return meshes.converted(shape.geometry)
+    return converted(shape.geometry)

@@ -10,17 +10,15 @@ from __future__ import annotations
 import json
 from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 from pydantic import Field
 
 from assetbuild.engine.step import Files, Limits, Step
 from assetbuild.kinds import ConvertedMesh
-from assetbuild.mesh.arrays import read_part
+from assetbuild.mesh.obj import read_part
 from assetbuild.mesh.quality import surface_samples
-from assetbuild.mesh.triangles import TriangleMesh, merged
-from assetbuild.mesh.volume import area
+from assetbuild.mesh.triangles import TriangleMesh, area, merged
 from assetbuild.robot.codec import decode_file
 from assetbuild.robot.pose import Array
 
@@ -52,7 +50,10 @@ class MatchShapes(Step):
         found: dict[str, dict[str, object]] = {}
         first: list[_Sampled] = []
         for name in self.folders:
-            this = _Sampled.of(name, _read(files.inputs / name))
+            folder = files.inputs / name
+            record = decode_file(ConvertedMesh, folder / "mesh.json")
+            parts = [read_part(folder / "parts" / part.file, folder.name) for part in record.parts]
+            this = _Sampled.of(name, merged(parts))
             match = None if this is None else _match(this, first)
             if match is not None:
                 found[name] = match
@@ -61,12 +62,6 @@ class MatchShapes(Step):
         text = json.dumps(found, indent=1, sort_keys=True)
         (files.outputs / "matches.json").write_text(text + "\n", encoding="utf-8")
         return ()
-
-
-def _read(folder: Path) -> TriangleMesh:
-    record = decode_file(ConvertedMesh, folder / "mesh.json")
-    parts = [folder / "parts" / part.file for part in record.parts]
-    return merged([read_part(part, folder.name) for part in parts])
 
 
 @dataclass(frozen=True, eq=False)

@@ -2,26 +2,28 @@
 
 from __future__ import annotations
 
+import json
+import posixpath
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path, PurePosixPath
+from typing import get_args
 
 from assetbuild.engine.graph import Node, Ref
 from assetbuild.engine.planner import Planner
 from assetbuild.engine.step import Step
 from assetbuild.geometry.assemble import Assemble, CollisionUse, VisualUse
-from assetbuild.geometry.companions import Companions
+from assetbuild.geometry.companion_files import ConvertTexture, MeshCompanions
 from assetbuild.geometry.convert_mesh import ConvertMesh
-from assetbuild.geometry.convert_texture import ConvertTexture
 from assetbuild.geometry.decimate_mesh import DecimateMesh
 from assetbuild.geometry.jobs import Job, Twins, collision_jobs, equal_shapes
-from assetbuild.geometry.lint_density import LintDensity
-from assetbuild.geometry.lint_meshes import LintMeshes
-from assetbuild.mesh.companions import format_of
+from assetbuild.geometry.lint_meshes import LintDensity, LintMeshes
+from assetbuild.mesh.companions import Naming, format_of
 from assetbuild.recipe.models import Recipe
 from assetbuild.robot.model import Tree
 from assetbuild.robot.shapes import MeshFile, SourceShapes
 from assetbuild.robot.sides import Side, side_of
+from assetbuild.source.plan import SourceFiles
 
 MESH = ("parts/", "mesh.json")
 """What the conversions write."""
@@ -184,8 +186,8 @@ def assemble(
     """
     inputs: dict[str, Ref] = {"shapes.json": shapes}
     visuals = _visuals(recipe, geometry, sides, inputs)
-    jobs = collision_jobs(recipe, folder, links, geometry)
-    twins = equal_shapes(jobs, geometry, p)
+    jobs = collision_jobs(recipe, folder, links, geometry.shapes)
+    twins = equal_shapes(jobs, geometry.converted, p)
     if twins is None:
         return None
     nodes: dict[Job, Node] = {}
@@ -259,3 +261,63 @@ def _use(job: Job, node: Node, inputs: dict[str, Ref]) -> CollisionUse:
     inputs |= _inputs(node, PIECES, folder)
     origin = None if job.per_link else job.shapes[0].name
     return CollisionUse(job.link, origin, pieces=folder, stem=job.link)
+
+
+# --- files that meshes name -------------------------------------------------------------------
+
+Companions = Mapping[str, Mapping[str, Ref]]
+"""Path of a mesh -> name from the mesh's folder -> file. What the source lacks is not in it."""
+
+
+def companions(files: Mapping[str, Ref], source: SourceFiles, p: Planner) -> Companions | None:
+    """What every mesh names and the source has; None while a question is open.
+
+    A material library names pictures in its turn; what those are called from the mesh's folder
+    is what `convert_mesh` looks for.
+    """
+    named = _named(files, p)
+    if named is None:
+        return None
+    first = source.present("mesh companions", _all(named))
+    if first is None:
+        return None
+    libraries = {path: ref for path, ref in first.items() if format_of(path) == "mtl"}
+    pictures = _named(libraries, p)
+    if pictures is None:
+        return None
+    second = source.present("library pictures", _all(pictures) - set(first))
+    if second is None:
+        return None
+    found = {**first, **second}
+    return {
+        mesh: {
+            posixpath.relpath(path, posixpath.dirname(mesh) or "."): found[path]
+            for name in names
+            for path in (name, *pictures.get(name, ()))
+            if path in found
+        }
+        for mesh, names in named.items()
+    }
+
+
+def _named(files: Mapping[str, Ref], p: Planner) -> dict[str, tuple[str, ...]] | None:
+    """Path of each file -> paths below the source's root that it names."""
+    nodes = {
+        path: p.add(f"mesh_companions {path}", MeshCompanions(format=kind), {"mesh": ref})
+        for path, ref in files.items()
+        if (kind := format_of(path)) in get_args(Naming)
+    }
+    answers = {path: p.ask(node["companions.json"]) for path, node in nodes.items()}
+    named: dict[str, tuple[str, ...]] = {}
+    for path, answer in answers.items():
+        if answer is None:
+            return None
+        folder = posixpath.dirname(path)
+        paths = (posixpath.normpath(posixpath.join(folder, n)) for n in json.loads(answer))
+        # What leads out of the source is not followed; `convert_mesh` says that it is not there.
+        named[path] = tuple(path for path in paths if not path.startswith("../"))
+    return named
+
+
+def _all(named: Mapping[str, Iterable[str]]) -> set[str]:
+    return {path for paths in named.values() for path in paths}

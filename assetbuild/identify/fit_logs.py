@@ -19,7 +19,7 @@ from assetbuild.identify.record import Drive, Record, smooth
 from assetbuild.identify.solve import LACKS, Solution, Unknown, solve
 from assetbuild.robot.codec import decode_file, encode
 from assetbuild.robot.files import RobotFiles
-from assetbuild.robot.identified import (
+from assetbuild.robot.identify import (
     UNITS,
     Curve,
     Curves,
@@ -118,19 +118,19 @@ class FitLogs(Step):
         """Those of tied joints once; a delay is common to the joints that ask for one."""
         wanted = dict(self.fit)
         found, taken = [], set()
+        tied = [
+            {j for j, name in enumerate(self.joints) if re.fullmatch(p, name)} for p in self.tied
+        ]
         for j, joint in enumerate(self.joints):
-            mates = [j, *(k for k, other in enumerate(self.joints) if self._tied(joint, other))]
+            mates = {j}.union(*(group for group in tied if j in group))
             for name in wanted.get(joint, ()):
                 if (name, j) in taken:
                     continue
-                shares = range(len(self.joints)) if name == "delay" else sorted({*mates})
+                shares = range(len(self.joints)) if name == "delay" else sorted(mates)
                 own = tuple(k for k in shares if name in wanted.get(self.joints[k], ()))
                 taken |= {(name, k) for k in own}
                 found.append(Unknown(name, own, getattr(priors[j], name)))
         return found
-
-    def _tied(self, a: str, b: str) -> bool:
-        return any(re.fullmatch(p, a) and re.fullmatch(p, b) for p in self.tied)
 
     def _parameters(self, tree: Tree, solution: Solution) -> Iterator[Parameter]:
         rows = zip(
@@ -212,14 +212,6 @@ def _related(parameters: Sequence[Parameter], solution: Solution) -> Iterator[Re
 # --- predictions ----------------------------------------------------------------------------
 
 
-def _before(priors: Sequence[Drive], solution: Solution) -> list[Drive]:
-    """The priors with the constant torques of the fit, which no table states."""
-    return [
-        replace(prior, offset=drive.offset)
-        for prior, drive in zip(priors, solution.drives, strict=True)
-    ]
-
-
 @dataclass(frozen=True)
 class _Shown:
     """A record from a calm moment on. cut: samples fitted. before, after: (N, J), simulated."""
@@ -235,7 +227,10 @@ def _shown(
 ) -> _Shown:
     """Both parts in one go, as the priors and the fit predict them."""
     calm = record.from_rest()
-    q, _ = plant.simulate(calm, [_before(priors, solution), solution.drives])
+    # The constant torques of the fit stand in no table.
+    pairs = zip(priors, solution.drives, strict=True)
+    before = [replace(prior, offset=drive.offset) for prior, drive in pairs]
+    q, _ = plant.simulate(calm, [before, solution.drives])
     return _Shown(calm, max(0, cut - (len(record.position) - len(calm.position))), q[0], q[1])
 
 

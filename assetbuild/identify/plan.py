@@ -17,11 +17,9 @@ from assetbuild.engine.planner import Planner
 from assetbuild.errors import did_you_mean
 from assetbuild.identify.excite import Excite
 from assetbuild.identify.fit_logs import FitLogs
-from assetbuild.identify.keep_prior import POSITION, KeepPrior
-from assetbuild.identify.lerobot import info_beside
+from assetbuild.identify.priors import POSITION, KeepPrior, UseFits
 from assetbuild.identify.read_log import ReadLog
-from assetbuild.identify.table import FORMATS
-from assetbuild.identify.use_fits import UseFits
+from assetbuild.identify.table import FORMATS, info_beside
 from assetbuild.kinds import Target
 from assetbuild.plugins import load_plugin
 from assetbuild.recipe.models import Recipe

@@ -10,8 +10,15 @@ from typing import Any
 
 import numpy as np
 
-from assetbuild.identify.base import Moving, commands, on_moving_base, speeds
-from assetbuild.identify.record import Drive, Record
+from assetbuild.identify.record import (
+    OF_JOINTS,
+    Drive,
+    Moving,
+    Record,
+    commands,
+    on_moving_base,
+    speeds,
+)
 from assetbuild.robot.initial import initial_pose
 from assetbuild.robot.model import Actuator, Control, Tree
 from assetbuild.robot.pose import IDENTITY, Array
@@ -32,8 +39,6 @@ AT_ONCE = 16
 """Variants that are simulated together, for the same reason."""
 HELD, HELD_RAD_S = 1e3, 100.0
 """Joints that no log holds: their armature, in largest inertias of the others; of their spring."""
-OF_JOINTS = ("joint", "equality", "tendon", "mimic")
-"""Places of `MjcfOnly` that move joints; the others need shapes, or are drives."""
 
 
 class Plant:
@@ -102,7 +107,8 @@ class Plant:
         late = np.zeros(len(drives))
         if self.simulator_step is None:
             late = dt / 2.0 * (table[:, 1] + np.array([d.kd for d in drives]))
-            late = np.minimum(late, self._most_late(table[:, 0]))
+            # No more than leaves all inertias positive.
+            late = np.minimum(late, 0.25 * (self.inertia + table[:, 0]))
         model.dof_armature[self.dof], model.dof_damping[self.dof] = table[:, 0], table[:, 1]
         model.dof_frictionloss[self.dof] = table[:, 2]
         for actuator, drive in zip(self.drive, drives, strict=True):
@@ -180,19 +186,17 @@ class Plant:
         position, velocity = np.concatenate(q, axis=1), np.concatenate(v, axis=1)
         return position, _torque(position, velocity, variants, record)
 
-    def _most_late(self, armature: Array) -> Array:
-        """(J,) what may be taken off, so that all inertias stay positive."""
-        most: Array = 0.25 * (self.inertia + armature)
-        return most
-
     def _hold_others(self) -> None:
         """Joints that no log holds stay where they are: heavy, on a spring without swing.
 
         Not heavier than needed: beside 1e9 kg m2 the solver lost the friction of the others.
         """
+        import mujoco
+
         model = self.model
         heavy = HELD * float(np.max(self.inertia))
-        followers = _followers(model)
+        coupled = model.eq_type == int(mujoco.mjtEq.mjEQ_JOINT)
+        followers = [int(joint) for joint in model.eq_obj1id[coupled]]
         for joint in range(model.njnt):
             dof, at = int(model.jnt_dofadr[joint]), int(model.jnt_qposadr[joint])
             if dof in self.dof or dof in self.base.dof or joint in followers:
@@ -270,14 +274,6 @@ def _rest(model: Any, tree: Tree, control: Control) -> Array:  # Any: as above
         if name in pose:
             rest[int(model.jnt_qposadr[joint])] = pose[name]
     return rest
-
-
-def _followers(model: Any) -> list[int]:  # Any: as above
-    """Joints that an equality couples to another."""
-    import mujoco
-
-    coupled = model.eq_type == int(mujoco.mjtEq.mjEQ_JOINT)
-    return [int(j) for j in model.eq_obj1id[coupled]]
 
 
 def _moved(model: Any, dof: Array) -> tuple[frozenset[int], ...]:  # Any: as above

@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 import json
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -14,10 +14,8 @@ from pydantic import Field
 from assetbuild.engine.step import Files, Limits, Step
 from assetbuild.errors import StepError
 from assetbuild.findings import Finding, Rule
-from assetbuild.identify.base import poses
-from assetbuild.identify.lerobot import element_names
-from assetbuild.identify.suspect import suspicions
-from assetbuild.identify.table import read_columns
+from assetbuild.identify.record import poses
+from assetbuild.identify.table import element_names, read_columns
 from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.identify import Columns
 from assetbuild.robot.model import Tree
@@ -63,14 +61,14 @@ class ReadLog(Step):
 
     def run(self, files: Files) -> Iterator[Finding]:
         """Raises StepError, in one sentence, for a log that cannot be what the recipe says."""
-        tree = RobotFiles(files.inputs).tree
+        tree, info = RobotFiles(files.inputs).tree, files.inputs / "info.json"
         table = read_columns(
             files.inputs / "log",
             self.file,
             self._names(),
             self.interval,
             SECONDS[self.time_unit],
-            self._elements(files.inputs / "info.json"),
+            element_names(info.read_bytes(), self.file) if info.is_file() else {},
             self.episode,
         )
         time = table[:, 0]
@@ -83,9 +81,8 @@ class ReadLog(Step):
                 values[name] = values[name] * scale
         if "torque" in values and self.torque_constants is not None:
             values["torque"] = values["torque"] * np.array(self.torque_constants)
-        wrong = suspicions(tree, self.joints, time, values)
-        if wrong:
-            raise StepError(f"{self.file}: {wrong[0].message}", hint=wrong[0].hint)
+        for message, hint in suspicions(tree, self.joints, time, values):
+            raise StepError(f"{self.file}: {message}", hint=hint)
         if self.columns.base_orientation:
             rest = table[:, 1 + len(self._kinds) * count :]
             values["base"] = poses(
@@ -126,9 +123,6 @@ class ReadLog(Step):
                 hint="`{joint}` in `columns` stands for the joint's name in the log",
             )
         return found
-
-    def _elements(self, info: Path) -> dict[str, tuple[str, ...]]:
-        return element_names(info.read_bytes(), self.file) if info.is_file() else {}
 
     def _scale(self, tree: Tree, joint: str) -> float:
         """Radians in one unit of the log's angles; joints that slide are in metres."""
@@ -209,3 +203,125 @@ def _uniform(time: Array, values: Array, period: float, *, held: bool) -> Array:
         found: Array = np.diff(until, axis=0) / period
         return found
     return np.stack([np.interp(at, time, column) for column in values.T], axis=1)
+
+
+# --- what is wrong with the columns: signs, units, joints that are swapped or stand still -----
+
+OUTSIDE = 0.05
+"""rad or m beyond its limits that a joint may be: limits are soft, zeros a little off."""
+STILL = 0.01
+"""A joint whose command moves by so much (rad or m, standard deviation) should move as well."""
+MOVES = 0.02
+"""Share of the command's motion that a joint follows at least, unless it stands still."""
+FOLLOWS = 0.6
+"""Correlation of position and command from which the one follows the other."""
+
+
+Suspicion = tuple[str, str]
+"""One thing that is wrong, and the next move."""
+
+
+def suspicions(
+    tree: Tree, joints: Sequence[str], time: Array, values: Mapping[str, Array]
+) -> Iterator[Suspicion]:
+    """What is wrong, the most telling first. values: (N, J) by the kind of column, rad or m."""
+    position, target = values["position"], values["target"]
+    yield from _swapped(joints, position, target)
+    yield from _against(joints, position, target)
+    yield from _still(joints, position, target)
+    yield from _outside(tree, joints, position)
+    if "velocity" in values:
+        yield from _velocity(joints, time, position, values["velocity"])
+
+
+def _correlations(a: Array, b: Array) -> Array:
+    """(J, J) correlation of each column of a with each of b; 0 for one that is constant."""
+    every = max(1, len(a) // 5000)
+    a, b = a[::every] - a[::every].mean(axis=0), b[::every] - b[::every].mean(axis=0)
+    spread = np.outer(np.linalg.norm(a, axis=0), np.linalg.norm(b, axis=0))
+    found: Array = (a.T @ b) / np.maximum(spread, 1e-12)
+    return found
+
+
+def _swapped(joints: Sequence[str], position: Array, target: Array) -> Iterator[Suspicion]:
+    alike = np.abs(_correlations(position, target))
+    left = 1.0 - alike**2  # share of the motion that the command leaves open
+    for i, joint in enumerate(joints):
+        best = int(np.argmax(alike[i]))
+        mutual = int(np.argmax(alike[best])) == i
+        clear = all(left[a, b] < 0.5 * left[a, a] for a, b in ((i, best), (best, i)))
+        if i < best and mutual and clear and alike[i, best] > 0.9:
+            yield (
+                f"the position of `{joint}` follows the command of `{joints[best]}` and the other "
+                "way round: two columns are swapped",
+                "correct `names`, or the columns of the log",
+            )
+
+
+def _against(joints: Sequence[str], position: Array, target: Array) -> Iterator[Suspicion]:
+    alike = np.diag(_correlations(position, target))
+    for joint, value in zip(joints, alike, strict=True):
+        if value < -FOLLOWS:
+            yield (
+                f"`{joint}` moves against its command (correlation {value:.2f}): the sign of its "
+                "position or of its command is wrong",
+                "turn the sign of the column in the log",
+            )
+
+
+def _still(joints: Sequence[str], position: Array, target: Array) -> Iterator[Suspicion]:
+    for joint, q, u in zip(joints, position.T, target.T, strict=True):
+        if np.std(u) > STILL and np.std(q) < MOVES * np.std(u):
+            yield (
+                f"`{joint}` never moves: its position varies by {np.std(q):.2g} while its command "
+                f"varies by {np.std(u):.2g}",
+                "leave it out by the pattern `joints` of the entry, or correct its column",
+            )
+
+
+def _outside(tree: Tree, joints: Sequence[str], position: Array) -> Iterator[Suspicion]:
+    for i, name in enumerate(joints):
+        joint = tree.by_joint[name]
+        lower, upper = joint.limits.lower, joint.limits.upper
+        unlimited = joint.kind == "continuous" or lower is None or upper is None
+        if unlimited or lower is None or upper is None:
+            lower, upper = (-math.inf, math.inf) if joint.kind == "prismatic" else (-100.0, 100.0)
+        low, high = (float(v) for v in np.quantile(position[:, i], (0.005, 0.995)))
+        if lower - OUTSIDE <= low and high <= upper + OUTSIDE:
+            continue
+        yield (
+            f"`{name}` is at {low:.4g}..{high:.4g}, outside of its limits {lower:.4g}..{upper:.4g}",
+            _explained(low, high, lower, upper, joint.kind == "prismatic"),
+        )
+
+
+def _explained(low: float, high: float, lower: float, upper: float, slides: bool) -> str:
+    """What would bring the position inside of the limits."""
+
+    def fits(a: float, b: float) -> bool:
+        return lower - OUTSIDE <= min(a, b) and max(a, b) <= upper + OUTSIDE
+
+    degree = math.pi / 180.0
+    if slides:
+        if fits(low * 1e-3, high * 1e-3):
+            return "it would be inside if the log were in millimetres: convert it to metres"
+    elif max(abs(low), abs(high)) > 6.5 and fits(low * degree, high * degree):
+        return "it would be inside in degrees: state `angle_unit: deg`"
+    elif max(abs(low), abs(high)) > 100.0:
+        return "these may be encoder ticks: state `angle_unit: 4096`, the ticks of one turn"
+    if fits(-low, -high):
+        return "it would be inside with the other sign: turn the sign of the column in the log"
+    return "its zero is off, the columns are another joint's, or the log is another robot's"
+
+
+def _velocity(
+    joints: Sequence[str], time: Array, position: Array, velocity: Array
+) -> Iterator[Suspicion]:
+    slope = np.gradient(position, time, axis=0)
+    alike = _correlations(slope, velocity)
+    for i, joint in enumerate(joints):
+        if np.std(velocity[:, i]) > 0.0 and alike[i, i] < -FOLLOWS:
+            yield (
+                f"the velocity of `{joint}` has the opposite sign of the slope of its position",
+                "turn the sign of one of the two columns",
+            )

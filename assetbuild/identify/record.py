@@ -1,17 +1,129 @@
-"""Stretches of a log, and the drives of its joints."""
+"""Stretches of a log, the drives of its joints, and a root that moves as the log says.
+
+The root hangs on six heavy joints whose drives follow the measured pose. A pose is (x, y, z, yaw,
+pitch, roll), m and rad: R = Rz(yaw) Ry(pitch) Rx(roll).
+"""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
+from assetbuild.errors import StepError
 from assetbuild.robot.pose import Array
+
+HEAVY, RAD_S = 1e3, 100.0
+"""Inertia of the driven joints, in those of the robot; of their drives."""
+LIGHT = 1e-3
+"""kg and kg m2 of a root without mass."""
+STEEPEST = 1.4
+"""rad of pitch, beyond which yaw and roll are one."""
+AXES = (((1, 0, 0), (0, 1, 0), (0, 0, 1)), ((0, 0, 1), (0, 1, 0), (1, 0, 0)))
+"""Of the slides and of the hinges, in the order in which they turn the root."""
+
+
+def poses(quaternions: Array, positions: Array | None, file: str) -> Array:
+    """(N, 6) of (N, 4) wxyz and (N, 3). StepError where they are no orientations."""
+    norm = np.linalg.norm(quaternions, axis=1)
+    wrong = np.flatnonzero(np.abs(norm - 1.0) > 0.05)
+    if len(wrong):
+        raise StepError(
+            f"{file}: the orientation of the base in row {wrong[0] + 1} has the norm "
+            f"{norm[wrong[0]]:.3g}, that of a unit quaternion is 1",
+            hint="`base_orientation` names four columns; `{axis}` stands for w, x, y and z",
+        )
+    w, x, y, z = (quaternions / norm[:, None]).T
+    pitch = np.arcsin(np.clip(2.0 * (w * y - z * x), -1.0, 1.0))
+    if np.max(np.abs(pitch)) > STEEPEST:
+        raise StepError(
+            f"{file}: the base pitches by {np.max(np.abs(pitch)):.3g} rad, at most {STEEPEST:g} "
+            "can be followed",
+            hint="choose an `interval` in which it stands less steep",
+        )
+    yaw = np.unwrap(np.arctan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z)))
+    roll = np.unwrap(np.arctan2(2.0 * (w * x + y * z), 1.0 - 2.0 * (x * x + y * y)))
+    place = np.zeros((len(yaw), 3)) if positions is None else positions
+    return np.concatenate([place, np.stack([yaw, pitch, roll], axis=1)], axis=1)
+
+
+@dataclass(frozen=True)
+class Moving:
+    """Addresses of the six joints in a model."""
+
+    at: tuple[int, ...]
+    dof: tuple[int, ...]
+    drive: tuple[int, ...]
+
+
+def on_moving_base(text: str) -> tuple[Any, Moving]:  # Any: mujoco.MjModel
+    """The MJCF of a robot on a fixed root, on six driven joints instead."""
+    import mujoco
+
+    spec = mujoco.MjSpec.from_string(text)
+    root = spec.worldbody.first_body()
+    if not root.explicitinertial:  # the drives carry it, whatever it weighs
+        root.explicitinertial, root.mass, root.inertia = True, LIGHT, (LIGHT, LIGHT, LIGHT)
+    kinds = (mujoco.mjtJoint.mjJNT_SLIDE, mujoco.mjtJoint.mjJNT_HINGE)
+    names: list[str] = []
+    for kind, axes in zip(kinds, AXES, strict=True):
+        for axis in axes:
+            names.append(f"assetbuild_base_{len(names)}")
+            root.add_joint(name=names[-1], type=kind, axis=axis)
+            spec.add_actuator(name=names[-1], target=names[-1], trntype=mujoco.mjtTrn.mjTRN_JOINT)
+    model = spec.compile()
+    joints = [model.joint(name) for name in names]
+    moving = Moving(
+        tuple(int(joint.qposadr[0]) for joint in joints),
+        tuple(int(joint.dofadr[0]) for joint in joints),
+        tuple(int(model.actuator(name).id) for name in names),
+    )
+    _drive(model, moving)
+    return model, moving
+
+
+def _drive(model: Any, moving: Moving) -> None:  # Any: as above
+    import mujoco
+
+    mass = float(np.sum(model.body_mass))
+    reach = max(1.0, float(np.max(np.abs(model.body_pos))) * 3.0)
+    heavy = HEAVY * mass * reach**2
+    for dof, drive in zip(moving.dof, moving.drive, strict=True):
+        model.dof_armature[dof] = heavy
+        model.dof_damping[dof] = model.dof_frictionloss[dof] = 0.0
+        model.actuator_gaintype[drive] = int(mujoco.mjtGain.mjGAIN_FIXED)
+        model.actuator_biastype[drive] = int(mujoco.mjtBias.mjBIAS_AFFINE)
+        model.actuator_gainprm[drive, 0] = heavy * RAD_S**2
+        model.actuator_biasprm[drive, :3] = 0.0, -heavy * RAD_S**2, -2.0 * heavy * RAD_S
+        model.actuator_forcelimited[drive] = 0
+
+
+def speeds(pose: Array, period_s: float) -> tuple[Array, Array]:
+    """(N, 6) first and second derivative."""
+    first: Array = np.gradient(pose, period_s, axis=0)
+    second: Array = np.gradient(first, period_s, axis=0)
+    return first, second
+
+
+def commands(pose: Array, period_s: float, at: Sequence[float] | Array) -> Array:
+    """(len(at), 6) what makes the drives be at the pose, at these samples, which need not be whole.
+
+    u = q + 2 v / w + a / w^2 undoes the lag of a heavy joint on a spring without swing.
+    """
+    first, second = speeds(pose, period_s)
+    ahead = pose + 2.0 * first / RAD_S + second / RAD_S**2
+    n = np.arange(len(pose))
+    return np.stack([np.interp(at, n, column) for column in ahead.T], axis=1)
+
 
 CUTOFF_HZ = 20.0
 LEAD_S = 0.03
 QUIET_S = 1.5
 """A calm moment is looked for in so much of the beginning of a record."""
+OF_JOINTS = ("joint", "equality", "tendon", "mimic")
+"""Places of `MjcfOnly` that move joints; the others need shapes, or are drives."""
 
 
 def cutoff_hz(rate_hz: float) -> float:
@@ -61,7 +173,7 @@ class Record:
     target: Array
     torque: Array | None = None
     base: Array | None = None
-    """(N, 6) smoothed poses of the root, see `base`; None = it stood still."""
+    """(N, 6) smoothed poses of the root; None = it stood still."""
 
     @property
     def lead(self) -> int:

@@ -16,9 +16,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from assetbuild.identify.base import speeds
 from assetbuild.identify.plant import Plant
-from assetbuild.identify.record import Drive, Record, smooth
+from assetbuild.identify.record import Drive, Record, smooth, speeds
 from assetbuild.robot.pose import Array
 
 SLOWEST_HZ = 250.0

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import csv
+import json
 from collections.abc import Iterator, Mapping, Sequence
-from pathlib import Path
+from pathlib import Path, PurePosixPath
 from types import MappingProxyType
 from typing import TextIO
 
@@ -13,7 +14,6 @@ from numpy.typing import NDArray
 
 from assetbuild.errors import StepError, did_you_mean
 from assetbuild.identify.bags import BAGS, read_bag
-from assetbuild.identify.lerobot import EPISODE
 from assetbuild.robot.pose import Array
 
 MOST_ROWS = 1_500_000
@@ -224,3 +224,39 @@ def _element(batch: object, column: str, index: int | None, file: str) -> Array:
         return np.array([row[index] for row in values.to_pylist()], float)
     except (IndexError, TypeError):
         raise StepError(f"{file}: column `{column}` has no element {index}") from None
+
+
+# --- what a LeRobot data set says of itself ---------------------------------------------------
+
+EPISODE = "episode_index"
+"""Column of the number of the episode."""
+INFO = "meta/info.json"
+
+
+def info_beside(log: Path) -> Path | None:
+    """Where the data set of `DATASET/data/chunk-000/file-000.parquet` describes itself."""
+    parts = PurePosixPath(log.as_posix()).parts
+    if len(parts) < 4 or parts[-3] != "data":
+        return None
+    return log.parents[2] / INFO
+
+
+def element_names(info: bytes, file: str) -> dict[str, tuple[str, ...]]:
+    """Column -> the names of its elements. StepError for a text that is no such description."""
+    try:
+        features = json.loads(info)["features"]
+        return {name: tuple(_names(of.get("names"))) for name, of in features.items()}
+    except (ValueError, KeyError, TypeError, AttributeError, RecursionError):
+        raise StepError(f"{INFO} of the data set of {file} has no readable `features`") from None
+
+
+def _names(stated: object) -> Iterator[str]:
+    """Names in their order, whether they are listed or grouped, as in `{motors: [...]}`."""
+    if isinstance(stated, str):
+        yield stated
+    elif isinstance(stated, Mapping):
+        for group in stated.values():
+            yield from _names(group)
+    elif isinstance(stated, list):
+        for name in stated:
+            yield from _names(name)

@@ -20,11 +20,11 @@ from assetbuild.checks.gains import Gains
 from assetbuild.init.anatomy import Leg
 from assetbuild.init.strength import GRAVITY, Guess, is_locked, unit_of
 from assetbuild.init.wheels import VELOCITY_DRIVEN, Turning
+from assetbuild.robot.closure import felt_inertia, held_by
 from assetbuild.robot.dynamics import Dynamics, dynamics, holding_torques
 from assetbuild.robot.inertia import total_mass
 from assetbuild.robot.model import Joint, Loop, Tree
 from assetbuild.robot.pose import Array
-from assetbuild.robot.reflected import felt_inertia, held_by
 
 FULL_ERROR = {"rad": 0.3, "m": 0.02}
 """Tracking error at which a drive gives all its effort."""

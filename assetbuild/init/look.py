@@ -13,8 +13,7 @@ from typing import get_args
 
 import numpy as np
 
-from assetbuild.body.lint_bodies import LintBodies
-from assetbuild.body.lint_links import LintLinks
+from assetbuild.body.lint import LintBodies, LintLinks
 from assetbuild.engine.scratch import scratch
 from assetbuild.errors import StepError
 from assetbuild.findings import Finding
@@ -26,7 +25,7 @@ from assetbuild.mesh.hulls import extent_of
 from assetbuild.mesh.material import SourceMesh
 from assetbuild.mesh.primitives import tessellate
 from assetbuild.mesh.read import Format, read_mesh
-from assetbuild.robot.chains import is_massless, weighs
+from assetbuild.robot.chains import is_massless, split, weighs
 from assetbuild.robot.codec import encode
 from assetbuild.robot.contradictions import (
     FACTOR,
@@ -40,7 +39,6 @@ from assetbuild.robot.inertia import principal_moments
 from assetbuild.robot.model import Base, Tree
 from assetbuild.robot.pose import Array
 from assetbuild.robot.shapes import MeshFile, SourceShapes
-from assetbuild.robot.split_joints import split
 from assetbuild.robot.tree import merge_fixed_joints
 from assetbuild.source.urdf.joints import LIMIT_OMITTED
 from assetbuild.source.urdf.tidy import WORLD_JOINT

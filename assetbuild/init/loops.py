@@ -13,11 +13,11 @@ from dataclasses import dataclass
 from assetbuild.init.drives import DriveRow
 from assetbuild.init.look import InspectedRobot
 from assetbuild.init.words import inline, plain, some
+from assetbuild.robot.actuator_table import RowError
 from assetbuild.robot.closure import close, coordinates, locked_joints
 from assetbuild.robot.dynamics import dynamics
 from assetbuild.robot.loops import LoopRow, path_of, resolve_loops
 from assetbuild.robot.model import Loop, Tree
-from assetbuild.robot.motors import RowError
 
 LOOP = re.compile(r"clos|loop|constraint|fermeture", re.IGNORECASE)
 MOTOR = re.compile(r"mot|act|driv|crank|servo", re.IGNORECASE)

@@ -25,12 +25,10 @@ from assetbuild.init.text import actuators, head, home, validation
 from assetbuild.init.trial import Trial, staged, tables
 from assetbuild.init.tune import Tuning, tune
 from assetbuild.init.words import Proposal, inline, patterns_of, plain, quoted, some, written
-from assetbuild.robot.files import RobotFiles
-from assetbuild.robot.joint_springs import joint_springs, no_drives
+from assetbuild.robot.files import RobotFiles, SourceControl
 from assetbuild.robot.loops import path_of
-from assetbuild.robot.lost_motion import lost_in_usd
+from assetbuild.robot.mjcf_only import joint_springs, lost_in_usd, no_drives
 from assetbuild.robot.model import Control, Joint
-from assetbuild.robot.source import SourceControl
 from assetbuild.source.mjcf.flatten_mjcf import FOLDER, FlattenMjcf
 from assetbuild.source.mjcf.includes import ListIncludes
 from assetbuild.source.mjcf.opaque import keys

@@ -11,7 +11,7 @@ import re
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
-from assetbuild.body.lint_links import MIMIC_LIMITS
+from assetbuild.body.lint import MIMIC_LIMITS
 from assetbuild.engine.scratch import Scratch, scratch
 from assetbuild.errors import AssetBuildError
 from assetbuild.findings import Finding

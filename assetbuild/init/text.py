@@ -8,7 +8,7 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from assetbuild.body.lint_links import invented
+from assetbuild.body.lint import invented
 from assetbuild.init.anatomy import Anatomy, Leg
 from assetbuild.init.collision import (
     collision,

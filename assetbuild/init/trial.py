@@ -41,9 +41,8 @@ from assetbuild.robot.loops import LoopRow
 from assetbuild.robot.mimic import with_mimics
 from assetbuild.robot.model import Control, Tree
 from assetbuild.robot.pose import Array, Pose
-from assetbuild.robot.poses import Keyframe
+from assetbuild.robot.sections import Keyframe, Simulation
 from assetbuild.robot.shapes import Geometry, Mesh, MeshAsset, MeshFile, Shape, Shapes, SourceShape
-from assetbuild.robot.simulation import Simulation
 from assetbuild.robot.tree import forward_kinematics
 from assetbuild.simulators import mujoco
 from assetbuild.simulators.mujoco import trials as mujoco_trials

@@ -15,8 +15,7 @@ from assetbuild.findings import Finding
 from assetbuild.mesh.obj import obj_bytes, read_triangles
 from assetbuild.mesh.quality import NearestSurface, surface_samples
 from assetbuild.mesh.simplify import clustered, simplified
-from assetbuild.mesh.triangles import TriangleMesh
-from assetbuild.mesh.weld import cleaned
+from assetbuild.mesh.triangles import TriangleMesh, cleaned
 
 SMALLEST = 400
 """Triangles up to which a mesh is left as it is: a screw stays a screw."""

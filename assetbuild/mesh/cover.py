@@ -15,13 +15,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from assetbuild.mesh.hull import convex_hull, polygon_count
-from assetbuild.mesh.quality import Distance, NearestSurface, surface_samples
+from assetbuild.mesh.quality import Distance, NearestSurface, sobol, surface_samples
 from assetbuild.mesh.rays import grids, missed
-from assetbuild.mesh.sobol import sobol
 from assetbuild.mesh.solid import ConvexPiece, Solid
-from assetbuild.mesh.sources import Probe
-from assetbuild.mesh.triangles import TriangleMesh
-from assetbuild.mesh.volume import is_closed, signed_volume
+from assetbuild.mesh.triangles import TriangleMesh, is_closed, signed_volume
 from assetbuild.robot.pose import Array
 
 Manifold = Any  # manifold3d.Manifold: its extension module has no types
@@ -200,7 +197,9 @@ def union_of(pieces: Sequence[ConvexPiece]) -> tuple[Manifold, TriangleMesh]:
 
     solids = [manifold3d.Manifold.hull_points(_float64(p.surface().vertices)) for p in pieces]
     union = manifold3d.Manifold.batch_boolean(solids, manifold3d.OpType.Add)
-    return union, _triangles(union)
+    mesh = union.to_mesh64()
+    vertices = np.asarray(mesh.vert_properties, dtype=np.float64)[:, :3]
+    return union, TriangleMesh(vertices, np.asarray(mesh.tri_verts, dtype=np.int64))
 
 
 def rough(reference: Reference, pieces: Sequence[ConvexPiece], samples: int = SAMPLES) -> Quality:
@@ -279,40 +278,9 @@ def outside(reference: Reference, points: Array) -> float:
     return found if found > least else 0.0
 
 
-def outside_in(reference: Reference, pieces: Sequence[ConvexPiece], probe: Probe) -> float:
-    """How far pieces stick out of the mesh within a region, m."""
-    _, skin = union_of(pieces)
-    points = np.concatenate([surface_samples(skin, 4 * SAMPLES, 2)[0], skin.vertices])
-    return outside(reference, points[probe.distance(points) <= 0.0])
-
-
-def blocked_by(piece: ConvexPiece, probe: Probe) -> bool:
-    """Whether a piece enters the probe.
-
-    The distance between the axis and the piece is bounded from both sides by points on either;
-    what touches within a hundredth of the radius counts as free.
-    """
-    radius = probe.radius * 0.99
-    least = float(piece.distance(probe.axis()).min())  # outside of a hull a lower bound
-    if least <= 0.0 or least >= radius:
-        return least <= 0.0
-    return bool((NearestSurface(piece.surface()).distance(probe.axis()) < radius).any())
-
-
 def _key(lower: Array, upper: Array) -> tuple[float, ...]:
     return (*lower.tolist(), *upper.tolist())
 
 
-# --- solids and rays ------------------------------------------------------------------------
-
-
 def _float64(points: Array) -> Array:
     return np.ascontiguousarray(points, dtype=np.float64)
-
-
-def _triangles(solid: Manifold) -> TriangleMesh:
-    mesh = solid.to_mesh64()
-    return TriangleMesh(
-        np.asarray(mesh.vert_properties, dtype=np.float64)[:, :3],
-        np.asarray(mesh.tri_verts, dtype=np.int64),
-    )

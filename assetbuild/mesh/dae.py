@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 from urllib.parse import unquote
@@ -10,7 +10,7 @@ from urllib.parse import unquote
 import numpy as np
 
 from assetbuild.errors import StepError, one_line
-from assetbuild.findings import Finding, Rule
+from assetbuild.findings import Finding, Rule, Severity
 from assetbuild.mesh.companions import relative_name
 from assetbuild.mesh.dae_text import load
 from assetbuild.mesh.material import (
@@ -19,8 +19,7 @@ from assetbuild.mesh.material import (
     colours_finding,
     group_by_material,
 )
-from assetbuild.mesh.polygons import polygon_triangles
-from assetbuild.mesh.triangles import Indices, TriangleMesh
+from assetbuild.mesh.triangles import Indices, TriangleMesh, polygon_triangles
 from assetbuild.robot.pose import Array
 
 SKIPPED = Rule(
@@ -81,10 +80,10 @@ def read_dae(data: bytes, subject: str) -> SourceMesh:
         group_by_material(placed),
         (
             *findings,
-            *_skipped_finding(skipped, subject),
-            *_unit_finding(unit, subject),
+            *_left_out(skipped, subject),
+            *_applied(unit, subject),
             *colours_finding(coloured, subject),
-            *_ignored_finding(document, subject),
+            *_ignored(document.errors, subject),
         ),
         # The standard's default, Y_UP, when the asset does not say.
         up_axis=document.assetInfo.upaxis if document.assetInfo is not None else None,
@@ -202,31 +201,22 @@ def _material(material: Any) -> SurfaceMaterial:
     return replace(out, rgba=(r, g, b, a))
 
 
-def _skipped_finding(skipped: Mapping[str, int], subject: str) -> Iterator[Finding]:
+def _left_out(skipped: Mapping[str, int], subject: str) -> Iterator[Finding]:
     if skipped:
         names = ", ".join(f"{count} {name}" for name, count in sorted(skipped.items()))
-        yield SKIPPED(
-            subject,
-            f"not surfaces, left out: {names}",
-            severity="warning" if MISSED & set(skipped) else "info",
-            data=dict(sorted(skipped.items())),
-        )
+        severity: Severity = "warning" if MISSED & set(skipped) else "info"
+        message, data = f"not surfaces, left out: {names}", dict(sorted(skipped.items()))
+        yield SKIPPED(subject, message, severity=severity, data=data)
 
 
-def _unit_finding(unit: float | None, subject: str) -> Iterator[Finding]:
+def _applied(unit: float | None, subject: str) -> Iterator[Finding]:
     if unit is not None and unit != 1.0:
-        yield UNIT(
-            subject,
-            f"the file's unit is {unit:g} m; it is applied, as viewers do",
-            data={"unit_m": float(unit)},
-        )
+        message = f"the file's unit is {unit:g} m; it is applied, as viewers do"
+        yield UNIT(subject, message, data={"unit_m": float(unit)})
 
 
-def _ignored_finding(document: Any, subject: str) -> Iterator[Finding]:
-    if document.errors:
-        yield IGNORED(
-            subject,
-            f"parts of the file were not understood: {one_line(document.errors[0])}",
-            hint="shapes are complete; a colour, camera or texture may be missing",
-            data={"count": len(document.errors)},
-        )
+def _ignored(errors: Sequence[Exception], subject: str) -> Iterator[Finding]:
+    if errors:
+        message = f"parts of the file were not understood: {one_line(errors[0])}"
+        hint = "shapes are complete; a colour, camera or texture may be missing"
+        yield IGNORED(subject, message, hint, data={"count": len(errors)})

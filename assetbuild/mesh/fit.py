@@ -8,20 +8,16 @@ chooses: what sticks out counts once, what is missing twice.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass
-from typing import Protocol
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 
 import numpy as np
 
 from assetbuild.mesh.cover import Reference
 from assetbuild.mesh.hull import convex_hull
 from assetbuild.mesh.primitives import resized, signed_distance, sizes_of, volume_of
-from assetbuild.mesh.quality import surface_samples
-from assetbuild.mesh.sobol import sobol
+from assetbuild.mesh.quality import sobol, surface_samples
 from assetbuild.mesh.solid import ConvexPiece
-from assetbuild.mesh.triangles import TriangleMesh
-from assetbuild.mesh.volume import face_areas
+from assetbuild.mesh.triangles import TriangleMesh, face_areas
 from assetbuild.robot.pose import Array, Pose, quat_between, quat_of, vec3
 from assetbuild.robot.shapes import Box, Capsule, Cylinder, Primitive, Sphere
 
@@ -44,8 +40,8 @@ def best_primitive(reference: Reference, kinds: Sequence[type[Primitive]] = KIND
     """(primitive, X_frame_primitive) with the lowest over + 2 under of the asked kinds."""
     score = _Score(reference)
     samples, _ = surface_samples(reference.mesh, SAMPLES, 0)
-    enclosing = _enclosed(reference, kinds)
-    fits = (fit for each in enclosing for fit in (each, _least_squares(each, samples)))
+    smallest = _enclosed(reference, kinds)
+    fits = (fit for each in smallest for fit in (each, _least_squares(each, samples)))
     return tidy(first_best(fits, score.of))
 
 
@@ -63,7 +59,7 @@ def _enclosed(reference: Reference, kinds: Sequence[type[Primitive]]) -> Iterato
     search = convex_hull(points, max_vertices=SEARCHED)
     axes = candidate_axes(reference.mesh, search)
     for kind in kinds:
-        yield ENCLOSING[kind](points, search.vertices, axes)
+        yield enclosing(kind, points, search.vertices, axes)
 
 
 def first_best(fits: Iterable[Fitted], score: Callable[[Fitted], float]) -> Fitted:
@@ -116,11 +112,6 @@ def candidate_axes(mesh: TriangleMesh, hull: TriangleMesh) -> Array:
     even = np.column_stack([flat * np.cos(turn), flat * np.sin(turn), z])
     axes = np.concatenate([np.eye(3), principal, facets, even])
     return np.asarray(axes / np.linalg.norm(axes, axis=1, keepdims=True), dtype=np.float64)
-
-
-def _enclosing_sphere(points: Array, search: Array, axes: Array, *, refined: bool = True) -> Fitted:
-    centre, radius = _smallest_ball(points)
-    return Sphere(radius), Pose(vec3(centre))
 
 
 def _smallest_ball(points: Array, steps: int = 400) -> tuple[Array, float]:
@@ -191,63 +182,53 @@ def _box_along(axis: Array, points: Array, steps: int) -> Fitted:
     return Box(vec3(high - low)), Pose(vec3(turned @ ((low + high) / 2.0)), quat_of(turned))
 
 
-@dataclass(frozen=True)
-class _Enclosing:
-    """The smallest enclosing body over all axes, refined by tilting the three best."""
-
-    along: Callable[[Array, Array, int], Fitted]
-    tilts: bool
-
-    def __call__(
-        self, points: Array, search: Array, axes: Array, *, refined: bool = True
-    ) -> Fitted:
-        volumes = [volume_of(self.along(axis, search, 60)[0]) for axis in axes]
-        order = np.argsort(volumes, kind="stable")[:3]
-        tilted = [self._tilted(axes[i], search) for i in order] if self.tilts and refined else []
-        # The untilted axes stay in the race: an exact one must not lose to rounding.
-        fits = [self.along(axis, points, 400) for axis in (*axes[order], *tilted)]
-        return min(fits, key=lambda fitted: round(volume_of(fitted[0]), 15))
-
-    def _tilted(self, axis: Array, search: Array) -> Array:
-        from scipy.optimize import minimize
-
-        frame = _frame_of(axis)
-
-        def direction(tilt: Array) -> Array:
-            return np.asarray(frame @ _unit(np.array([tilt[0], tilt[1], 1.0])))
-
-        def volume(tilt: Array) -> float:
-            return volume_of(self.along(direction(tilt), search, 60)[0])
-
-        simplex = np.array([[0.0, 0.0], [0.05, 0.0], [0.0, 0.05]])
-        found = minimize(
-            volume,
-            np.zeros(2),
-            method="Nelder-Mead",
-            options={"maxiter": 40, "initial_simplex": simplex},
-        )
-        return direction(found.x)
-
-
-def _unit(vector: Array) -> Array:
-    return np.asarray(vector / np.linalg.norm(vector))
-
-
-class Enclosing(Protocol):
-    """Fits the smallest body about points (n, 3); `search`: some of them, to compare axes by."""
-
-    def __call__(
-        self, points: Array, search: Array, axes: Array, *, refined: bool = True
-    ) -> Fitted:
-        """refined: the best axes (k, 3) may tilt."""
-
-
-ENCLOSING: dict[type[Primitive], Enclosing] = {
-    Sphere: _enclosing_sphere,
-    Box: _Enclosing(_box_along, tilts=False),
-    Cylinder: _Enclosing(_cylinder_along, tilts=True),
-    Capsule: _Enclosing(_capsule_along, tilts=True),
+_ALONG: Mapping[type[Primitive], Callable[[Array, Array, int], Fitted]] = {
+    Box: _box_along,
+    Cylinder: _cylinder_along,
+    Capsule: _capsule_along,
 }
+
+
+def enclosing(
+    kind: type[Primitive], points: Array, search: Array, axes: Array, *, refined: bool = True
+) -> Fitted:
+    """The smallest body of a kind about points (n, 3), over axes (k, 3).
+
+    search: some of the points, to compare axes by; refined: the three best axes may tilt.
+    """
+    if kind is Sphere:
+        centre, radius = _smallest_ball(points)
+        return Sphere(radius), Pose(vec3(centre))
+    along = _ALONG[kind]
+    volumes = [volume_of(along(axis, search, 60)[0]) for axis in axes]
+    order = np.argsort(volumes, kind="stable")[:3]
+    tilts = refined and kind is not Box
+    tilted = [_tilted(along, axes[i], search) for i in order] if tilts else []
+    # The untilted axes stay in the race: an exact one must not lose to rounding.
+    fits = [along(axis, points, 400) for axis in (*axes[order], *tilted)]
+    return min(fits, key=lambda fitted: round(volume_of(fitted[0]), 15))
+
+
+def _tilted(along: Callable[[Array, Array, int], Fitted], axis: Array, search: Array) -> Array:
+    from scipy.optimize import minimize
+
+    frame = _frame_of(axis)
+
+    def direction(tilt: Array) -> Array:
+        turned = np.array([tilt[0], tilt[1], 1.0])
+        return np.asarray(frame @ np.asarray(turned / np.linalg.norm(turned)))
+
+    def volume(tilt: Array) -> float:
+        return volume_of(along(direction(tilt), search, 60)[0])
+
+    simplex = np.array([[0.0, 0.0], [0.05, 0.0], [0.0, 0.05]])
+    found = minimize(
+        volume,
+        np.zeros(2),
+        method="Nelder-Mead",
+        options={"maxiter": 40, "initial_simplex": simplex},
+    )
+    return direction(found.x)
 
 
 def _least_squares(start: Fitted, samples: Array) -> Fitted:

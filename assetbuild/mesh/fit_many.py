@@ -18,10 +18,10 @@ from numpy.typing import NDArray
 from assetbuild.mesh.cover import Reference
 from assetbuild.mesh.fit import (
     AS_GOOD,
-    ENCLOSING,
     SEARCHED,
     Fitted,
     candidate_axes,
+    enclosing,
     first_best,
     tidy,
     turned_by,
@@ -34,8 +34,7 @@ from assetbuild.mesh.primitives import (
     sizes_of,
     volume_of,
 )
-from assetbuild.mesh.quality import surface_samples
-from assetbuild.mesh.sobol import sobol
+from assetbuild.mesh.quality import sobol, surface_samples
 from assetbuild.mesh.solid import ConvexPiece
 from assetbuild.mesh.triangles import TriangleMesh
 from assetbuild.robot.pose import Array, Pose, Vec3, vec3
@@ -185,12 +184,12 @@ def _best_for(
     cloud = Cloud.of(own)
     search = convex_hull(part.vertices, max_vertices=SEARCHED)
     axes = np.concatenate([candidate_axes(part, search), _directions(bones)])
-    enclosing = (
-        ENCLOSING[kind](search.vertices, search.vertices, axes, refined=False) for kind in kinds
+    smallest = (
+        enclosing(kind, search.vertices, search.vertices, axes, refined=False) for kind in kinds
     )
     fits = (
         (resized(type(primitive), factor * np.asarray(sizes_of(primitive))), pose)
-        for primitive, pose in enclosing
+        for primitive, pose in smallest
         for factor in SHRUNK
     )
     return first_best(fits, lambda fitted: cloud.score(_union([fitted], cloud.points)))

@@ -60,7 +60,7 @@ def read_gltf(
         nodes.sort(key=lambda node: order.index(scene.graph.get(node)[1]))
         header = _header(data, format)
         _refuse_unread(header, subject)
-        materials = _Materials(_textured(header))
+        materials = _Materials(header)
         placed = [_part(scene, node, materials) for node in nodes]
     except StepError:
         raise
@@ -98,15 +98,6 @@ def _refuse_unread(header: Any, subject: str) -> None:
                 )
 
 
-def _textured(header: Any) -> frozenset[str]:
-    """Names of the materials that state a picture: trimesh is silent where it cannot read one."""
-    return frozenset(
-        str(material.get("name"))
-        for material in header.get("materials", ())
-        if "baseColorTexture" in material.get("pbrMetallicRoughness", {})
-    )
-
-
 class _Files(Mapping[str, bytes]):
     """What trimesh asks for other files of a glTF; it looks nowhere else."""
 
@@ -131,8 +122,13 @@ class _Files(Mapping[str, bytes]):
 class _Materials:
     """Materials of a scene, and the pictures that they use, each once."""
 
-    def __init__(self, textured: frozenset[str]) -> None:
-        self._textured = textured
+    def __init__(self, header: Any) -> None:
+        # Those that state a picture: trimesh is silent where it cannot read one.
+        self._textured = {
+            str(material.get("name"))
+            for material in header.get("materials", ())
+            if "baseColorTexture" in material.get("pbrMetallicRoughness", {})
+        }
         self.pictures: dict[str, bytes] = {}
 
     def of(self, source: Any) -> SurfaceMaterial:

@@ -10,8 +10,7 @@ import numpy as np
 from assetbuild.errors import StepError
 from assetbuild.mesh.hull import convex_hull
 from assetbuild.mesh.primitives import tessellate
-from assetbuild.mesh.triangles import TriangleMesh
-from assetbuild.mesh.volume import solid_moments
+from assetbuild.mesh.triangles import TriangleMesh, solid_moments
 from assetbuild.robot.contradictions import Extent
 from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.pose import Array

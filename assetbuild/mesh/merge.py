@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
 
 import numpy as np
 
@@ -17,7 +18,11 @@ NEAR = 0.005
 
 def hulls_of(parts: Sequence[Array]) -> list[TriangleMesh]:
     """The hull of each part's points (n, 3); parts without volume are left out."""
-    return [hull for hull in map(_hull_or_none, parts) if hull is not None]
+    hulls = []
+    for points in parts:
+        with suppress(StepError):
+            hulls.append(convex_hull(points))
+    return hulls
 
 
 def grown_to(parts: Sequence[TriangleMesh], surface: Array, reach: float) -> list[TriangleMesh]:
@@ -69,12 +74,15 @@ class _Forest:
 
     def join(self) -> None:
         """The cheapest pair becomes one part."""
+        from scipy.spatial import ConvexHull
+
         if not self._added:
             pairs = [(a, b) for a in self.alive for b in self.alive if a < b]
             self._added = self._costs(pairs, near=False)
         first, second = min(self._added, key=lambda pair: (self._added[pair], pair))
         joined = np.concatenate([self._points[first], self._points[second]])
-        self._points.append(_hull_corners(joined))
+        hull = ConvexHull(joined - joined.mean(axis=0), qhull_options="Qt")
+        self._points.append(joined[np.sort(hull.vertices)])
         self._volumes.append(_hull_volume(joined))
         self._bounds.append((joined.min(axis=0), joined.max(axis=0)))
         new, gone = len(self._points) - 1, {first, second}
@@ -103,17 +111,3 @@ def _hull_volume(points: Array) -> float:
 
     local = np.ascontiguousarray(points - points.mean(axis=0))
     return float(manifold3d.Manifold.hull_points(local).volume())
-
-
-def _hull_corners(points: Array) -> Array:
-    from scipy.spatial import ConvexHull
-
-    hull = ConvexHull(points - points.mean(axis=0), qhull_options="Qt")
-    return points[np.sort(hull.vertices)]
-
-
-def _hull_or_none(points: Array) -> TriangleMesh | None:
-    try:
-        return convex_hull(points)
-    except StepError:
-        return None

@@ -1,20 +1,31 @@
-"""Wavefront OBJ: our own writer, whose bytes depend on the numbers alone, and a reader for any."""
+"""Files of meshes: Wavefront OBJ, our own writer and a reader for any, and arrays inside the graph.
+
+The writer's bytes depend on the numbers alone. Arrays are read much faster than text; a bundle
+holds OBJ text, which is written once, when a mesh has its final shape.
+"""
 
 from __future__ import annotations
 
+import io
 import warnings
+import zipfile
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from assetbuild.errors import StepError
-from assetbuild.mesh.polygons import polygon_triangles, with_short_diagonals
-from assetbuild.mesh.triangles import Indices, TriangleMesh
-from assetbuild.mesh.weld import first_seen
+from assetbuild.mesh.triangles import (
+    Indices,
+    TriangleMesh,
+    first_seen,
+    polygon_triangles,
+    with_short_diagonals,
+)
 from assetbuild.robot.pose import Array
 
 WIDTHS = {b"v": 3, b"vt": 2, b"vn": 3}
@@ -268,3 +279,34 @@ def _corners(words: Sequence[bytes]) -> Indices | None:
     except (ValueError, OverflowError):
         return None
     return out
+
+
+SUFFIX = ".npz"
+
+
+def array_bytes(mesh: TriangleMesh) -> bytes:
+    """The arrays of a mesh as an npz file; zeros have no sign, as in OBJ text."""
+    tables = {"vertices": mesh.vertices, "uv": mesh.uv, "normals": mesh.normals}
+    arrays: dict[str, Any] = {"faces": mesh.faces}  # Any: `savez` has other keywords, too
+    arrays |= {name: table + 0.0 for name, table in tables.items() if table is not None}
+    file = io.BytesIO()
+    np.savez(file, **arrays)
+    return file.getvalue()
+
+
+def read_part(path: Path, subject: str = "mesh") -> TriangleMesh:
+    """A part of a converted mesh, arrays or OBJ. StepError where the file is neither."""
+    if path.suffix != SUFFIX:
+        return read_triangles(path.read_bytes(), subject)
+    try:
+        with np.load(path, allow_pickle=False) as file:
+            return TriangleMesh(
+                file["vertices"], file["faces"], file.get("uv"), file.get("normals")
+            )
+    except (ValueError, KeyError, EOFError, zipfile.BadZipFile) as error:
+        raise StepError(f"{subject}: `{path.name}` holds no mesh: {error}") from error
+
+
+def obj_of(path: Path) -> bytes:
+    """A part of a converted mesh as OBJ text."""
+    return obj_bytes(read_part(path)) if path.suffix == SUFFIX else path.read_bytes()

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from assetbuild.mesh.triangles import TriangleMesh
-from assetbuild.robot.pose import Array
+from assetbuild.robot.pose import Array, Vec3, vec3
 
 Indices = NDArray[np.int64]
 SIDES = 6
@@ -22,8 +22,6 @@ LEAST_CELLS, MOST_CELLS = 64, 1024
 """Along each side of the picture that triangles are sorted into."""
 NEAR = 1e-6
 """Of a cell: a triangle that comes this close is taken to be in it."""
-SPARSE = 4
-"""Triangles for each ray from which only those near a ray are looked at."""
 AT_ONCE = 500_000
 """Pairs of a ray and a triangle that are looked at together; about 100 MB."""
 
@@ -45,61 +43,14 @@ class Across:
     """The triangles of a mesh as rays along one direction see them."""
 
     def __init__(self, mesh: TriangleMesh, direction: Array) -> None:
-        self.axes = _axes(np.asarray(direction, dtype=np.float64))
-        points = [along(mesh.vertices, axis) for axis in self.axes]
-        self._all = _Picture(*(values[mesh.faces] for values in points))
+        """Lay the corners out, (m, 3) each: x and y across the rays, z along."""
+        self._axes = _axes(np.asarray(direction, dtype=np.float64))
+        points = (along(mesh.vertices, axis) for axis in self._axes)
+        self._x, self._y, self._z = (values[mesh.faces] for values in points)
 
     def strike(self, origins: Array) -> Struck:
         """All that rays from origins (n, 3) strike ahead of them and behind, m."""
-        x, y, z = (along(origins, axis) for axis in self.axes)
-        picture = self._all
-        if SPARSE * len(origins) < len(picture):
-            picture = picture.about(x, y)
-        ray, height, front = picture.struck(x, y)
-        depth = height - z[ray]
-        order = np.lexsort((depth, ray))
-        return Struck(ray[order], depth[order], front[order])
-
-
-class _Picture:
-    """Triangles in the plane across the rays. x, y, z: (m, 3) of their corners; z: along."""
-
-    def __init__(self, x: Array, y: Array, z: Array) -> None:
-        self._x, self._y, self._z = x, y, z
-
-    def __len__(self) -> int:
-        return len(self._x)
-
-    @cached_property
-    def _boxes(self) -> tuple[tuple[Array, Array], tuple[Array, Array]]:
-        """((least, greatest) x, (least, greatest) y) of each triangle."""
-        return _ends(self._x), _ends(self._y)
-
-    def about(self, x: Array, y: Array) -> _Picture:
-        """The triangles whose boxes share a cell with a point: the others cover none of them.
-
-        Of fine meshes and few points that is a small part. A table of sums over the cells gives
-        the number of points in the cells of each box.
-        """
-        side = int(np.clip(len(self) ** 0.5, LEAST_CELLS, MOST_CELLS))
-        kept = np.ones(len(self), dtype=bool)
-        ranges, cells = [], []
-        for values, (least, greatest) in zip((x, y), self._boxes, strict=True):
-            lower, upper = values.min(initial=np.inf), values.max(initial=-np.inf)
-            kept &= (greatest >= lower) & (least <= upper)
-            size = max(float(upper - lower), 1e-300) / side
-            cells.append(_cell(values, lower, size, side))
-            ranges.append(tuple(_cell(v, lower, size, side) for v in (least, greatest)))
-        counts = np.bincount(cells[0] * side + cells[1], minlength=side * side)
-        sums = np.zeros((side + 1, side + 1), dtype=np.int64)
-        sums[1:, 1:] = counts.reshape(side, side).cumsum(axis=0).cumsum(axis=1)
-        (left, right), (low, high) = ranges
-        right, high = right + 1, high + 1
-        kept &= sums[right, high] - sums[left, high] - sums[right, low] + sums[left, low] > 0
-        return _Picture(self._x[kept], self._y[kept], self._z[kept])
-
-    def struck(self, x: Array, y: Array) -> tuple[Indices, Array, NDArray[np.bool_]]:
-        """(numbers of points, heights of the triangles over them, whether they face the rays)."""
+        x, y, z = (along(origins, axis) for axis in self._axes)
         rays, faces = self._pairs(x, y)
         hits = [np.zeros(0, dtype=np.int64)]
         for start in range(0, len(rays), AT_ONCE):
@@ -107,8 +58,14 @@ class _Picture:
             hits.append(start + np.flatnonzero(self._covers(x, y, rays[part], faces[part])))
         hit = np.concatenate(hits)
         rays, faces = rays[hit], faces[hit]
-        height = self._height(x[rays], y[rays], faces)
-        return rays, height, self._slopes[2][faces] < 0.0
+        depth = self._height(x[rays], y[rays], faces) - z[rays]
+        order = np.lexsort((depth, rays))
+        return Struck(rays[order], depth[order], (self._slopes[2][faces] < 0.0)[order])
+
+    @cached_property
+    def _boxes(self) -> tuple[tuple[Array, Array], tuple[Array, Array]]:
+        """((least, greatest) x, (least, greatest) y) of each triangle."""
+        return _ends(self._x), _ends(self._y)
 
     @cached_property
     def _slopes(self) -> tuple[Array, Array, Array]:
@@ -268,3 +225,63 @@ def missed(origins: Array, directions: Array, mesh: TriangleMesh) -> NDArray[np.
         struck = Across(mesh, np.array(direction)).strike(origins[mine])
         free[mine[struck.ray[struck.depth >= 0.0]]] = False
     return free
+
+
+GRID = 64
+"""Rays along each edge of a square that holds the mesh, for six directions."""
+LEAST = 8
+"""Rays: less is a slit between parts. A round hole of a twentieth of the size has as many."""
+
+
+@dataclass(frozen=True)
+class Hole:
+    """A way through, with mesh all around it when seen along `direction`.
+
+    middle_m: (3,) the point of its axis nearest to the middle of the mesh. open: the share of it
+    that the other geometry leaves.
+    """
+
+    middle_m: Vec3
+    direction: Vec3
+    area_m2: float
+    open: float
+
+
+def holes(seen: TriangleMesh, solid: TriangleMesh) -> list[Hole]:
+    """Holes of `seen`, largest first, and how `solid` leaves them; both in one frame, m.
+
+    Seen along the axes and the principal axes of the vertices; one hole may come up in several
+    directions. A notch is none: it is open on one side.
+    """
+    reach = 1.05 * seen.diagonal
+    if reach == 0.0:
+        return []
+    start, along = grids(seen, GRID, reach)
+    through = missed(start, along, seen)  # all at once: what costs is the tree over the triangles
+    patches = [
+        number * GRID * GRID + rays
+        for number in range(SIDES)
+        for rays in _enclosed(through[number * GRID * GRID :][: GRID * GRID])
+    ]
+    found = []
+    for rays in patches:
+        left = float(missed(start[rays], along[rays], solid).mean())
+        at = vec3(start[rays].mean(axis=0) + reach * along[rays[0]])
+        area = len(rays) * (reach / GRID) ** 2
+        found.append(Hole(at, vec3(along[rays[0]]), area, left))
+    return sorted(found, key=lambda hole: -hole.area_m2)
+
+
+def _enclosed(through: NDArray[np.bool_]) -> list[NDArray[np.int64]]:
+    """Numbers of the rays of each patch that does not reach the edge of the picture."""
+    from scipy import ndimage
+
+    patches, _ = ndimage.label(through.reshape(GRID, GRID))
+    edge = {0, *patches[[0, -1]].ravel().tolist(), *patches[:, [0, -1]].ravel().tolist()}
+    flat = patches.ravel()
+    sizes = np.bincount(flat)
+    return [
+        np.flatnonzero(flat == patch)
+        for patch in range(len(sizes))
+        if patch not in edge and sizes[patch] >= LEAST
+    ]

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from assetbuild.mesh.triangles import TriangleMesh
-from assetbuild.mesh.weld import cleaned
+from assetbuild.mesh.triangles import TriangleMesh, cleaned
 
 SPEED = 3.0
 """fast-simplification's `agg`: how fast its error threshold grows. Its default of 7 costs a trunk

@@ -12,8 +12,7 @@ from assetbuild.errors import StepError
 from assetbuild.mesh.hull import beyond, convex_hull, hull_planes
 from assetbuild.mesh.primitives import signed_distance, tessellate
 from assetbuild.mesh.rays import Across, Struck
-from assetbuild.mesh.triangles import TriangleMesh
-from assetbuild.mesh.volume import is_closed
+from assetbuild.mesh.triangles import TriangleMesh, is_closed
 from assetbuild.robot.pose import IDENTITY, Array, Pose
 from assetbuild.robot.shapes import Primitive
 

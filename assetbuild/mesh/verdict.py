@@ -4,11 +4,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
 
 from assetbuild.findings import Finding, Rule
-from assetbuild.mesh.cover import Quality, Reference, blocked_by, outside_in
+from assetbuild.mesh.cover import SAMPLES, Quality, Reference, outside, union_of
+from assetbuild.mesh.quality import NearestSurface, surface_samples
 from assetbuild.mesh.solid import ConvexPiece
-from assetbuild.mesh.sources import Probe
+from assetbuild.robot.pose import Array, Vec3
 
 MISSING = 0.5
 """Share of the volume without collision that no tolerance explains: a method went wrong."""
@@ -53,6 +57,35 @@ FLAT_PIECE = Rule(
 )
 
 
+SEGMENT = 25
+"""Points along the axis of a probe."""
+
+
+@dataclass(frozen=True)
+class Probe:
+    """A capsule, or a ball when both ends are one, in the frame of the mesh: a place. m.
+
+    max_outside: how far pieces may stick out of the mesh there; None: none may enter.
+    """
+
+    start: Vec3
+    end: Vec3
+    radius: float = 0.0
+    max_outside: float | None = None
+
+    def distance(self, points: Array) -> Array:
+        """(n,) signed distances of points (n, 3) to the probe, m."""
+        start, along = np.asarray(self.start), np.subtract(self.end, self.start)
+        length = float(along @ along)
+        share = np.clip((points - start) @ along / length, 0.0, 1.0) if length else np.zeros(1)
+        nearest = start + np.multiply.outer(share, along)
+        return np.asarray(np.linalg.norm(points - nearest, axis=1) - self.radius)
+
+    def axis(self) -> Array:
+        """(SEGMENT, 3) points from end to end."""
+        return np.linspace(self.start, self.end, SEGMENT)
+
+
 def verdict(
     subject: str,
     reference: Reference,
@@ -69,22 +102,21 @@ def verdict(
 
     how: the method in words; usual: those of the tolerances that a preset states, not the recipe.
     """
-    if quality.flat:
-        yield _flat_pieces(subject, quality)
+    if flat := quality.flat:
+        made = flat + quality.pieces
+        message, data = (
+            f"{flat} of {made} pieces are flat and left out",
+            {"flat": flat, "pieces": made},
+        )
+        yield FLAT_PIECE(subject, message, data=data)
     yield _gap(subject, reference, quality, how)
     if quality.missing > MISSING:
-        yield _mostly_missing(subject, quality)
+        message = f"{100 * quality.missing:.0f} % of the volume has no collision"
+        hint = "the result may be hollow: use `hull`, or more pieces"
+        missing = round(quality.missing, 4)
+        yield MOSTLY_MISSING(subject, message, hint, data={"max_missing": missing})
     yield from _missed(subject, quality, tolerances, max_hulls, usual)
     yield from _places(subject, reference, pieces, places)
-
-
-def _flat_pieces(subject: str, quality: Quality) -> Finding:
-    made = quality.flat + quality.pieces
-    return FLAT_PIECE(
-        subject,
-        f"{quality.flat} of {made} pieces are flat and left out",
-        data={"flat": quality.flat, "pieces": made},
-    )
 
 
 def _gap(subject: str, reference: Reference, quality: Quality, how: str) -> Finding:
@@ -113,15 +145,6 @@ def _gap(subject: str, reference: Reference, quality: Quality, how: str) -> Find
             "max_vertices": quality.vertices,
             "max_polygons": quality.polygons,
         },
-    )
-
-
-def _mostly_missing(subject: str, quality: Quality) -> Finding:
-    return MOSTLY_MISSING(
-        subject,
-        f"{100 * quality.missing:.0f} % of the volume has no collision",
-        hint="the result may be hollow: use `hull`, or more pieces",
-        data={"max_missing": round(quality.missing, 4)},
     )
 
 
@@ -199,3 +222,23 @@ def _places(
                 hint="raise `max_hulls`, or the region's `max_outside`",
                 data={"found_m": round(found, 6), "allowed_m": place.max_outside},
             )
+
+
+def outside_in(reference: Reference, pieces: Sequence[ConvexPiece], probe: Probe) -> float:
+    """How far pieces stick out of the mesh within a region, m."""
+    _, skin = union_of(pieces)
+    points = np.concatenate([surface_samples(skin, 4 * SAMPLES, 2)[0], skin.vertices])
+    return outside(reference, points[probe.distance(points) <= 0.0])
+
+
+def blocked_by(piece: ConvexPiece, probe: Probe) -> bool:
+    """Whether a piece enters the probe.
+
+    The distance between the axis and the piece is bounded from both sides by points on either;
+    what touches within a hundredth of the radius counts as free.
+    """
+    radius = probe.radius * 0.99
+    least = float(piece.distance(probe.axis()).min())  # outside of a hull a lower bound
+    if least <= 0.0 or least >= radius:
+        return least <= 0.0
+    return bool((NearestSurface(piece.surface()).distance(probe.axis()) < radius).any())

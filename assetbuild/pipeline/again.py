@@ -14,7 +14,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
-from assetbuild.control.keep_ratings import KeepRatings
+from assetbuild.control.keep import KeepRatings
 from assetbuild.engine.code import Code
 from assetbuild.engine.digest import digest_file
 from assetbuild.engine.planner import Planner, settle_all

@@ -14,7 +14,7 @@ from dataclasses import dataclass, field, replace
 from assetbuild.engine.make import NodeResult
 from assetbuild.findings import Finding
 from assetbuild.recipe.models import Recipe
-from assetbuild.robot.motors import extended
+from assetbuild.robot.actuator_table import extended
 
 _EDIT = re.compile(r"edit \d+ (\w+)")
 

@@ -56,7 +56,7 @@ from assetbuild.report.html import View, html_page
 from assetbuild.report.subject import Subject
 from assetbuild.report.summary import summary
 from assetbuild.robot.codec import decode
-from assetbuild.robot.identified import Curves, Fit
+from assetbuild.robot.identify import Curves, Fit
 from assetbuild.robot.model import Control, Tree
 from assetbuild.robot.shapes import Shapes
 

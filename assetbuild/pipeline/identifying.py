@@ -11,13 +11,13 @@ from assetbuild.engine.execute import Listener
 from assetbuild.engine.planner import Planner
 from assetbuild.errors import RecipeError
 from assetbuild.findings import Finding
-from assetbuild.identify.as_ranges import as_ranges
+from assetbuild.identify.for_recipe import as_ranges
 from assetbuild.identify.plan import excite as add_excite
 from assetbuild.pipeline.opening import Opened, Task, at_work
 from assetbuild.pipeline.recipes import load_recipe
 from assetbuild.recipe.loader import LoadedRecipe
 from assetbuild.robot.codec import decode
-from assetbuild.robot.identified import Fit
+from assetbuild.robot.identify import Fit
 from assetbuild.robot.model import Actuator, Control
 
 

@@ -8,7 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from assetbuild.compose.compose_parts import prefixed_subject
-from assetbuild.control.actuator_findings import NO_ACTUATOR
+from assetbuild.control.findings import NO_ACTUATOR
 from assetbuild.engine.planner import Settled
 from assetbuild.engine.session import Session
 from assetbuild.errors import AssetBuildError, Where

@@ -178,8 +178,7 @@ def _usd(file: Path) -> Iterator[Finding]:
 
 def _urdf(file: Path) -> Iterator[Finding]:
     """The reader and both lints; packages are not looked for, meshes are not opened."""
-    from assetbuild.body.lint_bodies import LintBodies
-    from assetbuild.body.lint_links import LintLinks
+    from assetbuild.body.lint import LintBodies, LintLinks
     from assetbuild.body.merge_fixed_joints import MergeFixedJoints
     from assetbuild.source.urdf.read_urdf import ReadUrdf, named_packages
 

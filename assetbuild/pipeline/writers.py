@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from types import SimpleNamespace
 from typing import Any
 
-from assetbuild.control.keep_ratings import KeepRatings
+from assetbuild.control.keep import KeepRatings
 from assetbuild.engine.code import Code
 from assetbuild.engine.step import Step
 from assetbuild.facts.again.written import code_digest

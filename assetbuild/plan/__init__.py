@@ -15,20 +15,17 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from assetbuild.body.lint_bodies import LintBodies
-from assetbuild.body.lint_links import LintLinks
+from assetbuild.body.lint import LintBodies, LintLinks
 from assetbuild.body.measure_bodies import MeasureBodies
 from assetbuild.body.merge_fixed_joints import MergeFixedJoints
 from assetbuild.compose.plan import Ready, compose
-from assetbuild.control.keep_pose import KeepPose
-from assetbuild.control.keep_ratings import KeepRatings
+from assetbuild.control.keep import KeepPose, KeepRatings
 from assetbuild.control.plan import control, control_step, own_side
 from assetbuild.engine.graph import Node, Ref
 from assetbuild.engine.planner import Planner
 from assetbuild.errors import Gather, RecipeError, Where
-from assetbuild.geometry.companions import companions
 from assetbuild.geometry.measure_assets import MeasureAssets
-from assetbuild.geometry.plan import Geometry, assemble, lint_density, lint_meshes
+from assetbuild.geometry.plan import Geometry, assemble, companions, lint_density, lint_meshes
 from assetbuild.identify.plan import identify
 from assetbuild.kinds import Check, Target, lacking
 from assetbuild.lock import Lock, lock_path, read_lock

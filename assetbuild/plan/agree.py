@@ -15,8 +15,8 @@ from assetbuild.plan.edits import edits_of
 from assetbuild.recipe.collision import CollisionRule
 from assetbuild.recipe.models import Recipe
 from assetbuild.recipe.validation import Key, KeyedError
+from assetbuild.robot.actuator_table import RowError
 from assetbuild.robot.model import Tree
-from assetbuild.robot.motors import RowError
 from assetbuild.samples.state_ranges import StateRanges
 
 

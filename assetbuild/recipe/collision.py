@@ -7,7 +7,7 @@ from typing import Literal
 from pydantic import Field
 
 from assetbuild.quantities import Model
-from assetbuild.robot.regions import Region, ToleranceRegion
+from assetbuild.robot.sections import Region, ToleranceRegion
 
 Preset = Literal["locomotion", "manipulation"]
 

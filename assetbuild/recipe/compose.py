@@ -8,7 +8,7 @@ from pydantic import Field, model_validator
 
 from assetbuild.quantities import Model, Name, Pattern, Real
 from assetbuild.recipe.source import Source
-from assetbuild.robot.mount import At, Mount
+from assetbuild.robot.sections import At, Mount
 
 Prefix = Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_]{0,31}$")]
 

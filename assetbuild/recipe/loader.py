@@ -17,7 +17,7 @@ from assetbuild.recipe.models import Recipe
 from assetbuild.recipe.validation import Key, KeyedError, Misnamed, locate, shown, validated
 from assetbuild.recipe.variants import patched, variant_names
 from assetbuild.recipe.yaml_tree import MAX_BYTES, MAX_COST, Entry, Node, described, parse
-from assetbuild.robot.motors import RowError
+from assetbuild.robot.actuator_table import RowError
 
 
 @dataclass(frozen=True)

@@ -21,7 +21,6 @@ from assetbuild.recipe.compose import Part
 from assetbuild.recipe.source import PYPI_PATTERN as PYPI_PATTERN
 from assetbuild.recipe.source import Sha256 as Sha256
 from assetbuild.recipe.source import Source as Source
-from assetbuild.robot.about import About
 from assetbuild.robot.actuator_table import (
     ActuatorRow as ActuatorRow,  # the recipe is read from here
 )
@@ -31,10 +30,10 @@ from assetbuild.robot.contact import Exclude as Exclude
 from assetbuild.robot.identify import Identify
 from assetbuild.robot.inertia import InertiaBounds
 from assetbuild.robot.loops import LoopRow
-from assetbuild.robot.poses import Keyframe as Keyframe
 from assetbuild.robot.ranges import Randomize
-from assetbuild.robot.sensing import Cameras, Feet, Imu, Sensors
-from assetbuild.robot.simulation import Simulation as Simulation
+from assetbuild.robot.sections import About, Cameras, Feet, Imu, Sensors
+from assetbuild.robot.sections import Keyframe as Keyframe
+from assetbuild.robot.sections import Simulation as Simulation
 from assetbuild.robot.softness import CouplingError, LimitError
 
 

@@ -11,7 +11,7 @@ from pydantic import BaseModel, ValidationError
 from assetbuild.errors import AssetBuildError, Gather, Where, did_you_mean
 from assetbuild.recipe.schema import allowed_values, known_keys, meaning
 from assetbuild.recipe.yaml_tree import Node, described, plain
-from assetbuild.robot.motors import RowError
+from assetbuild.robot.actuator_table import RowError
 
 M = TypeVar("M", bound=BaseModel)
 Key = tuple[str | int, ...]

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 from assetbuild.report.tables import Table, table
-from assetbuild.robot.identified import Curve, Curves, Fit
+from assetbuild.robot.identify import Curve, Curves, Fit
 
 WIDTH, HEIGHT, PAD = 900, 150, 34
 """Of a plot, in units of its view box: size, and the margin on the left."""

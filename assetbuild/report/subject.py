@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from assetbuild.body.measure_bodies import Measured
 from assetbuild.recipe.models import Recipe
-from assetbuild.robot.identified import Curves, Fit
+from assetbuild.robot.identify import Curves, Fit
 from assetbuild.robot.model import Control, Tree
 from assetbuild.robot.shapes import Shapes
 

@@ -17,12 +17,11 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 from assetbuild.errors import Gather, did_you_mean
-from assetbuild.robot.actuator_table import ActuatorRow, Motor
+from assetbuild.robot.actuator_table import ActuatorRow, Motor, extended
+from assetbuild.robot.actuator_table import RowError as RowError
+from assetbuild.robot.closure import felt_inertia
 from assetbuild.robot.dynamics import dynamics
 from assetbuild.robot.model import Actuator, Joint, Loop, Tree
-from assetbuild.robot.motors import RowError as RowError
-from assetbuild.robot.motors import extended
-from assetbuild.robot.reflected import felt_inertia
 
 DRIVEN: frozenset[str] = frozenset({"pd", "ideal_pd", "dc_motor", "velocity", "motor"})
 """Models that push, so they need an effort limit."""

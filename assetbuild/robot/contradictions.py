@@ -149,7 +149,7 @@ def beyond_reach(tree: Tree, extents: Mapping[str, Extent]) -> dict[str, float]:
             continue
         scale = inertial.mass_kg * _reach(inertial, extent) ** 2
         matrix = matrix_of(inertial.inertia_com_kg_m2)
-        one = all(_parallel(axes[0], axis) for axis in axes)
+        one = all(np.linalg.norm(np.cross(axes[0], axis)) < 1e-6 for axis in axes)
         largest = axes[0] @ matrix @ axes[0] if one else np.linalg.eigvalsh(matrix)[-1]
         if 0.0 < FACTOR * scale < largest and largest > NEGLIGIBLE * felt[name]:
             found[name] = float(largest) / scale
@@ -192,10 +192,6 @@ def _turns(joint: Joint, rotation: Array) -> list[Array]:
     if joint.kind in ("revolute", "continuous"):
         return [rotation @ np.asarray(joint.axis)]
     return [] if joint.kind in ("fixed", "prismatic") else [*np.eye(3)]
-
-
-def _parallel(one: Array, other: Array) -> bool:
-    return bool(np.linalg.norm(np.cross(one, other)) < 1e-6)
 
 
 # --- its twin -----------------------------------------------------------------------------------

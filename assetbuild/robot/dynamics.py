@@ -7,6 +7,7 @@ formulas stay readable. Coordinates: of a floating base first its linear, then i
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
@@ -16,6 +17,7 @@ from assetbuild.robot.inertia import matrix_of
 from assetbuild.robot.mimic import with_mimics
 from assetbuild.robot.model import Tree
 from assetbuild.robot.pose import Array, Pose
+from assetbuild.robot.shapes import Shapes, Sphere
 from assetbuild.robot.tree import forward_kinematics
 
 
@@ -201,4 +203,24 @@ def _pushes(wrenches: Array, weight: Array) -> Array:
             found[standing] = forces
             break
         standing = np.delete(standing, int(forces.argmin()))
+    return found
+
+
+def soles(
+    tree: Tree, shapes: Shapes, robot: Dynamics, feet: str | None
+) -> Sequence[tuple[str, Array]]:
+    """(body, world point) where each foot's shapes touch the ground: below their centres."""
+    found = []
+    for shape in shapes.of("collision"):
+        if feet is not None and re.fullmatch(feet, shape.link) is None:
+            continue
+        body, X_body_link = tree.placement(shape.link)
+        X_world_shape = robot.motions[body].pose @ X_body_link @ shape.X_link_shape
+        drop = (
+            shape.geometry.radius if isinstance(shape.geometry, Sphere) else 0.0
+        )  # without a mesh
+        found.append((body, np.asarray(X_world_shape.xyz) - (0.0, 0.0, drop)))
+    if feet is None and found:
+        ground = min(point[2] for _, point in found)
+        found = [(body, point) for body, point in found if point[2] - ground < 0.01]
     return found

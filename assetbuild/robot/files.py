@@ -2,13 +2,31 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 
 from assetbuild.robot.codec import decode_file
-from assetbuild.robot.model import Control, Tree
+from assetbuild.robot.model import Contact, Control, Tree
 from assetbuild.robot.shapes import Shapes, SourceShapes
-from assetbuild.robot.source import SourceControl
+
+
+@dataclass(frozen=True)
+class SourceControl:
+    """`source_control.json`, which `steps.control` joins with the recipe.
+
+    control: in the names of the source's links and shapes, before merging and assembling;
+        each moving joint has an actuator, passive where the source drives it otherwise.
+    bodies: links that are bodies of the source with mass; the others only name places.
+    ctrl: (keyframe, command by actuator) where the source states any.
+    surfaces: of a composite, by the prefix of each part, the surface that most of its shapes
+        have; `control.contact` is the base's.
+    """
+
+    control: Control = field(default_factory=Control)
+    bodies: tuple[str, ...] = ()
+    ctrl: tuple[tuple[str, tuple[tuple[str, float], ...]], ...] = ()
+    surfaces: tuple[tuple[str, Contact], ...] = ()
 
 
 class RobotFiles:

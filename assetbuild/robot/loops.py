@@ -9,11 +9,12 @@ from typing import Annotated, Literal, Self
 import numpy as np
 from pydantic import Field, model_validator
 
-from assetbuild.errors import Gather, did_you_mean
+from assetbuild.errors import Gather
 from assetbuild.quantities import Model, Name, Positive, Real
+from assetbuild.robot.actuator_table import RowError
 from assetbuild.robot.model import Joint, Loop, LoopEnd, Tree
-from assetbuild.robot.motors import RowError
 from assetbuild.robot.pose import Pose, quat_of_rpy, vec3
+from assetbuild.robot.tree import link_names, link_placement
 
 AXIS = "_axis"
 """Of the name of the second `connect` of a hinge."""
@@ -102,7 +103,8 @@ def resolve_loops(tree: Tree, rows: Sequence[LoopRow]) -> tuple[Loop, ...]:
                 message = f"loops[{index}]: a second loop is named `{row.name}`"
                 raise RowError(message, key=("loops", index, "name"), hint="choose another name")
             for side, frame in (("a", row.a), ("b", row.b)):
-                _check_link(tree, index, side, frame.link)
+                key = ("loops", index, side, "link")
+                link_placement(tree, frame.link, f"loops[{index}].{side}", key)
             placed = tuple(placed_loop(tree, loop) for loop in row.loops)
             if not _joints_between(tree, placed[0]):
                 message = f"loops[{index}]: no joint moves between `{row.a.link}` and "
@@ -138,21 +140,9 @@ def by_constraint(loops: Iterable[Loop]) -> dict[str, tuple[Loop, ...]]:
     return found
 
 
-def _check_link(tree: Tree, index: int, side: str, link: str) -> None:
-    try:
-        tree.placement(link)
-    except KeyError:
-        known = [body.name for body in tree.bodies] + [frame.name for frame in tree.frames]
-        raise RowError(
-            f"loops[{index}].{side}: no link `{link}`",
-            key=("loops", index, side, "link"),
-            hint=did_you_mean(link, known),
-        ) from None
-
-
 def site_names(tree: Tree, loops: Sequence[Loop]) -> dict[str, tuple[str, str]]:
     """The names of the sites at both ends of each loop in MJCF, none of which a frame has."""
-    taken = {body.name for body in tree.bodies} | {frame.name for frame in tree.frames}
+    taken = set(link_names(tree))
     found = {}
     for loop in loops:
         tail = ""

@@ -1,7 +1,6 @@
 """The Robot: frozen, SI, radians, quaternions wxyz.
 
-It is stored as separate artefacts, so that a new gain leaves geometry alone and a new mesh
-leaves gains alone:
+It is stored as separate artefacts, so that a new gain leaves geometry alone and vice versa:
 
 - `Tree` (links.json before, tree.json after merging fixed joints): bodies, joints, frames;
 - `Shapes` (shapes.json): visual and collision geometry, each in the frame of its *source* link,
@@ -19,12 +18,11 @@ from assetbuild.robot.actuator_table import ActuatorModel as ActuatorModel
 from assetbuild.robot.actuator_table import General as General
 from assetbuild.robot.contact import Contact as Contact
 from assetbuild.robot.pose import IDENTITY, Pose, Quat, Vec3
+from assetbuild.robot.sections import Simulation as Simulation
 from assetbuild.robot.shapes import Shape
-from assetbuild.robot.simulation import Simulation as Simulation
 
 Base = Literal["floating", "fixed"]
 JointKind = Literal["revolute", "continuous", "prismatic", "fixed", "floating", "planar", "ball"]
-
 MOVING: frozenset[str] = frozenset({"revolute", "continuous", "prismatic"})
 """Joint kinds with one coordinate, which the actuator table must cover."""
 
@@ -221,12 +219,11 @@ class Actuator:
         """Torque of a `dc_motor` at rest, N m or N; where none is stated, its effort limit."""
         return self.effort if self.stall is None else self.stall
 
-
-def _undriven(row: Actuator) -> Actuator:
-    """The joint's own numbers."""
-    return Actuator(
-        row.joint, "passive", damping=row.damping, friction=row.friction, armature=row.armature
-    )
+    @property
+    def undriven(self) -> Actuator:
+        """The joint's own numbers."""
+        kept = Actuator(self.joint, "passive", damping=self.damping, friction=self.friction)
+        return replace(kept, armature=self.armature)
 
 
 @dataclass(frozen=True)
@@ -393,7 +390,7 @@ class Control:
     def in_mjcf(self) -> Control:
         """The control without the drives that the MJCF states in its own words, see `mjcf_only`."""
         over = self.own_drives
-        rows = tuple(_undriven(row) if row.joint in over else row for row in self.actuators)
+        rows = tuple(row.undriven if row.joint in over else row for row in self.actuators)
         return replace(self, actuators=rows) if over else self
 
     @property

@@ -42,9 +42,9 @@ class Pose:
         moved: Array = turned + np.asarray(self.xyz)
         return moved
 
-    def is_identity(self, tolerance: float = 0.0) -> bool:
-        """True when every entry of the translation and rotation vector is within `tolerance`."""
-        return max(map(abs, self.xyz + self.quat[1:])) <= tolerance
+    def is_identity(self) -> bool:
+        """True when every entry of the translation and rotation vector is 0."""
+        return not any(self.xyz + self.quat[1:])
 
     def matrix(self) -> Array:
         """(4, 4) homogeneous matrix."""

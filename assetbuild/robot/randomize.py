@@ -25,6 +25,7 @@ from assetbuild.robot.pose import Array, Vec3, vec3
 
 MOST_POINTS = 200
 """Most corners of a body that are taken to find the ellipsoid around all of them."""
+TOLERANCE = 0.01
 MOST_ROUNDS = 200
 """A draw that fits in none of so many attempts: the ranges do not fit the link."""
 
@@ -211,8 +212,8 @@ def homogeneous_box(mass_kg: float, size_m: Vec3, at_m: Vec3) -> Inertial:
     return Inertial(mass_kg, at_m, (xx, yy, zz, 0.0, 0.0, 0.0))
 
 
-def bounding_ellipsoid(points: Array, tolerance: float = 0.01) -> Ellipsoid:
-    """An ellipsoid around `points` (n, 3) whose axes exceed the least one's by `tolerance`, about.
+def bounding_ellipsoid(points: Array) -> Ellipsoid:
+    """An ellipsoid around `points` (n, 3) whose axes exceed the least one's by TOLERANCE, about.
 
     Khachiyan's algorithm with away steps (Todd and Yildirim, 2007); give it the vertices of the
     hull. What has no thickness gets 1e-4 of its extent. Raises ValueError without a point.
@@ -221,7 +222,7 @@ def bounding_ellipsoid(points: Array, tolerance: float = 0.01) -> Ellipsoid:
         raise ValueError("no point to enclose")
     round_points, middle, basis = _rounded(np.asarray(points, dtype=np.float64))
     core = _spread_out(round_points, MOST_POINTS)
-    weight = _enclosing_weights(core, tolerance)
+    weight = _enclosing_weights(core)
     centre = weight @ core
     offset = core - centre
     shape = np.linalg.inv(offset.T @ (offset * weight[:, None])) / 3.0
@@ -261,7 +262,7 @@ def _rounded(points: Array) -> tuple[Array, Array, Array]:
     return round_points, middle, axes.T * lengths
 
 
-def _enclosing_weights(points: Array, tolerance: float) -> Array:
+def _enclosing_weights(points: Array) -> Array:
     """Weights (n,) whose second moments give the least ellipsoid."""
     count = len(points)
     lifted = np.hstack([points, np.ones((count, 1))])
@@ -271,7 +272,7 @@ def _enclosing_weights(points: Array, tolerance: float) -> Array:
         reach = ((lifted @ np.linalg.inv(moment)) * lifted).sum(axis=1)
         far = int(np.argmax(reach))
         near = int(np.argmin(np.where(weight > 0.0, reach, math.inf)))
-        if reach[far] <= 4.0 * (1.0 + tolerance) and reach[near] >= 4.0 * (1.0 - tolerance):
+        if reach[far] <= 4.0 * (1.0 + TOLERANCE) and reach[near] >= 4.0 * (1.0 - TOLERANCE):
             break
         index = far if reach[far] - 4.0 >= 4.0 - reach[near] else near
         least = -weight[index] / (1.0 - weight[index]) if weight[index] < 1.0 else 0.0

@@ -13,14 +13,16 @@ limit. Source: MuJoCo, Computation, "Solver parameters", with a constant impedan
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
 
 from pydantic import Field
 
 from assetbuild.quantities import Model, Positive
 from assetbuild.robot.dynamics import dynamics
-from assetbuild.robot.mimic import first_leader, without_mimics
+from assetbuild.robot.mimic import first_leader, has_range, without_mimics
 from assetbuild.robot.model import Control, Joint, Softness, Tree
+from assetbuild.robot.sides import Side, side_of
 
 TIME_S, IMPEDANCE = 0.02, 0.95
 """MuJoCo's defaults: the time constant, and the impedance beyond a width of 1 mm or 1 mrad."""
@@ -66,7 +68,7 @@ Soft = Iterator[tuple[str, Softness]]
 def soft_limits(tree: Tree, control: Control, allowed: Allowed) -> Soft:
     """How to hold each joint with limits and an effort, in tree order."""
     inertia = bare_inertia(tree, control)
-    joints = [joint for joint in tree.moving_joints if _has_range(joint)]
+    joints = [joint for joint in tree.moving_joints if has_range(joint)]
     yield from _held(tree, control, joints, allowed, inertia)
 
 
@@ -81,7 +83,9 @@ def soft_couplings(tree: Tree, control: Control, allowed: Allowed) -> Soft:
         if joint.mimic is not None and joint.name in alone and joint.mimic.joint in alone:
             both = 1.0 / alone[joint.name] + 1.0 / alone[joint.mimic.joint]
             inertia[joint.name] = 1.0 / both
-        if joint.mimic is not None or _is_locked(joint):
+        limits = joint.limits
+        is_locked = limits.lower is not None and limits.lower == limits.upper
+        if joint.mimic is not None or (is_locked and joint.kind != "continuous"):
             coupled.append(joint)
     yield from _held(tree, control, coupled, allowed, inertia)
 
@@ -179,12 +183,34 @@ def _held(
             yield joint.name, soft
 
 
-def _has_range(joint: Joint) -> bool:
-    lower, upper = joint.limits.lower, joint.limits.upper
-    return joint.kind != "continuous" and None not in (lower, upper) and not _is_locked(joint)
+PLACES = {"limits": "joint", "couplings": "mimic"}
+"""Section of the recipe -> the place of MJCF's own words about the same."""
 
 
-def _is_locked(joint: Joint) -> bool:
-    limits = joint.limits
-    stated = joint.kind != "continuous" and limits.lower is not None
-    return stated and limits.lower == limits.upper
+def softened(
+    tree: Tree,
+    control: Control,
+    sides: Sequence[Side],
+    limits: LimitError,
+    couplings: CouplingError,
+) -> Control:
+    """The control with what MuJoCo's default would not hold; the check `full_effort` measures it.
+
+    What an MJCF source says of its constraints stays, unless the recipe states a wish.
+    """
+    at_limits = _ours(soft_limits(tree, control, limits), control, sides, "limits")
+    coupled = _ours(soft_couplings(tree, control, couplings), control, sides, "couplings")
+    return replace(control, soft_limits=tuple(at_limits), soft_couplings=tuple(coupled))
+
+
+def _ours(
+    held: Iterable[tuple[str, Softness]], control: Control, sides: Sequence[Side], section: str
+) -> Iterator[tuple[str, Softness]]:
+    """Without joints whose softness an MJCF source decides."""
+    words = [item for item in control.mjcf_only if item.place == PLACES[section]]
+    said = {i.owner for i in words if "solref" in i.element or "solimp" in i.element}
+    for joint, soft in held:
+        side = side_of(sides, joint)
+        ours = not side.from_mjcf or section in side.stated
+        if ours and joint not in said:
+            yield joint, soft

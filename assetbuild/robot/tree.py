@@ -9,6 +9,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from assetbuild.errors import did_you_mean
+from assetbuild.robot.actuator_table import Key, RowError
 from assetbuild.robot.inertia import combine, move_inertial
 from assetbuild.robot.model import Body, Frame, Joint, Tree
 from assetbuild.robot.pose import IDENTITY, Pose, normalised_quat, vec3
@@ -57,7 +59,7 @@ def held_by_world(tree: Tree) -> Tree:
     """
     if tree.X_world_root == IDENTITY:
         return tree
-    names = {body.name for body in tree.bodies} | {frame.name for frame in tree.frames}
+    names = link_names(tree)
     world, above = "world", "world_joint"
     while world in names:
         world += "_"
@@ -66,6 +68,20 @@ def held_by_world(tree: Tree) -> Tree:
     mount = Joint(above, "fixed", world, tree.root, tree.X_world_root)
     bodies, joints = (Body(world), *tree.bodies), (mount, *tree.joints)
     return replace(tree, bodies=bodies, joints=joints, X_world_root=IDENTITY)
+
+
+def link_names(tree: Tree) -> tuple[str, ...]:
+    """Names of the source's links: of the bodies, then of those that are frames now."""
+    return (*tree.by_body, *(frame.name for frame in tree.frames))
+
+
+def link_placement(tree: Tree, link: str, place: str, key: Key) -> tuple[str, Pose]:
+    """(body, X_body_link) of a link that the recipe names at `key`; RowError: there is none."""
+    try:
+        return tree.placement(link)
+    except KeyError:
+        hint = did_you_mean(link, link_names(tree))
+        raise RowError(f"{place}: no link `{link}`", key=key, hint=hint) from None
 
 
 def joint_motion(joint: Joint, value: float) -> Pose:

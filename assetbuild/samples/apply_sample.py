@@ -8,8 +8,8 @@ from dataclasses import replace
 from assetbuild.engine.step import Files, Step
 from assetbuild.findings import Finding
 from assetbuild.robot.codec import decode_file, encode
-from assetbuild.robot.effort_words import of_same_effort
 from assetbuild.robot.files import RobotFiles
+from assetbuild.robot.mjcf_only import of_same_effort
 from assetbuild.robot.model import Actuator, Contact, Control, Tree
 from assetbuild.robot.randomize import JointSample, Sample, Samples
 

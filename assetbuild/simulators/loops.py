@@ -13,14 +13,13 @@ from assetbuild.engine.step import Files
 from assetbuild.findings import Finding, Rule
 from assetbuild.kinds import RecipeView, write_figures
 from assetbuild.quantities import Model, Positive
-from assetbuild.robot.closure import close, coordinates, gaps
+from assetbuild.robot.closure import close, coordinates, felt_inertia, gaps
 from assetbuild.robot.dynamics import dynamics
 from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.initial import initial_pose
 from assetbuild.robot.loops import path_of
 from assetbuild.robot.mimic import with_mimics
 from assetbuild.robot.model import Actuator, Control, Tree
-from assetbuild.robot.reflected import felt_inertia
 from assetbuild.simulators.experiments import (
     Experiment,
     Outcome,

@@ -11,8 +11,7 @@ from assetbuild.engine.step import Files
 from assetbuild.geometry.convert_mesh import ConvertMesh
 from assetbuild.kinds import ConvertedMesh
 from assetbuild.mesh.obj import read_triangles
-from assetbuild.mesh.triangles import TriangleMesh, merged
-from assetbuild.mesh.weld import cleaned
+from assetbuild.mesh.triangles import TriangleMesh, cleaned, merged
 from assetbuild.robot.codec import decode
 
 LINKS = {

@@ -27,7 +27,7 @@ from assetbuild.mesh.solid import ConvexPiece
 from assetbuild.mesh.triangles import TriangleMesh
 from assetbuild.mesh.vhacd import VHacdOptions, vhacd_parts
 
-SOURCE = (PlacedSource.of_mesh("mesh"),)
+SOURCE = (PlacedSource("mesh"),)
 LIMITS = NativeLimits(cpu_s=60.0, memory_mb=4096)
 COACD = CoAcdOptions(resolution=2000, mcts_nodes=20, mcts_iterations=150, mcts_depth=3)
 

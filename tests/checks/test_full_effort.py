@@ -11,10 +11,9 @@ import pytest
 from tiny import TinyRobot, check_inputs, four_bar, pendulum, run_step, tiny_quadruped, with_mimic
 
 from assetbuild.checks.full_effort import FullEffort
-from assetbuild.control.soften import softened
 from assetbuild.findings import Finding
 from assetbuild.robot.sides import Side
-from assetbuild.robot.softness import CouplingError, LimitError, bare_inertia
+from assetbuild.robot.softness import CouplingError, LimitError, bare_inertia, softened
 from assetbuild.targets.mjcf import Mjcf
 from assetbuild.targets.mjx import Mjx
 

@@ -29,15 +29,13 @@ from assetbuild.mesh.native import NativeError, NativeLimits
 from assetbuild.mesh.obj import read_triangles
 from assetbuild.mesh.primitives import tessellate
 from assetbuild.mesh.solid import ConvexPiece
-from assetbuild.mesh.triangles import TriangleMesh
+from assetbuild.mesh.triangles import TriangleMesh, cleaned, face_areas
 from assetbuild.mesh.vhacd import VHacdOptions
-from assetbuild.mesh.volume import face_areas
-from assetbuild.mesh.weld import cleaned
 from assetbuild.robot.codec import decode
 from assetbuild.robot.pose import Pose, quat_of_rpy
 from assetbuild.robot.shapes import Box, Sphere
 
-MESH = (PlacedSource.of_mesh("shapes/0"),)
+MESH = (PlacedSource("shapes/0"),)
 COARSE = VHacdOptions(resolution=30_000)
 TIGHT = {"max_outside": 0.1, "max_missing": 0.02, "max_overcover": 0.05, "vhacd": COARSE}
 

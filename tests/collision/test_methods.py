@@ -26,15 +26,14 @@ from assetbuild.mesh.material import MaterialPart, SurfaceMaterial
 from assetbuild.mesh.obj import obj_bytes, read_triangles
 from assetbuild.mesh.primitives import signed_distance, tessellate
 from assetbuild.mesh.solid import ConvexPiece
-from assetbuild.mesh.triangles import TriangleMesh, merged
-from assetbuild.mesh.volume import is_closed, signed_volume
+from assetbuild.mesh.triangles import TriangleMesh, is_closed, merged, signed_volume
 from assetbuild.plugins import load_plugin, plugin_names
 from assetbuild.robot.codec import decode
 from assetbuild.robot.pose import Pose, quat_of_rpy
 from assetbuild.robot.shapes import Box, Capsule, Cylinder, Mesh, Sphere
 
 BOX = tessellate(Box((1.0, 1.0, 1.0)))
-MESH = (PlacedSource.of_mesh("shapes/0"),)
+MESH = (PlacedSource("shapes/0"),)
 TURNED = Pose((0.3, -0.2, 0.5), quat_of_rpy(0.4, -0.7, 1.1))
 
 
@@ -101,7 +100,7 @@ def test_a_capped_hull_has_exactly_the_asked_vertices(tmp_path):
 
 def test_sources_are_placed_and_joined_in_the_output_frame(tmp_path):
     sources = (
-        PlacedSource.of_mesh("shapes/0", Pose((10.0, 0.0, 0.0))),
+        PlacedSource("shapes/0", pose=Pose((10.0, 0.0, 0.0))),
         PlacedSource.of_primitive(Box((1.0, 1.0, 1.0)), Pose((0.0, 0.0, 0.0))),
     )
     _, (hull,), _, _ = fit(tmp_path, Hull(sources=sources), BOX)

@@ -14,8 +14,8 @@ from assetbuild.compose.compose_parts import ComposeParts, PartOn
 from assetbuild.errors import RecipeError
 from assetbuild.robot.codec import decode
 from assetbuild.robot.model import Tree
-from assetbuild.robot.mount import At, Mount
 from assetbuild.robot.pose import Pose, quat_of_rpy
+from assetbuild.robot.sections import At, Mount
 from assetbuild.robot.shapes import SourceShapes
 from assetbuild.robot.tree import forward_kinematics, sample_positions
 from assetbuild.source.urdf.read_urdf import ReadUrdf

@@ -15,10 +15,10 @@ from assetbuild.compose.composed_control import KeyOf, PartControl
 from assetbuild.compose.composed_masks import meeting_masks, touch
 from assetbuild.errors import RecipeError
 from assetbuild.robot.codec import decode, encode
+from assetbuild.robot.files import SourceControl
 from assetbuild.robot.model import Contact, Control, MjcfOnly, Tree
-from assetbuild.robot.mount import At
 from assetbuild.robot.pose import IDENTITY
-from assetbuild.robot.source import SourceControl
+from assetbuild.robot.sections import At
 
 FLOOR = (1, 1)
 HEAD = '<mujoco><compiler angle="radian"/><worldbody>'

@@ -15,7 +15,7 @@ from assetbuild.facts.reference import Reference, robot_table
 from assetbuild.facts.table import Key
 from assetbuild.plugins import load_plugin, plugin_names
 from assetbuild.robot.contact import Contact
-from assetbuild.robot.simulation import Simulation
+from assetbuild.robot.sections import Simulation
 
 READERS = {name: load_plugin(Reader, name) for name in plugin_names(Reader)}
 OPTIONS = {"feet": {"links": ".*_foot"}, "imu": {"link": "trunk"}, "xrdf": {"max_spheres": 1}}

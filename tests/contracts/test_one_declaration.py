@@ -20,10 +20,9 @@ from assetbuild.facts.readers.mjcf import MjcfFacts
 from assetbuild.findings import Finding
 from assetbuild.quantities import Model
 from assetbuild.robot.contact import Contact, Contacts
-from assetbuild.robot.files import RobotFiles
+from assetbuild.robot.files import RobotFiles, SourceControl
+from assetbuild.robot.sections import Simulation
 from assetbuild.robot.sides import Side
-from assetbuild.robot.simulation import Simulation
-from assetbuild.robot.source import SourceControl
 from assetbuild.source.mjcf.flatten_mjcf import FlattenMjcf
 from assetbuild.source.mjcf.read_mjcf import ReadMjcf
 from assetbuild.targets.mjcf import Mjcf
@@ -112,7 +111,7 @@ def test_the_recipe_wins_over_an_mjcf_where_it_states_the_key(key: str):
     own = robot.control
     for stated, winner in (((), source.control), ((key,), own)):
         sides = StatedControl((Side(from_mjcf=True, stated=stated),))
-        joined = join(own, source, robot.tree, robot.shapes, sides).control
+        joined, _ = join(own, source, robot.tree, robot.shapes, sides)
         name = key.partition(".")[2]
         assert getattr(getattr(joined, section), name) == getattr(getattr(winner, section), name)
 

@@ -13,16 +13,15 @@ from tiny import four_bar, run_step, write_robot_ports
 
 from assetbuild.control.close_loops import source_findings
 from assetbuild.control.control import ControlStep
-from assetbuild.robot.actuator_table import ActuatorRow
+from assetbuild.robot.actuator_table import ActuatorRow, RowError
 from assetbuild.robot.closure import close, gaps
 from assetbuild.robot.codec import decode_file
 from assetbuild.robot.dynamics import dynamics
 from assetbuild.robot.loops import LoopRow
 from assetbuild.robot.model import Control
 from assetbuild.robot.model import Keyframe as SourceKeyframe
-from assetbuild.robot.motors import RowError
 from assetbuild.robot.pose import Pose
-from assetbuild.robot.poses import Keyframe
+from assetbuild.robot.sections import Keyframe
 
 COUPLER = {"link": "coupler", "xyz": (0.2, 0.0, 0.0)}
 ROCKER = {"link": "rocker", "xyz": (0.15, 0.0, 0.0)}

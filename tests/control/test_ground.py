@@ -1,17 +1,22 @@
-"""The scenes of a fixed robot have their floor below whatever of it moves; MuJoCo says whether."""
+"""The ground under a robot, pairs that touch, and its sensors."""
 
 from __future__ import annotations
 
+import json
 import math
 from dataclasses import replace
 from pathlib import Path
 
 import mujoco
 import pytest
+from control.test_control import feet, quadruped, recipe
 from tiny import TinyRobot, box_inertial, run_step, write_robot_ports
 
 from assetbuild.control.ground import Ground, with_reach
-from assetbuild.robot.model import Body, Control, Joint, Keyframe, Limits, MjcfOnly, Tree
+from assetbuild.control.sample_pairs import SamplePairs
+from assetbuild.control.senses import contacts, placed_cameras, placed_sensors
+from assetbuild.robot.actuators import RowError
+from assetbuild.robot.model import Body, Control, Joint, Keyframe, Limits, MjcfOnly, Place, Tree
 from assetbuild.robot.pose import Pose, quat_of_rpy
 from assetbuild.robot.shapes import Box, Capsule, Cylinder, Geometry, Shape, Shapes, Sphere
 from assetbuild.targets.mjcf import Mjcf
@@ -109,3 +114,103 @@ def test_a_plane_of_the_source_stays_where_it_is(tmp_path: Path):
     control = replace(robot.control, mjcf_only=(plane,))
     found = with_reach(robot.tree, control, Ground(robot.tree, robot.shapes, tmp_path))
     assert found == (control, [])
+
+
+HALF_TURN = Limits(-math.pi, math.pi)
+
+
+def robot() -> TinyRobot:
+    """A base; an arm of 1 m that turns; at its tip a ball of 2 m; a box that slides 50 m away.
+
+    The ball's surface passes the base in every pose. A pin on the base, 1 m aside, is met by the
+    arm only when it points there. The box is out of reach.
+    """
+    bodies = ("base", "arm", "ball", "far", "pin")
+    joints = (
+        Joint("turn", "revolute", "base", "arm", axis=(0, 0, 1), limits=HALF_TURN),
+        Joint("tip", "revolute", "arm", "ball", Pose((1, 0, 0)), (0, 0, 1), HALF_TURN),
+        Joint("slide", "prismatic", "base", "far", Pose((50, 0, 0)), limits=Limits(-0.1, 0.1)),
+        Joint("nod", "revolute", "far", "pin", Pose((-50, 0.9, 0)), (1, 0, 0), Limits(-0.1, 0.1)),
+    )
+    shapes = (
+        Shape("b", "base", "collision", Box((0.2, 0.2, 0.2))),
+        Shape("a", "arm", "collision", Box((0.2, 0.1, 0.1)), Pose((0.9, 0, 0))),
+        Shape("s", "ball", "collision", Sphere(2.0)),
+        Shape("f", "far", "collision", Box((1.0, 1.0, 1.0))),
+        Shape("p", "pin", "collision", Sphere(0.1)),
+    )
+    tree = Tree("r", "fixed", tuple(Body(name) for name in bodies), joints)
+    return TinyRobot(tree, tree, Shapes(shapes))
+
+
+def pairs(tmp_path, samples: int, run: str = "out"):
+    folder = write_robot_ports(tmp_path / "in", robot())
+    (finding,) = run_step(SamplePairs(samples=samples), folder, tmp_path / run)
+    found = json.loads((tmp_path / run / "sampled_pairs.json").read_text())
+    return found["always"], found["never"], finding
+
+
+def test_what_always_and_what_never_touches_is_found(tmp_path):
+    always, never, finding = pairs(tmp_path, 200)
+    assert ["ball", "base"] in always
+    assert ["ball", "pin"] in always  # the pin is less than 2 m from any point of the circle
+    assert ["arm", "far"] in never
+    assert ["base", "far"] not in always + never  # a joint connects them
+    assert not any({"arm", "pin"} == set(pair) for pair in always + never)  # now and then
+    assert finding.rule == "exclude.sampled"
+    assert finding.data == {"pairs": 6, "always": len(always), "never": len(never)}
+
+
+def test_the_same_pairs_again(tmp_path):
+    assert pairs(tmp_path, 20, "a")[:2] == pairs(tmp_path, 20, "b")[:2]
+
+
+TREE = quadruped()
+
+
+def sensors_of(said: object):
+    return placed_sensors(TREE, feet(), said.imu, said.feet, said.sensors)
+
+
+def test_feet_get_a_contact_sensor_each_and_the_imu_its_four():
+    made = sensors_of(recipe(feet={"links": ".*_foot"}, imu={"link": "trunk"}))
+    assert [s.name for s in made[:4]] == ["imu_ang_vel", "imu_lin_acc", "imu_lin_vel", "imu_quat"]
+    assert [s.at for s in made[4:]] == [Place("shape", f"{leg}_f") for leg in ("FL", "FR", "RL", "RR")]  # fmt: skip # noqa: E501
+
+
+def test_a_surface_changes_only_what_it_says():
+    rules = {"friction": [0.5, 0, 0], "links": {".*_foot": {"condim": 6}}}
+    found = dict(contacts(feet(), recipe(contact=rules).contact))
+    assert set(found) == {"FL_f", "FR_f", "RL_f", "RR_f"}
+    assert (found["FL_f"].condim, found["FL_f"].friction) == (6, (0.5, 0.0, 0.0))
+
+
+BAD = {
+    "imu.link: no link `trnk`": {"imu": {"link": "trnk"}},
+    "feet.links: pattern `toe` matches no link": {"feet": {"links": "toe"}},
+    "sensors.a: no moving joint `knee`": {"sensors": {"a": {"kind": "jointpos", "joint": "knee"}}},
+    "sensors.a.relative_to: no link `x`": {
+        "sensors": {"a": {"kind": "framepos", "link": "trunk", "relative_to": "x"}}
+    },
+    "sensors: the name `imu_quat` is taken": {
+        "imu": {"link": "trunk"}, "sensors": {"imu_quat": {"kind": "framequat", "link": "trunk"}},
+    },
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("message", BAD)
+def test_a_link_or_joint_that_is_not_there(message: str):
+    with pytest.raises(RowError) as caught:
+        sensors_of(recipe(**BAD[message]))
+    assert message in caught.value.message
+
+
+def test_a_pattern_of_surfaces_without_a_shape():
+    with pytest.raises(RowError, match="matches no link with a collision shape"):
+        contacts(feet(), recipe(contact={"links": {"trunk": {"condim": 1}}}).contact)
+
+
+def test_an_optical_frame_looks_along_z():
+    said = recipe(cameras={"a": {"link": "trunk", "optical": True}}).cameras
+    (camera,) = placed_cameras(TREE, said)
+    assert camera.X_link_camera.rotation[:, 2] == pytest.approx((0.0, 0.0, -1.0))

@@ -1,17 +1,26 @@
-"""What an MJCF says holds where the recipe says nothing; what the recipe says wins, aloud."""
+"""What an MJCF says is joined with the recipe; what other steps read of it is kept."""
 
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import mujoco
 import pytest
 from mjcfs import Reading, Written, hard_arm, read, write
+from tiny import TinyRobot, pendulum, run_step, tiny_quadruped, write_robot_ports
 
+from assetbuild.control.keep import KeepRatings
+from assetbuild.control.only_mjcf import wider_excludes
 from assetbuild.robot.codec import decode, encode
-from assetbuild.robot.model import Contact
-from assetbuild.robot.shapes import SourceShapes
+from assetbuild.robot.model import Body, Contact, Control, Joint, MjcfOnly, Tree
+from assetbuild.robot.pose import IDENTITY
+from assetbuild.robot.shapes import Shape, Shapes, SourceShapes, Sphere
+from assetbuild.robot.sides import Side
+from assetbuild.robot.softness import CouplingError, LimitError, softened
+from assetbuild.robot.tree import merge_fixed_joints
+from assetbuild.targets.urdf import Urdf
 
 PAIR = '<mujoco><option timestep="0.003"/><worldbody><body name="a"><geom name="ga" size=".1" friction="2 0.1 0.1" group="3"/><body name="b" pos="0 0 1"><joint name="j" armature="0.2" damping="0.5"/><geom name="gb" size=".1" group="3"/><body name="c"><geom name="gc" size=".1" group="3"/></body></body></body></worldbody><contact><exclude body1="a" body2="c"/></contact><actuator><position name="p" joint="j" kp="5"/></actuator><sensor><actuatorfrc name="f" actuator="p"/></sensor><keyframe><key name="home" qpos="0.5"/></keyframe></mujoco>'  # noqa: E501 # one robot per line
 
@@ -125,3 +134,102 @@ def test_a_drive_whose_joint_the_recipe_moves_is_sent_there(tmp_path: Path):
     assert 'ctrl="0.4"' in kept.xml.read_text(), "the source's own command for its own pose"
     moved = made(tmp_path / "2", text, keyframes={"home": {"joints": {"j": 0.25}}})
     assert 'ctrl="0.25"' in moved.xml.read_text()
+
+
+NAMES = ("trunk", "thigh", "shank", "foot")
+JOINTS = tuple(
+    Joint(f"to_{child}", kind, parent, child, IDENTITY)
+    for parent, child, kind in zip(
+        NAMES, NAMES[1:], ("continuous", "continuous", "fixed"), strict=False
+    )
+)
+LINKS = Tree("leg", "floating", tuple(map(Body, NAMES)), JOINTS)
+SHAPES = Shapes(tuple(Shape(n, n, "collision", Sphere(0.1), IDENTITY, None) for n in NAMES))
+
+
+@pytest.mark.parametrize(
+    ("excludes", "merge", "lost"),
+    [
+        ([("shank", "trunk")], True, ["pair shank trunk"]),
+        ([("shank", "trunk")], False, []),
+        ([("shank", "trunk"), ("foot", "trunk")], True, []),
+        ([("shank", "thigh")], True, []),
+    ],
+)
+def test_what_no_longer_touches_is_reported(
+    excludes: list[tuple[str, str]], merge: bool, lost: list[str]
+):
+    tree, _ = merge_fixed_joints(LINKS, merge, ())
+    found = [(finding.rule, finding.subject) for finding in wider_excludes(excludes, tree, SHAPES)]
+    assert found == [("mjcf.wider_exclude", pair) for pair in lost]
+
+
+LIMITS, COUPLINGS = LimitError.model_validate({}), CouplingError.model_validate({})
+SAID = MjcfOnly("joint", '<joint solreflimit="0.03 1"/>', "swing_joint")
+
+
+def strong(effort: float = 500.0) -> TinyRobot:
+    """The pendulum with a motor that MuJoCo's default limits do not hold."""
+    robot = pendulum()
+    (row,) = robot.control.actuators
+    control = replace(robot.control, actuators=(replace(row, effort=effort),))
+    return replace(robot, control=control)
+
+
+def limits_of(robot: TinyRobot, side: Side, control: Control | None = None) -> tuple[str, ...]:
+    made = softened(robot.tree, control or robot.control, (side,), LIMITS, COUPLINGS)
+    return tuple(name for name, _ in made.soft_limits)
+
+
+def test_a_strong_motor_gets_stiffer_limits_and_a_weak_one_keeps_mujocos() -> None:
+    assert limits_of(strong(), Side()) == ("swing_joint",)
+    assert limits_of(strong(5.0), Side()) == ()
+
+
+def test_an_mjcf_keeps_its_limits_unless_the_recipe_states_a_wish() -> None:
+    assert limits_of(strong(), Side(from_mjcf=True)) == ()
+    assert limits_of(strong(), Side(from_mjcf=True, stated=("limits",))) == ("swing_joint",)
+
+
+def test_softness_that_the_source_states_wins() -> None:
+    robot = strong()
+    said = replace(robot.control, mjcf_only=(SAID,))
+    assert limits_of(robot, Side(from_mjcf=True, stated=("limits",)), said) == ()
+
+
+def kept(folder: Path, control: Control) -> bytes:
+    (folder / "inputs").mkdir(parents=True)
+    (folder / "inputs/control.json").write_bytes(encode(control))
+    run_step(KeepRatings(), folder / "inputs", folder / "outputs")
+    return (folder / "outputs/ratings.json").read_bytes()
+
+
+def changed(control: Control, **values: float) -> Control:
+    rows = [replace(row, **values) for row in control.actuators]
+    return replace(control, actuators=tuple(rows))
+
+
+@pytest.mark.parametrize("name", ["kp", "kd", "armature"])
+def test_gains_keyframes_and_contacts_change_nothing(tmp_path: Path, name: str):
+    control = tiny_quadruped().control
+    other = changed(replace(control, keyframes=(), excludes=()), **{name: 1.25})
+    assert kept(tmp_path / "a", control) == kept(tmp_path / "b", other)
+
+
+@pytest.mark.parametrize("name", ["effort", "velocity", "damping", "friction"])
+def test_each_rating_is_kept(tmp_path: Path, name: str):
+    control = tiny_quadruped().control
+    assert kept(tmp_path / "a", control) != kept(tmp_path / "b", changed(control, **{name: 1.25}))
+
+
+def test_the_urdf_is_the_same_from_ratings_as_from_all_control_data(tmp_path: Path):
+    robot = tiny_quadruped()
+    texts = []
+    for name in ("all", "ratings"):
+        folder = write_robot_ports(tmp_path / name, robot)
+        if name == "ratings":
+            (folder / "ratings.json").write_bytes(kept(tmp_path / "kept", robot.control))
+        run_step(Urdf(robot="it"), folder, tmp_path / f"{name}-out")
+        texts.append((tmp_path / f"{name}-out/urdf/it.urdf").read_bytes())
+    assert texts[0] == texts[1]
+    assert b"effort" in texts[0]

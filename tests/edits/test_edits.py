@@ -19,8 +19,7 @@ from assetbuild.geometry.convert_mesh import ConvertMesh
 from assetbuild.kinds import Edit
 from assetbuild.mesh.obj import read_triangles
 from assetbuild.mesh.primitives import tessellate
-from assetbuild.mesh.triangles import TriangleMesh
-from assetbuild.mesh.volume import solid_moments
+from assetbuild.mesh.triangles import TriangleMesh, solid_moments
 from assetbuild.plugins import load_plugin, plugin_names
 from assetbuild.robot.codec import decode, encode
 from assetbuild.robot.inertia import matrix_of, principal_moments, tensor_of, triangle_violation

@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import math
 from pathlib import Path
-from types import SimpleNamespace
 
 import pytest
 
@@ -45,7 +44,7 @@ def loaded(tmp_path: Path, collision: str) -> LoadedRecipe:
 
 def jobs(tmp_path: Path, collision: str):
     recipe = loaded(tmp_path, collision).recipe
-    return collision_jobs(recipe, tmp_path, LINKS, SimpleNamespace(shapes=SHAPES))
+    return collision_jobs(recipe, tmp_path, LINKS, SHAPES)
 
 
 def test_the_preset_fills_what_a_rule_of_auto_leaves_open(tmp_path):
@@ -157,22 +156,22 @@ def test_a_mirrored_mesh_takes_the_result_of_the_other_link(tmp_path):
     all_jobs = jobs(tmp_path, "  preset: locomotion\n")
     base, _, arm = all_jobs
     known = Answers(MIRRORED)
-    twins = equal_shapes(all_jobs, known, known)
+    twins = equal_shapes(all_jobs, known.converted, known)
     assert set(twins) == {arm}
     assert twins[arm].job is base
     assert sorted(known.inputs)[0] == "shapes/0/mesh.json"
-    assert equal_shapes(all_jobs, known, Answers(None)) is None  # not compared yet
+    assert equal_shapes(all_jobs, known.converted, Answers(None)) is None  # not compared yet
 
 
 def test_other_tolerances_share_no_result(tmp_path):
     all_jobs = jobs(tmp_path, "  links: {arm: {preset: manipulation}}\n")
-    assert equal_shapes(all_jobs, Answers(MIRRORED), Answers(MIRRORED)) == {}
+    assert equal_shapes(all_jobs, Answers(MIRRORED).converted, Answers(MIRRORED)) == {}
 
 
 def test_a_place_to_keep_open_is_searched_on_its_own(tmp_path):
     text = "  links: {arm: {keep_open: [{from: [0, 0, 0], radius: 1 mm}]}}\n"
     all_jobs = jobs(tmp_path, text)
-    assert equal_shapes(all_jobs, Answers(MIRRORED), Answers(MIRRORED)) == {}
+    assert equal_shapes(all_jobs, Answers(MIRRORED).converted, Answers(MIRRORED)) == {}
 
 
 def test_a_primitive_of_one_mesh_is_shared_by_all_links_that_turn_it(tmp_path):
@@ -193,7 +192,7 @@ def test_a_primitive_of_one_mesh_is_shared_by_all_links_that_turn_it(tmp_path):
             SourceShape("r", "right", "collision", MeshFile("hip.stl"), turned),
         )
     )
-    left, right = collision_jobs(recipe.recipe, tmp_path, tree, SimpleNamespace(shapes=shapes))
+    left, right = collision_jobs(recipe.recipe, tmp_path, tree, shapes)
     assert left.step() == right.step()
     assert left.step().bones == ((0.0, 0.08, 0.0),)
     assert (left.label, right.label) == ("primitive left", "primitive right")

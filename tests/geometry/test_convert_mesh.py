@@ -1,10 +1,11 @@
-"""A mesh file becomes one OBJ per material, the same bytes for the same geometry."""
+"""Meshes and pictures are converted, measured, and refused in one sentence."""
 
 from __future__ import annotations
 
 import io
 import struct
 import zlib
+from io import BytesIO
 from pathlib import Path
 
 import numpy as np
@@ -16,11 +17,11 @@ from pydantic import ValidationError
 from tiny import box_obj, run_step, stl
 
 from assetbuild.errors import StepError
+from assetbuild.geometry.companion_files import ConvertTexture
 from assetbuild.geometry.convert_mesh import ConvertMesh
 from assetbuild.kinds import ConvertedMesh
-from assetbuild.mesh.arrays import read_part
-from assetbuild.mesh.obj import read_triangles
-from assetbuild.mesh.volume import signed_volume
+from assetbuild.mesh.obj import read_part, read_triangles
+from assetbuild.mesh.triangles import signed_volume
 from assetbuild.robot.codec import decode
 
 GO1_MESHES = (
@@ -288,3 +289,30 @@ def test_a_part_that_is_a_line_is_left_out_and_told(tmp_path):
 def test_nothing_but_a_line_is_refused(tmp_path):
     with pytest.raises(StepError, match="no triangle has an area"):
         convert(tmp_path, stl(ONE * [1.0, 0.0, 1.0]), format="stl")
+
+
+def jpeg(size: tuple[int, int]) -> bytes:
+    file = BytesIO()
+    Image.new("RGB", size, (200, 30, 30)).save(file, "JPEG")
+    return file.getvalue()
+
+
+@pytest.mark.parametrize(
+    ("data", "rules"),
+    [
+        (jpeg((8, 4)), []),
+        (b"", ["texture.unreadable"]),
+        (jpeg((64, 64))[:200], ["texture.unreadable"]),
+        (b"<html>404 Not Found</html>", ["texture.unreadable"]),
+    ],
+)
+def test_what_is_no_picture_is_told_and_leaves_no_file(
+    data: bytes, rules: list[str], tmp_path: Path
+):
+    (tmp_path / "in").mkdir()
+    (tmp_path / "in/picture").write_bytes(data)
+    found = run_step(ConvertTexture(name="wood.jpg"), tmp_path / "in", tmp_path / "out")
+    assert [finding.rule for finding in found] == rules
+    made = tmp_path / "out/texture/texture.png"
+    assert made.is_file() is not bool(rules)
+    assert rules or Image.open(made).size == (8, 4)

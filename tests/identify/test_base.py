@@ -21,8 +21,8 @@ from scipy.spatial.transform import Rotation
 from tiny import run_step
 
 from assetbuild.errors import StepError
-from assetbuild.identify.base import commands, on_moving_base, poses
 from assetbuild.identify.read_log import ReadLog
+from assetbuild.identify.record import commands, on_moving_base, poses
 from assetbuild.robot.codec import encode
 from assetbuild.robot.identify import Columns, Identify
 

@@ -22,7 +22,7 @@ from logs import (
 from assetbuild.identify import solve
 from assetbuild.identify.fit_logs import _findings
 from assetbuild.robot.codec import decode_file
-from assetbuild.robot.identified import Curves, Fit, Parameter, Prediction
+from assetbuild.robot.identify import Curves, Fit, Parameter, Prediction
 
 HIDDEN = {"armature": ARMATURE, "damping": DAMPING, "friction": FRICTION}
 

@@ -18,7 +18,7 @@ import trimesh
 from PIL import Image
 from tiny import TinyRobot, pendulum, run_step, tiny_quadruped, write_robot_ports
 
-from assetbuild.control.keep_pose import KeepPose
+from assetbuild.control.keep import KeepPose
 from assetbuild.engine.world import World
 from assetbuild.errors import StepError
 from assetbuild.looks.lighten import Lighten

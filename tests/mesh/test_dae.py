@@ -10,9 +10,7 @@ from daes import CUBE, dae
 from assetbuild.errors import StepError
 from assetbuild.mesh.material import SurfaceMaterial
 from assetbuild.mesh.read import read_mesh
-from assetbuild.mesh.triangles import merged
-from assetbuild.mesh.volume import area, signed_volume
-from assetbuild.mesh.weld import cleaned
+from assetbuild.mesh.triangles import area, cleaned, merged, signed_volume
 
 
 def rules(source) -> dict[str, dict]:

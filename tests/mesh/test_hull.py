@@ -1,17 +1,27 @@
-"""Hulls are closed, outward, exact, and keep to their cap."""
+"""Hulls hold their points and keep their caps, and primitives are what they say."""
 
 from __future__ import annotations
 
 import math
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from assetbuild.errors import StepError
+from assetbuild.mesh.fit_many import Cloud
 from assetbuild.mesh.hull import convex_hull, hull_planes, polygon_count
-from assetbuild.mesh.primitives import tessellate
-from assetbuild.mesh.volume import is_closed, signed_volume
-from assetbuild.robot.shapes import Box, Capsule, Cylinder, Sphere
+from assetbuild.mesh.hulls import common_hull, hull_or_points, read_meshes, write_meshes
+from assetbuild.mesh.primitives import (
+    distance_slopes,
+    resized,
+    signed_distance,
+    sizes_of,
+    tessellate,
+)
+from assetbuild.mesh.triangles import TriangleMesh, is_closed, signed_volume, solid_moments
+from assetbuild.robot.pose import Pose
+from assetbuild.robot.shapes import Box, Capsule, Cylinder, MeshAsset, Primitive, Shapes, Sphere
 
 
 def grid(n: int = 7) -> np.ndarray:
@@ -95,3 +105,86 @@ def test_the_same_points_in_another_order_give_the_same_hull():
     b = convex_hull(points[::-1], max_vertices=32)
     assert np.array_equal(a.vertices, b.vertices)
     assert np.array_equal(a.faces, b.faces)
+
+
+SQUARE = TriangleMesh(
+    np.array([(0.0, 0.0, 0.1), (1.0, 0.0, 0.1), (1.0, 1.0, 0.1), (0.0, 1.0, 0.1)]),
+    np.array([(0, 1, 2), (0, 2, 3)]),
+)
+
+
+def stored(file: Path, meshes: list[TriangleMesh]) -> dict[str, TriangleMesh]:
+    write_meshes(file, meshes)
+    assets = tuple(MeshAsset(f"m{i}", f"m{i}.obj", 0, 0) for i in range(len(meshes)))
+    return dict(read_meshes(file, Shapes((), (), assets)))
+
+
+@pytest.mark.parametrize("count", [0, 1, 3])
+def test_meshes_are_read_as_they_were_written(count: int, tmp_path: Path) -> None:
+    meshes = [tessellate(Box((1.0, 2.0, 3.0))), SQUARE, tessellate(Sphere(0.1))][:count]
+    found = stored(tmp_path / "triangles.npz", meshes)
+    assert list(found) == [f"m{i}" for i in range(count)]
+    for mesh, read in zip(meshes, found.values(), strict=True):
+        assert np.array_equal(mesh.vertices, read.vertices)
+        assert np.array_equal(mesh.faces, read.faces)
+        assert read.faces.dtype == np.int64
+
+
+def test_the_same_meshes_give_the_same_bytes(tmp_path: Path) -> None:
+    for name in "ab":
+        write_meshes(tmp_path / name, [SQUARE])
+    assert (tmp_path / "a.npz").read_bytes() == (tmp_path / "b.npz").read_bytes()
+
+
+def test_a_flat_mesh_has_points_and_no_hull() -> None:
+    flat = hull_or_points(SQUARE)
+    assert len(flat.vertices) == 4
+    assert not len(flat.faces)
+    with pytest.raises(StepError):
+        common_hull([flat])
+
+
+def test_the_hull_of_two_apart_holds_what_is_between() -> None:
+    cube = tessellate(Box((1.0, 1.0, 1.0)))
+    both = common_hull([cube, cube.placed(Pose((2.0, 0.0, 0.0)))])
+    assert solid_moments(both)[0] == pytest.approx(3.0)
+    assert common_hull([cube]) is cube
+
+
+STEP = 1e-6
+POINTS = np.random.default_rng(0).uniform(-1.0, 1.0, (200, 3))
+KINDS = (Sphere(0.5), Box((0.9, 0.6, 0.4)), Capsule(0.3, 0.8), Cylinder(0.4, 0.7))
+
+
+@pytest.mark.parametrize("primitive", KINDS, ids=lambda p: type(p).__name__)
+def test_slopes_are_those_of_the_distance(primitive: Primitive):
+    by_point, by_size = distance_slopes(primitive, POINTS)
+    for axis, step in enumerate(STEP * np.eye(3)):
+        there, back = (signed_distance(primitive, POINTS + side * step) for side in (1, -1))
+        assert by_point[:, axis] == pytest.approx((there - back) / (2 * STEP), abs=1e-6)
+    sizes = np.asarray(sizes_of(primitive))
+    for number, step in enumerate(STEP * np.eye(len(sizes))):
+        wide, narrow = (
+            signed_distance(resized(type(primitive), sizes + side * step), POINTS)
+            for side in (1, -1)
+        )
+        assert by_size[:, number] == pytest.approx((wide - narrow) / (2 * STEP), abs=1e-6)
+
+
+@pytest.mark.parametrize("primitive", KINDS, ids=lambda p: type(p).__name__)
+def test_slopes_where_there_is_none_are_finite(primitive: Primitive):
+    by_point, by_size = distance_slopes(primitive, np.zeros((1, 3)))
+    assert np.isfinite(by_point).all()
+    assert np.isfinite(by_size).all()
+
+
+def test_the_score_of_a_union_slopes_as_it_changes():
+    # Any distances of any cloud: the score is a function of them alone.
+    rng = np.random.default_rng(1)
+    inside = rng.random(4096) < 0.3
+    cloud = Cloud(np.zeros((5120, 3)), inside, rng.random(4096), 2.0)
+    distance = rng.normal(0.0, 0.05, 5120)
+    _, slope = cloud.soft_score(distance, 0.02)
+    direction = rng.normal(0.0, 1.0, 5120)
+    there, back = (cloud.soft_score(distance + s * STEP * direction, 0.02)[0] for s in (1, -1))
+    assert slope @ direction == pytest.approx((there - back) / (2 * STEP), rel=1e-5)

@@ -14,8 +14,7 @@ import pytest
 from assetbuild.mesh.merge import grown_to, merge_steps
 from assetbuild.mesh.native import NativeError, NativeLimits, run_apart
 from assetbuild.mesh.primitives import tessellate
-from assetbuild.mesh.triangles import TriangleMesh
-from assetbuild.mesh.volume import signed_volume
+from assetbuild.mesh.triangles import TriangleMesh, signed_volume
 from assetbuild.robot.shapes import Box
 
 LIMITS = NativeLimits(cpu_s=2.0, memory_mb=256)

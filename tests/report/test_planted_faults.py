@@ -16,7 +16,6 @@ import pytest
 from tiny import FOOT_RADIUS_M, SEGMENT_M, TinyRobot, run_step, tiny_quadruped, write_robot_ports
 
 from assetbuild.body.measure_bodies import measure
-from assetbuild.control.soften import softened
 from assetbuild.findings import Finding
 from assetbuild.kinds import Check
 from assetbuild.plugins import load_plugin, plugin_names
@@ -29,7 +28,7 @@ from assetbuild.robot.model import Body, Joint
 from assetbuild.robot.pose import Pose, normalised_quat
 from assetbuild.robot.shapes import Box, Capsule, Shape, Sphere
 from assetbuild.robot.sides import Side
-from assetbuild.robot.softness import CouplingError, LimitError
+from assetbuild.robot.softness import CouplingError, LimitError, softened
 from assetbuild.targets.mjcf import Mjcf
 
 from .robots_for_tests import recipe

@@ -1,4 +1,4 @@
-"""Loops close by the law of cosines, move as their Jacobian says, and leave driven joints free."""
+"""Loops close, and drives feel what moves with them."""
 
 from __future__ import annotations
 
@@ -9,18 +9,23 @@ import numpy as np
 import pytest
 from tiny import COUPLER_M, CRANK_M, GROUND_M, ROCKER_M, four_bar
 
+from assetbuild.init.drives import drive_rows
 from assetbuild.robot.closure import (
     close,
-    constrained_mass,
     constraint_jacobian,
     coordinates,
+    felt_inertia,
     gaps,
+    held_by,
     locked_joints,
+    reflected_range,
 )
-from assetbuild.robot.dynamics import dynamics, motions
+from assetbuild.robot.dynamics import dynamics, holding_torques, motions
+from assetbuild.robot.initial import initial_pose
 from assetbuild.robot.loops import LoopRow, resolve_loops
 from assetbuild.robot.model import Body, Joint, Loop, LoopEnd
 from assetbuild.robot.pose import Pose, quat_of_rpy
+from assetbuild.robot.tree import forward_kinematics
 
 FREE = ("coupler_joint", "rocker_joint")
 
@@ -107,18 +112,6 @@ def test_a_crank_at_its_dead_centre_is_not_locked():
     assert locked_joints(robot.tree, robot.control.loops, found.positions, joints) == ()
 
 
-def test_the_constrained_mass_is_the_kinetic_energy_of_the_moving_loop():
-    robot, step = four_bar(), 1e-6
-    q = closed(0.4)
-    at = dynamics(robot.tree, q, {})
-    chosen = coordinates(robot.control.loops, at, ("crank_joint",))
-    assert chosen == (at.column("crank_joint"),)
-    mass = constrained_mass(robot.control.loops, at, chosen)
-    ahead, behind = closed(0.4 + step), closed(0.4 - step)
-    rates = np.array([(ahead[n] - behind[n]) / (2 * step) for n in at.joints])
-    assert mass[0, 0] == pytest.approx(float(rates @ at.mass @ rates), rel=1e-5)
-
-
 @pytest.mark.parametrize(("kind", "ways"), [("connect", 2), ("hinge", 1)])
 def test_a_hinge_holds_the_axis_too(kind: str, ways: int):
     """A coupler that twists about its own length may do so at a point, and not at a pin."""
@@ -145,3 +138,72 @@ def test_a_hinge_without_an_axis_is_refused():
         LoopRow.model_validate(row | {"kind": "hinge"})
     with pytest.raises(ValueError, match="no other kind has one"):
         LoopRow.model_validate(row | {"kind": "weld", "axis": (0.0, 1.0, 0.0)})
+
+
+BAR = four_bar("connect")
+DRIVEN = next(row.joint for row in BAR.control.actuators if row.model != "passive")
+FREE_OF_REFLECTED = [joint.name for joint in BAR.tree.moving_joints if joint.name != DRIVEN]
+
+
+def posed(angle: float) -> dict[str, float]:
+    start = dict(initial_pose(BAR.tree, BAR.control).joints) | {DRIVEN: angle}
+    found = close(BAR.tree, BAR.control.loops, start, FREE_OF_REFLECTED)
+    assert found.closed
+    return dict(found.positions)
+
+
+@pytest.mark.parametrize("angle", [0.3, 0.9])
+def test_the_inertia_is_twice_the_kinetic_energy_at_one_radian_per_second(angle: float):
+    step = 1e-5
+    before, after = posed(angle - step), posed(angle + step)
+    robot = dynamics(BAR.tree, posed(angle), {})
+    speeds = np.zeros(len(robot.mass))
+    for name in robot.joints:
+        speeds[robot.column(name)] = (after[name] - before[name]) / (2.0 * step)
+    energy = 0.5 * float(speeds @ robot.mass @ speeds)
+    assert felt_inertia(BAR.control.loops, robot)[DRIVEN] == pytest.approx(2.0 * energy, rel=1e-6)
+
+
+@pytest.mark.parametrize("angle", [0.3, 0.9])
+def test_the_drive_alone_holds_what_gravity_does_along_the_closed_path(angle: float):
+    def height(pose: dict[str, float]) -> float:
+        """m kg: the sum of each body's mass and the height of its centre."""
+        placed = forward_kinematics(BAR.tree, pose)
+        heavy = [body for body in BAR.tree.bodies if body.inertial is not None]
+        centres = [placed[body.name].apply(body.inertial.com_m)[2] for body in heavy]
+        return sum(b.inertial.mass_kg * z for b, z in zip(heavy, centres, strict=True))
+
+    step = 1e-5
+    slope = (height(posed(angle + step)) - height(posed(angle - step))) / (2.0 * step)
+    robot = dynamics(BAR.tree, posed(angle), {})
+    torques, _ = holding_torques(robot, [])
+    found = held_by(BAR.control.loops, robot, torques, [DRIVEN])
+    assert found == {DRIVEN: pytest.approx(9.81 * slope, rel=1e-6)}
+
+
+def test_the_gains_that_init_proposes_fit_what_the_drive_moves_with_its_loop_closed():
+    home = posed(0.9)
+    (row,) = drive_rows(BAR.tree, home, (), loops=BAR.control.loops, passive=FREE_OF_REFLECTED)
+    closed = felt_inertia(BAR.control.loops, dynamics(BAR.tree, home, {}))[DRIVEN]
+    (open_one,) = (r for r in drive_rows(BAR.tree, home, ()) if DRIVEN in r.joints)
+    assert row.joints == (DRIVEN,)
+    assert row.inertia == pytest.approx(closed)
+    assert abs(row.inertia / open_one.inertia - 1.0) > 0.1
+
+
+def test_a_joint_that_the_loops_lock_feels_no_end_of_inertia():
+    (loop,) = BAR.control.loops
+    locked = replace(BAR.control, loops=(replace(loop, kind="weld"),))
+    robot = dynamics(BAR.tree, posed(0.3), {})
+    assert felt_inertia(locked.loops, robot)[DRIVEN] == math.inf
+
+
+def test_the_range_holds_the_first_pose_and_ends_where_the_loop_opens():
+    home = posed(0.3)
+    found = reflected_range(BAR.tree, BAR.control, home)[DRIVEN]
+    here = felt_inertia(BAR.control.loops, dynamics(BAR.tree, home, {}))[DRIVEN]
+    assert found.least <= here * (1 + 1e-9) and here * (1 - 1e-9) <= found.most
+    assert found.most > 1.05 * found.least
+    assert close(
+        BAR.tree, BAR.control.loops, home | {DRIVEN: found.at_least}, FREE_OF_REFLECTED
+    ).closed

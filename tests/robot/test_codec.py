@@ -1,16 +1,18 @@
-"""What is stored comes back equal, and equal values are equal bytes."""
+"""The robot is stored in canonical bytes, and read from the files of a folder."""
 
 from __future__ import annotations
 
 import json
 import math
 from dataclasses import replace
+from pathlib import Path
 
 import pytest
 from hypothesis import given
 from tiny import TinyRobot, pendulum, robots, tiny_quadruped
 
 from assetbuild.robot.codec import decode, encode
+from assetbuild.robot.files import RobotFiles, SourceControl
 from assetbuild.robot.model import Body, Control, Inertial, Tree
 from assetbuild.robot.shapes import Shapes
 
@@ -61,3 +63,29 @@ def test_a_robot_of_an_earlier_version_lacks_fields_that_came_later():
 def test_foreign_bytes_are_refused(data: bytes):
     with pytest.raises(ValueError, match="not a stored Body"):
         decode(Body, data)
+
+
+TREE = Tree("tiny", "fixed", (Body("base"),), ())
+
+
+def test_only_what_is_asked_for_must_be_there(tmp_path: Path):
+    (tmp_path / "tree.json").write_bytes(encode(TREE))
+    robot = RobotFiles(tmp_path)
+    assert robot.tree == TREE
+    with pytest.raises(FileNotFoundError):
+        _ = robot.control
+
+
+def test_a_file_is_read_once(tmp_path: Path):
+    (tmp_path / "links.json").write_bytes(encode(TREE))
+    robot = RobotFiles(tmp_path)
+    first = robot.links
+    (tmp_path / "links.json").unlink()
+    assert robot.links is first
+
+
+def test_a_source_may_say_nothing_of_drives(tmp_path: Path):
+    assert RobotFiles(tmp_path).source_control is None
+    said = SourceControl(Control(), ("base",))
+    (tmp_path / "source_control.json").write_bytes(encode(said))
+    assert RobotFiles(tmp_path).source_control == said

@@ -1,4 +1,4 @@
-"""Mass matrix and gravity are MuJoCo's; holding torques balance; gains follow from them."""
+"""Mass properties and joint-space dynamics agree with other formulas and other libraries."""
 
 from __future__ import annotations
 
@@ -11,11 +11,15 @@ import mujoco
 import numpy as np
 import pytest
 from hypothesis import given, settings
+from hypothesis import strategies as st
 from tiny import (
     TinyRobot,
     ball_inertial,
+    box_inertial,
     examples,
+    inertials,
     pendulum,
+    poses,
     robots,
     run_step,
     standing_height,
@@ -24,8 +28,21 @@ from tiny import (
 )
 
 from assetbuild.robot.dynamics import dynamics, holding_torques
-from assetbuild.robot.model import Body, Mimic
-from assetbuild.robot.pose import Pose
+from assetbuild.robot.inertia import (
+    about_point,
+    combine,
+    equivalent_radius,
+    least_second_moment,
+    matrix_of,
+    move_inertial,
+    principal_moments,
+    pseudo_inertia,
+    rotate_tensor,
+    tensor_of,
+    triangle_violation,
+)
+from assetbuild.robot.model import Body, Inertial, Mimic
+from assetbuild.robot.pose import IDENTITY, Pose
 from assetbuild.simulators.mujoco import mass_matrix
 from assetbuild.targets.mjcf import Mjcf
 
@@ -121,3 +138,124 @@ def test_a_mimic_joint_moves_with_its_leader() -> None:
     alone, geared = dynamics(arm, {}, {}), dynamics(both, {}, {})
     assert geared.joints == ("swing_joint",)
     assert geared.mass[0, 0] - alone.mass[0, 0] == pytest.approx(81 * moment)
+
+
+points = st.tuples(*[st.floats(-2.0, 2.0)] * 3)
+parts = st.lists(inertials(), min_size=1, max_size=5)
+
+
+def cloud(inertial: Inertial) -> tuple[np.ndarray, np.ndarray]:
+    """Six points (6, 3) and masses (6,) with the same mass, centre and inertia.
+
+    Pairs at +-a along the principal axes of the second moments; solves m a^2 = s.
+    """
+    tensor = matrix_of(inertial.inertia_com_kg_m2)
+    second = np.trace(tensor) / 2 * np.eye(3) - tensor
+    values, axes = np.linalg.eigh(second)
+    reach = np.sqrt(np.maximum(values, 0.0) * 3 / inertial.mass_kg)
+    offsets = np.concatenate([axes.T * reach[:, None], -axes.T * reach[:, None]])
+    return np.asarray(inertial.com_m) + offsets, np.full(6, inertial.mass_kg / 6)
+
+
+def tensor_of_cloud(points: np.ndarray, masses: np.ndarray, about: np.ndarray) -> np.ndarray:
+    d = points - about
+    return sum(m * (r @ r * np.eye(3) - np.outer(r, r)) for m, r in zip(masses, d, strict=True))
+
+
+def near(a: np.ndarray, b: np.ndarray, scale: float) -> bool:
+    return bool(np.abs(np.asarray(a) - np.asarray(b)).max() <= 1e-9 * max(scale, 1e-12))
+
+
+@given(parts, points)
+def test_combined_bodies_turn_like_the_points_they_are_made_of(bodies: list[Inertial], p: tuple):
+    clouds = [cloud(body) for body in bodies]
+    positions = np.concatenate([c[0] for c in clouds])
+    masses = np.concatenate([c[1] for c in clouds])
+    whole = combine(bodies)
+    expected = tensor_of_cloud(positions, masses, np.asarray(p))
+    assert whole.mass_kg == pytest.approx(masses.sum(), rel=1e-12)
+    assert near(whole.com_m, masses @ positions / masses.sum(), 10.0)
+    assert near(matrix_of(about_point(whole, p)), expected, np.abs(expected).max())
+
+
+@given(parts, parts)
+def test_combining_in_any_grouping_is_equal(a: list[Inertial], b: list[Inertial]):
+    once, twice = combine(a + b), combine([combine(b), combine(a)])
+    scale = max(map(abs, once.inertia_com_kg_m2))
+    assert once.mass_kg == pytest.approx(twice.mass_kg, rel=1e-14)
+    assert near(once.com_m, twice.com_m, 1.0)
+    assert near(once.inertia_com_kg_m2, twice.inertia_com_kg_m2, scale)
+
+
+@given(inertials(), poses())
+def test_moving_keeps_mass_and_principal_moments(body: Inertial, X: Pose):
+    moved = move_inertial(body, X)
+    assert moved.mass_kg == body.mass_kg
+    largest = principal_moments(body.inertia_com_kg_m2)[2]
+    ours, before = (principal_moments(b.inertia_com_kg_m2) for b in (moved, body))
+    assert near(ours, before, largest)
+
+
+@given(inertials(), poses())
+def test_turning_forth_and_back_is_nothing(body: Inertial, X: Pose):
+    tensor = body.inertia_com_kg_m2
+    back = rotate_tensor(rotate_tensor(tensor, X.quat), X.inverse().quat)
+    assert near(back, tensor, max(map(abs, tensor)))
+
+
+@given(inertials(), poses(), poses())
+def test_moving_twice_is_moving_by_the_product(body: Inertial, A: Pose, B: Pose):
+    one, two = move_inertial(body, A @ B), move_inertial(move_inertial(body, B), A)
+    assert near(one.com_m, two.com_m, 1.0)
+    assert near(one.inertia_com_kg_m2, two.inertia_com_kg_m2, max(map(abs, one.inertia_com_kg_m2)))
+
+
+@given(inertials())
+def test_the_identity_changes_no_bit(body: Inertial):
+    assert move_inertial(body, IDENTITY) is body
+    assert combine([body]) is body
+    assert tensor_of(matrix_of(body.inertia_com_kg_m2)) == body.inertia_com_kg_m2
+
+
+@given(inertials())
+def test_the_pseudo_inertia_of_real_matter_is_positive_definite(body: Inertial):
+    points, masses = cloud(body)
+    homogeneous = np.c_[points, np.ones(len(points))]
+    expected = (homogeneous * masses[:, None]).T @ homogeneous
+    pseudo = pseudo_inertia(body)
+    assert near(pseudo, expected, np.abs(expected).max())
+    assert np.linalg.eigvalsh(pseudo).min() > 0.0
+    assert least_second_moment(body.inertia_com_kg_m2) > 0.0
+
+
+@given(inertials())
+def test_real_matter_satisfies_the_triangle_inequality(body: Inertial):
+    assert triangle_violation(body.inertia_com_kg_m2) <= 1e-12
+
+
+def test_a_tensor_no_matter_can_have():
+    assert triangle_violation((1.0, 1.0, 3.0, 0.0, 0.0, 0.0)) == pytest.approx(1 / 3)
+    assert least_second_moment((1.0, 1.0, 3.0, 0.0, 0.0, 0.0)) == -0.5
+    bad = Inertial(1.0, (1.0, 2.0, 3.0), (1.0, 1.0, 3.0, 0.0, 0.0, 0.0))
+    assert np.linalg.eigvalsh(pseudo_inertia(bad)).min() < 0.0
+
+
+def test_two_bricks_make_a_longer_brick():
+    left, right = (box_inertial(1.0, (1.0, 2.0, 3.0), (x, 0.0, 0.0)) for x in (-0.5, 0.5))
+    whole, expected = combine([left, right]), box_inertial(2.0, (2.0, 2.0, 3.0))
+    assert whole.inertia_com_kg_m2 == pytest.approx(expected.inertia_com_kg_m2, abs=1e-15)
+    assert (whole.mass_kg, whole.com_m) == (expected.mass_kg, expected.com_m)
+
+
+def test_parts_without_mass_add_nothing():
+    brick = box_inertial(1.0, (1.0, 2.0, 3.0))
+    nothing = Inertial(0.0, (5.0, 5.0, 5.0), (0.0,) * 6)
+    assert combine([brick, nothing]) == brick
+    assert combine([nothing, nothing]) == nothing
+    with pytest.raises(ValueError, match="nothing to combine"):
+        combine([])
+
+
+def test_the_equivalent_radius_of_a_ball_is_its_radius():
+    assert equivalent_radius(ball_inertial(3.0, 0.2)) == pytest.approx(0.2)
+    assert equivalent_radius(Inertial(0.0, (0.0,) * 3, (1.0,) * 6)) == math.inf

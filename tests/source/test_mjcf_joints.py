@@ -16,11 +16,11 @@ from assetbuild.checks.mjcf_source import MjcfSource
 from assetbuild.control.source_control import joined_keyframes
 from assetbuild.errors import SourceError, StepError
 from assetbuild.kinds import Target
-from assetbuild.robot import split_joints
+from assetbuild.robot import chains
+from assetbuild.robot.chains import angles_of
 from assetbuild.robot.model import Body, Control, Joint, JointKind, Keyframe, Loop, Tree
 from assetbuild.robot.pose import Pose, normalised_quat, quat_multiply, vec3
 from assetbuild.robot.shapes import Shapes
-from assetbuild.robot.split_joints import angles_of
 from assetbuild.targets.urdf import Urdf
 from assetbuild.targets.usd import Usd
 
@@ -124,7 +124,7 @@ def test_the_hinges_of_a_split_ball_stand_as_the_keyframe_says():
     for angle, axis in zip(angles, axes, strict=True):
         made = quat_multiply(made, (math.cos(angle / 2), *(math.sin(angle / 2) * axis)))
     assert made == pytest.approx(turn, abs=1e-12)
-    tree = split_joints.split(base("ball"), frozenset({"base"}))
+    tree = chains.split(base("ball"), frozenset({"base"}))
     stated = Keyframe("home", (("arm", 0.5),), None, (("base", turn),))
     (key,) = joined_keyframes((), [stated], tree, {})
     assert dict(key.joints) == {

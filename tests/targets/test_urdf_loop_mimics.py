@@ -10,7 +10,7 @@ import pytest
 from defusedxml.ElementTree import fromstring
 from tiny import CRANK_M, GROUND_M, TinyRobot, four_bar, run_step, write_robot_ports
 
-from assetbuild.control.keep_ratings import KeepRatings
+from assetbuild.control.keep import KeepRatings
 from assetbuild.facts.readers.urdf import UrdfFacts
 from assetbuild.findings import Finding
 from assetbuild.robot.model import Actuator, Keyframe, Limits, LoopEnd

@@ -9,7 +9,7 @@ import pytest
 from pxr import Sdf
 from tiny import check_inputs, tiny_quadruped
 
-from assetbuild.robot.about import About
+from assetbuild.robot.sections import About
 from assetbuild.targets.usd import Usd
 
 ABOUT = About(author="A. Maker", vendor="Legs Ltd", description="It walks", tags=("dog", "toy"))

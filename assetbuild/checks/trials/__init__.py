@@ -16,8 +16,8 @@ from assetbuild.errors import StepError
 from assetbuild.findings import Finding, Rule
 from assetbuild.kinds import RecipeView, write_figures
 from assetbuild.quantities import Positive, Real
-from assetbuild.robot.action import Action
 from assetbuild.robot.files import RobotFiles
+from assetbuild.robot.sections import Action
 from assetbuild.simulators import mujoco
 from assetbuild.simulators.mujoco import ArenaFullError
 from assetbuild.simulators.mujoco import trials as experiments

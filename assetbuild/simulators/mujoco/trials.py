@@ -12,8 +12,8 @@ from typing import NamedTuple, TypeVar
 
 import numpy as np
 
-from assetbuild.robot.action import Action
 from assetbuild.robot.pose import Array
+from assetbuild.robot.sections import Action
 from assetbuild.simulators import mujoco
 from assetbuild.simulators.mujoco import Data, Model, mj
 from assetbuild.simulators.mujoco.drives import Drive, drives_of, read_drives

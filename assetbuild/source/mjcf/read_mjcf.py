@@ -12,10 +12,10 @@ from typing import TYPE_CHECKING
 from assetbuild.engine.step import Files, Limits, Step
 from assetbuild.findings import Finding, Rule
 from assetbuild.robot.codec import encode
+from assetbuild.robot.files import SourceControl
 from assetbuild.robot.model import Base, Camera, Contact, Control, MjcfOnly, Tree
 from assetbuild.robot.pose import IDENTITY
 from assetbuild.robot.shapes import SourceShapes
-from assetbuild.robot.source import SourceControl
 from assetbuild.robot.tree import depth_first
 from assetbuild.source.mjcf.compiled import compile_source, pose_at
 from assetbuild.source.mjcf.drives import Drives, read_drives

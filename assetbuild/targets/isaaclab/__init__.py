@@ -14,7 +14,7 @@ from assetbuild.engine.step import Files
 from assetbuild.findings import Finding, Rule
 from assetbuild.kinds import RecipeView, Target
 from assetbuild.robot.files import RobotFiles
-from assetbuild.robot.joint_springs import as_drives
+from assetbuild.robot.mjcf_only import as_drives
 from assetbuild.robot.model import Control
 from assetbuild.robot.ranges import Randomize
 from assetbuild.simulators.usd_options import UsdOptions

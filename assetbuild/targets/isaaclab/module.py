@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 from assetbuild.robot.initial import initial_pose
-from assetbuild.robot.joint_springs import as_drives
+from assetbuild.robot.mjcf_only import as_drives
 from assetbuild.robot.model import Actuator, Control, Keyframe, Tree
 from assetbuild.robot.ranges import Randomize, first_match
 from assetbuild.simulators.usd_names import joint_identifiers

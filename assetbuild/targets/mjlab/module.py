@@ -7,10 +7,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 
-from assetbuild.robot.action import Action
 from assetbuild.robot.initial import initial_pose
 from assetbuild.robot.model import Actuator, Control, Tree
 from assetbuild.robot.ranges import Randomize, RandomJoint, first_match
+from assetbuild.robot.sections import Action
 from assetbuild.targets.mjlab.events import (
     Term,
     carries,

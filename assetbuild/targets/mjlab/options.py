@@ -7,7 +7,7 @@ from typing import Literal
 from pydantic import Field
 
 from assetbuild.quantities import Model, Pattern, Positive
-from assetbuild.robot.action import Action
+from assetbuild.robot.sections import Action
 
 Spread = tuple[Positive, Positive]
 

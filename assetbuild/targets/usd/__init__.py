@@ -10,8 +10,8 @@ from typing import ClassVar
 from assetbuild.engine.step import Files
 from assetbuild.findings import Finding
 from assetbuild.kinds import Target
-from assetbuild.robot.about import About
 from assetbuild.robot.files import RobotFiles
+from assetbuild.robot.sections import About
 from assetbuild.simulators.usd_options import UsdOptions
 
 # Both decide the bytes of a binary layer from outside of the recipe.

@@ -10,9 +10,9 @@ from pathlib import PurePosixPath
 from pxr import Gf, Usd, UsdGeom
 
 from assetbuild.quantities import Model
-from assetbuild.robot.about import About
 from assetbuild.robot.inertia import total_mass
 from assetbuild.robot.model import Tree
+from assetbuild.robot.sections import About
 from assetbuild.simulators.usd_names import METADATA, NO_DATE, ROBOT_QCODE
 
 EXTENTS_DIGITS = 4

@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from assetbuild.findings import Finding
-from assetbuild.robot.lost_motion import whole_gravity
+from assetbuild.robot.mjcf_only import whole_gravity
 from assetbuild.robot.model import Control, Tree
 from assetbuild.robot.shapes import Shapes
 from assetbuild.simulators.usd_options import UsdOptions

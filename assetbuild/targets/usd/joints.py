@@ -13,8 +13,8 @@ from pxr import Gf, Usd, UsdGeom, UsdPhysics
 
 from assetbuild.errors import StepError
 from assetbuild.robot.initial import initial_pose
-from assetbuild.robot.joint_springs import Spring, as_drives
 from assetbuild.robot.mimic import first_leader
+from assetbuild.robot.mjcf_only import Spring, as_drives
 from assetbuild.robot.model import MOVING, Actuator, Control, Joint, Softness
 from assetbuild.robot.pose import IDENTITY, Pose, Quat, Vec3, quat_between, quat_multiply
 from assetbuild.robot.softness import USUAL, limit_springs

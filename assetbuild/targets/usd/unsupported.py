@@ -6,8 +6,7 @@ from collections.abc import Iterator
 
 from assetbuild.findings import Finding, Rule
 from assetbuild.robot.initial import initial_pose
-from assetbuild.robot.joint_springs import no_drives
-from assetbuild.robot.lost_motion import lost_in_usd, whole_gravity
+from assetbuild.robot.mjcf_only import lost_in_usd, no_drives, whole_gravity
 from assetbuild.robot.model import Contact, Control, Joint, Tree
 from assetbuild.simulators.usd_options import UsdOptions
 from assetbuild.targets.usd.units import is_angular, limits

@@ -14,7 +14,7 @@ from assetbuild.findings import Finding, Rule
 from assetbuild.mesh.cover import Reference, union_of
 from assetbuild.mesh.hull import convex_hull
 from assetbuild.mesh.obj import read_triangles
-from assetbuild.mesh.sobol import sobol
+from assetbuild.mesh.quality import sobol
 from assetbuild.mesh.solid import ConvexPiece
 from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.initial import initial_pose

@@ -1,7 +1,7 @@
 """The page of MJCF: what becomes of every element and attribute that MuJoCo's schema knows.
 
 The schema is the library's; which attribute goes where is said by the readers themselves, whose
-lists stand in `source/mjcf`, and by `robot.lost_motion`.
+lists stand in `source/mjcf`, and by `robot.mjcf_only`.
 """
 
 from __future__ import annotations
@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from assetbuild.facts.mjcf_grammar import NEWER_ATTRIBUTES, NEWER_TAGS, OLDEST, Path, schema
-from assetbuild.robot import lost_motion
+from assetbuild.robot import mjcf_only
 from assetbuild.source.mjcf import read_mjcf, sections, shapes
 from assetbuild.source.mjcf.flatten_mjcf import REFUSED
 from assetbuild.source.mjcf.opaque import keys
@@ -74,7 +74,7 @@ def _option(path: Path, tag: str, attribute: str) -> str:
         return HELD
     if tag == "flag" and attribute == "gravity":
         return HELD
-    lost = {*lost_motion.MEDIUM, "actuatorgroupdisable", *lost_motion.FLAGS}
+    lost = {*mjcf_only.MEDIUM, "actuatorgroupdisable", *mjcf_only.FLAGS}
     return MOVES if attribute in lost else MJCF
 
 
@@ -129,7 +129,7 @@ def _equality(path: Path, tag: str, attribute: str) -> str:
 def _tendon(path: Path, tag: str, attribute: str) -> str:
     if attribute == "material":
         return LEFT_OUT
-    return MOVES if attribute in lost_motion.TENDON else MJCF
+    return MOVES if attribute in mjcf_only.TENDON else MJCF
 
 
 def _actuator(path: Path, tag: str, attribute: str) -> str:

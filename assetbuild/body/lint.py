@@ -1,4 +1,7 @@
-"""Look over the links and joints as the source states them, before anything is merged."""
+"""Look over links and joints: as the source states them, and the bodies that will be simulated.
+
+Wrong mass properties and limits are warnings at most in the source, and errors afterwards.
+"""
 
 from __future__ import annotations
 
@@ -7,9 +10,10 @@ import re
 from collections.abc import Iterator
 
 from assetbuild.body.inertia_rules import inertia_findings
-from assetbuild.body.limit_rule import crossed_limits
 from assetbuild.engine.step import Files, Step
-from assetbuild.findings import Finding, Rule
+from assetbuild.findings import Finding, Rule, Severity
+from assetbuild.robot.chains import made_links
+from assetbuild.robot.codec import decode
 from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.inertia import InertiaBounds
 from assetbuild.robot.mimic import common_range, leading, led_range
@@ -82,6 +86,7 @@ class LintLinks(Step):
     joints a placeholder, and `lint_bodies` judges what will be simulated.
     """
 
+    own_name = "lint_links"
     bounds: InertiaBounds = InertiaBounds()
     guessed: tuple[str, ...] = ()
     """Patterns of links whose mass an edit has guessed."""
@@ -209,4 +214,63 @@ def _without_collision(tree: Tree, shapes: SourceShapes) -> Iterator[Finding]:
         hint="`from: visual` in the recipe's collision rule makes one from what is seen",
         severity="warning" if 2 * len(bare) > len(drawn) > 1 else "info",
         data={"links": tuple(bare), "seen": len(drawn)},
+    )
+
+
+EMPTY = Rule(
+    "robot.empty",
+    "warning",
+    "nothing of the robot moves and nothing of it has a shape, so it is not ready",
+    "give it joints or shapes; is this the right file?",
+    blocks=True,
+)
+
+
+class LintBodies(Step):
+    """`tree.json`, `shapes.json` -> findings only, by the same rules as `lint_links`.
+
+    `source_links.json`, where it is there, tells the links that `split_joint` has made.
+    """
+
+    own_name = "lint_bodies"
+    bounds: InertiaBounds = InertiaBounds()
+
+    def run(self, files: Files) -> Iterator[Finding]:
+        """Findings in tree order."""
+        robot = RobotFiles(files.inputs)
+        made, source = frozenset[str](), files.inputs / "source_links.json"
+        if source.exists():
+            made = made_links(decode(Tree, source.read_bytes()))
+        yield from inertia_findings(robot.tree, robot.source_shapes, self.bounds, "error", made)
+        for joint in robot.tree.moving_joints:
+            yield from crossed_limits(joint, "error")
+        moves = any(joint.kind != "fixed" for joint in robot.tree.joints)
+        if not moves and not robot.source_shapes.shapes:
+            message = "no joint moves and no link has a shape: there is nothing to simulate"
+            yield EMPTY("robot", message, "give it joints or shapes; is this the right file?")
+
+
+# --- limits the wrong way round ---------------------------------------------------------------
+
+CROSSED_LIMITS = Rule(
+    "joint.limits",
+    ("warning", "error"),
+    "the lower limit is above the upper one, so the MJCF gives the joint no range (a warning in "
+    "the source, an error after the edits)",
+    "set the limits, or make the joint fixed",
+)
+
+
+def crossed_limits(joint: Joint, severity: Severity) -> Iterator[Finding]:
+    """`joint.limits` where the lower limit is above the upper one."""
+    lower, upper = joint.limits.lower, joint.limits.upper
+    if lower is None or upper is None or lower <= upper:
+        return
+    unit = "m" if joint.kind == "prismatic" else "rad"
+    yield CROSSED_LIMITS(
+        f"joint {joint.name}",
+        f"lower limit {lower:g} {unit} is not below upper limit {upper:g} {unit}",
+        "edit `set_limits` gives it both; make the joint `fixed` if it is not meant to move",
+        severity=severity,
+        data={"lower": lower, "upper": upper},
     )

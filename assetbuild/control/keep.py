@@ -1,23 +1,101 @@
-"""Loops as mimic joints, for formats without loops: what follows one driven joint, linearly.
-
-A joint of a loop that one drive moves has a position for each position of the drive. The line is
-fitted by least squares over the range of that drive, up to 1.5 rad or 0.1 m from the first pose.
-"""
+"""What of the control data other steps read: poses for pictures, ratings and loops for the URDF."""
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 
 import numpy as np
 
-from assetbuild.robot.closure import RANK, constraint_jacobian
+from assetbuild.engine.step import Files, Step
+from assetbuild.findings import Finding, Rule
+from assetbuild.robot.closure import RANK, constraint_jacobian, poses_along
+from assetbuild.robot.codec import encode
 from assetbuild.robot.dynamics import motions
+from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.initial import initial_pose
 from assetbuild.robot.loops import by_constraint, path_of
-from assetbuild.robot.model import Control, Joint, Loop, LoopMimic, Mimic, Tree
-from assetbuild.robot.reflected import poses_along
+from assetbuild.robot.model import (
+    MOVING,
+    Actuator,
+    Contact,
+    Control,
+    Joint,
+    Loop,
+    LoopMimic,
+    Mimic,
+    Tree,
+)
 
-SINGLE = ("revolute", "continuous", "prismatic")
+
+class KeepPose(Step):
+    """`control.json` -> `control.json` without gains, friction, sensors and time.
+
+    Its bytes stay the same when only those change, so that no picture is made anew.
+    """
+
+    own_name = "keep_pose"
+    outputs = ("control.json",)
+
+    def run(self, files: Files) -> Iterable[Finding]:
+        """Keyframes, excludes and the contact masks are kept."""
+        control = RobotFiles(files.inputs).control
+        kept = Control(
+            keyframes=control.keyframes,
+            excludes=control.excludes,
+            contact=_masks(control.contact),
+            contacts=tuple((name, _masks(contact)) for name, contact in control.contacts),
+        )
+        (files.outputs / "control.json").write_bytes(encode(kept))
+        return ()
+
+
+def _masks(contact: Contact) -> Contact:
+    return Contact(mask=contact.mask, partners=contact.partners)
+
+
+LOOP_MIMIC = Rule(
+    "loop.mimic",
+    "error",
+    "a loop with `urdf: mimic` does not follow one driven joint, so no mimic joints stand for it",
+    "leave `urdf: mimic` out, so that the URDF leaves the loop open",
+)
+
+
+class KeepRatings(Step):
+    """`control.json`, `tree.json` -> `ratings.json`: the ratings of the joints and the loops alone.
+
+    Its bytes stay the same when a gain changes, so that no URDF is written and read back anew.
+    """
+
+    own_name = "keep_ratings"
+    outputs = ("ratings.json",)
+
+    def run(self, files: Files) -> Iterator[Finding]:
+        """Effort, velocity, damping and friction are kept."""
+        control = RobotFiles(files.inputs).control
+        mimics: tuple[LoopMimic, ...] = ()
+        refused: dict[str, str] = {}
+        if any(loop.urdf == "mimic" for loop in control.loops):
+            mimics, refused = loop_mimics(RobotFiles(files.inputs).tree, control)
+        ratings = (
+            Actuator(
+                joint=row.joint,
+                model="passive",
+                damping=row.damping,
+                friction=row.friction,
+                effort=row.effort,
+                velocity=row.velocity,
+            )
+            for row in control.actuators
+        )
+        kept = Control(actuators=tuple(ratings), loops=control.loops, loop_mimics=mimics)
+        (files.outputs / "ratings.json").write_bytes(encode(kept))
+        for name, why in refused.items():
+            hint = "leave `urdf: mimic` out: the URDF then leaves the loop open"
+            yield LOOP_MIMIC(f"loop {name}", f"no mimic joints can stand for it: {why}", hint)
+
+
+# --- mimics that stand for loops --------------------------------------------------------------
 
 
 def loop_mimics(tree: Tree, control: Control) -> tuple[tuple[LoopMimic, ...], dict[str, str]]:
@@ -41,7 +119,7 @@ def _of_loop(
     """One mimic for each joint of the loop that does not lead, or why there is none."""
     driven = {row.joint for row in control.actuators if row.model != "passive"}
     leaders = sorted({_leader(tree, joint) for joint in path} & driven)
-    if odd := [joint for joint in path if joint.kind not in SINGLE]:
+    if odd := [joint for joint in path if joint.kind not in MOVING]:
         return f"joint `{odd[0].name}` is {odd[0].kind}: `split_joint` makes hinges of it"
     if len(leaders) != 1:
         listed = ", ".join(f"`{leader}`" for leader in leaders) or "none"

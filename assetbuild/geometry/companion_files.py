@@ -1,13 +1,37 @@
-"""A picture that the description itself names -> PNG."""
+"""Files beside a mesh: which ones it names, and pictures of the description as PNG."""
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterable
 from typing import ClassVar
 
 from assetbuild.engine.step import Files, Limits, Step
 from assetbuild.findings import Finding, Rule
+from assetbuild.mesh.companions import Naming, companions_of
 from assetbuild.mesh.picture import png_of
+
+
+class MeshCompanions(Step):
+    """Reads `mesh` (or a material library), writes `companions.json`: a list of paths.
+
+    They start at the folder of the file. Whether they exist is not asked here, and nothing is
+    decoded: a search for names in the text.
+    """
+
+    own_name = "mesh_companions"
+    outputs = ("companions.json",)
+
+    format: Naming
+    """By the file's suffix."""
+
+    def run(self, files: Files) -> Iterable[Finding]:
+        """Never fails on a broken file: `convert_mesh` says what is wrong with it."""
+        names = companions_of((files.inputs / "mesh").read_bytes(), self.format)
+        text = json.dumps(names, indent=1) + "\n"
+        (files.outputs / "companions.json").write_text(text, encoding="ascii")
+        return ()
+
 
 UNREADABLE = Rule(
     "texture.unreadable",
@@ -20,6 +44,7 @@ UNREADABLE = Rule(
 class ConvertTexture(Step):
     """Reads `picture`; writes `texture/texture.png`, or nothing when it is no picture."""
 
+    own_name = "convert_texture"
     outputs = ("texture/",)
     isolated = True
     all_told = True

@@ -1,19 +1,21 @@
-"""Parameter files of BAM (Rhoban's "Better Actuator Models", M1 to M6) as a motor of a recipe.
+"""What was measured, as keys of a recipe: motors of BAM's files, and intervals of fits as ranges.
 
-BAM's motor is fed a voltage: torque = kt / R (volts - kt v). Its friction is friction_base +
-friction_viscous |v| in M1; M2 to M6 add terms of Stribeck and of the load, which a joint of MuJoCo,
-USD or URDF does not have. Duclusaud et al., "Extended friction models for the physics simulation of
-servo actuators", 2024.
+BAM is Rhoban's "Better Actuator Models", M1 to M6. Its motor is fed a voltage: torque =
+kt / R (volts - kt v). Its friction is friction_base + friction_viscous |v| in M1; M2 to M6 add
+terms of Stribeck and of the load, which a joint of MuJoCo, USD or URDF does not have. Duclusaud et
+al., "Extended friction models for the physics simulation of servo actuators", 2024.
 """
 
 from __future__ import annotations
 
 import json
 import math
-from collections.abc import Iterator, Mapping
+import re
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 from assetbuild.errors import UsageError
+from assetbuild.robot.identify import Fit, Parameter
 
 PLAIN = ("kt", "R", "armature", "friction_base", "friction_viscous")
 OF_THE_BENCH = ("q_offset",)
@@ -81,3 +83,35 @@ def _lost(values: Mapping[str, float]) -> Iterator[tuple[str, float]]:
 
 def _short(value: float) -> float:
     return float(f"{value:.6g}")
+
+
+def as_ranges(fits: Sequence[Fit], timestep_s: float) -> str:
+    """YAML to review and to paste. Factors of the identified values; delays in simulation steps."""
+    rows = [row for fit in fits for row in _rows(fit, timestep_s)]
+    return "\n".join(["randomize:", "  joints:", *rows]) if rows else ""
+
+
+def _rows(fit: Fit, timestep_s: float) -> Iterator[str]:
+    known = [p for p in fit.parameters if not p.refused]
+    files = ", ".join(log.file for log in fit.logs)
+    for joint in dict.fromkeys(name for p in known for name in p.joints):
+        own = [p for p in known if joint in p.joints]
+        for each in own:
+            if not _has_range(each):
+                yield f"    # {each.name} of {joint}: the interval begins at 0"
+        ranges = {p.name: _range(p, timestep_s) for p in own if _has_range(p)}
+        if ranges:
+            ranges["source"] = f"95 % interval of {files}"
+            keys = ", ".join(f"{key}: {json.dumps(value)}" for key, value in ranges.items())
+            yield f"    {json.dumps(re.escape(joint))}: {{{keys}}}"
+
+
+def _has_range(parameter: Parameter) -> bool:
+    return parameter.name == "delay" or parameter.low > 0.0
+
+
+def _range(parameter: Parameter, timestep_s: float) -> list[float] | list[int] | str:
+    low, high = parameter.low, parameter.high
+    if parameter.name == "delay":
+        return [math.floor(low / timestep_s), math.ceil(high / timestep_s)]
+    return [round(low / parameter.value, 4), round(high / parameter.value, 4)]

@@ -1,0 +1,198 @@
+"""What only an MJCF says of how a robot moves: springs, its own limits of effort, and the rest."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from xml.etree import ElementTree
+
+from assetbuild.robot.model import Actuator, Control, MjcfOnly
+
+Element = ElementTree.Element
+SPRING_WORDS = ("stiffness", "springref")
+
+
+def parsed(item: MjcfOnly) -> Element:
+    """The element of an item."""
+    return ElementTree.fromstring(item.element)  # noqa: S314 # our own reader wrote it
+
+
+@dataclass(frozen=True)
+class Spring:
+    """coefficients: stiffness in N m/rad or N/m, then those of a polynomial; rest: rad or m."""
+
+    coefficients: tuple[float, ...]
+    rest: float = 0.0
+
+    @property
+    def stiffness(self) -> float:
+        """N m/rad or N/m, of a linear spring and of a polynomial at its rest."""
+        return self.coefficients[0]
+
+    @property
+    def is_linear(self) -> bool:
+        """Whether its force is k (rest - q)."""
+        return not any(self.coefficients[1:])
+
+    @property
+    def text(self) -> str:
+        """The stiffness as the MJCF states it."""
+        return " ".join(f"{number:g}" for number in self.coefficients)
+
+
+def joint_springs(items: Iterable[MjcfOnly]) -> dict[str, Spring]:
+    """The springs by the name of their joint."""
+    found = {}
+    for item in items:
+        if item.place == "joint":
+            element = parsed(item)
+            stiffness = tuple(float(word) for word in element.get("stiffness", "").split())
+            if any(stiffness):
+                found[item.owner] = Spring(stiffness, float(element.get("springref", "0")))
+    return found
+
+
+def as_drives(control: Control) -> dict[str, Spring]:
+    """The springs that a simulator can hold as the drive of their joint.
+
+    k (rest - q) is the law of both. Beside a drive of its own there is no room: the sum of
+    kp (target - q) and k (rest - q) is one drive for one target alone, and the drive's limit of
+    effort would hold back the spring.
+    """
+    why = no_drives(control)
+    return {name: s for name, s in joint_springs(control.mjcf_only).items() if name not in why}
+
+
+def no_drives(control: Control) -> dict[str, str]:
+    """Why a spring cannot be the drive of its joint, by the joint's name."""
+    rows, found = control.by_joint, {}
+    for name, spring in joint_springs(control.mjcf_only).items():
+        if not spring.is_linear:
+            found[name] = f"its stiffness is a polynomial ({spring.text})"
+        elif (row := rows.get(name)) is not None and row.model != "passive":
+            found[name] = f"its joint has a drive of its own (`{row.model}`)"
+    return found
+
+
+def shown(springs: Mapping[str, Spring]) -> str:
+    """`knee` (30), `ankle` (5), ..."""
+    names = [f"`{joint}` ({spring.text})" for joint, spring in springs.items()]
+    return ", ".join(names[:4]) + (", ..." if len(names) > 4 else "")
+
+
+EFFORT_WORDS: Mapping[str, tuple[str, ...]] = {
+    "joint": ("actuatorfrcrange", "actuatorfrclimited"),
+    "drive": ("forcerange", "forcelimited", "ctrlrange", "ctrllimited"),
+}
+"""Attributes that limit the effort of a joint, by the place of `MjcfOnly`."""
+
+
+def of_same_effort(
+    items: Iterable[MjcfOnly], before: Mapping[str, Actuator], now: Mapping[str, Actuator]
+) -> Iterator[MjcfOnly]:
+    """The items without the old limits of joints whose effort limit is another one now."""
+    for item in items:
+        old, new = before.get(item.owner), now.get(item.owner)
+        if item.place in EFFORT_WORDS and old and (new is None or new.effort != old.effort):
+            element = parsed(item)
+            kept = {k: v for k, v in element.attrib.items() if k not in EFFORT_WORDS[item.place]}
+            if not kept:
+                continue
+            if len(kept) < len(element.attrib):
+                text = ElementTree.tostring(ElementTree.Element(element.tag, kept), "unicode")
+                item = MjcfOnly(item.place, text, item.owner)
+        yield item
+
+
+def force_range(item: MjcfOnly) -> tuple[float, float] | None:
+    """The `actuatorfrcrange` of a joint that an item states, N m or N."""
+    element = parsed(item)
+    said = element.get("actuatorfrcrange", "") if item.place == "joint" else ""
+    if not said or element.get("actuatorfrclimited") == "false":
+        return None
+    lower, upper = (float(end) for end in said.split())
+    return lower, upper
+
+
+_HELD = {"connect": "bodies at a point", "weld": "bodies", "flex": "flexible bodies"}
+TENDON = ("stiffness", "damping", "frictionloss", "armature", "range", "actuatorfrcrange")
+MEDIUM = ("wind", "density", "viscosity", "magnetic")
+FLAGS = ("actuation", "clampctrl", "constraint", "contact", "damper", "equality", "frictionloss",
+         "limit", "spring")  # fmt: skip
+"""Flags of `<option>` that switch off something that every other format has."""
+_BRAKES = ("damping", "armature", "frictionloss")
+
+
+def lost_motion(items: Iterable[MjcfOnly]) -> dict[str, tuple[str, ...]]:
+    """What is lost in words, with the names of the things that it is said of."""
+    found: dict[str, list[str]] = {}
+    for item in items:
+        element = parsed(item)
+        for what in _lost(item, element):
+            found.setdefault(what, []).append(item.owner or element.get("name", ""))
+    return {what: tuple(names) for what, names in found.items()}
+
+
+def lost_in_usd(items: Sequence[MjcfOnly]) -> dict[str, tuple[str, ...]]:
+    """As `lost_motion`, without the bodies that gravity does not pull, which PhysX knows."""
+    weightless = whole_gravity(items)
+    return lost_motion(i for i in items if i.place != "body" or i.owner not in weightless)
+
+
+def whole_gravity(items: Iterable[MjcfOnly]) -> frozenset[str]:
+    """Bodies whose weight is compensated wholly (`gravcomp` 1), so that gravity does not pull them.
+
+    None where a joint's drive makes that force itself (`actuatorgravcomp`).
+    """
+    whole = set()
+    for item in items:
+        if item.place == "joint" and 'actuatorgravcomp="true"' in item.element:
+            return frozenset()
+        is_body = item.place == "body" and item.element.startswith("<body")
+        if is_body and float(parsed(item).get("gravcomp", "0")) == 1.0:
+            whole.add(item.owner)
+    return frozenset(whole)
+
+
+def _lost(item: MjcfOnly, element: Element) -> Iterator[str]:
+    if item.place == "equality" and (what := _of_equality(element)):
+        yield what
+    if item.place == "tendon" and _some(element, TENDON):
+        yield "tendons that pull, brake or stop"
+    if item.place == "actuator" and not item.owner:
+        yield "actuators that no drive of a joint can be"
+    if item.place == "body" and element.tag == "body" and _some(element, ("gravcomp",)):
+        yield "gravity compensation of bodies"
+    if item.place == "option":
+        yield from _of_option(element)
+    if item.place == "freejoint" and _some(element, _BRAKES):
+        yield "what brakes the floating base"
+    if item.place == "joint" and len(element.get("damping", "").split()) > 1:
+        yield "damping of joints by a polynomial"
+    if item.place == "shape" and _some(element, ("surfacevel",)):
+        yield "surfaces that move what touches them (`surfacevel`)"
+
+
+def _of_option(element: Element) -> Iterator[str]:
+    if _some(element, MEDIUM):
+        yield "the medium around the robot (`wind`, `density`, `viscosity`)"
+    if element.get("actuatorgroupdisable"):
+        yield "groups of actuators that are switched off (`actuatorgroupdisable`)"
+    off = [k for flag in element for k, v in flag.attrib.items() if k in FLAGS and v == "disable"]
+    for name in off:
+        yield f"flags that switch something off (`{name}`)"
+
+
+def _of_equality(element: Element) -> str:
+    if element.get("active") == "false":
+        return ""
+    if element.tag == "joint":
+        return "joints that follow others by a polynomial, or are held at a position"
+    if element.tag == "tendon":
+        return "couplings of tendons"
+    return f"constraints that hold {_HELD.get(element.tag, 'parts')} together"
+
+
+def _some(element: Element, names: Iterable[str]) -> bool:
+    """Whether it states one of these numbers, and not as 0."""
+    return any(float(word) != 0.0 for name in names for word in element.get(name, "").split())

@@ -1,0 +1,348 @@
+"""Wrong masses, limits and mimics are found in the source and in what is simulated."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from tiny import TinyRobot, box_inertial, pendulum, run_step, tiny_quadruped, write_source_ports
+
+from assetbuild.body.lint import LintBodies, LintLinks
+from assetbuild.findings import Finding
+from assetbuild.pipeline.recipes import whole_model
+from assetbuild.robot.chains import split
+from assetbuild.robot.codec import encode
+from assetbuild.robot.inertia import InertiaBounds
+from assetbuild.robot.model import Body, Inertial, Joint, Limits, Mimic, Tree
+from assetbuild.robot.shapes import Box, SourceShape, SourceShapes, Sphere
+
+BRICK = box_inertial(1.0, (0.1, 0.1, 0.1))
+
+
+def lint(
+    tree: Tree, tmp_path: Path, shapes: SourceShapes | None = None, guessed: tuple[str, ...] = ()
+) -> list[Finding]:
+    robot = TinyRobot(tree, tree, shapes or SourceShapes())
+    step = LintLinks(guessed=guessed)
+    return run_step(step, write_source_ports(tmp_path / "in", robot), tmp_path / "out")
+
+
+def arm(
+    limits: Limits = Limits(-1.0, 1.0, 1.0, 1.0),  # noqa: B008 # frozen
+    inertial: Inertial | None = BRICK,
+    kind: str = "revolute",
+) -> Tree:
+    joint = Joint("j", kind, "base", "arm", limits=limits)  # type: ignore[arg-type] # a literal
+    return Tree("arm", "fixed", (Body("base"), Body("arm", inertial)), (joint,))
+
+
+@pytest.mark.parametrize("robot", [tiny_quadruped(), pendulum()])
+def test_good_robots_have_no_warning(robot: TinyRobot, tmp_path: Path):
+    inputs = write_source_ports(tmp_path / "in", robot)
+    told = run_step(LintLinks(), inputs, tmp_path / "out")
+    assert [f for f in told if f.severity != "info"] == []
+
+
+@pytest.mark.parametrize(
+    ("rule", "severity", "limits"),
+    [
+        ("joint.limits", "warning", Limits(1.0, -1.0, 1.0, 1.0)),
+        ("joint.locked", "warning", Limits(0.0, 0.0, 1.0, 1.0)),
+        ("joint.range", "warning", Limits(-8.0, 8.0, 1.0, 1.0)),
+        ("joint.range", "info", Limits(-4.0, 4.0, 1.0, 1.0)),
+        ("joint.effort_zero", "warning", Limits(-1.0, 1.0, 0.0, 1.0)),
+        ("joint.velocity_zero", "warning", Limits(-1.0, 1.0, 1.0, 0.0)),
+    ],
+)
+def test_joint_limits_that_cannot_be_meant(
+    rule: str, severity: str, limits: Limits, tmp_path: Path
+):
+    (finding,) = lint(arm(limits), tmp_path)
+    assert (finding.rule, finding.severity, finding.subject) == (rule, severity, "joint j")
+
+
+@pytest.mark.parametrize(
+    ("travel", "said"), [(300.0, True), (10.5, True), (10.0, False), (0.3, False)]
+)
+def test_a_slide_of_more_than_ten_metres_is_reported(travel: float, said: bool, tmp_path: Path):
+    found = lint(arm(Limits(0.0, travel, 1.0, 1.0), kind="prismatic"), tmp_path)
+    assert [(f.rule, f.severity) for f in found] == [("joint.range", "warning")] * said
+
+
+def coupled(multiplier: float, offset: float = 0.0) -> Tree:
+    """A finger of 0 to 0.5 rad that mimics another of the same range."""
+    lead = Joint("lead", "revolute", "base", "a", limits=Limits(0.0, 0.5, 1.0, 1.0))
+    follow = Joint(
+        *("follow", "revolute", "base", "b"),
+        limits=Limits(0.0, 0.5, 1.0, 1.0),
+        mimic=Mimic("lead", multiplier, offset),
+    )
+    return Tree("gripper", "fixed", (Body("base"), Body("a", BRICK), Body("b", BRICK)),
+                (lead, follow))  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("multiplier", "offset", "led", "apart"),
+    [
+        (-1.0, 0.0, (-0.5, 0.0), True),  # only 0 suits both
+        (1.5, 0.0, (0.0, 0.75), False),  # the leader may go to 0.333
+        (1.0, 0.3, (0.3, 0.8), False),  # to 0.2
+        (1.0, 0.7, (0.7, 1.2), True),
+        (2.0, -0.2, (-0.2, 0.8), False),  # from 0.1 to 0.35
+    ],
+)
+def test_a_finger_that_is_led_over_its_limits(
+    multiplier: float, offset: float, led: tuple[float, float], apart: bool, tmp_path: Path
+):
+    """It is not ready where no position of the leader suits both."""
+    (finding,) = lint(coupled(multiplier, offset), tmp_path)
+    assert (finding.rule, finding.severity) == ("joint.mimic_limits", "warning")
+    assert finding.subject == "joint follow"
+    assert (finding.data["led_lower"], finding.data["led_upper"]) == pytest.approx(led)
+    assert finding.unready == apart
+
+
+@pytest.mark.parametrize(("multiplier", "offset"), [(1.0, 0.0), (-1.0, 0.5), (0.4, 0.1)])
+def test_a_finger_that_is_led_within_its_limits(multiplier: float, offset: float, tmp_path: Path):
+    assert lint(coupled(multiplier, offset), tmp_path) == []
+
+
+def test_a_long_slide_is_no_turn(tmp_path: Path):
+    assert lint(arm(Limits(0.0, 7.0, 1.0, 1.0), kind="prismatic"), tmp_path) == []
+
+
+def test_a_link_seen_but_not_felt(tmp_path: Path):
+    visual = SourceShape("arm_visual", "arm", "visual", Box((0.1, 0.1, 0.1)))
+    (finding,) = lint(arm(), tmp_path, SourceShapes((visual,)))
+    assert (finding.rule, finding.severity) == ("link.no_collision", "info")
+    solid = SourceShape("arm_collision", "arm", "collision", Box((0.1, 0.1, 0.1)))
+    assert lint(arm(), tmp_path / "b", SourceShapes((visual, solid))) == []
+
+
+def test_mass_properties_are_no_errors_before_merging(tmp_path: Path):
+    for number, inertial in enumerate((None, Inertial(0.0, (0.0,) * 3, (0.0,) * 6))):
+        (finding,) = lint(arm(inertial=inertial), tmp_path / str(number))
+        assert finding.severity == "warning"
+
+
+def test_a_link_on_a_fixed_joint_may_be_a_frame_without_mass(tmp_path: Path):
+    nothing = Inertial(0.0, (0.0,) * 3, (0.0,) * 6)
+    assert lint(arm(inertial=nothing, kind="fixed"), tmp_path) == []
+    assert lint(arm(inertial=None, kind="fixed"), tmp_path / "b") == []
+
+
+@pytest.mark.parametrize(
+    ("guessed", "invented"),
+    [((), False), (("arm",), False), (("arm", "base"), True), ((".*",), True), (("ar",), False)],
+)
+def test_a_robot_all_of_whose_masses_are_guesses_is_not_ready(
+    guessed: tuple[str, ...], invented: bool, tmp_path: Path
+):
+    robot = arm()
+    bodies = tuple(replace(body, inertial=BRICK) for body in robot.bodies)
+    found = lint(replace(robot, bodies=bodies), tmp_path, guessed=guessed)
+    assert [(f.rule, f.unready) for f in found] == [("inertia.invented", True)] * invented
+
+
+@pytest.mark.parametrize(
+    ("bare", "seen", "severity"),
+    [(0, 4, None), (1, 1, "info"), (1, 4, "info"), (2, 4, "info"), (3, 4, "warning"),
+     (13, 17, "warning"), (4, 4, "warning")],
+)  # fmt: skip
+def test_links_without_collision_are_one_finding(
+    bare: int, seen: int, severity: str | None, tmp_path: Path
+):
+    """A warning where more than half of what is seen passes through everything else."""
+    names = [f"l{k}" for k in range(seen)]
+    joints = tuple(Joint(f"j{n}", "fixed", names[0], n) for n in names[1:])
+    tree = Tree("r", "fixed", tuple(Body(n, BRICK) for n in names), joints)
+    box = Box((0.1, 0.1, 0.1))
+    shapes = [SourceShape(f"{n}_seen", n, "visual", box) for n in names]
+    shapes += [SourceShape(f"{n}_felt", n, "collision", box) for n in names[bare:]]
+    found = lint(tree, tmp_path, SourceShapes(tuple(shapes)))
+    assert [f.severity for f in found] == ([severity] if severity else [])
+    for finding in found:
+        assert finding.message.startswith(f"{bare} of {seen} links")
+        assert finding.data["links"] == tuple(names[:bare])
+
+
+def body(mass: float, xx: float, yy: float, zz: float, xy: float = 0.0) -> Inertial:
+    return Inertial(mass, (0.0, 0.0, 0.0), (xx, yy, zz, xy, 0.0, 0.0))
+
+
+def lint_body(inertial: Inertial | None, tmp_path: Path, kind: str = "continuous") -> list[Finding]:
+    joint = Joint("j", kind, "base", "arm")  # type: ignore[arg-type] # a literal
+    tree = Tree("arm", "floating", (Body("base", BRICK), Body("arm", inertial)), (joint,))
+    inputs = write_source_ports(tmp_path / "in", TinyRobot(tree, tree))
+    return run_step(LintBodies(), inputs, tmp_path / "out")
+
+
+@pytest.mark.parametrize(("upper", "rules"), [(-1.5, ["joint.limits"]), (1.5, [])])
+def test_crossed_limits_are_an_error_in_what_is_simulated(
+    upper: float, rules: list[str], tmp_path: Path
+):
+    joint = Joint("j", "revolute", "base", "arm", limits=Limits(-1.0, upper, 1.0, 1.0))
+    tree = Tree(
+        "arm",
+        "floating",
+        (Body("base", BRICK), Body("arm", BRICK)),
+        (joint,),
+    )
+    inputs = write_source_ports(tmp_path / "in", TinyRobot(tree, tree))
+    findings = run_step(LintBodies(), inputs, tmp_path / "out")
+    assert [f.rule for f in findings] == rules
+    assert all(f.severity == "error" for f in findings)
+
+
+@pytest.mark.parametrize("robot", [tiny_quadruped(), pendulum()])
+def test_good_robots_have_no_findings(robot: TinyRobot, tmp_path: Path):
+    inputs = write_source_ports(tmp_path / "in", robot)
+    assert run_step(LintBodies(), inputs, tmp_path / "out") == []
+
+
+@pytest.mark.parametrize(
+    ("rule", "severity", "inertial"),
+    [
+        ("inertia.missing", "error", None),
+        ("inertia.mass", "error", body(0.0, 1.0, 1.0, 1.0)),
+        ("inertia.positive", "error", body(1.0, 0.0, 0.01, 0.01)),
+        ("inertia.positive", "error", body(1.0, 0.01, 0.01, 0.01, xy=0.02)),
+        ("inertia.positive", "error", body(1.0, 1e-6, 1e-6, 3e-6, xy=1e-6)),
+        ("inertia.triangle", "error", body(1.0, 0.01, 0.01, 0.03)),
+        ("inertia.triangle", "warning", body(1.0, 0.01, 0.01, 0.0201)),
+        ("inertia.pseudo", "warning", body(1.0, 0.01, 0.01, 0.02)),
+        ("inertia.radius", "warning", body(1.0, 0.2, 0.2, 0.2)),
+        ("inertia.radius", "warning", body(1.0, 50.0, 50.0, 50.0)),
+        ("inertia.dense", "info", body(1.0, 1e-6, 1e-6, 1e-6)),
+        ("inertia.dense", "error", body(1e-3, 0.9e-15, 0.9e-15, 0.9e-15)),
+        ("inertia.mass_small", "warning", body(1e-4, 1e-8, 1e-8, 1e-8)),
+    ],
+)
+def test_each_rule_fires_on_the_body_that_breaks_it(
+    rule: str, severity: str, inertial: Inertial | None, tmp_path: Path
+):
+    (finding,) = lint_body(inertial, tmp_path)
+    assert (finding.rule, finding.severity, finding.subject) == (rule, severity, "link arm")
+    assert finding.hint
+
+
+def test_the_light_links_of_a_split_joint_are_no_fault(tmp_path: Path):
+    ball = Tree(
+        "arm",
+        "floating",
+        (Body("base", BRICK), Body("arm", BRICK)),
+        (Joint("j", "ball", "base", "arm"),),
+    )
+    light = body(1e-5, 1e-9, 1e-9, 1e-9)
+    tree = split(ball, frozenset({"j"}))
+    bodies = tuple(replace(b, inertial=b.inertial or light) for b in tree.bodies)
+    tree = replace(tree, bodies=(*bodies, Body("mote", light)))
+    tree = replace(tree, joints=(*tree.joints, Joint("k", "continuous", "arm", "mote")))
+    inputs = write_source_ports(tmp_path / "in", TinyRobot(tree, tree))
+    (inputs / "source_links.json").write_bytes(encode(ball))
+    found = run_step(LintBodies(), inputs, tmp_path / "out")
+    assert [(f.subject, f.severity) for f in found if f.rule == "inertia.mass_small"] == [
+        ("link j_x_link", "info"),
+        ("link j_y_link", "info"),
+        ("link mote", "warning"),
+    ]
+
+
+def test_a_body_with_a_shape_is_no_denser_than_osmium(tmp_path: Path):
+    """22,590 kg/m3 in a ball of 2 cm passes, 40,000 does not."""
+    ball = 4.0 / 3.0 * math.pi * 0.02**3
+    for density, expected in ((22_590.0, []), (40_000.0, [("inertia.dense", "warning")])):
+        mass = density * ball
+        inertial = body(mass, *(0.4 * mass * 0.02**2,) * 3)
+        joint = Joint("j", "continuous", "base", "arm")
+        tree = Tree("arm", "floating", (Body("base", BRICK), Body("arm", inertial)), (joint,))
+        shapes = SourceShapes((SourceShape("arm", "arm", "visual", Sphere(0.02)),))
+        inputs = write_source_ports(tmp_path / f"{density}", TinyRobot(tree, tree, shapes))
+        found = run_step(LintBodies(), inputs, tmp_path / "out")
+        assert [(f.rule, f.severity) for f in found] == expected
+
+
+def test_a_massless_link_between_two_joints_is_told_and_no_error(tmp_path: Path):
+    joints = (
+        Joint("j", "continuous", "base", "between"),
+        Joint("k", "continuous", "between", "arm"),
+    )
+    bodies = (
+        Body("base", BRICK),
+        Body("between"),
+        Body("arm", BRICK),
+    )
+    tree = Tree("arm", "floating", bodies, joints)
+    inputs = write_source_ports(tmp_path / "in", TinyRobot(tree, tree))
+    (finding,) = run_step(LintBodies(), inputs, tmp_path / "out")
+    assert (finding.rule, finding.severity) == ("inertia.between", "info")
+    assert finding.subject == "link between"
+    assert finding.data["joints"] == ("j", "k")
+
+
+def test_rounding_of_a_flat_tensor_is_no_violation(tmp_path: Path):
+    (finding,) = lint_body(body(1.0, 0.01, 0.01, 0.02 * (1 + 1e-13)), tmp_path)
+    assert finding.rule == "inertia.pseudo"
+
+
+def test_what_six_numbers_could_state_better_is_a_violation(tmp_path: Path):
+    """MuJoCo refuses it, so `init` must see it."""
+    (finding,) = lint_body(body(1.0, 0.01, 0.01, 0.02 * (1 + 1e-11)), tmp_path)
+    assert finding.rule == "inertia.triangle"
+
+
+def test_the_violation_is_told_as_a_number(tmp_path: Path):
+    (finding,) = lint_body(body(1.0, 0.01, 0.01, 0.04), tmp_path)
+    assert finding.data["violation"] == pytest.approx(0.5)
+    assert finding.data["principal_kg_m2"] == pytest.approx((0.01, 0.01, 0.04))
+
+
+def test_the_bound_itself_is_allowed(tmp_path: Path):
+    at_half_a_metre = 0.4 * 1.0 * 0.5**2
+    assert lint_body(body(1.0, *(at_half_a_metre,) * 3), tmp_path) == []
+
+
+def test_a_kept_body_without_mass_is_a_warning(tmp_path: Path):
+    finding, empty = lint_body(None, tmp_path, kind="fixed")
+    assert (finding.rule, finding.severity) == ("inertia.missing", "warning")
+    assert (empty.rule, empty.unready) == ("robot.empty", True)  # nothing moves or has a shape
+
+
+def test_go1s_singular_base_is_valid_once_merged(go1_root: Path, tmp_path: Path):
+    from assetbuild.body.lint import LintLinks
+    from assetbuild.body.merge_fixed_joints import MergeFixedJoints
+    from assetbuild.source.urdf.read_urdf import ReadUrdf
+
+    name = "robots/go1_description/urdf/go1.urdf"
+    folder = tmp_path / "all"
+    folder.mkdir()
+    (folder / "robot.urdf").write_bytes((go1_root / name).read_bytes())
+    read = ReadUrdf(file=name, base="floating", packages={"example-robot-data": "."})
+    run_step(read, folder, folder)
+    raw = run_step(LintLinks(), folder, folder)
+    assert [(f.rule, f.severity) for f in raw] == [
+        ("inertia.mass_small", "info"),
+        ("inertia.positive", "info"),
+    ]
+    assert {f.subject for f in raw} == {"link base"}
+    run_step(MergeFixedJoints(), folder, folder)
+    assert run_step(LintBodies(), folder, folder) == []
+
+
+def test_the_recipe_draws_the_lines():
+    said = {"inertia": {"radius": 1.0, "triangle_slack": 0.2, "density": 8000, "small_mass": 0.1}}
+    recipe = whole_model().model_validate(
+        {
+            "schema": "assetbuild/v1",
+            "robot": "r",
+            "source": {"path": ".", "urdf": "r.urdf"},
+            "validate": said,
+        }
+    )
+    bounds = recipe.validate_.inertia
+    assert (bounds.radius, bounds.triangle_slack) == (1.0, 0.2)
+    assert (bounds.density, bounds.small_mass) == (8000.0, 0.1)
+    default = whole_model().model_validate(recipe.model_dump(by_alias=True) | {"validate": {}})
+    assert default.validate_.inertia == InertiaBounds()

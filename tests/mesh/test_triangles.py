@@ -1,0 +1,225 @@
+"""Polygons become triangles, equal vertices one, and area and volume are the textbook's."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from assetbuild.mesh.primitives import tessellate
+from assetbuild.mesh.triangles import (
+    TriangleMesh,
+    _mixed,
+    area,
+    cleaned,
+    drop_collapsed,
+    drop_repeated,
+    fan_triangles,
+    first_seen,
+    is_closed,
+    merged,
+    polygon_triangles,
+    signed_volume,
+    solid_moments,
+    weld,
+)
+from assetbuild.robot.pose import Pose, quat_of_rpy
+from assetbuild.robot.shapes import Box
+
+SQUARE = [[0, 0], [1, 0], [1, 1], [0, 1]]
+ARROW = [[0, 2], [0, 0], [2, 0], [0.2, 0.2]]
+"""A quad with a corner that points inwards: the fan from its first corner covers too much."""
+STAR = [
+    [(1.0 + i % 2) * f(i * np.pi / 5) for f in (np.cos, np.sin)] for i in range(10)
+]  # begins at an inner corner
+KEYHOLE = [[0, 0], [4, 0], [4, 4], [0, 4], [0, 0], [1, 1], [1, 3], [3, 3], [3, 1], [1, 1]]
+"""A square with a square hole, as exporters write it: a bridge leads in and out."""
+
+
+def covered(polygon, turn) -> tuple[float, float, int]:
+    """(area of the triangles, area by the shoelace formula, how many triangles)."""
+    flat = np.array(polygon, dtype=np.float64)
+    x, y = flat.T
+    shoelace = 0.5 * abs(float(np.sum(x * np.roll(y, -1) - y * np.roll(x, -1))))
+    corners = np.column_stack([flat, np.full(len(flat), 3.0)]) @ np.asarray(turn).T
+    cut = polygon_triangles(np.array([len(flat)]), corners)
+    a, b, c = np.moveaxis(corners[cut], 1, 0)
+    return float(np.linalg.norm(np.cross(b - a, c - a), axis=1).sum() / 2), shoelace, len(cut)
+
+
+@pytest.mark.parametrize("polygon", [SQUARE, ARROW, STAR, KEYHOLE])
+@pytest.mark.parametrize("is_mirrored", [False, True])
+def test_triangles_cover_the_polygon(polygon, is_mirrored):
+    turn, _ = np.linalg.qr(np.array([[1.0, 2, 3], [0, 1, 4], [5, 6, 0]]))
+    area, shoelace, count = covered(polygon[::-1] if is_mirrored else polygon, turn)
+    assert area == pytest.approx(shoelace, rel=1e-12)
+    assert count == len(polygon) - 2
+
+
+def test_convex_polygons_stay_fans_and_keep_their_place():
+    polygons = [[[0, 0], [1, 0], [0, 1]], ARROW, SQUARE]
+    flat = np.concatenate([np.array(p, dtype=np.float64) for p in polygons])
+    corners = np.column_stack([flat, np.zeros(len(flat))])
+    counts = np.array([3, 4, 4])
+    cut, fans = polygon_triangles(counts, corners), fan_triangles(counts)
+    assert cut[0].tolist() == fans[0].tolist()
+    assert cut[3:].tolist() == fans[3:].tolist()
+    assert sorted(np.unique(cut[1:3]).tolist()) == [3, 4, 5, 6]
+    assert cut[1:3].tolist() != fans[1:3].tolist()
+
+
+def test_a_polygon_without_area_or_numbers_is_a_fan():
+    for corners in (np.zeros((5, 3)), np.full((5, 3), np.nan)):
+        cut = polygon_triangles(np.array([5]), corners)
+        assert cut.tolist() == fan_triangles(np.array([5])).tolist()
+
+
+def soup(mesh: TriangleMesh) -> TriangleMesh:
+    """Each triangle with corners of its own, as an STL file has them."""
+    corners = mesh.corners.reshape(-1, 3)
+    return TriangleMesh(corners, np.arange(len(corners)).reshape(-1, 3))
+
+
+def test_the_triangles_of_a_box_share_eight_vertices_and_close():
+    box = tessellate(Box((1.0, 2.0, 3.0)))
+    welded = weld(soup(box))
+    assert len(welded.vertices) == 8
+    assert is_closed(welded)
+    assert np.array_equal(welded.corners, box.corners)
+
+
+def test_vertices_are_numbered_by_first_appearance_and_unused_ones_go():
+    points = np.array([[9.0, 9, 9], [1, 0, 0], [0, 0, 0], [0, 1, 0], [1, 0, 0]])
+    mesh = weld(TriangleMesh(points, np.array([[2, 1, 3], [3, 4, 2]])))
+    assert mesh.faces.tolist() == [[1, 0, 2], [2, 0, 1]]
+    assert mesh.vertices.tolist() == [[1, 0, 0], [0, 0, 0], [0, 1, 0]]
+
+
+def test_minus_zero_is_zero():
+    first, number = first_seen(np.array([[0.0, 1.0], [-0.0, 1.0], [0.0, 2.0]]))
+    assert first.tolist() == [0, 2]
+    assert number.tolist() == [0, 0, 1]
+
+
+def test_two_rows_of_one_hash_stay_two():
+    first, other = np.array([[0.25, 0.5]]).view(np.uint64), np.uint64(0x3FF0000000000000)
+    before = _mixed(np.array([[first[0, 0]], [other]]))
+    collides = first[0, 1] ^ before[0] ^ before[1]
+    rows = np.array([[other, collides], first[0], first[0]], dtype=np.uint64)
+    assert len(set(_mixed(rows).tolist())) == 1
+    found, number = first_seen(rows.view(np.float64))
+    assert found.tolist() == [0, 1]
+    assert number.tolist() == [0, 1, 1]
+
+
+@given(st.lists(st.tuples(*[st.sampled_from([0.0, -0.0, 1.0, 1e-300, np.pi])] * 3), max_size=40))
+def test_rows_are_counted_as_a_dictionary_counts_them(rows):
+    first, number = first_seen(np.array(rows, dtype=np.float64).reshape(-1, 3))
+    distinct = list(dict.fromkeys(rows))
+    assert first.tolist() == [rows.index(row) for row in distinct]
+    assert number.tolist() == [distinct.index(row) for row in rows]
+
+
+def test_collapsed_and_repeated_faces_go_and_the_back_side_stays():
+    points = np.eye(3)
+    faces = np.array([[0, 1, 2], [1, 2, 0], [2, 1, 0], [0, 1, 1]])
+    mesh = TriangleMesh(points, faces)
+    assert drop_collapsed(mesh).faces.tolist() == faces[:3].tolist()
+    assert drop_repeated(mesh).faces.tolist() == [[0, 1, 2], [2, 1, 0], [0, 1, 1]]
+    assert len(cleaned(mesh).faces) == 2
+
+
+def test_a_seam_in_texture_does_not_split_the_surface():
+    box = soup(tessellate(Box((1.0, 1.0, 1.0))))
+    uv = np.random.default_rng(0).random((12, 3, 2))
+    welded = weld(TriangleMesh(box.vertices, box.faces, uv))
+    assert len(welded.vertices) == 8
+    assert np.array_equal(welded.uv, uv)
+
+
+def box(size=(1.0, 1.0, 1.0), at=(0.0, 0.0, 0.0)) -> TriangleMesh:
+    """Quads listed by hand, counter-clockwise from outside."""
+    corners = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)], dtype=float)
+    quads = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
+    faces = [(a, b, c) for a, b, c, _ in quads] + [(a, c, d) for a, _, c, d in quads]
+    return TriangleMesh((corners - 0.5) * size + at, np.array(faces))
+
+
+def torus(big=1.0, small=0.25, around=200, across=100) -> TriangleMesh:
+    u, v = np.meshgrid(np.arange(around), np.arange(across), indexing="ij")
+    a, b = 2 * np.pi * u / around, 2 * np.pi * v / across
+    ring = big + small * np.cos(b)
+    points = np.stack([ring * np.cos(a), ring * np.sin(a), small * np.sin(b)], -1).reshape(-1, 3)
+    i = (u * across + v).ravel()
+    j = ((u + 1) % around * across + v).ravel()
+    k = ((u + 1) % around * across + (v + 1) % across).ravel()
+    m = (u * across + (v + 1) % across).ravel()
+    faces = np.concatenate([np.stack([i, j, k], 1), np.stack([i, k, m], 1)])
+    return TriangleMesh(points, faces)
+
+
+def test_a_box_has_the_area_volume_and_centre_of_a_box():
+    mesh = box((1.0, 2.0, 3.0), at=(5.0, 0.0, -1.0))
+    assert area(mesh) == pytest.approx(22.0)
+    assert signed_volume(mesh) == pytest.approx(6.0)
+    assert solid_moments(mesh)[1] == pytest.approx([5.0, 0.0, -1.0])
+    assert is_closed(mesh)
+
+
+def test_a_torus_has_the_volume_that_pappus_gives():
+    mesh = torus()
+    assert signed_volume(mesh) == pytest.approx(2 * math.pi**2 * 1.0 * 0.25**2, rel=2e-3)
+    assert area(mesh) == pytest.approx(4 * math.pi**2 * 1.0 * 0.25, rel=2e-3)
+    assert solid_moments(mesh)[1] == pytest.approx([0.0, 0.0, 0.0], abs=1e-12)
+
+
+def test_volume_survives_a_mesh_far_from_the_origin():
+    assert signed_volume(box(at=(1e6, -1e6, 1e6))) == pytest.approx(1.0, rel=1e-9)
+
+
+def test_a_box_without_a_lid_and_one_with_a_turned_face_are_open():
+    mesh = box()
+    assert not is_closed(mesh.select(np.arange(1, 12)))
+    turned = mesh.faces.copy()
+    turned[0] = turned[0][::-1]
+    assert not is_closed(TriangleMesh(mesh.vertices, turned))
+
+
+def test_a_mirroring_scale_keeps_outward_faces_and_normals():
+    mesh = box((1.0, 2.0, 3.0), at=(1.0, 2.0, 3.0))
+    outward = np.repeat(_normals(mesh)[:, None], 3, axis=1)
+    mirrored = TriangleMesh(mesh.vertices, mesh.faces, None, outward).scaled((1.0, -1.0, 2.0))
+    assert signed_volume(mirrored) == pytest.approx(12.0)
+    assert mirrored.bounds[0] == pytest.approx([0.5, -3.0, 3.0])
+    assert mirrored.normals[:, 0] == pytest.approx(_normals(mirrored))
+
+
+def test_placing_turns_and_moves():
+    pose = Pose((1.0, 0.0, 0.0), quat_of_rpy(0.0, 0.0, math.pi / 2))
+    lower, upper = box((4.0, 2.0, 2.0)).placed(pose).bounds
+    assert lower == pytest.approx([0.0, -2.0, -1.0])
+    assert upper == pytest.approx([2.0, 2.0, 1.0])
+
+
+def test_scale_zero_is_refused():
+    with pytest.raises(ValueError, match="zero"):
+        box().scaled((1.0, 0.0, 1.0))
+
+
+def test_merging_adds_areas():
+    assert area(merged([box(), box((2.0, 2.0, 2.0))])) == pytest.approx(30.0)
+
+
+def test_polygons_are_cut_into_fans():
+    fans = fan_triangles(np.array([3, 5, 2, 4]))
+    expected = [[0, 1, 2], [3, 4, 5], [3, 5, 6], [3, 6, 7], [10, 11, 12], [10, 12, 13]]
+    assert fans.tolist() == expected
+
+
+def _normals(mesh: TriangleMesh) -> np.ndarray:
+    a, b, c = np.moveaxis(mesh.corners, 1, 0)
+    n = np.cross(b - a, c - a)
+    return n / np.linalg.norm(n, axis=1)[:, None]
