@@ -118,7 +118,7 @@ def _installed(name: str) -> bool:
 
 
 def _cache() -> Row:
-    from assetbuild.engine.folders import cache_root
+    from assetbuild.engine.machine import cache_root
 
     root = Path(cache_root())
     place = next(folder for folder in (root, *root.parents) if folder.exists())
@@ -134,7 +134,7 @@ def _cache() -> Row:
 
 def _confinement() -> Row:
     """Landlock holds xacro files; without it a private folder and an empty environment do."""
-    from assetbuild.engine.landlock import version
+    from assetbuild.engine.confine import version
 
     kernel, found = platform.release(), version()
     if found:
@@ -152,7 +152,7 @@ def _program(name: str, use: str) -> Row:
 
 def _pictures() -> Iterator[Row]:
     from assetbuild.engine.world import World
-    from assetbuild.looks.offscreen import renderer
+    from assetbuild.looks.plan import renderer
     from assetbuild.looks.viewer import three_js
 
     kind = renderer(World())

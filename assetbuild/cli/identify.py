@@ -4,20 +4,33 @@ from __future__ import annotations
 
 import argparse
 import json
+import os
+import re
 import sys
-from dataclasses import asdict
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
+from typing import Any
+
+import yaml
 
 from assetbuild.cli.progress import progress
 from assetbuild.cli.summary import print_findings
+from assetbuild.engine.execute import Listener
+from assetbuild.engine.planner import Planner
 from assetbuild.engine.store import OUT_OPTION, machine_errors
-from assetbuild.errors import UsageError
+from assetbuild.errors import RecipeError, UsageError
+from assetbuild.findings import Finding
+from assetbuild.identify.as_ranges import as_ranges
 from assetbuild.identify.bam import read_bam
-from assetbuild.pipeline.identifying import excite, identify
-from assetbuild.pipeline.opening import Task
-from assetbuild.pipeline.writing import write_rows
-from assetbuild.recipe.loader import read_small_file
+from assetbuild.identify.plan import excite as add_excite
+from assetbuild.pipeline.opening import Opened, Task, at_work
+from assetbuild.pipeline.recipes import load_recipe
+from assetbuild.recipe.loader import LoadedRecipe, read_small_file
+from assetbuild.robot.actuator_table import ActuatorRow
+from assetbuild.robot.codec import decode
 from assetbuild.robot.identified import Fit
+from assetbuild.robot.model import Actuator, Control
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -146,3 +159,182 @@ def _print(fit: Fit) -> None:
     print(f"{'RMS of the position':{max(wide, 19)}}   fitted  held out: priors   identified")
     for one in fit.predictions:
         print(f"{one.joint:{max(wide, 19)}} {one.fitted:8.2e} {one.before:17.2e} {one.after:12.2e}")
+
+
+@dataclass(frozen=True)
+class Identified:
+    """What came of it. fits: one for each entry of `identify`; actuators: as a build uses them."""
+
+    loaded: LoadedRecipe
+    fits: tuple[Fit, ...]
+    actuators: tuple[Actuator, ...]
+    findings: tuple[Finding, ...]
+
+    @property
+    def ranges(self) -> str:
+        """The intervals as `randomize.joints`, YAML."""
+        return as_ranges(self.fits, self.loaded.recipe.simulation.timestep)
+
+
+def identify(task: Task, on_event: Listener, say: Callable[[str], None]) -> Identified:
+    """Fit. Raises AssetBuildError."""
+    loaded = load_recipe(task.recipe, task.variant)
+    if not loaded.recipe.identify:
+        raise RecipeError(
+            "the recipe has no `identify`: nothing says where the logs are",
+            where=loaded.where(()),
+            hint="add for instance `identify: [{logs: [{file: log.csv}], recorded: {kp: 20}}]`",
+        )
+    with at_work(loaded, task, on_event, say) as work:
+        done = work.made(work.robot)
+        outline = done.outline
+        fits = tuple(decode(Fit, work.read(done, node["fit.json"])) for node in outline.fits)
+        control = decode(Control, work.read(done, outline.robot["control.json"]))
+    of_fits = [label for label in done.results if label.startswith(("read_log", "fit_logs"))]
+    findings = tuple(f for label in of_fits for f in done.results[label].findings)
+    return Identified(loaded, fits, control.actuators, findings)
+
+
+@dataclass(frozen=True)
+class Excitation:
+    """What to record. expected: rows for each parameter, as the step `Excite` writes them."""
+
+    commands: bytes
+    expected: list[dict[str, Any]]  # Any: JSON
+    findings: tuple[Finding, ...] = ()
+
+
+def excite(
+    task: Task, seconds: float, on_event: Listener, say: Callable[[str], None]
+) -> Excitation:
+    """Commands that show the parameters. Raises AssetBuildError."""
+    loaded = load_recipe(task.recipe, task.variant)
+    with at_work(loaded, task, on_event, say) as work:
+        result = work.made(lambda p: plan_excite(work, seconds, p)).results["excite"]
+        commands, expected = (work.session.read(result[n]) for n in ("excite.csv", "expected.json"))
+        return Excitation(commands, json.loads(expected), result.findings)
+
+
+def plan_excite(work: Opened, seconds: float, p: Planner) -> None:
+    """Add the node `excite` and what it needs."""
+    outline = replace(work, loaded=work.loaded.but(identify=())).robot(p)
+    if outline.tree is not None and outline.robot:
+        with work.loaded.placing():
+            add_excite(work.loaded.recipe, outline.tree, outline.robot, seconds, p)
+
+
+INSTEAD = {"kp": "frequency", "kd": "damping_ratio"}
+"""A measured number takes the place of what it was computed from."""
+
+
+def write_rows(found: Identified) -> int:
+    """Rewrite the rows whose joints have measured numbers; how many rows now state them.
+
+    RecipeError for a recipe without rows. The file is replaced at once, and only if it is valid.
+    """
+    loaded = found.loaded
+    if loaded.variant is not None:
+        raise UsageError("`--write` changes the recipe itself: omit `--variant`")
+    measured = {row.joint: row for row in found.actuators if row.measured}
+    text = loaded.path.read_bytes().decode("utf-8-sig")
+    spans = _spans(text)
+    if not spans:
+        raise RecipeError(
+            "the recipe has no rows in `actuators` that could state the numbers",
+            where=loaded.where(("actuators",)),
+            hint="build with `identify` alone, or write the rows first",
+        )
+    joints = [row.joint for row in found.actuators]
+    count = 0
+    rows = list(zip(loaded.recipe.actuators, spans, strict=True))
+    for row, (first, last, indent) in reversed(rows):
+        own = [name for name in joints if re.fullmatch(row.joints, name)]
+        if not any(name in measured for name in own):
+            continue
+        written = list(_rows(row, own, measured))
+        count += sum("measured" in each for each in written)
+        text = text[:first] + f"\n{indent}- ".join(_flow(e, indent) for e in written) + text[last:]
+    _replace(found, text)
+    return count
+
+
+def _replace(found: Identified, text: str) -> None:
+    path = found.loaded.path
+    half = path.with_name(f".{path.name}.new")
+    half.write_text(text, encoding="utf-8", newline="")
+    try:
+        load_recipe(half)
+        os.replace(half, path)  # noqa: PTH105 # says what it does
+    finally:
+        half.unlink(missing_ok=True)
+
+
+def _spans(text: str) -> list[tuple[int, int, str]]:
+    """(first, last, indent) of each item of `actuators`; comments below the last are not its."""
+    root = yaml.compose(text, Loader=yaml.SafeLoader)
+    for key, value in root.value if root is not None else ():
+        if key.value == "actuators" and isinstance(value, yaml.SequenceNode):
+            found = []
+            for item in value.value:
+                first, last = item.start_mark.index, item.end_mark.index
+                last = first + len(_without_tail(text[first:last]))
+                line = text.rfind("\n", 0, first) + 1
+                before = text[line:first]
+                found.append((first, last, before[: len(before) - len(before.lstrip())]))
+            return found
+    return []
+
+
+def _without_tail(text: str) -> str:
+    """Without comments and empty lines at its end."""
+    lines = text.rstrip().split("\n")
+    while len(lines) > 1 and lines[-1].lstrip().startswith("#"):
+        lines.pop()
+    return "\n".join(lines).rstrip()
+
+
+def _rows(
+    row: ActuatorRow, joints: Sequence[str], measured: Mapping[str, Actuator]
+) -> Iterator[dict[str, Any]]:  # Any: YAML
+    """The rows in place of one: joints with equal numbers share a row, as do those with none."""
+    stated = row.model_dump(exclude_unset=True)
+    groups: dict[str, tuple[dict[str, Any], list[str]]] = {}  # Any: YAML
+    for joint in joints:
+        keys = {k: v for k, v in stated.items() if k not in ("joints", "measured", "source")}
+        if joint in measured:
+            keys |= _numbers(measured[joint], keys)
+        elif row.source:
+            keys["source"] = row.source
+        groups.setdefault(json.dumps(keys), (keys, []))[1].append(joint)
+    for keys, names in groups.values():
+        yield {"joints": "|".join(map(re.escape, names)), **keys}
+
+
+def _numbers(actuator: Actuator, keys: dict[str, Any]) -> dict[str, Any]:  # Any: YAML
+    for name in actuator.measured:
+        keys.pop(INSTEAD.get(name, ""), None)
+    found = {name: float(f"{getattr(actuator, name):.6g}") for name in actuator.measured}
+    return {**found, "measured": list(actuator.measured), "source": actuator.source}
+
+
+def _flow(row: Mapping[str, Any], indent: str) -> str:  # Any: YAML
+    """`{joints: .., ..}`; what was measured on lines of its own."""
+    head = [f"{k}: {_text(v)}" for k, v in row.items() if k not in row.get("measured", ())]
+    if "measured" not in row:
+        return "{" + ", ".join(head) + "}"
+    numbers = ", ".join(f"{name}: {row[name]!r}" for name in row["measured"])
+    own = [part for part in head if not part.startswith(("measured:", "source:"))]
+    names = ", ".join(row["measured"])
+    return (
+        "{" + ", ".join(own) + f",\n{indent}   {numbers},\n{indent}   measured: [{names}],\n"
+        f"{indent}   source: {json.dumps(row['source'])}}}"
+    )
+
+
+def _text(value: Any) -> str:  # Any: YAML
+    """A plain word or number as people write it, all else as JSON."""
+    if isinstance(value, float) and value.is_integer() and abs(value) < 1e9:
+        return str(int(value))
+    if isinstance(value, str) and re.fullmatch(r"[a-z]\w*_\w+|pd|ideal_pd", value, re.ASCII):
+        return value
+    return json.dumps(value)

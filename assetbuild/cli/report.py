@@ -8,12 +8,11 @@ import sys
 import webbrowser
 from pathlib import Path
 
-from assetbuild.cli.public import shown_figures
-from assetbuild.cli.summary import every_finding_line
+from assetbuild.cli.summary import every_finding_line, shown_figures
 from assetbuild.engine.world import World
 from assetbuild.errors import UsageError
 from assetbuild.findings import finding_from_json
-from assetbuild.looks.offscreen import renderer
+from assetbuild.looks.plan import renderer
 from assetbuild.looks.render import draw_all
 
 

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from assetbuild.cli.build import build_and_print, requests_of
-from assetbuild.cli.public import shown_figures
+from assetbuild.cli.summary import shown_figures
 from assetbuild.engine.world import World
 from assetbuild.pipeline.building import check_requests
 from assetbuild.pipeline.smoking import (

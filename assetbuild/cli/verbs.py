@@ -11,8 +11,8 @@ from pathlib import Path
 from typing import Any
 
 from assetbuild._version import __version__
-from assetbuild.cli.parser import Parser
-from assetbuild.cli.values import (
+from assetbuild.cli.parser import (
+    Parser,
     Recipes,
     file_or_robot,
     named_path,
@@ -51,23 +51,19 @@ class Option:
 class Verb:
     """What a verb takes. run: `module:function` of this package; default, `run` of its own.
 
-    either: options of which only one may stand. parts: verbs below it, `cache gc`.
+    parts: verbs below it, `cache gc`.
     """
 
     help: str
     options: tuple[Option, ...] = ()
     run: str = ""
     epilog: str | None = None
-    either: tuple[Option, ...] = ()
     parts: Mapping[str, Verb] = field(default_factory=dict)
 
     def declare(self, parser: Parser) -> None:
         """Give a parser all that the verb takes."""
         for option in self.options:
             option.add(parser)
-        group = parser.add_mutually_exclusive_group() if self.either else None
-        for option in self.either:
-            option.add(group)
         if self.parts:
             below = parser.add_subparsers(dest="what", metavar="WHAT", required=True)
             for name, part in self.parts.items():
@@ -191,6 +187,7 @@ VERBS: Mapping[str, Verb] = {
         option("step", nargs="?", metavar="STEP", help="default: all"),
         VARIANT,
         switch("--json", help="print data"),
+        run="plan:explain_steps",
     ),
     "identify": verb(
         "fit actuator numbers to logs of the real robot",
@@ -224,17 +221,12 @@ VERBS: Mapping[str, Verb] = {
         "list the robots that `assetbuild build NAME` builds without a recipe of yours",
         run="printing:library",
     ),
-    "lock": verb("pin a recipe's source in <recipe>.lock.yaml", RECIPES),
+    "lock": verb("pin a recipe's source in <recipe>.lock.yaml", RECIPES, run="check:lock"),
     "plan": verb(
-        "print the graph of a recipe, what a change reaches, what a build waits for",
+        "print the graph of a recipe: its steps by room",
         RECIPE,
         VARIANT,
-        option("--format", choices=("text", "json", "dot", "graphml"), default="text"),
-        either=(
-            option("--stale", metavar="WHAT",
-                   help="the steps that a change of a file, step or key can reach"),
-            switch("--critical", help="the steps that take longest, one after the other"),
-        ),
+        option("--format", choices=("text", "json", "dot"), default="text"),
     ),
     "report": verb(
         "show the report of a bundle",

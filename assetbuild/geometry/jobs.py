@@ -21,8 +21,7 @@ from assetbuild.errors import did_you_mean
 from assetbuild.geometry.match_shapes import MatchShapes
 from assetbuild.mesh.read import Format
 from assetbuild.plugins import load_plugin
-from assetbuild.recipe.collision import CollisionRule, ShapedRule
-from assetbuild.recipe.models import Collision, Recipe
+from assetbuild.recipe.models import Collision, CollisionRule, Recipe, ShapedRule
 from assetbuild.recipe.validation import Key, KeyedError
 from assetbuild.robot.model import Tree
 from assetbuild.robot.pose import IDENTITY, Pose, Vec3, vec3

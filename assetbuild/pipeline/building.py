@@ -14,7 +14,6 @@ from assetbuild.engine.make import NodeResult
 from assetbuild.engine.planner import Planner, Settled, settle_all
 from assetbuild.engine.processes import Processes
 from assetbuild.engine.rebuild import Difference, run_again
-from assetbuild.engine.runner import Runner
 from assetbuild.engine.session import Session
 from assetbuild.engine.store import OUT_OPTION, LostObjectError, machine_errors
 from assetbuild.engine.world import World
@@ -59,7 +58,7 @@ class Outcome:
 
     out: where the bundle lies, None when a step failed. edited: files of the user that were set
     aside. errors: of the failed steps, in the order of the graph. differences: what the second
-    run of `--rebuild-check` found. is_shared: all was sent that a shared cache lacked.
+    run of `--rebuild-check` found.
     """
 
     loaded: LoadedRecipe
@@ -71,7 +70,6 @@ class Outcome:
     edited: tuple[str, ...] = ()
     errors: tuple[AssetBuildError, ...] = ()
     differences: tuple[Difference, ...] = ()
-    is_shared: bool = True
 
 
 @dataclass(frozen=True)
@@ -122,7 +120,6 @@ def build_all(
                     raise
     for job, outcome in zip(jobs, outcomes, strict=True):
         outcome.seconds = time.monotonic() - started
-        outcome.is_shared = remote is None or remote.is_complete
         if outcome.report is not None:
             _write_run_log(outcome, job.out)
     return outcomes
@@ -161,7 +158,7 @@ def _jobs(requests: Sequence[Request], world: World, say: Callable[[str], None])
 def _build(
     jobs: Sequence[_Job],
     session: Session,
-    runner: Runner,
+    runner: Processes,
     request: Request,
     on_event: Listener,
     say: Callable[[str], None],
@@ -236,7 +233,7 @@ def default_out(loaded: LoadedRecipe) -> Path:
     return Path("build") / f"{loaded.recipe.robot}{suffix}"
 
 
-def _runner(request: Request, session: Session, remote: Remote | None) -> Runner:
+def _runner(request: Request, session: Session, remote: Remote | None) -> Processes:
     """Where the steps run. UsageError; MachineError when the cluster does not answer."""
     if request.executor == "local":
         return Processes(session)

@@ -50,10 +50,9 @@ from assetbuild.report.bundle import (
     provenance,
     same_provenance,
 )
-from assetbuild.report.card import model_card
+from assetbuild.report.card import Subject, model_card
 from assetbuild.report.document import Report
 from assetbuild.report.html import View, html_page
-from assetbuild.report.subject import Subject
 from assetbuild.report.summary import summary
 from assetbuild.robot.codec import decode
 from assetbuild.robot.identified import Curves, Fit

@@ -8,7 +8,7 @@ from __future__ import annotations
 import base64
 import functools
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import groupby
 from pathlib import Path
@@ -18,20 +18,18 @@ from markupsafe import Markup, escape
 
 from assetbuild._version import __version__
 from assetbuild.findings import SEVERITIES, Finding, is_consequence, is_waived
-from assetbuild.report.card import card_tables
+from assetbuild.report.card import Subject, card_tables
 from assetbuild.report.document import Report
-from assetbuild.report.figures import figures_of
-from assetbuild.report.identified import HEIGHT, WIDTH, identified
-from assetbuild.report.loading import loading_lines
-from assetbuild.report.sentences import sentence
-from assetbuild.report.subject import Subject
-from assetbuild.report.tables import text_of
+from assetbuild.report.figures import figures_of, sentence
+from assetbuild.report.tables import Table, table, text_of
 from assetbuild.report.verdict import CheckResult, Verdict, verdict_rows
 from assetbuild.report.view import view_data
+from assetbuild.robot.identified import Curve, Curves, Fit
 from assetbuild.robot.inertia import total_mass
 
 if TYPE_CHECKING:
     from jinja2 import Environment
+
 
 ASSETS = Path(__file__).parent / "assets"
 GROUPS: tuple[tuple[str, str, tuple[str, ...]], ...] = (
@@ -182,3 +180,123 @@ def _provenance(subject: Subject) -> list[tuple[str, object]]:
         *sorted(subject.pin.items()),
         ("licence of the source", source.license or "not stated"),
     ]
+
+
+def loading_lines(robot: str, targets: Collection[str]) -> Iterator[tuple[str, str]]:
+    """(consumer, lines) for what the bundle holds; paths as seen from where the build ran."""
+    bundle = f"build/{robot}"
+    module = re.sub(r"\W", "_", robot)
+    module = f"_{module}" if module[:1].isdigit() else module
+    if "mjcf" in targets:
+        yield (
+            "MuJoCo",
+            f'import mujoco\n\nmodel = mujoco.MjModel.from_xml_path("{bundle}/mjcf/scene.xml")',
+        )
+    path = f'import sys\n\nsys.path.insert(0, "{bundle}/python")\n'
+    if "mjlab" in targets:
+        yield "mjlab", f"{path}from {module}_mjlab import robot_cfg"
+    if "isaaclab" in targets:
+        upper = module.upper()
+        yield (
+            "Isaac Lab",
+            f"{path}from {module}_isaaclab_2 import {upper}_CFG  # Isaac Lab 3: _isaaclab_3\n\n"
+            f'robot = {upper}_CFG.replace(prim_path="{{ENV_REGEX_NS}}/Robot")',
+        )
+    elif "usd" in targets:
+        yield (
+            "Isaac Lab",
+            "import isaaclab.sim as sim_utils\n\n"
+            f'spawn = sim_utils.UsdFileCfg(usd_path="{bundle}/usd/{robot}.usda")',
+        )
+    if "urdf" in targets:
+        yield (
+            "ROS 2",
+            f"ros2 run robot_state_publisher robot_state_publisher {bundle}/urdf/{robot}.urdf",
+        )
+
+
+WIDTH, HEIGHT, PAD = 900, 150, 34
+"""Of a plot, in units of its view box: size, and the margin on the left."""
+
+
+@dataclass(frozen=True)
+class Plot:
+    """One joint. lines: (name, points, colour, width); held: where the held-out part begins."""
+
+    text: str
+    lines: tuple[tuple[str, str, str, float], ...]
+    held: str
+
+
+@dataclass(frozen=True)
+class IdentifiedEntry:
+    """One entry of `identify`. known, of: parameters that are identified, and all."""
+
+    known: int
+    of: int
+    tables: tuple[Table, ...]
+    plots: tuple[Plot, ...]
+
+
+def identified(fit: Fit, curves: Curves) -> IdentifiedEntry:
+    """Tables and plots of what the logs showed."""
+    known = sum(not p.refused for p in fit.parameters)
+    plots = tuple(map(_plot, curves.curves))
+    return IdentifiedEntry(known, len(fit.parameters), tuple(_tables(fit)), plots)
+
+
+def _tables(fit: Fit) -> Iterator[Table]:
+    yield table(
+        "Parameters",
+        ("parameter", "value", "low", "high", "prior", "unit", "verdict"),
+        [
+            (p.label, None if p.refused else p.value, p.low, p.high, p.prior, p.unit,
+             p.refused or "identified")
+            for p in fit.parameters
+        ],
+        "low, high: 95 % interval from the fitted part",
+    )  # fmt: skip
+    yield table(
+        "Residuals",
+        ("joint", "fitted part", "held out, priors", "held out, identified"),
+        [(p.joint, p.fitted, p.before, p.after) for p in fit.predictions],
+        "RMS of measured minus simulated position, rad or m",
+    )
+    yield table(
+        "Logs",
+        ("log", "fitted, s", "held out, s", "samples, Hz", "sha256"),
+        [(log.file, log.seconds, log.held_s, log.rate_hz, log.sha256) for log in fit.logs],
+        f"condition of the scaled Fisher information: {fit.condition:.4g}",
+    )
+    if fit.related:
+        yield table(
+            "Correlated parameters",
+            ("of", "and", "correlation"),
+            [(r.a, r.b, r.correlation) for r in fit.related],
+            "parameters whose estimates depend on one another; above 0.99 both are refused",
+        )
+
+
+def _plot(curve: Curve) -> Plot:
+    values = [*curve.measured, *curve.after]
+    low, high, end = min(values), max(values), max(curve.time_s[-1], 1e-9)
+    span = max(high - low, 1e-9)
+
+    def points(series: Sequence[float]) -> str:
+        inside = [min(max(v, low - 0.1 * span), high + 0.1 * span) for v in series]
+        return " ".join(
+            f"{PAD + t / end * (WIDTH - PAD):.1f},"
+            f"{HEIGHT - 18 - (v - low) / span * (HEIGHT - 36):.1f}"
+            for t, v in zip(curve.time_s, inside, strict=True)
+        )
+
+    text = (
+        f"{curve.joint}: position over {end:.4g} s, {low:.3g} to {high:.3g}; measured (dark), "
+        "simulated with the priors (orange) and as identified (blue); right of the line: held out"
+    )
+    lines = (
+        ("measured", points(curve.measured), "text", 2.4),
+        ("priors", points(curve.before), "warn", 1.0),
+        ("identified", points(curve.after), "link", 1.2),
+    )
+    return Plot(text, lines, f"{PAD + curve.held_from_s / end * (WIDTH - PAD):.1f}")

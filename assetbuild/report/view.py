@@ -7,7 +7,7 @@ import math
 from collections.abc import Iterator
 from dataclasses import asdict
 
-from assetbuild.report.subject import Subject
+from assetbuild.report.card import Subject
 from assetbuild.report.tables import text_of
 from assetbuild.robot.initial import initial_pose
 from assetbuild.robot.model import Body, Joint

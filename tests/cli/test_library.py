@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from assetbuild.cli import main
-from assetbuild.cli.values import file_or_robot
+from assetbuild.cli.parser import file_or_robot
 from assetbuild.library import robots
 
 

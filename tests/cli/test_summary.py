@@ -9,21 +9,26 @@ from pathlib import Path
 import pytest
 
 from assetbuild.cli import report
-from assetbuild.cli.explain import told_of_all
+from assetbuild.cli.plan import told_of_all
 from assetbuild.cli.progress import (
+    CHECKS,
     Forecast,
     Progress,
     Running,
     fitted_line,
     running_words,
     shown_time,
+    step_words,
 )
-from assetbuild.cli.public import shown_figures, shown_next_step, shown_rows
-from assetbuild.cli.steps import CHECKS, step_words
-from assetbuild.cli.summary import every_finding_line, finding_lines
+from assetbuild.cli.summary import (
+    every_finding_line,
+    finding_lines,
+    shown_figures,
+    shown_next_step,
+    shown_rows,
+)
 from assetbuild.collision import CollisionMethod
-from assetbuild.engine.costs import Costs
-from assetbuild.engine.execute import Event
+from assetbuild.engine.execute import Costs, Event
 from assetbuild.engine.explain import Change, Explanation
 from assetbuild.engine.make import NodeResult
 from assetbuild.findings import Finding, worst_first

@@ -29,7 +29,7 @@ def test_doctor_tells_a_store_that_cannot_be_written_to(monkeypatch, tmp_path: P
 
 
 def test_doctor_without_opengl_names_the_package(monkeypatch):
-    monkeypatch.setattr("assetbuild.looks.offscreen.renderer", lambda _: "none")
+    monkeypatch.setattr("assetbuild.looks.plan.renderer", lambda _: "none")
     (pictures,) = [row for row in examine() if row.name == "pictures"]
     assert pictures.level == "missing" and "libegl1" in pictures.fix
 

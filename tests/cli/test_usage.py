@@ -27,7 +27,6 @@ WRONG = [
     ("sample legs.yaml -n 0", "`--count` must be a whole number from 1 to 1000, not `0`", ""),
     ("validate a b", "`assetbuild validate` takes no further argument: `b`", ""),
     ("cache gc --max-size big", "`--max-size` must be a size such as `500MB`", ""),
-    ("plan legs.yaml --stale x --critical", "`--critical` cannot stand beside `--stale`", ""),
 ]
 
 

@@ -7,13 +7,13 @@ import json
 import pytest
 from steps_for_tests import Mix, MixInChild, Write, flip
 
+from assetbuild.engine.actions import key_of, key_parts
 from assetbuild.engine.code import PYTHON, Code
 from assetbuild.engine.cpu import platform_tag
 from assetbuild.engine.execute import execute
 from assetbuild.engine.explain import Change, changes_between, explain
 from assetbuild.engine.graph import Graph
 from assetbuild.engine.journal import Journal
-from assetbuild.engine.keys import key_of, key_parts
 from assetbuild.engine.planner import Planner
 from assetbuild.engine.session import Session
 from assetbuild.engine.step import Step

@@ -7,11 +7,11 @@ import json
 import pytest
 from steps_for_tests import Mix, Split
 
+from assetbuild.cli.plan import to_dot, to_json, to_text
 from assetbuild.engine.execute import execute
 from assetbuild.engine.graph import GraphError, Node, Ref, checked_graph
 from assetbuild.engine.planner import Planner
 from assetbuild.errors import SourceError, StepError
-from assetbuild.pipeline.drawing import network, to_data, to_dot, to_text
 
 
 @pytest.fixture
@@ -74,9 +74,9 @@ def test_a_graph_is_ordered_and_drawn(planner, tmp_path):
     graph = planner.graph()
     assert list(graph.nodes) == ["first", "second"]
     assert graph.predecessors("second") == ("first",)
-    assert '"go1.urdf" -> "first" [label="in"];' in to_dot(network(graph, {}))
+    assert '"go1.urdf" -> "first" [label="in"];' in to_dot(graph)
     assert to_text(graph).splitlines()[1:] == ["  first", "  second"]
-    assert json.dumps(to_data(graph))
+    assert [row["label"] for row in json.loads(to_json(graph))["nodes"]] == ["first", "second"]
 
 
 class WithSet(Mix):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from assetbuild.pipeline.bench import front
+from assetbuild.cli.bench import front
 
 
 def test_what_another_beats_in_both_is_not_on_the_front():

@@ -8,7 +8,7 @@ import pytest
 from urdfs import link, robot
 
 from assetbuild.cli import main
-from assetbuild.pipeline.licences import licence_findings
+from assetbuild.pipeline.judging import licence_findings
 
 URDF = robot(link("cube"), name="cube")
 

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from assetbuild.pipeline.trying import GRAVITY, TIMESTEP_S, _fell, tried
+from assetbuild.pipeline.validating import GRAVITY, TIMESTEP_S, _fell, tried
 from assetbuild.simulators.experiments import Motion, Outcome, Setting
 
 SECONDS = 0.5

@@ -7,9 +7,8 @@ from dataclasses import replace
 from tiny import tiny_quadruped
 
 from assetbuild.findings import Finding
-from assetbuild.report.card import card_tables, model_card
+from assetbuild.report.card import card_tables, grade, model_card
 from assetbuild.report.document import make_report
-from assetbuild.report.grade import grade
 from assetbuild.report.verdict import CheckResult
 
 from .robots_for_tests import subject

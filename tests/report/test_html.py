@@ -11,9 +11,8 @@ from tiny import tiny_quadruped
 from assetbuild.findings import Finding
 from assetbuild.recipe.models import Waiver
 from assetbuild.report.document import make_report
-from assetbuild.report.figures import figures_of, tables_of
+from assetbuild.report.figures import figures_of, sentence, tables_of
 from assetbuild.report.html import View, html_page
-from assetbuild.report.sentences import sentence
 from assetbuild.report.verdict import CheckResult
 
 from .robots_for_tests import subject
