@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import os
 import sys
-import textwrap
 from collections.abc import Sequence
 from itertools import groupby
-from pathlib import Path, PurePosixPath
+from pathlib import Path
 
 from assetbuild.cli import print_error
 from assetbuild.cli.parser import given_as
@@ -62,8 +61,6 @@ def shown_figures(simulator: str, text: str) -> str:
 SHOWN_RULES = 12
 SHOWN_NAMES = 8
 """So many subjects of a rule are named besides the first one."""
-LEAST_LINES = 6
-"""So many lines of findings are shown, however small the terminal is."""
 _COLOURS = {"error": "31", "warning": "33", "yes": "32", "no": "31"}
 
 
@@ -94,7 +91,7 @@ def print_differences(outcome: Outcome) -> None:
 
 
 def summary_lines(outcome: Outcome, report: Report) -> list[str]:
-    """The lines of the summary; on a terminal as many as it shows at once."""
+    """The lines of the summary."""
     ready = "yes" if report.verdict.ready else "no"
     head = [f"{report.robot}: ready for training: {_coloured(ready, ready)}"]
     if report.verdict.blocked_by:
@@ -106,23 +103,7 @@ def summary_lines(outcome: Outcome, report: Report) -> list[str]:
     head += [f"  checks: {_checks(report)}", f"  findings: {_counts(report.findings)}"]
     tail = [f"  you had changed {path}: kept in {outcome.out}.edited/" for path in outcome.edited]
     tail.append(f"  bundle: {outcome.out}")
-    if not sys.stdout.isatty():
-        return [*head, *finding_lines(report.findings), *tail]
-    size = os.get_terminal_size(sys.stdout.fileno())
-    head, tail = (_wrapped(lines, size.columns) for lines in (head, tail))
-    room = size.lines - len(head) - len(tail) - 2  # the command above, the prompt below
-    return [*head, *finding_lines(report.findings, size.columns, max(room, LEAST_LINES)), *tail]
-
-
-def _wrapped(lines: list[str], width: int) -> list[str]:
-    """Lines no longer than the terminal is wide; what goes on is indented further."""
-    found = []
-    for line in lines:
-        indent = " " * (len(line) - len(line.lstrip()) + 2)
-        found += textwrap.wrap(
-            line, max(width, 40), subsequent_indent=indent, break_on_hyphens=False
-        )
-    return found
+    return [*head, *finding_lines(report.findings), *tail]
 
 
 def null_summary(outcome: Outcome, report: Report) -> str:
@@ -160,32 +141,22 @@ def _counts(findings: tuple[Finding, ...]) -> str:
     return ", ".join(f"{found.count(severity)} {severity}" for severity in SEVERITIES)
 
 
-def finding_lines(
-    findings: Sequence[Finding], width: int | None = None, room: int | None = None
-) -> list[str]:
-    """Errors and warnings; what merely informs stands in the report.
+def finding_lines(findings: Sequence[Finding]) -> list[str]:
+    """Errors and warnings, `SHOWN_RULES` rules of them; what merely informs stands in the report.
 
-    A rule that speaks of many subjects is shown once, with the names of the others. width, room:
-    columns and lines of a terminal; None = lines of any length, `SHOWN_RULES` rules.
+    A rule that speaks of many subjects is shown once, with the names of the others.
     """
     loud = [finding for finding in findings if finding.severity != "info"]
     groups = [list(same) for _, same in groupby(loud, key=_told_together)]
-    lines: list[str] = []
-    for number, group in enumerate(groups):
-        told = _group_lines(group, width)
-        last = number == len(groups) - 1
-        over = number >= SHOWN_RULES if room is None else len(lines) + len(told) + (not last) > room
-        if over:
-            left = sum(map(len, groups[number:]))
-            return [*lines, f"    and {left} more in the report"]
-        lines += told
-    return lines
+    lines = [line for group in groups[:SHOWN_RULES] for line in _group_lines(group)]
+    left = sum(map(len, groups[SHOWN_RULES:]))
+    return [*lines, f"    and {left} more in the report"] if left else lines
 
 
 def every_finding_line(findings: Sequence[Finding]) -> list[str]:
     """All findings, those that merely inform too: each rule once, with whom it speaks of."""
     groups = [list(same) for _, same in groupby(findings, key=_told_together)]
-    return [line.removeprefix("    ") for group in groups for line in _group_lines(group, None)]
+    return [line.removeprefix("    ") for group in groups for line in _group_lines(group)]
 
 
 def print_findings(findings: Sequence[Finding]) -> None:
@@ -198,16 +169,13 @@ def _told_together(finding: Finding) -> tuple[str, str]:
     return finding.severity, "" if is_consequence(finding) else finding.rule
 
 
-def _group_lines(group: Sequence[Finding], width: int | None) -> list[str]:
+def _group_lines(group: Sequence[Finding]) -> list[str]:
     """The first finding of a rule, its hint, and of whom else the rule speaks."""
     first, *others = group
     if is_consequence(first):
         rules = ", ".join(dict.fromkeys(finding.rule for finding in group))
-        line = f"    {first.severity} {rules}: caused by the errors above"
-        return [line] if width is None else _wrapped([line], width)
+        return [f"    {first.severity} {rules}: caused by the errors above"]
     place = f"{first.where}: " if first.where else ""
-    if width is not None:
-        place = f"{PurePosixPath(place).name}"  # the file's name: folders stand in the report
     line = f"    {first.severity} {first.rule}: {place}{first.subject}: {shown_message(first)}"
     lines = [line]
     if first.hint:
@@ -216,20 +184,8 @@ def _group_lines(group: Sequence[Finding], width: int | None) -> list[str]:
         known = list(dict.fromkeys(f.subject for f in others if f.subject != first.subject))
         names = ", ".join([*known[:SHOWN_NAMES], *(["..."] if len(known) > SHOWN_NAMES else [])])
         lines.append(f"      and {len(others)} more{f': {names}' if names else ''}")
-    if width is not None:
-        lines = [part for one in lines for part in _wrapped([one], width)]
-        if others:
-            lines = _shortened(lines, width)
     lines[0] = lines[0].replace(first.severity, _coloured(first.severity, first.severity), 1)
     return lines
-
-
-def _shortened(lines: list[str], width: int) -> list[str]:
-    """The list of other subjects in one line of a terminal."""
-    at = next(i for i, line in enumerate(lines) if line.startswith("      and "))
-    if at == len(lines) - 1:
-        return lines
-    return [*lines[:at], f"{lines[at][: width - 5].rpartition(', ')[0]}, ..."]
 
 
 def _coloured(text: str, kind: str) -> str:
