@@ -10,14 +10,13 @@ import re
 import subprocess
 import sys
 import tempfile
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any, Literal
 
 from assetbuild.cli.progress import progress
 from assetbuild.collision import CollisionMethod
-from assetbuild.engine.execute import Listener
 from assetbuild.engine.graph import Node
 from assetbuild.engine.planner import Planner
 from assetbuild.engine.store import OUT_OPTION, machine_errors
@@ -34,20 +33,23 @@ from assetbuild.robot.shapes import Mesh, Shapes
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Print the table; a CSV lies in the folder."""
+    """Build and measure every level, print the table; a CSV lies in the folder."""
     known = ("recipe", *LEVELS)
-    levels = known
-    if arguments.levels:
-        levels = tuple(name.strip() for name in arguments.levels.split(","))
-        for name in levels:
-            if name not in known:
-                raise UsageError(f"no level `{name}`", hint=did_you_mean(name, known))
-    with progress(arguments.recipe.name) as shown:
-        found = bench(Task.of(vars(arguments)), levels, arguments.source, shown.on_event, shown.say)
+    names = [name.strip() for name in (arguments.levels or ",".join(known)).split(",")]
+    for name in names:
+        if name not in known:
+            raise UsageError(f"no level `{name}`", hint=did_you_mean(name, known))
+    loaded = load_recipe(arguments.recipe, arguments.variant)
+    out = arguments.out or Path("build") / f"{loaded.recipe.robot}-bench"
+    check_folder(out)
+    file, task = arguments.recipe.name, Task.of(vars(arguments))
+    with progress(file) as shown, at_work(loaded, task, shown.on_event, shown.say) as work:
+        levels = list(_measured_levels(work, names, arguments.source, shown.say))
+    best = _write(loaded.recipe.robot, levels, out)
     print(HEAD)
-    for level in found.levels:
-        print(_row(level, is_best=level.name in found.best))
-    print(f"* = no other level is better in both; {found.out / 'bench.csv'}")
+    for level in levels:
+        print(_row(level, is_best=level.name in best))
+    print(f"* = no other level is better in both; {out / 'bench.csv'}")
     return 0
 
 
@@ -110,50 +112,23 @@ class Level:
     error: str = ""
 
 
-@dataclass(frozen=True)
-class Bench:
-    """All rows, and the names on the Pareto front of quality and speed."""
-
-    levels: tuple[Level, ...]
-    best: frozenset[str]
-    out: Path
-
-
-def bench(
-    task: Task,
-    levels: Sequence[str],
-    source: Source,
-    on_event: Listener,
-    say: Callable[[str], None],
-) -> Bench:
-    """Build and measure every level; AssetBuildError when the recipe itself cannot be built.
-
-    levels: names of LEVELS, `recipe`; source: meshes to work on.
-    """
-    loaded = load_recipe(task.recipe, task.variant)
-    out = task.out or Path("build") / f"{loaded.recipe.robot}-bench"
-    check_folder(out)
-    rows: list[Level] = []
-    with at_work(loaded, task, on_event, say) as work:
-        shapes = _shapes(work)
-        for name in levels:
-            say(f"level {name}")
-            level = loaded
-            if name != "recipe":
-                rules = with_level(loaded.recipe.collision, shapes, name, source)
-                level = loaded.but(collision=rules)
-            try:
-                rows.append(_measured(name, replace(work, loaded=level)))
-            except AssetBuildError as error:
-                if name == "recipe":
-                    raise
-                rows.append(Level(name, error=str(error).splitlines()[0]))
-    return _written(loaded.recipe.robot, rows, out)
-
-
-def _shapes(work: Opened) -> Shapes:
+def _measured_levels(
+    work: Opened, names: Sequence[str], source: Source, say: Callable[[str], None]
+) -> Iterator[Level]:
+    """AssetBuildError when the recipe itself cannot be built. source: meshes to work on."""
     built = work.made(work.robot)
-    return decode(Shapes, work.read(built, built.outline.robot["shapes.json"]))
+    shapes = decode(Shapes, work.read(built, built.outline.robot["shapes.json"]))
+    for name in names:
+        say(f"level {name}")
+        level = work.loaded
+        if name != "recipe":
+            level = level.but(collision=with_level(level.recipe.collision, shapes, name, source))
+        try:
+            yield _measured(name, replace(work, loaded=level))
+        except AssetBuildError as error:
+            if name == "recipe":
+                raise
+            yield Level(name, error=str(error).splitlines()[0])
 
 
 def with_level(collision: Collision, shapes: Shapes, level: str, source: Source) -> Collision:
@@ -221,7 +196,8 @@ def _simulated(scene: Path) -> dict[str, Any]:  # Any: JSON
     return found
 
 
-def _written(robot: str, rows: Sequence[Level], out: Path) -> Bench:
+def _write(robot: str, rows: Sequence[Level], out: Path) -> frozenset[str]:
+    """Return the names on the Pareto front of quality and speed."""
     points = {
         row.name: (row.speed["steps_per_s"], row.iou)
         for row in rows
@@ -233,7 +209,7 @@ def _written(robot: str, rows: Sequence[Level], out: Path) -> Bench:
         out.mkdir(parents=True, exist_ok=True)
         (out / "bench.json").write_text(json_text(data), encoding="utf-8")
         (out / "bench.csv").write_text(_csv(rows, best), encoding="utf-8")
-    return Bench(tuple(rows), best, out)
+    return best
 
 
 def front(points: Mapping[str, tuple[float, float]]) -> frozenset[str]:

@@ -65,8 +65,11 @@ def _is_light(node: Node) -> bool:
 
 def run(arguments: argparse.Namespace) -> int:
     """Check each recipe; the worst exit code of all."""
+    named = arguments.recipes or sorted(Path("recipes").glob("*.yaml"))
+    if not named:
+        raise UsageError("no recipe given, and there is none in `recipes/`")
     codes = [0]
-    for recipe in _recipes(arguments.recipes):
+    for recipe in recipes_of(named):
         try:
             findings = check(recipe)
         except AssetBuildError as error:
@@ -80,15 +83,6 @@ def run(arguments: argparse.Namespace) -> int:
         if not errors:
             print(f"{recipe}: ok")
     return max(codes)
-
-
-def _recipes(named: list[Path]) -> list[Path]:
-    """The recipes to check."""
-    if not named:
-        named = sorted(Path("recipes").glob("*.yaml"))
-        if not named:
-            raise UsageError("no recipe given, and there is none in `recipes/`")
-    return recipes_of(named)
 
 
 def lock(arguments: argparse.Namespace) -> int:

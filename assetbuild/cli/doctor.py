@@ -64,7 +64,11 @@ def examine() -> Iterator[Row]:
     yield from _libraries()
     yield _cache()
     yield _confinement()
-    yield _program("git", "sources by `git`, and `diff REVISION:RECIPE`")
+    if git := shutil.which("git"):
+        yield Row("git", "ok", git)
+    else:
+        use = "sources by `git`, and `diff REVISION:RECIPE`"
+        yield Row("git", "missing", use, "apt-get install git")
     yield from _pictures()
     for extra, module, use in EXTRAS:
         if importlib.util.find_spec(module) is not None:
@@ -75,18 +79,13 @@ def examine() -> Iterator[Row]:
 
 
 def _libraries() -> Iterator[Row]:
-    versions, lacking = [], []
-    for name in CORE:
-        try:
-            versions.append(f"{name} {importlib.metadata.version(name)}")
-        except importlib.metadata.PackageNotFoundError:
-            lacking.append(name)
-    if lacking:
+    versions = {name: _version(name) for name in CORE}
+    if lacking := [name for name, version in versions.items() if not version]:
         told = f"not installed: {', '.join(lacking)}"
         yield Row("libraries", "broken", told, "pip install assetbuild")
     else:
-        yield Row("libraries", "ok", ", ".join(versions))
-    if importlib.util.find_spec("pxr") and _installed("usd-exchange"):
+        yield Row("libraries", "ok", ", ".join(map(" ".join, versions.items())))
+    if importlib.util.find_spec("pxr") and _version("usd-exchange"):
         fix = "pip uninstall usd-exchange, then pip install --force-reinstall usd-core"
         yield Row("pxr", "broken", "usd-exchange and usd-core overwrite each other", fix)
 
@@ -109,12 +108,12 @@ def _plugins() -> Iterator[Row]:
                 yield Row(row, "missing", error.message, error.hint)
 
 
-def _installed(name: str) -> bool:
+def _version(name: str) -> str:
+    """Of an installed distribution; "" where it is not installed."""
     try:
-        importlib.metadata.version(name)
+        return importlib.metadata.version(name)
     except importlib.metadata.PackageNotFoundError:
-        return False
-    return True
+        return ""
 
 
 def _cache() -> Row:
@@ -141,13 +140,6 @@ def _confinement() -> Row:
         return Row("Landlock", "ok", f"version {found}, kernel {kernel}: xacro is confined")
     fix = "Linux 5.13 or newer with Landlock; until then expand only xacro files that you trust"
     return Row("Landlock", "missing", f"not on this kernel ({kernel})", fix)
-
-
-def _program(name: str, use: str) -> Row:
-    path = shutil.which(name)
-    if path is None:
-        return Row(name, "missing", use, f"apt-get install {name}")
-    return Row(name, "ok", path)
 
 
 def _pictures() -> Iterator[Row]:

@@ -7,8 +7,8 @@ import json
 import os
 import re
 import sys
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
@@ -16,11 +16,9 @@ import yaml
 
 from assetbuild.cli.progress import progress
 from assetbuild.cli.summary import print_findings
-from assetbuild.engine.execute import Listener
 from assetbuild.engine.planner import Planner
 from assetbuild.engine.store import OUT_OPTION, machine_errors
 from assetbuild.errors import RecipeError, UsageError
-from assetbuild.findings import Finding
 from assetbuild.identify.as_ranges import as_ranges
 from assetbuild.identify.bam import read_bam
 from assetbuild.identify.plan import excite as add_excite
@@ -39,40 +37,55 @@ def run(arguments: argparse.Namespace) -> int:
         return _bam(arguments)
     if arguments.recipe is None:
         raise UsageError("which recipe?", hint="`assetbuild identify recipes/go1.yaml`")
-    task = Task.of(vars(arguments))
+    loaded = load_recipe(arguments.recipe, arguments.variant)
     if arguments.excite:
-        return _excite(arguments, task)
-    with progress(arguments.recipe.name) as shown:
-        found = identify(task, shown.on_event, shown.say)
-    print_findings(found.findings)
+        return _excite(arguments, loaded)
+    if not loaded.recipe.identify:
+        raise RecipeError(
+            "the recipe has no `identify`: nothing says where the logs are",
+            where=loaded.where(()),
+            hint="add for instance `identify: [{logs: [{file: log.csv}], recorded: {kp: 20}}]`",
+        )
+    name, task = arguments.recipe.name, Task.of(vars(arguments))
+    with progress(name) as shown, at_work(loaded, task, shown.on_event, shown.say) as work:
+        done = work.made(work.robot)
+        fits = [decode(Fit, work.read(done, node["fit.json"])) for node in done.outline.fits]
+        control = decode(Control, work.read(done, done.outline.robot["control.json"]))
+    of_fits = [label for label in done.results if label.startswith(("read_log", "fit_logs"))]
+    print_findings([found for label in of_fits for found in done.results[label].findings])
     if arguments.json:
-        print(json.dumps([asdict(fit) for fit in found.fits], indent=1))
+        print(json.dumps([asdict(fit) for fit in fits], indent=1))
     elif arguments.ranges:
-        print(found.ranges)
+        print(as_ranges(fits, loaded.recipe.simulation.timestep))
     else:
-        for fit in found.fits:
+        for fit in fits:
             _print(fit)
     if arguments.write:
-        print(f"{write_rows(found)} rows written to {arguments.recipe}", file=sys.stderr)
+        count = write_rows(loaded, control.actuators)
+        print(f"{count} rows written to {arguments.recipe}", file=sys.stderr)
     return 0
 
 
-def _excite(arguments: argparse.Namespace, task: Task) -> int:
+def _excite(arguments: argparse.Namespace, loaded: LoadedRecipe) -> int:
     """Write the commands and the script that plays them; print what they will show."""
-    with progress(arguments.recipe.name) as shown:
-        found = excite(task, float(arguments.seconds), shown.on_event, shown.say)
-    print_findings(found.findings)
+    name, task = arguments.recipe.name, Task.of(vars(arguments))
+    with progress(name) as shown, at_work(loaded, task, shown.on_event, shown.say) as work:
+        seconds = float(arguments.seconds)
+        result = work.made(lambda p: plan_excite(work, seconds, p)).results["excite"]
+        commands, text = (work.session.read(result[n]) for n in ("excite.csv", "expected.json"))
+    print_findings(result.findings)
     out = arguments.out or Path("build/excite")
     with machine_errors(out, OUT_OPTION):
         out.mkdir(parents=True, exist_ok=True)
-        (out / "excite.csv").write_bytes(found.commands)
+        (out / "excite.csv").write_bytes(commands)
         (out / "play.py").write_text(PLAY, encoding="utf-8")
+    expected = json.loads(text)
     if arguments.json:
-        print(json.dumps(found.expected, indent=1))
+        print(json.dumps(expected, indent=1))
         return 0
-    wide = max(len(row["joint"]) for row in found.expected)
+    wide = max(len(row["joint"]) for row in expected)
     print(f"{'joint':{wide}} {'parameter':9} {'prior':>9} {'+- of a log':>12} {'shown from':>11}")
-    for row in found.expected:
+    for row in expected:
         note = "only together with another" if row["confounded"] else ""
         print(
             f"{row['joint']:{wide}} {row['parameter']:9} {row['prior']:9.4g} "
@@ -161,60 +174,6 @@ def _print(fit: Fit) -> None:
         print(f"{one.joint:{max(wide, 19)}} {one.fitted:8.2e} {one.before:17.2e} {one.after:12.2e}")
 
 
-@dataclass(frozen=True)
-class Identified:
-    """What came of it. fits: one for each entry of `identify`; actuators: as a build uses them."""
-
-    loaded: LoadedRecipe
-    fits: tuple[Fit, ...]
-    actuators: tuple[Actuator, ...]
-    findings: tuple[Finding, ...]
-
-    @property
-    def ranges(self) -> str:
-        """The intervals as `randomize.joints`, YAML."""
-        return as_ranges(self.fits, self.loaded.recipe.simulation.timestep)
-
-
-def identify(task: Task, on_event: Listener, say: Callable[[str], None]) -> Identified:
-    """Fit. Raises AssetBuildError."""
-    loaded = load_recipe(task.recipe, task.variant)
-    if not loaded.recipe.identify:
-        raise RecipeError(
-            "the recipe has no `identify`: nothing says where the logs are",
-            where=loaded.where(()),
-            hint="add for instance `identify: [{logs: [{file: log.csv}], recorded: {kp: 20}}]`",
-        )
-    with at_work(loaded, task, on_event, say) as work:
-        done = work.made(work.robot)
-        outline = done.outline
-        fits = tuple(decode(Fit, work.read(done, node["fit.json"])) for node in outline.fits)
-        control = decode(Control, work.read(done, outline.robot["control.json"]))
-    of_fits = [label for label in done.results if label.startswith(("read_log", "fit_logs"))]
-    findings = tuple(f for label in of_fits for f in done.results[label].findings)
-    return Identified(loaded, fits, control.actuators, findings)
-
-
-@dataclass(frozen=True)
-class Excitation:
-    """What to record. expected: rows for each parameter, as the step `Excite` writes them."""
-
-    commands: bytes
-    expected: list[dict[str, Any]]  # Any: JSON
-    findings: tuple[Finding, ...] = ()
-
-
-def excite(
-    task: Task, seconds: float, on_event: Listener, say: Callable[[str], None]
-) -> Excitation:
-    """Commands that show the parameters. Raises AssetBuildError."""
-    loaded = load_recipe(task.recipe, task.variant)
-    with at_work(loaded, task, on_event, say) as work:
-        result = work.made(lambda p: plan_excite(work, seconds, p)).results["excite"]
-        commands, expected = (work.session.read(result[n]) for n in ("excite.csv", "expected.json"))
-        return Excitation(commands, json.loads(expected), result.findings)
-
-
 def plan_excite(work: Opened, seconds: float, p: Planner) -> None:
     """Add the node `excite` and what it needs."""
     outline = replace(work, loaded=work.loaded.but(identify=())).robot(p)
@@ -227,15 +186,14 @@ INSTEAD = {"kp": "frequency", "kd": "damping_ratio"}
 """A measured number takes the place of what it was computed from."""
 
 
-def write_rows(found: Identified) -> int:
+def write_rows(loaded: LoadedRecipe, actuators: Sequence[Actuator]) -> int:
     """Rewrite the rows whose joints have measured numbers; how many rows now state them.
 
     RecipeError for a recipe without rows. The file is replaced at once, and only if it is valid.
     """
-    loaded = found.loaded
     if loaded.variant is not None:
         raise UsageError("`--write` changes the recipe itself: omit `--variant`")
-    measured = {row.joint: row for row in found.actuators if row.measured}
+    measured = {row.joint: row for row in actuators if row.measured}
     text = loaded.path.read_bytes().decode("utf-8-sig")
     spans = _spans(text)
     if not spans:
@@ -244,7 +202,7 @@ def write_rows(found: Identified) -> int:
             where=loaded.where(("actuators",)),
             hint="build with `identify` alone, or write the rows first",
         )
-    joints = [row.joint for row in found.actuators]
+    joints = [row.joint for row in actuators]
     count = 0
     rows = list(zip(loaded.recipe.actuators, spans, strict=True))
     for row, (first, last, indent) in reversed(rows):
@@ -254,19 +212,14 @@ def write_rows(found: Identified) -> int:
         written = list(_rows(row, own, measured))
         count += sum("measured" in each for each in written)
         text = text[:first] + f"\n{indent}- ".join(_flow(e, indent) for e in written) + text[last:]
-    _replace(found, text)
-    return count
-
-
-def _replace(found: Identified, text: str) -> None:
-    path = found.loaded.path
-    half = path.with_name(f".{path.name}.new")
+    half = loaded.path.with_name(f".{loaded.path.name}.new")
     half.write_text(text, encoding="utf-8", newline="")
     try:
         load_recipe(half)
-        os.replace(half, path)  # noqa: PTH105 # says what it does
+        os.replace(half, loaded.path)  # noqa: PTH105 # says what it does
     finally:
         half.unlink(missing_ok=True)
+    return count
 
 
 def _spans(text: str) -> list[tuple[int, int, str]]:

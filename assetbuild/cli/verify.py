@@ -38,7 +38,11 @@ STATEMENT, PREDICATE = "https://in-toto.io/Statement/v1", "https://slsa.dev/prov
 
 def against_manifest(bundle: Path, wanted: Mapping[str, str]) -> Iterator[str]:
     """Each file that is missing, added or changed."""
-    found = {p.relative_to(bundle).as_posix() for p in bundle.rglob("*") if _is_entry(p)}
+    found = {
+        p.relative_to(bundle).as_posix()
+        for p in bundle.rglob("*")
+        if p.is_symlink() or not p.is_dir()
+    }
     for path in sorted(wanted.keys() - found):
         yield f"missing: {path}"
     for path in sorted(found - wanted.keys() - set(OWN_FILES)):
@@ -48,10 +52,6 @@ def against_manifest(bundle: Path, wanted: Mapping[str, str]) -> Iterator[str]:
             yield f"not a regular file: {path}"
         elif digest_file(bundle / path) != wanted[path]:
             yield f"changed: {path}"
-
-
-def _is_entry(path: Path) -> bool:
-    return path.is_symlink() or not path.is_dir()
 
 
 def against_provenance(bundle: Path, manifest: Mapping[str, str]) -> Iterator[str]:

@@ -83,7 +83,10 @@ def prove_again(bundle: Path, robot: str, reference: Reference) -> Iterator[Find
         yield UNPROVEN("robot", "the bundle was built by an earlier version", where=ROBOT)
         return
     if signed.stated != signed.computed:
-        yield _edited(signed)
+        # Everything would differ from a robot that was edited: one finding says so.
+        said = {"attribute": "digest", "expected": signed.stated, "found": signed.computed}
+        text = f"{ROBOT} was edited after the build: its digest is not the one that it states"
+        yield EQUAL.named("robot.digest")("robot", text, data=said, where=ROBOT)
         return
     meshes = held_meshes(bundle, signed.written.meshes)
     with (
@@ -97,13 +100,6 @@ def prove_again(bundle: Path, robot: str, reference: Reference) -> Iterator[Find
         yield from again.refused
         for path in again.writers:
             yield from _compared(path, bundle, again)
-
-
-def _edited(signed: Signed) -> Finding:
-    """Everything would differ from a robot that was edited: one finding says so."""
-    said = {"attribute": "digest", "expected": signed.stated, "found": signed.computed}
-    text = f"{ROBOT} was edited after the build: its digest is not the one that it states"
-    return EQUAL.named("robot.digest")("robot", text, data=said, where=ROBOT)
 
 
 # --- what can be written ----------------------------------------------------------------------
@@ -174,7 +170,12 @@ def _write(
     session: Session,
 ) -> Again:
     """Run the steps as a build does, in a store that knows nothing."""
-    ports = {"meshes/": _put_meshes(folder / "in/meshes", meshes)}
+    ports: dict[str, dict[str, Path]] = {"meshes/": {}}
+    (folder / "in/meshes").mkdir(parents=True)
+    for file, mesh in meshes.items():
+        path = folder / "in/meshes" / file
+        path.write_bytes(mesh.data)
+        ports["meshes/"][f"meshes/{file}"] = path
     for name in ("links", "tree", "shapes", "control"):
         path = folder / "in" / f"{name}.json"
         path.write_bytes(encode(getattr(reference, name)))
@@ -213,14 +214,6 @@ def _made(outputs: Mapping[str, str], session: Session) -> Iterator[tuple[str, s
             yield from ((path, held) for path, (held, _) in sorted(session.tree(digest).items()))
         else:
             yield output, digest
-
-
-def _put_meshes(folder: Path, meshes: Mapping[str, Held]) -> dict[str, Path]:
-    """The meshes as files, by their names among the inputs of a step."""
-    folder.mkdir(parents=True)
-    for file, held in meshes.items():
-        (folder / file).write_bytes(held.data)
-    return {f"meshes/{file}": folder / file for file in meshes}
 
 
 # --- comparing --------------------------------------------------------------------------------

@@ -274,12 +274,12 @@ def publish_bundle(files: list[BundleFile], out: Path, session: Session) -> tupl
     try:
         for file in files:
             _place(file, staging / file.path, out, session)
-        published = publish(staging, out, _manifest_or_none(out))
+        kept = publish(staging, out, _manifest_or_none(out))
     except OSError as error:
         raise machine_error(error, out, OUT_OPTION) from error
     finally:
         discard(staging)
-    return (*published.edited, *published.added)
+    return kept
 
 
 def _lies_there(files: list[BundleFile], out: Path, session: Session) -> bool:

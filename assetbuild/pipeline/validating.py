@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import functools
 import json
 import tempfile
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -22,7 +21,7 @@ from assetbuild.pipeline.judging import judged
 from assetbuild.pipeline.opening import Opened, open_session
 from assetbuild.pipeline.recipes import collision_rule, load_recipe
 from assetbuild.plan import plan
-from assetbuild.recipe.models import CollisionRule, Recipe
+from assetbuild.recipe.models import CollisionRule
 from assetbuild.report.bundle import manifest_of
 from assetbuild.report.document import Report
 from assetbuild.report.sides import bundle_readers
@@ -222,12 +221,10 @@ def _urdf(file: Path) -> Iterator[Finding]:
 
 def _try_urdf(file: Path, wish: Wish, read: Sequence[Finding]) -> list[Finding]:
     """What a build of the recipe that `init` would write finds besides."""
-    from assetbuild.pipeline.validating import try_urdf
-
     if any(finding.rule == "urdf.unreadable" for finding in read):
         return []
     try:
-        report = try_urdf(functools.partial(wish.propose, file), wish.on_event, wish.remote)
+        report = _built(file, wish)
     except AssetBuildError as error:
         where = str(error.where or "")
         hint = error.hint or "`--static` only reads the file"
@@ -244,13 +241,25 @@ def _try_urdf(file: Path, wish: Wish, read: Sequence[Finding]) -> list[Finding]:
 
 
 def _try_usd(file: Path, wish: Wish, read: Sequence[Finding]) -> list[Finding]:
-    """Dropped, and left on a floor, in PhysX, where it is installed."""
-    from assetbuild.pipeline.validating import try_usd
-
+    """Loaded, dropped without contacts, and left on a floor for two seconds, in PhysX."""
     if any(finding.severity == "error" for finding in read):
         message = "not tried in PhysX because of the errors above"
         return [UNTRIED("robot", message)]
-    return list(try_usd(file))
+    if lack := lacking(physx.REQUIRES, World()):
+        return [UNTRIED("robot", f"not tried in PhysX: {lack}")]
+    air = Setting(TIMESTEP_S, GRAVITY, contacts=False)
+    floor = Setting(TIMESTEP_S, GRAVITY, at=Pose((0.0, 0.0, HIGH_M)), floor_friction=1.0)
+    steps = round(DROP_S / TIMESTEP_S)
+    done = physx.perform(
+        file,
+        (
+            Experiment("load", air),
+            Experiment("fall", air, steps=steps, every=steps),
+            Experiment("floor", floor, steps=4 * steps, every=steps),
+        ),
+        copied=False,
+    )
+    return list(tried(done, air))
 
 
 TRIALS: Mapping[str, Callable[[Path, Wish, Sequence[Finding]], list[Finding]]] = {
@@ -278,61 +287,33 @@ UNTRIED = Rule(
 )
 
 
-def try_urdf(
-    propose: Callable[[Path], None], on_event: Listener, remote: SharedCache | None = None
-) -> Report:
-    """Findings and checks in MuJoCo, with the recipe that `propose` writes to a path.
+def _built(file: Path, wish: Wish) -> Report:
+    """Findings and checks of a URDF in MuJoCo, with the recipe that `wish.propose` writes.
 
     Every mesh collides as its hull: a decomposition takes minutes and changes no joint. Nothing is
     written outside the store. Raises AssetBuildError for what cannot be built.
     """
     with tempfile.TemporaryDirectory(prefix="try-") as folder:
         recipe = Path(folder).resolve() / "recipe.yaml"
-        propose(recipe)
+        wish.propose(file, recipe)
         loaded = load_recipe(recipe)
-        loaded = loaded.but(**_in_mujoco(loaded.recipe))
-        with open_session(loaded, remote=remote) as session:
-            work = Opened(loaded, None, session, on_event=on_event)
+        collision = loaded.recipe.collision
+        hulls = {
+            "default": _hulls(collision.default),
+            "links": {name: _hulls(rule) for name, rule in collision.links.items()},
+        }
+        targets = tuple(target for target in loaded.recipe.targets if target == "mjcf")
+        loaded = loaded.but(collision=collision.model_copy(update=hulls), targets=targets)
+        with open_session(loaded, remote=wish.remote) as session:
+            work = Opened(loaded, None, session, on_event=wish.on_event)
             done = work.made(lambda p: plan(loaded, None, p, drawn=False))
             return judged(loaded, done, session)
-
-
-def _in_mujoco(recipe: Recipe) -> dict[str, object]:
-    """Hulls in place of every method but `none`, and no target that the trials do not read."""
-    collision = recipe.collision.model_copy(
-        update={
-            "default": _hulls(recipe.collision.default),
-            "links": {name: _hulls(rule) for name, rule in recipe.collision.links.items()},
-        }
-    )
-    targets = tuple(target for target in recipe.targets if target == "mjcf")
-    return {"collision": collision, "targets": targets}
 
 
 def _hulls(rule: CollisionRule) -> CollisionRule:
     if rule.method == "none":
         return rule
     return collision_rule(**{"method": "hull", "from": rule.from_})
-
-
-def try_usd(file: Path) -> Iterator[Finding]:
-    """Loaded, dropped without contacts, and left on a floor for two seconds."""
-    if lack := lacking(physx.REQUIRES, World()):
-        yield UNTRIED("robot", f"not tried in PhysX: {lack}")
-        return
-    air = Setting(TIMESTEP_S, GRAVITY, contacts=False)
-    floor = Setting(TIMESTEP_S, GRAVITY, at=Pose((0.0, 0.0, HIGH_M)), floor_friction=1.0)
-    steps = round(DROP_S / TIMESTEP_S)
-    done = physx.perform(
-        file,
-        (
-            Experiment("load", air),
-            Experiment("fall", air, steps=steps, every=steps),
-            Experiment("floor", floor, steps=4 * steps, every=steps),
-        ),
-        copied=False,
-    )
-    yield from tried(done, air)
 
 
 def tried(done: Mapping[str, Outcome], air: Setting) -> Iterator[Finding]:

@@ -19,7 +19,7 @@ import pytest
 
 import assetbuild
 from assetbuild.cli.identify import plan_excite
-from assetbuild.cli.sample import Draws, plan_samples
+from assetbuild.cli.sample import plan_samples
 from assetbuild.engine.actions import Action, Made
 from assetbuild.engine.code import Code, StepCode
 from assetbuild.engine.libraries import Libraries
@@ -152,7 +152,7 @@ def runs(tmp_path_factory: pytest.TempPathFactory) -> list[Seen]:
             assert not done.errors
             work = Opened(loaded, None, session, runner)
             if loaded.recipe.randomize:
-                work.made(partial(plan_samples, work, Draws(keep=1, judge=5, seed=1)))
+                work.made(partial(plan_samples, work, 1, 5, 1))
             if loaded.recipe.identify:
                 work.made(partial(plan_excite, work, 10.0))
             for number, (kind, action) in enumerate(runner.first.items()):

@@ -132,8 +132,6 @@ class Cluster(Processes):
         from distributed import CancelledError as FutureCancelledError
         from distributed.scheduler import KilledWorker
 
-        from assetbuild.engine.share.cluster import run_action
-
         # Not `pure`: dask would answer from its own memory, and the store is what is verified.
         name = f"{action.label}-{secrets.token_hex(8)}"
         future = self._client.submit(run_action, spec, pure=False, key=name)
