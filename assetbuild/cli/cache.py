@@ -6,6 +6,7 @@ import argparse
 import json
 import sys
 import time
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -39,7 +40,7 @@ def run(arguments: argparse.Namespace) -> int:
 def _stats(root: Path, *, as_json: bool) -> int:
     found = stats(root)
     if as_json:
-        print(json.dumps({"root": str(root), **found.to_json()}, indent=2, sort_keys=True))
+        print(json.dumps({"root": str(root), **asdict(found)}, indent=2, sort_keys=True))
         return 0
     print(f"{root}: {_shown(found.total_bytes)}")
     print(f"  objects: {found.objects}, {_shown(found.object_bytes)}")
@@ -108,7 +109,7 @@ def _check(store: Store) -> int:
         f"{found.objects} objects verified, {len(found.corrupt)} corrupt; forgotten results: "
         f"{found.torn} torn, {found.incomplete} without their files"
     )
-    return 0 if found.is_clean else 1
+    return 1 if found.corrupt or found.torn else 0  # without its files one is merely forgotten
 
 
 def _gc(store: Store, max_bytes: int) -> int:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import argparse
 import importlib
 import os
 from argparse import Namespace
@@ -171,7 +172,7 @@ VERBS: Mapping[str, Verb] = {
     "completion": verb(
         "print a completion script for a shell",
         option("shell", choices=("bash", "zsh", "fish", "tcsh")),
-        run="printing:completion",
+        run="verbs:completion",
     ),
     "diff": verb(
         "compare two bundles, recipes, MJCF, URDF or USD files, Isaac Lab configurations",
@@ -219,7 +220,7 @@ VERBS: Mapping[str, Verb] = {
     ),
     "list": verb(
         "list the robots that `assetbuild build NAME` builds without a recipe of yours",
-        run="printing:library",
+        run="verbs:library",
     ),
     "lock": verb("pin a recipe's source in <recipe>.lock.yaml", RECIPES, run="check:lock"),
     "plan": verb(
@@ -248,7 +249,7 @@ VERBS: Mapping[str, Verb] = {
         VARIANT,
         *SHARING,
     ),
-    "schema": verb("print the JSON Schema of recipes, for editors", run="printing:schema"),
+    "schema": verb("print the JSON Schema of recipes, for editors", run="verbs:schema"),
     "smoke": verb(
         "build the bundle and let a trainer load, step and train it for a moment",
         *BUILDING,
@@ -304,3 +305,30 @@ def runner(verb: str) -> Callable[[Namespace], int]:
         importlib.import_module(f"assetbuild.cli.{module}"), function
     )
     return found
+
+
+def completion(arguments: argparse.Namespace) -> int:
+    """Print a script for the shell; nothing of it runs when a verb starts."""
+    import shtab
+
+    print(shtab.complete(make_parser(), arguments.shell))
+    return 0
+
+
+def schema(_: argparse.Namespace) -> int:
+    """Print the JSON Schema of recipes."""
+    from assetbuild.pipeline.recipes import schema_text
+
+    print(schema_text(), end="")
+    return 0
+
+
+def library(_: argparse.Namespace) -> int:
+    """A line for each robot."""
+    from assetbuild.library import robots, sentence
+
+    found = robots()
+    width = max(map(len, found))
+    for name, path in found.items():
+        print(f"{name:{width}}  {sentence(path)}")
+    return 0

@@ -23,12 +23,11 @@ class Costs:
     """Seconds by label.
 
     seconds: of the step itself. chains: of the longest chain of steps that begins with it, each of
-    which reads the one before. guessed: steps that never ran here.
+    which reads the one before.
     """
 
     seconds: Mapping[str, float] = field(default_factory=dict)
     chains: Mapping[str, float] = field(default_factory=dict)
-    guessed: frozenset[str] = frozenset()
 
 
 def costs(graph: Graph, journal: Journal) -> Costs:
@@ -42,8 +41,7 @@ def costs(graph: Graph, journal: Journal) -> Costs:
     for label in reversed(list(graph.nodes)):  # each after all that read it
         for maker in graph.predecessors(label):
             chains[maker] = max(chains[maker], seconds[maker] + chains[label])
-    guessed = frozenset(label for label, last in noted.items() if last is None)
-    return Costs(seconds, chains, guessed)
+    return Costs(seconds, chains)
 
 
 HEALING_ROUNDS = 3

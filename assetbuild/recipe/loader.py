@@ -206,28 +206,15 @@ def _load(
 
 def _refuse_robot(data: bytes, file: str) -> None:
     """RecipeError for a robot's description where its recipe was to be named."""
-    kinds = {b"robot": "a URDF", b"mujoco": "an MJCF"}
-    kind = kinds.get(_root_tag(data))
-    if kind is None:
+    if not data.lstrip(b"\xef\xbb\xbf \t\r\n").startswith(b"<"):
+        return
+    kind = "a URDF" if re.search(rb"<robot\b", data) else "an MJCF"
+    if kind == "an MJCF" and not re.search(rb"<mujoco\b", data):
         return
     if kind == "a URDF" and (file.endswith(".xacro") or b"xmlns:xacro" in data):
         kind = "a xacro file"
     hint = f"write a recipe for it: `assetbuild init {file}`"
     raise RecipeError(f"this is {kind}, not a recipe", where=Where(file), hint=hint)
-
-
-def _root_tag(data: bytes) -> bytes:
-    """The name of the first element of XML; empty for all else."""
-    at = 3 if data.startswith(b"\xef\xbb\xbf") else 0
-    while found := re.compile(rb"\s*<([?!]?(?:--)?)([\w:]*)").match(data, at):
-        if not found[1]:
-            return found[2]
-        end = {b"?": b"?>", b"!--": b"-->"}.get(found[1], b">")
-        at = data.find(end, found.end(1))
-        if at < 0:
-            return b""
-        at += len(end)
-    return b""
 
 
 One = Callable[[Path, str | None], LoadedRecipe]

@@ -10,31 +10,23 @@ from typing import Annotated, Any, ClassVar, Literal, Self
 from pydantic import AfterValidator, BaseModel, Field, model_validator
 
 from assetbuild.findings import Severity
-from assetbuild.quantities import Model as Model
-from assetbuild.quantities import Name as Name
-from assetbuild.quantities import NonNegative as NonNegative
-from assetbuild.quantities import Pattern as Pattern
-from assetbuild.quantities import Positive as Positive
-from assetbuild.quantities import Real as Real
-from assetbuild.recipe.source import PYPI_PATTERN as PYPI_PATTERN
-from assetbuild.recipe.source import Sha256 as Sha256
-from assetbuild.recipe.source import Source as Source
+from assetbuild.quantities import Model, Name, Pattern, Real
+from assetbuild.recipe.source import Source
 from assetbuild.robot.about import About
 from assetbuild.robot.actuator_table import (
-    ActuatorRow as ActuatorRow,  # the recipe is read from here
+    ActuatorRow,  # the recipe is read from here
+    Motor,
 )
-from assetbuild.robot.actuator_table import Motor as Motor
-from assetbuild.robot.contact import Contacts as Contacts
-from assetbuild.robot.contact import Exclude as Exclude
+from assetbuild.robot.contact import Contacts, Exclude
 from assetbuild.robot.identify import Identify
 from assetbuild.robot.inertia import InertiaBounds
 from assetbuild.robot.loops import LoopRow
 from assetbuild.robot.mount import At, Mount
-from assetbuild.robot.poses import Keyframe as Keyframe
+from assetbuild.robot.poses import Keyframe
 from assetbuild.robot.ranges import Randomize
 from assetbuild.robot.regions import Region, ToleranceRegion
 from assetbuild.robot.sensing import Cameras, Feet, Imu, Sensors
-from assetbuild.robot.simulation import Simulation as Simulation
+from assetbuild.robot.simulation import Simulation
 from assetbuild.robot.softness import CouplingError, LimitError
 
 Preset = Literal["locomotion", "manipulation"]

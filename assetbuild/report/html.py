@@ -22,7 +22,7 @@ from assetbuild.report.card import Subject, card_tables
 from assetbuild.report.document import Report
 from assetbuild.report.figures import figures_of, sentence
 from assetbuild.report.tables import Table, table, text_of
-from assetbuild.report.verdict import CheckResult, Verdict, verdict_rows
+from assetbuild.report.verdict import CheckResult, verdict_rows
 from assetbuild.report.view import view_data
 from assetbuild.robot.identified import Curve, Curves, Fit
 from assetbuild.robot.inertia import total_mass
@@ -61,7 +61,7 @@ def html_page(report: Report, subject: Subject, hero: bytes | None, view: View |
         verdict=report.verdict,
         name=subject.recipe.robot,
         hero=base64.b64encode(hero).decode("ascii") if hero else "",
-        rows=list(_rows(report.verdict)),
+        rows=verdict_rows(report.verdict),
         loading=[] if failed else list(loading_lines(subject.recipe.robot, targets)),
         missing=[target for target in ("mjlab", "isaaclab") if target not in targets],
         tiles=_tiles(report, subject),
@@ -135,15 +135,6 @@ def _by_rule(findings: Iterator[Finding]) -> list[Box]:
 
 def _count(boxes: Sequence[Box]) -> int:
     return sum(len(findings) for _, _, findings in boxes)
-
-
-def _rows(verdict: Verdict) -> Iterator[tuple[str, str]]:
-    """Formats, physics and trainers, each with what was found."""
-    yield from verdict_rows(verdict)
-    if verdict.not_tried:
-        notes = (f"`{name}` ({note})" if note else f"`{name}`"
-                 for name, note in verdict.not_tried.items())  # fmt: skip
-        yield "checks", f"not run: {'; '.join(notes)}"
 
 
 def _tiles(report: Report, subject: Subject) -> tuple[tuple[str, str], ...]:
