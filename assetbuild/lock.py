@@ -154,7 +154,8 @@ def place_of_pin(path: Path) -> Where:
 def check_pin(source: Source, lock: Lock, path: Path) -> None:
     """LockError when the lock at `path` pins another source than the recipe names."""
     where = Where(shown_path(path))
-    pinned = _pinned(lock.pins[0])
+    pin = lock.pins[0]
+    pinned = pin.pypi if isinstance(pin, Pin) else f"{pin.git} at {pin.rev}"
     if source.moving is None:
         kind = "a folder" if source.path else "pinned in the recipe"
         message = f"the lock pins {pinned}, but the recipe's source is {kind}"
@@ -165,10 +166,6 @@ def check_pin(source: Source, lock: Lock, path: Path) -> None:
             where=where,
             hint="run `assetbuild lock` to pin what the recipe names",
         )
-
-
-def _pinned(pin: Pin | GitPin) -> str:
-    return pin.pypi if isinstance(pin, Pin) else f"{pin.git} at {pin.rev}"
 
 
 def _agree(source: Source, pin: Pin | GitPin) -> bool:

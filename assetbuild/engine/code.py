@@ -228,7 +228,7 @@ def _read(name: str, path: str) -> list[str]:
     if "/" not in name and path.endswith(".py"):
         digest, imports = read_module(name, path)
         return [digest, *imports]
-    return [read_data(path)]
+    return [digest_file(path)]
 
 
 SYNTAX_FORMAT = "syntax 2"
@@ -237,11 +237,6 @@ STATED = "BEYOND_IMPORTS"
 VERSION = "__version__"
 MUST = "!"
 """In the place of an imported name: the constant names the module or file, so it must be there."""
-
-
-def read_data(path: str) -> str:
-    """The digest of a file that is no Python source. OSError."""
-    return digest_file(path)
 
 
 def read_module(name: str, path: str) -> tuple[str, tuple[str, ...]]:

@@ -78,16 +78,13 @@ def renderer(world: World) -> str:
         return "cgl"
     drivers = _drivers(world)
     if drivers and world.can_load("libEGL.so.1"):
-        return f"egl {' '.join([*drivers, *_devices(world)])}"
+        cards = world.names(Path("/dev"), starts=("nvidia",))
+        numbered = [name for name in cards if name.removeprefix("nvidia").isdigit()]
+        devices = [*world.names(Path("/dev/dri"), starts=("renderd",)), *numbered]
+        return f"egl {' '.join([*drivers, *devices])}"
     if any(world.can_load(f"libOSMesa.so{suffix}") for suffix in ("", ".8", ".6")):
         return "osmesa"
     return "none"
-
-
-def _devices(world: World) -> list[str]:
-    cards = world.names(Path("/dev"), starts=("nvidia",))
-    numbered = [name for name in cards if name.removeprefix("nvidia").isdigit()]
-    return [*world.names(Path("/dev/dri"), starts=("renderd",)), *numbered]
 
 
 def _drivers(world: World) -> list[str]:

@@ -25,7 +25,6 @@ from assetbuild.plan.edits import AGAIN
 from assetbuild.plugins import plugin_names
 from assetbuild.recipe.loader import LoadedRecipe
 from assetbuild.recipe.models import Recipe, Waiver
-from assetbuild.recipe.validation import Key
 from assetbuild.report.document import Report, make_report
 from assetbuild.report.verdict import NOT_COMPARED, NOT_RUN, TRAINER_CHECKS, CheckResult
 from assetbuild.source.patches import patch_keys
@@ -198,15 +197,13 @@ def _where_of(loaded: LoadedRecipe, outline: Outline, label: str) -> Where | Non
         return place_of_pin(lock_path(loaded.path))
     for prefix, part in loaded.by_prefix.items():
         own = label.removeprefix(f"{prefix} ")
-        if own != label and (key := _patches(part).get(own)):
+        if own != label and (
+            key := patch_keys(part.recipe.source.patches, part.folder, part.world).get(own)
+        ):
             return part.where(key)
         if own != label and own == "fetch":
             return part.where(("source",))
     return None
-
-
-def _patches(part: LoadedRecipe) -> Mapping[str, Key]:
-    return patch_keys(part.recipe.source.patches, part.folder, part.world)
 
 
 def _located(error: AssetBuildError, subject: str, where: Where | None) -> AssetBuildError:

@@ -300,7 +300,8 @@ def _physical_checks(report: Report) -> Criterion:
 
 def _motors(control: Control) -> Criterion:
     driven = [a for a in control.actuators if a.model != "passive"]
-    bare = [a.joint for a in driven if not _is_known(a)]
+    known = [a for a in driven if a.source and a.effort is not None and a.armature > 0.0]
+    bare = [a.joint for a in driven if a not in known]
     shown = ", ".join(bare[:4]) + (", ..." if len(bare) > 4 else "")
     what = "each drive has a source, an effort limit and a reflected rotor inertia"
     if not bare:
@@ -319,7 +320,3 @@ def _identified(control: Control) -> Criterion:
         return Criterion("A+", what, False, "none recorded")
     text = f"armature and friction or damping of {len(met)} of {len(driven)} drives are measured"
     return Criterion("A+", what, len(met) == len(driven), text)
-
-
-def _is_known(actuator: Actuator) -> bool:
-    return bool(actuator.source) and actuator.effort is not None and actuator.armature > 0.0
