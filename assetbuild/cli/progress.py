@@ -137,8 +137,8 @@ class LiveProgress(Progress):
         times = shown_time(now - self._began)
         if self._whole and left >= WORTH_SAYING_S:
             times += f", about {shown_time(left)} left"
-        head = f"{self._name} {self._head} {times}"
-        return fitted_line(head, running_words(running, now), self._console.width - 1)
+        words = ", ".join(running_words(running, now))
+        return f"{self._name} {self._head} {times}: {words}"[: self._console.width - 1]
 
 
 class Forecast:
@@ -179,13 +179,3 @@ def running_words(running: Sequence[Running], now: float) -> list[str]:
         text = step.label
         words.append(f"{text} {seconds:.0f} s" if seconds >= 1.0 else text)
     return words
-
-
-def fitted_line(head: str, words: Sequence[str], width: int) -> str:
-    """The head and as many words as fit in the width; none is cut, the rest is counted."""
-    for shown in range(len(words), 0, -1):
-        more = f" and {len(words) - shown} more" if shown < len(words) else ""
-        line = f"{head}: {', '.join(words[:shown])}{more}"
-        if len(line) <= width:
-            return line
-    return head if len(head) <= width else ""

@@ -18,6 +18,8 @@ from assetbuild.engine.actions import Parts
 from assetbuild.engine.digest import canonical_json, digest_bytes, replace_file
 
 JOURNAL_FORMAT = 3
+TORN = (ValueError, LookupError, TypeError, AttributeError, RecursionError, zlib.error)
+"""What a file that is torn or foreign can cause."""
 Steps = dict[str, dict[str, Any]]  # Any: JSON
 """What is noted of each step, by its label."""
 
@@ -45,15 +47,7 @@ class Journal:
             raw = json.loads(zlib.decompress(self._file(build).read_bytes()))
             if raw["format"] == JOURNAL_FORMAT and raw["build"] == build:
                 return {label: dict(noted) for label, noted in raw["steps"].items()}
-        except (
-            OSError,
-            ValueError,
-            LookupError,
-            TypeError,
-            AttributeError,
-            RecursionError,
-            zlib.error,
-        ):
+        except (OSError, *TORN):
             pass
         return {}
 

@@ -71,7 +71,7 @@ def card_tables(subject: Subject, report: Report) -> tuple[Table, ...]:
         _sensors(subject),
         _changes(report),
         _checks(report),
-        _known_limits(report),
+        table("Known limits", ("rule", "of", "what"), _limit_rows(report)),
     )
 
 
@@ -233,12 +233,8 @@ def _checks(report: Report) -> Table:
     return table("Checks", ("check", "result", "note"), rows)
 
 
-def _known_limits(report: Report) -> Table:
-    """Warnings, waived findings, what a format cannot hold, and what was not checked."""
-    return table("Known limits", ("rule", "of", "what"), _limit_rows(report))
-
-
 def _limit_rows(report: Report) -> Iterator[tuple[str, str, str]]:
+    """Warnings, waived findings, what a format cannot hold, and what was not checked."""
     for finding in report.findings:
         if is_waived(finding):
             because = finding.data["because"]

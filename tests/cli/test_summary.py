@@ -14,7 +14,6 @@ from assetbuild.cli.progress import (
     Forecast,
     Progress,
     Running,
-    fitted_line,
     running_words,
     shown_time,
 )
@@ -101,10 +100,6 @@ def test_the_progress_line_begins_with_what_most_steps_wait_for():
     running = [Running("pictures", 90.0, 0), Running("auto trunk", 88.0, 31)]
     words = running_words(running, 100.0)
     assert words == ["auto trunk 12 s", "pictures 10 s"]
-    line = "go1 [3/75] 12 s"
-    assert fitted_line(line, words, 50) == f"{line}: {words[0]}, {words[1]}"
-    assert fitted_line(line, words, 45) == f"{line}: {words[0]} and 1 more", "no word is cut"
-    assert fitted_line(line, words, 30) == line
 
 
 def test_the_expected_time_is_the_work_shared_among_cores_or_the_longest_chain():
