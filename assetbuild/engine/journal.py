@@ -40,7 +40,7 @@ class Journal:
         self._changed: set[str] = set()
 
     def _file(self, build: str) -> Path:
-        return self._folder / f"{digest_bytes(os.fsencode(build))[:32]}.json"
+        return self._folder / f"{digest_bytes(os.fsencode(build))[:32]}.zlib"
 
     def _read(self, build: str) -> Steps:
         try:
