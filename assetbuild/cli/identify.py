@@ -189,6 +189,8 @@ INSTEAD = {"kp": "frequency", "kd": "damping_ratio"}
 def write_rows(loaded: LoadedRecipe, actuators: Sequence[Actuator]) -> int:
     """Rewrite the rows whose joints have measured numbers; how many rows now state them.
 
+    Only these rows change; comments and all other text stay as they are.
+
     RecipeError for a recipe without rows. The file is replaced at once, and only if it is valid.
     """
     if loaded.variant is not None:

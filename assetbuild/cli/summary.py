@@ -18,7 +18,10 @@ from assetbuild.report.verdict import Verdict, verdict_rows
 
 
 def in_public() -> bool:
-    """Whether the log of this command is published: CI services set `CI`."""
+    """Whether everybody reads the log of this command: CI services set `CI`.
+
+    PhysX's licence does not let its figures be published. At home they are the user's own.
+    """
     return bool(os.environ.get("CI") or os.environ.get("GITHUB_ACTIONS"))
 
 

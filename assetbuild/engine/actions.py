@@ -1,4 +1,7 @@
-"""Actions: steps whose inputs are known by digest; and what each of them made, by its key."""
+"""Actions: steps whose inputs are known by digest; and what each of them made, by its key.
+
+The key of a step holds everything that decides its outputs, and nothing else.
+"""
 
 from __future__ import annotations
 

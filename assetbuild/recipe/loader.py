@@ -37,7 +37,11 @@ def variant_names(root: Node) -> tuple[str, ...]:
 
 
 def patched(root: Node, variant: str) -> Node:
-    """The recipe's tree with one variant applied; RecipeError when there is none of that name."""
+    """The recipe's tree with one variant applied; RecipeError when there is none of that name.
+
+    Maps are merged, everything else is replaced. The tree is patched and not the data, so that
+    each value keeps the line that it came from.
+    """
     names = variant_names(root)
     if variant not in names:
         variants = _entries(root).get("variants")

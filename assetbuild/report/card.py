@@ -264,7 +264,11 @@ class Criterion:
 
 
 def grade(control: Control, report: Report) -> tuple[str, tuple[Criterion, ...]]:
-    """The best grade that the evidence carries; A+ needs drives that were measured."""
+    """The best grade of MuJoCo Menagerie that the evidence carries, and each step of it.
+
+    Menagerie's words: A+ = the values come from system identification; A = realistic values, not
+    identified; B = stable, some values unrealistic; C = conditionally stable.
+    """
     criteria = (
         _no_findings(report, "B", "it is stable", UNSTABLE),
         _physical_checks(report),
