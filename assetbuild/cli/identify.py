@@ -182,6 +182,8 @@ def plan_excite(work: Opened, seconds: float, p: Planner) -> None:
             add_excite(work.loaded.recipe, outline.tree, outline.robot, seconds, p)
 
 
+# --- measured numbers written into the rows of the recipe -----------------------------------
+
 INSTEAD = {"kp": "frequency", "kd": "damping_ratio"}
 """A measured number takes the place of what it was computed from."""
 

@@ -1,10 +1,8 @@
 """Take rights away from this process for good: files by Landlock, the network, new processes.
 
-The calls and structures of Landlock are those of Documentation/userspace-api/landlock.rst of the
-Linux kernel.
-
 For code that strangers wrote. Each layer holds where the kernel has it; none needs root. What
 a layer cannot do, the caller's own private folder and empty environment still do.
+Landlock's calls and structures are those of Documentation/userspace-api/landlock.rst of Linux.
 """
 
 from __future__ import annotations

@@ -220,6 +220,8 @@ def _located(error: AssetBuildError, subject: str, where: Where | None) -> Asset
     return type(error)(message, where=Where(name, line, column), hint=error.hint)
 
 
+# --- what the source's licence asks of who passes the bundle on -----------------------------
+
 UNSTATED = Rule(
     "license.unstated",
     "warning",

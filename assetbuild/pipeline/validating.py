@@ -274,6 +274,8 @@ def worst(validated: list[Validated]) -> bool:
     return any(f.severity == "error" for one in validated for f in one.findings)
 
 
+# --- a robot that has no recipe, simulated --------------------------------------------------
+
 TIMESTEP_S, DROP_S, HIGH_M = 0.005, 0.5, 1.0
 GRAVITY: Vec3 = (0.0, 0.0, -9.81)
 BROKEN = 0.05

@@ -248,6 +248,8 @@ def _limit_rows(report: Report) -> Iterator[tuple[str, str, str]]:
             yield "not checked", name, check.note
 
 
+# --- the quality grade ----------------------------------------------------------------------
+
 UNREAL = ("inertia.", "joint.effort_zero", "joint.velocity_zero", "joint.range", "mirror.", "mass.")
 """Families of rules whose warnings say that a value is not realistic."""
 UNSTABLE = ("stand.finite", "stand.fall", "free_fall.drop", "trials.", "mjcf.")

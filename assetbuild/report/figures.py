@@ -1,4 +1,4 @@
-"""The figures of any check as tables: numbers by name, and rows where there are rows."""
+"""What a check found: one sentence with its numbers and limits, and all of its figures as tables."""
 
 from __future__ import annotations
 

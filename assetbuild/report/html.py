@@ -173,6 +173,9 @@ def _provenance(subject: Subject) -> list[tuple[str, object]]:
     ]
 
 
+# --- the lines that load a bundle, to copy --------------------------------------------------
+
+
 def loading_lines(robot: str, targets: Collection[str]) -> Iterator[tuple[str, str]]:
     """(consumer, lines) for what the bundle holds; paths as seen from where the build ran."""
     bundle = f"build/{robot}"
@@ -205,6 +208,8 @@ def loading_lines(robot: str, targets: Collection[str]) -> Iterator[tuple[str, s
             f"ros2 run robot_state_publisher robot_state_publisher {bundle}/urdf/{robot}.urdf",
         )
 
+
+# --- what was measured ----------------------------------------------------------------------
 
 WIDTH, HEIGHT, PAD = 900, 150, 34
 """Of a plot, in units of its view box: size, and the margin on the left."""
