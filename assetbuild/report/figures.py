@@ -1,4 +1,4 @@
-"""What a check found: one sentence with its numbers and limits, and all of its figures as tables."""
+"""What a check found: a sentence with its numbers and limits, and all of its figures as tables."""
 
 from __future__ import annotations
 
