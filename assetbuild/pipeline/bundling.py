@@ -55,7 +55,7 @@ from assetbuild.report.document import Report
 from assetbuild.report.html import View, html_page
 from assetbuild.report.summary import summary
 from assetbuild.robot.codec import decode
-from assetbuild.robot.identified import Curves, Fit
+from assetbuild.robot.identified import Fit
 from assetbuild.robot.model import Control, Tree
 from assetbuild.robot.shapes import Shapes
 
@@ -163,12 +163,9 @@ class _Built:
             raise AssertionError("a whole plan has it")
         return decode(Measured, self.read(self.outline.bodies))
 
-    def fits(self) -> tuple[tuple[Fit, Curves], ...]:
+    def fits(self) -> tuple[Fit, ...]:
         """What the logs of the recipe showed."""
-        return tuple(
-            (decode(Fit, self.read(n["fit.json"])), decode(Curves, self.read(n["curves.json"])))
-            for n in self.outline.fits
-        )
+        return tuple(decode(Fit, self.read(node["fit.json"])) for node in self.outline.fits)
 
     def reference(self, options: Mapping[str, Any]) -> Reference:  # Any: plain JSON
         """That robot with what its files hold, for whoever compares."""

@@ -12,7 +12,7 @@ from assetbuild.recipe.models import Recipe
 from assetbuild.report.document import Report
 from assetbuild.report.tables import Record, Table, markdown_table, records, table
 from assetbuild.report.verdict import verdict_rows
-from assetbuild.robot.identified import Curves, Fit
+from assetbuild.robot.identified import Fit
 from assetbuild.robot.inertia import total_mass
 from assetbuild.robot.initial import initial_pose
 from assetbuild.robot.model import Actuator, Body, Control, Joint, Tree
@@ -32,7 +32,7 @@ class Subject:
     shapes: Shapes
     control: Control
     measured: Measured
-    fits: tuple[tuple[Fit, Curves], ...] = ()
+    fits: tuple[Fit, ...] = ()
 
 
 CHANGES = ("edit.", "merge.", "urdf.dropped", "visual.decimated", "mesh.")

@@ -24,7 +24,7 @@ from assetbuild.report.figures import figures_of, sentence
 from assetbuild.report.tables import Table, table, text_of
 from assetbuild.report.verdict import CheckResult, verdict_rows
 from assetbuild.report.view import view_data
-from assetbuild.robot.identified import Curve, Curves, Fit
+from assetbuild.robot.identified import Fit
 from assetbuild.robot.inertia import total_mass
 
 if TYPE_CHECKING:
@@ -70,7 +70,7 @@ def html_page(report: Report, subject: Subject, hero: bytes | None, view: View |
         view=view if view and view.library else None,
         robot=Markup(view_data(subject).replace("<", "\\u003c")),  # noqa: S704 # ends no script
         groups=_grouped(report.checks),
-        fits=[identified(*fit) for fit in subject.fits],
+        fits=[(fit, list(_tables(fit))) for fit in subject.fits],
         tables=card_tables(subject, report),
         built=_provenance(subject),
     )  # fmt: skip
@@ -89,7 +89,6 @@ def templates() -> Environment:
     made.filters |= {"counted": lambda number, noun: f"{number} {noun}{'s' * (number != 1)}"}
     made.tests["waived"] = is_waived
     made.globals |= {"asset": _asset, "sentence": sentence, "figures_of": figures_of}
-    made.globals["PLOT"] = (WIDTH, HEIGHT)
     return made
 
 
@@ -211,35 +210,6 @@ def loading_lines(robot: str, targets: Collection[str]) -> Iterator[tuple[str, s
 
 # --- what was measured ----------------------------------------------------------------------
 
-WIDTH, HEIGHT, PAD = 900, 150, 34
-"""Of a plot, in units of its view box: size, and the margin on the left."""
-
-
-@dataclass(frozen=True)
-class Plot:
-    """One joint. lines: (name, points, colour, width); held: where the held-out part begins."""
-
-    text: str
-    lines: tuple[tuple[str, str, str, float], ...]
-    held: str
-
-
-@dataclass(frozen=True)
-class IdentifiedEntry:
-    """One entry of `identify`. known, of: parameters that are identified, and all."""
-
-    known: int
-    of: int
-    tables: tuple[Table, ...]
-    plots: tuple[Plot, ...]
-
-
-def identified(fit: Fit, curves: Curves) -> IdentifiedEntry:
-    """Tables and plots of what the logs showed."""
-    known = sum(not p.refused for p in fit.parameters)
-    plots = tuple(map(_plot, curves.curves))
-    return IdentifiedEntry(known, len(fit.parameters), tuple(_tables(fit)), plots)
-
 
 def _tables(fit: Fit) -> Iterator[Table]:
     yield table(
@@ -271,28 +241,3 @@ def _tables(fit: Fit) -> Iterator[Table]:
             [(r.a, r.b, r.correlation) for r in fit.related],
             "parameters whose estimates depend on one another; above 0.99 both are refused",
         )
-
-
-def _plot(curve: Curve) -> Plot:
-    values = [*curve.measured, *curve.after]
-    low, high, end = min(values), max(values), max(curve.time_s[-1], 1e-9)
-    span = max(high - low, 1e-9)
-
-    def points(series: Sequence[float]) -> str:
-        inside = [min(max(v, low - 0.1 * span), high + 0.1 * span) for v in series]
-        return " ".join(
-            f"{PAD + t / end * (WIDTH - PAD):.1f},"
-            f"{HEIGHT - 18 - (v - low) / span * (HEIGHT - 36):.1f}"
-            for t, v in zip(curve.time_s, inside, strict=True)
-        )
-
-    text = (
-        f"{curve.joint}: position over {end:.4g} s, {low:.3g} to {high:.3g}; measured (dark), "
-        "simulated with the priors (orange) and as identified (blue); right of the line: held out"
-    )
-    lines = (
-        ("measured", points(curve.measured), "text", 2.4),
-        ("priors", points(curve.before), "warn", 1.0),
-        ("identified", points(curve.after), "link", 1.2),
-    )
-    return Plot(text, lines, f"{PAD + curve.held_from_s / end * (WIDTH - PAD):.1f}")
