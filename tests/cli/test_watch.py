@@ -70,8 +70,8 @@ def test_it_follows_recipe_and_source_and_survives_mistakes(legs: Legs, watching
     legs.edit("kp: 20", "kp: 30")
     told = watching.waits()
     assert "changed: `legs.yaml`" in told
-    assert "computing drives and poses" in told
-    assert "writing the URDF" not in told  # it holds no gain
+    assert "] control" in told
+    assert "] urdf" not in told  # it holds no gain
     assert "] read_urdf" not in told
     legs.edit("kp: 30", "kpp: 30")
     told = watching.waits()
