@@ -89,12 +89,6 @@ class OutOfDateError(AssetBuildError):
     exit_code = 3
 
 
-class NotReproducibleError(AssetBuildError):
-    """Two runs of one step gave different bytes."""
-
-    exit_code = 4
-
-
 class StepError(AssetBuildError):
     """A step failed on what it was given, or crashed, or ran over a limit."""
 

@@ -257,8 +257,10 @@ class Plugin(Step):
         for field, path in {**robot, **cls.told, **wholes}.items():
             with contextlib.suppress(KeyError):
                 found[field] = recipe.value(path)
-        if any(found.get(field, 0) is None for field in wholes if not _may_be_none(cls, field)):
-            return None
+        for field in wholes:
+            optional = type(None) in get_args(cls.model_fields[field].annotation)
+            if found.get(field, 0) is None and not optional:
+                return None
         if cls.keys():
             with contextlib.suppress(KeyError):
                 own = recipe.value(cls.section)
@@ -266,10 +268,6 @@ class Plugin(Step):
                     return None
                 found |= {name: getattr(own, name) for name in cls.keys()}  # noqa: SIM118
         return found
-
-
-def _may_be_none(plugin: type[Plugin], field: str) -> bool:
-    return type(None) in get_args(plugin.model_fields[field].annotation)
 
 
 class Target(Plugin):

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import json
-import os
-import tempfile
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Annotated, Literal
@@ -13,10 +11,12 @@ from typing import Annotated, Literal
 from packaging.utils import canonicalize_name
 from pydantic import Discriminator, Field, Tag, model_validator
 
+from assetbuild.engine.digest import replace_file
 from assetbuild.engine.world import World
 from assetbuild.errors import LockError, MachineError, Where
+from assetbuild.quantities import Model
 from assetbuild.recipe.loader import read_small_file, shown_path
-from assetbuild.recipe.models import PYPI_PATTERN, Model, Sha256, Source
+from assetbuild.recipe.source import PYPI_PATTERN, Sha256, Source
 from assetbuild.recipe.validation import locate, validated
 from assetbuild.recipe.yaml_tree import described, parse
 
@@ -133,15 +133,7 @@ def write_lock(path: Path, lock: Lock) -> bool:
         if path.read_bytes() == data:
             return False
     try:
-        handle, beside = tempfile.mkstemp(prefix=f".{path.name}.", dir=path.parent)
-        try:
-            with os.fdopen(handle, "wb") as file:
-                file.write(data)
-            Path(beside).chmod(0o644)
-            Path(beside).replace(path)
-        except BaseException:
-            Path(beside).unlink(missing_ok=True)
-            raise
+        replace_file(path, data)
     except OSError as problem:
         where = Where(shown_path(path))
         message = f"the lock cannot be written: {problem.strerror}"
@@ -162,7 +154,8 @@ def place_of_pin(path: Path) -> Where:
 def check_pin(source: Source, lock: Lock, path: Path) -> None:
     """LockError when the lock at `path` pins another source than the recipe names."""
     where = Where(shown_path(path))
-    pinned = _pinned(lock.pins[0])
+    pin = lock.pins[0]
+    pinned = pin.pypi if isinstance(pin, Pin) else f"{pin.git} at {pin.rev}"
     if source.moving is None:
         kind = "a folder" if source.path else "pinned in the recipe"
         message = f"the lock pins {pinned}, but the recipe's source is {kind}"
@@ -173,10 +166,6 @@ def check_pin(source: Source, lock: Lock, path: Path) -> None:
             where=where,
             hint="run `assetbuild lock` to pin what the recipe names",
         )
-
-
-def _pinned(pin: Pin | GitPin) -> str:
-    return pin.pypi if isinstance(pin, Pin) else f"{pin.git} at {pin.rev}"
 
 
 def _agree(source: Source, pin: Pin | GitPin) -> bool:

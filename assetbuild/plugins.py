@@ -62,7 +62,11 @@ def load_plugin(kind: type[P], name: str) -> type[P]:
     if name in _own(group):
         module = importlib.import_module(f"assetbuild.{group}.{name}")
         return _only(kind, module, module.__name__)
-    point = _only_one(_foreign(group)[name], f"`{name}` ({group})")
+    point, *others = _foreign(group)[name]
+    if others:
+        whose = " and of ".join(map(_distribution, (point, *others)))
+        message = f"two plug-ins are called `{name}` ({group}): of {whose}"
+        raise MachineError(message, hint="uninstall one of them")
     whose = f"plug-in `{name}` ({group}) of {_distribution(point)}"
     try:
         found = point.load()
@@ -112,16 +116,6 @@ def _foreign(group: str) -> Mapping[str, tuple[EntryPoint, ...]]:
         else:
             found[point.name] = (*found.get(point.name, ()), point)
     return found
-
-
-def _only_one(points: tuple[EntryPoint, ...], name: str) -> EntryPoint:
-    """The entry point of a name. MachineError: two distributions have the name."""
-    if len(points) > 1:
-        whose = " and of ".join(map(_distribution, points))
-        raise MachineError(
-            f"two plug-ins are called {name}: of {whose}", hint="uninstall one of them"
-        )
-    return points[0]
 
 
 @functools.cache

@@ -6,6 +6,7 @@ import copy
 import math
 import re
 from collections.abc import Iterable
+from functools import partial
 from typing import Annotated, Any, Optional, TypeVar
 
 from pydantic import (
@@ -20,6 +21,7 @@ from pydantic import (
 from pydantic.fields import FieldInfo
 
 _LENGTHS = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6}
+_A_LENGTH, _A_SHARE = "a length such as `5 mm` or `0.005` (m)", "a share such as `2 %` or `0.02`"
 _QUANTITY = re.compile(r"\s*([0-9.eE+-]+)\s*([a-zA-Z%]+)\s*")
 
 
@@ -63,17 +65,8 @@ def _finite(value: float) -> float:
     return value
 
 
-def _length(value: object) -> object:
-    """`5 mm` in metres; a plain number is in metres already."""
-    return _quantity(value, _LENGTHS, "a length such as `5 mm` or `0.005` (m)")
-
-
-def _share(value: object) -> object:
-    """`2 %` as 0.02; a plain number is a share already."""
-    return _quantity(value, {"%": 1e-2}, "a share such as `2 %` or `0.02`")
-
-
-def _quantity(value: object, units: dict[str, float], expected: str) -> object:
+def _quantity(value: object, *, units: dict[str, float], expected: str) -> object:
+    """`5 mm` in metres, `2 %` as 0.02; a plain number is in metres, or a share, already."""
     if not isinstance(value, str):
         return value
     found = _QUANTITY.fullmatch(value)
@@ -98,11 +91,19 @@ Real = Annotated[float, AfterValidator(_finite)]
 Positive = Annotated[float, Field(gt=0), AfterValidator(_finite)]
 NonNegative = Annotated[float, Field(ge=0), AfterValidator(_finite)]
 Length = Annotated[
-    float, Field(ge=0), AfterValidator(_finite), BeforeValidator(_length), _as_written("um|mm|cm|m")
+    float,
+    Field(ge=0),
+    AfterValidator(_finite),
+    BeforeValidator(partial(_quantity, units=_LENGTHS, expected=_A_LENGTH)),
+    _as_written("um|mm|cm|m"),
 ]
 """Metres: `5 mm`, `0.5 cm`, `0.005 m`, or a number in metres."""
 Share = Annotated[
-    float, Field(ge=0), AfterValidator(_finite), BeforeValidator(_share), _as_written("%")
+    float,
+    Field(ge=0),
+    AfterValidator(_finite),
+    BeforeValidator(partial(_quantity, units={"%": 1e-2}, expected=_A_SHARE)),
+    _as_written("%"),
 ]
 """A share: `2 %`, or 0.02."""
 

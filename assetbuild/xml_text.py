@@ -148,7 +148,7 @@ def _mended(data: bytes) -> tuple[bytes, list[Fault]]:
             return text
         if b"--" in text[4:-3] or text.endswith(b"--->"):
             note("comment", found.start())
-        if not _is_utf8(text):
+        if _foreign_at(text) is not None:
             note("encoding", found.start())
         return _blank(text)
 
@@ -212,14 +212,15 @@ def _without_declaration(text: bytes, note: Callable[[FaultKind, int], None]) ->
         codec = codecs.lookup(name).name
     except LookupError:
         codec = ""
-    if _is_utf8(text):
+    foreign = _foreign_at(text)
+    if foreign is None:
         if codec == "" or codec.startswith(("utf-16", "utf-32")):
             note("encoding", found[0].start() if found else 0)
             return text
         if codec in ("utf-8", "ascii"):
             return text
     elif codec in ("", "utf-8", "ascii"):
-        note("encoding", _first_foreign(text))
+        note("encoding", foreign)
         return text.decode("utf-8", "replace").encode()
     return text.decode(codec, "replace").encode()
 
@@ -228,20 +229,13 @@ def _blank(text: bytes) -> bytes:
     return re.sub(rb"[^\r\n]", b" ", text)
 
 
-def _is_utf8(text: bytes) -> bool:
-    try:
-        text.decode("utf-8")
-    except UnicodeDecodeError:
-        return False
-    return True
-
-
-def _first_foreign(text: bytes) -> int:
+def _foreign_at(text: bytes) -> int | None:
+    """Where the text is no UTF-8; None = nowhere."""
     try:
         text.decode("utf-8")
     except UnicodeDecodeError as error:
         return error.start
-    return 0
+    return None
 
 
 def _refuse_lost_letters(root: _Element) -> None:

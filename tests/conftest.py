@@ -14,7 +14,7 @@ from pathlib import Path
 import pytest
 from hypothesis import HealthCheck, is_hypothesis_test, settings
 
-from assetbuild.engine.folders import cache_root
+from assetbuild.engine.machine import cache_root
 
 # A busy machine is no reason to fail: nothing here is timed.
 for name, examples in (("quick", 25), ("ci", 50)):

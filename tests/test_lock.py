@@ -17,7 +17,7 @@ from assetbuild.lock import (
     read_lock,
     write_lock,
 )
-from assetbuild.recipe.models import Source
+from assetbuild.recipe.source import Source
 
 DIGEST = hashlib.sha256(b"wheel").hexdigest()
 

@@ -10,14 +10,14 @@ import time
 from collections.abc import Sequence
 from pathlib import Path
 
-from assetbuild.cli.explain import print_stale
 from assetbuild.cli.outputs import EventLog, event_log, tell_github, write_junit
+from assetbuild.cli.plan import print_stale
 from assetbuild.cli.progress import progress
 from assetbuild.cli.summary import null_summary, print_differences, print_summary
 from assetbuild.engine import null
 from assetbuild.engine.digest import digest_file
 from assetbuild.engine.execute import Event
-from assetbuild.engine.folders import cache_root
+from assetbuild.engine.machine import cache_root
 from assetbuild.engine.world import World
 from assetbuild.errors import AssetBuildError, UsageError
 from assetbuild.pipeline.building import Outcome, Request, build_all
@@ -101,7 +101,7 @@ def _remember(outcomes: Sequence[Outcome], world: World, began_ns: int) -> None:
     It is found by the command's words and working folder, so that nothing has to be parsed to find
     it. A store that cannot be written to costs only speed.
     """
-    done = [o for o in outcomes if o.exit_code == 0 and o.report and o.is_shared and o.out]
+    done = [o for o in outcomes if o.exit_code == 0 and o.report and o.out]
     if len(done) < len(outcomes):
         return
     made: dict[str, str] = {}

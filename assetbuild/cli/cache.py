@@ -6,12 +6,18 @@ import argparse
 import json
 import sys
 import time
+from dataclasses import asdict
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from assetbuild.engine.folders import cache_root
 from assetbuild.engine.housekeeping import check, collect, stats
+from assetbuild.engine.machine import cache_root
+from assetbuild.engine.session import Resolver
 from assetbuild.engine.store import LAYOUT, Store
 from assetbuild.errors import UsageError
+
+if TYPE_CHECKING:
+    from assetbuild.engine.share.remote import Remote
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -34,7 +40,7 @@ def run(arguments: argparse.Namespace) -> int:
 def _stats(root: Path, *, as_json: bool) -> int:
     found = stats(root)
     if as_json:
-        print(json.dumps({"root": str(root), **found.to_json()}, indent=2, sort_keys=True))
+        print(json.dumps({"root": str(root), **asdict(found)}, indent=2, sort_keys=True))
         return 0
     print(f"{root}: {_shown(found.total_bytes)}")
     print(f"  objects: {found.objects}, {_shown(found.object_bytes)}")
@@ -51,7 +57,6 @@ def _stats(root: Path, *, as_json: bool) -> int:
 def _share(arguments: argparse.Namespace) -> int:
     """1 when the cache fails on the way: here it was asked for."""
     from assetbuild.pipeline.opening import remote_cache
-    from assetbuild.pipeline.sharing import pull, push
 
     faults: list[str] = []
     remote = remote_cache(arguments.remote, faults.append, write=arguments.what == "push")
@@ -59,12 +64,41 @@ def _share(arguments: argparse.Namespace) -> int:
         raise UsageError("no cache is named", hint="say `--remote URL`, or set ASSETBUILD_REMOTE")
     verb, said = (push, "sent") if arguments.what == "push" else (pull, "in the store")
     for recipe in arguments.recipes:
-        done = verb(recipe, arguments.variant, remote)
-        more = "" if done.whole else ", and more that is known once these are built"
-        print(f"{recipe}: {done.done} of {done.steps} results {said}{more}")
+        done, steps, whole = verb(recipe, arguments.variant, remote)
+        more = "" if whole else ", and more that is known once these are built"
+        print(f"{recipe}: {done} of {steps} results {said}{more}")
     for fault in faults:
         print(fault, file=sys.stderr)
     return 1 if faults else 0
+
+
+def push(recipe: Path, variant: str | None, remote: Remote) -> tuple[int, int, bool]:
+    """Offer every result that the store has; nothing is built.
+
+    (results sent, steps of the graph as far as it is known, whether it has no open question)
+    """
+    from assetbuild.pipeline.opening import opened
+    from assetbuild.pipeline.recipes import load_recipe
+
+    with opened(load_recipe(recipe, variant)) as look:
+        known = look.known()
+        resolver = Resolver(known.graph.nodes, look.session)
+        sent = 0
+        for label in known.graph.nodes:
+            action, made = resolver.action(label), resolver.made(label)
+            if action is not None and made is not None:
+                sent += remote.put(action.key, made, look.session.store)
+    return sent, len(known.graph.nodes), known.whole
+
+
+def pull(recipe: Path, variant: str | None, remote: Remote) -> tuple[int, int, bool]:
+    """Fetch every result that the store lacks and the cache has, as `push` sends them."""
+    from assetbuild.pipeline.opening import opened
+    from assetbuild.pipeline.recipes import load_recipe
+
+    with opened(load_recipe(recipe, variant), remote) as look:
+        stored = look.stored()
+    return len(stored.results), len(stored.graph.nodes), stored.whole
 
 
 def _check(store: Store) -> int:
@@ -75,7 +109,7 @@ def _check(store: Store) -> int:
         f"{found.objects} objects verified, {len(found.corrupt)} corrupt; forgotten results: "
         f"{found.torn} torn, {found.incomplete} without their files"
     )
-    return 0 if found.is_clean else 1
+    return 1 if found.corrupt or found.torn else 0  # without its files one is merely forgotten
 
 
 def _gc(store: Store, max_bytes: int) -> int:

@@ -64,7 +64,11 @@ def examine() -> Iterator[Row]:
     yield from _libraries()
     yield _cache()
     yield _confinement()
-    yield _program("git", "sources by `git`, and `diff REVISION:RECIPE`")
+    if git := shutil.which("git"):
+        yield Row("git", "ok", git)
+    else:
+        use = "sources by `git`, and `diff REVISION:RECIPE`"
+        yield Row("git", "missing", use, "apt-get install git")
     yield from _pictures()
     for extra, module, use in EXTRAS:
         if importlib.util.find_spec(module) is not None:
@@ -75,18 +79,13 @@ def examine() -> Iterator[Row]:
 
 
 def _libraries() -> Iterator[Row]:
-    versions, lacking = [], []
-    for name in CORE:
-        try:
-            versions.append(f"{name} {importlib.metadata.version(name)}")
-        except importlib.metadata.PackageNotFoundError:
-            lacking.append(name)
-    if lacking:
+    versions = {name: _version(name) for name in CORE}
+    if lacking := [name for name, version in versions.items() if not version]:
         told = f"not installed: {', '.join(lacking)}"
         yield Row("libraries", "broken", told, "pip install assetbuild")
     else:
-        yield Row("libraries", "ok", ", ".join(versions))
-    if importlib.util.find_spec("pxr") and _installed("usd-exchange"):
+        yield Row("libraries", "ok", ", ".join(map(" ".join, versions.items())))
+    if importlib.util.find_spec("pxr") and _version("usd-exchange"):
         fix = "pip uninstall usd-exchange, then pip install --force-reinstall usd-core"
         yield Row("pxr", "broken", "usd-exchange and usd-core overwrite each other", fix)
 
@@ -109,16 +108,16 @@ def _plugins() -> Iterator[Row]:
                 yield Row(row, "missing", error.message, error.hint)
 
 
-def _installed(name: str) -> bool:
+def _version(name: str) -> str:
+    """Of an installed distribution; "" where it is not installed."""
     try:
-        importlib.metadata.version(name)
+        return importlib.metadata.version(name)
     except importlib.metadata.PackageNotFoundError:
-        return False
-    return True
+        return ""
 
 
 def _cache() -> Row:
-    from assetbuild.engine.folders import cache_root
+    from assetbuild.engine.machine import cache_root
 
     root = Path(cache_root())
     place = next(folder for folder in (root, *root.parents) if folder.exists())
@@ -134,7 +133,7 @@ def _cache() -> Row:
 
 def _confinement() -> Row:
     """Landlock holds xacro files; without it a private folder and an empty environment do."""
-    from assetbuild.engine.landlock import version
+    from assetbuild.engine.confine import version
 
     kernel, found = platform.release(), version()
     if found:
@@ -143,16 +142,9 @@ def _confinement() -> Row:
     return Row("Landlock", "missing", f"not on this kernel ({kernel})", fix)
 
 
-def _program(name: str, use: str) -> Row:
-    path = shutil.which(name)
-    if path is None:
-        return Row(name, "missing", use, f"apt-get install {name}")
-    return Row(name, "ok", path)
-
-
 def _pictures() -> Iterator[Row]:
     from assetbuild.engine.world import World
-    from assetbuild.looks.offscreen import renderer
+    from assetbuild.looks.plan import renderer
     from assetbuild.looks.viewer import three_js
 
     kind = renderer(World())

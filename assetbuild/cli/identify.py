@@ -4,20 +4,30 @@ from __future__ import annotations
 
 import argparse
 import json
+import os
+import re
 import sys
-from dataclasses import asdict
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import asdict, replace
 from pathlib import Path
+from typing import Any
+
+import yaml
 
 from assetbuild.cli.progress import progress
 from assetbuild.cli.summary import print_findings
+from assetbuild.engine.planner import Planner
 from assetbuild.engine.store import OUT_OPTION, machine_errors
-from assetbuild.errors import UsageError
-from assetbuild.identify.for_recipe import read_bam
-from assetbuild.pipeline.identifying import excite, identify
-from assetbuild.pipeline.opening import Task
-from assetbuild.pipeline.writing import write_rows
-from assetbuild.recipe.loader import read_small_file
+from assetbuild.errors import RecipeError, UsageError
+from assetbuild.identify.for_recipe import as_ranges, read_bam
+from assetbuild.identify.plan import excite as add_excite
+from assetbuild.pipeline.opening import Opened, Task, at_work
+from assetbuild.pipeline.recipes import load_recipe
+from assetbuild.recipe.loader import LoadedRecipe, read_small_file
+from assetbuild.robot.actuator_table import ActuatorRow
+from assetbuild.robot.codec import decode
 from assetbuild.robot.identify import Fit
+from assetbuild.robot.model import Actuator, Control
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -26,40 +36,55 @@ def run(arguments: argparse.Namespace) -> int:
         return _bam(arguments)
     if arguments.recipe is None:
         raise UsageError("which recipe?", hint="`assetbuild identify recipes/go1.yaml`")
-    task = Task.of(vars(arguments))
+    loaded = load_recipe(arguments.recipe, arguments.variant)
     if arguments.excite:
-        return _excite(arguments, task)
-    with progress(arguments.recipe.name) as shown:
-        found = identify(task, shown.on_event, shown.say)
-    print_findings(found.findings)
+        return _excite(arguments, loaded)
+    if not loaded.recipe.identify:
+        raise RecipeError(
+            "the recipe has no `identify`: nothing says where the logs are",
+            where=loaded.where(()),
+            hint="add for instance `identify: [{logs: [{file: log.csv}], recorded: {kp: 20}}]`",
+        )
+    name, task = arguments.recipe.name, Task.of(vars(arguments))
+    with progress(name) as shown, at_work(loaded, task, shown.on_event, shown.say) as work:
+        done = work.made(work.robot)
+        fits = [decode(Fit, work.read(done, node["fit.json"])) for node in done.outline.fits]
+        control = decode(Control, work.read(done, done.outline.robot["control.json"]))
+    of_fits = [label for label in done.results if label.startswith(("read_log", "fit_logs"))]
+    print_findings([found for label in of_fits for found in done.results[label].findings])
     if arguments.json:
-        print(json.dumps([asdict(fit) for fit in found.fits], indent=1))
+        print(json.dumps([asdict(fit) for fit in fits], indent=1))
     elif arguments.ranges:
-        print(found.ranges)
+        print(as_ranges(fits, loaded.recipe.simulation.timestep))
     else:
-        for fit in found.fits:
+        for fit in fits:
             _print(fit)
     if arguments.write:
-        print(f"{write_rows(found)} rows written to {arguments.recipe}", file=sys.stderr)
+        count = write_rows(loaded, control.actuators)
+        print(f"{count} rows written to {arguments.recipe}", file=sys.stderr)
     return 0
 
 
-def _excite(arguments: argparse.Namespace, task: Task) -> int:
+def _excite(arguments: argparse.Namespace, loaded: LoadedRecipe) -> int:
     """Write the commands and the script that plays them; print what they will show."""
-    with progress(arguments.recipe.name) as shown:
-        found = excite(task, float(arguments.seconds), shown.on_event, shown.say)
-    print_findings(found.findings)
+    name, task = arguments.recipe.name, Task.of(vars(arguments))
+    with progress(name) as shown, at_work(loaded, task, shown.on_event, shown.say) as work:
+        seconds = float(arguments.seconds)
+        result = work.made(lambda p: plan_excite(work, seconds, p)).results["excite"]
+        commands, text = (work.session.read(result[n]) for n in ("excite.csv", "expected.json"))
+    print_findings(result.findings)
     out = arguments.out or Path("build/excite")
     with machine_errors(out, OUT_OPTION):
         out.mkdir(parents=True, exist_ok=True)
-        (out / "excite.csv").write_bytes(found.commands)
+        (out / "excite.csv").write_bytes(commands)
         (out / "play.py").write_text(PLAY, encoding="utf-8")
+    expected = json.loads(text)
     if arguments.json:
-        print(json.dumps(found.expected, indent=1))
+        print(json.dumps(expected, indent=1))
         return 0
-    wide = max(len(row["joint"]) for row in found.expected)
+    wide = max(len(row["joint"]) for row in expected)
     print(f"{'joint':{wide}} {'parameter':9} {'prior':>9} {'+- of a log':>12} {'shown from':>11}")
-    for row in found.expected:
+    for row in expected:
         note = "only together with another" if row["confounded"] else ""
         print(
             f"{row['joint']:{wide}} {row['parameter']:9} {row['prior']:9.4g} "
@@ -146,3 +171,126 @@ def _print(fit: Fit) -> None:
     print(f"{'RMS of the position':{max(wide, 19)}}   fitted  held out: priors   identified")
     for one in fit.predictions:
         print(f"{one.joint:{max(wide, 19)}} {one.fitted:8.2e} {one.before:17.2e} {one.after:12.2e}")
+
+
+def plan_excite(work: Opened, seconds: float, p: Planner) -> None:
+    """Add the node `excite` and what it needs."""
+    outline = replace(work, loaded=work.loaded.but(identify=())).robot(p)
+    if outline.tree is not None and outline.robot:
+        with work.loaded.placing():
+            add_excite(work.loaded.recipe, outline.tree, outline.robot, seconds, p)
+
+
+# --- measured numbers written into the rows of the recipe -----------------------------------
+
+INSTEAD = {"kp": "frequency", "kd": "damping_ratio"}
+"""A measured number takes the place of what it was computed from."""
+
+
+def write_rows(loaded: LoadedRecipe, actuators: Sequence[Actuator]) -> int:
+    """Rewrite the rows whose joints have measured numbers; how many rows now state them.
+
+    Only these rows change; comments and all other text stay as they are.
+
+    RecipeError for a recipe without rows. The file is replaced at once, and only if it is valid.
+    """
+    if loaded.variant is not None:
+        raise UsageError("`--write` changes the recipe itself: omit `--variant`")
+    measured = {row.joint: row for row in actuators if row.measured}
+    text = loaded.path.read_bytes().decode("utf-8-sig")
+    spans = _spans(text)
+    if not spans:
+        raise RecipeError(
+            "the recipe has no rows in `actuators` that could state the numbers",
+            where=loaded.where(("actuators",)),
+            hint="build with `identify` alone, or write the rows first",
+        )
+    joints = [row.joint for row in actuators]
+    count = 0
+    rows = list(zip(loaded.recipe.actuators, spans, strict=True))
+    for row, (first, last, indent) in reversed(rows):
+        own = [name for name in joints if re.fullmatch(row.joints, name)]
+        if not any(name in measured for name in own):
+            continue
+        written = list(_rows(row, own, measured))
+        count += sum("measured" in each for each in written)
+        text = text[:first] + f"\n{indent}- ".join(_flow(e, indent) for e in written) + text[last:]
+    half = loaded.path.with_name(f".{loaded.path.name}.new")
+    half.write_text(text, encoding="utf-8", newline="")
+    try:
+        load_recipe(half)
+        os.replace(half, loaded.path)  # noqa: PTH105 # says what it does
+    finally:
+        half.unlink(missing_ok=True)
+    return count
+
+
+def _spans(text: str) -> list[tuple[int, int, str]]:
+    """(first, last, indent) of each item of `actuators`; comments below the last are not its."""
+    root = yaml.compose(text, Loader=yaml.SafeLoader)
+    for key, value in root.value if root is not None else ():
+        if key.value == "actuators" and isinstance(value, yaml.SequenceNode):
+            found = []
+            for item in value.value:
+                first, last = item.start_mark.index, item.end_mark.index
+                last = first + len(_without_tail(text[first:last]))
+                line = text.rfind("\n", 0, first) + 1
+                before = text[line:first]
+                found.append((first, last, before[: len(before) - len(before.lstrip())]))
+            return found
+    return []
+
+
+def _without_tail(text: str) -> str:
+    """Without comments and empty lines at its end."""
+    lines = text.rstrip().split("\n")
+    while len(lines) > 1 and lines[-1].lstrip().startswith("#"):
+        lines.pop()
+    return "\n".join(lines).rstrip()
+
+
+def _rows(
+    row: ActuatorRow, joints: Sequence[str], measured: Mapping[str, Actuator]
+) -> Iterator[dict[str, Any]]:  # Any: YAML
+    """The rows in place of one: joints with equal numbers share a row, as do those with none."""
+    stated = row.model_dump(exclude_unset=True)
+    groups: dict[str, tuple[dict[str, Any], list[str]]] = {}  # Any: YAML
+    for joint in joints:
+        keys = {k: v for k, v in stated.items() if k not in ("joints", "measured", "source")}
+        if joint in measured:
+            keys |= _numbers(measured[joint], keys)
+        elif row.source:
+            keys["source"] = row.source
+        groups.setdefault(json.dumps(keys), (keys, []))[1].append(joint)
+    for keys, names in groups.values():
+        yield {"joints": "|".join(map(re.escape, names)), **keys}
+
+
+def _numbers(actuator: Actuator, keys: dict[str, Any]) -> dict[str, Any]:  # Any: YAML
+    for name in actuator.measured:
+        keys.pop(INSTEAD.get(name, ""), None)
+    found = {name: float(f"{getattr(actuator, name):.6g}") for name in actuator.measured}
+    return {**found, "measured": list(actuator.measured), "source": actuator.source}
+
+
+def _flow(row: Mapping[str, Any], indent: str) -> str:  # Any: YAML
+    """`{joints: .., ..}`; what was measured on lines of its own."""
+    head = [f"{k}: {_text(v)}" for k, v in row.items() if k not in row.get("measured", ())]
+    if "measured" not in row:
+        return "{" + ", ".join(head) + "}"
+    numbers = ", ".join(f"{name}: {row[name]!r}" for name in row["measured"])
+    own = [part for part in head if not part.startswith(("measured:", "source:"))]
+    names = ", ".join(row["measured"])
+    return (
+        "{" + ", ".join(own) + f",\n{indent}   {numbers},\n{indent}   measured: [{names}],\n"
+        f"{indent}   source: {json.dumps(row['source'])}}}"
+    )
+
+
+def _text(value: Any) -> str:  # Any: YAML
+    """A plain word or number as people write it, all else as JSON."""
+    if isinstance(value, float) and value.is_integer() and abs(value) < 1e9:
+        return str(int(value))
+    if isinstance(value, str) and re.fullmatch(r"[a-z]\w*_\w+|pd|ideal_pd", value, re.ASCII):
+        return value
+    return json.dumps(value)

@@ -1,59 +1,117 @@
-"""`assetbuild plan`: the graph of a recipe."""
+"""`assetbuild plan` and `explain`: the graph of a recipe; why its steps ran or would run."""
 
 from __future__ import annotations
 
 import argparse
 import json
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
+from pathlib import Path
 
-from assetbuild.pipeline import drawing
-from assetbuild.pipeline.mapping import reached_first, seconds_of
+from assetbuild.engine.explain import Explanation, explain
+from assetbuild.engine.graph import Graph
+from assetbuild.errors import OutOfDateError, UsageError, did_you_mean
 from assetbuild.pipeline.opening import opened
 from assetbuild.pipeline.recipes import load_recipe
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Print the graph as far as it is known, or what is asked of it."""
+    """Print the graph as far as it is known."""
     with opened(load_recipe(arguments.recipe, arguments.variant)) as look:
         known = look.known()
-        graph, asked = known.graph, arguments.stale is not None or arguments.critical
-        if arguments.format in ("json", "text") and not asked:
-            _print_graph(drawing.to_data(graph), drawing.to_text(graph), arguments.format)
-        else:
-            seconds = seconds_of(graph, look.session)
-            net = drawing.network(graph, seconds)
-            marked: Sequence[str] = ()
-            head = "a build with enough cores waits for"
-            if arguments.stale is not None:
-                reached = drawing.behind(net, reached_first(arguments.stale, graph, look))
-                marked = [label for label in graph.nodes if label in reached]
-                head = f"a change of `{arguments.stale}` can reach"
-            elif arguments.critical:
-                marked = drawing.critical_path(net)
-            match arguments.format:
-                case "dot":
-                    print(drawing.to_dot(net, marked))
-                case "graphml":
-                    print(drawing.to_graphml(net, marked))
-                case "json":
-                    rows = [{"label": label, "seconds": seconds.get(label)} for label in marked]
-                    print(json.dumps(rows, indent=2))
-                case _:
-                    _print_marked(head, marked, seconds)
+    write = {"text": to_text, "json": to_json, "dot": to_dot}[arguments.format]
+    print(write(known.graph))
     if not known.whole:
         print("the graph goes on once these steps are built", file=sys.stderr)
     return 0
 
 
-def _print_graph(data: object, text: str, form: str) -> None:
-    print(text if form == "text" else json.dumps(data, indent=2, sort_keys=True))
+def to_text(graph: Graph) -> str:
+    """The rooms of the house in the order of building, each with its steps."""
+    rooms: dict[str, list[str]] = {}
+    for node in graph.nodes.values():
+        room = type(node.step).__module__.removeprefix("assetbuild.").partition(".")[0]
+        rooms.setdefault(room, []).append(node.label)
+    lines = []
+    for room, labels in rooms.items():
+        lines.append(f"{room}: {len(labels)} step{'s' if len(labels) > 1 else ''}")
+        lines += [f"  {label}" for label in labels]
+    return "\n".join(lines)
 
 
-def _print_marked(head: str, marked: Sequence[str], seconds: Mapping[str, float]) -> None:
-    """seconds: of all steps of the graph that have been built."""
-    of_these = sum(seconds.get(label, 0.0) for label in marked)
-    took = f"{of_these:.1f} of {sum(seconds.values()):.1f} s when they last ran"
-    print(f"{head} {len(marked)} steps, {took}")
-    for label in marked:
-        print(f"  {f'{seconds[label]:8.2f} s' if label in seconds else 'not built':>10}  {label}")
+def to_json(graph: Graph) -> str:
+    """The steps in the order of building, as plain data."""
+    nodes = [
+        {
+            "label": node.label,
+            "step": node.step.step_name(),
+            "outputs": list(node.step.outputs),
+            "inputs": {name: str(ref) for name, ref in node.inputs.items()},
+        }
+        for node in graph.nodes.values()
+    ]
+    return json.dumps({"nodes": nodes}, indent=2, sort_keys=True)
+
+
+def to_dot(graph: Graph) -> str:
+    """For Graphviz; sources are boxes."""
+    lines = ["digraph assetbuild {", "  rankdir=LR;"]
+    for label, node in graph.nodes.items():
+        lines.append(f"  {json.dumps(label)};")
+        for name, ref in sorted(node.inputs.items()):
+            maker = json.dumps(ref.node or Path(ref.output).name)
+            if not ref.node:
+                lines.append(f"  {maker} [shape=box];")
+            lines.append(f"  {maker} -> {json.dumps(label)} [label={json.dumps(name)}];")
+    return "\n".join([*lines, "}"])
+
+
+# --- why steps run --------------------------------------------------------------------------
+
+
+def explain_steps(arguments: argparse.Namespace) -> int:
+    """Print the explanations; 0, or 2 for an unknown step."""
+    step = arguments.step
+    found, whole = _explained(arguments.recipe, arguments.variant, step)
+    if arguments.json:
+        print(json.dumps([e.to_json() for e in found], indent=2, sort_keys=True))
+        return 0
+    for line in told_of_all(found) if step is None else [found[0].to_text()]:
+        print(line)
+    if not whole:
+        print("the graph goes on once the stale steps are built", file=sys.stderr)
+    return 0
+
+
+def _explained(
+    recipe: Path, variant: str | None, step: str | None = None
+) -> tuple[list[Explanation], bool]:
+    """(explanations of one step or of all steps, whether the graph is complete). UsageError for an
+    unknown step.
+    """
+    with opened(load_recipe(recipe, variant)) as look:
+        known = look.known()
+        labels = list(known.graph.nodes)
+        if step is not None and step not in labels:
+            raise UsageError(f"no step `{step}`", hint=did_you_mean(step, labels))
+        wanted = labels if step is None else [step]
+        return [explain(known.graph, look.session, label) for label in wanted], known.whole
+
+
+def told_of_all(found: Sequence[Explanation]) -> list[str]:
+    """All steps; those that nothing has touched since they were first built are counted."""
+    touched = [one for one in found if one.state != "up to date" or not one.only_first]
+    left = len(found) - len(touched)
+    counted = [f"{left} of {len(found)} steps: untouched since their first build"] if left else []
+    return [*(one.to_text() for one in touched), *counted]
+
+
+def print_stale(recipe: Path, variant: str | None) -> int:
+    """What a build would run, and why; nothing is run. 3 when something would run, else 0."""
+    found, whole = _explained(recipe, variant)
+    stale = [explanation for explanation in found if explanation.state != "up to date"]
+    for explanation in stale:
+        print(explanation.to_text())
+    more = "" if whole else ", and what follows from them"
+    print(f"{recipe}: {len(stale)} of {len(found)} steps would run{more}")
+    return OutOfDateError.exit_code if stale or more else 0

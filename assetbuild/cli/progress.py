@@ -9,19 +9,14 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 
-from assetbuild.cli.public import shown_seconds
-from assetbuild.cli.steps import step_words
-from assetbuild.engine.costs import Costs
-from assetbuild.engine.execute import Event
+from assetbuild.cli.summary import shown_seconds
+from assetbuild.engine.execute import Costs, Event
 from assetbuild.engine.processes import usable_cores
 
 SLOW_S = 2.0
 """Steps that took longer leave a line of their own."""
 WORTH_SAYING_S = 4.0
 """An expected time is shown from here on."""
-TRUST_S = 3.0
-"""So many seconds of work must have taken twice as long as expected before the rest is expected to
-take one and a half times as long."""
 
 
 class Progress:
@@ -42,7 +37,7 @@ class Progress:
             self._say_expected()
             seconds = shown_seconds(event.label, result.seconds)
             failed = "failed: " if result.status == "failed" else ""
-            words = f"{failed}{step_words(event.label)}"
+            words = f"{failed}{event.label}"
             self.say(f"{self._counted(event)} {words}{f', {seconds}' if seconds else ''}")
 
     def say(self, text: str) -> None:
@@ -57,8 +52,7 @@ class Progress:
         if event.costs is not None:
             self._forecast.plan(event.costs)
         elif event.kind == "finished":
-            ran = event.result is not None and event.result.status == "ran"
-            self._forecast.done(event.label, event.result.seconds if event.result and ran else 0.0)
+            self._forecast.done(event.label)
 
     def _counted(self, event: Event) -> str:
         """`[12/75]`; `[12/?]` while the robot is read and nobody knows how many steps follow."""
@@ -69,7 +63,7 @@ class Progress:
         left = self._forecast.left_s({})
         if self._whole and not self._expected_said and left >= WORTH_SAYING_S:
             self._expected_said = True
-            self.say(f"{self._forecast.word} {shown_time(left)} expected")
+            self.say(f"about {shown_time(left)} expected")
 
 
 @contextmanager
@@ -125,7 +119,7 @@ class LiveProgress(Progress):
             result = event.result
             ran = result is not None and result.status in ("ran", "failed")
             if result is not None and ran and result.seconds >= SLOW_S:
-                self.say(f"{step_words(event.label)}: {result.seconds:.1f} s")
+                self.say(f"{event.label}: {result.seconds:.1f} s")
 
     def say(self, text: str) -> None:
         """See `Progress`."""
@@ -142,47 +136,33 @@ class LiveProgress(Progress):
         left = self._forecast.left_s({step.label: now - step.began for step in running})
         times = shown_time(now - self._began)
         if self._whole and left >= WORTH_SAYING_S:
-            times += f", {self._forecast.word} {shown_time(left)} left"
-        head = f"{self._name} {self._head} {times}"
-        return fitted_line(head, running_words(running, now), self._console.width - 1)
+            times += f", about {shown_time(left)} left"
+        words = ", ".join(running_words(running, now))
+        return f"{self._name} {self._head} {times}: {words}"[: self._console.width - 1]
 
 
 class Forecast:
-    """What the steps of a graph still cost. places: steps that run at once.
-
-    Steps that took longer than expected, on a busy or a slower machine, stretch what is left.
-    """
+    """What the steps of a graph still cost. places: steps that run at once."""
 
     def __init__(self, places: int, costs: Costs = Costs()) -> None:  # noqa: B008 # frozen
-        self._places, self._expected, self._took = places, TRUST_S, TRUST_S
+        self._places = places
         self.plan(costs)
 
     def plan(self, costs: Costs) -> None:
         """More steps are known."""
         self._seconds, self._chains = dict(costs.seconds), dict(costs.chains)
-        self._guessed = costs.guessed
 
-    def done(self, label: str, took: float = 0.0) -> None:
-        """The step has ended. took: s; 0 = it was in the store, or failed."""
-        expected = self._seconds.pop(label, 0.0)
+    def done(self, label: str) -> None:
+        """The step has ended."""
+        self._seconds.pop(label, None)
         self._chains.pop(label, None)
-        if took:
-            self._expected, self._took = self._expected + expected, self._took + took
-
-    @property
-    def word(self) -> str:
-        """`at least` while most of what is left never ran here."""
-        left = sum(self._seconds.values())
-        guessed = sum(s for label, s in self._seconds.items() if label in self._guessed)
-        return "at least" if guessed > left / 2.0 else "about"
 
     def left_s(self, elapsed: Mapping[str, float]) -> float:
         """Seconds to the end; elapsed: of the steps that run, since each began."""
-        pace = self._took / self._expected
-        spent = {k: min(elapsed.get(k, 0.0) / pace, s) for k, s in self._seconds.items()}
+        spent = {label: min(elapsed.get(label, 0.0), s) for label, s in self._seconds.items()}
         work = sum(self._seconds.values()) - sum(spent.values())
         longest = max((c - spent.get(label, 0.0) for label, c in self._chains.items()), default=0.0)
-        return pace * max(work / self._places, longest)
+        return max(work / self._places, longest)
 
 
 def shown_time(seconds: float) -> str:
@@ -196,16 +176,6 @@ def running_words(running: Sequence[Running], now: float) -> list[str]:
     words = []
     for step in sorted(running, key=lambda step: (-step.waiting, step.began)):
         seconds = now - step.began
-        text = step_words(step.label)
+        text = step.label
         words.append(f"{text} {seconds:.0f} s" if seconds >= 1.0 else text)
     return words
-
-
-def fitted_line(head: str, words: Sequence[str], width: int) -> str:
-    """The head and as many words as fit in the width; none is cut, the rest is counted."""
-    for shown in range(len(words), 0, -1):
-        more = f" and {len(words) - shown} more" if shown < len(words) else ""
-        line = f"{head}: {', '.join(words[:shown])}{more}"
-        if len(line) <= width:
-            return line
-    return head if len(head) <= width else ""

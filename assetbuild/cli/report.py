@@ -8,12 +8,11 @@ import sys
 import webbrowser
 from pathlib import Path
 
-from assetbuild.cli.public import shown_figures
-from assetbuild.cli.summary import every_finding_line
+from assetbuild.cli.summary import every_finding_line, shown_figures
 from assetbuild.engine.world import World
 from assetbuild.errors import UsageError
 from assetbuild.findings import finding_from_json
-from assetbuild.looks.offscreen import renderer
+from assetbuild.looks.plan import renderer
 from assetbuild.looks.render import draw_all
 
 
@@ -40,18 +39,13 @@ def run(arguments: argparse.Namespace) -> int:
     for line in every_finding_line([finding_from_json(raw) for raw in report["findings"]]):
         print(line)
     if arguments.pictures:
-        _draw(arguments.bundle, arguments.pictures)
+        scene = arguments.bundle / "mjcf" / "scene.xml"
+        if not scene.is_file():
+            raise UsageError(f"no `{scene}` to draw", hint="build the target `mjcf`")
+        draw_all(scene, arguments.pictures, renderer(World()))
+        print(f"pictures: {arguments.pictures}", file=sys.stderr)
     if arguments.open:
         page = (arguments.bundle / "report" / "index.html").resolve()
         if not webbrowser.open(page.as_uri()):
             print(f"no browser found; open {page}", file=sys.stderr)
     return 0 if verdict["ready"] else 1
-
-
-def _draw(bundle: Path, folder: Path) -> None:
-    """UsageError when it has no MJCF; StepError when this machine cannot draw."""
-    scene = bundle / "mjcf" / "scene.xml"
-    if not scene.is_file():
-        raise UsageError(f"no `{scene}` to draw", hint="build the target `mjcf`")
-    draw_all(scene, folder, renderer(World()))
-    print(f"pictures: {folder}", file=sys.stderr)

@@ -3,41 +3,111 @@
 from __future__ import annotations
 
 import argparse
+import json
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
 
 from assetbuild.cli.progress import progress
 from assetbuild.cli.summary import print_findings
-from assetbuild.pipeline.opening import Task
-from assetbuild.pipeline.sampling import Draws, Sampled, sample
+from assetbuild.engine.graph import Node, Ref
+from assetbuild.engine.planner import Planner, Settled
+from assetbuild.errors import RecipeError
+from assetbuild.kinds import Target
+from assetbuild.pipeline.bundling import publish_bundle
+from assetbuild.pipeline.opening import Opened, Task, at_work
+from assetbuild.pipeline.publish import check_replaceable
+from assetbuild.pipeline.recipes import load_recipe
+from assetbuild.plugins import load_plugin
+from assetbuild.report.bundle import BundleFile, json_text, manifest
+from assetbuild.samples.apply_sample import ApplySample
+from assetbuild.samples.draw_samples import DrawSamples
+from assetbuild.samples.enclose import Enclose
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Write the samples; prints the table of the draws."""
-    wanted = Draws(arguments.count, arguments.judge, arguments.seed)
-    with progress(arguments.recipe.name) as shown:
-        sampled = sample(Task.of(vars(arguments)), wanted, shown.on_event, shown.say)
-    print_findings(sampled.findings)
-    _print_table(sampled)
-    print(f"{arguments.count} robots in {sampled.out}")
+    loaded = load_recipe(arguments.recipe, arguments.variant)
+    robot = loaded.recipe.robot
+    out = arguments.out or Path("build") / f"{robot}-samples"
+    check_replaceable(out)
+    name, task = arguments.recipe.name, Task.of(vars(arguments))
+    with progress(name) as shown, at_work(loaded, task, shown.on_event, shown.say) as work:
+        wanted = (arguments.count, arguments.judge, arguments.seed)
+        done = work.made(lambda p: plan_samples(work, *wanted, p))
+        files = list(_files(robot, work, done))
+        publish_bundle([*files, manifest(robot, files)], out, work.session)
+    for label in ("enclose", "draw_samples"):
+        print_findings(done.results[label].findings)
+    statistics = next(file for file in files if file.path == "statistics.json")
+    _print_table(json.loads(statistics.content or b""))
+    print(f"{arguments.count} robots in {out}")
     return 0
 
 
-def _print_table(sampled: Sampled) -> None:
-    rows = sampled.statistics["bodies"]
+def _print_table(statistics: dict[str, Any]) -> None:  # Any: JSON
+    rows = statistics["bodies"]
     if not rows:
         return
-    noises = sorted(rows[0]["independent_noise_inconsistent"])
     wide = max(len(name) for name in ("body", *(row["body"] for row in rows)))
-    head = [f"±{float(noise):.0%}" for noise in noises]
-    print(f"{sampled.statistics['draws']:,} draws; right: inconsistent with independent noise of")
-    print(
-        f"{'body':{wide}} {'mass, kg':>19} {'kept':>6} {'bad':>4} "
-        + " ".join(map("{:>6}".format, head))
-    )
+    print(f"{statistics['draws']:,} draws")
+    print(f"{'body':{wide}} {'mass, kg':>19} {'kept':>6} {'bad':>4}")
     for row in rows:
-        mass, shares = row["mass_kg"], row["independent_noise_inconsistent"]
-        spread = f"{mass['least']:.4g}..{mass['most']:.4g}"
-        noisy = " ".join(f"{shares[noise]:6.1%}" for noise in noises)
-        print(
-            f"{row['body']:{wide}} {spread:>19} {row['acceptance']:6.1%} "
-            f"{row['inconsistent']:4d} {noisy}"
+        spread = f"{row['mass_kg']['least']:.4g}..{row['mass_kg']['most']:.4g}"
+        kept, bad = row["acceptance"], row["inconsistent"]
+        print(f"{row['body']:{wide}} {spread:>19} {kept:6.1%} {bad:4d}")
+
+
+Samples = tuple[Node, list[Node]] | None
+"""The draws, and the MJCF of each sample in order."""
+
+
+def _files(robot: str, work: Opened, done: Settled[Samples]) -> Iterator[BundleFile]:
+    assert done.outline is not None  # noqa: S101 # a plan without questions is whole
+    draws, variants = done.outline
+    drawn, figures = (work.read(done, draws[name]) for name in ("samples.json", "statistics.json"))
+    yield BundleFile.of_bytes("samples.json", "samples", drawn)
+    yield BundleFile.of_text("statistics.json", "report", json_text(json.loads(figures)))
+    for index, node in enumerate(variants):
+        tree = work.session.tree(done.results[node.label]["mjcf/"])
+        yield BundleFile(f"{robot}_{index:03}.xml", "mjcf", *tree[f"{robot}.xml"])
+        if index == 0:  # a draw changes no mesh
+            for path, held in sorted(tree.items()):
+                if path.startswith("assets/"):
+                    yield BundleFile(path, "mjcf", *held)
+
+
+def plan_samples(work: Opened, keep: int, judge: int, seed: int | None, p: Planner) -> Samples:
+    """The robot, its rooms, the draws, one MJCF for each. RecipeError without `randomize`.
+
+    keep: MJCF files; judge: draws for the statistics; seed: None = the recipe's.
+    """
+    outline = work.robot(p)
+    robot, loaded = outline.robot, outline.composed or work.loaded
+    randomize = loaded.recipe.randomize
+    if randomize is None and (robot or not work.loaded.parts):
+        raise RecipeError(
+            "the recipe has no `randomize`: nothing says what may vary",
+            where=work.loaded.where(()),
+            hint="add for instance `randomize: {links: {'.*': {density: [0.8, 1.2], com: 0.01}}}`",
         )
+    if randomize is None or not robot:
+        return None
+    if seed is not None:
+        randomize = randomize.model_copy(update={"seed": seed})
+    ports = ("tree.json", "shapes.json", "hulls.npz")
+    rooms = p.add("enclose", Enclose(), {port: robot[port] for port in ports})
+    inputs = {"tree.json": robot["tree.json"], "rooms.json": rooms["rooms.json"]}
+    step = DrawSamples(randomize=randomize, keep=keep, judge=judge)
+    draws = p.add("draw_samples", step, inputs)
+    return draws, [_variant(work, index, draws, robot, p) for index in range(keep)]
+
+
+def _variant(work: Opened, index: int, draws: Node, robot: dict[str, Ref], p: Planner) -> Node:
+    drawn = {port: robot[port] for port in ("tree.json", "control.json")}
+    inputs = drawn | {"samples.json": draws["samples.json"]}
+    changed = p.add(f"apply_sample {index:03}", ApplySample(index=index), inputs)
+    target = load_plugin(Target, "mjcf")
+    ports = robot | {port: changed[port] for port in drawn}
+    inputs = {port: ports[port] for port in target.reads}
+    return p.add(f"mjcf {index:03}", target.configure(work.loaded.recipe), inputs)

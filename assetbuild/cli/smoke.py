@@ -4,19 +4,15 @@ from __future__ import annotations
 
 import argparse
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 
 from assetbuild.cli.build import build_and_print, requests_of
-from assetbuild.cli.public import shown_figures
+from assetbuild.cli.summary import shown_figures
 from assetbuild.engine.world import World
-from assetbuild.pipeline.building import check_requests
-from assetbuild.pipeline.smoking import (
-    check_name,
-    environments_to_make,
-    lacks,
-    make_environments,
-)
+from assetbuild.errors import MachineError
+from assetbuild.pipeline.building import check_name, check_of, check_requests
+from assetbuild.report.document import Report
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -26,7 +22,7 @@ def run(arguments: argparse.Namespace) -> int:
     check_requests(requests)
     if not _agreed(environments_to_make(consumers), arguments.yes):
         return 2
-    make_environments(consumers, say=lambda line: print(line, file=sys.stderr))
+    make_environments(consumers)
     outcomes = build_and_print(requests, World())
     reports = [outcome.report for outcome in outcomes if outcome.report is not None]
     for report in reports:
@@ -52,3 +48,34 @@ def _agreed(lines: Sequence[str], yes: bool) -> bool:
         return True
     print("Go on? [Y/n] ", end="", file=sys.stderr, flush=True)
     return sys.stdin.readline().strip().lower() in ("", "y", "yes")
+
+
+def environments_to_make(consumers: Sequence[str]) -> list[str]:
+    """For each environment that is missing: what is downloaded, and where it goes."""
+    homes = [(consumer, check_of(consumer).home) for consumer in consumers]
+    return [
+        f"{name} needs an environment of its own, made once: {home.size or 'size unknown'}, "
+        f"in {home.folder}"
+        for name, home in homes
+        if home.requirements and home.python(World()) is None
+    ]
+
+
+def make_environments(consumers: Sequence[str]) -> None:
+    """Make those that pip can make. MachineError where one cannot be had."""
+    for consumer in consumers:
+        check = check_of(consumer)
+        if check.home.requirements:
+            check.home.make(lambda line: print(line, file=sys.stderr))
+        elif check.home.python(World()) is None:
+            raise MachineError(f"{consumer} is not installed here", hint=check.absent())
+
+
+def lacks(reports: Iterable[Report], consumers: Sequence[str]) -> Iterator[str]:
+    """Consumers that were asked for and did not run, with the reason."""
+    for report in reports:
+        for consumer in consumers:
+            result = report.checks.get(check_name(consumer))
+            if result is None or result.status == "skip":
+                why = result.note if result else "its check did not run"
+                yield f"{report.robot}: {consumer} was not asked: {why}"

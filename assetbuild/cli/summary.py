@@ -4,22 +4,66 @@ from __future__ import annotations
 
 import os
 import sys
-import textwrap
 from collections.abc import Sequence
 from itertools import groupby
-from pathlib import PurePosixPath
+from pathlib import Path
 
 from assetbuild.cli import print_error
-from assetbuild.cli.public import shown_message, shown_next_step, shown_rows, shown_seconds
+from assetbuild.cli.parser import given_as
 from assetbuild.findings import SEVERITIES, Finding, is_consequence
 from assetbuild.pipeline.building import Outcome
 from assetbuild.report.document import Report
+from assetbuild.report.summary import WITHHELD, public_message, public_rows
+from assetbuild.report.verdict import Verdict, verdict_rows
+
+
+def in_public() -> bool:
+    """Whether everybody reads the log of this command: CI services set `CI`.
+
+    PhysX's licence does not let its figures be published. At home they are the user's own.
+    """
+    return bool(os.environ.get("CI") or os.environ.get("GITHUB_ACTIONS"))
+
+
+def shown_message(finding: Finding) -> str:
+    """The finding's message; in CI without PhysX's figures."""
+    return public_message(finding) if in_public() else finding.message
+
+
+def shown_next_step(report: Report) -> str:
+    """The verdict's next step, which may end in the message of a finding."""
+    text = report.verdict.next_step
+    for finding in report.findings if in_public() else ():
+        if finding.message and text.endswith(finding.message):
+            return text.removesuffix(finding.message) + public_message(finding)
+    return text
+
+
+def shown_rows(verdict: Verdict, recipe: Path) -> tuple[tuple[str, str], ...]:
+    """The verdict's parts; in CI without figures of PhysX.
+
+    recipe: as it was given, so that the commands work where they are printed.
+    """
+    rows = public_rows(verdict) if in_public() else verdict_rows(verdict)
+    verb = "assetbuild smoke"
+    named, given = f"{verb} {recipe.name} ", f"{verb} {given_as(recipe)} "
+    return tuple((part, said.replace(named, given)) for part, said in rows)
+
+
+def shown_seconds(label: str, seconds: float) -> str:
+    """How long a step took; in CI not that of a check that runs PhysX."""
+    hidden = in_public() and any(word in label for word in ("physx", "alignment", "isaaclab"))
+    return "" if hidden else f"{seconds:.1f} s"
+
+
+def shown_figures(simulator: str, text: str) -> str:
+    """Figures of a trainer; in CI not those of Isaac Lab, which simulates with PhysX."""
+    return WITHHELD if in_public() and simulator == "isaaclab" else text
+
 
 SHOWN_RULES = 12
 SHOWN_NAMES = 8
 """So many subjects of a rule are named besides the first one."""
-LEAST_LINES = 6
-"""So many lines of findings are shown, however small the terminal is."""
 _COLOURS = {"error": "31", "warning": "33", "yes": "32", "no": "31"}
 
 
@@ -50,7 +94,7 @@ def print_differences(outcome: Outcome) -> None:
 
 
 def summary_lines(outcome: Outcome, report: Report) -> list[str]:
-    """The lines of the summary; on a terminal as many as it shows at once."""
+    """The lines of the summary."""
     ready = "yes" if report.verdict.ready else "no"
     head = [f"{report.robot}: ready for training: {_coloured(ready, ready)}"]
     if report.verdict.blocked_by:
@@ -62,23 +106,7 @@ def summary_lines(outcome: Outcome, report: Report) -> list[str]:
     head += [f"  checks: {_checks(report)}", f"  findings: {_counts(report.findings)}"]
     tail = [f"  you had changed {path}: kept in {outcome.out}.edited/" for path in outcome.edited]
     tail.append(f"  bundle: {outcome.out}")
-    if not sys.stdout.isatty():
-        return [*head, *finding_lines(report.findings), *tail]
-    size = os.get_terminal_size(sys.stdout.fileno())
-    head, tail = (_wrapped(lines, size.columns) for lines in (head, tail))
-    room = size.lines - len(head) - len(tail) - 2  # the command above, the prompt below
-    return [*head, *finding_lines(report.findings, size.columns, max(room, LEAST_LINES)), *tail]
-
-
-def _wrapped(lines: list[str], width: int) -> list[str]:
-    """Lines no longer than the terminal is wide; what goes on is indented further."""
-    found = []
-    for line in lines:
-        indent = " " * (len(line) - len(line.lstrip()) + 2)
-        found += textwrap.wrap(
-            line, max(width, 40), subsequent_indent=indent, break_on_hyphens=False
-        )
-    return found
+    return [*head, *finding_lines(report.findings), *tail]
 
 
 def null_summary(outcome: Outcome, report: Report) -> str:
@@ -116,32 +144,22 @@ def _counts(findings: tuple[Finding, ...]) -> str:
     return ", ".join(f"{found.count(severity)} {severity}" for severity in SEVERITIES)
 
 
-def finding_lines(
-    findings: Sequence[Finding], width: int | None = None, room: int | None = None
-) -> list[str]:
-    """Errors and warnings; what merely informs stands in the report.
+def finding_lines(findings: Sequence[Finding]) -> list[str]:
+    """Errors and warnings, `SHOWN_RULES` rules of them; what merely informs stands in the report.
 
-    A rule that speaks of many subjects is shown once, with the names of the others. width, room:
-    columns and lines of a terminal; None = lines of any length, `SHOWN_RULES` rules.
+    A rule that speaks of many subjects is shown once, with the names of the others.
     """
     loud = [finding for finding in findings if finding.severity != "info"]
     groups = [list(same) for _, same in groupby(loud, key=_told_together)]
-    lines: list[str] = []
-    for number, group in enumerate(groups):
-        told = _group_lines(group, width)
-        last = number == len(groups) - 1
-        over = number >= SHOWN_RULES if room is None else len(lines) + len(told) + (not last) > room
-        if over:
-            left = sum(map(len, groups[number:]))
-            return [*lines, f"    and {left} more in the report"]
-        lines += told
-    return lines
+    lines = [line for group in groups[:SHOWN_RULES] for line in _group_lines(group)]
+    left = sum(map(len, groups[SHOWN_RULES:]))
+    return [*lines, f"    and {left} more in the report"] if left else lines
 
 
 def every_finding_line(findings: Sequence[Finding]) -> list[str]:
     """All findings, those that merely inform too: each rule once, with whom it speaks of."""
     groups = [list(same) for _, same in groupby(findings, key=_told_together)]
-    return [line.removeprefix("    ") for group in groups for line in _group_lines(group, None)]
+    return [line.removeprefix("    ") for group in groups for line in _group_lines(group)]
 
 
 def print_findings(findings: Sequence[Finding]) -> None:
@@ -154,16 +172,13 @@ def _told_together(finding: Finding) -> tuple[str, str]:
     return finding.severity, "" if is_consequence(finding) else finding.rule
 
 
-def _group_lines(group: Sequence[Finding], width: int | None) -> list[str]:
+def _group_lines(group: Sequence[Finding]) -> list[str]:
     """The first finding of a rule, its hint, and of whom else the rule speaks."""
     first, *others = group
     if is_consequence(first):
         rules = ", ".join(dict.fromkeys(finding.rule for finding in group))
-        line = f"    {first.severity} {rules}: caused by the errors above"
-        return [line] if width is None else _wrapped([line], width)
+        return [f"    {first.severity} {rules}: caused by the errors above"]
     place = f"{first.where}: " if first.where else ""
-    if width is not None:
-        place = f"{PurePosixPath(place).name}"  # the file's name: folders stand in the report
     line = f"    {first.severity} {first.rule}: {place}{first.subject}: {shown_message(first)}"
     lines = [line]
     if first.hint:
@@ -172,20 +187,8 @@ def _group_lines(group: Sequence[Finding], width: int | None) -> list[str]:
         known = list(dict.fromkeys(f.subject for f in others if f.subject != first.subject))
         names = ", ".join([*known[:SHOWN_NAMES], *(["..."] if len(known) > SHOWN_NAMES else [])])
         lines.append(f"      and {len(others)} more{f': {names}' if names else ''}")
-    if width is not None:
-        lines = [part for one in lines for part in _wrapped([one], width)]
-        if others:
-            lines = _shortened(lines, width)
     lines[0] = lines[0].replace(first.severity, _coloured(first.severity, first.severity), 1)
     return lines
-
-
-def _shortened(lines: list[str], width: int) -> list[str]:
-    """The list of other subjects in one line of a terminal."""
-    at = next(i for i, line in enumerate(lines) if line.startswith("      and "))
-    if at == len(lines) - 1:
-        return lines
-    return [*lines[:at], f"{lines[at][: width - 5].rpartition(', ')[0]}, ..."]
 
 
 def _coloured(text: str, kind: str) -> str:

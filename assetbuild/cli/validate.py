@@ -7,7 +7,7 @@ import json
 from pathlib import Path
 
 from assetbuild.cli.progress import progress
-from assetbuild.cli.public import shown_message
+from assetbuild.cli.summary import shown_message
 from assetbuild.pipeline.opening import remote_cache
 from assetbuild.pipeline.validating import Wish, validate, worst
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import argparse
 import importlib
 import os
 from argparse import Namespace
@@ -11,8 +12,8 @@ from pathlib import Path
 from typing import Any
 
 from assetbuild._version import __version__
-from assetbuild.cli.parser import Parser
-from assetbuild.cli.values import (
+from assetbuild.cli.parser import (
+    Parser,
     Recipes,
     file_or_robot,
     named_path,
@@ -51,23 +52,19 @@ class Option:
 class Verb:
     """What a verb takes. run: `module:function` of this package; default, `run` of its own.
 
-    either: options of which only one may stand. parts: verbs below it, `cache gc`.
+    parts: verbs below it, `cache gc`.
     """
 
     help: str
     options: tuple[Option, ...] = ()
     run: str = ""
     epilog: str | None = None
-    either: tuple[Option, ...] = ()
     parts: Mapping[str, Verb] = field(default_factory=dict)
 
     def declare(self, parser: Parser) -> None:
         """Give a parser all that the verb takes."""
         for option in self.options:
             option.add(parser)
-        group = parser.add_mutually_exclusive_group() if self.either else None
-        for option in self.either:
-            option.add(group)
         if self.parts:
             below = parser.add_subparsers(dest="what", metavar="WHAT", required=True)
             for name, part in self.parts.items():
@@ -175,7 +172,7 @@ VERBS: Mapping[str, Verb] = {
     "completion": verb(
         "print a completion script for a shell",
         option("shell", choices=("bash", "zsh", "fish", "tcsh")),
-        run="printing:completion",
+        run="verbs:completion",
     ),
     "diff": verb(
         "compare two bundles, recipes, MJCF, URDF or USD files, Isaac Lab configurations",
@@ -191,6 +188,7 @@ VERBS: Mapping[str, Verb] = {
         option("step", nargs="?", metavar="STEP", help="default: all"),
         VARIANT,
         switch("--json", help="print data"),
+        run="plan:explain_steps",
     ),
     "identify": verb(
         "fit actuator numbers to logs of the real robot",
@@ -222,19 +220,14 @@ VERBS: Mapping[str, Verb] = {
     ),
     "list": verb(
         "list the robots that `assetbuild build NAME` builds without a recipe of yours",
-        run="printing:library",
+        run="verbs:library",
     ),
-    "lock": verb("pin a recipe's source in <recipe>.lock.yaml", RECIPES),
+    "lock": verb("pin a recipe's source in <recipe>.lock.yaml", RECIPES, run="check:lock"),
     "plan": verb(
-        "print the graph of a recipe, what a change reaches, what a build waits for",
+        "print the graph of a recipe: its steps by room",
         RECIPE,
         VARIANT,
-        option("--format", choices=("text", "json", "dot", "graphml"), default="text"),
-        either=(
-            option("--stale", metavar="WHAT",
-                   help="the steps that a change of a file, step or key can reach"),
-            switch("--critical", help="the steps that take longest, one after the other"),
-        ),
+        option("--format", choices=("text", "json", "dot"), default="text"),
     ),
     "report": verb(
         "show the report of a bundle",
@@ -256,7 +249,7 @@ VERBS: Mapping[str, Verb] = {
         VARIANT,
         *SHARING,
     ),
-    "schema": verb("print the JSON Schema of recipes, for editors", run="printing:schema"),
+    "schema": verb("print the JSON Schema of recipes, for editors", run="verbs:schema"),
     "smoke": verb(
         "build the bundle and let a trainer load, step and train it for a moment",
         *BUILDING,
@@ -312,3 +305,30 @@ def runner(verb: str) -> Callable[[Namespace], int]:
         importlib.import_module(f"assetbuild.cli.{module}"), function
     )
     return found
+
+
+def completion(arguments: argparse.Namespace) -> int:
+    """Print a script for the shell; nothing of it runs when a verb starts."""
+    import shtab
+
+    print(shtab.complete(make_parser(), arguments.shell))
+    return 0
+
+
+def schema(_: argparse.Namespace) -> int:
+    """Print the JSON Schema of recipes."""
+    from assetbuild.pipeline.recipes import schema_text
+
+    print(schema_text(), end="")
+    return 0
+
+
+def library(_: argparse.Namespace) -> int:
+    """A line for each robot."""
+    from assetbuild.library import robots, sentence
+
+    found = robots()
+    width = max(map(len, found))
+    for name, path in found.items():
+        print(f"{name:{width}}  {sentence(path)}")
+    return 0

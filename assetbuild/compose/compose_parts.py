@@ -89,10 +89,11 @@ class ComposeParts(Step):
             own = RobotFiles(files.inputs / part.folder)
             own_tree, own_shapes = own.links, own.source_shapes
             tree = _mounted(tree, prefixed_tree(own_tree, part.prefix), part)
-            shapes = _joined(shapes, prefixed_shapes(own_shapes, part.prefix))
-            if part.mount is not None:
-                plate = _plate_shapes(part.prefix + PLATE, part.mount)
-                shapes = replace(shapes, shapes=(*shapes.shapes, *plate))
+            named = prefixed_shapes(own_shapes, part.prefix)
+            plate = _plate_shapes(part.prefix + PLATE, part.mount) if part.mount else ()
+            shapes = SourceShapes(
+                (*shapes.shapes, *named.shapes, *plate), shapes.materials + named.materials
+            )
             lines["lines"] |= _prefixed_lines(files.inputs / part.folder, part.prefix)
             control, place = own.source_control, IDENTITY
             left_out = part.left_out
@@ -225,10 +226,6 @@ def _plate_shapes(link: str, mount: Mount) -> tuple[SourceShape, SourceShape]:
         SourceShape(f"{link}_visual", link, "visual", box, at),
         SourceShape(f"{link}_collision", link, "collision", box, at),
     )
-
-
-def _joined(a: SourceShapes, b: SourceShapes) -> SourceShapes:
-    return SourceShapes(a.shapes + b.shapes, a.materials + b.materials)
 
 
 def _refuse_clashes(tree: Tree, shapes: SourceShapes, said: SourceControl) -> None:

@@ -14,9 +14,8 @@ from typing import Any
 from assetbuild.compose.names import HOME, Member, Row, Value, rows_of, spoken_of
 from assetbuild.geometry.jobs import file_of
 from assetbuild.quantities import listed
-from assetbuild.recipe.collision import CollisionRule
 from assetbuild.recipe.loader import LoadedRecipe
-from assetbuild.recipe.models import Recipe
+from assetbuild.recipe.models import CollisionRule, Recipe
 from assetbuild.recipe.validation import Key
 from assetbuild.robot.actuator_table import ActuatorRow
 from assetbuild.robot.contact import Contact, Surface

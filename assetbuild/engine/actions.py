@@ -1,16 +1,52 @@
-"""Actions: steps whose inputs are known by digest; and what each of them made, by its key."""
+"""Actions: steps whose inputs are known by digest; and what each of them made, by its key.
+
+The key of a step holds everything that decides its outputs, and nothing else.
+"""
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Any, Protocol
 
 from assetbuild.engine.claims import Turns
-from assetbuild.engine.keys import Parts, key_of
+from assetbuild.engine.code import PYTHON, Code
+from assetbuild.engine.cpu import cpu_class, cpu_model, platform_tag
+from assetbuild.engine.digest import canonical_json, digest_bytes
 from assetbuild.engine.step import Step
 from assetbuild.engine.store import LostObjectError, Store
 from assetbuild.findings import Finding, finding_from_json
+
+Parts = dict[str, Any]  # Any: JSON
+"""The parts of one key as plain JSON data; `explain` compares two of them."""
+
+KEY_FORMAT = 2
+"""Raised when the engine, which runs the steps, makes other outputs of the same parts."""
+
+
+def key_parts(step: Step, inputs: Mapping[str, str], code: Code) -> Parts:
+    """What decides the outputs of a step; `inputs`: name -> digest."""
+    fields, own = step.model_dump(mode="json"), code.of(type(step))
+    return {
+        "format": KEY_FORMAT,
+        "step": f"{type(step).__module__}:{type(step).__qualname__}",
+        "code": own.modules,
+        "libraries": own.libraries,
+        "python": PYTHON,
+        "fields": fields,
+        # A step may go through a mapping in its order, so the order is part of the key.
+        "order": digest_bytes(json.dumps(fields).encode())[:16],
+        "inputs": dict(sorted(inputs.items())),
+        "outputs": list(step.outputs),
+        "platform": f"{platform_tag()} {cpu_model()}" if step.cpu_bound else platform_tag(),
+        "kernels": cpu_class().environment,
+    }
+
+
+def key_of(parts: Parts) -> str:
+    """SHA-256 of the parts' canonical JSON."""
+    return digest_bytes(canonical_json(parts))
 
 
 @dataclass(frozen=True)
@@ -74,14 +110,6 @@ class SharedCache(Protocol):
         """Send what a step with this key made. Is it there?"""
         ...
 
-    def offer(self, key: str, made: Made, store: Store) -> None:
-        """Send what the store has known for long, beside the build."""
-        ...
-
-    def close(self) -> None:
-        """End what goes on beside the build."""
-        ...
-
 
 class Actions:
     """What is known by key, in this store and in the shared cache. Threads may share it."""
@@ -98,8 +126,6 @@ class Actions:
             made = self._stored(key)
             if made is not None:
                 self._store.touch_action(key)
-                if self._shared is not None:
-                    self._shared.offer(key, made, self._store)
             elif (made := self._fetched(key)) is not None:
                 self._store.put_action(key, made.to_json())
             else:
@@ -121,11 +147,6 @@ class Actions:
     def forget(self) -> None:
         """An object was lost: look again which results are whole."""
         self._known.clear()
-
-    def close(self) -> None:
-        """Give what is offered to the shared cache a moment more."""
-        if self._shared is not None:
-            self._shared.close()
 
     def _stored(self, key: str) -> Made | None:
         return self._whole(made_from_json(self._store.action(key)))

@@ -15,19 +15,19 @@ runs steps. Any other module of the engine counts where a step's own code import
 
 from __future__ import annotations
 
+import ast
 import gc
-import importlib.util
 import os
 import sys
 import threading
+from collections.abc import Iterable
 from dataclasses import dataclass
-from importlib.machinery import EXTENSION_SUFFIXES
 from pathlib import Path
+from typing import Any
 
-from assetbuild.engine.digest import Signature, signature_of
-from assetbuild.engine.libraries import Libraries
+from assetbuild.engine.digest import Signature, digest_bytes, digest_file, signature_of
+from assetbuild.engine.libraries import Libraries, Places
 from assetbuild.engine.stamps import Stamps
-from assetbuild.engine.syntax import MUST, SYNTAX_FORMAT, read_data, read_module
 from assetbuild.errors import MachineError
 
 FILES_KEPT = 4000
@@ -78,7 +78,7 @@ class Code:
         kept = folder and folder / f"{PYTHON.replace(' ', '-')}.json"
         self._stamps = Stamps(kept, form=SYNTAX_FORMAT, limit=FILES_KEPT)
         self._libraries = Libraries(self._stamps.notes)
-        self._packages = _Packages()
+        self._packages = Places()
         self._targets: dict[tuple[str, str], tuple[list[str], set[str]]] = {}
         self._closures: dict[str, StepCode] = {}
         self._codes: dict[type, StepCode] = {}
@@ -228,71 +228,122 @@ def _read(name: str, path: str) -> list[str]:
     if "/" not in name and path.endswith(".py"):
         digest, imports = read_module(name, path)
         return [digest, *imports]
-    return [read_data(path)]
+    return [digest_file(path)]
 
 
-class _Packages:
-    """Where modules lie, and the files of packages, by name."""
+SYNTAX_FORMAT = "syntax 2"
+"""Raised when the digest of the same file, or what is found in it, changes."""
+STATED = "BEYOND_IMPORTS"
+VERSION = "__version__"
+MUST = "!"
+"""In the place of an imported name: the constant names the module or file, so it must be there."""
 
-    def __init__(self) -> None:
-        self._paths: dict[str, str | None] = {}
-        self._folders: dict[str, list[str]] = {}
-        self._listings: dict[str, frozenset[str]] = {}
 
-    def path(self, name: str) -> str | None:
-        """The file of a module, or of `package/file.css`; None when there is none."""
-        if name not in self._paths:
-            if "/" in name:
-                self._paths[name] = self._data(name)
-            elif "." not in name:
-                self._paths[name] = self._top(name)
+def read_module(name: str, path: str) -> tuple[str, tuple[str, ...]]:
+    """Digest and imports of a module; see `engine.code`. OSError.
+
+    Comments, docstrings, blank lines, layout and `if TYPE_CHECKING:` do not change the digest, nor
+    does `__version__`: whoever imports that leads to the bytes of the file that states it. A module
+    without a statement has no digest. What Python cannot parse counts by its bytes.
+    """
+    data = Path(path).read_bytes()
+    try:
+        reader = _Reader(name, is_package=path.endswith("__init__.py"))
+        reader.walk(ast.parse(data))
+    except (SyntaxError, ValueError, RecursionError):
+        return digest_bytes(data), ()
+    text = " ".join(reader.words)
+    digest = "" if text == "Module )" else digest_bytes(text.encode("utf-8", "surrogatepass"))
+    return digest, tuple(dict.fromkeys(reader.imports))
+
+
+class _Reader:
+    """Walks a tree once. words: the tree as text, the same under each version of Python as far as
+    their grammars agree."""
+
+    def __init__(self, name: str, *, is_package: bool) -> None:
+        self.name = name
+        self.package = name if is_package else name.rpartition(".")[0]
+        self.words: list[str] = []
+        self.imports: list[str] = []
+
+    def walk(self, node: ast.AST) -> None:
+        """Note a node and what is below it."""
+        words = self.words
+        words.append(type(node).__name__)
+        for field in node._fields:
+            value = getattr(node, field, None)
+            if isinstance(value, ast.AST):
+                words.append(field)
+                self.walk(value)
+            elif isinstance(value, list):
+                self._list(field, value)
+            elif value is not None and field != "kind":
+                words.append(f"{field}={value!r}")
+        words.append(")")
+        if isinstance(node, ast.Import | ast.ImportFrom):
+            self._import(node)
+
+    def _list(self, field: str, values: list[Any]) -> None:  # Any: nodes, names or None
+        kept = [each for value in values for each in _counted(value)]
+        if not kept:
+            return
+        self.words.append(f"{field}[")
+        for value in kept:
+            if isinstance(value, ast.AST):
+                if field == "body":
+                    self._stated(value)
+                self.walk(value)
             else:
-                self._paths[name] = self._inside(*name.rsplit(".", 1)) or _loaded_from(name)
-        return self._paths[name]
+                self.words.append(repr(value))
+        self.words.append("]")
 
-    def _top(self, name: str) -> str | None:
-        module = sys.modules.get(name)
-        if module is not None:
-            self._folders[name] = [*getattr(module, "__path__", ())]
-            return _loaded_from(name)
+    def _import(self, node: ast.Import | ast.ImportFrom) -> None:
+        if isinstance(node, ast.Import):
+            self.imports += [f"{alias.name}:" for alias in node.names]
+            return
+        base = node.module or ""
+        if node.level:
+            parts = self.package.split(".")
+            parts = parts[: len(parts) - node.level + 1]
+            base = ".".join([*parts, *filter(None, [node.module])])
+        for alias in node.names:
+            if alias.name == VERSION:
+                path = base.replace(".", "/")
+                self.imports += [f"{path}.py:", f"{path}/__init__.py:"]
+            self.imports.append(f"{base}:{alias.name}")
+
+    def _stated(self, node: ast.AST) -> None:
+        """What the constant states, wherever it stands. MachineError when it is not a tuple."""
+        targets: Iterable[ast.expr] = ()
+        if isinstance(node, ast.Assign):
+            targets = node.targets
+        elif isinstance(node, ast.AnnAssign):
+            targets = (node.target,)
+        if not any(isinstance(each, ast.Name) and each.id == STATED for each in targets):
+            return
         try:
-            spec = importlib.util.find_spec(name)
-        except (ImportError, ValueError):
-            return None
-        if spec is None:
-            return None
-        self._folders[name] = list(spec.submodule_search_locations or ())
-        return spec.origin if spec.has_location else None
-
-    def _inside(self, package: str, name: str) -> str | None:
-        self.path(package)
-        for folder in self._folders.get(package, ()):
-            names, whole = self._listing(folder), f"{folder}/{name}"
-            if name in names:
-                inside = self._listing(whole)
-                self._folders.setdefault(f"{package}.{name}", []).append(whole)
-                if "__init__.py" in inside:
-                    return f"{whole}/__init__.py"
-            for suffix in (".py", *EXTENSION_SUFFIXES):
-                if name + suffix in names:
-                    return whole + suffix
-        return None
-
-    def _data(self, name: str) -> str | None:
-        package, _, inside = name.partition("/")
-        self.path(package)
-        files = (f"{folder}/{inside}" for folder in self._folders.get(package, ()))
-        return next(filter(os.path.isfile, files), None)
-
-    def _listing(self, folder: str) -> frozenset[str]:
-        if folder not in self._listings:
-            try:
-                self._listings[folder] = frozenset(os.listdir(folder))  # noqa: PTH208 - names
-            except OSError:
-                self._listings[folder] = frozenset()
-        return self._listings[folder]
+            stated = ast.literal_eval(node.value)  # type: ignore[attr-defined]  # of both kinds
+        except ValueError:
+            stated = None
+        if not isinstance(stated, tuple) or not all(isinstance(each, str) for each in stated):
+            raise MachineError(
+                f"`{STATED}` of `{self.name}` is not a tuple of strings",
+                hint="write out the names; they are read without running the module",
+            )
+        here = self.package.replace(".", "/")
+        for each in stated:
+            found = os.path.normpath(f"{here}/{each}") if "/" in each else each
+            self.imports.append(f"{found}:{MUST}")
 
 
-def _loaded_from(name: str) -> str | None:
-    path = getattr(sys.modules.get(name), "__file__", None)
-    return path if path and os.path.isfile(path) else None  # noqa: PTH113 - as above
+def _counted(value: Any) -> list[Any]:  # Any: as `_Reader._list`
+    """A statement, unless it does nothing; what stands in the place of `if TYPE_CHECKING:`."""
+    match value:
+        case ast.Expr(value=ast.Constant(value=str())):
+            return []
+        case ast.If(test=ast.Name(id="TYPE_CHECKING") | ast.Attribute(attr="TYPE_CHECKING")):
+            return [each for kept in value.orelse for each in _counted(kept)]
+        case ast.Assign(targets=[ast.Name(id="__version__")], value=ast.Constant()):
+            return []
+    return [value]

@@ -5,18 +5,44 @@ from __future__ import annotations
 import threading
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from queue import SimpleQueue
 from typing import Literal
 
-from assetbuild.engine.costs import Costs, costs
 from assetbuild.engine.graph import Graph
+from assetbuild.engine.journal import Journal
 from assetbuild.engine.make import Maker, NodeResult
 from assetbuild.engine.processes import Processes
-from assetbuild.engine.runner import Runner
 from assetbuild.engine.session import Session
 from assetbuild.engine.step import Step
 from assetbuild.errors import AssetBuildError, StepError
+
+
+@dataclass(frozen=True)
+class Costs:
+    """Seconds by label.
+
+    seconds: of the step itself. chains: of the longest chain of steps that begins with it, each of
+    which reads the one before.
+    """
+
+    seconds: Mapping[str, float] = field(default_factory=dict)
+    chains: Mapping[str, float] = field(default_factory=dict)
+
+
+def costs(graph: Graph, journal: Journal) -> Costs:
+    """Each step as long as it last took here, else as long as such a step usually takes."""
+    noted = {label: journal.last_seconds(label) for label in graph.nodes}
+    seconds = {
+        label: node.step.usual_s if noted[label] is None else float(noted[label] or 0.0)
+        for label, node in graph.nodes.items()
+    }
+    chains = dict(seconds)
+    for label in reversed(list(graph.nodes)):  # each after all that read it
+        for maker in graph.predecessors(label):
+            chains[maker] = max(chains[maker], seconds[maker] + chains[label])
+    return Costs(seconds, chains)
+
 
 HEALING_ROUNDS = 3
 """How often what one step reads may be lost and made again."""
@@ -50,7 +76,7 @@ _Message = NodeResult | BaseException | Literal["started", "lost"]
 def execute(
     graph: Graph,
     session: Session,
-    runner: Runner | None = None,
+    runner: Processes | None = None,
     *,
     jobs: int | None = None,
     keep_going: bool = False,
@@ -141,7 +167,7 @@ class _Schedule:
         count = min(self.places, len(self.graph.nodes))
         for _ in range(count):
             threading.Thread(target=self._serve, daemon=True).start()
-        self._say("planned")
+        self.tell(Event("planned", 0, len(self.graph.nodes), whole=self.whole, costs=self.costs))
         try:
             self._start_what_fits()
             while self.running:
@@ -150,20 +176,19 @@ class _Schedule:
         finally:
             for _ in range(count):
                 self.work.put(None)
-        self._block_the_rest()
+        for label in self.graph.nodes:
+            if label not in self.results:
+                self._block(label, "not started: the build stopped at the first error")
         return {label: self.results[label] for label in self.graph.nodes}
 
     def _serve(self) -> None:
         """One slot: a thread that makes one node after the other."""
         while (label := self.work.get()) is not None:
             try:
-                result = self.maker.make(label, self._tell_started)
+                result = self.maker.make(label, lambda each: self.inbox.put((each, "started")))
                 self.inbox.put((label, result or "lost"))
             except BaseException as error:
                 self.inbox.put((label, error))
-
-    def _tell_started(self, label: str) -> None:
-        self.inbox.put((label, "started"))
 
     def _start_what_fits(self) -> None:
         ready = [label for label, missing in self.waiting.items() if not missing]
@@ -227,11 +252,6 @@ class _Schedule:
             if each not in self.running:
                 self.waiting.setdefault(each, set(self.makers[each]))
 
-    def _block_the_rest(self) -> None:
-        for label in self.graph.nodes:
-            if label not in self.results:
-                self._block(label, "not started: the build stopped at the first error")
-
     def _block(self, label: str, reason: str) -> None:
         result = NodeResult(label=label, status="blocked", reason=reason)
         self.results[label] = result
@@ -239,15 +259,12 @@ class _Schedule:
 
     def _say(
         self,
-        kind: Literal["planned", "started", "finished"],
-        label: str = "",
+        kind: Literal["started", "finished"],
+        label: str,
         result: NodeResult | None = None,
         waiting: int = 0,
     ) -> None:
         done, total = len(self.results), len(self.graph.nodes)
-        if kind == "planned":
-            self.tell(Event(kind, done, total, whole=self.whole, costs=self.costs))
-            return
         self.tell(Event(kind, done, total, label, result, waiting, self.whole))
 
 

@@ -7,11 +7,9 @@ from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass
 from typing import Literal
 
-from assetbuild.engine.actions import Action, made_from_json, missing_output
+from assetbuild.engine.actions import Action, Parts, made_from_json, missing_output
 from assetbuild.engine.graph import Graph
-from assetbuild.engine.keys import Parts
-from assetbuild.engine.resolver import Resolver
-from assetbuild.engine.session import Session
+from assetbuild.engine.session import Resolver, Session
 
 SHOWN_CHANGES = 12
 SHOWN_CHARACTERS = 60
@@ -52,20 +50,15 @@ class Change:
                 return "the order of the entries in its fields"
             case "forgotten":
                 return "the store does not hold its result"
-            case "code" | "input":
-                return self._digest_text()
         name = f"{self.part} {self.name}" if self.name else self.part
+        if self.part in ("code", "input"):
+            if self.old is None:
+                return f"{name} is new"
+            if self.new is None:
+                return f"{name} is gone"
+            digests = f" ({str(self.old)[:8]} -> {str(self.new)[:8]})"
+            return f"{name} changed{digests if self.part == 'input' else ''}"
         return f"{name}: {_shown(self.old)} -> {_shown(self.new)}"
-
-    def _digest_text(self) -> str:
-        name = f"{self.part} {self.name}"
-        if self.old is None:
-            return f"{name} is new"
-        if self.new is None:
-            return f"{name} is gone"
-        if self.part == "code":
-            return f"{name} changed"
-        return f"{name} changed ({str(self.old)[:8]} -> {str(self.new)[:8]})"
 
     def to_json(self) -> dict[str, object]:
         """Plain data: part, name, old, new, text."""
@@ -189,17 +182,14 @@ class Explanation:
         lines += [f"  after `{label}`, which would run first" for label in self.waits_for]
         if self.last_at:
             lines.append(f"  last ran {self.last_at}: {changes_text(self.last_changes)}")
-            lines += [f"    {name} comes from `{maker}`" for name, maker in self._caused()]
+            causes = self.causes or {}
+            changed = [c.name for c in self.last_changes if c.part == "input" and c.name in causes]
+            lines += [f"    {name} comes from `{causes[name]}`" for name in changed]
         return "\n".join(lines)
 
     def _cause(self, change: Change) -> str:
         maker = (self.causes or {}).get(change.name) if change.part == "input" else None
         return f", made by `{maker}`" if maker else ""
-
-    def _caused(self) -> list[tuple[str, str]]:
-        causes = self.causes or {}
-        changed = [c.name for c in self.last_changes if c.part == "input"]
-        return [(name, causes[name]) for name in changed if name in causes]
 
 
 def explain(graph: Graph, session: Session, label: str) -> Explanation:

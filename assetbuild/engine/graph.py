@@ -85,7 +85,17 @@ def checked_graph(nodes: Iterable[Node]) -> Graph:
         by_label[node.label] = node
     for node in by_label.values():
         check_inputs(node, by_label)
-    return Graph(_in_order(by_label))
+    # Of the standard library: networkx alone would cost every build a tenth of a second.
+    makers = {
+        label: dict.fromkeys(ref.node for ref in node.inputs.values() if ref.node)
+        for label, node in by_label.items()
+    }
+    try:
+        order = list(TopologicalSorter(makers).static_order())
+    except CycleError as error:
+        circle = error.args[1]
+        raise GraphError(f"steps need each other: {' -> '.join(circle)}") from None
+    return Graph({label: by_label[label] for label in order})
 
 
 def joined(graphs: Mapping[str, Graph]) -> Graph:
@@ -104,20 +114,6 @@ def joined(graphs: Mapping[str, Graph]) -> Graph:
             }
             nodes[f"{name}:{node.label}"] = Node(f"{name}:{node.label}", node.step, inputs)
     return Graph(nodes)
-
-
-def _in_order(by_label: Mapping[str, Node]) -> dict[str, Node]:
-    # Of the standard library: networkx alone would cost every build a tenth of a second.
-    makers = {
-        label: dict.fromkeys(ref.node for ref in node.inputs.values() if ref.node)
-        for label, node in by_label.items()
-    }
-    try:
-        order = list(TopologicalSorter(makers).static_order())
-    except CycleError as error:
-        circle = error.args[1]
-        raise GraphError(f"steps need each other: {' -> '.join(circle)}") from None
-    return {label: by_label[label] for label in order}
 
 
 def check_inputs(node: Node, by_label: Mapping[str, Node]) -> None:

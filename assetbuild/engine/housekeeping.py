@@ -9,7 +9,7 @@ from __future__ import annotations
 import os
 from collections.abc import Iterator
 from contextlib import suppress
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 
 from assetbuild.engine.actions import made_from_json, missing_output
@@ -34,10 +34,6 @@ class Stats:
     oldest_use: float = 0.0
     live_builds: int = 0
 
-    def to_json(self) -> dict[str, object]:
-        """Plain data for `cache stats --json`."""
-        return asdict(self)
-
 
 @dataclass(frozen=True)
 class Checked:
@@ -48,11 +44,6 @@ class Checked:
     corrupt: tuple[str, ...] = ()
     torn: int = 0
     incomplete: int = 0
-
-    @property
-    def is_clean(self) -> bool:
-        """Was everything as it should be? An action that lost its outputs is merely forgotten."""
-        return not self.corrupt and not self.torn
 
 
 @dataclass(frozen=True)

@@ -9,16 +9,17 @@ import json
 import os
 import re
 import time
+import zlib
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from assetbuild.engine.actions import Parts
 from assetbuild.engine.digest import canonical_json, digest_bytes, replace_file
-from assetbuild.engine.keys import Parts
 
-JOURNAL_FORMAT = 2
-SHARED_PARTS = ("code", "libraries")
-"""Parts of a key that many steps have alike; each is written once."""
+JOURNAL_FORMAT = 3
+TORN = (ValueError, LookupError, TypeError, AttributeError, RecursionError, zlib.error)
+"""What a file that is torn or foreign can cause."""
 Steps = dict[str, dict[str, Any]]  # Any: JSON
 """What is noted of each step, by its label."""
 
@@ -39,14 +40,14 @@ class Journal:
         self._changed: set[str] = set()
 
     def _file(self, build: str) -> Path:
-        return self._folder / f"{digest_bytes(os.fsencode(build))[:32]}.json"
+        return self._folder / f"{digest_bytes(os.fsencode(build))[:32]}.zlib"
 
     def _read(self, build: str) -> Steps:
         try:
-            raw = json.loads(self._file(build).read_bytes())
+            raw = json.loads(zlib.decompress(self._file(build).read_bytes()))
             if raw["format"] == JOURNAL_FORMAT and raw["build"] == build:
-                return _expanded(raw["steps"], raw["shared"])
-        except (OSError, ValueError, LookupError, TypeError, AttributeError, RecursionError):
+                return {label: dict(noted) for label, noted in raw["steps"].items()}
+        except (OSError, *TORN):
             pass
         return {}
 
@@ -106,38 +107,7 @@ class Journal:
         """Replace each file at once; OSError passes."""
         for part in sorted(self._changed):
             build = self._builds[part]
-            steps, shared = _shortened(self._steps[part])
-            entry = {"format": JOURNAL_FORMAT, "build": build, "steps": steps, "shared": shared}
-            replace_file(self._file(build), canonical_json(entry))
+            entry = {"format": JOURNAL_FORMAT, "build": build, "steps": self._steps[part]}
+            # Steps have most of their code and libraries in common.
+            replace_file(self._file(build), zlib.compress(canonical_json(entry), 1))
         self._changed.clear()
-
-
-Shared = dict[str, list[Any]]  # Any: JSON
-"""pairs: each (name, value) once; groups: indices of pairs, the content of one part each."""
-
-
-def _shortened(steps: Steps) -> tuple[Steps, Shared]:
-    """The steps with an index in the place of each shared part, and what the indices mean."""
-    pairs: dict[tuple[str, str], int] = {}
-    groups: dict[tuple[int, ...], int] = {}
-
-    def index(part: Mapping[str, str]) -> int:
-        group = tuple(pairs.setdefault(pair, len(pairs)) for pair in part.items())
-        return groups.setdefault(group, len(groups))
-
-    short = {
-        label: {**noted, "parts": {**parts, **{p: index(parts[p]) for p in SHARED_PARTS}}}
-        for label, noted in steps.items()
-        for parts in (noted["parts"],)
-    }
-    return short, {"pairs": list(pairs), "groups": list(groups)}
-
-
-def _expanded(steps: Steps, shared: Shared) -> Steps:
-    """Inverse of `_shortened`; LookupError, TypeError or ValueError for what it never writes."""
-    groups = [dict(shared["pairs"][index] for index in group) for group in shared["groups"]]
-    return {
-        label: {**noted, "parts": {**parts, **{p: groups[parts[p]] for p in SHARED_PARTS}}}
-        for label, noted in steps.items()
-        for parts in (noted["parts"],)
-    }

@@ -1,4 +1,4 @@
-"""Installed libraries: which distribution brings a module, its version, and what it requires.
+"""Where modules lie, and installed libraries: which distribution brings one, and what it requires.
 
 Names and versions are read from the folders `numpy-2.1.0.dist-info` that installers leave; what
 such a folder holds is read only when the set of these folders has changed.
@@ -6,12 +6,14 @@ such a folder holds is read only when the set of these folders has changed.
 
 from __future__ import annotations
 
+import importlib.util
 import os
 import re
 import sys
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from importlib import metadata
+from importlib.machinery import EXTENSION_SUFFIXES
 from pathlib import Path
 from typing import Any
 
@@ -165,3 +167,70 @@ def _requirements(folder: Path, extra: str) -> Iterator[str]:
         for each in (extras or "").split(","):
             if each.strip():
                 yield f"{name}[{each.strip()}]"
+
+
+class Places:
+    """Where modules lie, and the files of packages, by name."""
+
+    def __init__(self) -> None:
+        self._paths: dict[str, str | None] = {}
+        self._folders: dict[str, list[str]] = {}
+        self._listings: dict[str, frozenset[str]] = {}
+
+    def path(self, name: str) -> str | None:
+        """The file of a module, or of `package/file.css`; None when there is none."""
+        if name not in self._paths:
+            if "/" in name:
+                self._paths[name] = self._data(name)
+            elif "." not in name:
+                self._paths[name] = self._top(name)
+            else:
+                self._paths[name] = self._inside(*name.rsplit(".", 1)) or _loaded_from(name)
+        return self._paths[name]
+
+    def _top(self, name: str) -> str | None:
+        module = sys.modules.get(name)
+        if module is not None:
+            self._folders[name] = [*getattr(module, "__path__", ())]
+            return _loaded_from(name)
+        try:
+            spec = importlib.util.find_spec(name)
+        except (ImportError, ValueError):
+            return None
+        if spec is None:
+            return None
+        self._folders[name] = list(spec.submodule_search_locations or ())
+        return spec.origin if spec.has_location else None
+
+    def _inside(self, package: str, name: str) -> str | None:
+        self.path(package)
+        for folder in self._folders.get(package, ()):
+            names, whole = self._listing(folder), f"{folder}/{name}"
+            if name in names:
+                inside = self._listing(whole)
+                self._folders.setdefault(f"{package}.{name}", []).append(whole)
+                if "__init__.py" in inside:
+                    return f"{whole}/__init__.py"
+            for suffix in (".py", *EXTENSION_SUFFIXES):
+                if name + suffix in names:
+                    return whole + suffix
+        return None
+
+    def _data(self, name: str) -> str | None:
+        package, _, inside = name.partition("/")
+        self.path(package)
+        files = (f"{folder}/{inside}" for folder in self._folders.get(package, ()))
+        return next(filter(os.path.isfile, files), None)
+
+    def _listing(self, folder: str) -> frozenset[str]:
+        if folder not in self._listings:
+            try:
+                self._listings[folder] = frozenset(os.listdir(folder))  # noqa: PTH208 - names
+            except OSError:
+                self._listings[folder] = frozenset()
+        return self._listings[folder]
+
+
+def _loaded_from(name: str) -> str | None:
+    path = getattr(sys.modules.get(name), "__file__", None)
+    return path if path and os.path.isfile(path) else None  # noqa: PTH113 - as above

@@ -1,9 +1,15 @@
-"""What decides how this machine computes: the CPU and the C library. The null build asks too."""
+"""This machine: its CPU and C library, which decide how it computes, and where its store lives.
 
-# pathlib, contextlib and platform are not loaded on the way of the null build.
+The null build asks too, so little is imported.
+"""
+
 from __future__ import annotations
 
 import os
+import sys
+
+# pathlib, contextlib and platform are not loaded on the way of the null build.
+
 
 DECISIVE = ("vendor_id", "cpu family", "model", "flags", "CPU implementer", "CPU part", "Features")
 
@@ -40,3 +46,20 @@ def machine_text() -> str:
     """All of it on one line."""
     found = cpuinfo()
     return " ".join([os.uname().machine, libc(), *(found.get(name, "") for name in DECISIVE)])
+
+
+# pathlib is not loaded on the way of the null build:
+# ruff: noqa: PTH100, PTH111
+
+
+def cache_root() -> str:
+    """The store's folder: `$ASSETBUILD_CACHE`, else `assetbuild` in the user's cache folder."""
+    named = os.environ.get("ASSETBUILD_CACHE")
+    if named:
+        return os.path.abspath(named)
+    if sys.platform == "linux":
+        base = os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache")
+        return f"{base}/assetbuild"
+    import platformdirs
+
+    return platformdirs.user_cache_dir("assetbuild", appauthor=False)

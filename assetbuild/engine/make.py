@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Mapping
-from contextlib import AbstractContextManager
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal
@@ -12,9 +11,8 @@ from typing import Literal
 from assetbuild.engine.actions import Action, Made
 from assetbuild.engine.explain import Change, changes_text, why_it_runs
 from assetbuild.engine.graph import Graph
-from assetbuild.engine.resolver import Resolver
-from assetbuild.engine.runner import ATTEMPTS, Runner
-from assetbuild.engine.session import Session
+from assetbuild.engine.processes import ATTEMPTS, Processes
+from assetbuild.engine.session import Resolver, Session
 from assetbuild.engine.store import LostObjectError
 from assetbuild.errors import AssetBuildError, StepError
 from assetbuild.findings import Finding
@@ -53,7 +51,7 @@ class NodeResult:
 class Maker:
     """Makes nodes of one graph. `make` may be called from many threads."""
 
-    def __init__(self, graph: Graph, session: Session, runner: Runner) -> None:
+    def __init__(self, graph: Graph, session: Session, runner: Processes) -> None:
         self.graph = graph
         self.session = session
         self.runner = runner
@@ -77,7 +75,11 @@ class Maker:
                 return None
             made = self.resolver.made(label)
             if made is None:
-                with self._turn(action):
+                # Each action runs once: in this build, and among all that share the store.
+                patience_s = action.step.limits.wall_s * ATTEMPTS + 30.0
+                with self.session.actions.turns.turn(
+                    action.key, patience_s=patience_s, done=lambda: self.runner.closed
+                ):
                     made = self.resolver.made(label)  # another may have made it meanwhile
                     if made is None:
                         changes = why_it_runs(self.session, action)
@@ -110,13 +112,6 @@ class Maker:
             saved_seconds=0.0,
             reason=changes_text(changes) + ("; run again after a crash" * (made.attempts > 1)),
             log=self._log(action.label),
-        )
-
-    def _turn(self, action: Action) -> AbstractContextManager[None]:
-        """Each action runs once: in this build, and among all builds that share the store."""
-        patience_s = action.step.limits.wall_s * ATTEMPTS + 30.0
-        return self.session.actions.turns.turn(
-            action.key, patience_s=patience_s, done=lambda: self.runner.closed
         )
 
     def _run(self, action: Action, changes: tuple[Change, ...]) -> Made:

@@ -21,9 +21,7 @@ from assetbuild.engine.graph import (
 )
 from assetbuild.engine.make import NodeResult
 from assetbuild.engine.processes import Processes
-from assetbuild.engine.resolver import Resolver
-from assetbuild.engine.runner import Runner
-from assetbuild.engine.session import Session
+from assetbuild.engine.session import Resolver, Session
 from assetbuild.engine.step import Step
 from assetbuild.engine.store import LostObjectError
 from assetbuild.engine.world import Record
@@ -132,7 +130,7 @@ def planned(add: Callable[[Planner], T], session: Session) -> Settled[T]:
 def settle(
     add: Callable[[Planner], T],
     session: Session,
-    runner: Runner | None = None,
+    runner: Processes | None = None,
     *,
     jobs: int | None = None,
     on_event: Listener | None = None,
@@ -145,7 +143,7 @@ def settle(
 def settle_all(
     plans: Mapping[str, Callable[[Planner], T]],
     session: Session,
-    runner: Runner | None = None,
+    runner: Processes | None = None,
     *,
     jobs: int | None = None,
     keep_going: bool = False,

@@ -1,4 +1,4 @@
-"""Steps that run on this machine, each in a process of its own."""
+"""Steps that run on this machine, each in a process of its own between two folders."""
 
 from __future__ import annotations
 
@@ -7,31 +7,39 @@ import os
 import shutil
 import signal
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import asdict, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 
 from assetbuild.engine.actions import Action, Made
 from assetbuild.engine.children import Children, Ended, last_line, step_environment
-from assetbuild.engine.runner import ATTEMPTS, Runner
+from assetbuild.engine.digest import Signature, signature_of
 from assetbuild.engine.session import Session
-from assetbuild.engine.staging import check_present, check_untouched, collect, stage
 from assetbuild.engine.step import Files, Step
-from assetbuild.engine.store import machine_errors
+from assetbuild.engine.store import LostObjectError, Store, files_below, machine_errors
 from assetbuild.engine.wire import error_from_json, perform, step_to_json
 from assetbuild.engine.worker import NO_SPACE
 from assetbuild.errors import StepError
 from assetbuild.findings import finding_from_json
 
+ATTEMPTS = 2
+"""How often a step is run whose process is killed by something else than our limits."""
 
-class Processes(Runner):
-    """Runs actions here."""
+
+class Processes:
+    """Runs actions here, from many threads; a context manager that ends what still runs."""
 
     def __init__(self, session: Session) -> None:
         self._session = session
         self._children = Children(session.store.scratch())
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
 
     def close(self) -> None:
         """Kill all that runs; nothing is started any more."""
@@ -58,12 +66,15 @@ class Processes(Runner):
         return max(1, min(free_mb))
 
     def prepare(self, step: Step) -> None:
-        """Let the worker of such steps begin to import."""
+        """Such a step comes next: its worker may begin to import."""
         if not step.in_parent:
             self._children.prepare(step)
 
     def run(self, action: Action) -> Made:
-        """Run a step on this machine, as `Runner.run` says."""
+        """Run a step; its outputs are in the store afterwards. AssetBuildError.
+
+        LostObjectError when the store lost one of its inputs.
+        """
         try:
             with machine_errors(self._session.store.root.parent), self._folder(action) as folder:
                 return self._run(action, folder)
@@ -198,3 +209,98 @@ def how_it_ended(action: Action, ended: Ended, log: Path) -> str:
     if status == NO_SPACE:
         return f"no space left on the disk of the store while {name} ran"
     return f"{name} ended without a result (exit status {status})"
+
+
+Staged = dict[str, tuple[str, Path, Signature]]
+"""Input file by its path below the folder -> (digest, object's file, signature)."""
+
+
+def stage(session: Session, inputs: Mapping[str, str], folder: Path) -> Staged:
+    """Lay out inputs (name -> digest) as links to verified objects; `folder` is made.
+
+    LostObjectError when the store lost one; SourceError when a source was edited meanwhile.
+    """
+    folder.mkdir()
+    staged: Staged = {}
+    for name, digest in sorted(inputs.items()):
+        if name.endswith("/"):
+            (folder / name).mkdir(parents=True)
+            for member, (part, _) in sorted(session.tree(digest).items()):
+                staged[name + member] = _link(session, part, folder / name / member)
+        else:
+            staged[name] = _link(session, digest, folder / name)
+    return staged
+
+
+def _link(session: Session, digest: str, place: Path) -> tuple[str, Path, Signature]:
+    path = session.object(digest)
+    place.parent.mkdir(parents=True, exist_ok=True)
+    place.symlink_to(path)
+    return digest, path, signature_of(path.stat())
+
+
+def check_untouched(session: Session, staged: Staged, label: str) -> None:
+    """StepError when the step wrote to an input; a changed object leaves the store."""
+    for name, (digest, path, signature) in staged.items():
+        try:
+            same = signature_of(path.stat()) == signature
+        except OSError:
+            continue  # another build set a corrupt object aside
+        if same:
+            continue
+        was = path.read_bytes() if path.is_file() else b""
+        session.forget()
+        try:
+            session.store.path(digest)
+        except LostObjectError:
+            raise StepError(
+                f"step `{label}` wrote to its input `{name}` ({len(was)} bytes now)",
+                hint="a step reads its inputs and writes its outputs only",
+            ) from None
+
+
+def check_present(staged: Staged) -> None:
+    """LostObjectError when an input went away while the step ran: it is made again."""
+    for name, (digest, path, _) in staged.items():
+        if not path.is_file():
+            raise LostObjectError(digest, f"input `{name}` went away while its step ran")
+
+
+def collect(store: Store, action: Action, folder: Path) -> dict[str, str]:
+    """Take the declared outputs into the store: name -> digest.
+
+    StepError names what was declared and not written, or written and not declared.
+    """
+    declared = action.step.outputs
+    try:
+        written = [path.relative_to(folder).as_posix() for path in files_below(folder)]
+    except ValueError as error:
+        raise StepError(f"step `{action.label}`: output {error}") from None
+    trees = tuple(name for name in declared if name.endswith("/"))
+    extra = [name for name in written if name not in declared and not name.startswith(trees)]
+    if extra:
+        raise StepError(
+            f"step `{action.label}` wrote what it does not declare: {_names(extra)}",
+            hint=f"its `outputs` are {_names(declared) or 'empty'}",
+        )
+    absent = [
+        name
+        for name in declared
+        if not ((folder / name).is_dir() if name.endswith("/") else name in written)
+    ]
+    if absent:
+        raise StepError(f"step `{action.label}` did not write its output {_names(absent)}")
+    for name in written:
+        if any("\ud800" <= letter <= "\udfff" for letter in name):  # undecodable bytes
+            raise StepError(f"step `{action.label}` wrote a file whose name is not UTF-8: {name!a}")
+    return {
+        name: store.put_tree(folder / name)
+        if name.endswith("/")
+        else store.put_file(folder / name, move=True)
+        for name in declared
+    }
+
+
+def _names(names: tuple[str, ...] | list[str]) -> str:
+    shown = ", ".join(f"`{name}`" for name in names[:8])
+    return f"{shown}, ..." if len(names) > 8 else shown

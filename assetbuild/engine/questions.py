@@ -40,49 +40,24 @@ Question = tuple[str, str, str]
 def answer(question: Question) -> str:
     """What the world says now; of `bytes` nothing, since who asks for them has a cache."""
     kind, subject, detail = question
-    if kind == KIND:
-        return kind_of(subject)
-    if kind == LINK:
-        return link_of(subject)
     if kind == NAMES:
         return names_text(subject, detail)
     if kind == VARIABLE:
-        return variable(subject)
+        value = os.environ.get(subject)
+        return "" if value is None else f"={value}"
+    if kind not in (KIND, LINK, STAMP):
+        raise ValueError(f"no question: {kind}")
+    try:
+        if kind == LINK:
+            return os.readlink(subject)
+        found = os.stat(subject)
+    except (OSError, ValueError):  # what cannot be looked at is not there
+        return ""
     if kind == STAMP:
-        return stamp_of(subject)
-    raise ValueError(f"no question: {kind}")
-
-
-def kind_of(path: str) -> str:
-    """See above; what cannot be looked at is not there."""
-    try:
-        mode = os.stat(path).st_mode
-    except (OSError, ValueError):
-        return ""
-    return "file" if stat.S_ISREG(mode) else "folder" if stat.S_ISDIR(mode) else "other"
-
-
-def link_of(path: str) -> str:
-    """See above."""
-    try:
-        return os.readlink(path)
-    except (OSError, ValueError):
-        return ""
-
-
-def variable(name: str) -> str:
-    """See above."""
-    value = os.environ.get(name)
-    return "" if value is None else f"={value}"
-
-
-def stamp_of(path: str) -> str:
-    """See above."""
-    try:
-        found = os.stat(path)
-    except (OSError, ValueError):
-        return ""
-    return signature_text(found)
+        return signature_text(found)
+    if stat.S_ISREG(found.st_mode):
+        return "file"
+    return "folder" if stat.S_ISDIR(found.st_mode) else "other"
 
 
 def signature_text(found: os.stat_result) -> str:

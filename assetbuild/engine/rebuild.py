@@ -10,7 +10,7 @@ from pathlib import Path
 from assetbuild.engine.execute import Event, execute
 from assetbuild.engine.graph import Graph, Node
 from assetbuild.engine.make import Maker, NodeResult
-from assetbuild.engine.runner import Runner
+from assetbuild.engine.processes import Processes
 from assetbuild.engine.session import Session
 from assetbuild.engine.store import Store
 from assetbuild.errors import AssetBuildError
@@ -60,7 +60,7 @@ def run_again(
     graph: Graph,
     session: Session,
     results: Mapping[str, NodeResult],
-    runner: Runner,
+    runner: Processes,
     keep: Path,
     *,
     jobs: int | None = None,

@@ -76,7 +76,12 @@ def perform(step: Step, files: Files, label: str) -> tuple[dict[str, object], st
     Used by the child process and by in-process steps alike, so both give the same result.
     """
     try:
-        findings = [_plain(found) for found in step.run(files) or ()]
+        findings = []
+        for found in step.run(files) or ():
+            if not isinstance(found, Finding):
+                raise TypeError(f"run() yielded {type(found).__name__}, not a Finding")
+            findings.append(found.to_json())
+            canonical_json(findings[-1])  # TypeError on numpy scalars and the like, named by type
         return {"findings": findings}, ""
     except (Exception, SystemExit) as error:
         log = io.StringIO()
@@ -85,14 +90,6 @@ def perform(step: Step, files: Files, label: str) -> tuple[dict[str, object], st
         if not isinstance(told, AssetBuildError):
             told = error_of_exception(error, label, step.limits)
         return {"error": error_to_json(told)}, log.getvalue()
-
-
-def _plain(found: object) -> dict[str, object]:
-    if not isinstance(found, Finding):
-        raise TypeError(f"run() yielded {type(found).__name__}, not a Finding")
-    raw = found.to_json()
-    canonical_json(raw)  # raises TypeError on numpy scalars and the like, naming the type
-    return raw
 
 
 def error_of_exception(error: BaseException, label: str, limits: Limits) -> AssetBuildError:

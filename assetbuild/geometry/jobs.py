@@ -21,8 +21,7 @@ from assetbuild.geometry.match_shapes import MatchShapes
 from assetbuild.mesh.read import Format
 from assetbuild.mesh.verdict import Probe
 from assetbuild.plugins import load_plugin
-from assetbuild.recipe.collision import CollisionRule, ShapedRule
-from assetbuild.recipe.models import Recipe
+from assetbuild.recipe.models import CollisionRule, Recipe, ShapedRule
 from assetbuild.recipe.validation import Key, KeyedError
 from assetbuild.robot.model import Tree
 from assetbuild.robot.pose import IDENTITY, Pose, Vec3, vec3

@@ -8,19 +8,25 @@ No gain, no friction and no timestep reaches these steps, so a new one draws not
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING
 
 from assetbuild.engine.graph import Node, Ref
 from assetbuild.engine.planner import Planner
 from assetbuild.geometry.plan import Geometry
 from assetbuild.kinds import Target
 from assetbuild.looks.lighten import Lighten
-from assetbuild.looks.offscreen import renderer
 from assetbuild.looks.render import Render
 from assetbuild.looks.viewer import Viewer
 from assetbuild.plugins import load_plugin
 from assetbuild.recipe.models import Recipe
 from assetbuild.robot.shapes import MeshFile
+
+if TYPE_CHECKING:
+    from assetbuild.engine.world import World
+
 
 PICTURE_MODEL = "picture model"
 """An MJCF to look at; what it has to say about the robot, the target `mjcf` says too."""
@@ -51,3 +57,46 @@ def looks(
         step = Render(renderer=renderer(p.world))
         nodes["pictures"] = p.add("pictures", step, {"mjcf/": model["mjcf/"]})
     return nodes
+
+
+VENDORS = ("/usr/share/glvnd/egl_vendor.d", "/etc/glvnd/egl_vendor.d")
+"""Where the drivers behind libEGL are registered."""
+OFF = ("disable", "disabled", "off", "false", "0")
+"""Values of `MUJOCO_GL` that ask for no rendering."""
+
+
+def renderer(world: World) -> str:
+    """What this machine would draw with: `egl 50_mesa renderD128`, `osmesa`, `cgl`, or `none`.
+
+    Drivers of EGL, then devices: without one the same driver draws in software, or not at all.
+    Looks at files and loads the dispatcher only, so it costs a millisecond. `MUJOCO_GL=disable`,
+    as MuJoCo's own Python package understands it, draws nothing.
+    """
+    if (world.variable("MUJOCO_GL") or "").lower() in OFF:
+        return "none"
+    if sys.platform == "darwin":
+        return "cgl"
+    drivers = _drivers(world)
+    if drivers and world.can_load("libEGL.so.1"):
+        cards = world.names(Path("/dev"), starts=("nvidia",))
+        numbered = [name for name in cards if name.removeprefix("nvidia").isdigit()]
+        devices = [*world.names(Path("/dev/dri"), starts=("renderd",)), *numbered]
+        return f"egl {' '.join([*drivers, *devices])}"
+    if any(world.can_load(f"libOSMesa.so{suffix}") for suffix in ("", ".8", ".6")):
+        return "osmesa"
+    return "none"
+
+
+def _drivers(world: World) -> list[str]:
+    """Stems of the files that register drivers; libglvnd's variables name others."""
+    files = world.variable("__EGL_VENDOR_LIBRARY_FILENAMES")
+    folders = world.variable("__EGL_VENDOR_LIBRARY_DIRS")
+    if files:
+        found = [Path(file) for file in files.split(":") if world.is_file(Path(file))]
+    else:
+        found = [
+            Path(folder, name)
+            for folder in (folders.split(":") if folders else VENDORS)
+            for name in world.names(Path(folder), ends=(".json",))
+        ]
+    return sorted({path.stem for path in found})

@@ -16,20 +16,20 @@ from pathlib import Path
 
 from assetbuild.control.keep import KeepRatings
 from assetbuild.engine.code import Code
-from assetbuild.engine.digest import digest_file
+from assetbuild.engine.digest import digest_bytes, digest_file
 from assetbuild.engine.planner import Planner, settle_all
 from assetbuild.engine.session import Session
 from assetbuild.engine.step import Step
 from assetbuild.engine.store import Store
 from assetbuild.errors import StepError
 from assetbuild.facts.again.files import rows_of
-from assetbuild.facts.again.row import NotParsedError, row_findings
+from assetbuild.facts.again.row import NotParsedError, Row, row_findings
+from assetbuild.facts.again.tree import same
 from assetbuild.facts.again.written import Signed, read_signed
 from assetbuild.facts.compare import EQUAL
 from assetbuild.facts.reader import UNREADABLE
-from assetbuild.facts.reference import Reference
+from assetbuild.facts.reference import Assets, Reference
 from assetbuild.findings import Finding, Rule
-from assetbuild.pipeline.held_meshes import Held, edited_rows, held_meshes
 from assetbuild.pipeline.writers import (
     StatedRecipe,
     code_of_writers,
@@ -83,7 +83,10 @@ def prove_again(bundle: Path, robot: str, reference: Reference) -> Iterator[Find
         yield UNPROVEN("robot", "the bundle was built by an earlier version", where=ROBOT)
         return
     if signed.stated != signed.computed:
-        yield _edited(signed)
+        # Everything would differ from a robot that was edited: one finding says so.
+        said = {"attribute": "digest", "expected": signed.stated, "found": signed.computed}
+        text = f"{ROBOT} was edited after the build: its digest is not the one that it states"
+        yield EQUAL.named("robot.digest")("robot", text, data=said, where=ROBOT)
         return
     meshes = held_meshes(bundle, signed.written.meshes)
     with (
@@ -97,13 +100,6 @@ def prove_again(bundle: Path, robot: str, reference: Reference) -> Iterator[Find
         yield from again.refused
         for path in again.writers:
             yield from _compared(path, bundle, again)
-
-
-def _edited(signed: Signed) -> Finding:
-    """Everything would differ from a robot that was edited: one finding says so."""
-    said = {"attribute": "digest", "expected": signed.stated, "found": signed.computed}
-    text = f"{ROBOT} was edited after the build: its digest is not the one that it states"
-    return EQUAL.named("robot.digest")("robot", text, data=said, where=ROBOT)
 
 
 # --- what can be written ----------------------------------------------------------------------
@@ -174,7 +170,12 @@ def _write(
     session: Session,
 ) -> Again:
     """Run the steps as a build does, in a store that knows nothing."""
-    ports = {"meshes/": _put_meshes(folder / "in/meshes", meshes)}
+    ports: dict[str, dict[str, Path]] = {"meshes/": {}}
+    (folder / "in/meshes").mkdir(parents=True)
+    for file, mesh in meshes.items():
+        path = folder / "in/meshes" / file
+        path.write_bytes(mesh.data)
+        ports["meshes/"][f"meshes/{file}"] = path
     for name in ("links", "tree", "shapes", "control"):
         path = folder / "in" / f"{name}.json"
         path.write_bytes(encode(getattr(reference, name)))
@@ -213,14 +214,6 @@ def _made(outputs: Mapping[str, str], session: Session) -> Iterator[tuple[str, s
             yield from ((path, held) for path, (held, _) in sorted(session.tree(digest).items()))
         else:
             yield output, digest
-
-
-def _put_meshes(folder: Path, meshes: Mapping[str, Held]) -> dict[str, Path]:
-    """The meshes as files, by their names among the inputs of a step."""
-    folder.mkdir(parents=True)
-    for file, held in meshes.items():
-        (folder / file).write_bytes(held.data)
-    return {f"meshes/{file}": folder / file for file in meshes}
 
 
 # --- comparing --------------------------------------------------------------------------------
@@ -274,3 +267,71 @@ def _stages(path: str, again: Again) -> tuple[Path, ...]:
     suffixes = (".usda", ".usdc", ".usd")
     found = (Path(other) for other in again.writers if other.endswith(suffixes))
     return tuple(again.folder / other for other in found if other.parent == Path(top))
+
+
+LOOKS = (b"mtllib ", b"usemtl ")
+"""First words of the lines that a URDF's copy of a mesh has before the mesh."""
+
+
+@dataclass(frozen=True)
+class Held:
+    """One file. path: in the bundle, of the copy; edited: no copy is as it was built."""
+
+    path: str
+    data: bytes
+    edited: bool
+
+
+def held_meshes(bundle: Path, wanted: Mapping[str, str]) -> dict[str, Held]:
+    """File -> the copy that is as it was built, else any. wanted: file -> its SHA-256."""
+    copies: dict[str, list[Path]] = {}
+    for path in sorted(path for path in bundle.rglob("*") if path.name in wanted):
+        copies.setdefault(path.name, []).append(path)
+    return {
+        name: _best(bundle, found, wanted[name])
+        for name, found in copies.items()
+        if found and all(path.is_file() for path in found)
+    }
+
+
+def _best(bundle: Path, copies: list[Path], digest: str) -> Held:
+    for path in copies:
+        data = path.read_bytes()
+        for content in (data, _without_looks(data)):
+            if digest_bytes(content) == digest:
+                return Held(path.relative_to(bundle).as_posix(), content, edited=False)
+    first = copies[0]
+    content = _without_looks(first.read_bytes())
+    return Held(first.relative_to(bundle).as_posix(), content, edited=True)
+
+
+def _without_looks(data: bytes) -> bytes:
+    while data.startswith(LOOKS):
+        data = data.partition(b"\n")[2]
+    return data
+
+
+def edited_rows(file: str, data: bytes, assets: Assets) -> Iterator[Row]:
+    """What an edited mesh or picture shows otherwise than the one that was measured."""
+    if file.endswith(".obj"):
+        yield from _mesh_rows(file, data, assets)
+        return
+    from assetbuild.facts.picture import pixels_of
+
+    expected, found = dict(assets.pixels).get(file, ""), pixels_of(data)
+    if expected != found:
+        yield Row("picture", file, "pixels", expected, found)
+
+
+def _mesh_rows(file: str, data: bytes, assets: Assets) -> Iterator[Row]:
+    from assetbuild.facts.surface import measure
+    from assetbuild.mesh.obj import read_triangles
+
+    name = file.removesuffix(".obj")
+    mesh = read_triangles(data, file)
+    theirs = measure(mesh.corners, mesh.uv, mesh.normals).facts()
+    ours = dict(assets.surfaces)[name].facts()
+    for quantity in dict.fromkeys((*ours, *theirs)):
+        one, other = ours.get(quantity), theirs.get(quantity)
+        if not same(one, other):
+            yield Row("mesh", name, quantity, one, other)

@@ -14,24 +14,26 @@ from assetbuild.engine.make import NodeResult
 from assetbuild.engine.planner import Planner, Settled, settle_all
 from assetbuild.engine.processes import Processes
 from assetbuild.engine.rebuild import Difference, run_again
-from assetbuild.engine.runner import Runner
 from assetbuild.engine.session import Session
 from assetbuild.engine.store import OUT_OPTION, LostObjectError, machine_errors
 from assetbuild.engine.world import World
 from assetbuild.errors import AssetBuildError, Gather, RecipeError, UsageError
+from assetbuild.kinds import Check
 from assetbuild.lock import Lock
 from assetbuild.pipeline.bundling import bundle_files, publish_bundle
 from assetbuild.pipeline.judging import failures, judged
 from assetbuild.pipeline.opening import Task, open_session, pin, remote_cache
 from assetbuild.pipeline.publish import check_replaceable
 from assetbuild.pipeline.recipes import load_recipe
-from assetbuild.pipeline.smoking import asking
 from assetbuild.plan import Outline, plan
+from assetbuild.plugins import load_plugin, plugin_names
 from assetbuild.recipe.loader import LoadedRecipe
 from assetbuild.report.bundle import json_text
 from assetbuild.report.document import FailOn, Report, fails
+from assetbuild.report.verdict import TRAINER_CHECKS
 from assetbuild.robot.inertia import total_mass
 from assetbuild.robot.model import Tree
+from assetbuild.simulators.consumers import ConsumerCheck
 
 if TYPE_CHECKING:
     from assetbuild.engine.share.remote import Remote
@@ -59,7 +61,7 @@ class Outcome:
 
     out: where the bundle lies, None when a step failed. edited: files of the user that were set
     aside. errors: of the failed steps, in the order of the graph. differences: what the second
-    run of `--rebuild-check` found. is_shared: all was sent that a shared cache lacked.
+    run of `--rebuild-check` found.
     """
 
     loaded: LoadedRecipe
@@ -71,7 +73,6 @@ class Outcome:
     edited: tuple[str, ...] = ()
     errors: tuple[AssetBuildError, ...] = ()
     differences: tuple[Difference, ...] = ()
-    is_shared: bool = True
 
 
 @dataclass(frozen=True)
@@ -122,7 +123,6 @@ def build_all(
                     raise
     for job, outcome in zip(jobs, outcomes, strict=True):
         outcome.seconds = time.monotonic() - started
-        outcome.is_shared = remote is None or remote.is_complete
         if outcome.report is not None:
             _write_run_log(outcome, job.out)
     return outcomes
@@ -148,7 +148,7 @@ def _jobs(requests: Sequence[Request], world: World, say: Callable[[str], None])
     wrong.stop()
     for request, loaded in zip(requests, recipes, strict=True):
         if request.smoke:
-            loaded = loaded.but(**asking(loaded.recipe, request.smoke))
+            loaded = _asking(loaded, request.smoke)
         out = request.out or default_out(loaded)
         name = loaded.recipe.robot
         if any(job.name == name for job in jobs):
@@ -158,10 +158,32 @@ def _jobs(requests: Sequence[Request], world: World, say: Callable[[str], None])
     return jobs
 
 
+def check_of(consumer: str) -> type[ConsumerCheck]:
+    """The check that asks this consumer."""
+    check = load_plugin(Check, check_name(consumer))
+    assert issubclass(check, ConsumerCheck)  # noqa: S101 # all of that name are
+    return check
+
+
+def check_name(consumer: str) -> str:
+    """Of its check: one that trains nothing is called as it is."""
+    name = f"{TRAINER_CHECKS}{consumer}"
+    return name if name in plugin_names(Check) else consumer
+
+
+def _asking(loaded: LoadedRecipe, consumers: Sequence[str]) -> LoadedRecipe:
+    """The recipe that asks these consumers too, with the targets that they read."""
+    validate, targets = loaded.recipe.validate_, loaded.recipe.targets
+    smoke = tuple(dict.fromkeys((*validate.smoke, *consumers)))
+    needs = [need for consumer in smoke for need in check_of(consumer).needs]
+    asked = validate.model_copy(update={"smoke": smoke})
+    return loaded.but(validate_=asked, targets=tuple(dict.fromkeys((*targets, *needs))))
+
+
 def _build(
     jobs: Sequence[_Job],
     session: Session,
-    runner: Runner,
+    runner: Processes,
     request: Request,
     on_event: Listener,
     say: Callable[[str], None],
@@ -236,7 +258,7 @@ def default_out(loaded: LoadedRecipe) -> Path:
     return Path("build") / f"{loaded.recipe.robot}{suffix}"
 
 
-def _runner(request: Request, session: Session, remote: Remote | None) -> Runner:
+def _runner(request: Request, session: Session, remote: Remote | None) -> Processes:
     """Where the steps run. UsageError; MachineError when the cluster does not answer."""
     if request.executor == "local":
         return Processes(session)

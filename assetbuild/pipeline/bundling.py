@@ -50,13 +50,12 @@ from assetbuild.report.bundle import (
     provenance,
     same_provenance,
 )
-from assetbuild.report.card import model_card
+from assetbuild.report.card import Subject, model_card
 from assetbuild.report.document import Report
 from assetbuild.report.html import View, html_page
-from assetbuild.report.subject import Subject
 from assetbuild.report.summary import summary
 from assetbuild.robot.codec import decode
-from assetbuild.robot.identify import Curves, Fit
+from assetbuild.robot.identify import Fit
 from assetbuild.robot.model import Control, Tree
 from assetbuild.robot.shapes import Shapes
 
@@ -164,12 +163,9 @@ class _Built:
             raise AssertionError("a whole plan has it")
         return decode(Measured, self.read(self.outline.bodies))
 
-    def fits(self) -> tuple[tuple[Fit, Curves], ...]:
+    def fits(self) -> tuple[Fit, ...]:
         """What the logs of the recipe showed."""
-        return tuple(
-            (decode(Fit, self.read(n["fit.json"])), decode(Curves, self.read(n["curves.json"])))
-            for n in self.outline.fits
-        )
+        return tuple(decode(Fit, self.read(node["fit.json"])) for node in self.outline.fits)
 
     def reference(self, options: Mapping[str, Any]) -> Reference:  # Any: plain JSON
         """That robot with what its files hold, for whoever compares."""
@@ -275,12 +271,12 @@ def publish_bundle(files: list[BundleFile], out: Path, session: Session) -> tupl
     try:
         for file in files:
             _place(file, staging / file.path, out, session)
-        published = publish(staging, out, _manifest_or_none(out))
+        kept = publish(staging, out, _manifest_or_none(out))
     except OSError as error:
         raise machine_error(error, out, OUT_OPTION) from error
     finally:
         discard(staging)
-    return (*published.edited, *published.added)
+    return kept
 
 
 def _lies_there(files: list[BundleFile], out: Path, session: Session) -> bool:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -13,19 +14,17 @@ from assetbuild.engine.planner import Settled
 from assetbuild.engine.session import Session
 from assetbuild.errors import AssetBuildError, Where
 from assetbuild.facts.reader import Reader
-from assetbuild.findings import Finding
+from assetbuild.findings import Finding, Rule
 from assetbuild.kinds import Check
 from assetbuild.lock import lock_path, place_of_pin
 from assetbuild.looks.plan import PICTURE_MODEL
 from assetbuild.pipeline.answers import answers
-from assetbuild.pipeline.licences import licence_findings
 from assetbuild.plan import Outline
 from assetbuild.plan.asked import asked
 from assetbuild.plan.edits import AGAIN
 from assetbuild.plugins import plugin_names
 from assetbuild.recipe.loader import LoadedRecipe
 from assetbuild.recipe.models import Recipe, Waiver
-from assetbuild.recipe.validation import Key
 from assetbuild.report.document import Report, make_report
 from assetbuild.report.verdict import NOT_COMPARED, NOT_RUN, TRAINER_CHECKS, CheckResult
 from assetbuild.source.patches import patch_keys
@@ -198,15 +197,13 @@ def _where_of(loaded: LoadedRecipe, outline: Outline, label: str) -> Where | Non
         return place_of_pin(lock_path(loaded.path))
     for prefix, part in loaded.by_prefix.items():
         own = label.removeprefix(f"{prefix} ")
-        if own != label and (key := _patches(part).get(own)):
+        if own != label and (
+            key := patch_keys(part.recipe.source.patches, part.folder, part.world).get(own)
+        ):
             return part.where(key)
         if own != label and own == "fetch":
             return part.where(("source",))
     return None
-
-
-def _patches(part: LoadedRecipe) -> Mapping[str, Key]:
-    return patch_keys(part.recipe.source.patches, part.folder, part.world)
 
 
 def _located(error: AssetBuildError, subject: str, where: Where | None) -> AssetBuildError:
@@ -221,3 +218,71 @@ def _located(error: AssetBuildError, subject: str, where: Where | None) -> Asset
         return type(error)(f"{subject}: {message}", where=error.where, hint=error.hint)
     line, column = (error.where.line, error.where.column) if error.where else (0, 0)
     return type(error)(message, where=Where(name, line, column), hint=error.hint)
+
+
+# --- what the source's licence asks of who passes the bundle on -----------------------------
+
+UNSTATED = Rule(
+    "license.unstated",
+    "warning",
+    "the recipe does not state the source's licence",
+    "add `source.license`",
+)
+NO_DERIVATIVES = Rule(
+    "license.no_derivatives",
+    "warning",
+    "the licence (CC ...-ND) does not allow you to pass on what was made from the work",
+    "keep the bundle to yourself, or ask",
+)
+NON_COMMERCIAL = Rule(
+    "license.non_commercial",
+    "info",
+    "the licence (CC ...-NC) does not allow commercial use",
+    "ask before you sell",
+)
+SHARE_ALIKE = Rule(
+    "license.share_alike",
+    "info",
+    "the licence (CC ...-SA) also applies to what is made from the work",
+    "pass the bundle on under the same licence",
+)
+NO_TEXT = Rule(
+    "license.no_text", "info", "the source comes without a licence text", "add it to the source"
+)
+
+_TERMS = {
+    "ND": (
+        NO_DERIVATIVES,
+        "forbids to pass on what was made from the work: converted meshes, an edited URDF",
+        "keep the bundle to yourself, or ask the rights holder",
+    ),
+    "NC": (
+        NON_COMMERCIAL,
+        "allows no commercial use",
+        "ask the rights holder before you sell what was made with it",
+    ),
+    "SA": (
+        SHARE_ALIKE,
+        "asks that what was made from the work is passed on under the same licence",
+        "pass the bundle on under that licence",
+    ),
+}
+"""Terms of Creative Commons in an SPDX identifier, `CC-BY-NC-ND-4.0`."""
+
+
+def licence_findings(license_id: str | None, texts: int) -> Iterator[Finding]:
+    """license_id: SPDX expression of the recipe; texts: licence files that the source brings."""
+    if license_id is None:
+        message = "the recipe does not say under which licence the robot comes"
+        hint = "add `license:` with an SPDX identifier below `source`"
+        yield UNSTATED("recipe source", message, hint)
+    for word in re.findall(r"[A-Za-z0-9.+-]+", license_id or ""):
+        first, *terms = word.upper().split("-")
+        for term, (rule, message, hint) in _TERMS.items():
+            if first == "CC" and term in terms:
+                data = {"license": word}
+                yield rule("recipe source.license", f"{word} {message}", hint, data=data)
+    if not texts:
+        message = "the source brings no licence text, so the bundle has none"
+        hint = "add the text to the source: most licences ask that it is passed on"
+        yield NO_TEXT("recipe source", message, hint)

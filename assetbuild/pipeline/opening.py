@@ -11,11 +11,10 @@ from typing import TYPE_CHECKING, Any, Self, TypeVar
 
 from assetbuild.engine.actions import SharedCache
 from assetbuild.engine.execute import Listener
-from assetbuild.engine.folders import cache_root
 from assetbuild.engine.graph import Ref
+from assetbuild.engine.machine import cache_root
 from assetbuild.engine.planner import Planner, Settled, nothing, planned, settle
 from assetbuild.engine.processes import Processes
-from assetbuild.engine.runner import Runner
 from assetbuild.engine.session import Session
 from assetbuild.engine.store import open_store
 from assetbuild.errors import LockError, OutOfDateError, UsageError, Where
@@ -66,7 +65,7 @@ class Opened:
     loaded: LoadedRecipe
     lock: Lock | None
     session: Session
-    runner: Runner | None = None
+    runner: Processes | None = None
     jobs: int | None = None
     on_event: Listener | None = None
 

@@ -15,7 +15,6 @@ import secrets
 import shutil
 import sys
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 from pathlib import Path
 
 from assetbuild.engine.claims import (
@@ -37,19 +36,6 @@ OWN_FILES = (MARK, PROVENANCE)
 
 AT_FDCWD = -100
 RENAME_EXCHANGE = 2
-
-
-@dataclass(frozen=True)
-class Published:
-    """What was found in the old bundle, as paths relative to it.
-
-    edited: had other bytes than its manifest says. added: not in its manifest.
-    aside: the folder they were moved to; None when there were none.
-    """
-
-    edited: tuple[str, ...] = ()
-    added: tuple[str, ...] = ()
-    aside: Path | None = None
 
 
 def new_staging(out_dir: Path) -> Path:
@@ -109,8 +95,10 @@ def heal(out_dir: Path) -> None:
     remove_abandoned(_beside(out, "new"))
 
 
-def publish(staging: Path, out_dir: Path, manifest: Mapping[str, str] | None = None) -> Published:
-    """Swap a finished folder in as `out_dir`; what the user changed in the old one is kept.
+def publish(
+    staging: Path, out_dir: Path, manifest: Mapping[str, str] | None = None
+) -> tuple[str, ...]:
+    """Swap a finished folder in as `out_dir`; paths in it that the user changed or added.
 
     staging: from `new_staging`, or any folder on the same file system; it is gone afterwards.
     manifest: of the bundle that is there now, relative path -> SHA-256; None = do not look.
@@ -121,7 +109,7 @@ def publish(staging: Path, out_dir: Path, manifest: Mapping[str, str] | None = N
         out.parent.mkdir(parents=True, exist_ok=True)
         heal(out)
         check_replaceable(out)
-        found = set_aside(out, manifest) if manifest is not None else Published()
+        found = set_aside(out, manifest) if manifest is not None else ()
         _at("kept the user's files")
         _swap(staging, out)
     except OSError as error:
@@ -150,12 +138,12 @@ def lies_there(out_dir: Path, wanted: Mapping[str, str], digest: Callable[[Path]
     return bool(wanted) and not left
 
 
-def set_aside(out: Path, manifest: Mapping[str, str]) -> Published:
+def set_aside(out: Path, manifest: Mapping[str, str]) -> tuple[str, ...]:
     """Copy edited and added files of a bundle to `<out>.edited/`; nothing there is replaced.
 
     Copied before the swap: a kill in between leaves them in both places, in none never.
     """
-    edited, added = [], []
+    edited, added = list[str](), list[str]()
     for path in sorted(out.rglob("*")) if out.is_dir() else ():
         name = path.relative_to(out).as_posix()
         if path.is_dir() and not path.is_symlink():
@@ -168,7 +156,7 @@ def set_aside(out: Path, manifest: Mapping[str, str]) -> Published:
     aside = out.with_name(f"{out.name}.edited")
     for name in edited + added:
         _keep(out / name, aside / name)
-    return Published(tuple(edited), tuple(added), aside if edited or added else None)
+    return (*edited, *added)
 
 
 def _keep(path: Path, place: Path) -> None:

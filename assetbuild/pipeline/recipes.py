@@ -30,9 +30,8 @@ from assetbuild.plugins import (
     usable_plugins,
 )
 from assetbuild.quantities import Model, Pattern, unstated
-from assetbuild.recipe.collision import CollisionRule, ShapedRule
 from assetbuild.recipe.loader import LoadedRecipe, load
-from assetbuild.recipe.models import Collision, OneEdit, Recipe, Validate
+from assetbuild.recipe.models import Collision, CollisionRule, OneEdit, Recipe, ShapedRule, Validate
 from assetbuild.recipe.schema import schema_of
 from assetbuild.recipe.validation import Key, Misnamed
 from assetbuild.recipe.yaml_tree import Node, plain

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import functools
 import json
+import tempfile
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -11,17 +11,28 @@ from pathlib import Path
 from assetbuild.engine.actions import SharedCache
 from assetbuild.engine.execute import Listener
 from assetbuild.engine.scratch import scratch
+from assetbuild.engine.world import World
 from assetbuild.errors import AssetBuildError, SourceError, UsageError
 from assetbuild.facts.reference import Reference
 from assetbuild.findings import Finding, Rule, worst_first
+from assetbuild.kinds import lacking
 from assetbuild.pipeline.again import prove_again
-from assetbuild.pipeline.trying import UNTRIED
+from assetbuild.pipeline.judging import judged
+from assetbuild.pipeline.opening import Opened, open_session
+from assetbuild.pipeline.recipes import collision_rule, load_recipe
+from assetbuild.plan import plan
+from assetbuild.recipe.models import CollisionRule
 from assetbuild.report.bundle import manifest_of
+from assetbuild.report.document import Report
 from assetbuild.report.sides import bundle_readers
 from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.mirror import Tolerances, mirror_findings
 from assetbuild.robot.model import Control
+from assetbuild.robot.pose import Pose, Vec3
 from assetbuild.robot.twins import parts_of, twins
+from assetbuild.simulators import physx
+from assetbuild.simulators.experiments import Experiment, Outcome, Setting
+from assetbuild.simulators.free_fall import fall_of
 
 KINDS = {
     ".xml": "mjcf",
@@ -209,12 +220,10 @@ def _urdf(file: Path) -> Iterator[Finding]:
 
 def _try_urdf(file: Path, wish: Wish, read: Sequence[Finding]) -> list[Finding]:
     """What a build of the recipe that `init` would write finds besides."""
-    from assetbuild.pipeline.trying import try_urdf
-
     if any(finding.rule == "urdf.unreadable" for finding in read):
         return []
     try:
-        report = try_urdf(functools.partial(wish.propose, file), wish.on_event, wish.remote)
+        report = _built(file, wish)
     except AssetBuildError as error:
         where = str(error.where or "")
         hint = error.hint or "`--static` only reads the file"
@@ -231,13 +240,25 @@ def _try_urdf(file: Path, wish: Wish, read: Sequence[Finding]) -> list[Finding]:
 
 
 def _try_usd(file: Path, wish: Wish, read: Sequence[Finding]) -> list[Finding]:
-    """Dropped, and left on a floor, in PhysX, where it is installed."""
-    from assetbuild.pipeline.trying import try_usd
-
+    """Loaded, dropped without contacts, and left on a floor for two seconds, in PhysX."""
     if any(finding.severity == "error" for finding in read):
         message = "not tried in PhysX because of the errors above"
         return [UNTRIED("robot", message)]
-    return list(try_usd(file))
+    if lack := lacking(physx.REQUIRES, World()):
+        return [UNTRIED("robot", f"not tried in PhysX: {lack}")]
+    air = Setting(TIMESTEP_S, GRAVITY, contacts=False)
+    floor = Setting(TIMESTEP_S, GRAVITY, at=Pose((0.0, 0.0, HIGH_M)), floor_friction=1.0)
+    steps = round(DROP_S / TIMESTEP_S)
+    done = physx.perform(
+        file,
+        (
+            Experiment("load", air),
+            Experiment("fall", air, steps=steps, every=steps),
+            Experiment("floor", floor, steps=4 * steps, every=steps),
+        ),
+        copied=False,
+    )
+    return list(tried(done, air))
 
 
 TRIALS: Mapping[str, Callable[[Path, Wish, Sequence[Finding]], list[Finding]]] = {
@@ -250,3 +271,85 @@ TRIALS: Mapping[str, Callable[[Path, Wish, Sequence[Finding]], list[Finding]]] =
 def worst(validated: list[Validated]) -> bool:
     """Whether any finding is an error."""
     return any(f.severity == "error" for one in validated for f in one.findings)
+
+
+# --- a robot that has no recipe, simulated --------------------------------------------------
+
+TIMESTEP_S, DROP_S, HIGH_M = 0.005, 0.5, 1.0
+GRAVITY: Vec3 = (0.0, 0.0, -9.81)
+BROKEN = 0.05
+"""Relative error of a fall above which something is wrong with the asset."""
+
+UNTRIED = Rule(
+    "trials.untried",
+    ("info", "warning"),
+    "`assetbuild validate` has only read the file (a warning for a URDF)",
+    "the message says what is missing; `--package NAME=PATH` says where meshes are",
+)
+
+
+def _built(file: Path, wish: Wish) -> Report:
+    """Findings and checks of a URDF in MuJoCo, with the recipe that `wish.propose` writes.
+
+    Every mesh collides as its hull: a decomposition takes minutes and changes no joint. Nothing is
+    written outside the store. Raises AssetBuildError for what cannot be built.
+    """
+    with tempfile.TemporaryDirectory(prefix="try-") as folder:
+        recipe = Path(folder).resolve() / "recipe.yaml"
+        wish.propose(file, recipe)
+        loaded = load_recipe(recipe)
+        collision = loaded.recipe.collision
+        hulls = {
+            "default": _hulls(collision.default),
+            "links": {name: _hulls(rule) for name, rule in collision.links.items()},
+        }
+        targets = tuple(target for target in loaded.recipe.targets if target == "mjcf")
+        loaded = loaded.but(collision=collision.model_copy(update=hulls), targets=targets)
+        with open_session(loaded, remote=wish.remote) as session:
+            work = Opened(loaded, None, session, on_event=wish.on_event)
+            done = work.made(lambda p: plan(loaded, None, p, drawn=False))
+            return judged(loaded, done, session)
+
+
+def _hulls(rule: CollisionRule) -> CollisionRule:
+    if rule.method == "none":
+        return rule
+    return collision_rule(**{"method": "hull", "from": rule.from_})
+
+
+def tried(done: Mapping[str, Outcome], air: Setting) -> Iterator[Finding]:
+    """What is wrong with a stage, once it was loaded, dropped and left on a floor."""
+    held = done["load"].held
+    if held is None or held["articulations"] + len(held["loose"]) == 0:
+        why = done["load"].failure or "it holds no body that moves"
+        yield physx.LOAD("robot", f"PhysX does not load it: {why}")
+        return
+    for name, where in (("fall", "in free fall"), ("floor", "on a floor")):
+        if not done[name].finite:
+            why = done[name].failure or "its state is not finite"
+            yield physx.NOT_FINITE("robot", f"{where}: {why}")
+    if held["articulations"] != 1:
+        message = f"PhysX holds {held['articulations']} articulations, not one"
+        yield physx.ARTICULATION("robot", message, severity="warning")
+    for body in held["loose"]:
+        message = "PhysX keeps it outside of every articulation"
+        yield physx.LOOSE_BODY(f"link {body}", message, severity="warning")
+    if held["articulations"] == 1 and not held["fixed_base"] and done["fall"].finite:
+        yield from _fell(done["fall"], air)
+
+
+def _fell(outcome: Outcome, setting: Setting) -> Iterator[Finding]:
+    """Whatever the solver's iterations, gravity makes between g/2 t^2 and g/2 t (t + dt)."""
+    fall = fall_of(Experiment("fall", setting), outcome)
+    if fall is None:
+        return
+    least = fall.expected_m - 0.5 * abs(GRAVITY[2]) * fall.seconds * setting.timestep
+    error = max(least - fall.drop_m, fall.drop_m - fall.expected_m, fall.sideways_m)
+    if error > BROKEN * fall.expected_m:
+        yield physx.FREE_FALL(
+            "robot",
+            f"fell {fall.drop_m:.4g} m and {fall.sideways_m:.3g} m sideways in "
+            f"{fall.seconds:g} s, expected {fall.expected_m:.4g} m",
+            hint="is a body damped, welded, or outside of the articulation?",
+            data={"drop_m": fall.drop_m, "expected_m": fall.expected_m},
+        )

@@ -11,7 +11,7 @@ the open question is built, and the recipe is planned again. An answer only ever
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -23,11 +23,11 @@ from assetbuild.control.keep import KeepPose, KeepRatings
 from assetbuild.control.plan import control, control_step, own_side
 from assetbuild.engine.graph import Node, Ref
 from assetbuild.engine.planner import Planner
-from assetbuild.errors import Gather, RecipeError, Where
+from assetbuild.errors import Gather, RecipeError
 from assetbuild.geometry.measure_assets import MeasureAssets
 from assetbuild.geometry.plan import Geometry, assemble, companions, lint_density, lint_meshes
 from assetbuild.identify.plan import identify
-from assetbuild.kinds import Check, Target, lacking
+from assetbuild.kinds import Target, lacking
 from assetbuild.lock import Lock, lock_path, read_lock
 from assetbuild.looks.plan import lightened, looks
 from assetbuild.plan.agree import check_against_robot, check_names, turned_meshes
@@ -36,7 +36,6 @@ from assetbuild.plan.edits import AGAIN, apply_edits, edit_keys, guessed_links
 from assetbuild.plugins import load_plugin
 from assetbuild.recipe.loader import LoadedRecipe
 from assetbuild.recipe.models import Recipe
-from assetbuild.recipe.validation import Key
 from assetbuild.robot.codec import decode
 from assetbuild.robot.model import Tree
 from assetbuild.robot.shapes import SourceShapes
@@ -171,41 +170,31 @@ def _finished(
 
 def _prepare(loaded: LoadedRecipe, lock: Lock | None, outline: Outline, p: Planner) -> Ready | None:
     """One robot, read and edited; None while an answer is missing."""
+    recipe, folder = loaded.recipe, loaded.folder
     with loaded.placing():
-        return _prepared(loaded.recipe, loaded.folder, loaded.where, lock, outline, p)
-
-
-def _prepared(
-    recipe: Recipe,
-    folder: Path,
-    where: Callable[[Key], Where],
-    lock: Lock | None,
-    outline: Outline,
-    p: Planner,
-) -> Ready | None:
-    source = open_source(recipe.source, folder, lock, p)
-    description = description_of(recipe.source, folder, where, source, p)
-    outline.licenses = source.licenses()
-    if description is None:
-        return None
-    read = read_description(recipe, source, description, p)
-    if read is None:
-        return None
-    bounds = recipe.validate_.inertia
-    p.add("lint_links", LintLinks(bounds=bounds), dict(read.robot))
-    lint_export(recipe, source, description, read, p)
-    outline.source_map = read.source_map
-    outline.expanded = description.ref if recipe.source.xacro else None
-    geometry = _geometry(recipe.source.honour_up_axis, source, description, read, p)
-    if geometry is not None:
-        lint_density(read.robot, geometry, p)
-    edited = apply_edits(recipe.edits, read.robot, geometry, p)
-    if edited is None:
-        return None
-    if recipe.edits:  # what the edits answered, and what they left or made
-        lint = LintLinks(bounds=bounds, guessed=guessed_links(recipe.edits))
-        p.add(f"lint_links{AGAIN}", lint, edited)
-    return Ready(read, edited, geometry, read.source_map, (own_side(recipe),))
+        source = open_source(recipe.source, folder, lock, p)
+        description = description_of(recipe.source, folder, loaded.where, source, p)
+        outline.licenses = source.licenses()
+        if description is None:
+            return None
+        read = read_description(recipe, source, description, p)
+        if read is None:
+            return None
+        bounds = recipe.validate_.inertia
+        p.add("lint_links", LintLinks(bounds=bounds), dict(read.robot))
+        lint_export(recipe, source, description, read, p)
+        outline.source_map = read.source_map
+        outline.expanded = description.ref if recipe.source.xacro else None
+        geometry = _geometry(recipe.source.honour_up_axis, source, description, read, p)
+        if geometry is not None:
+            lint_density(read.robot, geometry, p)
+        edited = apply_edits(recipe.edits, read.robot, geometry, p)
+        if edited is None:
+            return None
+        if recipe.edits:  # what the edits answered, and what they left or made
+            lint = LintLinks(bounds=bounds, guessed=guessed_links(recipe.edits))
+            p.add(f"lint_links{AGAIN}", lint, edited)
+        return Ready(read, edited, geometry, read.source_map, (own_side(recipe),))
 
 
 def _prepare_part(whole: LoadedRecipe, index: int, outline: Outline, p: Planner) -> Ready | None:
@@ -322,7 +311,9 @@ def _checks(
     """Every check whose needs are built; those that this machine cannot run are named."""
     possible = {*outline.targets, *sources, "source"}
     possible |= {"source_mjcf"} if recipe.source.mjcf else set()
-    for name, check in _all_checks(recipe):
+    # A reader of facts is the check of its format.
+    equal = ((f"{name}_equal", reader) for name, reader in readers_of(recipe))
+    for name, check in (*sorted(checks_of(recipe)), *equal):
         if not set(check.needs) <= possible:
             continue
         step = check.configure(recipe)
@@ -341,12 +332,6 @@ def _checks(
             built = outline.targets.get(need)
             inputs |= {f"{need}/": built[f"{need}/"]} if built else sources[need]
         outline.checks[name] = p.add(f"check {name}", step, inputs)
-
-
-def _all_checks(recipe: Recipe) -> Iterator[tuple[str, type[Check]]]:
-    """Every check by its name in the report; a reader of facts is the check of its format."""
-    yield from sorted(checks_of(recipe))
-    yield from ((f"{name}_equal", reader) for name, reader in readers_of(recipe))
 
 
 _WITHOUT = {

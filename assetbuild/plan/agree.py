@@ -12,8 +12,7 @@ from assetbuild.engine.world import World
 from assetbuild.errors import Gather, did_you_mean
 from assetbuild.geometry.jobs import check_files
 from assetbuild.plan.edits import edits_of
-from assetbuild.recipe.collision import CollisionRule
-from assetbuild.recipe.models import Recipe
+from assetbuild.recipe.models import CollisionRule, Recipe
 from assetbuild.recipe.validation import Key, KeyedError
 from assetbuild.robot.actuator_table import RowError
 from assetbuild.robot.model import Tree

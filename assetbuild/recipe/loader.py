@@ -15,9 +15,72 @@ from assetbuild.errors import AssetBuildError, Gather, RecipeError, Where, did_y
 from assetbuild.lfs import refuse_pointer
 from assetbuild.recipe.models import Recipe
 from assetbuild.recipe.validation import Key, KeyedError, Misnamed, locate, shown, validated
-from assetbuild.recipe.variants import patched, variant_names
 from assetbuild.recipe.yaml_tree import MAX_BYTES, MAX_COST, Entry, Node, described, parse
 from assetbuild.robot.actuator_table import RowError
+
+FIRST_MATCH_WINS: frozenset[tuple[str, ...]] = frozenset(
+    {
+        ("collision", "links"),
+        ("contact", "links"),
+        ("randomize", "links"),
+        ("randomize", "joints"),
+    }
+)
+"""Maps whose order decides: there the patch's new keys come first, so that the variant wins."""
+_NOT_IN_A_VARIANT = ("schema", "variants")
+
+
+def variant_names(root: Node) -> tuple[str, ...]:
+    """Names of the variants in a recipe's tree, in file order."""
+    variants = _entries(root).get("variants")
+    return tuple(_entries(variants.node)) if variants else ()
+
+
+def patched(root: Node, variant: str) -> Node:
+    """The recipe's tree with one variant applied; RecipeError when there is none of that name.
+
+    Maps are merged, everything else is replaced. The tree is patched and not the data, so that
+    each value keeps the line that it came from.
+    """
+    names = variant_names(root)
+    if variant not in names:
+        variants = _entries(root).get("variants")
+        hint = did_you_mean(variant, names) or "the recipe has no `variants`"
+        where = variants.where if variants else root.where
+        raise RecipeError(f"no variant named `{variant}`", where=where, hint=hint)
+    entry = _entries(_entries(root)["variants"].node)[variant]
+    if not isinstance(entry.node.value, dict):
+        raise RecipeError(f"variants.{variant}: expected a map", where=entry.where)
+    for name in _NOT_IN_A_VARIANT:
+        if name in entry.node.value:
+            raise RecipeError(
+                f"variants.{variant}.{name}: a variant cannot change `{name}`",
+                where=entry.node.value[name].where,
+            )
+    return _merged(root, entry.node, ())
+
+
+def _merged(base: Node, patch: Node, path: tuple[str, ...]) -> Node:
+    if not isinstance(base.value, dict) or not isinstance(patch.value, dict):
+        return patch
+    old, new = base.value, patch.value
+    changed = {
+        key: Entry(
+            entry.where,
+            _merged(old[key].node, entry.node, (*path, key)) if key in old else entry.node,
+        )
+        for key, entry in new.items()
+    }
+    if path in FIRST_MATCH_WINS:
+        value = changed | {key: entry for key, entry in old.items() if key not in changed}
+    else:
+        value = {key: changed.get(key, entry) for key, entry in old.items()} | changed
+    # Shown where the base has it: an error about the map as a whole is rarely the patch's fault.
+    return Node(base.where, value)
+
+
+def _entries(node: Node) -> Mapping[str, Entry]:
+    return node.value if isinstance(node.value, dict) else {}
 
 
 @dataclass(frozen=True)
@@ -147,28 +210,15 @@ def _load(
 
 def _refuse_robot(data: bytes, file: str) -> None:
     """RecipeError for a robot's description where its recipe was to be named."""
-    kinds = {b"robot": "a URDF", b"mujoco": "an MJCF"}
-    kind = kinds.get(_root_tag(data))
-    if kind is None:
+    if not data.lstrip(b"\xef\xbb\xbf \t\r\n").startswith(b"<"):
+        return
+    kind = "a URDF" if re.search(rb"<robot\b", data) else "an MJCF"
+    if kind == "an MJCF" and not re.search(rb"<mujoco\b", data):
         return
     if kind == "a URDF" and (file.endswith(".xacro") or b"xmlns:xacro" in data):
         kind = "a xacro file"
     hint = f"write a recipe for it: `assetbuild init {file}`"
     raise RecipeError(f"this is {kind}, not a recipe", where=Where(file), hint=hint)
-
-
-def _root_tag(data: bytes) -> bytes:
-    """The name of the first element of XML; empty for all else."""
-    at = 3 if data.startswith(b"\xef\xbb\xbf") else 0
-    while found := re.compile(rb"\s*<([?!]?(?:--)?)([\w:]*)").match(data, at):
-        if not found[1]:
-            return found[2]
-        end = {b"?": b"?>", b"!--": b"-->"}.get(found[1], b">")
-        at = data.find(end, found.end(1))
-        if at < 0:
-            return b""
-        at += len(end)
-    return b""
 
 
 One = Callable[[Path, str | None], LoadedRecipe]

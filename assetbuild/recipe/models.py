@@ -10,31 +10,89 @@ from typing import Annotated, Any, ClassVar, Literal, Self
 from pydantic import AfterValidator, BaseModel, Field, model_validator
 
 from assetbuild.findings import Severity
-from assetbuild.quantities import Model as Model
-from assetbuild.quantities import Name as Name
-from assetbuild.quantities import NonNegative as NonNegative
-from assetbuild.quantities import Pattern as Pattern
-from assetbuild.quantities import Positive as Positive
-from assetbuild.quantities import Real as Real
-from assetbuild.recipe.collision import CollisionRule, Preset
-from assetbuild.recipe.compose import Part
-from assetbuild.recipe.source import PYPI_PATTERN as PYPI_PATTERN
-from assetbuild.recipe.source import Sha256 as Sha256
-from assetbuild.recipe.source import Source as Source
+from assetbuild.quantities import Model, Name, Pattern, Real
+from assetbuild.recipe.source import Source
 from assetbuild.robot.actuator_table import (
-    ActuatorRow as ActuatorRow,  # the recipe is read from here
+    ActuatorRow,  # the recipe is read from here
+    Motor,
 )
-from assetbuild.robot.actuator_table import Motor as Motor
-from assetbuild.robot.contact import Contacts as Contacts
-from assetbuild.robot.contact import Exclude as Exclude
+from assetbuild.robot.contact import Contacts, Exclude
 from assetbuild.robot.identify import Identify
 from assetbuild.robot.inertia import InertiaBounds
 from assetbuild.robot.loops import LoopRow
 from assetbuild.robot.ranges import Randomize
-from assetbuild.robot.sections import About, Cameras, Feet, Imu, Sensors
-from assetbuild.robot.sections import Keyframe as Keyframe
-from assetbuild.robot.sections import Simulation as Simulation
+from assetbuild.robot.sections import Keyframe, (
+    About,
+    At,
+    Cameras,
+    Feet,
+    Imu,
+    Mount,
+    Region,
+    Sensors,
+    Simulation,
+    ToleranceRegion,
+)
 from assetbuild.robot.softness import CouplingError, LimitError
+
+Preset = Literal["locomotion", "manipulation"]
+
+
+class CollisionRule(Model):
+    """How the collision geometry of a link is made, and how well it must fit."""
+
+    method: str = Field("auto", description="auto, keep, none or a plug-in of assetbuild.collision")
+    from_: Literal["auto", "collision", "visual"] = Field(
+        "auto", alias="from", description="the link's geometry to use; auto: collision, else visual"
+    )
+    preset: Preset | None = Field(
+        None, description="tolerances of `auto` that are not stated; without it `collision.preset`"
+    )
+
+
+class ShapedRule(CollisionRule):
+    """A rule whose method makes new shapes."""
+
+    keep_open: tuple[Region, ...] = Field(
+        (), max_length=64, description="places that no piece may enter: gaps, holes, handles"
+    )
+    regions: tuple[ToleranceRegion, ...] = Field(
+        (), max_length=64, description="places with a tighter `max_outside`"
+    )
+
+
+Prefix = Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_]{0,31}$")]
+
+
+class Part(Model):
+    """Another robot, mounted on this one by a fixed joint. All its names get a prefix."""
+
+    recipe: str | None = Field(None, description="its recipe, relative to this one")
+    source: Source | None = Field(
+        None,
+        description="the robot itself, instead of a `recipe`: the rows of this recipe that name "
+        "its prefix speak of it",
+    )
+    variant: Name | None = Field(None, description="of that recipe")
+    as_: Prefix = Field(alias="as", description="prefix of all its names, such as `arm_`")
+    at: At = Field(description="where its root sits")
+    mount: Mount | None = Field(None, description="the plate or bracket between the two")
+    exclude: tuple[str, ...] = Field(
+        (), description="links of the base robot that nothing of the part collides with"
+    )
+    home: dict[Pattern, Real] = Field(
+        default_factory=dict,
+        description="its joints, by their own names, in keyframe `home`; without it as its "
+        "recipe's own `home`",
+    )
+
+    @model_validator(mode="after")
+    def _one_origin(self) -> Part:
+        if (self.recipe is None) == (self.source is None):
+            raise ValueError("give exactly one of `recipe`, `source`")
+        if self.source is not None and self.variant is not None:
+            raise ValueError("`variant` is one of a `recipe`: a `source` has none")
+        return self
 
 
 def _no_repeats(values: tuple[str, ...]) -> tuple[str, ...]:

@@ -3,18 +3,37 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 
+from assetbuild.body.measure_bodies import Measured
 from assetbuild.findings import is_waived
+from assetbuild.recipe.models import Recipe
 from assetbuild.report.document import Report
-from assetbuild.report.grade import grade
-from assetbuild.report.subject import Subject
 from assetbuild.report.tables import Record, Table, markdown_table, records, table
 from assetbuild.report.verdict import verdict_rows
+from assetbuild.robot.identify import Fit
 from assetbuild.robot.inertia import total_mass
 from assetbuild.robot.initial import initial_pose
-from assetbuild.robot.model import Actuator, Body, Joint
-from assetbuild.robot.shapes import Geometry, Mesh
+from assetbuild.robot.model import Actuator, Body, Control, Joint, Tree
+from assetbuild.robot.shapes import Geometry, Mesh, Shapes
+
+
+@dataclass(frozen=True)
+class Subject:
+    """Everything that a report reads. pin: what the lock says of the source.
+
+    fits: what the logs of the recipe showed.
+    """
+
+    recipe: Recipe
+    pin: Mapping[str, object]
+    tree: Tree
+    shapes: Shapes
+    control: Control
+    measured: Measured
+    fits: tuple[Fit, ...] = ()
+
 
 CHANGES = ("edit.", "merge.", "urdf.dropped", "visual.decimated", "mesh.")
 """Families of rules that tell what is not as the source has it."""
@@ -52,7 +71,7 @@ def card_tables(subject: Subject, report: Report) -> tuple[Table, ...]:
         _sensors(subject),
         _changes(report),
         _checks(report),
-        _known_limits(report),
+        table("Known limits", ("rule", "of", "what"), _limit_rows(report)),
     )
 
 
@@ -214,12 +233,8 @@ def _checks(report: Report) -> Table:
     return table("Checks", ("check", "result", "note"), rows)
 
 
-def _known_limits(report: Report) -> Table:
-    """Warnings, waived findings, what a format cannot hold, and what was not checked."""
-    return table("Known limits", ("rule", "of", "what"), _limit_rows(report))
-
-
 def _limit_rows(report: Report) -> Iterator[tuple[str, str, str]]:
+    """Warnings, waived findings, what a format cannot hold, and what was not checked."""
     for finding in report.findings:
         if is_waived(finding):
             because = finding.data["because"]
@@ -231,3 +246,79 @@ def _limit_rows(report: Report) -> Iterator[tuple[str, str, str]]:
     for name, check in sorted(report.checks.items()):
         if check.status == "skip":
             yield "not checked", name, check.note
+
+
+# --- the quality grade ----------------------------------------------------------------------
+
+UNREAL = ("inertia.", "joint.effort_zero", "joint.velocity_zero", "joint.range", "mirror.", "mass.")
+"""Families of rules whose warnings say that a value is not realistic."""
+UNSTABLE = ("stand.finite", "stand.fall", "free_fall.drop", "trials.", "mjcf.")
+
+
+@dataclass(frozen=True)
+class Criterion:
+    """One thing that the grade needs. needed: the grade that is lost without it."""
+
+    needed: str
+    what: str
+    met: bool
+    evidence: str
+
+
+def grade(control: Control, report: Report) -> tuple[str, tuple[Criterion, ...]]:
+    """The best grade of MuJoCo Menagerie that the evidence carries, and each step of it.
+
+    Menagerie's words: A+ = the values come from system identification; A = realistic values, not
+    identified; B = stable, some values unrealistic; C = conditionally stable.
+    """
+    criteria = (
+        _no_findings(report, "B", "it is stable", UNSTABLE),
+        _physical_checks(report),
+        _no_findings(report, "A", "masses, inertias and limits are realistic", UNREAL),
+        _motors(control),
+        _identified(control),
+    )
+    for level in ("B", "A", "A+"):
+        if any(c.needed == level and not c.met for c in criteria):
+            return {"B": "C", "A": "B", "A+": "A"}[level], criteria
+    return "A+", criteria
+
+
+def _no_findings(report: Report, needed: str, what: str, families: tuple[str, ...]) -> Criterion:
+    found = [f for f in report.findings if f.severity != "info" and f.rule.startswith(families)]
+    waived = [f for f in report.findings if is_waived(f) and f.rule.startswith(families)]
+    rules = ", ".join(dict.fromkeys(f.rule for f in [*found, *waived]))
+    met = not found and not waived
+    return Criterion(needed, what, met, "none of its rules warns" if met else f"not so: {rules}")
+
+
+def _physical_checks(report: Report) -> Criterion:
+    physical = ("free_fall", "stand", "trials", "mjcf_equal", "oracle")
+    states = {name: report.checks[name].status for name in physical if name in report.checks}
+    text = ", ".join(f"{name} {status}" for name, status in states.items()) or "no check ran"
+    met = bool(states) and "fail" not in states.values()
+    return Criterion("B", "the physical checks pass", met, text)
+
+
+def _motors(control: Control) -> Criterion:
+    driven = [a for a in control.actuators if a.model != "passive"]
+    known = [a for a in driven if a.source and a.effort is not None and a.armature > 0.0]
+    bare = [a.joint for a in driven if a not in known]
+    shown = ", ".join(bare[:4]) + (", ..." if len(bare) > 4 else "")
+    what = "each drive has a source, an effort limit and a reflected rotor inertia"
+    if not bare:
+        return Criterion("A", what, True, f"{len(driven)} of {len(driven)} drives")
+    return Criterion("A", what, False, f"{len(bare)} of {len(driven)} have not: {shown}")
+
+
+def _identified(control: Control) -> Criterion:
+    """Rotor inertia and friction or damping of each drive, from logs of the real robot."""
+    driven = [a for a in control.actuators if a.model != "passive"]
+    met = [
+        a for a in driven if "armature" in a.measured and {"friction", "damping"} & {*a.measured}
+    ]
+    what = "values come from system identification"
+    if not any(a.measured for a in driven):
+        return Criterion("A+", what, False, "none recorded")
+    text = f"armature and friction or damping of {len(met)} of {len(driven)} drives are measured"
+    return Criterion("A+", what, len(met) == len(driven), text)

@@ -1,13 +1,192 @@
-"""The figures of any check as tables: numbers by name, and rows where there are rows."""
+"""What a check found: a sentence with its numbers and limits, and all of its figures as tables."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
-from typing import TypeGuard
+import math
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from typing import Any, TypeGuard
 
-from assetbuild.report.sentences import UNITS
 from assetbuild.report.tables import Record, Table, table, text_of
 from assetbuild.report.verdict import CheckResult
+
+Figures = Mapping[str, Any]  # Any: plain JSON, of as many shapes as there are checks
+FILES = {
+    "urdf": "URDF", "mjcf": "MJCF", "mjx": "MJX model", "bare": "bare MJCF", "scene": "scene",
+    "scene_mjx": "MJX scene", "usd": "USD", "usd_scene": "USD scene", "dr": "`dr.yaml`",
+    "mjlab": "mjlab module", "isaaclab": "Isaac Lab module", "xrdf": "XRDF",
+}  # fmt: skip
+
+
+def sentence(name: str, check: CheckResult) -> str:
+    """One sentence; figures that no sentence is written for stand as `name value unit`."""
+    figures = check.figures
+    if check.note or "skipped" in figures:
+        return f"not run: {check.note or figures['skipped']}"
+    stem = name.removesuffix("_equal")
+    if stem != name and stem in FILES and "facts" in figures:
+        return _equal(FILES[stem], figures)
+    try:
+        made = SENTENCES[name](figures) if name in SENTENCES else ""
+    except (KeyError, TypeError, ValueError):  # a check that stopped early has fewer figures
+        made = ""
+    return made or _plain(figures)
+
+
+def _equal(file: str, figures: Figures) -> str:
+    facts, differ, unread = (int(figures.get(key) or 0) for key in ("facts", "differ", "unread"))
+    said = "match the robot" if not differ else f"compared with the robot: {differ} differ"
+    tail = f"; {unread} were not understood" if unread else ""
+    return f"{facts:,} values of the {file} {said}{tail}"
+
+
+def _plain(figures: Figures) -> str:
+    shown = {
+        k: v for k, v in figures.items() if v is not None and not isinstance(v, Mapping | list)
+    }
+    return ", ".join(_quantity(key, value) for key, value in list(shown.items())[:3])
+
+
+UNITS = {
+    "m": "m", "rad": "rad", "kg": "kg", "s": "s", "hz": "Hz", "mm": "mm", "deg": "°",
+    "nm": "N m", "n": "N", "j": "J", "m3": "m³",
+}  # fmt: skip
+
+
+def _quantity(key: str, value: object) -> str:
+    head, _, last = key.rpartition("_")
+    if head and last in UNITS:
+        return f"{head.replace('_', ' ')} {text_of(value)} {UNITS[last]}"
+    return f"{key.replace('_', ' ')} {text_of(value)}"
+
+
+def _length(value_m: float) -> str:
+    """A length as people say it: millimetres below 0.1 m."""
+    return f"{1e3 * value_m:.3g} mm" if abs(value_m) < 0.1 else f"{value_m:.3g} m"
+
+
+def _error(value: float) -> str:
+    """A relative error; what rounding leaves is called that."""
+    return "0" if value == 0.0 else f"{value:.1e}"
+
+
+def _oracle(f: Figures) -> str:
+    worst = max(float(f[key]) for key in f if key.endswith("_error"))
+    return (
+        f"kinematics, mass matrix and gravity equal pinocchio's on the source in {f['poses']} "
+        f"poses: largest relative error {_error(worst)}, limit 1e-9"
+    )
+
+
+def _full_effort(f: Figures) -> str:
+    said = []
+    for kind, what in (("limits", "past a limit"), ("couplings", "from where it is held")):
+        held = f["mjcf"].get(kind, {})  # none, where the MJCF does not load
+        for motion, unit in (("turn", "rad"), ("slide", "m")):
+            error = held[motion]["error"] if motion in held else None
+            if error is not None:
+                said.append(f"`{held[motion]['joint']}` {error:.2g} {unit} {what}")
+    return f"full effort pushes {', '.join(said)} at most" if said else "nothing to push"
+
+
+def _grip(f: Figures) -> str:
+    said = []
+    for file, hands in f.items():
+        rows = [row for hand in hands.values() if isinstance(hand, list) for row in hand]
+        held = [row for row in rows if row["held"]]
+        worst = max((float(row["slip_m"]) for row in held), default=0.0)
+        said.append(f"{file}: holds {len(held)} of {len(rows)} objects, slip {_length(worst)}")
+    return "; ".join(said)
+
+
+def _slope(f: Figures) -> str:
+    said = [
+        f"{file}: creeps at {1e3 * float(row['speed_m_s']):.2g} mm/s below the angle of friction"
+        if "speed_m_s" in row
+        else f"{file}: {row['skipped']}"
+        for file, row in f.items()
+    ]
+    return "; ".join(said)
+
+
+def _mass(f: Figures) -> str:
+    stated = f.get("datasheet_kg")
+    beside = f"; its data sheet says {float(stated):.4g} kg" if stated is not None else ""
+    return f"{float(f['total_kg']):.4g} kg in {len(f['bodies'])} bodies{beside}"
+
+
+def _loops(f: Figures) -> str:
+    return (
+        f"{len(f['open'])} loops stay closed while the drives swing for {float(f['seconds']):.3g} "
+        f"s: the largest gap is {_length(float(f['largest_gap']))}"
+    )
+
+
+SENTENCES: Mapping[str, Callable[[Figures], str]] = {
+    "oracle": _oracle,
+    "urdf_kinematics": lambda f: (
+        f"{f['links']} links stand where yourdfpy puts them in {f['samples']} poses: "
+        f"largest error {_error(float(f['kinematics_error']))}, limit 1e-9"
+    ),
+    "urdf_loads": lambda f: f"urdfdom reads the URDF: {f['joints']} joints",
+    "free_fall": lambda f: (
+        f"free fall {float(f['drop_m']):.4g} m in {float(f['seconds']):.3g} s (expected "
+        f"{float(f['expected_m']):.4g} m; {100.0 * float(f['relative_error']):.2g} % off, "
+        "limit 0.3 %)"
+    ),
+    "full_effort": _full_effort,
+    "grip": _grip,
+    "newton_grip": _grip,
+    "physx_grip": _grip,
+    "newton_slope": _slope,
+    "physx_slope": _slope,
+    "slope": _slope,
+    "stand": lambda f: (
+        f"stands for {float(f['seconds']):.3g} s: its base moves by "
+        f"{_length(abs(float(f['height_change_m'])))} in height and {_length(float(f['drift_m']))} "
+        f"sideways and tilts by {math.degrees(float(f['tilt_rad'])):.2g}°; "
+        f"the busiest drive uses {100 * float(f['max_load']):.3g} % of its effort"
+    ),
+    "mass": _mass,
+    "counts": lambda f: (
+        f"{f['visual_built']} visual and {f['collision_built']} collision shapes were built from "
+        f"{f['visual_source']} and {f['collision_source']} of the source"
+    ),
+    "mirror": lambda f: (
+        f"{f['twins']} pairs of bodies or joints are each other's mirror image"
+        if f["twins"]
+        else ""
+    ),
+    "gains": lambda f: (
+        f"{len(f['joints'])} drives judged at `{f['keyframe']}`: stiffness, damping and sag"
+    ),
+    "coverage": lambda f: (
+        f"{len(f['shapes'])} collision shapes measured against the visual geometry"
+    ),
+    "usd_valid": lambda f: (
+        f"its {float(f['bytes']) / 1e6:.3g} MB open elsewhere, as OpenUSD's validators want"
+    ),
+    "trials": lambda f: (
+        "let go, shaken and simulated with other time steps; energy drifts by "
+        f"{100.0 * float(f['energy_drift']):.2g} %"
+    ),
+    "mjcf_compiles": lambda f: (
+        f"{', '.join(f'`{name}`' for name in f)} compile in MuJoCo without a warning" if f else ""
+    ),
+    "mjx_pairs": lambda f: (
+        f"{f['pairs']} pairs of geometries can touch; {f['fast_on_warp']} of them are quick on Warp"
+    ),
+    "loops": _loops,
+    "physx_loops": _loops,
+    "newton_loops": _loops,
+    "mjlab_contract": lambda f: (
+        f"mjlab finds the names that the module states among {f['sites']} sites and "
+        f"{f['sensors']} sensors"
+    ),
+    "simready": lambda f: f"{f['met']} of {f['of']} features of {f['profile']} are met",
+    "asset_validator": lambda f: f"{f['failures']} rules fail, {f['warnings']} warnings",
+}
+"""Name of the check -> its sentence, from figures that it always has when it ran."""
+
 
 FIRST = (
     *("", "rank", "row", "of", "name", "robot", "link", "body", "joint", "pair", "a", "b"),

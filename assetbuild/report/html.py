@@ -7,9 +7,11 @@ from __future__ import annotations
 
 import base64
 import functools
+import json
+import math
 import re
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass
 from itertools import groupby
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -18,20 +20,20 @@ from markupsafe import Markup, escape
 
 from assetbuild._version import __version__
 from assetbuild.findings import SEVERITIES, Finding, is_consequence, is_waived
-from assetbuild.report.card import card_tables
+from assetbuild.report.card import Subject, card_tables
 from assetbuild.report.document import Report
-from assetbuild.report.figures import figures_of
-from assetbuild.report.identified import HEIGHT, WIDTH, identified
-from assetbuild.report.loading import loading_lines
-from assetbuild.report.sentences import sentence
-from assetbuild.report.subject import Subject
-from assetbuild.report.tables import text_of
-from assetbuild.report.verdict import CheckResult, Verdict, verdict_rows
-from assetbuild.report.view import view_data
+from assetbuild.report.figures import figures_of, sentence
+from assetbuild.report.tables import Table, table, text_of
+from assetbuild.report.verdict import CheckResult, verdict_rows
+from assetbuild.robot.identify import Fit
 from assetbuild.robot.inertia import total_mass
+from assetbuild.robot.initial import initial_pose
+from assetbuild.robot.model import Body, Joint
+from assetbuild.robot.pose import Pose
 
 if TYPE_CHECKING:
     from jinja2 import Environment
+
 
 ASSETS = Path(__file__).parent / "assets"
 GROUPS: tuple[tuple[str, str, tuple[str, ...]], ...] = (
@@ -63,7 +65,7 @@ def html_page(report: Report, subject: Subject, hero: bytes | None, view: View |
         verdict=report.verdict,
         name=subject.recipe.robot,
         hero=base64.b64encode(hero).decode("ascii") if hero else "",
-        rows=list(_rows(report.verdict)),
+        rows=verdict_rows(report.verdict),
         loading=[] if failed else list(loading_lines(subject.recipe.robot, targets)),
         missing=[target for target in ("mjlab", "isaaclab") if target not in targets],
         tiles=_tiles(report, subject),
@@ -72,7 +74,7 @@ def html_page(report: Report, subject: Subject, hero: bytes | None, view: View |
         view=view if view and view.library else None,
         robot=Markup(view_data(subject).replace("<", "\\u003c")),  # noqa: S704 # ends no script
         groups=_grouped(report.checks),
-        fits=[identified(*fit) for fit in subject.fits],
+        fits=[(fit, list(_tables(fit))) for fit in subject.fits],
         tables=card_tables(subject, report),
         built=_provenance(subject),
     )  # fmt: skip
@@ -91,7 +93,6 @@ def templates() -> Environment:
     made.filters |= {"counted": lambda number, noun: f"{number} {noun}{'s' * (number != 1)}"}
     made.tests["waived"] = is_waived
     made.globals |= {"asset": _asset, "sentence": sentence, "figures_of": figures_of}
-    made.globals["PLOT"] = (WIDTH, HEIGHT)
     return made
 
 
@@ -139,15 +140,6 @@ def _count(boxes: Sequence[Box]) -> int:
     return sum(len(findings) for _, _, findings in boxes)
 
 
-def _rows(verdict: Verdict) -> Iterator[tuple[str, str]]:
-    """Formats, physics and trainers, each with what was found."""
-    yield from verdict_rows(verdict)
-    if verdict.not_tried:
-        notes = (f"`{name}` ({note})" if note else f"`{name}`"
-                 for name, note in verdict.not_tried.items())  # fmt: skip
-        yield "checks", f"not run: {'; '.join(notes)}"
-
-
 def _tiles(report: Report, subject: Subject) -> tuple[tuple[str, str], ...]:
     states = [check.status for check in report.checks.values()]
     severities = [finding.severity for finding in report.findings]
@@ -182,3 +174,161 @@ def _provenance(subject: Subject) -> list[tuple[str, object]]:
         *sorted(subject.pin.items()),
         ("licence of the source", source.license or "not stated"),
     ]
+
+
+# --- the lines that load a bundle, to copy --------------------------------------------------
+
+
+def loading_lines(robot: str, targets: Collection[str]) -> Iterator[tuple[str, str]]:
+    """(consumer, lines) for what the bundle holds; paths as seen from where the build ran."""
+    bundle = f"build/{robot}"
+    module = re.sub(r"\W", "_", robot)
+    module = f"_{module}" if module[:1].isdigit() else module
+    if "mjcf" in targets:
+        yield (
+            "MuJoCo",
+            f'import mujoco\n\nmodel = mujoco.MjModel.from_xml_path("{bundle}/mjcf/scene.xml")',
+        )
+    path = f'import sys\n\nsys.path.insert(0, "{bundle}/python")\n'
+    if "mjlab" in targets:
+        yield "mjlab", f"{path}from {module}_mjlab import robot_cfg"
+    if "isaaclab" in targets:
+        upper = module.upper()
+        yield (
+            "Isaac Lab",
+            f"{path}from {module}_isaaclab_2 import {upper}_CFG  # Isaac Lab 3: _isaaclab_3\n\n"
+            f'robot = {upper}_CFG.replace(prim_path="{{ENV_REGEX_NS}}/Robot")',
+        )
+    elif "usd" in targets:
+        yield (
+            "Isaac Lab",
+            "import isaaclab.sim as sim_utils\n\n"
+            f'spawn = sim_utils.UsdFileCfg(usd_path="{bundle}/usd/{robot}.usda")',
+        )
+    if "urdf" in targets:
+        yield (
+            "ROS 2",
+            f"ros2 run robot_state_publisher robot_state_publisher {bundle}/urdf/{robot}.urdf",
+        )
+
+
+# --- what was measured ----------------------------------------------------------------------
+
+
+def _tables(fit: Fit) -> Iterator[Table]:
+    yield table(
+        "Parameters",
+        ("parameter", "value", "low", "high", "prior", "unit", "verdict"),
+        [
+            (p.label, None if p.refused else p.value, p.low, p.high, p.prior, p.unit,
+             p.refused or "identified")
+            for p in fit.parameters
+        ],
+        "low, high: 95 % interval from the fitted part",
+    )  # fmt: skip
+    yield table(
+        "Residuals",
+        ("joint", "fitted part", "held out, priors", "held out, identified"),
+        [(p.joint, p.fitted, p.before, p.after) for p in fit.predictions],
+        "RMS of measured minus simulated position, rad or m",
+    )
+    yield table(
+        "Logs",
+        ("log", "fitted, s", "held out, s", "samples, Hz", "sha256"),
+        [(log.file, log.seconds, log.held_s, log.rate_hz, log.sha256) for log in fit.logs],
+        f"condition of the scaled Fisher information: {fit.condition:.4g}",
+    )
+    if fit.related:
+        yield table(
+            "Correlated parameters",
+            ("of", "and", "correlation"),
+            [(r.a, r.b, r.correlation) for r in fit.related],
+            "parameters whose estimates depend on one another; above 0.99 both are refused",
+        )
+
+
+# --- what the 3D view knows beside its geometry: joints, poses, numbers ---------------------
+
+
+def view_data(subject: Subject) -> str:
+    """JSON for `viewer.js`. m, rad, quaternions wxyz; poses of joints are in the parent body."""
+    tree, start = subject.tree, initial_pose(subject.tree, subject.control)
+    others = [key for key in subject.control.keyframes if key.name != start.name]
+    poses: list[object] = [
+        {"name": k.name or "initial", "joints": dict(k.joints), **_plain_pose(tree.root_pose(k))}
+        for k in (start, *others)
+        if k.name or any(value for _, value in k.joints)
+    ]
+    poses.append({"name": "all joints 0", "joints": {}, **_plain_pose(tree.root_pose(start))})
+    content = {
+        "robot": subject.recipe.robot,
+        "floating": tree.base == "floating",
+        "root": tree.root,
+        "size": subject.measured.size_m,
+        "bodies": [_body(body, subject) for body in tree.bodies],
+        "joints": [_joint(joint) for joint in tree.joints],
+        "poses": poses,
+    }
+    return json.dumps(content, sort_keys=True, separators=(",", ":"), allow_nan=False)
+
+
+def _plain_pose(pose: Pose) -> dict[str, object]:
+    return {"xyz": list(pose.xyz), "quat": list(pose.quat)}
+
+
+def _joint(joint: Joint) -> dict[str, object]:
+    lower, upper = joint.limits.lower, joint.limits.upper
+    if joint.kind == "continuous" or lower is None or upper is None or not lower < upper:
+        upper = 1.0 if joint.kind == "prismatic" else math.pi
+        lower = -upper
+    has_axis = joint.kind in ("revolute", "continuous", "prismatic")
+    mimic = joint.mimic
+    return {
+        "name": joint.name,
+        "kind": joint.kind,
+        "parent": joint.parent,
+        "child": joint.child,
+        "axis": list(joint.axis) if has_axis else None,
+        "lower": lower,
+        "upper": upper,
+        "unit": "m" if joint.kind == "prismatic" else "rad",
+        "mimic": mimic and asdict(mimic),
+        **_plain_pose(joint.X_parent_joint),
+    }
+
+
+def _body(body: Body, subject: Subject) -> dict[str, object]:
+    row: dict[str, object] = {"name": body.name, "facts": list(_facts(body, subject))}
+    if body.inertial is None:
+        return row
+    row["com"] = list(body.inertial.com_m)
+    measured = subject.measured.by_body[body.name]
+    if measured.semi_axes_m is not None:
+        row["ellipsoid"] = {"axes": list(measured.semi_axes_m), "quat": list(measured.axes)}
+    return row
+
+
+def _facts(body: Body, subject: Subject) -> Iterator[tuple[str, str]]:
+    tree = subject.tree
+    yield "link", body.name
+    if body.inertial is not None:
+        yield "mass", f"{body.inertial.mass_kg:.6g} kg"
+        yield "centre of mass", f"{text_of(body.inertial.com_m)} m"
+        moments = subject.measured.by_body[body.name].moments_kg_m2
+        yield "principal moments", f"{text_of(moments)} kg m²"
+    merged = [frame.name for frame in tree.frames if frame.body == body.name]
+    if merged:
+        yield "holds", ", ".join(merged)
+    joint = tree.joint_above.get(body.name)
+    if joint is not None:
+        yield "joint", f"{joint.name}, {joint.kind}, axis {text_of(joint.axis)}"
+        yield "limits", f"{text_of(joint.limits.lower)} to {text_of(joint.limits.upper)}"
+        drive = subject.control.by_joint.get(joint.name)
+        if drive is not None:
+            yield "drive", f"{drive.model}, kp {drive.kp:g}, kd {drive.kd:g}"
+            yield "effort", text_of(drive.effort)
+            yield "armature", f"{drive.armature:.4g} kg m²"
+    links = {body.name, *merged}
+    pieces = [s for s in subject.shapes.of("collision") if s.link in links]
+    kinds = sorted({type(shape.geometry).__name__.lower() for shape in pieces})
+    yield "collision", f"{len(pieces)} pieces" + (f": {', '.join(kinds)}" if kinds else "")

@@ -33,10 +33,6 @@ DERIVED = ("manifest.json", "provenance.json")
 """They follow from the other files."""
 
 
-def _can_say_all(_: Key) -> bool:
-    return True
-
-
 @dataclass(frozen=True)
 class Form:
     """One format that says what the robot is. read: its table; holds: whether it can say a key.
@@ -46,7 +42,7 @@ class Form:
 
     read: Callable[[], Table]
     precision: Precision = field(default_factory=Precision)
-    holds: Callable[[Key], bool] = _can_say_all
+    holds: Callable[[Key], bool] = lambda _: True
     covers: tuple[str, ...] = ()
 
 
@@ -86,7 +82,8 @@ def bundle_side(bundle: Path, name: str = "") -> Side:
     try:
         found = {(f["rule"], f["subject"]): f["severity"] for f in report["findings"]}
         ready = bool(report["verdict"]["ready"])
-        figures = dict(_numbers({n: c.get("figures") for n, c in report["checks"].items()}))
+        held = leaves({name: check.get("figures") for name, check in report["checks"].items()})
+        figures = {p: v for p, v in held if isinstance(v, float) and math.isfinite(v)}
     except (KeyError, TypeError, AttributeError) as error:
         raise UsageError(f"`{bundle}` has no readable report: {error}") from None
     return Side(name or str(bundle), forms, bundle, digests, ready, found, figures)
@@ -115,12 +112,6 @@ def _whole_robot(reference: Reference, report: Mapping[str, Any]) -> Table:  # A
     for path, value in leaves(dict(reference.options)):
         facts[Key("recipe", "", f"recipe:{path}")] = value
     return Table({**merged.facts, **facts, **_motion(report, reference)})
-
-
-def _numbers(value: object) -> Iterator[tuple[str, float]]:
-    for path, found in leaves(value):
-        if isinstance(found, float) and not isinstance(found, bool) and math.isfinite(found):
-            yield path, found
 
 
 def _read(reader: Reader, file: Path, bundle: Path) -> Table:

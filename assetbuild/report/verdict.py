@@ -209,7 +209,7 @@ def _physics(findings: Sequence[Finding], checks: Mapping[str, CheckResult]) -> 
             continue
         did = check.figures.get(figure)
         if isinstance(did, Mapping) and did.get("outcome") in get_args(PhysicsStatus):
-            wrong = (f for f in findings if f.severity == "error" and _check_of(f) == name)
+            wrong = (f for f in findings if f.severity == "error" and f.rule.startswith(f"{name}."))
             error = None if did["outcome"] in FALLEN else next(wrong, None)
             who = "" if error is None or error.subject == "robot" else f"{error.subject}: "
             but = "" if error is None else f"; but {who}{error.message}"
@@ -227,11 +227,6 @@ def _physics(findings: Sequence[Finding], checks: Mapping[str, CheckResult]) -> 
 
 FALLEN = ("falls", "unstable")
 """Outcomes whose sentence says already what the error says."""
-
-
-def _check_of(finding: Finding) -> str:
-    """The first word of its rule."""
-    return finding.rule.partition(".")[0]
 
 
 # --- trainers ---------------------------------------------------------------------------------

@@ -12,7 +12,7 @@ from assetbuild.errors import StepError
 from assetbuild.findings import Finding, Rule
 from assetbuild.robot.codec import decode_file, encode
 from assetbuild.robot.files import RobotFiles
-from assetbuild.robot.inertia import combine, matrix_of, move_inertial, principal_moments
+from assetbuild.robot.inertia import combine, matrix_of, move_inertial
 from assetbuild.robot.model import Body, Inertial, Tree
 from assetbuild.robot.pose import Array
 from assetbuild.robot.randomize import (
@@ -40,8 +40,6 @@ from assetbuild.robot.ranges import (
 
 WASTEFUL = 0.5
 """Share of draws that fit into the link, below which the ranges are reported as too wide."""
-NOISES = (0.1, 0.2, 0.3)
-"""Independent noise on principal moments that the statistics compare our draws with."""
 
 ACCEPTANCE = Rule(
     "randomize.acceptance",
@@ -75,7 +73,15 @@ class DrawSamples(Step):
         rows = [_statistics(tree.by_body[name], drawn) for name, drawn in draws.items()]
         text = json.dumps({"draws": self._count, "bodies": rows}, sort_keys=True, indent=1)
         (files.outputs / "statistics.json").write_text(text + "\n", encoding="utf-8")
-        yield from _acceptance(draws)
+        for name, drawn in draws.items():
+            if drawn.acceptance < WASTEFUL:
+                yield ACCEPTANCE(
+                    f"link {name}",
+                    f"only {drawn.acceptance:.0%} of the draws are matter inside the link: "
+                    "what is kept is no longer uniform",
+                    hint="narrow `com`, `stretch` or `shear` for it in `randomize.links`",
+                    data={"acceptance": round(drawn.acceptance, 4)},
+                )
 
     @property
     def _count(self) -> int:
@@ -157,20 +163,18 @@ def _loaded(
 
 
 def _statistics(body: Body, drawn: Draws) -> dict[str, object]:
-    """What the draws of one body are like, beside independent noise on its principal moments."""
+    """What the draws of one body are like."""
     assert body.inertial is not None  # noqa: S101 # only bodies with mass are drawn
     rows = drawn.rows
-    moments = np.asarray(principal_moments(body.inertial.inertia_com_kg_m2))
     return {
         "body": body.name,
         "mass_kg": _spread(rows[:, 0]),
         "com_shift_m": _spread(np.linalg.norm(rows[:, 1:4] - body.inertial.com_m, axis=1)),
-        "largest_moment_kg_m2": _spread(_moments(rows)[:, 2]),
+        "largest_moment_kg_m2": _spread(
+            np.asarray(np.linalg.eigvalsh(matrix_of(rows[:, 4:])))[:, 2]
+        ),
         "inconsistent": int(inconsistent(rows).sum()),
         "acceptance": drawn.acceptance,
-        "independent_noise_inconsistent": {
-            f"{noise:g}": _noise_share(moments, noise, len(rows)) for noise in NOISES
-        },
     }
 
 
@@ -181,26 +185,3 @@ def _spread(values: Array) -> dict[str, object]:
     counts, _ = np.histogram(values, bins=40, range=edges)
     histogram = [int(n) for n in counts]
     return {"least": low, "median": middle, "most": high, "histogram": histogram}
-
-
-def _moments(rows: Array) -> Array:
-    return np.asarray(np.linalg.eigvalsh(matrix_of(rows[:, 4:])))
-
-
-def _noise_share(moments: Array, noise: float, count: int) -> float:
-    """Share of draws that break the triangle inequality when each moment is scaled alone."""
-    factors = 1.0 + noise * unit_draws(0, "independent noise", 0, count, 3)
-    scaled = moments * factors
-    return float((2.0 * scaled.max(axis=1) > scaled.sum(axis=1)).mean())
-
-
-def _acceptance(draws: Mapping[str, Draws]) -> Iterator[Finding]:
-    for name, drawn in draws.items():
-        if drawn.acceptance < WASTEFUL:
-            yield ACCEPTANCE(
-                f"link {name}",
-                f"only {drawn.acceptance:.0%} of the draws are matter inside the link: "
-                "what is kept is no longer uniform",
-                hint="narrow `com`, `stretch` or `shear` for it in `randomize.links`",
-                data={"acceptance": round(drawn.acceptance, 4)},
-            )

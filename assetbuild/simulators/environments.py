@@ -17,7 +17,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from assetbuild.engine.folders import cache_root
+from assetbuild.engine.machine import cache_root
 from assetbuild.engine.world import World
 from assetbuild.errors import MachineError
 from assetbuild.simulators.children import ask, last_line

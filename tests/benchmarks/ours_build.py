@@ -11,8 +11,8 @@ from pathlib import Path
 from assetbuild.engine import null
 from assetbuild.engine.digest import digest_bytes
 from assetbuild.engine.execute import execute, first_error
-from assetbuild.engine.folders import cache_root
 from assetbuild.engine.graph import Ref
+from assetbuild.engine.machine import cache_root
 from assetbuild.engine.planner import Planner
 from assetbuild.engine.session import Session
 from assetbuild.engine.step import Files, Step

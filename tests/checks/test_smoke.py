@@ -13,9 +13,9 @@ from tiny import run_step, tiny_quadruped, write_robot_ports
 import assetbuild
 from assetbuild.checks.smoke_mjlab import SmokeMjlab, _shown, judged
 from assetbuild.cli import main
+from assetbuild.cli.smoke import environments_to_make
 from assetbuild.engine.world import World
 from assetbuild.pipeline.recipes import whole_model
-from assetbuild.pipeline.smoking import environments_to_make
 from assetbuild.recipe.models import Recipe
 from assetbuild.robot.ranges import Randomize
 from assetbuild.simulators.children import ask

@@ -11,7 +11,7 @@ from pathlib import Path
 import commands
 import pytest
 
-from assetbuild.cli.values import size_of_text
+from assetbuild.cli.parser import size_of_text
 from assetbuild.engine.session import Session
 from assetbuild.engine.store import Store, open_store
 from assetbuild.pipeline import building

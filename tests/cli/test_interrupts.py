@@ -58,7 +58,7 @@ def test_an_interrupted_build_leaves_nothing_running(
         preexec_fn=hear_ctrl_c,
     )
     assert build.stderr is not None
-    line = next(line for line in build.stderr if "] converting mesh " in line)
+    line = next(line for line in build.stderr if "] convert_mesh " in line)
     assert line
     children = descendants(build.pid)
     assert children

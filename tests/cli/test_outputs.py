@@ -8,8 +8,7 @@ from typing import Any
 
 from defusedxml import ElementTree
 
-from assetbuild.cli.github import annotation_lines, markdown, step_summary
-from assetbuild.cli.outputs import write_junit
+from assetbuild.cli.outputs import annotation_lines, markdown, step_summary, write_junit
 from assetbuild.engine.make import NodeResult
 from assetbuild.errors import StepError
 from assetbuild.findings import Finding

@@ -58,15 +58,6 @@ def test_every_verb_that_builds_shares(verb: str, tmp_path: Path):
     assert "--cache-write" in text
 
 
-def test_a_plain_build_of_a_warm_store_fills_the_cache(tmp_path: Path, warm_legs: Legs, server):
-    assert warm_legs.build().returncode == 0
-    done = warm_legs.build("--remote", server.url, "--cache-write")
-    assert (done.returncode, set(warm_legs.steps().values())) == (0, {"cached"})
-    second = new_legs(tmp_path / "b")
-    assert second.build("--remote", server.url).returncode == 0
-    assert set(second.steps().values()) == {"cached"}
-
-
 @pytest.mark.slow
 def test_samples_are_shared(tmp_path: Path, warm_legs: Legs, server):
     ranges = '\nrandomize: {links: {".*": {density: [0.8, 1.2]}}}\n'

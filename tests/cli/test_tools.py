@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import shutil
 import subprocess
 from pathlib import Path
@@ -9,7 +10,10 @@ from pathlib import Path
 import pytest
 
 from assetbuild.cli import main
+from assetbuild.cli.bench import front
 from assetbuild.cli.doctor import examine
+from assetbuild.cli.parser import file_or_robot
+from assetbuild.library import robots
 
 from .conftest import Legs
 
@@ -29,7 +33,7 @@ def test_doctor_tells_a_store_that_cannot_be_written_to(monkeypatch, tmp_path: P
 
 
 def test_doctor_without_opengl_names_the_package(monkeypatch):
-    monkeypatch.setattr("assetbuild.looks.offscreen.renderer", lambda _: "none")
+    monkeypatch.setattr("assetbuild.looks.plan.renderer", lambda _: "none")
     (pictures,) = [row for row in examine() if row.name == "pictures"]
     assert pictures.level == "missing" and "libegl1" in pictures.fix
 
@@ -98,3 +102,84 @@ def test_check_names_what_each_warning_is_about(legs: Legs):
 def test_other_shells_have_a_script_that_knows_the_verbs(shell: str, capsys):
     assert main(["completion", shell]) == 0
     assert "validate" in capsys.readouterr().out
+
+
+def test_two_recipes_are_one_graph_and_share_their_steps(warm_legs: Legs):
+    other = warm_legs.folder / "other.yaml"
+    other.write_text(warm_legs.recipe.read_text().replace("robot: legs", "robot: other", 1))
+    done = warm_legs.build("other.yaml", "-j2")
+    assert done.returncode == 0, done.stdout + done.stderr
+    bundles = [warm_legs.folder / "build" / name for name in ("legs", "other")]
+    for bundle in bundles:
+        steps = json.loads(bundle.with_name(f"{bundle.name}.run.json").read_text())["steps"]
+        assert steps["read_urdf"]["status"] == "cached"
+        assert (bundle / "manifest.json").is_file()
+    assert "0 ran" in warm_legs.build().stdout
+
+    before = [bundle.stat().st_ino for bundle in bundles]
+    other.write_text(other.read_text() + "# a word\n")
+    assert warm_legs.build("other.yaml", "-j2").returncode == 0
+    after = [bundle.stat().st_ino for bundle in bundles]
+    assert after[0] == before[0]
+    assert after[1] != before[1]  # its provenance names the recipe's digest
+
+
+def test_two_recipes_of_one_robot_are_refused(legs: Legs):
+    (legs.folder / "again.yaml").write_text(legs.recipe.read_text())
+    done = legs.build("again.yaml")
+    assert done.returncode == 2
+    assert "two of the recipes build `legs`" in done.stderr
+
+
+def test_every_step_gives_the_same_bytes_twice(warm_legs: Legs):
+    done = warm_legs.build("--rebuild-check")
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert "legs: reproducible: every step gave the same bytes twice" in done.stdout
+    assert not (warm_legs.folder / "build/legs.rebuild-check").exists()
+
+
+def test_every_robot_is_listed_with_a_sentence(capsys: pytest.CaptureFixture[str]):
+    assert main(["list"]) == 0
+    lines = dict(line.split(maxsplit=1) for line in capsys.readouterr().out.splitlines())
+    recipes = Path(__file__).parents[2] / "recipes"
+    assert lines.keys() == {path.stem for path in recipes.glob("*.yaml")} - {
+        path.stem for path in recipes.glob("*.lock.yaml")
+    }
+    assert all(sentence.endswith(".") for sentence in lines.values())
+
+
+def test_a_name_is_a_robot_of_the_library_unless_a_file_has_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    monkeypatch.chdir(tmp_path)
+    assert file_or_robot("go1") == robots()["go1"]
+    assert file_or_robot("go1.yaml") == Path("go1.yaml")
+    Path("go1").touch()
+    assert file_or_robot("go1") == Path("go1")
+
+
+def test_a_name_that_no_robot_has_is_told_with_the_nearest(capsys: pytest.CaptureFixture[str]):
+    with pytest.raises(SystemExit) as ended:
+        main(["build", "go2x"])
+    assert ended.value.code == 2
+    assert "the library has no robot `go2x`; did you mean `go2`?" in capsys.readouterr().err
+
+
+def test_a_copied_recipe_is_whole_and_replaces_nothing(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+):
+    """The rover carries another robot, and its source lies beside it."""
+    monkeypatch.chdir(tmp_path)
+    assert main(["init", "--from", "rover"]) == 0
+    assert main(["check", "rover.yaml"]) == 0
+    assert "# assetbuild build rover.yaml" in Path("rover.yaml").read_text()
+    assert main(["init", "--from", "z1"]) == 2
+    assert "`z1.yaml` exists" in capsys.readouterr().err
+    assert main(["init", "--from", "z2"]) == 2
+    assert main(["init"]) == 2
+
+
+def test_what_another_beats_in_both_is_not_on_the_front():
+    points = {"hull": (4e4, 0.5), "good": (2e4, 0.9), "bad": (1.5e4, 0.8), "slow": (5e3, 0.9)}
+    assert front(points) == {"hull", "good"}
+    assert front({"a": (1.0, 1.0), "b": (1.0, 1.0)}) == {"a", "b"}

@@ -70,9 +70,9 @@ def test_it_follows_recipe_and_source_and_survives_mistakes(legs: Legs, watching
     legs.edit("kp: 20", "kp: 30")
     told = watching.waits()
     assert "changed: `legs.yaml`" in told
-    assert "computing drives and poses" in told
-    assert "writing the URDF" not in told  # it holds no gain
-    assert "reading the URDF" not in told
+    assert "] control" in told
+    assert "] urdf" not in told  # it holds no gain
+    assert "] read_urdf" not in told
     legs.edit("kp: 30", "kpp: 30")
     told = watching.waits()
     assert "legs.yaml:7:" in told
@@ -82,7 +82,7 @@ def test_it_follows_recipe_and_source_and_survives_mistakes(legs: Legs, watching
     legs.urdf.write_text(legs.urdf.read_text().replace('mass value="6"', 'mass value="7"'))
     told = watching.waits()
     assert "changed: `four_legs.urdf`" in told
-    assert "reading the URDF" in told
+    assert "] read_urdf" in told
     watching.process.send_signal(signal.SIGINT)
     assert watching.process.wait(10) == 0
     assert watching.until(lambda line: "stopped watching" in line)

@@ -10,7 +10,7 @@ import pytest
 from PIL import Image
 
 from assetbuild.engine.world import World
-from assetbuild.looks.offscreen import renderer
+from assetbuild.looks.plan import renderer
 
 from .conftest import Legs
 

@@ -18,20 +18,19 @@ import mujoco
 import pytest
 
 import assetbuild
+from assetbuild.cli.identify import plan_excite
+from assetbuild.cli.sample import plan_samples
 from assetbuild.engine.actions import Action, Made
 from assetbuild.engine.code import Code, StepCode
 from assetbuild.engine.libraries import Libraries
 from assetbuild.engine.planner import settle
-from assetbuild.engine.processes import Processes
+from assetbuild.engine.processes import Processes, stage
 from assetbuild.engine.session import Session
-from assetbuild.engine.staging import stage
 from assetbuild.engine.step import Step
 from assetbuild.engine.store import Store
 from assetbuild.engine.wire import step_to_json
-from assetbuild.pipeline.identifying import plan_excite
 from assetbuild.pipeline.opening import Opened
 from assetbuild.pipeline.recipes import load_recipe
-from assetbuild.pipeline.sampling import Draws, plan_samples
 from assetbuild.plan import plan
 from docs.site.pages.rules import package_modules
 
@@ -153,7 +152,7 @@ def runs(tmp_path_factory: pytest.TempPathFactory) -> list[Seen]:
             assert not done.errors
             work = Opened(loaded, None, session, runner)
             if loaded.recipe.randomize:
-                work.made(partial(plan_samples, work, Draws(keep=1, judge=5, seed=1)))
+                work.made(partial(plan_samples, work, 1, 5, 1))
             if loaded.recipe.identify:
                 work.made(partial(plan_excite, work, 10.0))
             for number, (kind, action) in enumerate(runner.first.items()):
@@ -250,8 +249,7 @@ def test_no_collision_step_reaches_the_recipe(code: Code):
 
 COMPUTED_WITH = {
     "assetbuild.engine.digest": "downloads are compared with the lock by their digests",
-    "assetbuild.engine.confine": "what a xacro and a trainer's module may do",
-    "assetbuild.engine.landlock": "what they may open",
+    "assetbuild.engine.confine": "what a xacro and a trainer's module may do and open",
 }
 """Modules of the engine that steps compute with; another would run most steps when it changes."""
 

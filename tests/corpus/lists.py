@@ -20,7 +20,7 @@ from pathlib import Path
 
 import yaml
 
-from assetbuild.engine.folders import cache_root
+from assetbuild.engine.machine import cache_root
 
 PACKAGE = "example-robot-data==6.0.0"
 ROOT_IN_WHEEL = "cmeel.prefix/share/example-robot-data"

@@ -38,7 +38,7 @@ ELSEWHERE = {
     "assetbuild smoke": "tests/checks/test_smoke.py",
     "assetbuild identify": "tests/cli/test_identify.py",
     "_isaaclab.json": "tests/targets/test_isaaclab_measure.py",
-    "assetbuild build go1": "tests/cli/test_library.py",
+    "assetbuild build go1": "tests/cli/test_tools.py",
     "build crate.yaml": "tests/contracts/test_foreign_plugins.py",
 }
 """What a page shows and needs another machine or simulator for: the test that runs it."""

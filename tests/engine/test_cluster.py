@@ -12,15 +12,14 @@ import pytest
 from servers_for_tests import serving
 from steps_for_tests import Misbehave, MixInChild, Slow, Split
 
+from assetbuild.engine.actions import key_parts
 from assetbuild.engine.code import Code
 from assetbuild.engine.execute import execute
-from assetbuild.engine.keys import key_parts
 from assetbuild.engine.make import NodeResult
 from assetbuild.engine.planner import Planner
 from assetbuild.engine.session import Session
 from assetbuild.engine.share import cluster as cluster_module
-from assetbuild.engine.share.cluster import Cluster, scheduler_address
-from assetbuild.engine.share.cluster_worker import run_action
+from assetbuild.engine.share.cluster import Cluster, run_action, scheduler_address
 from assetbuild.engine.share.remote import Remote
 from assetbuild.engine.store import Store
 from assetbuild.engine.wire import step_to_json

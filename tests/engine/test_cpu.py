@@ -16,9 +16,9 @@ from builds_for_tests import one
 from kernels_for_tests import Kernels
 
 from assetbuild.engine import cpu
+from assetbuild.engine.actions import key_parts
 from assetbuild.engine.code import Code
 from assetbuild.engine.cpu import UNKNOWN, X86_CLASSES, cpu_class, platform_tag, x86_class
-from assetbuild.engine.keys import key_parts
 from assetbuild.engine.machine import cpuinfo
 from assetbuild.engine.session import Session
 from assetbuild.engine.store import Store

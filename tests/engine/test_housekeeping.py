@@ -77,7 +77,7 @@ def test_the_store_is_below_the_limit_afterwards_and_still_right(tmp_path: Path,
     gc(root, limit)
     assert stats(root).total_bytes <= limit + 2000  # the stat cache of sources is no part of it
     store = Store(root)
-    assert check(store).is_clean
+    assert not check(store).corrupt
     assert check(store).incomplete == 0
     store.close()
     build(root, log, "abcdef")
@@ -108,8 +108,8 @@ def test_check_sets_corrupt_objects_aside_and_the_next_build_makes_them_again(tm
     store = Store(tmp_path / "store")
     found = check(store)
     assert (found.corrupt, found.torn, found.incomplete) == ((lost,), 1, 1)
-    assert not found.is_clean
-    assert check(store).is_clean
+    assert found.corrupt
+    assert not check(store).corrupt
     store.close()
     with Session(Store(tmp_path / "store")) as session:
         again = execute(chain(session, source), session)

@@ -161,8 +161,8 @@ def test_builds_have_records_of_their_own():
 
 def test_the_null_build_loads_next_to_nothing():
     program = (
-        "import sys; before = set(sys.modules); from assetbuild.engine import folders, null; "
-        "null.check('/nowhere', ''); folders.cache_root(); "
+        "import sys; before = set(sys.modules); from assetbuild.engine import machine, null; "
+        "null.check('/nowhere', ''); machine.cache_root(); "
         "print(*sorted(set(sys.modules) - before))"
     )
     out = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True)

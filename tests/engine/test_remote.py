@@ -294,41 +294,6 @@ def test_a_proxy_of_an_unknown_kind_is_one_error(monkeypatch):
         Remote("https://cache.invalid")
 
 
-def test_what_a_warm_store_has_and_the_cache_lacks_is_offered(tmp_path, robot, server):
-    Machine(tmp_path / "a").build(robot, width=12)
-    Machine(tmp_path / "a", server.url).build(robot, width=12)
-    assert server.files == {}
-    warm = Machine(tmp_path / "a", server.url, write=True)
-    assert {r.status for r in warm.build(robot, width=12).values()} == {"cached"}
-    results = Machine(tmp_path / "b", server.url).build(robot, width=12)
-    assert {result.status for result in results.values()} == {"cached"}
-    sent = [path for verb, path in server.asked if verb == "PUT"]
-    Machine(tmp_path / "a", server.url, write=True).build(robot, width=12)
-    assert [path for verb, path in server.asked if verb == "PUT"] == sent  # once is enough
-
-
-def test_offers_to_a_slow_cache_end_soon_after_the_build_with_a_note(tmp_path, robot, server):
-    plain = Machine(tmp_path / "a")
-    plain.build(robot, width=12)
-    plain.build(robot, width=12)
-    server.pause_s = 0.3
-    warm = Machine(tmp_path / "a", server.url, write=True, budget=Budget(offer_s=0.5))
-    warm.build(robot, width=12)
-    assert warm.seconds < plain.seconds + 1.5
-    assert len(warm.warnings) == 1
-    assert "older results are not in the shared cache yet" in warm.warnings[0]
-    assert warm.remote is not None
-    assert not warm.remote.is_complete
-
-
-def test_offers_to_a_cache_that_fails_are_one_warning(tmp_path, robot, server):
-    Machine(tmp_path / "a").build(robot)
-    server.fault = "500"
-    warm = Machine(tmp_path / "a", server.url, write=True)
-    assert {r.status for r in warm.build(robot).values()} == {"cached"}
-    assert len(warm.warnings) == 1
-
-
 @pytest.mark.parametrize("url", ["file:///etc", "ftp://host", "host:80", "http://"])
 def test_only_http_is_a_remote(url):
     with pytest.raises(UsageError, match="HTTP cache"):

@@ -15,10 +15,10 @@ import trimesh
 from PIL import Image
 from pxr import Usd, UsdGeom, UsdShade
 
+from assetbuild.cli.check import check
 from assetbuild.engine.questions import KIND
 from assetbuild.errors import RecipeError
 from assetbuild.pipeline.building import Outcome, Request, build
-from assetbuild.pipeline.checking import check
 
 pytestmark = pytest.mark.slow
 

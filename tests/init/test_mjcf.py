@@ -8,10 +8,10 @@ import pytest
 from hands import COUPLED, PINCHER, robot
 from mjcfs import ROBOTS, TET
 
+from assetbuild.cli.check import check
 from assetbuild.errors import SourceError
 from assetbuild.init import propose, write
 from assetbuild.init.mjcf import robot_name
-from assetbuild.pipeline.checking import check
 from assetbuild.pipeline.recipes import load_recipe
 
 LEG = '<mujoco model="one leg"><compiler meshdir="../meshes"/><asset><mesh file="a.obj"/></asset><worldbody><body name="trunk"><freejoint/><geom size=".1"/><geom type="mesh" mesh="a" contype="0" conaffinity="0"/></body></worldbody></mujoco>'  # noqa: E501 # one robot per line

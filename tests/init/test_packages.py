@@ -12,10 +12,10 @@ import pytest
 import yaml
 from urdfs import inertial, joint, link, mesh, robot, shape
 
+from assetbuild.cli.check import check
 from assetbuild.errors import SourceError
 from assetbuild.findings import Finding
 from assetbuild.init import propose, write
-from assetbuild.pipeline.checking import check
 
 OBJ = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n"
 OTHER = OBJ.replace("v 1 0 0", "v 2 0 0")

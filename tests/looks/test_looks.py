@@ -22,9 +22,8 @@ from assetbuild.control.keep import KeepPose
 from assetbuild.engine.world import World
 from assetbuild.errors import StepError
 from assetbuild.looks.lighten import Lighten
-from assetbuild.looks.offscreen import renderer
-from assetbuild.looks.render import Render, draw_all
-from assetbuild.looks.stage import MARGIN, ellipsoid_points, fitted
+from assetbuild.looks.plan import renderer
+from assetbuild.looks.render import MARGIN, Render, draw_all, ellipsoid_points, fitted
 from assetbuild.looks.studio import BACKGROUND
 from assetbuild.looks.viewer import SPAN_M, Viewer, in_bytes, three_js
 from assetbuild.mesh.obj import obj_bytes, read_triangles

@@ -16,8 +16,7 @@ from assetbuild.facts.reference import Assets, Reference
 from assetbuild.facts.surface import measure
 from assetbuild.findings import Finding
 from assetbuild.mesh.obj import read_triangles
-from assetbuild.pipeline.again import prove_again
-from assetbuild.pipeline.held_meshes import edited_rows, held_meshes
+from assetbuild.pipeline.again import edited_rows, held_meshes, prove_again
 from tests.mutations.conftest import legs
 
 __all__ = ["legs"]

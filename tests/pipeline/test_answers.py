@@ -7,9 +7,9 @@ from pathlib import Path
 import pytest
 from urdfs import LIMIT, inertial, joint, link, robot, tensor
 
+from assetbuild.cli.check import check
 from assetbuild.findings import Finding
 from assetbuild.pipeline.answers import Answers
-from assetbuild.pipeline.checking import check
 
 OPEN = '<limit effort="9" velocity="5"/>'
 LOCKED = '<limit lower="0" upper="0" effort="9" velocity="5"/>'

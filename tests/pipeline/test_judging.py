@@ -2,9 +2,15 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
+import pytest
+from urdfs import link, robot
+
+from assetbuild.cli import main
 from assetbuild.engine.graph import Node
 from assetbuild.facts.readers.mjcf import MjcfFacts
-from assetbuild.pipeline.judging import _not_compared
+from assetbuild.pipeline.judging import _not_compared, licence_findings
 from assetbuild.plan import Outline
 from assetbuild.targets.mjcf import Mjcf
 
@@ -16,3 +22,63 @@ def test_a_target_without_a_reader_keeps_the_robot_from_being_ready():
     (finding,) = _not_compared(outline)
     assert (finding.rule, finding.subject) == ("formats.not_compared", "recipe targets sdf")
     assert finding.unready
+
+
+URDF = robot(link("cube"), name="cube")
+
+
+@pytest.mark.parametrize(
+    ("licence", "rules"),
+    [
+        ("MIT", []),
+        (None, ["license.unstated"]),
+        ("CC-BY-4.0", []),
+        ("CC-BY-SA-4.0", ["license.share_alike"]),
+        ("CC-BY-NC-ND-4.0", ["license.no_derivatives", "license.non_commercial"]),
+        ("Apache-2.0 AND CC-BY-ND-3.0", ["license.no_derivatives"]),
+        ("BSD-3-Clause-No-Nuclear-License", []),
+        ("LicenseRef-ND", []),
+    ],
+)
+def test_terms_are_told(licence: str | None, rules: list[str]):
+    assert [finding.rule for finding in licence_findings(licence, texts=1)] == rules
+
+
+def test_no_derivatives_is_a_warning():
+    found = licence_findings("CC-BY-NC-ND-4.0", texts=1)
+    assert [finding.severity for finding in found] == ["warning", "info"]
+
+
+def test_a_source_without_a_text_is_told():
+    assert [finding.rule for finding in licence_findings("MIT", texts=0)] == ["license.no_text"]
+
+
+def test_the_texts_and_the_origin_go_into_the_bundle(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    monkeypatch.setenv("ASSETBUILD_CACHE", str(tmp_path / "cache"))
+    for path, text in (
+        ("src/LICENSE", "of everything"),
+        ("src/robots/LICENCE.txt", "of the robots"),
+        ("src/robots/cube/cube.urdf", URDF),
+        ("src/other/LICENSE", "of something else"),
+    ):
+        file = tmp_path / path
+        file.parent.mkdir(parents=True, exist_ok=True)
+        file.write_text(text)
+    (tmp_path / "cube.yaml").write_text(
+        "schema: assetbuild/v1\nrobot: cube\nbase: floating\ntargets: [urdf]\n"
+        "source: {path: src, urdf: robots/cube/cube.urdf, license: CC-BY-ND-4.0}\n"
+        "edits: [{set_mass: {link: cube, mass: 2}}]\n"
+    )
+    out = tmp_path / "out"
+    assert main(["build", str(tmp_path / "cube.yaml"), "-o", str(out)]) == 0
+    texts = {p.relative_to(out).as_posix(): p.read_text() for p in out.glob("LICENSES/**/LICEN*")}
+    assert texts == {
+        "LICENSES/LICENSE": "of everything",
+        "LICENSES/robots/LICENCE.txt": "of the robots",
+    }
+    notice = (out / "NOTICE").read_text()
+    for words in ("from src", "robots/cube/cube.urdf", "CC-BY-ND-4.0", "set_mass"):
+        assert words in notice
+    assert "license.no_derivatives" in (out / "report/report.json").read_text()

@@ -13,7 +13,6 @@ from assetbuild.engine.digest import digest_file
 from assetbuild.errors import MachineError, UsageError
 from assetbuild.pipeline import publish as module
 from assetbuild.pipeline.publish import (
-    Published,
     discard,
     heal,
     lies_there,
@@ -51,7 +50,7 @@ def manifest(folder: Path) -> dict[str, str]:
     return {name: digest_file(folder / name) for name in content(folder) if "/" in name}
 
 
-def make(out: Path, text: str, old: dict[str, str] | None = None) -> Published:
+def make(out: Path, text: str, old: dict[str, str] | None = None) -> tuple[str, ...]:
     staging = new_staging(out)
     fill(staging, text)
     return publish(staging, out, old)
@@ -95,7 +94,7 @@ def test_what_the_user_did_is_kept_and_reported(out: Path, way: str):
     (out / "notes/mine.txt").write_text("mine")
     found = make(out, "two", old)
     aside = out.with_name("go1.edited")
-    assert found == Published(("mjcf/go1.xml",), ("notes/mine.txt",), aside)
+    assert found == ("mjcf/go1.xml", "notes/mine.txt")
     assert content(aside) == {"mjcf/go1.xml": "edited", "notes/mine.txt": "mine"}
     assert "notes/mine.txt" not in content(out)
     (out / "mjcf/go1.xml").write_text("edited again")
@@ -112,7 +111,7 @@ def manifest_of_two(out: Path) -> dict[str, str]:
 
 def test_an_untouched_bundle_leaves_nothing_aside(out: Path):
     make(out, "one")
-    assert make(out, "two", manifest(out)) == Published()
+    assert make(out, "two", manifest(out)) == ()
     assert not out.with_name("go1.edited").exists()
 
 

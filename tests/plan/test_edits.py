@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 from source.test_source import URDF
 
+from assetbuild.cli.check import check
 from assetbuild.errors import RecipeError
-from assetbuild.pipeline.checking import check
 
 HEAD = "schema: assetbuild/v1\nrobot: r\nsource: {path: ., urdf: r.urdf, license: MIT}\nedits:\n"
 

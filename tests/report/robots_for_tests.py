@@ -7,7 +7,7 @@ from tiny import TinyRobot, tiny_quadruped
 from assetbuild.body.measure_bodies import measure
 from assetbuild.pipeline.recipes import whole_model
 from assetbuild.recipe.models import Recipe
-from assetbuild.report.subject import Subject
+from assetbuild.report.card import Subject
 
 
 def recipe(**more: object) -> Recipe:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from html import unescape
 from html.parser import HTMLParser
 
@@ -11,10 +12,10 @@ from tiny import tiny_quadruped
 from assetbuild.findings import Finding
 from assetbuild.recipe.models import Waiver
 from assetbuild.report.document import make_report
-from assetbuild.report.figures import figures_of, tables_of
+from assetbuild.report.figures import figures_of, sentence, tables_of
 from assetbuild.report.html import View, html_page
-from assetbuild.report.sentences import sentence
 from assetbuild.report.verdict import CheckResult
+from assetbuild.robot.identify import Fit, LogUsed, Parameter, Prediction
 
 from .robots_for_tests import subject
 
@@ -150,3 +151,18 @@ class Tags(HTMLParser):
 
     def handle_endtag(self, tag):
         assert self.open_now.pop() == tag
+
+
+def test_what_was_identified_stands_in_tables_with_what_was_refused():
+    fit = Fit(
+        logs=(LogUsed("log.csv", "0" * 64, 10.0, 3.0, 100.0),),
+        parameters=(
+            Parameter("armature", ("knee",), 0.01, 0.009, 0.011),
+            Parameter("friction", ("knee",), 0.1, -1.0, 1.0, refused="the logs do not show it"),
+        ),
+        predictions=(Prediction("knee", 0.001, 0.02, 0.002),),
+    )
+    shown = replace(subject(), fits=(fit,))
+    page = html_page(make_report("tiny", [], {}, {}, lambda _: ""), shown, None, None)
+    assert "1 of 2 parameters are identified" in page
+    assert "the logs do not show it" in page and "log.csv" in page

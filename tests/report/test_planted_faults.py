@@ -19,9 +19,9 @@ from assetbuild.body.measure_bodies import measure
 from assetbuild.findings import Finding
 from assetbuild.kinds import Check
 from assetbuild.plugins import load_plugin, plugin_names
+from assetbuild.report.card import Subject
 from assetbuild.report.document import make_report
 from assetbuild.report.html import html_page
-from assetbuild.report.subject import Subject
 from assetbuild.report.verdict import CheckResult
 from assetbuild.robot.inertia import rotate_tensor
 from assetbuild.robot.model import Body, Joint

@@ -59,7 +59,7 @@ def test_every_drawn_body_has_room_in_its_geometry(widely):
             assert np.trace(pseudo_inertia(body.inertial) @ quadric) >= -1e-12
 
 
-def test_the_statistics_count_no_inconsistent_draw_and_show_what_noise_does(widely):
+def test_the_statistics_count_no_inconsistent_draw(widely):
     statistics = json.loads((widely[0] / "statistics.json").read_text())
     assert statistics["draws"] == 100
     for body in statistics["bodies"]:

@@ -9,8 +9,8 @@ import pytest
 from tiny import run_step
 from urdfs import joint, link, robot
 
+from assetbuild.cli.check import check
 from assetbuild.errors import AssetBuildError, SourceError
-from assetbuild.pipeline.checking import check
 from assetbuild.source.patch_text import PatchText
 
 RECIPE = "schema: assetbuild/v1\nrobot: r\nsource:\n  path: src\n  {main}\n{keys}targets: [urdf]\n"

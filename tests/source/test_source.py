@@ -14,11 +14,11 @@ from pathlib import Path
 
 import pytest
 
+from assetbuild.cli.check import check
 from assetbuild.engine.execute import execute
 from assetbuild.engine.planner import Planner
 from assetbuild.errors import LockError, OutOfDateError, RecipeError, SourceError, Where
 from assetbuild.lock import lock_path, read_lock
-from assetbuild.pipeline.checking import check
 from assetbuild.pipeline.opening import open_session, pin
 from assetbuild.pipeline.recipes import load_recipe
 from assetbuild.source.plan import argument_text, open_source

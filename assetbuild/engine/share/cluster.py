@@ -7,21 +7,29 @@ does, and offers the results to the shared cache, from where they are taken, ver
 
 from __future__ import annotations
 
+import functools
 import json
 import logging
+import math
+import os
 import secrets
+from collections.abc import Mapping
+from pathlib import Path
 from typing import Any
 from urllib.parse import urlsplit
 
-from assetbuild.engine.actions import Action, Made
+from assetbuild.engine.actions import Action, Made, key_parts, missing_output
 from assetbuild.engine.children import CancelledError
+from assetbuild.engine.execute import HEALING_ROUNDS
+from assetbuild.engine.explain import changes_between, changes_text
+from assetbuild.engine.machine import cache_root
 from assetbuild.engine.processes import Processes
-from assetbuild.engine.runner import Runner
 from assetbuild.engine.session import Session
-from assetbuild.engine.share.remote import Remote
+from assetbuild.engine.share.remote import Budget, Remote
 from assetbuild.engine.step import Step
-from assetbuild.engine.wire import error_from_json, step_to_json
-from assetbuild.errors import MachineError, UsageError
+from assetbuild.engine.store import LostObjectError, open_store
+from assetbuild.engine.wire import error_from_json, error_to_json, step_from_json, step_to_json
+from assetbuild.errors import AssetBuildError, MachineError, StepError, UsageError
 
 CONNECT_S = 10.0
 TRIES = 4
@@ -44,13 +52,14 @@ def scheduler_address(executor: str) -> str:
     return address
 
 
-class Cluster(Runner):
+class Cluster(Processes):
     """A connection to a scheduler: isolated steps run on its workers, all others here.
 
     remote: must be written to. MachineError when nobody answers at the address.
     """
 
     def __init__(self, executor: str, remote: Remote, session: Session) -> None:
+        super().__init__(session)
         address = scheduler_address(executor)
         try:
             import distributed
@@ -69,8 +78,6 @@ class Cluster(Runner):
                 f"no scheduler answers at {address}: {error or 'it took too long'}",
                 hint="start one by `dask scheduler`, see docs/how-to/cluster.md",
             ) from None
-        self._session = session
-        self._here = Processes(session)
 
     @property
     def places(self) -> int:
@@ -82,19 +89,14 @@ class Cluster(Runner):
         """The workers' matter, not this machine's."""
         return 1 << 40
 
-    @property
-    def closed(self) -> bool:
-        """Is nothing started any more?"""
-        return self._here.closed
-
     def prepare(self, step: Step) -> None:
         """Nothing: which worker will run it is not known."""
 
     def run(self, action: Action) -> Made:
-        """Run a step on some worker, as `Runner.run` says."""
+        """Run a step on some worker, else as `Processes` does."""
         step = action.step
         if step.network or step.cpu_bound or not step.isolated:
-            return self._here.run(action)
+            return super().run(action)
         for _ in range(TRIES):  # the cache may evict inputs and results at any moment
             objects = self._objects(action)
             if not self._remote.send(objects, self._session.store):
@@ -115,7 +117,7 @@ class Cluster(Runner):
                 return made
         if self._remote.is_given_up:
             raise _cache_failed(action)
-        return self._here.run(action)
+        return super().run(action)
 
     def _objects(self, action: Action) -> dict[str, int]:
         """Size in bytes by digest of all that the action reads, now in the store."""
@@ -129,8 +131,6 @@ class Cluster(Runner):
     def _answer(self, action: Action, spec: str) -> dict[str, Any]:  # Any: JSON
         from distributed import CancelledError as FutureCancelledError
         from distributed.scheduler import KilledWorker
-
-        from assetbuild.engine.share.cluster_worker import run_action
 
         # Not `pure`: dask would answer from its own memory, and the store is what is verified.
         name = f"{action.label}-{secrets.token_hex(8)}"
@@ -156,7 +156,7 @@ class Cluster(Runner):
 
     def close(self) -> None:
         """Give up what is not finished; nothing is started any more."""
-        self._here.close()
+        super().close()
         self._client.close(timeout=1)
 
 
@@ -165,3 +165,74 @@ def _cache_failed(action: Action) -> MachineError:
         f"the shared cache failed while step `{action.label}` ran on a worker",
         hint="inputs and results go through it; can this machine and the workers write to it?",
     )
+
+
+def run_action(text: str) -> str:
+    """JSON in and out: what `Cluster.run` asks for -> `{}`, `{error}`, or `{lost}`.
+
+    `{}`: the results are in the shared cache. lost: inputs that the cache has evicted.
+    """
+    spec = json.loads(text)
+    try:
+        return json.dumps(_make(spec))
+    except AssetBuildError as error:
+        if error.hint.startswith("its log: "):
+            error.hint = f"its log on {os.uname().nodename}: {error.hint[9:]}"
+        return json.dumps({"error": error_to_json(error)})
+
+
+@functools.lru_cache(maxsize=4)
+def _place(address: str) -> tuple[Session, Remote, Processes]:
+    """One for all actions of this worker, so that its child processes stay warm."""
+    key = os.environ.get("ASSETBUILD_CACHE_KEY", "")
+    patient = Budget(lost_s=math.inf, errors=1 << 30)  # it lives longer than one build
+    remote = Remote(address, key=key, write=True, budget=patient)
+    session = Session(open_store(Path(cache_root())), build="cluster")
+    return session, remote, Processes(session)
+
+
+def _make(spec: Mapping[str, Any]) -> dict[str, object]:  # Any: JSON
+    """From this store, from the shared cache, or freshly run. AssetBuildError.
+
+    The machine that plans looks after sources, and holds the turn of the action. Nothing is taken
+    for granted that an earlier action saw: this process may have run for a week.
+    """
+    action = Action.of(spec["label"], step_from_json(spec["step"]), spec["parts"])
+    # Its address may hold credentials, so that of a worker's own environment comes first.
+    address = os.environ.get("ASSETBUILD_REMOTE") or spec["remote"]
+    session, remote, processes = _place(address)
+    _check_same_key(action, session)
+    store = session.store
+    with store.busy():
+        remote.forget()
+        for _ in range(HEALING_ROUNDS):
+            session.forget()
+            try:
+                made = session.actions.known(action.key) or remote.get(action.key, store)
+                if made is None:
+                    lost = remote.fetch(spec["objects"], store)
+                    if lost:
+                        return {"lost": sorted(lost)}
+                    if lost is None:
+                        raise MachineError("a worker cannot get its inputs from the shared cache")
+                    made = processes.run(action)
+                store.put_action(action.key, made.to_json())
+            except LostObjectError:  # corrupt, or removed to save space: fetched again
+                continue
+            if remote.put(action.key, made, store):
+                return {}
+            if not missing_output(store, made):
+                raise MachineError("a worker cannot write its results to the shared cache")
+    raise StepError(f"the store of a worker keeps losing what step `{action.label}` reads")
+
+
+def _check_same_key(action: Action, session: Session) -> None:
+    """A worker with other code or libraries would make other bytes under the same key."""
+    ours = key_parts(action.step, action.inputs, session.code)
+    if ours != action.parts:
+        changed = changes_text(changes_between(action.parts, ours))
+        worker = os.uname().nodename
+        raise MachineError(
+            f"worker {worker} is not installed like the machine that builds: {changed}",
+            hint="install the same versions on both, then start the worker again",
+        )

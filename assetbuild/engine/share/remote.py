@@ -22,7 +22,6 @@ from urllib.parse import urlsplit
 
 from assetbuild.engine.actions import Made, made_from_json
 from assetbuild.engine.digest import canonical_json
-from assetbuild.engine.share.offers import Offers
 from assetbuild.engine.store import LostObjectError, Store
 from assetbuild.errors import UsageError
 
@@ -48,14 +47,13 @@ class Budget:
 
     request_s: for one request, on top of the time that its size allows. lost_s: for requests
     that failed, all together; errors: so many requests; then the cache is left alone.
-    object_bytes: of one action. offer_s: for what is still offered when the build is done.
+    object_bytes: of one action.
     """
 
     request_s: float = 10.0
     lost_s: float = 20.0
     object_bytes: int = 4 << 30
     errors: int = TOLERATED_ERRORS
-    offer_s: float = 2.0
 
 
 def place_of(url: str, request_s: float) -> Place:
@@ -104,9 +102,6 @@ class Remote:
         self._warn = warn
         self._lock = threading.Lock()
         self._warned = False
-        self._offers = Offers()
-        self.is_complete = True
-        """Was all sent that was offered?"""
         self.forget()
 
     def forget(self) -> None:
@@ -191,27 +186,6 @@ class Remote:
     def lost(self, objects: Iterable[str]) -> None:
         """The cache has evicted these objects."""
         self._there -= set(objects)
-
-    def offer(self, key: str, made: Made, store: Store) -> None:
-        """Send what the store has known for long, beside the build, if the cache lacks it."""
-        if self._write and not self.is_given_up and key not in self._there:
-            self._offers.add(lambda: self._send_older(key, made, store))
-
-    def close(self) -> None:
-        """Wait a moment for what is still offered; say so when that is not enough."""
-        left = self._offers.close(self._budget.offer_s)
-        self.is_complete = not left or self.is_given_up
-        if left and not self.is_given_up:
-            self._warn(
-                f"note: up to {left} older results are not in the shared cache yet; the next "
-                "builds go on with them, and `assetbuild cache push` sends them all"
-            )
-
-    def _send_older(self, key: str, made: Made, store: Store) -> None:
-        if not self.is_given_up:
-            with self._tolerant("write"):
-                if not self._place.has(f"ac/{key}"):
-                    self.put(key, made, store)
 
     # -- one exchange
 
