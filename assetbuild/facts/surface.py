@@ -1,4 +1,5 @@
-"""What a mesh is, in a few numbers that neither order nor format of its vertices changes.
+"""What a mesh is, in a few numbers that neither order nor format of its vertices changes, and
+what a picture shows, as a digest.
 
 Sums over the corners of all triangles: whatever moves one vertex moves them, however a format
 shares, splits or orders vertices.
@@ -6,7 +7,10 @@ shares, splits or orders vertices.
 
 from __future__ import annotations
 
+import hashlib
 from dataclasses import dataclass
+from io import BytesIO
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -141,3 +145,26 @@ def _matrix(six: tuple[float, ...]) -> Array:
 def _six(m: Array) -> tuple[float, ...]:
     """xx, yy, zz, xy, xz, yz of a symmetric matrix."""
     return tuple(float(m[i, j]) for i, j in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2)))
+
+
+# --- pictures -----------------------------------------------------------------------------------
+
+
+def pixel_digest(file: Path) -> str:
+    """Digest of the size and the RGBA pixels of a picture, whatever its file says besides.
+
+    "" where it is missing or no picture, which the targets report.
+    """
+    return pixels_of(file.read_bytes()) if file.is_file() else ""
+
+
+def pixels_of(data: bytes) -> str:
+    """The same of the bytes of a picture."""
+    from PIL import Image, UnidentifiedImageError
+
+    try:
+        with Image.open(BytesIO(data)) as picture:
+            pixels = picture.convert("RGBA")
+    except UnidentifiedImageError:
+        return ""
+    return hashlib.sha256(repr(pixels.size).encode() + pixels.tobytes()).hexdigest()[:16]

@@ -11,11 +11,10 @@ from typing import TYPE_CHECKING, cast
 
 import numpy as np
 
+from assetbuild.engine.digest import digest_bytes
 from assetbuild.errors import UsageError, Where
-from assetbuild.facts.known_files import KnownFiles
-from assetbuild.facts.picture import pixel_digest
-from assetbuild.facts.surface import Surface, measure
-from assetbuild.facts.table import Value, Writer
+from assetbuild.facts.surface import Surface, measure, pixel_digest
+from assetbuild.facts.table import Table, Value, Writer
 from assetbuild.mesh.obj import read_triangles
 from assetbuild.robot.pose import Pose, quat_of_rpy, vec3
 from assetbuild.xml_text import NotXml, read_tree
@@ -51,15 +50,19 @@ def read_root(path: Path) -> _Element:
 
 
 class UrdfFile:
-    """Puts all links and joints of one file into a table."""
+    """Puts all links and joints of one file into a table. known: surfaces by digest of their bytes.
 
-    def __init__(self, path: Path, root: _Element, known: KnownFiles, book: Writer) -> None:
-        self._path, self._root, self._known, self._book = path, root, known, book
+    UsageError where it is no URDF.
+    """
+
+    def __init__(self, path: Path, known: Mapping[str, Surface] | None = None) -> None:
+        self._path, self._root, self._known = path, read_root(path), known or {}
+        self._book = Writer()
         self._looks: dict[str, dict[str, Value]] = {}
         self._surfaces: dict[str, Surface] = {}
         self._named: set[tuple[str, str]] = set()
 
-    def read(self) -> None:
+    def read(self) -> Table:
         """A look is known to the whole file by its name, wherever it is defined."""
         for element in self._root.iter("material"):
             name, look = element.get("name", ""), self._look(element)
@@ -69,6 +72,7 @@ class UrdfFile:
             self._link(link)
         for joint in self._root.iterchildren("joint"):
             self._joint(joint)
+        return self._book.table()
 
     def _unique(self, kind: str, name: str, element: _Element) -> str:
         """The name; of a second subject of that name another one, which no robot has."""
@@ -123,7 +127,8 @@ class UrdfFile:
             data = (self._path.parent / name).read_bytes()
             while data.startswith((b"mtllib ", b"usemtl ")):
                 data = data.partition(b"\n")[2]
-            if (known := self._known.surface(data)) is None:
+            known = self._known.get(digest_bytes(data)) if self._known else None
+            if known is None:
                 mesh = read_triangles(data, name)
                 known = measure(mesh.corners, mesh.uv)
             self._surfaces[name] = known
@@ -134,7 +139,7 @@ class UrdfFile:
         colour, texture = element.find("color"), element.find("texture")
         facts: dict[str, Value] = {}
         if texture is not None:
-            digest = pixel_digest(self._path.parent / texture.get("filename", ""), self._known)
+            digest = pixel_digest(self._path.parent / texture.get("filename", ""))
             facts = {"rgba": (1.0, 1.0, 1.0, 1.0), "texture": digest or None}
         if colour is not None:
             facts["rgba"] = _numbers(colour, "rgba")

@@ -10,9 +10,8 @@ from pathlib import Path
 import numpy as np
 from pxr import Sdf, Usd, UsdGeom, UsdShade
 
-from assetbuild.facts.known_files import KnownFiles
-from assetbuild.facts.picture import pixel_digest
 from assetbuild.facts.reference import pose_value
+from assetbuild.facts.surface import pixel_digest
 from assetbuild.facts.table import Value, Writer, pair_name
 from assetbuild.facts.usd_meshes import Meshes
 from assetbuild.facts.usd_prims import Places, Prim, rigid
@@ -56,11 +55,10 @@ def read_shapes(
     shapes: Sequence[ShapePrim],
     names: Mapping[str, str],
     places: Places,
-    known: KnownFiles,
     book: Writer,
 ) -> list[Collider]:
     """Facts of all shapes; the colliders among them."""
-    meshes, looks, colliders = Meshes(places.units), Looks(known), []
+    meshes, looks, colliders = Meshes(places.units), Looks(), []
     alone = [s.holder.path for s in shapes if s.holder]
     for shape in shapes:
         prim, holder = shape.geometry, shape.holder
@@ -137,9 +135,8 @@ def _size(prim: Prim, scale: Array, axis: int) -> list[float]:
 
 @dataclass(frozen=True)
 class Looks:
-    """Materials as shapes are bound to them. known: pictures whose digests are known."""
+    """Materials as shapes are bound to them."""
 
-    known: KnownFiles
     materials: dict[str, dict[str, Value]] = field(default_factory=dict)
 
     def of(self, shape: Usd.Prim) -> dict[str, Value]:
@@ -164,13 +161,9 @@ class Looks:
                 facts["rgba"] = (*colour, *(shader.numbers("inputs:opacity") or (1.0,)))
             file = shader.value("inputs:file")
             if kind == "UsdUVTexture" and isinstance(file, Sdf.AssetPath):
-                facts["texture"] = self._pixels(file)
+                digest = pixel_digest(Path(file.resolvedPath)) if file.resolvedPath else ""
+                facts["texture"] = digest or f"unreadable {file.path}"
         return facts
-
-    def _pixels(self, file: Sdf.AssetPath) -> str:
-        found = str(file.resolvedPath)
-        digest = pixel_digest(Path(found), self.known) if found else ""
-        return digest or f"unreadable {file.path}"
 
 
 def _shaders(material: UsdShade.Material) -> Iterator[Prim]:

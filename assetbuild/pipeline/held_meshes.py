@@ -58,7 +58,7 @@ def edited_rows(file: str, data: bytes, assets: Assets) -> Iterator[Row]:
     if file.endswith(".obj"):
         yield from _mesh_rows(file, data, assets)
         return
-    from assetbuild.facts.picture import pixels_of
+    from assetbuild.facts.surface import pixels_of
 
     expected, found = dict(assets.pixels).get(file, ""), pixels_of(data)
     if expected != found:

@@ -11,10 +11,10 @@ import pytest
 from PIL import Image
 from tiny import TinyRobot, check_inputs, run_step, tiny_quadruped
 
-from assetbuild.facts.picture import pixel_digest
 from assetbuild.facts.reader import Reader
 from assetbuild.facts.readers.mjcf import MjcfFacts
 from assetbuild.facts.readers.usd import UsdReader
+from assetbuild.facts.surface import pixel_digest
 from assetbuild.kinds import Target
 from assetbuild.robot.shapes import Material, Mesh, MeshAsset, Shape
 from assetbuild.targets.mjcf import Mjcf

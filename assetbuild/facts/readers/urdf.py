@@ -7,12 +7,11 @@ from dataclasses import replace
 from pathlib import Path
 from typing import ClassVar
 
-from assetbuild.facts.known_files import KnownFiles
 from assetbuild.facts.losses import Lost
 from assetbuild.facts.reader import Reader
 from assetbuild.facts.reference import Reference, geometry_facts, mimic_facts, robot_table
 from assetbuild.facts.table import Table, Value, Writer
-from assetbuild.facts.urdf_file import UrdfFile, read_root
+from assetbuild.facts.urdf_file import UrdfFile
 from assetbuild.robot.model import MOVING, Control, Joint
 from assetbuild.robot.pose import Pose
 from assetbuild.robot.shapes import Capsule, Cylinder, Shape, Sphere
@@ -82,16 +81,11 @@ class UrdfFacts(Reader):
 
     def read(self, path: Path) -> Table:
         """Links, joints and their meshes; UsageError where it is no URDF."""
-        return self._read(path, KnownFiles())
+        return UrdfFile(path).read()
 
     def found(self, path: Path, reference: Reference) -> Table:
-        """A copy of one of the robot's own meshes and pictures is not read again."""
-        return self._read(path, reference.assets.known).only(self.holds)
-
-    def _read(self, path: Path, known: KnownFiles) -> Table:
-        book = Writer()
-        UrdfFile(path, read_root(path), known, book).read()
-        return book.table()
+        """A copy of one of the robot's own meshes is not read again."""
+        return UrdfFile(path, reference.assets.known).read().only(self.holds)
 
     def expected(self, reference: Reference) -> Table:
         """The links with their ratings; a capsule, which URDF lacks, in three pieces."""

@@ -10,7 +10,6 @@ from typing import ClassVar
 
 from assetbuild.errors import UsageError
 from assetbuild.facts.compare import FLOAT32, Precision
-from assetbuild.facts.known_files import KnownFiles
 from assetbuild.facts.losses import Lost
 from assetbuild.facts.reader import BROKEN, Reader
 from assetbuild.facts.reference import Reference, robot_table
@@ -113,16 +112,9 @@ class UsdReader(Reader):
 
     def read(self, path: Path) -> Table:
         """Read any USD; UsageError where it does not open, or names no default prim."""
-        return self._read(path, KnownFiles())
-
-    def found(self, path: Path, reference: Reference) -> Table:
-        """A copy of one of the robot's own pictures is not decoded again."""
-        return self._read(path, reference.assets.known).only(self.holds)
-
-    def _read(self, path: Path, known: KnownFiles) -> Table:
         from assetbuild.facts.usd_robot import read_robot
 
-        return read_robot(path, known)
+        return read_robot(path)
 
     def expected(self, reference: Reference) -> Table:
         """The robot as USD can hold it, with the words of the format."""
