@@ -10,9 +10,8 @@ from assetbuild.alignment.check import AlignmentCheck
 from assetbuild.alignment.gap import ranges_of, told
 from assetbuild.alignment.row import Row
 from assetbuild.alignment.touching import Pairs, touching_in_usd
-from assetbuild.facts.held import Held, as_physx, physx_table
+from assetbuild.facts.held import Held
 from assetbuild.facts.readers.usd import UsdReader
-from assetbuild.facts.table import Table
 from assetbuild.findings import Finding, Rule
 from assetbuild.robot.model import Control, Tree
 from assetbuild.simulators.experiments import Experiment
@@ -26,11 +25,6 @@ OFF = Rule(
     "a row of the comparison with MuJoCo is off (an error beyond the coarse limit); the how-to "
     "on Isaac Lab describes the rows",
     "read the report's table of `alignment`",
-    was={
-        "alignment.physx.kd_plus_damping": ("alignment.physx.kd", "alignment.physx.damping"),
-        "alignment.physx.contact_friction": ("alignment.physx.static_friction",),
-        "alignment.physx.root": ("alignment.physx.base_pose",),
-    },
 )
 FAILED_RUN = Rule(
     "alignment.physx.run",
@@ -41,7 +35,7 @@ FAILED_RUN = Rule(
 
 
 class Alignment(AlignmentCheck, PhysxCheck):
-    """`mjcf/` in MuJoCo and `usd/` in PhysX: what they hold, how they fall, follow, stand, land."""
+    """`mjcf/` in MuJoCo and `usd/` in PhysX: how they fall, follow, stand, land, and touch."""
 
     usual_s = 60.0
     engines: ClassVar[tuple[str, ...]] = ("mujoco", "physx")
@@ -52,10 +46,10 @@ class Alignment(AlignmentCheck, PhysxCheck):
     iterations: int = 8
     """Position iterations of PhysX's solver."""
 
-    def read(self, inputs: Path, held: Held, ours: Table, tree: Tree) -> tuple[Table, Table, Pairs]:
-        """PhysX tells what it holds; which bodies may touch stands in the USD."""
+    def touching(self, inputs: Path, held: Held, tree: Tree) -> Pairs:
+        """As the USD says: PhysX does not tell."""
         usd = UsdReader(robot=self.robot).read(inputs / f"usd/{self.robot}.usda")
-        return as_physx(ours), physx_table(held, tree), touching_in_usd(usd, tree)
+        return touching_in_usd(usd, tree)
 
     def beyond(
         self, rows: Sequence[Row], control: Control, asked: Mapping[str, Experiment]

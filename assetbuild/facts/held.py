@@ -1,8 +1,4 @@
-"""What a simulator holds once it has loaded a file, as facts, and what it must hold.
-
-What it must hold follows from any table of the vocabulary: the robot's own, or that of a compiled
-MJCF. So one form serves the read-backs and the comparison of two simulators.
-"""
+"""What a simulator holds once it has loaded a file, as facts, and what it must hold."""
 
 from __future__ import annotations
 
@@ -83,7 +79,7 @@ STILL_M = 2e-6
 # --- what any table says, in what a simulator can hold -------------------------------------------
 
 
-def as_physx(table: Table, drive_type: str = "force") -> Table:
+def as_physx(table: Table, drive_type: str) -> Table:
     """What PhysX must hold of it; the start and mimic joints are not the table's to say."""
     book = Writer()
     for key, value in table.facts.items():
