@@ -16,9 +16,16 @@ from pxr import Usd, UsdGeom, UsdPhysics
 from assetbuild.facts.reference import pose_value
 from assetbuild.facts.table import Table, Value, Writer
 from assetbuild.facts.usd_joints import JointPrim, joint_facts
-from assetbuild.facts.usd_prims import Places, Prim, quat_of_gf
+from assetbuild.facts.usd_prims import (
+    VARIANTS,
+    Places,
+    Prim,
+    engines_of,
+    opened,
+    quat_of_gf,
+    units_of,
+)
 from assetbuild.facts.usd_shapes import ShapePrim, pair_facts, read_shapes
-from assetbuild.facts.usd_stage import VARIANTS, engines_of, opened, units_of
 from assetbuild.robot.inertia import rotate_tensor
 
 GROUPS = ("visuals", "collisions")

@@ -9,9 +9,8 @@ from pxr import Usd
 
 from assetbuild.facts.reference import pose_value
 from assetbuild.facts.table import Table, Value, Writer
-from assetbuild.facts.usd_prims import Places, Prim
+from assetbuild.facts.usd_prims import Places, Prim, opened, units_of
 from assetbuild.facts.usd_shapes import surface_of
-from assetbuild.facts.usd_stage import opened, units_of
 
 
 def read_scene(path: Path) -> Table:

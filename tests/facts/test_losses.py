@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import pytest
 from tiny import TinyRobot, pendulum, tiny_quadruped, with_mimic
 
-from assetbuild.facts.losses import Lost, losses
+from assetbuild.facts.reader import Lost, losses
 from assetbuild.facts.readers.urdf import UrdfFacts
 from assetbuild.facts.readers.usd import UsdReader
 from assetbuild.facts.reference import Assets, Reference, robot_table

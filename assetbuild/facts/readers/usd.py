@@ -10,8 +10,7 @@ from typing import ClassVar
 
 from assetbuild.errors import UsageError
 from assetbuild.facts.compare import FLOAT32, Precision
-from assetbuild.facts.losses import Lost
-from assetbuild.facts.reader import BROKEN, Reader
+from assetbuild.facts.reader import BROKEN, Lost, Reader
 from assetbuild.facts.reference import Reference, robot_table
 from assetbuild.facts.table import Table
 from assetbuild.findings import Finding, Rule

@@ -235,7 +235,7 @@ def _contact(control: Control) -> Iterator[Finding]:
             yield CONTACT(
                 "robot",
                 f"PhysX does not apply {name} {', '.join(values[:4])}: {why}",
-                hint="compare `static_friction` and the standing height in the alignment form",
+                hint="compare the standing height in the alignment form",
                 data={"value": name, "surfaces": len(values)},
             )
 
