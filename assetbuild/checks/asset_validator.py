@@ -10,7 +10,7 @@ from collections.abc import Iterator, Sequence
 from typing import Any, ClassVar
 
 from assetbuild.findings import Finding, Rule
-from assetbuild.simulators.environments import Environment
+from assetbuild.simulators.consumers import Environment
 from assetbuild.simulators.foreign import REPORT, Validator
 
 SHOWN = 3

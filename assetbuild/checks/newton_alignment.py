@@ -11,10 +11,9 @@ from typing import ClassVar
 
 from assetbuild.alignment.check import AlignmentCheck
 from assetbuild.alignment.touching import Pairs, touching_in_mujoco
-from assetbuild.facts.held import Held
+from assetbuild.facts.held import Held, HeldModel
 from assetbuild.findings import Rule
 from assetbuild.robot.model import Tree
-from assetbuild.simulators.held_model import HeldModel
 from assetbuild.simulators.newton import NewtonCheck
 
 OFF = Rule(

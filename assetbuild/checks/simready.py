@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, ClassVar
 
 from assetbuild.findings import Finding, Rule
-from assetbuild.simulators.environments import Environment
+from assetbuild.simulators.consumers import Environment
 from assetbuild.simulators.foreign import REPORT, Validator
 
 VERSION = "3.0.0"

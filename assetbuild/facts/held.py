@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
+from functools import partial
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -30,7 +32,6 @@ from assetbuild.facts.table import Key, Table, Value, Writer
 from assetbuild.robot.model import Control, Tree
 from assetbuild.robot.pose import Pose, normalised_quat
 from assetbuild.robot.shapes import Shapes
-from assetbuild.simulators.held_model import HeldModel
 from assetbuild.simulators.mujoco import Model
 from assetbuild.simulators.physx.couplings import measurable
 from assetbuild.simulators.stages import TURN
@@ -350,3 +351,21 @@ class NoMeshes(Meshes):
     def of(self, _: int) -> Surface:  # type: ignore[override] # without a cache
         """The tetrahedron."""
         return self._any
+
+
+class HeldModel:
+    """The compiled model that Newton's solver holds, to be read as `mujoco.MjModel`."""
+
+    def __init__(self, held: Mapping[str, Any]) -> None:  # Any: JSON
+        self.opt = SimpleNamespace(**_arrays(held["opt"]))
+        for kind, names in held["names"].items():
+            held = {**held, kind: partial(_named, names)}
+        self.__dict__ |= _arrays(held)
+
+
+def _arrays(values: Mapping[str, Any]) -> dict[str, Any]:  # Any: JSON; arrays and numbers
+    return {k: np.array(v) if isinstance(v, list) else v for k, v in values.items() if k != "opt"}
+
+
+def _named(names: Sequence[str], index: int) -> SimpleNamespace:
+    return SimpleNamespace(name=names[index])

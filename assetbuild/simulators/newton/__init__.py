@@ -10,8 +10,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import ClassVar
 
-from assetbuild.simulators.consumers import ConsumerCheck
-from assetbuild.simulators.environments import Environment
+from assetbuild.simulators.consumers import ConsumerCheck, Environment
 from assetbuild.simulators.experiments import Experiment, Outcome, SimulatorCheck
 from assetbuild.simulators.stages import perform_on_stages
 

@@ -14,7 +14,6 @@ from assetbuild.robot.model import Control, Tree
 from assetbuild.robot.shapes import Shapes
 from assetbuild.simulators.usd_options import UsdOptions
 from assetbuild.targets.usd.about import Origin, write_metadata
-from assetbuild.targets.usd.actuators import define_actuators
 from assetbuild.targets.usd.bodies import apply_rigid_bodies, write_base
 from assetbuild.targets.usd.colliders import (
     apply_filtered_pairs,
@@ -22,11 +21,15 @@ from assetbuild.targets.usd.colliders import (
     define_colliders,
     touching_neighbours,
 )
-from assetbuild.targets.usd.engines import save_by_engine
 from assetbuild.targets.usd.geometry import write_instances, write_library, write_materials
 from assetbuild.targets.usd.isaac import apply_robot_schema
-from assetbuild.targets.usd.joints import apply_articulation, define_joints, define_loops
-from assetbuild.targets.usd.layers import PAYLOADS, new_interface, new_layer, save
+from assetbuild.targets.usd.joints import (
+    apply_articulation,
+    define_actuators,
+    define_joints,
+    define_loops,
+)
+from assetbuild.targets.usd.layers import PAYLOADS, new_interface, new_layer, save, save_by_engine
 from assetbuild.targets.usd.names import PrimPaths
 from assetbuild.targets.usd.scene import SCENE, write_scene
 from assetbuild.targets.usd.unsupported import unsupported

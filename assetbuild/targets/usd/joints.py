@@ -7,6 +7,7 @@ Armature, velocity limit and friction are written three times from one number: `
 
 from __future__ import annotations
 
+import math
 from collections.abc import Collection
 
 from pxr import Gf, Usd, UsdGeom, UsdPhysics
@@ -18,7 +19,7 @@ from assetbuild.robot.mimic import first_leader
 from assetbuild.robot.model import MOVING, Actuator, Control, Joint, Softness
 from assetbuild.robot.pose import IDENTITY, Pose, Quat, Vec3, quat_between, quat_multiply
 from assetbuild.robot.softness import USUAL, limit_springs
-from assetbuild.simulators.usd_names import JOINTS, LOOPS, loop_identifiers
+from assetbuild.simulators.usd_names import ACTUATORS, JOINTS, LOOPS, loop_identifiers
 from assetbuild.simulators.usd_options import UsdArticulation, UsdOptions
 from assetbuild.targets.usd.layers import apply_foreign, apply_mujoco, label
 from assetbuild.targets.usd.names import PrimPaths
@@ -314,3 +315,42 @@ def apply_articulation(stage: Usd.Stage, names: PrimPaths, options: UsdArticulat
     )
     newton = {"selfCollisionEnabled": options.self_collisions}
     apply_foreign(prim, "NewtonArticulationRootAPI", "newton", newton)
+
+
+# --- drives outside of the solver ----------------------------------------------------------------
+
+
+EXPLICIT = ("ideal_pd", "dc_motor", "motor")
+
+
+def define_actuators(stage: Usd.Stage, names: PrimPaths, control: Control) -> None:
+    """A `NewtonActuator` for each joint that an explicit model drives."""
+    explicit = [row for row in control.actuators if row.model in EXPLICIT]
+    if explicit:
+        UsdGeom.Scope.Define(stage, f"/{names.root}/{ACTUATORS}")
+    for row in explicit:
+        joint = names.joint(row.joint)
+        name = joint.rsplit("/", 1)[-1]
+        prim = stage.DefinePrim(f"/{names.root}/{ACTUATORS}/{name}", "NewtonActuator")
+        label(prim, row.joint)
+        prim.CreateRelationship("newton:targets", custom=False).SetTargets([joint])
+        _apply_law(prim, row)
+
+
+def _apply_law(prim: Usd.Prim, row: Actuator) -> None:
+    """The PD law (a `motor` adds the command alone), and what limits its effort."""
+    apply_foreign(prim, "NewtonPDControlAPI", "newton", {"kp": row.kp, "kd": row.kd})
+    effort = _or_infinite(row.effort)
+    if row.model == "dc_motor":
+        curve = {
+            "maxMotorEffort": effort,
+            "saturationEffort": _or_infinite(row.saturation),
+            "velocityLimit": _or_infinite(row.velocity),
+        }
+        apply_foreign(prim, "NewtonDCMotorClampingAPI", "newton", curve)
+    else:
+        apply_foreign(prim, "NewtonMaxEffortClampingAPI", "newton", {"maxEffort": effort})
+
+
+def _or_infinite(value: float | None) -> float:
+    return math.inf if value is None else value
