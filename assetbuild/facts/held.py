@@ -29,6 +29,7 @@ from assetbuild.facts.reference import (
 )
 from assetbuild.facts.surface import Surface, measure
 from assetbuild.facts.table import Key, Table, Value, Writer
+from assetbuild.robot.inertia import tensor_of
 from assetbuild.robot.model import Control, Tree
 from assetbuild.robot.pose import Pose, normalised_quat
 from assetbuild.robot.shapes import Shapes
@@ -69,8 +70,6 @@ HELD_BY_NEWTON: Mapping[str, frozenset[str]] = {
 """What Newton's MuJoCo solver tells: what drives, weighs and touches."""
 UNLIMITED = 1e6
 """Newton's word for an effort or a range without limit, at least; PhysX's for joints that mimic."""
-SIX = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
-"""xx, yy, zz, xy, xz, yz of a matrix."""
 Held = Mapping[str, Any]
 """What an engine's program says that it holds. Any: JSON."""
 STILL_M = 2e-6
@@ -222,7 +221,7 @@ def physx_table(
             book.put("body", name, {
                 "mass": link["mass"][0],
                 "centre of mass": tuple(link["centre of mass"]),
-                "inertia": tuple(link["inertia"][3 * i + j] for i, j in SIX),
+                "inertia": tensor_of(np.reshape(link["inertia"], (3, 3))),
             })  # fmt: skip
     for joint in tree.joints:
         parent, child = (held["bodies"].get(name) for name in (joint.parent, joint.child))

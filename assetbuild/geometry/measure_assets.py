@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import replace
 
 from assetbuild.engine.digest import digest_bytes
 from assetbuild.engine.step import Files, Step
@@ -35,8 +34,7 @@ class MeasureAssets(Step):
         for asset in robot.shapes.meshes:
             data = (robot.mesh_dir / asset.file).read_bytes()
             mesh = read_triangles(data, asset.file)
-            surface = measure(mesh.corners, mesh.uv, mesh.normals)
-            surfaces.append((asset.name, replace(surface, vertices=len(mesh.vertices))))
+            surfaces.append((asset.name, measure(mesh.corners, mesh.uv)))
             meshes.append(mesh)
             digests.append((asset.name, digest_bytes(data)))
         textures = sorted({m.texture for m in robot.shapes.materials if m.texture})

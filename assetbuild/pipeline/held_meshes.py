@@ -71,7 +71,7 @@ def _mesh_rows(file: str, data: bytes, assets: Assets) -> Iterator[Row]:
 
     name = file.removesuffix(".obj")
     mesh = read_triangles(data, file)
-    theirs = measure(mesh.corners, mesh.uv, mesh.normals).facts()
+    theirs = measure(mesh.corners, mesh.uv).facts()
     ours = dict(assets.surfaces)[name].facts()
     for quantity in dict.fromkeys((*ours, *theirs)):
         one, other = ours.get(quantity), theirs.get(quantity)

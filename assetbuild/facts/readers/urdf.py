@@ -16,6 +16,7 @@ from assetbuild.facts.reference import Reference, geometry_facts, mimic_facts, r
 from assetbuild.facts.surface import Surface, measure, pixel_digest
 from assetbuild.facts.table import Table, Value, Writer
 from assetbuild.mesh.obj import read_triangles
+from assetbuild.robot.inertia import rotate_tensor
 from assetbuild.robot.model import MOVING, Control, Joint
 from assetbuild.robot.pose import Pose, quat_of_rpy, vec3
 from assetbuild.robot.shapes import Capsule, Cylinder, Shape, Sphere
@@ -292,10 +293,7 @@ def _inertial(link: _Element) -> dict[str, Value]:
         xx, yy, zz, xy, xz, yz = (
             _number(tensor, f"i{axes}") or 0.0 for axes in ("xx", "yy", "zz", "xy", "xz", "yz")
         )
-        matrix = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
-        turned = pose.rotation @ matrix @ pose.rotation.T
-        at = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
-        facts["inertia"] = tuple(float(turned[i]) for i in at)
+        facts["inertia"] = rotate_tensor((xx, yy, zz, xy, xz, yz), pose.quat)
     return facts
 
 
