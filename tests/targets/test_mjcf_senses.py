@@ -11,6 +11,7 @@ import pytest
 from tiny import (
     TinyRobot,
     check_inputs,
+    four_bar,
     pendulum,
     run_step,
     tiny_quadruped,
@@ -21,7 +22,7 @@ from assetbuild.errors import StepError
 from assetbuild.facts.readers.mjcf import MjcfFacts
 from assetbuild.findings import Finding
 from assetbuild.pipeline.recipes import whole_model
-from assetbuild.robot.model import Camera, Contact, Place, Sensor
+from assetbuild.robot.model import Camera, Contact, LoopEnd, Place, Sensor
 from assetbuild.robot.pose import Pose, quat_of_rpy
 from assetbuild.targets.mjcf import Mjcf
 
@@ -135,3 +136,21 @@ def test_materials_that_look_alike_share_one_name(tmp_path: Path) -> None:
     assert "mjcf.looks" in {f.rule for f in findings}
     model = mujoco.MjModel.from_xml_path(str(tmp_path / "out/mjcf/robot.xml"))
     assert model.nmat == 1
+
+
+# --- loops ---------------------------------------------------------------------------------------
+
+
+def rules_of(robot: TinyRobot, folder: Path) -> set[str]:
+    inputs = write_robot_ports(folder / "in", robot)
+    return {finding.rule for finding in run_step(Mjcf(robot="bot"), inputs, folder)}
+
+
+# All bars lie along x: 0.1 + 0.2 on the coupler's side, 0.2 on the rocker's.
+@pytest.mark.parametrize(("rocker", "told"), [(0.15, True), (0.1, False)])
+def test_a_loop_that_is_open_at_zero_is_a_warning(rocker: float, told: bool, tmp_path: Path):
+    robot = four_bar()
+    end = LoopEnd("rocker", Pose((rocker, 0.0, 0.0)))
+    loop = replace(robot.control.loops[0], b=end)
+    robot = replace(robot, control=replace(robot.control, loops=(loop,)))
+    assert ("mjcf.loop_at_zero" in rules_of(robot, tmp_path)) == told
