@@ -42,8 +42,7 @@ class AssetValidator(Validator):
 
     consumer: ClassVar[str] = "asset_validator"
     home: ClassVar[Environment] = Environment(
-        "asset_validator",
-        ("omniverse-asset-validator==1.18.0", "usd-core==26.11", "numpy<2"),
+        "asset_validator", ("omniverse-asset-validator==1.18.0", "usd-core==26.11", "numpy<2")
     )
     no_report = NO_RESULT
 

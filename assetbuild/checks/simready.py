@@ -37,8 +37,7 @@ class SimReady(Validator):
 
     consumer: ClassVar[str] = "simready"
     home: ClassVar[Environment] = Environment(
-        "simready",
-        ("simready-validate==2026.8.0", "simready-foundation-tier-core==2026.8.0"),
+        "simready", ("simready-validate==2026.8.0", "simready-foundation-tier-core==2026.8.0")
     )
     told: ClassVar[Mapping[str, str]] = {"robot_type": "usd.robot_type"}
     no_report = NO_RESULT

@@ -14,12 +14,7 @@ from dataclasses import replace
 from typing import Any
 
 from assetbuild.facts.derived import SOLIMP, SOLREF
-from assetbuild.facts.reference import (
-    Reference,
-    filtered_pairs,
-    pose_value,
-    robot_table,
-)
+from assetbuild.facts.reference import Reference, filtered_pairs, pose_value, robot_table
 from assetbuild.facts.table import Key, Table, Value, pair_name
 from assetbuild.robot.chains import axis_in_body, find_chains
 from assetbuild.robot.contact_filter import ContactFilter

@@ -13,12 +13,7 @@ from pydantic import BaseModel, Field
 
 from assetbuild.engine.step import Files
 from assetbuild.errors import AssetBuildError
-from assetbuild.facts.compare import (
-    Difference,
-    Precision,
-    differences,
-    equality_findings,
-)
+from assetbuild.facts.compare import Difference, Precision, differences, equality_findings
 from assetbuild.facts.reference import Reference, robot_table
 from assetbuild.facts.table import Key, Table
 from assetbuild.facts.vocabulary import VOCABULARY

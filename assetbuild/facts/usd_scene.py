@@ -39,10 +39,7 @@ def _simulation(prim: Prim, places: Places) -> dict[str, Value]:
     strength = 9.81 if magnitude is None or magnitude < 0.0 else magnitude
     gravity = direction / (np.linalg.norm(direction) or 1.0) * strength
     rate = prim.number("physxScene:timeStepsPerSecond", "PhysxSceneAPI")
-    return {
-        "gravity": tuple(gravity.tolist()),
-        "timestep": 1.0 / rate if rate else None,
-    }
+    return {"gravity": tuple(gravity.tolist()), "timestep": 1.0 / rate if rate else None}
 
 
 def _floor(prim: Prim, places: Places) -> dict[str, Value]:

@@ -52,10 +52,7 @@ class Collider:
 
 
 def read_shapes(
-    shapes: Sequence[ShapePrim],
-    names: Mapping[str, str],
-    places: Places,
-    book: Writer,
+    shapes: Sequence[ShapePrim], names: Mapping[str, str], places: Places, book: Writer
 ) -> list[Collider]:
     """Facts of all shapes; the colliders among them."""
     meshes, looks, colliders = Meshes(places.units), Looks(), []

@@ -19,13 +19,7 @@ from assetbuild.facts.table import Key, Value, pair_name
 from assetbuild.robot.inertia import combine, move_inertial, tensor_of
 from assetbuild.robot.model import Inertial
 from assetbuild.robot.pose import Pose, vec3
-from assetbuild.simulators.mujoco import (
-    Model,
-    actuators,
-    first_command,
-    inertia_of,
-    name_of,
-)
+from assetbuild.simulators.mujoco import Model, actuators, first_command, inertia_of, name_of
 from assetbuild.simulators.mujoco.drives import Drive, read_drives
 from assetbuild.simulators.mujoco.pairs import touching_geoms
 

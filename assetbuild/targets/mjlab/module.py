@@ -15,14 +15,7 @@ from assetbuild.robot.action import Action
 from assetbuild.robot.initial import initial_pose
 from assetbuild.robot.model import Actuator, Control, Tree
 from assetbuild.robot.ranges import Randomize, RandomJoint, first_match
-from assetbuild.targets.mjlab.events import (
-    Term,
-    carries,
-    events_text,
-    imports,
-    replaced,
-    terms,
-)
+from assetbuild.targets.mjlab.events import Term, carries, events_text, imports, replaced, terms
 from assetbuild.targets.mjlab.text import dict_of, literal, tuple_of
 
 Spread = tuple[Positive, Positive]

@@ -23,14 +23,7 @@ from assetbuild.simulators.usd_names import ACTUATORS, JOINTS, LOOPS, loop_ident
 from assetbuild.simulators.usd_options import UsdArticulation, UsdOptions
 from assetbuild.targets.usd.layers import apply_foreign, apply_mujoco, label
 from assetbuild.targets.usd.names import PrimPaths
-from assetbuild.targets.usd.units import (
-    COUPLED_DEG,
-    coordinate,
-    gain,
-    instance,
-    is_angular,
-    limits,
-)
+from assetbuild.targets.usd.units import COUPLED_DEG, coordinate, gain, instance, is_angular, limits
 
 NEAR = 1e-9
 _AXES: dict[Vec3, tuple[str, Quat]] = {
@@ -99,10 +92,7 @@ def define_joints(
 
 
 def define_loops(
-    stage: Usd.Stage,
-    names: PrimPaths,
-    control: Control,
-    touching: Collection[frozenset[str]],
+    stage: Usd.Stage, names: PrimPaths, control: Control, touching: Collection[frozenset[str]]
 ) -> None:
     """Joints that close loops: outside of the articulation, which is a tree.
 
