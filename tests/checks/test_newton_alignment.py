@@ -24,9 +24,9 @@ from tiny import (
 )
 
 from assetbuild.alignment.asked import SAMPLE_S, experiments_of, into_stop
-from assetbuild.alignment.gap import ranges_of, told
 from assetbuild.alignment.moved import Compared, FloorLimits
 from assetbuild.alignment.row import Row, findings_of
+from assetbuild.checks.alignment import ranges_of, told
 from assetbuild.checks.newton_alignment import OFF, NewtonAlignment
 from assetbuild.engine.world import World
 from assetbuild.findings import Finding

@@ -56,12 +56,7 @@ class UsdReader(Reader):
     """What the composed stage says to the engines that simulate it."""
 
     needs: ClassVar[tuple[str, ...]] = ("usd",)
-    preload: ClassVar[tuple[str, ...]] = (
-        "pxr.Usd",
-        "pxr.UsdGeom",
-        "pxr.UsdPhysics",
-        "pxr.UsdShade",
-    )
+    preload = ("pxr.Usd", "pxr.UsdGeom", "pxr.UsdPhysics", "pxr.UsdShade")
     form: ClassVar[str] = "usd"
     called: ClassVar[str] = "the USD"
     folder: ClassVar[str] = "usd"
