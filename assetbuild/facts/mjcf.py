@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar
@@ -73,7 +73,9 @@ def opaque_of(reference: Reference) -> Opaque:
         if item.place in SECTIONS or (item.place == "body" and element.tag != "body"):
             subjects.add(_subject(item, element, names))
         elif item.place == "keyframe":
-            touched |= set(_commands(item.owner, reference))
+            touched |= {
+                Key("keyframe", f"{item.owner}/{row.joint}", "target") for row in control.actuators
+            }
         elif item.place == "freejoint":
             owners.add(("joint", element.get("name", "floating_base_joint")))
         elif kind := OWNERS.get(item.place):
@@ -91,11 +93,6 @@ def _subject(item: MjcfOnly, element: Element, names: Mapping[str, str]) -> tupl
         ends = (element.get(side, "") for side in ("body1", "body2"))
         return "pair", pair_name(*(names.get(end, end) for end in ends))
     return KINDS.get(element.tag, item.place), element.get("name", "")
-
-
-def _commands(keyframe: str, reference: Reference) -> Iterator[Key]:
-    for row in reference.control.actuators:
-        yield Key("keyframe", f"{keyframe}/{row.joint}", "target")
 
 
 LACKS: Mapping[str, str] = {

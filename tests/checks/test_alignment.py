@@ -189,7 +189,7 @@ def test_a_touch_that_one_engine_alone_has_is_an_error(tmp_path: Path, does: str
 
     spoil_stage(inputs / "usd/robot.usda", spoil)
     model = mujoco.load(inputs / "mjcf/robot.xml").model
-    row = touching_row(model, in_usd(inputs, robot.tree), robot.tree)
+    row = touching_row(model, in_usd(inputs, robot.tree), robot.tree, "PhysX")
     assert row.verdict == ("ok" if does == "nothing" else "error")
     if does == "forgets a pair":
         assert "`FL_foot` and `FL_thigh`" in str(row.theirs)
@@ -206,5 +206,5 @@ def test_that_physx_has_no_contacts_of_a_joint_is_a_warning(tmp_path: Path) -> N
     bolted = replace(robot, tree=tree, links=replace(robot.links, base="fixed"), control=control)
     inputs = models(tmp_path, bolted)
     model = mujoco.load(inputs / "mjcf/robot.xml").model
-    row = touching_row(model, in_usd(inputs, tree), tree)
+    row = touching_row(model, in_usd(inputs, tree), tree, "PhysX")
     assert (row.verdict, row.off) == ("warning", 4.0)

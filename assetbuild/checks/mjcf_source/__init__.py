@@ -281,7 +281,9 @@ def _reasons(kind: str, name: str, quantity: str, facts: Facts) -> Iterator[str]
         or (kind == "sensor" and watched)
     ):
         yield "actuators"
-    if quantity in ("base", "base pose") or (kind == "joint" and not _has_type(name, facts)):
+    if quantity in ("base", "base pose") or (
+        kind == "joint" and Key(kind, name, "type") not in facts
+    ):
         yield "base"
     if kind == "pair":
         yield from ("collision", "merge", "contact")
@@ -299,7 +301,3 @@ def _reasons(kind: str, name: str, quantity: str, facts: Facts) -> Iterator[str]
         yield f"keyframe {name.split('/')[0]}"
     if command:
         yield f"commands {name.split('/')[0]}"
-
-
-def _has_type(joint: str, facts: Facts) -> bool:
-    return Key("joint", joint, "type") in facts

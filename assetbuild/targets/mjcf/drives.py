@@ -20,7 +20,7 @@ Damping of the joint and `kv` of the drive add up in MuJoCo, as `damping` and `k
 from __future__ import annotations
 
 import math
-from collections.abc import Hashable, Iterator, Mapping, Sequence
+from collections.abc import Hashable, Iterator, Sequence
 from dataclasses import dataclass
 
 from assetbuild.errors import StepError
@@ -93,14 +93,11 @@ def row_of(joint: Joint, actuator: Actuator | None, limits: Softness | None = No
         "solreflimit": numbers(limits.solref) if limits else None,
         "solimplimit": numbers(limits.solimp) if limits else None,
     }
-    said = {"joint": attributes, **_drive(joint, actuator)}
-    return JointRow(
-        joint, {tag: _stated(s) for tag, s in said.items()}, actuator.motor, actuator.name
-    )
-
-
-def _stated(attributes: Mapping[str, str | None]) -> dict[str, str]:
-    return {key: value for key, value in attributes.items() if value is not None}
+    said = {
+        tag: {key: value for key, value in own.items() if value is not None}
+        for tag, own in {"joint": attributes, **_drive(joint, actuator)}.items()
+    }
+    return JointRow(joint, said, actuator.motor, actuator.name)
 
 
 def _range(joint: Joint) -> str | None:

@@ -129,7 +129,7 @@ class Mjlab(Target):
         keep_transparency(root, meshes)
         write_xml(path, root)
         copy_assets(path.parent, shapes, meshes)
-        feet = [_called(foot, renamed) for foot in facts.feet]
+        feet = [replace(f, geoms=tuple(renamed.get(g, g) for g in f.geoms)) for f in facts.feet]
         feet.sort(key=lambda foot: model.order.index(foot.body))
         facts = replace(facts, feet=tuple(feet))
         module = folder / "python" / f"{self.robot.replace('-', '_').replace('.', '_')}_mjlab.py"
@@ -225,11 +225,6 @@ def _feet(tree: Tree, soles: list[Shape], control: Control) -> tuple[Foot, ...]:
         Foot(body, min(own, key=height).link, tuple(sole.name for sole in own))
         for body, own in by_body.items()
     )
-
-
-def _called(foot: Foot, names: Mapping[str, str]) -> Foot:
-    """The foot with the names that its geoms have in the bare MJCF."""
-    return replace(foot, geoms=tuple(names.get(geom, geom) for geom in foot.geoms))
 
 
 def _renamed(renamed: Mapping[str, str]) -> Iterator[Finding]:

@@ -194,6 +194,8 @@ def _facts(facts: ModuleFacts) -> str:
         if group.actuator.kp and group.actuator.effort
     }
     simulation, action = facts.control.simulation, facts.options.action
+    some = action.effort_share
+    share = "A quarter" if some == 0.25 else f"A share of {some!r}"
     return f'''
 XML = Path(__file__).parent.parent / "mjcf" / "{facts.robot}_bare.xml"
 ROOT_BODY = {literal(facts.tree.root)}
@@ -201,7 +203,7 @@ IMU_SITE = {literal(facts.imu_site)}
 FOOT_SITES = {tuple_of(tuple(foot.site for foot in facts.feet))}
 FOOT_GEOMS = {tuple_of(tuple(geom for foot in facts.feet for geom in foot.geoms))}
 ACTION_SCALE = {dict_of(scale)}
-"""{_share(action)} of the error that asks for the whole effort, at most {action.rad!r} rad or
+"""{share} of the error that asks for the whole effort, at most {action.rad!r} rad or
 {action.m!r} m, by joint; rad or m per unit of action."""
 TIMESTEP, DECIMATION = {simulation.timestep!r}, {simulation.decimation}
 GRAVITY = {simulation.gravity!r}'''
@@ -210,10 +212,6 @@ GRAVITY = {simulation.gravity!r}'''
 def _scale(facts: ModuleFacts, group: DriveGroup) -> float:
     slides = all(facts.tree.by_joint[joint].kind == "prismatic" for joint in group.joints)
     return facts.options.action.scale(group.actuator.effort, group.actuator.kp, slides=slides)
-
-
-def _share(action: Action) -> str:
-    return "A quarter" if action.effort_share == 0.25 else f"A share of {action.effort_share!r}"
 
 
 def _robot(facts: ModuleFacts) -> str:

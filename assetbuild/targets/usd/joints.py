@@ -86,7 +86,9 @@ def define_joints(
                 _apply_drive(prim, joint, actuator, starts[joint.name], options.drive_type)
             if joint.name in limited:
                 _apply_limit_spring(prim, joint, limited[joint.name], soft.get(joint.name))
-            _apply_start(prim, joint, starts[joint.name])
+            # PhysX starts a joint where this says, wherever the bodies stand.
+            axis, start = instance(joint), {"position": coordinate(joint, starts[joint.name])}
+            apply_foreign(prim, f"PhysicsJointStateAPI:{axis}", f"state:{axis}:physics", start)
             if joint.name in mimics:
                 _apply_mimic(prim, names, joint)
 
@@ -130,12 +132,6 @@ def _undriven(joint: Joint) -> Actuator:
         friction=joint.friction or 0.0,
         velocity=joint.limits.velocity,
     )
-
-
-def _apply_start(prim: Usd.Prim, joint: Joint, position: float) -> None:
-    """PhysX starts a joint where this says, wherever the bodies stand."""
-    axis, where = instance(joint), {"position": coordinate(joint, position)}
-    apply_foreign(prim, f"PhysicsJointStateAPI:{axis}", f"state:{axis}:physics", where)
 
 
 def _define_joint(

@@ -116,7 +116,12 @@ def unsupported(tree: Tree, control: Control, options: UsdOptions) -> Iterator[F
     """Findings for all that is missing, clamped or read differently."""
     for joint in tree.moving_joints:
         yield from _limits(joint)
-        yield from _mimic(joint, options)
+        if joint.mimic is not None and not options.mimics:
+            yield MIMIC(
+                f"joint {joint.name}",
+                f"does not follow `{joint.mimic.joint}` in USD: the recipe says "
+                "`usd.mimics: false`",
+            )
     yield from _actuators(control)
     yield from _springs(control)
     yield from _motion(control)
@@ -161,14 +166,6 @@ def _limits(joint: Joint) -> Iterator[Finding]:
             "PhysX 0.7 does not",
             hint="for other versions of PhysX make the joint continuous, or narrow its limits",
             data={"limit_deg": worst},
-        )
-
-
-def _mimic(joint: Joint, options: UsdOptions) -> Iterator[Finding]:
-    if joint.mimic is not None and not options.mimics:
-        yield MIMIC(
-            f"joint {joint.name}",
-            f"does not follow `{joint.mimic.joint}` in USD: the recipe says `usd.mimics: false`",
         )
 
 
