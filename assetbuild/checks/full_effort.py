@@ -256,7 +256,7 @@ def _lead(model: Model, data: Data, load: Array) -> None:
 
 
 def _under(model: Model, data: Data, load: Array) -> Iterator[Array]:
-    """qpos after each step while the load grows and stays."""
+    """qpos after each step while the load grows, slowly so that nothing is thrown, and stays."""
     step = float(model.opt.timestep)
     with mujoco.caught_warnings():
         for index in range(round((RISE_S + HOLD_S) / step)):

@@ -12,8 +12,8 @@ import numpy as np
 
 from assetbuild.facts.compare import Precision
 from assetbuild.facts.derived import SOLREF, explicit_law, free_springs, leader_of, start_of
-from assetbuild.facts.mjcf_meshes import Meshes
 from assetbuild.facts.mjcf_model import read_model
+from assetbuild.facts.mjcf_parts import Meshes
 from assetbuild.facts.reference import (
     Reference,
     mimic_facts,

@@ -45,8 +45,9 @@ MEANS: Mapping[str, tuple[str, ...]] = {
 
 @dataclass(frozen=True)
 class Opaque:
-    """subjects: elements of its own; owners: of the robot's, those with such attributes.
+    """What only the source's MJCF says of a robot, which the check `mjcf_source` proves.
 
+    subjects: elements of its own; owners: of the robot's, those with such attributes.
     touched: quantities that these attributes change.
     """
 

@@ -10,8 +10,15 @@ from collections.abc import Collection, Iterator
 import numpy as np
 
 from assetbuild.facts.mjcf_fields import Bodies, body_name, numbers
-from assetbuild.facts.mjcf_meshes import Meshes, pose_of
-from assetbuild.facts.mjcf_senses import BALL, JOINTS, read_keyframe, read_senses, simulation_facts
+from assetbuild.facts.mjcf_parts import (
+    BALL,
+    JOINTS,
+    Meshes,
+    pose_of,
+    read_keyframe,
+    read_senses,
+    simulation_facts,
+)
 from assetbuild.facts.table import Value, Writer, pair_name
 from assetbuild.robot.inertia import tensor_of
 from assetbuild.robot.pose import IDENTITY

@@ -13,7 +13,7 @@ import numpy as np
 
 from assetbuild.facts.mjcf import compiled_facts
 from assetbuild.facts.mjcf_fields import Bodies
-from assetbuild.facts.mjcf_meshes import pose_of
+from assetbuild.facts.mjcf_parts import pose_of
 from assetbuild.facts.reference import inertial_facts
 from assetbuild.facts.table import Key, Value, pair_name
 from assetbuild.robot.inertia import combine, move_inertial, tensor_of

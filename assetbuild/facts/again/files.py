@@ -56,7 +56,7 @@ NAMED = 2
 
 
 def key_tree(path: Path) -> Node:
-    """Comments and layout mean nothing."""
+    """Comments and layout mean nothing; JSON is YAML, as far as bundles go."""
     import yaml
 
     try:
@@ -105,7 +105,10 @@ def _is_row(value: object) -> bool:
 
 
 def mesh_rows(again: Path, there: Path) -> list[Row]:
-    """The first line of each keyword that two meshes, or two libraries of materials, differ in."""
+    """The first line of each keyword that two meshes, or two libraries of materials, differ in.
+
+    Lines locate, triangles with their looks decide.
+    """
     first: dict[str, Row] = {}
     for row in tree_rows(_statements(again), _statements(there)):
         first.setdefault(row.attribute.partition("[")[0], row)

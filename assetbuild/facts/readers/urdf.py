@@ -172,6 +172,7 @@ def read_root(path: Path) -> _Element:
 class UrdfFile:
     """Puts all links and joints of one file into a table. known: surfaces by digest of their bytes.
 
+    Anybody's URDF is read by `source.urdf`; this one is written by us, and read without that code.
     UsageError where it is no URDF.
     """
 

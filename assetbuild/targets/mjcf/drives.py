@@ -222,6 +222,8 @@ def explain_losses(tree: Tree, control: Control) -> Iterator[Finding]:
 def joint_classes(robot: str, rows: Sequence[JointRow], names: ClassNames) -> DefaultClass:
     """The class of the robot with those of its motors and families below it.
 
+    Three levels: the robot (what all joints share), its motors (what all joints with one motor,
+    gains and limits share), and families (joints of one motor with one axis and range: all hips).
     robot: name of the class, already taken from `names`.
     """
     axis = {"joint": usual([row.said["joint"] for row in rows], "axis")}

@@ -310,7 +310,12 @@ EXPLICIT = ("ideal_pd", "dc_motor", "motor")
 
 
 def define_actuators(stage: Usd.Stage, names: PrimPaths, control: Control) -> None:
-    """A `NewtonActuator` for each joint that an explicit model drives."""
+    """A `NewtonActuator` for each joint that an explicit model drives.
+
+    PhysX and Isaac Lab take these efforts from a controller of their own. Newton builds one from
+    each of these prims, and a program that steps `model.actuators` needs no other. Units are SI and
+    radians, unlike those of UsdPhysics' drives. Source: newton-usd-schemas 0.6.
+    """
     explicit = [row for row in control.actuators if row.model in EXPLICIT]
     if explicit:
         UsdGeom.Scope.Define(stage, f"/{names.root}/{ACTUATORS}")

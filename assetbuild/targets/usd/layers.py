@@ -171,7 +171,11 @@ WORDS = {"physx": ("Physx", "physx"), "newton": ("Newton", "newton:"), "mujoco":
 
 
 def save_by_engine(stage: Usd.Stage, folder: Path, names: PrimPaths) -> None:
-    """Save `physics.usda` with USD's own words, and the layer of each engine beside it."""
+    """Save `physics.usda` with USD's own words, and the layer of each engine beside it.
+
+    So a variant can leave the others' out; `physics` has them all, which do not contradict each
+    other.
+    """
     physics = stage.GetRootLayer()
     prims = list(_prims(physics.pseudoRoot))
     for engine, (schemas, properties) in WORDS.items():
