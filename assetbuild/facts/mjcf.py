@@ -147,16 +147,10 @@ class MjcfReader(Reader):
     folder: ClassVar[str] = "mjcf"
     lacks: ClassVar[Mapping[str, str]] = UNSEEN
     written: ClassVar[str] = "{robot}.xml"
-    """The file below that folder."""
     solver: ClassVar[str] = ""
     """Section of the recipe that states the solver; none where the file has no options."""
     visuals: ClassVar[bool] = False
     """Whether shapes that touch nothing are read: one writer draws them in all forms."""
-
-    def file(self, root: Path, robot: str) -> Path | None:
-        """Where the target is built."""
-        path = root / self.written.replace("{robot}", robot)
-        return path if path.is_file() else None
 
     def robot_of(self, reference: Reference) -> Reference:
         """The robot that this form holds."""

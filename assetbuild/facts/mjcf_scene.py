@@ -25,15 +25,10 @@ class SceneReader(Reader):
     called: ClassVar[str] = "the scene"
     folder: ClassVar[str] = "mjcf"
     preload: ClassVar[tuple[str, ...]] = ("mujoco",)
-    stem: ClassVar[str] = "scene"
+    written: ClassVar[str] = "scene.xml"
     lacks: ClassVar[Mapping[str, str]] = dict.fromkeys(
         {kind for kind, _ in VOCABULARY} - {"floor"}, "the robot's own file says it"
     )
-
-    def file(self, root: Path, robot: str) -> Path | None:
-        """Where the target is built."""
-        path = root / f"{self.stem}.xml"
-        return path if path.is_file() else None
 
     def read(self, path: Path) -> Table:
         """The floor, other shapes of the world, and what the robot's own file says otherwise."""

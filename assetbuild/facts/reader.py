@@ -69,6 +69,8 @@ class Reader(Check):
     """The format's name in sentences: "the MJCF"."""
     folder: ClassVar[str] = ""
     """Where a bundle keeps what the target writes at the top of its own folder."""
+    written: ClassVar[str] = ""
+    """The main file below that folder; `{robot}` is the robot's name."""
     behind: ClassVar[tuple[str, ...]] = ()
     """The files of a bundle that it reads, as globs; `{robot}` is the robot's name."""
     suffixes: ClassVar[tuple[str, ...]] = ()
@@ -94,7 +96,8 @@ class Reader(Check):
 
     def file(self, root: Path, robot: str) -> Path | None:
         """The main file below `root`, the target's folder; None where there is none to compare."""
-        raise NotImplementedError
+        path = root / self.written.replace("{robot}", robot)
+        return path if path.is_file() else None
 
     def read(self, path: Path) -> Table:
         """The facts of a file. AssetBuildError where it is not readable."""

@@ -60,6 +60,7 @@ class UsdReader(Reader):
     form: ClassVar[str] = "usd"
     called: ClassVar[str] = "the USD"
     folder: ClassVar[str] = "usd"
+    written: ClassVar[str] = "{robot}.usda"
     behind: ClassVar[tuple[str, ...]] = ("usd/{robot}.usda", "usd/payloads/*")
     suffixes: ClassVar[tuple[str, ...]] = (".usd", ".usda", ".usdc", ".usdz")
     asks: ClassVar[tuple[str, ...]] = ("usd",)
@@ -98,11 +99,6 @@ class UsdReader(Reader):
         "simulation": "`scene.usda` says it",
         "floor": "`scene.usda` has it",
     }
-
-    def file(self, root: Path, robot: str) -> Path | None:
-        """`<robot>.usda`."""
-        path = root / f"{robot}.usda"
-        return path if path.exists() else None
 
     def read(self, path: Path) -> Table:
         """Read any USD; UsageError where it does not open, or names no default prim."""
