@@ -281,7 +281,9 @@ def name_collisions(root: Element, visuals: Collection[str]) -> dict[str, str]:
         geom.set("name", new)
         if name:
             renamed[name] = new
-    _follow(root, renamed)
+    for node, key in _references(root):
+        if (old := node.get(key, "")) in renamed:
+            node.set(key, renamed[old])
     return renamed
 
 
@@ -299,13 +301,6 @@ def _free(wanted: str, taken: set[str]) -> str:
         name = f"{wanted}{count}"
     taken.add(name)
     return name
-
-
-def _follow(root: Element, renamed: Mapping[str, str]) -> None:
-    for node, key in _references(root):
-        name = node.get(key, "")
-        if name in renamed:
-            node.set(key, renamed[name])
 
 
 def _references(root: Element) -> Iterator[tuple[Element, str]]:
