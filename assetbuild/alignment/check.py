@@ -1,8 +1,7 @@
-"""MuJoCo beside another simulator, row by row: the form that people fill in by hand before they
-move from one simulator to another.
+"""MuJoCo beside another simulator, row by row: how both move the robot, and what may touch.
 
-Rows are ranked: CRITICAL ones decide whether the two simulate the same robot, LOW ones inform.
-Each row has two limits: the design's, for a warning, and the coarse one of practice, for an error.
+What each of them holds is compared with the robot by the read-backs. A row has a rank, and two
+limits: the design's, for a warning, and the coarse one of practice, for an error.
 """
 
 from __future__ import annotations
@@ -12,13 +11,11 @@ from pathlib import Path
 from typing import Any, ClassVar
 
 from assetbuild.alignment.asked import experiments_of
-from assetbuild.alignment.held import held_rows, mujoco_table, scene_rows
 from assetbuild.alignment.moved import Compared, FloorLimits
 from assetbuild.alignment.row import Row, findings_of
 from assetbuild.alignment.touching import Pairs, touching_row
 from assetbuild.engine.step import Files
 from assetbuild.errors import StepError
-from assetbuild.facts.table import Table
 from assetbuild.findings import Finding, Rule
 from assetbuild.kinds import write_figures
 from assetbuild.robot.files import RobotFiles
@@ -28,12 +25,12 @@ from assetbuild.simulators.experiments import Experiment, SimulatorCheck, Swing
 from assetbuild.simulators.free_fall import Fall
 from assetbuild.simulators.mujoco.motion import perform
 
-RANKS = ("CRITICAL", "HIGH", "MEDIUM", "LOW")
+RANKS = ("HIGH", "MEDIUM", "LOW")
 VERDICTS = ("error", "warning", "ok", "told")
 
 
 class AlignmentCheck(SimulatorCheck):
-    """`mjcf/` in MuJoCo and `usd/` in another simulator: what they hold, how they move."""
+    """`mjcf/` in MuJoCo and `usd/` in another simulator: how they move, and what may touch."""
 
     needs: ClassVar[tuple[str, ...]] = ("mjcf", "usd")
     reads: ClassVar[tuple[str, ...]] = ("tree.json", "control.json")
@@ -53,7 +50,7 @@ class AlignmentCheck(SimulatorCheck):
         robot, mjcf = RobotFiles(files.inputs), files.inputs / "mjcf"
         tree, control = robot.tree, robot.control
         try:
-            model, scene = (mujoco.load(mjcf / f"{n}.xml").model for n in (self.robot, "scene"))
+            model = mujoco.load(mjcf / f"{self.robot}.xml", visuals=False).model
         except StepError:
             write_figures(files, {"skipped": "the MJCF does not load"})  # `mjcf.load` says why
             return
@@ -70,12 +67,10 @@ class AlignmentCheck(SimulatorCheck):
             experiments,
             theirs,
         )
-        rows = [*scene_rows(files.inputs, self.robot, scene)]
+        rows = [*both.rows()]
         if (held := theirs["load"].held) is not None:
-            ours, other, pairs = self.read(files.inputs, held, mujoco_table(model, tree), tree)
-            rows += [touching_row(model, pairs, tree, self.engine)]
-            rows += held_rows(model, ours, other)
-        rows += both.rows()
+            pairs = self.touching(files.inputs, held, tree)
+            rows.append(touching_row(model, pairs, tree, self.engine))
         rows.sort(key=lambda row: (RANKS.index(row.rank), VERDICTS.index(row.verdict)))
         shown = [row.shown(self.engine) for row in rows]
         more, findings = self.beyond(rows, control, experiments)
@@ -87,8 +82,8 @@ class AlignmentCheck(SimulatorCheck):
         yield from findings_of(rows, self.off, self.engine)
         yield from findings
 
-    def read(self, inputs: Path, held: Any, ours: Table, tree: Tree) -> tuple[Table, Table, Pairs]:
-        """What MuJoCo holds, as the other holds it; what that holds; and what may touch there."""
+    def touching(self, inputs: Path, held: Any, tree: Tree) -> Pairs:
+        """What may touch in the other engine. held: as it says. Any: JSON."""
         raise NotImplementedError
 
     def beyond(

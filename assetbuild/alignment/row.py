@@ -9,11 +9,7 @@ from typing import Literal
 
 from assetbuild.findings import Finding, Rule, rounded
 
-Rank = Literal["CRITICAL", "HIGH", "MEDIUM", "LOW"]
-Limits = tuple[float, float, str]
-"""Warning, error, unit."""
-NUMBER = (1e-5, 0.01)
-"""Limits of a number that both only hold: float32 and what reads it, then 1 %."""
+Rank = Literal["HIGH", "MEDIUM", "LOW"]
 
 HINTS: Mapping[str, str] = {
     "sine_as_is PhysX": "where kd dt is large beside the joint's inertia, its joint friction "

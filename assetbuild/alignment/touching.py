@@ -33,7 +33,7 @@ def touching_in_mujoco(model: mujoco.Model, tree: Tree) -> Pairs:
     return _named(model, pairs, tree)
 
 
-def touching_row(model: mujoco.Model, theirs: Pairs, tree: Tree, engine: str = "PhysX") -> Row:
+def touching_row(model: mujoco.Model, theirs: Pairs, tree: Tree, engine: str) -> Row:
     """Off: number of pairs of bodies that may touch in one engine alone.
 
     A contact that only one engine has is an error, but for those that PhysX and Newton cannot have:

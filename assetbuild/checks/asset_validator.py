@@ -10,7 +10,7 @@ from collections.abc import Iterator, Sequence
 from typing import Any, ClassVar
 
 from assetbuild.findings import Finding, Rule
-from assetbuild.simulators.environments import Environment
+from assetbuild.simulators.consumers import Environment
 from assetbuild.simulators.foreign import REPORT, Validator
 
 SHOWN = 3
@@ -42,8 +42,7 @@ class AssetValidator(Validator):
 
     consumer: ClassVar[str] = "asset_validator"
     home: ClassVar[Environment] = Environment(
-        "asset_validator",
-        ("omniverse-asset-validator==1.18.0", "usd-core==26.11", "numpy<2"),
+        "asset_validator", ("omniverse-asset-validator==1.18.0", "usd-core==26.11", "numpy<2")
     )
     no_report = NO_RESULT
 

@@ -7,8 +7,7 @@ from: a kept shape that moved by 3 cm is nobody's result.
 from __future__ import annotations
 
 import functools
-from collections import Counter
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -19,26 +18,15 @@ from assetbuild.findings import Finding, Rule
 from assetbuild.kinds import Check, write_figures
 from assetbuild.mesh.hulls import hulls_by_body, read_meshes
 from assetbuild.mesh.primitives import tessellate
-from assetbuild.mesh.quality import surface_samples
 from assetbuild.mesh.rays import holes
-from assetbuild.mesh.register import Move, Target
 from assetbuild.mesh.solid import Distance, distance_to
 from assetbuild.mesh.triangles import TriangleMesh, merged
 from assetbuild.quantities import Positive
 from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.model import Tree
 from assetbuild.robot.pose import IDENTITY, Array, Pose
-from assetbuild.robot.shapes import Mesh, Role, Shape, Sphere
+from assetbuild.robot.shapes import Mesh, Role, Shape
 
-SURFACE_POINTS, SHAPE_POINTS = 15_000, 300
-"""Samples of a body's visual surface, and of one collision shape."""
-BETTER = 0.5
-"""A shape is beside its place when its distance from the visual surface would be less than this
-share of what it is, and of the move that is allowed: then it fits. Simplified shapes are as far
-from it wherever they go."""
-MOST_ALIKE = 4
-"""A body with more collision meshes, or more spheres, was cut into pieces or filled with spheres,
-inside of which others may fit better."""
 LEFT = 0.1
 """A hole of which less than this is left is filled."""
 
@@ -47,13 +35,6 @@ SHIFT = Rule(
     "warning",
     "collision geometry is beside the visual geometry of its body",
     "compare their origins",
-)
-SHAPE_SHIFT = Rule(
-    "coverage.shape_shift",
-    "warning",
-    "a collision shape would fit the visual geometry much better beside its place",
-    "compare its origin with that of the visual geometry; a shape that stands there on purpose "
-    "needs a line in `rules`",
 )
 HOLE = Rule(
     "coverage.hole",
@@ -80,10 +61,6 @@ class Fit:
         return max(map(abs, self.shift_m))
 
 
-IN_MM = ("sticks_out_mm", "shift_mm")
-"""Figures of a body that are compared with `max_shift`."""
-
-
 class Coverage(Check):
     """Findings `coverage.*`; figures: a row for each body with both kinds of geometry."""
 
@@ -101,12 +78,6 @@ class Coverage(Check):
         0.08, description="the same as a share of the body's size; the larger of the two counts"
     )
 
-    max_shape_shift: Positive = Field(
-        0.02,
-        description="m: a single collision shape beside the visual geometry that it stands for, "
-        "warning",
-    )
-
     def run(self, files: Files) -> Iterator[Finding]:
         """Reads tree, shapes, meshes and their hulls."""
         parts = Parts(RobotFiles(files.inputs))
@@ -117,20 +88,9 @@ class Coverage(Check):
              "shift_mm": [1e3 * v for v in fit.shift_m]}
             for name, fit in fits.items()
         ]  # fmt: skip
-        moves = _moves(parts, fits)
-        moved = [
-            {"shape": name, "shift_mm": [round(1e3 * v, 1) for v in m.shift_m],
-             "distance_mm": round(1e3 * m.before_m, 1),
-             "distance_after_mm": round(1e3 * m.after_m, 1)}
-            for name, (_, m) in moves.items()
-        ]  # fmt: skip
-        limits = dict.fromkeys(IN_MM, 1e3 * self.max_shift)
-        write_figures(files, {"bodies": rows, "shapes": moved}, limits)
-        beside = {name: fit for name, fit in fits.items() if self._is_beside(fit)}
-        yield from self._shifts(beside)
-        for name, (body, move) in moves.items():
-            if body not in beside:
-                yield from self._judge_shape(name, body, move)
+        limits = dict.fromkeys(("sticks_out_mm", "shift_mm"), 1e3 * self.max_shift)
+        write_figures(files, {"bodies": rows}, limits)
+        yield from self._shifts({name: fit for name, fit in fits.items() if self._is_beside(fit)})
         for name in fits:
             yield from _filled(parts, name)
 
@@ -155,20 +115,6 @@ class Coverage(Check):
                 f"its collision geometry lies {said} from its visual geometry{same}",
                 hint="compare their `<origin>` in the source; look at the report's 3D view",
                 data={"shift_m": fit.shift_m, "limit_m": self._limit(fit)},
-            )
-
-    def _judge_shape(self, name: str, body: str, move: Move) -> Iterator[Finding]:
-        fits = BETTER * min(move.before_m, self.max_shape_shift)
-        if move.length_m > self.max_shape_shift and move.after_m < fits:
-            towards = ", ".join(f"{1e3 * v:.3g}" for v in move.shift_m)
-            yield SHAPE_SHIFT(
-                f"shape {name}",
-                f"moved by ({towards}) mm in `{body}`, which is {_length(move.length_m)} and above "
-                f"the limit of {_length(self.max_shape_shift)}, it would fit the visual geometry: "
-                f"{_length(move.after_m)} away on average instead of {_length(move.before_m)}",
-                hint="compare its `<origin>` with the visual one; if it stands there on purpose, "
-                "say so in `rules`",
-                data={"shift_m": move.shift_m, "limit_m": self.max_shape_shift},
             )
 
 
@@ -205,33 +151,6 @@ class Parts:
         return distance_to(np.concatenate(vertices), IDENTITY)
 
 
-def _moves(parts: Parts, bodies: Collection[str]) -> dict[str, tuple[str, Move]]:
-    """Body of each collision shape, and the move that would lay it on the visual geometry.
-
-    That of its body and of the next ones: see `_beyond_robot`.
-    """
-    seen = {
-        body.name: surface_samples(_merged(visual), SURFACE_POINTS, 0)[0]
-        for body in parts.tree.bodies
-        if (visual := parts.seen(body.name))
-    }
-    moves = {}
-    for body in bodies:
-        around = _neighbours(parts.tree, body).items()
-        target = Target(np.concatenate([X.apply(seen[n]) for n, X in around if n in seen]))
-        alike = Counter(type(shape.geometry) for shape, _ in parts.solid(body))
-        pieces = {kind for kind in (Mesh, Sphere) if alike[kind] > MOST_ALIKE}
-        for shape, surface in parts.solid(body):
-            if type(shape.geometry) not in pieces:
-                points = surface_samples(surface, SHAPE_POINTS, 0)[0]
-                moves[shape.name] = (body, target.fit(points))
-    return moves
-
-
-def _merged(shapes: Sequence[Shaped]) -> TriangleMesh:
-    return merged([surface for _, surface in shapes])
-
-
 def _length(metres: float) -> str:
     """Three figures in the unit of its size: `27.4 mm`, `2.03 m`, `1350 m`; never an exponent."""
     value, unit = (metres, "m") if metres >= 1.0 else (1e3 * metres, "mm")
@@ -245,7 +164,7 @@ def _filled(parts: Parts, body: str) -> Iterator[Finding]:
     """
     both = zip(parts.hulls[body, "collision"], parts.solid(body), strict=True)
     solid = [hull if len(hull.faces) else surface for hull, (_, surface) in both]
-    found = holes(_merged(parts.seen(body)), merged(solid))
+    found = holes(merged([surface for _, surface in parts.seen(body)]), merged(solid))
     largest = next((hole for hole in found if hole.open < LEFT), None)
     if largest is not None:
         x, y, z = (1e3 * v for v in largest.middle_m)

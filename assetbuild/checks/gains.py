@@ -106,10 +106,7 @@ class Gains(Check):
 
     section = "validate.gains"
     about = "where the rules `gains.*` draw the line"
-    told: ClassVar = {
-        "integrator": "mjcf.integrator",
-        "feet": "feet.links",
-    }
+    told: ClassVar = {"integrator": "mjcf.integrator", "feet": "feet.links"}
 
     torque: Positive = Field(
         0.8, description="share of the effort limit that holding the pose may need, warning"

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, ClassVar
 
 from assetbuild.findings import Finding, Rule
-from assetbuild.simulators.environments import Environment
+from assetbuild.simulators.consumers import Environment
 from assetbuild.simulators.foreign import REPORT, Validator
 
 VERSION = "3.0.0"
@@ -37,8 +37,7 @@ class SimReady(Validator):
 
     consumer: ClassVar[str] = "simready"
     home: ClassVar[Environment] = Environment(
-        "simready",
-        ("simready-validate==2026.8.0", "simready-foundation-tier-core==2026.8.0"),
+        "simready", ("simready-validate==2026.8.0", "simready-foundation-tier-core==2026.8.0")
     )
     told: ClassVar[Mapping[str, str]] = {"robot_type": "usd.robot_type"}
     no_report = NO_RESULT

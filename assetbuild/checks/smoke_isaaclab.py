@@ -24,11 +24,17 @@ from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.mjcf_only import as_drives
 from assetbuild.robot.model import Control, Tree
 from assetbuild.robot.shapes import Shapes
-from assetbuild.simulators.consumers import FAILED, NOT_FINITE, SINKS, ConsumerCheck, SmokeBounds
-from assetbuild.simulators.environments import Environment
+from assetbuild.simulators.consumers import (
+    FAILED,
+    NOT_FINITE,
+    SINKS,
+    ConsumerCheck,
+    Environment,
+    SmokeBounds,
+)
 from assetbuild.simulators.readings import FALL, HEIGHT, fall_m
 
-BEYOND_IMPORTS = ("assetbuild.simulators.isaaclab._child",)
+BEYOND_IMPORTS = ("assetbuild.simulators.isaaclab_child",)
 VARIABLE = "ASSETBUILD_ISAACLAB"
 ENGINES = {"newton": "Newton", "physx": "PhysX"}
 FALLS = Rule(
@@ -91,7 +97,7 @@ class SmokeIsaacLab(ConsumerCheck):
         for engine, name in ENGINES.items():
             # Not resolved: the inputs are links into the store, and the script looks beside itself.
             job: dict[str, object] = {"script": str(script.absolute()), "engine": engine}
-            answer, failure = self.answer("isaaclab/_child.py", job)
+            answer, failure = self.answer("isaaclab_child.py", job)
             if answer is None:
                 yield FAILED("robot", f"Isaac Lab on {name} does not take the bundle: {failure}")
                 figures[engine] = {"failure": failure}

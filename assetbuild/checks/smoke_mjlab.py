@@ -11,8 +11,14 @@ from typing import Any, ClassVar
 from assetbuild.engine.step import Files
 from assetbuild.findings import Finding, Rule
 from assetbuild.kinds import RecipeView, write_figures
-from assetbuild.simulators.consumers import FAILED, NOT_FINITE, SINKS, ConsumerCheck, SmokeBounds
-from assetbuild.simulators.environments import Environment
+from assetbuild.simulators.consumers import (
+    FAILED,
+    NOT_FINITE,
+    SINKS,
+    ConsumerCheck,
+    Environment,
+    SmokeBounds,
+)
 
 FELL = Rule(
     "smoke.fell",
@@ -27,7 +33,7 @@ WEIGHTS = Rule("smoke.weights", "error", "training changes no weight", "check th
 INERTIA = Rule(
     "smoke.inertia", "error", "no real body can have a randomized inertia", "narrow `randomize`"
 )
-BEYOND_IMPORTS = ("assetbuild.simulators.mjlab._child",)
+BEYOND_IMPORTS = ("assetbuild.simulators.mjlab_child",)
 
 
 class SmokeMjlab(ConsumerCheck):
@@ -67,7 +73,7 @@ class SmokeMjlab(ConsumerCheck):
         (module,) = (files.inputs / "mjlab" / "python").glob("*_mjlab.py")
         # Not resolved: the inputs are links into the store, and the module looks beside itself.
         job |= {"modules": str(module.parent.absolute()), "module": module.stem}
-        answer, failure = self.answer("mjlab/_child.py", job)
+        answer, failure = self.answer("mjlab_child.py", job)
         if answer is None:
             write_figures(files, {"failure": failure})
             yield FAILED(

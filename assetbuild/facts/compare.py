@@ -9,14 +9,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from assetbuild.facts.table import Key, Table, Value
-from assetbuild.facts.vocabulary import (
-    RANKS,
-    VOCABULARY,
-    Comparison,
-    Quantity,
-    Rank,
-    Required,
-)
+from assetbuild.facts.vocabulary import RANKS, VOCABULARY, Comparison, Quantity, Rank, Required
 from assetbuild.findings import Finding, Rule, Scalar
 from assetbuild.robot.pose import normalised_quat, rotation_of
 

@@ -1,27 +1,19 @@
-"""What a simulator holds once it has loaded a file, as facts, and what it must hold.
-
-What it must hold follows from any table of the vocabulary: the robot's own, or that of a compiled
-MJCF. So one form serves the read-backs and the comparison of two simulators.
-"""
+"""What a simulator holds once it has loaded a file, as facts, and what it must hold."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
+from functools import partial
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 
 from assetbuild.facts.compare import Precision
-from assetbuild.facts.derived import (
-    SOLREF,
-    explicit_law,
-    free_springs,
-    leader_of,
-    start_of,
-)
-from assetbuild.facts.mjcf_meshes import Meshes
+from assetbuild.facts.derived import SOLREF, explicit_law, free_springs, leader_of, start_of
 from assetbuild.facts.mjcf_model import read_model
+from assetbuild.facts.mjcf_parts import Meshes
 from assetbuild.facts.reference import (
     Reference,
     mimic_facts,
@@ -31,10 +23,10 @@ from assetbuild.facts.reference import (
 )
 from assetbuild.facts.surface import Surface, measure
 from assetbuild.facts.table import Key, Table, Value, Writer
+from assetbuild.robot.inertia import tensor_of
 from assetbuild.robot.model import Control, Tree
 from assetbuild.robot.pose import Pose, normalised_quat
 from assetbuild.robot.shapes import Shapes
-from assetbuild.simulators.held_model import HeldModel
 from assetbuild.simulators.mujoco import Model
 from assetbuild.simulators.physx.couplings import measurable
 from assetbuild.simulators.stages import TURN
@@ -72,8 +64,6 @@ HELD_BY_NEWTON: Mapping[str, frozenset[str]] = {
 """What Newton's MuJoCo solver tells: what drives, weighs and touches."""
 UNLIMITED = 1e6
 """Newton's word for an effort or a range without limit, at least; PhysX's for joints that mimic."""
-SIX = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
-"""xx, yy, zz, xy, xz, yz of a matrix."""
 Held = Mapping[str, Any]
 """What an engine's program says that it holds. Any: JSON."""
 STILL_M = 2e-6
@@ -83,7 +73,7 @@ STILL_M = 2e-6
 # --- what any table says, in what a simulator can hold -------------------------------------------
 
 
-def as_physx(table: Table, drive_type: str = "force") -> Table:
+def as_physx(table: Table, drive_type: str) -> Table:
     """What PhysX must hold of it; the start and mimic joints are not the table's to say."""
     book = Writer()
     for key, value in table.facts.items():
@@ -225,7 +215,7 @@ def physx_table(
             book.put("body", name, {
                 "mass": link["mass"][0],
                 "centre of mass": tuple(link["centre of mass"]),
-                "inertia": tuple(link["inertia"][3 * i + j] for i, j in SIX),
+                "inertia": tensor_of(np.reshape(link["inertia"], (3, 3))),
             })  # fmt: skip
     for joint in tree.joints:
         parent, child = (held["bodies"].get(name) for name in (joint.parent, joint.child))
@@ -354,3 +344,21 @@ class NoMeshes(Meshes):
     def of(self, _: int) -> Surface:  # type: ignore[override] # without a cache
         """The tetrahedron."""
         return self._any
+
+
+class HeldModel:
+    """The compiled model that Newton's solver holds, to be read as `mujoco.MjModel`."""
+
+    def __init__(self, held: Mapping[str, Any]) -> None:  # Any: JSON
+        self.opt = SimpleNamespace(**_arrays(held["opt"]))
+        for kind, names in held["names"].items():
+            held = {**held, kind: partial(_named, names)}
+        self.__dict__ |= _arrays(held)
+
+
+def _arrays(values: Mapping[str, Any]) -> dict[str, Any]:  # Any: JSON; arrays and numbers
+    return {k: np.array(v) if isinstance(v, list) else v for k, v in values.items() if k != "opt"}
+
+
+def _named(names: Sequence[str], index: int) -> SimpleNamespace:
+    return SimpleNamespace(name=names[index])

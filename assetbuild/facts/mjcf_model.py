@@ -10,9 +10,17 @@ from collections.abc import Collection, Iterator
 import numpy as np
 
 from assetbuild.facts.mjcf_fields import Bodies, body_name, numbers
-from assetbuild.facts.mjcf_meshes import Meshes, pose_of
-from assetbuild.facts.mjcf_senses import BALL, JOINTS, read_keyframe, read_senses, simulation_facts
+from assetbuild.facts.mjcf_parts import (
+    BALL,
+    JOINTS,
+    Meshes,
+    pose_of,
+    read_keyframe,
+    read_senses,
+    simulation_facts,
+)
 from assetbuild.facts.table import Value, Writer, pair_name
+from assetbuild.robot.inertia import tensor_of
 from assetbuild.robot.pose import IDENTITY
 from assetbuild.simulators.mujoco import Model, inertia_of, name_of
 from assetbuild.simulators.mujoco.drives import Drive, read_drives
@@ -107,11 +115,8 @@ def _body(model: Model, body: int) -> dict[str, Value]:
         pose = pose_of(model.body_pos[body], model.body_quat[body])
         facts["pose"] = (*pose.xyz, *pose.quat)
     if facts["mass"] or model.body_inertia[body].any():
-        tensor = inertia_of(model, body)
         facts["centre of mass"] = numbers(model.body_ipos[body])
-        facts["inertia"] = tuple(
-            float(tensor[i, j]) for i, j in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
-        )
+        facts["inertia"] = tensor_of(inertia_of(model, body))
     return facts
 
 
@@ -153,13 +158,13 @@ def _free_joint(model: Model) -> dict[str, Value]:
 def _drive(model: Model, drive: Drive, book: Writer) -> None:
     name = _name(model, "actuator", drive.index)
     kind = "general" if drive.filtered else drive.kind
-    plain = kind != "general"
+    plain, (low, high) = kind != "general", drive.on_joint
     facts: dict[str, Value] = {
         "model": {"servo": "pd"}.get(kind, kind),
         "kp": drive.kp if plain else 0.0,
         "kd": drive.kd if plain else 0.0,
         "gear": drive.gear,
-        "effort": _largest(drive.on_joint),
+        "effort": max(-low, high) if math.isfinite(high) else None,
         "command range": drive.ctrl if math.isfinite(drive.ctrl[1]) else None,
     }
     if name != drive.joint_name:
@@ -171,10 +176,6 @@ def _drive(model: Model, drive: Drive, book: Writer) -> None:
     if ends[0] != -ends[1] or hidden:
         facts["mjcf:effort range"] = ends
     book.put("joint", drive.joint_name, facts)
-
-
-def _largest(ends: tuple[float, float]) -> float | None:
-    return max(-ends[0], ends[1]) if math.isfinite(ends[1]) else None
 
 
 def general_text(model: Model, index: int) -> str:

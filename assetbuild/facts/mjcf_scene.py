@@ -25,19 +25,15 @@ class SceneReader(Reader):
     called: ClassVar[str] = "the scene"
     folder: ClassVar[str] = "mjcf"
     preload: ClassVar[tuple[str, ...]] = ("mujoco",)
-    stem: ClassVar[str] = "scene"
+    written: ClassVar[str] = "scene.xml"
     lacks: ClassVar[Mapping[str, str]] = dict.fromkeys(
         {kind for kind, _ in VOCABULARY} - {"floor"}, "the robot's own file says it"
     )
 
-    def file(self, root: Path, robot: str) -> Path | None:
-        """Where the target is built."""
-        path = root / f"{self.stem}.xml"
-        return path if path.is_file() else None
-
     def read(self, path: Path) -> Table:
         """The floor, other shapes of the world, and what the robot's own file says otherwise."""
-        own, scene = _compiled(_robot_file(path, self.robot)), _compiled(path)
+        beside = f"{self.robot}{path.stem.removeprefix('scene')}.xml"  # `go1_mjx.xml`
+        own, scene = _compiled(path.with_name(beside)), _compiled(path)
         before, after = compiled_facts(own).facts, compiled_facts(scene).facts
         facts: dict[Key, Value] = {}
         for key in dict.fromkeys((*before, *after)):
@@ -66,11 +62,6 @@ class SceneReader(Reader):
             "mjcf:masks": (1.0, 1.0),
         }
         return Table({Key("floor", "", word): value for word, value in said.items()})
-
-
-def _robot_file(scene: Path, robot: str) -> Path:
-    """`go1_mjx.xml` beside `scene_mjx.xml`."""
-    return scene.with_name(f"{robot}{scene.stem.removeprefix('scene')}.xml")
 
 
 def _compiled(path: Path) -> Model:

@@ -15,19 +15,14 @@ READ_AS = {
 """Quantity of a reading -> (kind where it is another, name in the vocabulary)."""
 
 
-def _read_key(kind: str, name: str, quantity: str) -> Key:
-    other, named = READ_AS.get(quantity, ("", quantity))
-    return Key(other or kind, "" if kind == "robot" else name, named)
-
-
 def readings_table(raw: Any) -> tuple[Table, str]:  # Any: JSON
     """(facts, simulator). ValueError, TypeError or KeyError where these are no readings."""
     if raw["format"] != FORMAT:
         raise ValueError(f"its format is `{raw['format']}`, not `{FORMAT}`")
-    facts = {
-        _read_key(str(kind), str(name), str(quantity)): _value(value)
-        for kind, name, quantity, value in raw["facts"]
-    }
+    facts: dict[Key, Value] = {}
+    for kind, name, quantity, value in raw["facts"]:
+        other, named = READ_AS.get(quantity, ("", str(quantity)))
+        facts[Key(other or str(kind), "" if kind == "robot" else str(name), named)] = _value(value)
     return Table(facts), str(raw.get("simulator", "unnamed"))
 
 

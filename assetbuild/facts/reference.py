@@ -11,7 +11,6 @@ from typing import Any
 
 from assetbuild.errors import UsageError
 from assetbuild.facts.derived import SOLIMP, SOLREF, springs_of
-from assetbuild.facts.known_files import KnownFiles
 from assetbuild.facts.surface import Surface
 from assetbuild.facts.table import Table, Value, Writer, pair_name
 from assetbuild.robot.codec import decode, encode
@@ -41,8 +40,8 @@ class Assets:
     """What the mesh and picture files of the robot hold, measured once.
 
     surfaces: (name of the mesh, its surface in its own frame); pixels: (file, digest of the
-    picture's pixels). files: (name of the mesh or picture, digest of its file's bytes), which
-    only a build states: a bundle's files are to be read as they lie.
+    picture's pixels). files: (name of the mesh, digest of its file's bytes), which only a build
+    states: a bundle's files are to be read as they lie.
     """
 
     surfaces: tuple[tuple[str, Surface], ...] = ()
@@ -50,13 +49,10 @@ class Assets:
     files: tuple[tuple[str, str], ...] = ()
 
     @property
-    def known(self) -> KnownFiles:
-        """What files with the same bytes hold."""
-        surfaces, pixels = dict(self.surfaces), dict(self.pixels)
-        return KnownFiles(
-            {digest: surfaces[name] for name, digest in self.files if name in surfaces},
-            {digest: pixels[name] for name, digest in self.files if name in pixels},
-        )
+    def known(self) -> Mapping[str, Surface]:
+        """The surface in a mesh file by the digest of its bytes: a copy needs no second reading."""
+        surfaces = dict(self.surfaces)
+        return {digest: surfaces[name] for name, digest in self.files if name in surfaces}
 
 
 @dataclass(frozen=True)

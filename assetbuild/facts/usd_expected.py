@@ -22,7 +22,6 @@ from assetbuild.facts.derived import (
 )
 from assetbuild.facts.reference import Reference, filtered_pairs, mimic_facts, pose_value
 from assetbuild.facts.table import Key, Table, Value, Writer, pair_name
-from assetbuild.facts.usd_options import rigid_of, solver_of, touches_itself
 from assetbuild.robot.model import MOVING, Actuator, Contact, Mimic, Tree
 from assetbuild.robot.pose import IDENTITY
 from assetbuild.robot.shapes import Mesh, Shape
@@ -34,19 +33,20 @@ ROOT_JOINT = "root_joint"
 DEGREE = math.pi / 180.0
 """rad; what engines alone know stands in the file's own units."""
 SOLVER = {
-    "solver_position_iterations": "solverPositionIterationCount",
-    "solver_velocity_iterations": "solverVelocityIterationCount",
-    "sleep_threshold": "sleepThreshold",
-    "stabilization_threshold": "stabilizationThreshold",
+    "solver_position_iterations": ("solverPositionIterationCount", 8),
+    "solver_velocity_iterations": ("solverVelocityIterationCount", None),
+    "sleep_threshold": ("sleepThreshold", 0.0),
+    "stabilization_threshold": ("stabilizationThreshold", 0.0),
 }
 RIGID = {
-    "linear_damping": "linearDamping",
-    "angular_damping": "angularDamping",
-    "max_linear_velocity": "maxLinearVelocity",
-    "max_angular_velocity": "maxAngularVelocity",
-    "max_depenetration_velocity": "maxDepenetrationVelocity",
+    "linear_damping": ("linearDamping", 0.0),
+    "angular_damping": ("angularDamping", 0.0),
+    "max_linear_velocity": ("maxLinearVelocity", 1000.0),
+    "max_angular_velocity": ("maxAngularVelocity", 1000.0),
+    "max_depenetration_velocity": ("maxDepenetrationVelocity", 1.0),
 }
-"""Keys of the recipe's `usd.articulation` and `usd.rigid_body` -> PhysX's attributes."""
+"""Keys of the recipe's `usd.articulation` and `usd.rigid_body` -> PhysX's attributes, and what
+holds where the recipe says nothing."""
 ENGINES: Mapping[str, tuple[str, ...]] = {
     "none": (),
     "physics": ("physx", "newton"),
@@ -91,6 +91,33 @@ def usd_table(own: Table, reference: Reference) -> Table:
     return book.table()
 
 
+# --- what PhysX is asked for
+
+
+def solver_of(reference: Reference) -> dict[str, float]:
+    """How PhysX solves: the light rods of loops need 16 velocity iterations, others 1."""
+    stated = _stated(reference, "articulation")
+    usual = 16 if reference.control.loops else 1
+    found = {key: stated.get(key, value) for key, (_, value) in SOLVER.items()}
+    return {key: float(usual if value is None else value) for key, value in found.items()}
+
+
+def rigid_of(reference: Reference) -> dict[str, float]:
+    """What PhysX adds to every body."""
+    stated = _stated(reference, "rigid_body")
+    return {key: float(stated.get(key, value)) for key, (_, value) in RIGID.items()}
+
+
+def touches_itself(reference: Reference) -> bool:
+    """Whether parts of the robot touch one another."""
+    return bool(_stated(reference, "articulation").get("self_collisions", True))
+
+
+def _stated(reference: Reference, section: str) -> Options:
+    found: Options = (reference.options.get("usd") or {}).get(section) or {}
+    return found
+
+
 # --- root and bodies
 
 
@@ -118,7 +145,7 @@ def _articulation(reference: Reference) -> dict[str, Value]:
     solver = solver_of(reference)
     return {
         "usd:newton:selfCollisionEnabled": touches_itself(reference),
-        **{f"usd:physxArticulation:{SOLVER[key]}": value for key, value in solver.items()},
+        **{f"usd:physxArticulation:{SOLVER[key][0]}": value for key, value in solver.items()},
     }
 
 
@@ -142,7 +169,7 @@ def _bodies(reference: Reference, book: Writer) -> None:
     light = weightless(reference.control)
     rigid = rigid_of(reference)
     rigid["max_angular_velocity"] /= DEGREE
-    words: dict[str, Value] = {f"usd:physxRigidBody:{RIGID[key]}": v for key, v in rigid.items()}
+    words: dict[str, Value] = {f"usd:physxRigidBody:{RIGID[key][0]}": v for key, v in rigid.items()}
     for body in reference.tree.bodies:
         if body.is_massless:  # PhysX would take a mass of 0 for none, and make one up
             for quantity in ("centre of mass", "inertia"):

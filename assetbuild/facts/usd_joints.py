@@ -115,7 +115,7 @@ def joint_facts(joints: Sequence[JointPrim], book: Writer) -> None:
 def _loop(joint: JointPrim) -> dict[str, Value]:
     """A joint outside of the articulation, and how soft MuJoCo holds it."""
     facts: dict[str, Value] = {
-        "type": {"ball": "connect", "fixed": "weld"}.get(joint.kind, joint.kind),
+        "type": {"ball": "connect", "fixed": "weld"}.get(joint.kind, joint.kind)
     }
     ends = zip("ab", (joint.parent, joint.child), joint.frames, strict=True)
     for side, body, frame in ends:

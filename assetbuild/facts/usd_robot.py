@@ -13,13 +13,19 @@ from pathlib import Path
 import numpy as np
 from pxr import Usd, UsdGeom, UsdPhysics
 
-from assetbuild.facts.known_files import KnownFiles
 from assetbuild.facts.reference import pose_value
 from assetbuild.facts.table import Table, Value, Writer
 from assetbuild.facts.usd_joints import JointPrim, joint_facts
-from assetbuild.facts.usd_prims import Places, Prim, quat_of_gf
+from assetbuild.facts.usd_prims import (
+    VARIANTS,
+    Places,
+    Prim,
+    engines_of,
+    opened,
+    quat_of_gf,
+    units_of,
+)
 from assetbuild.facts.usd_shapes import ShapePrim, pair_facts, read_shapes
-from assetbuild.facts.usd_stage import VARIANTS, engines_of, opened, units_of
 from assetbuild.robot.inertia import rotate_tensor
 
 GROUPS = ("visuals", "collisions")
@@ -42,7 +48,7 @@ class Sorted:
     prims: list[Prim] = field(default_factory=list)
 
 
-def read_robot(path: Path, known: KnownFiles) -> Table:
+def read_robot(path: Path) -> Table:
     """The facts of the stage as it opens, its default variants selected."""
     with opened(path) as stage:
         book = Writer()
@@ -64,7 +70,7 @@ def read_robot(path: Path, known: KnownFiles) -> Table:
         book.put("robot", "", {"usd:robot prim pose": pose_value(places.rigid(robot.prim)[0])})
         for variant in robot.prim.GetVariantSet(VARIANTS).GetVariantNames():
             book.put("robot", "", {f"usd:engines of {variant}": engines_of(stage, variant)})
-        colliders = read_shapes(found.shapes, names, places, known, book)
+        colliders = read_shapes(found.shapes, names, places, book)
         apart = [frozenset(j.ends) for j in joints if len(j.ends) == 2 and not j.touching]
         articulated = [prim.path for prim in found.roots if prim.path in found.bodies]
         pair_facts(colliders, names, found.filters, apart, articulated, book)

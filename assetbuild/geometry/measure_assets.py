@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import replace
 
 from assetbuild.engine.digest import digest_bytes
 from assetbuild.engine.step import Files, Step
-from assetbuild.facts.picture import pixel_digest
 from assetbuild.facts.reference import Assets
-from assetbuild.facts.surface import measure
+from assetbuild.facts.surface import measure, pixel_digest
 from assetbuild.findings import Finding
 from assetbuild.mesh.hulls import hull_or_points, write_meshes
 from assetbuild.mesh.obj import read_triangles
@@ -32,19 +30,15 @@ class MeasureAssets(Step):
     def run(self, files: Files) -> Iterator[Finding]:
         """Reads each file of `meshes/` that the robot names."""
         robot = RobotFiles(files.inputs)
-        surfaces, meshes, pixels, digests = [], [], [], []
+        surfaces, meshes, digests = [], [], []
         for asset in robot.shapes.meshes:
             data = (robot.mesh_dir / asset.file).read_bytes()
             mesh = read_triangles(data, asset.file)
-            surface = measure(mesh.corners, mesh.uv, mesh.normals)
-            surfaces.append((asset.name, replace(surface, vertices=len(mesh.vertices))))
+            surfaces.append((asset.name, measure(mesh.corners, mesh.uv)))
             meshes.append(mesh)
             digests.append((asset.name, digest_bytes(data)))
-        for texture in sorted({m.texture for m in robot.shapes.materials if m.texture}):
-            path = robot.mesh_dir / texture
-            if shown := pixel_digest(path):
-                pixels.append((texture, shown))
-                digests.append((texture, digest_bytes(path.read_bytes())))
+        textures = sorted({m.texture for m in robot.shapes.materials if m.texture})
+        pixels = [(t, shown) for t in textures if (shown := pixel_digest(robot.mesh_dir / t))]
         assets = Assets(tuple(surfaces), tuple(pixels), tuple(digests))
         (files.outputs / "assets.json").write_bytes(encode(assets))
         write_meshes(files.outputs / "triangles.npz", meshes)

@@ -316,7 +316,7 @@ def edited_rows(file: str, data: bytes, assets: Assets) -> Iterator[Row]:
     if file.endswith(".obj"):
         yield from _mesh_rows(file, data, assets)
         return
-    from assetbuild.facts.picture import pixels_of
+    from assetbuild.facts.surface import pixels_of
 
     expected, found = dict(assets.pixels).get(file, ""), pixels_of(data)
     if expected != found:
@@ -329,7 +329,7 @@ def _mesh_rows(file: str, data: bytes, assets: Assets) -> Iterator[Row]:
 
     name = file.removesuffix(".obj")
     mesh = read_triangles(data, file)
-    theirs = measure(mesh.corners, mesh.uv, mesh.normals).facts()
+    theirs = measure(mesh.corners, mesh.uv).facts()
     ours = dict(assets.surfaces)[name].facts()
     for quantity in dict.fromkeys((*ours, *theirs)):
         one, other = ours.get(quantity), theirs.get(quantity)

@@ -21,12 +21,13 @@ from assetbuild.robot.identify import Identify
 from assetbuild.robot.inertia import InertiaBounds
 from assetbuild.robot.loops import LoopRow
 from assetbuild.robot.ranges import Randomize
-from assetbuild.robot.sections import Keyframe, (
+from assetbuild.robot.sections import (
     About,
     At,
     Cameras,
     Feet,
     Imu,
+    Keyframe,
     Mount,
     Region,
     Sensors,

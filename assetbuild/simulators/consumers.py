@@ -1,19 +1,124 @@
-"""A check that lets somebody else's trainer try the bundle, in an environment of its own."""
+"""Other people's trainers: the environments that they need, and checks that let them try a bundle.
+
+Their pins clash with ours, and with one another's. An environment is made once, below the store's
+folder, by `venv` and `pip`; its name holds the digest of its requirements and of this Python, so
+that a new pin is a new environment. Nothing here runs during a build: `make` is called before one,
+by `assetbuild smoke`.
+"""
 
 from __future__ import annotations
 
+import hashlib
+import json
+import os
+import shutil
+import subprocess
+import sys
 import tempfile
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, ClassVar
 
 from pydantic import Field
 
+from assetbuild.engine.machine import cache_root
 from assetbuild.engine.step import Limits
 from assetbuild.engine.world import World
+from assetbuild.errors import MachineError
 from assetbuild.findings import Rule
 from assetbuild.kinds import Check, RecipeView
 from assetbuild.quantities import Model, Positive
-from assetbuild.simulators.environments import Environment
+from assetbuild.simulators.children import ask, last_line
+
+MADE = "assetbuild.json"
+"""Written last: an environment without it is half made."""
+
+
+@dataclass(frozen=True)
+class Environment:
+    """Packages that one consumer needs. requirements: as pip reads them, pinned.
+
+    version: of Python; ours unless the packages need another. size: measured on Linux, for people.
+    """
+
+    name: str
+    requirements: tuple[str, ...]
+    version: tuple[int, int] = sys.version_info[:2]
+    size: str = ""
+
+    @property
+    def folder(self) -> Path:
+        """Where it lies, made or not."""
+        said = json.dumps([self.requirements, self.version])
+        digest = hashlib.sha256(said.encode()).hexdigest()[:12]
+        return Path(cache_root()) / "environments" / f"{self.name}-{digest}"
+
+    def python(self, world: World) -> Path | None:
+        """Its interpreter; None while it is not made."""
+        python = self.folder / "bin" / "python"
+        made = world.is_file(self.folder / MADE) and world.is_file(python)
+        return python if made else None
+
+    def ask(
+        self, program: Path, job: dict[str, object], folder: Path, seconds: float
+    ) -> tuple[dict[str, object] | None, str]:
+        """As `children.ask`, with its Python; what it compiles is kept beside the environment."""
+        python = self.python(World())
+        if python is None:
+            return None, f"{self.name} is not installed"
+        variables = {
+            "WARP_CACHE_PATH": str(python.parents[1] / "kernels"),
+            "MUJOCO_GL": "disable",
+            "WANDB_MODE": "disabled",
+        }
+        return ask(python, program, job, folder, seconds, variables)
+
+    def make(self, say: Callable[[str], None]) -> Path:
+        """The interpreter, made when it is missing. MachineError when that fails."""
+        if (python := self.python(World())) is not None:
+            return python
+        packages = " ".join(self.requirements)
+        say(f"making the environment of {self.name}: pip install {packages}")
+        half = self.folder.with_name(f"{self.folder.name}.{os.getpid()}.half")
+        half.parent.mkdir(parents=True, exist_ok=True)
+        try:
+            _run([self._interpreter(), "-m", "venv", str(half)])
+            _run([str(half / "bin" / "python"), "-m", "pip", "install", *self.requirements])
+            if not self.folder.exists():
+                half.rename(self.folder)
+        finally:
+            shutil.rmtree(half, ignore_errors=True)
+        made = json.dumps({"requirements": self.requirements}) + "\n"
+        (self.folder / MADE).write_text(made, encoding="utf-8")
+        return self.folder / "bin" / "python"
+
+    def _interpreter(self) -> str:
+        """A Python of this version; MachineError where there is none."""
+        if self.version == sys.version_info[:2]:
+            return sys.executable
+        name = "python{}.{}".format(*self.version)
+        found = shutil.which(name)
+        # pyenv puts a shim on the PATH for versions that are not selected; it fails when called.
+        if (
+            found is None
+            or subprocess.run([found, "-V"], check=False, capture_output=True).returncode
+        ):
+            raise MachineError(
+                f"{self.name} needs {name}, which is not on the PATH",
+                hint=f"your system's packages have it, or `uv python install {name[6:]}`",
+            )
+        return found
+
+
+def _run(command: Sequence[str]) -> None:
+    done = subprocess.run(command, check=False, capture_output=True)
+    if done.returncode:
+        raise MachineError(
+            f"the environment could not be made: {last_line(done.stderr)}",
+            hint="pip needs the network; `assetbuild doctor` looks at the machine",
+        )
+
 
 FAILED = Rule(
     "smoke.failed",

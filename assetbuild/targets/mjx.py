@@ -56,8 +56,7 @@ class MjxOptions(Model):
         "implicitfast", description="`implicit` does not run on MJX"
     )
     cone: Cone = Field(
-        "elliptic",
-        description="of friction; pyramidal with 4 iterations is faster, and feet slide",
+        "elliptic", description="of friction; pyramidal with 4 iterations is faster, and feet slide"
     )
     impratio: Positive | None = Field(
         None, description="frictional to normal impedance; without it 50 with an elliptic cone"

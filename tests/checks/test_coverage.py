@@ -17,7 +17,7 @@ from assetbuild.mesh.primitives import tessellate
 from assetbuild.mesh.solid import distance_to
 from assetbuild.mesh.triangles import merged
 from assetbuild.robot.pose import Pose, Vec3
-from assetbuild.robot.shapes import Box, Capsule, Geometry, Mesh, MeshAsset, Shape, Shapes, Sphere
+from assetbuild.robot.shapes import Box, Capsule, Geometry, Mesh, MeshAsset, Shape, Shapes
 
 SIZE = (0.05, 0.04, 0.3)
 
@@ -100,65 +100,3 @@ def test_a_notch_and_a_hole_left_open_are_no_holes_filled(tmp_path: Path):
     ring = frame_of_bars((*SIDES, TOP, BOTTOM))
     beside = told(Box(SIDES[0][0]), SIDES[0][1], tmp_path / "b", ring)
     assert [f.rule for f in beside if f.rule == "coverage.hole"] == []
-
-
-def bar_of_two(
-    shift: Vec3, folder: Path, *more: tuple[Geometry, Vec3], **wish: float
-) -> list[Finding]:
-    """A long bar that two boxes stand for, end to end; the second is moved by `shift`, m.
-
-    more: further shapes, and where they stand.
-    """
-    robot: TinyRobot = pendulum()
-    link = robot.tree.bodies[-1].name
-    half = Box((SIZE[0], SIZE[1], SIZE[2] / 2))
-    x, y, z = shift
-    shapes = Shapes(
-        (
-            Shape("bar", link, "visual", Mesh("bar-1")),
-            Shape("upper", link, "collision", half, Pose((0.0, 0.0, SIZE[2] / 4))),
-            Shape("lower", link, "collision", half, Pose((x, y, z - SIZE[2] / 4))),
-            *(Shape("other", link, "collision", form, Pose(at)) for form, at in more),
-        ),
-        (),
-        (MeshAsset("bar-1", "bar-1.obj", 8, 12),),
-    )
-    robot = replace(robot, shapes=shapes, meshes={"bar-1.obj": box_obj(SIZE)})
-    inputs = write_robot_ports(folder / "in", robot)
-    return run_step(Coverage.model_validate(wish), inputs, folder / "out")
-
-
-@pytest.mark.parametrize(
-    "shift", [(0.03, 0.0, 0.0), (0.0, -0.03, 0.0), (0.0, 0.0, -0.03), (0.02, 0.02, -0.01)]
-)
-def test_one_shape_of_several_that_moved_is_told(shift: Vec3, tmp_path: Path):
-    """The others hold the bounds of the body, so the body as a whole lies where it is seen."""
-    assert bar_of_two((0.0, 0.0, 0.0), tmp_path / "good") == []
-    (finding,) = bar_of_two(shift, tmp_path / "bad")
-    assert (finding.rule, finding.subject) == ("coverage.shape_shift", "shape lower")
-    assert finding.data["shift_m"] == pytest.approx([-v for v in shift], abs=6e-3)
-    assert "above the limit of 20 mm" in finding.message
-    assert bar_of_two(shift, tmp_path / "allowed", max_shape_shift=0.04) == []
-
-
-def test_spheres_that_fill_a_body_are_not_judged_one_by_one(tmp_path: Path):
-    """A ball half as thick as the bar fits its surface better anywhere near the skin."""
-    balls = [(Sphere(SIZE[0] / 4), (0.0, 0.0, SIZE[2] * at)) for at in (-0.4, -0.2, 0.0, 0.2, 0.4)]
-    assert bar_of_two((0.0, 0.0, 0.0), tmp_path, *balls) == []
-    rows = json.loads((tmp_path / "out/figures.json").read_text())["shapes"]
-    assert {row["shape"] for row in rows} == {"upper", "lower"}
-
-
-def test_a_shape_that_fits_nowhere_has_not_moved(tmp_path: Path):
-    """Nothing that is seen looks like it, so its place cannot be judged by what is seen."""
-    guard = (Sphere(0.06), (0.1, 0.0, 0.0))
-    found = bar_of_two((0.0, 0.0, 0.0), tmp_path, guard)
-    assert [f.rule for f in found if f.rule == "coverage.shape_shift"] == []
-    figures = json.loads((tmp_path / "out/figures.json").read_text())["shapes"]
-    (row,) = [row for row in figures if row["shape"] == "other"]
-    assert row["distance_after_mm"] < 0.7 * row["distance_mm"]
-
-
-def test_shapes_that_simplify_have_not_moved(tmp_path: Path):
-    for name, middle in (("a", (0.005, 0.0, 0.0)), ("b", (0.0, 0.0, 0.05)), ("c", (0.0, 0.0, 0.1))):
-        assert bar_of_two(middle, tmp_path / name) == []

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from tiny import check_inputs, pendulum, run_step, tiny_quadruped
 
-from assetbuild.checks.mjcf_compiles import MjcfCompiles
+from assetbuild.checks.mjcf_compiles import MjcfCompiles, lint_file
 from assetbuild.findings import Finding
 from assetbuild.targets.mjcf import Mjcf
 
@@ -76,3 +76,116 @@ def test_no_log_file_is_left_behind(
     monkeypatch.chdir(tmp_path)
     check(inputs)
     assert not list(tmp_path.glob("MUJOCO_LOG*"))
+
+
+# --- lints ---------------------------------------------------------------------------------------
+
+
+LEG = """
+<mujoco>
+  <compiler angle="radian"/>
+  {head}
+  <default>
+    <default class="front"><joint axis="0 1 0" range="-1.5 3.4"/></default>
+    <default class="back"><joint axis="0 1 0" range="-0.4 4.3"/></default>
+  </default>
+  <worldbody>
+    <body name="trunk">
+      <freejoint/>
+      <inertial pos="0 0 0" mass="5" diaginertia="0.1 0.1 0.1"/>
+      <body name="FL_thigh" pos="0.2 {left} 0">
+        <joint name="FL_thigh_joint" class="front"/>
+        <inertial pos="0 0.01 -0.1" mass="1" diaginertia="0.01 0.01 0.001"/>
+      </body>
+      <body name="FR_thigh" pos="0.2 -0.1 0">
+        <joint name="FR_thigh_joint" {right}/>
+        <inertial pos="0 -0.01 -0.1" mass="{mass}" diaginertia="{inertia}"/>
+      </body>
+    </body>
+  </worldbody>
+  {actuator}
+  {key}
+</mujoco>
+"""
+GOOD = {
+    "head": "",
+    "left": "0.1",
+    "right": 'class="front"',
+    "mass": "1",
+    "inertia": "0.01 0.01 0.001",
+    "actuator": """<actuator>
+      <position name="FL" class="front" joint="FL_thigh_joint" kp="20" inheritrange="1"/>
+      <position name="FR" class="front" joint="FR_thigh_joint" kp="20" inheritrange="1"/>
+    </actuator>""",
+    "key": '<keyframe><key name="home" qpos="0 0 0.3 1 0 0 0 0.9 0.9" ctrl="0.9 0.9"/></keyframe>',
+}
+SWAPPED = GOOD["actuator"].replace('"FR" class="front"', '"FR" class="back"')
+BAD = {
+    "lint.grammar": {"head": '<option integrator="Euler"><flag speculative="enable"/></option>'},
+    "lint.absolute_path": {"head": '<compiler meshdir="/home/me/meshes"/>'},
+    "lint.range": {"actuator": GOOD["actuator"].replace('inheritrange="1"', 'ctrlrange="2 1"')},
+    "lint.class": {"actuator": SWAPPED},
+    "lint.key_position": {"key": GOOD["key"].replace("0.9 0.9", "0.9 -2", 1)},
+    "lint.key_ctrl": {"key": GOOD["key"].replace('ctrl="0.9 0.9"', 'ctrl="0.9 9"')},
+    "lint.key_target": {"key": GOOD["key"].replace('ctrl="0.9 0.9"', 'ctrl="0 0"')},
+    "mjcf.load": {"mass": "-1"},
+}
+
+
+def linted(folder: Path, **said: str) -> list[tuple[str, str]]:
+    path = folder / "leg.xml"
+    path.write_text(LEG.format(**GOOD | said))
+    return [(finding.rule, finding.message) for finding in lint_file(path)]
+
+
+def test_a_good_file_is_not_talked_about(tmp_path: Path) -> None:
+    assert linted(tmp_path) == []
+
+
+@pytest.mark.parametrize("rule", BAD)
+def test_each_rule_speaks(rule: str, tmp_path: Path) -> None:
+    assert rule in {found for found, _ in linted(tmp_path, **BAD[rule])}
+
+
+MIRROR = {
+    "mirror.mass": {"mass": "1.2"},
+    "mirror.inertia": {"inertia": "0.02 0.01 0.02"},
+    "mirror.limits": {"right": 'class="back"'},
+    "mirror.home": {"key": GOOD["key"].replace("0.9 0.9", "0.9 0.2", 1)},
+    "mirror.axes": {"right": 'class="front" axis="0 0.8 0.6"'},
+    "mirror.gains": {"actuator": GOOD["actuator"].replace('kp="20"', 'kp="30"', 1)},
+}
+
+
+@pytest.mark.parametrize("rule", MIRROR)
+def test_left_and_right_of_a_foreign_file_differ(rule: str, tmp_path: Path) -> None:
+    """What the check `mirror` says of a robot, from the compiled model alone."""
+    assert rule in {found for found, _ in linted(tmp_path, **MIRROR[rule])}
+
+
+def test_a_hinge_that_counts_the_other_way_has_turned_limits(tmp_path: Path) -> None:
+    """Axis and limits both turned round: the same joint."""
+    turned = 'axis="0 -1 0" range="-3.4 1.5"'
+    key = GOOD["key"].replace("0.9 0.9", "0.9 -0.9", 1).replace('"0.9 0.9"', '"0.9 -0.9"')
+    assert linted(tmp_path, right=turned, key=key) == []
+
+
+def test_menagerie_s_defect_is_named_with_both_classes(tmp_path: Path) -> None:
+    """go2_mjx.xml at 0b2491b8 gives a drive of the front the class of the rear hips."""
+    (message,) = [m for rule, m in linted(tmp_path, actuator=SWAPPED) if rule == "lint.class"]
+    assert "class `back` is for joints of range -0.4 4.3" in message
+    assert "`FR_thigh_joint` has class `front`" in message
+
+
+def test_included_files_are_read_and_what_is_no_mjcf_does_not_load(tmp_path: Path) -> None:
+    (tmp_path / "inner.xml").write_text('<mujoco><compiler meshdir="/home/me"/></mujoco>')
+    (tmp_path / "outer.xml").write_text('<mujoco><include file="inner.xml"/></mujoco>')
+    assert [f.rule for f in lint_file(tmp_path / "outer.xml")] == ["lint.absolute_path"]
+    for text in ('<mujoco><include file="a.xml"/></mujoco>', "<mujoco"):
+        (tmp_path / "a.xml").write_text(text)
+        assert [f.rule for f in lint_file(tmp_path / "a.xml")] == ["mjcf.load"]
+
+
+def test_our_own_file_gives_no_lint(tmp_path: Path) -> None:
+    inputs = check_inputs(tmp_path, tiny_quadruped(), Mjcf(robot="robot"), "mjcf")
+    assert run_step(MjcfCompiles(), inputs, tmp_path / "out") == []

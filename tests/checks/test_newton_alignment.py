@@ -1,8 +1,9 @@
-"""The rows of MuJoCo beside Newton: agreement where the USD is right, a row where it is not."""
+"""Rows of two engines that move one robot: limits, answers of joints, ranges that cover both."""
 
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -11,18 +12,39 @@ from typing import Any
 import numpy as np
 import pytest
 from pxr import Usd
-from tiny import four_bar, models, pendulum, run_step, spoil_stage, tiny_quadruped
+from tiny import (
+    box_inertial,
+    four_bar,
+    models,
+    pendulum,
+    run_step,
+    spoil_stage,
+    tiny_quadruped,
+    write_robot_ports,
+)
 
-from assetbuild.alignment.asked import experiments_of, into_stop
+from assetbuild.alignment.asked import SAMPLE_S, experiments_of, into_stop
 from assetbuild.alignment.moved import Compared, FloorLimits
 from assetbuild.alignment.row import Row, findings_of
+from assetbuild.checks.alignment import ranges_of, told
 from assetbuild.checks.newton_alignment import OFF, NewtonAlignment
 from assetbuild.engine.world import World
 from assetbuild.findings import Finding
-from assetbuild.robot.model import Actuator, Control, Joint, Limits
+from assetbuild.report.summary import public_message
+from assetbuild.robot.model import Actuator, Body, Control, Joint, Limits, Simulation
 from assetbuild.simulators import newton
-from assetbuild.simulators.experiments import Experiment, Motion, Outcome, Swing
+from assetbuild.simulators.experiments import (
+    Experiment,
+    Motion,
+    Outcome,
+    Setting,
+    Sine,
+    Swing,
+    swing,
+)
 from assetbuild.simulators.free_fall import Fall
+from assetbuild.simulators.mujoco.motion import perform
+from assetbuild.targets.mjcf import Mjcf
 
 needs_newton = pytest.mark.skipif(
     newton.HOME.python(World()) is None, reason="needs `assetbuild smoke --consumer newton` once"
@@ -130,7 +152,7 @@ def test_newton_moves_the_quadruped_as_mujoco_does(tmp_path: Path):
     assert found == []
     assert {row["verdict"] for row in rows} == {"ok", "told"}
     judged = {row["row"] for row in rows}
-    assert {"mass", "kp", "self_collision", "free_fall", "sine", "sine_as_is"} < judged
+    assert {"self_collision", "free_fall", "sine", "sine_as_is"} < judged
     assert {"past_lower", "past_upper", "stand_height", "landing_s"} < judged
     assert max(row["off"] for row in rows if row["row"] in ("sine", "past_upper")) < 1e-4
 
@@ -148,5 +170,144 @@ def test_soft_limits_and_wrong_gains_in_the_usd_are_rows(tmp_path: Path):
 
     found, _ = check(tmp_path, spoil)
     errors = {finding.rule for finding in found if finding.severity == "error"}
-    assert {"alignment.newton.kd", "alignment.newton.sine"} < errors
+    assert "alignment.newton.sine" in errors
     assert "alignment.newton.past_upper" in {finding.rule for finding in found}
+
+
+# --- how joints answer ---------------------------------------------------------------------------
+
+
+WRIST = Actuator("swing_joint", "pd", kp=20.0, kd=0.2, friction=1.0, effort=30.0)
+SINE = Sine({"swing_joint": 0.0}, {"swing_joint": 0.3}, 1.0, 3.0)
+WISH = Swing.model_validate({})
+STEP = 0.005
+
+
+def row_beside(angle: np.ndarray, folder: Path, drive: Actuator = WRIST) -> Row:
+    """The row of a wrist of 1e-3 kg m2 beside another engine's motion, sampled at 1 ms."""
+    robot = pendulum()
+    wrist = Body("arm", box_inertial(0.2, (0.02, 0.02, 0.2), (0.0, 0.0, 0.0)))
+    tree = replace(robot.tree, bodies=(robot.tree.bodies[0], wrist))
+    weightless = Simulation(timestep=STEP, gravity=(0.0, 0.0, 0.0))
+    control = Control((drive,), (), simulation=weightless)
+    robot = replace(robot, tree=tree, links=tree, control=control)
+    run_step(Mjcf(robot="r"), write_robot_ports(folder / "in", robot), folder / "out")
+    time = 1e-3 * np.arange(len(angle))
+    still = np.zeros((len(time), 3))
+    theirs = Motion(time, {"swing_joint": angle}, still, np.ones((len(time), 4)), still)
+    asked = swing("sine_as_is", Setting(STEP, weightless.gravity), SINE, SAMPLE_S)
+    both = Compared(
+        tree,
+        control,
+        WISH,
+        Fall(),
+        FloorLimits(),
+        1,
+        lambda one: perform(folder / "out/mjcf", "r", (one,))[one.name],
+        {asked.name: asked},
+        {asked.name: Outcome(None, theirs)},
+    )
+    (row,) = both.rows()
+    return row
+
+
+def by_coulomb() -> np.ndarray:
+    """Without inertia: kd dq/dt = kp (target - q) less the friction, and none below it."""
+    dt, angle, out = 1e-4, 0.0, []
+    for step in range(30001):
+        if step % 10 == 0:
+            out.append(angle)
+        torque = WRIST.kp * (SINE.target("swing_joint", step * dt) - angle)
+        angle += dt * np.sign(torque) * max(abs(torque) - WRIST.friction, 0.0) / WRIST.kd
+    return np.array(out)
+
+
+def test_friction_that_holds_explains_the_row(tmp_path: Path):
+    row = row_beside(by_coulomb(), tmp_path)
+    assert row.off is not None
+    assert row.off > 0.05
+    assert row.verdict == "warning"
+    (finding,) = findings_of([row], OFF, "PhysX")
+    assert finding.severity == "warning"
+    assert "soft" in finding.message
+
+
+def test_a_joint_that_sticks_for_good_is_an_error(tmp_path: Path):
+    row = row_beside(np.zeros(3001), tmp_path)
+    assert (row.verdict, row.because) == ("error", "")
+
+
+def test_without_friction_there_is_no_such_reason(tmp_path: Path):
+    row = row_beside(by_coulomb(), tmp_path, replace(WRIST, friction=0.0))
+    assert row.because == ""
+    assert row.verdict in ("warning", "error")
+
+
+def test_a_reason_makes_an_error_a_warning_and_stands_in_the_table():
+    row = Row("sine_as_is", "HIGH", "joint a", "1", "2", 0.3, 0.05, 0.2)
+    assert row.verdict == "error"
+    known = replace(row, because="soft")
+    assert known.verdict == "warning"
+    assert known.shown("PhysX")["because"] == "soft"
+    (finding,) = findings_of([known, replace(row, off=0.25)], OFF, "PhysX")
+    assert finding.severity == "error", "an unexplained row weighs more than a larger known one"
+
+
+@pytest.mark.parametrize("off", [0.01, 0.04])
+def test_a_reason_changes_nothing_within_the_limits(off: float):
+    row = Row("sine_as_is", "HIGH", "joint a", "1", "2", off, 0.05, 0.2, because="soft")
+    assert row.verdict == "ok"
+
+
+def test_a_speed_that_only_one_engine_limits_explains_the_row(tmp_path: Path):
+    """0.3 rad at 1 Hz is 1.9 rad/s; an engine that keeps to 0.5 rad/s lags behind."""
+    drive = replace(WRIST, friction=0.0, velocity=0.5)
+    row = row_beside(np.zeros(3000), tmp_path / "limited", drive)
+    assert row.verdict == "warning"
+    assert row.because.startswith("MuJoCo has no limit of speed: `swing_joint` moves at")
+    (found,) = findings_of([row], OFF, "PhysX")
+    assert "validate.sine.frequency" in found.hint
+    quick = row_beside(np.zeros(3000), tmp_path / "quick", replace(drive, velocity=5.0))
+    assert (quick.verdict, quick.because) == ("error", "")
+
+
+# --- ranges that cover both ----------------------------------------------------------------------
+
+
+CONTROL = tiny_quadruped().control
+
+
+def test_a_block_that_slides_further_has_so_much_less_friction() -> None:
+    """Two blocks from rest on the slope, s = g t² (sin a - mu cos a) / 2: the difference is mu."""
+    nominal = CONTROL.contact.friction[0]
+    angle, g, t = math.atan(0.5 * nominal), 9.81, 2.0
+    ways = [g * t**2 / 2 * (math.sin(angle) - mu * math.cos(angle)) for mu in (0.3, 0.25)]
+    (low, high) = ranges_of([Row("slide_m", "LOW", "robot", *ways)], CONTROL, 1.0)["friction"]
+    assert (nominal - low, high - nominal) == pytest.approx((0.05, 0.05))
+
+
+def test_a_ball_that_rises_a_quarter_has_half_the_speed() -> None:
+    rows = [Row("bounce_m", "LOW", "robot", 0.0, 0.25)]
+    assert ranges_of(rows, CONTROL, 1.0)["restitution"] == pytest.approx((0.0, 0.5))
+
+
+def test_a_joint_that_lags_has_more_damping() -> None:
+    """Below its own frequency a joint lags by omega d / kp; twice the damping, twice the lag."""
+    drive = CONTROL.by_joint["FR_hip_joint"]
+    lag = 2 * math.pi * (drive.kd + drive.damping) / drive.kp
+    row = Row("sine_as_is", "HIGH", "joint FR_hip_joint", "", "", lag_rad=lag)
+    assert ranges_of([row], CONTROL, 1.0)["damping"] == pytest.approx((1.0, 2.0))
+
+
+def test_equal_engines_and_missing_experiments_propose_nothing_wide() -> None:
+    assert ranges_of([], CONTROL, 1.0) == {}
+    nan = [Row("slide_m", "LOW", "robot", math.nan, 0.1), Row("bounce_m", "LOW", "robot", 0.1, "x")]
+    assert ranges_of(nan, CONTROL, 1.0) == {}
+    same = ranges_of([Row("slide_m", "LOW", "robot", 0.1, 0.1)], CONTROL, 1.0)
+    assert same["friction"][0] == same["friction"][1]
+
+
+def test_the_finding_is_not_for_the_public() -> None:
+    (finding,) = told({"friction": (0.7, 0.9)})
+    assert finding.rule == "alignment.physx.gap"
+    assert "0.7" not in public_message(finding)

@@ -71,7 +71,9 @@ def test_what_a_simulator_tells_is_expected(
 def test_physx_has_gains_where_it_integrates_the_drive(model: str, gains: bool, drive: str) -> None:
     said: dict[str, Value] = {"type": "rotary", "axis": (1.0, 0.0, 0.0), "model": model,
                               "kp": 8.0, "kd": 1.0, "effort": 5.0}  # fmt: skip
-    facts = as_physx(Table({Key("joint", "a", q): v for q, v in said.items()})).of("joint", "a")
+    facts = as_physx(Table({Key("joint", "a", q): v for q, v in said.items()}), "force").of(
+        "joint", "a"
+    )
     assert (facts["kp"], facts["kd"]) == ((8.0, 1.0) if gains else (0.0, 0.0))
     assert facts["physx:drive"] == drive
     assert facts["effort"] == (None if model == "passive" else 5.0)
@@ -140,7 +142,7 @@ def test_a_geom_of_any_group_is_a_shape_of_physx_where_it_may_touch(
     text = f"<mujoco><worldbody>{body}</worldbody></mujoco>"
     book = Writer()
     read_model(mujoco.MjModel.from_xml_string(text), book)
-    assert as_physx(book.table()).of("body", "ball")["physx:shapes"] == count
+    assert as_physx(book.table(), "force").of("body", "ball")["physx:shapes"] == count
 
 
 TENDON = """<mujoco><worldbody>

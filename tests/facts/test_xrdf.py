@@ -14,7 +14,7 @@ from assetbuild.findings import Finding
 from assetbuild.robot.shapes import Box, Cylinder, Mesh, MeshAsset, Shape
 from assetbuild.targets.urdf import Urdf
 from assetbuild.targets.xrdf import Xrdf
-from assetbuild.targets.xrdf.options import XrdfOptions
+from assetbuild.targets.xrdf.covers import XrdfOptions
 
 SAID = XrdfOptions(
     acceleration={"FR_.*": 7.0, ".*": 9.0}, jerk=100, tool_frames=("FR_foot", "imu"), max_spheres=2

@@ -136,7 +136,7 @@ def test_of_several_copies_of_a_mesh_the_unedited_one_counts(tmp_path: Path):
 
 def test_a_mesh_that_was_edited_everywhere_is_measured():
     mesh = read_triangles(box_obj((1, 1, 1)))
-    assets = Assets(surfaces=(("box", measure(mesh.corners, mesh.uv, mesh.normals)),))
+    assets = Assets(surfaces=(("box", measure(mesh.corners, mesh.uv)),))
     rows = {row.attribute: row for row in edited_rows("box.obj", box_obj((2, 1, 1)), assets)}
     assert rows["area"].subject == "mesh box"
     assert (rows["area"].expected, rows["area"].found) == ((6.0,), pytest.approx((10.0,)))

@@ -21,7 +21,7 @@ from assetbuild.robot.ranges import Randomize
 from assetbuild.robot.shapes import Mesh
 from assetbuild.targets.isaaclab import IsaacLab
 from assetbuild.targets.mjlab import Mjlab
-from assetbuild.targets.mjlab.options import MjlabOptions
+from assetbuild.targets.mjlab.module import MjlabOptions
 from assetbuild.targets.mjx import Mjx, MjxOptions
 
 

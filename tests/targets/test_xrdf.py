@@ -27,7 +27,7 @@ from assetbuild.findings import Finding
 from assetbuild.robot.pose import Pose
 from assetbuild.robot.shapes import Box, Mesh, MeshAsset, Shape, Shapes, Sphere
 from assetbuild.targets.xrdf import Xrdf
-from assetbuild.targets.xrdf.options import XrdfOptions
+from assetbuild.targets.xrdf.covers import XrdfOptions
 
 STATED: dict[str, Any] = {"acceleration": 10, "jerk": 100, "tool_frames": ["arm"]}
 MIDDLE = Pose((0.1, 0.0, -0.2))

@@ -1,8 +1,16 @@
 """Is the MJCF that we write the MJCF that we read: moving alike, pulling alike, sensing alike?
 
-Both are compiled and become tables of facts, read alike. What the build changes by rule, and what
-the recipe states, is not compared (`reasons`). Then both move: mass matrix, the forces of drives,
-springs and dampers, tendons and all sensors in several positions.
+Both are compiled and become tables of facts, read alike. What the recipe states is not compared,
+nor what the build changes by rule:
+
+- A body without mass and joints becomes a site; a body's old frame, and the ends of a loop, too.
+- A site with the name of a body is called `<site>_site`.
+- Bodies that a joint connects are excluded.
+- A camera that looks at a body without mass looks ahead.
+- What counts from a joint's `ref` in a law of its own is compared in motion.
+
+Then both move: mass matrix, the forces of drives, springs and dampers, tendons and all sensors in
+several positions.
 """
 
 from __future__ import annotations
@@ -12,16 +20,18 @@ from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
 
-from assetbuild.checks.mjcf_source.at_rest import read_side
+from assetbuild.checks.mjcf_source.at_rest import ROUGH, Facts, Side, read_side
 from assetbuild.checks.mjcf_source.motion import Motion
-from assetbuild.checks.mjcf_source.reasons import compare, tables
 from assetbuild.engine.step import Files
-from assetbuild.facts.compare import equality_findings
+from assetbuild.facts.compare import EXACT, Difference, Precision, differences, equality_findings
+from assetbuild.facts.mjcf import MESHES
+from assetbuild.facts.table import Key, Table, Value, pair_of
 from assetbuild.findings import Finding, Rule
 from assetbuild.kinds import Check, RecipeView, write_figures
 from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.model import Tree
 from assetbuild.simulators import mujoco
+from assetbuild.simulators.mujoco import name_of
 
 LOAD = Rule(
     "equal.source.load", "error", "MuJoCo refuses our MJCF or the source's", "see `mjcf.load`"
@@ -157,3 +167,137 @@ def source_spec(root: ElementTree.Element, folder: Path, tree: Tree) -> Any:  # 
         mesh.set("file", f"{number}{path.suffix}")
         assets[f"{number}{path.suffix}"] = path.read_bytes()
     return mj.MjSpec.from_string(ElementTree.tostring(root, "unicode"), assets=assets)
+
+
+# --- what a rule of the build, or the recipe, explains -------------------------------------------
+
+
+SNAPPED = 2e-6
+"""m or rad: MuJoCo's compiler takes frames of a body that differ by 1e-6 for one, in each file."""
+DRIVE = frozenset({"model", "kp", "kd", "gear", "effort", "command range", "drive name",
+                   "drive parameters", "damping", "friction", "armature",
+                   "mjcf:actuatorfrcrange", "mjcf:effort range", "mjcf:dampingpoly"})  # fmt: skip
+SURFACE = frozenset({"friction", "condim", "priority", "solref", "solimp", "margin", "gap",
+                     "mjcf:solmix"})  # fmt: skip
+MESH = frozenset({"area", "volume", "mean corner", "corner moments"})
+LOOKS = frozenset({"texture", "texture corners", "triangles"})
+"""Pictures are no input of this check; how many triangles keep an area depends on rounding."""
+OPTIONS = {"ls_iterations": "line search iterations"}
+"""Key of a recipe -> quantity, where they differ."""
+
+
+def compare(before: Table, after: Table, *, rough: bool) -> list[Difference]:
+    """Everything that differs. rough: see `ROUGH`."""
+    by = {**EXACT, "length": 1e-6} | ({"tensor": ROUGH, "vector": ROUGH} if rough else {})
+    poses = {("shape", "pose"): SNAPPED, ("frame", "pose"): SNAPPED}
+    return differences(before, after, Precision(by, {**MESHES.by_quantity, **poses}))
+
+
+def tables(source: Side, ours: Side, stated: frozenset[str]) -> tuple[Table, Table]:
+    """What neither a rule above nor the recipe (`stated`, see `MjcfSource`) explains, of both."""
+    wanted = _with_our_names(source, ours)
+    parts = [
+        {key: value for key, value in facts.items() if not _is_stated(key, facts, stated)}
+        for facts in (wanted, ours.facts)
+    ]
+    known = {(key.kind, key.name) for key in parts[0]}
+    made = {"frame"} | ({"sensor", "camera"} if "senses" in stated else set())
+    made |= {"loop", "equality"} if "loops" in stated else set()
+    after = {k: v for k, v in parts[1].items() if k[:2] in known or k.kind not in made}
+    before = {k: v for k, v in parts[0].items() if not _is_changed(k, source, ours, after, stated)}
+    return Table(before), Table({k: v for k, v in after.items() if not _moves(k, source)})
+
+
+def _with_our_names(source: Side, ours: Side) -> Facts:
+    """Sites that are called as a body have another name in ours."""
+    taken = {name_of(side.model, "body", i) for side in (source, ours)
+             for i in range(side.model.nbody)}  # fmt: skip
+    names: dict[str, str] = {}
+    for old in dict.fromkeys(key.name for key in source.facts if key.kind == "frame"):
+        new = old
+        while new in taken:
+            new += "_site"
+        taken.add(new)
+        names[old] = new
+
+    def said(value: Value) -> Value:
+        if isinstance(value, tuple):
+            return tuple(said(one) for one in value)  # type: ignore[return-value] # alike
+        kind, _, name = value.partition(" ") if isinstance(value, str) else ("", "", "")
+        return f"{kind} {names[name]}" if kind == "site" and name in names else value
+
+    return {
+        key._replace(name=names[key.name]) if key.kind == "frame" else key: said(value)
+        for key, value in source.facts.items()
+    }
+
+
+def _is_changed(key: Key, source: Side, ours: Side, after: Facts, stated: frozenset[str]) -> bool:
+    """Whether a rule of the build changes it."""
+    if key.kind == "pair":
+        return key not in after and ("exclude" in stated or _are_neighbours(key.name, source))
+    if key.kind == "camera" and key.quantity in ("tracking", "mjcf:target"):
+        target = int(source.model.cam_targetbodyid[source.model.camera(key.name).id])
+        names = {name_of(ours.model, "body", index) for index in range(ours.model.nbody)}
+        return target > 0 and name_of(source.model, "body", target) not in names
+    return _moves(key, source)
+
+
+def _moves(key: Key, source: Side) -> bool:
+    """Whether it counts from a `ref` in a way that motion compares."""
+    law = key.quantity == "drive parameters" and key.name in source.rest
+    return law or (bool(source.rest) and key.kind == "tendon" and
+                   key.quantity in ("mjcf:range", "mjcf:lengthspring"))  # fmt: skip
+
+
+def _are_neighbours(pair: str, side: Side) -> bool:
+    """Whether the body of one of two shapes carries that of the other."""
+    one, other = (side.facts.get(Key("shape", name, "body")) for name in pair_of(pair))
+    parents = [key for key in side.facts if key.kind == "joint" and key.quantity == "parent"]
+    joints = {(side.facts[k], side.facts[k._replace(quantity="body")]) for k in parents}
+    return bool({(one, other), (other, one)} & joints)
+
+
+def _is_stated(key: Key, facts: Facts, stated: frozenset[str]) -> bool:
+    """Whether the recipe says it, or nobody need."""
+    kind, name, quantity = key
+    if quantity in LOOKS:
+        return True
+    if kind == "simulation":
+        names = {OPTIONS.get(word, word) for word in stated}
+        return quantity.removeprefix("mjcf:") in names
+    return any(reason in stated for reason in _reasons(kind, name, quantity, facts))
+
+
+def _reasons(kind: str, name: str, quantity: str, facts: Facts) -> Iterator[str]:
+    """Words of `stated` that would explain it."""
+    touches = facts.get(Key(kind, name, "mask")) or facts.get(Key(kind, name, "partners"))
+    command = kind == "keyframe" and quantity in ("target", "mjcf:command")
+    watched = str(facts.get(Key(kind, name, "object"), "")).startswith("actuator ")
+    if (
+        kind == "actuator"
+        or (kind == "joint" and quantity in DRIVE)
+        or command
+        or (kind == "sensor" and watched)
+    ):
+        yield "actuators"
+    if quantity in ("base", "base pose") or (
+        kind == "joint" and Key(kind, name, "type") not in facts
+    ):
+        yield "base"
+    if kind == "pair":
+        yield from ("collision", "merge", "contact")
+    if kind == "shape" and touches:
+        yield "collision"
+    if kind == "shape" and quantity in SURFACE:
+        yield "contact"
+    if kind == "shape" and not touches and quantity in MESH:
+        yield "decimated"
+    if kind == "loop" or (kind == "equality" and quantity in ("mjcf:solref", "mjcf:solimp")):
+        yield "loops"
+    if kind == "body" and quantity == "mjcf:gravcomp":
+        yield "merge"
+    if kind == "keyframe":
+        yield f"keyframe {name.split('/')[0]}"
+    if command:
+        yield f"commands {name.split('/')[0]}"

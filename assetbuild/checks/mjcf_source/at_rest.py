@@ -13,19 +13,13 @@ import numpy as np
 
 from assetbuild.facts.mjcf import compiled_facts
 from assetbuild.facts.mjcf_fields import Bodies
-from assetbuild.facts.mjcf_meshes import pose_of
+from assetbuild.facts.mjcf_parts import pose_of
 from assetbuild.facts.reference import inertial_facts
 from assetbuild.facts.table import Key, Value, pair_name
 from assetbuild.robot.inertia import combine, move_inertial, tensor_of
 from assetbuild.robot.model import Inertial
 from assetbuild.robot.pose import Pose, vec3
-from assetbuild.simulators.mujoco import (
-    Model,
-    actuators,
-    first_command,
-    inertia_of,
-    name_of,
-)
+from assetbuild.simulators.mujoco import Model, actuators, first_command, inertia_of, name_of
 from assetbuild.simulators.mujoco.drives import Drive, read_drives
 from assetbuild.simulators.mujoco.pairs import touching_geoms
 
@@ -34,6 +28,9 @@ ROOT = "root"
 """The name of everything that is rigidly one with the root, whatever that is called."""
 GREY = (0.5, 0.5, 0.5, 1.0)
 """What MuJoCo draws a shape in that states no colour."""
+ROUGH = 1e-5
+"""MuJoCo before 4.0 diagonalised a `fullinertia` to a relative 3e-6 (measured in 3.11); we take the
+source's own numbers."""
 FIXED, FREE = (0, 1), 0
 """Equalities that hold bodies; the type of a free joint."""
 

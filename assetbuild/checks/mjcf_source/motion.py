@@ -10,8 +10,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from assetbuild.checks.mjcf_source.at_rest import FREE, Side
-from assetbuild.checks.mjcf_source.reasons import ROUGH
+from assetbuild.checks.mjcf_source.at_rest import FREE, ROUGH, Side
 from assetbuild.facts.mjcf_fields import subjects
 from assetbuild.findings import Finding, Rule
 from assetbuild.robot.pose import Array

@@ -1,24 +1,21 @@
-"""The comparer of a file, by its ending."""
+"""The comparer of a file, by its ending; those of YAML, JSON, meshes and pictures."""
 
 from __future__ import annotations
 
 import os
+from collections import Counter
 from pathlib import Path
+from typing import Any
 
-from assetbuild.facts.again.keys import key_tree
-from assetbuild.facts.again.mesh import mesh_rows
-from assetbuild.facts.again.picture import picture_tree
+import numpy as np
+
+from assetbuild.errors import StepError
 from assetbuild.facts.again.python import python_tree
-from assetbuild.facts.again.row import Row
-from assetbuild.facts.again.tree import Node, tree_rows
+from assetbuild.facts.again.row import NotParsedError, Row
+from assetbuild.facts.again.tree import Node, Words, same, tree_rows
 from assetbuild.facts.again.xml import root_of, xml_tree
-
-TREES = {
-    ".xml": xml_tree, ".urdf": xml_tree, ".py": python_tree,
-    ".yaml": key_tree, ".yml": key_tree, ".json": key_tree, ".xrdf": key_tree,
-    ".png": picture_tree, ".jpg": picture_tree, ".jpeg": picture_tree,
-}  # fmt: skip
-"""Ending of a file -> what it states."""
+from assetbuild.facts.plain_yaml import plain_loader
+from assetbuild.mesh.obj import parse_obj
 
 
 def rows_of(again: Path, there: Path, stages: tuple[Path, ...] = ()) -> list[Row]:
@@ -49,3 +46,125 @@ def _lines(path: Path) -> Node:
     lines = enumerate(path.read_bytes().splitlines(), start=1)
     parts = {f"line {n}": Node(line.decode("utf-8", "replace"), {}, n) for n, line in lines}
     return Node(None, parts, 0, ("file", path.name))
+
+
+# --- YAML and JSON -------------------------------------------------------------------------------
+
+
+NAMED = 2
+"""Tables below so many keys are about a thing: `links`, `trunk`."""
+
+
+def key_tree(path: Path) -> Node:
+    """Comments and layout mean nothing; JSON is YAML, as far as bundles go."""
+    import yaml
+
+    try:
+        root = yaml.compose(path.read_bytes(), Loader=plain_loader())
+        return _key_node(root, ()) if root else Node()
+    except yaml.MarkedYAMLError as error:
+        line = error.problem_mark.line + 1 if error.problem_mark else 0
+        raise NotParsedError(f"not readable as YAML: {error.problem}", line) from None
+    except (yaml.YAMLError, ValueError, RecursionError) as error:
+        raise NotParsedError(f"not readable as YAML: {error}") from None
+
+
+def _key_node(node: Any, path: tuple[str, ...]) -> Node:  # Any: a node of PyYAML
+    import yaml
+
+    line = node.start_mark.line + 1
+    if isinstance(node, yaml.MappingNode):
+        keys = [str(key.value) for key, _ in node.value]
+        items = [value for _, value in node.value]
+    elif isinstance(node, yaml.SequenceNode) and _is_nested(node):
+        keys, items = [f"[{index}]" for index in range(len(node.value))], node.value
+    else:
+        value = yaml.SafeLoader("").construct_object(node, deep=True)
+        leaf = Node(tuple(value) if _is_row(value) else value, {}, line)
+        return leaf if len(path) > 1 else Node(None, {path[-1] if path else "value": leaf})
+    parts = {key: _key_node(item, (*path, key)) for key, item in zip(keys, items, strict=True)}
+    is_named = 0 < len(path) <= NAMED
+    subject = (path[0], "".join(path[1:])) if is_named else None
+    return Node(None, parts, line, subject)
+
+
+def _is_nested(node: Any) -> bool:  # Any: as above
+    """A list of plain values is one value."""
+    import yaml
+
+    return any(not isinstance(item, yaml.ScalarNode) for item in node.value)
+
+
+def _is_row(value: object) -> bool:
+    if not isinstance(value, list):
+        return False
+    return all(isinstance(item, int | float) and not isinstance(item, bool) for item in value)
+
+
+# --- Wavefront files -----------------------------------------------------------------------------
+
+
+def mesh_rows(again: Path, there: Path) -> list[Row]:
+    """The first line of each keyword that two meshes, or two libraries of materials, differ in.
+
+    Lines locate, triangles with their looks decide.
+    """
+    first: dict[str, Row] = {}
+    for row in tree_rows(_statements(again), _statements(there)):
+        first.setdefault(row.attribute.partition("[")[0], row)
+    return [] if there.suffix == ".obj" and _same_triangles(again, there) else [*first.values()]
+
+
+def _statements(path: Path) -> Node:
+    """Statements by their keyword, comments left out."""
+    try:
+        lines = path.read_text(encoding="utf-8").splitlines()
+    except UnicodeDecodeError as error:
+        raise NotParsedError(f"not readable as text: {error}") from None
+    parts: dict[str, Node] = {}
+    seen: Counter[str] = Counter()
+    for number, line in enumerate(lines, start=1):
+        word, _, rest = line.strip().partition(" ")
+        if word and not word.startswith("#"):
+            parts[f"{word}[{seen[word]}]"] = Node(Words(rest.strip()), {}, number)
+            seen[word] += 1
+    return Node(None, parts, 0, ("mesh", path.stem))
+
+
+def _same_triangles(again: Path, there: Path) -> bool:
+    """Whether all corners have the same place, texture coordinates, normal and look."""
+    try:
+        ours, theirs = (parse_obj(path.read_bytes(), path.name) for path in (again, there))
+    except StepError:
+        return False
+    looks = [(obj.libraries, [look for look, _ in obj.parts]) for obj in (ours, theirs)]
+    return looks[0] == looks[1] and all(
+        same(one.corners, other.corners) and same(one.uv, other.uv)
+        and same(one.normals, other.normals)
+        for (_, one), (_, other) in zip(ours.parts, theirs.parts, strict=True)
+    )  # fmt: skip
+
+
+# --- pictures ------------------------------------------------------------------------------------
+
+
+def picture_tree(path: Path) -> Node:
+    """Kind, size and pixels."""
+    from PIL import Image
+
+    try:
+        with Image.open(path) as picture:
+            pixels = np.array(picture.convert("RGBA") if picture.mode == "P" else picture)
+            said = {"mode": picture.mode, "size": picture.size, "pixels": pixels}
+    except (OSError, ValueError, SyntaxError) as error:
+        raise NotParsedError(f"not readable as a picture: {error}") from None
+    parts = {name: Node(value) for name, value in said.items()}
+    return Node(None, parts, 0, ("picture", path.name))
+
+
+TREES = {
+    ".xml": xml_tree, ".urdf": xml_tree, ".py": python_tree,
+    ".yaml": key_tree, ".yml": key_tree, ".json": key_tree, ".xrdf": key_tree,
+    ".png": picture_tree, ".jpg": picture_tree, ".jpeg": picture_tree,
+}  # fmt: skip
+"""Ending of a file -> what it states."""

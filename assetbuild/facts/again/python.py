@@ -29,7 +29,7 @@ def _block(statements: Sequence[ast.stmt], inside: str) -> dict[str, Node]:
     for number, statement in enumerate(one for one in statements if not _is_docstring(one)):
         kind, name = _named(statement)
         subject = (kind, f"{inside}{name}") if kind else None
-        key = name if name and name not in parts else f"{_word(statement)} {number}"
+        key = name if name and name not in parts else f"{type(statement).__name__.lower()} {number}"
         parts[key] = _node(statement, subject, inside)
     return parts
 
@@ -46,10 +46,6 @@ def _named(statement: ast.stmt) -> tuple[str, str]:
         case ast.Return():
             return "", "return"
     return "", ""
-
-
-def _word(statement: ast.stmt) -> str:
-    return type(statement).__name__.lower()
 
 
 def _is_docstring(statement: ast.stmt) -> bool:
@@ -69,7 +65,7 @@ def _node(node: ast.AST, subject: tuple[str, str] | None = None, inside: str = "
         return Node(ast.unparse(node), {}, line, subject)
     kind = None if isinstance(node, ast.Call) else type(node).__name__
     is_block = isinstance(node, ast.stmt)
-    return Node(kind, _parts(node, subject, inside), line, subject, ordered=is_block)
+    return Node(kind, _parts(node, inside), line, subject, ordered=is_block)
 
 
 def _literal(node: ast.AST) -> object:
@@ -81,7 +77,7 @@ def _literal(node: ast.AST) -> object:
     return value if isinstance(value, bool | int | float | str) else None
 
 
-def _parts(node: ast.AST, subject: tuple[str, str] | None, inside: str) -> dict[str, Node]:
+def _parts(node: ast.AST, inside: str) -> dict[str, Node]:
     match node:
         case ast.Call():
             named = {word.arg or "**": _node(word) for word in node.keywords}

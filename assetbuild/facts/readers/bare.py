@@ -82,11 +82,7 @@ def _sensors(reference: Reference, control: Control) -> Iterator[Sensor]:
     yield from own
     there = {sensor.name for sensor in own}
     root = reference.tree.root
-    at = Place("frame", _imu(reference))
+    at = Place("frame", str((reference.options.get("imu") or {}).get("link") or root))
     for name, kind in TASK_SENSORS.items():
         if reference.tree.base == "floating" and name not in there:
             yield Sensor(name, kind, Place("body", root) if kind.startswith("subtree") else at)
-
-
-def _imu(reference: Reference) -> str:
-    return str((reference.options.get("imu") or {}).get("link") or reference.tree.root)

@@ -66,7 +66,11 @@ class Dr(Reader):
         said, book = reference.options.get("randomize"), Writer()
         if not said:
             return book.table()
-        for key, pair in drawn(reference, _draws, ("payload mass", "payload box")).facts.items():
+
+        def draws(row: Actuator | None, word: str) -> bool:
+            return bool(getattr(row, word, None))  # a number that the joint has
+
+        for key, pair in drawn(reference, draws, ("payload mass", "payload box")).facts.items():
             book.facts[key] = _stated(key, pair, reference)  # type: ignore[arg-type] # two numbers
         for body in reference.tree.bodies:
             matter = varied(reference, "links", body.name)
@@ -83,11 +87,6 @@ class Dr(Reader):
             book.put("payload", str(number), {f"dr:{word}": fact for word, fact in facts.items()})
         book.put("robot", "", {"dr:seed": str(said["seed"])})
         return book.plain_table()
-
-
-def _draws(row: Actuator | None, word: str) -> bool:
-    """There is no range of a number that a joint lacks."""
-    return bool(getattr(row, word, None))
 
 
 def _stated(key: Key, pair: tuple[float, ...], reference: Reference) -> tuple[float, ...]:

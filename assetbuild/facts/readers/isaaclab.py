@@ -41,7 +41,7 @@ from assetbuild.facts.trainers import (
     put_start,
     put_terms,
 )
-from assetbuild.facts.usd_options import rigid_of, solver_of, touches_itself
+from assetbuild.facts.usd_expected import rigid_of, solver_of, touches_itself
 from assetbuild.robot.model import Actuator
 from assetbuild.simulators.usd_names import body_identifiers, joint_identifiers
 

@@ -14,4 +14,4 @@ class SceneMjxFacts(SceneReader):
     behind: ClassVar[tuple[str, ...]] = ("mjcf/scene_mjx.xml", "mjcf/{robot}_mjx.xml")
     form: ClassVar[str] = "scene_mjx"
     called: ClassVar[str] = "the scene of the mjx model"
-    stem: ClassVar[str] = "scene_mjx"
+    written: ClassVar[str] = "scene_mjx.xml"

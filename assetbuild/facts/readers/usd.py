@@ -10,9 +10,7 @@ from typing import ClassVar
 
 from assetbuild.errors import UsageError
 from assetbuild.facts.compare import FLOAT32, Precision
-from assetbuild.facts.known_files import KnownFiles
-from assetbuild.facts.losses import Lost
-from assetbuild.facts.reader import BROKEN, Reader
+from assetbuild.facts.reader import BROKEN, Lost, Reader
 from assetbuild.facts.reference import Reference, robot_table
 from assetbuild.facts.table import Table
 from assetbuild.findings import Finding, Rule
@@ -58,15 +56,11 @@ class UsdReader(Reader):
     """What the composed stage says to the engines that simulate it."""
 
     needs: ClassVar[tuple[str, ...]] = ("usd",)
-    preload: ClassVar[tuple[str, ...]] = (
-        "pxr.Usd",
-        "pxr.UsdGeom",
-        "pxr.UsdPhysics",
-        "pxr.UsdShade",
-    )
+    preload = ("pxr.Usd", "pxr.UsdGeom", "pxr.UsdPhysics", "pxr.UsdShade")
     form: ClassVar[str] = "usd"
     called: ClassVar[str] = "the USD"
     folder: ClassVar[str] = "usd"
+    written: ClassVar[str] = "{robot}.usda"
     behind: ClassVar[tuple[str, ...]] = ("usd/{robot}.usda", "usd/payloads/*")
     suffixes: ClassVar[tuple[str, ...]] = (".usd", ".usda", ".usdc", ".usdz")
     asks: ClassVar[tuple[str, ...]] = ("usd",)
@@ -106,23 +100,11 @@ class UsdReader(Reader):
         "floor": "`scene.usda` has it",
     }
 
-    def file(self, root: Path, robot: str) -> Path | None:
-        """`<robot>.usda`."""
-        path = root / f"{robot}.usda"
-        return path if path.exists() else None
-
     def read(self, path: Path) -> Table:
         """Read any USD; UsageError where it does not open, or names no default prim."""
-        return self._read(path, KnownFiles())
-
-    def found(self, path: Path, reference: Reference) -> Table:
-        """A copy of one of the robot's own pictures is not decoded again."""
-        return self._read(path, reference.assets.known).only(self.holds)
-
-    def _read(self, path: Path, known: KnownFiles) -> Table:
         from assetbuild.facts.usd_robot import read_robot
 
-        return read_robot(path, known)
+        return read_robot(path)
 
     def expected(self, reference: Reference) -> Table:
         """The robot as USD can hold it, with the words of the format."""

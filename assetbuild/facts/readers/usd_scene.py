@@ -4,17 +4,22 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import ClassVar
+from typing import TYPE_CHECKING, ClassVar
+
+import numpy as np
 
 from assetbuild.facts.compare import FLOAT32, Precision
 from assetbuild.facts.derived import start_of
 from assetbuild.facts.reader import Reader
 from assetbuild.facts.reference import Reference, pose_value
-from assetbuild.facts.table import Table, Writer
+from assetbuild.facts.table import Table, Value, Writer
 from assetbuild.facts.vocabulary import VOCABULARY
 from assetbuild.robot.floor import floor_of
 from assetbuild.robot.pose import IDENTITY, Pose
 from assetbuild.robot.tree import forward_kinematics
+
+if TYPE_CHECKING:
+    from assetbuild.facts.usd_prims import Places, Prim
 
 CLEARANCE_M = 1e-3
 """The soles start a millimetre above the floor: PhysX throws out what starts inside of it."""
@@ -24,12 +29,7 @@ class UsdSceneReader(Reader):
     """What the scene adds to the robot's own file."""
 
     needs: ClassVar[tuple[str, ...]] = ("usd",)
-    preload: ClassVar[tuple[str, ...]] = (
-        "pxr.Usd",
-        "pxr.UsdGeom",
-        "pxr.UsdPhysics",
-        "pxr.UsdShade",
-    )
+    preload = ("pxr.Usd", "pxr.UsdGeom", "pxr.UsdPhysics", "pxr.UsdShade")
     form: ClassVar[str] = "usd_scene"
     called: ClassVar[str] = "the USD scene"
     folder: ClassVar[str] = "usd"
@@ -56,10 +56,29 @@ class UsdSceneReader(Reader):
         return path if path.exists() and robot != "scene" else None
 
     def read(self, path: Path) -> Table:
-        """UsageError where it does not open."""
-        from assetbuild.facts.usd_scene import read_scene
+        """The facts of the scene; a prim that refers to another file is the robot.
 
-        return read_scene(path)
+        UsageError where it does not open.
+        """
+        from pxr import Usd
+
+        from assetbuild.facts.usd_prims import Places, Prim, opened, units_of
+
+        with opened(path) as stage:
+            book = Writer()
+            places = Places(units_of(stage, book))
+            for each in Usd.PrimRange(stage.GetPseudoRoot(), Usd.TraverseInstanceProxies()):
+                prim = Prim(each)
+                if prim.type == "PhysicsScene":
+                    book.put("simulation", "", _simulation(prim, places))
+                elif prim.type == "Plane":
+                    book.place("floor", "", prim.path)
+                    book.put("floor", "", _floor(prim, places))
+                elif prim.has("PhysicsRigidBodyAPI"):
+                    pose, _ = places.rigid(each)
+                    name = prim.named("start", book)
+                    book.put("start", name, {"usd:initial pose": pose_value(pose)})
+            return book.table()
 
     def expected(self, reference: Reference) -> Table:
         """Gravity and rate of the recipe, the robot in its initial pose on the floor."""
@@ -89,3 +108,27 @@ class UsdSceneReader(Reader):
         for body, pose in forward_kinematics(tree, dict(initial.joints)).items():
             book.put("start", body, {"usd:initial pose": pose_value(start @ pose)})
         return book.table()
+
+
+def _simulation(prim: Prim, places: Places) -> dict[str, Value]:
+    """UsdPhysics: without a direction down, without a magnitude that of the earth."""
+    direction = np.array(prim.numbers("physics:gravityDirection") or (0.0, 0.0, -1.0))
+    magnitude = prim.number("physics:gravityMagnitude", unit=places.units.metre)
+    strength = 9.81 if magnitude is None or magnitude < 0.0 else magnitude
+    gravity = direction / (np.linalg.norm(direction) or 1.0) * strength
+    rate = prim.number("physxScene:timeStepsPerSecond", "PhysxSceneAPI")
+    return {"gravity": tuple(gravity.tolist()), "timestep": 1.0 / rate if rate else None}
+
+
+def _floor(prim: Prim, places: Places) -> dict[str, Value]:
+    from assetbuild.facts.usd_shapes import surface_of
+
+    pose, _ = places.rigid(prim.prim)
+    solid = prim.has("PhysicsCollisionAPI")
+    facts: dict[str, Value] = {
+        "height": pose.xyz[2],
+        "friction": None,
+        "usd:axis": prim.text("axis") or "Z",
+        "usd:collides": solid and prim.flag("physics:collisionEnabled") is not False,
+    }
+    return facts | surface_of(prim.prim)

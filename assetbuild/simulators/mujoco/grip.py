@@ -19,13 +19,7 @@ from assetbuild.errors import StepError, one_line
 from assetbuild.robot.pose import Array
 from assetbuild.simulators import mujoco
 from assetbuild.simulators.mujoco import Data, Model, mj
-from assetbuild.simulators.mujoco.hands import (
-    Hand,
-    at_pose,
-    between_keys,
-    find_hands,
-    solid_geoms,
-)
+from assetbuild.simulators.mujoco.hands import Hand, at_pose, between_keys, find_hands, solid_geoms
 
 Shape = Literal["cube", "cylinder", "sphere"]
 SHAPES: tuple[Shape, ...] = ("cube", "cylinder", "sphere")

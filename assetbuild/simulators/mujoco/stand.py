@@ -126,7 +126,11 @@ def stand(model: Model, keyframe: str | int, seconds: float) -> Stand:
         data = mujoco.at_key(model, key)
         target, overlapping = np.array(data.qpos), mujoco.overlaps(model, data, "geom")
         shapes = {mujoco.name_of(model, "geom", i): i for i in mujoco.collision_geoms(model)}
-        gaps = {name: _gap(model, data, geom) for name, geom in shapes.items()}
+        floor = mujoco.floors(model)[0]
+        gaps = {
+            name: float(mj.mj_geomDistance(model, data, geom, floor, FAR_M, None))
+            for name, geom in shapes.items()
+        }
         at, com, R = np.array(data.xpos[base]), float(data.subtree_com[base][2]), _axes(data, base)
         touched: set[str] = set()
         for _ in range(max(1, round(seconds / model.opt.timestep))):
@@ -161,11 +165,6 @@ def stand(model: Model, keyframe: str | int, seconds: float) -> Stand:
 def _axes(data: Data, body: int) -> Array:
     """(3, 3) axes of a body in the world, as columns."""
     return np.array(data.xmat[body]).reshape(3, 3)
-
-
-def _gap(model: Model, data: Data, geom: int) -> float:
-    """How far a shape is above the first floor, m; negative inside."""
-    return float(mj.mj_geomDistance(model, data, geom, mujoco.floors(model)[0], FAR_M, None))
 
 
 def _on_floor(model: Model, data: Data) -> set[str]:

@@ -139,8 +139,8 @@ def _scale(model: Model, drive: Drive, action: Action) -> float:
 # --- energy and timestep ------------------------------------------------------------------------
 
 
-def energy_drift(model: Model, seconds: float = 1.0) -> float:
-    """Relative change of the energy of free motion: no drives, contacts, friction or damping.
+def energy_drift(model: Model) -> float:
+    """Relative change of the energy in 1 s of free motion: no drives, contacts, friction, damping.
 
     The joints start at up to 1 rad/s; the change is against the kinetic energy at the start.
     nan when the simulation became unstable.
@@ -155,7 +155,7 @@ def energy_drift(model: Model, seconds: float = 1.0) -> float:
         data.qvel[:] = 0.0
         data.qvel[dofs] = random.uniform(-1.0, 1.0, len(dofs))
         start, worst = _kinetic(model, data), 0.0
-        for _ in range(max(1, round(seconds / model.opt.timestep))):
+        for _ in range(max(1, round(1.0 / model.opt.timestep))):
             mj.mj_step(model, data)
             worst = max(worst, abs(_kinetic(model, data) - start))
         if not mujoco.is_finite(data):

@@ -10,17 +10,13 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import ClassVar
 
-from assetbuild.simulators.consumers import ConsumerCheck
-from assetbuild.simulators.environments import Environment
+from assetbuild.simulators.consumers import ConsumerCheck, Environment
 from assetbuild.simulators.experiments import Experiment, Outcome, SimulatorCheck
 from assetbuild.simulators.stages import perform_on_stages
 
 HOME = Environment("newton", ("newton[sim,importers]==1.8.0",))
 PROGRAM = Path(__file__).with_name("_child.py")
-BEYOND_IMPORTS = (
-    "assetbuild.simulators.newton._child",
-    "assetbuild.simulators.newton._reading",
-)
+BEYOND_IMPORTS = ("assetbuild.simulators.newton._child", "assetbuild.simulators.newton._reading")
 
 
 class NewtonCheck(ConsumerCheck, SimulatorCheck):

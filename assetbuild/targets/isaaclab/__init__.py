@@ -19,8 +19,7 @@ from assetbuild.robot.model import Control
 from assetbuild.robot.ranges import Randomize
 from assetbuild.simulators.usd_options import UsdOptions
 from assetbuild.targets.isaaclab import events
-from assetbuild.targets.isaaclab.module import Generation, Module, module_name
-from assetbuild.targets.isaaclab.options import IsaacLabOptions
+from assetbuild.targets.isaaclab.module import Generation, IsaacLabOptions, Module, module_name
 from assetbuild.targets.isaaclab.script import script
 
 NO_USD = Rule(

@@ -9,6 +9,9 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import Literal
 
+from pydantic import Field
+
+from assetbuild.quantities import Model, NonNegative
 from assetbuild.robot.initial import initial_pose
 from assetbuild.robot.mjcf_only import as_drives
 from assetbuild.robot.model import Actuator, Control, Keyframe, Tree
@@ -16,7 +19,25 @@ from assetbuild.robot.ranges import Randomize, first_match
 from assetbuild.simulators.usd_names import joint_identifiers
 from assetbuild.simulators.usd_options import UsdOptions
 from assetbuild.targets.isaaclab import events
-from assetbuild.targets.isaaclab.options import IsaacLabOptions
+
+
+class IsaacLabOptions(Model):
+    """What only Isaac Lab's configuration has."""
+
+    soft_joint_pos_limit_factor: float = Field(
+        1.0, gt=0.0, le=1.0, description="share of a joint's range beyond which rewards punish"
+    )
+    contact_sensors: bool = Field(True, description="`activate_contact_sensors` of the spawner")
+    clearance: NonNegative = Field(
+        0.001, description="m; how much higher than in its initial keyframe the robot is spawned"
+    )
+    friction_buckets: int = Field(
+        64,
+        ge=1,
+        le=64000,
+        description="contact materials that `randomize` draws; PhysX has room for 64000",
+    )
+
 
 Generation = Literal[2, 3]
 

@@ -12,8 +12,9 @@ from typing import ClassVar
 from assetbuild.engine.step import Files
 from assetbuild.findings import Finding, Rule
 from assetbuild.kinds import Target
+from assetbuild.robot.closure import gaps
 from assetbuild.robot.files import RobotFiles
-from assetbuild.robot.model import Tree
+from assetbuild.robot.model import Control, Tree
 from assetbuild.simulators.mujoco import body_names
 from assetbuild.targets.mjcf.chains import explain_chains
 from assetbuild.targets.mjcf.drives import explain_losses
@@ -26,7 +27,6 @@ from assetbuild.targets.mjcf.files import (
     write_xml,
 )
 from assetbuild.targets.mjcf.inertia import explain_rounding
-from assetbuild.targets.mjcf.loops import explain_loops
 from assetbuild.targets.mjcf.options import MjcfOptions
 from assetbuild.targets.mjcf.robot_xml import RobotXml, Solver
 from assetbuild.targets.mjcf.scene import scene
@@ -93,3 +93,33 @@ def _explain_planar(tree: Tree) -> Iterator[Finding]:
                 f"joint {joint.name}",
                 "MJCF has no planar joint: it becomes two slides and a hinge without limits",
             )
+
+
+# --- loops ---------------------------------------------------------------------------------------
+
+
+NEAR_M = 1e-6
+
+OPEN_AT_ZERO = Rule(
+    "mjcf.loop_at_zero",
+    "warning",
+    "a loop does not close where all joints are 0; of an MJCF's loop Newton 1.8 reads one end "
+    "alone and takes the other to be there",
+    "give Newton the USD, whose loops it reads with both ends",
+)
+
+
+def explain_loops(tree: Tree, control: Control) -> Iterator[Finding]:
+    """One finding for all loops that are open in MuJoCo's `qpos0`."""
+    at_zero = gaps(tree, control.loops, {joint.name: 0.0 for joint in tree.moving_joints})
+    found = {name: gap for name, gap in at_zero.items() if gap > NEAR_M}
+    if found:
+        shown = ", ".join(f"`{name}` ({gap:.3g} m)" for name, gap in list(found.items())[:4])
+        yield OPEN_AT_ZERO(
+            "robot",
+            f"{len(found)} loops are open where all joints are 0: {shown}"
+            f"{', ...' if len(found) > 4 else ''}; MuJoCo, MJX and mjlab hold both ends, but "
+            "Newton 1.8 holds other points of this MJCF",
+            "give Newton the USD",
+            data=found,
+        )

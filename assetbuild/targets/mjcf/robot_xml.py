@@ -21,8 +21,7 @@ from assetbuild.simulators.mujoco import body_names
 from assetbuild.targets.mjcf.chains import Seats
 from assetbuild.targets.mjcf.classes import ClassNames
 from assetbuild.targets.mjcf.constraints import contact_section, equality_section
-from assetbuild.targets.mjcf.drives import actuator_names, row_of
-from assetbuild.targets.mjcf.families import joint_classes
+from assetbuild.targets.mjcf.drives import actuator_names, joint_classes, row_of
 from assetbuild.targets.mjcf.geoms import GeomElements
 from assetbuild.targets.mjcf.inertia import principal_inertia, rounded_up
 from assetbuild.targets.mjcf.sensors import (

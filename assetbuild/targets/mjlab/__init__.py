@@ -8,9 +8,10 @@ and a root that rests above the ground.
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import replace
 from typing import Any, ClassVar
+from xml.etree.ElementTree import Element
 
 from assetbuild.engine.step import Files
 from assetbuild.findings import Finding, Rule
@@ -31,9 +32,7 @@ from assetbuild.targets.mjcf.files import (
 )
 from assetbuild.targets.mjcf.robot_xml import RobotXml
 from assetbuild.targets.mjlab.events import lost
-from assetbuild.targets.mjlab.geom_names import name_collisions
-from assetbuild.targets.mjlab.module import Foot, ModuleFacts, module_text
-from assetbuild.targets.mjlab.options import MjlabOptions
+from assetbuild.targets.mjlab.module import Foot, MjlabOptions, ModuleFacts, module_text
 
 TASK_SENSORS = {"gyro": "imu_ang_vel", "velocimeter": "imu_lin_vel", "accelerometer": "imu_lin_acc"}
 """Sensors that mjlab's tasks look for, at the IMU."""
@@ -130,7 +129,7 @@ class Mjlab(Target):
         keep_transparency(root, meshes)
         write_xml(path, root)
         copy_assets(path.parent, shapes, meshes)
-        feet = [_called(foot, renamed) for foot in facts.feet]
+        feet = [replace(f, geoms=tuple(renamed.get(g, g) for g in f.geoms)) for f in facts.feet]
         feet.sort(key=lambda foot: model.order.index(foot.body))
         facts = replace(facts, feet=tuple(feet))
         module = folder / "python" / f"{self.robot.replace('-', '_').replace('.', '_')}_mjlab.py"
@@ -228,11 +227,6 @@ def _feet(tree: Tree, soles: list[Shape], control: Control) -> tuple[Foot, ...]:
     )
 
 
-def _called(foot: Foot, names: Mapping[str, str]) -> Foot:
-    """The foot with the names that its geoms have in the bare MJCF."""
-    return replace(foot, geoms=tuple(names.get(geom, geom) for geom in foot.geoms))
-
-
 def _renamed(renamed: Mapping[str, str]) -> Iterator[Finding]:
     if renamed:
         name, new = next(iter(renamed.items()))
@@ -259,3 +253,62 @@ def _saturation(control: Control) -> Iterator[Finding]:
 def _of_mjlab(sensor: Sensor) -> bool:
     """Contacts and drives exist only once mjlab has put the robot together."""
     return sensor.kind == "contact" or sensor.at.kind in ("actuator", "tendon")
+
+
+# --- names of collision geoms --------------------------------------------------------------------
+
+
+COLLISION = re.compile(r".*_collision\d*")
+REFERENCES = ("geom", "geom1", "geom2")
+"""Attributes that name a geom, of pairs, sensors and the wraps of tendons."""
+TYPED_REFERENCES = {"objname": "objtype", "refname": "reftype"}
+"""Attributes that name whatever another attribute says: sensors, tuples."""
+
+
+def name_collisions(root: Element, visuals: Collection[str]) -> dict[str, str]:
+    """Rename collision geoms of an MJCF that no config would find, wherever they are named.
+
+    visuals: names of the geoms that touch nothing. Returns new names by old ones.
+    """
+    geoms = [geom for world in root.iter("worldbody") for geom in world.iter("geom")]
+    taken = {geom.get("name", "") for geom in geoms}
+    renamed: dict[str, str] = {}
+    for geom in geoms:
+        name = geom.get("name", "")
+        if name in visuals or COLLISION.fullmatch(name) or _touches_nothing(geom):
+            continue
+        new = _free(f"{name or 'geom'}_collision", taken)
+        geom.set("name", new)
+        if name:
+            renamed[name] = new
+    for node, key in _references(root):
+        if (old := node.get(key, "")) in renamed:
+            node.set(key, renamed[old])
+    return renamed
+
+
+def _touches_nothing(geom: Element) -> bool:
+    """Whether a geom's own masks say so; a class of ours says it for visuals alone."""
+    masks = [geom.get(key, "1").strip().lstrip("+") for key in ("contype", "conaffinity")]
+    return masks == ["0", "0"]
+
+
+def _free(wanted: str, taken: set[str]) -> str:
+    """`wanted`, or with the first number from 2 that makes it new; it is taken from now on."""
+    name, count = wanted, 1
+    while name in taken:
+        count += 1
+        name = f"{wanted}{count}"
+    taken.add(name)
+    return name
+
+
+def _references(root: Element) -> Iterator[tuple[Element, str]]:
+    """(element, attribute) of all that may name a geom."""
+    for node in root.iter():
+        for key in REFERENCES:
+            if key in node.attrib:
+                yield node, key
+        for key, kind in TYPED_REFERENCES.items():
+            if node.get(kind) == "geom" and key in node.attrib:
+                yield node, key

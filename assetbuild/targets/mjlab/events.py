@@ -18,13 +18,7 @@ from assetbuild.findings import Finding, Rule
 from assetbuild.robot.inertia import move_inertial, pseudo_inertia
 from assetbuild.robot.model import Actuator, Tree
 from assetbuild.robot.randomize import homogeneous_box
-from assetbuild.robot.ranges import (
-    Randomize,
-    RandomMatter,
-    RandomPayload,
-    claimed,
-    per_axis,
-)
+from assetbuild.robot.ranges import Randomize, RandomMatter, RandomPayload, claimed, per_axis
 from assetbuild.targets.mjlab.text import exactly, literal
 
 WITH_GAINS = frozenset({"pd", "ideal_pd", "dc_motor"})

@@ -6,7 +6,11 @@ import re
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Literal
 
+from pydantic import Field
+
+from assetbuild.quantities import Model, Pattern, Positive
 from assetbuild.robot.initial import initial_pose
 from assetbuild.robot.model import Actuator, Control, Tree
 from assetbuild.robot.ranges import Randomize, RandomJoint, first_match
@@ -19,8 +23,52 @@ from assetbuild.targets.mjlab.events import (
     replaced,
     terms,
 )
-from assetbuild.targets.mjlab.options import MjlabOptions
 from assetbuild.targets.mjlab.text import dict_of, literal, tuple_of
+
+Spread = tuple[Positive, Positive]
+
+
+class FootScan(Model):
+    """The rays that measure how high a foot is above the ground."""
+
+    radius: Positive = Field(0.04, description="m; of the ring of rays around a foot's site")
+    samples: int = Field(4, ge=1, description="rays on the ring")
+
+
+class PoseReward(Model):
+    """How far joints may leave the initial pose before the reward `pose` drops."""
+
+    knees: Pattern = Field(
+        "(?i).*(calf|knee).*", description="joints that swing most while walking"
+    )
+    standing: Spread = Field(
+        (0.05, 0.1), description="rad; standard deviation of other joints and of knees at rest"
+    )
+    walking: Spread = Field((0.3, 0.6), description="rad; as above, at walking speed")
+    running: Spread = Field((0.3, 0.6), description="rad; as above, at running speed")
+
+
+class MjlabOptions(Model):
+    """What only mjlab's configuration has; the task options are those of its velocity task."""
+
+    soft_joint_pos_limit_factor: float = Field(
+        0.9, gt=0.0, le=1.0, description="share of a joint's range beyond which rewards punish"
+    )
+    num_envs: int = Field(4096, ge=1, description="robots that the task simulates side by side")
+    cone: Literal["elliptic", "pyramidal"] = Field("elliptic", description="friction cone")
+    impratio: Positive = Field(
+        10.0, description="impedance of friction relative to that of the normal force"
+    )
+    njmax: int | None = Field(
+        300, ge=1, description="room for constraints of one robot; null = mjlab's choice"
+    )
+    nconmax: int | None = Field(
+        None, ge=1, description="room for contacts of one robot; null = MuJoCo Warp's choice"
+    )
+    action: Action = Action()
+    foot_scan: FootScan = FootScan()
+    pose: PoseReward = PoseReward()
+
 
 CLASSES: Mapping[str, str] = {
     "pd": "BuiltinPositionActuatorCfg",
@@ -153,6 +201,8 @@ def _facts(facts: ModuleFacts) -> str:
         if group.actuator.kp and group.actuator.effort
     }
     simulation, action = facts.control.simulation, facts.options.action
+    some = action.effort_share
+    share = "A quarter" if some == 0.25 else f"A share of {some!r}"
     return f'''
 XML = Path(__file__).parent.parent / "mjcf" / "{facts.robot}_bare.xml"
 ROOT_BODY = {literal(facts.tree.root)}
@@ -160,7 +210,7 @@ IMU_SITE = {literal(facts.imu_site)}
 FOOT_SITES = {tuple_of(tuple(foot.site for foot in facts.feet))}
 FOOT_GEOMS = {tuple_of(tuple(geom for foot in facts.feet for geom in foot.geoms))}
 ACTION_SCALE = {dict_of(scale)}
-"""{_share(action)} of the error that asks for the whole effort, at most {action.rad!r} rad or
+"""{share} of the error that asks for the whole effort, at most {action.rad!r} rad or
 {action.m!r} m, by joint; rad or m per unit of action."""
 TIMESTEP, DECIMATION = {simulation.timestep!r}, {simulation.decimation}
 GRAVITY = {simulation.gravity!r}'''
@@ -169,10 +219,6 @@ GRAVITY = {simulation.gravity!r}'''
 def _scale(facts: ModuleFacts, group: DriveGroup) -> float:
     slides = all(facts.tree.by_joint[joint].kind == "prismatic" for joint in group.joints)
     return facts.options.action.scale(group.actuator.effort, group.actuator.kp, slides=slides)
-
-
-def _share(action: Action) -> str:
-    return "A quarter" if action.effort_share == 0.25 else f"A share of {action.effort_share!r}"
 
 
 def _robot(facts: ModuleFacts) -> str:

@@ -25,12 +25,7 @@ class Usd(Target):
     outputs = ("usd/",)
     reads: ClassVar[tuple[str, ...]] = ("tree.json", "shapes.json", "control.json", "meshes/")
     isolated: ClassVar[bool] = True
-    preload: ClassVar[tuple[str, ...]] = (
-        "pxr.Usd",
-        "pxr.UsdGeom",
-        "pxr.UsdPhysics",
-        "pxr.UsdShade",
-    )
+    preload = ("pxr.Usd", "pxr.UsdGeom", "pxr.UsdPhysics", "pxr.UsdShade")
 
     sections: ClassVar[Mapping[str, str]] = {"usd": "options"}
     told: ClassVar[Mapping[str, str]] = {

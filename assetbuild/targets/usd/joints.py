@@ -7,6 +7,7 @@ Armature, velocity limit and friction are written three times from one number: `
 
 from __future__ import annotations
 
+import math
 from collections.abc import Collection
 
 from pxr import Gf, Usd, UsdGeom, UsdPhysics
@@ -18,18 +19,11 @@ from assetbuild.robot.mjcf_only import Spring, as_drives
 from assetbuild.robot.model import MOVING, Actuator, Control, Joint, Softness
 from assetbuild.robot.pose import IDENTITY, Pose, Quat, Vec3, quat_between, quat_multiply
 from assetbuild.robot.softness import USUAL, limit_springs
-from assetbuild.simulators.usd_names import JOINTS, LOOPS, loop_identifiers
+from assetbuild.simulators.usd_names import ACTUATORS, JOINTS, LOOPS, loop_identifiers
 from assetbuild.simulators.usd_options import UsdArticulation, UsdOptions
 from assetbuild.targets.usd.layers import apply_foreign, apply_mujoco, label
 from assetbuild.targets.usd.names import PrimPaths
-from assetbuild.targets.usd.units import (
-    COUPLED_DEG,
-    coordinate,
-    gain,
-    instance,
-    is_angular,
-    limits,
-)
+from assetbuild.targets.usd.units import COUPLED_DEG, coordinate, gain, instance, is_angular, limits
 
 NEAR = 1e-9
 _AXES: dict[Vec3, tuple[str, Quat]] = {
@@ -92,16 +86,15 @@ def define_joints(
                 _apply_drive(prim, joint, actuator, starts[joint.name], options.drive_type)
             if joint.name in limited:
                 _apply_limit_spring(prim, joint, limited[joint.name], soft.get(joint.name))
-            _apply_start(prim, joint, starts[joint.name])
+            # PhysX starts a joint where this says, wherever the bodies stand.
+            axis, start = instance(joint), {"position": coordinate(joint, starts[joint.name])}
+            apply_foreign(prim, f"PhysicsJointStateAPI:{axis}", f"state:{axis}:physics", start)
             if joint.name in mimics:
                 _apply_mimic(prim, names, joint)
 
 
 def define_loops(
-    stage: Usd.Stage,
-    names: PrimPaths,
-    control: Control,
-    touching: Collection[frozenset[str]],
+    stage: Usd.Stage, names: PrimPaths, control: Control, touching: Collection[frozenset[str]]
 ) -> None:
     """Joints that close loops: outside of the articulation, which is a tree.
 
@@ -139,12 +132,6 @@ def _undriven(joint: Joint) -> Actuator:
         friction=joint.friction or 0.0,
         velocity=joint.limits.velocity,
     )
-
-
-def _apply_start(prim: Usd.Prim, joint: Joint, position: float) -> None:
-    """PhysX starts a joint where this says, wherever the bodies stand."""
-    axis, where = instance(joint), {"position": coordinate(joint, position)}
-    apply_foreign(prim, f"PhysicsJointStateAPI:{axis}", f"state:{axis}:physics", where)
 
 
 def _define_joint(
@@ -314,3 +301,47 @@ def apply_articulation(stage: Usd.Stage, names: PrimPaths, options: UsdArticulat
     )
     newton = {"selfCollisionEnabled": options.self_collisions}
     apply_foreign(prim, "NewtonArticulationRootAPI", "newton", newton)
+
+
+# --- drives outside of the solver ----------------------------------------------------------------
+
+
+EXPLICIT = ("ideal_pd", "dc_motor", "motor")
+
+
+def define_actuators(stage: Usd.Stage, names: PrimPaths, control: Control) -> None:
+    """A `NewtonActuator` for each joint that an explicit model drives.
+
+    PhysX and Isaac Lab take these efforts from a controller of their own. Newton builds one from
+    each of these prims, and a program that steps `model.actuators` needs no other. Units are SI and
+    radians, unlike those of UsdPhysics' drives. Source: newton-usd-schemas 0.6.
+    """
+    explicit = [row for row in control.actuators if row.model in EXPLICIT]
+    if explicit:
+        UsdGeom.Scope.Define(stage, f"/{names.root}/{ACTUATORS}")
+    for row in explicit:
+        joint = names.joint(row.joint)
+        name = joint.rsplit("/", 1)[-1]
+        prim = stage.DefinePrim(f"/{names.root}/{ACTUATORS}/{name}", "NewtonActuator")
+        label(prim, row.joint)
+        prim.CreateRelationship("newton:targets", custom=False).SetTargets([joint])
+        _apply_law(prim, row)
+
+
+def _apply_law(prim: Usd.Prim, row: Actuator) -> None:
+    """The PD law (a `motor` adds the command alone), and what limits its effort."""
+    apply_foreign(prim, "NewtonPDControlAPI", "newton", {"kp": row.kp, "kd": row.kd})
+    effort = _or_infinite(row.effort)
+    if row.model == "dc_motor":
+        curve = {
+            "maxMotorEffort": effort,
+            "saturationEffort": _or_infinite(row.saturation),
+            "velocityLimit": _or_infinite(row.velocity),
+        }
+        apply_foreign(prim, "NewtonDCMotorClampingAPI", "newton", curve)
+    else:
+        apply_foreign(prim, "NewtonMaxEffortClampingAPI", "newton", {"maxEffort": effort})
+
+
+def _or_infinite(value: float | None) -> float:
+    return math.inf if value is None else value

@@ -119,13 +119,10 @@ class PrimPaths:
         ):
             for name, identifier in table.items():
                 if name != identifier:
-                    yield _renamed(f"{kind}{name}" if kind else "robot", name, identifier)
-
-
-def _renamed(subject: str, name: str, identifier: str) -> Finding:
-    return RENAMED(
-        subject,
-        f"`{name}` is `{identifier}` in USD, which allows letters, digits and `_` only",
-        hint="the prim's displayName keeps the old name",
-        data={"name": name, "identifier": identifier},
-    )
+                    yield RENAMED(
+                        f"{kind}{name}" if kind else "robot",
+                        f"`{name}` is `{identifier}` in USD, which allows letters, digits and `_` "
+                        "only",
+                        hint="the prim's displayName keeps the old name",
+                        data={"name": name, "identifier": identifier},
+                    )

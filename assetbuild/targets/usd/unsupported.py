@@ -115,7 +115,12 @@ def unsupported(tree: Tree, control: Control, options: UsdOptions) -> Iterator[F
     """Findings for all that is missing, clamped or read differently."""
     for joint in tree.moving_joints:
         yield from _limits(joint)
-        yield from _mimic(joint, options)
+        if joint.mimic is not None and not options.mimics:
+            yield MIMIC(
+                f"joint {joint.name}",
+                f"does not follow `{joint.mimic.joint}` in USD: the recipe says "
+                "`usd.mimics: false`",
+            )
     yield from _actuators(control)
     yield from _springs(control)
     yield from _motion(control)
@@ -160,14 +165,6 @@ def _limits(joint: Joint) -> Iterator[Finding]:
             "PhysX 0.7 does not",
             hint="for other versions of PhysX make the joint continuous, or narrow its limits",
             data={"limit_deg": worst},
-        )
-
-
-def _mimic(joint: Joint, options: UsdOptions) -> Iterator[Finding]:
-    if joint.mimic is not None and not options.mimics:
-        yield MIMIC(
-            f"joint {joint.name}",
-            f"does not follow `{joint.mimic.joint}` in USD: the recipe says `usd.mimics: false`",
         )
 
 
@@ -234,7 +231,7 @@ def _contact(control: Control) -> Iterator[Finding]:
             yield CONTACT(
                 "robot",
                 f"PhysX does not apply {name} {', '.join(values[:4])}: {why}",
-                hint="compare `static_friction` and the standing height in the alignment form",
+                hint="compare the standing height in the alignment form",
                 data={"value": name, "surfaces": len(values)},
             )
 

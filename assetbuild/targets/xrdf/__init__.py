@@ -22,8 +22,7 @@ from assetbuild.robot.initial import initial_pose
 from assetbuild.robot.model import MOVING, Control, Tree
 from assetbuild.robot.ranges import first_match
 from assetbuild.robot.shapes import Shapes
-from assetbuild.targets.xrdf.covers import Covered, covers_of, overlaps
-from assetbuild.targets.xrdf.options import LimitTable, XrdfOptions
+from assetbuild.targets.xrdf.covers import Covered, LimitTable, XrdfOptions, covers_of, overlaps
 
 NO_URDF = Rule(
     "xrdf.no_urdf",

@@ -1,4 +1,5 @@
-"""The spheres of each link: its own, or those that cover its collision geometry."""
+"""What a recipe says about the XRDF, and the spheres of each link: its own, or those that cover its
+collision geometry."""
 
 from __future__ import annotations
 
@@ -7,6 +8,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
+from pydantic import Field
 
 from assetbuild.collision.spheres import covering_spheres
 from assetbuild.errors import StepError
@@ -16,12 +18,46 @@ from assetbuild.mesh.hull import convex_hull
 from assetbuild.mesh.obj import read_triangles
 from assetbuild.mesh.quality import sobol
 from assetbuild.mesh.solid import ConvexPiece
+from assetbuild.quantities import Model, Pattern, Positive, Share
 from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.initial import initial_pose
 from assetbuild.robot.pose import Array, Pose
 from assetbuild.robot.shapes import Mesh, Shape, Sphere
 from assetbuild.robot.tree import forward_kinematics
-from assetbuild.targets.xrdf.options import XrdfOptions
+
+LimitTable = dict[Pattern, Positive]
+
+
+class XrdfOptions(Model):
+    """What only a planner asks for: `xrdf/<robot>.xrdf`."""
+
+    joints: Pattern = Field(
+        ".*",
+        description="driven joints that a planner moves; it holds all others, such as a gripper's, "
+        "at their default positions",
+    )
+    acceleration: Positive | LimitTable | None = Field(
+        None,
+        description="rad/s2 or m/s2: one number, or one for each pattern of joints, of which the "
+        "first that matches wins; planners require it",
+    )
+    jerk: Positive | LimitTable | None = Field(
+        None, description="rad/s3 or m/s3, likewise; planners require it"
+    )
+    tool_frames: tuple[str, ...] = Field(
+        (), max_length=100, description="links that a planner moves to a goal; it requires one"
+    )
+    max_spheres: int = Field(32, ge=1, le=1024, description="most spheres of a link")
+    margin: Share = Field(
+        0.02,
+        le=0.5,
+        description="how far a sphere may stick out of a link's collision geometry, share of its "
+        "size",
+    )
+    min_coverage: Share = Field(
+        0.9, le=1, description="share of a link's collision volume below which a warning is given"
+    )
+
 
 SPHERES = Rule(
     "xrdf.spheres",

@@ -1,0 +1,317 @@
+"""Does MuJoCo compile every MJCF file, without a word, and does the file make sense?
+
+The lints need the compiled model too, so they run here: compiling is what costs.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from pathlib import Path, PurePosixPath, PureWindowsPath
+from typing import Any
+
+import numpy as np
+from lxml import etree
+
+from assetbuild.engine.step import Files
+from assetbuild.errors import StepError
+from assetbuild.facts.mjcf_grammar import OLDEST, newer_words
+from assetbuild.findings import Finding, Rule
+from assetbuild.kinds import Check, write_figures
+from assetbuild.robot.mirror import Tolerances, mirror_findings
+from assetbuild.robot.pose import Array
+from assetbuild.robot.twins import Motion, Part, twins
+from assetbuild.simulators import mujoco
+from assetbuild.simulators.mujoco import Loaded, load
+from assetbuild.simulators.mujoco.drives import Drive, drives_of, read_drives
+
+LOAD = Rule("mjcf.load", "error", "MuJoCo refuses the file", "read the findings on the description")
+WARNING = Rule(
+    "mjcf.warning", "warning", "MuJoCo warned while it compiled the file", "read the warning"
+)
+
+
+SIZES = {"bodies": "nbody", "nq": "nq", "nv": "nv", "nu": "nu", "keyframes": "nkey",
+         "geoms": "ngeom", "sites": "nsite", "excludes": "nexclude"}  # fmt: skip
+"""Figure -> its name in MuJoCo's model."""
+
+
+class MjcfCompiles(Check):
+    """Loads each file at the top of `mjcf/`; figures: the sizes of the compiled models."""
+
+    usual_s = 0.6
+    isolated = True
+    preload = ("mujoco",)
+    needs = ("mjcf",)
+    reads = ()
+
+    def run(self, files: Files) -> Iterator[Finding]:
+        """Reads `mjcf/*.xml` with their assets."""
+        figures: dict[str, dict[str, int]] = {}
+        for path in sorted((files.inputs / "mjcf").glob("*.xml")):
+            try:
+                # The reader of facts compiles the looks of the robot; of the scene nobody else.
+                loaded = load(path, visuals=path.name == "scene.xml")
+            except StepError as error:
+                yield LOAD(
+                    "robot",
+                    f"MuJoCo refuses {path.name}: {error.message}",
+                    hint="an error in the source often shows here first: see the lints",
+                )
+                continue
+            model = loaded.model
+            figures[path.name] = {word: int(getattr(model, n)) for word, n in SIZES.items()}
+            figures[path.name]["bodies"] -= 1  # the world
+            yield from said_by_mujoco(path.name, loaded)
+            if path.name != "scene.xml":  # the scene includes the robot: nothing twice
+                yield from lint_text(path)
+                yield from lint_model(model)
+        write_figures(files, figures)
+
+
+def said_by_mujoco(name: str, loaded: Loaded) -> Iterator[Finding]:
+    """One finding for each warning of the compiler."""
+    for warning in dict.fromkeys(loaded.warnings):
+        yield WARNING("robot", f"MuJoCo on {name}: {warning}")
+
+
+def lint_file(path: Path) -> Iterator[Finding]:
+    """Everything that can be said about one MJCF file, foreign or our own."""
+    try:
+        loaded = load(path)
+    except StepError as error:
+        yield LOAD("robot", f"MuJoCo refuses {path.name}: {error.message}")
+        return
+    yield from said_by_mujoco(path.name, loaded)
+    yield from lint_text(path)
+    yield from lint_model(loaded.model)
+    yield from mirror_findings(twins(parts_of(loaded.model)), Tolerances())
+
+
+# --- what the text says that no compiled model shows any more ------------------------------------
+
+
+Xml = etree._Element  # lxml's own name for the type
+PATHS = frozenset({"file", "fileright", "fileleft", "fileup", "filedown", "filefront", "fileback",
+                   "meshdir", "texturedir", "assetdir"})  # fmt: skip
+RANGES = frozenset({"ctrlrange", "forcerange", "actrange", "range", "actuatorfrcrange"})
+
+GRAMMAR = Rule(
+    "lint.grammar",
+    "warning",
+    "a word that MuJoCo 3.11 (mjlab) does not know",
+    "use the older spelling",
+)
+ABSOLUTE_PATH = Rule(
+    "lint.absolute_path",
+    "warning",
+    "a path that exists on one machine only",
+    "make it relative to the file",
+)
+RANGE = Rule(
+    "lint.range", "error", "the lower end of a range is not below the upper one", "swap them"
+)
+FOREIGN_CLASS = Rule(
+    "lint.class",
+    "warning",
+    "a drive has the class of another joint, whose range differs",
+    "use the joint's own class",
+)
+
+
+def lint_text(path: Path) -> Iterator[Finding]:
+    """All that the text alone can show. path: of a file that MuJoCo compiles."""
+    roots = list(_with_includes(path))
+    for root in roots:
+        for element in root.iter("*"):
+            yield from _element(element)
+    yield from _classes(roots, mujoco.mj.MjSpec.from_file(str(path)))
+
+
+def _with_includes(path: Path) -> Iterator[Xml]:
+    parser = etree.XMLParser(resolve_entities=False, no_network=True, load_dtd=False)
+    root = etree.fromstring(path.read_bytes(), parser)
+    yield root
+    for include in root.iter("include"):
+        inner = path.parent / str(include.get("file"))
+        if inner.is_file():
+            yield from _with_includes(inner)
+
+
+def _element(element: Xml) -> Iterator[Finding]:
+    said = {str(name): str(value) for name, value in element.attrib.items()}
+    where = f"line {element.sourceline}: <{element.tag}>"
+    for word in newer_words(str(element.tag), said):
+        yield GRAMMAR(
+            where,
+            f"MuJoCo {OLDEST} does not know `{word}`, so the file does not load there",
+            hint=f"mjlab pins {OLDEST}: say it in older words, or leave it out",
+        )
+    for name, value in said.items():
+        if name in PATHS and (PurePosixPath(value).is_absolute() or PureWindowsPath(value).drive):
+            yield ABSOLUTE_PATH(
+                where,
+                f"`{value}` exists on one machine only",
+                hint="give the path from the file's own folder",
+            )
+        numbers = [float(word) for word in value.split()] if name in RANGES else []
+        if len(numbers) == 2 and numbers[0] >= numbers[1] and any(numbers):
+            low, high = numbers
+            yield RANGE(
+                where,
+                f"{name} {low:g} to {high:g}: the low end is not below the high",
+                hint="swap them",
+                data={"low": low, "high": high},
+            )
+
+
+def _classes(roots: list[Xml], spec: Any) -> Iterator[Finding]:  # Any: MjSpec
+    """A drive whose class is meant for another joint: the class gives joints another range."""
+    nested = (child for root in roots for child in root.iterfind(".//default/default"))
+    inside = {d.get("class"): [above.get("class") for above in d.iterancestors()] for d in nested}
+    joints = {joint.name: joint for joint in spec.joints}
+    for drive in spec.actuators:
+        joint = joints.get(drive.target)
+        if joint is None or not joint.classname or not drive.classname:
+            continue
+        mine, theirs = drive.classname.name, joint.classname.name
+        of_drive, of_joint = (tuple(x.classname.joint.range) for x in (drive, joint))
+        related = theirs in inside.get(mine, ()) or mine in inside.get(theirs, ())
+        stated = tuple(joint.range) != of_joint
+        if not (related or stated or of_drive == of_joint) and any(of_drive) and any(of_joint):
+            yield FOREIGN_CLASS(
+                f"actuator {drive.name or drive.target}",
+                f"class `{mine}` is for joints of range {_shown(of_drive)}, but joint "
+                f"`{joint.name}` has class `{theirs}` with {_shown(of_joint)}",
+                hint=f'class="{theirs}" is probably meant',
+            )
+
+
+def _shown(ends: tuple[float, ...]) -> str:
+    return " ".join(f"{end:g}" for end in ends)
+
+
+# --- what a compiled model shows -----------------------------------------------------------------
+
+
+RANGE_TOLERANCE = 1e-6
+"""rad or m; a number that was rounded from the limit itself is inside."""
+TARGET_TOLERANCE = 1e-3
+
+KEY_POSITION = Rule(
+    "lint.key_position",
+    "warning",
+    "a keyframe puts a joint outside its range",
+    "choose a value inside",
+)
+KEY_CTRL = Rule(
+    "lint.key_ctrl",
+    "warning",
+    "a keyframe's command is outside the drive's range",
+    "choose a value inside",
+)
+KEY_TARGET = Rule(
+    "lint.key_target",
+    "warning",
+    "a position drive pulls away from the pose of the keyframe",
+    "set `ctrl` equal to the positions",
+)
+
+
+def lint_model(model: mujoco.Model) -> Iterator[Finding]:
+    """All that the compiled model shows without a step of simulation."""
+    for key in range(model.nkey):
+        name = mujoco.name_of(model, "key", key)
+        qpos, ctrl = model.key_qpos[key], model.key_ctrl[key]
+        for joint in range(model.njnt):
+            if model.jnt_limited[joint] and model.jnt_type[joint] >= 2:
+                subject = f"joint {mujoco.name_of(model, 'joint', joint)}"
+                value, ends = qpos[model.jnt_qposadr[joint]], model.jnt_range[joint]
+                yield from _outside(KEY_POSITION, subject, name, value, ends)
+        for drive in mujoco.actuators(model):
+            if model.actuator_ctrllimited[drive]:
+                value = ctrl[mujoco.first_command(model, drive)]
+                subject = f"actuator {mujoco.name_of(model, 'actuator', drive)}"
+                yield from _outside(KEY_CTRL, subject, name, value, model.actuator_ctrlrange[drive])
+        for servo in read_drives(model):
+            if servo.kind == "servo":
+                yield from _target(model, servo, name, qpos, float(ctrl[servo.ctrl_index]))
+
+
+def _outside(rule: Rule, subject: str, key: str, value: float, ends: Array) -> Iterator[Finding]:
+    low, high = map(float, ends)
+    if not low - RANGE_TOLERANCE <= value <= high + RANGE_TOLERANCE:
+        yield rule(
+            subject,
+            f"keyframe `{key}`: {value:g} is outside {low:g}..{high:g}",
+            hint="choose a value inside",
+            data={"keyframe": key, "value": float(value), "lower": low, "upper": high},
+        )
+
+
+def _target(
+    model: mujoco.Model, servo: Drive, key: str, qpos: Array, command: float
+) -> Iterator[Finding]:
+    """A position drive that pulls away from the pose it starts in."""
+    at, target = float(qpos[model.jnt_qposadr[servo.joint]]), servo.target(command)
+    if abs(at - target) > TARGET_TOLERANCE:
+        yield KEY_TARGET(
+            f"actuator {mujoco.name_of(model, 'actuator', servo.index)}",
+            f"keyframe `{key}`: its target is {target:g}, the joint stands at {at:g}",
+            hint="give the keyframe a `ctrl` that equals its positions",
+            data={"keyframe": key, "target": target, "position": at},
+        )
+
+
+# --- left and right -------------------------------------------------------------------------
+
+
+def parts_of(model: mujoco.Model) -> tuple[Part, ...]:
+    """Bodies and joints at qpos0 in the frame of the first body, as `robot.mirror` compares."""
+    if model.nbody < 3:
+        return ()
+    data = mujoco.mj.MjData(model)
+    mujoco.mj.mj_kinematics(model, data)
+    root, origin = np.array(data.xmat[1]).reshape(3, 3), np.array(data.xpos[1])
+    parts = []
+    for index in range(1, model.nbody):
+        turn = root.T @ np.array(data.ximat[index]).reshape(3, 3)
+        first, count = int(model.body_jntadr[index]), int(model.body_jntnum[index])
+        joints = [j for j in range(first, first + count) if int(model.jnt_type[j]) >= 2]
+        parts.append(
+            Part(
+                mujoco.name_of(model, "body", index),
+                root.T @ (np.array(data.xpos[index]) - origin),
+                float(model.body_mass[index]),
+                root.T @ (np.array(data.xipos[index]) - origin),
+                turn @ np.diag(model.body_inertia[index]) @ turn.T,
+                tuple(
+                    _motion(model, joint, root.T @ np.array(data.xaxis[joint])) for joint in joints
+                ),
+                mujoco.name_of(model, "body", int(model.body_parentid[index])),
+            )
+        )
+    return tuple(parts)
+
+
+def _motion(model: mujoco.Model, joint: int, axis: Array) -> Motion:
+    found = drives_of(model, joint)
+    dof, at = int(model.jnt_dofadr[joint]), int(model.jnt_qposadr[joint])
+    values: dict[str, float | None] = {
+        "damping": float(np.ravel(model.dof_damping[dof])[0]),
+        "friction": float(model.dof_frictionloss[dof]),
+        "armature": float(model.dof_armature[dof]),
+    }
+    if found.drives:
+        values["gain"] = found.kp or sum(drive.gain for drive in found.drives)
+        values["effort limit"] = found.effort if math.isfinite(found.effort) else None
+    low, high = (float(v) for v in model.jnt_range[joint])
+    key = mujoco.initial_key(model)
+    return Motion(
+        mujoco.name_of(model, "joint", joint),
+        int(model.jnt_type[joint]) == 3,
+        axis,
+        (low, high) if model.jnt_limited[joint] else None,
+        None if key is None else float(model.key_qpos[key, at]),
+        values,
+    )

@@ -1,1 +1,0 @@
-"""Isaac Lab: asked in its own environment."""

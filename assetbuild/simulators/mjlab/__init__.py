@@ -1,1 +1,0 @@
-"""mjlab: asked in its own environment."""

@@ -1,0 +1,272 @@
+"""Sensors, cameras, surfaces and general actuators stand in the MJCF, and the check reads them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import mujoco
+import pytest
+from tiny import (
+    TinyRobot,
+    check_inputs,
+    four_bar,
+    pendulum,
+    run_step,
+    tiny_quadruped,
+    write_robot_ports,
+)
+
+from assetbuild.errors import StepError
+from assetbuild.facts.readers.mjcf import MjcfFacts
+from assetbuild.findings import Finding
+from assetbuild.pipeline.recipes import whole_model
+from assetbuild.robot.model import Camera, Contact, LoopEnd, MjcfOnly, Place, Sensor
+from assetbuild.robot.pose import Pose, quat_of_rpy
+from assetbuild.targets.mjcf import Mjcf
+
+FOOT = Contact(
+    friction=(1.0, 0.01, 0.001),
+    condim=6,
+    priority=1,
+    solref=(0.01, 1.0),
+    solimp=(0.9, 0.95, 0.001, 0.5, 2.0),
+    margin=0.001,
+)
+FEET = tuple((f"{leg}_foot_collision", FOOT) for leg in ("FR", "FL", "RR", "RL"))
+SENSORS = (
+    Sensor("imu_ang_vel", "gyro", Place("frame", "imu"), noise=0.1),
+    Sensor("trunk_gyro", "gyro", Place("frame", "trunk")),
+    Sensor("up", "framezaxis", Place("frame", "trunk"), Place("frame", "imu")),
+    Sensor("root_angmom", "subtreeangmom", Place("body", "trunk")),
+    Sensor("hip", "jointpos", Place("joint", "FR_hip_joint"), cutoff=2.0),
+    Sensor("hip_torque", "actuatorfrc", Place("actuator", "FR_hip_joint")),
+    Sensor("FR_foot_contact", "contact", Place("shape", "FR_foot_collision")),
+)
+CAMERAS = (
+    Camera("front", "imu", Pose((0.1, 0.0, 0.02), quat_of_rpy(1.0, 0.2, -0.4)), 1.2, (320, 240)),
+    Camera("room", None, Pose((0.0, -2.0, 1.0)), tracking="trackcom"),
+)
+
+
+def robot_with_all() -> TinyRobot:
+    robot = tiny_quadruped()
+    control = replace(robot.control, contacts=FEET, sensors=SENSORS, cameras=CAMERAS)
+    return replace(robot, control=control)
+
+
+def built(
+    robot: TinyRobot, folder: Path, spoil: Callable[[str], str] = str
+) -> tuple[mujoco.MjModel, list[Finding], str]:
+    inputs = check_inputs(folder, robot, Mjcf(robot="robot"), "mjcf")
+    path = inputs / "mjcf/robot.xml"
+    path.write_text(spoil(path.read_text()))
+    findings = run_step(MjcfFacts(robot="robot"), inputs, folder / "out")
+    return mujoco.MjModel.from_xml_path(str(path)), findings, path.read_text()
+
+
+def test_every_sensor_camera_and_surface_is_in_the_compiled_model(tmp_path: Path) -> None:
+    model, findings, text = built(robot_with_all(), tmp_path)
+    assert findings == []
+    assert model.nsensor == len(SENSORS)
+    assert text.count("condim") == text.count("solref") == 1, "said once, in the class"
+    assert '<default class="foot">' in text
+    foot = model.geom("FR_foot_collision")
+    assert (foot.condim[0], foot.priority[0], foot.margin[0]) == (6, 1, 0.001)
+    assert model.geom("trunk_collision").condim[0] == 3
+
+
+def test_a_foot_contact_sensor_feels_the_weight(tmp_path: Path) -> None:
+    robot = robot_with_all()
+    inputs = check_inputs(tmp_path, robot, Mjcf(robot="robot"), "mjcf")
+    model = mujoco.MjModel.from_xml_path(str(inputs / "mjcf/scene.xml"))
+    data = mujoco.MjData(model)
+    mujoco.mj_resetDataKeyframe(model, data, 0)
+    for _ in range(400):
+        mujoco.mj_step(model, data)
+    found, *force = data.sensor("FR_foot_contact").data
+    weight = 9.81 * sum(b.inertial.mass_kg for b in robot.tree.bodies if b.inertial)
+    assert found == 1
+    assert abs(force[0]) == pytest.approx(weight / 4, rel=0.25)
+
+
+SPOILT = {
+    "condim": ('condim="6"', 'condim="4"'),
+    "type": ('<gyro name="trunk_gyro"', '<accelerometer name="trunk_gyro"'),
+    "field_of_view": ('fovy="', 'fovy="1'),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("what", SPOILT)
+def test_the_check_names_what_differs(what: str, tmp_path: Path) -> None:
+    _, findings, _ = built(robot_with_all(), tmp_path, lambda text: text.replace(*SPOILT[what]))
+    assert {f.rule for f in findings} == {f"equal.mjcf.{what}"}
+
+
+def test_a_sensor_without_its_place_is_refused(tmp_path: Path) -> None:
+    robot = pendulum()
+    drive = replace(robot.control.actuators[0], model="passive")
+    sensor = Sensor("t", "actuatorfrc", Place("actuator", "swing_joint"))
+    control = replace(robot.control, actuators=(drive,), sensors=(sensor,))
+    with pytest.raises(StepError, match="sensor t: MJCF has no actuatorfrc"):
+        built(replace(robot, control=control), tmp_path)
+
+
+def test_the_options_of_the_recipe_are_in_the_file(tmp_path: Path) -> None:
+    said = {"solver": "CG", "iterations": 7, "ls_iterations": 9, "cone": "elliptic", "impratio": 3}
+    recipe = whole_model().model_validate(
+        {"schema": "assetbuild/v1", "robot": "robot", "source": {"path": "p", "urdf": "r"},
+         "mjcf": said | {"integrator": "Euler"}}
+    )  # fmt: skip
+    inputs = check_inputs(tmp_path, tiny_quadruped(), Mjcf.configure(recipe), "mjcf")
+    option = mujoco.MjModel.from_xml_path(str(inputs / "mjcf/robot.xml")).opt
+    assert (option.iterations, option.ls_iterations, option.impratio) == (7, 9, 3.0)
+    assert (option.solver, option.cone, option.integrator) == (1, 1, 0)
+
+
+def test_materials_that_look_alike_share_one_name(tmp_path: Path) -> None:
+    robot = tiny_quadruped()
+    grey = robot.shapes.materials[0]
+    twin = replace(grey, name="Face636_001")
+    shapes = tuple(replace(s, material="Face636_001") if s.name == "imu_visual" else s for s in robot.shapes.shapes)  # fmt: skip # noqa: E501
+    alike = replace(robot.shapes, shapes=shapes, materials=(*robot.shapes.materials, twin))
+    inputs = write_robot_ports(tmp_path / "in", replace(robot, shapes=alike))
+    findings = run_step(Mjcf(robot="robot"), inputs, tmp_path / "out")
+    assert "mjcf.looks" in {f.rule for f in findings}
+    model = mujoco.MjModel.from_xml_path(str(tmp_path / "out/mjcf/robot.xml"))
+    assert model.nmat == 1
+
+
+# --- loops ---------------------------------------------------------------------------------------
+
+
+def rules_of(robot: TinyRobot, folder: Path) -> set[str]:
+    inputs = write_robot_ports(folder / "in", robot)
+    return {finding.rule for finding in run_step(Mjcf(robot="bot"), inputs, folder)}
+
+
+# All bars lie along x: 0.1 + 0.2 on the coupler's side, 0.2 on the rocker's.
+@pytest.mark.parametrize(("rocker", "told"), [(0.15, True), (0.1, False)])
+def test_a_loop_that_is_open_at_zero_is_a_warning(rocker: float, told: bool, tmp_path: Path):
+    robot = four_bar()
+    end = LoopEnd("rocker", Pose((rocker, 0.0, 0.0)))
+    loop = replace(robot.control.loops[0], b=end)
+    robot = replace(robot, control=replace(robot.control, loops=(loop,)))
+    assert ("mjcf.loop_at_zero" in rules_of(robot, tmp_path)) == told
+
+
+# --- what only MJCF can say ----------------------------------------------------------------------
+
+
+def emit(robot: TinyRobot, folder: Path) -> None:
+    write_robot_ports(folder / "in", robot)
+    run_step(Mjcf(robot="robot"), folder / "in", folder / "out")
+
+
+def written(folder: Path, *items: MjcfOnly) -> tuple[mujoco.MjModel, str]:
+    robot = tiny_quadruped()
+    robot = replace(robot, control=replace(robot.control, mjcf_only=items))
+    emit(robot, folder)
+    path = folder / "out/mjcf/robot.xml"
+    return mujoco.MjModel.from_xml_path(str(path)), path.read_text()
+
+
+def first(kind: str, model: mujoco.MjModel, index: int = 0) -> str:
+    return str(getattr(model, kind)(index).name)
+
+
+def test_without_anything_nothing_changes(tmp_path: Path):
+    _, plain = written(tmp_path / "a")
+    emit(tiny_quadruped(), tmp_path / "b")
+    assert plain == (tmp_path / "b/out/mjcf/robot.xml").read_text()
+
+
+def test_attributes_are_added_to_what_they_belong_to(tmp_path: Path):
+    model, _ = written(tmp_path / "plain")
+    joint, body, geom = first("joint", model, 1), first("body", model, 1), first("geom", model)
+    model, _ = written(
+        tmp_path / "more",
+        MjcfOnly("joint", '<joint stiffness="3" springref="0.5"/>', joint),
+        MjcfOnly("body", '<body gravcomp="0.5"/>', body),
+        MjcfOnly("root", '<body pos="0 0 2"/>', body),
+        MjcfOnly("shape", '<geom group="5"/>', geom),
+        MjcfOnly("option", '<option iterations="7"><flag eulerdamp="disable"/></option>'),
+        MjcfOnly("freejoint", '<freejoint name="loose"/>'),
+    )
+    assert model.joint(joint).stiffness[0] == 3
+    assert model.qpos_spring[model.joint(joint).qposadr[0]] == 0.5
+    assert model.body_gravcomp[model.body(body).id] == 0.5
+    assert model.body(body).pos[2] == 2
+    assert model.geom(geom).group[0] == 5
+    assert model.opt.iterations == 7
+    assert model.opt.disableflags & mujoco.mjtDisableBit.mjDSBL_EULERDAMP
+    assert first("joint", model) == "loose"
+
+
+def test_elements_land_in_their_sections_and_bodies(tmp_path: Path):
+    model, _ = written(tmp_path / "plain")
+    joints, body = [first("joint", model, i) for i in (1, 2)], first("body", model, 2)
+    model, text = written(
+        tmp_path / "more",
+        MjcfOnly("body", '<light name="lamp" pos="0 0 1"/>', body),
+        MjcfOnly("body", '<light name="sun" pos="0 0 3"/>'),
+        MjcfOnly("equality", f'<joint name="tie" joint1="{joints[0]}" joint2="{joints[1]}"/>'),
+        MjcfOnly("tendon", f'<fixed name="t"><joint joint="{joints[0]}" coef="2"/></fixed>'),
+        MjcfOnly("actuator", '<general name="pull" tendon="t"/>'),
+        MjcfOnly("sensor", '<tendonpos name="length" tendon="t"/>'),
+        MjcfOnly(
+            "contact", f'<exclude name="no" body1="{body}" body2="{first("body", model, 5)}"/>'
+        ),
+    )
+    assert first("body", model, int(model.light("lamp").bodyid[0])) == body
+    assert int(model.light("sun").bodyid[0]) == 0
+    assert (model.neq, model.ntendon, model.nsensor) == (1, 1, 1)
+    assert first("actuator", model, model.nu - 1) == "pull", "after the robot's own drives"
+    order = [text.index(f"<{tag}") for tag in ("worldbody", "contact", "equality", "tendon")]
+    order += [text.index(f"<{tag}>") for tag in ("actuator", "sensor")]
+    assert order == sorted(order)
+
+
+def test_an_empty_value_takes_an_attribute_away(tmp_path: Path):
+    model, text = written(tmp_path / "plain")
+    name = first("actuator", model)
+    joint = first("joint", model, int(model.actuator(0).trnid[0]))
+    assert f'name="{name}"' in text
+    lens = MjcfOnly("drive", '<position inheritrange="0" group="3"/>', joint)
+    model, _ = written(tmp_path / "more", lens)
+    assert model.actuator(name).group[0] == 3
+    assert not model.actuator(name).ctrllimited[0]
+    _, text = written(tmp_path / "less", MjcfOnly("freejoint", '<freejoint name=""/>'))
+    assert "<freejoint/>" in text
+
+
+def test_commands_of_a_keyframe_follow_the_names_of_the_drives(tmp_path: Path):
+    model, _ = written(tmp_path / "plain")
+    key, last = first("key", model), first("actuator", model, model.nu - 1)
+    said = f'<key><ctrl actuator="{last}" value="0.25"/></key>'
+    changed, _ = written(tmp_path / "more", MjcfOnly("keyframe", said, key))
+    assert changed.key_ctrl[0][-1] == 0.25
+    assert list(changed.key_ctrl[0][:-1]) == list(model.key_ctrl[0][:-1])
+
+
+@pytest.mark.parametrize("name", ["world", "robot"])
+def test_a_body_called_world_is_renamed_in_what_names_it(name: str, tmp_path: Path):
+    robot = tiny_quadruped()
+    root = robot.tree.root
+    tree = replace(
+        robot.tree,
+        bodies=tuple(replace(b, name=name) if b.name == root else b for b in robot.tree.bodies),
+        joints=tuple(replace(j, parent=name) if j.parent == root else j for j in robot.tree.joints),
+        frames=tuple(replace(f, body=name) if f.body == root else f for f in robot.tree.frames),
+    )
+    shapes = replace(
+        robot.shapes,
+        shapes=tuple(replace(s, link=name) if s.link == root else s for s in robot.shapes.shapes),
+    )
+    other = robot.tree.bodies[2].name
+    item = MjcfOnly("contact", f'<exclude name="no" body1="{name}" body2="{other}"/>')
+    control = replace(robot.control, mjcf_only=(item,), excludes=(), sensors=(), cameras=())
+    emit(replace(robot, links=tree, tree=tree, shapes=shapes, control=control), tmp_path)
+    model = mujoco.MjModel.from_xml_path(str(tmp_path / "out/mjcf/robot.xml"))
+    assert model.nexclude == 1

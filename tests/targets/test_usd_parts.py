@@ -1,0 +1,327 @@
+"""Parts of the USD: metadata, materials, variants, surfaces, cameras."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import mujoco
+import numpy as np
+import pytest
+from pxr import Gf, Sdf, Usd, UsdGeom, UsdPhysics, UsdShade
+from tiny import (
+    TinyRobot,
+    check_inputs,
+    four_bar,
+    pendulum,
+    run_step,
+    tiny_quadruped,
+    with_mimic,
+    write_robot_ports,
+)
+
+from assetbuild.facts.readers.usd import UsdReader
+from assetbuild.findings import Finding
+from assetbuild.pipeline.recipes import whole_model
+from assetbuild.robot.model import Camera, Contact, LoopEnd
+from assetbuild.robot.pose import IDENTITY, Pose, quat_of_rpy
+from assetbuild.robot.sections import About
+from assetbuild.robot.shapes import Material
+from assetbuild.simulators.usd_options import UsdOptions
+from assetbuild.targets.mjcf import Mjcf
+from assetbuild.targets.usd import Usd as UsdTarget
+
+ABOUT = About(author="A. Maker", vendor="Legs Ltd", description="It walks", tags=("dog", "toy"))
+TARGET = UsdTarget(robot="robot", about_robot=ABOUT, licence="MIT", urdf="robots/quad.urdf")
+
+
+def metadata(inputs: Path) -> dict[str, Any]:  # Any: values of USD's dictionaries
+    layer = Sdf.Layer.FindOrOpen(str(inputs / "usd/robot.usda"))
+    layer.Reload(force=True)
+    return dict(layer.customLayerData["SimReady_Metadata"])
+
+
+def test_it_says_what_the_recipe_says_and_what_the_robot_weighs(tmp_path: Path) -> None:
+    inputs = check_inputs(tmp_path, tiny_quadruped(), TARGET, "usd")
+    said = metadata(inputs)
+    assert (said["author"], said["vendor"], said["tags"]) == ("A. Maker", "Legs Ltd", "dog, toy")
+    assert (said["asset_license"], said["source_file"]) == ("MIT", "quad.urdf")
+    assert said["rigid_body_count"] == 13
+    masses = [body.inertial.mass_kg for body in tiny_quadruped().tree.bodies if body.inertial]
+    assert said["mass"] == pytest.approx(sum(masses))
+    assert said["usd_date_generated"].startswith("not recorded")
+    assert all(side > 0.0 for side in said["asset_extents"])
+
+
+def test_what_nobody_states_is_left_out(tmp_path: Path) -> None:
+    said = metadata(check_inputs(tmp_path, tiny_quadruped(), UsdTarget(robot="robot"), "usd"))
+    assert not {"author", "vendor", "description", "asset_license", "source_file"} & set(said)
+
+
+# --- materials -----------------------------------------------------------------------------------
+
+
+def bare(robot: TinyRobot) -> TinyRobot:
+    """The robot whose own material is called `grey` and is on no shape."""
+    shapes = tuple(replace(shape, material=None) for shape in robot.shapes.shapes)
+    own = (Material("grey", (0.0, 0.0, 1.0, 1.0)),)
+    return replace(robot, shapes=replace(robot.shapes, shapes=shapes, materials=own))
+
+
+def test_a_shape_without_a_material_is_as_grey_as_in_mujoco(tmp_path: Path) -> None:
+    inputs = check_inputs(tmp_path, bare(tiny_quadruped()), UsdTarget(robot="robot"), "usd")
+    stage = Usd.Stage.Open(str(inputs / "usd/robot.usda"))
+    seen = 0
+    for prim in stage.Traverse(Usd.TraverseInstanceProxies()):
+        if prim.IsA(UsdGeom.Gprim) and UsdGeom.Imageable(prim).ComputePurpose() == "default":
+            material, _ = UsdShade.MaterialBindingAPI(prim).ComputeBoundMaterial()
+            surface = material.ComputeSurfaceSource()[0]
+            assert tuple(surface.GetInput("diffuseColor").Get()) == (0.5, 0.5, 0.5)
+            seen += 1
+    assert seen
+    assert not run_step(UsdReader(robot="robot"), inputs, tmp_path / "out")
+
+
+# --- variants ------------------------------------------------------------------------------------
+
+
+OWN = {"physx": ("physx",), "newton": ("newton", "mjc"), "mujoco": ("newton", "mjc")}
+ENGINES = ("physx", "newton", "mjc")
+
+
+def words(stage: Usd.Stage) -> set[str]:
+    """Path and name of all that is authored on a stage."""
+    return {
+        f"{prim.GetPath()} {name}"
+        for prim in stage.Traverse()
+        for name in (*prim.GetPrimTypeInfo().GetAppliedAPISchemas(),
+                     *prim.GetAuthoredPropertyNames())
+    }  # fmt: skip
+
+
+@pytest.mark.parametrize("variant", OWN)
+def test_a_variant_has_the_words_of_its_engines_and_all_of_them(tmp_path: Path, variant: str):
+    inputs = check_inputs(tmp_path, tiny_quadruped(), UsdTarget(robot="robot"), "usd")
+    stage = Usd.Stage.Open(str(inputs / "usd/robot.usda"))
+    whole = words(stage)
+    stage.GetDefaultPrim().GetVariantSet("Physics").SetVariantSelection(variant)
+    left_out = tuple(engine for engine in ENGINES if engine not in OWN[variant])
+    assert words(stage) == {
+        word for word in whole if not word.partition(" ")[2].lower().startswith(left_out)
+    }
+
+
+# --- surfaces ------------------------------------------------------------------------------------
+
+
+def build(
+    robot: TinyRobot, folder: Path, options: dict[str, object] | None = None
+) -> tuple[Usd.Stage, list[Finding]]:
+    target = UsdTarget(robot="robot", options=UsdOptions.model_validate(options or {}))
+    inputs = check_inputs(folder, robot, target, "usd")
+    found = run_step(target, inputs, folder / "again")
+    return Usd.Stage.Open(str(inputs / "usd/robot.usda")), found
+
+
+def with_surfaces(robot: TinyRobot, **surfaces: Contact) -> TinyRobot:
+    return replace(robot, control=replace(robot.control, contacts=tuple(surfaces.items())))
+
+
+def test_each_value_that_physx_cannot_hold_is_told_once(tmp_path: Path) -> None:
+    soft = Contact(
+        friction=(0.8, 0.02, 0.01),
+        condim=6,
+        priority=1,
+        solref=(0.01, 1.0),
+        solimp=(0.9, 0.95, 0.001, 0.5, 2.0),
+        margin=0.001,
+        gap=0.001,
+    )
+    robot = with_surfaces(tiny_quadruped(), FR_foot_collision=soft, FL_foot_collision=soft)
+    _, found = build(robot, tmp_path)
+    told = [f.data["value"] for f in found if f.rule == "usd.contact"]
+    assert told == [
+        "condim",
+        "torsional and rolling friction",
+        "priority",
+        "solref",
+        "solimp",
+        "margin",
+        "gap",
+    ]
+
+
+def test_joints_start_at_home_and_else_inside_of_their_limits(tmp_path: Path) -> None:
+    stage, found = build(tiny_quadruped(), tmp_path / "home")
+    knee = stage.GetPrimAtPath("/robot/Joints/FR_calf_joint")
+    assert knee.GetAttribute("state:angular:physics:position").Get() == pytest.approx(-91.67, 1e-3)
+    assert not [f for f in found if f.rule == "usd.start"]
+
+    homeless = tiny_quadruped()
+    homeless = replace(homeless, control=replace(homeless.control, keyframes=()))
+    stage, found = build(homeless, tmp_path / "homeless")
+    knee = stage.GetPrimAtPath("/robot/Joints/FR_calf_joint")
+    at_limit = knee.GetAttribute("state:angular:physics:position").Get()
+    assert at_limit == pytest.approx(knee.GetAttribute("physics:upperLimit").Get())
+    assert len([f for f in found if f.rule == "usd.start"]) == 4
+
+
+def test_the_recipe_decides_what_only_physx_knows(tmp_path: Path) -> None:
+    options: dict[str, object] = {
+        "instanceable": False,
+        "drive_type": "acceleration",
+        "mimics": False,
+        "rigid_body": {"max_depenetration_velocity": 5.0, "angular_damping": 0.05},
+        "articulation": {"self_collisions": False, "solver_position_iterations": 32},
+    }
+    robot = with_mimic(tiny_quadruped(), "FL_hip_joint", "FR_hip_joint", 1.0, 0.0)
+    stage, found = build(robot, tmp_path, options)
+    trunk = stage.GetPrimAtPath("/robot/trunk")
+    assert trunk.GetAttribute("physxRigidBody:maxDepenetrationVelocity").Get() == 5.0
+    assert trunk.GetAttribute("physxRigidBody:angularDamping").Get() == pytest.approx(0.05)
+    assert trunk.GetAttribute("physxArticulation:solverPositionIterationCount").Get() == 32
+    assert trunk.GetAttribute("physxArticulation:enabledSelfCollisions").Get() is False
+    joint = stage.GetPrimAtPath("/robot/Joints/FL_hip_joint")
+    assert UsdPhysics.DriveAPI(joint, "angular").GetTypeAttr().Get() == "acceleration"
+    assert not joint.HasRelationship("newton:mimicJoint")
+    assert [f.rule for f in found if f.subject == "joint FL_hip_joint"] == ["usd.mimic"]
+    assert not [p for p in stage.Traverse() if p.IsInstance()]
+    base = {"schema": "assetbuild/v1", "robot": "r", "source": {"path": ".", "urdf": "r.urdf"}}
+    recipe = whole_model().model_validate(base | {"usd": options})
+    assert UsdTarget.configure(recipe).options == recipe.usd
+
+
+# --- cameras -------------------------------------------------------------------------------------
+
+
+TURNED = Pose((0.1, -0.2, 0.3), quat_of_rpy(0.3, -0.4, 2.0))
+
+
+def seen(robot: TinyRobot, *cameras: Camera) -> TinyRobot:
+    return replace(robot, control=replace(robot.control, cameras=cameras))
+
+
+def held(robot: TinyRobot) -> TinyRobot:
+    """Its root hangs turned in the world."""
+    tree = replace(robot.tree, X_world_root=TURNED)
+    return replace(robot, tree=tree, links=replace(robot.links, X_world_root=TURNED))
+
+
+ROBOTS = {
+    "on a body": seen(tiny_quadruped(), Camera("eye", "trunk", TURNED, math.radians(58.0))),
+    "on a link that was merged": seen(tiny_quadruped(), Camera("eye", "imu", TURNED, 1.2)),
+    "two, wide and tall": seen(
+        tiny_quadruped(),
+        Camera("wide", "trunk", IDENTITY, 0.5, (1280, 720)),
+        Camera("tall", "FR_calf", TURNED, 2.5, (480, 640)),
+    ),
+    "in the world": seen(pendulum(), Camera("eye", None, TURNED, 0.8)),
+    "in the world of a root that hangs turned": seen(held(pendulum()), Camera("a", None, TURNED)),
+    "named as a link": seen(tiny_quadruped(), Camera("imu", "imu", TURNED)),
+    "with a name that USD does not allow": seen(pendulum(), Camera("my eye/1", "arm", TURNED)),
+}
+
+
+@pytest.mark.parametrize("case", ROBOTS)
+def test_a_camera_sees_what_mujoco_s_does(case: str, tmp_path: Path):
+    robot = ROBOTS[case]
+    inputs = write_robot_ports(tmp_path / "in", robot)
+    for target, name in ((Mjcf(robot="robot"), "mjcf"), (UsdTarget(robot="robot"), "usd")):
+        run_step(target, inputs, tmp_path / name)
+    model = mujoco.MjModel.from_xml_path(str(tmp_path / "mjcf/mjcf/robot.xml"))
+    stage = Usd.Stage.Open(str(tmp_path / "usd/usd/robot.usda"))
+    prims = {
+        prim.GetMetadata("displayName") or prim.GetName(): UsdGeom.Camera(prim)
+        for prim in stage.Traverse()
+        if prim.IsA(UsdGeom.Camera)
+    }
+    assert set(prims) == {camera.name for camera in robot.control.cameras}
+    robot_prim = stage.GetDefaultPrim()
+    cache = UsdGeom.XformCache()
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    mujoco.mj_camlight(model, data)
+    for camera in robot.control.cameras:
+        index = model.camera(camera.name).id
+        prim = prims[camera.name].GetPrim()
+        body = prim.GetParent()
+        if body == robot_prim:
+            theirs, turn = data.cam_xpos[index], data.cam_xmat[index]
+            matrix = cache.GetLocalToWorldTransform(prim)
+        else:
+            turn = np.zeros(9)
+            mujoco.mju_quat2Mat(turn, model.cam_quat[index])
+            theirs = model.cam_pos[index]
+            matrix = cache.ComputeRelativeTransform(prim, body)[0]
+            assert body.GetName() == model.body(model.cam_bodyid[index]).name
+        ours = np.array(matrix).T
+        assert np.allclose(ours[:3, 3], theirs, atol=1e-9)
+        assert np.allclose(ours[:3, :3], turn.reshape(3, 3), atol=1e-9)
+        lens = prims[camera.name].GetCamera(Usd.TimeCode.Default())
+        angle = lens.GetFieldOfView(Gf.Camera.FOVVertical)
+        assert angle == pytest.approx(model.cam_fovy[index], rel=1e-6)
+        width, height = camera.resolution
+        assert lens.aspectRatio == pytest.approx(width / height, rel=1e-6)
+        assert lens.clippingRange.min < 0.1
+
+
+# --- loops ---------------------------------------------------------------------------------------
+
+
+ITERATIONS = "physxArticulation:solverVelocityIterationCount"
+
+
+def opened(folder: Path, robot) -> Usd.Stage:
+    run_step(UsdTarget(robot="bot"), write_robot_ports(folder / "in", robot), folder)
+    return Usd.Stage.Open(str(folder / "usd/bot.usda"))
+
+
+def iterations(stage: Usd.Stage) -> set[int]:
+    found = (prim.GetAttribute(ITERATIONS).Get() for prim in stage.Traverse())
+    return {value for value in found if value is not None}
+
+
+@pytest.mark.parametrize(
+    ("kind", "schema"), [("connect", UsdPhysics.SphericalJoint), ("weld", UsdPhysics.FixedJoint)]
+)
+def test_a_loop_is_a_joint_outside_of_the_articulation(kind: str, schema: type, tmp_path: Path):
+    stage = opened(tmp_path, four_bar(kind))
+    joint = schema(stage.GetPrimAtPath("/bot/Loops/coupler_loop"))
+    assert joint and joint.GetExcludeFromArticulationAttr().Get() is True
+    assert joint.GetBody0Rel().GetTargets() == ["/bot/coupler"]
+    assert joint.GetBody1Rel().GetTargets() == ["/bot/rocker"]
+    assert tuple(joint.GetLocalPos0Attr().Get()) == pytest.approx((0.2, 0.0, 0.0))
+    assert iterations(stage) == {16}
+
+
+@pytest.mark.parametrize(("kind", "weight"), [("connect", 0.0), ("weld", 1.0)])
+def test_newton_reads_how_soft_a_loop_is(kind: str, weight: float, tmp_path: Path):
+    (loop,) = four_bar(kind).control.loops
+    stage = opened(tmp_path, four_bar(kind))
+    prim = stage.GetPrimAtPath("/bot/Loops/coupler_loop")
+    assert "MjcEqualityWeldAPI" in prim.GetPrimTypeInfo().GetAppliedAPISchemas()
+    assert prim.GetAttribute("mjc:torqueScale").Get() == weight
+    assert tuple(prim.GetAttribute("mjc:solref").Get()) == loop.solref
+    assert tuple(prim.GetAttribute("mjc:solimp").Get()) == loop.solimp
+
+
+@pytest.mark.parametrize("swapped", [False, True])
+def test_a_loop_to_the_base_leaves_the_base_the_root(swapped: bool, tmp_path: Path):
+    """The read-back takes the body without a joint above it for the root, and a loop is none."""
+    robot = four_bar()
+    (loop,) = robot.control.loops
+    ends = (loop.a, LoopEnd("base", Pose((0.25, 0.0, 0.0))))
+    a, b = reversed(ends) if swapped else ends
+    control = replace(robot.control, loops=(replace(loop, a=a, b=b),))
+    tree = replace(robot.tree, X_world_root=Pose((0.0, 0.0, 0.3)))
+    robot = replace(robot, tree=tree, links=tree, control=control)
+    inputs = write_robot_ports(tmp_path / "in", robot)
+    run_step(UsdTarget(robot="bot"), inputs, inputs)
+    options = {"usd": UsdOptions().model_dump(mode="json")}
+    assert run_step(UsdReader(robot="bot", options=options), inputs, tmp_path / "same") == []
+
+
+def test_a_tree_needs_one_velocity_iteration(tmp_path: Path):
+    assert iterations(opened(tmp_path, pendulum())) == {1}
