@@ -17,6 +17,9 @@ SLOW_S = 2.0
 """Steps that took longer leave a line of their own."""
 WORTH_SAYING_S = 4.0
 """An expected time is shown from here on."""
+TRUST_S = 3.0
+"""So many seconds of work must have taken twice as long as expected before the rest is expected to
+take one and a half times as long."""
 
 
 class Progress:
@@ -52,7 +55,8 @@ class Progress:
         if event.costs is not None:
             self._forecast.plan(event.costs)
         elif event.kind == "finished":
-            self._forecast.done(event.label)
+            ran = event.result is not None and event.result.status == "ran"
+            self._forecast.done(event.label, event.result.seconds if event.result and ran else 0.0)
 
     def _counted(self, event: Event) -> str:
         """`[12/75]`; `[12/?]` while the robot is read and nobody knows how many steps follow."""
@@ -63,7 +67,7 @@ class Progress:
         left = self._forecast.left_s({})
         if self._whole and not self._expected_said and left >= WORTH_SAYING_S:
             self._expected_said = True
-            self.say(f"about {shown_time(left)} expected")
+            self.say(f"{self._forecast.word} {shown_time(left)} expected")
 
 
 @contextmanager
@@ -136,33 +140,47 @@ class LiveProgress(Progress):
         left = self._forecast.left_s({step.label: now - step.began for step in running})
         times = shown_time(now - self._began)
         if self._whole and left >= WORTH_SAYING_S:
-            times += f", about {shown_time(left)} left"
+            times += f", {self._forecast.word} {shown_time(left)} left"
         words = ", ".join(running_words(running, now))
         return f"{self._name} {self._head} {times}: {words}"[: self._console.width - 1]
 
 
 class Forecast:
-    """What the steps of a graph still cost. places: steps that run at once."""
+    """What the steps of a graph still cost. places: steps that run at once.
+
+    Steps that took longer than expected, on a busy or a slower machine, stretch what is left.
+    """
 
     def __init__(self, places: int, costs: Costs = Costs()) -> None:  # noqa: B008 # frozen
-        self._places = places
+        self._places, self._expected, self._took = places, TRUST_S, TRUST_S
         self.plan(costs)
 
     def plan(self, costs: Costs) -> None:
         """More steps are known."""
         self._seconds, self._chains = dict(costs.seconds), dict(costs.chains)
+        self._guessed = costs.guessed
 
-    def done(self, label: str) -> None:
-        """The step has ended."""
-        self._seconds.pop(label, None)
+    def done(self, label: str, took: float = 0.0) -> None:
+        """The step has ended. took: s; 0 = it was in the store, or failed."""
+        expected = self._seconds.pop(label, 0.0)
         self._chains.pop(label, None)
+        if took:
+            self._expected, self._took = self._expected + expected, self._took + took
+
+    @property
+    def word(self) -> str:
+        """`at least` while most of what is left never ran here."""
+        left = sum(self._seconds.values())
+        guessed = sum(s for label, s in self._seconds.items() if label in self._guessed)
+        return "at least" if guessed > left / 2.0 else "about"
 
     def left_s(self, elapsed: Mapping[str, float]) -> float:
         """Seconds to the end; elapsed: of the steps that run, since each began."""
-        spent = {label: min(elapsed.get(label, 0.0), s) for label, s in self._seconds.items()}
+        pace = self._took / self._expected
+        spent = {k: min(elapsed.get(k, 0.0) / pace, s) for k, s in self._seconds.items()}
         work = sum(self._seconds.values()) - sum(spent.values())
         longest = max((c - spent.get(label, 0.0) for label, c in self._chains.items()), default=0.0)
-        return max(work / self._places, longest)
+        return pace * max(work / self._places, longest)
 
 
 def shown_time(seconds: float) -> str:
@@ -172,7 +190,7 @@ def shown_time(seconds: float) -> str:
 
 
 def running_words(running: Sequence[Running], now: float) -> list[str]:
-    """`fitting collision of trunk 12 s`, ...: first what most others wait for."""
+    """`auto trunk 12 s`, ...: first what most others wait for."""
     words = []
     for step in sorted(running, key=lambda step: (-step.waiting, step.began)):
         seconds = now - step.began

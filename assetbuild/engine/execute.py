@@ -23,11 +23,12 @@ class Costs:
     """Seconds by label.
 
     seconds: of the step itself. chains: of the longest chain of steps that begins with it, each of
-    which reads the one before.
+    which reads the one before. guessed: steps that never ran here.
     """
 
     seconds: Mapping[str, float] = field(default_factory=dict)
     chains: Mapping[str, float] = field(default_factory=dict)
+    guessed: frozenset[str] = frozenset()
 
 
 def costs(graph: Graph, journal: Journal) -> Costs:
@@ -41,7 +42,8 @@ def costs(graph: Graph, journal: Journal) -> Costs:
     for label in reversed(list(graph.nodes)):  # each after all that read it
         for maker in graph.predecessors(label):
             chains[maker] = max(chains[maker], seconds[maker] + chains[label])
-    return Costs(seconds, chains)
+    guessed = frozenset(label for label, last in noted.items() if last is None)
+    return Costs(seconds, chains, guessed)
 
 
 HEALING_ROUNDS = 3

@@ -112,6 +112,17 @@ def test_the_expected_time_is_the_work_shared_among_cores_or_the_longest_chain()
     assert (shown_time(8.2), shown_time(125.0)) == ("8 s", "2 min 05 s")
 
 
+def test_the_expected_time_follows_what_steps_took_and_says_what_it_does_not_know():
+    costs = Costs({"a": 3.0, "b": 9.0}, {"a": 3.0, "b": 9.0}, frozenset({"b"}))
+    sums = Forecast(1, costs)
+    assert (sums.word, sums.left_s({})) == ("at least", 12.0)
+    sums.done("a", 6.0)
+    assert sums.left_s({}) == 1.5 * 9.0, "twice as slow as expected, half believed"
+    assert sums.left_s({"b": 6.0}) == 1.5 * 9.0 - 6.0
+    sums.plan(Costs({"c": 2.0}, {"c": 2.0}))
+    assert (sums.word, sums.left_s({})) == ("about", 3.0)
+
+
 def test_no_total_is_shown_before_all_steps_are_known(capsys: pytest.CaptureFixture[str]):
     ran = NodeResult(label="read_urdf", status="ran", seconds=0.1)
     shown = Progress("tiny")
