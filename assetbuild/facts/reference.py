@@ -155,17 +155,14 @@ def robot_table(reference: Reference, *, merged: bool = True) -> Table:
     _senses(tree, reference.control, book)
     for key in reference.control.keyframes:
         _keyframe(key, tree, book)
-    simulation = reference.control.simulation
-    book.put(
-        "simulation",
-        "",
-        {
-            "timestep": simulation.timestep,
-            "decimation": float(simulation.decimation),
-            "gravity": tuple(simulation.gravity),
-        },
-    )
+    book.put("simulation", "", simulation_values(reference.control))
     return book.table()
+
+
+def simulation_values(control: Control) -> dict[str, Value]:
+    """What every simulation of the robot steps with, by the keys of the recipe's section."""
+    section = dict(control.simulation)
+    return {key: v if isinstance(v, tuple) else float(v) for key, v in section.items()}
 
 
 def pose_value(pose: Pose) -> tuple[float, ...]:

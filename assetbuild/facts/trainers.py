@@ -14,7 +14,7 @@ from assetbuild.facts.draws import put_draw
 from assetbuild.facts.reference import Reference, pose_value
 from assetbuild.facts.standins import ARGUMENTS, Record, class_of, table_of, words_of
 from assetbuild.facts.table import Value, Writer
-from assetbuild.facts.vocabulary import VOCABULARY
+from assetbuild.facts.vocabulary import MUJOCO_OPTIONS, VOCABULARY
 
 Names = Mapping[str, str]
 """The robot's names by those of a module."""
@@ -24,8 +24,7 @@ STATED = frozenset(
     (
         "robot start pose", "robot soft limits", "joint model", "joint kp", "joint kd",
         "joint effort", "joint velocity", "joint armature", "joint friction", "joint damping",
-        "joint stall", "joint delay", "joint start", "simulation timestep",
-        "simulation decimation", "simulation gravity",
+        "joint stall", "joint delay", "joint start",
     )
 )  # fmt: skip
 """What every trainer's module states; the rest stands in the MJCF or USD that it loads."""
@@ -43,9 +42,14 @@ class Term:
 
 
 def left_to_the_asset(*besides: str) -> dict[str, str]:
-    """All other quantities, with the reason. besides: what one trainer's module states as well."""
+    """All other quantities of a robot, with the reason.
+
+    Those of a simulation every module states, but MuJoCo's own. besides: what one trainer's module
+    states as well.
+    """
     reason = "stands in the MJCF or USD that the module loads, or is the trainer's own"
-    rows = (f"{kind} {name}" for kind, name in VOCABULARY)
+    rows = [f"{kind} {name}" for kind, name in VOCABULARY if kind != "simulation"]
+    rows += MUJOCO_OPTIONS
     return {row: reason for row in rows if row not in STATED and row not in besides}
 
 

@@ -216,3 +216,8 @@ _ROWS: tuple[Quantity, ...] = (
 
 VOCABULARY: Mapping[tuple[str, str], Quantity] = {(row.kind, row.name): row for row in _ROWS}
 """Every quantity by (kind, name)."""
+MUJOCO_OPTIONS = tuple(
+    f"simulation {name}"
+    for name in ("integrator", "cone", "solver", "iterations", "line search iterations", "impratio")
+)
+"""`kind name` of what a simulation with MuJoCo alone has."""

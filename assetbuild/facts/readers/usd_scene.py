@@ -11,9 +11,9 @@ import numpy as np
 from assetbuild.facts.compare import FLOAT32, Precision
 from assetbuild.facts.derived import start_of
 from assetbuild.facts.reader import Reader
-from assetbuild.facts.reference import Reference, pose_value
+from assetbuild.facts.reference import Reference, pose_value, simulation_values
 from assetbuild.facts.table import Table, Value, Writer
-from assetbuild.facts.vocabulary import VOCABULARY
+from assetbuild.facts.vocabulary import MUJOCO_OPTIONS, VOCABULARY
 from assetbuild.robot.floor import floor_of
 from assetbuild.robot.pose import IDENTITY, Pose
 from assetbuild.robot.tree import forward_kinematics
@@ -43,11 +43,7 @@ class UsdSceneReader(Reader):
             "the scene refers to the robot's own file, which is compared by itself",
         ),
         "simulation decimation": "the trainers' modules say it",
-        **dict.fromkeys(
-            (f"simulation {name}" for name in ("integrator", "cone", "solver", "iterations",
-                                               "line search iterations", "impratio")),
-            "MuJoCo's own",
-        ),
+        **dict.fromkeys(MUJOCO_OPTIONS, "MuJoCo's own"),
     }  # fmt: skip
 
     def file(self, root: Path, robot: str) -> Path | None:
@@ -87,11 +83,10 @@ class UsdSceneReader(Reader):
             "up axis": "Z", "metres per unit": 1.0, "kilograms per unit": 1.0,
             "usd:stated units": ("upAxis", "metersPerUnit", "kilogramsPerUnit"),
         })  # fmt: skip
-        simulation, ground = control.simulation, floor_of(tree, control)
-        book.put("simulation", "", {
-            "gravity": tuple(simulation.gravity),
-            "timestep": 1.0 / round(1.0 / simulation.timestep),  # USD has whole steps per second
-        })  # fmt: skip
+        simulation, ground = simulation_values(control), floor_of(tree, control)
+        simulation["timestep"] = 1.0 / round(1.0 / control.simulation.timestep)  # whole steps per s
+        held = {key: v for key, v in simulation.items() if f"simulation {key}" not in self.lacks}
+        book.put("simulation", "", held)
         book.put("floor", "", {
             "height": ground.height_m,
             "friction": ground.friction,
