@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from assetbuild.facts.table import Key, Value
+from assetbuild.facts.vocabulary import VOCABULARY
 from assetbuild.robot.pose import IDENTITY, Pose
 from assetbuild.simulators.mujoco import Model, actuators, name_of
 
@@ -60,7 +61,7 @@ def fields(model: Model, told: Collection[tuple[str, str]]) -> dict[Key, Value]:
                     if (kind, name) not in known:
                         found[Key(kind, name, f"mjcf:{word}")] = value
     found |= {key: v for key, v in _between(model) if (key.kind, key.name) not in told}
-    for word in OPTION.split():
+    for word in [one for one in OPTION.split() if ("simulation", one) not in VOCABULARY]:
         value = plain(getattr(model.opt, word))
         if value != plain(getattr(_blank().opt, word)):
             found[Key("simulation", "", f"mjcf:{word}")] = value
