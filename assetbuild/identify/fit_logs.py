@@ -21,8 +21,6 @@ from assetbuild.robot.codec import decode_file, encode
 from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.identify import (
     UNITS,
-    Curve,
-    Curves,
     Fit,
     LogUsed,
     Parameter,
@@ -34,8 +32,6 @@ from assetbuild.robot.pose import Array
 
 UNLIMITED = 1e6
 """N m or N; a drive without an effort limit."""
-POINTS = 1200
-"""Of a curve."""
 SHOWN_CORRELATION = 0.7
 
 REFUSED = Rule(
@@ -59,12 +55,12 @@ WORSE = Rule(
 
 
 class FitLogs(Step):
-    """`tree.json`, `prior.json`, `records/<n>.npz`, `about/<n>.json` -> `fit.json`, `curves.json`.
+    """`tree.json`, `prior.json`, `records/<n>.npz`, `about/<n>.json` -> `fit.json`.
 
     Reads as many records as `logs` has names.
     """
 
-    outputs = ("fit.json", "curves.json")
+    outputs = ("fit.json",)
     isolated = True
     cpu_bound = True
     preload = ("mujoco",)
@@ -111,7 +107,6 @@ class FitLogs(Step):
             recorded=tuple((row.joint, row.kp, row.kd) for row in prior.actuators),
         )
         (files.outputs / "fit.json").write_bytes(encode(fit))
-        (files.outputs / "curves.json").write_bytes(encode(_curves(plant, shown[0])))
         yield from _findings(fit)
 
     def _unknowns(self, tree: Tree, priors: Sequence[Drive]) -> list[Unknown]:
@@ -251,29 +246,6 @@ def _predictions(plant: Plant, shown: Sequence[_Shown]) -> Iterator[Prediction]:
             name: 0.0 if found is None else short(float(found[j])) for name, found in rms.items()
         }
         yield Prediction(joint, **values)
-
-
-def _curves(plant: Plant, shown: _Shown) -> Curves:
-    record = shown.record
-    every = max(1, len(record.position) // POINTS)
-    time = tuple(short(n * record.period_s) for n in range(0, len(record.position), every))
-
-    def drawn(values: Array) -> tuple[float, ...]:
-        return tuple(round(float(v), 5) for v in values[::every])
-
-    return Curves(
-        tuple(
-            Curve(
-                joint,
-                time,
-                drawn(record.position[:, j]),
-                drawn(shown.before[:, j]),
-                drawn(shown.after[:, j]),
-                short(shown.cut * record.period_s),
-            )
-            for j, joint in enumerate(plant.joints)
-        )
-    )
 
 
 # --- findings -------------------------------------------------------------------------------

@@ -227,22 +227,3 @@ class Fit:
     condition: float = 1.0
     recorded: tuple[tuple[str, float, float], ...] = ()
     """(joint, kp, kd) of the controller while recording."""
-
-
-@dataclass(frozen=True)
-class Curve:
-    """Measured and simulated position of a joint on part of a log, thinned out for a picture."""
-
-    joint: str
-    time_s: tuple[float, ...]
-    measured: tuple[float, ...]
-    before: tuple[float, ...]
-    after: tuple[float, ...]
-    held_from_s: float
-
-
-@dataclass(frozen=True)
-class Curves:
-    """Pictures of one fit."""
-
-    curves: tuple[Curve, ...]
