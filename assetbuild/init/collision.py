@@ -8,6 +8,7 @@ from types import MappingProxyType
 
 import numpy as np
 
+from assetbuild.facts.derived import SOLIMP
 from assetbuild.init.anatomy import Anatomy, roles
 from assetbuild.init.look import InspectedRobot, spans_volume
 from assetbuild.init.tune import Tuning
@@ -241,3 +242,21 @@ def own_pads(robot: InspectedRobot, hand: Sequence[str], control: Control) -> It
     if hand and not own:
         yield "contact:"
         yield from pads(robot, hand, control.simulation.timestep)
+
+
+def own_loops(hand: Collection[str], control: Control) -> Iterator[str]:
+    """The section `loops`: those of a hand whose impedance the source leaves to MuJoCo, firmer."""
+    soft = [
+        loop
+        for loop in control.loops
+        if loop.kind == "connect" and loop.solimp == SOLIMP and {loop.a.body, loop.b.body} & {*hand}
+    ]
+    if soft:
+        yield "loops:   # the source's, but firm: else fingers tilt while they press"
+    for loop in soft:
+        a, b = (
+            {"link": end.body, "xyz": [round(x, 9) for x in end.X_body_end.xyz]}
+            for end in loop.ends
+        )
+        row = {"name": loop.name, "kind": loop.kind, "a": a, "b": b, "solref": [*loop.solref]}
+        yield f"  - {inline(row)}"

@@ -14,7 +14,7 @@ from assetbuild.engine.scratch import Scratch, scratch
 from assetbuild.errors import SourceError, Where
 from assetbuild.facts.mjcf_grammar import NEWEST, OLDEST, newer_words_of
 from assetbuild.init.anatomy import Anatomy, study
-from assetbuild.init.collision import has_pyramid, mjcf_hand, own_pads, soles_of, tried
+from assetbuild.init.collision import has_pyramid, mjcf_hand, own_loops, own_pads, soles_of, tried
 from assetbuild.init.home import home_pose
 from assetbuild.init.licence import source_section
 from assetbuild.init.look import InspectedRobot, carried, judge, not_in_usd, targets
@@ -238,6 +238,7 @@ def mjcf_recipe(found: MjcfSource, path: Path) -> Proposal:
         _collision(robot),
         _drives(found, tuning),
         () if control.keyframes else _home(found, anatomy, tuning),
+        own_loops(hand, control),
         own_pads(robot, hand, control),
         [targets(found.built, springs, lost), *tried(_validate(found, anatomy), hand)],
     )

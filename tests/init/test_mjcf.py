@@ -305,3 +305,20 @@ def test_a_gripper_without_contacts_of_its_own_gets_ones_that_hold(tmp_path: Pat
         assert recipe.validate_.grip is not None
         assert recipe.mjcf.cone == cone
         assert bool(recipe.contact.links) == pads
+
+
+@pytest.mark.parametrize(
+    ("stated", "firm"), [('solref="0.005 1"', True), ('solref="0.005 1" solimp=".8 .9 .01"', False)]
+)
+def test_a_loop_of_a_hand_whose_impedance_nobody_states_is_stated_firmer(
+    stated: str, firm: bool, tmp_path: Path
+):
+    """What the source says of it, its time constant, stays."""
+    held = f"<connect body1='left' body2='palm' anchor='0 0 0' {stated}/></equality>"
+    source = robot(PINCHER, ["left"], tmp_path, COUPLED.replace("</equality>", held))
+    out = tmp_path / "recipe.yaml"
+    write(propose(source, out, {}), force=True)
+    loops = load_recipe(out).recipe.loops
+    assert [(row.name, row.solref, row.solimp[0]) for row in loops] == (
+        [("left_connect", (0.005, 1.0), 0.999)] if firm else []
+    )
