@@ -24,7 +24,7 @@ from assetbuild.mesh.hull import refuse_flat
 from assetbuild.mesh.hulls import extent_of
 from assetbuild.mesh.material import SourceMesh
 from assetbuild.mesh.primitives import tessellate
-from assetbuild.mesh.read import Format, read_mesh
+from assetbuild.mesh.read import Format, UpAxis, read_mesh
 from assetbuild.robot.chains import is_massless, split, weighs
 from assetbuild.robot.codec import encode
 from assetbuild.robot.contradictions import (
@@ -50,6 +50,7 @@ class InspectedRobot:
 
     source_findings: what the reader of the source said. planar: joints of the source that are split
     into joints of one coordinate, which all formats hold. root: folder of the source's files.
+    turned: paths of the meshes that the recipe turns as their files say.
     """
 
     links: Tree
@@ -60,6 +61,7 @@ class InspectedRobot:
     source_findings: tuple[Finding, ...] = ()
     planar: tuple[str, ...] = ()
     root: Path = Path()
+    turned: frozenset[str] = frozenset()
 
     @property
     def unranged(self) -> tuple[str, ...]:
@@ -163,7 +165,7 @@ def spans_volume(points: Array) -> bool:
     return True
 
 
-def mesh_of(root: Path, mesh: MeshFile) -> SourceMesh | None:
+def mesh_of(root: Path, mesh: MeshFile, up_axis: UpAxis = "ignore") -> SourceMesh | None:
     """What the file holds; None for one that the build would refuse, or that is too large.
 
     root: the folder that the mesh's path starts from.
@@ -175,7 +177,7 @@ def mesh_of(root: Path, mesh: MeshFile) -> SourceMesh | None:
             data = path.read_bytes()
             names = companions_of(data, "gltf") if format == "gltf" else ()
             beside = {n: f.read_bytes() for n in names if (f := path.parent / n).is_file()}
-            return read_mesh(data, format, companions=beside, subject=mesh.path)
+            return read_mesh(data, format, companions=beside, up_axis=up_axis, subject=mesh.path)
     except (StepError, OSError):
         pass
     return None

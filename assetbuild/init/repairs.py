@@ -318,6 +318,7 @@ def _convert(edit: Edit, robot: InspectedRobot, ports: Scratch) -> None:
             convert = ConvertMesh(
                 format=FORMATS[path.suffix.lower()],
                 scale=shape.geometry.scale,
+                up_axis="honour" if shape.geometry.path in robot.turned else "ignore",
                 subject=shape.name,
             )
             own.run(convert)

@@ -40,6 +40,7 @@ from assetbuild.init.source import UrdfSource
 from assetbuild.init.strength import MARGIN, ROTOR_RULE, is_locked, resting
 from assetbuild.init.trial import Trial, staged, tables
 from assetbuild.init.tune import LIGHT_KG, Tuning, tune
+from assetbuild.init.up_axis import turned
 from assetbuild.init.words import (
     Proposal,
     flow,
@@ -79,7 +80,8 @@ def urdf_recipe(
 ) -> Proposal:
     """The whole recipe, as it will lie at `path`; its drives and pose are tried before."""
     edits = repairs(robot)
-    whole = mended(robot, edits)
+    up_axis, turn = turned(robot)
+    whole = mended(replace(robot, turned=turn), edits)
     tree = whole.tree
     soles, loops = soles_of(whole, anatomy), find_loops(whole)
 
@@ -101,7 +103,7 @@ def urdf_recipe(
     unknown = [f"{f.message} ({f.hint})" for f in invented(whole.links, guessed_masses(edits))]
     unrepaired = (*_locked(tree), *unmended(robot), *unknown, *contrary)
     tuning = replace(tuning, unmended=(*unrepaired, *tuning.unmended))
-    more = (*_arguments(source), *_packages(source))
+    more = (*_arguments(source), *_packages(source), *up_axis)
     text = written(
         head(whole, anatomy, path, tuning.unmended),
         source_section(source.root, path, source.key, source.file, *more),

@@ -30,6 +30,7 @@ from assetbuild.mesh.hull import convex_hull
 from assetbuild.mesh.obj import obj_bytes
 from assetbuild.mesh.primitives import tessellate
 from assetbuild.mesh.quality import NearestSurface, surface_samples
+from assetbuild.mesh.read import UpAxis
 from assetbuild.mesh.solid import Solid
 from assetbuild.mesh.triangles import TriangleMesh, merged
 from assetbuild.robot.actuator_table import ActuatorRow
@@ -277,7 +278,8 @@ def _laid_out(
         name, source = f"shape_{index}", shape.geometry
         geometry: Geometry
         if isinstance(source, MeshFile):
-            read = mesh_of(robot.root, source)
+            up_axis: UpAxis = "honour" if source.path in robot.turned else "ignore"
+            read = mesh_of(robot.root, source, up_axis)
             asset = _hull(scaled_points(read, source), name, ports) if read else None
             if read is None or asset is None:
                 continue

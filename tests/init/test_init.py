@@ -153,6 +153,34 @@ def test_the_source_is_relative_to_the_recipe_wherever_one_stands(
     assert (recipe.source.path, recipe.source.urdf) == ("..", "dog.urdf")
 
 
+ROD = """<COLLADA xmlns="http://www.collada.org/2005/11/COLLADASchema" version="1.4.1">
+ <asset><created>2024-01-01T00:00:00</created><modified>2024-01-01T00:00:00</modified>
+  <up_axis>Y_UP</up_axis></asset>
+ <library_geometries><geometry id="g"><mesh><source id="p"><float_array id="a" count="9">
+  0 0 0 0 1 0 0.1 1 0.1</float_array><technique_common><accessor source="#a" count="3" stride="3">
+  <param name="X" type="float"/><param name="Y" type="float"/><param name="Z" type="float"/>
+  </accessor></technique_common></source>
+  <vertices id="v"><input semantic="POSITION" source="#p"/></vertices>
+  <triangles count="1"><input semantic="VERTEX" source="#v" offset="0"/><p>0 1 2</p></triangles>
+ </mesh></geometry></library_geometries>
+ <library_visual_scenes><visual_scene id="s"><node><instance_geometry url="#g"/></node>
+ </visual_scene></library_visual_scenes><scene><instance_visual_scene url="#s"/></scene></COLLADA>
+"""
+
+
+@pytest.mark.parametrize("height", [0.5, None], ids=["mass up z", "mass up y"])
+def test_meshes_are_turned_where_the_mass_says_so(tmp_path: Path, height: float | None):
+    com = f"0 0 {height}" if height else "0 0.5 0"
+    (tmp_path / "rod.dae").write_text(ROD)
+    (tmp_path / "r.urdf").write_text(
+        f"""<robot name="r"><link name="rod"><inertial><origin xyz="{com}"/><mass value="1"/>
+        <inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial>
+        <visual><geometry><mesh filename="rod.dae"/></geometry></visual></link></robot>"""
+    )
+    loaded = initialised(tmp_path / "r.urdf", tmp_path / "r.yaml")
+    assert loaded.recipe.source.honour_up_axis == ((".*",) if height else ())
+
+
 def test_an_existing_recipe_is_kept_unless_forced(robots: Path, tmp_path: Path):
     mine = tmp_path / "mine.yaml"
     mine.write_text("# my work\n")

@@ -1,0 +1,66 @@
+"""Which meshes stand as their file says: `honour_up_axis`, where the robot itself tells."""
+
+from __future__ import annotations
+
+import re
+
+from assetbuild.geometry.lint_meshes import meshes_to_turn
+from assetbuild.init.look import InspectedRobot, mesh_of, scaled_points
+from assetbuild.init.words import inline, patterns_of
+from assetbuild.kinds import ConvertedMesh
+from assetbuild.mesh.companions import format_of
+from assetbuild.robot.pose import vec3
+from assetbuild.robot.shapes import MeshFile, SourceShape
+
+Z_UP = re.compile(rb"<up_axis>\s*Z_UP\s*<")
+HEAD = 1 << 16
+"""Bytes in which a COLLADA file tells its axis: its asset comes first."""
+
+
+def turned(robot: InspectedRobot) -> tuple[list[str], frozenset[str]]:
+    """The line `honour_up_axis` with its reason, and the meshes that it turns, by their paths.
+
+    Nothing where no mesh needs it.
+    """
+    doubted = [s for s in robot.shapes.shapes if _may_say_so(robot, s)]
+    if not doubted:
+        return [], frozenset()
+    links = {shape.link for shape in doubted}
+    records = {}
+    for shape in robot.shapes.shapes:
+        if shape.link in links and isinstance(shape.geometry, MeshFile):
+            record = _bounds(robot, shape.geometry)
+            if record is not None:  # else the build says what is wrong with it
+                records[shape.name] = record
+    turn = meshes_to_turn(robot.links, robot.shapes, records)
+    if not turn:
+        return [], frozenset()
+    stated = {s.geometry.path for s in doubted if isinstance(s.geometry, MeshFile)}
+    patterns = (".*",) if turn == stated else patterns_of(sorted(turn), sorted(stated))
+    told = f"{len(turn)} of {len(stated)} meshes that state an axis fit their links better so"
+    line = f"  honour_up_axis: {inline(patterns)}   # turned as their files say: {told}"
+    return [line], frozenset(turn)
+
+
+def _may_say_so(robot: InspectedRobot, shape: SourceShape) -> bool:
+    """May the file state an axis other than Z? A glTF does, and a COLLADA that says nothing."""
+    if not isinstance(shape.geometry, MeshFile):
+        return False
+    format = format_of(shape.geometry.path)
+    if format in ("glb", "gltf"):
+        return True
+    try:
+        with (robot.root / shape.geometry.path).open("rb") as file:
+            return format == "dae" and not Z_UP.search(file.read(HEAD))
+    except OSError:
+        return False
+
+
+def _bounds(robot: InspectedRobot, mesh: MeshFile) -> ConvertedMesh | None:
+    """What `convert_mesh` would say of its bounds; None for one that it would refuse."""
+    read = mesh_of(robot.root, mesh)
+    if read is None:
+        return None
+    points = scaled_points(read, mesh)
+    lower, upper = vec3(points.min(axis=0)), vec3(points.max(axis=0))
+    return ConvertedMesh((), 0, 0.0, lower, upper, False, None, read.up_axis)
