@@ -250,3 +250,13 @@ def _line_of(data: bytes, line: int) -> str:
     lines = data.splitlines()
     text = lines[line - 1] if 0 < line <= len(lines) else b""
     return " ".join(text.decode("utf-8", "replace").split())[:80]
+
+
+def free_name(wanted: str, taken: set[str]) -> str:
+    """`wanted`, or with the first number from 2 that makes it new; it is taken from now on."""
+    name, count = wanted, 1
+    while name in taken:
+        count += 1
+        name = f"{wanted}{count}"
+    taken.add(name)
+    return name

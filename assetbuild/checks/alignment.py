@@ -68,7 +68,7 @@ class Alignment(AlignmentCheck, PhysxCheck):
     """Position iterations of PhysX's solver."""
 
     def touching(self, inputs: Path, held: Held, tree: Tree) -> Pairs:
-        """As the USD says: PhysX does not tell."""
+        """Pairs by the USD's filters, because PhysX does not report which pairs it tests."""
         usd = UsdReader(robot=self.robot).read(inputs / f"usd/{self.robot}.usda")
         return touching_in_usd(usd, tree)
 

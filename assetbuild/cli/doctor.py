@@ -109,7 +109,7 @@ def _plugins() -> Iterator[Row]:
 
 
 def _version(name: str) -> str:
-    """Of an installed distribution; "" where it is not installed."""
+    """The version of a distribution, or "" if it is not installed."""
     try:
         return importlib.metadata.version(name)
     except importlib.metadata.PackageNotFoundError:

@@ -157,7 +157,7 @@ def _writable(path: Path, mode: str) -> Iterator[IO[str]]:
 
 
 MOST_ANNOTATIONS = 10
-"""Of each severity: GitHub shows no more from one step."""
+"""Most annotations of one severity: GitHub shows no more from one step."""
 LEVELS = ("error", "warning")
 
 

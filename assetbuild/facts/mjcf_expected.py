@@ -241,7 +241,7 @@ def drive_facts(joint: Joint, control: Control, names: Mapping[str, str]) -> dic
 
 
 def _law(row: Actuator, reach: tuple[float, float] | None) -> dict[str, Value]:
-    """As MuJoCo drives it: limits of the command, and what acts outside of the simulator."""
+    """Range of the command of one drive, and its gains where its law runs outside of MuJoCo."""
     ends = sorted(end * row.command_gear for end in row.ctrl) if row.ctrl else None
     ctrl = (ends[0], ends[1]) if ends else None
     match row.model:

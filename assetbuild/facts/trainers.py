@@ -44,8 +44,8 @@ class Term:
 def left_to_the_asset(*besides: str) -> dict[str, str]:
     """All other quantities of a robot, with the reason.
 
-    Those of a simulation every module states, but MuJoCo's own. besides: what one trainer's module
-    states as well.
+    Every module states the values of `simulation`, apart from MuJoCo's own options. besides: what
+    one trainer's module states as well.
     """
     reason = "stands in the MJCF or USD that the module loads, or is the trainer's own"
     rows = [f"{kind} {name}" for kind, name in VOCABULARY if kind != "simulation"]

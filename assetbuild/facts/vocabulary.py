@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from assetbuild.facts.table import Value
+from assetbuild.robot.model import Simulation
 
 Comparison = Literal[
     "number", "vector", "direction", "pose", "tensor", "length", "text", "flag", "names"
@@ -218,6 +219,7 @@ VOCABULARY: Mapping[tuple[str, str], Quantity] = {(row.kind, row.name): row for 
 """Every quantity by (kind, name)."""
 MUJOCO_OPTIONS = tuple(
     f"simulation {name}"
-    for name in ("integrator", "cone", "solver", "iterations", "line search iterations", "impratio")
+    for kind, name in VOCABULARY
+    if kind == "simulation" and name not in Simulation.model_fields
 )
-"""`kind name` of what a simulation with MuJoCo alone has."""
+"""`kind name` of what only a simulation in MuJoCo has; the recipe's `simulation` has the rest."""

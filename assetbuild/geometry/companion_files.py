@@ -23,7 +23,7 @@ class MeshCompanions(Step):
     outputs = ("companions.json",)
 
     format: Naming
-    """By the file's suffix."""
+    """Format of the file, which decides how it names others; derived from its suffix."""
 
     def run(self, files: Files) -> Iterable[Finding]:
         """Never fails on a broken file: `convert_mesh` says what is wrong with it."""

@@ -22,7 +22,7 @@ LIGHT = 1e-3
 STEEPEST = 1.4
 """rad of pitch, beyond which yaw and roll are one."""
 AXES = (((1, 0, 0), (0, 1, 0), (0, 0, 1)), ((0, 0, 1), (0, 1, 0), (1, 0, 0)))
-"""Of the slides and of the hinges, in the order in which they turn the root."""
+"""Axes of the three slides, then of the three hinges, in the order in which they move the root."""
 
 
 def poses(quaternions: Array, positions: Array | None, file: str) -> Array:

@@ -222,15 +222,11 @@ def mjcf_recipe(found: MjcfSource, path: Path) -> Proposal:
     unmended = tuning.unmended if tuning else ()
     hand = mjcf_hand(robot, anatomy, control, tuning)
     lost = lost_in_usd(control.mjcf_only)
-    chosen = [
-        f"  body: {quoted(first)}   # or {some(others)}: one recipe builds one robot"
-        for first, *others in [found.bodies] * bool(found.bodies)
-    ]
     # Beside a guessed drive there is no room for a spring.
     springs = joint_springs(control.mjcf_only) if tuning else no_drives(control)
     text = written(
         head(robot, anatomy, path, unmended),
-        source_section(found.root, path, "mjcf", found.file, *chosen),
+        source_section(found.root, path, "mjcf", found.file, *_chosen(found.bodies)),
         _taken(found),
         _solver(found, anatomy, hand),
         repairs_text(robot, repairs(robot, usd=not (lost or springs))),
@@ -279,6 +275,12 @@ def _pose(found: MjcfSource, anatomy: Anatomy, tuning: Tuning | None) -> Mapping
     chain = {j.name for p in placed_loops(tree, control.loops) for j in path_of(tree, p)}
     driven = {row.joint for row in control.actuators if row.model != "passive"}
     return {name: q for name, q in pose.items() if name not in chain - driven}
+
+
+def _chosen(bodies: tuple[str, ...]) -> Iterator[str]:
+    """The first of several robots; the recipe of another differs by this line."""
+    if bodies:
+        yield f"  body: {quoted(bodies[0])}   # or {some(bodies[1:])}: one recipe builds one robot"
 
 
 def _solver(found: MjcfSource, anatomy: Anatomy, hand: Sequence[str]) -> Iterator[str]:

@@ -124,7 +124,8 @@ def face_normals(mesh: TriangleMesh) -> Array:
 TURNED = 1e-9
 """Share of the polygon's own area from which a triangle that faces the other way counts."""
 SKEW = 1e-6
-"""Of the cube of its diagonal: six times the volume that the corners of a skew quad span."""
+"""A quad is planar if six times the volume of its corners is below this share of its diagonal
+cubed."""
 
 
 def fan_triangles(counts: Indices) -> Indices:
@@ -165,9 +166,9 @@ def polygon_triangles(counts: Indices, corners: Array) -> Indices:
 
 
 def with_short_diagonals(triangles: Indices, counts: Indices, corners: Array) -> Indices:
-    """The same, but a quad that lies in no plane is cut along its shorter diagonal.
+    """Triangles in which each quad that is not planar is cut along its shorter diagonal.
 
-    MuJoCo reads an OBJ file so (tinyobjloader); the other diagonal bounds another volume.
+    MuJoCo cuts the quads of an OBJ file like this (tinyobjloader); the volume depends on it.
     triangles: (k, 3), those of `polygon_triangles` for the same counts and corners.
     """
     fans = np.maximum(counts - 2, 0)

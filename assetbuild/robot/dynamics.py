@@ -216,9 +216,8 @@ def soles(
             continue
         body, X_body_link = tree.placement(shape.link)
         X_world_shape = robot.motions[body].pose @ X_body_link @ shape.X_link_shape
-        drop = (
-            shape.geometry.radius if isinstance(shape.geometry, Sphere) else 0.0
-        )  # without a mesh
+        # Other shapes touch at their centres: no mesh is read here.
+        drop = shape.geometry.radius if isinstance(shape.geometry, Sphere) else 0.0
         found.append((body, np.asarray(X_world_shape.xyz) - (0.0, 0.0, drop)))
     if feet is None and found:
         ground = min(point[2] for _, point in found)

@@ -1,13 +1,14 @@
 """A key of `simulation` or `contact` is declared once, and nobody on its way can forget it.
 
 From the recipe to the control data, into the MJCF, into the check that compares the two, and back
-from an MJCF as a source: a new key fails here until each of them knows it.
+from an MJCF as a source: a new key fails here until each of them knows it. Every other format holds
+the key, and the numbers of drives, or says why it cannot.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import replace
+from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -16,11 +17,15 @@ from tiny import TinyRobot, check_inputs, run_step, tiny_quadruped, write_robot_
 
 from assetbuild.control.control import ControlStep
 from assetbuild.control.source_control import StatedControl, join
+from assetbuild.facts.reader import Reader
 from assetbuild.facts.readers.mjcf import MjcfFacts
+from assetbuild.facts.reference import Reference, robot_table
 from assetbuild.findings import Finding
+from assetbuild.plugins import load_plugin, plugin_names
 from assetbuild.quantities import Model
 from assetbuild.robot.contact import Contact, Contacts
 from assetbuild.robot.files import RobotFiles, SourceControl
+from assetbuild.robot.model import Actuator
 from assetbuild.robot.sections import Simulation
 from assetbuild.robot.sides import Side
 from assetbuild.source.mjcf.flatten_mjcf import FlattenMjcf
@@ -59,6 +64,11 @@ def other(key: str, value: Any) -> Any:
 def with_other(robot: TinyRobot, *keys: str) -> TinyRobot:
     for key in keys:
         section, _, name = key.partition(".")
+        if section == "actuator":
+            drives = robot.control.actuators
+            rows = tuple(replace(r, **{name: other(key, getattr(r, name) or 1.0)}) for r in drives)
+            robot = replace(robot, control=replace(robot.control, actuators=rows))
+            continue
         model = getattr(robot.control, section)
         changed = model.model_copy(update={name: other(key, getattr(model, name))})
         robot = replace(robot, control=replace(robot.control, **{section: changed}))
@@ -114,6 +124,52 @@ def test_the_recipe_wins_over_an_mjcf_where_it_states_the_key(key: str):
         joined, _ = join(own, source, robot.tree, robot.shapes, sides)
         name = key.partition(".")[2]
         assert getattr(getattr(joined, section), name) == getattr(getattr(winner, section), name)
+
+
+READERS = {name: load_plugin(Reader, name) for name in plugin_names(Reader)}
+OPTIONS = {"feet": {"links": ".*_foot"}, "imu": {"link": "trunk"}, "xrdf": {"max_spheres": 1}}
+NUMBERS = [field.name for field in fields(Actuator) if field.type in ("float", "float | None")]
+UNSAID = {
+    "stall": "of a DC motor alone",
+    "gear": "of a motor with a gear in MuJoCo alone",
+}
+"""Numbers that say nothing of a plain PD drive."""
+ELSEWHERE = {
+    "bare joint": "mjlab's configuration drives the joints",
+    "mjx shape mask": "its pairs are listed",
+    "mjlab joint velocity": "mjlab's PD drives have no limit of speed",
+}
+"""Format and row -> why its reader, which holds the row of other robots, says nothing here."""
+
+
+@pytest.fixture(scope="module")
+def plain_facts(tmp_path_factory: pytest.TempPathFactory) -> Reference:
+    return reference_of(tmp_path_factory.mktemp("facts"), tiny_quadruped())
+
+
+@pytest.mark.parametrize("key", [*KEYS, *(f"actuator.{n}" for n in NUMBERS if n not in UNSAID)])
+def test_each_format_holds_it_or_says_why_not(key: str, plain_facts: Reference, tmp_path: Path):
+    reference = reference_of(tmp_path, with_other(tiny_quadruped(), key))
+    before, after = (robot_table(one).facts for one in (plain_facts, reference))
+    rows = {f"{k.kind} {k.quantity}" for k in {**before, **after} if before.get(k) != after.get(k)}
+    assert rows, "no fact of the robot depends on it"
+    for name, reader in READERS.items():
+        unsaid = [row for row in rows if not is_said(name, reader, row)]
+        read = reader(robot="r")
+        is_other = read.expected(plain_facts).facts != read.expected(reference).facts
+        assert is_other or not unsaid, (name, unsaid)
+
+
+def is_said(name: str, reader: type[Reader], row: str) -> bool:
+    """Whether the format says why it goes without a row of the robot's facts."""
+    kind = row.partition(" ")[0]
+    return bool({row, kind} & {*reader.lacks} or {f"{name} {row}", f"{name} {kind}"} & {*ELSEWHERE})
+
+
+def reference_of(folder: Path, robot: TinyRobot) -> Reference:
+    """Feet have contacts of their own, which would hide the robot's."""
+    robot = replace(robot, control=replace(robot.control, contacts=()))
+    return Reference.of_ports(write_robot_ports(folder, robot), OPTIONS)
 
 
 def equal(inputs: Path, outputs: Path) -> Iterator[Finding]:

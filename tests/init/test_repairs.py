@@ -3,14 +3,21 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
-from urdfs import LIMIT, box, inertial, joint, link, robot, shape, tensor
+import trimesh
+from urdfs import LIMIT, box, inertial, joint, link, mesh, robot, shape, tensor
 
 from assetbuild.cli import main
 from assetbuild.init import propose, write
+from assetbuild.init.look import judge, look
+from assetbuild.init.repairs import mended, repairs
+from assetbuild.init.source import find_source
+from assetbuild.init.trial import staged
+from assetbuild.init.up_axis import turned
 from assetbuild.pipeline.recipes import load_recipe
 
 
@@ -70,6 +77,25 @@ def test_hinges_whose_limits_are_all_zero_turn_without_end(tmp_path: Path):
     assert edits_for(chain(inertial(1.0), inertial(1.0), limits=zeros), tmp_path) == [
         {"set_limits": {"joint": ".*", "unlimited": True}}
     ]
+
+
+def test_a_turned_mesh_is_tried_as_it_is_turned(tmp_path: Path):
+    """For the inertia that is computed from it, and for the hull that the drives are tried with."""
+    rod = trimesh.creation.box((0.1, 1.0, 0.1))
+    rod.apply_translation((0.0, 0.5, 0.0))
+    rod.export(tmp_path / "rod.glb")  # whose Y is up
+    zeros = inertial(1.0, tensor(0.0, 0.0, 0.0), xyz="0 0 0.5")
+    (tmp_path / "bot.urdf").write_text(chain(zeros + shape("visual", mesh("rod.glb"))))
+    read = judge(look(find_source(tmp_path / "bot.urdf", {})), "fixed")
+    _, turn = turned(read)
+    assert turn == {"rod.glb"}
+    whole = mended(replace(read, turned=turn), repairs(read))
+    rod_inertia = whole.links.by_body["link0"].inertial
+    assert rod_inertia is not None
+    assert rod_inertia.com_m == pytest.approx((0.0, 0.0, 0.5))
+    with staged(whole, ["link0"]) as stage:
+        (hull,) = stage.overlaps.meshes.values()
+    assert hull.vertices.max(axis=0) == pytest.approx((0.05, 0.05, 1.0))
 
 
 def test_a_point_mass_is_computed_from_the_shapes(tmp_path: Path):

@@ -66,8 +66,7 @@ def creep(model: Model, share: float = SHARE, limit: float = SLOW) -> Creep | st
     """How fast the initial pose of a scene slides on a slope; or why nothing can be said.
 
     share: of the angle of friction. limit: m/s; a robot that slides faster is tried on flatter
-    slopes, where it slides as fast if the contacts are the cause, and not if its drives are.
-    Of drives: see `stand`.
+    slopes, where it slides as fast if its contacts are the cause, and rests if its drives are.
     """
     steepest = ground_under(model, share)
     if isinstance(steepest, str):
@@ -84,7 +83,10 @@ def creep(model: Model, share: float = SHARE, limit: float = SLOW) -> Creep | st
 
 
 def _speed(model: Model, ground: Ground) -> float:
-    """The worse of two directions, scaled up to the steep slope, m/s; nan where the robot fell."""
+    """Speed of the feet in m/s along x or y, whichever is faster; nan if the robot fell.
+
+    Scaled up with the load that friction would carry on the steep slope.
+    """
     model = mujoco.without(model)
     model.geom_friction[:, 0] *= ground.friction / ground.stated
     model.pair_friction[:, :2] *= ground.friction / ground.stated

@@ -33,6 +33,7 @@ from assetbuild.source.mjcf.text import (
     remove,
     where_of,
 )
+from assetbuild.xml_text import free_name
 
 if TYPE_CHECKING:
     from lxml.etree import _Element
@@ -239,7 +240,7 @@ def _name_bodies(world: _Element) -> None:
     while waiting:
         body, parent = waiting.pop()
         if not body.get("name"):
-            body.set("name", _free("body" if parent == "world" else f"{parent}_body", taken))
+            body.set("name", free_name("body" if parent == "world" else f"{parent}_body", taken))
         name = str(body.get("name"))
         waiting += [(child, name) for child in parts(body, "body")][::-1]
 
@@ -252,7 +253,7 @@ def _name_parts(world: _Element, classes: Classes) -> None:
         for part, body_name in found:
             if not part.get("name"):
                 suffix = _role(classes.attributes(part)) if part.tag == "geom" else tags[0]
-                part.set("name", _free(f"{body_name}_{suffix}", taken))
+                part.set("name", free_name(f"{body_name}_{suffix}", taken))
 
 
 def _role(said: dict[str, str]) -> str:
@@ -265,7 +266,7 @@ def _name(elements: list[_Element], wanted: Callable[[_Element], str]) -> None:
     taken = {str(element.get("name")) for element in elements if element.get("name")}
     for element in elements:
         if not element.get("name"):
-            element.set("name", _free(wanted(element), taken))
+            element.set("name", free_name(wanted(element), taken))
 
 
 def _asset_name(element: _Element) -> str:
@@ -281,16 +282,6 @@ def _acting_name(element: _Element) -> str:
             acting = parent is not None and parent.tag == "actuator"
             return owner if acting else f"{owner}_{element.tag}"
     return str(element.tag)
-
-
-def _free(wanted: str, taken: set[str]) -> str:
-    """`wanted`, or with the first number from 2 that makes it new; it is taken from now on."""
-    name, count = wanted, 1
-    while name in taken:
-        count += 1
-        name = f"{wanted}{count}"
-    taken.add(name)
-    return name
 
 
 FOLDER = "(inline)/"

@@ -33,6 +33,7 @@ from assetbuild.targets.mjcf.files import (
 from assetbuild.targets.mjcf.robot_xml import RobotXml
 from assetbuild.targets.mjlab.events import lost
 from assetbuild.targets.mjlab.module import Foot, MjlabOptions, ModuleFacts, module_text
+from assetbuild.xml_text import free_name
 
 TASK_SENSORS = {"gyro": "imu_ang_vel", "velocimeter": "imu_lin_vel", "accelerometer": "imu_lin_acc"}
 """Sensors that mjlab's tasks look for, at the IMU."""
@@ -277,7 +278,7 @@ def name_collisions(root: Element, visuals: Collection[str]) -> dict[str, str]:
         name = geom.get("name", "")
         if name in visuals or COLLISION.fullmatch(name) or _touches_nothing(geom):
             continue
-        new = _free(f"{name or 'geom'}_collision", taken)
+        new = free_name(f"{name or 'geom'}_collision", taken)
         geom.set("name", new)
         if name:
             renamed[name] = new
@@ -291,16 +292,6 @@ def _touches_nothing(geom: Element) -> bool:
     """Whether a geom's own masks say so; a class of ours says it for visuals alone."""
     masks = [geom.get(key, "1").strip().lstrip("+") for key in ("contype", "conaffinity")]
     return masks == ["0", "0"]
-
-
-def _free(wanted: str, taken: set[str]) -> str:
-    """`wanted`, or with the first number from 2 that makes it new; it is taken from now on."""
-    name, count = wanted, 1
-    while name in taken:
-        count += 1
-        name = f"{wanted}{count}"
-    taken.add(name)
-    return name
 
 
 def _references(root: Element) -> Iterator[tuple[Element, str]]:
