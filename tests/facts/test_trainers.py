@@ -1,4 +1,4 @@
-"""Trainers' modules and dr.yaml: what they give is recorded; a bug of their writers is found."""
+"""Trainers' modules: what they give is recorded; a bug of their writers is found."""
 
 from __future__ import annotations
 
@@ -26,7 +26,6 @@ from assetbuild.engine.step import Step
 from assetbuild.errors import UsageError
 from assetbuild.facts.isaaclab_config import read_config
 from assetbuild.facts.reader import Proof, Reader
-from assetbuild.facts.readers.dr import Dr
 from assetbuild.facts.readers.isaaclab import IsaacLabReader
 from assetbuild.facts.readers.mjlab import MjlabReader
 from assetbuild.facts.reference import Assets, Reference
@@ -34,8 +33,6 @@ from assetbuild.facts.surface import measure
 from assetbuild.facts.table import Key
 from assetbuild.robot.model import Actuator
 from assetbuild.robot.ranges import Randomize
-from assetbuild.samples import state_ranges
-from assetbuild.samples.state_ranges import StateRanges
 from assetbuild.targets.isaaclab import IsaacLab
 from assetbuild.targets.isaaclab import events as lab_events
 from assetbuild.targets.isaaclab.module import Module
@@ -85,8 +82,7 @@ def built(step: Step, reader: type[Reader], robot: TinyRobot, folder: Path, **to
     told["randomize"] = ranges and ranges.model_dump(mode="json", by_alias=True)
     reference = Reference(robot.links, robot.tree, robot.shapes, robot.control, assets, told)
     reads = reader(robot="robot-1", options=told)
-    top = folder / "out" / (reader.needs[0] if reader is not Dr else "")
-    file = reads.file(top, "robot-1")
+    file = reads.file(folder / "out" / reader.needs[0], "robot-1")
     assert file is not None
     return Built(file, reads, reference)
 
@@ -102,11 +98,6 @@ def isaaclab(robot: TinyRobot, folder: Path, drawn: Randomize | None = RANDOMIZE
     told = {name: getattr(step, field).model_dump(mode="json")
             for name, field in (("isaaclab", "options"), ("usd", "usd"))}  # fmt: skip
     return built(step, IsaacLabReader, robot, folder, **told)
-
-
-def dr_yaml(robot: TinyRobot, folder: Path, drawn: Randomize | None = RANDOMIZE) -> Built:
-    step = StateRanges(robot="robot-1", randomize=drawn or RANDOMIZE)
-    return built(step, Dr, robot, folder)
 
 
 Make = Callable[..., Built]
@@ -129,7 +120,7 @@ def quadruped(last: str) -> TinyRobot:
     [
         (mjlab, quadruped("velocity")), (mjlab, tiny_quadruped()),
         (isaaclab, quadruped("motor")), (isaaclab, tiny_quadruped()), (isaaclab, pendulum()),
-        (isaaclab, sprung()), (dr_yaml, tiny_quadruped()),
+        (isaaclab, sprung()),
     ],
 )  # fmt: skip
 def test_what_nobody_edited_is_the_robot(
@@ -268,28 +259,11 @@ ISAACLAB_BUGS = [
      {"dynamic_surface_friction"}),
 ]  # fmt: skip
 """(where, function, text, what stands there instead, quantities that must be found)."""
-DR_BUGS = [
-    (state_ranges, "_matter", "mass * low", "mass * high", {"mass"}),
-    (state_ranges, "_matter", '"density": [low, high]', '"density": [high, low]', {"density"}),
-    (state_ranges, "_matter", "math.log(low) / 2", "math.log(low)", {"density"}),
-    (state_ranges, "_matter", "list(com)}", "[0.0, 0.0, 0.0]}", {"com_x", "com_y"}),
-    (state_ranges, "_matter", "[-shift, shift]", "[0.0, shift]", {"com_x"}),
-    (state_ranges, "_matter", '"d": [-matter.stretch', '"d": [-matter.shear', {"stretch"}),
-    (state_ranges, "_matter", '"s": [-matter.shear', '"s": [matter.shear', {"shear_12"}),
-    (StateRanges, "_payloads", "list(payload.at)", "list(payload.size)", {"at"}),
-    (StateRanges, "_payloads", "placement(payload.link)[0]", "root + payload.link", {"body"}),
-    (StateRanges, "_joints", "nominal * high", "nominal * low", {"kp", "kd", "friction"}),
-    (StateRanges, "_joints", "list(ranges.delay)", "[0, 0]", {"delay"}),
-    (StateRanges, "_joints", "[-ranges.encoder_bias", "[ranges.encoder_bias", {"encoder_bias"}),
-    (StateRanges, "_contact", "friction[0]", "friction[1]", {"surface_friction"}),
-    (StateRanges, "run", '"seed": self.randomize.seed', '"seed": 2**63 - 2', {"seed"}),
-]
 CASES = [
     (make, robot, *bug)
     for make, robot, bugs in (
         (mjlab, quadruped("velocity"), MJLAB_BUGS),
         (isaaclab, quadruped("motor"), ISAACLAB_BUGS),
-        (dr_yaml, tiny_quadruped(), DR_BUGS),
     )
     for bug in bugs
 ]
@@ -331,16 +305,9 @@ def test_a_value_of_any_form_is_a_finding(other: str, tmp_path: Path):
         assert one.prove().findings, field
 
 
-@pytest.mark.parametrize(
-    ("make", "text"),
-    [(isaaclab, None), *((dr_yaml, text) for text in ("[", "a: b: c", "a: &a [1]\nb: *a", "[]"))],
-)
-def test_a_file_that_is_gone_or_no_yaml_is_one_error(make: Make, text: str | None, tmp_path: Path):
-    one = make(tiny_quadruped(), tmp_path)
-    if text is None:
-        one.file.with_name("robot_1_isaaclab_3.py").unlink()
-    else:
-        one.file.write_text(text)
+def test_a_module_that_is_gone_is_one_error(tmp_path: Path):
+    one = isaaclab(tiny_quadruped(), tmp_path)
+    one.file.with_name("robot_1_isaaclab_3.py").unlink()
     assert [finding.rule for finding in one.prove().findings] == ["equal.unreadable"]
 
 
