@@ -249,8 +249,7 @@ def _without_drives(path: Path) -> Model:
 
 
 class _Mujoco:
-    """Our MJCF. dof: velocity index by joint name. LookupError where it is not built as the robot.
-    """
+    """Our MJCF. dof: velocity index by joint name. LookupError where it is not built as the robot."""
 
     def __init__(self, model: Model, tree: Tree) -> None:
         import mujoco

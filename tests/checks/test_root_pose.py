@@ -13,8 +13,8 @@ import pytest
 from pxr import Gf, Usd
 from tiny import TinyRobot, check_inputs, pendulum, run_step, tiny_quadruped
 
-from assetbuild.checks.urdf_kinematics import UrdfKinematics
 from assetbuild.facts.readers.mjcf import MjcfFacts
+from assetbuild.facts.readers.urdf import UrdfFacts
 from assetbuild.facts.readers.usd import UsdReader
 from assetbuild.findings import Finding
 from assetbuild.robot.dynamics import dynamics
@@ -78,7 +78,8 @@ def test_the_robots_own_prim_holds_it_in_usd_and_the_link_stays_in_its_origin(
 def test_in_urdf_a_fixed_joint_holds_it_to_a_link_called_world(tmp_path: Path) -> None:
     robot = hung()
     inputs = check_inputs(tmp_path, robot, Urdf(robot="bot"), "urdf")
-    assert run_step(UrdfKinematics(robot="bot"), inputs, tmp_path / "out") == []
+    proof = run_step(UrdfFacts(robot="bot"), inputs, tmp_path / "out")
+    assert {f.rule for f in proof} == {"lost.urdf"}
     text = (inputs / "urdf/bot.urdf").read_text()
     assert text.index('<link name="world" />') < text.index('<link name="base"')
     (told,) = [f for f in run_step(Urdf(robot="bot"), inputs, tmp_path / "again")
@@ -152,8 +153,8 @@ def test_a_root_lost_in_urdf_is_found(tmp_path: Path) -> None:
     inputs = check_inputs(tmp_path, hung(), Urdf(robot="bot"), "urdf")
     path = inputs / "urdf/bot.urdf"
     path.write_text(path.read_text().replace('xyz="0.5 -0.2 1.5"', 'xyz="0.5 -0.2 1.6"'))
-    found = run_step(UrdfKinematics(robot="bot"), inputs, tmp_path / "out")
-    assert {f.rule for f in found} == {"urdf.kinematics.place"}
+    found = run_step(UrdfFacts(robot="bot"), inputs, tmp_path / "out")
+    assert {f.rule for f in found} == {"equal.urdf.pose", "lost.urdf"}
 
 
 # --- in PhysX -----------------------------------------------------------------------------------
