@@ -144,7 +144,6 @@ def _sine_row(
         response.rms,
         *((math.inf, math.inf) if ours.touched else limits),
         f"of the swing, RMS{_unfair(both.tree, sine, ours)}",
-        lag_rad=None if ours.touched or joint in sine.speeds else response.lag_rad,
     )
 
 

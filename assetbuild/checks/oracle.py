@@ -249,7 +249,7 @@ def _without_drives(path: Path) -> Model:
 
 
 class _Mujoco:
-    """Our MJCF. dof: velocity index by joint name. LookupError where it is not built as the robot."""
+    """Our MJCF; LookupError where it is not built as the robot. dof: velocity index by joint."""
 
     def __init__(self, model: Model, tree: Tree) -> None:
         import mujoco
