@@ -23,7 +23,6 @@ REFUSED = Rule(
     "yourdfpy refuses the written URDF, or urdfdom, and with it ROS, MoveIt and pinocchio",
     "report it: this is a bug",
     was={
-        "urdf.reload.kinematics": ("equal.urdf.pose", "equal.urdf.axis"),
         "urdf.reload.structure": ("urdf.refused",),
         "urdf.reload.unreadable": ("urdf.refused",),
     },

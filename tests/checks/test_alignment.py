@@ -25,7 +25,7 @@ from tiny import (
 from assetbuild.alignment.moved import Compared, FloorLimits, stand_rows
 from assetbuild.alignment.row import Row, findings_of
 from assetbuild.alignment.touching import Pairs, touching_in_usd, touching_row
-from assetbuild.checks.alignment import OFF, Alignment
+from assetbuild.checks._physx import OFF, Alignment
 from assetbuild.facts.readers.usd import UsdReader
 from assetbuild.findings import Finding
 from assetbuild.pipeline.recipes import whole_model

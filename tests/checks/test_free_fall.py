@@ -11,8 +11,8 @@ import pytest
 from pxr import Sdf, Usd, UsdPhysics
 from tiny import TinyRobot, check_inputs, pendulum, run_step, tiny_quadruped
 
+from assetbuild.checks._physx import PhysxFreeFall
 from assetbuild.checks.free_fall import FreeFall
-from assetbuild.checks.physx_free_fall import PhysxFreeFall
 from assetbuild.findings import Finding
 from assetbuild.pipeline.recipes import whole_model
 from assetbuild.robot.model import Simulation

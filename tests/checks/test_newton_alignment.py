@@ -25,7 +25,7 @@ from tiny import (
 from assetbuild.alignment.asked import SAMPLE_S, experiments_of, into_stop
 from assetbuild.alignment.moved import Compared, FloorLimits
 from assetbuild.alignment.row import Row, findings_of
-from assetbuild.checks.newton_alignment import OFF, NewtonAlignment
+from assetbuild.checks._newton import OFF, NewtonAlignment
 from assetbuild.engine.world import World
 from assetbuild.findings import Finding
 from assetbuild.robot.model import Actuator, Body, Control, Joint, Limits, Simulation

@@ -67,16 +67,9 @@ for file in job["runs"]:
 """Runs each step in a process of its own, which has loaded nothing but the engine before."""
 ELSEWHERE = {
     "assetbuild.checks.grip": "only where a recipe asks for it: see its own tests",
-    "assetbuild.checks.alignment": "needs PhysX",
-    "assetbuild.checks.newton_alignment": "needs the trainer",
-    "assetbuild.checks.newton_grip": "needs the trainer",
-    "assetbuild.checks.newton_loops": "needs the trainer",
-    "assetbuild.checks.newton_slope": "needs the trainer",
-    "assetbuild.checks.physx_free_fall": "needs PhysX",
-    "assetbuild.checks.physx_grip": "needs PhysX",
-    "assetbuild.checks.physx_loops": "needs PhysX",
+    "assetbuild.checks._newton": "needs the trainer",
+    "assetbuild.checks._physx": "needs PhysX",
     "assetbuild.checks.physx_readback": "needs PhysX",
-    "assetbuild.checks.physx_slope": "needs PhysX",
     "assetbuild.checks.smoke_isaaclab": "needs the trainer",
     "assetbuild.checks.smoke_mjlab": "needs the trainer",
     "assetbuild.checks.smoke_newton": "needs the trainer",
@@ -251,7 +244,7 @@ COMPUTED_WITH = {
 """Modules of the engine that steps compute with; another would run most steps when it changes."""
 
 
-ASKING = ("smoke_", "newton", "_foreign")
+ASKING = ("smoke_", "_newton", "_foreign")
 """Checks that ask a program in an environment of its own: they look for that environment."""
 
 
