@@ -25,7 +25,7 @@ from assetbuild.simulators.experiments import SimulatorCheck, Swing
 from assetbuild.simulators.free_fall import Fall
 from assetbuild.simulators.mujoco.motion import perform
 
-RANKS = ("HIGH", "MEDIUM", "LOW")
+RANKS = ("HIGH", "MEDIUM")
 VERDICTS = ("error", "warning", "ok", "told")
 
 

@@ -9,7 +9,7 @@ from typing import Literal
 
 from assetbuild.findings import Finding, Rule, rounded
 
-Rank = Literal["HIGH", "MEDIUM", "LOW"]
+Rank = Literal["HIGH", "MEDIUM"]
 
 HINTS: Mapping[str, str] = {
     "sine_as_is PhysX": "where kd dt is large beside the joint's inertia, its joint friction "
