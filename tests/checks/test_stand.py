@@ -144,14 +144,6 @@ def test_shapes_inside_one_another_are_found(tmp_path: Path) -> None:
     assert ("stand.overlap", "warning") in rules(check(robot, tmp_path))
 
 
-def test_fixed_base_is_judged_by_its_joints_only(tmp_path: Path) -> None:
-    robot = pendulum()
-    drive = Actuator("swing_joint", "pd", 50.0, 2.0, effort=5.0)
-    control = Control((drive,), robot.control.keyframes)
-    assert check(replace(robot, control=control), tmp_path, feet=None) == []
-    assert abs(float(figures(tmp_path)["max_joint_sag"])) < 1e-6
-
-
 def test_a_fixed_robot_whose_drive_lets_go_falls(tmp_path: Path) -> None:
     """Held out sideways by a drive of 0.1 N m/rad, a pendulum swings down."""
     robot = pendulum()
