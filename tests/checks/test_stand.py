@@ -137,13 +137,6 @@ def test_drift_and_tilt_have_their_own_limits(tmp_path: Path) -> None:
     assert rules(found) == {("stand.drift", "warning"), ("stand.tilt", "warning")}
 
 
-def test_shapes_inside_one_another_are_found(tmp_path: Path) -> None:
-    robot = tiny_quadruped()
-    horn = Shape("horn", "FR_thigh", "collision", Box((0.02, 0.3, 0.02)), Pose((0.0, 0.0, 0.0)))
-    robot = replace(robot, shapes=replace(robot.shapes, shapes=(*robot.shapes.shapes, horn)))
-    assert ("stand.overlap", "warning") in rules(check(robot, tmp_path))
-
-
 def test_a_fixed_robot_whose_drive_lets_go_falls(tmp_path: Path) -> None:
     """Held out sideways by a drive of 0.1 N m/rad, a pendulum swings down."""
     robot = pendulum()
