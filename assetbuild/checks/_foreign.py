@@ -19,7 +19,7 @@ from typing import Any, ClassVar
 from assetbuild.engine.step import Files, Limits
 from assetbuild.engine.world import World
 from assetbuild.errors import StepError
-from assetbuild.findings import Finding, Rule, Severity
+from assetbuild.findings import Data, Finding, Rule, Severity
 from assetbuild.kinds import Check, write_figures
 from assetbuild.simulators.children import environment, last_line
 from assetbuild.simulators.consumers import ConsumerCheck, Environment
@@ -336,7 +336,7 @@ class AssetValidator(Validator):
             more = f" and {len(paths) - SHOWN} more" if len(paths) > SHOWN else ""
             shown = ", ".join(f"`{path}`" for path in paths[:SHOWN])
             text = f"{rule} warns {len(found)} times of {shown}{more}; the first: "
-            data = {"rule": rule, "times": len(found)}
+            data: Data = {"rule": rule, "times": len(found)}
             yield WARNING("robot", f"{text}{found[0]['message']}", data=data)
 
 
