@@ -81,16 +81,6 @@ def test_gains_in_the_wrong_unit_are_a_row(tmp_path: Path) -> None:
     assert public_message(row) == WITHHELD
 
 
-@needs_physx
-@pytest.mark.slow  # a third run of seven experiments in two engines
-def test_torque_motors_follow_the_sine_too(tmp_path: Path) -> None:
-    robot = tiny_quadruped()
-    outside = tuple(replace(a, model="ideal_pd") for a in robot.control.actuators)
-    robot = replace(robot, control=replace(robot.control, actuators=outside))
-    assert [f for f in check(robot, tmp_path) if f.severity == "error"] == []
-    assert any(row["row"] == "sine" for row in rows_of(tmp_path))
-
-
 def test_mjcf_that_does_not_load_is_skipped(tmp_path: Path) -> None:
     inputs = write_robot_ports(tmp_path / "inputs", tiny_quadruped())
     (inputs / "mjcf").mkdir()

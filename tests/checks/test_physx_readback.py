@@ -23,7 +23,6 @@ from tiny import (
 
 from assetbuild.checks.physx_readback import PhysxReadback, _judge_motion
 from assetbuild.findings import Finding
-from assetbuild.pipeline.recipes import whole_model
 from assetbuild.robot.model import (
     Actuator,
     Base,
@@ -85,11 +84,6 @@ def test_a_fixed_base_that_moves_is_an_error(base: Base, moved_m: float, drifts:
     assert [f.data["drift_m"] for f in found if f.rule == "physx.drift"] == drifts
     lost = Outcome(None, motion, "it lost its numbers")
     assert list(_judge_motion(tree, lost, "on a floor")) == []  # `physx.finite`
-
-
-def test_a_drive_takes_the_place_of_a_spring(tmp_path: Path) -> None:
-    driven = replace(sprung().control, actuators=pendulum().control.actuators)
-    assert check(replace(sprung(), control=driven), tmp_path) == []
 
 
 def test_a_sprung_arm_settles_where_spring_and_weight_are_equal(tmp_path: Path) -> None:
@@ -163,13 +157,6 @@ def test_each_loss_is_caught(spoil: Spoil, rule: str, subject: str, tmp_path: Pa
     found = check(tiny_quadruped(), tmp_path, spoil)
     assert {f.severity for f in found} == {"error"}
     assert (rule, subject) in {(f.rule, f.subject) for f in found}
-
-
-def test_recipe_decides() -> None:
-    base = {"schema": "assetbuild/v1", "robot": "r", "source": {"path": ".", "urdf": "r.urdf"}}
-    asked = whole_model().model_validate(base | {"validate": {"simulators": ["mujoco", "physx"]}})
-    assert PhysxReadback.configure(asked) == PhysxReadback(robot="r")
-    assert PhysxReadback.configure(whole_model().model_validate(base)) is None
 
 
 def coupled() -> TinyRobot:

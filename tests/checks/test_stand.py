@@ -19,7 +19,6 @@ from assetbuild.checks.slope import Slope
 from assetbuild.checks.stand import Stand
 from assetbuild.engine.world import World
 from assetbuild.findings import Finding
-from assetbuild.pipeline.recipes import whole_model
 from assetbuild.robot.model import Actuator, Control, Keyframe
 from assetbuild.robot.pose import Pose
 from assetbuild.robot.shapes import Box, Shape
@@ -189,13 +188,6 @@ def test_a_keyframe_or_feet_that_are_not_there_are_an_error(
     words: dict[str, str], rule: str, tmp_path: Path
 ) -> None:
     assert (rule, "error") in rules(check(tiny_quadruped(), tmp_path, **words))
-
-
-def test_recipe_decides() -> None:
-    base = {"schema": "assetbuild/v1", "robot": "r", "source": {"path": ".", "urdf": "r.urdf"}}
-    asked = base | {"validate": {"stand": {"keyframe": "home", "feet": FEET}}}
-    assert Stand.configure(whole_model().model_validate(base)) is None
-    assert Stand.configure(whole_model().model_validate(asked)) == Stand(keyframe="home", feet=FEET)
 
 
 # --- slope ---------------------------------------------------------------------------------------
