@@ -12,7 +12,7 @@ from assetbuild.report.verdict import CheckResult
 Figures = Mapping[str, Any]  # Any: plain JSON, of as many shapes as there are checks
 FILES = {
     "urdf": "URDF", "mjcf": "MJCF", "mjx": "MJX model", "bare": "bare MJCF", "scene": "scene",
-    "scene_mjx": "MJX scene", "usd": "USD", "usd_scene": "USD scene", "dr": "`dr.yaml`",
+    "scene_mjx": "MJX scene", "usd": "USD", "usd_scene": "USD scene",
     "mjlab": "mjlab module", "isaaclab": "Isaac Lab module", "xrdf": "XRDF",
 }  # fmt: skip
 
