@@ -17,6 +17,7 @@ from tiny import (
     check_inputs,
     pendulum,
     run_step,
+    spoil_stage,
     sprung,
     tiny_quadruped,
 )
@@ -53,10 +54,7 @@ def check(robot: TinyRobot, folder: Path, spoil: Spoil | None = None) -> list[Fi
     need_physx()
     inputs = check_inputs(folder, robot, UsdTarget(robot="robot"), "usd")
     if spoil is not None:
-        stage = Usd.Stage.Open(str(inputs / "usd/robot.usda"))
-        spoil(stage)
-        stage.Save()
-        del stage
+        spoil_stage(inputs / "usd/robot.usda", spoil)
     return run_step(PhysxReadback(robot="robot", seconds=0.1), inputs, folder / "out")
 
 

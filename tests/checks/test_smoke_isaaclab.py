@@ -12,7 +12,7 @@ from typing import Any
 
 import pytest
 from pxr import Usd
-from tiny import TinyRobot, pendulum, run_step, tiny_quadruped, write_robot_ports
+from tiny import TinyRobot, pendulum, run_step, spoil_stage, tiny_quadruped, write_robot_ports
 
 from assetbuild.checks.smoke_isaaclab import SmokeIsaacLab, judged, summed_up
 from assetbuild.engine.world import World
@@ -179,10 +179,7 @@ def asked(folder: Path, spoil: Callable[[Usd.Stage], object]) -> set[tuple[str, 
     ):
         run_step(target, inputs, folder / "built")
         (folder / "built" / name).rename(inputs / name)
-    stage = Usd.Stage.Open(str(inputs / "usd/robot.usda"))
-    spoil(stage)
-    stage.Save()
-    del stage
+    spoil_stage(inputs / "usd/robot.usda", spoil)
     step = SmokeIsaacLab(robot="robot", environment="isaaclab")
     return {(f.rule, f.subject) for f in run_step(step, inputs, folder / "out")}
 

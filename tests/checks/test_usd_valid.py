@@ -9,7 +9,7 @@ from pathlib import Path
 import pxr
 import pytest
 from pxr import Sdf, Usd
-from tiny import TinyRobot, check_inputs, pendulum, run_step, tiny_quadruped
+from tiny import TinyRobot, check_inputs, pendulum, run_step, spoil_stage, tiny_quadruped
 
 from assetbuild.checks.usd_valid import UsdValid
 from assetbuild.findings import Finding
@@ -21,10 +21,7 @@ Spoil = Callable[[Usd.Stage], object]
 def spoilt(robot: TinyRobot, folder: Path, spoil: Spoil) -> Path:
     """Inputs of a check after `spoil` has edited the main file's own layer."""
     inputs = check_inputs(folder, robot, UsdTarget(robot="robot"), "usd")
-    stage = Usd.Stage.Open(str(inputs / "usd/robot.usda"))
-    spoil(stage)
-    stage.Save()
-    del stage
+    spoil_stage(inputs / "usd/robot.usda", spoil)
     return inputs
 
 

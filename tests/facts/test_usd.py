@@ -20,6 +20,7 @@ from tiny import (
     pendulum,
     robots,
     run_step,
+    spoil_stage,
     sprung,
     tiny_quadruped,
 )
@@ -47,10 +48,7 @@ def check(
     options = options or UsdOptions()
     inputs = check_inputs(folder, robot, UsdTarget(robot="robot", options=options), "usd")
     if spoil is not None:
-        stage = Usd.Stage.Open(str(inputs / "usd" / layer))
-        spoil(stage)
-        stage.Save()
-        del stage
+        spoil_stage(inputs / "usd" / layer, spoil)
     reader = UsdReader(robot="robot", options={"usd": options.model_dump(mode="json")})
     return run_step(reader, inputs, folder / "out")
 
