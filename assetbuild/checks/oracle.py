@@ -45,6 +45,8 @@ UNSUPPORTED = Rule(
 KINDS = ("kinematics", "mass_matrix", "gravity")
 REPORT = "the MJCF is not the source's robot: please report it with the recipe"
 OTHERS = "the other checks still compare mass, axes and limits"
+Matter = tuple[float, Array, Array]
+"""Mass, centre of mass, and (3, 3) inertia about it along the world's axes."""
 BASE = 6
 """Degrees of freedom of a free base, the first of both libraries."""
 
@@ -131,8 +133,7 @@ def _errors(pin: _Pinocchio, mj: _Mujoco) -> Iterator[tuple[str, float, str]]:
     for name, theirs in pin.link_poses():
         for ours in mj.link_poses(name):
             yield "kinematics", _apart(ours, theirs), f"link {name}"
-    for ours, theirs in zip(mj.matter(), pin.matter(), strict=True):
-        yield "mass_matrix", _apart(ours, theirs, least=0.0), f"link {mj.root}"
+    yield "mass_matrix", _matter_apart(mj.matter(), pin.matter()), f"link {mj.root}"
     joints = list(mj.dof)
     if not joints:
         return
@@ -150,10 +151,26 @@ def _errors(pin: _Pinocchio, mj: _Mujoco) -> Iterator[tuple[str, float, str]]:
     yield "gravity", _apart(held, pulled), f"joint {joints[worst]}"
 
 
-def _apart(ours: Array, theirs: Array, least: float = 1.0) -> float:
-    """The largest difference relative to the largest entry. least: what counts as that."""
-    size = max(least, float(np.abs(theirs).max()))
-    return float(np.abs(ours - theirs).max()) / size if size else float(np.abs(ours).max())
+def _apart(ours: Array, theirs: Array) -> float:
+    """The largest difference relative to max(1, largest |entry|)."""
+    return float(np.abs(ours - theirs).max()) / max(1.0, float(np.abs(theirs).max()))
+
+
+def _matter_apart(ours: Matter, theirs: Matter) -> float:
+    """The largest difference of mass, centre and inertia, relative to the robot's mass and extent.
+
+    Its extent is the radius of gyration about the world's origin.
+    """
+    (mass, centre, inertia), (mass_there, centre_there, inertia_there) = ours, theirs
+    if not mass_there:
+        return abs(mass)
+    reach = float(centre_there @ centre_there + np.trace(inertia_there) / mass_there)
+    apart = (
+        abs(mass - mass_there) / mass_there,
+        float(np.linalg.norm(centre - centre_there)) / (np.sqrt(reach) or 1.0),
+        float(np.abs(inertia - inertia_there).max()) / (mass_there * reach or 1.0),
+    )
+    return float(np.max(apart))
 
 
 class _Pinocchio:
@@ -196,11 +213,11 @@ class _Pinocchio:
             if self._model.existFrame(name, body):
                 yield name, self._data.oMf[self._model.getFrameId(name, body)].homogeneous
 
-    def matter(self) -> tuple[Array, Array, Array]:
-        """Mass, centre of mass and inertia about it, of the whole robot along the world's axes."""
+    def matter(self) -> Matter:
+        """Of the whole robot."""
         self._pin.ccrba(self._model, self._data, self._q, np.zeros(self._model.nv))
         whole = self._data.Ig
-        return np.array([whole.mass]), np.array(self._data.com[0]), np.array(whole.inertia)
+        return float(whole.mass), np.array(self._data.com[0]), np.array(whole.inertia)
 
     def mass_matrix(self) -> Array:
         """(nv, nv), symmetric: crba fills the upper triangle only."""
@@ -299,15 +316,15 @@ class _Mujoco:
             if name != body and name in self._sites:
                 yield _matrix(self.data.site(name))
 
-    def matter(self) -> tuple[Array, Array, Array]:
-        """Mass, centre of mass and inertia about it, of all bodies along the world's axes."""
+    def matter(self) -> Matter:
+        """Of all bodies."""
         masses, turns = self.model.body_mass, self.data.ximat.reshape(-1, 3, 3)
         total, places = float(masses.sum()), np.array(self.data.xipos)
         centre = masses @ places / total if total else np.zeros(3)
         arms = places - centre
         own = np.einsum("bij,bj,bkj->ik", turns, self.model.body_inertia, turns)
         second = np.einsum("b,bi,bj->ij", masses, arms, arms)
-        return np.array([total]), centre, own + np.trace(second) * np.eye(3) - second
+        return total, centre, own + np.trace(second) * np.eye(3) - second
 
 
 def _matrix(placed: Any) -> Array:  # Any: a body or a site of MjData
