@@ -2,7 +2,8 @@
 
 A kind of plug-in is a step class with a `group`: `targets` stands for the files of
 `assetbuild/targets/` and for the entry points of the group `assetbuild.targets`, each of which
-names a module, or a class in one. A plug-in's name is its file's or its entry point's.
+names a module, or a class in one. A plug-in's name is its file's or its entry point's; where a
+file of ours holds several, the table `IN_FILE` of its folder says which file has which name.
 
 A plug-in of another distribution is imported where a recipe names it, and nowhere else: an
 installed package changes nothing for robots that do not ask for it.
@@ -60,8 +61,9 @@ def load_plugin(kind: type[P], name: str) -> type[P]:
     """
     group = _group(kind)
     if name in _own(group):
-        module = importlib.import_module(f"assetbuild.{group}.{name}")
-        return _only(kind, module, module.__name__)
+        file = _files(group).get(name, name)
+        module = importlib.import_module(f"assetbuild.{group}.{file}")
+        return _only(kind, module, module.__name__, name)
     point, *others = _foreign(group)[name]
     if others:
         whose = " and of ".join(map(_distribution, (point, *others)))
@@ -97,7 +99,16 @@ def _group(kind: type[Step]) -> str:
 @functools.cache
 def _own(group: str) -> tuple[str, ...]:
     path = importlib.import_module(f"assetbuild.{group}").__path__
-    return tuple(m.name for m in pkgutil.iter_modules(path) if not m.name.startswith("_"))
+    names = [m.name for m in pkgutil.iter_modules(path) if not m.name.startswith("_")]
+    return tuple(sorted((*names, *_files(group))))
+
+
+def _files(group: str) -> Mapping[str, str]:
+    """Plug-in -> the file that holds it beside others."""
+    found: Mapping[str, str] = getattr(
+        importlib.import_module(f"assetbuild.{group}"), "IN_FILE", {}
+    )
+    return found
 
 
 @functools.cache
@@ -129,14 +140,16 @@ def _distribution(point: EntryPoint) -> str:
     return f"{point.dist.name} {point.dist.version}" if point.dist else "an unknown distribution"
 
 
-def _only(kind: type[P], module: ModuleType, whose: str) -> type[P]:
-    """The one subclass of `kind` that a module defines."""
+def _only(kind: type[P], module: ModuleType, whose: str, name: str = "") -> type[P]:
+    """The one subclass of `kind` that a module defines. name: of a plug-in among several."""
     own = [
         value
         for value in vars(module).values()
         if isinstance(value, type) and value.__module__ == module.__name__
     ]
     found = [value for value in own if issubclass(value, kind)]
+    if name:
+        found = [value for value in found if value.step_name() == name]
     if len(found) != 1:
         raise MachineError(
             f"{whose} must define exactly one {kind.__name__}, it defines {len(found)}"

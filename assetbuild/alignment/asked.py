@@ -1,5 +1,5 @@
 """What both simulators are asked: to load, to fall, to follow sines, to push into stops, to stand,
-to land, and to stand on a slope."""
+and to land."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from assetbuild.robot.initial import initial_pose
 from assetbuild.robot.loops import path_of
 from assetbuild.robot.mimic import with_mimics
 from assetbuild.robot.model import Control, Joint, Tree
-from assetbuild.robot.pose import IDENTITY, Pose, Vec3
+from assetbuild.robot.pose import IDENTITY, Pose
 from assetbuild.simulators.experiments import (
     SHARE_OF_RANGE,
     SHARE_OF_SPEED,
@@ -33,8 +33,7 @@ from assetbuild.simulators.experiments import (
 from assetbuild.simulators.loops import about_closed
 
 FINE_DT, SAMPLE_S, FALL_S = 0.001, 0.005, 0.4
-STAND_S, DROP_S, DROP_M, SLOPE = 2.0, 1.2, 1.0, 0.5
-"""SLOPE: tangent of the slope, as a share of the friction."""
+STAND_S, DROP_S, DROP_M = 2.0, 1.2, 1.0
 STOP_HZ, STOP_S = 1.0, 1.0
 SHARP = 2.0
 """Into a stop the target goes so many times as far as the joint has room for: beyond the limit by
@@ -63,7 +62,7 @@ def experiments_of(tree: Tree, control: Control, wish: Swing | None) -> dict[str
         found += _sines(held, about_closed(tree, control, sine, home))
         found += _into_stops(tree, control, home, held)
     if floats and start.name:  # a keyframe above a floor
-        found += _on_floor(standing(tree, control), dict(start.joints), tilted(control))
+        found += _on_floor(standing(tree, control), dict(start.joints))
     return {experiment.name: experiment for experiment in found}
 
 
@@ -87,23 +86,15 @@ def _into_stops(
             yield swing(f"past_{end}_fine", fine, sine, 0.0)
 
 
-def _on_floor(stand: Setting, start: Mapping[str, float], slope: Vec3) -> Iterator[Experiment]:
+def _on_floor(stand: Setting, start: Mapping[str, float]) -> Iterator[Experiment]:
     base = stand.at or IDENTITY
     x, y, z = base.xyz
     raised = replace(stand, at=Pose((x, y, z + DROP_M), base.quat), raised_m=DROP_M)
     for name, setting, seconds, every in (
         ("stand", stand, STAND_S, 20),
         ("drop", raised, DROP_S, 1),
-        ("slope", replace(stand, gravity=slope), STAND_S, 20),
     ):
         yield Experiment(name, setting, round(seconds / stand.timestep), every, start)
-
-
-def tilted(control: Control) -> Vec3:
-    """Gravity as on a slope on which half of the friction holds the robot."""
-    x, y, z = control.simulation.gravity
-    angle = math.atan(SLOPE * control.contact.friction[0])
-    return x + abs(z) * math.sin(angle), y, z * math.cos(angle)
 
 
 def into_stop(tree: Tree, control: Control, home: Mapping[str, float], end: End) -> Sine | None:

@@ -6,26 +6,26 @@ limits: the design's, for a warning, and the coarse one of practice, for an erro
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any, ClassVar
 
 from assetbuild.alignment.asked import experiments_of
 from assetbuild.alignment.moved import Compared, FloorLimits
-from assetbuild.alignment.row import Row, findings_of
+from assetbuild.alignment.row import findings_of
 from assetbuild.alignment.touching import Pairs, touching_row
 from assetbuild.engine.step import Files
 from assetbuild.errors import StepError
 from assetbuild.findings import Finding, Rule
 from assetbuild.kinds import write_figures
 from assetbuild.robot.files import RobotFiles
-from assetbuild.robot.model import Control, Tree
+from assetbuild.robot.model import Tree
 from assetbuild.simulators import mujoco
-from assetbuild.simulators.experiments import Experiment, SimulatorCheck, Swing
+from assetbuild.simulators.experiments import SimulatorCheck, Swing
 from assetbuild.simulators.free_fall import Fall
 from assetbuild.simulators.mujoco.motion import perform
 
-RANKS = ("HIGH", "MEDIUM", "LOW")
+RANKS = ("HIGH", "MEDIUM")
 VERDICTS = ("error", "warning", "ok", "told")
 
 
@@ -72,22 +72,13 @@ class AlignmentCheck(SimulatorCheck):
             pairs = self.touching(files.inputs, held, tree)
             rows.append(touching_row(model, pairs, tree, self.engine))
         rows.sort(key=lambda row: (RANKS.index(row.rank), VERDICTS.index(row.verdict)))
-        shown = [row.shown(self.engine) for row in rows]
-        more, findings = self.beyond(rows, control, experiments)
-        write_figures(files, {"rows": shown, **more})
+        write_figures(files, {"rows": [row.shown(self.engine) for row in rows]})
         for name, done in theirs.items():
             if not done.finite:
                 message = f"no comparison of `{name}`: {done.failure}"
                 yield self.failed("robot", message, data={"simulator": self.engine.lower()})
         yield from findings_of(rows, self.off, self.engine)
-        yield from findings
 
     def touching(self, inputs: Path, held: Any, tree: Tree) -> Pairs:
         """What may touch in the other engine. held: as it says. Any: JSON."""
         raise NotImplementedError
-
-    def beyond(
-        self, rows: Sequence[Row], control: Control, asked: Mapping[str, Experiment]
-    ) -> tuple[Mapping[str, object], tuple[Finding, ...]]:
-        """Figures and findings that follow from the rows."""
-        return {}, ()

@@ -144,7 +144,6 @@ def _sine_row(
         response.rms,
         *((math.inf, math.inf) if ours.touched else limits),
         f"of the swing, RMS{_unfair(both.tree, sine, ours)}",
-        lag_rad=None if ours.touched or joint in sine.speeds else response.lag_rad,
     )
 
 
@@ -264,7 +263,7 @@ def stand_rows(both: Compared, _: Experiment, ours: Motion, theirs: Motion) -> I
 
 
 def landing_rows(both: Compared, _: Experiment, ours: Motion, theirs: Motion) -> Iterator[Row]:
-    """When each lands, against the law of falling, and how far the root rises again."""
+    """When each lands, against the law of falling."""
     down = abs(both.control.simulation.gravity[2])
     if down == 0.0:
         return
@@ -272,13 +271,6 @@ def landing_rows(both: Compared, _: Experiment, ours: Motion, theirs: Motion) ->
     one, two = _landing_time(ours), _landing_time(theirs)
     off = max(abs(time - ideal) / ideal for time in (one, two))
     yield Row("landing_s", "MEDIUM", "robot", one, two, off, *both.floor.landing, "of the time")
-    yield Row("bounce_m", "LOW", "robot", _bounce(ours, one), _bounce(theirs, two))
-
-
-def slide_rows(_: Compared, __: Experiment, ours: Motion, theirs: Motion) -> Iterator[Row]:
-    """How far each slid down the slope."""
-    one, two = (float(np.linalg.norm(m.root[-1, :2] - m.root[0, :2])) for m in (ours, theirs))
-    yield Row("slide_m", "LOW", "robot", one, two)
 
 
 def _landing_time(motion: Motion) -> float:
@@ -291,15 +283,6 @@ def _landing_time(motion: Motion) -> float:
     return float(np.interp(DROP_M, fallen[last - 1 : last + 1], motion.time[last - 1 : last + 1]))
 
 
-def _bounce(motion: Motion, landed: float) -> float:
-    """How far the root rises again after its lowest point, m."""
-    after = motion.root[motion.time >= landed, 2]
-    if not len(after):
-        return math.nan
-    lowest = int(after.argmin())
-    return float(after[lowest:].max() - after[lowest])
-
-
 ROWS: Mapping[str, Rows] = {
     "fall": fall_rows,
     "sine": sine_rows,
@@ -308,6 +291,5 @@ ROWS: Mapping[str, Rows] = {
     "past_upper": stop_rows,
     "stand": stand_rows,
     "drop": landing_rows,
-    "slope": slide_rows,
 }
 """What is compared of each experiment."""

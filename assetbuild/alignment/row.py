@@ -9,7 +9,7 @@ from typing import Literal
 
 from assetbuild.findings import Finding, Rule, rounded
 
-Rank = Literal["HIGH", "MEDIUM", "LOW"]
+Rank = Literal["HIGH", "MEDIUM"]
 
 HINTS: Mapping[str, str] = {
     "sine_as_is PhysX": "where kd dt is large beside the joint's inertia, its joint friction "
@@ -32,7 +32,6 @@ class Row:
     """One line of the form.
 
     off: what the limits bound; share, m, s or rad as `unit` says; None = only told.
-    lag_rad: of a response, the other engine behind MuJoCo, where that is a fair comparison.
     because: a proven reason for the difference, which then is a warning at most; advice: its hint.
     """
 
@@ -45,7 +44,6 @@ class Row:
     warn: float = math.inf
     error: float = math.inf
     unit: str = ""
-    lag_rad: float | None = None
     because: str = ""
     advice: str = ""
 

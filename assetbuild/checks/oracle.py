@@ -1,10 +1,8 @@
 """Our MJCF in MuJoCo against the source URDF in pinocchio: the same robot?
 
-Both have a free base, also where the robot is fixed, whose first pose is the one that it is held
-in: so every inertia counts. Pinocchio's base is the source's root link; MuJoCo's is the root body,
-whose frame may be another (`Tree.placement`). Positions: pinocchio xyz + xyzw, MuJoCo xyz + wxyz.
-Velocities: pinocchio linear and angular in the link, MuJoCo linear in the world, angular in the
-body, so v_pin = X v_mj, M_mj = Xᵀ M_pin X, g_mj = Xᵀ g_pin.
+Both stand in one world: pinocchio holds the source's root link where it stands, MuJoCo a floating
+base such that the same link lies there. What the joints move shows in the mass matrix and in
+gravity, and what the base weighs in the whole robot's inertia.
 """
 
 from __future__ import annotations
@@ -21,7 +19,7 @@ from assetbuild.findings import Finding, Rule
 from assetbuild.kinds import Check, write_figures
 from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.model import Tree
-from assetbuild.robot.pose import Array, Pose, normalised_quat, quat_of, vec3
+from assetbuild.robot.pose import Array, Pose, quat_of, vec3
 from assetbuild.robot.tree import sample_positions
 from assetbuild.simulators.mujoco import Model, body_names, caught_warnings, mass_matrix
 
@@ -47,6 +45,10 @@ UNSUPPORTED = Rule(
 KINDS = ("kinematics", "mass_matrix", "gravity")
 REPORT = "the MJCF is not the source's robot: please report it with the recipe"
 OTHERS = "the other checks still compare mass, axes and limits"
+Matter = tuple[float, Array, Array]
+"""Mass, centre of mass, and (3, 3) inertia about it along the world's axes."""
+BASE = 6
+"""Degrees of freedom of a free base, the first of both libraries."""
 
 
 class Oracle(Check):
@@ -55,7 +57,8 @@ class Oracle(Check):
     Errors are relative. Kinematics: entries of 4 x 4 poses against max(1, largest |entry|), metres
     and direction cosines, of every source link (merged ones through the robot's frames, and the
     MJCF's site of that name). Mass matrix: |difference| / sqrt(M_ii M_jj), so that a light finger
-    counts as much as the trunk. Gravity: against max(1, largest |entry|), N m and N.
+    counts as much as the trunk; the whole robot's mass, centre and inertia count as the base's.
+    Gravity: against max(1, largest |entry|), N m and N.
     Joint friction, damping, drives and contacts take no part; armature is taken away. What loops
     hold together is compared by the readers of the formats.
     """
@@ -96,7 +99,7 @@ class Oracle(Check):
             yield UNREADABLE("robot", text, OTHERS)
             return
         try:
-            mj = _Mujoco(_with_free_base(files.inputs / "mjcf" / f"{self.robot}.xml", tree), tree)
+            mj = _Mujoco(_without_drives(files.inputs / "mjcf" / f"{self.robot}.xml"), tree)
         except ValueError as error:
             text = " ".join(str(error).replace(f"{files.inputs / 'mjcf'}/", "").split())
             yield LOAD("robot", f"nothing to compare: {text}")
@@ -105,15 +108,14 @@ class Oracle(Check):
             text = str(missing.args[0]).partition(". Valid")[0]
             yield DIFFERS.named("structure")("robot", f"in the MJCF: {text}", REPORT)
             return
-        figures |= {"nv": mj.model.nv - 6 * (tree.base == "fixed")}
-        figures |= {"mass_mjcf_kg": float(mj.model.body_mass.sum()), "mass_source_kg": pin.mass}
+        figures |= {"nv": mj.model.nv, "mass_mjcf_kg": float(mj.model.body_mass.sum())}
+        figures |= {"mass_source_kg": pin.mass}
+        X_world_body = pin.X_world_root @ tree.placement(links.root)[1].inverse()
         worst = dict.fromkeys(KINDS, (0.0, "robot"))
-        for number, (positions, X_world_body) in enumerate(_poses(tree, self.poses)):
-            held = number == 0 and tree.base == "fixed"
-            X_world_body = mj.held if held else X_world_body
-            pin.move(positions, Pose() if held else X_world_body @ pin.X_body_root)
+        for positions in sample_positions(tree, self.poses, seed=0):
+            pin.move(positions)
             mj.move(positions, X_world_body)
-            for kind, value, subject in _errors(pin, mj, X_world_body):
+            for kind, value, subject in _errors(pin, mj):
                 if not value <= worst[kind][0]:  # NaN wins
                     worst[kind] = (value, subject)
         figures |= {f"{kind}_error": value for kind, (value, _) in worst.items()}
@@ -126,55 +128,53 @@ class Oracle(Check):
                 yield DIFFERS.named(kind)(subject, text, REPORT, data={"error": value})
 
 
-def _poses(tree: Tree, count: int) -> Iterator[tuple[dict[str, float], Pose]]:
-    """Joint positions and X_world_body of the root body, seeded."""
-    random = np.random.default_rng(1)
-    for positions in sample_positions(tree, count, seed=0):
-        w, x, y, z = random.normal(size=4)
-        quat = normalised_quat((float(w), float(x), float(y), float(z)))
-        yield positions, Pose(vec3(random.uniform(-1.0, 1.0, size=3)), quat)
-
-
-def _errors(pin: _Pinocchio, mj: _Mujoco, X_world_body: Pose) -> Iterator[tuple[str, float, str]]:
+def _errors(pin: _Pinocchio, mj: _Mujoco) -> Iterator[tuple[str, float, str]]:
     """(kind, relative error, subject) in one pose."""
     for name, theirs in pin.link_poses():
-        scale = max(1.0, float(np.abs(theirs).max()))
         for ours in mj.link_poses(name):
-            yield "kinematics", float(np.abs(ours - theirs).max()) / scale, f"link {name}"
-    to_pin = _velocity_map(pin, mj, X_world_body)
-    matrix, wanted = mass_matrix(mj.model, mj.data), to_pin.T @ pin.mass_matrix() @ to_pin
+            yield "kinematics", _apart(ours, theirs), f"link {name}"
+    yield "mass_matrix", _matter_apart(mj.matter(), pin.matter()), f"link {mj.root}"
+    joints = list(mj.dof)
+    if not joints:
+        return
+    here, there = ([side.dof[name] for name in joints] for side in (mj, pin))
+    matrix = mass_matrix(mj.model, mj.data)[np.ix_(here, here)]
+    wanted = pin.mass_matrix()[np.ix_(there, there)]
     root = np.sqrt(np.diag(wanted))
     errors = np.abs(matrix - wanted) / np.outer(root, root)
-    at = int(np.unravel_index(int(np.argmax(errors)), errors.shape)[0])
-    yield "mass_matrix", float(errors.max()), mj.subject(at)
-    pulled = to_pin.T @ pin.gravity(mj.model.opt.gravity)
+    row = int(np.unravel_index(int(np.argmax(errors)), errors.shape)[0])
+    yield "mass_matrix", float(errors.max()), f"joint {joints[row]}"
+    pulled = pin.gravity(mj.model.opt.gravity)[there]
     # At rest the bias force is gravity alone.
-    differences = np.abs(mj.data.qfrc_bias - pulled) / max(1.0, float(np.abs(pulled).max()))
-    at = int(np.argmax(differences))
-    yield "gravity", float(differences.max()), mj.subject(at)
+    held = mj.data.qfrc_bias[here]
+    worst = int(np.argmax(np.abs(held - pulled)))
+    yield "gravity", _apart(held, pulled), f"joint {joints[worst]}"
 
 
-def _velocity_map(pin: _Pinocchio, mj: _Mujoco, X_world_body: Pose) -> Array:
-    """X (nv, nv) with v_pin = X v_mj.
+def _apart(ours: Array, theirs: Array) -> float:
+    """The largest difference relative to max(1, largest |entry|)."""
+    return float(np.abs(ours - theirs).max()) / max(1.0, float(np.abs(theirs).max()))
 
-    v_pin = R_root_world (v_mj + (R_world_body w) x p), w_pin = R_root_body w, with p the way from
-    the body's to the root link's origin in world axes.
+
+def _matter_apart(ours: Matter, theirs: Matter) -> float:
+    """The largest difference of mass, centre and inertia, relative to the robot's mass and extent.
+
+    Its extent is the radius of gyration about the world's origin.
     """
-    out = np.zeros((mj.model.nv, mj.model.nv))
-    for name, index in mj.dof.items():
-        out[pin.dof[name], index] = 1.0
-    R_world_body, R_body_root = X_world_body.rotation, pin.X_body_root.rotation
-    R_root_world = (R_world_body @ R_body_root).T
-    x, y, z = R_world_body @ np.asarray(pin.X_body_root.xyz)
-    cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-    out[:3, :3] = R_root_world
-    out[:3, 3:6] = -R_root_world @ cross @ R_world_body
-    out[3:6, 3:6] = R_body_root.T
-    return out
+    (mass, centre, inertia), (mass_there, centre_there, inertia_there) = ours, theirs
+    if not mass_there:
+        return abs(mass)
+    reach = float(centre_there @ centre_there + np.trace(inertia_there) / mass_there)
+    apart = (
+        abs(mass - mass_there) / mass_there,
+        float(np.linalg.norm(centre - centre_there)) / (np.sqrt(reach) or 1.0),
+        float(np.abs(inertia - inertia_there).max()) / (mass_there * reach or 1.0),
+    )
+    return float(np.max(apart))
 
 
 class _Pinocchio:
-    """The source URDF with a free base. dof: velocity index by joint name."""
+    """The source URDF with a free base, held where it stands. dof: velocity index by joint name."""
 
     def __init__(self, urdf: str, links: Tree, tree: Tree) -> None:
         import pinocchio
@@ -184,16 +184,6 @@ class _Pinocchio:
         self._model = pinocchio.buildModelFromXML(_with_limits(urdf), base)
         self.mass = float(pinocchio.computeTotalMass(self._model))
         self._data, self._q = self._model.createData(), pinocchio.neutral(self._model)
-        # Above the robot's root link there may be one for the world.
-        pinocchio.framesForwardKinematics(self._model, self._data, self._q)
-        placed = self._data.oMf[self._model.getFrameId(links.root, pinocchio.FrameType.BODY)]
-        X_root_link = Pose(vec3(placed.translation), quat_of(placed.rotation))
-        self.X_body_root = tree.placement(links.root)[1] @ X_root_link.inverse()
-        if tree.by_body[tree.root].is_massless:
-            ballast = pinocchio.Inertia(1.0, np.zeros(3), np.eye(3))
-            X_root_body = pinocchio.SE3(self.X_body_root.inverse().matrix())
-            self._model.inertias[1] += X_root_body.act(ballast)
-            self._data = self._model.createData()
         names = [joint.name for joint in tree.moving_joints]
         missing = [name for name in names if not self._model.existJointName(name)]
         if missing:
@@ -201,19 +191,20 @@ class _Pinocchio:
         self._joint = {n: self._model.joints[self._model.getJointId(n)] for n in names}
         self.dof = {name: int(joint.idx_v) for name, joint in self._joint.items()}
         self._links = [body.name for body in links.bodies]
+        # Above the robot's root link there may be one for the world.
+        pinocchio.framesForwardKinematics(self._model, self._data, self._q)
+        placed = self._data.oMf[self._model.getFrameId(links.root, pinocchio.FrameType.BODY)]
+        self.X_world_root = Pose(vec3(placed.translation), quat_of(placed.rotation))
 
-    def move(self, positions: Mapping[str, float], X_world_root_link: Pose) -> None:
+    def move(self, positions: Mapping[str, float]) -> None:
         """Place it; positions in rad or m by joint name."""
-        w, x, y, z = X_world_root_link.quat
-        self._q[:7] = [*X_world_root_link.xyz, x, y, z, w]
         for name, joint in self._joint.items():
             value = positions[name]
             if joint.nq == 2:  # continuous: (cos, sin)
                 self._q[joint.idx_q : joint.idx_q + 2] = np.cos(value), np.sin(value)
             else:
                 self._q[joint.idx_q] = value
-        self._pin.forwardKinematics(self._model, self._data, self._q)
-        self._pin.updateFramePlacements(self._model, self._data)
+        self._pin.framesForwardKinematics(self._model, self._data, self._q)
 
     def link_poses(self) -> Iterator[tuple[str, Array]]:
         """(name, X_world_link (4, 4)) of every link of the source."""
@@ -221,6 +212,12 @@ class _Pinocchio:
         for name in self._links:
             if self._model.existFrame(name, body):
                 yield name, self._data.oMf[self._model.getFrameId(name, body)].homogeneous
+
+    def matter(self) -> Matter:
+        """Of the whole robot."""
+        self._pin.ccrba(self._model, self._data, self._q, np.zeros(self._model.nv))
+        whole = self._data.Ig
+        return float(whole.mass), np.array(self._data.com[0]), np.array(whole.inertia)
 
     def mass_matrix(self) -> Array:
         """(nv, nv), symmetric: crba fills the upper triangle only."""
@@ -254,21 +251,13 @@ def _with_limits(urdf: str) -> str:
     return ElementTree.tostring(root, "unicode")
 
 
-def _with_free_base(path: Path, tree: Tree) -> Model:
-    """Our MJCF without looks, keyframes and contacts; ValueError where MuJoCo refuses it."""
+def _without_drives(path: Path) -> Model:
+    """Our MJCF without looks, contacts and armature; ValueError where MuJoCo refuses it."""
     import mujoco
 
     with caught_warnings():
         spec = mujoco.MjSpec.from_file(str(path))
         spec.compiler.discardvisual = True
-        for key in list(spec.keys):
-            spec.delete(key)
-        root = spec.body(body_names(tree)[tree.root])
-        if root is not None and tree.base == "fixed":
-            root.add_freejoint()
-        if root is not None and tree.by_body[tree.root].is_massless:
-            root.explicitinertial, root.mass, root.inertia = True, 1.0, (1.0, 1.0, 1.0)
-            root.ipos, root.iquat = (0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0)
         model = spec.compile()
     model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONTACT)
     # Taken away before, not subtracted after: of a body of 1e-9 kg nothing would be left.
@@ -277,21 +266,20 @@ def _with_free_base(path: Path, tree: Tree) -> Model:
 
 
 class _Mujoco:
-    """Our MJCF with a free base. dof: velocity index by joint name; held: X_world_body as written.
-
-    LookupError where it is not built as the robot is.
-    """
+    """Our MJCF; LookupError where it is not built as the robot. dof: velocity index by joint."""
 
     def __init__(self, model: Model, tree: Tree) -> None:
         import mujoco
 
-        self.model, self.data, self._root = model, mujoco.MjData(model), tree.root
+        self.model, self.data, self.root = model, mujoco.MjData(model), tree.root
         mujoco.mj_setConst(model, self.data)  # MuJoCo keeps the masses of plain slides
         # MuJoCo takes a frame that is turned by less than 2e-6 rad for its body's frame.
         for same_frame in ("body_sameframe", "site_sameframe"):
             getattr(model, same_frame)[:] = int(mujoco.mjtSameFrame.mjSAMEFRAME_NONE)
-        if not (model.njnt and model.jnt_type[0] == mujoco.mjtJoint.mjJNT_FREE):
-            raise LookupError("the base floats, but the first joint is no free joint")
+        self._floats = tree.base == "floating"
+        is_free = bool(model.njnt) and model.jnt_type[0] == mujoco.mjtJoint.mjJNT_FREE
+        if self._floats != is_free:
+            raise LookupError(f"the base is {tree.base}, but the first joint says otherwise")
         joints = {joint.name: model.joint(joint.name) for joint in tree.moving_joints}
         self.dof = {name: int(joint.dofadr[0]) for name, joint in joints.items()}
         self._qpos = {name: int(joint.qposadr[0]) for name, joint in joints.items()}
@@ -301,18 +289,17 @@ class _Mujoco:
         for body in tree.bodies:
             if not body.is_massless:
                 model.body(self._written[body.name])
-        if more := int(model.nv) - len(self.dof) - 6:
+        if more := int(model.nv) - len(self.dof) - BASE * self._floats:
             raise LookupError(f"{more} degrees of freedom more than the robot has")
-        x, y, z, *quat = (float(v) for v in model.qpos0[:7])
-        self.held = Pose((x, y, z), normalised_quat(tuple(quat)))  # type: ignore[arg-type] # four numbers
         self._links = {body.name: (body.name, Pose()) for body in tree.bodies}
         self._links |= {f.name: (f.body, f.X_body_frame) for f in tree.frames}
 
     def move(self, positions: Mapping[str, float], X_world_body: Pose) -> None:
-        """Place it at rest."""
+        """Place it at rest. X_world_body: of a floating base."""
         import mujoco
 
-        self.data.qpos[:7] = [*X_world_body.xyz, *X_world_body.quat]
+        if self._floats:
+            self.data.qpos[:7] = [*X_world_body.xyz, *X_world_body.quat]
         for name, index in self._qpos.items():
             self.data.qpos[index] = positions[name]
         self.data.qvel[:] = 0.0
@@ -329,10 +316,15 @@ class _Mujoco:
             if name != body and name in self._sites:
                 yield _matrix(self.data.site(name))
 
-    def subject(self, index: int) -> str:
-        """`joint NAME` of a velocity index, `link ROOT` of the free base."""
-        names = {at: f"joint {name}" for name, at in self.dof.items()}
-        return names.get(index, f"link {self._root}")
+    def matter(self) -> Matter:
+        """Of all bodies."""
+        masses, turns = self.model.body_mass, self.data.ximat.reshape(-1, 3, 3)
+        total, places = float(masses.sum()), np.array(self.data.xipos)
+        centre = masses @ places / total if total else np.zeros(3)
+        arms = places - centre
+        own = np.einsum("bij,bj,bkj->ik", turns, self.model.body_inertia, turns)
+        second = np.einsum("b,bi,bj->ij", masses, arms, arms)
+        return total, centre, own + np.trace(second) * np.eye(3) - second
 
 
 def _matrix(placed: Any) -> Array:  # Any: a body or a site of MjData

@@ -1,10 +1,15 @@
-"""Does urdfdom, the reader of ROS and pinocchio, take the written URDF?"""
+"""Do other people's readers take the written URDF: yourdfpy, and urdfdom where it is installed?
+
+urdfdom is the reader of ROS, MoveIt and pinocchio, through which it is asked; it is stricter than
+yourdfpy. What the file says is compared with the robot by the reader of facts.
+"""
 
 from __future__ import annotations
 
 import os
 import tempfile
 from collections.abc import Iterator
+from importlib.util import find_spec
 from pathlib import Path
 from typing import ClassVar
 
@@ -15,33 +20,56 @@ from assetbuild.kinds import Check, write_figures
 REFUSED = Rule(
     "urdf.refused",
     "error",
-    "urdfdom refuses the written URDF, and with it ROS, MoveIt and pinocchio",
+    "yourdfpy refuses the written URDF, or urdfdom, and with it ROS, MoveIt and pinocchio",
     "report it: this is a bug",
+    was={
+        "urdf.reload.structure": ("urdf.refused",),
+        "urdf.reload.unreadable": ("urdf.refused",),
+    },
 )
+OURS = "this is a fault of assetbuild: please report it with the recipe"
 
 
 class UrdfLoads(Check):
-    """pinocchio reads the file through urdfdom, which is stricter than yourdfpy.
+    """One finding for each reader that refuses it, with its own words.
 
-    Figure: the joints that pinocchio finds.
+    Figures: the links that yourdfpy finds, and the joints that urdfdom finds.
     """
 
     isolated: ClassVar = True
-    # With the other checks of MuJoCo in one process; pinocchio alone is not worth a second one.
-    preload: ClassVar = ("mujoco",)
+    # As convert_mesh of a glTF, which has loaded most of yourdfpy.
+    preload: ClassVar = ("numpy", "collada", "lxml.etree", "PIL.Image", "trimesh")
     needs: ClassVar = ("urdf",)
     reads: ClassVar = ()
-    requires: ClassVar = {"pinocchio": "oracle"}
 
     robot: str
 
     def run(self, files: Files) -> Iterator[Finding]:
-        """One finding with urdfdom's own words."""
-        joints, said = loaded(files.inputs / "urdf" / f"{self.robot}.urdf")
-        write_figures(files, {"joints": joints})
-        if joints is None:
-            hint = "this is a fault of assetbuild: please report it with the recipe"
-            yield REFUSED("robot", f"urdfdom does not read the URDF: {said}", hint)
+        """Reads `urdf/<robot>.urdf` and its meshes."""
+        path = files.inputs / "urdf" / f"{self.robot}.urdf"
+        figures: dict[str, object] = {}
+        try:
+            figures["links"] = _links(path)
+        except Exception as error:  # whatever a parser throws is the finding
+            yield REFUSED("robot", f"yourdfpy cannot read it: {error}", OURS)
+        if find_spec("pinocchio"):
+            figures["joints"], said = loaded(path)
+            if said:
+                yield REFUSED("robot", f"urdfdom does not read the URDF: {said}", OURS)
+        write_figures(files, figures)
+
+
+def _links(path: Path) -> int:
+    """How many links yourdfpy places."""
+    import yourdfpy
+
+    model = yourdfpy.URDF.load(str(path), build_scene_graph=False).robot
+    for link in model.links:
+        link.visuals, link.collisions = [], []  # no geometry is built, frames are enough
+    placed = yourdfpy.URDF(robot=model, load_meshes=False)
+    for link in model.links:
+        placed.get_transform(link.name)
+    return len(model.links)
 
 
 def loaded(path: Path) -> tuple[int | None, str]:

@@ -75,6 +75,7 @@ _WAS = {
                                      "velocity")},
     ),
     **_renamed("urdf.reload", "urdf", {
+        "kinematics": "pose axis",
         "limits": "lower upper effort velocity", "mass": "mass centre_of_mass", "mesh": "missing",
     }),
     "smoke.reading": ("equal.newton.*",),

@@ -300,8 +300,6 @@ def _sources(recipe: Recipe, outline: Outline, read: Reading) -> dict[str, dict[
         found["source"] = {"source.urdf": written["urdf/"] / f"{recipe.robot}.urdf"}
     if read.mjcf and not recipe.edits and not recipe.compose:
         found["source_mjcf"] = dict(read.mjcf)
-    if outline.ranges is not None:
-        found["ranges"] = {"ranges/dr.yaml": outline.ranges["dr.yaml"]}
     return found
 
 

@@ -10,13 +10,16 @@ from pathlib import Path
 import pytest
 from tiny import check_inputs, run_step, tiny_quadruped
 
-from assetbuild.checks.asset_validator import AssetValidator
-from assetbuild.checks.mjcf_doctor import MjcfDoctor
-from assetbuild.checks.simcheck import Simcheck
-from assetbuild.checks.simready import SimReady
+from assetbuild.checks._foreign import (
+    AssetValidator,
+    ForeignTool,
+    MjcfDoctor,
+    Simcheck,
+    SimReady,
+    Validator,
+)
 from assetbuild.engine.world import World
 from assetbuild.findings import Finding
-from assetbuild.simulators.foreign import ForeignTool, Validator
 from assetbuild.targets.mjcf import Mjcf
 
 CODE = "com.nvidia.simready"

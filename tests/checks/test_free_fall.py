@@ -11,12 +11,10 @@ import pytest
 from pxr import Sdf, Usd, UsdPhysics
 from tiny import TinyRobot, check_inputs, pendulum, run_step, tiny_quadruped
 
+from assetbuild.checks._physx import PhysxFreeFall
 from assetbuild.checks.free_fall import FreeFall
-from assetbuild.checks.physx_free_fall import PhysxFreeFall
 from assetbuild.findings import Finding
-from assetbuild.pipeline.recipes import whole_model
 from assetbuild.robot.model import Simulation
-from assetbuild.simulators.free_fall import Fall
 from assetbuild.targets.mjcf import Mjcf
 from assetbuild.targets.usd import Usd as UsdTarget
 
@@ -107,17 +105,3 @@ def test_a_fixed_base_is_not_dropped_and_mujocos_check_says_so(tmp_path: Path) -
     found = run_step(FreeFall(robot="robot"), inputs, tmp_path / "mujoco")
     assert rules(found) == [("free_fall.fixed_base", "info")]
     assert run_step(PhysxFreeFall(robot="robot"), inputs, tmp_path / "physx") == []
-
-
-def test_recipe_decides_where_and_how_long() -> None:
-    base = {"schema": "assetbuild/v1", "robot": "r", "source": {"path": ".", "urdf": "r.urdf"}}
-
-    def made(**words: object) -> list[object]:
-        asked = whole_model().model_validate(base | {"validate": words})
-        return [check.configure(asked) for check in (FreeFall, PhysxFreeFall)]
-
-    short, both = Fall(seconds=0.2), ["mujoco", "physx"]
-    first, second = FreeFall(robot="r", wish=short), PhysxFreeFall(robot="r", wish=short)
-    assert made(simulators=both, free_fall={"seconds": 0.2}) == [first, second]
-    assert made(free_fall={"seconds": 0.2}) == [first, None]
-    assert made(simulators=both, free_fall=None) == [None, None]

@@ -10,8 +10,8 @@ from pathlib import Path
 import pytest
 from tiny import TinyRobot, box_inertial, models, run_step
 
-from assetbuild.checks.newton_grip import NewtonGripping
-from assetbuild.checks.physx_grip import PhysxGripping
+from assetbuild.checks._newton import NewtonGripping
+from assetbuild.checks._physx import PhysxGripping
 from assetbuild.engine.world import World
 from assetbuild.findings import Finding
 from assetbuild.robot.model import Actuator, Body, Control, Joint, Keyframe, Limits, Mimic, Tree

@@ -13,9 +13,9 @@ import pytest
 from pxr import Usd, UsdPhysics
 from tiny import TinyRobot, check_inputs, four_bar, run_step, write_robot_ports
 
+from assetbuild.checks._newton import NewtonLoops
+from assetbuild.checks._physx import PhysxLoops
 from assetbuild.checks.loops import Loops
-from assetbuild.checks.newton_loops import NewtonLoops
-from assetbuild.checks.physx_loops import PhysxLoops
 from assetbuild.robot.closure import close
 from assetbuild.robot.model import Keyframe
 from assetbuild.simulators.experiments import Experiment, Motion, Outcome

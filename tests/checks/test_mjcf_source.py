@@ -60,12 +60,6 @@ def test_an_mjcf_that_mujoco_refuses_is_compared_with_nothing(tmp_path: Path):
     assert [finding.rule for finding in compared(written)] == ["equal.source.load"]
 
 
-def test_triangles_with_two_corners_in_one_point_are_no_difference(tmp_path: Path):
-    flat = TET + "v 0 0 0\nv 0 2 1e-8\nf 1 5 2\nf 3 6 4\n"
-    reading = read(FLOATING, tmp_path / "read", tet_obj=flat)
-    assert compared(write(reading, tmp_path / "out")) == []
-
-
 def slivers(share: float, count: int) -> str:
     """A tetrahedron with needles whose short edge is a share of the longest edge, 3.6 m."""
     file = TET
@@ -152,18 +146,13 @@ def test_a_foot_without_mass_touches_what_it_touches_in_the_source(
     ("old", "new", "rule"),
     [
         ('mass="', 'mass="1', "mass"),
-        ('pos="0 0.2 0"', 'pos="0 0.2001 0"', "anchor"),
         ('range="-1 1"', 'range="-1 1.001"', "upper"),
-        ('axis="0 1 0"', 'axis="0 0.6 0.8"', "axis"),
-        ('size="0.05"', 'size="0.0501"', "size"),
         ('condim="6"', 'condim="4"', "condim"),
-        ('solref="0.01 1"', 'solref="0.02 1"', "solref"),
         ('kp="20"', 'kp="20.001"', "kp"),
         ('<gyro name="w"', '<gyro name="v"', "missing"),
         ('name="imu" pos="0 0 0.1"', 'name="imu" pos="0 0 0.11"', "pose"),
         ('integrator="Euler"', 'integrator="RK4"', "integrator"),
         ('ctrl="0.2 0.5"', 'ctrl="0.2 0.6"', "target"),
-        ('mode="trackcom"', 'mode="track"', "tracking"),
         ('name="view" mode="trackcom" pos="1 0 0"', 'name="view" mode="trackcom" pos="1 0 0.01"',
          "pose"),
     ],
@@ -207,9 +196,7 @@ def test_frames_rests_and_what_only_mjcf_says_are_followed_by_rule(tmp_path: Pat
 @pytest.mark.parametrize(
     ("old", "new", "subject", "rule"),
     [
-        ('gravcomp="0.5"', "", "body arm", "gravcomp"),
         ('solreflimit=".01 1"', "", "joint turn", "solref"),
-        ('solmix="2"', "", "shape rod", "solmix"),
         ('active="false"', "", "loop pin", "extra"),
         ('coef="2"', 'coef="3"', "tendon cable", "path"),
         ('objname="hook"', 'objname="plate"', "sensor p", "object"),
@@ -225,16 +212,6 @@ def test_what_only_mjcf_says_must_arrive(
     found = {finding.rule: finding for finding in compared(written)}
     assert f"equal.source.{rule}" in found, found
     assert found[f"equal.source.{rule}"].subject == subject
-
-
-def test_a_lost_tendon_is_found(tmp_path: Path):
-    written = write(read(RICH, tmp_path / "read"), tmp_path / "out")
-    text = written.xml.read_text()
-    rope = text[text.index('<spatial name="rope"') :]
-    with_change(written, rope[: rope.index("</spatial>") + len("</spatial>")], "")
-    assert {(f.rule, f.subject) for f in compared(written)} == {
-        ("equal.source.path", "tendon rope")
-    }
 
 
 def test_what_the_recipe_says_itself_is_not_compared(tmp_path: Path):

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import re
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -13,9 +11,7 @@ import pytest
 from pxr import Gf, Usd
 from tiny import TinyRobot, check_inputs, pendulum, run_step, tiny_quadruped
 
-from assetbuild.checks.urdf_kinematics import UrdfKinematics
-from assetbuild.facts.readers.mjcf import MjcfFacts
-from assetbuild.facts.readers.usd import UsdReader
+from assetbuild.facts.readers.urdf import UrdfFacts
 from assetbuild.findings import Finding
 from assetbuild.robot.dynamics import dynamics
 from assetbuild.robot.pose import IDENTITY, Pose, normalised_quat
@@ -33,15 +29,6 @@ def hung(place: Pose = ON_THE_WALL) -> TinyRobot:
     robot = pendulum()
     tree = replace(robot.tree, X_world_root=place)
     return replace(robot, tree=tree, links=tree)
-
-
-def checked(robot: TinyRobot, folder: Path, spoil: Callable[[Usd.Stage], object]) -> set[str]:
-    inputs = check_inputs(folder, robot, UsdTarget(robot="robot"), "usd")
-    stage = Usd.Stage.Open(str(inputs / "usd/robot.usda"))
-    spoil(stage)
-    stage.Save()
-    del stage
-    return {f.rule for f in run_step(UsdReader(robot="robot"), inputs, folder / "out")}
 
 
 # --- what is written ----------------------------------------------------------------------------
@@ -78,7 +65,8 @@ def test_the_robots_own_prim_holds_it_in_usd_and_the_link_stays_in_its_origin(
 def test_in_urdf_a_fixed_joint_holds_it_to_a_link_called_world(tmp_path: Path) -> None:
     robot = hung()
     inputs = check_inputs(tmp_path, robot, Urdf(robot="bot"), "urdf")
-    assert run_step(UrdfKinematics(robot="bot"), inputs, tmp_path / "out") == []
+    proof = run_step(UrdfFacts(robot="bot"), inputs, tmp_path / "out")
+    assert {f.rule for f in proof} == {"lost.urdf"}
     text = (inputs / "urdf/bot.urdf").read_text()
     assert text.index('<link name="world" />') < text.index('<link name="base"')
     (told,) = [f for f in run_step(Urdf(robot="bot"), inputs, tmp_path / "again")
@@ -92,68 +80,6 @@ def test_a_robot_in_the_origin_gets_no_world_and_names_never_clash() -> None:
     named = replace(hung().tree, bodies=(replace(robot.tree.bodies[0], name="world"),
                                          robot.tree.bodies[1]))  # fmt: skip
     assert held_by_world(named).root == "world_"
-
-
-# --- what is lost is found ----------------------------------------------------------------------
-
-
-def test_it_is_equal_in_usd(tmp_path: Path) -> None:
-    assert checked(hung(), tmp_path, lambda stage: None) == set()
-
-
-@pytest.mark.parametrize(
-    ("rules", "path", "attribute", "value"),
-    [
-        (
-            {f"equal.usd.{fact}" for fact in ("base_pose", "robot_prim_pose")},
-            "/robot",
-            "xformOp:orient",
-            Gf.Quatd(1.0, 0.0, 0.0, 0.0),
-        ),
-        (
-            {"equal.usd.base_pose", "equal.usd.pose"},
-            "/robot/base",
-            "xformOp:translate",
-            Gf.Vec3d(0.0, 0.0, 0.1),
-        ),
-        (
-            {"equal.usd.world_joint_pose"},
-            "/robot/Joints/root_joint",
-            "physics:localPos0",
-            Gf.Vec3f(0.0, 0.0, 0.0),
-        ),
-        (
-            {"equal.usd.world_joint_pose"},
-            "/robot/Joints/root_joint",
-            "physics:localRot0",
-            Gf.Quatf(1.0, 0.0, 0.0, 0.0),
-        ),
-    ],
-)
-def test_a_root_lost_in_usd_is_found(
-    rules: set[str], path: str, attribute: str, value: object, tmp_path: Path
-) -> None:
-    def lose(stage: Usd.Stage) -> None:
-        stage.GetPrimAtPath(path).GetAttribute(attribute).Set(value)
-
-    assert checked(hung(), tmp_path, lose) == rules
-
-
-def test_a_root_lost_in_mjcf_is_found(tmp_path: Path) -> None:
-    inputs = check_inputs(tmp_path, hung(), Mjcf(robot="robot"), "mjcf")
-    assert run_step(MjcfFacts(robot="robot"), inputs, tmp_path / "a") == []
-    path = inputs / "mjcf/robot.xml"
-    path.write_text(re.sub(r'(<body name="base"[^>]*) quat="[^"]*"', r"\1", path.read_text()))
-    found = run_step(MjcfFacts(robot="robot"), inputs, tmp_path / "b")
-    assert {f.rule for f in found} == {"equal.mjcf.base_pose"}
-
-
-def test_a_root_lost_in_urdf_is_found(tmp_path: Path) -> None:
-    inputs = check_inputs(tmp_path, hung(), Urdf(robot="bot"), "urdf")
-    path = inputs / "urdf/bot.urdf"
-    path.write_text(path.read_text().replace('xyz="0.5 -0.2 1.5"', 'xyz="0.5 -0.2 1.6"'))
-    found = run_step(UrdfKinematics(robot="bot"), inputs, tmp_path / "out")
-    assert {f.rule for f in found} == {"urdf.kinematics.place"}
 
 
 # --- in PhysX -----------------------------------------------------------------------------------

@@ -13,13 +13,12 @@ import pytest
 from pxr import Usd, UsdPhysics
 from tiny import TinyRobot, check_inputs, models, pendulum, run_step, spoil_stage, tiny_quadruped
 
-from assetbuild.checks.newton_slope import NewtonSlope
-from assetbuild.checks.physx_slope import PhysxSlope
+from assetbuild.checks._newton import NewtonSlope
+from assetbuild.checks._physx import PhysxSlope
 from assetbuild.checks.slope import Slope
 from assetbuild.checks.stand import Stand
 from assetbuild.engine.world import World
 from assetbuild.findings import Finding
-from assetbuild.pipeline.recipes import whole_model
 from assetbuild.robot.model import Actuator, Control, Keyframe
 from assetbuild.robot.pose import Pose
 from assetbuild.robot.shapes import Box, Shape
@@ -137,21 +136,6 @@ def test_drift_and_tilt_have_their_own_limits(tmp_path: Path) -> None:
     assert rules(found) == {("stand.drift", "warning"), ("stand.tilt", "warning")}
 
 
-def test_shapes_inside_one_another_are_found(tmp_path: Path) -> None:
-    robot = tiny_quadruped()
-    horn = Shape("horn", "FR_thigh", "collision", Box((0.02, 0.3, 0.02)), Pose((0.0, 0.0, 0.0)))
-    robot = replace(robot, shapes=replace(robot.shapes, shapes=(*robot.shapes.shapes, horn)))
-    assert ("stand.overlap", "warning") in rules(check(robot, tmp_path))
-
-
-def test_fixed_base_is_judged_by_its_joints_only(tmp_path: Path) -> None:
-    robot = pendulum()
-    drive = Actuator("swing_joint", "pd", 50.0, 2.0, effort=5.0)
-    control = Control((drive,), robot.control.keyframes)
-    assert check(replace(robot, control=control), tmp_path, feet=None) == []
-    assert abs(float(figures(tmp_path)["max_joint_sag"])) < 1e-6
-
-
 def test_a_fixed_robot_whose_drive_lets_go_falls(tmp_path: Path) -> None:
     """Held out sideways by a drive of 0.1 N m/rad, a pendulum swings down."""
     robot = pendulum()
@@ -204,13 +188,6 @@ def test_a_keyframe_or_feet_that_are_not_there_are_an_error(
     words: dict[str, str], rule: str, tmp_path: Path
 ) -> None:
     assert (rule, "error") in rules(check(tiny_quadruped(), tmp_path, **words))
-
-
-def test_recipe_decides() -> None:
-    base = {"schema": "assetbuild/v1", "robot": "r", "source": {"path": ".", "urdf": "r.urdf"}}
-    asked = base | {"validate": {"stand": {"keyframe": "home", "feet": FEET}}}
-    assert Stand.configure(whole_model().model_validate(base)) is None
-    assert Stand.configure(whole_model().model_validate(asked)) == Stand(keyframe="home", feet=FEET)
 
 
 # --- slope ---------------------------------------------------------------------------------------

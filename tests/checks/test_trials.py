@@ -16,9 +16,7 @@ from tiny import TinyRobot, pendulum, run_step, tiny_quadruped, write_robot_port
 from assetbuild.checks.trials import Trials
 from assetbuild.findings import Finding
 from assetbuild.pipeline.recipes import whole_model
-from assetbuild.robot.model import Actuator, Control, Keyframe
-from assetbuild.robot.pose import Pose
-from assetbuild.robot.shapes import Box, Shape, Shapes
+from assetbuild.robot.shapes import Box, Shapes
 from assetbuild.simulators.mujoco.trials import support
 from assetbuild.targets.mjcf import Mjcf
 
@@ -242,16 +240,6 @@ def figures(folder: Path) -> dict[str, Any]:
     return json.loads((folder / "out/figures.json").read_text())
 
 
-@pytest.mark.parametrize("model", ["pd", "ideal_pd", "dc_motor", "motor"])
-def test_a_robot_that_stands_by_its_drives_is_said_to_stand(tmp_path: Path, model: str):
-    """Whoever applies the PD law: the simulator, or a controller outside."""
-    found = tried(drives(model=model), tmp_path)
-    assert "trials.fall" not in rules(found)
-    untouched = figures(tmp_path)["untouched"]
-    assert untouched["outcome"] == "stands"
-    assert abs(untouched["height_after_m"] - untouched["height_before_m"]) < 0.02
-
-
 @pytest.mark.parametrize("values", [{"model": "passive"}, {"kp": 1.0, "kd": 0.1}])
 def test_a_robot_that_falls_untouched_is_told_with_its_heights(tmp_path: Path, values: dict):
     (fall,) = [f for f in tried(drives(**values), tmp_path) if f.rule == "trials.fall"]
@@ -260,37 +248,6 @@ def test_a_robot_that_falls_untouched_is_told_with_its_heights(tmp_path: Path, v
     assert untouched["outcome"] == "falls"
     assert untouched["height_after_m"] < 0.5 * untouched["height_before_m"]
     assert f"base height {untouched['height_before_m']:.3g} m at the start" in fall.message
-
-
-def hanging(kp: float) -> TinyRobot:
-    """A pendulum held out sideways by its drive."""
-    robot = pendulum()
-    (joint,) = robot.tree.moving_joints
-    drive = Actuator(joint.name, "pd", kp, 1.0, effort=50.0)
-    key = Keyframe("home", ((joint.name, 1.5),))
-    return replace(robot, control=replace(robot.control, actuators=(drive,), keyframes=(key,)))
-
-
-def test_a_fixed_robot_holds_its_pose_or_lets_go_of_it(tmp_path: Path):
-    assert "trials.fall" not in rules(tried(hanging(500.0), tmp_path / "a"))
-    assert figures(tmp_path / "a")["untouched"]["outcome"] == "holds"
-    assert "settle" not in figures(tmp_path / "a"), "it hangs from the world"
-    (fall,) = [f for f in tried(hanging(0.1), tmp_path / "b") if f.rule == "trials.fall"]
-    assert fall.subject == "actuator swing_joint"
-
-
-def test_what_has_neither_drives_nor_joints_rests(tmp_path: Path):
-    trunk = QUADRUPED.tree.root
-    box = replace(
-        QUADRUPED,
-        links=replace(QUADRUPED.tree, bodies=QUADRUPED.tree.bodies[:1], joints=(), frames=()),
-        tree=replace(QUADRUPED.tree, bodies=QUADRUPED.tree.bodies[:1], joints=(), frames=()),
-        shapes=Shapes((Shape("brick", trunk, "collision", Box((0.4, 0.3, 0.2))),)),
-        control=Control(keyframes=(Keyframe("home", (), Pose((0.0, 0.0, 0.1))),)),
-    )
-    assert tried(box, tmp_path) == []
-    assert figures(tmp_path)["untouched"]["outcome"] == "rests"
-    assert "shake" not in figures(tmp_path)
 
 
 # --- more contacts than MuJoCo's memory holds -------------------------------------------------

@@ -67,23 +67,13 @@ for file in job["runs"]:
 """Runs each step in a process of its own, which has loaded nothing but the engine before."""
 ELSEWHERE = {
     "assetbuild.checks.grip": "only where a recipe asks for it: see its own tests",
-    "assetbuild.checks.mjcf_doctor": "needs the extra `lint`",
-    "assetbuild.checks.simcheck": "needs the extra `lint`",
-    "assetbuild.checks.alignment": "needs PhysX",
-    "assetbuild.checks.newton_alignment": "needs the trainer",
-    "assetbuild.checks.newton_grip": "needs the trainer",
-    "assetbuild.checks.newton_loops": "needs the trainer",
-    "assetbuild.checks.newton_slope": "needs the trainer",
-    "assetbuild.checks.physx_free_fall": "needs PhysX",
-    "assetbuild.checks.physx_grip": "needs PhysX",
-    "assetbuild.checks.physx_loops": "needs PhysX",
+    "assetbuild.checks._newton": "needs the trainer",
+    "assetbuild.checks._physx": "needs PhysX",
     "assetbuild.checks.physx_readback": "needs PhysX",
-    "assetbuild.checks.physx_slope": "needs PhysX",
     "assetbuild.checks.smoke_isaaclab": "needs the trainer",
     "assetbuild.checks.smoke_mjlab": "needs the trainer",
     "assetbuild.checks.smoke_newton": "needs the trainer",
-    "assetbuild.checks.asset_validator": "needs the validator",
-    "assetbuild.checks.simready": "needs the validator",
+    "assetbuild.checks._foreign": "needs the extra `lint`, or the validator",
     "assetbuild.source.get.fetch": "needs the network",
     "assetbuild.source.get.fetch_git": "needs the network",
     "assetbuild.source.get.fetch_url": "needs the network",
@@ -254,7 +244,7 @@ COMPUTED_WITH = {
 """Modules of the engine that steps compute with; another would run most steps when it changes."""
 
 
-ASKING = ("smoke_", "newton", "simready", "asset_validator", "simcheck", "mjcf_doctor")
+ASKING = ("smoke_", "_newton", "_foreign")
 """Checks that ask a program in an environment of its own: they look for that environment."""
 
 

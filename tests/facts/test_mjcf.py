@@ -138,14 +138,11 @@ def test_a_pair_is_not_taken_for_another_whose_names_are_cut_elsewhere() -> None
 HIP, CALF = "joint FR_hip_joint", "joint FR_calf_joint"
 PLANTED = [
     ("mass", "body FR_hip", r'mass="0.5"', 'mass="0.500000001"'),
-    ("inertia", "body FR_hip", r'diaginertia="0.0003 0.0003 0.0003"',
-     'diaginertia="0.0003 0.0003 0.00030000001"'),
     ("pose", "body FR_hip", r'pos="0.18 -0.05 0"', 'pos="0.18 -0.05000001 0"'),
     ("axis", HIP, r'axis="1 0 0"', 'axis="1 0.00001 0"'),
     ("upper", HIP, r'range="-0.86 0.86"', 'range="-0.86 0.87"'),
     ("effort_range", CALF, r'forcerange="-36 36"', 'forcerange="-35 36"'),
     ("kp", HIP, r'kp="100"', 'kp="90"'),
-    ("gear", HIP, r'<position name="FR_hip" ', r'\g<0>gear="2" '),
     ("missing", "frame imu", r'<site name="imu"[^>]*/>', ""),
     ("role", "shape trunk_visual", r'class="visual" mesh', 'class="collision" type="mesh" mesh'),
     ("friction", "shape trunk_collision", r'friction="0.8 ', 'friction="0.7 '),
@@ -153,12 +150,8 @@ PLANTED = [
     ("timestep", "simulation", r'timestep="0.005"', 'timestep="0.004"'),
     ("filtered", "pair RL_thigh trunk", r"</mujoco>",
      '<contact><exclude body1="RL_thigh" body2="trunk"/></contact></mujoco>'),
-    ("excluded", "pair RL_hip trunk", r'<exclude body1="RL_hip" body2="trunk"/>', ""),
-    ("anchor", HIP, r'<joint name="FR_hip_joint"', r'\g<0> pos="0 0 0.001"'),
     # What MJCF alone says, of which the vocabulary does not know.
     ("solmix", "shape trunk_collision", r'<geom name="trunk_collision"', r'\g<0> solmix="3"'),
-    ("wind", "simulation", r"<option ", r'\g<0>wind="1 0 0" '),
-    ("gravcomp", "body FR_hip", r'<body name="FR_hip"', r'\g<0> gravcomp="1"'),
     ("extra", "loop equality 0", r"</mujoco>",
      '<equality><weld body1="FR_hip" body2="FL_hip"/></equality></mujoco>'),
 ]  # fmt: skip
@@ -183,13 +176,9 @@ def test_a_planted_change_is_found(
          r'(<joint name="b_joint)("[^>]* polycoef[^>]*/>)',
          r"\1\2\1_copy\2"),
         ("scene", "type", "shape floor_copy", r'(<geom name="floor)("[^>]*/>)', r"\1\2\1_copy\2"),
-        ("mjx", "armature", "joint lift", r'armature="0.3"', 'armature="0.5"'),
         ("mjx", "iterations", "simulation", r' iterations="20"', ' iterations="40"'),
         ("bare", "mass", "body base", r' mass="1"', ' mass="3"'),
-        ("bare", "axis", "joint lift", r'axis="0 0 -1"', 'axis="0 0 1"'),
         ("scene", "friction", "floor", r' friction="[^"]*"', ' friction="3 0 0"'),
-        ("scene", "integrator", "simulation", r"<statistic",
-         '<option integrator="Euler"/><statistic'),
         ("scene", "timestep", "simulation", r"<statistic", '<option timestep="0.1"/><statistic'),
     ],
 )  # fmt: skip
@@ -202,7 +191,7 @@ def test_a_planted_change_of_a_gripper_is_found_in_every_form(
 
 
 @pytest.mark.parametrize("line", [r"(?m)^(f) (\S+) (\S+)", r"(?m)^(v) (\S+) (\S+)"])
-@pytest.mark.parametrize("form", ["mjcf", "mjx", "bare"])
+@pytest.mark.parametrize("form", ["mjcf", "bare"])
 def test_one_line_of_a_mesh_is_found_in_every_form(form: str, line: str, tmp_path: Path) -> None:
     """A face that is turned over; a corner of which two numbers are exchanged."""
     reader, target, name, file = FORMS[form]

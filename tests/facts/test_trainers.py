@@ -1,4 +1,4 @@
-"""Trainers' modules and dr.yaml: what they give is recorded; a bug of their writers is found."""
+"""Trainers' modules: what they give is recorded; a bug of their writers is found."""
 
 from __future__ import annotations
 
@@ -26,7 +26,6 @@ from assetbuild.engine.step import Step
 from assetbuild.errors import UsageError
 from assetbuild.facts.isaaclab_config import read_config
 from assetbuild.facts.reader import Proof, Reader
-from assetbuild.facts.readers.dr import Dr
 from assetbuild.facts.readers.isaaclab import IsaacLabReader
 from assetbuild.facts.readers.mjlab import MjlabReader
 from assetbuild.facts.reference import Assets, Reference
@@ -34,8 +33,6 @@ from assetbuild.facts.surface import measure
 from assetbuild.facts.table import Key
 from assetbuild.robot.model import Actuator
 from assetbuild.robot.ranges import Randomize
-from assetbuild.samples import state_ranges
-from assetbuild.samples.state_ranges import StateRanges
 from assetbuild.targets.isaaclab import IsaacLab
 from assetbuild.targets.isaaclab import events as lab_events
 from assetbuild.targets.isaaclab.module import Module
@@ -85,8 +82,7 @@ def built(step: Step, reader: type[Reader], robot: TinyRobot, folder: Path, **to
     told["randomize"] = ranges and ranges.model_dump(mode="json", by_alias=True)
     reference = Reference(robot.links, robot.tree, robot.shapes, robot.control, assets, told)
     reads = reader(robot="robot-1", options=told)
-    top = folder / "out" / (reader.needs[0] if reader is not Dr else "")
-    file = reads.file(top, "robot-1")
+    file = reads.file(folder / "out" / reader.needs[0], "robot-1")
     assert file is not None
     return Built(file, reads, reference)
 
@@ -102,11 +98,6 @@ def isaaclab(robot: TinyRobot, folder: Path, drawn: Randomize | None = RANDOMIZE
     told = {name: getattr(step, field).model_dump(mode="json")
             for name, field in (("isaaclab", "options"), ("usd", "usd"))}  # fmt: skip
     return built(step, IsaacLabReader, robot, folder, **told)
-
-
-def dr_yaml(robot: TinyRobot, folder: Path, drawn: Randomize | None = RANDOMIZE) -> Built:
-    step = StateRanges(robot="robot-1", randomize=drawn or RANDOMIZE)
-    return built(step, Dr, robot, folder)
 
 
 Make = Callable[..., Built]
@@ -129,7 +120,7 @@ def quadruped(last: str) -> TinyRobot:
     [
         (mjlab, quadruped("velocity")), (mjlab, tiny_quadruped()),
         (isaaclab, quadruped("motor")), (isaaclab, tiny_quadruped()), (isaaclab, pendulum()),
-        (isaaclab, sprung()), (dr_yaml, tiny_quadruped()),
+        (isaaclab, sprung()),
     ],
 )  # fmt: skip
 def test_what_nobody_edited_is_the_robot(
@@ -187,109 +178,45 @@ MJLAB_BUGS = [
      '"stiffness": a.kd, "damping": a.kp', {"kp", "kd"}),
     (module, "_actuator", '"velocity":\n            fields |= {"damping": a.kd}',
      '"velocity":\n            fields |= {"stiffness": a.kd}', {"kp", "kd"}),
-    (module, "_actuator", "else a.effort", "else a.velocity", {"effort"}),
-    (module, "_actuator", '"saturation_effort": a.saturation', '"saturation_effort": a.effort',
-     {"stall"}),
-    (module, "_actuator", '"velocity_limit": a.velocity', '"velocity_limit": -a.velocity',
-     {"velocity"}),
-    (module, "_actuator", '"armature": a.armature, ', "", {"armature"}),
-    (module, "_actuator", '"frictionloss": a.friction, "viscous_damping": a.damping',
-     '"frictionloss": a.damping, "viscous_damping": a.friction', {"friction", "damping"}),
     (module, "_actuator", "group.ranges.delay, strict", "(0, group.ranges.delay[1] - 1), strict",
      {"delay"}),
-    (module, "_robot", "{base.xyz!r}", "{base.xyz[::-1]!r}", {"start_pose"}),
     (module, "_robot", "{base.quat!r}", "{(*base.quat[1:], base.quat[0])!r}", {"start_pose"}),
-    (module, "_robot", "{base.quat!r}", "{(1.01, *base.quat[1:])!r}",
-     {"start_pose", "length_of_rot"}),
     (module, "_robot", "dict(start.joints)", "{j: -q for j, q in start.joints}", {"start"}),
-    (module, "_robot", "soft_joint_pos_limit_factor={", "soft_joint_pos_limit_factor=0.5*{",
-     {"soft_limits"}),
     (module, "_facts", "simulation.timestep", "2 * simulation.timestep", {"timestep", "delay"}),
-    (module, "_facts", "simulation.gravity", "simulation.gravity[::-1]", {"gravity"}),
-    (module, "_facts", "_bare.xml", ".xml", {"model"}),
-    (module, "_robot", "spec_fn=spec", "x=0", {"unreadable"}),
     (module, "_facts", "_scale(facts, group)", "1.0", {"action_scale"}),
     (module, "_velocity", "cfg.sim.mujoco.timestep = TIMESTEP", "", {"timestep"}),
-    (module, "_velocity", "cfg.decimation = DECIMATION", "", {"decimation"}),
-    (module, "_velocity", "impratio = ", "impratio = 2 * ", {"impratio"}),
     (module, "_velocity", "cfg.events |= randomize_events()", "cfg.x = 0",
      {"density", "encoder_bias", "effort"}),
     (module, "_velocity", "for name in gone", "for name in gone[1:]", {"without"}),
     (events, "_log_cholesky", "math.log(low) / 2", "math.log(low)", {"density"}),
-    (events, "_log_cholesky", "(-value, value)", "(0.0, value)", {"com_x"}),
-    (events, "_matter", '"body_names", bodies', '"body_names", bodies[1:]', {"density"}),
     (events, "_payloads", "payload.at", "payload.size", {"box"}),
     (events, "_joints", '"kd_range": ranges.kd', '"kd_range": ranges.kp', {"kd"}),
-    (events, "_joints", "getattr(ranges, key)", "ranges.friction", {"armature", "damping"}),
     (events, "_joints", "-ranges.encoder_bias, ", "0.0, ", {"encoder_bias"}),
-    (events, "_joints", "{limited!r}", "{[i - 1 for i in limited]!r}", {"effort"}),
-    (events, "_friction", '"operation": "abs"', '"operation": "scale"', {"operation"}),
 ]  # fmt: skip
 ISAACLAB_BUGS = [
     (Module, "_values", "actuator.kp if has_kp", "actuator.kd if has_kp", {"kp"}),
     (Module, "_values", "actuator.kd if has_kd", "math.degrees(actuator.kd) if has_kd", {"kd"}),
-    (Module, "_values", '"armature": actuator.armature,', "", {"armature"}),
-    (Module, "_values", '"viscous_friction": actuator.damping,', "", {"damping"}),
-    (Module, "_values", '"friction": actuator.friction,', '"friction": actuator.damping,',
-     {"friction"}),
     (Module, "_values", "efforts, actuator.effort", "efforts, actuator.velocity", {"effort"}),
-    (Module, "_values", "velocities, actuator.velocity", "velocities[1:], actuator.velocity",
-     {"velocity"}),
     (Module, "_values", "efforts, velocities = LIMITS[self.generation, inside]",
      "efforts, velocities = LIMITS[5 - self.generation, inside]", {"effort", "velocity"}),
-    (Module, "_values", "actuator.saturation", "actuator.effort", {"stall"}),
     (Module, "_values", "self._delay(actuator), strict", "(0, 1), strict", {"delay"}),
-    (Module, "_actuators", "for a in members", "for a in members[1:]", {"kp", "model"}),
-    (Module, "_base", "(x, y, z)!r", "(x, -y, z)!r", {"start_pose"}),
     (Module, "_base", "self.tree.root_pose(start)", "self.tree.X_world_root", {"start_pose"}),
-    (Module, "_base", "z += self.options.clearance", "z -= self.options.clearance",
-     {"start_pose"}),
-    (Module, "_base", "if old else ((*xyz, w)", "if True else ((*xyz, w)", {"start_pose"}),
     (Module, "_positions", "{q!r}", "{-q!r}", {"start"}),
-    (Module, "text", "dt=DT", "dt=2 * DT", {"timestep", "delay"}),
-    (Module, "text", "render_interval=DECIMATION", "render_interval=1", {"decimation"}),
-    (Module, "text", ", gravity=GRAVITY", ", gravity=GRAVITY[::-1]", {"gravity"}),
     (Module, "text", ".usda", ".usd", {"usd_path"}),
-    (Module, "_newton", "implicitfast", "euler", {"integrator"}),
     (Module, "_rigid_body", "math.degrees(rigid.max_angular_velocity)",
      "rigid.max_angular_velocity", {"max_angular_velocity"}),
     (Module, "_articulation", '"enabled_self_collisions": solver.self_collisions',
      '"enabled_self_collisions": not solver.self_collisions', {"self_collision"}),
-    (Module, "_articulation", "solver.solver_velocity_iterations", "4",
-     {"solver_velocity_iteration_count"}),
     (lab_events, "_matter", "matter.density,", "matter.density[::-1],", {"density"}),
-    (lab_events, "_matter", "(-most, most)", "(0.0, most)", {"com_x"}),
-    (lab_events, "_joints", "=ranges.kd", "=ranges.kp", {"kd"}),
     (lab_events, "_joints", "getattr(ranges, key)\n", "ranges.friction\n",
      {"armature"}),
-    (lab_events, "_joints", "for joint in joints", "for joint in joints[1:]",
-     {"friction"}),
-    (lab_events, "_friction", "dynamic_friction_range=friction", "dynamic_friction_range=(0, 2)",
-     {"dynamic_surface_friction"}),
 ]  # fmt: skip
 """(where, function, text, what stands there instead, quantities that must be found)."""
-DR_BUGS = [
-    (state_ranges, "_matter", "mass * low", "mass * high", {"mass"}),
-    (state_ranges, "_matter", '"density": [low, high]', '"density": [high, low]', {"density"}),
-    (state_ranges, "_matter", "math.log(low) / 2", "math.log(low)", {"density"}),
-    (state_ranges, "_matter", "list(com)}", "[0.0, 0.0, 0.0]}", {"com_x", "com_y"}),
-    (state_ranges, "_matter", "[-shift, shift]", "[0.0, shift]", {"com_x"}),
-    (state_ranges, "_matter", '"d": [-matter.stretch', '"d": [-matter.shear', {"stretch"}),
-    (state_ranges, "_matter", '"s": [-matter.shear', '"s": [matter.shear', {"shear_12"}),
-    (StateRanges, "_payloads", "list(payload.at)", "list(payload.size)", {"at"}),
-    (StateRanges, "_payloads", "placement(payload.link)[0]", "root + payload.link", {"body"}),
-    (StateRanges, "_joints", "nominal * high", "nominal * low", {"kp", "kd", "friction"}),
-    (StateRanges, "_joints", "list(ranges.delay)", "[0, 0]", {"delay"}),
-    (StateRanges, "_joints", "[-ranges.encoder_bias", "[ranges.encoder_bias", {"encoder_bias"}),
-    (StateRanges, "_contact", "friction[0]", "friction[1]", {"surface_friction"}),
-    (StateRanges, "run", '"seed": self.randomize.seed', '"seed": 2**63 - 2', {"seed"}),
-]
 CASES = [
     (make, robot, *bug)
     for make, robot, bugs in (
         (mjlab, quadruped("velocity"), MJLAB_BUGS),
         (isaaclab, quadruped("motor"), ISAACLAB_BUGS),
-        (dr_yaml, tiny_quadruped(), DR_BUGS),
     )
     for bug in bugs
 ]
@@ -331,16 +258,9 @@ def test_a_value_of_any_form_is_a_finding(other: str, tmp_path: Path):
         assert one.prove().findings, field
 
 
-@pytest.mark.parametrize(
-    ("make", "text"),
-    [(isaaclab, None), *((dr_yaml, text) for text in ("[", "a: b: c", "a: &a [1]\nb: *a", "[]"))],
-)
-def test_a_file_that_is_gone_or_no_yaml_is_one_error(make: Make, text: str | None, tmp_path: Path):
-    one = make(tiny_quadruped(), tmp_path)
-    if text is None:
-        one.file.with_name("robot_1_isaaclab_3.py").unlink()
-    else:
-        one.file.write_text(text)
+def test_a_module_that_is_gone_is_one_error(tmp_path: Path):
+    one = isaaclab(tiny_quadruped(), tmp_path)
+    one.file.with_name("robot_1_isaaclab_3.py").unlink()
     assert [finding.rule for finding in one.prove().findings] == ["equal.unreadable"]
 
 

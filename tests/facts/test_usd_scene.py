@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 from pxr import Gf, Usd, UsdGeom, UsdPhysics
-from tiny import TinyRobot, check_inputs, pendulum, run_step, tiny_quadruped
+from tiny import TinyRobot, check_inputs, pendulum, run_step, spoil_stage, tiny_quadruped
 
 from assetbuild.facts.readers.usd_scene import UsdSceneReader
 from assetbuild.findings import Finding
@@ -22,10 +22,7 @@ Spoil = Callable[[Usd.Stage], object]
 def check(robot: TinyRobot, folder: Path, spoil: Spoil | None = None) -> list[Finding]:
     inputs = check_inputs(folder, robot, UsdTarget(robot="robot"), "usd")
     if spoil is not None:
-        stage = Usd.Stage.Open(str(inputs / "usd/scene.usda"))
-        spoil(stage)
-        stage.Save()
-        del stage
+        spoil_stage(inputs / "usd/scene.usda", spoil)
     return run_step(UsdSceneReader(robot="robot"), inputs, folder / "out")
 
 

@@ -51,6 +51,32 @@ def test_each_range_stands_in_the_robots_numbers(tmp_path: Path) -> None:
     assert found["contact"]["friction"]["range"] == [0.4, 1.2]
 
 
+def test_every_number_of_the_file_is_the_recipes_or_the_robots(tmp_path: Path) -> None:
+    """By hand, of a trunk of 6.01 kg."""
+    matter = {"density": [0.5, 2], "com": [0.02, 0.01, 0], "stretch": 0.1, "shear": 0.05}
+    payload = {"link": "imu", "mass": [0, 3], "size": [0.2, 0.15, 0.1], "at": [0, 0, 0.1]}
+    joints = {"kd": [0.5, 3], "delay": [1, 2], "encoder_bias": 0.01}
+    ranges = {"seed": 2**63 - 1, "links": {"trunk": matter}, "payloads": [payload]}
+    found, _ = stated(tmp_path, RANGES | ranges | {"joints": {".*_calf_joint": joints}})
+    robot = tiny_quadruped()
+    calf, trunk = robot.control.by_joint["FR_calf_joint"], robot.tree.by_body["trunk"].inertial
+    assert trunk is not None
+    assert found["seed"] == 2**63 - 1
+    row = found["links"]["trunk"]
+    assert row["density"] == [0.5, 2]
+    assert row["mass"] == {"nominal": trunk.mass_kg, "range": [3.005, 12.02]}
+    assert row["com"] == {"nominal": list(trunk.com_m), "shift": [0.02, 0.01, 0]}
+    half = math.log(2.0) / 2.0
+    assert row["log_cholesky"]["alpha"] == pytest.approx([-half, half])
+    assert row["log_cholesky"]["d"] == [-0.1, 0.1] and row["log_cholesky"]["s"] == [-0.05, 0.05]
+    assert row["log_cholesky"]["t"] == [[-0.02, 0.02], [-0.01, 0.01], [0, 0]]
+    assert {word: found["payloads"][0][word] for word in payload} == payload
+    drive = found["joints"]["FR_calf_joint"]
+    assert drive["kd"] == {"nominal": calf.kd, "range": [calf.kd / 2, calf.kd * 3]}
+    assert (drive["delay"], drive["encoder_bias"]) == ([1, 2], [-0.01, 0.01])
+    assert found["contact"]["friction"]["nominal"] == robot.control.contact.friction[0]
+
+
 def test_the_log_cholesky_numbers_are_the_density_and_the_shift(tmp_path: Path) -> None:
     """U J Uᵀ about the body's origin, as trainers do it, is our draw at the end of its ranges."""
     found, _ = stated(tmp_path, RANGES)

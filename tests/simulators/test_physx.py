@@ -8,15 +8,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from pxr import Usd as UsdCore
-from tiny import TinyRobot, box_inertial, check_inputs, kept_feet, pendulum, tiny_quadruped
+from tiny import TinyRobot, box_inertial, check_inputs, pendulum, tiny_quadruped
 
 from assetbuild.edits.share_mass import ShareMass
 from assetbuild.edits.split_joint import SplitJoint
 from assetbuild.engine.step import Files
-from assetbuild.robot.model import Actuator, Body, Control, Joint, Keyframe, Limits, Mimic, Tree
-from assetbuild.robot.pose import Pose, Vec3
-from assetbuild.robot.shapes import Shapes, SourceShapes, Sphere
+from assetbuild.robot.model import Actuator, Body, Control, Joint, Keyframe, Tree
+from assetbuild.robot.shapes import Shapes, SourceShapes
 from assetbuild.simulators import physx
 from assetbuild.simulators.experiments import (
     Experiment,
@@ -39,25 +37,6 @@ GRAVITY = (0.0, 0.0, -9.81)
 
 def built(robot: TinyRobot, folder: Path) -> Path:
     return check_inputs(folder, robot, Usd(robot="robot"), "usd") / "usd/robot.usda"
-
-
-def coupled(axis: Vec3) -> TinyRobot:
-    """Two arms on one base; `follow` = 0.2 - 0.5 `lead`."""
-    arm = box_inertial(1.0, (0.02, 0.02, 0.5), (0.0, 0.0, -0.25))
-    limits = Limits(-2.0, 2.0, 50.0, 10.0)
-    lead = Joint("lead", "revolute", "base", "one", Pose((0, 0, 1)), (0.0, 1.0, 0.0), limits)
-    follow = replace(
-        lead,
-        name="follow",
-        child="two",
-        X_parent_joint=Pose((0.0, 0.3, 1.0)),
-        axis=axis,
-        mimic=Mimic("lead", -0.5, 0.2),
-    )
-    tree = Tree("two", "fixed", (Body("base"), Body("one", arm), Body("two", arm)), (lead, follow))
-    drives = (Actuator("lead", "pd", kp=200.0, kd=10.0, effort=50.0), Actuator("follow", "passive"))
-    home = Keyframe("home", (("lead", 0.0), ("follow", 0.2)))
-    return TinyRobot(tree, tree, Shapes(), Control(drives, (home,)))
 
 
 def car() -> TinyRobot:
@@ -95,49 +74,6 @@ def test_a_planar_base_that_takes_speeds_moves_in_physx_as_in_mujoco(tmp_path: P
         response = compare_response(sine, name, ours, theirs)
         assert response.rms < 5e-3
         assert response.gain == pytest.approx(1.0, abs=5e-3)
-
-
-@needs_physx
-@pytest.mark.parametrize("axis", [(0.0, 1.0, 0.0), (0.0, 0.6, 0.8)])
-def test_a_mimic_follows_whatever_its_axis(tmp_path: Path, axis: Vec3) -> None:
-    sine = Sine({"lead": 0.0, "follow": 0.2}, {"lead": 0.3, "follow": 0.0}, 1.0, 0.5)
-    run = Experiment("m", Setting(0.005, GRAVITY), steps=100, every=10, sine=sine)
-    motion = physx.perform(built(coupled(axis), tmp_path), [run])["m"].motion
-    assert motion is not None
-    lead, follow = motion.joints["lead"], motion.joints["follow"]
-    assert np.ptp(lead) > 0.2
-    assert follow == pytest.approx(0.2 - 0.5 * lead, abs=1e-4)
-
-
-@needs_physx
-@pytest.mark.parametrize("filtered", [True, False])
-def test_a_foot_that_is_welded_to_the_shin_does_not_push_the_thigh(
-    tmp_path: Path, filtered: bool
-) -> None:
-    """A foot so large that it reaches into the thigh: MuJoCo drops the pair, and so does PhysX."""
-    robot = kept_feet()
-    shapes = tuple(
-        replace(shape, geometry=Sphere(0.12)) if shape.name == "FL_foot_collision" else shape
-        for shape in robot.shapes.shapes
-    )
-    drives = tuple(replace(a, model="passive", kp=0.0, kd=0.0) for a in robot.control.actuators)
-    others = [b.name for b in robot.tree.bodies if b.name not in ("FL_foot", "FL_thigh")]
-    apart = tuple(tuple(sorted(("FL_foot", name))) for name in others)
-    control = replace(robot.control, actuators=drives, excludes=apart)
-    large = replace(robot, shapes=replace(robot.shapes, shapes=shapes), control=control)
-    path = built(large, tmp_path)
-    if not filtered:
-        stage = UsdCore.Stage.Open(str(path))
-        pairs = stage.GetRelationshipAtPath("/robot/FL_foot.physics:filteredPairs")
-        pairs.RemoveTarget("/robot/FL_thigh")
-        stage.Save()
-        del stage
-    start = {joint: -2.6 if "calf" in joint else 0.0 for joint, _ in control.keyframes[0].joints}
-    run = Experiment("m", Setting(0.005, (0.0, 0.0, 0.0)), steps=40, start=start)
-    motion = physx.perform(path, [run])["m"].motion
-    assert motion is not None
-    moved = np.ptp(motion.joints["FL_calf_joint"])
-    assert moved < 1e-4 if filtered else moved > 0.01
 
 
 @needs_physx

@@ -1,14 +1,96 @@
-"""`mjcf/scene.xml`: the robot on a floor, what people open in a viewer."""
+"""`mjcf/scene.xml` and `scene_mjx.xml`: the robot on a floor, what people open in a viewer."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from pathlib import Path
 from typing import ClassVar
 
-from assetbuild.facts.mjcf_scene import SceneReader
+from assetbuild.errors import StepError, UsageError
+from assetbuild.facts.mjcf import compiled_facts
+from assetbuild.facts.mjcf_fields import plain
+from assetbuild.facts.reader import Reader
+from assetbuild.facts.reference import Reference
+from assetbuild.facts.table import Key, Table, Value
+from assetbuild.facts.vocabulary import VOCABULARY
+from assetbuild.robot.floor import brings_floor, floor_of
+from assetbuild.robot.pose import rotation_of
+from assetbuild.simulators.mujoco import Model, floors, load
 
 
-class SceneFacts(SceneReader):
-    """The scene of the full MJCF."""
+class SceneFacts(Reader):
+    """Compares the floor with the robot's, and that a scene changes nothing of the robot's file."""
 
     needs: ClassVar[tuple[str, ...]] = ("mjcf",)
     behind: ClassVar[tuple[str, ...]] = ("mjcf/scene.xml", "mjcf/{robot}.xml")
+    form: ClassVar[str] = "scene"
+    called: ClassVar[str] = "the scene"
+    folder: ClassVar[str] = "mjcf"
+    preload: ClassVar[tuple[str, ...]] = ("mujoco",)
+    written: ClassVar[str] = "scene.xml"
+    lacks: ClassVar[Mapping[str, str]] = dict.fromkeys(
+        {kind for kind, _ in VOCABULARY} - {"floor"}, "the robot's own file says it"
+    )
+
+    def read(self, path: Path) -> Table:
+        """The floor, other shapes of the world, and what the robot's own file says otherwise."""
+        beside = f"{self.robot}{path.stem.removeprefix('scene')}.xml"  # `go1_mjx.xml`
+        own, scene = _compiled(path.with_name(beside)), _compiled(path)
+        before, after = compiled_facts(own).facts, compiled_facts(scene).facts
+        facts: dict[Key, Value] = {}
+        for key in dict.fromkeys((*before, *after)):
+            if before.get(key) != after.get(key):
+                word = key.quantity.removeprefix("mjcf:")
+                facts[key._replace(quantity=f"mjcf:{word}")] = after.get(key, "missing")
+        there = {own.geom(index).name for index in range(own.ngeom)}
+        planes = [index for index in floors(scene) if scene.geom(index).name not in there]
+        for index in range(scene.ngeom):
+            name = str(scene.geom(index).name)
+            if name not in there and index not in planes[:1]:
+                facts[Key("shape", name, "mjcf:type")] = plain(scene.geom_type[index])
+        for index in planes[:1]:
+            facts |= _floor(scene, index)
+        return Table(facts)
+
+    def expected(self, reference: Reference) -> Table:
+        """The floor below the robot, where the source's own MJCF brings none."""
+        if brings_floor(reference.tree, reference.control):
+            return Table({})
+        floor = floor_of(reference.tree, reference.control)
+        said: dict[str, Value] = {
+            "height": floor.height_m,
+            "friction": floor.friction,
+            "mjcf:normal": (0.0, 0.0, 1.0),
+            "mjcf:masks": (1.0, 1.0),
+        }
+        return Table({Key("floor", "", word): value for word, value in said.items()})
+
+
+class SceneMjxFacts(SceneFacts):
+    """The scene of the mjx model."""
+
+    own_name = "scene_mjx"
+    needs: ClassVar[tuple[str, ...]] = ("mjx",)
+    behind: ClassVar[tuple[str, ...]] = ("mjcf/scene_mjx.xml", "mjcf/{robot}_mjx.xml")
+    form: ClassVar[str] = "scene_mjx"
+    called: ClassVar[str] = "the scene of the mjx model"
+    written: ClassVar[str] = "scene_mjx.xml"
+
+
+def _compiled(path: Path) -> Model:
+    try:
+        return load(path, visuals=False).model
+    except StepError as error:
+        raise UsageError(f"MuJoCo refuses it: {error.message}") from None
+
+
+def _floor(model: Model, plane: int) -> dict[Key, Value]:
+    """How wide its grid is drawn is no matter."""
+    turn = rotation_of(tuple(float(v) for v in model.geom_quat[plane]))  # type: ignore[arg-type] # four
+    said: dict[str, Value] = {
+        "height": float(model.geom_pos[plane, 2]),
+        "friction": plain(model.geom_friction[plane]),
+        "mjcf:normal": tuple(turn[:, 2].tolist()),
+        "mjcf:masks": (float(model.geom_contype[plane]), float(model.geom_conaffinity[plane])),
+    }
+    return {Key("floor", "", word): value for word, value in said.items()}

@@ -14,8 +14,6 @@ from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from typing import Literal
 
-import numpy as np
-
 from assetbuild.robot.model import Actuator, Control
 from assetbuild.robot.pose import Array
 from assetbuild.simulators import mujoco
@@ -41,8 +39,7 @@ class Drive:
     N/m; kd: N m s/rad or N s/m. For a gain or bias that is not affine in ctrl, q and qdot (a
     muscle, a damper), these are the values at q = qdot = 0, and `is_affine` is False.
     filtered: the command passes through an activation first.
-    torque, ctrl: limits; on_joint: the torque within the joint's own `actuatorfrcrange`. damping,
-    armature: the actuator's own (MuJoCo > 3.11), on the joint.
+    torque, ctrl: limits; on_joint: the torque within the joint's own `actuatorfrcrange`.
     """
 
     index: int
@@ -60,8 +57,6 @@ class Drive:
     torque: Range
     on_joint: Range
     ctrl: Range
-    damping: float
-    armature: float
 
     @property
     def holds_position(self) -> bool:
@@ -219,8 +214,6 @@ def _drive(model: Model, index: int, joint: int, gear: float) -> Drive:
         torque=torque,
         on_joint=_on_joint(model, joint, torque),
         ctrl=_range(model.actuator_ctrllimited[index], model.actuator_ctrlrange[index]),
-        damping=_own(model, "damping", index, gear),
-        armature=_own(model, "armature", index, gear),
     )
 
 
@@ -260,9 +253,3 @@ def _inside(one: Range, other: Range) -> Range:
 
 def _range(limited: bool, ends: Array) -> Range:
     return (float(ends[0]), float(ends[1])) if limited else UNLIMITED
-
-
-def _own(model: Model, attribute: str, index: int, gear: float) -> float:
-    """An actuator's own damping or armature on the joint, which MuJoCo 3.11 does not have."""
-    values = getattr(model, f"actuator_{attribute}", None)
-    return 0.0 if values is None else gear * gear * float(np.ravel(values[index])[0])
