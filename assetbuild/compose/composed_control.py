@@ -29,7 +29,12 @@ JOINED = ("actuators", "excludes", "contacts", "sensors", "cameras", "mjcf_only"
 """What the whole has of all sides, one after another."""
 TIMESTEP_S = 0.002
 """MuJoCo's own, where nothing is stated."""
-_LIKE_MUJOCO = {"integrator": "Euler", "cone": "pyramidal", "impratio": "1"}
+_LIKE_MUJOCO = {
+    "integrator": "Euler",
+    "cone": "pyramidal",
+    "impratio": "1",
+    "tolerance": "1e-08",
+}
 
 
 @dataclass(frozen=True)

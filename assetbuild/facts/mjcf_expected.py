@@ -213,6 +213,7 @@ def solver_facts(reference: Reference, section: str) -> dict[Key, Value]:
         "iterations": float(said.get("iterations") or 100),
         "line search iterations": float(said.get("ls_iterations") or 50),
         "impratio": float(said.get("impratio") or (50.0 if cone == "elliptic" else 1.0)),
+        "tolerance": float(said.get("tolerance", 1e-12)),
     }
     return {Key("simulation", "", name): value for name, value in found.items()}
 

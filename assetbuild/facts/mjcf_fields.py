@@ -36,7 +36,7 @@ ALONE = (
 """As above, of what the vocabulary does not know."""
 OPTION = (
     "density viscosity wind magnetic disableflags enableflags disableactuator noslip_iterations "
-    "noslip_tolerance o_margin o_solref o_solimp o_friction tolerance ls_tolerance jacobian"
+    "noslip_tolerance o_margin o_solref o_solimp o_friction ls_tolerance jacobian"
 )
 FREE = 0
 CALLED = {"jnt": "joint", "cam": "camera", "eq": "equality", "tex": "texture", "mat": "material"}

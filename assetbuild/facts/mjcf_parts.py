@@ -165,4 +165,5 @@ def simulation_facts(option: Any) -> dict[str, Value]:  # Any: MuJoCo's MjOption
         "iterations": float(option.iterations),
         "line search iterations": float(option.ls_iterations),
         "impratio": float(option.impratio),
+        "tolerance": float(option.tolerance),
     }

@@ -206,6 +206,7 @@ _ROWS: tuple[Quantity, ...] = (
         ("iterations", "number", "", "MEDIUM", "most iterations of that solver", 100.0),
         ("line search iterations", "number", "", "MEDIUM", "most of its line search", 50.0),
         ("impratio", "number", "", "MEDIUM", "frictional to normal impedance", 1.0),
+        ("tolerance", "number", "", "MEDIUM", "improvement at which that solver stops", 1e-8),
     ),
     *_of(
         "floor",

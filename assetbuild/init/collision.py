@@ -229,10 +229,9 @@ def mjcf_hand(
     return hand_of(robot, anatomy, robot.tree, driven)
 
 
-def has_pyramid(control: Control) -> bool:
-    """Whether the source compiles to MuJoCo's pyramidal cone."""
-    options = [item.element for item in control.mjcf_only if item.place == "option"]
-    return not any('cone="elliptic"' in option for option in options)
+def option_of(control: Control) -> str:
+    """The `<option>` of the source, with what it leaves to MuJoCo's defaults."""
+    return "".join(item.element for item in control.mjcf_only if item.place == "option")
 
 
 def own_pads(robot: InspectedRobot, hand: Sequence[str], control: Control) -> Iterator[str]:

@@ -14,7 +14,7 @@ from assetbuild.engine.scratch import Scratch, scratch
 from assetbuild.errors import SourceError, Where
 from assetbuild.facts.mjcf_grammar import NEWEST, OLDEST, newer_words_of
 from assetbuild.init.anatomy import Anatomy, study
-from assetbuild.init.collision import has_pyramid, mjcf_hand, own_loops, own_pads, soles_of, tried
+from assetbuild.init.collision import mjcf_hand, option_of, own_loops, own_pads, soles_of, tried
 from assetbuild.init.home import home_pose
 from assetbuild.init.licence import source_section
 from assetbuild.init.look import InspectedRobot, carried, judge, not_in_usd, targets
@@ -289,9 +289,12 @@ def _solver(found: MjcfSource, anatomy: Anatomy, hand: Sequence[str]) -> Iterato
     if found.newer:
         words = some(list(found.newer))
         said[f"grammar: {NEWEST}"] = f"keeps {words}, which MuJoCo {OLDEST} does not know"
-    if (hand or anatomy.walks_on) and has_pyramid(found.control):
+    option = option_of(found.control)
+    if (hand or anatomy.walks_on) and 'cone="elliptic"' not in option:
         slips = "what a hand holds slips" if hand else "feet creep"
         said["cone: elliptic"] = f"with the source's pyramidal cone {slips}"
+    if hand and 'tolerance="1e-08"' in option:
+        said["tolerance: 1.0e-12"] = "with MuJoCo's 1e-8 light fingers of a heavy robot let go"
     if said:
         yield f"mjcf: {{{', '.join(said)}}}   # {'; '.join(said.values())}"
 

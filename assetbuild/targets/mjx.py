@@ -64,6 +64,9 @@ class MjxOptions(Model):
     solver: Literal["Newton", "CG"] = Field("Newton", description="of the constraints")
     iterations: int = Field(20, ge=1, le=10_000, description="of the solver, at most")
     ls_iterations: int = Field(50, ge=1, le=10_000, description="of its line search")
+    tolerance: Positive = Field(
+        1e-8, description="improvement at which the solver stops; float32 does not reach less"
+    )
     self_collision: bool = Field(
         False, description="parts of the robot touch one another; else only the world (masks)"
     )

@@ -79,3 +79,10 @@ def test_an_object_that_does_not_fit_is_told(tmp_path: Path) -> None:
     (found,), _ = judged(pincher(tmp_path, **block), Gripping(robot="robot"))
     assert (found.rule, found.severity) == ("grip.hand", "warning")
     assert "no object fits" in found.message
+
+
+def test_a_solver_that_stops_early_lets_them_slip(tmp_path: Path) -> None:
+    """MuJoCo scales its tolerance by the whole robot's mean inertia: heavy ones stop early."""
+    early = {'cone="elliptic"': 'cone="elliptic" tolerance="0.1"'}
+    (lost,), _ = judged(pincher(tmp_path, **early), Gripping(robot="robot"))
+    assert lost.rule == "grip.lost"

@@ -9,7 +9,7 @@ from assetbuild.facts.mjcf import MjcfReader
 from assetbuild.facts.reference import Reference
 from assetbuild.robot.model import Contact
 
-DEFAULTS = {"iterations": 20, "ls_iterations": 50, "cone": "elliptic"}
+DEFAULTS = {"iterations": 20, "ls_iterations": 50, "cone": "elliptic", "tolerance": 1e-8}
 """Defaults of the recipe's `mjx`, for a bundle that does not state them."""
 
 

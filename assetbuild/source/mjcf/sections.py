@@ -379,6 +379,7 @@ def _options(root: _Element, model: Model) -> MjcfOnly:
         said.setdefault("integrator", integrators[number])
     said.setdefault("cone", ("pyramidal", "elliptic")[int(model.opt.cone)])
     said.setdefault("impratio", words((model.opt.impratio,)))
+    said.setdefault("tolerance", words((model.opt.tolerance,)))
     children = [("flag", dict(sorted(flags.items())))] if flags else ()
     return MjcfOnly("option", element_text("option", dict(sorted(said.items())), children))
 

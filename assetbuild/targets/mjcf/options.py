@@ -42,3 +42,8 @@ class MjcfOptions(Model):
     solver: Literal["Newton", "CG", "PGS"] = Field("Newton", description="of the constraints")
     iterations: int | None = Field(None, ge=1, le=10_000, description="of the solver, at most")
     ls_iterations: int | None = Field(None, ge=1, le=10_000, description="of its line search")
+    tolerance: Positive = Field(
+        1e-12,
+        description="improvement of a step, relative to the robot's mean inertia, at which the "
+        "solver stops; with MuJoCo's 1e-8 light fingers of a heavy robot let go",
+    )

@@ -53,6 +53,7 @@ class Solver:
     solver: str
     iterations: int | None
     ls_iterations: int | None
+    tolerance: float
 
     @classmethod
     def of(cls, options: BaseModel) -> Solver:
@@ -169,6 +170,7 @@ class RobotXml:
                 "iterations": str(solver.iterations) if solver.iterations else None,
                 "ls_iterations": str(solver.ls_iterations) if solver.ls_iterations else None,
                 "impratio": number(impratio) if impratio != 1.0 else None,
+                "tolerance": number(solver.tolerance) if solver.tolerance != 1e-8 else None,
             },
         )
 
