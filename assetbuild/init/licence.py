@@ -12,8 +12,8 @@ import re
 from collections.abc import Iterator
 from pathlib import Path
 
+from assetbuild.init.draft import Draft
 from assetbuild.init.packages import start_of
-from assetbuild.init.words import quoted
 
 SPDX = (
     "Apache-2.0", "MIT", "MIT-0", "BSD-2-Clause", "BSD-3-Clause", "BSD-3-Clause-Clear", "MPL-2.0",
@@ -50,17 +50,14 @@ the words; the file.
 """
 
 
-def source_section(root: Path, recipe: Path, key: str, file: str, *more: str) -> Iterator[str]:
-    """The sections `source:` and `about:` of a recipe that will lie at `recipe`; more: lines."""
+def put_source(draft: Draft, root: Path, recipe: Path, key: str, file: str) -> None:
+    """The sections `source` and `about` of a recipe that will lie at `recipe`."""
     relative = os.path.relpath(root, os.path.realpath(recipe.parent))
-    yield "source:"
-    yield f"  path: {quoted(Path(relative).as_posix())}   # relative to this file"
-    yield f"  {key}: {quoted(file)}"
-    yield from more
-    yield from licence_lines(root, file)
+    draft.put(Path(relative).as_posix(), "source", "path", beside="relative to this file")
+    draft.put(file, "source", key)
+    put_licence(draft, root, file)
     if about := stated_about(root, file):
-        yield "about:   # as package.xml says"
-        yield from (f"  {key}: {quoted(text)}" for key, text in about.items())
+        draft.put(about, "about", beside="as package.xml says")
 
 
 def stated_licence(root: Path, file: str) -> StatedLicence | None:
@@ -83,18 +80,18 @@ def stated_licence(root: Path, file: str) -> StatedLicence | None:
     return None
 
 
-def licence_lines(root: Path, file: str) -> Iterator[str]:
-    """The lines of the section `source:`."""
-    stated = stated_licence(root, file)
+def put_licence(draft: Draft, root: Path, file: str) -> None:
+    """The licence where a file states one that has an SPDX name; else a comment."""
+    stated, at = stated_licence(root, file), ("source", "license")
     if stated is None:
-        yield "  # license: its SPDX name here; no file of the source states one"
+        draft.note("license: its SPDX name here; no file of the source states one", at=at)
         return
     name, words, said_by = stated
     if name:
-        yield f"  license: {name}   # as {said_by} says"
+        draft.put(name, *at, beside=f"as {said_by} says")
     else:
-        yield f"  # {said_by} says {words!r}: write the SPDX name of this robot's"
-        yield "  # license:"
+        draft.note(f"{said_by} says {words!r}: write the SPDX name of this robot's", at=at)
+        draft.note("license:", at=at)
 
 
 def folders_above(root: Path, robot: Path) -> Iterator[Path]:

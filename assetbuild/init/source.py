@@ -16,6 +16,7 @@ from typing import Literal
 
 from assetbuild.engine.scratch import scratch
 from assetbuild.errors import SourceError, UsageError, Where, nearest
+from assetbuild.init.draft import some
 from assetbuild.init.packages import (
     absolute_folders,
     common_folder,
@@ -30,7 +31,6 @@ from assetbuild.init.packages import (
     respelled,
     stated,
 )
-from assetbuild.init.words import some
 from assetbuild.init.xacro import Expanded, expand, is_xacro, leftovers
 from assetbuild.recipe.loader import read_small_file, shown_path
 from assetbuild.recipe.source import Patch

@@ -22,10 +22,10 @@ from assetbuild.control.ground import Ground, stands_on_zero
 from assetbuild.engine.scratch import Scratch, scratch
 from assetbuild.errors import AssetBuildError, StepError
 from assetbuild.findings import Finding
+from assetbuild.init.draft import patterns_of
 from assetbuild.init.drives import DriveRow
 from assetbuild.init.home import DEEP_M, Depths, Pair, nothing_deep
 from assetbuild.init.look import InspectedRobot, mesh_of, scaled_points
-from assetbuild.init.words import patterns_of
 from assetbuild.mesh.hull import convex_hull
 from assetbuild.mesh.obj import obj_bytes
 from assetbuild.mesh.primitives import tessellate

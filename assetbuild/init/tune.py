@@ -17,6 +17,7 @@ import numpy as np
 
 from assetbuild.findings import Finding
 from assetbuild.init.anatomy import Anatomy
+from assetbuild.init.draft import patterns_of
 from assetbuild.init.drives import FIRM, FIRMER, MOST_DAMPED, STEP_S, TABLE, DriveRow, drive_rows
 from assetbuild.init.home import UPRIGHT, Depths, Stance, home_pose, nothing_deep
 from assetbuild.init.loops import NO_LOOPS, FoundLoops
@@ -28,7 +29,6 @@ from assetbuild.init.strength import (
     with_efforts,
 )
 from assetbuild.init.trial import PUSHED_RAD, Trial
-from assetbuild.init.words import patterns_of
 from assetbuild.robot.actuators import RowError
 from assetbuild.robot.inertia import total_mass
 from assetbuild.robot.model import Tree

@@ -271,7 +271,7 @@ def test_home_is_the_keyframe_of_the_scene_that_includes_the_robot(
         (tmp_path / f"{name}.xml").write_text(PENDULA)
     (tmp_path / "scene.xml").write_text(f'<mujoco model="s">{scene}{key}</mujoco>')
     text = propose(tmp_path / "robot.xml", tmp_path / "r.yaml", {}).text
-    assert ("      j: 0.4\n      k: -0.7\n" in text) is found
+    assert ("joints: {j: 0.4, k: -0.7}" in text) is found
     assert ("as the keyframe of scene.xml beside it" in text) is found
 
 
@@ -283,7 +283,7 @@ def test_home_as_in_the_scene_stays_within_the_limits(tmp_path: Path):
     )
     text = propose(tmp_path / "robot.xml", tmp_path / "r.yaml", {}).text
     assert "as the keyframe of scene.xml beside it, within the limits" in text
-    assert "      j: 0.4\n      k: -1.5707963" in text
+    assert "joints: {j: 0.4, k: -1.5707963" in text
 
 
 def test_a_gripper_without_contacts_of_its_own_gets_ones_that_hold(tmp_path: Path):

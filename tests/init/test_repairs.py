@@ -87,7 +87,7 @@ def test_a_turned_mesh_is_tried_as_it_is_turned(tmp_path: Path):
     zeros = inertial(1.0, tensor(0.0, 0.0, 0.0), xyz="0 0 0.5")
     (tmp_path / "bot.urdf").write_text(chain(zeros + shape("visual", mesh("rod.glb"))))
     read = judge(look(find_source(tmp_path / "bot.urdf", {})), "fixed")
-    _, turn = turned(read)
+    turn = turned(read)
     assert turn == {"rod.glb"}
     whole = mended(replace(read, turned=turn), repairs(read))
     rod_inertia = whole.links.by_body["link0"].inertial

@@ -142,8 +142,8 @@ def test_a_planar_base_is_split_and_keeps_its_usd(tmp_path: Path):
     recipe = initialised(text, tmp_path)
     assert recipe.targets == ("urdf", "mjcf", "usd")
     text = (tmp_path / "r.yaml").read_text()
-    assert "- split_joint: {joint: p}" in text
-    assert "- share_mass: {link:" in text
+    assert "split_joint: {joint: p}" in text
+    assert "share_mass: {link:" in text
 
 
 def test_a_cart_that_a_planar_joint_moves_over_its_root_does_not_float_as_well(tmp_path: Path):

@@ -65,8 +65,8 @@ def test_packages_are_found_and_arguments_are_listed(packages: Path):
     assert source.packages == {"parts": "ws/parts", "shapes": "elsewhere/my_shapes"}
     assert source.args == {}
     text = (packages / "bot.yaml").read_text()
-    assert '#   size: "0.1"' in text
-    assert '#   effort: "12"' in text
+    assert '# size: "0.1"' in text
+    assert '# effort: "12"' in text
 
 
 def test_arguments_decide_the_robot(packages: Path):
@@ -74,7 +74,7 @@ def test_arguments_decide_the_robot(packages: Path):
     assert loaded.recipe.source.args == {"effort": "30"}
     text = (packages / "bot.yaml").read_text()
     assert "1 joint: 30 N m" in text
-    assert "#   effort:" not in text  # given, so not among those that could be
+    assert "# effort:" not in text  # given, so not among those that could be
 
 
 def test_a_package_that_is_not_found_says_how_to_name_it(packages: Path):
