@@ -41,7 +41,7 @@ from assetbuild.robot.pose import Array
 from assetbuild.robot.shapes import MeshFile, SourceShapes
 from assetbuild.robot.tree import merge_fixed_joints
 from assetbuild.source.urdf.joints import LIMIT_OMITTED
-from assetbuild.source.urdf.tidy import WORLD_JOINT
+from assetbuild.source.urdf.read_urdf import WORLD_JOINT
 
 
 @dataclass(frozen=True)

@@ -13,8 +13,8 @@ from assetbuild.init.draft import Draft
 from assetbuild.init.drives import drive_rows
 from assetbuild.init.home import home_pose
 from assetbuild.init.look import InspectedRobot, judge, look
-from assetbuild.init.source import find_source
 from assetbuild.init.sections import put_validation
+from assetbuild.init.source import find_source
 from assetbuild.init.trial import Trial, staged, tables
 from assetbuild.init.tune import tune
 from assetbuild.pipeline.recipes import load_recipe

@@ -13,6 +13,7 @@ from assetbuild.engine.step import Files, Limits, Step
 from assetbuild.findings import Finding, Rule
 from assetbuild.robot.codec import encode
 from assetbuild.robot.model import Base, Joint, Tree
+from assetbuild.source.urdf.exporters import exporter_findings
 from assetbuild.source.urdf.joints import build_tree, read_joint
 from assetbuild.source.urdf.links import Geometries, named, read_body, read_shapes
 from assetbuild.source.urdf.paths import Paths
@@ -47,6 +48,12 @@ XML_VERSION = Rule(
     "warning",
     "the first line states a version of XML that does not exist",
     'write `<?xml version="1.0"?>`',
+)
+WORLD_JOINT = Rule(
+    "urdf.world.floating",
+    "info",
+    "a floating joint holds the robot to an empty root link: the link below is the floating base",
+    "nothing; where it starts stands in the recipe's keyframes",
 )
 NAMELESS = Rule("urdf.name.missing", "info", "`<robot>` has no name", "give it one")
 
@@ -85,7 +92,9 @@ class ReadUrdf(Step):
         """Reads `robot.urdf`; writes Tree, Shapes, mesh uses, lines."""
         data = (files.inputs / "robot.urdf").read_bytes()
         problems = Problems()
-        root, mended = read_tidy(data, self.file, problems, self.base)
+        root, mended = read_tidy(data, self.file, problems)
+        if self.base == "floating":
+            mended += _without_world(root)
         links = list(named(root.all("link"), problems))
         bodies = problems.collect(links, read_body)
         paths = Paths(self.file, self.packages, self.relative_to, self.absolute, self.missing)
@@ -112,6 +121,7 @@ class ReadUrdf(Step):
             *findings,
             *held,
             *_dropped(root),
+            *exporter_findings(data, tree),
         ]
 
     def _source_map(
@@ -124,6 +134,25 @@ class ReadUrdf(Step):
         lines |= {f"element {kind}": nodes[0].line for kind, nodes in homeless(root).items()}
         lines |= {f"element {stray.tag}": stray.line for stray in reversed(strays(root))}
         return {"file": self.file, "lines": lines}
+
+
+def _without_world(root: Node) -> Iterator[Finding]:
+    """Take out an empty root link with the floating joint below it, which a floating base is."""
+    joints = root.all("joint")
+    children = {child.get("link") for joint in joints if (child := joint.only("child"))}
+    roots = [link for link in root.all("link") if link.get("name") not in children]
+    if len(roots) != 1 or roots[0].first() is not None:
+        return
+    world = roots[0].get("name")
+    held = [j for j in joints if (p := j.only("parent")) is not None and p.get("link") == world]
+    if len(held) != 1 or held[0].get("type") != "floating":
+        return
+    message = f"joint {held[0].get('name')} on line {held[0].line} floats from the empty link "
+    message += f"`{world}`: both are left out, and the link below is the floating base"
+    hint = "where it starts stands in the recipe's keyframes"
+    yield WORLD_JOINT("robot", message, hint, data={"line": held[0].line})
+    held[0].remove()
+    roots[0].remove()
 
 
 def _read_joints(
