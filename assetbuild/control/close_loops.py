@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import itertools
-import math
 import re
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import replace
@@ -15,7 +14,7 @@ from assetbuild.robot.closure import CLOSED, Solution, close, gaps, locked_joint
 from assetbuild.robot.files import SourceControl
 from assetbuild.robot.loops import by_constraint, path_of, placed_loop
 from assetbuild.robot.mimic import with_mimics
-from assetbuild.robot.model import Keyframe, Loop, LoopEnd, Tree
+from assetbuild.robot.model import Keyframe, Loop, Tree
 from assetbuild.robot.pose import IDENTITY, Quat, quat_multiply, quat_of_rpy
 from assetbuild.robot.sides import Side, moving_by_source
 
@@ -41,15 +40,6 @@ LOCKED = Rule(
     "the source's loops leave a driven joint no motion",
     "check the ends of the loops",
 )
-
-REPEATED = Rule(
-    "loop.repeated",
-    "warning",
-    "two loops hold the same two points together: what they do is done twice, and twice as stiffly",
-    "remove one of them",
-)
-SAME_M = 1e-6
-"""Points that lie closer are one."""
 
 
 def driven_joints(
@@ -235,23 +225,3 @@ def source_findings(
             )
     for joint in locked_joints(hinged(tree), loops, positions_of(tree, start), driven):
         yield LOCKED(f"joint {joint}", "the loops leave this driven joint no motion")
-
-
-def repeated_findings(loops: Sequence[Loop]) -> Iterator[Finding]:
-    """Loops of one kind between the same points of the same bodies."""
-    for one, other in itertools.combinations(loops, 2):
-        ends = (other.ends, other.ends[::-1])
-        if one.kind == other.kind and any(_are_same(one.ends, pair) for pair in ends):
-            yield REPEATED(
-                f"loop {other.name}",
-                f"loops `{one.name}` and `{other.name}` hold the same points of "
-                f"`{one.a.body}` and `{one.b.body}` together",
-                data={"loops": (one.name, other.name)},
-            )
-
-
-def _are_same(ends: Sequence[LoopEnd], others: Sequence[LoopEnd]) -> bool:
-    return all(
-        end.body == other.body and math.dist(end.X_body_end.xyz, other.X_body_end.xyz) <= SAME_M
-        for end, other in zip(ends, others, strict=True)
-    )

@@ -6,7 +6,7 @@ import json
 import os
 import re
 from collections.abc import Collection, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from assetbuild.control.close_loops import placed_loops
@@ -28,20 +28,18 @@ from assetbuild.init.look import InspectedRobot, carried, judge, not_in_usd
 from assetbuild.init.packages import above, is_file
 from assetbuild.init.repairs import put_repairs, repairs
 from assetbuild.init.sections import (
-    TURNED,
     put_actuators,
     put_head,
     put_home,
     put_targets,
     put_validation,
 )
-from assetbuild.init.strength import bounds
 from assetbuild.init.trial import Trial, staged, tables
 from assetbuild.init.tune import Tuning, tune
 from assetbuild.robot.files import RobotFiles, SourceControl
 from assetbuild.robot.loops import path_of
 from assetbuild.robot.mjcf_only import joint_springs, lost_in_usd, no_drives
-from assetbuild.robot.model import Control, Joint
+from assetbuild.robot.model import Control
 from assetbuild.source.mjcf.flatten_mjcf import FOLDER, FlattenMjcf
 from assetbuild.source.mjcf.includes import ListIncludes
 from assetbuild.source.mjcf.opaque import keys
@@ -49,7 +47,6 @@ from assetbuild.source.mjcf.read_mjcf import ReadMjcf
 from assetbuild.source.mjcf.scenery import SeveralRobotsError
 from assetbuild.source.urdf.xml import MAX_BYTES
 
-INCLUDE = re.compile(rb"""<include\s[^>]*?file\s*=\s*["']([^"']+)["']""")
 VAGUE = {"", *keys("assets scene mjx robot model mujoco mjcf xml xmls world main")}
 """Words that name no robot."""
 DRIVES = "The source drives no joint; mjlab's robots, for one, are driven from Python."
@@ -63,8 +60,6 @@ class MjcfSource:
     calls a body, except what is merged into the bodies `weak`.
     bodies: of the robots in its world, where there are several; the first is read.
     newer: words that MuJoCo 3.11 does not know.
-    posed: pose of the keyframe in a scene beside it, where it has none itself, within the joints'
-    limits; bounded: which it is not there; scene: its name.
     """
 
     root: Path
@@ -75,14 +70,6 @@ class MjcfSource:
     weak: tuple[str, ...] = ()
     bodies: tuple[str, ...] = ()
     newer: tuple[str, ...] = ()
-    posed: Mapping[str, float] = field(default_factory=dict)
-    bounded: bool = False
-    scene: str = ""
-
-
-def _within(joint: Joint, value: float) -> float:
-    lower, upper = bounds(joint)
-    return min(max(value, lower), upper)
 
 
 def is_mjcf(file: Path, data: bytes) -> bool:
@@ -100,7 +87,7 @@ def find_mjcf(file: Path) -> MjcfSource:
     problem: SourceError | None = None
     for root in above(real):
         try:
-            return _posed(_read(root, real.relative_to(root).as_posix()), real)
+            return _read(root, real.relative_to(root).as_posix())
         except SeveralRobotsError as several:
             return _read(root, real.relative_to(root).as_posix(), several.names)
         except SourceError as error:
@@ -109,29 +96,6 @@ def find_mjcf(file: Path) -> MjcfSource:
             problem = problem or error
     assert problem is not None  # noqa: S101 # every path has a folder
     raise problem
-
-
-def _posed(found: MjcfSource, file: Path) -> MjcfSource:
-    """Return the source; without a keyframe, with that of a neighbouring scene that includes it."""
-    if found.control.keyframes:
-        return found
-    for scene in sorted(set(file.parent.glob("*.xml")) - {file}):
-        text = scene.read_bytes() if scene.stat().st_size <= MAX_BYTES else b""
-        included = {
-            name.decode(errors="replace").removeprefix("./") for name in INCLUDE.findall(text)
-        }
-        if b"<key" not in text or file.name not in included:
-            continue
-        try:
-            there = _read(found.root, scene.relative_to(found.root).as_posix()).control
-        except SourceError:
-            continue
-        pose = dict(key.joints) if (key := there.initial_keyframe) else {}
-        joints = found.robot.tree.by_joint
-        if pose and pose.keys() <= joints.keys():
-            within = {name: _within(joints[name], q) for name, q in pose.items()}
-            return replace(found, posed=within, scene=scene.name, bounded=within != pose)
-    return found
 
 
 def _read(root: Path, name: str, bodies: tuple[str, ...] = ()) -> MjcfSource:
@@ -168,17 +132,8 @@ def _read(root: Path, name: str, bodies: tuple[str, ...] = ()) -> MjcfSource:
 
 
 def robot_name(stated: str, file: Path) -> str:
-    """What an MJCF calls its robot; of a scene, by what else names it.
-
-    First without the word `scene`, then as the files that it includes and that have bodies, as
-    itself, as its folder.
-    """
-    try:
-        beside = [file.parent / name.decode() for name in INCLUDE.findall(file.read_bytes())]
-        holders = [path.stem for path in beside if is_file(path) and b"<body" in path.read_bytes()]
-    except (OSError, ValueError):
-        holders = []
-    for name in (stated, *holders, file.stem, file.parent.name, file.parent.parent.name):
+    """What an MJCF calls its robot; a scene that says no more is called like its file or folder."""
+    for name in (stated, file.stem, file.parent.name, file.parent.parent.name):
         words = [word for word in re.split(r"[ _.-]+", name) if word.lower() != "scene"]
         if not VAGUE.issuperset(word.lower() for word in words):
             return "_".join(words) if "scene" in name.lower() else name
@@ -250,7 +205,7 @@ def mjcf_recipe(found: MjcfSource, path: Path) -> Proposal:
     _put_collision(draft, robot)
     _put_drives(draft, found, tuning)
     if not control.keyframes:
-        _put_home(draft, found, anatomy, tuning)
+        put_home(draft, robot, anatomy, _pose(found, anatomy, tuning))
     put_own_loops(draft, hand, control)
     put_own_pads(draft, robot, hand, control)
     put_targets(draft, found.built, springs, lost)
@@ -272,20 +227,12 @@ def _tuned(found: MjcfSource, anatomy: Anatomy) -> Tuning:
         return tune(robot.tree, anatomy, attempt, rotors, control.simulation.timestep)[0]
 
 
-def _put_home(draft: Draft, found: MjcfSource, anatomy: Anatomy, tuning: Tuning | None) -> None:
-    pose = _pose(found, anatomy, tuning)
-    why = f"as the keyframe of {found.scene} beside it" if found.scene else TURNED
-    why += ", within the limits" * found.bounded
-    put_home(draft, found.robot, anatomy, pose, why=why)
-
-
 def _pose(found: MjcfSource, anatomy: Anatomy, tuning: Tuning | None) -> Mapping[str, float]:
     """The pose in which the drives were tried; of a source with drives, one for its limits.
 
     Without the joints that loops move, which a build finds.
     """
     pose = tuning.pose if tuning else home_pose(found.robot.tree, anatomy.legs)
-    pose = {**pose, **found.posed}
     tree, control = found.robot.tree, found.control
     chain = {j.name for p in placed_loops(tree, control.loops) for j in path_of(tree, p)}
     driven = {row.joint for row in control.actuators if row.model != "passive"}
@@ -364,6 +311,6 @@ def _stood(found: MjcfSource, anatomy: Anatomy) -> Trial | None:
         return None
     step = {"timestep": control.simulation.timestep}
     home = control.initial_keyframe
-    pose = dict(home.joints) if home else found.posed or home_pose(robot.tree, legs)
+    pose = dict(home.joints) if home else home_pose(robot.tree, legs)
     with staged(robot, [sole for leg in legs for sole in leg.soles], whole=False) as stage:
         return stage.attempt(tables(robot.tree, (), pose, step), control)

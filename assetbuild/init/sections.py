@@ -263,9 +263,8 @@ def put_home(
     anatomy: Anatomy,
     pose: Mapping[str, float],
     loops: FoundLoops = NO_LOOPS,
-    why: str = TURNED,
 ) -> None:
-    """The keyframe `home`. why: joints other than the legs' are not at rest there."""
+    """The keyframe `home`."""
     tree, keys = robot.tree, ("keyframes", "home", "joints")
     if not pose and tree.base == "fixed" and not loops.rows:
         return
@@ -281,7 +280,7 @@ def put_home(
     lines = ["each foot below its hip, all at one height"] * bool(legged & shown.keys())
     others = [name for name in pose if name not in legged]
     if any(abs(pose[name] - resting(tree.by_joint[name])) > 1e-3 for name in others):
-        lines.append(why)
+        lines.append(TURNED)
     lines.append("joints not named here are 0, which their limits allow")
     joints = {
         pattern: value

@@ -158,21 +158,16 @@ def _like(disc: _Disc, others: Sequence[_Disc]) -> list[_Disc]:
 def _followers(
     tree: Tree, at_zero: Mapping[str, Pose], wheels: Sequence[_Disc], discs: Sequence[_Disc]
 ) -> dict[str, Turning]:
-    """Casters with their swivels, what steers, the rollers of wheels and the axes of balls.
-
-    A ball turns about several axes in one point: bodies without a shape, down to the ball.
-    """
+    """Casters with their swivels, what steers, and what turns inside of a wheel."""
     below = {disc.joint.name: bodies_below(tree, disc.joint.child)[1:] for disc in wheels}
     named = [disc for disc in wheels if _CASTER.fullmatch(disc.name)]
-    balls = [disc for disc in wheels if not disc.radius and below[disc.joint.name]]
-    others = [disc for disc in wheels if disc not in balls]
-    swivels = {disc.joint.name: _swivel(tree, at_zero, disc, wheels) for disc in others}
-    steady = [d for d in others if d not in named and swivels[d.joint.name] is None]
+    swivels = {disc.joint.name: _swivel(tree, at_zero, disc, wheels) for disc in wheels}
+    steady = [d for d in wheels if d not in named and swivels[d.joint.name] is None]
     found: dict[str, Turning] = {}
     for disc in wheels:
         swivel = swivels.get(disc.joint.name)
         trails = swivel is not None and _trail(at_zero, swivel, disc) > TRAIL * disc.radius
-        follows = disc in balls or (len(steady) > 1 and (trails or disc in named))
+        follows = len(steady) > 1 and (trails or disc in named)
         if follows:
             found[disc.joint.name] = Turning("caster", disc.radius)
         if swivel is not None:

@@ -25,7 +25,6 @@ from assetbuild.init.packages import (
     start_of,
 )
 from assetbuild.recipe.loader import shown_path
-from assetbuild.recipe.source import Patch
 from assetbuild.source.get.files import left_out
 from assetbuild.source.urdf.expand_xacro import MOST_FILES, NOT_INCLUDED, ExpandXacro
 
@@ -37,16 +36,6 @@ _ASKED = re.compile(r"`\$\(find ([^`]+)\)`: no package")
 _ABSENT = re.compile(r"of the package `([^`]+)`, which is stated as missing")
 _UNDEFINED = re.compile(r"Undefined substitution argument (\S+)")
 _XACRO = re.compile(rb"<xacro:")
-
-
-_CALL = re.compile(r"<xacro:([\w.-]+)")
-_WHOLE_CALL = re.compile(r"<xacro:([\w.-]+)(?:[^<>]*/>|(?:\s[^<>]*)?>\s*</xacro:\1\s*>)")
-LEFTOVER = "nothing here defines this macro; readers of URDF leave the call out"
-_OWN = {
-    "include", "arg", "property", "macro", "if", "unless", "insert_block", "call", "element",
-    "attribute",
-}  # fmt: skip
-"""Elements of xacro itself."""
 
 
 @dataclass(frozen=True)
@@ -62,19 +51,6 @@ class Expanded:
 def is_xacro(file: Path, data: bytes) -> bool:
     """By its name, or because it uses xacro's elements."""
     return file.suffix == ".xacro" or _XACRO.search(data) is not None
-
-
-def leftovers(file: Path, data: bytes) -> list[Patch]:
-    """Calls of macros in a `.urdf` that defines and includes none: what xacro has left behind."""
-    text = data.decode("utf-8", "replace")
-    elements = {*_CALL.findall(text)}
-    if file.suffix != ".urdf" or not elements or elements & _OWN:
-        return []
-    calls = dict.fromkeys(found[0] for found in _WHOLE_CALL.finditer(text))
-    return [
-        Patch(file=file.name, find=call, replace="", times=text.count(call), because=LEFTOVER)
-        for call in calls
-    ]
 
 
 def expand(

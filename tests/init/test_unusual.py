@@ -269,16 +269,6 @@ def test_legs_are_known_by_where_they_reach_or_by_their_names(
     assert f"\nbase: {base} " in text
 
 
-@pytest.mark.parametrize(("props", "base"), [(1, "fixed"), (4, "floating")])
-def test_one_prop_is_part_of_a_gripper_several_fly(props: int, base: str, tmp_path: Path):
-    names = ("arm", "prop")
-    (tmp_path / "bot.urdf").write_text(
-        _walker(last="continuous", down=0.0, names=names, limbs=props).replace("prop_", "/prop_")
-    )
-    text = propose(tmp_path / "bot.urdf", tmp_path / "bot.yaml", {}).text
-    assert f"\nbase: {base} " in text
-
-
 def test_a_floating_joint_below_an_empty_root_is_a_floating_base(tmp_path: Path):
     free = joint("f", "world", "base", "floating", "")
     recipe = initialised(

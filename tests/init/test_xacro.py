@@ -6,7 +6,6 @@ from pathlib import Path
 
 import pytest
 
-from assetbuild.cli import main
 from assetbuild.errors import SourceError, UsageError
 from assetbuild.init import propose, write
 from assetbuild.pipeline.recipes import load_recipe
@@ -110,17 +109,6 @@ def test_a_urdf_that_only_declares_the_namespace_is_none(robots: Path, tmp_path:
     text = (robots / "four_legs.urdf").read_text()
     (tmp_path / "dog.urdf").write_text(text.replace("<robot ", f"<robot {NAMESPACE} ", 1))
     assert "  urdf: dog.urdf" in propose(tmp_path / "dog.urdf", tmp_path / "dog.yaml", {}).text
-
-
-def test_a_call_that_xacro_left_in_a_urdf_is_patched_away(robots: Path, tmp_path: Path):
-    """No file defines the macro, and every reader of URDF leaves the call out."""
-    left = "<xacro:imu name='a'/><xacro:imu name='b'></xacro:imu></robot>"
-    text = (robots / "four_legs.urdf").read_text().replace("</robot>", left)
-    (tmp_path / "dog.urdf").write_text(text)
-    write(propose(tmp_path / "dog.urdf", tmp_path / "dog.yaml", {}), force=True)
-    source = load_recipe(tmp_path / "dog.yaml").recipe.source
-    assert [patch.find for patch in source.patches] == [left[:21], left[21:-8]]
-    assert main(["check", str(tmp_path / "dog.yaml")]) == 0
 
 
 def test_a_urdf_that_defines_its_macro_is_a_xacro(robots: Path, tmp_path: Path):

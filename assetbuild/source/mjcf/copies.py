@@ -16,11 +16,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from assetbuild.errors import AssetBuildError, SourceError
+from assetbuild.errors import SourceError
 from assetbuild.facts.mjcf_grammar import Path, schema
 from assetbuild.simulators.mujoco import caught_warnings
 from assetbuild.source.mjcf.compiled import plain, without_meshes
-from assetbuild.source.mjcf.text import AT, error_at, own_fault, path_of, remove, where_of
+from assetbuild.source.mjcf.text import AT, error_at, path_of, remove, where_of
 
 if TYPE_CHECKING:
     from lxml.etree import _Element
@@ -65,14 +65,15 @@ def write_out(root: _Element, load: Callable[[_Element], _Element], depth: int =
         {str(e.get("name")): len(list(models[str(e.get("file"))].iter("*"))) for e in elements},
     )
     files = _stand_in([root, *models.values()])
-    source = copy.deepcopy(root), copy.deepcopy(models)
     lines = _Lines([root, *models.values()])
     try:
         with caught_warnings():
             made = lines.of(_written(_spec(root, models), first))
             _compare(root, models, made, first)
     except ValueError as error:
-        raise _refused(error, first, *source) from None
+        words = " ".join(str(error).split())
+        message = f"MuJoCo does not write <{first.tag}> out: {words}"
+        raise SourceError(message, where=where_of(first)) from None
     lines.unmark(made)
     for element in made.iterfind("asset/*"):
         element.attrib.update({k: files[str(v)] for k, v in element.attrib.items() if v in files})
@@ -97,22 +98,6 @@ def _written(spec: Any, first: _Element) -> str:  # Any: MjSpec
         raise error_at(first, f"this MuJoCo does not write <{first.tag}> out exactly", hint)
     spec.compiler.savecompiled = spec.compiler.savecanonical = False
     return str(spec.to_xml())
-
-
-def _refused(
-    error: ValueError, first: _Element, root: _Element, models: Mapping[str, _Element]
-) -> AssetBuildError:
-    """root, models: the texts without our marks; it is our fault where MuJoCo takes these."""
-    words = " ".join(str(error).split())
-    try:
-        with caught_warnings():
-            spec = _spec(plain(root), {name: plain(model) for name, model in models.items()})
-            spec.compile()
-            _written(spec, first)
-    except ValueError:
-        message = f"MuJoCo does not write <{first.tag}> out: {words}"
-        return SourceError(message, where=where_of(first))
-    return own_fault(first, words)
 
 
 def _rename_classes(model: _Element, number: int) -> None:
