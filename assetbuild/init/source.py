@@ -221,7 +221,7 @@ def _cases(source: UrdfSource, meshes: Sequence[dict[str, str]]) -> Iterator[Pat
 
 
 def _other_case(root: Path, path: str) -> PurePosixPath | None:
-    """The one file below a root of that name but for case, or of what it is percent-encoded from."""
+    """The one file of that name but for case and percent-encoding, below a root."""
     found = [PurePosixPath()]
     for part in PurePosixPath(unquote(path)).parts:
         found = [

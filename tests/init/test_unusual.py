@@ -4,14 +4,12 @@
 
 from __future__ import annotations
 
-import json
 import os
 import struct
 import subprocess
 from pathlib import Path
 
 import commands
-import mujoco
 import numpy as np
 import pytest
 import urdfs
@@ -196,25 +194,6 @@ def test_what_cannot_be_is_one_clear_error(name: str, tmp_path: Path):
     (tmp_path / "t.stl").write_bytes(TRIANGLE)
     with pytest.raises(SourceError, match=says):
         propose(tmp_path / "r.urdf", None, {})
-
-
-@pytest.mark.slow  # a whole build, pictures and all
-def test_planar_a_held_follower_and_a_mesh_of_one_triangle_build(tmp_path: Path):
-    text = robot(
-        link("a"), link("b"), link("c"), link("d", mesh("t.stl") + HIT),
-        joint("p", "a", "b", "planar"), joint("f", "b", "c", "fixed", ""),
-        joint("j", "c", "d", "continuous", '<mimic joint="f" offset="0.3"/>'),
-    )  # fmt: skip
-    (tmp_path / "r.urdf").write_text(text)
-    (tmp_path / "t.stl").write_bytes(TRIANGLE)
-    assert assetbuild(tmp_path, "init", "r.urdf").returncode == 0
-    built = assetbuild(tmp_path, "build", "r.yaml")
-    assert built.returncode == 0, built.stdout + built.stderr
-    model = mujoco.MjModel.from_xml_path(str(tmp_path / "build/r/mjcf/r.xml"))
-    assert (model.nmesh, model.njnt, model.neq) == (1, 4, 1)
-    assert model.eq_data[0][0] == 0.3
-    report = json.loads((tmp_path / "build/r/report/report.json").read_text())
-    assert {"joint.mimic_fixed", "edit.split_joint"} <= {f["rule"] for f in report["findings"]}
 
 
 def test_a_biped_whose_heels_hang_on_springs_floats(tmp_path: Path):
