@@ -100,7 +100,7 @@ def find_source(
     data = replaced(data, patches)
     if args and not by_xacro:
         raise UsageError("`--arg` is for a xacro file", where=Where(name), hint="leave it out")
-    read = expand(real, data, folders, args) if by_xacro else Expanded(data)
+    read = expand(real, folders, args) if by_xacro else Expanded(data)
     uses = files_named(parse(read.data, name))
     used = {**folders, **read.packages}
     used |= find_packages(uses, real, used)

@@ -22,16 +22,14 @@ from assetbuild.init.packages import (
     declared,
     find_package,
     package_folders,
-    start_of,
 )
 from assetbuild.recipe.loader import shown_path
 from assetbuild.source.get.files import left_out
 from assetbuild.source.urdf.expand_xacro import MOST_FILES, NOT_INCLUDED, ExpandXacro
 
 MOST_TRIES = 60
-"""Packages that are asked for by a computed name, one after another."""
+"""Packages that are asked for, one after another."""
 
-_FIND = re.compile(r"\$\(find\s+([^\s)]+)\s*\)|package:/*([A-Za-z][\w-]*)/")
 _ASKED = re.compile(r"`\$\(find ([^`]+)\)`: no package")
 _ABSENT = re.compile(r"of the package `([^`]+)`, which is stated as missing")
 _UNDEFINED = re.compile(r"Undefined substitution argument (\S+)")
@@ -53,15 +51,13 @@ def is_xacro(file: Path, data: bytes) -> bool:
     return file.suffix == ".xacro" or _XACRO.search(data) is not None
 
 
-def expand(
-    file: Path, data: bytes, stated: Mapping[str, Path], args: Mapping[str, str]
-) -> Expanded:
+def expand(file: Path, stated: Mapping[str, Path], args: Mapping[str, str]) -> Expanded:
     """Expand a file with its arguments. Raises SourceError as the build would, in words of `init`.
 
-    file: real path. What the file asks for by a computed name is found by expanding it again and
-    again. A package that is found nowhere is an error only where the robot needs its files.
+    file: real path. A package that it asks for is found by expanding it again and again. One that
+    is found nowhere is an error only where the robot needs its files.
     """
-    attempt = _Attempt(file, _packages(file, data, stated), args)
+    attempt = _Attempt(file, dict(stated), args)
     for _ in range(MOST_TRIES):
         try:
             return attempt.run()
@@ -150,26 +146,6 @@ def _reworded(error: SourceError, file: Path) -> SourceError:
 
 
 # --- files ----------------------------------------------------------------------------------
-
-
-def _packages(file: Path, data: bytes, stated: Mapping[str, Path]) -> dict[str, Path]:
-    """Folders of all packages that the file and what it may include speak of, where they exist."""
-    found: dict[str, Path | None] = dict(stated)
-    waiting = [data.decode("utf-8", "replace")]
-    waiting += [_text(path) for folder in stated.values() for path in _readable(folder)]
-    while waiting:
-        text = waiting.pop()
-        for match in _FIND.finditer(text if "<robot" in text else ""):
-            name = match[1] or match[2]
-            if name not in found:
-                folder = found[name] = find_package(name, file)
-                if folder is not None:
-                    waiting += [_text(path) for path in _readable(folder)]
-    return {name: folder for name, folder in found.items() if folder is not None}
-
-
-def _text(path: Path) -> str:
-    return start_of(path, 1 << 20)
 
 
 def _readable(folder: Path) -> Iterator[Path]:
