@@ -12,7 +12,7 @@ from assetbuild.facts.derived import SOLIMP
 from assetbuild.init.anatomy import Anatomy, roles
 from assetbuild.init.draft import Draft, inline, patterns_of
 from assetbuild.init.home import Pair
-from assetbuild.init.look import InspectedRobot, spans_volume
+from assetbuild.init.look import InspectedRobot
 from assetbuild.init.tune import Tuning
 from assetbuild.robot.contact import Contact
 from assetbuild.robot.model import Control, Tree
@@ -127,20 +127,7 @@ def _instead(robot: InspectedRobot, link: str, role: Role) -> tuple[dict[str, st
     flat = [isinstance(s.geometry, MeshFile) and robot.is_flat(s.geometry) for s in drawn]
     if role == "collision" and drawn and not any(flat):
         return {"method": "auto", "from": "visual"}, why + "what is drawn of it is taken."
-    if _span(robot, [shape for shape in own if shape.role == role]):
-        return {"method": "primitive", "shape": "box"}, why + "one box is put around all of them."
     return {"method": "none"}, why + "it hits nothing."
-
-
-def _span(robot: InspectedRobot, shapes: list[SourceShape]) -> bool:
-    """Whether all of them together span a volume."""
-    clouds = []
-    for shape in shapes:
-        if not isinstance(shape.geometry, MeshFile):
-            return True
-        if (points := robot.points_of(shape.geometry)) is not None:
-            clouds.append(shape.X_link_shape.apply(points))
-    return bool(clouds) and spans_volume(np.concatenate(clouds))
 
 
 def _ball_feet(robot: InspectedRobot, anatomy: Anatomy) -> list[str]:

@@ -21,18 +21,15 @@ from assetbuild.init.packages import (
     common_folder,
     declared,
     find_package,
-    package_folders,
 )
-from assetbuild.recipe.loader import shown_path
 from assetbuild.source.get.files import left_out
-from assetbuild.source.urdf.expand_xacro import MOST_FILES, NOT_INCLUDED, ExpandXacro
+from assetbuild.source.urdf.expand_xacro import MOST_FILES, NOT_INCLUDED, WHERE, ExpandXacro
 
 MOST_TRIES = 60
 """Packages that are asked for, one after another."""
 
 _ASKED = re.compile(r"`\$\(find ([^`]+)\)`: no package")
 _ABSENT = re.compile(r"of the package `([^`]+)`, which is stated as missing")
-_UNDEFINED = re.compile(r"Undefined substitution argument (\S+)")
 _XACRO = re.compile(rb"<xacro:")
 
 
@@ -115,7 +112,7 @@ class _Attempt:
             else:
                 self.folders[asked[1]] = folder
         elif not self._own_package(error):
-            raise _reworded(error, self.file)
+            raise _reworded(error)
 
     def _own_package(self, error: SourceError) -> bool:
         """The package that the file lies in, where it includes from there by a relative name."""
@@ -128,21 +125,13 @@ class _Attempt:
         return True
 
 
-def _reworded(error: SourceError, file: Path) -> SourceError:
-    """Hints of a build speak of the recipe; there is none yet."""
-    message, hint = error.message, error.hint
-    if absent := _ABSENT.search(message):
-        message = f"`$(find {absent[1]})`: no package named `{absent[1]}`"
-        hint = "say where it is: `--package NAME=FOLDER`"
-        found: list[Path] = next(package_folders(absent[1], file), [])
-        if len(found) > 1:
-            message = f"`$(find {absent[1]})`: {len(found)} folders are package `{absent[1]}`"
-            hint = " or ".join(f"`--package {absent[1]}={shown_path(f)}`" for f in found)
-    elif undefined := _UNDEFINED.search(message):
-        hint = f"give it: `--arg {undefined[1]}=VALUE`"
-    elif "readable files" in message:
-        hint = "is part of its name an argument to give (`--arg NAME=VALUE`)?"
-    return SourceError(message, where=error.where, hint=hint)
+def _reworded(error: SourceError) -> SourceError:
+    """A package that was found nowhere is not stated as missing: there is no recipe yet."""
+    absent = _ABSENT.search(error.message)
+    if absent is None:
+        return error
+    message = f"`$(find {absent[1]})`: no package named `{absent[1]}`"
+    return SourceError(message, where=error.where, hint=WHERE)
 
 
 # --- files ----------------------------------------------------------------------------------
