@@ -270,16 +270,6 @@ def test_a_broken_file_is_refused_with_its_line(case: str, tmp_path: Path):
     assert words in said
 
 
-def test_the_first_mistake_in_the_file_is_told_and_the_rest_counted(tmp_path: Path):
-    text = _robot(
-        '<joint name="j" type="floatin"><parent link="a"/><child link="b"/></joint>\n'
-        '<link name="a"><collision><geometry><sphere radius="nan"/></geometry></collision></link>\n'
-        '<link name="b"><inertial><mass value="nan"/></inertial></link>'
-    )
-    said = refused(text, tmp_path)
-    assert said.startswith(f"{FILE}:2: joint j: unknown joint type `floatin` (and 2 more)")
-
-
 @pytest.mark.parametrize(
     "doctype",
     [

@@ -22,7 +22,7 @@ from assetbuild.robot.model import (
 from assetbuild.robot.pose import Vec3, vec3
 from assetbuild.robot.tree import depth_first
 from assetbuild.source.urdf.links import read_origin
-from assetbuild.source.urdf.xml import Node, Problems
+from assetbuild.source.urdf.xml import Node
 
 KINDS = tuple(kind for kind in get_args(JointKind) if kind != "ball")
 WITH_AXIS = ("revolute", "continuous", "prismatic", "planar")
@@ -98,18 +98,14 @@ def build_tree(
     bodies: list[Body],
     joints: list[Joint],
     nodes: Mapping[str, Node],
-    problems: Problems,
 ) -> tuple[Tree, list[Finding]]:
     """Depth-first tree with one root. nodes: by subject, `link trunk`, for the lines of errors."""
     above: dict[str, Joint] = {}
     for joint in joints:
-        with problems.kept():
-            if joint.child in above:
-                other = above[joint.child]
-                message = f"link `{joint.child}` already hangs on joint `{other.name}`"
-                raise _at(nodes, joint.name).error(message, TWO_PARENTS)
-            above[joint.child] = joint
-    problems.raise_first()
+        if joint.child in above:
+            message = f"link `{joint.child}` already hangs on joint `{above[joint.child].name}`"
+            raise _at(nodes, joint.name).error(message, TWO_PARENTS)
+        above[joint.child] = joint
     _refuse_mimic_loops(joints, nodes)
     joints, findings = _hold_followers(joints, nodes)
     by_name = {body.name: body for body in bodies}

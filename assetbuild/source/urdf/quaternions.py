@@ -66,15 +66,10 @@ def tidy_quaternion(origin: Node) -> Iterator[Taken]:
     """Leave `quat_xyzw` where it is the rotation, and nowhere else."""
     if origin.get("quat_xyzw") is None:
         return
-    counts = False
-    try:
-        counts = _is_rotation(origin)
-    finally:
-        stated = origin.get("quat_xyzw")
-        if not counts:
-            del origin.element.attrib["quat_xyzw"]
-    if counts:
-        yield f'quat_xyzw="{stated}"', {}
+    if _is_rotation(origin):
+        yield f'quat_xyzw="{origin.get("quat_xyzw")}"', {}
+    else:
+        del origin.element.attrib["quat_xyzw"]
 
 
 def _is_rotation(origin: Node) -> bool:

@@ -20,7 +20,6 @@ from assetbuild.source.urdf.paths import Paths
 from assetbuild.source.urdf.tidy import read_tidy
 from assetbuild.source.urdf.xml import (
     Node,
-    Problems,
     canonical,
     homeless,
     strays,
@@ -70,7 +69,7 @@ class ReadUrdf(Step):
     it: what checks read who must not believe this reader.
 
     Comments and formatting change nothing but `source_map.json` and the lines in `meshes.json`.
-    Raises SourceError with `file:line`; of several mistakes the first in the file is reported.
+    Raises SourceError with `file:line`; of several mistakes the first is reported.
     """
 
     outputs = ("links.json", "shapes.json", "meshes.json", "source_map.json", "source.urdf")
@@ -90,20 +89,19 @@ class ReadUrdf(Step):
     def run(self, files: Files) -> Iterator[Finding]:
         """Reads `robot.urdf`; writes Tree, Shapes, mesh uses, lines."""
         data = (files.inputs / "robot.urdf").read_bytes()
-        problems = Problems()
-        root, mended = read_tidy(data, self.file, problems)
+        root, mended = read_tidy(data, self.file)
         if self.base == "floating":
             mended += _without_world(root)
-        links = list(named(root.all("link"), problems))
-        bodies = problems.collect(links, read_body)
+        links = list(named(root.all("link")))
+        bodies = [read_body(name, link) for name, link in links]
         paths = Paths(self.file, self.packages, self.relative_to, self.absolute, self.missing)
-        geometries = read_shapes(root, links, paths, problems)
-        joints, findings = _read_joints(root, dict(links), problems)
+        geometries = read_shapes(root, links, paths)
+        joints, findings = _read_joints(root, dict(links))
         name, unnamed = _robot_name(root)
         if not root.all("link"):
             raise root.error("a robot without links", "is this the right file?")
         nodes = {f"{n.tag} {n.get('name')}": n for n in root.all("link") + root.all("joint")}
-        tree, held = build_tree(name, self.base, bodies, joints, nodes, problems)
+        tree, held = build_tree(name, self.base, bodies, joints, nodes)
         _write(files, tree, geometries, self._source_map(root, nodes, geometries))
         (files.outputs / "source.urdf").write_bytes(canonical(root))
         if version := xml_version(data):
@@ -154,14 +152,10 @@ def _without_world(root: Node) -> Iterator[Finding]:
     roots[0].remove()
 
 
-def _read_joints(
-    root: Node, links: dict[str, Node], problems: Problems
-) -> tuple[list[Joint], list[Finding]]:
+def _read_joints(root: Node, links: dict[str, Node]) -> tuple[list[Joint], list[Finding]]:
     nodes = root.all("joint")
     names = {str(node.get("name")) for node in nodes}
-    read = problems.collect(
-        named(nodes, problems), lambda name, node: read_joint(name, node, names, links)
-    )
+    read = [read_joint(name, node, names, links) for name, node in named(nodes)]
     return [joint for joint, _ in read], [finding for _, told in read for finding in told]
 
 

@@ -24,7 +24,7 @@ from assetbuild.source.urdf.quaternions import (
     tidy_quaternion,
     tidy_version,
 )
-from assetbuild.source.urdf.xml import Node, Problems, parse_untidy
+from assetbuild.source.urdf.xml import Node, parse_untidy
 from assetbuild.xml_text import Fault, FaultKind, number_words
 
 FAULT = Rule(
@@ -163,16 +163,16 @@ class Sloppy:
     summed: str = ""
 
 
-def read_tidy(data: bytes, file: str, problems: Problems) -> tuple[Node, list[Finding]]:
+def read_tidy(data: bytes, file: str) -> tuple[Node, list[Finding]]:
     """The <robot> element of a URDF in tidy text, and what was taken for what."""
     root, faults = parse_untidy(data, file)
     findings = [*_overlooked(faults), *_same_materials(root)]
     for row in TABLE:
-        findings += _walked(root, row, problems)
+        findings += _walked(root, row)
     return root, findings
 
 
-def _walked(root: Node, row: Sloppy, problems: Problems) -> Iterator[Finding]:
+def _walked(root: Node, row: Sloppy) -> Iterator[Finding]:
     """Mend all that a row is about."""
     found: list[Taken] = []
     for element in [one for path in row.where for one in root.element.findall(path)]:
@@ -180,8 +180,7 @@ def _walked(root: Node, row: Sloppy, problems: Problems) -> Iterator[Finding]:
         around = [Node(one, root.file) for one in (element, *element.iterancestors())][:-1]
         if around:
             node = node.about(f"{around[-1].tag} {around[-1].get('name')}")
-        with problems.kept():
-            found += [(text, {"line": node.line, **data}) for text, data in row.mend(node)]
+        found += [(text, {"line": node.line, **data}) for text, data in row.mend(node)]
         if not row.summed:
             subject = node.subject or "robot"
             yield from (row.rule(subject, text, row.rule.remedy, data=data) for text, data in found)
