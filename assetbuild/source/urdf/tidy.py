@@ -223,12 +223,13 @@ def _same_materials(root: Node) -> Iterator[Finding]:
     seen: dict[str, object] = {}
     for material in root.all("material"):
         name = material.get("name") or ""
-        looks = [(c.tag, sorted(c.element.items())) for c in material.all("*")]
-        look = [(tag, [(k, v.split()) for k, v in items]) for tag, items in looks]
-        if seen.setdefault(name, look) == look and name in seen and look is not seen[name]:
+        stated = [(c.tag, sorted(c.element.items())) for c in material.all("*")]
+        look = [(tag, [(key, text.split()) for key, text in items]) for tag, items in stated]
+        if name in seen and seen[name] == look:
             material.remove()
             text, data = _repeated(root, material)
             yield REPEATED(f"material {name}", text, REPEATED.remedy, data=data)
+        seen.setdefault(name, look)
 
 
 def _counts(node: Node) -> Iterator[tuple[str, int, str]]:
