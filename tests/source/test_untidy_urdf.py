@@ -289,7 +289,8 @@ def test_what_gazebo_alone_reads_is_named(what: str, tmp_path: Path):
     words, moves = GAZEBO[what]
     found = read(robot(extra=f'<gazebo reference="arm">{words}</gazebo>'), tmp_path)
     told = found.told("urdf.dropped")
-    assert "`arm`" in told.message
+    assert "`arm` (" in told.message
+    assert all(tag in told.message for tag in re.findall(r"</(\w+)>", words))
     assert told.severity == ("warning" if moves else "info")
 
 

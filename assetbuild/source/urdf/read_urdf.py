@@ -56,8 +56,9 @@ WORLD_JOINT = Rule(
 )
 NAMELESS = Rule("urdf.name.missing", "info", "`<robot>` has no name", "give it one")
 
+_WHOSE = ("name", "reference")
 SHOWN = 6
-"""Elements that one finding lists."""
+"""Elements that one finding lists, and words of each."""
 LIMITS_OF_1_2 = frozenset(f"{name} of limit" for name in ("acceleration", "deceleration", "jerk"))
 """A simulated joint may move faster than they allow."""
 
@@ -193,12 +194,15 @@ def _dropped(root: Node) -> Iterator[Finding]:
 
 
 def _listed(nodes: list[Node]) -> str:
-    """Whose they are."""
-    owners = []
+    """Whose they are and what they say: `d` (mu1, gravity)."""
+    said = []
     for node in nodes[:SHOWN]:
         named = (one.get("name") for one in (node.element, *node.element.iterancestors()))
-        owners.append(node.get("reference") or next((name for name in named if name), "robot"))
-    return ", ".join(f"`{owner}`" for owner in owners) + (", ..." if len(nodes) > SHOWN else "")
+        owner = node.get("reference") or next((name for name in named if name), "robot")
+        words = [child.tag for child in node.all("*")]
+        words = words or [str(key) for key in node.element.attrib if key not in _WHOSE]
+        said.append(f"`{owner}` ({', '.join(words[:SHOWN])})" if words else f"`{owner}`")
+    return ", ".join(said) + (", ..." if len(nodes) > SHOWN else "")
 
 
 def _moves(node: Node) -> bool:
