@@ -378,6 +378,18 @@ def test_a_range_on_a_continuous_joint_is_told(tmp_path: Path):
     assert reading.rules() == ["urdf.limit.ignored"]
 
 
+def test_a_follower_of_a_fixed_joint_is_locked(tmp_path: Path):
+    fixed = '<joint name="f" type="fixed"><parent link="b"/><child link="c"/></joint>'
+    follower = (
+        '<joint name="k" type="continuous"><parent link="c"/><child link="d"/>'
+        '<mimic joint="f" offset="0.3"/></joint>'
+    )
+    done = read(_arm(_joint() + '<link name="c"/><link name="d"/>' + fixed + follower), tmp_path)
+    limits = done.tree.by_joint["k"].limits
+    assert (limits.lower, limits.upper) == (0.3, 0.3)
+    assert "joint.mimic_fixed" in {finding.rule for finding in done.findings}
+
+
 def test_package_root_may_be_the_source_root(tmp_path: Path):
     text = _shape('<mesh filename="package:///whole/x/../a.stl"/>')
     assert read(text, tmp_path, packages={"whole": "."}).meshes[0]["path"] == "a.stl"
