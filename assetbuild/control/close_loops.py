@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
-import math
 import re
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import replace
@@ -15,7 +13,7 @@ from assetbuild.robot.closure import CLOSED, Solution, close, gaps, locked_joint
 from assetbuild.robot.files import SourceControl
 from assetbuild.robot.loops import by_constraint, path_of, placed_loop
 from assetbuild.robot.mimic import with_mimics
-from assetbuild.robot.model import Keyframe, Loop, LoopEnd, Tree
+from assetbuild.robot.model import Keyframe, Loop, Tree
 from assetbuild.robot.pose import IDENTITY, Quat, quat_multiply, quat_of_rpy
 from assetbuild.robot.sides import Side, moving_by_source
 
@@ -41,15 +39,6 @@ LOCKED = Rule(
     "the source's loops leave a driven joint no motion",
     "check the ends of the loops",
 )
-
-REPEATED = Rule(
-    "loop.repeated",
-    "warning",
-    "two loops hold the same two points together: what they do is done twice, and twice as stiffly",
-    "remove one of them",
-)
-SAME_M = 1e-6
-"""Points that lie closer are one."""
 
 
 def driven_joints(
@@ -126,15 +115,10 @@ def closed_pose(
 def _cannot_close(
     tree: Tree, loops: Sequence[Loop], pose: Keyframe, found: Solution, rows: Mapping[str, int]
 ) -> RowError:
-    """Whose fault it is: a loop's, two loops' together, or the keyframe's."""
-
-    def at_best(some: Sequence[Loop]) -> Solution:
+    """Whose fault it is: that of a loop alone, or of the keyframe and the loops together."""
+    for name, some in by_constraint(loops).items():
         chain = {joint.name for loop in some for joint in path_of(tree, loop)}
-        return close(tree, some, dict(pose.joints), chain)
-
-    constraints = by_constraint(loops)
-    for name, some in constraints.items():
-        if not (best := at_best(some)).closed:
+        if not (best := close(tree, some, dict(pose.joints), chain)).closed:
             a, b = some[0].ends
             return RowError(
                 f"loops: `{name}` cannot close: the nearest that its ends "
@@ -142,21 +126,13 @@ def _cannot_close(
                 key=_place(rows, name),
                 hint="check the frames of both ends, the lengths of the links and the axes",
             )
-    for (one, first), (other, second) in itertools.combinations(constraints.items(), 2):
-        if not (best := at_best([*first, *second])).closed:
-            return RowError(
-                f"loops: `{one}` and `{other}` contradict each other: each closes alone, "
-                f"together they stay open by {best.residual:.4g} m",
-                key=_place(rows, other),
-                hint="remove one of them, or correct its frames",
-            )
     name, residual = _widest(tree, loops, found.positions)
     return RowError(
         f"keyframes.{pose.name}: loop `{name}` stays open by {residual:.4g} m with the values that "
         "the keyframe states",
         key=("keyframes", pose.name),
         hint="state driven joints alone; joints of the loop without a value are moved until it "
-        "closes",
+        "closes, unless two loops contradict each other",
     )
 
 
@@ -235,23 +211,3 @@ def source_findings(
             )
     for joint in locked_joints(hinged(tree), loops, positions_of(tree, start), driven):
         yield LOCKED(f"joint {joint}", "the loops leave this driven joint no motion")
-
-
-def repeated_findings(loops: Sequence[Loop]) -> Iterator[Finding]:
-    """Loops of one kind between the same points of the same bodies."""
-    for one, other in itertools.combinations(loops, 2):
-        ends = (other.ends, other.ends[::-1])
-        if one.kind == other.kind and any(_are_same(one.ends, pair) for pair in ends):
-            yield REPEATED(
-                f"loop {other.name}",
-                f"loops `{one.name}` and `{other.name}` hold the same points of "
-                f"`{one.a.body}` and `{one.b.body}` together",
-                data={"loops": (one.name, other.name)},
-            )
-
-
-def _are_same(ends: Sequence[LoopEnd], others: Sequence[LoopEnd]) -> bool:
-    return all(
-        end.body == other.body and math.dist(end.X_body_end.xyz, other.X_body_end.xyz) <= SAME_M
-        for end, other in zip(ends, others, strict=True)
-    )

@@ -17,7 +17,6 @@ from assetbuild.control.close_loops import (
     closed_pose,
     driven_joints,
     placed_loops,
-    repeated_findings,
     solved_findings,
     source_findings,
 )
@@ -210,7 +209,6 @@ class ControlStep(Step):
             tree, control.actuators, has_table=bool(self.rows), only_mjcf=only_mjcf
         )
         yield from contact_findings(shapes, control)
-        yield from repeated_findings(loops)
         (files.outputs / "control.json").write_bytes(encode(control))
 
 

@@ -30,7 +30,7 @@ from assetbuild.robot.model import (
 )
 from assetbuild.robot.shapes import Shapes
 from assetbuild.robot.sides import Side, side_of
-from assetbuild.source.mjcf.text import DROPPED
+from assetbuild.source.mjcf.text import dropped
 
 BODY_NAMES = ("body", "body1", "body2", "target")
 """Attributes that name a body, in the elements that `MjcfOnly` holds."""
@@ -308,23 +308,15 @@ def _without(item: MjcfOnly, keys: Collection[str]) -> MjcfOnly:
 
 
 def _sensor_of_drive(item: MjcfOnly) -> Finding:
-    return DROPPED(
-        "recipe actuators",
-        f"a sensor of a drive that the recipe replaced was left out: {item.element}",
-        "name a sensor of the joint under `sensors:`",
-        severity="warning",
-        data={"element": "sensor", "count": 1},
-    )
+    message = f"a sensor of a drive that the recipe replaced was left out: {item.element}"
+    hint = "name a sensor of the joint under `sensors:`"
+    return dropped("sensor", "recipe actuators", message, hint, "warning")
 
 
 def _of_split_joint(item: MjcfOnly) -> Finding:
-    return DROPPED(
-        f"joint {item.owner}",
-        f"an edit replaced the joint: what its MJCF says of it was left out: {item.element}",
-        "state damping, friction and armature of the new joints in `actuators`",
-        severity="warning",
-        data={"element": "joint", "count": 1},
-    )
+    message = "an edit replaced the joint: what its MJCF says of it was left out: "
+    hint = "state damping, friction and armature of the new joints in `actuators`"
+    return dropped("joint", f"joint {item.owner}", message + item.element, hint, "warning")
 
 
 def _is_piece(name: str, source: str) -> bool:
@@ -333,13 +325,10 @@ def _is_piece(name: str, source: str) -> bool:
 
 
 def _gone(names: list[str]) -> Finding:
-    return DROPPED(
-        "recipe collision",
-        f"{len(names)} geoms of the source have other shapes now: what only MJCF says of "
-        f"`{names[0]}` and the like was left out",
-        "use `method: keep` to keep the source's shapes",
-        data={"element": "geom", "count": len(names)},
-    )
+    message = f"{len(names)} geoms of the source have other shapes now: what only MJCF says of "
+    message += f"`{names[0]}` and the like was left out"
+    hint = "use `method: keep` to keep the source's shapes"
+    return dropped("geom", "recipe collision", message, hint, count=len(names))
 
 
 class _Bodies:
@@ -378,13 +367,8 @@ class _Bodies:
     def _has(self, place: Place, what: str) -> bool:
         if place.kind != "body" or place.name == "world" or place.name in self._tree.by_body:
             return True
-        self._findings.append(
-            DROPPED(
-                f"link {place.name}",
-                f"{what} was left out: its body `{place.name}` was merged into another",
-                f"name `{place.name}` in `fixed_joints.keep_bodies`",
-                severity="warning",
-                data={"element": what, "count": 1},
-            )
-        )
+        message = f"{what} was left out: its body `{place.name}` was merged into another"
+        hint = f"name `{place.name}` in `fixed_joints.keep_bodies`"
+        lost = dropped(what, f"link {place.name}", message, hint, "warning")
+        self._findings.append(lost)
         return False

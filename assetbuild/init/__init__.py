@@ -11,11 +11,11 @@ from pathlib import Path
 
 from assetbuild.errors import MachineError, SourceError, UsageError, Where
 from assetbuild.init.anatomy import study
+from assetbuild.init.draft import Proposal
 from assetbuild.init.look import judge, look
 from assetbuild.init.mjcf import find_mjcf, is_mjcf, mjcf_recipe
+from assetbuild.init.sections import recipe_name, urdf_recipe
 from assetbuild.init.source import find_source, mended
-from assetbuild.init.text import recipe_name, urdf_recipe
-from assetbuild.init.words import Proposal
 from assetbuild.recipe.loader import read_small_file, shown_path
 
 

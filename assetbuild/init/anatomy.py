@@ -38,8 +38,6 @@ _LEG = re.compile(r"(?i).*(leg|foot|hip|knee|ankle|thigh|calf|shank).*")
 _SHANK = re.compile(r"(?i).*(shank|shin|calf|thigh|leg|knee).*")
 _FINGER = re.compile(r"(?i).*(finger|thumb|grip|palm|knuckle|digit|pinky|pinkie|phalan|hand).*")
 _FLYING = re.compile(r"(?i).*(propeller|flying|drone|copter|quadrotor|hector|iris).*")
-_PROP = re.compile(r"(?i)(.*[_/-])?prop_?\d*([_-].*)?")
-"""Something that flies has several of these; a gripper may have one `prop`, too."""
 _WORLD = ("world", "map", "odom", "universe")
 
 LOW = 0.15
@@ -335,10 +333,8 @@ def _moves(
     if rotors := by_role["rotor"]:
         return "floating", f"it flies on {len(rotors)} rotors: {', '.join(rotors)}"
     names = [links.name, *links.by_body]
-    props = [name for name in names[1:] if _PROP.fullmatch(name)]
-    flying = [name for name in names if _FLYING.fullmatch(name)] + props[: len(props) // 2]
-    if flying:
-        return "floating", f"it flies, by the name of `{flying[0]}`"
+    if flying := next(filter(_FLYING.fullmatch, names), ""):
+        return "floating", f"it flies, by the name of `{flying}`"
     if walking := _called_legs(limbs):
         named = ", ".join(leg.tip for leg in walking[:4])
         return "floating", f"{named}: legs by their names, but at 0 they do not reach down"

@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from types import MappingProxyType
 
 import numpy as np
 
 from assetbuild.facts.derived import SOLIMP
 from assetbuild.init.anatomy import Anatomy, roles
-from assetbuild.init.look import InspectedRobot, spans_volume
+from assetbuild.init.draft import Draft, inline, patterns_of
+from assetbuild.init.home import Pair
+from assetbuild.init.look import InspectedRobot
 from assetbuild.init.tune import Tuning
-from assetbuild.init.words import flow, inline, patterns_of, plain, quoted
 from assetbuild.robot.contact import Contact
 from assetbuild.robot.model import Control, Tree
 from assetbuild.robot.shapes import MeshFile, Role, SourceShape
@@ -28,12 +29,13 @@ Rules = dict[str, tuple[dict[str, str], str]]
 """Link -> its rule and the reason."""
 
 
-def collision(
+def put_collision(
+    draft: Draft,
     robot: InspectedRobot,
     anatomy: Anatomy,
-    overlaps: Mapping[tuple[str, str], float] = MappingProxyType({}),
-    inside: Mapping[tuple[str, str], float] = MappingProxyType({}),
-) -> Iterator[str]:
+    overlaps: Mapping[Pair, float] = MappingProxyType({}),
+    inside: Mapping[Pair, float] = MappingProxyType({}),
+) -> None:
     """The whole section.
 
     overlaps: bodies whose hulls throw the robot over at home, and depths, m; inside: bodies that
@@ -45,44 +47,46 @@ def collision(
         idle = len(seen - robot.solid_links)
         why = f"{idle} links are drawn but hit nothing, as in the source" if idle else "all have it"
         origin = "collision"
-    yield "collision:"
-    if anatomy.base == "fixed":
-        yield "  preset: manipulation   # close to the mesh; `locomotion` is coarse and fast"
-    else:
-        yield "  preset: locomotion   # coarse and fast; `manipulation` stays close to the mesh"
-    yield (
-        "  # auto: a primitive stays as it is, a mesh becomes few convex pieces within tolerances"
-    )
-    yield f"  default: {{method: auto, from: {origin}}}   # {why}"
-    rules = _rules(robot, anatomy)
-    if rules:
-        yield "  links:"
-    for rule, reason in dict.fromkeys((inline(rule), reason) for rule, reason in rules.values()):
-        links = [link for link, own in rules.items() if (inline(own[0]), own[1]) == (rule, reason)]
-        yield f"    # {reason}"
-        for pattern in patterns_of(links, list(robot.links.by_body)):
-            yield f"    {quoted(pattern)}: {rule}"
-    yield "  exclude:"
-    yield "    adjacent: true   # bodies that a joint connects never collide"
+    close = anatomy.base == "fixed"
+    preset = "manipulation" if close else "locomotion"
+    how = "close to the mesh; `locomotion` is coarse and fast"
+    how = how if close else "coarse and fast; `manipulation` stays close to the mesh"
+    draft.put(preset, "collision", "preset", beside=how)
+    auto = "auto: a primitive stays as it is, a mesh becomes few convex pieces within tolerances"
+    rule = {"method": "auto", "from": origin}
+    draft.put(rule, "collision", "default", beside=why, above=[auto])
+    _put_rules(draft, robot, anatomy)
+    joined = "bodies that a joint connects never collide"
+    draft.put(True, "collision", "exclude", "adjacent", beside=joined)
     pairs = compound_pairs(robot.tree, anatomy.size_m)
-    if pairs:
-        yield "    # Joints close together make one (a hip, a wrist): hulls overlap there."
-    yield from _named(
-        overlaps,
-        "Hulls of these bodies overlap at home and push the robot over or askew.",
-        "They pass through each other now; another pose of `home` may free them:",
-    )
-    yield from _named(inside, "These bodies, or their hulls, lie in each other whatever the pose:")
-    excluded = dict.fromkeys((*pairs, *overlaps, *inside))
-    if excluded:
-        yield from flow("    pairs: [", [inline(pair) for pair in excluded], "]")
+    lines = ["Joints close together make one (a hip, a wrist): hulls overlap there."] * bool(pairs)
+    if overlaps:
+        lines.append("Hulls of these bodies overlap at home and push the robot over or askew. They")
+        lines.append("pass through each other now; another pose of `home` may free them:")
+        lines += _named(overlaps)
+    if inside:
+        lines.append("These bodies, or their hulls, lie in each other whatever the pose:")
+        lines += _named(inside)
+    if excluded := [*dict.fromkeys((*pairs, *overlaps, *inside))]:
+        draft.put(excluded, "collision", "exclude", "pairs", above=lines)
 
 
-def _named(depths: Mapping[tuple[str, str], float], *why: str) -> Iterator[str]:
-    """A comment: why pairs of bodies never collide, and how deep they lie in each other, m."""
-    yield from (f"    # {line}" for line in why if depths)
-    for (a, b), depth in depths.items():
-        yield f"    #   {plain(a)} in {plain(b)}: {1e3 * depth:.3g} mm"
+def _put_rules(draft: Draft, robot: InspectedRobot, anatomy: Anatomy) -> None:
+    """Links with a rule of their own, one comment for each kind of it."""
+    alike: dict[str, list[str]] = {}
+    rules = _rules(robot, anatomy)
+    for link, (rule, reason) in rules.items():
+        alike.setdefault(f"{inline(rule)} {reason}", []).append(link)
+    for links in alike.values():
+        rule, reason = rules[links[0]]
+        for number, pattern in enumerate(patterns_of(links, list(robot.links.by_body))):
+            above = [] if number else [reason]
+            draft.put(rule, "collision", "links", pattern, above=above)
+
+
+def _named(depths: Mapping[Pair, float]) -> list[str]:
+    """Pairs of bodies and how deep they lie in each other, m."""
+    return [f"{a} in {b}: {1e3 * depth:.3g} mm" for (a, b), depth in depths.items()]
 
 
 def soles_of(robot: InspectedRobot, anatomy: Anatomy) -> list[str]:
@@ -123,20 +127,7 @@ def _instead(robot: InspectedRobot, link: str, role: Role) -> tuple[dict[str, st
     flat = [isinstance(s.geometry, MeshFile) and robot.is_flat(s.geometry) for s in drawn]
     if role == "collision" and drawn and not any(flat):
         return {"method": "auto", "from": "visual"}, why + "what is drawn of it is taken."
-    if _span(robot, [shape for shape in own if shape.role == role]):
-        return {"method": "primitive", "shape": "box"}, why + "one box is put around all of them."
     return {"method": "none"}, why + "it hits nothing."
-
-
-def _span(robot: InspectedRobot, shapes: list[SourceShape]) -> bool:
-    """Whether all of them together span a volume."""
-    clouds = []
-    for shape in shapes:
-        if not isinstance(shape.geometry, MeshFile):
-            return True
-        if (points := robot.points_of(shape.geometry)) is not None:
-            clouds.append(shape.X_link_shape.apply(points))
-    return bool(clouds) and spans_volume(np.concatenate(clouds))
 
 
 def _ball_feet(robot: InspectedRobot, anatomy: Anatomy) -> list[str]:
@@ -179,6 +170,7 @@ def compound_pairs(tree: Tree, size: float) -> list[tuple[str, str]]:
 
 PRESS_S = 0.004
 """Time constant of contacts of what grips, as a Robotiq 2F-85 has it in MuJoCo Menagerie."""
+PRESSED = (0.95, 0.99, 0.001, 0.5, 2)
 SOFTNESS = ("condim", "priority", "solref", "solimp")
 
 
@@ -199,21 +191,14 @@ def hand_of(
     return [body.name for body in robot.links.bodies if body.name in touching]
 
 
-def pads(robot: InspectedRobot, hand: Sequence[str], timestep: float) -> Iterator[str]:
-    """Lines below `contact`."""
-    stiff = f"solref: [{max(PRESS_S, 2.0 * timestep):g}, 1], solimp: [0.95, 0.99, 0.001, 0.5, 2]"
-    yield "  # What grips gives way by less than with MuJoCo's 0.02 s, and loses nothing."
-    yield "  links:"
-    for pattern in patterns_of(hand, list(robot.links.by_body)):
-        yield f"    {quoted(pattern)}: {{condim: 4, priority: 1, {stiff}}}"
-
-
-def tried(validation: Iterable[str], hand: Sequence[str]) -> Iterator[str]:
-    """The section `validate`, empty or not, and in it that hands hold something."""
-    lines, wish, why = [*validation], "grip: {}", "# holds a cube, a cylinder and a sphere"
-    yield from lines
+def put_pads(draft: Draft, robot: InspectedRobot, hand: Sequence[str], timestep: float) -> None:
+    """Surfaces of what grips, below `contact`."""
+    soft = {"solref": [float(f"{max(PRESS_S, 2.0 * timestep):g}"), 1], "solimp": [*PRESSED]}
+    for pattern in patterns_of(hand, list(robot.links.by_body)) if hand else ():
+        draft.put({"condim": 4, "priority": 1, **soft}, "contact", "links", pattern)
     if hand:
-        yield f"  {wish}   {why}" if lines else f"validate: {{{wish}}}   {why}"
+        why = "What grips gives way by less than with MuJoCo's 0.02 s, and loses nothing."
+        draft.note(why, at=("contact", "links"))
 
 
 # --- of an MJCF ---------------------------------------------------------------------------------
@@ -234,28 +219,24 @@ def option_of(control: Control) -> str:
     return "".join(item.element for item in control.mjcf_only if item.place == "option")
 
 
-def own_pads(robot: InspectedRobot, hand: Sequence[str], control: Control) -> Iterator[str]:
+def put_own_pads(
+    draft: Draft, robot: InspectedRobot, hand: Sequence[str], control: Control
+) -> None:
     """The section `contact`, where no surface of the source says how it gives way."""
     usual, stated = Contact(), [control.contact, *(own for _, own in control.contacts)]
-    own = [key for one in stated for key in SOFTNESS if getattr(one, key) != getattr(usual, key)]
-    if hand and not own:
-        yield "contact:"
-        yield from pads(robot, hand, control.simulation.timestep)
+    if not any(getattr(one, key) != getattr(usual, key) for one in stated for key in SOFTNESS):
+        put_pads(draft, robot, hand, control.simulation.timestep)
 
 
-def own_loops(hand: Collection[str], control: Control) -> Iterator[str]:
+def put_own_loops(draft: Draft, hand: Collection[str], control: Control) -> None:
     """The section `loops`: those of a hand whose impedance the source leaves to MuJoCo, firmer."""
-    soft = [
-        loop
-        for loop in control.loops
-        if loop.kind == "connect" and loop.solimp == SOLIMP and {loop.a.body, loop.b.body} & {*hand}
-    ]
-    if soft:
-        yield "loops:   # the source's, but firm: else fingers tilt while they press"
-    for loop in soft:
-        a, b = (
-            {"link": end.body, "xyz": [round(x, 9) for x in end.X_body_end.xyz]}
-            for end in loop.ends
-        )
-        row = {"name": loop.name, "kind": loop.kind, "a": a, "b": b, "solref": [*loop.solref]}
-        yield f"  - {inline(row)}"
+    for loop in control.loops:
+        of_hand = {loop.a.body, loop.b.body} & {*hand}
+        if loop.kind == "connect" and loop.solimp == SOLIMP and of_hand:
+            a, b = (
+                {"link": end.body, "xyz": [round(x, 9) for x in end.X_body_end.xyz]}
+                for end in loop.ends
+            )
+            row = {"name": loop.name, "kind": loop.kind, "a": a, "b": b, "solref": [*loop.solref]}
+            draft.add(row, "loops")
+            draft.beside["loops",] = "the source's, but firm: else fingers tilt while they press"

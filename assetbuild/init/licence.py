@@ -6,14 +6,14 @@ nearest to it.
 
 from __future__ import annotations
 
-import html
 import os
 import re
 from collections.abc import Iterator
 from pathlib import Path
+from xml.etree.ElementTree import Element, ParseError
 
+from assetbuild.init.draft import Draft
 from assetbuild.init.packages import start_of
-from assetbuild.init.words import quoted
 
 SPDX = (
     "Apache-2.0", "MIT", "MIT-0", "BSD-2-Clause", "BSD-3-Clause", "BSD-3-Clause-Clear", "MPL-2.0",
@@ -50,17 +50,14 @@ the words; the file.
 """
 
 
-def source_section(root: Path, recipe: Path, key: str, file: str, *more: str) -> Iterator[str]:
-    """The sections `source:` and `about:` of a recipe that will lie at `recipe`; more: lines."""
+def put_source(draft: Draft, root: Path, recipe: Path, key: str, file: str) -> None:
+    """The sections `source` and `about` of a recipe that will lie at `recipe`."""
     relative = os.path.relpath(root, os.path.realpath(recipe.parent))
-    yield "source:"
-    yield f"  path: {quoted(Path(relative).as_posix())}   # relative to this file"
-    yield f"  {key}: {quoted(file)}"
-    yield from more
-    yield from licence_lines(root, file)
+    draft.put(Path(relative).as_posix(), "source", "path", beside="relative to this file")
+    draft.put(file, "source", key)
+    put_licence(draft, root, file)
     if about := stated_about(root, file):
-        yield "about:   # as package.xml says"
-        yield from (f"  {key}: {quoted(text)}" for key, text in about.items())
+        draft.put(about, "about", beside="as package.xml says")
 
 
 def stated_licence(root: Path, file: str) -> StatedLicence | None:
@@ -83,18 +80,18 @@ def stated_licence(root: Path, file: str) -> StatedLicence | None:
     return None
 
 
-def licence_lines(root: Path, file: str) -> Iterator[str]:
-    """The lines of the section `source:`."""
-    stated = stated_licence(root, file)
+def put_licence(draft: Draft, root: Path, file: str) -> None:
+    """The licence where a file states one that has an SPDX name; else a comment."""
+    stated, at = stated_licence(root, file), ("source", "license")
     if stated is None:
-        yield "  # license: its SPDX name here; no file of the source states one"
+        draft.note("license: its SPDX name here; no file of the source states one", at=at)
         return
     name, words, said_by = stated
     if name:
-        yield f"  license: {name}   # as {said_by} says"
+        draft.put(name, *at, beside=f"as {said_by} says")
     else:
-        yield f"  # {said_by} says {words!r}: write the SPDX name of this robot's"
-        yield "  # license:"
+        draft.note(f"{said_by} says {words!r}: write the SPDX name of this robot's", at=at)
+        draft.note("license:", at=at)
 
 
 def folders_above(root: Path, robot: Path) -> Iterator[Path]:
@@ -131,13 +128,11 @@ def _of_package(text: str, parts: tuple[str, ...]) -> StatedLicence | None:
     return name, ", ".join(chosen), "package.xml"
 
 
-_AUTHOR = re.compile(r"<author\b[^>]*>([^<]+)</author>")
-_DESCRIPTION = re.compile(r"<description\b[^>]*>(.*?)</description>", re.S)
-_COMMENT = re.compile(r"<!--.*?-->", re.S)
 _TEMPLATE = re.compile(r"\bTODO\b|^(The )?[\w-]+ package\.?$|^$", re.I)
 """What a generator of packages has written, and nobody since."""
 LONGEST = 200
-"""Characters of a line; a longer description is cut after its first sentence."""
+"""Characters of a description that is taken."""
+MOST_AUTHORS = 6
 
 
 def stated_about(root: Path, file: str) -> dict[str, str]:
@@ -145,36 +140,26 @@ def stated_about(root: Path, file: str) -> dict[str, str]:
 
     root: of the source; file: the description, below it.
     """
+    from defusedxml.ElementTree import fromstring
+
     for folder in folders_above(root, root / file):
-        text = _COMMENT.sub("", start_of(folder / "package.xml", MOST_BYTES))
-        authors = [name for found in _AUTHOR.findall(text) if (name := _plain(found))]
-        said = _DESCRIPTION.search(text)
+        try:
+            package = fromstring(start_of(folder / "package.xml", MOST_BYTES) or "<none/>")
+        except (ParseError, ValueError):
+            continue
+        authors = [*dict.fromkeys(filter(None, map(_plain, package.findall("author"))))]
+        description = _plain(package.find("description"))
+        others = " and others" if authors[MOST_AUTHORS:] else ""
         about = {
-            "author": _joined(list(dict.fromkeys(authors))),
-            "description": _sentence(_plain(said[1])) if said else "",
+            "author": ", ".join(authors[:MOST_AUTHORS]) + others,
+            "description": description if len(description) <= LONGEST else "",
         }
-        if any(about.values()):
-            return {key: value for key, value in about.items() if value}
+        if found := {key: text for key, text in about.items() if text}:
+            return found
     return {}
 
 
-def _plain(text: str) -> str:
-    """One line without markup; "" for what stands for nothing."""
-    line = " ".join(html.unescape(re.sub(r"<[^>]*>", " ", text)).split())
-    line = "".join(letter for letter in line if letter.isprintable())
-    return "" if _TEMPLATE.search(line) else line
-
-
-def _joined(names: list[str]) -> str:
-    """All names where they fit, else the first and how many others there are."""
-    line = ", ".join(names)
-    if len(line) > LONGEST:
-        line = f"{names[0][:LONGEST]} and {len(names) - 1} others" if names[1:] else line[:LONGEST]
-    return line
-
-
-def _sentence(text: str) -> str:
-    """The first sentence where the whole is long; "" where that is long as well."""
-    if len(text) > LONGEST:
-        text = text.partition(". ")[0]
-    return text if len(text) <= LONGEST else ""
+def _plain(element: Element | None) -> str:
+    """Its text in one line; "" for what stands for nothing."""
+    text = "" if element is None else " ".join("".join(element.itertext()).split())
+    return "" if _TEMPLATE.search(text) or not text.isprintable() else text

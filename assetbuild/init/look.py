@@ -17,8 +17,8 @@ from assetbuild.body.lint import LintBodies, LintLinks
 from assetbuild.engine.scratch import scratch
 from assetbuild.errors import StepError
 from assetbuild.findings import Finding
+from assetbuild.init.draft import plain, some
 from assetbuild.init.source import UrdfSource
-from assetbuild.init.words import plain, some
 from assetbuild.mesh.companions import companions_of
 from assetbuild.mesh.hull import refuse_flat
 from assetbuild.mesh.hulls import extent_of
@@ -41,7 +41,7 @@ from assetbuild.robot.pose import Array
 from assetbuild.robot.shapes import MeshFile, SourceShapes
 from assetbuild.robot.tree import merge_fixed_joints
 from assetbuild.source.urdf.joints import LIMIT_OMITTED
-from assetbuild.source.urdf.tidy import WORLD_JOINT
+from assetbuild.source.urdf.read_urdf import WORLD_JOINT
 
 
 @dataclass(frozen=True)
@@ -186,31 +186,28 @@ def mesh_of(root: Path, mesh: MeshFile, up_axis: UpAxis = "ignore") -> SourceMes
 MERGED = "`fixed_joints: {merge: true}`, and the edit `share_mass` for links without mass above it"
 
 
-def targets(
+def usual_targets(
     robot: InspectedRobot, springs: Collection[str] = (), motion: Collection[str] = ()
-) -> str:
-    """The line of the recipe.
+) -> tuple[list[str], str]:
+    """The targets that can hold the robot, and why not all of them can.
 
     springs: joints with one that the USD cannot hold; motion: what else it cannot, in words.
     """
-    free = next((joint.name for joint in robot.tree.joints if joint.kind == "floating"), None)
-    if free is not None:
-        reason = f"joint {plain(free)} is floating, which only a base can be in MJCF and USD; "
-        reason += "the edit `split_joint` makes six joints of it"
-        return f"targets: [urdf]   # {reason}"
-    ball = next((joint.name for joint in robot.tree.joints if joint.kind == "ball"), None)
-    if ball is not None:
-        reason = f"joint {plain(ball)} is a ball, which MJCF alone has here"
-        hint = "the edit `split_joint` makes three hinges of it, if it never turns to 90 degrees"
-        return f"targets: [mjcf]   # {reason}; {hint}"
-    reason = not_in_usd(robot)
-    if springs and not reason:
-        reason = f"it cannot hold the springs of {some(list(springs))}; see `usd.spring`"
-    if motion and not reason:
-        reason = f"it cannot hold {next(iter(motion))}; see `usd.motion`"
-    if reason:
-        return f"targets: [urdf, mjcf]   # no usd: {plain(reason, 160)}"
-    return "targets: [urdf, mjcf, usd]"
+    by_kind = {joint.kind: plain(joint.name) for joint in robot.tree.joints}
+    if name := by_kind.get("floating"):
+        why = f"joint {name} is floating, which only a base can be in MJCF and USD; "
+        return ["urdf"], why + "the edit `split_joint` makes six joints of it"
+    if name := by_kind.get("ball"):
+        why = f"joint {name} is a ball, which MJCF alone has here; the edit `split_joint` makes "
+        return ["mjcf"], why + "three hinges of it, if it never turns to 90 degrees"
+    why = not_in_usd(robot)
+    if springs and not why:
+        why = f"it cannot hold the springs of {some(list(springs))}; see `usd.spring`"
+    if motion and not why:
+        why = f"it cannot hold {next(iter(motion))}; see `usd.motion`"
+    if why:
+        return ["urdf", "mjcf"], f"no usd: {plain(why, 160)}"
+    return ["urdf", "mjcf", "usd"], ""
 
 
 def not_in_usd(robot: InspectedRobot) -> str:

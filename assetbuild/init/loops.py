@@ -10,9 +10,9 @@ import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
+from assetbuild.init.draft import Draft, some
 from assetbuild.init.drives import DriveRow
 from assetbuild.init.look import InspectedRobot
-from assetbuild.init.words import inline, plain, some
 from assetbuild.robot.actuator_table import RowError
 from assetbuild.robot.closure import close, coordinates, locked_joints
 from assetbuild.robot.dynamics import dynamics
@@ -55,14 +55,15 @@ class FoundLoops:
         """The pose without joints of loops, which a build moves until these close."""
         return {name: value for name, value in pose.items() if name not in self.chain}
 
-    def text(self) -> Iterator[str]:
-        """The section `loops:`."""
-        if self.rows:
-            yield "loops:   # as the frames or joints are called; joints without a drive follow"
+    def put(self, draft: Draft) -> None:
+        """The section `loops`."""
         for row in self.rows:
             ends = row.model_dump(exclude_defaults=True)
-            yield f"  - {inline({'name': row.name, 'kind': row.kind, **ends})}"
-        yield from (f"# {plain(remark, 300)}" for remark in self.remarks)
+            draft.add({"name": row.name, "kind": row.kind, **ends}, "loops")
+        if self.rows:
+            why = "as the frames or joints are called; joints without a drive follow"
+            draft.beside["loops",] = why
+        draft.note(*self.remarks, at=("loops",))
 
 
 NO_LOOPS = FoundLoops()

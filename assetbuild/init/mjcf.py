@@ -6,7 +6,7 @@ import json
 import os
 import re
 from collections.abc import Collection, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from assetbuild.control.close_loops import placed_loops
@@ -14,21 +14,32 @@ from assetbuild.engine.scratch import Scratch, scratch
 from assetbuild.errors import SourceError, Where
 from assetbuild.facts.mjcf_grammar import NEWEST, OLDEST, newer_words_of
 from assetbuild.init.anatomy import Anatomy, study
-from assetbuild.init.collision import mjcf_hand, option_of, own_loops, own_pads, soles_of, tried
+from assetbuild.init.collision import (
+    mjcf_hand,
+    option_of,
+    put_own_loops,
+    put_own_pads,
+    soles_of,
+)
+from assetbuild.init.draft import Draft, Proposal, patterns_of, some
 from assetbuild.init.home import home_pose
-from assetbuild.init.licence import source_section
-from assetbuild.init.look import InspectedRobot, carried, judge, not_in_usd, targets
+from assetbuild.init.licence import put_source
+from assetbuild.init.look import InspectedRobot, carried, judge, not_in_usd
 from assetbuild.init.packages import above, is_file
-from assetbuild.init.repairs import repairs, repairs_text
-from assetbuild.init.strength import bounds
-from assetbuild.init.text import actuators, head, home, validation
+from assetbuild.init.repairs import put_repairs, repairs
+from assetbuild.init.sections import (
+    put_actuators,
+    put_head,
+    put_home,
+    put_targets,
+    put_validation,
+)
 from assetbuild.init.trial import Trial, staged, tables
 from assetbuild.init.tune import Tuning, tune
-from assetbuild.init.words import Proposal, inline, patterns_of, plain, quoted, some, written
 from assetbuild.robot.files import RobotFiles, SourceControl
 from assetbuild.robot.loops import path_of
 from assetbuild.robot.mjcf_only import joint_springs, lost_in_usd, no_drives
-from assetbuild.robot.model import Control, Joint
+from assetbuild.robot.model import Control
 from assetbuild.source.mjcf.flatten_mjcf import FOLDER, FlattenMjcf
 from assetbuild.source.mjcf.includes import ListIncludes
 from assetbuild.source.mjcf.opaque import keys
@@ -36,10 +47,9 @@ from assetbuild.source.mjcf.read_mjcf import ReadMjcf
 from assetbuild.source.mjcf.scenery import SeveralRobotsError
 from assetbuild.source.urdf.xml import MAX_BYTES
 
-INCLUDE = re.compile(rb"""<include\s[^>]*?file\s*=\s*["']([^"']+)["']""")
 VAGUE = {"", *keys("assets scene mjx robot model mujoco mjcf xml xmls world main")}
 """Words that name no robot."""
-DRIVES = "# The source drives no joint; mjlab's robots, for one, are driven from Python."
+DRIVES = "The source drives no joint; mjlab's robots, for one, are driven from Python."
 
 
 @dataclass(frozen=True)
@@ -50,8 +60,6 @@ class MjcfSource:
     calls a body, except what is merged into the bodies `weak`.
     bodies: of the robots in its world, where there are several; the first is read.
     newer: words that MuJoCo 3.11 does not know.
-    posed: pose of the keyframe in a scene beside it, where it has none itself, within the joints'
-    limits; bounded: which it is not there; scene: its name.
     """
 
     root: Path
@@ -62,14 +70,6 @@ class MjcfSource:
     weak: tuple[str, ...] = ()
     bodies: tuple[str, ...] = ()
     newer: tuple[str, ...] = ()
-    posed: Mapping[str, float] = field(default_factory=dict)
-    bounded: bool = False
-    scene: str = ""
-
-
-def _within(joint: Joint, value: float) -> float:
-    lower, upper = bounds(joint)
-    return min(max(value, lower), upper)
 
 
 def is_mjcf(file: Path, data: bytes) -> bool:
@@ -87,7 +87,7 @@ def find_mjcf(file: Path) -> MjcfSource:
     problem: SourceError | None = None
     for root in above(real):
         try:
-            return _posed(_read(root, real.relative_to(root).as_posix()), real)
+            return _read(root, real.relative_to(root).as_posix())
         except SeveralRobotsError as several:
             return _read(root, real.relative_to(root).as_posix(), several.names)
         except SourceError as error:
@@ -96,29 +96,6 @@ def find_mjcf(file: Path) -> MjcfSource:
             problem = problem or error
     assert problem is not None  # noqa: S101 # every path has a folder
     raise problem
-
-
-def _posed(found: MjcfSource, file: Path) -> MjcfSource:
-    """Return the source; without a keyframe, with that of a neighbouring scene that includes it."""
-    if found.control.keyframes:
-        return found
-    for scene in sorted(set(file.parent.glob("*.xml")) - {file}):
-        text = scene.read_bytes() if scene.stat().st_size <= MAX_BYTES else b""
-        included = {
-            name.decode(errors="replace").removeprefix("./") for name in INCLUDE.findall(text)
-        }
-        if b"<key" not in text or file.name not in included:
-            continue
-        try:
-            there = _read(found.root, scene.relative_to(found.root).as_posix()).control
-        except SourceError:
-            continue
-        pose = dict(key.joints) if (key := there.initial_keyframe) else {}
-        joints = found.robot.tree.by_joint
-        if pose and pose.keys() <= joints.keys():
-            within = {name: _within(joints[name], q) for name, q in pose.items()}
-            return replace(found, posed=within, scene=scene.name, bounded=within != pose)
-    return found
 
 
 def _read(root: Path, name: str, bodies: tuple[str, ...] = ()) -> MjcfSource:
@@ -155,17 +132,8 @@ def _read(root: Path, name: str, bodies: tuple[str, ...] = ()) -> MjcfSource:
 
 
 def robot_name(stated: str, file: Path) -> str:
-    """What an MJCF calls its robot; of a scene, by what else names it.
-
-    First without the word `scene`, then as the files that it includes and that have bodies, as
-    itself, as its folder.
-    """
-    try:
-        beside = [file.parent / name.decode() for name in INCLUDE.findall(file.read_bytes())]
-        holders = [path.stem for path in beside if is_file(path) and b"<body" in path.read_bytes()]
-    except (OSError, ValueError):
-        holders = []
-    for name in (stated, *holders, file.stem, file.parent.name, file.parent.parent.name):
+    """What an MJCF calls its robot; a scene that says no more is called like its file or folder."""
+    for name in (stated, file.stem, file.parent.name, file.parent.parent.name):
         words = [word for word in re.split(r"[ _.-]+", name) if word.lower() != "scene"]
         if not VAGUE.issuperset(word.lower() for word in words):
             return "_".join(words) if "scene" in name.lower() else name
@@ -224,21 +192,26 @@ def mjcf_recipe(found: MjcfSource, path: Path) -> Proposal:
     lost = lost_in_usd(control.mjcf_only)
     # Beside a guessed drive there is no room for a spring.
     springs = joint_springs(control.mjcf_only) if tuning else no_drives(control)
-    text = written(
-        head(robot, anatomy, path, unmended),
-        source_section(found.root, path, "mjcf", found.file, *_chosen(found.bodies)),
-        _taken(found),
-        _solver(found, anatomy, hand),
-        repairs_text(robot, repairs(robot, usd=not (lost or springs))),
-        _merging(found),
-        _collision(robot),
-        _drives(found, tuning),
-        () if control.keyframes else _home(found, anatomy, tuning),
-        own_loops(hand, control),
-        own_pads(robot, hand, control),
-        [targets(found.built, springs, lost), *tried(_validate(found, anatomy), hand)],
-    )
-    return Proposal(path, text, unmended)
+    draft = Draft()
+    put_head(draft, robot, anatomy, path, unmended)
+    put_source(draft, found.root, path, "mjcf", found.file)
+    if found.bodies:
+        why = f"or {some(found.bodies[1:])}: one recipe builds one robot"
+        draft.put(found.bodies[0], "source", "body", beside=why)
+    draft.note(*_taken(found), at=("taken",))
+    _put_solver(draft, found, anatomy, hand)
+    put_repairs(draft, robot, repairs(robot, usd=not (lost or springs)))
+    _put_merging(draft, found)
+    _put_collision(draft, robot)
+    _put_drives(draft, found, tuning)
+    if not control.keyframes:
+        put_home(draft, robot, anatomy, _pose(found, anatomy, tuning))
+    put_own_loops(draft, hand, control)
+    put_own_pads(draft, robot, hand, control)
+    put_targets(draft, found.built, springs, lost)
+    trial = _stood(found, anatomy)
+    put_validation(draft, robot, anatomy.legs, trial, hand)
+    return Proposal(path, draft.text, unmended)
 
 
 def _tuned(found: MjcfSource, anatomy: Anatomy) -> Tuning:
@@ -254,84 +227,62 @@ def _tuned(found: MjcfSource, anatomy: Anatomy) -> Tuning:
         return tune(robot.tree, anatomy, attempt, rotors, control.simulation.timestep)[0]
 
 
-def _home(found: MjcfSource, anatomy: Anatomy, tuning: Tuning | None) -> Iterator[str]:
-    pose = _pose(found, anatomy, tuning)
-    if not found.scene:
-        return home(found.robot, anatomy, pose)
-    why = f"as the keyframe of {plain(found.scene)} beside it"
-    if found.bounded:
-        why += ", within the limits"
-    return home(found.robot, anatomy, pose, why=why)
-
-
 def _pose(found: MjcfSource, anatomy: Anatomy, tuning: Tuning | None) -> Mapping[str, float]:
     """The pose in which the drives were tried; of a source with drives, one for its limits.
 
     Without the joints that loops move, which a build finds.
     """
     pose = tuning.pose if tuning else home_pose(found.robot.tree, anatomy.legs)
-    pose = {**pose, **found.posed}
     tree, control = found.robot.tree, found.control
     chain = {j.name for p in placed_loops(tree, control.loops) for j in path_of(tree, p)}
     driven = {row.joint for row in control.actuators if row.model != "passive"}
     return {name: q for name, q in pose.items() if name not in chain - driven}
 
 
-def _chosen(bodies: tuple[str, ...]) -> Iterator[str]:
-    """The first of several robots; the recipe of another differs by this line."""
-    if bodies:
-        yield f"  body: {quoted(bodies[0])}   # or {some(bodies[1:])}: one recipe builds one robot"
-
-
-def _solver(found: MjcfSource, anatomy: Anatomy, hand: Sequence[str]) -> Iterator[str]:
+def _put_solver(draft: Draft, found: MjcfSource, anatomy: Anatomy, hand: Sequence[str]) -> None:
     """Words that are refused without the key, and the cone of what grips or stands."""
-    said = {}
     if found.newer:
-        words = some(list(found.newer))
-        said[f"grammar: {NEWEST}"] = f"keeps {words}, which MuJoCo {OLDEST} does not know"
+        why = f"keeps {some(list(found.newer))}, which MuJoCo {OLDEST} does not know"
+        draft.put(float(NEWEST), "mjcf", "grammar", beside=why)
     option = option_of(found.control)
     if (hand or anatomy.walks_on) and 'cone="elliptic"' not in option:
         slips = "what a hand holds slips" if hand else "feet creep"
-        said["cone: elliptic"] = f"with the source's pyramidal cone {slips}"
+        draft.put("elliptic", "mjcf", "cone", beside=f"with the source's pyramidal cone {slips}")
     if hand and 'tolerance="1e-08"' in option:
-        said["tolerance: 1.0e-12"] = "with MuJoCo's 1e-8 light fingers of a heavy robot let go"
-    if said:
-        yield f"mjcf: {{{', '.join(said)}}}   # {'; '.join(said.values())}"
+        why = "with MuJoCo's 1e-8 light fingers of a heavy robot let go"
+        draft.put(1e-12, "mjcf", "tolerance", beside=why)
 
 
 def _taken(found: MjcfSource) -> Iterator[str]:
     """What the source says and the recipe therefore does not."""
     control, tree = found.control, found.robot.tree
-    step = control.simulation.timestep
-    yield "# What the MJCF says and this file does not repeat; a key here would win:"
-    yield f"# base: {tree.base}"
-    yield f"# simulation: {{timestep: {step:g}}}   # s"
-    yield f"# collision pairs that are excluded: {len(control.excludes)}"
+    yield "What the MJCF says and this file does not repeat; a key here would win:"
+    yield f"base: {tree.base}"
+    yield f"simulation: {{timestep: {control.simulation.timestep:g}}}   # s"
+    yield f"collision pairs that are excluded: {len(control.excludes)}"
     if control.keyframes:
-        yield f"# its keyframes: {some([key.name for key in control.keyframes])}"
+        yield f"its keyframes: {some([key.name for key in control.keyframes])}"
     if control.sensors:
-        yield f"# its sensors: {some([sensor.name for sensor in control.sensors])}"
+        yield f"its sensors: {some([sensor.name for sensor in control.sensors])}"
 
 
-def _merging(found: MjcfSource) -> Iterator[str]:
+def _put_merging(draft: Draft, found: MjcfSource) -> None:
     """Bodies that cannot be simulated alone become one with what fixed joints hold to them."""
-    if not found.weak:
-        return
-    tree = found.built.tree
-    kept = [joint.child for joint in tree.joints if joint.kind == "fixed"]
-    patterns = patterns_of(kept, list(found.robot.links.by_body))
-    more = f", keep_bodies: {inline(patterns)}" if kept else ""
-    yield f"# {some(found.weak)} cannot be simulated alone: no mass, or no inertia"
-    yield f"fixed_joints: {{merge: true{more}}}"
+    if found.weak:
+        why = f"{some(found.weak)} cannot be simulated alone: no mass, or no inertia"
+        kept = [joint.child for joint in found.built.tree.joints if joint.kind == "fixed"]
+        names = list(found.robot.links.by_body)
+        more = {"keep_bodies": patterns_of(kept, names)} if kept else {}
+        draft.put({"merge": True, **more}, "fixed_joints", above=[why])
 
 
-def _collision(robot: InspectedRobot) -> Iterator[str]:
+def _put_collision(draft: Draft, robot: InspectedRobot) -> None:
     count = len(robot.shapes.of("collision"))
-    yield "collision:"
-    if count:
-        yield f"  default: {{method: keep, from: collision}}   # its {count} shapes as they are"
-    else:
-        yield "  default: {method: auto, from: visual}   # the source has no collision shapes"
+    rule = (
+        {"method": "keep", "from": "collision"} if count else {"method": "auto", "from": "visual"}
+    )
+    why = f"its {count} shapes as they are" if count else "the source has no collision shapes"
+    draft.put(rule, "collision", "default", beside=why)
 
 
 def _driven(control: Control) -> list[str]:
@@ -341,31 +292,29 @@ def _driven(control: Control) -> list[str]:
     return driven + ["others"] * bool(others)
 
 
-def _drives(found: MjcfSource, tuning: Tuning | None) -> Iterator[str]:
+def _put_drives(draft: Draft, found: MjcfSource, tuning: Tuning | None) -> None:
     """The source's drives by name, or a table for a source that has none."""
     if driven := _driven(found.control):
-        yield f"# Drives of the source: {some(driven)}"
-        yield "# An `actuators:` table here would replace them all."
+        own = f"Drives of the source: {some(driven)}"
+        draft.note(own, "An `actuators:` table here would replace them all.", at=("actuators",))
     if tuning is not None:
-        yield DRIVES
-        yield from actuators(tuning)
+        draft.note(DRIVES, at=("actuators",))
+        put_actuators(draft, tuning)
         if tuning.timestep < found.control.simulation.timestep:
-            yield f"simulation: {{timestep: {tuning.timestep!r}}}"
+            draft.put(tuning.timestep, "simulation", "timestep")
 
 
-def _validate(found: MjcfSource, anatomy: Anatomy) -> Iterator[str]:
-    """Legs with drives are tried; keyframes of the source are its own affair."""
+def _stood(found: MjcfSource, anatomy: Anatomy) -> Trial | None:
+    """Whether legs with drives stand; keyframes of the source are its own affair."""
     robot, control, legs = found.robot, found.control, anatomy.legs
     named = {key.name for key in control.keyframes}
     driven = {a.joint for a in control.actuators if a.model in ("pd", "general")}
     if not legs or not all(j.name in driven for leg in legs for j in leg.joints):
-        return
+        return None
     if named and "home" not in named:
-        return
-    soles = [sole for leg in legs for sole in leg.soles]
+        return None
     step = {"timestep": control.simulation.timestep}
     home = control.initial_keyframe
-    pose = dict(home.joints) if home else found.posed or home_pose(robot.tree, legs)
-    with staged(robot, soles, whole=False) as stage:
-        trial = stage.attempt(tables(robot.tree, (), pose, step), control)
-    yield from validation(robot, legs, trial)
+    pose = dict(home.joints) if home else home_pose(robot.tree, legs)
+    with staged(robot, [sole for leg in legs for sole in leg.soles], whole=False) as stage:
+        return stage.attempt(tables(robot.tree, (), pose, step), control)

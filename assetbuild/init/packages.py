@@ -5,8 +5,7 @@ from __future__ import annotations
 import functools
 import os
 import re
-from collections.abc import Iterable, Iterator, Mapping
-from itertools import chain
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path, PurePosixPath
 from urllib.parse import unquote
 
@@ -89,7 +88,7 @@ def _searched(name: str, inside: Uses, file: Path) -> Path:
     node = inside[0][1]
     uri = (node.element.get("filename") or "").strip()
     for folders in (*package_folders(name, file), *([folder] for folder in above(file))):
-        holding = [f for f in folders if any(is_file(f / path) for path, _ in inside)]
+        holding = [f for f in folders if any(_holds(f, path) for path, _ in inside)]
         if len(holding) > 1:
             choices = " or ".join(f"`--package {name}={shown_path(f)}`" for f in holding)
             raise node.error(f"`{uri}`: {len(holding)} folders are package `{name}`", choices)
@@ -106,6 +105,11 @@ def _searched(name: str, inside: Uses, file: Path) -> Path:
         f"`{uri}`: no folder above the URDF holds the package `{name}`",
         f"say where it is: `--package {name}=FOLDER`",
     )
+
+
+def _holds(folder: Path, path: str) -> bool:
+    """Whether a file is there, under its name or what that is percent-encoded from."""
+    return is_file(folder / path) or is_file(folder / unquote(path))
 
 
 def lacking(root: Path, path: str) -> tuple[str, str]:
@@ -203,11 +207,22 @@ def common_folder(
 SHORTEST = 2
 """Names at the end of an absolute path that must agree: a file's name alone proves nothing."""
 
-_NO_PACKAGE = re.compile(rb"package:///([^\"'<>]*)")
 _FIND = re.compile(r"^(?:(?:file|package):/*)?\$\(\s*find\s+([^)\s]+)\s*\)/*")
-FIND = "xacro and ROS 1 launch files know `$(find ...)`, readers of URDF do not"
-ENCODED = "the name is percent-encoded, which ROS' `file://` decodes; the file has the decoded name"
-PACKAGELESS = "no package is named: pinocchio reads such names from each package's folder"
+SPELLINGS: tuple[tuple[str, Callable[[str], str]], ...] = (
+    (
+        "xacro and ROS 1 launch files know `$(find ...)`, readers of URDF do not",
+        lambda uri: _FIND.sub(r"package://\1/", uri),
+    ),
+    (
+        "no package is named: pinocchio reads such names from each package's folder",
+        lambda uri: re.sub("^package:///(?=[^/]*$)", "", uri),
+    ),
+    (
+        "only Windows reads a backslash as the end of a folder",
+        lambda uri: uri.replace("\\", "/"),
+    ),
+)
+"""Names of files as a URDF's readers spell them, and why."""
 
 
 def replaced(data: bytes, patches: Iterable[Patch]) -> bytes:
@@ -217,46 +232,24 @@ def replaced(data: bytes, patches: Iterable[Patch]) -> bytes:
     return data
 
 
-def packageless(file: Path, data: bytes) -> list[Patch]:
-    """The `package:///` before names that lie beside a URDF, as Onshape's exporters write it."""
-    names = {*_NO_PACKAGE.findall(data)}
-    if file.suffix != ".urdf" or not names or any(b"/" in name for name in names):
-        return []
-    prefix = "package:///"
-    times = data.count(prefix.encode())
-    return [Patch(file=file.name, find=prefix, replace="", times=times, because=PACKAGELESS)]
-
-
-def respelled(file: Path, data: bytes, known: Mapping[str, Path]) -> list[Patch]:
-    """Names of a URDF as its readers spell them: `$(find NAME)/` and percent-encoding resolved.
-
-    An encoded name that leads to a file as it stands is that file's.
-    """
-    text, made = data.decode("utf-8", "replace"), list[Patch]()
+def respelled(file: Path, data: bytes) -> list[Patch]:
+    """Patches for the names of a URDF that none of its readers follow as they stand."""
+    made = list[Patch]()
     for uri in dict.fromkeys(uri for uri, _ in files_named(parse(data, shown_path(file)))):
-        named, because = _FIND.sub(r"package://\1/", uri), FIND
-        decoded = unquote(named)
-        if decoded != named and not _leads(named, file, known) and _leads(decoded, file, known):
-            named, because = decoded, ENCODED if named == uri else f"{FIND}; {ENCODED}"
-        if named != uri and not set(named) & set("\"'<>&"):
-            quoted = ((f"{mark}{uri}{mark}", f"{mark}{named}{mark}") for mark in "\"'")
-            made += [
-                Patch(file=file.name, find=a, replace=b, times=text.count(a), because=because)
-                for a, b in quoted
-                if a in text
-            ]
+        for because, spelled in SPELLINGS:
+            if (named := spelled(uri)) != uri:
+                made += renamings(file.name, data, uri, named, because)
+                break
     return made
 
 
-def _leads(uri: str, file: Path, known: Mapping[str, Path]) -> bool:
-    """Whether a name, taken literally, may be that of a file here."""
-    if inside := PACKAGE.fullmatch(uri):
-        name, path = inside[1], inside[2]
-        likely = [[known[name]]] if name in known else package_folders(name, file)
-        return any(is_file(at / path) for at in chain(above(file), *likely))
-    if (path := absolute_path(uri)) is not None:
-        return any(True for _ in _hits(path, file))
-    return any(is_file(folder / uri.removeprefix("file://")) for folder in above(file))
+def renamings(file: str, data: bytes, old: str, new: str, because: str) -> Iterator[Patch]:
+    """A patch of a name wherever it stands in quotes."""
+    text = data.decode("utf-8", "replace")
+    for mark in "\"'":
+        if times := text.count(f"{mark}{old}{mark}"):
+            find, replace = f"{mark}{old}{mark}", f"{mark}{new}{mark}"
+            yield Patch(file=file, find=find, replace=replace, times=times, because=because)
 
 
 def relative_start(uses: Uses, file: Path) -> Path | None:

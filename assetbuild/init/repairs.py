@@ -16,8 +16,8 @@ from assetbuild.engine.scratch import Scratch, scratch
 from assetbuild.errors import AssetBuildError
 from assetbuild.findings import Finding
 from assetbuild.geometry.convert_mesh import ConvertMesh
+from assetbuild.init.draft import Draft, inline, patterns_of, plain, some
 from assetbuild.init.look import FORMATS, LARGEST, InspectedRobot, Weighed, not_in_usd, zeroed
-from assetbuild.init.words import inline, patterns_of, plain, some
 from assetbuild.kinds import Edit
 from assetbuild.plugins import load_plugin
 from assetbuild.robot.codec import encode
@@ -35,10 +35,10 @@ GUESSED_MASS = 0.01
 DUMMY_DENSITY = 1e6
 """kg/m3: fifty times the densest matter. Below, a small inertia is odd but can be simulated."""
 
-EDITS = """\
-# The source states what no simulator takes, or what contradicts itself; these edits repair it.
-# Check the numbers: the report compares before and after.
-edits:"""
+EDITS = (
+    "The source states what no simulator takes, or what contradicts itself; these edits repair it.",
+    "Check the numbers: the report compares before and after.",
+)
 
 _BROKEN = {"inertia.missing", "inertia.mass", "inertia.positive", "inertia.dense"}
 
@@ -68,22 +68,21 @@ def repairs(robot: InspectedRobot, *, usd: bool = True) -> tuple[Repair, ...]:
     return (*_splits(robot), *_inertias(robot), *shares, *_limits(robot))
 
 
-def repairs_text(robot: InspectedRobot, found: Sequence[Repair]) -> Iterator[str]:
-    """The section `edits:`; no line when nothing needs one."""
+def put_repairs(draft: Draft, robot: InspectedRobot, found: Sequence[Repair]) -> None:
+    """The section `edits`; nothing where none is needed."""
     alike: dict[str, list[Repair]] = {}
     for repair in found:
         alike.setdefault(f"{repair.edit} {inline(repair.keys)}", []).append(repair)
-    if alike:
-        yield EDITS
+    draft.note(*EDITS * bool(alike), at=("edits",))
     for first, *others in alike.values():
         names = tuple(dict.fromkeys(repair.on for repair in (first, *others)))
-        yield f"  # {some(names)}: {plain(first.finding, 300)}"
-        yield f"  # {first.why}"
         joints = (*robot.links.by_joint, *robot.planar)
         known = joints if first.kind == "joint" else tuple(robot.links.by_body)
-        for pattern in patterns_of(names, list(known)):
-            yield f"  - {first.edit}: {inline({first.kind: pattern, **first.keys})}"
-    yield from _hints(robot, {repair.on for repair in found if repair.kind == "joint"})
+        lines = [f"{some(names)}: {plain(first.finding, 300)}", first.why]
+        for number, pattern in enumerate(patterns_of(names, known)):
+            edit = {first.edit: {first.kind: pattern, **first.keys}}
+            draft.add(edit, "edits", above=lines if not number else ())
+    _note_locked(draft, robot, {repair.on for repair in found if repair.kind == "joint"})
 
 
 def _subject(finding: Finding) -> str:
@@ -268,15 +267,17 @@ def unmended(robot: InspectedRobot) -> Iterator[str]:
             yield f"{finding.subject}: {finding.message} ({finding.hint})"
 
 
-def _hints(robot: InspectedRobot, mended: Collection[str]) -> Iterator[str]:
+def _note_locked(draft: Draft, robot: InspectedRobot, mended: Collection[str]) -> None:
     """What builds but may be a mistake, as a comment; mended: joints that an edit repairs."""
-    locked = [f for f in robot.link_findings if f.rule == "joint.locked"]
-    locked = [finding for finding in locked if _subject(finding) not in mended]
-    if locked:
-        yield "# Equal limits lock a joint. If it is meant to move, give it a range under `edits`:"
-    for finding in locked:
-        keys = {"joint": _subject(finding), "lower": 0, "upper": 0}
-        yield f"#   - set_limits: {inline(keys)}"
+    names = [_subject(f) for f in robot.link_findings if f.rule == "joint.locked"]
+    for number, name in enumerate(name for name in names if name not in mended):
+        if not number:
+            why = (
+                "Equal limits lock a joint. If it is meant to move, give it a range under `edits`:"
+            )
+            draft.note(why, at=("edits",))
+        edit = inline({"joint": name, "lower": 0, "upper": 0})
+        draft.note(f"- set_limits: {edit}", at=("edits",))
 
 
 def mended(robot: InspectedRobot, repairs: Iterable[Repair]) -> InspectedRobot:

@@ -13,9 +13,11 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path, PurePosixPath
 from typing import Literal
+from urllib.parse import unquote
 
 from assetbuild.engine.scratch import scratch
 from assetbuild.errors import SourceError, UsageError, Where, nearest
+from assetbuild.init.draft import some
 from assetbuild.init.packages import (
     absolute_folders,
     common_folder,
@@ -23,15 +25,14 @@ from assetbuild.init.packages import (
     find_packages,
     is_file,
     lacking,
-    packageless,
     packages_below,
     relative_start,
+    renamings,
     replaced,
     respelled,
     stated,
 )
-from assetbuild.init.words import some
-from assetbuild.init.xacro import Expanded, expand, is_xacro, leftovers
+from assetbuild.init.xacro import Expanded, expand, is_xacro
 from assetbuild.recipe.loader import read_small_file, shown_path
 from assetbuild.recipe.source import Patch
 from assetbuild.robot.files import RobotFiles
@@ -94,18 +95,13 @@ def find_source(
     data = read_small_file(file, name, SourceError)
     folders = {name: stated(name, folder) for name, folder in packages.items()}
     real = Path(os.path.realpath(file))
-    patches = [*leftovers(real, data), *packageless(real, data)]
-    data = replaced(data, patches)
     by_xacro = is_xacro(file, data)
-    if not by_xacro:
-        spelled = respelled(real, data, folders)
-        data, patches = replaced(data, spelled), [*patches, *spelled]
+    patches = [] if by_xacro else respelled(real, data)
+    data = replaced(data, patches)
     if args and not by_xacro:
         raise UsageError("`--arg` is for a xacro file", where=Where(name), hint="leave it out")
-    read = expand(real, data, folders, args) if by_xacro else Expanded(data)
-    # Backslashes are patched later; until then they are read as they are meant.
-    named = files_named(parse(read.data, name))
-    uses = [(uri.replace("\\", "/"), node) for uri, node in named]
+    read = expand(real, folders, args) if by_xacro else Expanded(data)
+    uses = files_named(parse(read.data, name))
     used = {**folders, **read.packages}
     used |= find_packages(uses, real, used)
     start, absolute = relative_start(uses, real), absolute_folders(uses, real)
@@ -133,42 +129,33 @@ NO_LIMIT = (
 SPELLED = "readers know this type in small letters alone"
 
 
-def patched(source: UrdfSource, patches: Iterable[Patch | None]) -> UrdfSource:
+def patched(source: UrdfSource, patches: Iterable[Patch]) -> UrdfSource:
     """The source behind the patches; only a URDF says its names in its own text."""
-    made = tuple(patch for patch in patches if patch is not None)
+    made = tuple(patches)
     return replace(source, data=replaced(source.data, made), patches=source.patches + made)
 
 
-def retyped(source: UrdfSource) -> Iterator[Patch | None]:
+def retyped(source: UrdfSource) -> Iterator[Patch]:
     """A patch for each joint whose type no build takes as it stands; none of a xacro."""
-    if source.key != "urdf":
-        return
-    for joint in parse(source.data, source.shown).all("joint"):
+    for joint in parse(source.data, source.shown).all("joint") if source.key == "urdf" else ():
         kind = joint.get("type") or ""
         if kind == "revolute" and joint.only("limit") is None:
-            yield _of_type(source, joint, "continuous", NO_LIMIT)
+            yield from _of_type(source, joint, "continuous", NO_LIMIT)
         elif kind not in KINDS and kind.strip().lower() in KINDS:
-            yield _of_type(source, joint, kind.strip().lower(), SPELLED)
+            yield from _of_type(source, joint, kind.strip().lower(), SPELLED)
 
 
-def _of_type(source: UrdfSource, joint: Node, kind: str, because: str) -> Patch | None:
-    """A patch of the joint's start tag; None where the text has no such tag, or several."""
+def _of_type(source: UrdfSource, joint: Node, kind: str, because: str) -> Iterator[Patch]:
+    """A patch of the joint's start tag; none where the text has no such tag, or several."""
     text, name = source.data.decode("utf-8", "replace"), re.escape(joint.get("name") or "")
     tag = rf"<joint\b(?=[^<>]*\sname\s*=\s*[\"']{name}[\"'])[^<>]*\stype\s*=\s*[\"'][^<>\"']*[\"']"
     found = re.findall(tag, text)
-    if len(found) != 1 or text.count(found[0]) != 1:
-        return None
-    find = found[0]
-    return Patch(
-        file=source.file,
-        find=find,
-        replace=re.sub(r"(\stype\s*=\s*)([\"'])[^\"']*\2", rf"\g<1>\g<2>{kind}\g<2>", find),
-        because=because,
-    )
+    if len(found) == 1 and text.count(found[0]) == 1:
+        new = re.sub(r"(\stype\s*=\s*)([\"'])[^\"']*\2", rf"\g<1>\g<2>{kind}\g<2>", found[0])
+        yield Patch(file=source.file, find=found[0], replace=new, because=because)
 
 
-CASE = "Linux tells upper from lower case, and this is how the file is called"
-BACKSLASH = "only Windows reads a backslash as the end of a folder"
+CASE = "upper and lower case and percent-encoding count: this is how the file is called"
 
 
 def mended(source: UrdfSource) -> UrdfSource:
@@ -177,9 +164,7 @@ def mended(source: UrdfSource) -> UrdfSource:
     A visual mesh may be missing, a collision mesh may not. SourceError with file and line for what
     no recipe can mend.
     """
-    windows = [uri for uri in dict.fromkeys(_names(source)) if "\\" in uri]
-    slashes = [_renaming(source, uri, uri.replace("\\", "/"), BACKSLASH) for uri in windows]
-    source = patched(source, (*slashes, *retyped(source)))
+    source = patched(source, retyped(source))
     meshes, solid = _meshes(source)
     renamed = patched(source, _cases(source, meshes))
     if renamed != source:
@@ -220,24 +205,25 @@ def _refused(source: UrdfSource, absent: list[dict[str, str]]) -> SourceError:
 # --- patches --------------------------------------------------------------------------------
 
 
-def _cases(source: UrdfSource, meshes: Sequence[dict[str, str]]) -> Iterator[Patch | None]:
-    """A patch for each mesh that is there under one name of other case alone."""
+def _cases(source: UrdfSource, meshes: Sequence[dict[str, str]]) -> Iterator[Patch]:
+    """A patch for each mesh that is there under one other name: see `_other_case`."""
     for mesh in meshes:
         stated = PurePosixPath(mesh["path"])
-        own = None if is_file(source.root / stated) else _other_case(source.root, stated)
+        own = None if is_file(source.root / stated) else _other_case(source.root, mesh["path"])
         if own is not None:
             said = mesh["uri"].split("/")
             pairs = zip(reversed(stated.parts), reversed(said), strict=False)
             same = len(list(itertools.takewhile(lambda pair: pair[0] == pair[1], pairs)))
             if same and own.parts[:-same] == stated.parts[:-same]:
                 named = "/".join((*said[:-same], *own.parts[-same:]))
-                yield _renaming(source, mesh["uri"], named, CASE)
+                if source.key == "urdf":
+                    yield from renamings(source.file, source.data, mesh["uri"], named, CASE)
 
 
-def _other_case(root: Path, path: PurePosixPath) -> PurePosixPath | None:
-    """The one file below the root whose path is the same but for upper and lower case."""
+def _other_case(root: Path, path: str) -> PurePosixPath | None:
+    """The one file of that name but for case and percent-encoding, below a root."""
     found = [PurePosixPath()]
-    for part in path.parts:
+    for part in PurePosixPath(unquote(path)).parts:
         found = [
             here / entry.name
             for here in found
@@ -246,21 +232,3 @@ def _other_case(root: Path, path: PurePosixPath) -> PurePosixPath | None:
             if entry.name.lower() == part.lower()
         ]
     return found[0] if len(found) == 1 else None
-
-
-def _names(source: UrdfSource) -> list[str]:
-    """Every name of a file, as often as it is used; none of a xacro, which computes them."""
-    if source.key != "urdf":
-        return []
-    return [uri for uri, _ in files_named(parse(source.data, source.shown))]
-
-
-def _renaming(source: UrdfSource, old: str, new: str, because: str) -> Patch | None:
-    """A patch of a name, everywhere; None where the text spells it in another way."""
-    uses, text = _names(source).count(old), source.data.decode("utf-8", "replace")
-    for mark in ('"', "'", ""):
-        if uses and text.count(f"{mark}{old}{mark}") == uses:
-            find, replace = f"{mark}{old}{mark}", f"{mark}{new}{mark}"
-            file = source.file
-            return Patch(file=file, find=find, replace=replace, times=uses, because=because)
-    return None

@@ -21,7 +21,6 @@ import re
 from collections import Counter
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from statistics import fmean
 
 import numpy as np
 
@@ -92,7 +91,7 @@ def strengthened(tree: Tree, anatomy: Anatomy) -> tuple[Tree, dict[str, Guess]]:
     """The tree with a guess for each effort that is unknown, and these guesses by joint."""
     parts = roles(tree, anatomy)
     physics, guesses = physical_efforts(tree, anatomy, parts), {}
-    over = _alike(tree, physics, overloaded(tree))
+    over = overloaded(tree)
     meaningless = _placeholders(tree, physics, over)
     why = {
         name: _unknown(tree.by_joint[name], physics[name], over.get(name, 0.0), meaningless)
@@ -108,22 +107,6 @@ def strengthened(tree: Tree, anatomy: Anatomy) -> tuple[Tree, dict[str, Guess]]:
                 reason = f"{reason} here and {effort:g} for its like"
             guesses[name] = Guess(effort or rounded_up(physics[name]), reason, parts[name])
     return with_efforts(tree, {name: guess.effort for name, guess in guesses.items()}), guesses
-
-
-def _alike(tree: Tree, physics: Mapping[str, float], over: Mapping[str, float]) -> dict[str, float]:
-    """The share of random poses for joints that state one effort and need about as much: the mean.
-
-    Random poses are not mirrored, and one of two shoulders must not be a guess alone.
-    """
-    stated = {name: tree.by_joint[name].limits.effort for name in over if name in physics}
-    return dict(over) | {
-        name: fmean(
-            over[other]
-            for other in stated
-            if stated[other] == stated[name] and 0.8 < physics[other] / physics[name] < 1.25
-        )
-        for name in stated
-    }
 
 
 def _of_its_like(

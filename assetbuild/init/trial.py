@@ -22,10 +22,10 @@ from assetbuild.control.ground import Ground, stands_on_zero
 from assetbuild.engine.scratch import Scratch, scratch
 from assetbuild.errors import AssetBuildError, StepError
 from assetbuild.findings import Finding
+from assetbuild.init.draft import patterns_of
 from assetbuild.init.drives import DriveRow
 from assetbuild.init.home import DEEP_M, Depths, Pair, nothing_deep
 from assetbuild.init.look import InspectedRobot, mesh_of, scaled_points
-from assetbuild.init.words import patterns_of
 from assetbuild.mesh.hull import convex_hull
 from assetbuild.mesh.obj import obj_bytes
 from assetbuild.mesh.primitives import tessellate
@@ -188,19 +188,16 @@ class Stage:
         """
         scene = model if self.whole else self._on_soles(model)
         stood = stand(servoed(scene, made), "home", JUDGE.seconds)
-        if not self.whole or (_stays(stood) and stood.tilt_rad <= PUSHED_RAD):
-            return self._judged(stood)
-        body = self.overlaps.body_of
         deep: dict[tuple[str, str], float] = {}
-        for (a, b), depth in stood.overlapping.items():
-            pair = min(body(a), body(b)), max(body(a), body(b))
+        for pair, depth in stood.overlapping.items():
+            a, b = sorted(map(self.overlaps.body_of, pair))
             if depth > JUDGE.sole:
-                deep[pair] = max(depth, deep.get(pair, 0.0))
-        if deep:
+                deep[a, b] = max(depth, deep.get((a, b), 0.0))
+        if deep and self.whole and not _is_upright(stood):
             without = Exclude(adjacent=True, pairs=(*control.exclude.pairs, *deep))
             list(self.ports.run(control.model_copy(update={"exclude": without})))
             freed = stand(servoed(self._compiled(), made), "home", JUDGE.seconds)
-            if _stays(freed) and freed.tilt_rad <= PUSHED_RAD:
+            if _is_upright(freed):
                 return replace(self._judged(freed), overlaps=deep)
         return self._judged(stood)
 
@@ -225,8 +222,8 @@ class Stage:
         return Trial(True, sentence, stood.tilt_rad)
 
 
-def _stays(stood: Stand) -> bool:
-    return outcome(stood, JUDGE.fall) == "stands"
+def _is_upright(stood: Stand) -> bool:
+    return outcome(stood, JUDGE.fall) == "stands" and stood.tilt_rad <= PUSHED_RAD
 
 
 @contextmanager

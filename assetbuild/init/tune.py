@@ -17,7 +17,7 @@ import numpy as np
 
 from assetbuild.findings import Finding
 from assetbuild.init.anatomy import Anatomy
-from assetbuild.init.drives import FIRM, FIRMER, MOST_DAMPED, STEP_S, TABLE, DriveRow, drive_rows
+from assetbuild.init.drives import FIRM, FIRMER, STEP_S, TABLE, DriveRow, drive_rows
 from assetbuild.init.home import UPRIGHT, Depths, Stance, home_pose, nothing_deep
 from assetbuild.init.loops import NO_LOOPS, FoundLoops
 from assetbuild.init.strength import (
@@ -28,8 +28,6 @@ from assetbuild.init.strength import (
     with_efforts,
 )
 from assetbuild.init.trial import PUSHED_RAD, Trial
-from assetbuild.init.words import patterns_of
-from assetbuild.robot.actuators import RowError
 from assetbuild.robot.inertia import total_mass
 from assetbuild.robot.model import Tree
 
@@ -129,39 +127,12 @@ def _chosen(tuning: Tuning, step: float) -> Tuning:
 
 def _corrected(tuning: Tuning, trial: Trial) -> Tuning | None:
     """One step further; None when nothing is left to try."""
-    if trial.refused is not None:
-        return _damped_more(tuning, trial.refused)
     weak = [error for error in trial.errors if error.rule in WEAK]
     stronger = _stronger(tuning, weak) if weak else None
     if stronger is not None:
         return stronger
     others = [error for error in trial.errors if error.rule not in WEAK]
     return _calmer(tuning, others[0]) if others else None
-
-
-def _damped_more(tuning: Tuning, refused: RowError) -> Tuning | None:
-    """More than the joints' own damping makes; damping that makes too much is dropped."""
-    key = refused.key
-    if len(key) < 3 or key[2] != "damping_ratio" or not isinstance(key[1], int):
-        return None
-    drives, index = list(tuning.drives), _drive_of(tuning, key[1])
-    row = drives[index]
-    ratio = DAMPED * row.gains["damping_ratio"]
-    if ratio <= MOST_DAMPED:
-        row = replace(row, gains={**row.gains, "damping_ratio": float(f"{ratio:.2g}")})
-    elif "damping" not in row.drops:
-        row = replace(row, drops=(*row.drops, "damping"), gains={**row.gains, "damping_ratio": 1.0})
-    else:
-        return None
-    drives[index] = row
-    return replace(tuning, drives=tuple(drives))
-
-
-def _drive_of(tuning: Tuning, row: int) -> int:
-    """The drive that a row of the recipe's table is of: one has a row for each pattern."""
-    everything = [joint.name for joint in tuning.tree.moving_joints]
-    counts = [len(patterns_of(drive.joints, everything)) for drive in tuning.drives]
-    return next(i for i in range(len(counts)) if row < sum(counts[: i + 1]))
 
 
 def _stronger(tuning: Tuning, weak: list[Finding]) -> Tuning | None:

@@ -5,8 +5,8 @@ from __future__ import annotations
 import re
 
 from assetbuild.geometry.lint_meshes import meshes_to_turn
+from assetbuild.init.draft import Draft, patterns_of
 from assetbuild.init.look import InspectedRobot, mesh_of, scaled_points
-from assetbuild.init.words import inline, patterns_of
 from assetbuild.kinds import ConvertedMesh
 from assetbuild.mesh.companions import format_of
 from assetbuild.robot.pose import vec3
@@ -17,29 +17,26 @@ HEAD = 1 << 16
 """Bytes in which a COLLADA file tells its axis: its asset comes first."""
 
 
-def turned(robot: InspectedRobot) -> tuple[list[str], frozenset[str]]:
-    """The line `honour_up_axis` with its reason, and the meshes that it turns, by their paths.
-
-    Nothing where no mesh needs it.
-    """
-    doubted = [s for s in robot.shapes.shapes if _may_say_so(robot, s)]
-    if not doubted:
-        return [], frozenset()
-    links = {shape.link for shape in doubted}
+def turned(robot: InspectedRobot) -> frozenset[str]:
+    """Paths of the meshes that the recipe turns as their files say."""
+    links = {shape.link for shape in robot.shapes.shapes if _may_say_so(robot, shape)}
     records = {}
     for shape in robot.shapes.shapes:
         if shape.link in links and isinstance(shape.geometry, MeshFile):
             record = _bounds(robot, shape.geometry)
             if record is not None:  # else the build says what is wrong with it
                 records[shape.name] = record
-    turn = meshes_to_turn(robot.links, robot.shapes, records)
-    if not turn:
-        return [], frozenset()
-    stated = {s.geometry.path for s in doubted if isinstance(s.geometry, MeshFile)}
-    patterns = (".*",) if turn == stated else patterns_of(sorted(turn), sorted(stated))
-    told = f"{len(turn)} of {len(stated)} meshes that state an axis fit their links better so"
-    line = f"  honour_up_axis: {inline(patterns)}   # turned as their files say: {told}"
-    return [line], frozenset(turn)
+    return frozenset(meshes_to_turn(robot.links, robot.shapes, records) if records else ())
+
+
+def put_up_axis(draft: Draft, robot: InspectedRobot, turn: frozenset[str]) -> None:
+    """The key `honour_up_axis`, where a mesh needs it."""
+    doubted = (s.geometry for s in robot.shapes.shapes if _may_say_so(robot, s))
+    stated = {mesh.path for mesh in doubted if isinstance(mesh, MeshFile)}
+    if turn:
+        patterns = [".*"] if turn == stated else patterns_of(sorted(turn), sorted(stated))
+        why = f"turned as their files say: {len(turn)} of {len(stated)} meshes that state an axis "
+        draft.put(patterns, "source", "honour_up_axis", beside=why + "fit their links better so")
 
 
 def _may_say_so(robot: InspectedRobot, shape: SourceShape) -> bool:

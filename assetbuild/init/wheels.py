@@ -19,9 +19,10 @@ from typing import Literal
 import numpy as np
 
 from assetbuild.init.look import InspectedRobot, zeroed
+from assetbuild.mesh.primitives import tessellate
 from assetbuild.robot.model import Joint, Tree
 from assetbuild.robot.pose import Array, Pose
-from assetbuild.robot.shapes import Box, Cylinder, MeshFile, SourceGeometry, SourceShape, Sphere
+from assetbuild.robot.shapes import MeshFile, SourceShape
 from assetbuild.robot.tree import forward_kinematics
 
 TurningRole = Literal["wheel", "caster", "steering", "rotor", "spinner"]
@@ -158,21 +159,16 @@ def _like(disc: _Disc, others: Sequence[_Disc]) -> list[_Disc]:
 def _followers(
     tree: Tree, at_zero: Mapping[str, Pose], wheels: Sequence[_Disc], discs: Sequence[_Disc]
 ) -> dict[str, Turning]:
-    """Casters with their swivels, what steers, the rollers of wheels and the axes of balls.
-
-    A ball turns about several axes in one point: bodies without a shape, down to the ball.
-    """
+    """Casters with their swivels, what steers, and what turns inside of a wheel."""
     below = {disc.joint.name: bodies_below(tree, disc.joint.child)[1:] for disc in wheels}
     named = [disc for disc in wheels if _CASTER.fullmatch(disc.name)]
-    balls = [disc for disc in wheels if not disc.radius and below[disc.joint.name]]
-    others = [disc for disc in wheels if disc not in balls]
-    swivels = {disc.joint.name: _swivel(tree, at_zero, disc, wheels) for disc in others}
-    steady = [d for d in others if d not in named and swivels[d.joint.name] is None]
+    swivels = {disc.joint.name: _swivel(tree, at_zero, disc, wheels) for disc in wheels}
+    steady = [d for d in wheels if d not in named and swivels[d.joint.name] is None]
     found: dict[str, Turning] = {}
     for disc in wheels:
         swivel = swivels.get(disc.joint.name)
         trails = swivel is not None and _trail(at_zero, swivel, disc) > TRAIL * disc.radius
-        follows = disc in balls or (len(steady) > 1 and (trails or disc in named))
+        follows = len(steady) > 1 and (trails or disc in named)
         if follows:
             found[disc.joint.name] = Turning("caster", disc.radius)
         if swivel is not None:
@@ -311,25 +307,9 @@ def _clouds(robot: InspectedRobot, body: str) -> Iterator[Array]:
 
 
 def _points(robot: InspectedRobot, shape: SourceShape) -> Array | None:
-    geometry: SourceGeometry = shape.geometry
-    if isinstance(geometry, MeshFile):
-        return robot.points_of(geometry)
-    if isinstance(geometry, Box):
-        corners = np.array(np.meshgrid(*[(-0.5, 0.5)] * 3)).reshape(3, -1).T
-        return np.asarray(corners * np.asarray(geometry.size))
-    turns, tilts = (np.arange(32) * (math.pi / 16.0), np.arange(-8, 9) * (math.pi / 16.0))
-    half = 0.0 if isinstance(geometry, Sphere) else geometry.length / 2.0
-    if isinstance(geometry, Cylinder):
-        rings = [(geometry.radius, -half), (geometry.radius, half)]
-    else:
-        r = geometry.radius
-        rings = [
-            (r * math.cos(tilt), r * math.sin(tilt) + math.copysign(half, tilt)) for tilt in tilts
-        ]
-    circles = [
-        np.column_stack([r * np.cos(turns), r * np.sin(turns), 0 * turns + z]) for r, z in rings
-    ]
-    return np.concatenate(circles)
+    if isinstance(shape.geometry, MeshFile):
+        return robot.points_of(shape.geometry)
+    return tessellate(shape.geometry).vertices
 
 
 def bodies_below(tree: Tree, body: str) -> list[str]:

@@ -21,32 +21,16 @@ from assetbuild.init.packages import (
     common_folder,
     declared,
     find_package,
-    package_folders,
-    start_of,
 )
-from assetbuild.recipe.loader import shown_path
-from assetbuild.recipe.source import Patch
 from assetbuild.source.get.files import left_out
-from assetbuild.source.urdf.expand_xacro import MOST_FILES, NOT_INCLUDED, ExpandXacro
+from assetbuild.source.urdf.expand_xacro import MOST_FILES, NOT_INCLUDED, WHERE, ExpandXacro
 
 MOST_TRIES = 60
-"""Packages that are asked for by a computed name, one after another."""
+"""Packages that are asked for, one after another."""
 
-_FIND = re.compile(r"\$\(find\s+([^\s)]+)\s*\)|package:/*([A-Za-z][\w-]*)/")
 _ASKED = re.compile(r"`\$\(find ([^`]+)\)`: no package")
 _ABSENT = re.compile(r"of the package `([^`]+)`, which is stated as missing")
-_UNDEFINED = re.compile(r"Undefined substitution argument (\S+)")
 _XACRO = re.compile(rb"<xacro:")
-
-
-_CALL = re.compile(r"<xacro:([\w.-]+)")
-_WHOLE_CALL = re.compile(r"<xacro:([\w.-]+)(?:[^<>]*/>|(?:\s[^<>]*)?>\s*</xacro:\1\s*>)")
-LEFTOVER = "nothing here defines this macro; readers of URDF leave the call out"
-_OWN = {
-    "include", "arg", "property", "macro", "if", "unless", "insert_block", "call", "element",
-    "attribute",
-}  # fmt: skip
-"""Elements of xacro itself."""
 
 
 @dataclass(frozen=True)
@@ -64,28 +48,13 @@ def is_xacro(file: Path, data: bytes) -> bool:
     return file.suffix == ".xacro" or _XACRO.search(data) is not None
 
 
-def leftovers(file: Path, data: bytes) -> list[Patch]:
-    """Calls of macros in a `.urdf` that defines and includes none: what xacro has left behind."""
-    text = data.decode("utf-8", "replace")
-    elements = {*_CALL.findall(text)}
-    if file.suffix != ".urdf" or not elements or elements & _OWN:
-        return []
-    calls = dict.fromkeys(found[0] for found in _WHOLE_CALL.finditer(text))
-    return [
-        Patch(file=file.name, find=call, replace="", times=text.count(call), because=LEFTOVER)
-        for call in calls
-    ]
-
-
-def expand(
-    file: Path, data: bytes, stated: Mapping[str, Path], args: Mapping[str, str]
-) -> Expanded:
+def expand(file: Path, stated: Mapping[str, Path], args: Mapping[str, str]) -> Expanded:
     """Expand a file with its arguments. Raises SourceError as the build would, in words of `init`.
 
-    file: real path. What the file asks for by a computed name is found by expanding it again and
-    again. A package that is found nowhere is an error only where the robot needs its files.
+    file: real path. A package that it asks for is found by expanding it again and again. One that
+    is found nowhere is an error only where the robot needs its files.
     """
-    attempt = _Attempt(file, _packages(file, data, stated), args)
+    attempt = _Attempt(file, dict(stated), args)
     for _ in range(MOST_TRIES):
         try:
             return attempt.run()
@@ -143,7 +112,7 @@ class _Attempt:
             else:
                 self.folders[asked[1]] = folder
         elif not self._own_package(error):
-            raise _reworded(error, self.file)
+            raise _reworded(error)
 
     def _own_package(self, error: SourceError) -> bool:
         """The package that the file lies in, where it includes from there by a relative name."""
@@ -156,44 +125,16 @@ class _Attempt:
         return True
 
 
-def _reworded(error: SourceError, file: Path) -> SourceError:
-    """Hints of a build speak of the recipe; there is none yet."""
-    message, hint = error.message, error.hint
-    if absent := _ABSENT.search(message):
-        message = f"`$(find {absent[1]})`: no package named `{absent[1]}`"
-        hint = "say where it is: `--package NAME=FOLDER`"
-        found: list[Path] = next(package_folders(absent[1], file), [])
-        if len(found) > 1:
-            message = f"`$(find {absent[1]})`: {len(found)} folders are package `{absent[1]}`"
-            hint = " or ".join(f"`--package {absent[1]}={shown_path(f)}`" for f in found)
-    elif undefined := _UNDEFINED.search(message):
-        hint = f"give it: `--arg {undefined[1]}=VALUE`"
-    elif "readable files" in message:
-        hint = "is part of its name an argument to give (`--arg NAME=VALUE`)?"
-    return SourceError(message, where=error.where, hint=hint)
+def _reworded(error: SourceError) -> SourceError:
+    """A package that was found nowhere is not stated as missing: there is no recipe yet."""
+    absent = _ABSENT.search(error.message)
+    if absent is None:
+        return error
+    message = f"`$(find {absent[1]})`: no package named `{absent[1]}`"
+    return SourceError(message, where=error.where, hint=WHERE)
 
 
 # --- files ----------------------------------------------------------------------------------
-
-
-def _packages(file: Path, data: bytes, stated: Mapping[str, Path]) -> dict[str, Path]:
-    """Folders of all packages that the file and what it may include speak of, where they exist."""
-    found: dict[str, Path | None] = dict(stated)
-    waiting = [data.decode("utf-8", "replace")]
-    waiting += [_text(path) for folder in stated.values() for path in _readable(folder)]
-    while waiting:
-        text = waiting.pop()
-        for match in _FIND.finditer(text if "<robot" in text else ""):
-            name = match[1] or match[2]
-            if name not in found:
-                folder = found[name] = find_package(name, file)
-                if folder is not None:
-                    waiting += [_text(path) for path in _readable(folder)]
-    return {name: folder for name, folder in found.items() if folder is not None}
-
-
-def _text(path: Path) -> str:
-    return start_of(path, 1 << 20)
 
 
 def _readable(folder: Path) -> Iterator[Path]:

@@ -46,7 +46,6 @@ from assetbuild.source.plan import (
     Reading,
     SourceFiles,
     description_of,
-    lint_export,
     open_source,
     read_description,
 )
@@ -182,7 +181,6 @@ def _prepare(loaded: LoadedRecipe, lock: Lock | None, outline: Outline, p: Plann
             return None
         bounds = recipe.validate_.inertia
         p.add("lint_links", LintLinks(bounds=bounds), dict(read.robot))
-        lint_export(recipe, source, description, read, p)
         outline.source_map = read.source_map
         outline.expanded = description.ref if recipe.source.xacro else None
         geometry = _geometry(recipe.source.honour_up_axis, source, description, read, p)

@@ -27,7 +27,6 @@ from assetbuild.source.mjcf.includes import ListIncludes
 from assetbuild.source.mjcf.read_mjcf import ReadMjcf
 from assetbuild.source.patches import passages, patched
 from assetbuild.source.urdf.expand_xacro import MOST_FILES, NOT_INCLUDED, ExpandXacro
-from assetbuild.source.urdf.lint_export import LintExport
 from assetbuild.source.urdf.read_urdf import ReadUrdf
 
 SCP_LIKE = re.compile(r"[A-Za-z0-9._-]+@[A-Za-z0-9.-]+:")
@@ -238,27 +237,3 @@ def _read_mjcf(
         control=read["source_control.json"],
         mjcf=given,
     )
-
-
-def lint_export(
-    recipe: Recipe, source: SourceFiles, description: Description, read: Reading, p: Planner
-) -> None:
-    """Add the lint of SolidWorks' and Onshape's exports; nothing for an MJCF or a xacro."""
-    if recipe.source.urdf is None:
-        return
-    path = recipe.source.urdf
-    folder, stem = posixpath.dirname(path), posixpath.splitext(posixpath.basename(path))[0]
-    table = posixpath.join(folder, f"{stem}.csv")
-    config = posixpath.normpath(posixpath.join(folder, "..", "config"))
-    names = posixpath.join(config, f"joint_names_{stem}.yaml")
-    wanted = {table} if config.startswith("..") else {table, names}
-    beside = source.present("export tables", wanted)
-    if beside is None:
-        return
-    inputs = {"robot.urdf": description.ref, "links.json": read.robot["links.json"]}
-    inputs |= {"table.csv": beside[table]} if table in beside else {}
-    inputs |= {"joint_names.yaml": beside[names]} if names in beside else {}
-    step = LintExport(
-        table=table if table in beside else "", names=names if names in beside else ""
-    )
-    p.add("lint_export", step, inputs)

@@ -105,7 +105,7 @@ def ran(legs: Legs) -> set[str]:
 def test_a_changed_patch_runs_again_what_it_touches(warm_legs: Legs):
     row = "{file: four_legs.urdf, find: 'A dog:', replace: 'A cat:', because: it purrs}"
     patch(warm_legs, row)
-    touched = {"patch 1 four_legs.urdf", "read_urdf", "lint_export"}
+    touched = {"patch 1 four_legs.urdf", "read_urdf"}
     assert ran(warm_legs) == touched
     warm_legs.edit("it purrs", "it climbs")
     assert ran(warm_legs) == {"patch 1 four_legs.urdf"}  # the same text comes of it

@@ -119,7 +119,7 @@ def test_a_loop_that_cannot_close_is_refused_with_the_gap():
 def test_two_loops_that_contradict_each_other_are_refused():
     other = loop("bolt", b={"link": "rocker", "xyz": (0.14, 0.0, 0.0)})
     error = refused(step(loop(), other))
-    assert "`pin` and `bolt` contradict each other" in error.message
+    assert "stays open" in error.message and "contradict" in error.hint
 
 
 def test_a_keyframe_that_holds_the_loop_open_is_refused():
@@ -144,24 +144,3 @@ def test_two_links_that_nothing_moves_apart_close_no_loop():
 
 def test_a_second_loop_of_the_same_name_is_refused():
     assert "a second loop" in refused(step(loop(), loop())).message
-
-
-@pytest.mark.parametrize(
-    ("second", "said"),
-    [
-        (loop("again"), True),
-        (loop("turned", a=ROCKER, b=COUPLER), True),
-        (loop("aside", a={**COUPLER, "xyz": (0.2, 0.01, 0.0)},
-              b={**ROCKER, "xyz": (0.15, 0.01, 0.0)}), False),
-    ],
-)  # fmt: skip
-def test_a_loop_that_repeats_another_is_said(tmp_path: Path, second: dict[str, Any], said: bool):
-    inputs = write_robot_ports(tmp_path / "in", four_bar())
-    (inputs / "control.json").unlink()
-    home = {"crank_joint": 0.0}
-    made = step(loop(), second, home=home)
-    findings = {f.rule: f for f in run_step(made, inputs, tmp_path)}
-    assert ("loop.repeated" in findings) == said
-    if said:
-        found = findings["loop.repeated"]
-        assert (found.severity, found.subject) == ("warning", f"loop {second['name']}")

@@ -10,7 +10,6 @@ import math
 from dataclasses import replace
 from pathlib import Path
 
-import mujoco
 import numpy as np
 import pytest
 
@@ -100,51 +99,6 @@ def test_soles_touch_the_ground_by_the_formula_of_a_two_link_leg(run):
     assert home.base.xyz == pytest.approx((0.0, 0.0, expected), abs=1e-12)
     assert home.base.quat == (1.0, 0.0, 0.0, 0.0)
     assert findings == {}
-
-
-def mjcf_of(tree: Tree, shapes: Shapes) -> str:
-    """The robot's kinematics and spheres as MJCF, written here and read by MuJoCo."""
-
-    def numbers(values) -> str:
-        return " ".join(repr(float(v)) for v in values)
-
-    def body(name: str) -> str:
-        joint = tree.joint_above.get(name)
-        pose = joint.X_parent_joint if joint else Pose()
-        parts = [f'<body name="{name}" pos="{numbers(pose.xyz)}" quat="{numbers(pose.quat)}">']
-        parts.append('<inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/>')
-        if joint:
-            kind = "slide" if joint.kind == "prismatic" else "hinge"
-            parts.append(f'<joint name="{joint.name}" type="{kind}" axis="{numbers(joint.axis)}"/>')
-        for shape in shapes.shapes:
-            at, X_body_link = tree.placement(shape.link)
-            if at == name:
-                X = X_body_link @ shape.X_link_shape
-                parts.append(
-                    f'<geom name="{shape.name}" size="{shape.geometry.radius}" '
-                    f'pos="{numbers(X.xyz)}"/>'
-                )
-        parts += [body(j.child) for j in tree.joints if j.parent == name]
-        return "".join([*parts, "</body>"])
-
-    return f"<mujoco><worldbody>{body(tree.root)}</worldbody></mujoco>"
-
-
-def test_the_height_agrees_with_mujoco_for_random_poses(run):
-    import mujoco
-
-    tree, shapes = quadruped(), feet()
-    model = mujoco.MjModel.from_xml_string(mjcf_of(tree, shapes))
-    data = mujoco.MjData(model)
-    rng = np.random.default_rng(1)
-    for _ in range(5):
-        q = {joint.name: float(rng.uniform(-1.5, 1.5)) for joint in tree.joints}
-        control, _ = run(tree, shapes, recipe(keyframes={"k": {"joints": q}}))
-        for name, value in q.items():
-            data.qpos[model.joint(name).qposadr[0]] = value
-        mujoco.mj_kinematics(model, data)
-        lowest = min(data.geom_xpos[:, 2] - model.geom_size[:, 0])
-        assert control.keyframes[0].base.xyz[2] == pytest.approx(-lowest, abs=1e-12)
 
 
 def surface(geometry, rng, n=200_000):
@@ -411,20 +365,6 @@ def test_a_time_constant_that_mujoco_raises_is_said(run, keys, constant):
         assert (found.data["stated_s"], found.data["taken_s"]) == (constant, 2 * step)
 
 
-@pytest.mark.parametrize(("constant", "raised"), [(0.004, 0.01), (0.009, 0.01), (0.02, 0.02)])
-def test_mujoco_raises_a_time_constant_to_two_steps(constant, raised):
-    text = """<mujoco><option timestep="0.005"/><worldbody><geom type="plane" size="1 1 1"/>
-        <body pos="0 0 0.09"><freejoint/><geom size="0.1" solref="{} 1" priority="1"/></body>
-        </worldbody></mujoco>"""
-    falls = []
-    for each in (constant, raised):
-        model = mujoco.MjModel.from_xml_string(text.format(each))
-        data = mujoco.MjData(model)
-        mujoco.mj_step(model, data, nstep=20)
-        falls.append(float(data.qpos[2]))
-    assert falls[0] == falls[1]
-
-
 def test_some_joints_that_equal_limits_lock_need_no_drive(run):
     tree = quadruped()
     first, *others = tree.joints
@@ -482,14 +422,6 @@ def test_what_a_row_states_over_the_source_is_told(tmp_path: Path):
         ("recipe actuators.0", "effort 30 in place of the source's 20 (4 joints)"),
         ("recipe actuators.1", "velocity unlimited in place of the source's 30 (4 joints)"),
     }
-
-
-def test_the_same_recipe_gives_the_same_bytes(run, tmp_path):
-    said = recipe(keyframes={"home": {"joints": HOME}, "b": {}})
-    run(quadruped(), feet(), said)
-    first = (Path(tmp_path) / "out/control.json").read_bytes()
-    run(quadruped(), feet(), said)
-    assert (Path(tmp_path) / "out/control.json").read_bytes() == first
 
 
 def test_the_real_go1_stands_on_its_soles_by_pinocchio_on_the_source(run, go1_root, tmp_path):

@@ -80,7 +80,8 @@ def test_the_angles_reach_every_orientation(kind: JointKind, tmp_path: Path):
 def test_what_changes_is_reported():
     done = SplitJoint(joint="base").edit(base("planar"), SourceShapes(), Files(Path(), Path()))
     (finding,) = done.findings
-    assert (finding.severity, finding.data["links"]) == ("info", ("base_x_link", "base_y_link"))
+    assert (finding.rule, finding.severity) == ("edit.split_joint", "info")
+    assert finding.data["links"] == ("base_x_link", "base_y_link")
     tree = base("ball")
     tree = replace(tree, joints=(replace(tree.joints[0], damping=1.0), tree.joints[1]))
     (finding,) = SplitJoint(joint="base").edit(tree, SourceShapes(), Files(Path(), Path())).findings

@@ -8,10 +8,10 @@ import pytest
 from tiny import ball_inertial, run_step
 
 from assetbuild.findings import Finding
-from assetbuild.geometry.lint_meshes import LintMeshes, judge_up_axes, meshes_to_turn
+from assetbuild.geometry.lint_meshes import LintDensity, LintMeshes, judge_up_axes, meshes_to_turn
 from assetbuild.kinds import ConvertedMesh
 from assetbuild.robot.codec import encode
-from assetbuild.robot.model import Body, Joint, Tree
+from assetbuild.robot.model import Body, Inertial, Joint, Tree
 from assetbuild.robot.pose import Pose, Vec3, quat_of_rpy
 from assetbuild.robot.shapes import Box, MeshFile, SourceGeometry, SourceShape, SourceShapes
 
@@ -137,3 +137,21 @@ def test_what_says_nothing_of_itself_follows_most_of_its_format(tmp_path: Path):
 
 def test_rods_that_stand_as_they_are_stay(tmp_path: Path):
     assert rods(tmp_path, {"a": (False, TOP), "b": (False, None)}) == ([], set())
+
+
+@pytest.mark.parametrize(("mass", "told"), [(0.008, True), (0.02, False)])
+def test_links_of_the_density_of_no_material_are_told(mass: float, told: bool, tmp_path: Path):
+    """Two closed cubes of 20 mm: 8 g at 1000 kg/m3."""
+    inertial = Inertial(mass, (0.0, 0.0, 0.0), (1e-6, 1e-6, 1e-6, 0.0, 0.0, 0.0))
+    joint = Joint("j", "revolute", "a", "b")
+    tree = Tree("r", "fixed", (Body("a", inertial), Body("b", inertial)), (joint,))
+    (tmp_path / "meshes").mkdir()
+    shapes = []
+    for index, link in enumerate("ab"):
+        shapes.append(SourceShape(f"{link}_visual", link, "visual", MeshFile(f"{link}.stl")))
+        mesh = ConvertedMesh((), 12, 0.0024, (0.0, 0.0, 0.0), (0.02, 0.02, 0.02), True, 8e-6)
+        (tmp_path / f"meshes/{index}.json").write_bytes(encode(mesh))
+    (tmp_path / "links.json").write_bytes(encode(tree))
+    (tmp_path / "shapes.json").write_bytes(encode(SourceShapes(tuple(shapes), ())))
+    found = run_step(LintDensity(shapes=("a_visual", "b_visual")), tmp_path, tmp_path)
+    assert [finding.rule for finding in found] == ["inertia.default_density"] * told

@@ -140,19 +140,6 @@ def test_casters_stay_passive_and_wheels_are_driven_whatever_they_state(tmp_path
     assert rows["(port|starboard)_j"]["model"] == "velocity"
 
 
-def test_a_caster_of_three_axes_in_one_point_is_one(tmp_path: Path):
-    """As Toyota's HSR has them: two bodies without a shape, then the ball."""
-    axes = ["1 0 0", "0 1 0", "0 0 1"]
-    names = ["passive_wheel_x", "passive_wheel_y", "passive_wheel_z"]
-    parts, above, place = "", "trunk", "-0.12 0 -0.04"
-    for name, axis in zip(names, axes, strict=True):
-        ball = '<sphere radius="0.04"/>' if name == names[-1] else ""
-        parts += body(name, ball) + spin(name, above, place, axis)
-        above, place = name, "0 0 0"
-    _, found = seen(tmp_path, TRUNK, WHEELS, parts)
-    assert [found[name] for name in names] == ["caster"] * 3
-
-
 def test_rollers_of_an_omnidirectional_wheel_are_not_driven(tmp_path: Path):
     rollers = "".join(
         body(f"r{i}", '<sphere radius="0.006"/>') + spin(f"r{i}", "port", place, "1 0 0")

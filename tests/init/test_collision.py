@@ -45,10 +45,6 @@ def rules_of(folder: Path, *shapes: str) -> dict[str, dict[str, str]]:
     [
         ([("visual", BOX, 0.0), ("collision", PLATE, 0.0)], {"method": "auto", "from": "visual"}),
         ([("visual", PLATE, 0.0), ("collision", PLATE, 0.0)], {"method": "none"}),
-        (
-            [("visual", PLATE, 0.0), ("collision", PLATE, 0.0), ("collision", PLATE, 0.05)],
-            {"method": "primitive", "shape": "box"},
-        ),
     ],
 )
 def test_a_flat_mesh_is_no_collision_shape(

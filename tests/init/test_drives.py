@@ -12,8 +12,8 @@ from assetbuild.init.anatomy import study
 from assetbuild.init.drives import MOST_DAMPED, SAG, DriveRow, drive_rows
 from assetbuild.init.home import HEAVY, home_pose
 from assetbuild.init.look import InspectedRobot, judge, look
+from assetbuild.init.sections import urdf_recipe
 from assetbuild.init.source import find_source
-from assetbuild.init.text import urdf_recipe
 from assetbuild.robot.dynamics import dynamics
 
 LINK = """\

@@ -13,9 +13,6 @@ import pytest
 import yaml
 
 from assetbuild.init import propose
-from assetbuild.init.home import _is_linkage
-from assetbuild.robot.model import Body, Joint, Mimic, Tree
-from assetbuild.robot.pose import Pose
 
 LIMIT_M = 0.005
 
@@ -192,28 +189,3 @@ def test_a_biped_gets_gains_and_a_home_in_which_it_stands(
     text = propose(tmp_path / "biped.urdf", tmp_path / "biped.yaml", {}).text
     assert ("  stand: {keyframe: home" in text) is stands
     assert ("points that span no area" in text) is not stands
-
-
-@pytest.mark.parametrize(
-    ("mimics", "one", "other", "linked"),
-    [
-        ({"b": "a"}, "post", "b", True),
-        ({"b": "a"}, "a", "b", True),  # a hinge between them
-        ({}, "post", "b", False),
-        ({"b": "a", "c": "a"}, "b", "c", True),
-        ({"b": "a"}, "b", "c", False),
-        ({"b": "a", "c": "a"}, "post", "c", True),
-    ],
-)
-def test_a_linkage_is_what_one_coordinate_moves(
-    mimics: dict[str, str], one: str, other: str, linked: bool
-):
-    """A post carries `a`, which carries `b` and `c`."""
-    above = {"a": "post", "b": "a", "c": "a"}
-    joints = tuple(
-        Joint(n, "revolute", up, n, Pose(), (0.0, 1.0, 0.0),
-              mimic=Mimic(mimics[n]) if n in mimics else None)
-        for n, up in above.items()
-    )  # fmt: skip
-    tree = Tree("r", "fixed", tuple(Body(n) for n in ("post", *above)), joints)
-    assert _is_linkage(tree, one, other) is linked

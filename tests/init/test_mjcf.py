@@ -223,7 +223,6 @@ def test_springs_beside_guessed_drives_are_not_proposed_as_usd(tmp_path: Path):
     ("stated", "file", "called"),
     [
         ("go9 scene", "scene.xml", "go9"),
-        ("scene", "scene.xml", "hexapod"),  # the file that it includes and that has bodies
         ("scene", "scene_hexapod.xml", "hexapod"),
         ("robot", "hexapod.xml", "hexapod"),  # a model without a name reads as `robot`
         ("scenery_bot", "scene.xml", "scenery_bot"),
@@ -246,44 +245,6 @@ def test_a_scene_is_called_like_the_robot_in_it(
 def test_a_scene_without_a_name_is_called_like_its_folder(tmp_path: Path):
     (tmp_path / "acme_arm").mkdir()
     assert robot_name("scene", tmp_path / "acme_arm" / "scene.xml") == "acme_arm"
-
-
-PENDULA = """<mujoco model="r"><worldbody><body name="a" pos="0 0 .5">
-<joint name="j" axis="0 1 0" range="-90 90"/><geom type="capsule" size=".03 .1" mass="1"/>
-<body name="b" pos="0 0 .2"><joint name="k" axis="0 1 0" range="-90 90"/>
-<geom type="capsule" size=".03 .1" mass="1"/></body></body></worldbody><actuator>
-<position joint="j" kp="50" kv="2"/><position joint="k" kp="50" kv="2"/></actuator></mujoco>"""
-
-
-@pytest.mark.parametrize(
-    ("scene", "found"),
-    [
-        ('<include file="robot.xml"/>', True),
-        ("<include file='./robot.xml'/>", True),
-        ('<include file="other.xml"/>', False),
-    ],
-)
-def test_home_is_the_keyframe_of_the_scene_that_includes_the_robot(
-    scene: str, found: bool, tmp_path: Path
-):
-    key = '<keyframe><key name="home" qpos="0.4 -0.7"/></keyframe>'
-    for name in ("robot", "other"):
-        (tmp_path / f"{name}.xml").write_text(PENDULA)
-    (tmp_path / "scene.xml").write_text(f'<mujoco model="s">{scene}{key}</mujoco>')
-    text = propose(tmp_path / "robot.xml", tmp_path / "r.yaml", {}).text
-    assert ("      j: 0.4\n      k: -0.7\n" in text) is found
-    assert ("as the keyframe of scene.xml beside it" in text) is found
-
-
-def test_home_as_in_the_scene_stays_within_the_limits(tmp_path: Path):
-    (tmp_path / "robot.xml").write_text(PENDULA)
-    (tmp_path / "scene.xml").write_text(
-        '<mujoco model="s"><include file="robot.xml"/>'
-        '<keyframe><key name="home" qpos="0.4 -1.8"/></keyframe></mujoco>'
-    )
-    text = propose(tmp_path / "robot.xml", tmp_path / "r.yaml", {}).text
-    assert "as the keyframe of scene.xml beside it, within the limits" in text
-    assert "      j: 0.4\n      k: -1.5707963" in text
 
 
 def test_a_gripper_without_contacts_of_its_own_gets_ones_that_hold(tmp_path: Path):

@@ -158,20 +158,3 @@ def test_an_effort_that_cannot_hold_most_poses_is_guessed_and_home_stays(
     assert row_of(proposal, "segment_1_joint").get("guessed", False) is guessed
     assert ("of random poses" in proposal.text) is guessed
     assert proposal.unmended == ()
-
-
-@pytest.mark.parametrize("share", [0.66, 0.71, 0.76])
-def test_of_two_equal_arms_no_shoulder_alone_is_a_guess(share: float, tmp_path: Path):
-    """A rod over all angles needs more than sin(45 degrees) of its largest load in half of them."""
-    effort, text = share * 4.0 * GRAVITY * 0.25, ['<robot name="two"><link name="world"/>']
-    for side, y in (("left", 0.5), ("right", -0.5)):
-        text.append(
-            f'<link name="{side}_arm"><inertial><origin xyz="0 0 0.25"/><mass value="4"/>'
-            '<inertia ixx="0.08" iyy="0.08" izz="0.01" ixy="0" ixz="0" iyz="0"/></inertial></link>'
-            f'<joint name="{side}_shoulder" type="revolute"><parent link="world"/>'
-            f'<child link="{side}_arm"/><origin xyz="0 {y} 1"/><axis xyz="0 1 0"/>'
-            f'<limit lower="-3.14" upper="3.14" velocity="3" effort="{effort}"/></joint>'
-        )
-    (tmp_path / "two.urdf").write_text("\n".join([*text, "</robot>"]))
-    found = rows(propose(tmp_path / "two.urdf", tmp_path / "two.yaml", {}))
-    assert len({bool(row.get("guessed")) for row in found}) == 1

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from assetbuild.init.words import LONGEST, patterns_of
+from assetbuild.init.draft import LONGEST, patterns_of
 
 DOG = [f"{leg}_{part}_joint" for leg in ("FR", "FL", "RR") for part in ("hip", "thigh", "calf")]
 ARM = [f"panda_joint{n}" for n in range(1, 8)]

@@ -69,11 +69,6 @@ def test_the_archive_is_the_wheel_and_nothing_else_is_left(index, files):
     assert [p.name for p in files.outputs.iterdir()] == ["archive"]
 
 
-def test_fetch_is_the_network_step():
-    assert Fetch.network is True
-    assert Fetch.isolated is False
-
-
 def test_other_bytes_are_refused_with_both_digests(index, files):
     found = hashlib.sha256((index / WHEEL).read_bytes()).hexdigest()
     with pytest.raises(LockError) as caught:

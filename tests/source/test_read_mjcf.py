@@ -333,16 +333,6 @@ def test_an_included_body_is_found_in_its_own_file(tmp_path: Path):
     assert reading.lines["link a"] == "arm/more.xml:3"
 
 
-def test_a_comment_changes_only_the_lines(tmp_path: Path):
-    plain, noted = (
-        read(robot(ARM), tmp_path / "1"),
-        read(robot("<!-- a\nb -->" + ARM), tmp_path / "2"),
-    )
-    assert (plain.flat / "source.xml").read_bytes() == (noted.flat / "source.xml").read_bytes()
-    for name in ("links.json", "shapes.json", "source_control.json"):
-        assert (plain.read / name).read_bytes() == (noted.read / name).read_bytes()
-
-
 @pytest.mark.parametrize(
     ("text", "message"),
     [

@@ -270,16 +270,6 @@ def test_a_broken_file_is_refused_with_its_line(case: str, tmp_path: Path):
     assert words in said
 
 
-def test_the_first_mistake_in_the_file_is_told_and_the_rest_counted(tmp_path: Path):
-    text = _robot(
-        '<joint name="j" type="floatin"><parent link="a"/><child link="b"/></joint>\n'
-        '<link name="a"><collision><geometry><sphere radius="nan"/></geometry></collision></link>\n'
-        '<link name="b"><inertial><mass value="nan"/></inertial></link>'
-    )
-    said = refused(text, tmp_path)
-    assert said.startswith(f"{FILE}:2: joint j: unknown joint type `floatin` (and 2 more)")
-
-
 @pytest.mark.parametrize(
     "doctype",
     [
@@ -386,6 +376,18 @@ def test_a_range_on_a_continuous_joint_is_told(tmp_path: Path):
     reading = read(_arm(_joint(limit, "continuous")), tmp_path)
     assert reading.tree.joints[0].limits == Limits(None, None, 2.0, 3.0)
     assert reading.rules() == ["urdf.limit.ignored"]
+
+
+def test_a_follower_of_a_fixed_joint_is_locked(tmp_path: Path):
+    fixed = '<joint name="f" type="fixed"><parent link="b"/><child link="c"/></joint>'
+    follower = (
+        '<joint name="k" type="continuous"><parent link="c"/><child link="d"/>'
+        '<mimic joint="f" offset="0.3"/></joint>'
+    )
+    done = read(_arm(_joint() + '<link name="c"/><link name="d"/>' + fixed + follower), tmp_path)
+    limits = done.tree.by_joint["k"].limits
+    assert (limits.lower, limits.upper) == (0.3, 0.3)
+    assert "joint.mimic_fixed" in {finding.rule for finding in done.findings}
 
 
 def test_package_root_may_be_the_source_root(tmp_path: Path):

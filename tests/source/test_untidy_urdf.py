@@ -294,12 +294,6 @@ def test_what_gazebo_alone_reads_is_named(what: str, tmp_path: Path):
     assert told.severity == ("warning" if moves else "info")
 
 
-def test_whose_safety_controller_is_left_out_is_said(tmp_path: Path):
-    soft = '<safety_controller soft_lower_limit="-.5" k_velocity="5"/>'
-    told = read(robot(joint=ORIGIN + AXIS + LIMIT + soft), tmp_path).told("urdf.dropped")
-    assert told.message.endswith("was left out: `j` (soft_lower_limit, k_velocity)")
-
-
 @pytest.mark.parametrize("start", ["#usda 1.0\n(\n)\n", "PXR-USDC\0\0"])
 def test_a_usd_is_no_source(start: str, tmp_path: Path):
     message = refused(start, tmp_path)

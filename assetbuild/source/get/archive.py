@@ -1,8 +1,4 @@
-"""Archives as lists of members that are safe to look at; unpacking is in `unpack.py`.
-
-One reader per format behind `open_archive`: it names the members, in the archive's order, says
-what each one is, and streams it. Formats never write.
-"""
+"""Archives as members that are safe to look at, in the archive's order; nothing is written here."""
 
 from __future__ import annotations
 
@@ -11,16 +7,17 @@ import stat
 import tarfile
 import zipfile
 import zlib
-from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import IO, Literal
 
 from assetbuild.errors import SourceError
 from assetbuild.lfs import refuse_pointer
 
-Kind = Literal["file", "folder", "link", "special"]
+Kind = Literal["file", "folder", "link", "special", "encrypted"]
 
 MAX_CONTENT = 16 << 30
 """Bytes that a tar may state in all: to list one is to unpack it."""
@@ -41,30 +38,43 @@ READ_ERRORS = (
 
 @dataclass(frozen=True)
 class Member:
-    """One entry as the archive states it. packed, size: bytes; index: place in the archive."""
+    """One entry as the archive states it. packed, size: bytes; open: its bytes as a stream."""
 
     path: str
     kind: Kind
     size: int
     packed: int
-    encrypted: bool
-    index: int
+    open: Callable[[], IO[bytes] | None] = field(compare=False, repr=False)
 
 
-class _Zip:
-    def __init__(self, file: zipfile.ZipFile) -> None:
-        self._file = file
-        self._infos = file.infolist()
-        self.members = tuple(_zip_member(i, info) for i, info in enumerate(self._infos))
-
-    def open(self, member: Member) -> IO[bytes]:
-        return self._file.open(self._infos[member.index])
+Members = tuple[Member, ...]
 
 
-def _zip_member(index: int, info: zipfile.ZipInfo) -> Member:
+@contextmanager
+def open_archive(path: Path) -> Iterator[Members]:
+    """The members of an archive; SourceError when it is none of the formats that we read."""
+    with path.open("rb") as file:
+        refuse_pointer(file.read(1024), "the archive")
+    try:
+        opened: zipfile.ZipFile | tarfile.TarFile
+        if zipfile.is_zipfile(path):
+            opened = zipfile.ZipFile(path)
+            members = tuple(_of_zip(opened, info) for info in opened.infolist())
+        else:
+            opened = tarfile.open(path, "r:*")  # noqa: SIM115 # closed below
+            members = tuple(_of_tar(opened))
+    except READ_ERRORS as problem:
+        message = f"the archive cannot be read: {problem}"
+        hint = "zip and tar (plain, gz, bz2, xz) are read; was the download cut off?"
+        raise SourceError(message, hint=hint) from None
+    with opened:
+        yield members
+
+
+def _of_zip(file: zipfile.ZipFile, info: zipfile.ZipInfo) -> Member:
     mode = info.external_attr >> 16
     form = stat.S_IFMT(mode) if info.create_system == 3 else 0  # 3 = Unix
-    kind: Kind = "file"
+    kind: Kind = "encrypted" if info.flag_bits & 1 else "file"
     if stat.S_ISLNK(form):
         kind = "link"
     elif form not in (0, stat.S_IFREG, stat.S_IFDIR):
@@ -72,72 +82,24 @@ def _zip_member(index: int, info: zipfile.ZipInfo) -> Member:
     elif info.filename.endswith("/") or form == stat.S_IFDIR:
         kind = "folder"
     # orig_filename: zipfile itself cuts names at a NUL, which would hide what was meant.
-    return Member(
-        path=info.orig_filename,
-        kind=kind,
-        size=info.file_size,
-        packed=info.compress_size,
-        encrypted=bool(info.flag_bits & 1),
-        index=index,
-    )
+    reading = partial(file.open, info)
+    return Member(info.orig_filename, kind, info.file_size, info.compress_size, reading)
 
 
-class _Tar:
-    def __init__(self, file: tarfile.TarFile) -> None:
-        self._file = file
-        self._infos: list[tarfile.TarInfo] = []
-        total = 0
-        for info in file:  # each is stated before it is unpacked
-            self._infos.append(info)
-            total += info.size
-            if total > MAX_CONTENT or len(self._infos) > MAX_MEMBERS:
-                size = f"{total >> 20} MB in {len(self._infos)} members"
-                raise SourceError(f"the archive states {size}; that is no robot")
-        self.members = tuple(_tar_member(i, info) for i, info in enumerate(self._infos))
-
-    def open(self, member: Member) -> IO[bytes]:
-        stream = self._file.extractfile(self._infos[member.index])
-        if stream is None:
-            raise OSError("it has no content")
-        return stream
-
-
-def _tar_member(index: int, info: tarfile.TarInfo) -> Member:
-    kind: Kind = "special"
-    if info.issym() or info.islnk():
-        kind = "link"
-    elif info.isdir():
-        kind = "folder"
-    elif info.isreg() and not info.sparse:
-        kind = "file"
-    path = info.name + "/" if kind == "folder" else info.name
-    # `tar -c .` puts `./` before every name.
-    path = path if path in (".", "./") else path.removeprefix("./")
-    # The packed size is that of the whole archive; `unpack` bounds all members by it together.
-    return Member(path, kind, info.size, info.size, encrypted=False, index=index)
-
-
-Archive = _Zip | _Tar
-"""`members`, and `open`: a stream of a member's bytes, which raises one of `READ_ERRORS`."""
-
-
-@contextmanager
-def open_archive(path: Path) -> Iterator[Archive]:
-    """The archive in a file; SourceError when it is none of the formats that we read."""
-    with path.open("rb") as file:
-        refuse_pointer(file.read(1024), "the archive")
-    with ExitStack() as opened:
-        try:
-            archive: Archive
-            if zipfile.is_zipfile(path):
-                archive = _Zip(opened.enter_context(zipfile.ZipFile(path)))
-            else:
-                archive = _Tar(opened.enter_context(tarfile.open(path, "r:*")))
-        except READ_ERRORS as problem:
-            message = f"the archive cannot be read: {problem}"
-            hint = "zip and tar (plain, gz, bz2, xz) are read; was the download cut off?"
-            raise SourceError(message, hint=hint) from None
-        yield archive
+def _of_tar(file: tarfile.TarFile) -> Iterator[Member]:
+    total = 0
+    for count, info in enumerate(file, start=1):  # each is stated before it is unpacked
+        total += info.size
+        if total > MAX_CONTENT or count > MAX_MEMBERS:
+            size = f"{total >> 20} MB in {count} members"
+            raise SourceError(f"the archive states {size}; that is no robot")
+        kind: Kind = "file" if info.isreg() and not info.sparse else "special"
+        kind = "link" if info.issym() or info.islnk() else "folder" if info.isdir() else kind
+        path = info.name + "/" if kind == "folder" else info.name
+        # `tar -c .` puts `./` before every name.
+        path = path if path in (".", "./") else path.removeprefix("./")
+        # The packed size is that of the whole archive; `unpack` bounds all members by it together.
+        yield Member(path, kind, info.size, info.size, partial(file.extractfile, info))
 
 
 def why_unsafe(path: str) -> str:

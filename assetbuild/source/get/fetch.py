@@ -33,18 +33,10 @@ _FORCED = {
     "PYTHONUNBUFFERED": "1",
     "PYTHONIOENCODING": "utf-8",
 }
-_UNREACHABLE = (
-    "Temporary failure in name resolution",
-    "Name or service not known",
-    "Failed to establish a new connection",
-    "NewConnectionError",
-    "NameResolutionError",
-    "ConnectTimeoutError",
-    "ReadTimeoutError",
-    "Network is unreachable",
-    "ProxyError",
-    "Connection refused",
-    "connection error",
+_UNREACHABLE = re.compile(
+    "name resolution|NameResolution|not known|new ?connection|timeout|unreachable|ProxyError"
+    "|refused|connection error",
+    re.IGNORECASE,
 )
 
 
@@ -137,8 +129,6 @@ def _run(
 def _reason(wanted: str, lines: list[str]) -> AssetBuildError:
     """One sentence for a failed pip, by who must act."""
     text = "\n".join(lines)
-    errors = [line.removeprefix("ERROR:").strip() for line in lines if line.startswith("ERROR:")]
-    last = errors[0] if errors else (lines[-1] if lines else "pip printed nothing")
     if "No module named pip" in text:
         return MachineError(
             "pip is not installed beside assetbuild",
@@ -146,34 +136,22 @@ def _reason(wanted: str, lines: list[str]) -> AssetBuildError:
         )
     if "No space left on device" in text:
         return MachineError(f"{wanted}: no space left on the disk for the download")
-    if any(sign in text for sign in _UNREACHABLE):
+    if _UNREACHABLE.search(text):
+        # The innermost reason, as in `NewConnectionError("HTTPConnection(...): REASON")`.
+        found = re.findall(r"[>)]: ([^'\"]+)['\"]", text)
+        trouble = f": {found[-1].strip()[:200]}" if found else ""
         return MachineError(
-            f"{wanted}: no package index could be reached{_connection_trouble(text)}",
+            f"{wanted}: no package index could be reached{trouble}",
             hint="check the network, `pip config list` and the PIP_* variables",
         )
     if "No matching distribution found" in text or "Could not find a version" in text:
-        return SourceError(f"no wheel of {wanted} on the index", hint=_other_versions(wanted, text))
-    return MachineError(f"{wanted}: pip failed: {_short(last)}")
-
-
-def _connection_trouble(text: str) -> str:
-    """The innermost reason in a line of pip such as `NewConnectionError('<...>: REASON')`.
-
-    Newer ones write `NewConnectionError("HTTPConnection(...): REASON")`.
-    """
-    found = re.findall(r"[>)]: ([^'\"]+)['\"]", text)
-    return f": {_short(found[-1].strip())}" if found else ""
-
-
-def _other_versions(wanted: str, text: str) -> str:
-    _, _, tail = text.partition("(from versions: ")
-    versions = [
-        v.strip() for v in tail.partition(")")[0].split(",") if v.strip() not in ("", "none")
-    ]
-    if not versions:
-        return "check the name and `pip config list`; only wheels for this Python are taken"
-    return did_you_mean(wanted.partition("==")[2], versions)
-
-
-def _short(line: str) -> str:
-    return line if len(line) <= 200 else f"{line[:197]}..."
+        listed = re.search(r"from versions: ([^)]*)\)", text)
+        versions = (
+            [v.strip() for v in listed[1].split(",") if v.strip() != "none"] if listed else []
+        )
+        hint = "check the name and `pip config list`; only wheels for this Python are taken"
+        near = did_you_mean(wanted.partition("==")[2], versions) if any(versions) else hint
+        return SourceError(f"no wheel of {wanted} on the index", hint=near)
+    errors = [line.removeprefix("ERROR:").strip() for line in lines if line.startswith("ERROR:")]
+    last = [*errors, *lines[-1:], "pip printed nothing"][0]
+    return MachineError(f"{wanted}: pip failed: {last[:200]}")

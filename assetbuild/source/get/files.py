@@ -6,7 +6,6 @@ import json
 import posixpath
 from collections.abc import Collection, Iterable
 from pathlib import Path, PurePosixPath
-from urllib.parse import unquote
 
 from assetbuild.engine.graph import Ref
 from assetbuild.engine.planner import Planner
@@ -128,14 +127,9 @@ class FolderFiles:
         """The file at `path` below the root; SourceError names `where` it was asked for."""
         full = self.root / path
         if not self._world.is_file(full):
-            other = self._in_other_case(path)
             beside = self._world.names(full.parent)
             near = [(PurePosixPath(path).parent / name).as_posix() for name in beside]
-            decoded = unquote(path)
-            if decoded != path and self._world.is_file(self.root / decoded):
-                other = decoded
-            hint = f"did you mean `{other}`?" if other else did_you_mean(path, near)
-            hint = hint or "check `source.root` and `source.packages`"
+            hint = did_you_mean(path, near) or "check `source.root` and `source.packages`"
             raise SourceError(f"{what}: no file `{path}` in the source", where=where, hint=hint)
         if not self._holds(full):
             raise SourceError(
@@ -144,18 +138,6 @@ class FolderFiles:
                 hint="copy the file into the source, or widen `source.path`",
             )
         return self._p.source(full)
-
-    def _in_other_case(self, path: str) -> str:
-        """The one path that is the same but for upper and lower case; "" = none, or several."""
-        found = [PurePosixPath()]
-        for part in PurePosixPath(path).parts:
-            found = [
-                here / name.rstrip("/")
-                for here in found
-                for name in self._world.names(self.root / here)
-                if name.rstrip("/").lower() == part.lower()
-            ]
-        return found[0].as_posix() if len(found) == 1 else ""
 
     def description(self, path: str, where: Where) -> Ref | None:
         """See `ArchiveFiles`."""

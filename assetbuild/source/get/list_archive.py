@@ -10,7 +10,7 @@ from typing import ClassVar
 from assetbuild.engine.step import Files, Limits, Step
 from assetbuild.errors import SourceError, did_you_mean
 from assetbuild.findings import Finding
-from assetbuild.source.get.archive import Archive, below, open_archive, printable, why_unsafe
+from assetbuild.source.get.archive import Members, below, open_archive, printable, why_unsafe
 
 _LICENSE = re.compile(
     r"[^/]+\.dist-info/(licen[cs]es/.+|(licen[cs]e|copying|notice|authors)[^/]*)", re.IGNORECASE
@@ -34,11 +34,11 @@ class ListArchive(Step):
 
     def run(self, files: Files) -> Iterator[Finding]:
         """Reads `archive`; SourceError for a broken archive, an unsafe name, a missing root."""
-        with open_archive(files.inputs / "archive") as archive:
-            odd = [m.path for m in archive.members if m.kind not in ("file", "folder")]
+        with open_archive(files.inputs / "archive") as members:
+            odd = [m.path for m in members if m.kind not in ("file", "folder")]
             listing = {
-                "files": [[path, size] for path, size in _files_below(archive, self.root)],
-                "licenses": _licenses(archive),
+                "files": [[path, size] for path, size in _files_below(members, self.root)],
+                "licenses": _licenses(members),
                 "links": sorted({path for name in odd if (path := below(self.root, name))}),
             }
         text = json.dumps(listing, separators=(",", ":"))
@@ -46,9 +46,9 @@ class ListArchive(Step):
         yield from ()
 
 
-def _files_below(archive: Archive, root: str) -> list[tuple[str, int]]:
+def _files_below(members: Members, root: str) -> list[tuple[str, int]]:
     found: set[tuple[str, int]] = set()
-    for member in archive.members:
+    for member in members:
         path = below(root, member.path)
         if path is None or member.kind == "folder":
             continue
@@ -57,22 +57,22 @@ def _files_below(archive: Archive, root: str) -> list[tuple[str, int]]:
             raise SourceError(f"archive: member `{printable(member.path)}` has {reason}")
         found.add((path, member.size))
     if not found:
-        raise _no_root(archive, root)
+        raise _no_root(members, root)
     return sorted(found)
 
 
-def _licenses(archive: Archive) -> list[str]:
+def _licenses(members: Members) -> list[str]:
     found = {
         member.path
-        for member in archive.members
+        for member in members
         if member.kind == "file" and _LICENSE.fullmatch(member.path) and not why_unsafe(member.path)
     }
     return sorted(found)
 
 
-def _no_root(archive: Archive, root: str) -> SourceError:
+def _no_root(members: Members, root: str) -> SourceError:
     folders = set()
-    for member in archive.members:
+    for member in members:
         parts = member.path.split("/")[:-1]
         folders |= {"/".join(parts[:n]) for n in range(1, min(len(parts), 6) + 1)}
     hint = did_you_mean(root, folders) if folders else "the archive has no folders"

@@ -5,15 +5,15 @@ from __future__ import annotations
 import unicodedata
 from collections.abc import Iterator
 from pathlib import Path
-from typing import IO, ClassVar
+from typing import ClassVar
 
 from assetbuild.engine.step import Files, Limits, Step
 from assetbuild.errors import SourceError, did_you_mean
 from assetbuild.findings import Finding
 from assetbuild.source.get.archive import (
     READ_ERRORS,
-    Archive,
     Member,
+    Members,
     below,
     open_archive,
     printable,
@@ -45,19 +45,19 @@ class Unpack(Step):
         folder = files.outputs / "files"
         folder.mkdir(exist_ok=True)
         path = files.inputs / "archive"
-        with open_archive(path) as archive:
-            wanted = _wanted(archive, self.root, self.members)
+        with open_archive(path) as members:
+            wanted = _wanted(members, self.root, self.members)
             _check_sizes(wanted, path.stat().st_size)
             for relative in sorted(wanted):
-                _write(archive, wanted[relative], folder / relative)
+                _write(wanted[relative], folder / relative)
         yield from ()
 
 
-def _wanted(archive: Archive, root: str, members: tuple[str, ...]) -> dict[str, Member]:
+def _wanted(stated: Members, root: str, members: tuple[str, ...]) -> dict[str, Member]:
     """The member behind each path; SourceError for what is missing, twice there, or unsafe."""
     asked = set(members)
     found: dict[str, Member] = {}
-    for member in archive.members:
+    for member in stated:
         path = below(root, member.path)
         if path is None or path not in asked:
             continue
@@ -67,7 +67,7 @@ def _wanted(archive: Archive, root: str, members: tuple[str, ...]) -> dict[str, 
         found[path] = member
     missing = sorted(asked - found.keys())
     if missing:
-        known = [p for m in archive.members if (p := below(root, m.path)) and m.kind == "file"]
+        known = [p for m in stated if (p := below(root, m.path)) and m.kind == "file"]
         message = f"archive: no file `{printable(missing[0])}` below `{root}`"
         raise SourceError(message, hint=did_you_mean(missing[0], known))
     _check_collisions(found)
@@ -75,15 +75,15 @@ def _wanted(archive: Archive, root: str, members: tuple[str, ...]) -> dict[str, 
 
 
 def _check_member(member: Member) -> None:
-    reason = why_unsafe(member.path)
-    if reason:
+    """SourceError for a name that leads elsewhere, and for what is no regular file."""
+    if reason := why_unsafe(member.path):
         raise _bad(member, f"has {reason}")
     if member.kind == "link":
         raise _bad(member, "is a symbolic link", "links are not followed; name the file itself")
     if member.kind != "file":
-        raise _bad(member, "is not a regular file")
-    if member.encrypted:
-        raise _bad(member, "is encrypted")
+        raise _bad(
+            member, "is encrypted" if member.kind == "encrypted" else "is not a regular file"
+        )
 
 
 def _check_collisions(found: dict[str, Member]) -> None:
@@ -123,15 +123,11 @@ def _check_sizes(wanted: dict[str, Member], archive_size: int) -> None:
         )
 
 
-def _write(archive: Archive, member: Member, dest: Path) -> None:
+def _write(member: Member, dest: Path) -> None:
     dest.parent.mkdir(parents=True, exist_ok=True)
     written = 0
-    try:
-        stream = archive.open(member)
-    except READ_ERRORS as problem:
-        raise _bad(member, f"cannot be read: {problem}") from None
-    with stream, dest.open("xb") as out:
-        while chunk := _read(stream, member):
+    with dest.open("xb") as out:
+        for chunk in _chunks(member):
             written += len(chunk)
             if written > member.size:
                 raise _bad(member, "is longer than the archive says")
@@ -140,9 +136,12 @@ def _write(archive: Archive, member: Member, dest: Path) -> None:
         raise _bad(member, f"is cut off: {written} of {member.size} bytes")
 
 
-def _read(stream: IO[bytes], member: Member) -> bytes:
+def _chunks(member: Member) -> Iterator[bytes]:
+    """Its bytes; SourceError where the archive is broken."""
     try:
-        return stream.read(_CHUNK)
+        stream = member.open()
+        while stream is not None and (chunk := stream.read(_CHUNK)):
+            yield chunk
     except READ_ERRORS as problem:
         raise _bad(member, f"cannot be unpacked: {problem}") from None
 

@@ -1,31 +1,28 @@
 """`<replicate>` and `<attach>` written out by MuJoCo's own specification, numbers as they stand.
 
 MuJoCo reads the text and writes it again with every copy, its names and what refers to them. That
-both mean the same is compiled and compared. Each element keeps its line: by its name, of which the
-copies' names are made, or by a mark where it has none and MuJoCo's schema lets it have one.
+both mean the same is compiled and compared. An element with a name keeps its line: the names of
+copies are made of it.
 """
 
 from __future__ import annotations
 
 import base64
 import copy
-import functools
-import re
 from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from assetbuild.errors import AssetBuildError, SourceError
-from assetbuild.facts.mjcf_grammar import Path, schema
+from assetbuild.errors import SourceError
+from assetbuild.facts.mjcf_grammar import Path
 from assetbuild.simulators.mujoco import caught_warnings
 from assetbuild.source.mjcf.compiled import plain, without_meshes
-from assetbuild.source.mjcf.text import AT, error_at, own_fault, path_of, remove, where_of
+from assetbuild.source.mjcf.text import AT, error_at, path_of, remove, where_of
 
 if TYPE_CHECKING:
     from lxml.etree import _Element
 
-MARK = re.compile(r"at-(\d+)-at")
 STANDING_IN = {
     "mesh": b"v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n",
     "picture": base64.b64decode(
@@ -65,15 +62,15 @@ def write_out(root: _Element, load: Callable[[_Element], _Element], depth: int =
         {str(e.get("name")): len(list(models[str(e.get("file"))].iter("*"))) for e in elements},
     )
     files = _stand_in([root, *models.values()])
-    source = copy.deepcopy(root), copy.deepcopy(models)
     lines = _Lines([root, *models.values()])
     try:
         with caught_warnings():
             made = lines.of(_written(_spec(root, models), first))
             _compare(root, models, made, first)
     except ValueError as error:
-        raise _refused(error, first, *source) from None
-    lines.unmark(made)
+        words = " ".join(str(error).split())
+        message = f"MuJoCo does not write <{first.tag}> out: {words}"
+        raise SourceError(message, where=where_of(first)) from None
     for element in made.iterfind("asset/*"):
         element.attrib.update({k: files[str(v)] for k, v in element.attrib.items() if v in files})
     return made
@@ -99,22 +96,6 @@ def _written(spec: Any, first: _Element) -> str:  # Any: MjSpec
     return str(spec.to_xml())
 
 
-def _refused(
-    error: ValueError, first: _Element, root: _Element, models: Mapping[str, _Element]
-) -> AssetBuildError:
-    """root, models: the texts without our marks; it is our fault where MuJoCo takes these."""
-    words = " ".join(str(error).split())
-    try:
-        with caught_warnings():
-            spec = _spec(plain(root), {name: plain(model) for name, model in models.items()})
-            spec.compile()
-            _written(spec, first)
-    except ValueError:
-        message = f"MuJoCo does not write <{first.tag}> out: {words}"
-        return SourceError(message, where=where_of(first))
-    return own_fault(first, words)
-
-
 def _rename_classes(model: _Element, number: int) -> None:
     """Without a prefix MuJoCo would write the classes of two models under one name."""
     for element in model.iter("*"):
@@ -137,22 +118,17 @@ def _refuse_many(root: _Element, sizes: Mapping[str, int]) -> None:
 
 
 class _Lines:
-    """Where each element of some texts stands. It marks those that have no name."""
+    """Where each element of some texts that has a name stands."""
 
     def __init__(self, roots: list[_Element]) -> None:
-        self._marked: list[str] = []
         self._named: dict[tuple[Path, str], str] = {}
         self._root = str(roots[0].get(AT))
         for element in (e for root in roots for e in root.iter("*")):
-            name, place = element.get("name"), str(element.get(AT))
-            if name:
-                self._named.setdefault((path_of(element), name), place)
-            elif _takes_name(element):
-                element.set("name", f"at-{len(self._marked)}-at")
-                self._marked.append(place)
+            if name := element.get("name"):
+                self._named.setdefault((path_of(element), name), str(element.get(AT)))
 
     def of(self, text: str) -> _Element:
-        """MuJoCo's text, each element with its place."""
+        """MuJoCo's text, each element with its place; without a name that of what it is in."""
         from lxml import etree
 
         root = etree.fromstring(text.encode())
@@ -164,26 +140,9 @@ class _Lines:
         return root
 
     def _place(self, path: Path, name: str) -> str:
-        if found := MARK.search(name):
-            return self._marked[int(found[1])]
+        """Of the longest name that a copy's name is made of."""
         known = (own for place, own in self._named if place == path and own in name)
         return self._named.get((path, max(known, key=len, default="")), "")
-
-    def unmark(self, root: _Element) -> None:
-        """Elements without names of their own lose the marks."""
-        for element in root.iter("*"):
-            if MARK.search(element.get("name", "")):
-                element.attrib.pop("name")
-
-
-def _takes_name(element: _Element) -> bool:
-    nameless = element.tag in ("worldbody", "replicate")  # which the schema does not tell apart
-    return not nameless and path_of(element) in _named_places()
-
-
-@functools.cache
-def _named_places() -> frozenset[Path]:
-    return frozenset(path for path, attributes in schema() if "name" in attributes)
 
 
 def _spec(root: _Element, models: Mapping[str, _Element]) -> Any:  # Any: MjSpec

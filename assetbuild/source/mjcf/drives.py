@@ -6,13 +6,13 @@ import math
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
-from assetbuild.findings import Data, Finding
+from assetbuild.findings import Finding
 from assetbuild.robot.model import MOVING, Actuator, ActuatorModel, General, Joint, Limits, MjcfOnly
 from assetbuild.simulators.mujoco.levers import tendon_lever
 from assetbuild.source.mjcf.compiled import Model
 from assetbuild.source.mjcf.links import HINGE, SLIDE, Links
 from assetbuild.source.mjcf.opaque import element_text, words
-from assetbuild.source.mjcf.text import DROPPED, error_at, where_of
+from assetbuild.source.mjcf.text import dropped, error_at, where_of
 
 if TYPE_CHECKING:
     from lxml.etree import _Element
@@ -57,9 +57,9 @@ def read_drives(links: Links) -> Drives:
         index = links.source.id_of("actuator", name)
         if element.get("user"):
             message = f"`user` of actuator `{name}` was left out ({where_of(element)})"
-            data: Data = {"element": "actuator", "attributes": ("user",)}
             hint = "it says nothing about the robot itself"
-            found.findings.append(DROPPED(f"actuator {name}", message, hint, data=data))
+            lost = dropped("actuator", f"actuator {name}", message, hint, attributes=("user",))
+            found.findings.append(lost)
         joint, gear = levers[index]
         taken = _taken(model, index) if joint in moving and joints.count(joint) == 1 else None
         alone = int(model.actuator_trntype[index]) not in STRAIGHT

@@ -16,7 +16,7 @@ import numpy as np
 from assetbuild.engine.step import Files, Limits, Step
 from assetbuild.errors import SourceError
 from assetbuild.facts.mjcf_grammar import NEWEST, OLDEST, UNWRITTEN, newer_words
-from assetbuild.findings import Data, Finding
+from assetbuild.findings import Finding
 from assetbuild.mesh.hull import convex_hull
 from assetbuild.robot.pose import Array, normalised_quat, rotation_of
 from assetbuild.source.mjcf.copies import write_out
@@ -24,9 +24,9 @@ from assetbuild.source.mjcf.includes import below, expanded, folder_of
 from assetbuild.source.mjcf.scenery import cut_scenery
 from assetbuild.source.mjcf.text import (
     AT,
-    DROPPED,
     Classes,
     bodies,
+    dropped,
     error_at,
     own_attributes,
     parts,
@@ -110,9 +110,8 @@ def _without_sensors_of_plugins(root: _Element) -> Iterator[Finding]:
         name = sensor.get("name", "")
         message = f"sensor `{name}` of the plug-in `{sensor.get('plugin', '')}` was left out "
         message += f"({where_of(sensor)})"
-        data: Data = {"element": "sensor plugin", "count": 1}
         hint = "read what it reports from the source's own MJCF"
-        yield DROPPED(f"sensor {name}", message, hint, severity="warning", data=data)
+        yield dropped("sensor plugin", f"sensor {name}", message, hint, "warning")
         remove(sensor)
     declared = root.findall("extension/plugin")
     if len(declared) == len(list(root.iter("plugin"))):
@@ -312,8 +311,8 @@ def write_inline(root: _Element, folder: Path) -> Iterator[Finding]:
         if lost:
             message = f"{', '.join(f'`{a}`' for a in lost)} of mesh `{name}` was left out "
             hint = "store the mesh in an OBJ file"
-            data: Data = {"element": "mesh", "attributes": lost}
-            yield DROPPED(f"mesh {name}", f"{message}({where_of(mesh)})", hint, data=data)
+            whole = f"{message}({where_of(mesh)})"
+            yield dropped("mesh", f"mesh {name}", whole, hint, attributes=lost)
 
 
 _Triangles = tuple[Sequence[Sequence[float]], Sequence[Sequence[int]]]

@@ -13,9 +13,9 @@ from typing import TYPE_CHECKING
 from assetbuild.errors import SourceError, did_you_mean
 from assetbuild.findings import Finding, Rule
 from assetbuild.source.mjcf.text import (
-    DROPPED,
     Classes,
     bodies,
+    dropped,
     error_at,
     of_bodies,
     parts,
@@ -77,12 +77,8 @@ def cut_scenery(root: _Element, chosen: str | None) -> Iterator[Finding]:
         _refuse_total_mass(root)
     for element, missing in _cut(root, gone, lost):
         what = f"<{element.tag}> `{element.get('name')}`"
-        yield DROPPED(
-            "robot",
-            f"{what} was left out ({where_of(element)}): `{missing}` is not part of the robot",
-            severity="warning",
-            data={"element": str(element.tag), "count": 1},
-        )
+        message = f"{what} was left out ({where_of(element)}): `{missing}` is not part of the robot"
+        yield dropped(str(element.tag), "robot", message, severity="warning")
     for top in gone:
         mocap = top.get("mocap") == "true"
         yield SCENERY(

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Literal
 
-from assetbuild.findings import Data, Finding, Rule
+from assetbuild.findings import Data, Finding, Rule, Severity
 from assetbuild.robot.loops import FAR
 from assetbuild.robot.model import (
     Joint,
@@ -25,7 +25,7 @@ from assetbuild.source.mjcf.drives import Drives
 from assetbuild.source.mjcf.links import FREE, JOINT_REF, Links, coupled, coupling_of, tendon_rest
 from assetbuild.source.mjcf.opaque import element_text, keys, leftover, words
 from assetbuild.source.mjcf.scenery import NAMES
-from assetbuild.source.mjcf.text import DROPPED, WORLD, error_at, own_attributes, where_of
+from assetbuild.source.mjcf.text import WORLD, dropped, error_at, own_attributes, where_of
 
 if TYPE_CHECKING:
     from lxml.etree import _Element
@@ -250,7 +250,10 @@ class _Reader:
                 if key in said or (key == "springlength" and "stiffness" in said):
                     said[key] = words(float(v) - rest for v in values[index])
         if said.pop("material", None):
-            self.found.findings.append(_plain_tendon(element))
+            name = f"tendon {element.get('name')}"
+            message = f"the material of {name} was left out ({where_of(element)})"
+            lost = dropped("tendon material", name, message, "give the tendon an `rgba`")
+            self.found.findings.append(lost)
         if element.tag == "fixed":  # a class of tendons may say how the spatial ones are drawn
             said.pop("width", None)
             said.pop("rgba", None)
@@ -318,8 +321,7 @@ class _Reader:
             names = ", ".join(f"`{key}`" for key in lost)
             message = f"{names} of keyframe `{name}` was left out: a keyframe of a robot is a pose "
             message += "at rest"
-            data: Data = {"element": "key", "attributes": lost}
-            self.found.findings.append(DROPPED(f"keyframe {name}", message, data=data))
+            self.found.findings.append(dropped("key", f"keyframe {name}", message, attributes=lost))
 
 
 def _kind(key: str, said: Mapping[str, str]) -> str:
@@ -336,15 +338,6 @@ def _tether(element: _Element) -> Finding:
         f"({where_of(element)}): in the MJCF only, every other format lets it go",
         "remove it, or write `base: fixed`",
         data={"name": str(element.get("name"))},
-    )
-
-
-def _plain_tendon(element: _Element) -> Finding:
-    return DROPPED(
-        f"tendon {element.get('name')}",
-        f"the material of tendon `{element.get('name')}` was left out ({where_of(element)})",
-        "give the tendon an `rgba`",
-        data={"element": "tendon material", "count": 1},
     )
 
 
@@ -388,10 +381,7 @@ def _not_read(root: _Element) -> Iterator[Finding]:
     for tag in NOT_READ:
         found = root.findall(tag)
         if found:
-            yield DROPPED(
-                "robot",
-                f"<{tag}> was left out ({where_of(found[0])})",
-                "it says nothing about the robot itself",
-                severity="info" if tag in ("visual", "statistic", "size") else "warning",
-                data={"element": tag, "count": len(found)},
-            )
+            severity: Severity = "info" if tag in ("visual", "statistic", "size") else "warning"
+            message = f"<{tag}> was left out ({where_of(found[0])})"
+            hint = "it says nothing about the robot itself"
+            yield dropped(tag, "robot", message, hint, severity, count=len(found))

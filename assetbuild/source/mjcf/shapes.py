@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 from itertools import chain, count
 from typing import TYPE_CHECKING, Any
 
-from assetbuild.findings import Data, Finding, Rule
+from assetbuild.findings import Finding, Rule, Severity
 from assetbuild.robot.model import Contact, MjcfOnly
 from assetbuild.robot.pose import Pose, Vec3, normalised_quat, rotation_of, vec3
 from assetbuild.robot.shapes import (
@@ -24,7 +24,7 @@ from assetbuild.robot.shapes import (
 from assetbuild.source.mjcf.compiled import Model, pose_at
 from assetbuild.source.mjcf.links import Links
 from assetbuild.source.mjcf.opaque import attributes_of, body_element, keys, leftover, words
-from assetbuild.source.mjcf.text import DROPPED, WORLD, Classes, error_at, parts, where_of
+from assetbuild.source.mjcf.text import WORLD, Classes, dropped, error_at, parts, where_of
 
 if TYPE_CHECKING:
     from lxml.etree import _Element
@@ -166,8 +166,7 @@ class _Reader:
             message = f"{', '.join(f'`{a}`' for a in lost)} of mesh `{element.get('name')}` was "
             message += f"left out ({where_of(element)})"
             hint = "our meshes are converted: their normals and hulls are made anew"
-            data: Data = {"element": "mesh", "attributes": lost}
-            finding = DROPPED(f"mesh {element.get('file')}", message, hint, data=data)
+            finding = dropped("mesh", f"mesh {element.get('file')}", message, hint, attributes=lost)
             if finding not in self.geoms.findings:
                 self.geoms.findings.append(finding)
         return MeshFile(str(element.get("file")), vec3(scale)), Pose(vec3(offset), turn)
@@ -213,8 +212,7 @@ class _Reader:
             message = f"the made or layered picture of material `{name}` was left out; its colour "
             message += "stays"
             hint = "give the material a `texture` with a PNG file"
-            data: Data = {"element": "texture", "count": 1}
-            self.geoms.findings.append(DROPPED(f"material {name}", message, hint, data=data))
+            self.geoms.findings.append(dropped("texture", f"material {name}", message, hint))
         material = Material(name, _rgba(self.full.material(name).rgba), file)
         self.geoms.materials[name] = material
         return material
@@ -265,23 +263,18 @@ def _numbers(said: Mapping[str, str], key: str, default: tuple[float, ...]) -> t
 
 def _scenery(geom: _Element, classes: Classes) -> Finding:
     kind = classes.attributes(geom).get("type", "sphere")
-    return DROPPED(
-        f"shape {geom.get('name')}",
-        f"the {kind} `{geom.get('name')}` of the world was left out: it is scenery",
-        "`scene.xml` has a floor of its own; a part of the robot belongs into a body",
-        severity="info" if kind == "plane" else "warning",
-        data={"element": "geom of worldbody", "count": 1},
-    )
+    message = f"the {kind} `{geom.get('name')}` of the world was left out: it is scenery"
+    hint = "`scene.xml` has a floor of its own; a part of the robot belongs into a body"
+    severity: Severity = "info" if kind == "plane" else "warning"
+    return dropped("geom of worldbody", f"shape {geom.get('name')}", message, hint, severity)
 
 
 def _height_field(name: str, body: str) -> Finding:
-    return DROPPED(
-        f"shape {name}",
-        f"the height field `{name}` of `{body}` was left out: no format of a robot has terrain",
-        "the floor of `scene.xml` is flat: add the terrain to your own scene",
-        severity="warning",
-        data={"element": "geom of type hfield", "count": 1},
+    message = (
+        f"the height field `{name}` of `{body}` was left out: no format of a robot has terrain"
     )
+    hint = "the floor of `scene.xml` is flat: add the terrain to your own scene"
+    return dropped("geom of type hfield", f"shape {name}", message, hint, "warning")
 
 
 def _drawn(names: list[str], *, alone: bool) -> Finding:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from assetbuild.errors import SourceError, StepError, Where
 from assetbuild.facts.mjcf_grammar import BODY, Path
-from assetbuild.findings import Rule
+from assetbuild.findings import Finding, Rule, Severity
 
 if TYPE_CHECKING:
     from lxml.etree import _Element
@@ -28,6 +28,20 @@ DROPPED = Rule(
     "is written: scenery, how things are shown, what belongs to a merged body",
     "nothing, where it is not part of the robot; otherwise follow the hint",
 )
+
+
+def dropped(
+    element: str,
+    subject: str,
+    message: str,
+    hint: str = "",
+    severity: Severity = "info",
+    **data: tuple[str, ...] | int,
+) -> Finding:
+    """What is said of an element, or of some attributes of it, that was left out."""
+    return DROPPED(
+        subject, message, hint, severity=severity, data={"element": element, "count": 1, **data}
+    )
 
 
 def where_of(element: _Element) -> Where:

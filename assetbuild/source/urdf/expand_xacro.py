@@ -52,6 +52,10 @@ WARNING = Rule(
 )
 
 
+WHERE = "say where the package is: `source.packages` of the recipe, `--package` of `init`"
+GIVE = "give it: `source.args` of the recipe, `--arg` of `init`"
+
+
 class ExpandXacro(Step):
     """`tree/` (declared files, relative to the source root) -> `robot.urdf`, `used.json`.
 
@@ -138,17 +142,10 @@ class ExpandXacro(Step):
         said = answer["error"]
         if "$(find" in said:
             near = did_you_mean(said.split("`")[-2], self.packages) if self.packages else ""
-            return f"{near}; " * bool(near) + "add it under `source.packages` in the recipe"
-        if "declared packages" in said:
-            return "declare its package under `source.packages`"
-        if "readable files" in said:
-            return (
-                "declare its package under `source.packages`; "
-                "or is part of its name a value for `source.args`?"
-            )
-        if "Undefined substitution argument" in said:
-            return "give it under `source.args` in the recipe"
-        return ""
+            return f"{near}; " * bool(near) + WHERE
+        if "declared packages" in said or "readable files" in said:
+            return f"{WHERE}; or is part of its name an argument? {GIVE}"
+        return GIVE if "Undefined substitution argument" in said else ""
 
 
 def _start(path: Path) -> bytes:

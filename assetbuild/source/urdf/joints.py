@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import cast, get_args
 
@@ -19,10 +19,10 @@ from assetbuild.robot.model import (
     Mimic,
     Tree,
 )
-from assetbuild.robot.pose import IDENTITY, Vec3, rpy_of, vec3
+from assetbuild.robot.pose import Vec3, vec3
 from assetbuild.robot.tree import depth_first
 from assetbuild.source.urdf.links import read_origin
-from assetbuild.source.urdf.xml import Node, Problems
+from assetbuild.source.urdf.xml import Node
 
 KINDS = tuple(kind for kind in get_args(JointKind) if kind != "ball")
 WITH_AXIS = ("revolute", "continuous", "prismatic", "planar")
@@ -55,6 +55,12 @@ MIMIC_FIXED = Rule(
     "warning",
     "the joint mimics a fixed one, or with a multiplier of 0, so it is locked where that puts it",
     "make it fixed too, or give its leader a type that moves",
+)
+
+
+TWO_PARENTS = (
+    "a robot is a tree: remove one of the two joints, the one that nothing drives, and close the "
+    "loop by the recipe's `loops` (a `weld` for a fixed joint, a `hinge` for one that turns)"
 )
 
 
@@ -92,18 +98,14 @@ def build_tree(
     bodies: list[Body],
     joints: list[Joint],
     nodes: Mapping[str, Node],
-    problems: Problems,
 ) -> tuple[Tree, list[Finding]]:
     """Depth-first tree with one root. nodes: by subject, `link trunk`, for the lines of errors."""
     above: dict[str, Joint] = {}
     for joint in joints:
-        with problems.kept():
-            if joint.child in above:
-                other = above[joint.child]
-                message = f"link `{joint.child}` already hangs on joint `{other.name}`"
-                raise _at(nodes, joint.name).error(message, loop_hint(joints, joint, other))
-            above[joint.child] = joint
-    problems.raise_first()
+        if joint.child in above:
+            message = f"link `{joint.child}` already hangs on joint `{above[joint.child].name}`"
+            raise _at(nodes, joint.name).error(message, TWO_PARENTS)
+        above[joint.child] = joint
     _refuse_mimic_loops(joints, nodes)
     joints, findings = _hold_followers(joints, nodes)
     by_name = {body.name: body for body in bodies}
@@ -305,47 +307,3 @@ def _locked(joint: Joint, at: float) -> Joint:
     kind: JointKind = "revolute" if joint.kind == "continuous" else joint.kind
     limits = replace(joint.limits, lower=at, upper=at)
     return replace(joint, kind=kind, mimic=None, limits=limits)
-
-
-# --- a link with two parents ----------------------------------------------------------------
-
-_LOOPS = {"fixed": "weld", "revolute": "hinge", "continuous": "hinge"}
-"""Kind of the loop by that of the joint that it stands for."""
-
-
-def _to_cut(joints: Sequence[Joint], one: Joint, other: Joint) -> Joint:
-    """Which of two joints with the same child becomes a loop; driven joints stay.
-
-    Only what hangs on the root by other joints may keep the link: the tree stays in one piece.
-    """
-    both = [joint for joint in (other, one) if _stays(joints, joint, {one.name, other.name})]
-    keep = max(both or [other, one], key=lambda joint: bool(joint.limits.effort))
-    return other if keep is one else one
-
-
-def loop_hint(joints: Sequence[Joint], one: Joint, other: Joint) -> str:
-    """What to write instead of one of two joints with the same child."""
-    cut = _to_cut(joints, one, other)
-    kind, X = _LOOPS.get(cut.kind), cut.X_parent_joint
-    if kind is None:
-        return f"remove `{cut.name}`, and close the loop by the recipe's `loops`"
-    turn = f", rpy: {_row(rpy_of(X.quat))}" if X.quat != IDENTITY.quat else ""
-    end = f"{{link: {cut.parent}, xyz: {_row(X.xyz)}{turn}}}"
-    axis = f", axis: {_row(cut.axis)}" if kind == "hinge" else ""
-    loop = f"{{name: {cut.name}, kind: {kind}{axis}, a: {end}, b: {{link: {cut.child}}}}}"
-    more = "; it holds no limits" if cut.kind == "revolute" else ""
-    return f"remove `{cut.name}` and write `loops: [{loop}]`{more}"
-
-
-def _stays(joints: Sequence[Joint], joint: Joint, cut: set[str]) -> bool:
-    """Whether the parent of a joint does not itself hang on the joint's child."""
-    above = {j.child: j.parent for j in joints if j.name not in cut}
-    link, seen = joint.parent, set[str]()
-    while link in above and link not in seen:
-        seen.add(link)
-        link = above[link]
-    return joint.child not in (link, *seen)
-
-
-def _row(values: Vec3) -> str:
-    return "[" + ", ".join(f"{value:.9g}" for value in values) + "]"

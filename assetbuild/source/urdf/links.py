@@ -26,7 +26,7 @@ from assetbuild.robot.shapes import (
     Sphere,
 )
 from assetbuild.source.urdf.paths import Paths
-from assetbuild.source.urdf.xml import SIZE, Node, Problems
+from assetbuild.source.urdf.xml import SIZE, Node
 
 FORMATS: tuple[str, ...] = get_args(Format)
 
@@ -71,17 +71,16 @@ class Geometries:
     lines: dict[str, int] = field(default_factory=dict)
 
 
-def named(nodes: list[Node], problems: Problems) -> Iterator[tuple[str, Node]]:
+def named(nodes: list[Node]) -> Iterator[tuple[str, Node]]:
     """(name, node about it) of links, joints or materials; a name used twice is an error."""
     first: dict[str, int] = {}
     for node in nodes:
-        with problems.kept():
-            name = node.text("name")
-            if name in first:
-                where = f"first on line {first[name]}"
-                raise node.error(f"{node.tag} `{name}` is defined twice, {where}", "rename one")
-            first[name] = node.line
-            yield name, node.about(f"{node.tag} {name}")
+        name = node.text("name")
+        if name in first:
+            where = f"first on line {first[name]}"
+            raise node.error(f"{node.tag} `{name}` is defined twice, {where}", "rename one")
+        first[name] = node.line
+        yield name, node.about(f"{node.tag} {name}")
 
 
 def read_origin(node: Node) -> Pose:
@@ -117,37 +116,30 @@ def read_body(name: str, link: Node) -> Body:
     return Body(name, Inertial(mass + 0.0, X_link_com.xyz, turned))
 
 
-def read_shapes(
-    root: Node, links: list[tuple[str, Node]], paths: Paths, problems: Problems
-) -> Geometries:
+def read_shapes(root: Node, links: list[tuple[str, Node]], paths: Paths) -> Geometries:
     """All shapes in file order, the visuals of a link before its collisions."""
     palette = _Palette(paths)
-    for name, node in named([n.about("robot") for n in root.all("material")], problems):
-        with problems.kept():
-            palette.define(name, node)
+    for name, node in named([n.about("robot") for n in root.all("material")]):
+        palette.define(name, node)
     uses: dict[str, FileUse] = {}
     drafts: list[tuple[SourceShape, str]] = []
     lines: dict[str, int] = {}
-    for link, node in links:
-        for role in ROLES:
-            for index, element in enumerate(node.all(role)):
-                with problems.kept():
-                    suffix = f"_{index}" if index else ""
-                    material = element.only("material") if role == "visual" else None
-                    name = palette.see(material, link) if material is not None else ""
-                    stated = element.only("geometry")
-                    size = stated.first() if stated is not None else None
-                    if stated is None or size is None:
-                        continue  # `tidy` has reported it
-                    if missing := paths.left_out(stated, role):
-                        palette.findings.append(missing)
-                        continue
-                    geometry = _read_geometry(size, paths, uses)
-                    shape = SourceShape(
-                        f"{link}_{role}{suffix}", link, role, geometry, read_origin(element)
-                    )
-                    drafts.append((shape, name))
-                    lines[f"shape {shape.name}"] = element.line
+    stated = [(link, role, pair) for link, node in links for role in ROLES
+              for pair in enumerate(node.all(role))]  # fmt: skip
+    for link, role, (index, element) in stated:
+        material = element.only("material") if role == "visual" else None
+        worn = palette.see(material, link) if material is not None else ""
+        geometry = element.only("geometry")
+        size = geometry.first() if geometry is not None else None
+        if geometry is None or size is None:
+            continue  # `tidy` has reported it
+        if missing := paths.left_out(geometry, role):
+            palette.findings.append(missing)
+            continue
+        name = f"{link}_{role}" + (f"_{index}" if index else "")
+        kind, X = _read_geometry(size, paths, uses), read_origin(element)
+        drafts.append((SourceShape(name, link, role, kind, X), worn))
+        lines[f"shape {name}"] = element.line
     shapes = tuple(palette.paint(shape, name) for shape, name in drafts)
     found = SourceShapes(shapes, tuple(palette.materials.values()))
     meshes = tuple(uses[path] for path in sorted(uses))

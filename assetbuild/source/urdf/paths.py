@@ -29,23 +29,12 @@ _SCHEME = re.compile(r"([A-Za-z][A-Za-z0-9+.-]*):")
 _HINT = "use `package://NAME/path` (see `source.packages`) or a path relative to the URDF"
 
 
-@dataclass
-class Taken:
-    """File names of one kind. said: where they were taken to start; the first: what and where."""
-
-    said: str
-    uri: str
-    path: str
-    line: int
-    count: int = 0
-
-
 @dataclass(frozen=True)
 class Paths:
     """The meaning of file names; all folders lie below the source's root.
 
     file: the URDF itself; packages: name -> folder; relative_to, absolute, missing: see `Source`.
-    taken: what not every reader would have followed, by kind.
+    taken: what not every reader would have followed: by kind how it was taken, name, path, line.
     """
 
     file: str
@@ -53,7 +42,7 @@ class Paths:
     relative_to: str | None = None
     absolute: Mapping[str, str] = field(default_factory=dict)
     missing: tuple[str, ...] = ()
-    taken: dict[str, Taken] = field(default_factory=dict)
+    taken: dict[str, list[tuple[str, str, str, int]]] = field(default_factory=dict)
 
     def resolve(self, node: Node) -> str:
         """The normalised path, below the source root, of the `filename` of a node.
@@ -64,7 +53,7 @@ class Paths:
         kind, said, path = self._meaning(node)
         if kind:
             uri = node.text("filename").strip()
-            self.taken.setdefault(kind, Taken(said, uri, path, node.line)).count += 1
+            self.taken.setdefault(kind, []).append((said, uri, path, node.line))
         return path
 
     def _meaning(self, node: Node) -> tuple[str, str, str]:
@@ -148,11 +137,11 @@ class Paths:
     def findings(self) -> Iterator[Finding]:
         """One for each kind of name that not every reader would have followed."""
         for kind, taken in sorted(self.taken.items()):
+            said, uri, path, line = taken[0]
             yield TAKEN(
                 "robot",
-                f"{taken.said}, {taken.count} times: first `{taken.uri}` (line {taken.line}) "
-                f"for `{taken.path}`",
+                f"{said}, {len(taken)} times: first `{uri}` (line {line}) for `{path}`",
                 hint=TAKEN.remedy,
                 severity="warning" if kind.startswith("/") or kind == "file" else "info",
-                data={"uri": taken.uri, "path": taken.path, "count": taken.count},
+                data={"uri": uri, "path": path, "count": len(taken)},
             )

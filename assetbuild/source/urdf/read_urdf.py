@@ -13,13 +13,13 @@ from assetbuild.engine.step import Files, Limits, Step
 from assetbuild.findings import Finding, Rule
 from assetbuild.robot.codec import encode
 from assetbuild.robot.model import Base, Joint, Tree
+from assetbuild.source.urdf.exporters import exporter_findings
 from assetbuild.source.urdf.joints import build_tree, read_joint
 from assetbuild.source.urdf.links import Geometries, named, read_body, read_shapes
 from assetbuild.source.urdf.paths import Paths
 from assetbuild.source.urdf.tidy import read_tidy
 from assetbuild.source.urdf.xml import (
     Node,
-    Problems,
     canonical,
     homeless,
     strays,
@@ -48,6 +48,12 @@ XML_VERSION = Rule(
     "the first line states a version of XML that does not exist",
     'write `<?xml version="1.0"?>`',
 )
+WORLD_JOINT = Rule(
+    "urdf.world.floating",
+    "info",
+    "a floating joint holds the robot to an empty root link: the link below is the floating base",
+    "nothing; where it starts stands in the recipe's keyframes",
+)
 NAMELESS = Rule("urdf.name.missing", "info", "`<robot>` has no name", "give it one")
 
 _WHOSE = ("name", "reference")
@@ -64,7 +70,7 @@ class ReadUrdf(Step):
     it: what checks read who must not believe this reader.
 
     Comments and formatting change nothing but `source_map.json` and the lines in `meshes.json`.
-    Raises SourceError with `file:line`; of several mistakes the first in the file is reported.
+    Raises SourceError with `file:line`; of several mistakes the first is reported.
     """
 
     outputs = ("links.json", "shapes.json", "meshes.json", "source_map.json", "source.urdf")
@@ -84,18 +90,19 @@ class ReadUrdf(Step):
     def run(self, files: Files) -> Iterator[Finding]:
         """Reads `robot.urdf`; writes Tree, Shapes, mesh uses, lines."""
         data = (files.inputs / "robot.urdf").read_bytes()
-        problems = Problems()
-        root, mended = read_tidy(data, self.file, problems, self.base)
-        links = list(named(root.all("link"), problems))
-        bodies = problems.collect(links, read_body)
+        root, mended = read_tidy(data, self.file)
+        if self.base == "floating":
+            mended += _without_world(root)
+        links = list(named(root.all("link")))
+        bodies = [read_body(name, link) for name, link in links]
         paths = Paths(self.file, self.packages, self.relative_to, self.absolute, self.missing)
-        geometries = read_shapes(root, links, paths, problems)
-        joints, findings = _read_joints(root, dict(links), problems)
+        geometries = read_shapes(root, links, paths)
+        joints, findings = _read_joints(root, dict(links))
         name, unnamed = _robot_name(root)
         if not root.all("link"):
             raise root.error("a robot without links", "is this the right file?")
         nodes = {f"{n.tag} {n.get('name')}": n for n in root.all("link") + root.all("joint")}
-        tree, held = build_tree(name, self.base, bodies, joints, nodes, problems)
+        tree, held = build_tree(name, self.base, bodies, joints, nodes)
         _write(files, tree, geometries, self._source_map(root, nodes, geometries))
         (files.outputs / "source.urdf").write_bytes(canonical(root))
         if version := xml_version(data):
@@ -112,6 +119,7 @@ class ReadUrdf(Step):
             *findings,
             *held,
             *_dropped(root),
+            *exporter_findings(data, tree),
         ]
 
     def _source_map(
@@ -126,14 +134,29 @@ class ReadUrdf(Step):
         return {"file": self.file, "lines": lines}
 
 
-def _read_joints(
-    root: Node, links: dict[str, Node], problems: Problems
-) -> tuple[list[Joint], list[Finding]]:
+def _without_world(root: Node) -> Iterator[Finding]:
+    """Take out an empty root link with the floating joint below it, which a floating base is."""
+    joints = root.all("joint")
+    children = {child.get("link") for joint in joints if (child := joint.only("child"))}
+    roots = [link for link in root.all("link") if link.get("name") not in children]
+    if len(roots) != 1 or roots[0].first() is not None:
+        return
+    world = roots[0].get("name")
+    held = [j for j in joints if (p := j.only("parent")) is not None and p.get("link") == world]
+    if len(held) != 1 or held[0].get("type") != "floating":
+        return
+    message = f"joint {held[0].get('name')} on line {held[0].line} floats from the empty link "
+    message += f"`{world}`: both are left out, and the link below is the floating base"
+    hint = "where it starts stands in the recipe's keyframes"
+    yield WORLD_JOINT("robot", message, hint, data={"line": held[0].line})
+    held[0].remove()
+    roots[0].remove()
+
+
+def _read_joints(root: Node, links: dict[str, Node]) -> tuple[list[Joint], list[Finding]]:
     nodes = root.all("joint")
     names = {str(node.get("name")) for node in nodes}
-    read = problems.collect(
-        named(nodes, problems), lambda name, node: read_joint(name, node, names, links)
-    )
+    read = [read_joint(name, node, names, links) for name, node in named(nodes)]
     return [joint for joint, _ in read], [finding for _, told in read for finding in told]
 
 

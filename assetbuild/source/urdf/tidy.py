@@ -1,23 +1,30 @@
 """Untidy text that readers of URDF take alike becomes the text they mean, each with a finding.
 
+One table says what: where, what is wrong and how it is taken, the rule, what readers do with it.
 What urdfdom, yourdfpy, PyBullet and MuJoCo take differently stays as it is, and the strict readers
 of links and joints refuse it. See docs/reference/readers.md, which says what each of them does.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+import math
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 
-from assetbuild.findings import Data, Finding, Rule
-from assetbuild.robot.model import Base
-from assetbuild.source.urdf.tidy_parts import (
-    MOMENTS,
-    tidy_inertial,
-    tidy_limit,
-    tidy_orientation,
-    tidy_shapes,
+from assetbuild.errors import SourceError
+from assetbuild.findings import Finding, Rule
+from assetbuild.robot.model import URDF_UNLIMITED
+from assetbuild.source.urdf.quaternions import (
+    QUATERNION,
+    QUATERNION_NORM,
+    VERSION,
+    Taken,
+    early_capsule,
+    of_other_length,
+    tidy_quaternion,
+    tidy_version,
 )
-from assetbuild.source.urdf.xml import Node, Problems, parse_untidy
+from assetbuild.source.urdf.xml import Node, parse_untidy
 from assetbuild.xml_text import Fault, FaultKind, number_words
 
 FAULT = Rule(
@@ -32,13 +39,13 @@ REPEATED = Rule(
     "warning",
     "an element occurs twice where one is expected: the first is used, as in urdfdom, yourdfpy and "
     "PyBullet",
-    "remove the others",
+    "MuJoCo refuses it: remove one of the two",
 )
 SEPARATORS = Rule(
     "urdf.separators",
     "warning",
     "commas or semicolons separate numbers or follow them; they count as blanks",
-    "write blanks alone",
+    "urdfdom and MuJoCo refuse them: write blanks alone",
 )
 BLANK = Rule(
     "urdf.blank",
@@ -46,13 +53,52 @@ BLANK = Rule(
     "an attribute has no text and counts as absent",
     "remove it, or give its value",
 )
-WORLD_JOINT = Rule(
-    "urdf.world.floating",
-    "info",
-    "a floating joint holds the robot to an empty root link: the link below is the floating base",
-    "nothing; where it starts stands in the recipe's keyframes",
+INCOMPLETE = Rule(
+    "urdf.inertial.incomplete",
+    "warning",
+    "`<inertial>` lacks a mass or a part of its tensor; without a mass it counts as absent, "
+    "without a moment the tensor counts as 0, a missing product counts as 0",
+    "state the mass and all six numbers, or use the edit `inertia_from_geometry`",
 )
-
+NO_LIMIT = Rule(
+    "urdf.limit.none",
+    "warning",
+    "an effort or velocity limit is negative or infinite, or a revolute joint's range is infinite: "
+    "it counts as not stated",
+    "readers take it differently: state it in the URDF, or in the recipe's actuator table",
+)
+VISUAL_NOTHING = Rule(
+    "urdf.visual.nothing",
+    "warning",
+    "a `<visual>` names no shape, or one without width or thickness: it was left out",
+    "remove it, or give its size",
+)
+COLLISION_NOTHING = Rule(
+    "urdf.collision.nothing",
+    "warning",
+    "a `<collision>` names no shape, or one without width or thickness: it was left out",
+    "remove it, or give its size",
+)
+CAPSULE_BALL = Rule(
+    "urdf.capsule.ball",
+    "info",
+    "a capsule of length 0 is the sphere of its radius and was read as one",
+    "write `<sphere>`",
+)
+SCALE = Rule(
+    "urdf.mesh.scale",
+    "warning",
+    "a mesh's scale is one number, or more than three equal ones: it counts for all three axes",
+    "urdfdom and MuJoCo refuse it: write three numbers",
+)
+COLOUR = Rule(
+    "urdf.material.colour",
+    "warning",
+    "`rgba` is not four numbers: three are opaque, of more the first four count, anything else "
+    "leaves the shape without a colour",
+    "write red, green, blue and opacity, each from 0 to 1",
+)
+MOMENTS = ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
 _ONCE = {
     "link": ("inertial",),
     "inertial": ("origin", "mass", "inertia"),
@@ -60,26 +106,22 @@ _ONCE = {
     "collision": ("origin", "geometry"),
     "joint": ("origin", "parent", "child", "axis", "limit", "dynamics", "mimic"),
     "material": ("color", "texture"),
+    "geometry": ("*",),
 }
-_VECTORS = {
-    ("origin", "xyz"): 3, ("origin", "rpy"): 3, ("origin", "quat_xyzw"): 4, ("axis", "xyz"): 3,
-    ("box", "size"): 3, ("mesh", "scale"): 3, ("color", "rgba"): 4,
+_OPTIONAL = {
+    "origin": {"xyz": 3, "rpy": 3, "quat_xyzw": 4},
+    "mass": {"value": 1},
+    "inertia": dict.fromkeys(MOMENTS, 1),
+    "limit": dict.fromkeys(("lower", "upper", "effort", "velocity"), 1),
+    "dynamics": {"damping": 1, "friction": 1},
+    "mimic": {"multiplier": 1, "offset": 1},
+}
+"""Numbers of attributes that count as absent when they have no text, by element."""
+_NUMBERS = _OPTIONAL | {
+    "axis": {"xyz": 3}, "box": {"size": 3}, "mesh": {"scale": 3}, "color": {"rgba": 4},
+    "sphere": {"radius": 1}, "cylinder": {"radius": 1, "length": 1},
+    "capsule": {"radius": 1, "length": 1},
 }  # fmt: skip
-_NUMBERS = {
-    "mass": ("value",),
-    "inertia": MOMENTS,
-    "sphere": ("radius",),
-    "cylinder": ("radius", "length"),
-    "capsule": ("radius", "length"),
-    "limit": ("lower", "upper", "effort", "velocity"),
-    "dynamics": ("damping", "friction"),
-    "mimic": ("multiplier", "offset"),
-}
-_OPTIONAL = frozenset(
-    [("origin", "xyz"), ("origin", "rpy"), ("origin", "quat_xyzw"), ("mass", "value")]
-    + [(tag, name) for tag in ("limit", "dynamics", "mimic", "inertia") for name in _NUMBERS[tag]]
-)
-"""What counts as absent when it has no text."""
 _FAULTS: dict[FaultKind, tuple[str, str]] = {
     "declaration": (
         "`<?xml ...?>` stands twice or not at the start of the file",
@@ -106,47 +148,51 @@ _FAULTS: dict[FaultKind, tuple[str, str]] = {
     ),
 }
 """Fault of the text -> what it is, and how to mend it."""
-_PARTS: Mapping[str, tuple[Callable[[Node], Iterator[Finding]], ...]] = {
-    "link": (tidy_inertial, tidy_shapes),
-    "material": (tidy_shapes,),
-    "joint": (tidy_limit,),
-}
-"""Element of <robot> -> what makes its parts tidy."""
 
 
-def read_tidy(data: bytes, file: str, problems: Problems, base: Base) -> tuple[Node, list[Finding]]:
+@dataclass(frozen=True)
+class Sloppy:
+    """A row. where: paths of elements below <robot>; mend: mends one and yields what was wrong.
+
+    summed: words of one finding for them all.
+    """
+
+    where: tuple[str, ...]
+    mend: Callable[[Node], Iterator[Taken]]
+    rule: Rule
+    summed: str = ""
+
+
+def read_tidy(data: bytes, file: str) -> tuple[Node, list[Finding]]:
     """The <robot> element of a URDF in tidy text, and what was taken for what."""
     root, faults = parse_untidy(data, file)
-    findings = list(_overlooked(faults))
-    findings += _same_materials(root)
-    findings += _once_and_in_blanks(root)
-    findings += tidy_orientation(root, problems)
-    for tag, tidied in _PARTS.items():
-        for node in root.all(tag):
-            about = node.about(f"{tag} {node.get('name')}")
-            findings += [finding for part in tidied for finding in part(about)]
-    if base == "floating":
-        findings += _without_world(root)
+    findings = [*_overlooked(faults), *_same_materials(root)]
+    for row in TABLE:
+        findings += _walked(root, row)
     return root, findings
 
 
-def _without_world(root: Node) -> Iterator[Finding]:
-    """Take out an empty root link with the floating joint below it, which a floating base is."""
-    joints = root.all("joint")
-    children = {child.get("link") for joint in joints if (child := joint.only("child"))}
-    roots = [link for link in root.all("link") if link.get("name") not in children]
-    if len(roots) != 1 or roots[0].first() is not None:
-        return
-    world = roots[0].get("name")
-    held = [j for j in joints if (p := j.only("parent")) is not None and p.get("link") == world]
-    if len(held) != 1 or held[0].get("type") != "floating":
-        return
-    message = f"joint {held[0].get('name')} on line {held[0].line} floats from the empty link "
-    message += f"`{world}`: both are left out, and the link below is the floating base"
-    hint = "where it starts stands in the recipe's keyframes"
-    yield WORLD_JOINT("robot", message, hint, data={"line": held[0].line})
-    held[0].remove()
-    roots[0].remove()
+def _walked(root: Node, row: Sloppy) -> Iterator[Finding]:
+    """Mend all that a row is about."""
+    found: list[Taken] = []
+    for element in [one for path in row.where for one in root.element.findall(path)]:
+        node = Node(element, root.file)
+        around = [Node(one, root.file) for one in (element, *element.iterancestors())][:-1]
+        if around:
+            node = node.about(f"{around[-1].tag} {around[-1].get('name')}")
+        found += [(text, {"line": node.line, **data}) for text, data in row.mend(node)]
+        if not row.summed:
+            subject = node.subject or "robot"
+            yield from (row.rule(subject, text, row.rule.remedy, data=data) for text, data in found)
+            found.clear()
+    if found:
+        (first, data), times = found[0], f"{len(found)} times" if len(found) > 1 else "once"
+        message = f"{row.summed}, {times} (line {data['line']}: `{first}`)"
+        counted = {"count": len(found), "line": data["line"]}
+        yield row.rule("robot", message, row.rule.remedy, data=counted)
+
+
+# --- text and numbers -----------------------------------------------------------------------
 
 
 def _overlooked(faults: tuple[Fault, ...]) -> Iterator[Finding]:
@@ -158,89 +204,191 @@ def _overlooked(faults: tuple[Fault, ...]) -> Iterator[Finding]:
         yield FAULT("robot", message, remedy, data={"fault": kind, "line": fault.line})
 
 
-def _once_and_in_blanks(root: Node) -> Iterator[Finding]:
-    """What stands a second time goes; numbers are parted by blanks, and none is without text."""
-    separators, blanks = list[_Seen](), list[_Seen]()
-    for tag in ("material", "link", "joint"):
-        for top in root.all(tag):
-            for element in list(top.element.iter("*")):
-                node = Node(element, root.file, f"{tag} {top.get('name')}")
-                yield from _only_first(node)
-                _tidy_numbers(node, separators, blanks)
-    if separators:
-        message = f"commas or semicolons beside numbers, {_times(separators)}: read as blanks"
-        hint = "urdfdom and MuJoCo refuse them: write blanks"
-        yield SEPARATORS("robot", message, hint, data=_counted(separators))
-    if blanks:
-        message = f"attributes without text, {_times(blanks)}: read as if they were absent"
-        yield BLANK("robot", message, "remove them", data=_counted(blanks))
-
-
-_Seen = tuple[int, str]
-"""Line and text of an attribute."""
-
-
-def _times(found: list[_Seen]) -> str:
-    times = f"{len(found)} times" if len(found) > 1 else "once"
-    return f"{times} (line {found[0][0]}: `{found[0][1]}`)"
-
-
-def _counted(found: list[_Seen]) -> Data:
-    return {"count": len(found), "line": found[0][0]}
-
-
-def _only_first(node: Node) -> Iterator[Finding]:
+def _only_first(node: Node) -> Iterator[Taken]:
     """Remove what stands a second time."""
     for tag in _ONCE.get(node.tag, ()):
         for extra in node.all(tag)[1:]:
             extra.remove()
             yield _repeated(node, extra)
-    if node.tag == "geometry":
-        for extra in node.all("*")[1:]:
-            extra.remove()
-            yield _repeated(node, extra)
+
+
+def _repeated(parent: Node, extra: Node) -> Taken:
+    what = f"another <{extra.tag}>" if parent.tag == "geometry" else f"a second <{extra.tag}>"
+    text = f"{what} in one <{parent.tag}> on line {extra.line}: it is not read, the first counts"
+    return text, {"element": extra.tag, "line": extra.line}
 
 
 def _same_materials(root: Node) -> Iterator[Finding]:
     """A material that is defined again with the same look is one material."""
-    seen: dict[str, list[tuple[str, dict[str, str]]]] = {}
+    seen: dict[str, object] = {}
     for material in root.all("material"):
         name = material.get("name") or ""
-        look = [(child.tag, _words(child)) for child in material.all("*")]
+        stated = [(c.tag, sorted(c.element.items())) for c in material.all("*")]
+        look = [(tag, [(key, text.split()) for key, text in items]) for tag, items in stated]
         if name in seen and seen[name] == look:
             material.remove()
-            yield _repeated(root.about(f"material {name}"), material)
+            text, data = _repeated(root, material)
+            yield REPEATED(f"material {name}", text, REPEATED.remedy, data=data)
         seen.setdefault(name, look)
 
 
-def _words(node: Node) -> dict[str, str]:
-    return {str(key): " ".join(str(value).split()) for key, value in node.element.items()}
+def _counts(node: Node) -> Iterator[tuple[str, int, str]]:
+    """(attribute, how many numbers it should have, its text) of those that are stated."""
+    for name, count in _NUMBERS.get(node.tag, {}).items():
+        if (stated := node.get(name)) is not None:
+            yield name, count, stated
 
 
-def _repeated(parent: Node, extra: Node) -> Finding:
-    what = f"another <{extra.tag}>" if parent.tag == "geometry" else f"a second <{extra.tag}>"
-    return REPEATED(
-        parent.subject,
-        f"{what} in one <{parent.tag}> on line {extra.line}: it is not read, the first counts",
-        hint="MuJoCo refuses it: remove one of the two",
-        data={"element": extra.tag, "line": extra.line},
-    )
-
-
-def _tidy_numbers(node: Node, separators: list[_Seen], blanks: list[_Seen]) -> None:
-    """Blanks for commas; no attribute for one without text."""
-    counts = dict.fromkeys(_NUMBERS.get(node.tag, ()), 1)
-    counts |= {name: n for (tag, name), n in _VECTORS.items() if tag == node.tag}
-    for name, count in counts.items():
-        stated = node.get(name)
-        if stated is None:
-            continue
-        seen = (node.line, f'{name}="{stated}"')
-        if not stated.strip() and (node.tag, name) in _OPTIONAL:
-            blanks.append(seen)
+def _blank(node: Node) -> Iterator[Taken]:
+    for name, _, stated in _counts(node):
+        if not stated.strip() and node.tag in _OPTIONAL:
             del node.element.attrib[name]
-            continue
+            yield f'{name}="{stated}"', {}
+
+
+def _separated(node: Node) -> Iterator[Taken]:
+    for name, count, stated in _counts(node):
         words = number_words(stated, count)
         if words != stated.split():
-            separators.append(seen)
             node.element.set(name, " ".join(words))
+            yield f'{name}="{stated}"', {}
+
+
+# --- masses, limits, shapes and looks ---------------------------------------------------------
+
+
+def _incomplete(inertial: Node) -> Iterator[Taken]:
+    """Without a mass there is no <inertial>; without a moment the tensor is 0."""
+    mass, tensor, at = inertial.only("mass"), inertial.only("inertia"), f"line {inertial.line}"
+    if mass is None or mass.get("value") is None:
+        inertial.remove()
+        text = f"<inertial> on {at}: it states no mass and counts as absent"
+        yield text, {"missing": ("mass", "inertia")}
+        return
+    tensor = tensor if tensor is not None else inertial.added("inertia")
+    missing = [name for name in MOMENTS if tensor.get(name) is None]
+    none = any(name in missing for name in MOMENTS[:3])
+    for name in MOMENTS if none else missing:
+        tensor.element.set(name, "0")
+    if missing:
+        words = ", ".join(f"`{name}`" for name in missing)
+        what = "it states no tensor (`ixx`, `iyy`, `izz`), which counts as 0"
+        what = what if none else f"<inertia> lacks {words}: taken as 0"
+        yield f"<inertial> on {at}: {what}", {"missing": ("inertia",)}
+
+
+def _no_limit(limit: Node) -> Iterator[Taken]:
+    """A limit below zero or without end is none."""
+    parent = limit.element.getparent()
+    kind = parent.get("type") if parent is not None else None
+    if kind not in ("revolute", "continuous", "prismatic"):
+        return
+    values = {name: _float(text) for name in _NUMBERS["limit"] if (text := limit.get(name))}
+    gone = [n for n in ("effort", "velocity") if (v := values.get(n, 0.0)) < 0.0 or v == math.inf]
+    lower, upper = values.get("lower", 0.0), values.get("upper", 0.0)
+    endless = lower <= -URDF_UNLIMITED and upper >= URDF_UNLIMITED and kind == "revolute"
+    for name in (*gone, *(("lower", "upper") if endless else ())):
+        stated = limit.get(name)
+        del limit.element.attrib[name]
+        how = "has no end: the joint counts as continuous" if endless else "counts as not stated"
+        if name != "upper":
+            text = f"limit {name} `{stated}` on line {limit.line} {how}"
+            yield text, {"limit": name, "stated": stated, "missing": (name,)}
+    if endless and parent is not None:
+        parent.set("type", "continuous")
+
+
+def _float(text: str) -> float:
+    """The number, infinite ones included; not a number where there is none."""
+    try:
+        return math.nan if "_" in text else float(text)
+    except ValueError:
+        return math.nan
+
+
+def _no_shape(shape: Node) -> Iterator[Taken]:
+    """Take its size away: the shape keeps its place, so that its neighbours keep their names."""
+    geometry = shape.only("geometry")
+    size = geometry.first() if geometry is not None else None
+    what = "names no shape" if size is None else _without_volume(size)
+    if size is not None and what:
+        size.remove()
+    if what:
+        yield f"a <{shape.tag}> on line {shape.line} {what}: it was left out", {}
+
+
+def _without_volume(size: Node) -> str:
+    """That it has no width or thickness; "" for all else, and for what its reader refuses."""
+    try:
+        if size.tag == "box":
+            edges = size.numbers("size", 3)
+            zeros = edges.count(0.0) if min(edges) >= 0.0 else 0
+            wide, thick = zeros < 2, zeros == 0
+        else:
+            lengths = {"sphere": ("radius",), "cylinder": ("radius", "length")}
+            lengths["capsule"] = lengths["cylinder"]
+            wide, *more = (size.number(name) != 0.0 for name in lengths.get(size.tag, ()))
+            thick = all(more)
+    except (SourceError, ValueError):
+        return ""
+    return "" if wide and thick else f"is a <{size.tag}> without {'thickness' if wide else 'width'}"
+
+
+def _ball(capsule: Node) -> Iterator[Taken]:
+    try:
+        flat = capsule.number("length") == 0.0 and capsule.number("radius") != 0.0
+    except SourceError:
+        return
+    if flat:
+        capsule.element.tag = "sphere"
+        del capsule.element.attrib["length"]
+        yield f"a <capsule> of length 0 on line {capsule.line} is read as a <sphere>", {}
+
+
+def _scale(mesh: Node) -> Iterator[Taken]:
+    """One number counts for all axes, and so do equal numbers that are too many."""
+    scale = (mesh.get("scale") or "").split()
+    if len(scale) not in (0, 2, 3) and len(set(scale)) == 1:
+        mesh.element.set("scale", " ".join(scale[:1] * 3))
+        count = "is one number" if len(scale) == 1 else f"is {len(scale)} equal numbers"
+        stated = f"mesh scale `{' '.join(scale)}` on line {mesh.line}"
+        yield f"{stated} {count}: taken for all three axes", {}
+
+
+def _colour(color: Node) -> Iterator[Taken]:
+    stated = color.get("rgba")
+    words = (stated or "").split()
+    try:
+        color.numbers("rgba", max(len(words), 3))
+    except SourceError:
+        color.remove()
+        what = f"<color> on line {color.line} states no rgba of four numbers: no colour is read"
+        yield what, {"rgba": stated}
+        return
+    if len(words) != 4:
+        color.element.set("rgba", " ".join([*words, "1"][:4]))
+        what = f"rgba `{stated}` on line {color.line} has {len(words)} numbers: read as "
+        yield f"{what}`{color.get('rgba')}`", {"rgba": stated}
+
+
+# --- the table ------------------------------------------------------------------------------
+
+_TOPS = ("material", "link", "joint")
+_ALL = (*_TOPS, *(f"{tag}//*" for tag in _TOPS))
+_ORIGINS = ("joint//origin", "link//origin")
+TABLE = (
+    Sloppy(_ALL, _only_first, REPEATED),
+    Sloppy(_ALL, _blank, BLANK, "attributes without text read as absent"),
+    Sloppy(_ALL, _separated, SEPARATORS, "commas or semicolons beside numbers read as blanks"),
+    Sloppy((".",), tidy_version, VERSION),
+    Sloppy((".//capsule",), early_capsule, VERSION, "elements that need version 1.1 are read"),
+    Sloppy(_ORIGINS, tidy_quaternion, QUATERNION, "origins turned by `quat_xyzw`"),
+    Sloppy(_ORIGINS, of_other_length, QUATERNION_NORM),
+    Sloppy(("link/inertial",), _incomplete, INCOMPLETE),
+    Sloppy(("joint/limit",), _no_limit, NO_LIMIT),
+    Sloppy(("material//color", "link//color"), _colour, COLOUR),
+    Sloppy(("link/*/geometry/capsule",), _ball, CAPSULE_BALL),
+    Sloppy(("link/visual",), _no_shape, VISUAL_NOTHING),
+    Sloppy(("link/collision",), _no_shape, COLLISION_NOTHING),
+    Sloppy(("link/*/geometry/mesh",), _scale, SCALE),
+)

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, TypeVar, cast
 
@@ -165,38 +164,6 @@ SIZE = "write its size (a plate needs a thickness, such as 0.001), or remove the
 
 def _is_macro(text: str) -> bool:
     return "${" in text or "$(" in text
-
-
-class Problems:
-    """Errors collected over the whole file, so that the first in file order can be told."""
-
-    def __init__(self) -> None:
-        self.found: list[SourceError] = []
-
-    @contextmanager
-    def kept(self) -> Iterator[None]:
-        """Keep the error of one element and go on with the next."""
-        try:
-            yield
-        except SourceError as error:
-            self.found.append(error)
-
-    def collect(self, nodes: Iterable[tuple[str, Node]], read: Callable[[str, Node], T]) -> list[T]:
-        """What each named element gives; the error of one leaves the others alone."""
-        found = []
-        for name, node in nodes:
-            with self.kept():
-                found.append(read(name, node))
-        return found
-
-    def raise_first(self) -> None:
-        """Raise the error with the lowest line, if there is one."""
-        if not self.found:
-            return
-        first = min(self.found, key=lambda e: e.where.line if e.where else 0)
-        more = len(self.found) - 1
-        text = f"{first.message} (and {more} more)" if more else first.message
-        raise SourceError(text, where=first.where, hint=first.hint)
 
 
 def parse(data: bytes, file: str) -> Node:
