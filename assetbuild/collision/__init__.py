@@ -20,6 +20,7 @@ from assetbuild.engine.step import Files, Limits, Step
 from assetbuild.errors import StepError
 from assetbuild.findings import Finding, Rule
 from assetbuild.kinds import ConvertedMesh, Piece, Pieces
+from assetbuild.mesh import MESH_MODULES
 from assetbuild.mesh.cover import Quality, Reference, measure
 from assetbuild.mesh.hull import convex_hull, refuse_flat
 from assetbuild.mesh.native import NativeError, NativeLimits
@@ -33,17 +34,6 @@ from assetbuild.robot.codec import decode_file, encode
 from assetbuild.robot.pose import IDENTITY, Pose, Vec3, quat_of, vec3
 from assetbuild.robot.shapes import Box, Capsule, Cylinder, Mesh, Primitive, Sphere
 
-PRELOAD = (
-    "numpy",
-    "scipy.spatial",
-    "scipy.optimize",
-    "scipy.sparse.csgraph",
-    "scipy.sparse",
-    "manifold3d",
-    "vhacdx",
-    "coacd",
-)
-"""The same for all methods: they share one process that has paid for these imports."""
 AS_GOOD_IOU = 0.01
 """A reused result may be worse by this much, the error of sampled volumes."""
 AS_GOOD = 0.01
@@ -112,7 +102,7 @@ class CollisionMethod(Step):
     group: ClassVar[str] = "collision"
     outputs = ("pieces/", "pieces.json", "quality.json")
     isolated = True
-    preload = PRELOAD
+    preload = MESH_MODULES
     limits: ClassVar[Limits] = Limits(wall_s=7200.0, memory_mb=4096)
     keeps: ClassVar[tuple[type[Primitive], ...]] = (Box, Sphere, Cylinder, Capsule)
     """Primitives of the source that stay, as they are convex and exact already."""

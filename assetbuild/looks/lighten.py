@@ -12,6 +12,7 @@ from pydantic import Field
 
 from assetbuild.engine.step import Files, Limits, Step
 from assetbuild.findings import Finding
+from assetbuild.mesh import MESH_MODULES
 from assetbuild.mesh.obj import obj_bytes, read_triangles
 from assetbuild.mesh.quality import NearestSurface, surface_samples
 from assetbuild.mesh.simplify import clustered, simplified
@@ -48,7 +49,7 @@ class Lighten(Step):
     usual_s = 1.0
     outputs = ("light/",)
     isolated = True
-    preload = ("numpy", "scipy.spatial", "fast_simplification")
+    preload = MESH_MODULES
     limits: ClassVar[Limits] = Limits(wall_s=600.0)
 
     max_faces: int = Field(150_000, ge=100)
