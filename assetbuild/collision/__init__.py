@@ -152,9 +152,9 @@ class CollisionMethod(Step):
 
     def run(self, files: Files) -> Iterable[Finding]:
         """Fit; raises StepError for sources that no method can work with."""
-        known = self.exact()
-        if known is not None:
-            write_pieces(files.outputs, known, None)
+        exact = self.exact()
+        if exact is not None:
+            write_pieces(files.outputs, exact, None)
             return
         reference = Reference(self.mesh_of(files))
         made = self._reused(reference, files.inputs / "like")
@@ -168,7 +168,8 @@ class CollisionMethod(Step):
                     f"{self.subject}: {self.step_name()} found no piece with a volume",
                     hint="use another method, `hull` for example",
                 )
-            made = pieces, measure(reference, pieces, flat=flat), fitted.how
+            known = None if flat else fitted.quality
+            made = pieces, measure(reference, pieces, flat=flat, known=known), fitted.how
         yield from self.proven(files, reference, *made)
 
     def proven(
@@ -319,11 +320,14 @@ class LibraryMethod(CollisionMethod):
 
 @dataclass(frozen=True)
 class Fitted:
-    """What a method found. how: the method in words, for the report."""
+    """What a method found. how: the method in words, for the report. quality: as `rough` found it
+    with all samples.
+    """
 
     pieces: tuple[ConvexPiece, ...]
     findings: tuple[Finding, ...] = ()
     how: str = ""
+    quality: Quality | None = None
 
 
 def carried(piece: Piece, folder: Path, like: Likeness) -> ConvexPiece:

@@ -210,10 +210,19 @@ def rough(reference: Reference, pieces: Sequence[ConvexPiece], samples: int = SA
     return _volumes_and_outside(reference, pieces, *union_of(pieces), samples)
 
 
-def measure(reference: Reference, pieces: Sequence[ConvexPiece], *, flat: int = 0) -> Quality:
-    """All figures of `pieces` (at least one, each with a volume) against the mesh; seeded."""
+def measure(
+    reference: Reference,
+    pieces: Sequence[ConvexPiece],
+    *,
+    flat: int = 0,
+    known: Quality | None = None,
+) -> Quality:
+    """All figures of `pieces` (at least one, each with a volume) against the mesh; seeded.
+
+    known: what `rough` has found of them already.
+    """
     union, skin = union_of(pieces)
-    base = _volumes_and_outside(reference, pieces, union, skin)
+    base = known or _volumes_and_outside(reference, pieces, union, skin)
     to_mesh = reference.surface.distance(surface_samples(skin, SAMPLES, 1)[0])
     to_skin = NearestSurface(skin).distance(reference.samples)
     origins, directions = reference.open_rays

@@ -78,14 +78,51 @@ def _farthest_first(points: Array, count: int, subject: str) -> Indices:
     option takes the farthest of the facet at hand and leaves up to three times the gap.
     """
     chosen = _wide_simplex(points)
+    local = points - _middle(points)
+    hull = _qhull(local[chosen], subject, incremental=True)
+    outside = _Outside(local)
     while len(chosen) < count:
-        planes = _qhull(points[chosen], subject).equations
-        local = points - _middle(points[chosen])
-        outside = beyond(planes, local)
-        outside[chosen] = -np.inf
-        farthest = int(np.argmax(outside))
-        chosen.append(farthest)
+        outside.update(hull.equations)
+        outside.by_m[chosen] = -np.inf
+        chosen.append(int(np.argmax(outside.by_m)))
+        try:
+            hull.add_points(local[chosen[-1:]])
+        except RuntimeError:  # QhullError: what it grew into is too flat for it, in this order
+            hull = _qhull(local[chosen], subject, incremental=True)
     return np.asarray(chosen, dtype=np.int64)
+
+
+class _Outside:
+    """How far points (n, 3) lie outside of a hull that grows: by_m (n,). A new corner changes few
+    of its planes, so most points are compared with these only.
+    """
+
+    def __init__(self, points: Array) -> None:
+        self.by_m = np.full(len(points), -np.inf)
+        self._points = points
+        self._facing = np.full(len(points), -1)
+        self._known: dict[bytes, int] = {}
+
+    def update(self, planes: Array) -> None:
+        """planes: (k, 4), all that the hull has now."""
+        before = len(self._known)
+        rows = [self._known.setdefault(plane.tobytes(), len(self._known)) for plane in planes]
+        numbers = np.array(rows)
+        lost = ~np.isin(self._facing, numbers)
+        self.by_m[lost] = -np.inf
+        self._compare(np.flatnonzero(lost), planes, numbers)
+        is_new = numbers >= before
+        self._compare(np.flatnonzero(~lost), planes[is_new], numbers[is_new])
+
+    def _compare(self, some: Indices, planes: Array, numbers: Indices) -> None:
+        if not len(some) or not len(planes):
+            return
+        over = self._points[some] @ planes[:, :3].T + planes[:, 3]
+        best = np.argmax(over, axis=1)
+        by_m = over[np.arange(len(some)), best]
+        nearer = by_m > self.by_m[some]
+        self.by_m[some[nearer]] = by_m[nearer]
+        self._facing[some[nearer]] = numbers[best[nearer]]
 
 
 def _wide_simplex(points: Array) -> list[int]:
@@ -164,12 +201,13 @@ def refuse_flat(points: Array, subject: str) -> None:
         )
 
 
-def _qhull(points: Array, subject: str) -> ConvexHull:
+def _qhull(points: Array, subject: str, *, incremental: bool = False) -> ConvexHull:
     from scipy.spatial import ConvexHull, QhullError
 
     # Moved to the origin: qhull's tolerances grow with the largest coordinate.
+    local = points if incremental else points - _middle(points)
     try:
-        return ConvexHull(points - _middle(points), qhull_options="Qt")
+        return ConvexHull(local, qhull_options="Qt", incremental=incremental)
     except QhullError as error:
         reason = str(error).splitlines()[0]
         raise StepError(f"{subject}: no convex hull: {reason}") from error

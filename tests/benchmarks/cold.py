@@ -110,7 +110,7 @@ def only_downloads(full: Path, fresh: Path) -> Path:
     for entry in (fresh / "v1/ac").glob("*/*.json"):
         if set(json.loads(entry.read_bytes())["result"]["outputs"]) != {"archive"}:
             entry.unlink()
-    for made in ("null", "journal"):
+    for made in ("null", "journal", "code"):
         shutil.rmtree(fresh / "v1" / made, ignore_errors=True)
     return fresh
 
