@@ -11,6 +11,7 @@ import numpy as np
 from assetbuild.engine.step import Files
 from assetbuild.findings import Finding, Rule
 from assetbuild.kinds import Check, write_figures
+from assetbuild.mesh import MESH_MODULES
 from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.model import Tree
 from assetbuild.robot.tree import forward_kinematics, held_by_world, sample_positions
@@ -36,13 +37,7 @@ class UrdfKinematics(Check):
     """
 
     isolated: ClassVar = True
-    preload: ClassVar = (
-        "numpy",
-        "collada",
-        "lxml.etree",
-        "PIL.Image",
-        "trimesh",
-    )  # as convert_mesh of a glTF
+    preload: ClassVar = MESH_MODULES  # yourdfpy needs trimesh, which needs most of them
     needs: ClassVar = ("urdf",)
     reads: ClassVar = ("links.json",)
 
