@@ -108,21 +108,16 @@ class _Outside:
         before = len(self._known)
         rows = [self._known.setdefault(plane.tobytes(), len(self._known)) for plane in planes]
         numbers = np.array(rows)
-        lost = ~np.isin(self._facing, numbers)
+        lost, is_new = ~np.isin(self._facing, numbers), numbers >= before
         self.by_m[lost] = -np.inf
-        self._compare(np.flatnonzero(lost), planes, numbers)
-        is_new = numbers >= before
-        self._compare(np.flatnonzero(~lost), planes[is_new], numbers[is_new])
-
-    def _compare(self, some: Indices, planes: Array, numbers: Indices) -> None:
-        if not len(some) or not len(planes):
-            return
-        over = self._points[some] @ planes[:, :3].T + planes[:, 3]
-        best = np.argmax(over, axis=1)
-        by_m = over[np.arange(len(some)), best]
-        nearer = by_m > self.by_m[some]
-        self.by_m[some[nearer]] = by_m[nearer]
-        self._facing[some[nearer]] = numbers[best[nearer]]
+        for some, seen in ((lost, is_new | True), (~lost, is_new)):
+            if not seen.any():  # the corner lies in planes that were there
+                continue
+            over = self._points[some] @ planes[seen, :3].T + planes[seen, 3]
+            nearer = over.max(axis=1) > self.by_m[some]
+            changed = np.flatnonzero(some)[nearer]
+            self.by_m[changed] = over[nearer].max(axis=1)
+            self._facing[changed] = numbers[seen][np.argmax(over[nearer], axis=1)]
 
 
 def _wide_simplex(points: Array) -> list[int]:

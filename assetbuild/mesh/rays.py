@@ -174,18 +174,14 @@ class _Cells:
     def _row(self, y: Array) -> Indices:
         return _cell(y, self._lower[1], self._size[1], self._side)
 
-    def _columns(self, left: Array, right: Array) -> tuple[Indices, Indices]:
-        """(first, last), of what lies between."""
-        near = NEAR * self._size[0]
-        return self._column(left - near), self._column(right + near)
-
     def met(self, across: Ends, up: Ends) -> Indices:
         """Numbers of the triangles whose box shares a cell with a ray: no other can be struck."""
         table = np.zeros((self._side + 1, self._side + 1), dtype=np.int64)
         counts = self._counts.reshape(self._side, self._side)
         table[1:, 1:] = counts.cumsum(axis=0).cumsum(axis=1)
         flat, width = table.ravel(), self._side + 1
-        left, right = self._columns(*across)
+        near = NEAR * self._size[0]
+        left, right = self._column(across[0] - near), self._column(across[1] + near)
         below, above = self._row(up[0]) * width, (self._row(up[1]) + 1) * width
         rays = flat[above + right + 1] - flat[above + left]
         rays -= flat[below + right + 1] - flat[below + left]
@@ -206,10 +202,8 @@ class _Cells:
         starts = np.concatenate([[0], np.cumsum(self._counts)])
         start = starts[row * self._side + self._column(left)]
         counts = starts[row * self._side + self._column(right) + 1] - start
-        entry, ray = (
-            np.repeat(np.arange(len(row)), counts),
-            np.repeat(start, counts) + _within(counts),
-        )
+        entry = np.repeat(np.arange(len(row)), counts)
+        ray = start[entry] + _within(counts)
         kept = np.flatnonzero((left[entry] <= self._x[ray]) & (self._x[ray] <= right[entry]))
         return self._rays[ray[kept]], faces[entry[kept]]
 

@@ -18,9 +18,7 @@ import statistics
 import subprocess
 import sys
 import tempfile
-import threading
 import time
-from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -32,7 +30,7 @@ LEAST_S = 0.1
 
 @dataclass(frozen=True)
 class Built:
-    """wall, cpu: seconds. peak_mb: of all processes together. notes: of `watched`."""
+    """wall, cpu: seconds. peak_mb: of the largest process. notes: of `watched`."""
 
     wall: float
     cpu: float
@@ -41,40 +39,6 @@ class Built:
 
     def row(self, name: str) -> str:
         return f"| {name} | {self.wall:.1f} | {self.cpu:.1f} | {self.peak_mb:.0f} |"
-
-
-class Memory(threading.Thread):
-    """Looks at a process and its descendants five times a second."""
-
-    def __init__(self, pid: int) -> None:
-        super().__init__(daemon=True)
-        self.pid, self.peak_mb, self.over = pid, 0.0, threading.Event()
-
-    def run(self) -> None:
-        while not self.over.wait(0.2):
-            self.peak_mb = max(self.peak_mb, sum(map(_pss_mb, _family(self.pid))))
-
-
-def _family(pid: int) -> set[int]:
-    children: dict[int, list[int]] = {}
-    for stat in Path("/proc").glob("[0-9]*/stat"):
-        with suppress(OSError):
-            parent = int(stat.read_text().rpartition(")")[2].split()[1])
-            children.setdefault(parent, []).append(int(stat.parent.name))
-    found, pending = {pid}, [pid]
-    while pending:
-        more = children.get(pending.pop(), [])
-        found |= set(more)
-        pending += more
-    return found
-
-
-def _pss_mb(pid: int) -> float:
-    """Proportional set size: a page that n processes share counts 1/n in each."""
-    with suppress(OSError, IndexError):
-        text = Path(f"/proc/{pid}/smaps_rollup").read_text()
-        return int(text.partition("\nPss:")[2].split()[0]) / 1024
-    return 0.0
 
 
 def build(recipes: list[Path], folder: Path, store: Path, *options: str) -> Built:
@@ -91,16 +55,13 @@ def build(recipes: list[Path], folder: Path, store: Path, *options: str) -> Buil
         stdout=subprocess.DEVNULL,
         stderr=subprocess.DEVNULL,
     )
-    memory = Memory(process.pid)
-    memory.start()
     _, status, used = os.wait4(process.pid, 0)
     wall = time.monotonic() - began
     process.returncode = os.waitstatus_to_exitcode(status)
-    memory.over.set()
     if process.returncode != 0:
         raise SystemExit(f"the build ended with {process.returncode}")
     noted = tuple(tuple(json.loads(line)) for line in notes.read_text().splitlines())
-    return Built(wall, used.ru_utime + used.ru_stime, memory.peak_mb, noted)
+    return Built(wall, used.ru_utime + used.ru_stime, used.ru_maxrss / 1024, noted)
 
 
 def only_downloads(full: Path, fresh: Path) -> Path:

@@ -1,23 +1,24 @@
 """What the solver options of an mjx file cost: its own beside a pyramidal cone and 4 iterations.
 
-    python -m tests.benchmarks.cone build/go2/mjcf/scene_mjx.xml
+    python tests/benchmarks/cone.py [--gpu] build/go2/mjcf/scene_mjx.xml...
 
-Steps per CPU second in MuJoCo on one core, and on the CPU in mujoco_warp and MJX where they are
-installed, from the initial pose with a little noise on the commands. Only the ratios of one run
-mean anything; a GPU has others.
+Steps per CPU second in MuJoCo on one core, and in mujoco_warp and MJX where they are installed,
+from the initial pose with a little noise on the commands. With `--gpu` both run there, in more
+worlds, by the clock. Only the ratios of one run mean anything. Nothing of assetbuild is imported.
 """
 
 from __future__ import annotations
 
+import argparse
 import importlib.util
-import sys
 import time
 from collections.abc import Callable
 
 import mujoco
 import numpy as np
 
-WORLDS, STEPS, REPEATS = 64, 20, 3
+STEPS, REPEATS = 20, 3
+WORLDS, WORLDS_GPU = 64, 2048
 FORMER = {"cone": 0, "impratio": 1.0, "iterations": 4, "ls_iterations": 8}
 
 
@@ -33,68 +34,81 @@ def start(path: str, options: dict[str, float]) -> tuple[mujoco.MjModel, mujoco.
     return model, data
 
 
-def best(run: Callable[[], None], steps: int) -> float:
-    """Steps per CPU second of the fastest of some runs; the first one compiles."""
+def best(run: Callable[[], None], steps: int, clock: Callable[[], float]) -> float:
+    """Steps per second of the fastest of some runs; the first one compiles."""
     run()
     seconds = []
     for _ in range(REPEATS):
-        begun = time.process_time()
+        begun = clock()
         run()
-        seconds.append(time.process_time() - begun)
+        seconds.append(clock() - begun)
     return steps / min(seconds)
 
 
-def in_mujoco(path: str, options: dict[str, float]) -> float:
+def in_mujoco(path: str, options: dict[str, float], gpu: bool) -> float:
     """One world on one core."""
     model, data = start(path, options)
-    return best(lambda: mujoco.mj_step(model, data, 2000), 2000)
+    return best(lambda: mujoco.mj_step(model, data, 2000), 2000, time.process_time)
 
 
-def in_warp(path: str, options: dict[str, float]) -> float:
-    """Many worlds on the CPU."""
+def in_warp(path: str, options: dict[str, float], gpu: bool) -> float:
+    """Many worlds; on a GPU a step is one captured graph, as mjlab runs it."""
     import mujoco_warp
     import warp
 
-    with warp.ScopedDevice("cpu"):
+    count = WORLDS_GPU if gpu else WORLDS
+    with warp.ScopedDevice("cuda:0" if gpu else "cpu"):
         model, data = start(path, options)
         there = mujoco_warp.put_model(model)
-        there.opt.warn_overflow = 0
-        worlds = mujoco_warp.put_data(model, data, nworld=WORLDS, njmax=200, nconmax=60)
+        worlds = mujoco_warp.put_data(model, data, nworld=count, njmax=200, nconmax=60)
+        mujoco_warp.step(there, worlds)
+        if gpu:
+            with warp.ScopedCapture() as capture:
+                mujoco_warp.step(there, worlds)
 
         def run() -> None:
             for _ in range(STEPS):
-                mujoco_warp.step(there, worlds)
+                if gpu:
+                    warp.capture_launch(capture.graph)
+                else:
+                    mujoco_warp.step(there, worlds)
             warp.synchronize()
 
-        return best(run, STEPS * WORLDS)
+        return best(run, STEPS * count, time.perf_counter if gpu else time.process_time)
 
 
-def in_mjx(path: str, options: dict[str, float]) -> float:
-    """Many worlds on the CPU, each as slow as the slowest."""
+def in_mjx(path: str, options: dict[str, float], gpu: bool) -> float:
+    """Many worlds, each as slow as the slowest."""
     import jax
     from mujoco import mjx
 
+    count = WORLDS_GPU if gpu else WORLDS
     model, data = start(path, options)
     there, one = mjx.put_model(model), mjx.put_data(model, data)
-    worlds = jax.tree.map(lambda x: np.repeat(np.asarray(x)[None], WORLDS, 0), one)
+    worlds = jax.tree.map(lambda x: np.repeat(np.asarray(x)[None], count, 0), one)
     step = jax.jit(
         jax.vmap(lambda d: jax.lax.fori_loop(0, STEPS, lambda _, d: mjx.step(there, d), d))
     )
-    return best(lambda: jax.block_until_ready(step(worlds)), STEPS * WORLDS)
+    clock = time.perf_counter if gpu else time.process_time
+    return best(lambda: jax.block_until_ready(step(worlds)), STEPS * count, clock)
 
 
-def main(paths: list[str]) -> None:
+def main() -> None:
     """Print a table."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("files", nargs="+")
+    parser.add_argument("--gpu", action="store_true")
+    asked = parser.parse_args()
     there = {"MuJoCo": ("mujoco", in_mujoco), "Warp": ("mujoco_warp", in_warp)}
     there["MJX"] = ("mujoco.mjx", in_mjx)
     engines = {n: run for n, (module, run) in there.items() if importlib.util.find_spec(module)}
     print("| file | engine | pyramidal, 4 iterations | as it is | times |")
     print("| --- | --- | --- | --- | --- |")
-    for path in paths:
+    for path in asked.files:
         for name, run in engines.items():
-            former, now = run(path, FORMER), run(path, {})
+            former, now = (run(path, options, asked.gpu) for options in (FORMER, {}))
             print(f"| {path} | {name} | {former:.0f} | {now:.0f} | {former / now:.2f} |")
 
 
 if __name__ == "__main__":
-    main(sys.argv[1:])
+    main()
