@@ -16,6 +16,7 @@ from pydantic import Field
 from assetbuild.engine.step import Files
 from assetbuild.findings import Finding, Rule
 from assetbuild.kinds import Check, write_figures
+from assetbuild.mesh import MESH_MODULES
 from assetbuild.mesh.hulls import hulls_by_body, read_meshes
 from assetbuild.mesh.primitives import tessellate
 from assetbuild.mesh.rays import holes
@@ -66,7 +67,7 @@ class Coverage(Check):
 
     usual_s = 2.0
     isolated = True
-    preload = ("numpy", "scipy.spatial", "fast_simplification")
+    preload = MESH_MODULES
     reads = ("tree.json", "shapes.json", "triangles.npz", "hulls.npz")
 
     section = "validate"

@@ -19,6 +19,7 @@ from assetbuild.engine.step import Files
 from assetbuild.errors import StepError
 from assetbuild.findings import Finding, Rule
 from assetbuild.kinds import Check, write_figures
+from assetbuild.mesh import MESH_MODULES
 from assetbuild.mesh.hulls import common_hull, extent_of, hulls_by_body
 from assetbuild.mesh.triangles import TriangleMesh, solid_moments
 from assetbuild.quantities import Positive
@@ -113,7 +114,7 @@ class Mass(Check):
 
     usual_s = 0.5
     isolated = True
-    preload = ("numpy", "scipy.spatial", "fast_simplification")
+    preload = MESH_MODULES
     reads = ("tree.json", "shapes.json", "hulls.npz")
 
     section = "validate.mass"

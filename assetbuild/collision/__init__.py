@@ -20,6 +20,7 @@ from assetbuild.engine.step import Files, Limits, Step
 from assetbuild.errors import StepError
 from assetbuild.findings import Finding, Rule
 from assetbuild.kinds import ConvertedMesh, Piece, Pieces
+from assetbuild.mesh import MESH_MODULES
 from assetbuild.mesh.cover import Quality, Reference, measure
 from assetbuild.mesh.hull import convex_hull, refuse_flat
 from assetbuild.mesh.native import NativeError, NativeLimits
@@ -33,17 +34,6 @@ from assetbuild.robot.codec import decode_file, encode
 from assetbuild.robot.pose import IDENTITY, Pose, Vec3, quat_of, vec3
 from assetbuild.robot.shapes import Box, Capsule, Cylinder, Mesh, Primitive, Sphere
 
-PRELOAD = (
-    "numpy",
-    "scipy.spatial",
-    "scipy.optimize",
-    "scipy.sparse.csgraph",
-    "scipy.sparse",
-    "manifold3d",
-    "vhacdx",
-    "coacd",
-)
-"""The same for all methods: they share one process that has paid for these imports."""
 AS_GOOD_IOU = 0.01
 """A reused result may be worse by this much, the error of sampled volumes."""
 AS_GOOD = 0.01
@@ -112,7 +102,7 @@ class CollisionMethod(Step):
     group: ClassVar[str] = "collision"
     outputs = ("pieces/", "pieces.json", "quality.json")
     isolated = True
-    preload = PRELOAD
+    preload = MESH_MODULES
     limits: ClassVar[Limits] = Limits(wall_s=7200.0, memory_mb=4096)
     keeps: ClassVar[tuple[type[Primitive], ...]] = (Box, Sphere, Cylinder, Capsule)
     """Primitives of the source that stay, as they are convex and exact already."""
@@ -162,9 +152,9 @@ class CollisionMethod(Step):
 
     def run(self, files: Files) -> Iterable[Finding]:
         """Fit; raises StepError for sources that no method can work with."""
-        known = self.exact()
-        if known is not None:
-            write_pieces(files.outputs, known, None)
+        exact = self.exact()
+        if exact is not None:
+            write_pieces(files.outputs, exact, None)
             return
         reference = Reference(self.mesh_of(files))
         made = self._reused(reference, files.inputs / "like")
@@ -178,7 +168,8 @@ class CollisionMethod(Step):
                     f"{self.subject}: {self.step_name()} found no piece with a volume",
                     hint="use another method, `hull` for example",
                 )
-            made = pieces, measure(reference, pieces, flat=flat), fitted.how
+            known = None if flat else fitted.quality
+            made = pieces, measure(reference, pieces, flat=flat, known=known), fitted.how
         yield from self.proven(files, reference, *made)
 
     def proven(
@@ -329,11 +320,14 @@ class LibraryMethod(CollisionMethod):
 
 @dataclass(frozen=True)
 class Fitted:
-    """What a method found. how: the method in words, for the report."""
+    """What a method found. how: the method in words, for the report. quality: as `rough` found it
+    with all samples.
+    """
 
     pieces: tuple[ConvexPiece, ...]
     findings: tuple[Finding, ...] = ()
     how: str = ""
+    quality: Quality | None = None
 
 
 def carried(piece: Piece, folder: Path, like: Likeness) -> ConvexPiece:

@@ -142,9 +142,8 @@ class Auto(LibraryMethod):
         """The ladder; a library that fails is a finding, and the next rung is taken."""
         one = self._one_hull(reference)
         if one.badness == 0.0 or (reference.convexity > CONVEX and one.badness < BLOCKED):
-            return Fitted(
-                one.pieces, (), "convex: one hull" if one.badness else "one hull is enough"
-            )
+            how = "convex: one hull" if one.badness else "one hull is enough"
+            return Fitted(one.pieces, (), how, one.quality)
         cuts, view = self._cut(reference)
         best = min(one, cuts or one, key=_rank)
         by_few = best.badness == 0.0 and len(best.pieces) <= FEW
@@ -157,7 +156,7 @@ class Auto(LibraryMethod):
                 best = found
             if best.badness == 0.0:
                 break
-        return Fitted(best.pieces, tuple(findings), best.how)
+        return Fitted(best.pieces, tuple(findings), best.how, best.quality)
 
     def _may_help(self, reference: Reference) -> bool:
         """Whether a library may meet what cuts miss by far: it keeps a hole that they close, and a

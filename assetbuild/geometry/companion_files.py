@@ -48,7 +48,7 @@ class ConvertTexture(Step):
     outputs = ("texture/",)
     isolated = True
     all_told = True
-    preload = ("numpy", "trimesh", "collada", "lxml.etree", "PIL.Image")  # as convert_mesh
+    preload = ("numpy", "collada", "lxml.etree", "PIL.Image")  # as convert_mesh
     limits: ClassVar[Limits] = Limits(wall_s=60.0, memory_mb=2048)
 
     name: str = "texture"

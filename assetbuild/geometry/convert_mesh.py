@@ -133,10 +133,11 @@ class ConvertMesh(Step):
         used = self.keep_uv or part.material.texture
         mesh = part.mesh if used else replace(part.mesh, uv=None)
         try:
-            mesh = weld(mesh.scaled(self.scale))
+            welded = weld(mesh.scaled(self.scale))
         except ValueError as error:
             raise StepError(f"{self.subject}: {error} (scale {self.scale})") from error
-        mesh = weld(drop_collapsed(mesh))
+        kept = drop_collapsed(welded)
+        mesh = kept if kept is welded else weld(kept)
         if mesh.normals is not None:
             mesh = replace(mesh, normals=_tidy_normals(mesh))
         return mesh

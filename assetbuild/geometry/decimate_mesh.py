@@ -16,6 +16,7 @@ from assetbuild.errors import StepError
 from assetbuild.findings import Finding, Rule
 from assetbuild.geometry.convert_mesh import write_converted
 from assetbuild.kinds import ConvertedMesh
+from assetbuild.mesh import MESH_MODULES
 from assetbuild.mesh.material import MaterialPart, SurfaceMaterial
 from assetbuild.mesh.obj import SUFFIX, obj_of, read_part
 from assetbuild.mesh.quality import Distance, surface_distance
@@ -82,7 +83,7 @@ class DecimateMesh(Step):
     usual_s = 0.3
     outputs = ("parts/", "mesh.json")
     isolated = True
-    preload = ("numpy", "scipy.spatial", "fast_simplification")
+    preload = MESH_MODULES
     limits: ClassVar[Limits] = Limits(wall_s=180.0, memory_mb=4096)
 
     max_faces: int = Field(ge=4)

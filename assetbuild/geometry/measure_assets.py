@@ -9,6 +9,7 @@ from assetbuild.engine.step import Files, Step
 from assetbuild.facts.reference import Assets
 from assetbuild.facts.surface import measure, pixel_digest
 from assetbuild.findings import Finding
+from assetbuild.mesh import MESH_MODULES
 from assetbuild.mesh.hulls import hull_or_points, write_meshes
 from assetbuild.mesh.obj import read_triangles
 from assetbuild.robot.codec import encode
@@ -25,7 +26,7 @@ class MeasureAssets(Step):
     usual_s = 0.4
     outputs = ("assets.json", "triangles.npz", "hulls.npz")
     isolated = True
-    preload = ("numpy", "scipy.spatial", "fast_simplification")
+    preload = MESH_MODULES
 
     def run(self, files: Files) -> Iterator[Finding]:
         """Reads each file of `meshes/` that the robot names."""

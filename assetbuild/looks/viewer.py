@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from assetbuild.engine.step import Files, Step
 from assetbuild.findings import Finding, Rule
+from assetbuild.mesh import MESH_MODULES
 from assetbuild.mesh.obj import read_triangles
 from assetbuild.mesh.solid import Distance, distance_to
 from assetbuild.mesh.triangles import TriangleMesh
@@ -56,7 +57,7 @@ class Viewer(Step):
     usual_s = 0.3
     outputs = ("viewer.json", "three.js")
     isolated = True
-    preload = ("numpy", "scipy.spatial", "fast_simplification")
+    preload = MESH_MODULES
 
     def run(self, files: Files) -> Iterator[Finding]:
         """Without the library the page has no 3D view, and a finding says so."""

@@ -16,7 +16,6 @@ from numpy.typing import NDArray
 
 from assetbuild.mesh.hull import convex_hull, polygon_count
 from assetbuild.mesh.quality import Distance, NearestSurface, sobol, surface_samples
-from assetbuild.mesh.rays import grids, missed
 from assetbuild.mesh.solid import ConvexPiece, Solid
 from assetbuild.mesh.triangles import TriangleMesh, is_closed, signed_volume
 from assetbuild.robot.pose import Array
@@ -33,8 +32,6 @@ ROOM = 0.03
 """Share of its extents by which the box of sampled volumes is wider than a mesh."""
 LEAST_INSIDE = 32
 """With fewer of POINTS inside, their share says nothing."""
-GRID = 48
-"""Rays of the see-through test along each edge of a square, for six directions."""
 FIRST_LOOK = 128
 """Points that are looked at first for the one that lies farthest outside; then twice as many."""
 CLOSE = 1e-4
@@ -48,9 +45,8 @@ class Quality:
     exact: the volumes are; else they are sampled. closed: the mesh has no open edge.
     iou: common / joint volume; over: pieces outside the mesh; missing: mesh outside the pieces.
     max_outside_m: how far the pieces stick out; mean_m, p99_m, max_m: two-sided distance between
-    the surfaces. see_through: share of the rays that pass through the mesh inside its hull and
-    still pass the pieces; rays: how many those are. flat: pieces without volume, left out.
-    vertices, polygons: of the largest piece, coplanar triangles merged.
+    the surfaces. flat: pieces without volume, left out. vertices, polygons: of the largest piece,
+    coplanar triangles merged.
     """
 
     exact: bool
@@ -63,8 +59,6 @@ class Quality:
     mean_m: float = 0.0
     p99_m: float = 0.0
     max_m: float = 0.0
-    see_through: float = 0.0
-    rays: int = 0
     vertices: int = 0
     polygons: int = 0
     flat: int = 0
@@ -156,15 +150,6 @@ class Reference:
         """Distances to the mesh."""
         return NearestSurface(self.mesh)
 
-    @cached_property
-    def open_rays(self) -> tuple[Array, Array]:
-        """(origins (k, 3), directions (k, 3)) of rays that strike the hull and miss the mesh."""
-        start, along = grids(self.mesh, GRID, self.diagonal)
-        shown = ~missed(start, along, self.hull)
-        start, along = start[shown], along[shown]
-        passes = missed(start, along, self.mesh)
-        return start[passes], along[passes]
-
     def _shares(self, lower: Array, upper: Array) -> tuple[Array, NDArray[np.bool_]]:
         """Sobol points in a box, and which of them are inside; kept for equal boxes."""
         cloud, solid, key = sobol(POINTS, lower, upper), self.solid, _key(lower, upper)
@@ -210,20 +195,25 @@ def rough(reference: Reference, pieces: Sequence[ConvexPiece], samples: int = SA
     return _volumes_and_outside(reference, pieces, *union_of(pieces), samples)
 
 
-def measure(reference: Reference, pieces: Sequence[ConvexPiece], *, flat: int = 0) -> Quality:
-    """All figures of `pieces` (at least one, each with a volume) against the mesh; seeded."""
+def measure(
+    reference: Reference,
+    pieces: Sequence[ConvexPiece],
+    *,
+    flat: int = 0,
+    known: Quality | None = None,
+) -> Quality:
+    """All figures of `pieces` (at least one, each with a volume) against the mesh; seeded.
+
+    known: what `rough` has found of them already.
+    """
     union, skin = union_of(pieces)
-    base = _volumes_and_outside(reference, pieces, union, skin)
+    base = known or _volumes_and_outside(reference, pieces, union, skin)
     to_mesh = reference.surface.distance(surface_samples(skin, SAMPLES, 1)[0])
     to_skin = NearestSurface(skin).distance(reference.samples)
-    origins, directions = reference.open_rays
-    kept = missed(origins, directions, skin)
     hulls = [piece.solid for piece in pieces if isinstance(piece.solid, TriangleMesh)]
     return replace(
         base,
         **asdict(Distance.of(to_mesh, to_skin)),
-        see_through=float(kept.mean()) if len(kept) else 1.0,
-        rays=len(kept),
         vertices=max((len(h.vertices) for h in hulls), default=0),
         polygons=max((polygon_count(h) for h in hulls), default=0),
         flat=flat,

@@ -78,14 +78,46 @@ def _farthest_first(points: Array, count: int, subject: str) -> Indices:
     option takes the farthest of the facet at hand and leaves up to three times the gap.
     """
     chosen = _wide_simplex(points)
+    local = points - _middle(points)
+    hull = _qhull(local[chosen], subject, incremental=True)
+    outside = _Outside(local)
     while len(chosen) < count:
-        planes = _qhull(points[chosen], subject).equations
-        local = points - _middle(points[chosen])
-        outside = beyond(planes, local)
-        outside[chosen] = -np.inf
-        farthest = int(np.argmax(outside))
-        chosen.append(farthest)
+        outside.update(hull.equations)
+        outside.by_m[chosen] = -np.inf
+        chosen.append(int(np.argmax(outside.by_m)))
+        try:
+            hull.add_points(local[chosen[-1:]])
+        except RuntimeError:  # QhullError: what it grew into is too flat for it, in this order
+            hull = _qhull(local[chosen], subject, incremental=True)
     return np.asarray(chosen, dtype=np.int64)
+
+
+class _Outside:
+    """How far points (n, 3) lie outside of a hull that grows: by_m (n,). A new corner changes few
+    of its planes, so most points are compared with these only.
+    """
+
+    def __init__(self, points: Array) -> None:
+        self.by_m = np.full(len(points), -np.inf)
+        self._points = points
+        self._facing = np.full(len(points), -1)
+        self._known: dict[bytes, int] = {}
+
+    def update(self, planes: Array) -> None:
+        """planes: (k, 4), all that the hull has now."""
+        before = len(self._known)
+        rows = [self._known.setdefault(plane.tobytes(), len(self._known)) for plane in planes]
+        numbers = np.array(rows)
+        lost, is_new = ~np.isin(self._facing, numbers), numbers >= before
+        self.by_m[lost] = -np.inf
+        for some, seen in ((lost, is_new | True), (~lost, is_new)):
+            if not seen.any():  # the corner lies in planes that were there
+                continue
+            over = self._points[some] @ planes[seen, :3].T + planes[seen, 3]
+            nearer = over.max(axis=1) > self.by_m[some]
+            changed = np.flatnonzero(some)[nearer]
+            self.by_m[changed] = over[nearer].max(axis=1)
+            self._facing[changed] = numbers[seen][np.argmax(over[nearer], axis=1)]
 
 
 def _wide_simplex(points: Array) -> list[int]:
@@ -164,12 +196,13 @@ def refuse_flat(points: Array, subject: str) -> None:
         )
 
 
-def _qhull(points: Array, subject: str) -> ConvexHull:
+def _qhull(points: Array, subject: str, *, incremental: bool = False) -> ConvexHull:
     from scipy.spatial import ConvexHull, QhullError
 
     # Moved to the origin: qhull's tolerances grow with the largest coordinate.
+    local = points if incremental else points - _middle(points)
     try:
-        return ConvexHull(points - _middle(points), qhull_options="Qt")
+        return ConvexHull(local, qhull_options="Qt", incremental=incremental)
     except QhullError as error:
         reason = str(error).splitlines()[0]
         raise StepError(f"{subject}: no convex hull: {reason}") from error

@@ -17,9 +17,13 @@ from assetbuild.mesh.triangles import TriangleMesh
 from assetbuild.robot.pose import Array, Vec3, vec3
 
 Indices = NDArray[np.int64]
+Ends = tuple[Array, Array]
+"""(least, greatest) of each triangle."""
 SIDES = 6
 LEAST_CELLS, MOST_CELLS = 64, 1024
-"""Along each side of the picture that triangles are sorted into."""
+"""Along each side of the picture that rays are sorted into."""
+CELLS = 4
+"""For each ray, where there are more triangles: most of them then share a cell with no ray."""
 NEAR = 1e-6
 """Of a cell: a triangle that comes this close is taken to be in it."""
 AT_ONCE = 500_000
@@ -46,29 +50,46 @@ class Across:
         """Lay the corners out, (m, 3) each: x and y across the rays, z along."""
         self._axes = _axes(np.asarray(direction, dtype=np.float64))
         points = (along(mesh.vertices, axis) for axis in self._axes)
-        self._x, self._y, self._z = (values[mesh.faces] for values in points)
+        self._corners = tuple(values[mesh.faces] for values in points)
 
     def strike(self, origins: Array) -> Struck:
         """All that rays from origins (n, 3) strike ahead of them and behind, m."""
         x, y, z = (along(origins, axis) for axis in self._axes)
-        rays, faces = self._pairs(x, y)
+        cells = _Cells(x, y, self._bounds, len(self._corners[0]))
+        near = cells.met(*self._boxes)
+        seen = _Triangles(*(values[near] for values in self._corners))
+        rays, faces = cells.pairs(seen)
         hits = [np.zeros(0, dtype=np.int64)]
         for start in range(0, len(rays), AT_ONCE):
             part = slice(start, start + AT_ONCE)
-            hits.append(start + np.flatnonzero(self._covers(x, y, rays[part], faces[part])))
+            hits.append(start + np.flatnonzero(seen.cover(x, y, rays[part], faces[part])))
         hit = np.concatenate(hits)
         rays, faces = rays[hit], faces[hit]
-        depth = self._height(x[rays], y[rays], faces) - z[rays]
+        depth = seen.height(x[rays], y[rays], faces) - z[rays]
         order = np.lexsort((depth, rays))
-        return Struck(rays[order], depth[order], (self._slopes[2][faces] < 0.0)[order])
+        return Struck(rays[order], depth[order], (seen.slopes[2][faces] < 0.0)[order])
 
     @cached_property
-    def _boxes(self) -> tuple[tuple[Array, Array], tuple[Array, Array]]:
+    def _boxes(self) -> tuple[Ends, Ends]:
         """((least, greatest) x, (least, greatest) y) of each triangle."""
-        return _ends(self._x), _ends(self._y)
+        return _ends(self._corners[0]), _ends(self._corners[1])
 
     @cached_property
-    def _slopes(self) -> tuple[Array, Array, Array]:
+    def _bounds(self) -> tuple[Array, Array]:
+        """(2,) corners of the picture."""
+        lower = np.array([least.min(initial=np.inf) for least, _ in self._boxes])
+        return lower, np.array([most.max(initial=-np.inf) for _, most in self._boxes])
+
+
+class _Triangles:
+    """Those that rays may strike. x, y, z: (m, 3) of their corners, z along the rays."""
+
+    def __init__(self, x: Array, y: Array, z: Array) -> None:
+        self._x, self._y, self._z = x, y, z
+        self.across, self.up = _ends(x), _ends(y)
+
+    @cached_property
+    def slopes(self) -> tuple[Array, Array, Array]:
         """(dz/dx, dz/dy, the normal's part along the rays) of each triangle; edge-on: 0."""
         x, y, z = self._x, self._y, self._z
         ax, ay, az = (v[:, 1] - v[:, 0] for v in (x, y, z))
@@ -77,9 +98,9 @@ class Across:
         safe = np.where(normal != 0.0, normal, 1.0)
         return -(ay * bz - az * by) / safe, -(az * bx - ax * bz) / safe, normal
 
-    def _height(self, x: Array, y: Array, faces: Indices) -> Array:
+    def height(self, x: Array, y: Array, faces: Indices) -> Array:
         """Of the triangles' planes at points of the picture, along the rays; m."""
-        along_x, along_y, _ = self._slopes
+        along_x, along_y, _ = self.slopes
         apart_x, apart_y = x - self._x[faces, 0], y - self._y[faces, 0]
         height: Array = self._z[faces, 0] + along_x[faces] * apart_x + along_y[faces] * apart_y
         return height
@@ -102,7 +123,7 @@ class Across:
             np.where(up, *high[::-1]),
         )
 
-    def _covers(self, x: Array, y: Array, rays: Indices, faces: Indices) -> NDArray[np.bool_]:
+    def cover(self, x: Array, y: Array, rays: Indices, faces: Indices) -> NDArray[np.bool_]:
         """Which triangles lie over their point: an odd number of edges to the right of it."""
         low_x, low_y, high_x, high_y = (values[faces] for values in self._edges)
         at_x, at_y = x[rays, None], y[rays, None]
@@ -111,32 +132,7 @@ class Across:
         odd: NDArray[np.bool_] = np.logical_xor.reduce(beside & right, axis=1)
         return odd
 
-    @cached_property
-    def _cells(self) -> tuple[int, Array, Array, Indices, Indices]:
-        """(cells along a side, lower corner, size of a cell, first entry of each cell, faces)."""
-        from scipy import sparse
-
-        lower = np.array([least.min(initial=np.inf) for least, _ in self._boxes])
-        upper = np.array([greatest.max(initial=-np.inf) for _, greatest in self._boxes])
-        side = int(np.clip(len(self._x) ** 0.5, LEAST_CELLS, MOST_CELLS))
-        size = np.maximum(upper - lower, 1e-300) / side
-        across, up = self._boxes
-        first = _cell(up[0], lower[1], size[1], side)
-        rows = _cell(up[1], lower[1], size[1], side) - first + 1
-        faces = np.repeat(np.arange(len(rows)), rows)
-        row = np.repeat(first, rows) + _within(rows)
-        left, right = across[0][faces], across[1][faces]
-        wide = np.flatnonzero(right - left > 2.0 * size[0])
-        bottom = lower[1] + row[wide] * size[1]
-        left[wide], right[wide] = self._span(faces[wide], bottom, size[1])
-        start = _cell(left - NEAR * size[0], lower[0], size[0], side)
-        columns = _cell(right + NEAR * size[0], lower[0], size[0], side) - start + 1
-        cells = np.repeat(row * side + start, columns) + _within(columns)
-        entries = (np.ones(len(cells), dtype=bool), (cells, np.repeat(faces, columns)))
-        table = sparse.coo_array(entries, shape=(side * side, len(rows))).tocsr()
-        return side, lower, size, table.indptr.astype(np.int64), table.indices.astype(np.int64)
-
-    def _span(self, faces: Indices, lower: Array, height: float) -> tuple[Array, Array]:
+    def span(self, faces: Indices, lower: Array, height: float) -> Ends:
         """(least, greatest) x of triangles within the rows of cells from `lower` up."""
         least, greatest = np.full(len(faces), np.inf), np.full(len(faces), -np.inf)
         lower, upper = lower - NEAR * height, lower + (1.0 + NEAR) * height
@@ -153,21 +149,66 @@ class Across:
             greatest = np.where(flat, np.maximum(greatest, high_x), greatest)
         return least, greatest
 
-    def _pairs(self, x: Array, y: Array) -> tuple[Indices, Indices]:
-        """(rays, faces) that share a cell; no other triangle can lie over a ray's point."""
-        side, lower, size, starts, faces = self._cells
-        upper = lower + side * size
-        inside = np.flatnonzero(
-            (x >= lower[0]) & (x <= upper[0]) & (y >= lower[1]) & (y <= upper[1])
-        )
-        column, row = (_cell(v[inside], lower[k], size[k], side) for k, v in enumerate((x, y)))
-        cells = row * side + column
-        counts = starts[cells + 1] - starts[cells]
-        entries = np.repeat(starts[cells], counts) + _within(counts)
-        return np.repeat(inside, counts), faces[entries]
+
+class _Cells:
+    """Rays, sorted into the cells of a picture.
+
+    x, y: (n,); bounds: lower and upper corner of the picture of so many triangles.
+    """
+
+    def __init__(self, x: Array, y: Array, bounds: tuple[Array, Array], triangles: int) -> None:
+        self._lower, upper = bounds
+        inside = (x >= self._lower[0]) & (x <= upper[0]) & (y >= self._lower[1]) & (y <= upper[1])
+        self._rays = np.flatnonzero(inside)
+        wanted = min(CELLS * len(self._rays), triangles)
+        self._side = int(np.clip(wanted**0.5, LEAST_CELLS, MOST_CELLS))
+        self._size = np.maximum(upper - self._lower, 1e-300) / self._side
+        cells = self._row(y[self._rays]) * self._side + self._column(x[self._rays])
+        self._rays = self._rays[np.argsort(cells, kind="stable")]
+        self._x = x[self._rays]
+        self._counts = np.bincount(cells, minlength=self._side**2)
+
+    def _column(self, x: Array) -> Indices:
+        return _cell(x, self._lower[0], self._size[0], self._side)
+
+    def _row(self, y: Array) -> Indices:
+        return _cell(y, self._lower[1], self._size[1], self._side)
+
+    def met(self, across: Ends, up: Ends) -> Indices:
+        """Numbers of the triangles whose box shares a cell with a ray: no other can be struck."""
+        table = np.zeros((self._side + 1, self._side + 1), dtype=np.int64)
+        counts = self._counts.reshape(self._side, self._side)
+        table[1:, 1:] = counts.cumsum(axis=0).cumsum(axis=1)
+        flat, width = table.ravel(), self._side + 1
+        near = NEAR * self._size[0]
+        left, right = self._column(across[0] - near), self._column(across[1] + near)
+        below, above = self._row(up[0]) * width, (self._row(up[1]) + 1) * width
+        rays = flat[above + right + 1] - flat[above + left]
+        rays -= flat[below + right + 1] - flat[below + left]
+        return np.flatnonzero(rays)
+
+    def pairs(self, triangles: _Triangles) -> tuple[Indices, Indices]:
+        """(rays, triangles) that share a cell, by the numbers of both."""
+        first = self._row(triangles.up[0])
+        rows = self._row(triangles.up[1]) - first + 1
+        faces = np.repeat(np.arange(len(rows)), rows)
+        row = np.repeat(first, rows) + _within(rows)
+        left, right = (values[faces] for values in triangles.across)
+        wide = np.flatnonzero(right - left > 2.0 * self._size[0])
+        bottom = self._lower[1] + row[wide] * self._size[1]
+        left[wide], right[wide] = triangles.span(faces[wide], bottom, self._size[1])
+        near = NEAR * self._size[0]
+        left, right = left - near, right + near
+        starts = np.concatenate([[0], np.cumsum(self._counts)])
+        start = starts[row * self._side + self._column(left)]
+        counts = starts[row * self._side + self._column(right) + 1] - start
+        entry = np.repeat(np.arange(len(row)), counts)
+        ray = start[entry] + _within(counts)
+        kept = np.flatnonzero((left[entry] <= self._x[ray]) & (self._x[ray] <= right[entry]))
+        return self._rays[ray[kept]], faces[entry[kept]]
 
 
-def _ends(values: Array) -> tuple[Array, Array]:
+def _ends(values: Array) -> Ends:
     """(least, greatest) of each row of (m, 3) values; much faster than along an axis of three."""
     a, b, c = values.T
     return np.minimum(np.minimum(a, b), c), np.maximum(np.maximum(a, b), c)
@@ -274,14 +315,18 @@ def holes(seen: TriangleMesh, solid: TriangleMesh) -> list[Hole]:
 
 def _enclosed(through: NDArray[np.bool_]) -> list[NDArray[np.int64]]:
     """Numbers of the rays of each patch that does not reach the edge of the picture."""
-    from scipy import ndimage
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import connected_components
 
-    patches, _ = ndimage.label(through.reshape(GRID, GRID))
-    edge = {0, *patches[[0, -1]].ravel().tolist(), *patches[:, [0, -1]].ravel().tolist()}
-    flat = patches.ravel()
-    sizes = np.bincount(flat)
-    return [
-        np.flatnonzero(flat == patch)
-        for patch in range(len(sizes))
-        if patch not in edge and sizes[patch] >= LEAST
-    ]
+    number = np.arange(GRID * GRID).reshape(GRID, GRID)
+    ends = [(number[:, :-1], number[:, 1:]), (number[:-1], number[1:])]
+    left, right = (
+        np.concatenate([end.ravel() for end in side]) for side in zip(*ends, strict=True)
+    )
+    both = through[left] & through[right]
+    joined = coo_array((both[both], (left[both], right[both])), shape=(GRID * GRID,) * 2)
+    _, patches = connected_components(joined, directed=False)
+    at_edge = np.concatenate([number[[0, -1]].ravel(), number[:, [0, -1]].ravel()])
+    sizes = np.bincount(patches)
+    sizes[patches[at_edge]] = 0
+    return [np.flatnonzero(patches == patch) for patch in np.flatnonzero(sizes >= LEAST)]

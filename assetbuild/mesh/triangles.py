@@ -329,16 +329,19 @@ def _mixed(bits: NDArray[np.uint64]) -> NDArray[np.uint64]:
 
 def weld(mesh: TriangleMesh) -> TriangleMesh:
     """Vertices that are exactly equal become one, unused ones go; faces are all kept."""
-    used, faces = np.unique(mesh.faces, return_inverse=True)
-    first, number = first_seen(mesh.vertices[used])
-    vertices = mesh.vertices[used][first] + 0.0
-    return replace(mesh, vertices=vertices, faces=number[faces.reshape(-1, 3)])
+    is_used = np.zeros(len(mesh.vertices), dtype=bool)
+    is_used[mesh.faces] = True
+    used = mesh.vertices[is_used]
+    first, number = first_seen(used)
+    faces = number[(np.cumsum(is_used) - 1)[mesh.faces]]
+    return replace(mesh, vertices=used[first] + 0.0, faces=faces)
 
 
 def drop_collapsed(mesh: TriangleMesh) -> TriangleMesh:
     """Without faces that use one vertex twice: they have no area and no direction."""
     a, b, c = mesh.faces.T
-    return mesh.select((a != b) & (b != c) & (c != a))
+    kept = (a != b) & (b != c) & (c != a)
+    return mesh if kept.all() else mesh.select(kept)
 
 
 def drop_repeated(mesh: TriangleMesh) -> TriangleMesh:
@@ -351,4 +354,6 @@ def drop_repeated(mesh: TriangleMesh) -> TriangleMesh:
 
 def cleaned(mesh: TriangleMesh) -> TriangleMesh:
     """Welded, without collapsed and repeated faces: what geometry code wants as input."""
-    return weld(drop_repeated(drop_collapsed(weld(mesh))))
+    welded = weld(mesh)
+    kept = drop_repeated(drop_collapsed(welded))
+    return kept if kept is welded else weld(kept)

@@ -141,7 +141,6 @@ def _gap(subject: str, reference: Reference, quality: Quality, how: str) -> Find
             "mean_mm": round(1e3 * quality.mean_m, 3),
             "p99_mm": round(1e3 * quality.p99_m, 3),
             "max_mm": round(1e3 * quality.max_m, 3),
-            "see_through": round(quality.see_through, 3),
             "max_vertices": quality.vertices,
             "max_polygons": quality.polygons,
         },

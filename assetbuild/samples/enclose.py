@@ -9,6 +9,7 @@ import numpy as np
 
 from assetbuild.engine.step import Files, Step
 from assetbuild.findings import Finding, Rule
+from assetbuild.mesh import MESH_MODULES
 from assetbuild.mesh.hulls import hulls_by_body
 from assetbuild.robot.codec import encode
 from assetbuild.robot.files import RobotFiles
@@ -39,7 +40,7 @@ class Enclose(Step):
 
     outputs = ("rooms.json",)
     isolated = True
-    preload = ("numpy", "scipy.spatial", "fast_simplification")
+    preload = MESH_MODULES
 
     def run(self, files: Files) -> Iterator[Finding]:
         """Reads the hull of each mesh."""

@@ -78,8 +78,8 @@ def main(arguments: Sequence[str]) -> None:
     if "--only-auto" in arguments:
         methods = {label: method for label, method in methods.items() if "auto" in label}
     cap = Hull(sources=SOURCE)
-    print("| link | method | IoU | over | missing | outside mm | p99 mm | open | hulls | CPU s |")
-    print("|---|---|---|---|---|---|---|---|---|---|")
+    print("| link | method | IoU | over | missing | outside mm | p99 mm | hulls | CPU s |")
+    print("|---|---|---|---|---|---|---|---|---|")
     for name in names:
         mesh = load_link(name)
         reference = Reference(mesh)
@@ -89,7 +89,7 @@ def main(arguments: Sequence[str]) -> None:
                 made = method(mesh)
             except NativeError as failure:
                 print(
-                    f"| {name} | {label} | {failure} | | | | | | | {cpu() - before:.1f} |",
+                    f"| {name} | {label} | {failure} | | | | | | {cpu() - before:.1f} |",
                     flush=True,
                 )
                 continue
@@ -98,7 +98,7 @@ def main(arguments: Sequence[str]) -> None:
             q = measure(reference, pieces)
             print(
                 f"| {name} | {label} | {q.iou:.3f} | {q.over:.3f} | {q.missing:.3f} "
-                f"| {1e3 * q.max_outside_m:.1f} | {1e3 * q.p99_m:.1f} | {q.see_through:.2f} "
+                f"| {1e3 * q.max_outside_m:.1f} | {1e3 * q.p99_m:.1f} "
                 f"| {q.pieces} | {spent:.1f} |",
                 flush=True,
             )

@@ -105,13 +105,10 @@ def test_a_sheet_is_compared_with_its_hull():
     assert rough(reference, [ConvexPiece(reference.hull)]).iou == pytest.approx(1.0, abs=1e-6)
 
 
-def test_a_hull_closes_a_portal_and_its_parts_leave_it_open():
+def test_a_hull_fills_a_portal_that_its_parts_leave_open():
     mesh, pieces = portal()
     reference = Reference(mesh)
     closed, left = measure(reference, [ConvexPiece(reference.hull)]), measure(reference, pieces)
-    assert closed.see_through == 0.0
-    assert left.see_through > 0.99
-    assert left.rays == closed.rays > 100
     assert closed.over == pytest.approx(2.0 / 7.0, rel=1e-6)
     assert closed.max_outside_m == pytest.approx(0.5, abs=0.03)  # the middle of the opening
     assert left.iou == pytest.approx(1.0, abs=1e-6)

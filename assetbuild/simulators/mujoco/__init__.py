@@ -360,10 +360,9 @@ def floors(model: Model) -> list[int]:
 
 def floor_contacts(model: Model, data: Data) -> list[tuple[int, int]]:
     """(number of the contact, the robot's geom in it) of contacts with a floor."""
-    pairs = np.array(data.contact.geom[: data.ncon]).reshape(-1, 2)
-    is_floor = np.isin(pairs, floors(model))
-    touching = np.flatnonzero(is_floor.sum(axis=1) == 1)
-    return [(int(i), int(pairs[i][~is_floor[i]][0])) for i in touching]
+    planes, pairs = set(floors(model)), data.contact.geom[: data.ncon].tolist()
+    touching = ((i, set(pair) - planes) for i, pair in enumerate(pairs))
+    return [(i, geoms.pop()) for i, geoms in touching if len(geoms) == 1]
 
 
 def collision_geoms(model: Model) -> list[int]:

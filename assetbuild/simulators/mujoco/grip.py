@@ -238,15 +238,15 @@ def grip(model: Model, hand: Hand, place: Place, mass: float) -> Grip:
     data = mujoco.at_key(model)  # the rest of the robot aims at its home
     data.qpos[:] = hand.poses[place.start]
     _put(model, data, place.xyz, place.R)
-    table = int(model.body(_TABLE).mocapid[0])
+    table, down = int(model.body(_TABLE).mocapid[0]), place.down
     mj.mju_mat2Quat(data.mocap_quat[table], place.R.ravel())
     looks, pressing, seen, forces = [CLOSE_S, CLOSE_S + LIFT_S], list[int](), list[Array](), []
     for index in range(round(TOTAL_S / step)):
         time = index * step
         for drive, target in zip(hand.drives, closing(hand, place, time), strict=True):
             data.ctrl[drive.ctrl_index] = drive.command(float(target))
-        data.mocap_pos[table] = table_at(place, time) + TABLE_M * place.down
-        model.opt.gravity[:] = G * place.down + shaking(place, time)
+        data.mocap_pos[table] = table_at(place, time) + TABLE_M * down
+        model.opt.gravity[:] = G * down + shaking(place, time)
         mj.mj_step(model, data)
         if looks and time >= looks[0]:
             looks.pop(0)
@@ -311,9 +311,9 @@ def _contacts(
 ) -> Iterator[tuple[int, int]]:
     """(number, body of the other) of contacts of the object with the robot."""
     own, table = probe_of(model), int(model.geom(_TABLE).id)
-    for index, contact in enumerate(data.contact[: data.ncon]):
-        one, other = (int(geom) for geom in contact.geom)
-        if own in (one, other) and table not in (one, other) and -contact.dist > deeper_than:
+    pairs, gaps = data.contact.geom[: data.ncon].tolist(), data.contact.dist.tolist()
+    for index, ((one, other), gap) in enumerate(zip(pairs, gaps, strict=False)):
+        if own in (one, other) and table not in (one, other) and -gap > deeper_than:
             yield index, int(model.geom_bodyid[other if one == own else one])
 
 

@@ -1,0 +1,175 @@
+"""The first build of a robot, step by step: `python -m tests.benchmarks.cold go1 g1 panda`.
+
+Each robot is built once for its downloads, then several times from an empty store that holds
+nothing else. Prints a table of the build in the middle: what each step took of the processor and by
+the clock, what imports took of that, and whether the step is on the critical path, which is the
+chain of steps, each reading the one before, that needs the processor longest. Then a gain is
+changed in the recipe, several times. `--together` builds all robots as one graph as well.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import re
+import shutil
+import statistics
+import subprocess
+import sys
+import tempfile
+import time
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+ROOT = Path(__file__).parents[2]
+LEAST_S = 0.1
+"""Steps that take the processor less are one row."""
+
+
+@dataclass(frozen=True)
+class Built:
+    """wall, cpu: seconds. peak_mb: of the largest process. notes: of `watched`."""
+
+    wall: float
+    cpu: float
+    peak_mb: float
+    notes: tuple[tuple[str, str, float], ...] = ()
+
+    def row(self, name: str) -> str:
+        return f"| {name} | {self.wall:.1f} | {self.cpu:.1f} | {self.peak_mb:.0f} |"
+
+
+def build(recipes: list[Path], folder: Path, store: Path, *options: str) -> Built:
+    """All recipes as one graph."""
+    kept = {k: v for k, v in os.environ.items() if not k.startswith("ASSETBUILD_")}
+    notes = folder / "notes"
+    notes.write_text("")
+    command = [sys.executable, "-m", "tests.benchmarks.watched", str(notes), "build"]
+    began = time.monotonic()
+    process = subprocess.Popen(
+        [*command, *map(str, recipes), "--fail-on", "never", *options],
+        cwd=folder,
+        env=kept | {"ASSETBUILD_CACHE": str(store), "PYTHONPATH": str(ROOT)},
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+    )
+    _, status, used = os.wait4(process.pid, 0)
+    wall = time.monotonic() - began
+    process.returncode = os.waitstatus_to_exitcode(status)
+    if process.returncode != 0:
+        raise SystemExit(f"the build ended with {process.returncode}")
+    noted = tuple(tuple(json.loads(line)) for line in notes.read_text().splitlines())
+    return Built(wall, used.ru_utime + used.ru_stime, used.ru_maxrss / 1024, noted)
+
+
+def only_downloads(full: Path, fresh: Path) -> Path:
+    """A store that holds what `fetch` brought, and nothing else."""
+    shutil.rmtree(fresh, ignore_errors=True)
+    shutil.copytree(full, fresh)
+    for entry in (fresh / "v1/ac").glob("*/*.json"):
+        if set(json.loads(entry.read_bytes())["result"]["outputs"]) != {"archive"}:
+            entry.unlink()
+    for made in ("null", "journal", "code"):
+        shutil.rmtree(fresh / "v1" / made, ignore_errors=True)
+    return fresh
+
+
+def steps_of(recipe: Path) -> dict[str, dict[str, Any]]:  # Any: JSON
+    """What the run log of the last build says of each step that ran."""
+    log = json.loads((recipe.parent / "build" / f"{recipe.stem}.run.json").read_bytes())
+    return {label: step for label, step in log["steps"].items() if step["status"] == "ran"}
+
+
+def critical(recipe: Path, store: Path, cpu: dict[str, float]) -> list[str]:
+    """The chain of steps that takes the processor longest."""
+    command = [sys.executable, "-m", "assetbuild", "plan", str(recipe), "--format", "json"]
+    environment = os.environ | {"ASSETBUILD_CACHE": str(store), "PYTHONPATH": str(ROOT)}
+    nodes = json.loads(subprocess.check_output(command, env=environment))["nodes"]
+    chains: dict[str, list[str]] = {}
+    for node in nodes:  # each after all that it reads
+        makers = {ref.partition(":")[0] for ref in node["inputs"].values()} & set(chains)
+        before = max((chains[maker] for maker in makers), key=lambda c: _sum(c, cpu), default=[])
+        chains[node["label"]] = [*before, node["label"]]
+    return max(chains.values(), key=lambda chain: _sum(chain, cpu))
+
+
+def _sum(chain: list[str], cpu: dict[str, float]) -> float:
+    return sum(cpu.get(label, 0.0) for label in chain)
+
+
+def table(built: Built, recipe: Path, store: Path) -> str:
+    """A row for each step that counts, for each worker, and for the process that builds."""
+    steps = steps_of(recipe)
+    cpu = {label: step["child_cpu_seconds"] for label, step in steps.items()}
+    imports = {label: spent for kind, label, spent in built.notes if kind == "step"}
+    path = critical(recipe, store, cpu)
+    rows = [
+        (f"{label} | {step['seconds']:.1f}", cpu[label], imports.get(label, 0.0), label in path)
+        for label, step in steps.items()
+        if cpu[label] >= LEAST_S or label in path
+    ]
+    small = [label for label in steps if cpu[label] < LEAST_S and label not in path]
+    spent = _sum(small, cpu), _sum(small, imports)
+    rows.append((f"{len(small)} steps of less than {LEAST_S} s | ", *spent, False))
+    workers = [(label, spent) for kind, label, spent in built.notes if kind == "worker"]
+    rows += [
+        (f"worker: {label or 'no modules'} | ", spent, spent, False) for label, spent in workers
+    ]
+    rest = built.cpu - sum(cpu.values()) - sum(spent for _, spent in workers)
+    rows.append(("the process that builds, and the first of its children | ", rest, 0.0, False))
+    lines = [
+        f"| {name} | {spent:.2f} | {imported:.2f} | {'yes' if on_path else ''} |"
+        for name, spent, imported, on_path in sorted(rows, key=lambda row: -row[1])
+    ]
+    head = "| step | wall s | CPU s | imports s | critical |\n| --- | --- | --- | --- | --- |"
+    return "\n".join([head, *lines, f"critical path: {_sum(path, cpu):.1f} CPU s"])
+
+
+def gain_changed(recipe: Path, folder: Path, store: Path, times: int) -> list[Built]:
+    """The first `kp` of the recipe, a little more each time."""
+    text = recipe.read_text()
+    runs = []
+    for n in range(times + 1):
+        recipe.write_text(
+            re.sub(r"kp: *([0-9.]+)", lambda m, n=n: f"kp: {float(m[1]) + n / 10}", text, count=1)
+        )
+        runs.append(build([recipe], folder, store))
+    recipe.write_text(text)
+    return runs[1:]
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("robots", nargs="+", help="names in recipes/")
+    parser.add_argument("--times", type=int, default=5, help="builds of each, and changed gains")
+    parser.add_argument("--jobs", type=int, default=0, help="steps at once; 0: as `build` does")
+    parser.add_argument("--together", action="store_true", help="all as one graph, too")
+    arguments = parser.parse_args()
+    jobs = ("-j", str(arguments.jobs)) if arguments.jobs else ()
+    with tempfile.TemporaryDirectory(prefix="assetbuild-cold-") as name:
+        folder, warm = Path(name), Path(name) / "warm"
+        shutil.copytree(ROOT / "recipes", folder, dirs_exist_ok=True)
+        recipes = [folder / f"{robot}.yaml" for robot in arguments.robots]
+        build(recipes, folder, warm)
+        print("| from nothing | wall s | CPU s | peak MB |\n| --- | --- | --- | --- |")
+        for some in [[recipe] for recipe in recipes] + [recipes] * arguments.together:
+            runs = []
+            for number in range(arguments.times):
+                store = only_downloads(warm, folder / f"store-{number}")
+                runs.append((build(some, folder, store, *jobs), store))
+            middle, store = sorted(runs, key=lambda run: run[0].cpu)[len(runs) // 2]
+            print(middle.row(" ".join(recipe.stem for recipe in some)), flush=True)
+            if len(some) == 1:
+                print(table(middle, some[0], store))
+                gains = gain_changed(some[0], folder, store, arguments.times)
+                cpu, wall = (
+                    statistics.median(getattr(g, n) for g in gains) for n in ("cpu", "wall")
+                )
+                print(f"a gain changed: {cpu:.2f} CPU s, {wall:.2f} s by the clock", flush=True)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
