@@ -16,6 +16,7 @@ from typing import ClassVar
 from assetbuild.engine.step import Files
 from assetbuild.findings import Finding, Rule
 from assetbuild.kinds import Check, write_figures
+from assetbuild.mesh import MESH_MODULES
 
 REFUSED = Rule(
     "urdf.refused",
@@ -38,7 +39,7 @@ class UrdfLoads(Check):
 
     isolated: ClassVar = True
     # As convert_mesh of a glTF, which has loaded most of yourdfpy.
-    preload: ClassVar = ("numpy", "collada", "lxml.etree", "PIL.Image", "trimesh")
+    preload: ClassVar = MESH_MODULES  # yourdfpy needs trimesh, which needs most of them
     needs: ClassVar = ("urdf",)
     reads: ClassVar = ()
 
