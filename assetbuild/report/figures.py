@@ -123,10 +123,11 @@ def _loops(f: Figures) -> str:
 
 SENTENCES: Mapping[str, Callable[[Figures], str]] = {
     "oracle": _oracle,
-    "urdf_loads": lambda f: (
-        f"yourdfpy reads the URDF with its {f['links']} links"
-        + (f", and urdfdom: {f['joints']} joints" if "joints" in f else "")
+    "urdf_kinematics": lambda f: (
+        f"{f['links']} links stand where yourdfpy puts them in {f['samples']} poses: "
+        f"largest error {_error(float(f['kinematics_error']))}, limit 1e-9"
     ),
+    "urdf_loads": lambda f: f"urdfdom reads the URDF: {f['joints']} joints",
     "free_fall": lambda f: (
         f"free fall {float(f['drop_m']):.4g} m in {float(f['seconds']):.3g} s (expected "
         f"{float(f['expected_m']):.4g} m; {100.0 * float(f['relative_error']):.2g} % off, "

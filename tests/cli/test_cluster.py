@@ -30,7 +30,9 @@ def test_a_cluster_builds_the_same_bundle(legs: Legs, tmp_path: Path):
     assert (other.bundle / "manifest.json").read_bytes() == gold
     assert set(other.steps().values()) == {"ran"}
     stores = sorted((tmp_path / "cluster").glob("worker*/v1/ac/*/*.json"))
-    assert len(stores) >= 2  # the steps with a process of their own: read_urdf, urdf_loads, ...
+    assert (
+        len(stores) >= 2
+    )  # the steps with a process of their own: read_urdf, urdf_kinematics, ...
 
 
 @pytest.mark.parametrize(

@@ -8,7 +8,7 @@ from dataclasses import replace
 
 from tiny import tiny_quadruped
 
-from assetbuild.checks import urdf_loads
+from assetbuild.checks import urdf_kinematics
 from assetbuild.facts import compare
 from assetbuild.findings import RENAMED, Finding
 from assetbuild.recipe.models import Waiver
@@ -63,7 +63,7 @@ def test_a_waiver_for_a_rule_that_found_nothing_is_told():
 
 
 def test_the_old_names_stand_beside_the_new_ones():
-    for rule in (compare.EQUAL, urdf_loads.REFUSED):
+    for rule in (compare.EQUAL, urdf_kinematics.DIFFERS):
         assert rule.was
         assert rule.was.keys() <= RENAMED.keys()
 

@@ -111,20 +111,6 @@ def test_a_limit_that_nobody_stated_is_unlimited_for_urdfdom_and_for_us(
     assert (again.kind, again.limits) == (kind, wanted)
 
 
-@pytest.mark.parametrize(
-    ("old", "new"),
-    [('mass value="1.0"', 'mass value="one"'), ('<child link="arm"', '<child link="amr"')],
-)
-def test_a_urdf_that_yourdfpy_refuses_is_an_error(old: str, new: str, tmp_path: Path):
-    folder, _ = emit(pendulum(), tmp_path)
-    path = folder / "bot.urdf"
-    assert old in path.read_text(), path.read_text()
-    path.write_text(path.read_text().replace(old, new, 1))
-    found = run_step(UrdfLoads(robot="bot"), folder.parent, tmp_path / "bad")
-    assert {finding.rule for finding in found} == {"urdf.refused"}
-    assert "yourdfpy" in found[0].message
-
-
 @pytest.mark.parametrize("attribute", ["effort", "velocity"], ids=lambda name: f"without {name}")
 def test_a_urdf_that_urdfdom_refuses_is_an_error(attribute: str, tmp_path: Path):
     folder, _ = emit(pendulum(), tmp_path)
