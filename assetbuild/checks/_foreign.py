@@ -186,7 +186,7 @@ class Validator(ForeignTool, ConsumerCheck):
     limits: ClassVar[Limits] = Limits(wall_s=600.0)
 
     def interpreter(self) -> Path:
-        """That of its environment."""
+        """The Python of the validator's environment."""
         python = self.home.python(World())
         if python is None:
             raise StepError(f"the environment of {self.consumer} is not there", hint=self.absent())
@@ -230,7 +230,7 @@ class SimReady(Validator):
 
     @property
     def profile(self) -> str:
-        """Of SimReady's, the one that the robot must meet."""
+        """The SimReady profile that the robot must meet."""
         return "Robot-Gripper" if self.robot_type == "End Effector" else "Robot-Body"
 
     def judge(self, report: str, figures: dict[str, object]) -> Iterator[Finding]:

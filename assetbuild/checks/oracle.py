@@ -214,7 +214,7 @@ class _Pinocchio:
                 yield name, self._data.oMf[self._model.getFrameId(name, body)].homogeneous
 
     def matter(self) -> Matter:
-        """Of the whole robot."""
+        """Mass (kg), centre of mass (m, world) and inertia about it (kg m2) of the whole robot."""
         self._pin.ccrba(self._model, self._data, self._q, np.zeros(self._model.nv))
         whole = self._data.Ig
         return float(whole.mass), np.array(self._data.com[0]), np.array(whole.inertia)
@@ -317,7 +317,7 @@ class _Mujoco:
                 yield _matrix(self.data.site(name))
 
     def matter(self) -> Matter:
-        """Of all bodies."""
+        """The same three, summed over MuJoCo's bodies."""
         masses, turns = self.model.body_mass, self.data.ximat.reshape(-1, 3, 3)
         total, places = float(masses.sum()), np.array(self.data.xipos)
         centre = masses @ places / total if total else np.zeros(3)

@@ -52,7 +52,7 @@ def test_each_range_stands_in_the_robots_numbers(tmp_path: Path) -> None:
 
 
 def test_every_number_of_the_file_is_the_recipes_or_the_robots(tmp_path: Path) -> None:
-    """By hand, of a trunk of 6.01 kg."""
+    """The expected numbers are computed by hand for a trunk of 6.01 kg."""
     matter = {"density": [0.5, 2], "com": [0.02, 0.01, 0], "stretch": 0.1, "shear": 0.05}
     payload = {"link": "imu", "mass": [0, 3], "size": [0.2, 0.15, 0.1], "at": [0, 0, 0.1]}
     joints = {"kd": [0.5, 3], "delay": [1, 2], "encoder_bias": 0.01}

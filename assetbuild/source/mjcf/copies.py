@@ -140,7 +140,7 @@ class _Lines:
         return root
 
     def _place(self, path: Path, name: str) -> str:
-        """Of the longest name that a copy's name is made of."""
+        """Where the element stands whose name is the longest that a copy's name contains."""
         known = (own for place, own in self._named if place == path and own in name)
         return self._named.get((path, max(known, key=len, default="")), "")
 
