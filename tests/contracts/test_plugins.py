@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import importlib
 import inspect
 import re
 
+from assetbuild import checks
 from assetbuild.collision import CollisionMethod
 from assetbuild.kinds import Check, Edit, Target
 from assetbuild.pipeline.recipes import whole_model
@@ -47,3 +49,12 @@ def test_a_plug_in_that_a_recipe_does_not_name_has_its_defaults():
     for name in plugin_names(Target):
         target = load_plugin(Target, name).configure(recipe)
         assert target.robot == "r"
+
+
+def test_the_table_of_files_with_several_checks_names_every_one_of_them():
+    """A class that `IN_FILE` forgets would never run, and nothing else would say so."""
+    for file in set(checks.IN_FILE.values()):
+        module = importlib.import_module(f"assetbuild.checks.{file}")
+        classes = (value for value in vars(module).values() if inspect.isclass(value))
+        named = {own.own_name for own in classes if own.__module__ == module.__name__} - {""}
+        assert named == {name for name, where in checks.IN_FILE.items() if where == file}
