@@ -167,6 +167,17 @@ def whole_number(least: int, most: int | None = None) -> Callable[[str], int]:
     return read
 
 
+def seconds(text: str) -> float:
+    """The type of an argument that is a time between a tenth of a second and an hour."""
+    try:
+        value = float(text)
+    except ValueError:
+        value = 0.0
+    if not 0.1 <= value <= 3600.0:
+        raise argparse.ArgumentTypeError(f"must be seconds from 0.1 to 3600, not `{text}`")
+    return value
+
+
 def size_of_text(text: str) -> int:
     """Bytes of `5GB`, `500 MB`, `2GiB` or `1000`."""
     found = re.fullmatch(r"(\d+(?:\.\d+)?)\s*([KMGT]?I?)B?", text.strip().upper())

@@ -18,6 +18,7 @@ from assetbuild.cli.parser import (
     file_or_robot,
     named_path,
     named_value,
+    seconds,
     size_of_text,
     whole_number,
 )
@@ -94,6 +95,8 @@ def verb(help: str, *options: Option, **more: Any) -> Verb:  # Any: of Verb
 RECIPE = option("recipe", type=file_or_robot, metavar="RECIPE")
 RECIPES = option("recipes", nargs="+", type=file_or_robot, metavar="RECIPE", action=Recipes)
 BUNDLE = option("bundle", type=Path, help="a folder that `assetbuild build` wrote")
+POLICY = option("policy", type=Path, help="a folder with policy.onnx and its "
+                "deploy.yaml or env.yaml, or one of these files")  # fmt: skip
 VARIANT = option("--variant", metavar="NAME", help="a variant of the recipe")
 JOBS = option("-j", "--jobs", type=whole_number(1), metavar="N", help="default: all cores")
 PACKAGE = option(
@@ -228,6 +231,30 @@ VERBS: Mapping[str, Verb] = {
         RECIPE,
         VARIANT,
         option("--format", choices=("text", "json", "dot"), default="text"),
+    ),
+    "policy": verb(
+        "compare a policy with a bundle, or let it drive the robot",
+        parts={
+            "check": verb(
+                "compare what a policy's files say with a bundle", POLICY, BUNDLE,
+                switch("--json", help="findings as JSON"),
+            ),
+            "replay": verb(
+                "let a policy drive the robot on a flat floor, and say why it falls",
+                POLICY,
+                BUNDLE,
+                option("--engine", choices=("mujoco", "newton", "physx"), action="append",
+                       help="may be repeated; default: mujoco"),
+                option("--command", type=float, nargs=3, default=(0.5, 0.0, 0.0),
+                       metavar=("X", "Y", "TURN"),
+                       help="m/s forward, m/s to the left, rad/s; default: 0.5 0 0"),
+                option("--seconds", type=seconds, default=10.0, metavar="S", help="default: 10"),
+                option("--scene", default="scene.xml", metavar="FILE",
+                       help="of the bundle's mjcf/; default: scene.xml"),
+                switch("--plain", help="do not look for a fault where it falls"),
+                switch("--json", help="print data"),
+            ),
+        },
     ),
     "report": verb(
         "show the report of a bundle",

@@ -9,6 +9,7 @@ pose (of a body, or of the object). All is SI, poses are xyz and a quaternion wx
 from __future__ import annotations
 
 import json
+import socket
 from pathlib import Path
 from typing import Any
 
@@ -24,7 +25,9 @@ def perform(world: Any, run: dict[str, Any]) -> dict[str, Any]:
     found: dict[str, Any] = {}
     if not run["steps"] or run.get("reads"):
         found["held"] = world.held()
-    if run["steps"]:
+    if run.get("pilot"):
+        found["motion"] = piloted(world, run)
+    elif run["steps"]:
         found["motion"] = moved(world, run)
     return found
 
@@ -63,6 +66,40 @@ def moved(world: Any, run: dict[str, Any]) -> dict[str, Any]:
         if not track["finite"]:
             break
     return track
+
+
+def piloted(world: Any, run: dict[str, Any]) -> dict[str, Any]:
+    """Motion that somebody at the other end of a socket commands; the track is its end alone.
+
+    Each line that comes is {"targets": rad or m by joint, "steps": n}; each line that goes has the
+    root's pose and the joints before the last of these steps, and after it. The end of the lines
+    ends the run.
+    """
+    with socket.socket(socket.AF_UNIX) as line:
+        line.connect(run["pilot"])
+        with line.makefile("rw", encoding="utf-8") as talk:
+            world.start(run.get("start", {}))
+            before = after = world.look()
+            while True:
+                states = [
+                    [[float(v) for v in root], joints] for root, _, joints, _ in (before, after)
+                ]
+                talk.write(json.dumps(states) + "\n")
+                talk.flush()
+                asked = json.loads(talk.readline() or "null")
+                if asked is None:
+                    break
+                world.command(asked["targets"], {})
+                for step in range(asked["steps"]):
+                    before = world.look() if step == asked["steps"] - 1 else before
+                    world.step(run["dt"])
+                after = world.look()
+    root, centre, joints, _ = after
+    track = {"time": [0.0], "root": [[float(v) for v in root]], "seen": [], "finite": True}
+    return track | {
+        "com": [[float(v) for v in centre]],
+        "joints": {n: [q] for n, q in joints.items()},
+    }
 
 
 def now(rows: dict[str, list[float]], step: int) -> dict[str, float]:

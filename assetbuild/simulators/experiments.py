@@ -148,6 +148,7 @@ class Experiment:
     """One stage, loaded and stepped. steps: 0 = only loaded. every: steps between samples.
 
     start: joint positions, rad or m; joints without one stay where the asset puts them.
+    pilot: a socket whose other end looks and commands until it has seen enough: see `_moving`.
     """
 
     name: str
@@ -157,6 +158,7 @@ class Experiment:
     start: Mapping[str, float] | None = None
     sine: Sine | None = None
     course: Course | None = None
+    pilot: str = ""
 
 
 def load(control: Control) -> Experiment:

@@ -92,6 +92,7 @@ def _run(experiment: Experiment, names: StageNames, stage: Path) -> dict[str, ob
         "targets": {name: row for name, row in targets.items() if name in joints},
         "speeds": {name: row for name, row in speeds.items() if name in joints},
         "course": _course(course) if course is not None else None,
+        "pilot": experiment.pilot,
     }
 
 

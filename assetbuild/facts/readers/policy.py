@@ -1,0 +1,122 @@
+"""`policy/<robot>_contract.yaml`: what a policy must know of the robot."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from pathlib import Path
+from typing import ClassVar
+
+from assetbuild.facts.derived import start_of
+from assetbuild.facts.plain_yaml import read_yaml
+from assetbuild.facts.reader import Reader
+from assetbuild.facts.reference import Reference, robot_table
+from assetbuild.facts.table import Table, Value, Writer
+from assetbuild.facts.vocabulary import VOCABULARY
+from assetbuild.robot.model import Tree
+
+COLUMNS = {
+    "default_position": "start", "lower": "lower", "upper": "upper", "model": "model", "kp": "kp",
+    "kd": "kd", "effort": "effort", "velocity": "velocity", "armature": "armature",
+}  # fmt: skip
+"""Lists in the order of `joints` -> the vocabulary's quantities."""
+HELD = {f"joint {name}" for name in COLUMNS.values()} | {
+    "simulation timestep", "simulation decimation", "robot base",
+}  # fmt: skip
+WORDS = ("format", "version", "robot", "conventions", "feet")
+BREADTH_FIRST = ("isaaclab", "physx")
+
+
+class PolicyFacts(Reader):
+    """Orders are words of the format, `policy:mujoco`, with the place of each joint in them."""
+
+    needs: ClassVar[tuple[str, ...]] = ("policy",)
+    reads: ClassVar[tuple[str, ...]] = (
+        "links.json", "tree.json", "shapes.json", "control.json", "assets.json",
+    )  # fmt: skip
+    form: ClassVar[str] = "policy"
+    called: ClassVar[str] = "the policy's contract"
+    folder: ClassVar[str] = "policy"
+    written: ClassVar[str] = "{robot}_contract.yaml"
+    behind: ClassVar[tuple[str, ...]] = ("policy/{robot}_contract.yaml",)
+    simulated: ClassVar[bool] = False
+    asks: ClassVar[tuple[str, ...]] = ("policy", "feet", "imu")
+    lacks: ClassVar[Mapping[str, str]] = {
+        f"{kind} {name}": "stands in the MJCF, USD or URDF beside it"
+        for kind, name in VOCABULARY
+        if f"{kind} {name}" not in HELD
+    }
+
+    def read(self, path: Path) -> Table:
+        """UsageError for what is no YAML; LookupError, TypeError or ValueError for another file."""
+        said, book = read_yaml(path), Writer()
+        names = said["joints"]
+        for column, quantity in COLUMNS.items():
+            for name, value in zip(names, said[column], strict=True):
+                book.put("joint", name, {quantity: value})
+        for engine, order in said["orders"].items():
+            for place, name in enumerate(order):
+                book.put("joint", name, {f"policy:{engine}": float(place)})
+        for engine, places in said["permutations"].items():
+            for name, place in zip(names, places, strict=True):
+                book.put("joint", name, {f"policy:from {engine}": float(place)})
+        book.put("simulation", "", {key: said[key] for key in ("timestep", "decimation")})
+        book.put("robot", "", {"base": said["base"]["kind"]})
+        book.put(
+            "robot", "", {f"policy:base {word}": said["base"][word] for word in ("link", "imu")}
+        )
+        words = {word: str(said[word]) for word in WORDS}
+        book.put("robot", "", {f"policy:{word}": value for word, value in words.items()})
+        return book.plain_table()
+
+    def expected(self, reference: Reference) -> Table:
+        """The drives of the joints that move; the fixed words as version 1 has them."""
+        tree, book = reference.tree, Writer()
+        moving = [joint.name for joint in tree.moving_joints]
+        start = dict(start_of(tree, reference.control).joints)
+        for engine, order in _orders(reference, moving).items():
+            for place, name in enumerate(order):
+                words: dict[str, Value] = {f"policy:{engine}": float(place)}
+                if len(order) == len(moving):
+                    words[f"policy:from {engine}"] = float(place)
+                book.put("joint", name, words)
+        for name in moving:
+            book.put("joint", name, {"start": start[name]})
+        imu = (reference.options.get("imu") or {}).get("link") or tree.root
+        feet = (reference.options.get("feet") or {}).get("links")
+        links = [*tree.by_body, *(frame.name for frame in tree.frames)]
+        soles = [name for name in links if feet and re.fullmatch(feet, name)]
+        book.put("robot", "", {
+            "policy:base link": tree.root, "policy:base imu": imu, "policy:feet": str(soles),
+            "policy:format": "assetbuild policy contract", "policy:version": "1",
+            "policy:robot": self.robot, "policy:conventions": str(CONVENTIONS),
+        })  # fmt: skip
+        facts = robot_table(reference).only(
+            lambda key: self.holds(key) and (key.kind != "joint" or key.name in moving)
+        )
+        return facts | book.table()
+
+
+CONVENTIONS = {
+    "quaternion": "wxyz, body to world; Isaac Lab 3 and PhysX take xyzw",
+    "projected_gravity": "the direction of gravity in the base's frame: (0, 0, -1) upright",
+    "base_velocity": "of the base's origin, in the base's frame, m/s and rad/s",
+    "action": "target = default_position + scale * action",
+}
+
+
+def _orders(reference: Reference, moving: list[str]) -> dict[str, list[str]]:
+    """MuJoCo and Newton walk down limb by limb, as the tree is stored; PhysX sorts by depth."""
+    deep = sorted(moving, key=lambda name: _depth(reference.tree, name))
+    bus = list((reference.options.get("policy") or {}).get("bus_order") or moving)
+    stored = dict.fromkeys(("urdf", "mujoco", "newton"), moving)
+    return stored | dict.fromkeys(BREADTH_FIRST, deep) | {"bus": bus}
+
+
+def _depth(tree: Tree, joint: str) -> int:
+    """How many joints stand between the root and this one."""
+    above, found = tree.joint_above, 0
+    link = tree.by_joint[joint].parent
+    while link in above:
+        link, found = above[link].parent, found + 1
+    return found

@@ -1,0 +1,125 @@
+"""A policy against a bundle: what its files say, how it drives, and why it falls."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from contextlib import ExitStack
+from dataclasses import dataclass
+from pathlib import Path
+
+from assetbuild.errors import UsageError
+from assetbuild.findings import Finding, worst_first
+from assetbuild.policy.compare import compare, sees
+from assetbuild.policy.diagnose import BETTER, Diagnosis, diagnose
+from assetbuild.policy.in_mujoco import InMujoco
+from assetbuild.policy.in_stages import InStages
+from assetbuild.policy.network import Network, fits
+from assetbuild.policy.opening import open_policy
+from assetbuild.policy.replay import BEST, Replay, replay
+from assetbuild.policy.robot import Bot, bot_of
+from assetbuild.policy.stated import Policy
+from assetbuild.policy.terms import FUNCTIONS
+
+SEARCH_S = 5.0
+"""So long each hypothesis of a diagnosis is tried."""
+Say = Callable[[str], None]
+
+
+@dataclass(frozen=True)
+class Wish:
+    """What a policy is asked for. command: forward, left, turn; m/s and rad/s.
+
+    scene: of the bundle's MJCF. search: whether a policy that does not walk is diagnosed.
+    """
+
+    engines: tuple[str, ...] = ("mujoco",)
+    command: tuple[float, float, float] = (0.5, 0.0, 0.0)
+    seconds: float = 10.0
+    scene: str = "scene.xml"
+    search: bool = True
+
+
+@dataclass(frozen=True)
+class Replayed:
+    """What became of it, by engine; why it fell in the first one, where a fault explains it.
+
+    searched: whether hypotheses were tried.
+    """
+
+    policy: Policy
+    runs: Mapping[str, Replay]
+    diagnosis: Diagnosis | None = None
+    searched: bool = False
+
+    @property
+    def follows(self) -> bool:
+        """Whether it did what it was asked to do in every engine."""
+        return all(run.follows for run in self.runs.values())
+
+
+def check_policy(path: Path, bundle: Path) -> tuple[Policy, list[Finding]]:
+    """What a policy says otherwise than the bundle, worst first. AssetBuildError."""
+    bot = bot_of(bundle)
+    policy = open_policy(path, bot)
+    sizes = None
+    if policy.network is not None:
+        with Network(policy.network) as network:
+            sizes = network.sees, network.acts
+    return policy, worst_first(list(compare(policy, bot, sizes)))
+
+
+def replay_policy(path: Path, bundle: Path, wish: Wish, say: Say) -> Replayed:
+    """Let a policy drive the robot of a bundle. AssetBuildError for what cannot be replayed."""
+    bot = bot_of(bundle)
+    policy = open_policy(path, bot)
+    _refuse(policy, bot)
+    assert policy.network is not None  # noqa: S101 # refused otherwise
+    with Network(policy.network) as network:
+        if why := fits(network, policy, sees(policy)):
+            raise UsageError(why, hint="`assetbuild policy check` says what the files describe")
+        runs: dict[str, Replay] = {}
+        for engine in wish.engines:
+            say(f"{engine}: {wish.seconds:g} s")
+            runs[engine] = _run(policy, bot, network, engine, wish)
+        found, first = None, runs[wish.engines[0]]
+        is_poor = not first.follows or first.score < BEST - BETTER
+        if wish.search and is_poor:
+            say("looking for the fault")
+            found = _searched(policy, bot, network, wish)
+        return Replayed(policy, runs, found, is_poor and wish.search)
+
+
+def _refuse(policy: Policy, bot: Bot) -> None:
+    if policy.network is None:
+        hint = "put `policy.onnx` beside it"
+        raise UsageError(f"`{policy.file.name}` has no network to replay", hint=hint)
+    for term in policy.terms:
+        if term.function not in FUNCTIONS:
+            known = ", ".join(FUNCTIONS)
+            raise UsageError(
+                f"the policy sees `{term.function}`, which is not known here",
+                hint=f"known: {known}",
+            )
+    unknown = [name for name in policy.joints if name not in bot.tree.by_joint]
+    if unknown:
+        raise UsageError(f"the robot has no joint `{unknown[0]}`, which the policy drives")
+
+
+def _run(policy: Policy, bot: Bot, network: Network, engine: str, wish: Wish) -> Replay:
+    with ExitStack() as stack:
+        if engine == "mujoco":
+            return replay(
+                policy, bot, network, InMujoco(bot, policy, wish.scene), wish.command, wish.seconds
+            )
+        world = stack.enter_context(InStages(bot, policy, engine))
+        return replay(policy, bot, network, world, wish.command, wish.seconds)
+
+
+def _searched(policy: Policy, bot: Bot, network: Network, wish: Wish) -> Diagnosis | None:
+    """In MuJoCo, in shorter runs; the answer in one of full length."""
+
+    def attempt(changed: Policy, seconds: float = min(SEARCH_S, wish.seconds)) -> Replay:
+        world = InMujoco(bot, changed, wish.scene)
+        return replay(changed, bot, network, world, wish.command, seconds)
+
+    return diagnose(policy, bot, attempt(policy), attempt)

@@ -1,0 +1,111 @@
+"""`deploy.yaml` of Unitree's unitree_rl_lab and unitree_rl_mjlab, beside a `policy.onnx`.
+
+Joints are places on the motor bus: `joint_ids_map[i]` is the motor of the policy's joint i. Gains
+stand in the order of the bus, all else in the policy's. Numbers have three significant digits.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+from assetbuild.errors import UsageError
+from assetbuild.policy.reading import Said, places, read_yaml
+from assetbuild.policy.robot import Bot
+from assetbuild.policy.stated import Policy, Term
+from assetbuild.robot.orders import BUS
+
+FORM = "deploy.yaml"
+DIGITS = (5e-3, 0.0)
+WORDS = {"keyboard_velocity_commands": "velocity_commands", "joint_vel": "joint_vel_rel"}
+"""Its words for observations that are called otherwise in `terms`."""
+SWITCHES = ("scale_first", "use_gym_history")
+
+
+def read_deploy(path: Path, network: Path | None, bot: Bot) -> Policy:
+    """UsageError for what the file lacks, or says of a robot with other motors."""
+    said, bus = Said(path, read_yaml(path)), bot.orders[BUS]
+    said.need("joint_ids_map")
+    joints = places(said, "joint_ids_map", bus)
+    kp, kd = (_gains(said, key, bus, joints) for key in ("stiffness", "damping"))
+    position = dict(zip(joints, said.numbers("default_joint_pos", len(joints)), strict=True))
+    action = _action(said)
+    acts_on = places(action, "joint_ids", joints)
+    scale = action.numbers("scale", len(acts_on), 1.0)
+    offset = action.numbers("offset", len(acts_on), 0.0)
+    observations = _observations(said)
+    return Policy(
+        file=path,
+        form=FORM,
+        network=network,
+        joints=joints,
+        acts_on=acts_on,
+        named=False,
+        position=position,
+        scale=dict(zip(acts_on, scale, strict=True)),
+        offset=dict(zip(acts_on, offset, strict=True)),
+        terms=tuple(_terms(observations, joints, len(acts_on))),
+        step_s=said.number("step_dt"),
+        kp=kp,
+        kd=kd,
+        action_clip=_clips(action, acts_on),
+        digits=DIGITS,
+        by_time=bool(observations.values.get("use_gym_history")),
+        scale_first=bool(observations.values.get("scale_first")),
+    )
+
+
+def _gains(said: Said, key: str, bus: tuple[str, ...], joints: tuple[str, ...]) -> dict[str, float]:
+    values = said.numbers(key, len(bus) if len(bus) >= len(joints) else len(joints))
+    return {joint: value for joint, value in zip(bus, values, strict=False) if joint in joints}
+
+
+def _action(said: Said) -> Said:
+    actions = said.at("actions")
+    if list(actions.values) != ["JointPositionAction"]:
+        listed = ", ".join(f"`{name}`" for name in actions.values) or "none"
+        raise UsageError(
+            f"{said.file.name}: actions: expected `JointPositionAction` alone, found {listed}"
+        )
+    return actions.at("JointPositionAction")
+
+
+def _clips(action: Said, joints: tuple[str, ...]) -> dict[str, tuple[float, float]]:
+    stated = action.values.get("clip")
+    if not isinstance(stated, list):
+        return {}
+    if len(stated) != len(joints) or not all(isinstance(p, list) and len(p) == 2 for p in stated):
+        raise action.wrong("clip", f"expected a pair for each of {len(joints)} joints")
+    return {name: (float(a), float(b)) for name, (a, b) in zip(joints, stated, strict=True)}
+
+
+def _observations(said: Said) -> Said:
+    """The one group of terms; some files have several, by the names of the network's inputs."""
+    found = said.at("observations")
+    if any("params" in found.at(name).values for name in found.values):
+        return found
+    if len(found.values) != 1:
+        listed = ", ".join(f"`{name}`" for name in found.values) or "none"
+        raise found.wrong("", f"expected one group of observations, found {listed}")
+    return found.at(next(iter(found.values)))
+
+
+def _terms(said: Said, joints: tuple[str, ...], actions: int) -> Iterator[Term]:
+    for name in said.values:
+        if name in SWITCHES:
+            continue
+        term = said.at(name)
+        params = term.at("params")
+        own = places(params.at("asset_cfg"), "joint_ids", joints)
+        clip = term.values.get("clip")
+        function = WORDS.get(name, name)
+        scale = term.values.get("scale")
+        yield Term(
+            name,
+            function,
+            joints=own if function.startswith("joint_") else (),
+            scale=term.numbers("scale", len(scale)) if isinstance(scale, list) else (1.0,),
+            clip=(float(clip[0]), float(clip[1])) if isinstance(clip, list) else None,
+            history=max(1, int(term.number("history_length", 1.0))),
+            params={k: float(v) for k, v in params.values.items() if isinstance(v, int | float)},
+        )

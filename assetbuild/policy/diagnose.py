@@ -1,0 +1,248 @@
+"""Why a policy falls: the usual wiring faults undone one by one, each in the loop.
+
+Where a hypothesis undoes the fault, the robot does what it is asked to do: that is the proof.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+import re
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+from assetbuild.policy.compare import ENGINES, orders_of, sides_of
+from assetbuild.policy.replay import Replay
+from assetbuild.policy.robot import Bot
+from assetbuild.policy.stated import ByJoint, Policy, Term
+from assetbuild.robot.twins import SIDES
+
+BETTER = 0.25
+"""By so much a hypothesis must raise the score."""
+SURE = 1.9
+"""From this score on nothing further is tried."""
+FACTORS = (0.5, 2.0, 0.25, 4.0)
+OBSERVED = {
+    "base_ang_vel": (1.0, 0.25, 0.2), "imu_ang_vel": (1.0, 0.25, 0.2),
+    "joint_vel_rel": (1.0, 0.05, 0.1), "projected_gravity": (-1.0, 1.0),
+    "base_lin_vel": (1.0, 2.0), "imu_lin_vel": (1.0, 2.0), "joint_pos_rel": (1.0,),
+    "velocity_commands": (1.0, 2.0), "last_action": (1.0,),
+}  # fmt: skip
+"""Scales that trainers usually have, by observation."""
+Try = Callable[[Policy], Replay]
+
+
+@dataclass(frozen=True)
+class Fault:
+    """A hypothesis. said: what was wrong, in words; policy: with the fault undone."""
+
+    said: str
+    policy: Policy
+
+
+@dataclass(frozen=True)
+class Diagnosis:
+    """The hypothesis that does best, and how it did."""
+
+    said: str
+    replay: Replay
+
+
+def diagnose(policy: Policy, bot: Bot, before: Replay, attempt: Try) -> Diagnosis | None:
+    """The best hypothesis; None where with none of them the robot does what it should.
+
+    Whole groups of faults are tried before single joints. attempt: replays one as `before` was.
+    """
+    best: Diagnosis | None = None
+    for group in (_orders, _units, _tables, _poses, _terms, _signs, _neighbours):
+        for fault in group(policy, bot):
+            done = attempt(fault.policy)
+            is_better = done.score > (best.replay.score if best else before.score + BETTER)
+            if done.follows and is_better:
+                best = Diagnosis(fault.said, done)
+        if best is not None and best.replay.score >= SURE:
+            return best
+    return best
+
+
+# --- hypotheses -----------------------------------------------------------------------------------
+
+
+def _orders(policy: Policy, bot: Bot) -> Iterator[Fault]:
+    """The joints stand in another order than the file declares; so perhaps do its gains."""
+    for engine, order in orders_of(policy, bot).items():
+        if order != policy.joints:
+            names = dict(zip(policy.joints, order, strict=True))
+            said = f"the joints of the policy stand in {ENGINES[engine]} order"
+            yield Fault(said, renamed(policy, names))
+            moved = replace(
+                renamed(policy, names), kp=_moved(policy.kp, names), kd=_moved(policy.kd, names)
+            )
+            yield Fault(f"{said}, as do its gains", moved)
+            gains = replace(policy, kp=_moved(policy.kp, names), kd=_moved(policy.kd, names))
+            yield Fault(f"its gains stand in {ENGINES[engine]} order", gains)
+            back = {there: here for here, there in names.items()}
+            gains = replace(policy, kp=_moved(policy.kp, back), kd=_moved(policy.kd, back))
+            yield Fault(f"its gains stand in its own order, not in {ENGINES[engine]}", gains)
+    sides = sides_of(policy.joints)
+    if sides:
+        both = {name: sides.get(name, name) for name in policy.joints}
+        yield Fault("left and right are exchanged", renamed(policy, both))
+
+
+def _units(policy: Policy, bot: Bot) -> Iterator[Fault]:
+    """Rhythm, and the scale of all actions."""
+    own_s = policy.step_s or bot.step_s
+    for step_s in dict.fromkeys((bot.step_s, 0.5 * own_s, 2.0 * own_s)):
+        if abs(step_s - own_s) > 1e-9:
+            said = f"it acts every {1e3 * step_s:.4g} ms, not every {1e3 * own_s:.4g} ms"
+            yield Fault(said, replace(policy, step_s=step_s))
+    for factor in (-1.0, *FACTORS):
+        scale = {name: factor * value for name, value in policy.scale.items()}
+        said = "the sign of all actions is wrong" if factor < 0 else (
+            f"the action scale is {factor:g} times what the file says"
+        )  # fmt: skip
+        yield Fault(said, replace(policy, scale=scale))
+
+
+def _tables(policy: Policy, bot: Bot) -> Iterator[Fault]:
+    """Gains from elsewhere, or of another unit."""
+    if not policy.kp:
+        return
+    gains = {name: (bot.kp[name], bot.kd[name]) for name in policy.acts_on if name in bot.kp}
+    kp, kd = ({name: pair[i] for name, pair in gains.items()} for i in (0, 1))
+    yield Fault("it was trained with the bundle's gains", replace(policy, kp=kp, kd=kd))
+    yield Fault("kp and kd are exchanged", replace(policy, kp=policy.kd, kd=policy.kp))
+    for factor in (*FACTORS, math.degrees(1.0)):
+        times = f"{factor:g} times what the file says"
+        times = times if factor in FACTORS else "stated per degree, not per rad"
+        kp, kd = _times(policy.kp, factor), _times(policy.kd, factor)
+        yield Fault(f"its gains are {times}", replace(policy, kp=kp, kd=kd))
+        yield Fault(f"kp is {times}", replace(policy, kp=kp))
+        yield Fault(f"kd is {times}", replace(policy, kd=kd))
+
+
+def _poses(policy: Policy, bot: Bot) -> Iterator[Fault]:
+    """Default poses from elsewhere, in another order, or of the other side."""
+    stated, own = dict(policy.position), bot.position
+    found: dict[str, dict[str, float]] = {}
+    for engine, order in orders_of(policy, bot).items():
+        pairs = list(zip(policy.joints, order, strict=True))
+        said = "its default pose is listed in"
+        found[f"{said} {ENGINES[engine]} order"] = {to: stated[of] for of, to in pairs}
+        found[f"{said} its own order, not in {ENGINES[engine]}"] = {
+            to: stated[of] for to, of in pairs
+        }
+    sides = sides_of(policy.joints)
+    found["left and right of its default pose are exchanged"] = {
+        name: stated[sides.get(name, name)] for name in policy.joints
+    }
+    found["its default pose is the bundle's"] = {n: own.get(n, 0.0) for n in policy.joints}
+    found["its default pose is 0"] = dict.fromkeys(policy.joints, 0.0)
+    for said, pose in found.items():
+        if pose != stated:
+            offset = {name: pose[name] for name in policy.acts_on}
+            yield Fault(said, replace(policy, position=pose, offset=offset))
+    if any(policy.offset[name] != stated[name] for name in policy.acts_on):
+        offset = {name: stated[name] for name in policy.acts_on}
+        yield Fault("its actions count from its default pose", replace(policy, offset=offset))
+        said = "its observations count from the offset of its actions"
+        yield Fault(said, replace(policy, position={**stated, **policy.offset}))
+
+
+def _terms(policy: Policy, _: Bot) -> Iterator[Fault]:
+    """Scales of observations, and how histories are laid out."""
+    for index, term in enumerate(policy.terms):
+        for value in OBSERVED.get(term.function, ()):
+            if set(term.scale) != {value}:
+                said = f"the scale of `{term.name}` is {value:g}, not {term.scale[0]:g}"
+                yield Fault(said, _with_term(policy, index, replace(term, scale=(value,))))
+    if any(term.history > 1 for term in policy.terms):
+        way = "each term by itself" if policy.by_time else "step by step, all terms together"
+        yield Fault(f"histories are laid out {way}", replace(policy, by_time=not policy.by_time))
+    commons = [
+        index for index, term in enumerate(policy.terms) if len(term.joints) == len(policy.joints)
+    ]
+    for one, other in itertools.pairwise(commons):
+        terms = list(policy.terms)
+        terms[one], terms[other] = terms[other], terms[one]
+        said = f"`{policy.terms[one].name}` and `{policy.terms[other].name}` are exchanged"
+        yield Fault(said, replace(policy, terms=tuple(terms)))
+
+
+def _signs(policy: Policy, _: Bot) -> Iterator[Fault]:
+    """A joint, or one kind of joint, that goes the other way, or starts from the other side."""
+    for said, names in _kinds(policy.acts_on):
+        scale = {n: -v if n in names else v for n, v in policy.scale.items()}
+        yield Fault(f"the action of {said} has the wrong sign", replace(policy, scale=scale))
+        if any(policy.position[name] for name in names):
+            position = {n: -v if n in names else v for n, v in policy.position.items()}
+            offset = {n: -v if n in names else v for n, v in policy.offset.items()}
+            flipped = replace(policy, position=position, offset=offset)
+            yield Fault(f"the default position of {said} has the wrong sign", flipped)
+
+
+def _neighbours(policy: Policy, bot: Bot) -> Iterator[Fault]:
+    """Gains or scales of two kinds of joints exchanged, on both sides, or of two neighbours."""
+    kinds = [kind for kind in _kinds(policy.acts_on) if len(kind[1]) > 1]
+    pairs = [(a, b) for a, b in itertools.combinations(kinds, 2) if len(a[1]) == len(b[1])]
+    above = {joint.child: joint.name for joint in bot.tree.joints}
+    for joint in bot.tree.joints:
+        ends = (above.get(joint.parent, ""), joint.name)
+        if set(ends) <= set(policy.acts_on):
+            pairs.append(tuple((f"`{name}`", (name,)) for name in ends))  # type: ignore[arg-type] # two
+    for (one, ours), (other, theirs) in pairs:
+        names = dict(zip((*ours, *theirs), (*theirs, *ours), strict=True))
+        for word, column in (("kp", policy.kp), ("kd", policy.kd), ("scale", policy.scale)):
+            if any(column.get(a) != column.get(b) for a, b in names.items()):
+                changed = {word: _moved(column, names)}
+                said = f"{word} of {one} and {other} is exchanged"
+                yield Fault(said, replace(policy, **changed))  # type: ignore[arg-type] # a column
+
+
+def _kinds(joints: Sequence[str]) -> Iterator[tuple[str, tuple[str, ...]]]:
+    """Each kind of joint on both sides, then each joint: `hip_pitch_joint`."""
+    kinds: dict[str, list[str]] = {}
+    for name in joints:
+        kinds.setdefault(_without_side(name), []).append(name)
+    for stem, names in kinds.items():
+        if len(names) > 1:
+            yield f"`{stem.strip('_')}` of all limbs", tuple(names)
+    yield from ((f"`{name}`", (name,)) for name in joints)
+
+
+def _without_side(name: str) -> str:
+    for pattern in SIDES:
+        name = re.sub(pattern, "", name)
+    return name
+
+
+# --- changed policies -----------------------------------------------------------------------------
+
+
+def renamed(policy: Policy, names: Mapping[str, str]) -> Policy:
+    """The same lists for other joints; gains stay with theirs."""
+    terms = (replace(t, joints=tuple(names[n] for n in t.joints)) for t in policy.terms)
+    return replace(
+        policy,
+        joints=tuple(names[name] for name in policy.joints),
+        acts_on=tuple(names[name] for name in policy.acts_on),
+        position=_moved(policy.position, names),
+        scale=_moved(policy.scale, names),
+        offset=_moved(policy.offset, names),
+        terms=tuple(terms),
+    )
+
+
+def _moved(values: ByJoint, names: Mapping[str, str]) -> dict[str, float]:
+    """What was of a joint, of the one that it is renamed to."""
+    return {names.get(name, name): value for name, value in values.items()}
+
+
+def _times(values: ByJoint, factor: float) -> dict[str, float]:
+    return {name: factor * value for name, value in values.items()}
+
+
+def _with_term(policy: Policy, index: int, term: Term) -> Policy:
+    terms = (*policy.terms[:index], term, *policy.terms[index + 1 :])
+    return replace(policy, terms=terms)

@@ -1,0 +1,125 @@
+"""`params/env.yaml`, which Isaac Lab writes beside its checkpoints: the whole environment.
+
+Joints are found by patterns among those of the robot, in Isaac Lab's order, breadth first. Where a
+pattern is given twice, the last one counts, as in Isaac Lab.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+from assetbuild.errors import UsageError
+from assetbuild.policy.reading import Said, read_yaml
+from assetbuild.policy.robot import Bot
+from assetbuild.policy.stated import Policy, Term
+
+FORM = "Isaac Lab's env.yaml"
+WORDS = {
+    "generated_commands": "velocity_commands",
+    "joint_vel": "joint_vel_rel",
+    "last_action": "last_action",
+}
+"""Its functions that are called otherwise in `terms`."""
+OF_GROUP = frozenset(
+    ("concatenate_terms", "concatenate_dim", "enable_corruption", "history_length",
+     "flatten_history_dim")
+)  # fmt: skip
+"""Keys of a group of observations that are no terms."""
+
+
+def read_env(path: Path, network: Path | None, bot: Bot) -> Policy:
+    """UsageError for what the file lacks, or says of a robot with other joints."""
+    said, joints = Said(path, read_yaml(path)), bot.orders["isaaclab"]
+    robot = said.at("scene").at("robot")
+    start = robot.at("init_state")
+    position = dict.fromkeys(joints, 0.0) | _by_pattern(start.values.get("joint_pos"), joints)
+    kp, kd = dict[str, float](), dict[str, float]()
+    for name in robot.at("actuators").values:
+        drive = robot.at("actuators").at(name)
+        own = _matching(drive.values.get("joint_names_expr"), joints)
+        kp |= _by_pattern(drive.values.get("stiffness"), own)
+        kd |= _by_pattern(drive.values.get("damping"), own)
+    action = _action(said.at("actions"))
+    acts_on = _matching(action.values.get("joint_names"), joints)
+    if action.values.get("preserve_order"):
+        patterns = action.values.get("joint_names") or ()
+        acts_on = tuple(dict.fromkeys(n for p in patterns for n in _matching([p], joints)))
+    offset = dict.fromkeys(acts_on, 0.0) | _by_pattern(action.values.get("offset"), acts_on)
+    if action.values.get("use_default_offset", True):
+        offset = {name: position[name] for name in acts_on}
+    timestep = said.at("sim").number("dt")
+    quat = start.values.get("rot")
+    return Policy(
+        file=path,
+        form=FORM,
+        network=network,
+        joints=joints,
+        acts_on=acts_on,
+        named=True,
+        position=position,
+        scale=dict.fromkeys(acts_on, 1.0) | _by_pattern(action.values.get("scale"), acts_on),
+        offset=offset,
+        terms=tuple(_terms(said.at("observations").at("policy"), joints)),
+        step_s=timestep * said.number("decimation"),
+        kp=kp,
+        kd=kd,
+        start_quat=tuple(map(float, quat)) if isinstance(quat, list) and len(quat) == 4 else None,
+    )
+
+
+def _action(actions: Said) -> Said:
+    """The one action that is a target of joints."""
+    named = {name: str(actions.at(name).values.get("class_type")) for name in actions.values}
+    if len(named) != 1 or not next(iter(named.values())).endswith("JointPositionAction"):
+        listed = ", ".join(f"`{name}` ({kind.rpartition(':')[2]})" for name, kind in named.items())
+        raise actions.wrong("", f"expected one JointPositionAction, found {listed or 'none'}")
+    return actions.at(next(iter(named)))
+
+
+def _matching(patterns: Any, joints: Sequence[str]) -> tuple[str, ...]:  # Any: plain YAML
+    """Joints that any of the patterns matches whole, in their own order; all without patterns."""
+    words = [patterns] if isinstance(patterns, str) else patterns
+    if not isinstance(words, list):
+        return tuple(joints)
+    try:
+        return tuple(n for n in joints if any(re.fullmatch(str(word), n) for word in words))
+    except re.error as error:
+        raise UsageError(f"`{words}` are no patterns of joints: {error}") from None
+
+
+def _by_pattern(value: Any, joints: Sequence[str]) -> dict[str, float]:  # Any: as above
+    """One number for all joints, or numbers by pattern."""
+    if isinstance(value, dict):
+        found: dict[str, float] = {}
+        for pattern, number in value.items():
+            found |= _by_pattern(number, _matching([pattern], joints))
+        return found
+    if isinstance(value, int | float) and not isinstance(value, bool):
+        return dict.fromkeys(joints, float(value))
+    return {}
+
+
+def _terms(said: Said, joints: tuple[str, ...]) -> Iterator[Term]:
+    """The group's own history length, where it states one, is that of all its terms."""
+    common = said.values.get("history_length")
+    for name in said.values:
+        term = said.at(name)
+        if name in OF_GROUP or not term.values:
+            continue
+        function = str(term.values.get("func", name)).rpartition(":")[2]
+        function = WORDS.get(function, function)
+        entity = term.at("params").at("asset_cfg")
+        own = _matching(entity.values.get("joint_names"), joints)
+        scale, clip = term.values.get("scale"), term.values.get("clip")
+        length = term.values.get("history_length") if common is None else common
+        yield Term(
+            name,
+            function,
+            joints=own if function.startswith("joint_") else (),
+            scale=term.numbers("scale", len(scale) if isinstance(scale, list) else 1, 1.0),
+            clip=(float(clip[0]), float(clip[1])) if isinstance(clip, list) else None,
+            history=max(1, int(length or 1)),
+        )

@@ -1,0 +1,115 @@
+"""An ONNX file of mjlab, which states in its metadata what it was trained with.
+
+Joints are named, in MuJoCo's order; numbers have three decimals. The file does not say how often
+the policy acts: as its bundle's recipe does.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+
+from assetbuild.errors import UsageError
+from assetbuild.policy.robot import Bot
+from assetbuild.policy.stated import Policy, Term
+
+FORM = "mjlab's metadata"
+DIGITS = (0.0, 5.0001e-4)
+WORDS = {
+    "base_lin_vel": "imu_lin_vel",
+    "base_ang_vel": "imu_ang_vel",
+    "joint_pos": "joint_pos_rel",
+    "joint_vel": "joint_vel_rel",
+    "actions": "last_action",
+    "command": "velocity_commands",
+}
+"""mjlab's names of observations -> those of `terms`; velocities come from sensors at the IMU."""
+NEEDED = ("joint_names", "default_joint_pos", "action_scale", "observation_names")
+
+
+def has_metadata(said: Mapping[str, str]) -> bool:
+    """Whether an ONNX file was written by mjlab's exporter."""
+    return "joint_names" in said and "observation_names" in said
+
+
+def read_metadata(path: Path, said: Mapping[str, str], bot: Bot) -> Policy:
+    """UsageError for what the metadata lacks, or state of a robot with other joints."""
+    for key in NEEDED:
+        if key not in said:
+            raise UsageError(f"`{path.name}`: its metadata state no `{key}`")
+    joints = tuple(said["joint_names"].split(","))
+    acts_on = tuple(name for name in joints if name in bot.driven or name not in bot.orders["urdf"])
+    kp, kd = (_by_joint(path, said, key, acts_on) for key in ("joint_stiffness", "joint_damping"))
+    position = _by_joint(path, said, "default_joint_pos", joints)
+    scale = _by_joint(path, said, "action_scale", acts_on)
+    return Policy(
+        file=path,
+        form=FORM,
+        network=path,
+        joints=joints,
+        acts_on=acts_on,
+        named=True,
+        position=position,
+        scale=scale,
+        offset={name: position[name] for name in acts_on},
+        terms=tuple(_terms(path, said, joints)),
+        step_s=None,
+        kp=kp,
+        kd=kd,
+        digits=DIGITS,
+    )
+
+
+def _by_joint(
+    path: Path, said: Mapping[str, str], key: str, joints: tuple[str, ...]
+) -> dict[str, float]:
+    """One number for all joints, or one for each."""
+    if key not in said:
+        return {}
+    try:
+        numbers = [float(word) for word in said[key].split(",")]
+    except ValueError:
+        raise UsageError(f"`{path.name}`: {key}: `{said[key][:60]}` are no numbers") from None
+    numbers = numbers * len(joints) if len(numbers) == 1 else numbers
+    if len(numbers) != len(joints):
+        raise UsageError(
+            f"`{path.name}`: {key}: expected {len(joints)} numbers, found {len(numbers)}"
+        )
+    return dict(zip(joints, numbers, strict=True))
+
+
+def _terms(path: Path, said: Mapping[str, str], joints: tuple[str, ...]) -> Iterator[Term]:
+    names = said["observation_names"].split(",")
+    scales, clips, histories, flat = (
+        said.get(f"observation_terms_{key}", "").split(",")
+        for key in ("scale", "clip", "history_length", "flatten_history_dim")
+    )
+    for index, name in enumerate(names):
+        clip = _pair(clips, index)
+        if flat[index : index + 1] == ["False"] and _number(histories, index, 0.0) > 1.0:
+            raise UsageError(f"`{path.name}`: the history of `{name}` is not flattened")
+        yield Term(
+            name,
+            WORDS.get(name, name),
+            joints=joints if name in ("joint_pos", "joint_vel") else (),
+            scale=_row(scales, index) or (1.0,),
+            clip=clip if clip and clip != (float("-inf"), float("inf")) else None,
+            history=max(1, int(_number(histories, index, 1.0))),
+        )
+
+
+def _row(words: list[str], index: int) -> tuple[float, ...]:
+    """Numbers with semicolons between them; nothing of what is not stated."""
+    try:
+        return tuple(float(word) for word in words[index].split(";"))
+    except (IndexError, ValueError):
+        return ()
+
+
+def _number(words: list[str], index: int, default: float) -> float:
+    return (_row(words, index) or (default,))[0]
+
+
+def _pair(words: list[str], index: int) -> tuple[float, float] | None:
+    row = _row(words, index)
+    return (row[0], row[1]) if len(row) == 2 else None

@@ -1,0 +1,161 @@
+"""A policy's network in a process of its own: what it takes and gives, and what it answers."""
+
+from __future__ import annotations
+
+import contextlib
+import importlib.util
+import json
+import os
+import select
+import subprocess
+import sys
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Self
+
+import numpy as np
+
+from assetbuild.errors import MachineError, UsageError
+from assetbuild.policy.stated import Policy
+from assetbuild.robot.pose import Array
+from assetbuild.simulators.children import environment
+
+BEYOND_IMPORTS = ("assetbuild.policy._network_child", "onnxruntime")
+LARGEST_BYTES = 512 << 20
+"""Policies have a few megabytes."""
+SECONDS = 60.0
+"""To load a network, and to answer."""
+Shapes = tuple[tuple[str, tuple[int, ...]], ...]
+
+
+class Network:
+    """A loaded network; a context manager. inputs, outputs: (name, shape).
+
+    Where several inputs come back as outputs, as the state of a recurrent network does, they are
+    fed with what came out last: `h_in` with `h_out`. MachineError without onnxruntime, UsageError
+    for a file that it does not take.
+    """
+
+    def __init__(self, path: Path) -> None:
+        _refuse(path)
+        program = Path(__file__).with_name("_network_child.py")
+        command = [sys.executable, "-P", "-s", "-c", _START, str(program), str(path.resolve())]
+        self._path = path
+        self._child = subprocess.Popen(
+            command,
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.DEVNULL,
+            env=environment({"PYTHONPATH": ":".join(part for part in sys.path if part)}),
+            cwd=path.resolve().parent,
+        )
+        said = self._described()
+        if "error" in said:
+            self.close()
+            raise UsageError(f"`{path.name}` is no network that can be run: {said['error']}")
+        self.inputs: Shapes = tuple((name, tuple(shape)) for name, shape in said["inputs"])
+        self.outputs: Shapes = tuple((name, tuple(shape)) for name, shape in said["outputs"])
+        self.metadata: dict[str, str] = said["metadata"]
+        self.reset()
+
+    def _described(self) -> dict[str, Any]:  # Any: JSON
+        line = b""
+        while not line.endswith(b"\n") and (more := self._read(1 << 16)):
+            line += more
+        try:
+            said: dict[str, Any] = json.loads(line)  # Any: as above
+        except ValueError:
+            return {"error": f"it crashed, or took more than {SECONDS:g} s or too much memory"}
+        return said
+
+    def _read(self, most: int) -> bytes:
+        """What has come by now, at least a byte; nothing where it ended or took too long."""
+        pipe = self._child.stdout
+        assert pipe is not None  # noqa: S101 # as opened
+        if not select.select([pipe], [], [], SECONDS)[0]:
+            self._child.kill()
+        return os.read(pipe.fileno(), most)
+
+    def reset(self) -> None:
+        """Forget what a recurrent network remembers."""
+        self._state = {name: np.zeros(shape, dtype=np.float32) for name, shape in self.inputs[1:]}
+
+    @property
+    def sees(self) -> int:
+        """How many numbers its first input takes."""
+        return int(np.prod(self.inputs[0][1]))
+
+    @property
+    def acts(self) -> int:
+        """How many numbers its first output gives."""
+        return int(np.prod(self.outputs[0][1]))
+
+    def act(self, observation: Array) -> Array:
+        """(n,) the action for an observation. UsageError where the network fails."""
+        fed = [observation, *self._state.values()]
+        count, data = 4 * sum(int(np.prod(shape)) for _, shape in self.outputs), b""
+        with contextlib.suppress(OSError, ValueError):  # its end of a pipe may be closed
+            self._send(b"".join(np.asarray(one, "<f4").tobytes() for one in fed))
+            while len(data) < count and (more := self._read(count - len(data))):
+                data += more
+        if len(data) < count:
+            raise UsageError(f"`{self._path.name}`: the network does not answer an observation")
+        ends = np.cumsum([int(np.prod(shape)) for _, shape in self.outputs])[:-1]
+        found = np.split(np.frombuffer(data, dtype=np.float32), ends)
+        by_name = {name: row for (name, _), row in zip(self.outputs, found, strict=True)}
+        for name in self._state:
+            out = by_name.get(name.replace("_in", "_out"))
+            if out is not None and name.replace("_in", "_out") != name:
+                self._state[name] = out
+        return found[0].astype(float)
+
+    def _send(self, data: bytes) -> None:
+        pipe = self._child.stdin
+        assert pipe is not None  # noqa: S101 # as opened
+        pipe.write(data)
+        pipe.flush()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        at: TracebackType | None,
+    ) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """End the process."""
+        self._child.kill()
+        self._child.communicate()
+
+
+_START = (
+    "import sys, runpy; sys.argv = sys.argv[1:]; runpy.run_path(sys.argv[0], run_name='__main__')"
+)
+
+
+def _refuse(path: Path) -> None:
+    if importlib.util.find_spec("onnxruntime") is None:
+        raise MachineError(
+            "a policy's network needs onnxruntime", hint="pip install 'assetbuild[policy]'"
+        )
+    try:
+        size = path.stat().st_size
+    except OSError as error:
+        raise UsageError(f"cannot read `{path}`: {error.strerror}") from None
+    if size > LARGEST_BYTES:
+        raise UsageError(
+            f"`{path.name}` has {size >> 20} MB; a policy's network may have {LARGEST_BYTES >> 20}"
+        )
+
+
+def fits(network: Network, policy: Policy, sees: int) -> str:
+    """Why the network and what the policy's files say do not go together; "" where they do."""
+    if network.sees != sees:
+        return f"the network takes {network.sees} numbers, the observations are {sees}"
+    if network.acts != len(policy.acts_on):
+        return f"the network gives {network.acts} numbers, the actions are {len(policy.acts_on)}"
+    return ""

@@ -1,0 +1,62 @@
+"""Any policy that people have: a folder, an ONNX file, or the file that describes it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from assetbuild.errors import UsageError
+from assetbuild.policy.deploy_yaml import read_deploy
+from assetbuild.policy.isaaclab_yaml import read_env
+from assetbuild.policy.mjlab_onnx import has_metadata, read_metadata
+from assetbuild.policy.network import Network
+from assetbuild.policy.robot import Bot
+from assetbuild.policy.stated import Policy
+
+READERS = {"deploy.yaml": read_deploy, "env.yaml": read_env}
+"""Files that describe a policy, by name."""
+FOLDERS = (".", "params", "../params", "exported", "../exported")
+"""Where they lie, from a policy's own folder; likewise its network."""
+
+
+def open_policy(path: Path, bot: Bot) -> Policy:
+    """What a policy says of itself. UsageError where nothing describes it.
+
+    A file that is named wins; beside an ONNX file, its `deploy.yaml` or `env.yaml` wins over its
+    metadata.
+    """
+    if not path.exists():
+        raise UsageError(f"no such file or folder: `{path}`")
+    folder = path if path.is_dir() else path.parent
+    network = path if path.suffix == ".onnx" else _beside(folder, "*.onnx")
+    if path.suffix in (".yaml", ".yml"):
+        described: Path | None = path
+    else:
+        described = next(filter(None, (_beside(folder, name) for name in READERS)), None)
+    if described is not None:
+        reader = READERS.get(described.name) or (read_env if _is_env(described) else read_deploy)
+        return reader(described, network, bot)
+    if network is None:
+        raise UsageError(
+            f"`{path}` holds no policy",
+            hint="give an ONNX file of mjlab, or a folder with `policy.onnx` and its `deploy.yaml` "
+            "or `env.yaml`",
+        )
+    with Network(network) as loaded:
+        said = loaded.metadata
+    if not has_metadata(said):
+        raise UsageError(
+            f"`{network.name}` does not say which joints it drives",
+            hint="put its `deploy.yaml` or Isaac Lab's `params/env.yaml` beside it",
+        )
+    return read_metadata(network, said, bot)
+
+
+def _beside(folder: Path, pattern: str) -> Path | None:
+    """The first file of a name in the folders of a policy."""
+    found = (file for place in FOLDERS for file in sorted((folder / place).glob(pattern)))
+    return next((file.resolve() for file in found if file.is_file()), None)
+
+
+def _is_env(path: Path) -> bool:
+    """Whether a file of another name is an environment of Isaac Lab."""
+    return b"\nobservations:" in path.read_bytes() and b"class_type:" in path.read_bytes()

@@ -1,0 +1,125 @@
+"""Files of policies as plain data: YAML that other programs dumped, with whatever tags."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from assetbuild.errors import UsageError, Where
+
+LARGEST_BYTES = 4 << 20
+DEEPEST = 60
+
+
+def read_yaml(path: Path) -> dict[str, Any]:  # Any: plain data, here and below
+    """The mapping in a file, without tags of Python's objects: nothing is made of them.
+
+    UsageError with the line where it is no YAML.
+    """
+    import yaml
+
+    try:
+        if path.stat().st_size > LARGEST_BYTES:
+            raise UsageError(f"`{path.name}` has more than {LARGEST_BYTES >> 20} MB")
+        node = yaml.compose(path.read_bytes(), Loader=yaml.SafeLoader)
+        found = _plain(node, {}, 0)
+    except OSError as error:
+        raise UsageError(f"cannot read `{path}`: {error.strerror}") from None
+    except (yaml.YAMLError, UnicodeDecodeError, RecursionError) as error:
+        mark = getattr(error, "problem_mark", None)
+        problem = getattr(error, "problem", None) or "no UTF-8 text, or too deep"
+        where = Where(path.name, mark.line + 1 if mark else 0)
+        raise UsageError(f"not readable as YAML: {problem}", where=where) from None
+    if not isinstance(found, dict):
+        raise UsageError(f"`{path.name}` holds no mapping")
+    return found
+
+
+def _plain(node: Any, known: dict[int, Any], depth: int) -> Any:
+    """Each node once: a part that is named twice is the same object."""
+    import yaml
+
+    if node is None or depth > DEEPEST:
+        return None
+    if id(node) in known:
+        return known[id(node)]
+    known[id(node)] = None  # what holds itself holds nothing there
+    if isinstance(node, yaml.MappingNode):
+        found: Any = {
+            str(_plain(key, known, depth + 1)): _plain(value, known, depth + 1)
+            for key, value in node.value
+        }
+    elif isinstance(node, yaml.SequenceNode):
+        found = [_plain(item, known, depth + 1) for item in node.value]
+    else:
+        loader: Any = yaml.SafeLoader("")
+        tag = loader.resolve(yaml.ScalarNode, node.value, (True, False))
+        scalar = yaml.ScalarNode(tag if node.style is None else node.tag, node.value)
+        try:
+            found = loader.construct_object(scalar)
+        except (yaml.YAMLError, ValueError):
+            found = node.value
+    known[id(node)] = found
+    return found
+
+
+class Said:
+    """A mapping of a file, read by path; UsageError names the path of what is missing or wrong."""
+
+    def __init__(self, file: Path, values: Any, path: str = "") -> None:
+        self.file, self.path = file, path
+        self.values: dict[str, Any] = values if isinstance(values, dict) else {}
+
+    def at(self, key: str) -> Said:
+        """The mapping below a key; empty where there is none."""
+        return Said(self.file, self.values.get(key), self._to(key))
+
+    def need(self, key: str) -> Any:
+        """The value at a key."""
+        if self.values.get(key) is None:
+            raise self.wrong(key, "it is missing")
+        return self.values[key]
+
+    def number(self, key: str, default: float | None = None) -> float:
+        """A number."""
+        value = self.values.get(key, default)
+        if isinstance(value, bool) or not isinstance(value, int | float):
+            raise self.wrong(key, f"expected a number, found {_shown(value)}")
+        return float(value)
+
+    def numbers(self, key: str, count: int, default: float | None = None) -> tuple[float, ...]:
+        """`count` numbers; one number stands for all of them."""
+        value = self.values.get(key)
+        value = default if value is None else value
+        if isinstance(value, int | float) and not isinstance(value, bool):
+            return (float(value),) * count
+        if not isinstance(value, list) or not all(isinstance(v, int | float) for v in value):
+            raise self.wrong(key, f"expected {count} numbers, found {_shown(value)}")
+        if len(value) != count:
+            raise self.wrong(key, f"expected {count} numbers, found {len(value)}")
+        return tuple(map(float, value))
+
+    def wrong(self, key: str, what: str) -> UsageError:
+        """The error about a key."""
+        return UsageError(f"{self._to(key)}: {what}", where=Where(self.file.name))
+
+    def _to(self, key: str) -> str:
+        return f"{self.path}.{key}" if self.path else key
+
+
+def places(said: Said, key: str, names: Sequence[str]) -> tuple[str, ...]:
+    """The names at the places that a list states, each at most once; all without a list."""
+    value = said.values.get(key)
+    if not isinstance(value, list) or None in value:
+        return tuple(names)
+    for place in value:
+        if isinstance(place, bool) or not isinstance(place, int) or not 0 <= place < len(names):
+            raise said.wrong(key, f"{_shown(place)} is no place among {len(names)} joints")
+    if len(set(value)) < len(value):
+        raise said.wrong(key, "it names one place twice")
+    return tuple(names[place] for place in value)
+
+
+def _shown(value: object) -> str:
+    return f"`{str(value)[:60]}`"

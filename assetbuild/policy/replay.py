@@ -1,0 +1,194 @@
+"""A policy in the loop: what it sees, what it asks for, where the robot goes."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from typing import Protocol
+
+import numpy as np
+
+from assetbuild.policy.network import Network
+from assetbuild.policy.robot import Bot
+from assetbuild.policy.stated import Policy
+from assetbuild.policy.terms import Now, Observer, Seen
+from assetbuild.robot.pose import Array
+
+FALLEN_RAD = 1.0
+"""Tilt of the base against the vertical from which on it has fallen."""
+FALLEN_SHARE = 0.5
+"""Share of its first height, likewise."""
+FOLLOWS, STILL = 0.35, 0.1
+"""A mean velocity follows a command within this share of it and this many m/s or rad/s."""
+SETTLES = 0.3
+"""Share of the time that is left out of the mean velocity."""
+BEST = 2.0
+"""The score of what stands all the time and moves exactly as it is told."""
+Warp = Callable[[Seen], Seen]
+"""Changes what is seen, as a wrong wire would."""
+
+
+class World(Protocol):
+    """A robot on a floor in some engine, at its start pose when it is made."""
+
+    def seen(self) -> Seen:
+        """Its state."""
+        ...
+
+    def drive(self, targets: Mapping[str, float], seconds: float) -> None:
+        """Hold targets, rad or m by joint, for a while."""
+        ...
+
+    def strain(self) -> tuple[float, float]:
+        """(share of the drives at their limit, mean speed of the feet on the floor in m/s)."""
+        ...
+
+
+@dataclass(frozen=True)
+class Replay:
+    """What became of it. command, velocity: forward, left, turn to the left; m/s and rad/s.
+
+    seconds: until it fell or the end; moved: (forward, left) of its start, m. tilt: the largest,
+    rad. saturated: share of drives at their limit, mean; slip: speed of feet on the floor, m/s;
+    None where the engine does not tell.
+    """
+
+    command: tuple[float, ...]
+    asked_s: float
+    seconds: float
+    moved: tuple[float, float]
+    velocity: tuple[float, float, float]
+    tilt: float
+    height: float
+    saturated: float | None
+    slip: float | None
+
+    @property
+    def fell(self) -> bool:
+        """Whether it ended before its time."""
+        return self.seconds < self.asked_s - 1e-9
+
+    @property
+    def error(self) -> float:
+        """Distance of the mean velocity from the command."""
+        return math.dist(self.velocity, self.command)
+
+    @property
+    def follows(self) -> bool:
+        """Whether it did what it was asked to do."""
+        return not self.fell and self.error <= STILL + FOLLOWS * math.hypot(*self.command)
+
+    @property
+    def score(self) -> float:
+        """From 0 to `BEST`: the time that it stood, then how well it followed."""
+        stood = min(1.0, self.seconds / self.asked_s)
+        return stood if self.fell else 1.0 + 1.0 / (1.0 + 4.0 * self.error)
+
+    @property
+    def verdict(self) -> str:
+        """In words."""
+        if self.fell:
+            return f"falls after {self.seconds:.2f} s"
+        if not self.follows:
+            return "stays up and does not follow the command"
+        return "walks" if math.hypot(*self.command) > STILL else "stands"
+
+
+def replay(
+    policy: Policy,
+    bot: Bot,
+    network: Network,
+    world: World,
+    command: tuple[float, ...],
+    seconds: float,
+    warp: Warp = lambda seen: seen,
+) -> Replay:
+    """Let a policy drive until the time is over or the robot has fallen. Errors: of `Network`."""
+    step_s = policy.step_s or bot.step_s
+    observer, imu = Observer(policy), bot.imu_in_base
+    action = np.zeros(len(policy.acts_on))
+    network.reset()
+    first, track = world.seen(), list[tuple[Seen, tuple[float, float]]]()
+    seen = first
+    while seen.time < seconds - step_s / 2.0 and not _fallen(seen, first):
+        now = Now(warp(seen), np.asarray(command, dtype=float), action, policy.position, imu)
+        action = network.act(observer.look(now))
+        if not np.isfinite(action).all():
+            break
+        world.drive(_targets(policy, action), step_s)
+        seen = replace(world.seen(), time=seen.time + step_s)
+        track.append((seen, world.strain()))
+    ended = (
+        seconds if seen.time >= seconds - step_s / 2.0 and not _fallen(seen, first) else seen.time
+    )
+    return _told(track, first, tuple(command), seconds, ended)
+
+
+def _targets(policy: Policy, action: Array) -> dict[str, float]:
+    """rad or m by joint; those that the policy does not move keep their place."""
+    found = {name: policy.position[name] for name in policy.joints}
+    for name, value in zip(policy.acts_on, action.tolist(), strict=True):
+        target = policy.offset[name] + policy.scale[name] * value
+        low, high = policy.action_clip.get(name, (-math.inf, math.inf))
+        found[name] = min(max(target, low), high)
+    return found
+
+
+def _fallen(seen: Seen, first: Seen) -> bool:
+    state = (*seen.place, *seen.quat, *seen.q.values())
+    if not np.isfinite(state).all():
+        return True
+    return _tilt(seen) > FALLEN_RAD or seen.place[2] < FALLEN_SHARE * first.place[2]
+
+
+def _tilt(seen: Seen) -> float:
+    return math.acos(min(1.0, max(-1.0, -float(seen.gravity[2]))))
+
+
+def _yaw(seen: Seen) -> float:
+    w, x, y, z = (float(v) for v in seen.quat)
+    return math.atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
+
+
+def _told(
+    track: list[tuple[Seen, tuple[float, float]]],
+    first: Seen,
+    command: tuple[float, ...],
+    asked_s: float,
+    ended_s: float,
+) -> Replay:
+    states = [first, *(seen for seen, _ in track)]
+    forward = np.array((math.cos(_yaw(first)), math.sin(_yaw(first))))
+    left = np.array((-forward[1], forward[0]))
+    shift = states[-1].place[:2] - first.place[:2]
+    kept = states[int(SETTLES * len(states)) :]
+    strain = np.array([pair for _, pair in track]) if track else np.zeros((1, 2))
+    rub, slip = (float(v) if np.isfinite(v) else None for v in strain.mean(axis=0))
+    return Replay(
+        command=command,
+        asked_s=asked_s,
+        seconds=ended_s,
+        moved=(float(shift @ forward), float(shift @ left)),
+        velocity=_velocity(kept),
+        tilt=max(map(_tilt, states)),
+        height=float(states[-1].place[2]),
+        saturated=rub,
+        slip=slip,
+    )
+
+
+def _velocity(states: list[Seen]) -> tuple[float, float, float]:
+    """Mean forward, left and turning velocity, in the base's own heading."""
+    span = states[-1].time - states[0].time
+    if not span > 0.0:
+        return (0.0, 0.0, 0.0)
+    total = np.zeros(3)
+    for before, after in itertools.pairwise(states):
+        yaw, shift = _yaw(before), after.place - before.place
+        turn = math.remainder(_yaw(after) - yaw, 2.0 * math.pi)
+        c, s = math.cos(yaw), math.sin(yaw)
+        total += (c * shift[0] + s * shift[1], c * shift[1] - s * shift[0], turn)
+    x, y, z = (total / span).tolist()
+    return (x, y, z)

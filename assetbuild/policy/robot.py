@@ -1,0 +1,103 @@
+"""The robot of a bundle, as a policy meets it: joints in every order, and its own numbers."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from assetbuild.errors import UsageError
+from assetbuild.facts.plain_yaml import read_yaml
+from assetbuild.facts.reference import Reference
+from assetbuild.policy.stated import ByJoint
+from assetbuild.robot.initial import initial_pose
+from assetbuild.robot.model import Actuator, Control, Tree
+from assetbuild.robot.orders import BUS, joint_orders
+from assetbuild.robot.pose import Array
+
+
+@dataclass(frozen=True)
+class Bot:
+    """A built robot. orders: of all moving joints by who counts them; `bus` may have fewer.
+
+    position, kp, kd: by joint, rad or m, N m/rad and N m s/rad. step_s: between two actions.
+    """
+
+    bundle: Path
+    name: str
+    tree: Tree
+    control: Control
+    orders: Mapping[str, tuple[str, ...]]
+    imu: str | None
+
+    @property
+    def driven(self) -> tuple[str, ...]:
+        """Joints with a drive, in the order of the URDF."""
+        passive = {row.joint for row in self.control.actuators if row.model == "passive"}
+        return tuple(name for name in self.control.by_joint if name not in passive)
+
+    @property
+    def position(self) -> ByJoint:
+        """The pose in which it starts."""
+        return dict(initial_pose(self.tree, self.control).joints)
+
+    @property
+    def kp(self) -> ByJoint:
+        """Of drives that hold a position."""
+        return {row.joint: row.kp for row in self.control.actuators if row.model != "passive"}
+
+    @property
+    def kd(self) -> ByJoint:
+        """As `kp`."""
+        return {row.joint: row.kd for row in self.control.actuators if row.model != "passive"}
+
+    @property
+    def step_s(self) -> float:
+        """What the recipe's `simulation` says."""
+        simulation = self.control.simulation
+        return float(simulation.timestep * simulation.decimation)
+
+    def row(self, joint: str, kp: float, kd: float) -> Actuator:
+        """A position servo with these gains and the joint's own limits."""
+        own = self.control.by_joint.get(joint)
+        effort = own.effort if own else None
+        armature = own.armature if own else 0.0
+        return Actuator(joint, "pd", kp=kp, kd=kd, effort=effort, armature=armature)
+
+    @property
+    def imu_in_base(self) -> tuple[Array, Array]:
+        """(R, p) of the IMU's frame in the base; the base's own where the IMU moves against it."""
+        body, pose = self.tree.placement(self.imu) if self.imu else (self.tree.root, None)
+        if pose is None or body != self.tree.root:
+            return np.eye(3), np.zeros(3)
+        return pose.rotation, np.array(pose.xyz)
+
+
+def bot_of(bundle: Path) -> Bot:
+    """The robot of a bundle. UsageError where there is none."""
+    reference = Reference.of_bundle(bundle)
+    tree, control = reference.tree, reference.control
+    name = _named(bundle) or tree.name
+    contract = next(iter(sorted(bundle.glob("policy/*_contract.yaml"))), None)
+    bus: tuple[str, ...] = ()
+    if contract is not None:
+        stated = read_yaml(contract).get("orders", {}).get(BUS, ())
+        bus = tuple(name for name in stated if name in tree.by_joint)
+    imu = (reference.options.get("imu") or {}).get("link")
+    known = {*tree.by_body, *(frame.name for frame in tree.frames)}
+    orders = joint_orders(tree, bus)
+    bot = Bot(bundle, name, tree, control, orders, imu if imu in known else None)
+    if not bot.driven:
+        raise UsageError(f"`{bundle}`: no joint of the robot has a drive")
+    return bot
+
+
+def _named(bundle: Path) -> str:
+    """The stem of the bundle's files, as its manifest has it."""
+    try:
+        return str(json.loads((bundle / "manifest.json").read_bytes())["robot"])
+    except (OSError, ValueError, KeyError, TypeError):
+        return ""

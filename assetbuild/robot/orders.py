@@ -1,0 +1,37 @@
+"""In which order engines, trainers and motor buses count the joints of a robot."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from assetbuild.robot.model import Tree
+
+DEPTH_FIRST = ("urdf", "mujoco", "newton")
+"""They walk down one limb before they begin the next, as the tree itself is stored."""
+BREADTH_FIRST = ("isaaclab", "physx")
+"""They take all joints that are equally far from the root, then those one further."""
+BUS = "bus"
+
+
+def joint_orders(tree: Tree, bus: Sequence[str] = ()) -> dict[str, tuple[str, ...]]:
+    """Names of the moving joints by who counts them. bus: of the real robot; else as the URDF."""
+    deep = tuple(joint.name for joint in tree.moving_joints)
+    orders = dict.fromkeys(DEPTH_FIRST, deep) | dict.fromkeys(BREADTH_FIRST, breadth_first(tree))
+    return orders | {BUS: tuple(bus) or deep}
+
+
+def breadth_first(tree: Tree) -> tuple[str, ...]:
+    """The moving joints by their distance from the root, then as their parents, then as stored."""
+    moving, found = {joint.name for joint in tree.moving_joints}, list[str]()
+    level = [tree.root]
+    while level:
+        joints = [joint for body in level for joint in tree.joints if joint.parent == body]
+        found += [joint.name for joint in joints if joint.name in moving]
+        level = [joint.child for joint in joints]
+    return tuple(found)
+
+
+def permutation(names: Sequence[str], of: Sequence[str]) -> tuple[int, ...]:
+    """Where each of the names stands in another order: `[values[i] for i in permutation]`."""
+    places = {name: place for place, name in enumerate(of)}
+    return tuple(places[name] for name in names)

@@ -1,0 +1,109 @@
+"""The policy's contract: orders as engines count, numbers as the robot has them."""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+
+import networkx as nx
+import pytest
+import yaml
+from hypothesis import given, settings
+from policies import BUS, bundle_of
+from tiny import (
+    TinyRobot,
+    check_inputs,
+    examples,
+    models,
+    robots,
+    run_step,
+    tiny_quadruped,
+    write_robot_ports,
+)
+
+from assetbuild.checks.policy_orders import PolicyOrders
+from assetbuild.errors import StepError
+from assetbuild.robot.orders import breadth_first, joint_orders, permutation
+from assetbuild.targets.policy import Policy, PolicyOptions
+
+ISAAC = [
+    f"{leg}_{part}_joint" for part in ("hip", "thigh", "calf") for leg in ("FR", "FL", "RR", "RL")
+]
+
+
+def test_isaac_lab_takes_all_hips_first_then_all_thighs():
+    assert list(breadth_first(tiny_quadruped().tree)) == ISAAC
+
+
+@given(robots(max_bodies=8))
+@settings(max_examples=examples(60), deadline=None)
+def test_breadth_first_is_that_of_another_library(robot: TinyRobot):
+    graph = nx.DiGraph()
+    graph.add_node(robot.tree.root)
+    names = {}
+    for joint in robot.tree.joints:
+        graph.add_edge(joint.parent, joint.child)
+        names[joint.child] = joint.name
+    moving = {joint.name for joint in robot.tree.moving_joints}
+    edges = [names[child] for _, child in nx.bfs_edges(graph, robot.tree.root)]
+    assert list(breadth_first(robot.tree)) == [name for name in edges if name in moving]
+
+
+def test_a_permutation_brings_an_engine_s_values_into_the_order_of_the_joints():
+    tree = tiny_quadruped().tree
+    orders = joint_orders(tree, BUS)
+    for order in orders.values():
+        values = [f"value of {name}" for name in order]
+        back = [values[place] for place in permutation(orders["urdf"], order)]
+        assert back == [f"value of {name}" for name in orders["urdf"]]
+
+
+def test_ten_lines_of_numpy_load_it(tmp_path: Path):
+    bot = bundle_of(tmp_path)
+    said = yaml.safe_load((bot.bundle / "policy/robot_contract.yaml").read_text())
+    assert said["orders"]["bus"] == list(BUS) and said["orders"]["isaaclab"] == ISAAC
+    row = said["joints"].index("RR_calf_joint")
+    assert said["default_position"][row] == pytest.approx(bot.position["RR_calf_joint"])
+    assert said["kp"][row] == bot.kp["RR_calf_joint"]
+    assert (said["lower"][row], said["upper"][row]) == (-2.8, -0.9)
+    assert said["timestep"] * said["decimation"] == pytest.approx(bot.step_s)
+
+
+@pytest.mark.parametrize(
+    ("bus", "message"),
+    [
+        (("FL_hip_joit",), "no moving joint `FL_hip_joit`"),
+        (("FL_hip_joint",) * 2, "names `FL_hip_joint` twice"),
+    ],
+)
+def test_a_bus_that_lists_what_is_no_joint_is_refused(
+    bus: tuple[str, ...], message: str, tmp_path: Path
+):
+    ports = write_robot_ports(tmp_path / "in", tiny_quadruped())
+    with pytest.raises(StepError, match=message):
+        run_step(
+            Policy(robot="robot", options=PolicyOptions(bus_order=bus)), ports, tmp_path / "out"
+        )
+
+
+def test_without_an_order_of_the_bus_the_contract_says_so(tmp_path: Path):
+    ports = write_robot_ports(tmp_path / "in", tiny_quadruped())
+    found = run_step(Policy(robot="robot"), ports, tmp_path / "out")
+    assert [finding.rule for finding in found] == ["policy.bus_order"]
+
+
+def test_the_check_asks_mujoco(tmp_path: Path):
+    robot = tiny_quadruped()
+    inputs = check_inputs(tmp_path, robot, Policy(robot="robot"), "policy")
+    shutil.copytree(models(tmp_path / "models", robot) / "mjcf", inputs / "mjcf")
+    check = PolicyOrders(robot="robot")
+    assert run_step(check, inputs, tmp_path / "first") == []
+    path = inputs / "policy/robot_contract.yaml"
+    said = yaml.safe_load(path.read_text())
+    order = said["orders"]["mujoco"]
+    order[0], order[3] = order[3], order[0]
+    path.unlink()
+    path.write_text(yaml.safe_dump(said, sort_keys=False))
+    found = run_step(check, inputs, tmp_path / "second")
+    assert [f.rule for f in found] == ["policy.engine_order"]
+    assert "`FR_hip_joint` at place 0" in found[0].message

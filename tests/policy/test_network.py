@@ -1,0 +1,120 @@
+"""A network is a stranger's file: it runs in a process of its own, or is refused by name."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import numpy as np
+import onnx
+import pytest
+from onnx import TensorProto, helper
+from policies import save, write_network
+
+from assetbuild.errors import UsageError
+from assetbuild.policy.network import LARGEST_BYTES, Network
+
+
+def test_it_answers_what_the_graph_says(tmp_path: Path):
+    gain = np.arange(6.0).reshape(3, 2)
+    with Network(write_network(tmp_path / "policy.onnx", 3, 2, gain)) as network:
+        assert (network.sees, network.acts) == (3, 2)
+        for seen in np.eye(3):
+            assert network.act(seen) == pytest.approx(seen @ gain)
+
+
+def test_a_recurrent_network_remembers_until_it_is_reset(tmp_path: Path):
+    """h_out = h_in + obs, actions = h_out."""
+    rows = {name: helper.make_tensor_value_info(name, TensorProto.FLOAT, [1, 2])
+            for name in ("obs", "h_in", "actions", "h_out")}  # fmt: skip
+    nodes = [
+        helper.make_node("Add", ["obs", "h_in"], ["h_out"]),
+        helper.make_node("Identity", ["h_out"], ["actions"]),
+    ]
+    graph = helper.make_graph(
+        nodes, "policy", [rows["obs"], rows["h_in"]], [rows["actions"], rows["h_out"]]
+    )
+    save(tmp_path / "policy.onnx", graph)
+    with Network(tmp_path / "policy.onnx") as network:
+        one = np.ones(2)
+        assert [network.act(one)[0] for _ in range(3)] == [1.0, 2.0, 3.0]
+        network.reset()
+        assert network.act(one)[0] == 1.0
+
+
+def test_metadata_come_as_they_stand(tmp_path: Path):
+    row = helper.make_tensor_value_info("x", TensorProto.FLOAT, [1, 2])
+    out = helper.make_tensor_value_info("y", TensorProto.FLOAT, [1, 2])
+    graph = helper.make_graph([helper.make_node("Identity", ["x"], ["y"])], "p", [row], [out])
+    save(tmp_path / "policy.onnx", graph, {"joint_names": "a,b"})
+    with Network(tmp_path / "policy.onnx") as network:
+        assert network.metadata == {"joint_names": "a,b"}
+
+
+def garbage(path: Path) -> None:
+    path.write_bytes(b"\x08\x07 this is no network")
+
+
+def strange_operator(path: Path) -> None:
+    row = helper.make_tensor_value_info("x", TensorProto.FLOAT, [1, 2])
+    out = helper.make_tensor_value_info("y", TensorProto.FLOAT, [1, 2])
+    node = helper.make_node("Evil", ["x"], ["y"], domain="com.stranger")
+    graph = helper.make_graph([node], "p", [row], [out])
+    model = helper.make_model(
+        graph, opset_imports=[helper.make_opsetid("", 13), helper.make_opsetid("com.stranger", 1)]
+    )
+    onnx.save(model, str(path))
+
+
+def circle(path: Path) -> None:
+    row = helper.make_tensor_value_info("x", TensorProto.FLOAT, [1, 2])
+    out = helper.make_tensor_value_info("y", TensorProto.FLOAT, [1, 2])
+    nodes = [helper.make_node("Add", ["x", "z"], ["y"]), helper.make_node("Neg", ["y"], ["z"])]
+    save(path, helper.make_graph(nodes, "p", [row], [out]))
+
+
+def data_elsewhere(path: Path) -> None:
+    """Weights that it wants to read from a file outside of its own folder."""
+    secret = path.parent.parent / "secret.bin"
+    secret.write_bytes(b"\0" * 24)
+    weights = TensorProto(name="W", data_type=TensorProto.FLOAT, dims=[3, 2])
+    weights.data_location = TensorProto.EXTERNAL
+    weights.external_data.add(key="location", value="../secret.bin")
+    row = helper.make_tensor_value_info("x", TensorProto.FLOAT, [1, 3])
+    out = helper.make_tensor_value_info("y", TensorProto.FLOAT, [1, 2])
+    node = helper.make_node("MatMul", ["x", "W"], ["y"])
+    graph = helper.make_graph([node], "p", [row], [out], [weights])
+    model = helper.make_model(graph, opset_imports=[helper.make_opsetid("", 13)])
+    model.ir_version = 8
+    path.write_bytes(model.SerializeToString())
+
+
+def whole_numbers(path: Path) -> None:
+    row = helper.make_tensor_value_info("x", TensorProto.INT64, [1, 2])
+    out = helper.make_tensor_value_info("y", TensorProto.INT64, [1, 2])
+    save(path, helper.make_graph([helper.make_node("Identity", ["x"], ["y"])], "p", [row], [out]))
+
+
+@pytest.mark.parametrize(
+    "write", [garbage, strange_operator, circle, data_elsewhere, whole_numbers]
+)
+def test_what_cannot_be_run_is_one_error_that_names_the_file(write, tmp_path: Path):
+    (tmp_path / "p").mkdir()
+    write(tmp_path / "p/policy.onnx")
+    with pytest.raises(UsageError, match=r"`policy\.onnx` is no network that can be run: \S"):
+        Network(tmp_path / "p/policy.onnx")
+
+
+def test_a_file_of_gigabytes_is_not_even_opened(tmp_path: Path):
+    path = tmp_path / "policy.onnx"
+    path.touch()
+    os.truncate(path, LARGEST_BYTES + 1)
+    with pytest.raises(UsageError, match="has 512 MB"):
+        Network(path)
+
+
+def test_a_network_that_dies_says_so(tmp_path: Path):
+    with Network(write_network(tmp_path / "policy.onnx", 3, 2)) as network:
+        network.close()
+        with pytest.raises(UsageError, match="does not answer"):
+            network.act(np.zeros(3))

@@ -1,0 +1,115 @@
+"""A policy in the loop, and the fault that makes it fall."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+from policies import bundle_of, deployed, write_policy
+
+from assetbuild.cli import main
+from assetbuild.pipeline.policies import Replayed, Wish, replay_policy
+from assetbuild.policy.in_stages import unavailable_reason
+from assetbuild.policy.robot import Bot
+
+STAND = Wish(command=(0.0, 0.0, 0.0), seconds=2.0)
+
+
+@pytest.fixture(scope="module")
+def bot(tmp_path_factory: pytest.TempPathFactory) -> Bot:
+    return bundle_of(tmp_path_factory.mktemp("bundle"))
+
+
+def replayed(
+    bot: Bot, folder: Path, spoil: Callable[[dict[str, Any]], object], wish: Wish = STAND
+) -> Replayed:
+    """A policy whose actions are all 0, so that it stands in its default pose."""
+    said = deployed(bot)
+    spoil(said)
+    return replay_policy(write_policy(folder, said), bot.bundle, wish, lambda line: None)
+
+
+def test_actions_of_nothing_stand(bot: Bot, tmp_path: Path):
+    done = replayed(bot, tmp_path / "p", lambda said: None)
+    run = done.runs["mujoco"]
+    assert run.verdict == "stands" and done.follows and not done.searched
+    assert run.tilt < 0.05 and math.hypot(*run.moved) < 0.02
+    assert run.saturated == 0.0 and run.slip is not None and run.slip < 0.01
+
+
+def test_two_runs_are_the_same(bot: Bot, tmp_path: Path):
+    runs = [replayed(bot, tmp_path / f"p{n}", lambda said: None).runs["mujoco"] for n in (1, 2)]
+    assert runs[0] == runs[1]
+
+
+def test_what_stands_does_not_follow_a_command(bot: Bot, tmp_path: Path):
+    wish = Wish(command=(0.5, 0.0, 0.0), seconds=2.0, search=False)
+    done = replayed(bot, tmp_path / "p", lambda said: None, wish)
+    assert done.runs["mujoco"].verdict == "stays up and does not follow the command"
+    assert not done.follows and done.diagnosis is None
+
+
+def limp(said: dict[str, Any]) -> None:
+    said["stiffness"] = [value * math.pi / 180.0 for value in said["stiffness"]]
+
+
+def other_order(said: dict[str, Any]) -> None:
+    """The motors of another order: the file declares MuJoCo's, its lists are Isaac Lab's."""
+    said["joint_ids_map"] = [3, 4, 5, 0, 1, 2, 9, 10, 11, 6, 7, 8]
+
+
+@pytest.mark.parametrize(
+    ("spoil", "words"),
+    [
+        (limp, "the bundle's gains"),
+        (other_order, "the joints of the policy stand in Isaac Lab's order"),
+    ],
+)
+def test_the_fault_is_named_with_both_scores(
+    spoil: Callable[[dict[str, Any]], object], words: str, bot: Bot, tmp_path: Path
+):
+    done = replayed(bot, tmp_path / "p", spoil)
+    assert done.runs["mujoco"].fell and done.searched
+    assert done.diagnosis is not None and words in done.diagnosis.said
+    assert done.diagnosis.replay.follows
+    assert done.diagnosis.replay.score > done.runs["mujoco"].score + 0.25
+
+
+def test_the_command_line_says_it_in_words_and_as_data(bot: Bot, tmp_path: Path, capsys):
+    folder = str(write_policy(tmp_path / "p", deployed(bot)))
+    bundle = str(bot.bundle)
+    options = ["--command", "0", "0", "0", "--seconds", "1"]
+    assert main(["policy", "replay", folder, bundle, *options]) == 0
+    assert "mujoco: stands: " in capsys.readouterr().out
+    assert main(["policy", "replay", folder, bundle, *options, "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["runs"]["mujoco"]["verdict"] == "stands"
+    assert main(["policy", "check", folder, bundle]) == 0
+    assert "12 joints, 6 observations; 0 that do not fit" in capsys.readouterr().out
+    said = deployed(bot) | {"step_dt": 0.01}
+    assert main(["policy", "check", str(write_policy(tmp_path / "q", said)), bundle, "--json"]) == 1
+    assert "policy.timestep" in {row["rule"] for row in json.loads(capsys.readouterr().out)}
+
+
+def test_an_unknown_observation_is_refused_by_name(bot: Bot, tmp_path: Path, capsys):
+    said = deployed(bot)
+    said["observations"]["height_scan"] = {"params": {}, "scale": [1.0]}
+    folder = str(write_policy(tmp_path / "p", said))
+    assert main(["policy", "replay", folder, str(bot.bundle)]) == 2
+    assert "`height_scan`" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("engine", ["newton", "physx"])
+def test_an_engine_that_is_not_there_is_named_with_the_way_to_get_it(
+    engine: str, bot: Bot, tmp_path: Path, monkeypatch, capsys
+):
+    monkeypatch.setattr(
+        "assetbuild.policy.in_stages.unavailable_reason", lambda name: f"get {name}"
+    )
+    folder = str(write_policy(tmp_path / "p", deployed(bot)))
+    assert main(["policy", "replay", folder, str(bot.bundle), "--engine", engine]) == 1
+    assert f"get {engine}" in capsys.readouterr().err
+    assert isinstance(unavailable_reason(engine), str)
