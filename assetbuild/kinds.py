@@ -33,6 +33,7 @@ from pydantic.fields import FieldInfo
 from assetbuild.engine.step import Files, Step
 from assetbuild.findings import Finding, rounded
 from assetbuild.quantities import Pattern
+from assetbuild.robot.actuator_table import Key
 from assetbuild.robot.codec import encode
 from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.model import Body, Inertial, Joint, Tree
@@ -330,6 +331,10 @@ class Check(Plugin):
     def listed_as(cls) -> str:
         """Its name in `listed_in`."""
         return cls.step_name()
+
+    def own_files(self) -> Mapping[str, tuple[Key, str]]:
+        """Files of the user that it reads: input -> (key that names it, path from the recipe)."""
+        return {}
 
     def missing(self, world: World) -> str:
         """What else this machine lacks for it, and how to get it; "" = nothing."""

@@ -36,6 +36,7 @@ from assetbuild.plan.edits import AGAIN, apply_edits, edit_keys, guessed_links
 from assetbuild.plugins import load_plugin
 from assetbuild.recipe.loader import LoadedRecipe
 from assetbuild.recipe.models import Recipe
+from assetbuild.recipe.validation import KeyedError
 from assetbuild.robot.codec import decode
 from assetbuild.robot.model import Tree
 from assetbuild.robot.shapes import SourceShapes
@@ -160,7 +161,7 @@ def _finished(
     if drawn:
         light = lightened(recipe, geometry, p)
         outline.looks = looks(recipe, outline.robot, light, pose, p)
-    _checks(recipe, outline, _sources(recipe, outline, read), p)
+    _checks(recipe, folder, outline, _sources(recipe, outline, read), p)
     return outline
 
 
@@ -302,7 +303,11 @@ def _sources(recipe: Recipe, outline: Outline, read: Reading) -> dict[str, dict[
 
 
 def _checks(
-    recipe: Recipe, outline: Outline, sources: Mapping[str, Mapping[str, Ref]], p: Planner
+    recipe: Recipe,
+    folder: Path,
+    outline: Outline,
+    sources: Mapping[str, Mapping[str, Ref]],
+    p: Planner,
 ) -> None:
     """Every check whose needs are built; those that this machine cannot run are named."""
     possible = {*outline.targets, *sources, "source"}
@@ -327,6 +332,12 @@ def _checks(
         for need in (*check.needs, *(t for t in check.also if t in outline.targets)):
             built = outline.targets.get(need)
             inputs |= {f"{need}/": built[f"{need}/"]} if built else sources[need]
+        for port, (key, path) in step.own_files().items():
+            if not p.world.is_file(folder / path):
+                raise KeyedError(
+                    key, f"`{path}`: there is no such file", "paths begin at the recipe"
+                )
+            inputs[port] = p.source(folder / path)
         outline.checks[name] = p.add(f"check {name}", step, inputs)
 
 

@@ -42,7 +42,8 @@ def _session(path: str) -> Any:
     from assetbuild.engine.confine import confine
 
     # What `onnxruntime` still opens lies beside it; of the user's files only the policy's folder.
-    confine([str(Path(path).parent), *_libraries()])
+    beside = [str(file.resolve()) for file in Path(path).parent.iterdir() if file.is_symlink()]
+    confine([str(Path(path).parent), *beside, *_libraries()])
     resource.setrlimit(resource.RLIMIT_AS, (MEMORY_BYTES, MEMORY_BYTES))
     onnxruntime.set_default_logger_severity(4)
     options = onnxruntime.SessionOptions()

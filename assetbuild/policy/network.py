@@ -39,7 +39,7 @@ class Network:
     def __init__(self, path: Path) -> None:
         _refuse(path)
         program = Path(__file__).with_name("_network_child.py")
-        command = [sys.executable, "-P", "-s", "-c", _START, str(program), str(path.resolve())]
+        command = [sys.executable, "-P", "-s", "-c", _START, str(program), str(path.absolute())]
         self._path = path
         self._child = subprocess.Popen(
             command,
@@ -47,7 +47,7 @@ class Network:
             stdout=subprocess.PIPE,
             stderr=subprocess.DEVNULL,
             env=environment({"PYTHONPATH": ":".join(part for part in sys.path if part)}),
-            cwd=path.resolve().parent,
+            cwd=path.absolute().parent,
         )
         said = self._described()
         if "error" in said:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
 from assetbuild.errors import UsageError
@@ -54,7 +55,8 @@ def open_policy(path: Path, bot: Bot) -> Policy:
 def _beside(folder: Path, pattern: str) -> Path | None:
     """The first file of a name in the folders of a policy."""
     found = (file for place in FOLDERS for file in sorted((folder / place).glob(pattern)))
-    return next((file.resolve() for file in found if file.is_file()), None)
+    # Not resolved: the inputs of a step are links into the store.
+    return next((Path(os.path.normpath(file)) for file in found if file.is_file()), None)
 
 
 def _is_env(path: Path) -> bool:

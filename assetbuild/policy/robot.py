@@ -79,19 +79,23 @@ class Bot:
 def bot_of(bundle: Path) -> Bot:
     """The robot of a bundle. UsageError where there is none."""
     reference = Reference.of_bundle(bundle)
-    tree, control = reference.tree, reference.control
-    name = _named(bundle) or tree.name
-    contract = next(iter(sorted(bundle.glob("policy/*_contract.yaml"))), None)
+    imu = (reference.options.get("imu") or {}).get("link")
+    name = _named(bundle) or reference.tree.name
+    return bot_from(bundle, name, reference.tree, reference.control, imu)
+
+
+def bot_from(folder: Path, name: str, tree: Tree, control: Control, imu: str | None) -> Bot:
+    """A robot whose files lie in a folder as in a bundle. UsageError where nothing drives it."""
+    contract = next(iter(sorted(folder.glob("policy/*_contract.yaml"))), None)
     bus: tuple[str, ...] = ()
     if contract is not None:
         stated = read_yaml(contract).get("orders", {}).get(BUS, ())
         bus = tuple(name for name in stated if name in tree.by_joint)
-    imu = (reference.options.get("imu") or {}).get("link")
     known = {*tree.by_body, *(frame.name for frame in tree.frames)}
     orders = joint_orders(tree, bus)
-    bot = Bot(bundle, name, tree, control, orders, imu if imu in known else None)
+    bot = Bot(folder, name, tree, control, orders, imu if imu in known else None)
     if not bot.driven:
-        raise UsageError(f"`{bundle}`: no joint of the robot has a drive")
+        raise UsageError(f"{name}: no joint of the robot has a drive")
     return bot
 
 

@@ -1,0 +1,64 @@
+"""A policy that the recipe names must drive the robot that is built."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+from policies import bundle_of, deployed, write_policy
+from tiny import check_inputs, run_step, tiny_quadruped
+
+from assetbuild.checks.policy import PolicyCheck
+from assetbuild.errors import StepError
+from assetbuild.findings import Finding
+from assetbuild.targets.mjcf import Mjcf
+
+
+def checked(
+    folder: Path, spoil: Callable[[dict[str, Any]], object], **fields: object
+) -> list[Finding]:
+    """What the check finds of a policy that stands, after it was spoiled."""
+    bot = bundle_of(folder / "bot", bus=())
+    said = deployed(bot)
+    spoil(said)
+    inputs = check_inputs(folder, tiny_quadruped(), Mjcf(robot="robot"), "mjcf")
+    own = write_policy(folder / "p", said)
+    shutil.copytree(own, inputs / "own_policy")
+    values = {"robot": "robot", "files": ("policy.onnx", "deploy.yaml"), "seconds": 1.0}
+    step = PolicyCheck.model_validate(values | {"command": (0.0, 0.0, 0.0)} | fields)
+    return run_step(step, inputs, folder / "out")
+
+
+def test_a_policy_that_stands_passes(tmp_path: Path):
+    assert [f for f in checked(tmp_path, lambda said: None) if f.severity != "info"] == []
+    figures = json.loads((tmp_path / "out/figures.json").read_text())
+    assert figures["verdict"] == "stands" and figures["seconds"] == 1.0
+
+
+def test_one_that_falls_is_an_error(tmp_path: Path):
+    """Its joints hold nothing."""
+    found = checked(tmp_path, lambda said: said.update(stiffness=[0.1] * 12, damping=[0.01] * 12))
+    assert "policy.fails" in {f.rule for f in found if f.severity == "error"}
+
+
+def test_one_that_does_not_follow_is_an_error(tmp_path: Path):
+    found = checked(tmp_path, lambda said: None, command=(0.5, 0.0, 0.0))
+    fails = [f for f in found if f.rule == "policy.fails"]
+    assert "does not follow the command: 0.00 m/s forward, 0.5 m/s asked for" in fails[0].message
+
+
+def test_what_cannot_be_replayed_is_one_error(tmp_path: Path):
+    with pytest.raises(StepError, match="the network takes 45 numbers"):
+        checked(tmp_path, lambda said: said["observations"].pop("base_ang_vel"))
+
+
+def test_its_files_are_inputs_of_the_step():
+    step = PolicyCheck(robot="robot", files=("a/policy.onnx", "deploy.yaml"))
+    assert {port: path for port, (_, path) in step.own_files().items()} == {
+        "own_policy/policy.onnx": "a/policy.onnx",
+        "own_policy/deploy.yaml": "deploy.yaml",
+    }
