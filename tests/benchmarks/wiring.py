@@ -213,10 +213,9 @@ def main() -> None:
             by, words = judged(save(said, file, Path(folder)), bundle)
         counts[by] += 1
         print(f"{by or 'MISSED':6} {bundle.name}: {fault}: {words[:140]}", flush=True)
-    total = sum(counts.values())
-    print(
-        f"{total} faults: check names {counts['check']}, replay {counts['replay']}, none {counts['']}"
-    )
+    by_check, by_replay, missed = (counts[by] for by in ("check", "replay", ""))
+    named = f"{by_check} named by check, {by_replay} by replay, {missed} by none"
+    print(f"{sum(counts.values())} faults: {named}")
 
 
 if __name__ == "__main__":
