@@ -18,6 +18,7 @@ from assetbuild.policy.network import Network, fits
 from assetbuild.policy.opening import open_policy
 from assetbuild.policy.replay import Replay, replay
 from assetbuild.policy.robot import bot_from
+from assetbuild.policy.terms import unknown
 from assetbuild.quantities import Positive, Real
 from assetbuild.robot.actuator_table import Key
 from assetbuild.robot.files import RobotFiles
@@ -75,6 +76,8 @@ class PolicyCheck(mujoco.InMujoco):
             yield from compare(policy, bot)
             if policy.network is None:
                 raise StepError("validate.policy.files: no network among them")
+            if why := next(filter(None, map(unknown, policy.terms)), ""):
+                raise StepError(f"validate.policy: {why}")
             with Network(policy.network) as network:
                 if why := fits(network, policy, sees(policy)):
                     raise StepError(f"validate.policy: {why}")

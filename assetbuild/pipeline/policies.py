@@ -18,7 +18,7 @@ from assetbuild.policy.opening import open_policy
 from assetbuild.policy.replay import BEST, Replay, replay
 from assetbuild.policy.robot import Bot, bot_of
 from assetbuild.policy.stated import Policy
-from assetbuild.policy.terms import FUNCTIONS
+from assetbuild.policy.terms import unknown
 
 SEARCH_S = 5.0
 """So long each hypothesis of a diagnosis is tried."""
@@ -94,15 +94,11 @@ def _refuse(policy: Policy, bot: Bot) -> None:
         hint = "put `policy.onnx` beside it"
         raise UsageError(f"`{policy.file.name}` has no network to replay", hint=hint)
     for term in policy.terms:
-        if term.function not in FUNCTIONS:
-            known = ", ".join(FUNCTIONS)
-            raise UsageError(
-                f"the policy sees `{term.function}`, which is not known here",
-                hint=f"known: {known}",
-            )
-    unknown = [name for name in policy.joints if name not in bot.tree.by_joint]
-    if unknown:
-        raise UsageError(f"the robot has no joint `{unknown[0]}`, which the policy drives")
+        if why := unknown(term):
+            raise UsageError(f"observation `{term.name}`: {why}")
+    strange = [name for name in policy.joints if name not in bot.tree.by_joint]
+    if strange:
+        raise UsageError(f"the robot has no joint `{strange[0]}`, which the policy drives")
 
 
 def _run(policy: Policy, bot: Bot, network: Network, engine: str, wish: Wish) -> Replay:

@@ -10,7 +10,8 @@ from assetbuild.errors import did_you_mean
 from assetbuild.findings import Finding, Rule
 from assetbuild.policy.robot import Bot
 from assetbuild.policy.stated import ByJoint, Policy
-from assetbuild.policy.terms import FUNCTIONS, width
+from assetbuild.policy.terms import unknown, width
+from assetbuild.robot.orders import breadth_first
 from assetbuild.robot.twins import other_side
 
 JOINTS = Rule(
@@ -116,6 +117,7 @@ def compare(policy: Policy, bot: Bot, sees: tuple[int, int] | None = None) -> It
             f"{1e3 * bot.step_s:.4g} ms",
             data={"policy_s": policy.step_s, "bundle_s": bot.step_s},
         )
+    yield from _outside(policy, bot)
     quat = policy.start_quat
     if quat is not None and abs(quat[3]) > abs(quat[0]) and abs(quat[3]) > 1.0 - SLIP:
         yield QUATERNION("policy", f"the base starts turned by ({_row(quat)}), w first")
@@ -129,6 +131,18 @@ def _columns(policy: Policy, bot: Bot) -> Iterator[Column]:
     own = {name: policy.position[name] for name in policy.acts_on}
     yield Column(OFFSET, "offset of the action", policy.offset, own, "its default pose", False)
     yield Column(SCALE, "action scale", policy.scale, {})
+
+
+def _outside(policy: Policy, bot: Bot) -> Iterator[Finding]:
+    """A default pose that the joints cannot take is none that anybody trained with."""
+    for name in policy.joints:
+        limits = bot.tree.by_joint[name].limits if name in bot.tree.by_joint else None
+        if limits is None or limits.lower is None or limits.upper is None:
+            continue
+        value, (low, high) = policy.position[name], (limits.lower, limits.upper)
+        if not low - SLIP <= value <= high + SLIP:
+            text = f"its default position {value:.4g} is outside of its limits"
+            yield POSITION(f"joint {name}", f"{text}, {low:.4g} to {high:.4g}")
 
 
 # --- joints, observations -------------------------------------------------------------------------
@@ -148,12 +162,8 @@ def _joints(policy: Policy, bot: Bot) -> Iterator[Finding]:
 
 def _terms(policy: Policy) -> Iterator[Finding]:
     for term in policy.terms:
-        if term.function not in FUNCTIONS:
-            yield TERM(
-                f"observation {term.name}",
-                f"`{term.function}` is not known",
-                f"known: {', '.join(FUNCTIONS)}",
-            )
+        if why := unknown(term):
+            yield TERM(f"observation {term.name}", why)
         elif len(term.scale) not in (1, width(term, policy)):
             text = f"{len(term.scale)} scales for {width(term, policy)} numbers"
             yield SHAPE(f"observation {term.name}", text)
@@ -166,7 +176,7 @@ def sees(policy: Policy) -> int:
 
 def _shape(policy: Policy, network: tuple[int, int]) -> Iterator[Finding]:
     inputs, outputs = network
-    if all(term.function in FUNCTIONS for term in policy.terms) and inputs != sees(policy):
+    if not any(map(unknown, policy.terms)) and inputs != sees(policy):
         parts = ", ".join(f"{t.name} {width(t, policy) * t.history}" for t in policy.terms)
         text = f"the network takes {inputs} numbers, the observations are {sees(policy)}: {parts}"
         yield SHAPE("policy", text, data={"takes": inputs, "described": sees(policy)})
@@ -183,6 +193,8 @@ def orders_of(policy: Policy, bot: Bot) -> dict[str, tuple[str, ...]]:
     found: dict[str, tuple[str, ...]] = {}
     for engine in ENGINES:
         order = tuple(name for name in bot.orders[engine] if name in policy.joints)
+        if engine == "isaaclab":  # the policy's robot may lack joints of this one
+            order = breadth_first(bot.tree, policy.joints)
         if len(order) == len(policy.joints) and order not in found.values():
             found[engine] = order
     return found

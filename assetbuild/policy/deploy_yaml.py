@@ -10,7 +10,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from assetbuild.errors import UsageError
-from assetbuild.policy.reading import Said, places, read_yaml
+from assetbuild.policy.reading import Said, numbers_of, places, read_yaml
 from assetbuild.policy.robot import Bot
 from assetbuild.policy.stated import Policy, Term
 from assetbuild.robot.orders import BUS
@@ -56,7 +56,11 @@ def read_deploy(path: Path, network: Path | None, bot: Bot) -> Policy:
 
 
 def _gains(said: Said, key: str, bus: tuple[str, ...], joints: tuple[str, ...]) -> dict[str, float]:
-    values = said.numbers(key, len(bus) if len(bus) >= len(joints) else len(joints))
+    """By the motors of the bus, of which the last ones may be left out."""
+    stated = said.need(key)
+    count = len(stated) if isinstance(stated, list) else len(bus)
+    last = max(bus.index(joint) for joint in joints) + 1
+    values = said.numbers(key, min(max(count, last), len(bus)))
     return {joint: value for joint, value in zip(bus, values, strict=False) if joint in joints}
 
 
@@ -107,5 +111,5 @@ def _terms(said: Said, joints: tuple[str, ...], actions: int) -> Iterator[Term]:
             scale=term.numbers("scale", len(scale)) if isinstance(scale, list) else (1.0,),
             clip=(float(clip[0]), float(clip[1])) if isinstance(clip, list) else None,
             history=max(1, int(term.number("history_length", 1.0))),
-            params={k: float(v) for k, v in params.values.items() if isinstance(v, int | float)},
+            params=numbers_of(params),
         )

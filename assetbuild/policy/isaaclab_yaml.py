@@ -12,9 +12,10 @@ from pathlib import Path
 from typing import Any
 
 from assetbuild.errors import UsageError
-from assetbuild.policy.reading import Said, read_yaml
+from assetbuild.policy.reading import Said, numbers_of, read_yaml
 from assetbuild.policy.robot import Bot
 from assetbuild.policy.stated import Policy, Term
+from assetbuild.robot.orders import breadth_first
 
 FORM = "Isaac Lab's env.yaml"
 WORDS = {
@@ -32,8 +33,9 @@ OF_GROUP = frozenset(
 
 def read_env(path: Path, network: Path | None, bot: Bot) -> Policy:
     """UsageError for what the file lacks, or says of a robot with other joints."""
-    said, joints = Said(path, read_yaml(path)), bot.orders["isaaclab"]
+    said = Said(path, read_yaml(path))
     robot = said.at("scene").at("robot")
+    joints = _driven(robot.at("actuators"), bot)
     start = robot.at("init_state")
     position = dict.fromkeys(joints, 0.0) | _by_pattern(start.values.get("joint_pos"), joints)
     kp, kd = dict[str, float](), dict[str, float]()
@@ -50,6 +52,7 @@ def read_env(path: Path, network: Path | None, bot: Bot) -> Policy:
     offset = dict.fromkeys(acts_on, 0.0) | _by_pattern(action.values.get("offset"), acts_on)
     if action.values.get("use_default_offset", True):
         offset = {name: position[name] for name in acts_on}
+    clips = action.at("clip").values
     timestep = said.at("sim").number("dt")
     quat = start.values.get("rot")
     return Policy(
@@ -66,8 +69,21 @@ def read_env(path: Path, network: Path | None, bot: Bot) -> Policy:
         step_s=timestep * said.number("decimation"),
         kp=kp,
         kd=kd,
+        action_clip={
+            name: (float(low), float(high))
+            for pattern, (low, high) in clips.items()
+            for name in _matching([pattern], acts_on)
+        },
         start_quat=tuple(map(float, quat)) if isinstance(quat, list) and len(quat) == 4 else None,
     )
+
+
+def _driven(drives: Said, bot: Bot) -> tuple[str, ...]:
+    """The joints that its robot has: each has a drive; this robot may have more."""
+    known, found = bot.orders["isaaclab"], set[str]()
+    for name in drives.values:
+        found |= set(_matching(drives.at(name).values.get("joint_names_expr"), known))
+    return breadth_first(bot.tree, found) if found else known
 
 
 def _action(actions: Said) -> Said:
@@ -122,4 +138,5 @@ def _terms(said: Said, joints: tuple[str, ...]) -> Iterator[Term]:
             scale=term.numbers("scale", len(scale) if isinstance(scale, list) else 1, 1.0),
             clip=(float(clip[0]), float(clip[1])) if isinstance(clip, list) else None,
             history=max(1, int(length or 1)),
+            params=numbers_of(term.at("params")),
         )

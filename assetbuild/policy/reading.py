@@ -121,5 +121,14 @@ def places(said: Said, key: str, names: Sequence[str]) -> tuple[str, ...]:
     return tuple(names[place] for place in value)
 
 
+def numbers_of(said: Said) -> dict[str, float]:
+    """What is stated as a plain number."""
+    return {
+        key: float(value)
+        for key, value in said.values.items()
+        if isinstance(value, int | float) and not isinstance(value, bool)
+    }
+
+
 def _shown(value: object) -> str:
     return f"`{str(value)[:60]}`"

@@ -79,6 +79,14 @@ FUNCTIONS: Mapping[str, Callable[[Now, Term], Array]] = {
 """What every reader's own words are translated into."""
 
 
+def unknown(term: Term) -> str:
+    """Why an observation cannot be computed; "" where it can."""
+    if term.function not in FUNCTIONS:
+        return f"`{term.function}` is not known; known: {', '.join(FUNCTIONS)}"
+    is_short = term.function == "gait_phase" and not term.params.get("period")
+    return "the period of its gait is not stated" if is_short else ""
+
+
 def width(term: Term, policy: Policy) -> int:
     """How many numbers one step of an observation has; 0 of one that is not known."""
     if term.function.startswith("joint_"):

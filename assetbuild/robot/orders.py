@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Iterator, Sequence
 
-from assetbuild.robot.model import Tree
+from assetbuild.robot.model import Joint, Tree
 
 DEPTH_FIRST = ("urdf", "mujoco", "newton")
 """They walk down one limb before they begin the next, as the tree itself is stored."""
@@ -20,15 +20,26 @@ def joint_orders(tree: Tree, bus: Sequence[str] = ()) -> dict[str, tuple[str, ..
     return orders | {BUS: tuple(bus) or deep}
 
 
-def breadth_first(tree: Tree) -> tuple[str, ...]:
-    """The moving joints by their distance from the root, then as their parents, then as stored."""
-    moving, found = {joint.name for joint in tree.moving_joints}, list[str]()
-    level = [tree.root]
+def breadth_first(tree: Tree, counted: Collection[str] | None = None) -> tuple[str, ...]:
+    """The moving joints by their distance from the root, then as their parents, then as stored.
+
+    counted: those of a robot in which the others do not move; None = all.
+    """
+    moving = {joint.name for joint in tree.moving_joints}
+    counted = set(tree.by_joint) if counted is None else set(counted)
+    found, level = list[str](), [tree.root]
     while level:
-        joints = [joint for body in level for joint in tree.joints if joint.parent == body]
+        joints = [joint for body in level for joint in _next(tree, body, counted)]
         found += [joint.name for joint in joints if joint.name in moving]
         level = [joint.child for joint in joints]
     return tuple(found)
+
+
+def _next(tree: Tree, body: str, counted: Collection[str]) -> Iterator[Joint]:
+    """The nearest joints below a body that count."""
+    for joint in tree.joints:
+        if joint.parent == body:
+            yield from [joint] if joint.name in counted else _next(tree, joint.child, counted)
 
 
 def permutation(names: Sequence[str], of: Sequence[str]) -> tuple[int, ...]:

@@ -86,6 +86,14 @@ FAULTS: dict[str, tuple[Callable[[dict[str, Any]], object], str, str]] = {
         lambda said: said["default_joint_pos"].__setitem__(5, -said["default_joint_pos"][5]),
         "policy.position", "of `FL_thigh_joint` has the opposite sign",
     ),
+    "a pose out of reach": (
+        lambda said: said["default_joint_pos"].__setitem__(8, 0.0), "policy.position",
+        "its default position 0 is outside of its limits, -2.8 to -0.9",
+    ),
+    "a gait without a period": (
+        lambda said: said["observations"].update(gait_phase={"params": {}, "scale": [1.0, 1.0]}),
+        "policy.term", "the period of its gait is not stated",
+    ),
     "actions from 0": (shift, "policy.offset", "offset of the action"),
     "an action's sign": (sign, "policy.scale", "action scale of `FR_thigh_joint` is negative"),
     "a joint twice as fast": (

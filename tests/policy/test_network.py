@@ -11,7 +11,7 @@ import pytest
 from onnx import TensorProto, helper
 from policies import save, write_network
 
-from assetbuild.errors import UsageError
+from assetbuild.errors import MachineError, UsageError
 from assetbuild.policy.network import LARGEST_BYTES, Network
 
 
@@ -111,6 +111,13 @@ def test_a_file_of_gigabytes_is_not_even_opened(tmp_path: Path):
     os.truncate(path, LARGEST_BYTES + 1)
     with pytest.raises(UsageError, match="has 512 MB"):
         Network(path)
+
+
+def test_without_onnxruntime_one_line_says_how_to_get_it(tmp_path: Path, monkeypatch):
+    monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
+    with pytest.raises(MachineError, match="needs onnxruntime") as raised:
+        Network(write_network(tmp_path / "policy.onnx", 3, 2))
+    assert raised.value.hint == "pip install 'assetbuild[policy]'"
 
 
 def test_a_network_that_dies_says_so(tmp_path: Path):

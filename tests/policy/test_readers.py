@@ -11,7 +11,7 @@ from onnx import TensorProto, helper
 from policies import BUS, bundle_of, deployed, save, write_network, write_policy
 
 from assetbuild.errors import UsageError
-from assetbuild.policy.compare import sees
+from assetbuild.policy.compare import compare, sees
 from assetbuild.policy.opening import open_policy
 from assetbuild.policy.reading import read_yaml
 from assetbuild.policy.robot import Bot
@@ -43,12 +43,14 @@ observations:
     velocity_commands: {func: "isaaclab.envs.mdp.observations:generated_commands", params: {}}
     joint_pos: {func: "isaaclab.envs.mdp.observations:joint_pos_rel", params: {}, history_length: 3}
     actions: {func: "isaaclab.envs.mdp.observations:last_action", clip: !!python/tuple [-5.0, 5.0]}
+    phase: {func: "strangers.mdp.observations:gait_phase", params: {period: 0.8}}
 actions:
   joint_pos:
     class_type: isaaclab.envs.mdp.actions.joint_actions:JointPositionAction
     joint_names: [".*"]
     scale: {".*_hip_joint": 0.125, "^(?!.*hip).*": 0.25}
     use_default_offset: true
+    clip: {".*_hip_joint": !!python/tuple [-0.5, 0.5]}
     joint_ids: !!python/object/apply:builtins.slice [null, null, null]
 """
 
@@ -106,11 +108,25 @@ def test_env_yaml_is_read_by_patterns_in_isaac_lab_s_order(bot: Bot, tmp_path: P
     assert policy.kp["FR_thigh_joint"] == 25.0 and policy.kd["FR_calf_joint"] == 0.75
     assert policy.position["RL_calf_joint"] == -1.8 == policy.offset["RL_calf_joint"]
     assert (policy.scale["FL_hip_joint"], policy.scale["FL_calf_joint"]) == (0.125, 0.25)
-    assert policy.step_s == pytest.approx(0.02) and sees(policy) == 3 + 3 + 3 * 12 + 12
+    assert policy.step_s == pytest.approx(0.02) and sees(policy) == 3 + 3 + 3 * 12 + 12 + 2
     assert [term.function for term in policy.terms] == [
-        "base_ang_vel", "velocity_commands", "joint_pos_rel", "last_action",
+        "base_ang_vel", "velocity_commands", "joint_pos_rel", "last_action", "gait_phase",
     ]  # fmt: skip
-    assert policy.terms[3].clip == (-5.0, 5.0)
+    assert policy.terms[3].clip == (-5.0, 5.0) and policy.terms[4].params == {"period": 0.8}
+    assert policy.action_clip == {
+        f"{leg}_hip_joint": (-0.5, 0.5) for leg in ("FR", "FL", "RR", "RL")
+    }
+
+
+def test_env_yaml_of_a_robot_with_fewer_joints_counts_its_own(bot: Bot, tmp_path: Path):
+    """Joints without a drive there are fixed, so that what hangs on them is one step nearer."""
+    text = ENV.replace('joint_names_expr: [".*_hip_joint", ".*_thigh_joint"]',
+                       'joint_names_expr: ["F[LR]_hip_joint", ".*_thigh_joint"]')  # fmt: skip
+    (tmp_path / "env.yaml").write_text(text)
+    policy = open_policy(tmp_path / "env.yaml", bot)
+    hips, thighs = ("FR_hip_joint", "FL_hip_joint"), ("RR_thigh_joint", "RL_thigh_joint")
+    assert policy.joints[:4] == (*hips, *thighs) and len(policy.joints) == 10
+    assert [f.rule for f in compare(policy, bot) if f.severity == "warning"] == []
 
 
 def metadata(bot: Bot) -> dict[str, str]:
