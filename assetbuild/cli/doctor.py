@@ -27,6 +27,7 @@ EXTRAS = (
     ("lint", "simcheck", "the lints of simcheck and mjcf-doctor"),
     ("dask", "distributed", "builds on more than one machine"),
     ("remote", "obstore", "a shared cache in S3"),
+    ("policy", "onnxruntime", "policies in the loop"),
 )
 APT = "apt-get install libegl1 libgl1-mesa-dri"
 
