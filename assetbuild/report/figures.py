@@ -29,7 +29,7 @@ def sentence(name: str, check: CheckResult) -> str:
         made = SENTENCES[name](figures) if name in SENTENCES else ""
     except (KeyError, TypeError, ValueError):  # a check that stopped early has fewer figures
         made = ""
-    return made or _plain(figures)
+    return made or str(figures.get("summary") or "") or _plain(figures)
 
 
 def _equal(file: str, figures: Figures) -> str:
@@ -85,7 +85,7 @@ def _full_effort(f: Figures) -> str:
             error = held[motion]["error"] if motion in held else None
             if error is not None:
                 said.append(f"`{held[motion]['joint']}` {error:.2g} {unit} {what}")
-    return f"full effort pushes {', '.join(said)} at most" if said else "nothing to push"
+    return f"full effort pushes at most {', '.join(said)}" if said else "nothing to push"
 
 
 def _grip(f: Figures) -> str:
@@ -152,28 +152,22 @@ SENTENCES: Mapping[str, Callable[[Figures], str]] = {
         f"{f['visual_source']} and {f['collision_source']} of the source"
     ),
     "mirror": lambda f: (
-        f"{f['twins']} pairs of bodies or joints are each other's mirror image"
-        if f["twins"]
-        else ""
+        f"{f['twins'] or 'no'} pairs of bodies or joints are each other's mirror image"
     ),
     "gains": lambda f: (
-        f"{len(f['joints'])} drives judged at `{f['keyframe']}`: stiffness, damping and sag"
+        f"stiffness, damping and sag of {len(f['joints'])} drives at `{f['keyframe']}`"
     ),
-    "coverage": lambda f: (
-        f"{len(f['shapes'])} collision shapes measured against the visual geometry"
-    ),
-    "usd_valid": lambda f: (
-        f"its {float(f['bytes']) / 1e6:.3g} MB open elsewhere, as OpenUSD's validators want"
-    ),
+    "coverage": lambda f: f"collision and visual geometry of {len(f['bodies'])} bodies compared",
+    "usd_valid": lambda f: f"OpenUSD's validators accept {float(f['bytes']) / 1e6:.3g} MB of USD",
     "trials": lambda f: (
-        "let go, shaken and simulated with other time steps; energy drifts by "
+        "released, shaken and simulated with other time steps: the energy drifts by "
         f"{100.0 * float(f['energy_drift']):.2g} %"
     ),
     "mjcf_compiles": lambda f: (
         f"{', '.join(f'`{name}`' for name in f)} compile in MuJoCo without a warning" if f else ""
     ),
     "mjx_pairs": lambda f: (
-        f"{f['pairs']} pairs of geometries can touch; {f['fast_on_warp']} of them are quick on Warp"
+        f"{f['pairs']} pairs of shapes can touch, {f['fast_on_warp']} of them fast on MuJoCo Warp"
     ),
     "loops": _loops,
     "physx_loops": _loops,
@@ -182,6 +176,7 @@ SENTENCES: Mapping[str, Callable[[Figures], str]] = {
         f"mjlab finds the names that the module states among {f['sites']} sites and "
         f"{f['sensors']} sensors"
     ),
+    "mjcf_source": lambda f: f"{f['facts']:,} values compared with the source's MJCF",
     "simready": lambda f: f"{f['met']} of {f['of']} features of {f['profile']} are met",
     "asset_validator": lambda f: f"{f['failures']} rules fail, {f['warnings']} warnings",
 }

@@ -289,6 +289,7 @@ window.assetbuildReady = (async function () {
   const shown = {};
   for (const box of root.querySelectorAll("input[data-layer]")) {
     const name = box.dataset.layer;
+    if (name === "collision") box.checked = !layers.visual.length;
     const apply = () => {
       shown[name] = box.checked;
       for (const object of layers[name] || []) object.visible = box.checked;
