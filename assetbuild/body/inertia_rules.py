@@ -52,7 +52,8 @@ MASS = Rule(
 POSITIVE = Rule(
     "inertia.positive",
     ("error", "warning", "info"),
-    "a principal moment is not positive (a warning in the source; info of a link below 1 g there)",
+    "a principal moment is not positive (a warning in the source; info there for a link below 1 g, "
+    "and for a point mass that never moves alone)",
     "give the real tensor",
 )
 TRIANGLE = Rule(

@@ -25,8 +25,9 @@ def sentence(name: str, check: CheckResult) -> str:
     stem = name.removesuffix("_equal")
     if stem != name and stem in FILES and "facts" in figures:
         return _equal(FILES[stem], figures)
+    write = SENTENCES.get(name.removeprefix("physx_").removeprefix("newton_"))
     try:
-        made = SENTENCES[name](figures) if name in SENTENCES else ""
+        made = write(figures) if write else ""
     except (KeyError, TypeError, ValueError):  # a check that stopped early has fewer figures
         made = ""
     return made or str(figures.get("summary") or "") or _plain(figures)
@@ -40,10 +41,8 @@ def _equal(file: str, figures: Figures) -> str:
 
 
 def _plain(figures: Figures) -> str:
-    shown = {
-        k: v for k, v in figures.items() if v is not None and not isinstance(v, Mapping | list)
-    }
-    return ", ".join(_quantity(key, value) for key, value in list(shown.items())[:3])
+    shown = [(k, v) for k, v in figures.items() if not isinstance(v, Mapping | list | None)]
+    return ", ".join(_quantity(key, value) for key, value in shown[:3])
 
 
 UNITS = {
@@ -53,10 +52,8 @@ UNITS = {
 
 
 def _quantity(key: str, value: object) -> str:
-    head, _, last = key.rpartition("_")
-    if head and last in UNITS:
-        return f"{head.replace('_', ' ')} {text_of(value)} {UNITS[last]}"
-    return f"{key.replace('_', ' ')} {text_of(value)}"
+    name, _, unit = words(key).partition(", ")
+    return f"{name} {text_of(value)} {unit}".rstrip()
 
 
 def _length(value_m: float) -> str:
@@ -135,10 +132,6 @@ SENTENCES: Mapping[str, Callable[[Figures], str]] = {
     ),
     "full_effort": _full_effort,
     "grip": _grip,
-    "newton_grip": _grip,
-    "physx_grip": _grip,
-    "newton_slope": _slope,
-    "physx_slope": _slope,
     "slope": _slope,
     "stand": lambda f: (
         f"stands for {float(f['seconds']):.3g} s: its base moves by "
@@ -170,8 +163,6 @@ SENTENCES: Mapping[str, Callable[[Figures], str]] = {
         f"{f['pairs']} pairs of shapes can touch, {f['fast_on_warp']} of them fast on MuJoCo Warp"
     ),
     "loops": _loops,
-    "physx_loops": _loops,
-    "newton_loops": _loops,
     "mjlab_contract": lambda f: (
         f"mjlab finds the names that the module states among {f['sites']} sites and "
         f"{f['sensors']} sensors"
@@ -180,7 +171,7 @@ SENTENCES: Mapping[str, Callable[[Figures], str]] = {
     "simready": lambda f: f"{f['met']} of {f['of']} features of {f['profile']} are met",
     "asset_validator": lambda f: f"{f['failures']} rules fail, {f['warnings']} warnings",
 }
-"""Name of the check -> its sentence, from figures that it always has when it ran."""
+"""Check, in any simulator -> its sentence, from figures that it always has when it ran."""
 
 
 FIRST = (

@@ -281,3 +281,13 @@ def test_a_spring_at_the_heel_of_a_leg_is_no_finger(tmp_path: Path):
     _, found = seen(tmp_path, *parts)
     assert found["heel_spring"] == found["toe"] == "arm"
     assert found["gripper"] == "finger"
+
+
+def test_an_antenna_on_a_head_is_no_finger(tmp_path: Path):
+    def roles_below(name: str) -> dict[str, str]:
+        ends = [body(end, mass=0.02) + spin(end, name, "0 0 0.1") for end in ("left", "right")]
+        _, found = seen(tmp_path, TRUNK, body(name), spin(name, "trunk", "0 0 0.2"), *ends)
+        return found
+
+    assert roles_below("head")["left"] == "arm"
+    assert roles_below("plate")["left"] == "finger"
