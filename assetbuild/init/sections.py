@@ -379,8 +379,9 @@ def _put_steps(draft: Draft, tuning: Tuning) -> None:
 
 
 def _put_variants(draft: Draft, robot: InspectedRobot, anatomy: Anatomy) -> None:
+    weak = {f.subject for f in robot.link_findings if f.rule == "inertia.positive"}
     feet = [leg.foot for leg in anatomy.legs if leg.foot not in robot.tree.by_body]
-    if feet:
+    if feet and weak.isdisjoint(f"link {foot}" for foot in feet):
         kept = {"fixed_joints": {"keep_bodies": patterns_of(feet, list(robot.links.by_body))}}
         why = ["Feet as bodies of their own, for contact sensors that are bound to bodies."]
         draft.put(kept, "variants", "foot_bodies", above=why)

@@ -151,7 +151,7 @@ SENTENCES: Mapping[str, Callable[[Figures], str]] = {
         f"stiffness, damping and sag of {len(f['joints'])} drives at `{f['keyframe']}`"
     ),
     "coverage": lambda f: f"collision and visual geometry of {len(f['bodies'])} bodies compared",
-    "usd_valid": lambda f: f"OpenUSD's validators accept {float(f['bytes']) / 1e6:.3g} MB of USD",
+    "usd_valid": lambda f: f"OpenUSD's validators read {float(f['bytes']) / 1e6:.3g} MB of USD",
     "trials": lambda f: (
         "released, shaken and simulated with other time steps: the energy drifts by "
         f"{100.0 * float(f['energy_drift']):.2g} %"
@@ -164,8 +164,7 @@ SENTENCES: Mapping[str, Callable[[Figures], str]] = {
     ),
     "loops": _loops,
     "mjlab_contract": lambda f: (
-        f"mjlab finds the names that the module states among {f['sites']} sites and "
-        f"{f['sensors']} sensors"
+        f"mjlab finds the module's names among {f['sites']} sites and {f['sensors']} sensors"
     ),
     "mjcf_source": lambda f: f"{f['facts']:,} values compared with the source's MJCF",
     "simready": lambda f: f"{f['met']} of {f['of']} features of {f['profile']} are met",
