@@ -52,7 +52,8 @@ MASS = Rule(
 POSITIVE = Rule(
     "inertia.positive",
     ("error", "warning", "info"),
-    "a principal moment is not positive (a warning in the source; info of a link below 1 g there)",
+    "a principal moment is not positive (a warning in the source; info there for a link below 1 g, "
+    "and for a point mass that never moves alone)",
     "give the real tensor",
 )
 TRIANGLE = Rule(
@@ -139,6 +140,9 @@ def _of_this(finding: Finding, *, moves: bool, shows: bool) -> Finding | None:
         return finding
     if finding.rule == RADIUS.id:  # what never turns may be as lazy as it likes
         return replace(finding, severity=_below(finding.severity))
+    if finding.severity == "warning" and finding.data.get("principal_kg_m2") == (0.0, 0.0, 0.0):
+        message = "no inertia of its own: a point mass, which is exact once it is merged"
+        return replace(finding, severity="info", message=message, hint="")
     return finding if finding.rule != MASS_SMALL.id else None
 
 
@@ -215,7 +219,7 @@ class _Judged:
         shown = f"({a:.4g}, {b:.4g}, {c:.4g}) kg m²"
         if a <= SINGULAR * abs(c):
             message = f"principal moments {shown} are not all positive"
-            hint = "a product with the wrong sign, or a dummy? edit `inertia_from_geometry`"
+            hint = "a dummy, or a wrong sign? `edits: inertia_from_geometry` replaces it"
             dummy = self.worst == "warning" and self.inertial.mass_kg < self.bounds.small_mass
             severity: Severity = "info" if dummy else self.worst
             return POSITIVE(self.subject, message, hint, severity=severity, data=self.data)
@@ -224,7 +228,7 @@ class _Judged:
             severity = self.worst if violation > self.bounds.triangle_slack else "warning"
             message = f"principal moments A + B < C by {100 * violation:.3g} % of C: {shown}"
             refused = "MuJoCo refuses it: " if severity == "error" else ""
-            hint = f"was it taken about the centre of mass? {refused}edit `balance_inertia`"
+            hint = f"is it about the centre of mass? {refused}`edits: balance_inertia` repairs it"
             data = self.data | {"violation": violation}
             return TRIANGLE(self.subject, message, hint, severity=severity, data=data)
         least = least_second_moment(self.inertial.inertia_com_kg_m2)

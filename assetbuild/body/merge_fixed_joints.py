@@ -81,8 +81,8 @@ def _placeholder(fact: Merged, links: Tree) -> Finding:
     mass = inertial.mass_kg if inertial else 0.0
     return PLACEHOLDER_ROOT(
         f"link {fact.placeholder}",
-        f"a root of {mass:g} kg names a place only: the body is called `{fact.body}` and "
-        f"has its frame; `{fact.placeholder}` lives on as a frame",
+        f"the root weighs {mass:g} kg and only names a place: the body is called `{fact.body}` and "
+        f"has its frame; `{fact.placeholder}` survives as a frame",
         hint=f"use `{fact.body}` where a tool asks for the root body",
         data={"body": fact.body, "mass_kg": mass},
     )

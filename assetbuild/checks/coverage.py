@@ -174,7 +174,7 @@ def _filled(parts: Parts, body: str) -> Iterator[Finding]:
             f"link {body}",
             f"collision fills a hole of {1e4 * largest.area_m2:.3g} cm² at ({x:.3g}, {y:.3g}, "
             f"{z:.3g}) mm, seen along ({u:.3g}, {v:.3g}, {w:.3g})",
-            hint="where something must pass: more pieces (`method: auto`), and `keep_open` there",
+            hint="if something must pass through, ask for `method: auto` and `keep_open` there",
             data={
                 "area_m2": largest.area_m2,
                 "middle_m": largest.middle_m,

@@ -273,7 +273,7 @@ def _judge_strength(
         most = actuator.effort / actuator.kp
         yield SATURATED(
             subject,
-            f"saturates at {most:.3g} {way} of error: it is a switch more than a spring",
+            f"saturates at {most:.3g} {way} of error: it acts as a switch rather than a spring",
             data={"error_at_limit": most},
         )
 

@@ -185,9 +185,9 @@ class Mass(Check):
         if row.angle_rad is not None and row.angle_rad > self.max_angle:
             yield AXES(
                 f"link {name}",
-                f"the mass is long in a direction {math.degrees(row.angle_rad):.0f} degrees away "
+                f"the longest axis of the mass is {math.degrees(row.angle_rad):.0f} degrees away "
                 "from that of the geometry",
-                hint="was the tensor given in other axes than the link's? `edits: set_inertia`",
+                hint="is the tensor given in the link's axes? `edits: set_inertia` corrects it",
                 data={"angle_rad": row.angle_rad},
             )
 
@@ -213,7 +213,7 @@ def _outside(found: Mapping[str, Filled]) -> Iterator[Finding]:
         yield CENTER(
             f"link {name}",
             f"the centre of mass is {1e3 * row.outside_m:.3g} mm outside of the geometry{also}",
-            hint="was it given in another frame? `edits: set_inertia`",
+            hint="was it given in another frame? `edits: set_inertia` corrects it",
             data={"outside_m": row.outside_m, "size_m": row.size_m},
         )
 

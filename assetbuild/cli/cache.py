@@ -45,6 +45,8 @@ def _stats(root: Path, *, as_json: bool) -> int:
     print(f"{root}: {_shown(found.total_bytes)}")
     print(f"  objects: {found.objects}, {_shown(found.object_bytes)}")
     print(f"  results of steps: {found.actions}")
+    if homes := sorted((root / "environments").glob("*")):
+        print(f"  trainers' environments, to delete by hand: {', '.join(map(str, homes))}")
     if found.quarantined:
         print(f"  corrupt objects, set aside: {found.quarantined}")
     if found.oldest_use:

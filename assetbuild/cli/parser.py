@@ -129,9 +129,9 @@ def recipes_of(named: Sequence[Path]) -> list[Path]:
 
 def given_as(recipe: Path) -> str:
     """What names this recipe on a command line here: its path, or its name in the library."""
-    from assetbuild.library import robots
+    from assetbuild.library import INSTALLED, robots
 
-    if recipe.is_relative_to(Path.cwd()):
+    if recipe.is_relative_to(Path.cwd()) and recipe.parent != INSTALLED:
         return shlex.quote(str(recipe.relative_to(Path.cwd())))
     return recipe.stem if robots().get(recipe.stem) == recipe else shlex.quote(str(recipe))
 

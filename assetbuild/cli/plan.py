@@ -8,6 +8,7 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
+from assetbuild.cli.parser import given_as
 from assetbuild.engine.explain import Explanation, explain
 from assetbuild.engine.graph import Graph
 from assetbuild.errors import OutOfDateError, UsageError, did_you_mean
@@ -113,5 +114,5 @@ def print_stale(recipe: Path, variant: str | None) -> int:
     for explanation in stale:
         print(explanation.to_text())
     more = "" if whole else ", and what follows from them"
-    print(f"{recipe}: {len(stale)} of {len(found)} steps would run{more}")
+    print(f"{given_as(recipe)}: {len(stale)} of {len(found)} steps would run{more}")
     return OutOfDateError.exit_code if stale or more else 0

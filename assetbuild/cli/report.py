@@ -29,7 +29,8 @@ def run(arguments: argparse.Namespace) -> int:
     print(f"{report['robot']}: ready for training: {'yes' if verdict['ready'] else 'no'}")
     for part in ("formats", "physics"):  # bundles of older versions have neither
         if part in verdict:
-            print(f"  {part}: {verdict[part]['status']}: {verdict[part]['sentence']}")
+            status, said = verdict[part]["status"], verdict[part]["sentence"]
+            print(f"  {part}: {said if said.startswith(status) else f'{status}: {said}'}")
     for name, trainer in verdict.get("trainers", {}).items():
         figures = trainer["status"] != "not tried"
         said = shown_figures(name, trainer["sentence"]) if figures else trainer["sentence"]

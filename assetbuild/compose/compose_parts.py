@@ -139,8 +139,8 @@ def _told_left_out(part: PartOn, keys: tuple[str, ...]) -> Iterator[Finding]:
         listed = ", ".join(f"`{key}`" for key in keys)
         yield LEFT_OUT(
             "recipe compose",
-            f"of the part `{part.prefix}` {listed} are not taken: the base's hold",
-            hint="say in the base's recipe what the whole needs",
+            f"{listed} of the part `{part.prefix}` are ignored: the base's apply",
+            hint="state in the base's recipe what the whole robot needs",
             data={"keys": keys},
         )
 

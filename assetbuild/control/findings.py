@@ -43,7 +43,7 @@ TUNED = Rule(
 GUESSED = Rule(
     "actuator.guessed",
     "warning",
-    "the drives of a row are guesses, as the source states no numbers that can be meant",
+    "the drives of a row are guesses, as the source states no plausible numbers",
     "give the motors' effort and gains, then remove `guessed`",
 )
 
@@ -252,10 +252,10 @@ def _raised(shapes: Shapes, control: Control) -> Iterator[Finding]:
             names = list(found)
             yield RAISED(
                 names[0],
-                f"MuJoCo takes {least:g} s, two time steps, in place of the time constant "
-                f"{constant:g} s: {_listed(names, 'places')}",
+                f"MuJoCo raises the time constant of {constant:g} s to two time steps, "
+                f"{least:g} s: {_listed(names, 'places')}",
                 hint=f"`simulation: {{timestep: {constant / SAFE_STEPS:g}}}`, or `solref: "
-                f"[{least:g}, ...]`, which says what happens",
+                f"[{least:g}, ...]` to state what is simulated",
                 data={"stated_s": constant, "taken_s": least, "places": len(names)},
             )
 

@@ -167,7 +167,7 @@ def with_reach(
 def _below(low: Mapping[str, float], floor_m: float, stands: bool) -> Iterator[Finding]:
     """low: bodies and the z where they end below, m."""
     body = min(low, key=lambda name: low[name])
-    others = f", and {len(low) - 1} others do less" if len(low) > 1 else ""
+    others = f", and {len(low) - 1} more by less" if len(low) > 1 else ""
     where = "the plane that its base stands on" if stands else "z = 0"
     yield REACHES_BELOW(
         f"link {body}",

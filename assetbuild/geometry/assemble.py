@@ -51,8 +51,8 @@ NO_COORDINATES = Rule(
 OWN_MATERIAL = Rule(
     "material.of_mesh",
     "info",
-    "a mesh file brings its own materials, which count instead of the URDF's, as in RViz; MuJoCo "
-    "and PyBullet paint it in the URDF's colour",
+    "a mesh file brings its own materials, which override the URDF's, as in RViz; MuJoCo and "
+    "PyBullet use the URDF's colour",
     "remove the one that is not meant",
 )
 NO_COLLISION = Rule(
@@ -152,7 +152,7 @@ def _without_collision(source: SourceShapes, uses: tuple[CollisionUse, ...]) -> 
         shown = ", ".join(f"`{link}`" for link in bare[:6]) + (", ..." if len(bare) > 6 else "")
         yield NO_COLLISION(
             "recipe collision",
-            f"{len(bare)} links with geometry have no collision geometry: {shown}",
+            f"links with geometry but without collision geometry, {len(bare)}: {shown}",
             hint="their rule says `none`, or the geometry that it asks for is not in the source",
             data={"links": len(bare)},
         )

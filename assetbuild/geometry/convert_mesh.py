@@ -176,8 +176,7 @@ class ConvertMesh(Step):
         if dropped:
             yield UNUSED_UV(
                 self.subject,
-                f"{dropped} parts have texture coordinates and no texture: "
-                "the coordinates are left out",
+                f"texture coordinates without a texture are left out (parts: {dropped})",
                 data={"parts": dropped},
             )
 

@@ -37,6 +37,7 @@ _ARM = re.compile(r"(?i).*(arm|shoulder|elbow|wrist|hand|grip|finger|thumb|nub).
 _LEG = re.compile(r"(?i).*(leg|foot|hip|knee|ankle|thigh|calf|shank).*")
 _SHANK = re.compile(r"(?i).*(shank|shin|calf|thigh|leg|knee).*")
 _FINGER = re.compile(r"(?i).*(finger|thumb|grip|palm|knuckle|digit|pinky|pinkie|phalan|hand).*")
+_NO_HAND = re.compile(rf"{_LEG.pattern}|.*(head|neck|antenna|tail).*")
 _FLYING = re.compile(r"(?i).*(propeller|flying|drone|copter|quadrotor|hector|iris).*")
 _WORLD = ("world", "map", "odom", "universe")
 
@@ -129,10 +130,10 @@ def roles(tree: Tree, anatomy: Anatomy) -> dict[str, Role]:
         elif joint.name in anatomy.turning:
             found[joint.name] = anatomy.turning[joint.name].role
         elif _is_small(tree, joint.child if called else limb_of(tree, joint)):
-            # What hangs on a leg is no finger: a rod, a spring, a toe.
+            # What hangs on a leg or a head is no finger: a rod, a spring, a toe, an antenna.
             above = chain_to(tree, joint.child)
-            of_leg = any(part.name in legs or _LEG.fullmatch(part.child) for part in above)
-            found[joint.name] = "arm" if of_leg and not called else "finger"
+            other = any(p.name in legs or _NO_HAND.fullmatch(p.child) for p in above)
+            found[joint.name] = "arm" if other and not called else "finger"
         else:
             found[joint.name] = "arm"
     return found

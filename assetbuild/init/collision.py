@@ -45,7 +45,9 @@ def put_collision(
     if robot.shapes.of("collision"):
         seen = {shape.link for shape in robot.shapes.of("visual")}
         idle = len(seen - robot.solid_links)
-        why = f"{idle} links are drawn but hit nothing, as in the source" if idle else "all have it"
+        why = (
+            f"{idle} visible links hit nothing, as in the source" if idle else "every link has some"
+        )
         origin = "collision"
     close = anatomy.base == "fixed"
     preset = "manipulation" if close else "locomotion"
@@ -197,7 +199,7 @@ def put_pads(draft: Draft, robot: InspectedRobot, hand: Sequence[str], timestep:
     for pattern in patterns_of(hand, list(robot.links.by_body)) if hand else ():
         draft.put({"condim": 4, "priority": 1, **soft}, "contact", "links", pattern)
     if hand:
-        why = "What grips gives way by less than with MuJoCo's 0.02 s, and loses nothing."
+        why = "Stiffer than MuJoCo's default of 0.02 s, so that what the hand grips does not slip."
         draft.note(why, at=("contact", "links"))
 
 

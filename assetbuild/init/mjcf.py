@@ -49,6 +49,7 @@ from assetbuild.source.urdf.xml import MAX_BYTES
 
 VAGUE = {"", *keys("assets scene mjx robot model mujoco mjcf xml xmls world main")}
 """Words that name no robot."""
+ABSENT = "bring the file, or remove the mesh and its geoms from the MJCF"
 DRIVES = "The source drives no joint; mjlab's robots, for one, are driven from Python."
 
 
@@ -115,7 +116,7 @@ def _read(root: Path, name: str, bodies: tuple[str, ...] = ()) -> MjcfSource:
                 path = ports.folder / "inline" / path.name
             if not path.is_file():
                 where = Where(str(mesh["file"]), int(mesh["line"]))
-                raise SourceError(f"no file `{mesh['path']}`", where=where)
+                raise SourceError(f"no file `{mesh['path']}`", where=where, hint=ABSENT)
             ports.link(f"files/{mesh['path']}", path)
         ports.run(ReadMjcf())
         read = RobotFiles(ports.folder)
@@ -156,7 +157,7 @@ def _mended(
     """The robot with weak bodies merged, where that leaves none and is worth it.
 
     First with what fixed joints hold to them, then with what they are held to, as a foot without
-    inertia is to its shank.
+    inertia is to its shank, then with both.
     """
     fixed = [joint for joint in built.links.joints if joint.kind == "fixed"]
     held = set(weak)
@@ -166,7 +167,8 @@ def _mended(
     without_held = [name for name in bodies if name not in held or name in weak]
     weak_on_others = {joint.child for joint in fixed} & set(weak)
     without_weak = [name for name in bodies if name not in weak_on_others]
-    for kept in (without_held, without_weak):
+    without_both = [name for name in without_weak if name not in held]
+    for kept in (without_held, without_weak, without_both):
         mended = judge(built, built.links.base, kept)
         if not _weak(mended) and (_wrong(built) or not not_in_usd(mended)):
             yield mended
@@ -247,9 +249,9 @@ def _put_solver(draft: Draft, found: MjcfSource, anatomy: Anatomy, hand: Sequenc
     option = option_of(found.control)
     if (hand or anatomy.walks_on) and 'cone="elliptic"' not in option:
         slips = "what a hand holds slips" if hand else "feet creep"
-        draft.put("elliptic", "mjcf", "cone", beside=f"with the source's pyramidal cone {slips}")
+        draft.put("elliptic", "mjcf", "cone", beside=f"with the source's pyramidal cone, {slips}")
     if hand and 'tolerance="1e-08"' in option:
-        why = "with MuJoCo's 1e-8 light fingers of a heavy robot let go"
+        why = "with MuJoCo's default of 1e-8, light fingers of a heavy robot let go"
         draft.put(1e-12, "mjcf", "tolerance", beside=why)
 
 

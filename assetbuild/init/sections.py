@@ -65,9 +65,8 @@ GAINS = (
     "first guess: put the motor's data here.",
 )
 GUESSED = (
-    f"`guessed`: the source states no effort that can be meant. The guess holds {MARGIN:g} times "
-    "what gravity",
-    "asks in the worst pose, and more. Every build warns until you replace them.",
+    f"`guessed`: the source states no plausible effort. The guess is {MARGIN:g} times or more what",
+    "gravity needs in the worst pose. Every build warns until you replace it.",
 )
 ROTORS = (f"armature: of the rotors; a guess where the source states none: {ROTOR_RULE}.",)
 HOPS = (
@@ -248,7 +247,7 @@ def _described(row: DriveRow) -> str:
     torque, unit = ("N", "kg") if row.unit == "m" else ("N m", "kg m2")
     speed = f"{row.velocity:g} {row.unit}/s" if row.velocity else "no stated speed"
     moved = f"{row.inertia:.3g} {unit}" if row.inertia else "what the edits above give a mass"
-    guess = f" is a guess for the {row.role}, as {row.guess}" if row.guess else ""
+    guess = f" (a guess for the {row.role}: {row.guess})" if row.guess else ""
     return f"{count}: {row.effort:g} {torque}{guess}, {speed}, moves {moved}"
 
 
@@ -380,8 +379,9 @@ def _put_steps(draft: Draft, tuning: Tuning) -> None:
 
 
 def _put_variants(draft: Draft, robot: InspectedRobot, anatomy: Anatomy) -> None:
+    weak = {f.subject for f in robot.link_findings if f.rule == "inertia.positive"}
     feet = [leg.foot for leg in anatomy.legs if leg.foot not in robot.tree.by_body]
-    if feet:
+    if feet and weak.isdisjoint(f"link {foot}" for foot in feet):
         kept = {"fixed_joints": {"keep_bodies": patterns_of(feet, list(robot.links.by_body))}}
         why = ["Feet as bodies of their own, for contact sensors that are bound to bodies."]
         draft.put(kept, "variants", "foot_bodies", above=why)

@@ -102,8 +102,8 @@ def _turned(
 ) -> tuple[tuple[MaterialPart, ...], Finding]:
     finding = UP_AXIS(
         subject,
-        f"the file says {stated}: "
-        + ("ignored, its numbers are taken as they are" if up_axis == "ignore" else "turned to Z"),
+        f"the file declares {stated}: "
+        + ("ignored, coordinates are used as they are" if up_axis == "ignore" else "turned to Z"),
         hint="if it lies on its side, name it in `source.honour_up_axis`"
         if up_axis == "ignore"
         else "",

@@ -126,7 +126,7 @@ def _gap(subject: str, reference: Reference, quality: Quality, how: str) -> Find
         open_note = " (the mesh encloses no volume; it is compared with its convex hull)"
     return GAP(
         subject,
-        f"{how}: {quality.pieces} pieces, up to {outside:.2g} mm outside, "
+        f"{how} (pieces: {quality.pieces}): up to {outside:.2g} mm outside, "
         f"{100 * quality.missing:.1f} % of the volume missing, {100 * quality.over:.1f} % too "
         f"much" + ("" if quality.closed else open_note),
         data={

@@ -284,5 +284,5 @@ def licence_findings(license_id: str | None, texts: int) -> Iterator[Finding]:
                 yield rule("recipe source.license", f"{word} {message}", hint, data=data)
     if not texts:
         message = "the source brings no licence text, so the bundle has none"
-        hint = "add the text to the source: most licences ask that it is passed on"
+        hint = "add the text to the source: most licences require that it is passed on"
         yield NO_TEXT("recipe source", message, hint)

@@ -25,11 +25,12 @@ def sentence(name: str, check: CheckResult) -> str:
     stem = name.removesuffix("_equal")
     if stem != name and stem in FILES and "facts" in figures:
         return _equal(FILES[stem], figures)
+    write = SENTENCES.get(name.removeprefix("physx_").removeprefix("newton_"))
     try:
-        made = SENTENCES[name](figures) if name in SENTENCES else ""
+        made = write(figures) if write else ""
     except (KeyError, TypeError, ValueError):  # a check that stopped early has fewer figures
         made = ""
-    return made or _plain(figures)
+    return made or str(figures.get("summary") or "") or _plain(figures)
 
 
 def _equal(file: str, figures: Figures) -> str:
@@ -40,10 +41,8 @@ def _equal(file: str, figures: Figures) -> str:
 
 
 def _plain(figures: Figures) -> str:
-    shown = {
-        k: v for k, v in figures.items() if v is not None and not isinstance(v, Mapping | list)
-    }
-    return ", ".join(_quantity(key, value) for key, value in list(shown.items())[:3])
+    shown = [(k, v) for k, v in figures.items() if not isinstance(v, Mapping | list | None)]
+    return ", ".join(_quantity(key, value) for key, value in shown[:3])
 
 
 UNITS = {
@@ -53,10 +52,8 @@ UNITS = {
 
 
 def _quantity(key: str, value: object) -> str:
-    head, _, last = key.rpartition("_")
-    if head and last in UNITS:
-        return f"{head.replace('_', ' ')} {text_of(value)} {UNITS[last]}"
-    return f"{key.replace('_', ' ')} {text_of(value)}"
+    name, _, unit = words(key).partition(", ")
+    return f"{name} {text_of(value)} {unit}".rstrip()
 
 
 def _length(value_m: float) -> str:
@@ -85,7 +82,7 @@ def _full_effort(f: Figures) -> str:
             error = held[motion]["error"] if motion in held else None
             if error is not None:
                 said.append(f"`{held[motion]['joint']}` {error:.2g} {unit} {what}")
-    return f"full effort pushes {', '.join(said)} at most" if said else "nothing to push"
+    return f"full effort pushes at most {', '.join(said)}" if said else "nothing to push"
 
 
 def _grip(f: Figures) -> str:
@@ -135,10 +132,6 @@ SENTENCES: Mapping[str, Callable[[Figures], str]] = {
     ),
     "full_effort": _full_effort,
     "grip": _grip,
-    "newton_grip": _grip,
-    "physx_grip": _grip,
-    "newton_slope": _slope,
-    "physx_slope": _slope,
     "slope": _slope,
     "stand": lambda f: (
         f"stands for {float(f['seconds']):.3g} s: its base moves by "
@@ -152,40 +145,32 @@ SENTENCES: Mapping[str, Callable[[Figures], str]] = {
         f"{f['visual_source']} and {f['collision_source']} of the source"
     ),
     "mirror": lambda f: (
-        f"{f['twins']} pairs of bodies or joints are each other's mirror image"
-        if f["twins"]
-        else ""
+        f"{f['twins'] or 'no'} pairs of bodies or joints are each other's mirror image"
     ),
     "gains": lambda f: (
-        f"{len(f['joints'])} drives judged at `{f['keyframe']}`: stiffness, damping and sag"
+        f"stiffness, damping and sag of {len(f['joints'])} drives at `{f['keyframe']}`"
     ),
-    "coverage": lambda f: (
-        f"{len(f['shapes'])} collision shapes measured against the visual geometry"
-    ),
-    "usd_valid": lambda f: (
-        f"its {float(f['bytes']) / 1e6:.3g} MB open elsewhere, as OpenUSD's validators want"
-    ),
+    "coverage": lambda f: f"collision and visual geometry of {len(f['bodies'])} bodies compared",
+    "usd_valid": lambda f: f"OpenUSD's validators read {float(f['bytes']) / 1e6:.3g} MB of USD",
     "trials": lambda f: (
-        "let go, shaken and simulated with other time steps; energy drifts by "
+        "released, shaken and simulated with other time steps: the energy drifts by "
         f"{100.0 * float(f['energy_drift']):.2g} %"
     ),
     "mjcf_compiles": lambda f: (
         f"{', '.join(f'`{name}`' for name in f)} compile in MuJoCo without a warning" if f else ""
     ),
     "mjx_pairs": lambda f: (
-        f"{f['pairs']} pairs of geometries can touch; {f['fast_on_warp']} of them are quick on Warp"
+        f"{f['pairs']} pairs of shapes can touch, {f['fast_on_warp']} of them fast on MuJoCo Warp"
     ),
     "loops": _loops,
-    "physx_loops": _loops,
-    "newton_loops": _loops,
     "mjlab_contract": lambda f: (
-        f"mjlab finds the names that the module states among {f['sites']} sites and "
-        f"{f['sensors']} sensors"
+        f"mjlab finds the module's names among {f['sites']} sites and {f['sensors']} sensors"
     ),
+    "mjcf_source": lambda f: f"{f['facts']:,} values compared with the source's MJCF",
     "simready": lambda f: f"{f['met']} of {f['of']} features of {f['profile']} are met",
     "asset_validator": lambda f: f"{f['failures']} rules fail, {f['warnings']} warnings",
 }
-"""Name of the check -> its sentence, from figures that it always has when it ran."""
+"""Check, in any simulator -> its sentence, from figures that it always has when it ran."""
 
 
 FIRST = (

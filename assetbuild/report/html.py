@@ -143,9 +143,9 @@ def _count(boxes: Sequence[Box]) -> int:
 def _tiles(report: Report, subject: Subject) -> tuple[tuple[str, str], ...]:
     states = [check.status for check in report.checks.values()]
     severities = [finding.severity for finding in report.findings]
-    plural = {"error": "errors", "warning": "warnings", "info": "for information"}
+    plural = {"error": "errors", "warning": "warnings", "info": "notes"}
     numbers = [(severities.count(severity), severity) for severity in SEVERITIES]
-    counts = ", ".join(f"{n} {s if n == 1 and s != 'info' else plural[s]}" for n, s in numbers if n)
+    counts = ", ".join(f"{n} {plural[s][: -1 if n == 1 else None]}" for n, s in numbers if n)
     return (
         (f"{total_mass(subject.tree):.4g} kg", "total mass"),
         (str(len(subject.tree.moving_joints)), "moving joints"),

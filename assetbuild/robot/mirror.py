@@ -121,14 +121,14 @@ def _masses(left: Part, right: Part, flip: Array, allowed: Tolerances) -> Iterat
     low, high = sorted((left.mass, right.mass))
     if (high - low) / high > allowed.mass:
         message = f"{right.mass:.4g} kg, but `{left.name}` has {left.mass:.4g} kg"
-        hint = "edit `set_mass`, of the side that is wrong"
+        hint = "`edits: set_mass` corrects the side that is wrong"
         data = {"mass_kg": right.mass, "mass_of_other_kg": left.mass}
         yield _finding(MASS, "link", left, right, message, hint, data, slip=high >= SLIP * low)
     away = float(np.linalg.norm(flip @ left.com - right.com))
     if away > allowed.center:
         apart = f"{1e3 * away:.3g} mm"
         message = f"its centre of mass is {apart} from the mirror image of `{left.name}`'s"
-        hint = "edit `set_inertia`; a sign that was not turned, or the same part on both sides?"
+        hint = "is a sign wrong, or the same part on both sides? `edits: set_inertia` corrects it"
         yield _finding(CENTER, "link", left, right, message, hint, {"distance_m": away})
     wanted = flip @ left.inertia @ flip
     low, high = sorted(float(np.linalg.norm(inertia)) for inertia in (right.inertia, wanted))
@@ -138,7 +138,7 @@ def _masses(left: Part, right: Part, flip: Array, allowed: Tolerances) -> Iterat
             f"its inertia (largest {_largest(right):.3g} kg m²) is {difference:.0%} off the mirror "
             f"image of `{left.name}`'s (largest {_largest(left):.3g} kg m²)"
         )
-        hint = "edit `set_inertia`; a sign of a product of inertia lost?"
+        hint = "has a product of inertia the wrong sign? `edits: set_inertia` corrects it"
         data, slip = {"relative": difference}, high >= SLIP**2 * low
         yield _finding(INERTIA, "link", left, right, message, hint, data, slip=slip)
 

@@ -80,7 +80,7 @@ class FreeFallCheck(SimulatorCheck):
         if robot.tree.base == "fixed":
             write_figures(files, {"skipped": "fixed base"})
             if self.fixed is not None:
-                yield self.fixed("robot", "a fixed base does not fall: not dropped")
+                yield self.fixed("robot", "not dropped: the base is fixed")
             return
         asked = drop(robot.control, self.wish.seconds)
         done = self.perform(files.inputs, (asked,))[asked.name]

@@ -106,7 +106,7 @@ class GripCheck(SimulatorCheck):
             if failed:
                 yield self.lost(
                     f"link {palm}",
-                    f"{name}: of {len(done)} objects its gripper does not hold {len(failed)}: "
+                    f"{name}: its gripper fails to hold {len(failed)} of {len(done)} objects: "
                     + ", ".join(map(_words, failed))
                     + self._least_held(inputs, model, hand, failed),
                     data={"failed": len(failed), "of": len(done), "limit_m": self.asked.slip},

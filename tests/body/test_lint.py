@@ -134,6 +134,17 @@ def test_a_link_on_a_fixed_joint_may_be_a_frame_without_mass(tmp_path: Path):
 
 
 @pytest.mark.parametrize(
+    ("kind", "moment", "severity"),
+    [("fixed", 0.0, "info"), ("fixed", -1e-3, "warning"), ("revolute", 0.0, "warning")],
+)
+def test_a_point_mass_on_a_fixed_joint_is_exact(
+    kind: str, moment: float, severity: str, tmp_path: Path
+):
+    (finding,) = lint(arm(inertial=body(0.02, moment, moment, moment), kind=kind), tmp_path)
+    assert (finding.rule, finding.severity) == ("inertia.positive", severity)
+
+
+@pytest.mark.parametrize(
     ("guessed", "invented"),
     [((), False), (("arm",), False), (("arm", "base"), True), ((".*",), True), (("ar",), False)],
 )

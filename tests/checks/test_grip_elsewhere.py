@@ -87,6 +87,6 @@ def test_a_pincher_holds_what_it_should_and_loses_it_without_strength(
     # Friction 1 on two sides holds 2 N of weight by 1 N each; half of that is pressed.
     (lost,), rows = judged(0.5, tmp_path / "weak")
     assert lost.rule == rule
-    assert "does not hold 3" in lost.message
+    assert "fails to hold 3" in lost.message
     assert "a cube of 40 mm and 0.2 kg is lost" in lost.message
     assert {row["slip_m"] for row in rows} == {None}

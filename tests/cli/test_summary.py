@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 
 from assetbuild.cli import report
+from assetbuild.cli.parser import given_as
 from assetbuild.cli.plan import told_of_all
 from assetbuild.cli.progress import (
     Forecast,
@@ -168,3 +169,14 @@ def test_in_a_public_log_physx_passes_or_fails_without_figures(
     assert not any(figure in in_public for figure in ("0.125", "98.5"))
     assert in_public.count(WITHHELD) == 6
     assert "error physx.free_fall" in in_public
+
+
+def test_a_recipe_of_the_installed_library_is_named_as_one_types_it(tmp_path, monkeypatch):
+    """An environment in the folder where one works holds the library."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("assetbuild.library.INSTALLED", tmp_path / "venv/_recipes")
+    (tmp_path / "venv/_recipes").mkdir(parents=True)
+    for name in ("venv/_recipes/go1.yaml", "mine.yaml"):
+        (tmp_path / name).write_text("")
+    assert given_as(tmp_path / "venv/_recipes/go1.yaml") == "go1"
+    assert given_as(tmp_path / "mine.yaml") == "mine.yaml"

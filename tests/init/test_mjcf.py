@@ -186,6 +186,16 @@ def test_a_base_without_inertia_is_merged_with_what_it_carries(tmp_path: Path):
     assert "fixed_joints: {merge: true}" in text
 
 
+def test_a_root_without_mass_and_marks_without_inertia_are_merged_at_once(tmp_path: Path):
+    """onshape-to-robot marks a foot by a body of 1e-9 kg."""
+    mark = '<body name="mark"><inertial pos="0 0 0" mass="1e-9" diaginertia="0 0 0"/></body>'
+    leg = f'<body name="leg"><joint name="j"/><geom size=".1"/>{mark}</body>'
+    trunk = f'<body name="trunk"><geom size=".1"/>{leg}</body>'
+    targets, text = proposed(tmp_path, f'<body name="root"><freejoint/>{trunk}</body>')
+    assert targets == ("urdf", "mjcf", "usd")
+    assert "# root, mark cannot be simulated alone" in text
+
+
 def test_a_foot_without_inertia_is_merged_with_its_shank(tmp_path: Path):
     foot = '<body name="foot"><inertial pos="0 0 0" mass=".02" diaginertia="0 0 0"/>'
     foot += '<geom size=".03"/></body>'

@@ -69,7 +69,7 @@ def test_an_arm_without_efforts_is_driven_by_guesses_that_hold_it_stretched_out(
     stretched = GRAVITY * (8.0 * 0.25 + 4.0 * 0.75 + 0.5 * 1.05 + 0.5 * 1.15)
     shoulder = float(str(row_of(proposal, "segment_0_joint")["effort"]))
     assert 1.9 * stretched < shoulder < 10 * stretched
-    assert "is a guess for the arm, as the source" in proposal.text
+    assert "(a guess for the arm: the source" in proposal.text
 
 
 def test_stated_efforts_stay_the_sources_own(tmp_path: Path):

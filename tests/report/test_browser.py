@@ -8,14 +8,16 @@ import shutil
 import subprocess
 import time
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from tiny import run_step, tiny_quadruped, write_robot_ports
+from tiny import TinyRobot, run_step, tiny_quadruped, write_robot_ports
 
 from assetbuild.looks.viewer import Viewer
 from assetbuild.report.document import make_report
 from assetbuild.report.html import View, html_page
+from assetbuild.robot.shapes import Shapes
 
 from .robots_for_tests import subject
 
@@ -70,14 +72,17 @@ def visit(tmp_path: Path) -> Callable[[str, str], dict]:
 @pytest.fixture(scope="module")
 def page(tmp_path_factory: pytest.TempPathFactory) -> str:
     """The report of the tiny quadruped."""
-    folder = tmp_path_factory.mktemp("page")
-    inputs = write_robot_ports(folder / "in", tiny_quadruped())
+    return _page(tmp_path_factory.mktemp("page"), tiny_quadruped())
+
+
+def _page(folder: Path, robot: TinyRobot) -> str:
+    inputs = write_robot_ports(folder / "in", robot)
     findings = run_step(Viewer(), inputs, folder / "out")
     if findings:
         pytest.skip(findings[0].message)
     out = folder / "out"
     view = View((out / "viewer.json").read_text(), (out / "three.js").read_text())
-    return html_page(make_report("tiny", [], {}, {}, lambda _: ""), subject(), [], view)
+    return html_page(make_report("tiny", [], {}, {}, lambda _: ""), subject(robot), None, view)
 
 
 def test_it_loads_moves_a_joint_switches_layers_and_logs_nothing(visit, page):
@@ -155,3 +160,12 @@ def _below(body: str) -> str:
         if joint.parent == found:
             found = joint.child
     return found
+
+
+def test_a_robot_without_visual_geometry_shows_what_collides(visit, page, tmp_path):
+    robot = tiny_quadruped()
+    bare = replace(robot, shapes=Shapes(robot.shapes.of("collision")))
+    checked = """result.on = [...document.querySelectorAll("input[data-layer]:checked")]
+        .map((box) => box.dataset.layer);"""
+    assert visit(page, checked)["on"] == ["visual"]
+    assert visit(_page(tmp_path, bare), checked)["on"] == ["visual", "collision"]

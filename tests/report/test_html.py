@@ -129,6 +129,19 @@ def test_each_check_is_a_sentence_with_its_number_and_limit():
     assert sentence("own", CheckResult("pass", {"gap_m": 0.123456})) == "gap 0.1235 m"
 
 
+def test_every_check_of_a_bundle_has_a_sentence():
+    """Also one that runs in another simulator, and a trainer's."""
+    bodies = {"bodies": [{"body": "trunk", "sticks_out_mm": 11.0}]}
+    assert sentence("coverage", CheckResult("pass", bodies)).endswith(
+        "geometry of 1 bodies compared"
+    )
+    slope = {"usd": {"speed_m_s": 0.0005}}
+    said = sentence("physx_slope", CheckResult("pass", slope))
+    assert said == "usd: creeps at 0.5 mm/s below the angle of friction"
+    trained = CheckResult("pass", {"fell": 0, "summary": "0 of 8 robots fell"})
+    assert sentence("smoke_mjlab", trained) == "0 of 8 robots fell"
+
+
 def test_the_view_knows_every_joint_and_keyframe():
     text = page()
     robot = tiny_quadruped()

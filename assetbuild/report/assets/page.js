@@ -17,7 +17,7 @@
     for (const lines of document.querySelectorAll(".load pre")) {
       lines.textContent = lines.textContent.replaceAll(`build/${name}/`, `${bundle}/`);
     }
-    place.textContent = "Paths as this report was opened.";
+    place.textContent = "Absolute paths to this bundle.";
   }
   const dialog = document.getElementById("large");
   const shown = dialog.querySelector("img");

@@ -131,13 +131,15 @@ window.assetbuildReady = (async function () {
   const scene = new THREE.Scene();
   renderer.shadowMap.enabled = true;
   renderer.shadowMap.type = THREE.PCFSoftShadowMap;
-  scene.add(new THREE.HemisphereLight(0xffffff, 0x8090a0, 0.55));
-  const lamp = new THREE.DirectionalLight(0xffffff, 0.7);
+  // Together they light a white surface just below full brightness, so that its form shows.
+  const sky = new THREE.HemisphereLight(0xffffff, 0x707880, 0.35);
+  sky.position.set(0, 0, 1);
+  const lamp = new THREE.DirectionalLight(0xffffff, 0.5);
   lamp.castShadow = true;
   lamp.shadow.mapSize.set(1024, 1024);
   lamp.shadow.radius = 4;
-  const fill = new THREE.DirectionalLight(0xffffff, 0.3);
-  scene.add(lamp, lamp.target, fill);
+  const fill = new THREE.DirectionalLight(0xffffff, 0.12);
+  scene.add(sky, lamp, lamp.target, fill);
   const camera = new THREE.PerspectiveCamera(40, 4 / 3, 0.01, 200);
   camera.up.set(0, 0, 1);
 
@@ -289,6 +291,7 @@ window.assetbuildReady = (async function () {
   const shown = {};
   for (const box of root.querySelectorAll("input[data-layer]")) {
     const name = box.dataset.layer;
+    if (name === "collision") box.checked = !layers.visual.length;
     const apply = () => {
       shown[name] = box.checked;
       for (const object of layers[name] || []) object.visible = box.checked;

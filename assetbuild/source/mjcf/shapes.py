@@ -282,7 +282,7 @@ def _drawn(names: list[str], *, alone: bool) -> Finding:
     shown = ", ".join(f"`{name}`" for name in names[:6]) + (", ..." if len(names) > 6 else "")
     return VISIBLE_COLLISION(
         "robot",
-        f"{len(names)} geoms touch and are drawn: {shown}; in URDF and USD they are collision only"
+        f"{len(names)} geoms collide and are drawn: {shown}; in URDF and USD they only collide"
         + (", so viewers of these show nothing of the robot" if alone else ""),
         'to see it there, repeat the geom in the MJCF with `contype="0" conaffinity="0" group="2"`',
         severity="warning" if alone else "info",

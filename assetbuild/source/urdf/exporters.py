@@ -21,7 +21,7 @@ SOLIDWORKS = Rule(
     "export.solidworks",
     "info",
     "SolidWorks' URDF exporter wrote the file (by its comment)",
-    "it writes limits of 0, the default density and guessed axes where the CAD says no more: see "
+    "it writes limits of 0, the default density and guessed axes where the CAD states none: see "
     "the findings beside this one",
 )
 ONSHAPE = Rule(

@@ -38,7 +38,7 @@ HARMLESS = ("origin", "material", "color", "texture")
 STRAY = Rule(
     "urdf.stray",
     ("warning", "info"),
-    "an element of the format stands where it has no place (an `<inertial>` outside of its "
+    "an element of the format is misplaced and ignored (an `<inertial>` outside of its "
     "link), and no reader counts it (info: it weighs, touches and moves nothing)",
     "move the element into the link or joint that it is part of",
 )
@@ -224,8 +224,8 @@ def _strays(root: Node) -> Iterator[Finding]:
         weighs = f" of {value} kg" if value else ""
         yield STRAY(
             f"element {tag}",
-            f"<{tag}>{weighs} on line {stray.line} stands where it has no place and is left out: "
-            "no reader counts it",
+            f"<{tag}>{weighs} on line {stray.line} is misplaced and ignored, as by every "
+            "other reader",
             hint="move it into the <link> or <joint> that it is part of",
             severity="info" if tag in HARMLESS else "warning",
             data={"element": tag, "line": stray.line, "mass_kg": value},

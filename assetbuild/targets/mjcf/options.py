@@ -45,5 +45,5 @@ class MjcfOptions(Model):
     tolerance: Positive = Field(
         1e-12,
         description="improvement of a step, relative to the robot's mean inertia, at which the "
-        "solver stops; with MuJoCo's 1e-8 light fingers of a heavy robot let go",
+        "solver stops; with MuJoCo's default of 1e-8, light fingers of a heavy robot let go",
     )

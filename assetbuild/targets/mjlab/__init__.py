@@ -72,7 +72,7 @@ SENSORS_LEFT_OUT = Rule(
     "mjlab.sensors",
     "info",
     "contact and drive sensors are not in the bare MJCF",
-    "mjlab makes its own",
+    "read them from the sensors that mjlab makes from its own configuration",
 )
 
 

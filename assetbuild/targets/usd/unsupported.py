@@ -161,8 +161,8 @@ def _limits(joint: Joint) -> Iterator[Finding]:
     if is_angular(joint) and worst > MAX_ANGLE_DEG + 1e-3:
         yield LIMIT_CLAMPED(
             f"joint {joint.name}",
-            f"limit {worst:.6g}° lies beyond ±360°, where PhysX clamps it by its documentation; "
-            "PhysX 0.7 does not",
+            f"limit {worst:.6g}° lies beyond ±360°: PhysX 0.7 keeps it, though its documentation "
+            "says that it clamps",
             hint="for other versions of PhysX make the joint continuous, or narrow its limits",
             data={"limit_deg": worst},
         )
@@ -275,7 +275,7 @@ def _parallel_axes(tree: Tree) -> Iterator[Finding]:
     if plain:
         yield PARALLEL_AXIS(
             "robot",
-            f"the axes of {len(plain)} joints are exactly axes of their bodies",
+            f"the axes of {len(plain)} joints are exactly parallel to axes of their bodies",
             hint="harmless; should a runtime stumble over it, `edits: perturb_axis` turns them",
             data={"joints": tuple(plain)},
         )
