@@ -20,8 +20,8 @@ from assetbuild.policy.robot import Bot, bot_of
 from assetbuild.policy.stated import Policy
 from assetbuild.policy.terms import unknown
 
-SEARCH_S = 5.0
-"""So long each hypothesis of a diagnosis is tried."""
+SEARCH_S, LONGER_S = 5.0, 2.0
+"""So long each hypothesis of a diagnosis is tried; by so much longer than until it fell."""
 Say = Callable[[str], None]
 
 
@@ -85,7 +85,7 @@ def replay_policy(path: Path, bundle: Path, wish: Wish, say: Say) -> Replayed:
         is_poor = not first.follows or first.score < BEST - BETTER
         if wish.search and is_poor:
             say("looking for the fault")
-            found = _searched(policy, bot, network, wish)
+            found = _searched(policy, bot, network, wish, first.seconds if first.fell else 0.0)
         return Replayed(policy, runs, found, is_poor and wish.search)
 
 
@@ -111,10 +111,13 @@ def _run(policy: Policy, bot: Bot, network: Network, engine: str, wish: Wish) ->
         return replay(policy, bot, network, world, wish.command, wish.seconds)
 
 
-def _searched(policy: Policy, bot: Bot, network: Network, wish: Wish) -> Diagnosis | None:
-    """In MuJoCo, in shorter runs; the answer in one of full length."""
+def _searched(
+    policy: Policy, bot: Bot, network: Network, wish: Wish, fell_s: float
+) -> Diagnosis | None:
+    """In MuJoCo, in shorter runs. fell_s: when it fell, 0 where it did not."""
+    seconds = min(wish.seconds, max(SEARCH_S, fell_s + LONGER_S))
 
-    def attempt(changed: Policy, seconds: float = min(SEARCH_S, wish.seconds)) -> Replay:
+    def attempt(changed: Policy) -> Replay:
         world = InMujoco(bot, changed, wish.scene)
         return replay(changed, bot, network, world, wish.command, seconds)
 
