@@ -8,8 +8,8 @@ from assetbuild.robot.model import Joint, Tree
 
 DEPTH_FIRST = ("urdf", "mujoco", "newton")
 """They walk down one limb before they begin the next, as the tree itself is stored."""
-BREADTH_FIRST = ("isaaclab", "physx")
-"""They take all joints that are equally far from the root, then those one further."""
+BREADTH_FIRST = ("isaaclab",)
+"""It takes all joints that are equally far from the root, then those one further."""
 BUS = "bus"
 
 

@@ -24,7 +24,7 @@ HELD = {f"joint {name}" for name in COLUMNS.values()} | {
     "simulation timestep", "simulation decimation", "robot base",
 }  # fmt: skip
 WORDS = ("format", "version", "robot", "conventions", "feet")
-BREADTH_FIRST = ("isaaclab", "physx")
+BREADTH_FIRST = ("isaaclab",)
 
 
 class PolicyFacts(Reader):
@@ -106,7 +106,7 @@ CONVENTIONS = {
 
 
 def _orders(reference: Reference, moving: list[str]) -> dict[str, list[str]]:
-    """MuJoCo and Newton walk down limb by limb, as the tree is stored; PhysX sorts by depth."""
+    """MuJoCo and Newton walk down limb by limb, as the tree is stored; Isaac Lab sorts by depth."""
     deep = sorted(moving, key=lambda name: _depth(reference.tree, name))
     bus = list((reference.options.get("policy") or {}).get("bus_order") or moving)
     stored = dict.fromkeys(("urdf", "mujoco", "newton"), moving)
