@@ -39,6 +39,16 @@ VALIDATION_SKIPPED = Rule(
 )
 
 
+EXTENT = Rule(
+    "usd.extent",
+    "error",
+    "a shape states another extent than it has, so that viewers and renderers lose sight of it",
+    "if nobody edited the bundle, this is a bug: please report it",
+)
+ROUNDING_M = 1e-5
+"""float32 of the corners of a large shape."""
+
+
 class UsdValid(Check):
     """`usd/<robot>.usda`, opened with usd-core alone from a copy in another folder."""
 
@@ -60,6 +70,8 @@ class UsdValid(Check):
             write_figures(files, {"bytes": size})
             yield from _references(main, folder)
             yield from lint_file(main)
+            for stage in (main, folder / "scene.usda"):
+                yield from _extents(stage) if stage.is_file() else ()
 
 
 def lint_file(path: Path) -> Iterator[Finding]:
@@ -72,6 +84,29 @@ def lint_file(path: Path) -> Iterator[Finding]:
         yield UNREADABLE("robot", f"`{path.name}` cannot be opened as USD")
         return
     yield from _validation(stage)
+
+
+def _extents(path: Path) -> Iterator[Finding]:
+    """What each shape states, beside what USD computes of it."""
+    from pxr import Tf, Usd, UsdGeom
+
+    try:
+        stage = Usd.Stage.Open(str(path))
+    except Tf.ErrorException:
+        return  # `usd.unreadable` says so
+    for prim in Usd.PrimRange(stage.GetPseudoRoot(), Usd.TraverseInstanceProxies()):
+        shape = UsdGeom.Boundable(prim)
+        stated = shape.GetExtentAttr().Get() if shape else None
+        attribute = shape.GetExtentAttr() if shape else None
+        if not stated or attribute is None or not attribute.HasAuthoredValue():
+            continue
+        real = UsdGeom.Boundable.ComputeExtentFromPlugins(shape, Usd.TimeCode.Default())
+        off = [abs(a - b) for one, two in zip(stated, real or (), strict=False)
+               for a, b in zip(one, two, strict=True)]  # fmt: skip
+        size = max((abs(v) for corner in real or () for v in corner), default=0.0)
+        if off and max(off) > ROUNDING_M * max(1.0, size):
+            text = f"states an extent that is off by {max(off):.3g} m"
+            yield EXTENT(f"prim {prim.GetPath()}", text, data={"off_m": max(off)})
 
 
 def _references(main: Path, folder: Path) -> Iterator[Finding]:

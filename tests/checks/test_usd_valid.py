@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pxr
 import pytest
-from pxr import Sdf, Usd
+from pxr import Sdf, Usd, UsdGeom
 from tiny import TinyRobot, check_inputs, pendulum, run_step, spoil_stage, tiny_quadruped
 
 from assetbuild.checks.usd_valid import UsdValid
@@ -59,6 +59,19 @@ def test_absolute_reference_is_caught_even_where_it_still_resolves(tmp_path: Pat
 
     findings = check(tiny_quadruped(), tmp_path / "build", spoil)
     assert rules(findings) == {"usd.unresolved"}
+
+
+def test_an_extent_that_hides_a_shape_is_caught(tmp_path: Path) -> None:
+    """Twice as wide as the shape: renderers would still draw it, others lose it."""
+
+    def spoil(stage: Usd.Stage) -> None:
+        shapes = Usd.PrimRange(stage.GetPseudoRoot(), Usd.TraverseInstanceProxies())
+        stated = (UsdGeom.Boundable(prim).GetExtentAttr() for prim in shapes)
+        first = next(one for one in stated if one and one.Get() and one.GetPrim().IsA("Sphere"))
+        first.Set([2.0 * corner for corner in first.Get()])
+
+    findings = check(tiny_quadruped(), tmp_path, spoil)
+    assert rules(findings) == {"usd.extent"} and "off by" in findings[0].message
 
 
 def test_main_file_that_is_no_usd_is_caught(tmp_path: Path) -> None:
