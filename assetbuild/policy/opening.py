@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import math
 import os
+import re
 from pathlib import Path
 
 from assetbuild.errors import UsageError
@@ -19,12 +21,39 @@ FOLDERS = (".", "params", "../params", "exported", "../exported")
 """Where they lie, from a policy's own folder; likewise its network."""
 
 
-def open_policy(path: Path, bot: Bot) -> Policy:
-    """What a policy says of itself. UsageError where nothing describes it.
+BROKEN = (TypeError, ValueError, LookupError, AttributeError, ArithmeticError, re.error)
+"""What a reader runs into where a file is not of its kind at all."""
+STEPS_S = (1e-4, 1.0)
+LONGEST = 100
+"""Steps that an observation may look back."""
 
-    A file that is named wins; beside an ONNX file, its `deploy.yaml` or `env.yaml` wins over its
-    metadata.
-    """
+
+def open_policy(path: Path, bot: Bot) -> Policy:
+    """What a policy says of itself. UsageError where nothing describes it, or not in numbers."""
+    try:
+        policy = _read(path, bot)
+    except BROKEN as error:  # a file may hold anything
+        text = f"{type(error).__name__}: {error}"
+        raise UsageError(f"`{path}` is no policy that can be read: {text}") from None
+    numbers = [
+        *policy.position.values(), *policy.scale.values(), *policy.offset.values(),
+        *policy.kp.values(), *policy.kd.values(), *(v for t in policy.terms for v in t.scale),
+    ]  # fmt: skip
+    wrong = ""
+    if not all(map(math.isfinite, numbers)):
+        wrong = "it has numbers that are not finite"
+    elif policy.step_s is not None and not STEPS_S[0] <= policy.step_s <= STEPS_S[1]:
+        wrong = f"it acts every {policy.step_s:g} s; expected {STEPS_S[0]:g} to {STEPS_S[1]:g}"
+    elif any(term.history > LONGEST for term in policy.terms):
+        wrong = f"an observation looks back more than {LONGEST} steps"
+    if wrong:
+        raise UsageError(f"`{policy.file.name}`: {wrong}")
+    return policy
+
+
+def _read(path: Path, bot: Bot) -> Policy:
+    """A file that is named wins; beside an ONNX file, its `deploy.yaml` or `env.yaml` wins over
+    its metadata."""
     if not path.exists():
         raise UsageError(f"no such file or folder: `{path}`")
     folder = path if path.is_dir() else path.parent

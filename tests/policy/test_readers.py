@@ -2,13 +2,19 @@
 
 from __future__ import annotations
 
+import math
+import tempfile
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
 import pytest
 import yaml
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from onnx import TensorProto, helper
 from policies import BUS, bundle_of, deployed, save, write_network, write_policy
+from tiny import examples
 
 from assetbuild.errors import UsageError
 from assetbuild.policy.compare import compare, sees
@@ -87,6 +93,9 @@ def test_a_policy_is_found_by_its_folder_its_network_or_its_file(bot: Bot, tmp_p
         ("joint_ids_map", None, "joint_ids_map: it is missing"),
         ("stiffness", [20.0], "stiffness: expected 12 numbers, found 1"),
         ("step_dt", "fast", "step_dt: expected a number, found `fast`"),
+        ("step_dt", 0.0, "it acts every 0 s"),
+        ("stiffness", [math.inf] * 12, "numbers that are not finite"),
+        ("observations", {"joint_pos_rel": {"params": {}, "history_length": 10**9}}, "looks back"),
         ("actions", {"JointEffortAction": {}}, "expected `JointPositionAction` alone"),
     ],
 )
@@ -189,6 +198,39 @@ def test_what_describes_no_policy_is_refused_with_a_hint(bot: Bot, tmp_path: Pat
     with pytest.raises(UsageError, match="holds no policy") as raised:
         open_policy(tmp_path, bot)
     assert "deploy.yaml" in raised.value.hint
+
+
+JUNK = st.one_of(
+    st.none(), st.booleans(), st.integers(-3, 3), st.floats(), st.text(max_size=3),
+    st.lists(st.integers(-2, 40), max_size=3), st.dictionaries(st.text(max_size=2), st.none()),
+)  # fmt: skip
+
+
+def paths_of(value: Any, path: tuple[Any, ...] = ()) -> list[tuple[Any, ...]]:
+    """Every place in plain data."""
+    if not isinstance(value, dict | list):
+        return []
+    items = value.items() if isinstance(value, dict) else enumerate(value)
+    return [p for key, item in items for p in ((*path, key), *paths_of(item, (*path, key)))]
+
+
+@pytest.mark.parametrize("name", ["deploy.yaml", "env.yaml"])
+@given(data=st.data())
+@settings(max_examples=examples(80), deadline=None)
+def test_whatever_stands_there_is_read_or_is_one_error(name: str, data: st.DataObject, bot: Bot):
+    """One value anywhere is another one."""
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / name
+        path.write_text(ENV)
+        said = deployed(bot) if name == "deploy.yaml" else read_yaml(path)
+        place = data.draw(st.sampled_from(paths_of(said)))
+        inside = said
+        for key in place[:-1]:
+            inside = inside[key]
+        inside[place[-1]] = data.draw(JUNK)
+        path.write_text(yaml.safe_dump(said, sort_keys=False))
+        with suppress(UsageError):
+            list(compare(open_policy(path, bot), bot))
 
 
 # --- YAML of strangers ---------------------------------------------------------------------------
