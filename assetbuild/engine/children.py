@@ -324,6 +324,7 @@ def environment(kind: Kind, home: Path) -> dict[str, str]:
     fixed |= cpu_class().environment | REUSE_MEMORY
     fixed |= {"PYTHONHASHSEED": "0", "PYTHONUTF8": "1", "TZ": "UTC", "LC_ALL": "C"}
     fixed["MESA_SHADER_CACHE_DISABLE"] = "true"  # it lies in the user's home, whatever HOME says
+    fixed["MUJOCO_GL"] = "disable"  # else MuJoCo imports GLFW, which takes longer than MuJoCo
     return kept | fixed
 
 
