@@ -108,7 +108,9 @@ class _Outside:
         before = len(self._known)
         rows = [self._known.setdefault(plane.tobytes(), len(self._known)) for plane in planes]
         numbers = np.array(rows)
-        lost, is_new = ~np.isin(self._facing, numbers), numbers >= before
+        is_there = np.zeros(len(self._known) + 1, dtype=bool)
+        is_there[numbers] = True
+        lost, is_new = ~is_there[self._facing], numbers >= before
         self.by_m[lost] = -np.inf
         for some, seen in ((lost, is_new | True), (~lost, is_new)):
             if not seen.any():  # the corner lies in planes that were there
