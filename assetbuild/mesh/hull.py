@@ -18,8 +18,6 @@ COPLANAR = 1e-3
 """Angle between normals, rad, below which neighbouring triangles are one polygon."""
 CHUNK = 500_000
 """Numbers per block of `beyond`: 4 MB, which a processor's cache holds."""
-PLANE = 32
-"""Bytes of one plane's four numbers."""
 FLAT = 1e-7
 """Points whose smallest extent is below this share of the largest span no volume."""
 
@@ -108,7 +106,8 @@ class _Outside:
     def update(self, planes: Array) -> None:
         """planes: (k, 4), all that the hull has now."""
         known, before, text = self._known, len(self._known), planes.tobytes()
-        keys = [text[at : at + PLANE] for at in range(0, len(text), PLANE)]
+        size = len(text) // len(planes)
+        keys = [text[at : at + size] for at in range(0, len(text), size)]
         numbers = np.array([known.setdefault(key, len(known)) for key in keys])
         is_there = np.zeros(len(known) + 1, dtype=bool)
         is_there[numbers] = True

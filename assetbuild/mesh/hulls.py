@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -32,7 +33,7 @@ def write_meshes(file: Path, meshes: Sequence[TriangleMesh]) -> None:
     """All meshes of a robot, or their hulls, in the order in which it names them."""
     tables = {key: [getattr(mesh, key) for mesh in meshes] for key in TABLES}
     sizes = [[0 if table is None else len(table) for table in own] for own in tables.values()]
-    joined = {
+    joined: dict[str, Any] = {  # Any: `savez` has other keywords, too
         key: np.concatenate([np.zeros((0, *TABLES[key])), *(t for t in own if t is not None)])
         for key, own in tables.items()
     }

@@ -126,8 +126,8 @@ def _refuse_unusable(parts: tuple[MaterialPart, ...], subject: str) -> None:
             raise StepError(
                 f"{subject}: a face uses vertex {worst}, there are {len(mesh.vertices)}"
             )
-        broken = ~np.isfinite(mesh.vertices).all(axis=1)
-        if broken.any() and (used := mesh.faces[broken[mesh.faces]]).size:
+        finite = np.asarray(np.isfinite(mesh.vertices).all(axis=1))
+        if not finite.all() and (used := mesh.faces[~finite[mesh.faces]]).size:
             raise StepError(f"{subject}: vertex {int(used.min())} is not a finite number")
 
 

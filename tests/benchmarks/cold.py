@@ -4,7 +4,8 @@ Each robot is built once for its downloads, then several times from an empty sto
 nothing else. Prints a table of the build in the middle: what each step took of the processor and by
 the clock, what imports took of that, and whether the step is on the critical path, which is the
 chain of steps, each reading the one before, that needs the processor longest. Then a gain is
-changed in the recipe, several times. `--together` builds all robots as one graph as well.
+changed in the recipe, several times. The last table is the budget: CPU seconds by kind of step.
+`--together` builds all robots as one graph as well.
 """
 
 from __future__ import annotations
@@ -19,6 +20,7 @@ import subprocess
 import sys
 import tempfile
 import time
+from collections import defaultdict
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -127,6 +129,30 @@ def table(built: Built, recipe: Path, store: Path) -> str:
     return "\n".join([head, *lines, f"critical path: {_sum(path, cpu):.1f} CPU s"])
 
 
+def kinds(built: Built, recipe: Path) -> dict[str, float]:
+    """CPU seconds by kind of step, of all workers' imports, and of the process that builds."""
+    found: dict[str, float] = defaultdict(float)
+    for label, step in steps_of(recipe).items():
+        first = label.partition(" ")[0]
+        found[label if first == "check" else first] += step["child_cpu_seconds"]
+    found["imports of the workers"] = sum(spent for kind, _, spent in built.notes if kind != "step")
+    found["the process that builds"] = built.cpu - sum(found.values())
+    return found
+
+
+def budget(robots: dict[str, dict[str, float]]) -> str:
+    """A row for each kind that takes LEAST_S of any robot, and one for all others."""
+    most = {kind: max(each.get(kind, 0.0) for each in robots.values())
+            for each in robots.values() for kind in each}  # fmt: skip
+    order = sorted((kind for kind in most if most[kind] >= LEAST_S), key=lambda kind: -most[kind])
+    rows = [(kind, [each.get(kind, 0.0) for each in robots.values()]) for kind in order]
+    rest = [sum(each.values()) - sum(each.get(k, 0.0) for k in order) for each in robots.values()]
+    rows += [("others", rest), ("together", [sum(each.values()) for each in robots.values()])]
+    head = f"| CPU s | {' | '.join(robots)} |\n| --- |{' --- |' * len(robots)}"
+    lines = [f"| {kind} | {' | '.join(f'{v:.1f}' for v in values)} |" for kind, values in rows]
+    return "\n".join([head, *lines])
+
+
 def gain_changed(recipe: Path, folder: Path, store: Path, times: int) -> list[Built]:
     """The first `kp` of the recipe, a little more each time."""
     text = recipe.read_text()
@@ -153,6 +179,7 @@ def main() -> int:
         shutil.copytree(ROOT / "recipes", folder, dirs_exist_ok=True)
         recipes = [folder / f"{robot}.yaml" for robot in arguments.robots]
         build(recipes, folder, warm)
+        budgets: dict[str, dict[str, float]] = {}
         print("| from nothing | wall s | CPU s | peak MB |\n| --- | --- | --- | --- |")
         for some in [[recipe] for recipe in recipes] + [recipes] * arguments.together:
             runs = []
@@ -163,11 +190,13 @@ def main() -> int:
             print(middle.row(" ".join(recipe.stem for recipe in some)), flush=True)
             if len(some) == 1:
                 print(table(middle, some[0], store))
+                budgets[some[0].stem] = kinds(middle, some[0])
                 gains = gain_changed(some[0], folder, store, arguments.times)
                 cpu, wall = (
                     statistics.median(getattr(g, n) for g in gains) for n in ("cpu", "wall")
                 )
                 print(f"a gain changed: {cpu:.2f} CPU s, {wall:.2f} s by the clock", flush=True)
+        print(budget(budgets))
     return 0
 
 
