@@ -51,10 +51,8 @@ class MjcfCompiles(Check):
         for path in sorted((files.inputs / "mjcf").glob("*.xml")):
             try:
                 # The reader of facts compiles the robot's meshes; the floor and sky nobody else.
-                if path.name == "scene.xml":
-                    loaded = load(path, change=without_visual_meshes)
-                else:
-                    loaded = load(path, visuals=False)
+                is_scene = path.name == "scene.xml"
+                loaded = load(path, visuals=is_scene, change=without_visual_meshes)
             except StepError as error:
                 yield LOAD(
                     "robot",

@@ -7,6 +7,8 @@ from collections.abc import Mapping
 from assetbuild.mesh.simplify import clustered, simplified
 from assetbuild.mesh.triangles import TriangleMesh, area, cleaned
 
+MOST = 40_000
+"""Triangles of all visual meshes together, each counted once."""
 SMALLEST = 400
 """Triangles up to which a mesh is left as it is: a screw stays a screw."""
 OWN, WHOLE = 0.005, 0.0012
@@ -18,7 +20,7 @@ DECIMALS = 5
 """Of a metre, to which vertices are rounded."""
 
 
-def lightened(meshes: Mapping[str, TriangleMesh], max_faces: int) -> dict[str, TriangleMesh]:
+def lightened(meshes: Mapping[str, TriangleMesh], max_faces: int = MOST) -> dict[str, TriangleMesh]:
     """The meshes that became smaller, by name.
 
     Vertices that nearly touch become one; where the meshes then have more than `max_faces`

@@ -259,10 +259,9 @@ def _eroded(where: NDArray[np.bool_]) -> NDArray[np.bool_]:
     """Without the pixels that have one outside the mask within EDGE beside or above them."""
     height, width = where.shape
     padded = np.pad(where, EDGE, constant_values=True)
-    shifts = range(2 * EDGE + 1)
-    beside = [padded[EDGE : EDGE + height, shift : shift + width] for shift in shifts]
-    above = [padded[shift : shift + height, EDGE : EDGE + width] for shift in shifts]
-    return np.asarray(np.logical_and.reduce([*beside, *above]))
+    cross = [at for n in range(2 * EDGE + 1) for at in ((EDGE, n), (n, EDGE))]
+    moved = [padded[y : y + height, x : x + width] for y, x in cross]
+    return np.asarray(np.logical_and.reduce(moved))
 
 
 def _box_filtered(values: NDArray[np.float32], radius: int) -> NDArray[np.float32]:

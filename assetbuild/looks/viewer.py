@@ -11,13 +11,11 @@ import re
 import zipfile
 from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import Field
 
-from assetbuild.engine.step import Files, Limits, Step
+from assetbuild.engine.step import Files, Step
 from assetbuild.findings import Finding, Rule
 from assetbuild.looks.lighten import lightened
 from assetbuild.mesh import MESH_MODULES
@@ -60,15 +58,11 @@ class Viewer(Step):
     outputs = ("viewer.json", "three.js")
     isolated = True
     preload = MESH_MODULES
-    limits: ClassVar[Limits] = Limits(wall_s=600.0)
-
-    max_faces: int = Field(40_000, ge=100)
-    """Triangles of all visual meshes together, each counted once."""
 
     def run(self, files: Files) -> Iterator[Finding]:
         """Without the library the page has no 3D view, and a finding says so."""
         robot = RobotFiles(files.inputs)
-        meshes = shown_meshes(robot, self.max_faces)
+        meshes = shown_meshes(robot)
         library = three_js()
         if library is None:
             yield NO_VIEWER(
@@ -88,14 +82,14 @@ class Viewer(Step):
         (files.outputs / "three.js").write_text(library or "", encoding="utf-8")
 
 
-def shown_meshes(robot: RobotFiles, max_faces: int) -> dict[str, TriangleMesh]:
+def shown_meshes(robot: RobotFiles) -> dict[str, TriangleMesh]:
     """Each mesh by name: thinned where it is only looked at."""
     meshes = read_meshes(robot.triangles, robot.shapes)
     seen, hit = (
         {s.geometry.mesh for s in robot.shapes.of(role) if isinstance(s.geometry, Mesh)}
         for role in ("visual", "collision")
     )
-    light = lightened({name: meshes[name] for name in sorted(seen)}, max_faces)
+    light = lightened({name: meshes[name] for name in sorted(seen)})
     return {**meshes, **{name: mesh for name, mesh in light.items() if name not in hit}}
 
 
