@@ -59,11 +59,14 @@ def build(recipes: list[Path], folder: Path, store: Path, *options: str) -> Buil
     )
     _, status, used = os.wait4(process.pid, 0)
     wall = time.monotonic() - began
+    # What a killed process had spent is lost to `wait4`: the workers say it themselves.
     process.returncode = os.waitstatus_to_exitcode(status)
     if process.returncode != 0:
         raise SystemExit(f"the build ended with {process.returncode}")
     noted = tuple(tuple(json.loads(line)) for line in notes.read_text().splitlines())
-    return Built(wall, used.ru_utime + used.ru_stime, used.ru_maxrss / 1024, noted)
+    cpu = sum(spent for kind, _, spent in noted if kind != "step")
+    cpu += sum(s["child_cpu_seconds"] for each in recipes for s in steps_of(each).values())
+    return Built(wall, cpu, used.ru_maxrss / 1024, noted)
 
 
 def only_downloads(full: Path, fresh: Path) -> Path:
@@ -120,7 +123,7 @@ def table(built: Built, recipe: Path, store: Path) -> str:
         (f"worker: {label or 'no modules'} | ", spent, spent, False) for label, spent in workers
     ]
     rest = built.cpu - sum(cpu.values()) - sum(spent for _, spent in workers)
-    rows.append(("the process that builds, and the first of its children | ", rest, 0.0, False))
+    rows.append(("the process that builds | ", rest, 0.0, False))
     lines = [
         f"| {name} | {spent:.2f} | {imported:.2f} | {'yes' if on_path else ''} |"
         for name, spent, imported, on_path in sorted(rows, key=lambda row: -row[1])
@@ -135,7 +138,8 @@ def kinds(built: Built, recipe: Path) -> dict[str, float]:
     for label, step in steps_of(recipe).items():
         first = label.partition(" ")[0]
         found[label if first == "check" else first] += step["child_cpu_seconds"]
-    found["imports of the workers"] = sum(spent for kind, _, spent in built.notes if kind != "step")
+    workers = (spent for kind, _, spent in built.notes if kind == "worker")
+    found["imports of the workers"] = sum(workers)
     found["the process that builds"] = built.cpu - sum(found.values())
     return found
 
