@@ -28,6 +28,8 @@ from typing import Any
 ROOT = Path(__file__).parents[2]
 LEAST_S = 0.1
 """Steps that take the processor less are one row."""
+WORTH_S = 0.5
+"""Kinds of steps that take the processor less are one row of the budget."""
 
 
 @dataclass(frozen=True)
@@ -145,10 +147,10 @@ def kinds(built: Built, recipe: Path) -> dict[str, float]:
 
 
 def budget(robots: dict[str, dict[str, float]]) -> str:
-    """A row for each kind that takes LEAST_S of any robot, and one for all others."""
+    """A row for each kind that takes WORTH_S of any robot, and one for all others."""
     most = {kind: max(each.get(kind, 0.0) for each in robots.values())
             for each in robots.values() for kind in each}  # fmt: skip
-    order = sorted((kind for kind in most if most[kind] >= LEAST_S), key=lambda kind: -most[kind])
+    order = sorted((kind for kind in most if most[kind] >= WORTH_S), key=lambda kind: -most[kind])
     rows = [(kind, [each.get(kind, 0.0) for each in robots.values()]) for kind in order]
     rest = [sum(each.values()) - sum(each.get(k, 0.0) for k in order) for each in robots.values()]
     rows += [("others", rest), ("together", [sum(each.values()) for each in robots.values()])]
