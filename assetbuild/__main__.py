@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import os
 import sys
 
@@ -20,6 +21,7 @@ def main() -> int:
         code = _null_build(here, argv)
         if code is not None:
             return code
+    gc.set_threshold(50_000, 20)  # imports and records make many objects and little garbage
     from assetbuild.cli import main as run
 
     return run(argv)

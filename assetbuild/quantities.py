@@ -28,7 +28,7 @@ _QUANTITY = re.compile(r"\s*([0-9.eE+-]+)\s*([a-zA-Z%]+)\s*")
 class Model(BaseModel):
     """Base of all recipe models: frozen, and an unknown key is an error."""
 
-    model_config = ConfigDict(frozen=True, extra="forbid")
+    model_config = ConfigDict(frozen=True, extra="forbid", defer_build=True)
 
 
 M = TypeVar("M", bound=Model)

@@ -22,7 +22,7 @@ from assetbuild.robot.mirror import Tolerances, mirror_findings
 from assetbuild.robot.pose import Array
 from assetbuild.robot.twins import Motion, Part, twins
 from assetbuild.simulators import mujoco
-from assetbuild.simulators.mujoco import Loaded, load
+from assetbuild.simulators.mujoco import Loaded, load, mj
 from assetbuild.simulators.mujoco.drives import Drive, drives_of, read_drives
 
 LOAD = Rule("mjcf.load", "error", "MuJoCo refuses the file", "read the findings on the description")
@@ -50,8 +50,9 @@ class MjcfCompiles(Check):
         figures: dict[str, dict[str, int]] = {}
         for path in sorted((files.inputs / "mjcf").glob("*.xml")):
             try:
-                # The reader of facts compiles the looks of the robot; of the scene nobody else.
-                loaded = load(path, visuals=path.name == "scene.xml")
+                # The reader of facts compiles the robot's meshes; the floor and sky nobody else.
+                is_scene = path.name == "scene.xml"
+                loaded = load(path, visuals=is_scene, change=without_visual_meshes)
             except StepError as error:
                 yield LOAD(
                     "robot",
@@ -67,6 +68,16 @@ class MjcfCompiles(Check):
                 yield from lint_text(path)
                 yield from lint_model(model)
         write_figures(files, figures)
+
+
+def without_visual_meshes(spec: Any) -> None:  # Any: MuJoCo's MjSpec
+    """Small balls in the place of visual meshes. The file must state every mass."""
+    for geom in spec.geoms:
+        if geom.meshname and not geom.contype and not geom.conaffinity:
+            geom.type, geom.size, geom.meshname = mj.mjtGeom.mjGEOM_SPHERE, (0.01, 0.0, 0.0), ""
+    used = {geom.meshname for geom in spec.geoms}
+    for mesh in [mesh for mesh in spec.meshes if mesh.name not in used]:
+        spec.delete(mesh)
 
 
 def said_by_mujoco(name: str, loaded: Loaded) -> Iterator[Finding]:

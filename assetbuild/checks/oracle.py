@@ -291,8 +291,8 @@ class _Mujoco:
                 model.body(self._written[body.name])
         if more := int(model.nv) - len(self.dof) - BASE * self._floats:
             raise LookupError(f"{more} degrees of freedom more than the robot has")
-        self._links = {body.name: (body.name, Pose()) for body in tree.bodies}
-        self._links |= {f.name: (f.body, f.X_body_frame) for f in tree.frames}
+        self._links = {body.name: (body.name, Pose().matrix()) for body in tree.bodies}
+        self._links |= {f.name: (f.body, f.X_body_frame.matrix()) for f in tree.frames}
 
     def move(self, positions: Mapping[str, float], X_world_body: Pose) -> None:
         """Place it at rest. X_world_body: of a floating base."""
@@ -312,7 +312,7 @@ class _Mujoco:
         """
         body, X_body_link = self._links[name]
         if self._written[body] in self._bodies:
-            yield _matrix(self.data.body(self._written[body])) @ X_body_link.matrix()
+            yield _matrix(self.data.body(self._written[body])) @ X_body_link
             if name != body and name in self._sites:
                 yield _matrix(self.data.site(name))
 

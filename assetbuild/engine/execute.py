@@ -20,7 +20,7 @@ from assetbuild.errors import AssetBuildError, StepError
 
 @dataclass(frozen=True)
 class Costs:
-    """Seconds by label.
+    """Seconds by label, on a machine with nothing else to do.
 
     seconds: of the step itself. chains: of the longest chain of steps that begins with it, each of
     which reads the one before. guessed: steps that never ran here.

@@ -85,7 +85,7 @@ class Journal:
         return str(ran.get("at", "")), ran["why"]
 
     def last_seconds(self, label: str) -> float | None:
-        """How long the node took when it last ran, wall clock."""
+        """What the node took when it last ran: of the processor, or a download by the clock."""
         ran = self._noted(label).get("ran")
         seconds = ran.get("seconds") if isinstance(ran, dict) else None
         return float(seconds) if isinstance(seconds, int | float) else None

@@ -128,7 +128,10 @@ class Maker:
             )
         self.session.actions.learn(action.key, made)
         why = [change.to_json() for change in changes]
-        self.session.journal.ran(action.label, action.parts, why, made.seconds)
+        # The clock also counts what else the machine did; of a download it is all there is.
+        by_clock = action.step.network or not made.child
+        work_s = made.seconds if by_clock else min(made.seconds, made.cpu_seconds)
+        self.session.journal.ran(action.label, action.parts, why, work_s)
         return made
 
     def _log(self, label: str) -> Path | None:

@@ -47,7 +47,7 @@ class Step(BaseModel):
     Heavy libraries are imported inside `run`.
     """
 
-    model_config = ConfigDict(frozen=True, extra="forbid")
+    model_config = ConfigDict(frozen=True, extra="forbid", defer_build=True)
 
     version: ClassVar[str] = ""
     """Plug-ins for assetbuild 0.1 state it. It decides nothing: the key holds their code."""
@@ -81,6 +81,12 @@ class Step(BaseModel):
     network: ClassVar[bool] = False
     """Only the `fetch*` steps may say True."""
 
+    @classmethod
+    def __pydantic_init_subclass__(cls, **_: object) -> None:
+        """Pydantic would evaluate the class variables of all bases again for each class."""
+        own = cls.__annotations__
+        cls.__annotations__ = {n: a for n, a in own.items() if "ClassVar" not in str(a)}
+
     def run(self, files: Files) -> Iterable[Finding]:
         """Read `files.inputs`, write `files.outputs`, yield findings."""
         raise NotImplementedError
@@ -93,3 +99,6 @@ class Step(BaseModel):
     def step_name(cls) -> str:
         """`read_urdf` for `assetbuild.source.urdf.read_urdf`: its file, or a name of its own."""
         return cls.own_name or cls.__module__.rsplit(".", 1)[-1]
+
+
+Step.__pydantic_init_subclass__()

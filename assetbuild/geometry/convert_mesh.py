@@ -16,7 +16,7 @@ from assetbuild.errors import StepError
 from assetbuild.findings import Finding, Rule
 from assetbuild.kinds import ConvertedMesh, MeshPart
 from assetbuild.mesh.material import MaterialPart, SurfaceMaterial, corner_normals
-from assetbuild.mesh.obj import SUFFIX, array_bytes, obj_bytes
+from assetbuild.mesh.obj import SUFFIX, array_bytes
 from assetbuild.mesh.picture import has_holes, png_of
 from assetbuild.mesh.read import BY_TRIMESH, Format, UpAxis, read_mesh
 from assetbuild.mesh.triangles import (
@@ -258,24 +258,22 @@ def write_converted(
     up_axis: str | None = None,
     *,
     turned: bool = False,
-    suffix: str = SUFFIX,
 ) -> None:
-    """Write `parts/<n>.npz`, or OBJ, and `mesh.json` (a `ConvertedMesh`) into `folder`."""
+    """Write `parts/<n>.npz` and `mesh.json` (a `ConvertedMesh`) into `folder`."""
     (folder / "parts").mkdir(exist_ok=True)
-    form = array_bytes if suffix == SUFFIX else obj_bytes
     for number, part in enumerate(parts):
-        (folder / "parts" / f"{number}{suffix}").write_bytes(form(part.mesh))
-    record = replace(describe(parts, suffix), up_axis=up_axis, turned=turned)
+        (folder / "parts" / f"{number}{SUFFIX}").write_bytes(array_bytes(part.mesh))
+    record = replace(describe(parts), up_axis=up_axis, turned=turned)
     (folder / "mesh.json").write_bytes(encode(record))
 
 
-def describe(parts: Sequence[MaterialPart], suffix: str) -> ConvertedMesh:
+def describe(parts: Sequence[MaterialPart]) -> ConvertedMesh:
     """The figures of a converted mesh; it is closed when all parts together are."""
     whole = weld(merged([part.mesh for part in parts]))
     closed = is_closed(whole)
     lower, upper = whole.bounds
     return ConvertedMesh(
-        parts=tuple(_described(f"{n}{suffix}", part) for n, part in enumerate(parts)),
+        parts=tuple(_described(f"{n}{SUFFIX}", part) for n, part in enumerate(parts)),
         faces=len(whole.faces),
         area_m2=area(whole),
         lower=vec3(lower),

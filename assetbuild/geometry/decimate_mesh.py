@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import shutil
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass, replace
-from pathlib import Path
+from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
@@ -18,11 +17,11 @@ from assetbuild.geometry.convert_mesh import write_converted
 from assetbuild.kinds import ConvertedMesh
 from assetbuild.mesh import MESH_MODULES
 from assetbuild.mesh.material import MaterialPart, SurfaceMaterial
-from assetbuild.mesh.obj import SUFFIX, obj_of, read_part
+from assetbuild.mesh.obj import read_part
 from assetbuild.mesh.quality import Distance, surface_distance
 from assetbuild.mesh.simplify import simplified
 from assetbuild.mesh.triangles import TriangleMesh, area, merged
-from assetbuild.robot.codec import decode_file, encode
+from assetbuild.robot.codec import decode_file
 
 AREA = (0.98, 1.02)
 """Area after / before. Quadric decimation eats thin parts and small components first: a ruined
@@ -95,7 +94,7 @@ class DecimateMesh(Step):
         """Decimate `parts/` towards `max_faces`; raises StepError when a part is no mesh."""
         record = decode_file(ConvertedMesh, files.inputs / "mesh.json")
         if record.faces <= self.max_faces:
-            _pass_on(files, record)
+            _pass_on(files)
             return
         parts = [
             MaterialPart(
@@ -107,11 +106,11 @@ class DecimateMesh(Step):
         yield from self._textured(parts)
         found = self._search([part.mesh for part in parts])
         if found is None:
-            _pass_on(files, record)
+            _pass_on(files)
             yield self._stopped(record.faces, record.faces, None)
             return
         out = [MaterialPart(p.material, m) for p, m in zip(parts, found.meshes, strict=True)]
-        write_converted(files.outputs, out, suffix=".obj")
+        write_converted(files.outputs, out)
         for picture in sorted({part.texture for part in record.parts if part.texture}):
             shutil.copyfile(files.inputs / "parts" / picture, files.outputs / "parts" / picture)
         reached = sum(len(part.mesh.faces) for part in out)
@@ -198,14 +197,7 @@ def _judged(made: Sequence[TriangleMesh], meshes: Sequence[TriangleMesh]) -> _At
     return _Attempt(tuple(made), share, surface_distance(new, old), moved, old.diagonal)
 
 
-def _pass_on(files: Files, record: ConvertedMesh) -> None:
-    """All as it is; what was arrays becomes the text that a bundle holds."""
-    (files.outputs / "parts").mkdir()
-    for path in (files.inputs / "parts").iterdir():
-        place = files.outputs / "parts" / path.name
-        if path.suffix == SUFFIX:
-            place.with_suffix(".obj").write_bytes(obj_of(path))
-        else:
-            shutil.copyfile(path, place)
-    parts = (replace(p, file=str(Path(p.file).with_suffix(".obj"))) for p in record.parts)
-    (files.outputs / "mesh.json").write_bytes(encode(replace(record, parts=tuple(parts))))
+def _pass_on(files: Files) -> None:
+    """All as it is."""
+    shutil.copytree(files.inputs / "parts", files.outputs / "parts")
+    shutil.copyfile(files.inputs / "mesh.json", files.outputs / "mesh.json")

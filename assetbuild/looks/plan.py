@@ -1,6 +1,6 @@
-"""How the robot looks: light meshes, pictures, the geometry of the 3D view. Nothing that trains.
+"""How the robot looks: pictures, the geometry of the 3D view. Nothing that trains.
 
-    meshes -> light meshes -> viewer
+    tree, shapes, triangles -> viewer
     tree, shapes, meshes, pose -> picture model -> pictures
 
 No gain, no friction and no timestep reaches these steps, so a new one draws nothing anew.
@@ -15,14 +15,11 @@ from typing import TYPE_CHECKING
 
 from assetbuild.engine.graph import Node, Ref
 from assetbuild.engine.planner import Planner
-from assetbuild.geometry.plan import Geometry
 from assetbuild.kinds import Target
-from assetbuild.looks.lighten import Lighten
 from assetbuild.looks.render import Render
 from assetbuild.looks.viewer import Viewer
 from assetbuild.plugins import load_plugin
 from assetbuild.recipe.models import Recipe
-from assetbuild.robot.shapes import MeshFile
 
 if TYPE_CHECKING:
     from assetbuild.engine.world import World
@@ -32,27 +29,14 @@ PICTURE_MODEL = "picture model"
 """An MJCF to look at; what it has to say about the robot, the target `mjcf` says too."""
 
 
-def lightened(recipe: Recipe, geometry: Geometry, p: Planner) -> Ref:
-    """The meshes of the 3D view; they do not wait for what collides."""
-    meshes = dict.fromkeys(
-        geometry.visual(shape.geometry, recipe.visual.max_faces)["parts/"]
-        for shape in geometry.shapes.of("visual")
-        if isinstance(shape.geometry, MeshFile)
-    )
-    inputs = {f"meshes/{number}/parts/": ref for number, ref in enumerate(meshes)}
-    return p.add("light meshes", Lighten(), inputs)["light/"]
-
-
-def looks(
-    recipe: Recipe, robot: Mapping[str, Ref], light: Ref, pose: Ref, p: Planner
-) -> dict[str, Node]:
-    """The nodes `viewer` and, of a robot that MJCF can hold, `pictures`. light: `lightened`."""
-    ports = {port: robot[port] for port in ("shapes.json", "meshes/")}
-    shown = ports | {"tree.json": robot["tree.json"], "light/": light}
+def looks(recipe: Recipe, robot: Mapping[str, Ref], pose: Ref, p: Planner) -> dict[str, Node]:
+    """The nodes `viewer` and, of a robot that MJCF can hold, `pictures`."""
+    shown = {port: robot[port] for port in ("tree.json", "shapes.json", "triangles.npz")}
     nodes = {"viewer": p.add("viewer", Viewer(), shown)}
     if "mjcf" in recipe.targets:  # else the recipe may hold what MJCF refuses
         target = load_plugin(Target, "mjcf")
-        drawn = ports | {"tree.json": robot["tree.json"], "control.json": pose}
+        drawn = {port: robot[port] for port in ("tree.json", "shapes.json", "meshes/")}
+        drawn["control.json"] = pose
         model = p.add(PICTURE_MODEL, target.configure(recipe), drawn)
         step = Render(renderer=renderer(p.world))
         nodes["pictures"] = p.add("pictures", step, {"mjcf/": model["mjcf/"]})

@@ -236,23 +236,42 @@ def _is_plane(geom: Any) -> bool:  # Any: mjvGeom
 def _blurred(pixels: NDArray[Any], where: NDArray[np.bool_], radius: int) -> NDArray[Any]:
     """Two box filters over the pixels of a mask, which take nothing from outside of it."""
     from PIL import Image
-    from scipy.ndimage import binary_erosion, uniform_filter
 
-    cross = np.zeros((2 * EDGE + 1, 2 * EDGE + 1), dtype=np.bool_)
-    cross[EDGE] = cross[:, EDGE] = True
-    inside = binary_erosion(where, cross, border_value=1)
+    inside = _eroded(where)
     size = (where.shape[1] // BLUR_STEP, where.shape[0] // BLUR_STEP)
 
     def smooth(values: NDArray[Any]) -> NDArray[np.float32]:
         image = Image.fromarray(values.astype(np.float32))
         small = np.asarray(image.resize(size, Image.Resampling.BOX))
         for _ in range(2):
-            small = uniform_filter(small, 2 * (radius // BLUR_STEP) + 1, mode="nearest")
+            small = _box_filtered(small, radius // BLUR_STEP)
         return np.asarray(Image.fromarray(small).resize(image.size, Image.Resampling.BILINEAR))
 
     grey = smooth(np.where(inside, pixels[..., 1], 0.0))
     level = np.round(grey / np.maximum(smooth(inside), 1e-6)).astype(pixels.dtype)
     return np.where(inside[..., None], level[..., None], pixels)
+
+
+# Importing scipy.ndimage for the next two would take longer than drawing a frame.
+
+
+def _eroded(where: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Without the pixels that have one outside the mask within EDGE beside or above them."""
+    height, width = where.shape
+    padded = np.pad(where, EDGE, constant_values=True)
+    cross = [at for n in range(2 * EDGE + 1) for at in ((EDGE, n), (n, EDGE))]
+    moved = [padded[y : y + height, x : x + width] for y, x in cross]
+    return np.asarray(np.logical_and.reduce(moved))
+
+
+def _box_filtered(values: NDArray[np.float32], radius: int) -> NDArray[np.float32]:
+    """Means over squares of `2 radius + 1` pixels; beyond the edge the picture goes on as it is."""
+    for _ in range(2):  # along each axis
+        padded = np.pad(values, ((radius + 1, radius), (0, 0)), "edge")
+        sums = np.cumsum(padded, axis=0, dtype=np.float64)
+        means = (sums[2 * radius + 1 :] - sums[: -2 * radius - 1]) / (2 * radius + 1)
+        values = means.astype(np.float32).T
+    return values
 
 
 def _unit(vector: Array) -> Array:

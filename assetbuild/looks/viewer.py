@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import base64
 import gzip
-import hashlib
 import importlib.util
 import io
 import json
@@ -18,8 +17,9 @@ from numpy.typing import NDArray
 
 from assetbuild.engine.step import Files, Step
 from assetbuild.findings import Finding, Rule
+from assetbuild.looks.lighten import lightened
 from assetbuild.mesh import MESH_MODULES
-from assetbuild.mesh.obj import read_triangles
+from assetbuild.mesh.hulls import read_meshes
 from assetbuild.mesh.solid import Distance, distance_to
 from assetbuild.mesh.triangles import TriangleMesh
 from assetbuild.robot.files import RobotFiles
@@ -42,9 +42,9 @@ NO_VIEWER = Rule(
 
 
 class Viewer(Step):
-    """`tree.json`, `shapes.json`, `meshes/` and `light/` -> `viewer.json` and `three.js`.
+    """`tree.json`, `shapes.json` and `triangles.npz` -> `viewer.json` and `three.js`.
 
-    light: as `Lighten` writes it; what is shown of meshes that nothing collides with.
+    Meshes that nothing collides with are thinned, because the view only shows them.
 
     viewer.json: {"gzip": base64 of a compressed JSON}, which holds {"span_m", "meshes": {name:
     {"lower", "size", "points", "faces", "wide"}}, "shapes": [{"name", "link", "body", "role",
@@ -54,7 +54,7 @@ class Viewer(Step):
     quaternions wxyz.
     """
 
-    usual_s = 0.3
+    usual_s = 1.0
     outputs = ("viewer.json", "three.js")
     isolated = True
     preload = MESH_MODULES
@@ -62,7 +62,7 @@ class Viewer(Step):
     def run(self, files: Files) -> Iterator[Finding]:
         """Without the library the page has no 3D view, and a finding says so."""
         robot = RobotFiles(files.inputs)
-        meshes = {name: read_triangles(text) for name, text in _shown(files, robot)}
+        meshes = shown_meshes(robot)
         library = three_js()
         if library is None:
             yield NO_VIEWER(
@@ -82,14 +82,15 @@ class Viewer(Step):
         (files.outputs / "three.js").write_text(library or "", encoding="utf-8")
 
 
-def _shown(files: Files, robot: RobotFiles) -> Iterator[tuple[str, bytes]]:
-    """(name, OBJ) of each mesh: thinned where that was done and it is only looked at."""
-    shapes = robot.shapes
-    hit = {s.geometry.mesh for s in shapes.of("collision") if isinstance(s.geometry, Mesh)}
-    for asset in shapes.meshes:
-        text = (robot.mesh_dir / asset.file).read_bytes()
-        light = files.inputs / "light" / f"{hashlib.sha256(text).hexdigest()}.obj"
-        yield asset.name, light.read_bytes() if asset.name not in hit and light.is_file() else text
+def shown_meshes(robot: RobotFiles) -> dict[str, TriangleMesh]:
+    """Each mesh by name: thinned where it is only looked at."""
+    meshes = read_meshes(robot.triangles, robot.shapes)
+    seen, hit = (
+        {s.geometry.mesh for s in robot.shapes.of(role) if isinstance(s.geometry, Mesh)}
+        for role in ("visual", "collision")
+    )
+    light = lightened({name: meshes[name] for name in sorted(seen)})
+    return {**meshes, **{name: mesh for name, mesh in light.items() if name not in hit}}
 
 
 def three_js() -> str | None:

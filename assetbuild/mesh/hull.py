@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from assetbuild.errors import StepError
-from assetbuild.mesh.triangles import Indices, TriangleMesh
+from assetbuild.mesh.triangles import Indices, TriangleMesh, cross
 from assetbuild.robot.pose import Array
 
 if TYPE_CHECKING:
@@ -105,18 +105,22 @@ class _Outside:
 
     def update(self, planes: Array) -> None:
         """planes: (k, 4), all that the hull has now."""
-        before = len(self._known)
-        rows = [self._known.setdefault(plane.tobytes(), len(self._known)) for plane in planes]
-        numbers = np.array(rows)
-        lost, is_new = ~np.isin(self._facing, numbers), numbers >= before
+        known, before, text = self._known, len(self._known), planes.tobytes()
+        size = len(text) // len(planes)
+        keys = [text[at : at + size] for at in range(0, len(text), size)]
+        numbers = np.array([known.setdefault(key, len(known)) for key in keys])
+        is_there = np.zeros(len(known) + 1, dtype=bool)
+        is_there[numbers] = True
+        lost, is_new = ~is_there[self._facing], numbers >= before
         self.by_m[lost] = -np.inf
         for some, seen in ((lost, is_new | True), (~lost, is_new)):
             if not seen.any():  # the corner lies in planes that were there
                 continue
             over = self._points[some] @ planes[seen, :3].T + planes[seen, 3]
-            nearer = over.max(axis=1) > self.by_m[some]
+            farthest = over.max(axis=1)
+            nearer = farthest > self.by_m[some]
             changed = np.flatnonzero(some)[nearer]
-            self.by_m[changed] = over[nearer].max(axis=1)
+            self.by_m[changed] = farthest[nearer]
             self._facing[changed] = numbers[seen][np.argmax(over[nearer], axis=1)]
 
 
@@ -176,7 +180,7 @@ def polygon_count(hull: TriangleMesh) -> int:
 def _normals(hull: TriangleMesh) -> tuple[Array, NDArray[np.bool_]]:
     """Unit normals (m, 3), and which triangles are big enough to have one."""
     a, b, c = np.moveaxis(hull.corners, 1, 0)
-    normal = np.cross(b - a, c - a)
+    normal = cross(b - a, c - a)
     size = np.linalg.norm(normal, axis=1)
     solid = size > 1e-12 * max(float(size.max(initial=0.0)), 1e-300)
     return normal / np.where(solid, size, 1.0)[:, None], solid
@@ -220,7 +224,7 @@ def _outward(points: Array, hull: ConvexHull) -> TriangleMesh:
     faces: Indices = number[np.asarray(hull.simplices, dtype=np.int64)]
     vertices = points[used]
     a, b, c = np.moveaxis(vertices[faces], 1, 0)
-    inward = np.einsum("ij,ij->i", np.cross(b - a, c - a), hull.equations[:, :3]) < 0.0
+    inward = np.einsum("ij,ij->i", cross(b - a, c - a), hull.equations[:, :3]) < 0.0
     faces[inward] = faces[inward][:, ::-1]
     start = np.argmin(faces, axis=1)[:, None] + np.arange(3)
     faces = np.take_along_axis(faces, start % 3, axis=1)

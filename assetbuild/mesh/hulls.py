@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -16,6 +17,9 @@ from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.pose import Array
 from assetbuild.robot.shapes import Mesh, Role, Shapes
 
+TABLES = {"vertices": (3,), "faces": (3,), "uv": (3, 2), "normals": (3, 3)}
+"""Arrays of a mesh in one of these files, and the shape of a row."""
+
 
 def hull_or_points(mesh: TriangleMesh) -> TriangleMesh:
     """The hull; of a flat mesh, which has none, all its vertices and no face."""
@@ -27,24 +31,27 @@ def hull_or_points(mesh: TriangleMesh) -> TriangleMesh:
 
 def write_meshes(file: Path, meshes: Sequence[TriangleMesh]) -> None:
     """All meshes of a robot, or their hulls, in the order in which it names them."""
-    sizes = [(len(mesh.vertices), len(mesh.faces)) for mesh in meshes]
-    np.savez(
-        file,
-        sizes=np.array(sizes, dtype=np.int64).reshape(-1, 2),
-        vertices=np.concatenate([np.zeros((0, 3)), *(mesh.vertices for mesh in meshes)]),
-        faces=np.concatenate([np.zeros((0, 3)), *(mesh.faces for mesh in meshes)], dtype=np.int32,
-                             casting="unsafe"),
-    )  # fmt: skip
+    tables = {key: [getattr(mesh, key) for mesh in meshes] for key in TABLES}
+    sizes = [[0 if table is None else len(table) for table in own] for own in tables.values()]
+    joined: dict[str, Any] = {  # Any: `savez` has other keywords, too
+        key: np.concatenate([np.zeros((0, *TABLES[key])), *(t for t in own if t is not None)])
+        for key, own in tables.items()
+    }
+    joined["faces"] = joined["faces"].astype(np.int32)
+    np.savez(file, sizes=np.array(sizes, dtype=np.int64), **joined)
 
 
-def read_meshes(file: Path, shapes: Shapes) -> Mapping[str, TriangleMesh]:
-    """By name of the mesh: vertices and faces, without texture and normals."""
+def read_meshes(file: Path, shapes: Shapes, *, surface: bool = False) -> Mapping[str, TriangleMesh]:
+    """By name of the mesh: vertices and faces. surface: with texture coordinates and normals."""
+    keys = [*TABLES] if surface else ["vertices", "faces"]
     with np.load(file) as stored:
-        sizes, vertices, faces = (stored[key] for key in ("sizes", "vertices", "faces"))
-    ends = np.cumsum(sizes, axis=0)[:-1].T
-    parts = zip(np.split(vertices, ends[0]), np.split(faces.astype(np.int64), ends[1]), strict=True)
+        ends = np.cumsum(stored["sizes"], axis=1)[:, :-1]
+        columns = [np.split(stored[key], at) for key, at in zip(keys, ends, strict=False)]
     names = [asset.name for asset in shapes.meshes]
-    return dict(zip(names, (TriangleMesh(*part) for part in parts), strict=False))
+    return {
+        name: TriangleMesh(vertices, faces.astype(np.int64), *(t if len(t) else None for t in more))
+        for name, vertices, faces, *more in zip(names, *columns, strict=False)
+    }
 
 
 def hulls_by_body(robot: RobotFiles) -> Mapping[tuple[str, Role], list[TriangleMesh]]:

@@ -6,6 +6,7 @@ holds OBJ text, which is written once, when a mesh has its final shape.
 
 from __future__ import annotations
 
+import functools
 import io
 import warnings
 import zipfile
@@ -307,6 +308,7 @@ def read_part(path: Path, subject: str = "mesh") -> TriangleMesh:
         raise StepError(f"{subject}: `{path.name}` holds no mesh: {error}") from error
 
 
+@functools.lru_cache(16)
 def obj_of(path: Path) -> bytes:
-    """A part of a converted mesh as OBJ text."""
+    """A part of a converted mesh as OBJ text, made once for all links that show it."""
     return obj_bytes(read_part(path)) if path.suffix == SUFFIX else path.read_bytes()

@@ -8,7 +8,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from assetbuild.mesh.triangles import Indices, TriangleMesh, face_areas
+from assetbuild.mesh.triangles import Indices, TriangleMesh, cross, face_areas
 from assetbuild.robot.pose import Array
 
 Numbers = NDArray[np.uint32]
@@ -169,7 +169,7 @@ def _anchors(corners: Array, edges: Array, spacing: float) -> tuple[Array, Indic
 def point_triangle_distance(points: Array, corners: Array) -> Array:
     """(n,) distances of points (n, 3) to triangles (n, 3, 3): to the face, else to its edges."""
     a, b, c = np.moveaxis(corners, 1, 0)
-    normal = np.cross(b - a, c - a)
+    normal = cross(b - a, c - a)
     squared = np.einsum("ij,ij->i", normal, normal)
     solid = squared > 0.0
     safe = np.where(solid, squared, 1.0)
@@ -177,7 +177,7 @@ def point_triangle_distance(points: Array, corners: Array) -> Array:
     nearest = np.full(len(points), np.inf)
     for start, end in ((a, b), (b, c), (c, a)):
         edge, to = end - start, points - start
-        inside &= np.einsum("ij,ij->i", np.cross(edge, to), normal) >= 0.0
+        inside &= np.einsum("ij,ij->i", cross(edge, to), normal) >= 0.0
         length = np.einsum("ij,ij->i", edge, edge)
         along = np.einsum("ij,ij->i", to, edge) / np.where(length > 0.0, length, 1.0)
         off = to - np.clip(along, 0.0, 1.0)[:, None] * edge

@@ -120,16 +120,15 @@ def _refuse_unusable(parts: tuple[MaterialPart, ...], subject: str) -> None:
         raise StepError(f"{subject}: no triangles", hint="is it an empty scene or a point cloud?")
     for part in parts:
         mesh = part.mesh
-        used = np.unique(mesh.faces)
-        if len(used) and (used[0] < 0 or used[-1] >= len(mesh.vertices)):
-            worst = int(used[0] if used[0] < 0 else used[-1])
+        least, most = int(mesh.faces.min(initial=0)), int(mesh.faces.max(initial=-1))
+        if least < 0 or most >= len(mesh.vertices):
+            worst = least if least < 0 else most
             raise StepError(
                 f"{subject}: a face uses vertex {worst}, there are {len(mesh.vertices)}"
             )
-        finite = np.isfinite(mesh.vertices[used]).all(axis=1)
-        if not finite.all():
-            first = int(used[np.argmin(finite)])
-            raise StepError(f"{subject}: vertex {first} is not a finite number")
+        finite = np.asarray(np.isfinite(mesh.vertices).all(axis=1))
+        if not finite.all() and (used := mesh.faces[~finite[mesh.faces]]).size:
+            raise StepError(f"{subject}: vertex {int(used.min())} is not a finite number")
 
 
 def _read_obj(data: bytes, companions: Mapping[str, bytes], subject: str) -> SourceMesh:

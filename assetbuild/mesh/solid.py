@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -37,17 +38,24 @@ class Solid:
     def __init__(self, mesh: TriangleMesh) -> None:
         self._closed = is_closed(mesh)
         self._same = SAME * mesh.diagonal
-        self._views = [Across(mesh, np.asarray(ray)) for ray in RAYS]
+        self._views = functools.lru_cache(lambda ray: Across(mesh, np.asarray(ray)))
 
     def contains(self, points: Array) -> NDArray[np.bool_]:
         """(n,) True for points (n, 3) inside."""
+        each = 1 if self._closed else 2
+        needed = len(RAYS) * each // 2 + 1
         votes = np.zeros(len(points), dtype=np.int64)
-        for view in self._views:
-            struck = self._once(view.strike(points))
+        open_ = np.arange(len(points))
+        for left, ray in zip(reversed(range(len(RAYS))), RAYS, strict=True):
+            struck = self._once(self._views(ray).strike(points[open_]))
             ahead = struck.depth > 0.0
-            for side in (ahead,) if self._closed else (ahead, ~ahead):
-                votes += np.bincount(struck.ray[side], minlength=len(points)) % 2
-        return np.asarray(votes > len(RAYS) * (1 if self._closed else 2) // 2)
+            for side in (ahead, ~ahead)[:each]:
+                votes[open_] += np.bincount(struck.ray[side], minlength=len(open_)) % 2
+            # What the rays that are left cannot change is settled.
+            open_ = open_[(votes[open_] < needed) & (votes[open_] + left * each >= needed)]
+            if not len(open_):
+                break
+        return np.asarray(votes >= needed)
 
     def _once(self, struck: Struck) -> Struck:
         """Without the second of two surfaces in one place that face alike: a face drawn twice."""

@@ -115,10 +115,16 @@ def unit_vectors(vectors: Array) -> Array:
     return np.asarray(vectors / np.where(length > 0.0, length, 1.0), dtype=np.float64)
 
 
+def cross(u: Array, v: Array) -> Array:
+    """(n, 3) cross products, digit by digit those of numpy, which takes three times as long."""
+    (ux, uy, uz), (vx, vy, vz) = u.T, v.T
+    return np.stack([uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx], axis=1)
+
+
 def face_normals(mesh: TriangleMesh) -> Array:
     """(m, 3) unit normals of the faces; zero for degenerate ones."""
     a, b, c = np.moveaxis(mesh.corners, 1, 0)
-    return unit_vectors(np.cross(b - a, c - a))
+    return unit_vectors(cross(b - a, c - a))
 
 
 TURNED = 1e-9
@@ -187,7 +193,7 @@ def with_short_diagonals(triangles: Indices, counts: Indices, corners: Array) ->
 def _areas(triangles: Array) -> Array:
     """(k, 3) m2: normals of triangles (k, 3, 3), twice as long as their area."""
     a, b, c = np.moveaxis(triangles, 1, 0)
-    return np.cross(b - a, c - a)
+    return cross(b - a, c - a)
 
 
 def _ears(start: int, corners: Array) -> Indices:
@@ -211,7 +217,7 @@ def _ears(start: int, corners: Array) -> Indices:
 def face_areas(mesh: TriangleMesh) -> Array:
     """(m,) areas of the faces, m2."""
     a, b, c = np.moveaxis(mesh.corners, 1, 0)
-    return np.asarray(np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2.0, dtype=np.float64)
+    return np.asarray(np.linalg.norm(cross(b - a, c - a), axis=1) / 2.0, dtype=np.float64)
 
 
 def area(mesh: TriangleMesh) -> float:
@@ -259,7 +265,7 @@ def _cone_volumes(mesh: TriangleMesh) -> tuple[Array, Array]:
     lower, upper = mesh.bounds
     about = (lower + upper) / 2.0
     a, b, c = np.moveaxis(mesh.corners - about, 1, 0)
-    return np.einsum("ij,ij->i", a, np.cross(b, c)) / 6.0, about
+    return np.einsum("ij,ij->i", a, cross(b, c)) / 6.0, about
 
 
 def is_closed(mesh: TriangleMesh) -> bool:

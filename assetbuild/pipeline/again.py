@@ -30,6 +30,7 @@ from assetbuild.facts.compare import EQUAL
 from assetbuild.facts.reader import UNREADABLE
 from assetbuild.facts.reference import Assets, Reference
 from assetbuild.findings import Finding, Rule
+from assetbuild.geometry.measure_assets import MeasureAssets
 from assetbuild.pipeline.writers import (
     StatedRecipe,
     code_of_writers,
@@ -189,6 +190,10 @@ def _write(
         known = {name: held[name][name] for name in ("tree.json", "control.json")}
         rated = p.add("ratings", KeepRatings(), known)
         held["ratings.json"] = {"ratings.json": rated["ratings.json"]}
+        if any("triangles.npz" in reads(type(step)) for step in steps.values()):
+            shown = held["shapes.json"] | held["meshes/"]
+            measured = p.add("measure_assets", MeasureAssets(), shown)
+            held["triangles.npz"] = {"triangles.npz": measured["triangles.npz"]}
         for name, step in steps.items():
             inputs = {name: ref for port in reads(type(step)) for name, ref in held[port].items()}
             p.add(name, step, inputs)

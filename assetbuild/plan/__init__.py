@@ -29,7 +29,7 @@ from assetbuild.geometry.plan import Geometry, assemble, companions, lint_densit
 from assetbuild.identify.plan import identify
 from assetbuild.kinds import Target, lacking
 from assetbuild.lock import Lock, lock_path, read_lock
-from assetbuild.looks.plan import lightened, looks
+from assetbuild.looks.plan import looks
 from assetbuild.plan.agree import check_against_robot, check_names, turned_meshes
 from assetbuild.plan.asked import checks_of, readers_of
 from assetbuild.plan.edits import AGAIN, apply_edits, edit_keys, guessed_links
@@ -159,8 +159,7 @@ def _finished(
         ports = {port: outline.robot[port] for port in ("tree.json", "control.json")}
         outline.ranges = p.add("state_ranges", ranges, ports)
     if drawn:
-        light = lightened(recipe, geometry, p)
-        outline.looks = looks(recipe, outline.robot, light, pose, p)
+        outline.looks = looks(recipe, outline.robot, pose, p)
     _checks(recipe, folder, outline, _sources(recipe, outline, read), p)
     return outline
 

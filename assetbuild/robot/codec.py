@@ -29,7 +29,7 @@ def decode(cls: type[T], data: bytes) -> T:
     """The model value that `encode` wrote; raises ValueError on anything else."""
     kind: Any = cls  # Any: mypy holds a type to be unhashable
     try:
-        return _reader(kind)(json.loads(data))  # type: ignore[no-any-return] # checked by the reader
+        return reader_of(kind)(json.loads(data))  # type: ignore[no-any-return] # checked by the reader
     except (KeyError, TypeError, json.JSONDecodeError) as error:
         raise ValueError(f"not a stored {cls.__name__}: {error}") from error
 
@@ -54,7 +54,7 @@ Read = Callable[[Any], Any]  # Any: plain JSON to a value, by type hints that my
 
 
 @functools.cache
-def _reader(kind: Any) -> Read:  # Any: as above
+def reader_of(kind: Any) -> Read:  # Any: as above
     """What turns plain JSON into a value of a type; it raises TypeError or KeyError."""
     origin = get_origin(kind)
     if origin in (Union, types.UnionType):
@@ -84,9 +84,9 @@ def _plain_value(kind: type, raw: Any) -> object:  # Any: as above
 
 def _tuple_reader(items: tuple[Any, ...]) -> Read:  # Any: as above
     if len(items) == 2 and items[1] is Ellipsis:
-        every = _reader(items[0])
+        every = reader_of(items[0])
         return lambda raw: tuple(map(every, raw))
-    readers = tuple(_reader(item) for item in items)
+    readers = tuple(reader_of(item) for item in items)
 
     def read(raw: Any) -> Any:  # Any: as above
         if len(readers) != len(raw):
@@ -98,7 +98,7 @@ def _tuple_reader(items: tuple[Any, ...]) -> Read:  # Any: as above
 
 def _model_reader(kind: Any) -> Read:  # Any: as above
     names, hints = _names(kind), get_type_hints(kind)
-    readers = [(name, _reader(hints[name])) for name in names]
+    readers = [(name, reader_of(hints[name])) for name in names]
     is_plain = is_dataclass(kind)
     # A source may say what a recipe may not: the bounds of a model are the recipe's.
     make: Any = kind if is_plain else kind.model_construct  # Any: of any class
@@ -114,7 +114,7 @@ def _model_reader(kind: Any) -> Read:  # Any: as above
 
 def _union_reader(kinds: tuple[Any, ...]) -> Read:  # Any: as above
     options = [kind for kind in kinds if kind is not type(None)]
-    named = {kind.__name__: _reader(kind) for kind in options}
+    named = {kind.__name__: reader_of(kind) for kind in options}
 
     def read(raw: Any) -> Any:  # Any: as above
         if raw is None and len(options) < len(kinds):

@@ -6,9 +6,12 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 
-from assetbuild.robot.codec import decode_file
+from assetbuild.robot.codec import decode_file, reader_of
 from assetbuild.robot.model import Contact, Control, Tree
 from assetbuild.robot.shapes import Shapes, SourceShapes
+
+READERS = tuple(map(reader_of, (Tree, Shapes, Control)))
+"""Made when this is imported: once for all forks of a process."""
 
 
 @dataclass(frozen=True)

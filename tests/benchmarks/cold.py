@@ -4,7 +4,8 @@ Each robot is built once for its downloads, then several times from an empty sto
 nothing else. Prints a table of the build in the middle: what each step took of the processor and by
 the clock, what imports took of that, and whether the step is on the critical path, which is the
 chain of steps, each reading the one before, that needs the processor longest. Then a gain is
-changed in the recipe, several times. `--together` builds all robots as one graph as well.
+changed in the recipe, several times. The last table is the budget: CPU seconds by kind of step.
+`--together` builds all robots as one graph as well.
 """
 
 from __future__ import annotations
@@ -19,6 +20,7 @@ import subprocess
 import sys
 import tempfile
 import time
+from collections import defaultdict
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -26,6 +28,8 @@ from typing import Any
 ROOT = Path(__file__).parents[2]
 LEAST_S = 0.1
 """Steps that take the processor less are one row."""
+WORTH_S = 0.5
+"""Kinds of steps that take the processor less are one row of the budget."""
 
 
 @dataclass(frozen=True)
@@ -57,11 +61,14 @@ def build(recipes: list[Path], folder: Path, store: Path, *options: str) -> Buil
     )
     _, status, used = os.wait4(process.pid, 0)
     wall = time.monotonic() - began
+    # What a killed process had spent is lost to `wait4`: the workers say it themselves.
     process.returncode = os.waitstatus_to_exitcode(status)
     if process.returncode != 0:
         raise SystemExit(f"the build ended with {process.returncode}")
     noted = tuple(tuple(json.loads(line)) for line in notes.read_text().splitlines())
-    return Built(wall, used.ru_utime + used.ru_stime, used.ru_maxrss / 1024, noted)
+    cpu = sum(spent for kind, _, spent in noted if kind != "step")
+    cpu += sum(s["child_cpu_seconds"] for each in recipes for s in steps_of(each).values())
+    return Built(wall, cpu, used.ru_maxrss / 1024, noted)
 
 
 def only_downloads(full: Path, fresh: Path) -> Path:
@@ -118,13 +125,38 @@ def table(built: Built, recipe: Path, store: Path) -> str:
         (f"worker: {label or 'no modules'} | ", spent, spent, False) for label, spent in workers
     ]
     rest = built.cpu - sum(cpu.values()) - sum(spent for _, spent in workers)
-    rows.append(("the process that builds, and the first of its children | ", rest, 0.0, False))
+    rows.append(("the process that builds | ", rest, 0.0, False))
     lines = [
         f"| {name} | {spent:.2f} | {imported:.2f} | {'yes' if on_path else ''} |"
         for name, spent, imported, on_path in sorted(rows, key=lambda row: -row[1])
     ]
     head = "| step | wall s | CPU s | imports s | critical |\n| --- | --- | --- | --- | --- |"
     return "\n".join([head, *lines, f"critical path: {_sum(path, cpu):.1f} CPU s"])
+
+
+def kinds(built: Built, recipe: Path) -> dict[str, float]:
+    """CPU seconds by kind of step, of all workers' imports, and of the process that builds."""
+    found: dict[str, float] = defaultdict(float)
+    for label, step in steps_of(recipe).items():
+        first = label.partition(" ")[0]
+        found[label if first == "check" else first] += step["child_cpu_seconds"]
+    workers = (spent for kind, _, spent in built.notes if kind == "worker")
+    found["imports of the workers"] = sum(workers)
+    found["the process that builds"] = built.cpu - sum(found.values())
+    return found
+
+
+def budget(robots: dict[str, dict[str, float]]) -> str:
+    """A row for each kind that takes WORTH_S of any robot, and one for all others."""
+    most = {kind: max(each.get(kind, 0.0) for each in robots.values())
+            for each in robots.values() for kind in each}  # fmt: skip
+    order = sorted((kind for kind in most if most[kind] >= WORTH_S), key=lambda kind: -most[kind])
+    rows = [(kind, [each.get(kind, 0.0) for each in robots.values()]) for kind in order]
+    rest = [sum(each.values()) - sum(each.get(k, 0.0) for k in order) for each in robots.values()]
+    rows += [("others", rest), ("together", [sum(each.values()) for each in robots.values()])]
+    head = f"| CPU s | {' | '.join(robots)} |\n| --- |{' --- |' * len(robots)}"
+    lines = [f"| {kind} | {' | '.join(f'{v:.1f}' for v in values)} |" for kind, values in rows]
+    return "\n".join([head, *lines])
 
 
 def gain_changed(recipe: Path, folder: Path, store: Path, times: int) -> list[Built]:
@@ -153,6 +185,7 @@ def main() -> int:
         shutil.copytree(ROOT / "recipes", folder, dirs_exist_ok=True)
         recipes = [folder / f"{robot}.yaml" for robot in arguments.robots]
         build(recipes, folder, warm)
+        budgets: dict[str, dict[str, float]] = {}
         print("| from nothing | wall s | CPU s | peak MB |\n| --- | --- | --- | --- |")
         for some in [[recipe] for recipe in recipes] + [recipes] * arguments.together:
             runs = []
@@ -163,11 +196,13 @@ def main() -> int:
             print(middle.row(" ".join(recipe.stem for recipe in some)), flush=True)
             if len(some) == 1:
                 print(table(middle, some[0], store))
+                budgets[some[0].stem] = kinds(middle, some[0])
                 gains = gain_changed(some[0], folder, store, arguments.times)
                 cpu, wall = (
                     statistics.median(getattr(g, n) for g in gains) for n in ("cpu", "wall")
                 )
                 print(f"a gain changed: {cpu:.2f} CPU s, {wall:.2f} s by the clock", flush=True)
+        print(budget(budgets))
     return 0
 
 

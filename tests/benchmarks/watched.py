@@ -1,7 +1,8 @@
 """`assetbuild` with child processes that note what they spend, for `cold`. First argument: FILE.
 
 Each line of FILE is the JSON of (`step`, label, CPU seconds of its imports and of all that came
-before it began) or of (`worker`, its modules, CPU seconds of the worker itself).
+before it began), of (`worker`, its modules, CPU seconds of the worker itself), or of (`main`, "",
+CPU seconds of the process that builds).
 """
 
 from __future__ import annotations
@@ -19,9 +20,19 @@ def main() -> int:
     from assetbuild.__main__ import main
     from assetbuild.engine import children
 
-    hook = f"from tests.benchmarks.watched import watch; watch({sys.argv.pop(1)!r}); "
+    log = sys.argv.pop(1)
+    hook = f"from tests.benchmarks.watched import watch; watch({log!r}); "
     children.BOOT = children.BOOT.replace("worker.main()", hook + "worker.main()")
-    return main()
+    try:
+        return main()
+    finally:
+        note(log, "main", "", time.process_time())
+
+
+def note(log: str, *row: object) -> None:
+    """Add a line to the file."""
+    with Path(log).open("a", encoding="utf-8") as file:
+        file.write(json.dumps(row) + "\n")
 
 
 def watch(log: str) -> None:
@@ -41,19 +52,15 @@ def watch(log: str) -> None:
             if not depth:
                 spent += time.process_time() - began
 
-    def note(*row: object) -> None:
-        with Path(log).open("a", encoding="utf-8") as file:
-            file.write(json.dumps(row) + "\n")
-
     def performed(step: Any, files: Any, label: str) -> Any:  # Any: as `perform`
         nonlocal spent
         before, spent = time.process_time(), 0.0
         made = perform(step, files, label)
-        note("step", label, before + spent)
+        note(log, "step", label, before + spent)
         return made
 
     def left(self: Any) -> NoReturn:  # Any: worker.Zygote
-        note("worker", " ".join(self.config["preload"]), time.process_time())
+        note(log, "worker", " ".join(self.config["preload"]), time.process_time())
         leave(self)
 
     builtins.__import__, wire.perform = counted, performed

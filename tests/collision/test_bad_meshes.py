@@ -116,7 +116,9 @@ def attempt(tmp_path: Path, bad: TriangleMesh, cpu_limit: float = 3.0):
     """(pieces, findings); the file itself is bad, past what the converter would have refused."""
     folder = tmp_path / "in/shapes/0"
     folder.mkdir(parents=True)
-    write_converted(folder, [MaterialPart(SurfaceMaterial(), BOX)], suffix=".obj")
+    write_converted(folder, [MaterialPart(SurfaceMaterial(), BOX)])
+    record = folder / "mesh.json"
+    record.write_bytes(record.read_bytes().replace(b"0.npz", b"0.obj"))
     text = obj_bytes(bad) if len(bad.faces) else b""
     (folder / "parts/0.obj").write_bytes(text)
     method = Auto(

@@ -216,7 +216,9 @@ def test_bad_meshes_stop_before_native_code(tmp_path, kind, defect):
     vertices, faces = BAD[defect]
     folder = tmp_path / "in/shapes/0"
     folder.mkdir(parents=True)
-    write_converted(folder, [MaterialPart(SurfaceMaterial(), BOX)], suffix=".obj")
+    write_converted(folder, [MaterialPart(SurfaceMaterial(), BOX)])
+    record = folder / "mesh.json"
+    record.write_bytes(record.read_bytes().replace(b"0.npz", b"0.obj"))
     text = obj_bytes(TriangleMesh(np.asarray(vertices, dtype=float), np.array(faces)))
     (folder / "parts/0.obj").write_bytes(text)
     (tmp_path / "out").mkdir()
@@ -227,7 +229,9 @@ def test_bad_meshes_stop_before_native_code(tmp_path, kind, defect):
 def test_an_index_out_of_range_names_the_line(tmp_path):
     folder = tmp_path / "in/shapes/0"
     folder.mkdir(parents=True)
-    write_converted(folder, [MaterialPart(SurfaceMaterial(), BOX)], suffix=".obj")
+    write_converted(folder, [MaterialPart(SurfaceMaterial(), BOX)])
+    record = folder / "mesh.json"
+    record.write_bytes(record.read_bytes().replace(b"0.npz", b"0.obj"))
     (folder / "parts/0.obj").write_bytes(obj_bytes(BOX) + b"f 1 2 99\n")
     with pytest.raises(StepError, match="line 21: index 99"):
         run_step(Hull(sources=MESH), tmp_path / "in", tmp_path)

@@ -62,6 +62,7 @@ def test_it_writes_below_its_own_name_and_says_what_it_reads(name: str):
     assert target.outputs == (f"{name}/",)
     assert set(target.reads) <= {
         "links.json", "tree.json", "shapes.json", "control.json", "ratings.json", "meshes/",
+        "triangles.npz",
     }  # fmt: skip
 
 

@@ -15,7 +15,7 @@ from assetbuild.geometry.match_shapes import MatchShapes
 from assetbuild.kinds import ConvertedMesh
 from assetbuild.mesh.cover import union_of
 from assetbuild.mesh.material import MaterialPart, SurfaceMaterial
-from assetbuild.mesh.obj import obj_bytes, read_triangles
+from assetbuild.mesh.obj import array_bytes, read_part
 from assetbuild.mesh.primitives import tessellate
 from assetbuild.mesh.solid import ConvexPiece
 from assetbuild.mesh.triangles import TriangleMesh, merged, signed_volume
@@ -42,24 +42,24 @@ def part(mesh: TriangleMesh, name: str = "paint") -> MaterialPart:
 
 
 def test_a_ball_of_four_thousand_faces_stays_a_ball_at_one_thousand(tmp_path):
-    record, findings, files = decimate(tmp_path, [part(BALL)], 1000)
+    record, findings, _ = decimate(tmp_path, [part(BALL)], 1000)
     assert 900 <= record.faces <= 1000
     assert set(findings) == {"visual.decimated"}
     data = findings["visual.decimated"].data
     assert (data["from"], data["to"]) == (len(BALL.faces), record.faces)
     assert data["max_mm"] < 2.0
-    volume = signed_volume(read_triangles(files["parts/0.obj"]))
+    volume = signed_volume(read_part(tmp_path / "a/parts/0.npz"))
     assert volume == pytest.approx(signed_volume(BALL), rel=0.01)
     assert record.parts[0].material == "paint"
     assert record.parts[0].rgba == (1.0, 0.5, 0.0, 1.0)
 
 
-def test_a_mesh_within_the_goal_becomes_text_as_it_is(tmp_path):
+def test_a_mesh_within_the_goal_stays_as_it_is(tmp_path):
     record, findings, files = decimate(tmp_path, [part(BALL)], len(BALL.faces))
     assert findings == {}
-    assert files.keys() == {"parts/0.obj", "mesh.json"}
-    assert files["parts/0.obj"] == obj_bytes(BALL)
-    assert record.parts[0].file == "0.obj"
+    assert files.keys() == {"parts/0.npz", "mesh.json"}
+    assert files["parts/0.npz"] == array_bytes(BALL)
+    assert record.parts[0].file == "0.npz"
 
 
 def test_the_goal_is_doubled_until_the_shape_is_kept(tmp_path):
@@ -75,8 +75,8 @@ def test_a_small_part_that_sticks_out_is_not_lost(tmp_path):
     """A thin sheet of a ten thousandth of the surface, 5 mm outside of a ball of 200 mm."""
     corners = np.array([[0.099, -0.001, 0.0], [0.099, 0.001, 0.0], [0.105, -0.001, 0.0]])
     sheet = TriangleMesh(corners, np.array([[0, 1, 2]]))
-    _, findings, files = decimate(tmp_path, [part(merged([BALL, sheet]))], 1000)
-    assert read_triangles(files["parts/0.obj"]).bounds[1][0] == pytest.approx(0.105, abs=0.002)
+    _, findings, _ = decimate(tmp_path, [part(merged([BALL, sheet]))], 1000)
+    assert read_part(tmp_path / "a/parts/0.npz").bounds[1][0] == pytest.approx(0.105, abs=0.002)
     assert "visual.budget" in findings
 
 
@@ -105,7 +105,7 @@ def test_a_textured_part_is_left_alone_and_named(tmp_path):
     assert record.parts[0].faces == len(BALL.faces)
     assert record.parts[1].faces < len(BALL.faces) / 3
     assert findings["visual.textured"].data["parts"] == 1
-    assert files["parts/0.obj"] == obj_bytes(textured)
+    assert files["parts/0.npz"] == array_bytes(textured)
 
 
 def test_the_same_bytes_twice(tmp_path):

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import base64
+import functools
 import gzip
-import hashlib
 import json
-import shutil
 from dataclasses import replace
 from io import BytesIO
 from pathlib import Path
@@ -21,7 +20,7 @@ from tiny import TinyRobot, pendulum, run_step, tiny_quadruped, write_robot_port
 from assetbuild.control.keep import KeepPose
 from assetbuild.engine.world import World
 from assetbuild.errors import StepError
-from assetbuild.looks.lighten import Lighten
+from assetbuild.looks.lighten import lightened
 from assetbuild.looks.plan import renderer
 from assetbuild.looks.render import MARGIN, Render, draw_all, ellipsoid_points, fitted
 from assetbuild.looks.studio import BACKGROUND
@@ -55,53 +54,41 @@ def ball_robot(faces_goal: int = 5000) -> TinyRobot:
     return replace(robot, shapes=shapes, meshes={"ball-1.obj": data})
 
 
-BALL = ball_robot().meshes["ball-1.obj"]
-LIGHT = f"light/{hashlib.sha256(BALL).hexdigest()}.obj"
-"""What `Lighten` makes of it."""
+BALL = read_triangles(ball_robot().meshes["ball-1.obj"])
 
 
-def lighten(folder: Path, max_faces: int = 2000) -> Path:
-    """What the step makes of the ball: a folder with `light/`."""
-    parts = folder / "in/meshes/0/parts"
-    parts.mkdir(parents=True)
-    (parts / "0.obj").write_bytes(BALL)
-    run_step(Lighten(max_faces=max_faces), folder / "in", folder / "out")
-    return folder / "out"
-
-
-def test_light_meshes_have_fewer_triangles_and_the_same_shape(tmp_path: Path):
-    mesh = read_triangles((lighten(tmp_path) / LIGHT).read_bytes())
+def test_light_meshes_have_fewer_triangles_and_the_same_shape():
+    mesh = lightened({"ball": BALL}, 2000)["ball"]
     assert len(mesh.faces) < 5120 / 2
     radii = np.linalg.norm(mesh.vertices, axis=1)
     assert radii == pytest.approx(0.1, rel=0.01)
-    small = lighten(tmp_path / "small", 500)
-    assert len(read_triangles((small / LIGHT).read_bytes()).faces) <= 510
+    assert len(lightened({"ball": BALL}, 500)["ball"].faces) <= 510
 
 
-def test_a_light_mesh_that_lost_a_part_is_not_taken(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-):
+def test_a_light_mesh_that_lost_a_part_is_not_taken(monkeypatch: pytest.MonkeyPatch):
     def half(mesh: TriangleMesh, *_: object) -> TriangleMesh:
         return TriangleMesh(mesh.vertices, mesh.faces[mesh.corners[:, :, 0].min(axis=1) > 0.0])
 
     monkeypatch.setattr("assetbuild.looks.lighten.clustered", half)
     monkeypatch.setattr("assetbuild.looks.lighten.simplified", half)
-    assert not list((lighten(tmp_path) / "light").iterdir())
+    assert lightened({"ball": BALL}, 2000) == {}
 
 
 @pytest.mark.parametrize("collides", [False, True])
-def test_the_view_shows_the_thinned_mesh_unless_it_collides(tmp_path: Path, collides: bool):
+def test_the_view_shows_the_thinned_mesh_unless_it_collides(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, collides: bool
+):
+    fewer = functools.partial(lightened, max_faces=2000)
+    monkeypatch.setattr("assetbuild.looks.viewer.lightened", fewer)
     robot = ball_robot()
     if collides:
         both = (*robot.shapes.shapes, Shape("c", robot.tree.root, "collision", Mesh("ball-1")))
         robot = replace(robot, shapes=replace(robot.shapes, shapes=both))
     inputs = write_robot_ports(tmp_path / "in", robot)
-    light = lighten(tmp_path / "thin")
-    shutil.copytree(light / "light", inputs / "light")
     run_step(Viewer(), inputs, tmp_path / "out")
     faces = base64.b64decode(view_of(tmp_path / "out")["meshes"]["ball-1"]["faces"])
-    whole, thin = read_triangles(BALL), read_triangles((light / LIGHT).read_bytes())
-    assert len(faces) == 2 * 3 * len((whole if collides else thin).faces)
+    shown = BALL if collides else fewer({"ball": BALL})["ball"]
+    assert len(faces) == 2 * 3 * len(shown.faces)
 
 
 def test_a_gain_a_friction_and_a_timestep_leave_the_pose_as_it_is(tmp_path: Path):
@@ -154,7 +141,7 @@ def test_the_view_holds_boxes_and_packed_points(tmp_path: Path):
     mesh = view["meshes"]["ball-1"]
     points = np.frombuffer(base64.b64decode(mesh["points"]), dtype="<u2").reshape(-1, 3)
     found = points / 65535 * mesh["size"] + mesh["lower"]
-    assert np.abs(found - read_triangles(BALL).vertices).max() < 1e-5
+    assert np.abs(found - BALL.vertices).max() < 1e-5
     assert in_bytes(np.array([-1.0, 0.0, 1.0])).tolist() == [1, 128, 255]
 
 

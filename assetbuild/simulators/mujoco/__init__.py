@@ -9,7 +9,7 @@ import copy
 import itertools
 import re
 import warnings
-from collections.abc import Collection, Iterable, Iterator
+from collections.abc import Callable, Collection, Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -101,20 +101,25 @@ class Loaded:
     warnings: tuple[str, ...]
 
 
-def load(path: Path, *, visuals: bool = True) -> Loaded:
+def load(
+    path: Path, *, visuals: bool = True, change: Callable[[Any], None] | None = None
+) -> Loaded:  # Any: MuJoCo's MjSpec
     """Compiles an MJCF file; StepError with MuJoCo's own words when it refuses.
 
     visuals: False leaves out, as MuJoCo's `discardvisual` does, what has no effect on the
-    physics: compiling is quick then, because most meshes are never read.
+    physics: compiling is quick then, because most meshes are never read. change: what is done to
+    the specification before it is compiled.
     """
     with caught_warnings() as said:
         try:
-            if visuals:
+            if visuals and change is None:
                 model = mj.MjModel.from_xml_path(str(path))
             else:
                 spec = mj.MjSpec.from_file(str(path))
                 # Keeps what a visual shape gives a body without inertia.
-                spec.compiler.discardvisual = True
+                spec.compiler.discardvisual |= not visuals
+                if change is not None:
+                    change(spec)
                 model = spec.compile()
         except ValueError as error:
             raise StepError(_without_folder(str(error), path)) from None

@@ -134,7 +134,7 @@ def _slide(model: Model, angle: float, down: Array) -> float:
         for _ in _stand(model, data, phase, angle, down):
             pass
     watched = _stand(model, data, (WATCH_S, 1.0, 1.0), angle, down)
-    slid = sum(step * float(_sliding(model, data)[:2] @ down) for step in watched)
+    slid = sum(step * _sliding(model, data, down) for step in watched)
     upright = float(up @ np.array(data.xmat[1]).reshape(3, 3)[:, 2]) > math.cos(angle + FALLEN)
     return abs(slid) / WATCH_S if upright and mujoco.is_finite(data) else math.nan
 
@@ -144,25 +144,25 @@ def _stand(
 ) -> Iterator[float]:
     """Stand on ground that tilts; yields each step's length in s. down: (2,) of the slope."""
     (seconds, first, last), step = phase, float(model.opt.timestep)
-    g = float(np.linalg.norm(model.opt.gravity))
+    g, advance = float(np.linalg.norm(model.opt.gravity)), mj.mj_step
     for tilt in np.linspace(first * angle, last * angle, max(1, round(seconds / step))):
         model.opt.gravity[:] = (*(g * math.sin(tilt) * down), -g * math.cos(tilt))
-        mj.mj_step(model, data)
+        advance(model, data)
         yield step
 
 
-def _sliding(model: Model, data: Data) -> Array:
-    """(3,) mean velocity of the robot's material points that touch the floor, m/s."""
+def _sliding(model: Model, data: Data, down: Array) -> float:
+    """Mean velocity down the slope of the robot's material points that touch the floor, m/s."""
     touching = mujoco.floor_contacts(model, data)
     if not touching:
-        return np.zeros(3)
+        return 0.0
     contacts, geoms = (list(column) for column in zip(*touching, strict=True))
     bodies = model.geom_bodyid[geoms]
     # MuJoCo's spatial velocities are those at the centre of mass of the body's tree.
-    turning, moving = np.split(data.cvel[bodies], 2, axis=1)
-    arms = data.contact.pos[contacts] - data.subtree_com[model.body_rootid[bodies]]
-    mean: Array = (moving + np.cross(turning, arms)).mean(axis=0)
-    return mean
+    wx, wy, wz, vx, vy, _ = data.cvel[bodies].T
+    x, y, z = (data.contact.pos[contacts] - data.subtree_com[model.body_rootid[bodies]]).T
+    along = down[0] * (vx + wy * z - wz * y) + down[1] * (vy + wz * x - wx * z)
+    return float(along.sum()) / len(touching)
 
 
 def _rolls(model: Model, body: int) -> bool:

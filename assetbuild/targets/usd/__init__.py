@@ -23,7 +23,13 @@ class Usd(Target):
 
     usual_s = 1.0
     outputs = ("usd/",)
-    reads: ClassVar[tuple[str, ...]] = ("tree.json", "shapes.json", "control.json", "meshes/")
+    reads: ClassVar[tuple[str, ...]] = (
+        "tree.json",
+        "shapes.json",
+        "control.json",
+        "meshes/",
+        "triangles.npz",
+    )
     isolated: ClassVar[bool] = True
     preload = ("pxr.Usd", "pxr.UsdGeom", "pxr.UsdPhysics", "pxr.UsdShade")
 
@@ -47,18 +53,14 @@ class Usd(Target):
 
     def run(self, files: Files) -> Iterator[Finding]:
         """Writes the asset; raises StepError for joints that no articulation holds."""
-        robot = RobotFiles(files.inputs)
-        tree, shapes, control = robot.tree, robot.shapes, robot.control
         with plain_environment():
             from assetbuild.targets.usd.about import Origin
             from assetbuild.targets.usd.asset import write_asset
 
-            folder, meshes = files.outputs / "usd", robot.mesh_dir
             source = self.urdf or self.xacro or self.mjcf
             origin = Origin(about=self.about_robot, license=self.licence, source_file=source)
-            yield from write_asset(
-                folder, self.robot, tree, shapes, control, meshes, self.options, origin
-            )
+            robot, folder = RobotFiles(files.inputs), files.outputs / "usd"
+            yield from write_asset(folder, self.robot, robot, self.options, origin)
 
 
 @contextmanager

@@ -11,9 +11,9 @@ from pathlib import Path
 from pxr import Sdf, Usd, UsdGeom
 
 from assetbuild.findings import Finding
+from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.mjcf_only import whole_gravity
-from assetbuild.robot.model import Control, Keyframe, Tree
-from assetbuild.robot.shapes import Shapes
+from assetbuild.robot.model import Control, Keyframe
 from assetbuild.simulators.usd_names import POSES, usd_identifiers
 from assetbuild.simulators.usd_options import UsdOptions
 from assetbuild.targets.usd.about import Origin, write_metadata
@@ -49,19 +49,16 @@ from assetbuild.targets.usd.unsupported import unsupported
 def write_asset(
     folder: Path,
     robot: str,
-    tree: Tree,
-    shapes: Shapes,
-    control: Control,
-    meshes: Path,
+    files: RobotFiles,
     options: UsdOptions,
     origin: Origin,
 ) -> Iterator[Finding]:
     """`<robot>.usda`, its payloads and `scene.usda`."""
-    shapes = shapes.all_coloured
+    tree, shapes, control = files.tree, files.shapes.all_coloured, files.control
     names = PrimPaths.of(robot, tree, shapes)
     payloads, main = folder / PAYLOADS, f"{robot}.usda"
-    write_library(payloads, names, shapes, meshes)
-    write_materials(payloads, names, shapes, meshes)
+    write_library(payloads, names, shapes, files.triangles)
+    write_materials(payloads, names, shapes, files.mesh_dir)
     write_instances(payloads, names, shapes, instanceable=options.instanceable)
     write_base(payloads, names, robot, control.cameras)
     # What the variants of `Physics` add to the robot.

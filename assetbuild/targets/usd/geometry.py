@@ -9,7 +9,7 @@ import numpy as np
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdShade, Vt
 
 from assetbuild.errors import StepError
-from assetbuild.mesh.obj import read_triangles
+from assetbuild.mesh.hulls import read_meshes
 from assetbuild.mesh.triangles import TriangleMesh, face_normals
 from assetbuild.robot.pose import Pose, Vec3
 from assetbuild.robot.shapes import Box, Capsule, Cylinder, Material, Mesh, Shape, Shapes, Sphere
@@ -21,7 +21,7 @@ ONE: Vec3 = (1.0, 1.0, 1.0)
 LIBRARY = "/Geometries"
 
 
-def write_library(folder: Path, names: PrimPaths, shapes: Shapes, mesh_dir: Path) -> None:
+def write_library(folder: Path, names: PrimPaths, shapes: Shapes, triangles: Path) -> None:
     """`geometries.usdc`: `/Geometries/<asset>/mesh` for each asset, no more than once.
 
     An instance needs a parent to share, a collider the mesh itself: hence the two levels.
@@ -29,12 +29,11 @@ def write_library(folder: Path, names: PrimPaths, shapes: Shapes, mesh_dir: Path
     stage = new_stage(folder / GEOMETRIES)
     library = UsdGeom.Scope.Define(stage, LIBRARY)
     stage.SetDefaultPrim(library.GetPrim())
-    for asset in shapes.meshes:
-        path = f"{LIBRARY}/{names.assets[asset.name]}"
+    for name, mesh in read_meshes(triangles, shapes, surface=True).items():
+        path = f"{LIBRARY}/{names.assets[name]}"
         # No displayName here: it would come through the reference and name the shapes wrongly.
         UsdGeom.Xform.Define(stage, path)
-        data = (mesh_dir / asset.file).read_bytes()
-        _define_mesh(stage, f"{path}/mesh", read_triangles(data, f"mesh {asset.file}"))
+        _define_mesh(stage, f"{path}/mesh", mesh)
     save(stage)
 
 
