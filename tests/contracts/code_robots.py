@@ -61,7 +61,7 @@ source:
   mjcf: xml/pole.xml
   license: MIT
   patches: [{file: xml/pole.xml, find: kp="4", replace: kp="5", because: a misprint}]
-targets: [urdf, mjcf, usd, xrdf]
+targets: [urdf, mjcf, usd, xrdf, policy]
 xrdf: {acceleration: 10, jerk: 100, tool_frames: [pole]}
 randomize: {links: {pole: {density: [0.9, 1.1], stretch: 0.1}}, friction: [0.5, 1.0]}
 identify:

@@ -43,8 +43,9 @@ import json, os, sys
 job = json.loads(sys.argv[1])
 sys.path[:] = job["sys_path"]
 from pathlib import Path
-from assetbuild.engine.step import Files
+from assetbuild.engine.step import Files, Step
 from assetbuild.engine.wire import perform, step_from_json
+Step.model_rebuild()  # pydantic builds late, and loads then what the engine needs
 for file in job["runs"]:
     if pid := os.fork():
         os.waitpid(pid, 0)
@@ -67,6 +68,7 @@ for file in job["runs"]:
 """Runs each step in a process of its own, which has loaded nothing but the engine before."""
 ELSEWHERE = {
     "assetbuild.checks.grip": "only where a recipe asks for it: see its own tests",
+    "assetbuild.checks.policy": "only where a recipe names a policy: see its own tests",
     "assetbuild.checks._newton": "needs the trainer",
     "assetbuild.checks._physx": "needs PhysX",
     "assetbuild.checks.physx_readback": "needs PhysX",

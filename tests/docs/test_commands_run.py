@@ -37,6 +37,7 @@ ELSEWHERE = {
     "--executor dask": "tests/cli/test_cluster.py",
     "assetbuild smoke": "tests/checks/test_smoke.py",
     "assetbuild identify": "tests/cli/test_identify.py",
+    "assetbuild policy": "tests/policy/test_replay.py",
     "_isaaclab.json": "tests/targets/test_isaaclab.py",
     "assetbuild build go1": "tests/cli/test_tools.py",
     "build crate.yaml": "tests/contracts/test_foreign_plugins.py",
