@@ -15,7 +15,7 @@ from pathlib import Path
 from tests.mutations import assets, leaves, markup, module
 from tests.mutations.change import Mutation
 
-FORMATS = ("mjcf", "urdf", "usd", "python", "dr", "xrdf", "robot")
+FORMATS = ("mjcf", "urdf", "usd", "python", "dr", "xrdf", "policy", "robot")
 Walk = Callable[[Path, str, random.Random], Iterator[Mutation]]
 Apply = Callable[[Path, tuple[object, ...]], None]
 

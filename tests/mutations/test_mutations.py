@@ -13,8 +13,8 @@ from tests.mutations.conftest import built
 from tests.mutations.rewrite import rewritten
 from tests.mutations.run import Result, sample, try_all
 
-OWN = tuple(form for form in FORMATS if form not in ("dr", "xrdf"))
-"""The formats of a bundle without `randomize`, and without planners."""
+OWN = tuple(form for form in FORMATS if form not in ("dr", "xrdf", "policy"))
+"""The formats of a bundle without `randomize`, planners and policies."""
 EACH = 6
 """Mutations of each format that the default run plants."""
 FOUND = 0.8

@@ -52,13 +52,15 @@ class PolicyFacts(Reader):
         said, book = read_yaml(path), Writer()
         names = said["joints"]
         for column, quantity in COLUMNS.items():
-            for name, value in zip(names, said[column], strict=True):
+            for name, value in zip(names, said[column], strict=False):
                 book.put("joint", name, {quantity: value})
+        lengths = {f"policy:{column}": float(len(said[column])) for column in ("joints", *COLUMNS)}
+        book.put("lists", "", lengths)
         for engine, order in said["orders"].items():
             for place, name in enumerate(order):
                 book.put("joint", name, {f"policy:{engine}": float(place)})
         for engine, places in said["permutations"].items():
-            for name, place in zip(names, places, strict=True):
+            for name, place in zip(names, places, strict=False):
                 book.put("joint", name, {f"policy:from {engine}": float(place)})
         book.put("simulation", "", {key: said[key] for key in ("timestep", "decimation")})
         book.put("robot", "", {"base": said["base"]["kind"]})
@@ -82,6 +84,8 @@ class PolicyFacts(Reader):
                 book.put("joint", name, words)
         for name in moving:
             book.put("joint", name, {"start": start[name]})
+        count = float(len(moving))
+        book.put("lists", "", {f"policy:{column}": count for column in ("joints", *COLUMNS)})
         imu = (reference.options.get("imu") or {}).get("link") or tree.root
         feet = (reference.options.get("feet") or {}).get("links")
         links = [*tree.by_body, *(frame.name for frame in tree.frames)]
