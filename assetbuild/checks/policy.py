@@ -12,13 +12,11 @@ from assetbuild.engine.step import Files, Limits
 from assetbuild.errors import StepError, UsageError
 from assetbuild.findings import Finding, Rule
 from assetbuild.kinds import write_figures
-from assetbuild.policy.compare import compare, sees
+from assetbuild.policy.compare import compare
 from assetbuild.policy.in_mujoco import InMujoco
-from assetbuild.policy.network import Network, fits
-from assetbuild.policy.opening import open_policy
+from assetbuild.policy.opening import open_policy, runnable
 from assetbuild.policy.replay import Replay, replay
 from assetbuild.policy.robot import bot_from
-from assetbuild.policy.terms import unknown
 from assetbuild.quantities import Positive, Real
 from assetbuild.robot.actuator_table import Key
 from assetbuild.robot.files import RobotFiles
@@ -74,13 +72,7 @@ class PolicyCheck(mujoco.InMujoco):
             bot = bot_from(files.inputs, self.robot, robot.tree, robot.control, self.imu)
             policy = open_policy(files.inputs / FOLDER, bot)
             yield from compare(policy, bot)
-            if policy.network is None:
-                raise StepError("validate.policy.files: no network among them")
-            if why := next(filter(None, map(unknown, policy.terms)), ""):
-                raise StepError(f"validate.policy: {why}")
-            with Network(policy.network) as network:
-                if why := fits(network, policy, sees(policy)):
-                    raise StepError(f"validate.policy: {why}")
+            with runnable(policy, bot) as network:
                 world = InMujoco(bot, policy)
                 done = replay(policy, bot, network, world, self.command, self.seconds)
         except UsageError as error:

@@ -96,10 +96,9 @@ def _extents(path: Path) -> Iterator[Finding]:
         return  # `usd.unreadable` says so
     for prim in Usd.PrimRange(stage.GetPseudoRoot(), Usd.TraverseInstanceProxies()):
         shape = UsdGeom.Boundable(prim)
-        stated = shape.GetExtentAttr().Get() if shape else None
-        attribute = shape.GetExtentAttr() if shape else None
-        if not stated or attribute is None or not attribute.HasAuthoredValue():
+        if not shape or not shape.GetExtentAttr().HasAuthoredValue():
             continue
+        stated = shape.GetExtentAttr().Get()
         real = UsdGeom.Boundable.ComputeExtentFromPlugins(shape, Usd.TimeCode.Default())
         off = [abs(a - b) for one, two in zip(stated, real or (), strict=False)
                for a, b in zip(one, two, strict=True)]  # fmt: skip

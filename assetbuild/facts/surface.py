@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike
 
 from assetbuild.facts.table import Value
 from assetbuild.robot.inertia import matrix_of, tensor_of
-from assetbuild.robot.pose import Array, Pose
+from assetbuild.robot.pose import Array, Pose, cross
 
 
 @dataclass(frozen=True)
@@ -89,12 +89,6 @@ def measure(corners: ArrayLike, uv: ArrayLike | None = None, *, by_area: bool = 
 def lengths(vectors: Array) -> Array:
     """(n,) lengths of (n, 3) vectors."""
     return np.asarray(np.sqrt(np.einsum("ij,ij->i", vectors, vectors)))
-
-
-def cross(u: Array, v: Array) -> Array:
-    """(n, 3) cross products; numpy's own takes three times as long."""
-    (ux, uy, uz), (vx, vy, vz) = u.T, v.T
-    return np.stack([uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx], axis=1)
 
 
 def _uv_means(uv: ArrayLike | None) -> tuple[float, ...]:

@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from assetbuild.errors import StepError
-from assetbuild.mesh.triangles import Indices, TriangleMesh, cross
-from assetbuild.robot.pose import Array
+from assetbuild.mesh.triangles import Indices, TriangleMesh
+from assetbuild.robot.pose import Array, cross
 
 if TYPE_CHECKING:
     from scipy.spatial import ConvexHull

@@ -42,7 +42,7 @@ def write_meshes(file: Path, meshes: Sequence[TriangleMesh]) -> None:
 
 
 def read_meshes(file: Path, shapes: Shapes, *, surface: bool = False) -> Mapping[str, TriangleMesh]:
-    """By name of the mesh: vertices and faces. surface: with texture coordinates and normals."""
+    """Each mesh by name. surface: with texture coordinates and normals."""
     keys = [*TABLES] if surface else ["vertices", "faces"]
     with np.load(file) as stored:
         ends = np.cumsum(stored["sizes"], axis=1)[:, :-1]

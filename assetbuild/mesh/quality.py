@@ -8,8 +8,8 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from assetbuild.mesh.triangles import Indices, TriangleMesh, cross, face_areas
-from assetbuild.robot.pose import Array
+from assetbuild.mesh.triangles import Indices, TriangleMesh, face_areas
+from assetbuild.robot.pose import Array, cross
 
 Numbers = NDArray[np.uint32]
 

@@ -3,22 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
 
-from assetbuild.errors import UsageError
 from assetbuild.findings import Finding, worst_first
-from assetbuild.policy.compare import compare, sees
+from assetbuild.policy.compare import compare
 from assetbuild.policy.diagnose import BETTER, Diagnosis, diagnose
 from assetbuild.policy.in_mujoco import InMujoco
 from assetbuild.policy.in_stages import InStages
-from assetbuild.policy.network import Network, fits
-from assetbuild.policy.opening import open_policy
+from assetbuild.policy.network import Network
+from assetbuild.policy.opening import open_policy, runnable
 from assetbuild.policy.replay import BEST, Replay, replay
 from assetbuild.policy.robot import Bot, bot_of
 from assetbuild.policy.stated import Policy
-from assetbuild.policy.terms import unknown
 
 SEARCH_S, LONGER_S = 5.0, 2.0
 """So long each hypothesis of a diagnosis is tried; by so much longer than until it fell."""
@@ -72,11 +69,7 @@ def replay_policy(path: Path, bundle: Path, wish: Wish, say: Say) -> Replayed:
     """Let a policy drive the robot of a bundle. AssetBuildError for what cannot be replayed."""
     bot = bot_of(bundle)
     policy = open_policy(path, bot)
-    _refuse(policy, bot)
-    assert policy.network is not None  # noqa: S101 # refused otherwise
-    with Network(policy.network) as network:
-        if why := fits(network, policy, sees(policy)):
-            raise UsageError(why, hint="`assetbuild policy check` says what the files describe")
+    with runnable(policy, bot) as network:
         runs: dict[str, Replay] = {}
         for engine in wish.engines:
             say(f"{engine}: {wish.seconds:g} s")
@@ -89,25 +82,11 @@ def replay_policy(path: Path, bundle: Path, wish: Wish, say: Say) -> Replayed:
         return Replayed(policy, runs, found, is_poor and wish.search)
 
 
-def _refuse(policy: Policy, bot: Bot) -> None:
-    if policy.network is None:
-        hint = "put `policy.onnx` beside it"
-        raise UsageError(f"`{policy.file.name}` has no network to replay", hint=hint)
-    for term in policy.terms:
-        if why := unknown(term):
-            raise UsageError(f"observation `{term.name}`: {why}")
-    strange = [name for name in policy.joints if name not in bot.tree.by_joint]
-    if strange:
-        raise UsageError(f"the robot has no joint `{strange[0]}`, which the policy drives")
-
-
 def _run(policy: Policy, bot: Bot, network: Network, engine: str, wish: Wish) -> Replay:
-    with ExitStack() as stack:
-        if engine == "mujoco":
-            return replay(
-                policy, bot, network, InMujoco(bot, policy, wish.scene), wish.command, wish.seconds
-            )
-        world = stack.enter_context(InStages(bot, policy, engine))
+    if engine == "mujoco":
+        still = InMujoco(bot, policy, wish.scene)
+        return replay(policy, bot, network, still, wish.command, wish.seconds)
+    with InStages(bot, policy, engine) as world:
         return replay(policy, bot, network, world, wish.command, wish.seconds)
 
 

@@ -10,7 +10,7 @@ from assetbuild.errors import did_you_mean
 from assetbuild.findings import Finding, Rule
 from assetbuild.policy.robot import Bot
 from assetbuild.policy.stated import ByJoint, Policy
-from assetbuild.policy.terms import unknown, width
+from assetbuild.policy.terms import sees, unknown, width
 from assetbuild.robot.orders import breadth_first
 from assetbuild.robot.twins import other_side
 
@@ -66,8 +66,8 @@ OFFSET = Rule(
 )
 TIMESTEP = Rule(
     "policy.timestep",
-    "warning",
-    "a policy acts in another rhythm than the bundle's recipe states",
+    ("warning", "info"),
+    "a policy acts in another rhythm than the bundle's recipe states (information: it states none)",
     "`simulation: {timestep: ..., decimation: ...}`",
 )
 QUATERNION = Rule(
@@ -81,7 +81,10 @@ ENGINES = {"mujoco": "MuJoCo's", "isaaclab": "Isaac Lab's", "bus": "the motor bu
 FEW = 1.0 / 3.0
 """Up to this share of the joints, a difference is one of single joints."""
 SHOWN = 4
-UNIT_SLIPS = {math.degrees(1.0): "in degrees", math.radians(1.0): "in radians, of degrees"}
+UNIT_SLIPS = {
+    math.degrees(1.0): "57.3 times as large, as if it were in degrees",
+    math.radians(1.0): "57.3 times too small, as if it were per degree",
+}
 SLIP = 1e-3
 
 
@@ -101,22 +104,31 @@ class Column:
     own_use: bool = True
 
 
-def compare(policy: Policy, bot: Bot, sees: tuple[int, int] | None = None) -> Iterator[Finding]:
-    """All findings. sees: (inputs, outputs) of the network, where it was asked."""
+def compare(policy: Policy, bot: Bot, sizes: tuple[int, int] | None = None) -> Iterator[Finding]:
+    """All findings. sizes: (inputs, outputs) of the network, where it was asked."""
     yield from _joints(policy, bot)
-    yield from _terms(policy)
-    if sees is not None:
-        yield from _shape(policy, sees)
+    yield from _terms(policy, bot)
+    if sizes is not None:
+        yield from _shape(policy, sizes)
     yield from _order(policy, bot)
     for column in _columns(policy, bot):
         yield from _told(column, policy, bot)
-    if policy.step_s is not None and not policy.same(policy.step_s, bot.step_s):
+    if policy.step_s is None:
+        text = (
+            f"it does not state how often it acts; the bundle says every {1e3 * bot.step_s:.4g} ms"
+        )
+        yield TIMESTEP("policy", text, severity="info")
+    elif not policy.same(policy.step_s, bot.step_s):
         yield TIMESTEP(
             "policy",
             f"it acts every {1e3 * policy.step_s:.4g} ms; the bundle's recipe says every "
             f"{1e3 * bot.step_s:.4g} ms",
             data={"policy_s": policy.step_s, "bundle_s": bot.step_s},
         )
+    silent = [n for n in policy.acts_on if n not in policy.kp or n not in policy.kd]
+    if silent:
+        text = f"it does not state the gains of {_listed(silent)}: the bundle's hold"
+        yield GAINS("policy", text, severity="info", data={"joints": tuple(silent)})
     yield from _outside(policy, bot)
     quat = policy.start_quat
     if quat is not None and abs(quat[3]) > abs(quat[0]) and abs(quat[3]) > 1.0 - SLIP:
@@ -160,18 +172,13 @@ def _joints(policy: Policy, bot: Bot) -> Iterator[Finding]:
         yield JOINTS("policy", text, severity="info", data={"joints": tuple(left)})
 
 
-def _terms(policy: Policy) -> Iterator[Finding]:
+def _terms(policy: Policy, bot: Bot) -> Iterator[Finding]:
     for term in policy.terms:
-        if why := unknown(term):
+        if why := bot.cannot_see(term):
             yield TERM(f"observation {term.name}", why)
         elif len(term.scale) not in (1, width(term, policy)):
             text = f"{len(term.scale)} scales for {width(term, policy)} numbers"
             yield SHAPE(f"observation {term.name}", text)
-
-
-def sees(policy: Policy) -> int:
-    """How many numbers the observations of a policy are."""
-    return sum(width(term, policy) * term.history for term in policy.terms)
 
 
 def _shape(policy: Policy, network: tuple[int, int]) -> Iterator[Finding]:
@@ -201,17 +208,17 @@ def orders_of(policy: Policy, bot: Bot) -> dict[str, tuple[str, ...]]:
 
 
 def _order(policy: Policy, bot: Bot) -> Iterator[Finding]:
-    """mjlab counts as MuJoCo does; places on a bus may follow any engine, but they follow one."""
+    """Places on a bus may follow any engine; where the trainer is known, they follow its own."""
     known = orders_of(policy, bot)
-    wanted = {"mujoco": known["mujoco"]} if policy.named and "mujoco" in known else known
-    if not known or policy.joints in wanted.values() or policy.form.endswith("env.yaml"):
+    wanted = [known[policy.follows]] if policy.follows in known else [*known.values()]
+    if not known or policy.joints in wanted:
         return
     engine, off = min(
         ((name, _places_off(policy.joints, order)) for name, order in known.items()),
         key=lambda pair: len(pair[1]),
     )
     if not off:
-        text = f"the joints stand in {ENGINES[engine]} order; its trainer counts them as MuJoCo"
+        text = f"the joints stand in {ENGINES[engine]} order; its trainer counts them otherwise"
     else:
         text = f"the joints stand in no engine's order; {ENGINES[engine]}, but for {_listed(off)}"
     yield ORDER("policy", text, data={"nearest": engine, "joints": tuple(off)})
@@ -225,7 +232,7 @@ def _places_off(one: Sequence[str], other: Sequence[str]) -> list[str]:
 
 
 def _told(column: Column, policy: Policy, bot: Bot) -> Iterator[Finding]:
-    """At most one finding for a column; of what the robot does not have, another one speaks."""
+    """What differs, and what slip would explain it."""
     names = [name for name in policy.joints if name in column.values and name in column.own]
     differ = [n for n in names if not policy.same(column.values[n], column.own[n])]
     if not differ:

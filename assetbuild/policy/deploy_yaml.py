@@ -40,7 +40,6 @@ def read_deploy(path: Path, network: Path | None, bot: Bot) -> Policy:
         network=network,
         joints=joints,
         acts_on=acts_on,
-        named=False,
         position=position,
         scale=dict(zip(acts_on, scale, strict=True)),
         offset=dict(zip(acts_on, offset, strict=True)),
@@ -56,7 +55,7 @@ def read_deploy(path: Path, network: Path | None, bot: Bot) -> Policy:
 
 
 def _gains(said: Said, key: str, bus: tuple[str, ...], joints: tuple[str, ...]) -> dict[str, float]:
-    """By the motors of the bus, of which the last ones may be left out."""
+    """Gains by joint; the list may leave out the last motors of the bus."""
     stated = said.need(key)
     count = len(stated) if isinstance(stated, list) else len(bus)
     last = max(bus.index(joint) for joint in joints) + 1

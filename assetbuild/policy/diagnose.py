@@ -12,13 +12,13 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from assetbuild.policy.compare import ENGINES, orders_of, sides_of
-from assetbuild.policy.replay import Replay
+from assetbuild.policy.replay import Replay, whole_steps
 from assetbuild.policy.robot import Bot
 from assetbuild.policy.stated import ByJoint, Policy, Term
 from assetbuild.robot.twins import SIDES
 
 BETTER = 0.25
-"""By so much a hypothesis must raise the score."""
+"""A hypothesis must raise the score by at least this much."""
 SURE = 1.9
 """From this score on nothing further is tried."""
 FACTORS = (0.5, 2.0, 0.25, 4.0)
@@ -94,7 +94,7 @@ def _units(policy: Policy, bot: Bot) -> Iterator[Fault]:
     """Rhythm, and the scale of all actions."""
     own_s = policy.step_s or bot.step_s
     for step_s in dict.fromkeys((bot.step_s, 0.5 * own_s, 2.0 * own_s)):
-        if abs(step_s - own_s) > 1e-9:
+        if abs(step_s - own_s) > 1e-9 and whole_steps(step_s, bot.control.simulation.timestep):
             said = f"it acts every {1e3 * step_s:.4g} ms, not every {1e3 * own_s:.4g} ms"
             yield Fault(said, replace(policy, step_s=step_s))
     for factor in (-1.0, *FACTORS):

@@ -29,8 +29,7 @@ class InMujoco:
         if not path.is_file():
             raise UsageError(f"no `{path}`", hint="build the target `mjcf`")
         self.model = mujoco.load(path, visuals=False).model
-        gains = {j: bot.row(j, policy.kp[j], policy.kd.get(j, 0.0)) for j in policy.kp}
-        drive_as(self.model, gains)
+        drive_as(self.model, bot.servos(policy))
         self.model.actuator_ctrllimited[:] = 0  # trainers do not clip what a policy asks for
         self.joints = mujoco.joints(self.model)
         self.drives = [d for d in read_drives(self.model) if d.holds_position]
@@ -53,7 +52,7 @@ class InMujoco:
         mj.mj_forward(model, data)
 
     def seen(self) -> Seen:
-        """As MuJoCo has it; a floating base's velocity is the world's, its turning its own."""
+        """The state, with velocities in the base as `Seen` has them."""
         model, data = self.model, self.data
         quat = np.array(data.xquat[1])
         w, x, y, z = (float(v) for v in quat)

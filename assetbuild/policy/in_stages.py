@@ -13,7 +13,6 @@ from collections.abc import Callable, Mapping
 from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from types import TracebackType
 from typing import Any, Self
 
 import numpy as np
@@ -92,12 +91,7 @@ class InStages:
         self._told = self._answer()
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        at: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self._talk.close()
         self._listening.close()
         self._working.join(STEPS_S)
@@ -176,7 +170,7 @@ def _experiment(bot: Bot, policy: Policy) -> Experiment:
     stood = InMujoco(bot, policy)
     x, y, z = (float(v) for v in stood.data.xpos[1])
     w, i, j, k = (float(v) for v in stood.data.xquat[1])
-    gains = {n: bot.row(n, kp, policy.kd.get(n, 0.0)) for n, kp in policy.kp.items()}
+    gains = bot.servos(policy)
     setting = standing(bot.tree, bot.control)
     at = (
         Pose(vec3((x, y, z + CLEARANCE_M)), (w, i, j, k))

@@ -45,10 +45,7 @@ def read_env(path: Path, network: Path | None, bot: Bot) -> Policy:
         kp |= _by_pattern(drive.values.get("stiffness"), own)
         kd |= _by_pattern(drive.values.get("damping"), own)
     action = _action(said.at("actions"))
-    acts_on = _matching(action.values.get("joint_names"), joints)
-    if action.values.get("preserve_order"):
-        patterns = action.values.get("joint_names") or ()
-        acts_on = tuple(dict.fromkeys(n for p in patterns for n in _matching([p], joints)))
+    acts_on = _named(action, joints)
     offset = dict.fromkeys(acts_on, 0.0) | _by_pattern(action.values.get("offset"), acts_on)
     if action.values.get("use_default_offset", True):
         offset = {name: position[name] for name in acts_on}
@@ -61,7 +58,7 @@ def read_env(path: Path, network: Path | None, bot: Bot) -> Policy:
         network=network,
         joints=joints,
         acts_on=acts_on,
-        named=True,
+        follows="isaaclab",
         position=position,
         scale=dict.fromkeys(acts_on, 1.0) | _by_pattern(action.values.get("scale"), acts_on),
         offset=offset,
@@ -106,6 +103,14 @@ def _matching(patterns: Any, joints: Sequence[str]) -> tuple[str, ...]:  # Any: 
         raise UsageError(f"`{words}` are no patterns of joints: {error}") from None
 
 
+def _named(entity: Said, joints: Sequence[str]) -> tuple[str, ...]:
+    """The joints that an action or an observation is about, in its order."""
+    patterns = entity.values.get("joint_names")
+    if not entity.values.get("preserve_order") or not isinstance(patterns, list):
+        return _matching(patterns, joints)
+    return tuple(dict.fromkeys(name for p in patterns for name in _matching([p], joints)))
+
+
 def _by_pattern(value: Any, joints: Sequence[str]) -> dict[str, float]:  # Any: as above
     """One number for all joints, or numbers by pattern."""
     if isinstance(value, dict):
@@ -127,8 +132,9 @@ def _terms(said: Said, joints: tuple[str, ...]) -> Iterator[Term]:
             continue
         function = str(term.values.get("func", name)).rpartition(":")[2]
         function = WORDS.get(function, function)
-        entity = term.at("params").at("asset_cfg")
-        own = _matching(entity.values.get("joint_names"), joints)
+        if term.values.get("modifiers"):
+            raise term.wrong("modifiers", "observations that are modified cannot be replayed")
+        own = _named(term.at("params").at("asset_cfg"), joints)
         scale, clip = term.values.get("scale"), term.values.get("clip")
         length = term.values.get("history_length") if common is None else common
         yield Term(

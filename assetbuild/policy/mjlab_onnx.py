@@ -48,7 +48,7 @@ def read_metadata(path: Path, said: Mapping[str, str], bot: Bot) -> Policy:
         network=path,
         joints=joints,
         acts_on=acts_on,
-        named=True,
+        follows="mujoco",
         position=position,
         scale=scale,
         offset={name: position[name] for name in acts_on},

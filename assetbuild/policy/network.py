@@ -10,13 +10,11 @@ import select
 import subprocess
 import sys
 from pathlib import Path
-from types import TracebackType
 from typing import Any, Self
 
 import numpy as np
 
 from assetbuild.errors import MachineError, UsageError
-from assetbuild.policy.stated import Policy
 from assetbuild.robot.pose import Array
 from assetbuild.simulators.children import environment
 
@@ -118,12 +116,7 @@ class Network:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        at: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.close()
 
     def close(self) -> None:
@@ -150,12 +143,3 @@ def _refuse(path: Path) -> None:
         raise UsageError(
             f"`{path.name}` has {size >> 20} MB; a policy's network may have {LARGEST_BYTES >> 20}"
         )
-
-
-def fits(network: Network, policy: Policy, sees: int) -> str:
-    """Why the network and what the policy's files say do not go together; "" where they do."""
-    if network.sees != sees:
-        return f"the network takes {network.sees} numbers, the observations are {sees}"
-    if network.acts != len(policy.acts_on):
-        return f"the network gives {network.acts} numbers, the actions are {len(policy.acts_on)}"
-    return ""

@@ -14,6 +14,7 @@ from assetbuild.policy.mjlab_onnx import has_metadata, read_metadata
 from assetbuild.policy.network import Network
 from assetbuild.policy.robot import Bot
 from assetbuild.policy.stated import Policy
+from assetbuild.policy.terms import sees
 
 READERS = {"deploy.yaml": read_deploy, "env.yaml": read_env}
 """Files that describe a policy, by name."""
@@ -79,6 +80,28 @@ def _read(path: Path, bot: Bot) -> Policy:
             hint="put its `deploy.yaml` or Isaac Lab's `params/env.yaml` beside it",
         )
     return read_metadata(network, said, bot)
+
+
+def runnable(policy: Policy, bot: Bot) -> Network:
+    """The network of a policy that can drive this robot. UsageError where it cannot."""
+    for term in policy.terms:
+        if why := bot.cannot_see(term):
+            raise UsageError(f"observation `{term.name}`: {why}")
+    strange = [name for name in policy.joints if name not in bot.tree.by_joint]
+    if strange:
+        raise UsageError(f"the robot has no joint `{strange[0]}`, which the policy drives")
+    if policy.network is None:
+        hint = "put `policy.onnx` beside it"
+        raise UsageError(f"`{policy.file.name}` has no network to replay", hint=hint)
+    network, wrong = Network(policy.network), ""
+    if network.sees != sees(policy):
+        wrong = f"the network takes {network.sees} numbers, the observations are {sees(policy)}"
+    elif network.acts != len(policy.acts_on):
+        wrong = f"the network gives {network.acts} numbers, the actions are {len(policy.acts_on)}"
+    if wrong:
+        network.close()
+        raise UsageError(wrong, hint="`assetbuild policy check` says what the files describe")
+    return network
 
 
 def _beside(folder: Path, pattern: str) -> Path | None:

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Protocol
 
 import numpy as np
 
+from assetbuild.errors import UsageError
 from assetbuild.policy.network import Network
 from assetbuild.policy.robot import Bot
 from assetbuild.policy.stated import Policy
@@ -25,9 +26,12 @@ FOLLOWS, STILL = 0.35, 0.1
 SETTLES = 0.3
 """Share of the time that is left out of the mean velocity."""
 BEST = 2.0
-"""The score of what stands all the time and moves exactly as it is told."""
-Warp = Callable[[Seen], Seen]
-"""Changes what is seen, as a wrong wire would."""
+"""The score of a robot that never falls and follows its command exactly."""
+
+
+def whole_steps(step_s: float, timestep_s: float) -> bool:
+    """Whether a simulation comes to the end of a policy's step."""
+    return abs(step_s / timestep_s - max(1, round(step_s / timestep_s))) < 1e-6
 
 
 class World(Protocol):
@@ -103,17 +107,22 @@ def replay(
     world: World,
     command: tuple[float, ...],
     seconds: float,
-    warp: Warp = lambda seen: seen,
 ) -> Replay:
     """Let a policy drive until the time is over or the robot has fallen. Errors: of `Network`."""
-    step_s = policy.step_s or bot.step_s
+    step_s, timestep_s = policy.step_s or bot.step_s, bot.control.simulation.timestep
+    if not whole_steps(step_s, timestep_s):
+        raise UsageError(
+            f"it acts every {1e3 * step_s:.4g} ms, the bundle simulates steps of "
+            f"{1e3 * timestep_s:.4g} ms",
+            hint="build the bundle with a `simulation.timestep` that divides the policy's",
+        )
     observer, imu = Observer(policy), bot.imu_in_base
     action = np.zeros(len(policy.acts_on))
     network.reset()
     first, track = world.seen(), list[tuple[Seen, tuple[float, float]]]()
     seen = first
     while seen.time < seconds - step_s / 2.0 and not _fallen(seen, first):
-        now = Now(warp(seen), np.asarray(command, dtype=float), action, policy.position, imu)
+        now = Now(seen, np.asarray(command, dtype=float), action, policy.position, imu)
         action = network.act(observer.look(now))
         if not np.isfinite(action).all():
             break

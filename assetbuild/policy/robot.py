@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -12,11 +12,12 @@ import numpy as np
 from assetbuild.errors import UsageError
 from assetbuild.facts.plain_yaml import read_yaml
 from assetbuild.facts.reference import Reference
-from assetbuild.policy.stated import ByJoint
+from assetbuild.policy.stated import ByJoint, Policy, Term
+from assetbuild.policy.terms import unknown
 from assetbuild.robot.initial import initial_pose
 from assetbuild.robot.model import Actuator, Control, Tree
 from assetbuild.robot.orders import BUS, joint_orders
-from assetbuild.robot.pose import Array
+from assetbuild.robot.pose import IDENTITY, Array
 
 
 @dataclass(frozen=True)
@@ -46,12 +47,12 @@ class Bot:
 
     @property
     def kp(self) -> ByJoint:
-        """Of drives that hold a position."""
+        """Stiffness of each drive."""
         return {row.joint: row.kp for row in self.control.actuators if row.model != "passive"}
 
     @property
     def kd(self) -> ByJoint:
-        """As `kp`."""
+        """Damping of each drive."""
         return {row.joint: row.kd for row in self.control.actuators if row.model != "passive"}
 
     @property
@@ -60,20 +61,27 @@ class Bot:
         simulation = self.control.simulation
         return float(simulation.timestep * simulation.decimation)
 
-    def row(self, joint: str, kp: float, kd: float) -> Actuator:
-        """A position servo with these gains and the joint's own limits."""
-        own = self.control.by_joint.get(joint)
-        effort = own.effort if own else None
-        armature = own.armature if own else 0.0
-        return Actuator(joint, "pd", kp=kp, kd=kd, effort=effort, armature=armature)
+    def servos(self, policy: Policy) -> dict[str, Actuator]:
+        """Position servos with the policy's gains, where it states none with the bundle's."""
+        found = {}
+        for joint in policy.acts_on:
+            own = self.control.by_joint.get(joint) or Actuator(joint, "passive")
+            kp, kd = policy.kp.get(joint, own.kp), policy.kd.get(joint, own.kd)
+            found[joint] = replace(own, model="pd", kp=kp, kd=kd)
+        return found
 
     @property
     def imu_in_base(self) -> tuple[Array, Array]:
-        """(R, p) of the IMU's frame in the base; the base's own where the IMU moves against it."""
-        body, pose = self.tree.placement(self.imu) if self.imu else (self.tree.root, None)
-        if pose is None or body != self.tree.root:
-            return np.eye(3), np.zeros(3)
+        """(R, p) of the IMU's frame in the base; without an IMU the base's own."""
+        _, pose = self.tree.placement(self.imu) if self.imu else (self.tree.root, IDENTITY)
         return pose.rotation, np.array(pose.xyz)
+
+    def cannot_see(self, term: Term) -> str:
+        """Why an observation of this robot cannot be computed; "" where it can."""
+        on_base = self.imu is None or self.tree.placement(self.imu)[0] == self.tree.root
+        if term.function.startswith("imu_") and not on_base:
+            return f"the IMU `{self.imu}` moves against the base"
+        return unknown(term)
 
 
 def bot_of(bundle: Path) -> Bot:

@@ -31,8 +31,8 @@ class Policy:
     """What one policy's files say.
 
     file: what was read; network: the ONNX file, None where there is none. joints: all that the file
-    counts, in its order; named: whether it states names rather than places in some order. acts_on:
-    the joints of the actions, in their order. kp, kd, position, scale, offset: by joint.
+    counts, in its order; follows: the engine whose order its trainer has, "" where that is open.
+    acts_on: the joints of the actions, in their order. kp, kd, position, scale, offset: by joint.
     action_clip: by joint, of the target position, rad. step_s: between two actions.
     digits: what its numbers are rounded to: a relative or an absolute half of the last digit.
     by_time: histories come as the whole observation of each step, rather than each term's own.
@@ -43,12 +43,12 @@ class Policy:
     network: Path | None
     joints: tuple[str, ...]
     acts_on: tuple[str, ...]
-    named: bool
     position: ByJoint
     scale: ByJoint
     offset: ByJoint
     terms: tuple[Term, ...]
     step_s: float | None
+    follows: str = ""
     kp: ByJoint = field(default_factory=dict)
     kd: ByJoint = field(default_factory=dict)
     action_clip: Mapping[str, tuple[float, float]] = field(default_factory=dict)

@@ -98,6 +98,11 @@ def width(term: Term, policy: Policy) -> int:
     return 3 if term.function in FUNCTIONS else 0
 
 
+def sees(policy: Policy) -> int:
+    """How many numbers the observations of a policy are."""
+    return sum(width(term, policy) * term.history for term in policy.terms)
+
+
 class Observer:
     """Puts observations together as the policy was trained to see them."""
 

@@ -165,3 +165,9 @@ def quat_between(a: ArrayLike, b: ArrayLike) -> Quat:
         return (0.0, x, y, z)
     x, y, z = vec3(np.cross(u, v))
     return normalised_quat((1.0 + cosine, x, y, z))
+
+
+def cross(u: Array, v: Array) -> Array:
+    """(n, 3) cross products, digit by digit those of numpy, which takes three times as long."""
+    (ux, uy, uz), (vx, vy, vz) = u.T, v.T
+    return np.stack([uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx], axis=1)

@@ -15,7 +15,7 @@ from assetbuild.findings import Finding
 from assetbuild.policy.compare import compare
 from assetbuild.policy.opening import open_policy
 from assetbuild.policy.robot import Bot
-from assetbuild.policy.stated import Policy
+from assetbuild.policy.stated import Policy, Term
 
 
 @pytest.fixture(scope="module")
@@ -72,7 +72,7 @@ FAULTS: dict[str, tuple[Callable[[dict[str, Any]], object], str, str]] = {
     ),
     "gains in degrees": (
         lambda said: said.update(stiffness=[v * math.pi / 180 for v in said["stiffness"]]),
-        "policy.gains", "kp of all joints is in radians, of degrees",
+        "policy.gains", "kp of all joints is 57.3 times too small",
     ),
     "half the damping": (
         lambda said: said.update(damping=[v / 2 for v in said["damping"]]),
@@ -140,7 +140,7 @@ def test_what_the_network_takes_is_compared_with_the_observations(bot: Bot, tmp_
 
 def test_joints_that_the_robot_lacks_are_named(bot: Bot, tmp_path: Path):
     policy = policy_of(bot, tmp_path / "p", lambda said: None)
-    strange = replace(policy, joints=("FL_hip_joit", *policy.joints[1:]), named=True)
+    strange = replace(policy, joints=("FL_hip_joit", *policy.joints[1:]), follows="mujoco")
     told = [f for f in compare(strange, bot) if f.rule == "policy.joints"]
     assert told[0].subject == "joint FL_hip_joit" and "FL_hip_joint" in told[0].hint
 
@@ -155,3 +155,20 @@ def test_an_upright_start_in_the_other_order_of_a_quaternion_is_named(bot: Bot, 
 
 def test_the_bus_is_the_contract_s(bot: Bot):
     assert bot.orders["bus"] == BUS != bot.orders["urdf"]
+
+
+def test_what_a_policy_does_not_state_is_told(bot: Bot, tmp_path: Path):
+    """The bundle's gains and rhythm hold then, which is information."""
+    policy = policy_of(bot, tmp_path / "p", lambda said: None)
+    silent = replace(policy, kp={}, step_s=None)
+    told = {f.rule: f.message for f in compare(silent, bot) if f.severity == "info"}
+    assert "does not state the gains" in told["policy.gains"]
+    assert "does not state how often it acts" in told["policy.timestep"]
+
+
+def test_an_imu_that_moves_against_the_base_is_named(bot: Bot, tmp_path: Path):
+    policy = policy_of(bot, tmp_path / "p", lambda said: None)
+    seen = replace(policy, terms=(Term("v", "imu_lin_vel"),))
+    assert "policy.term" not in {f.rule for f in compare(seen, replace(bot, imu="imu"))}
+    told = [f for f in compare(seen, replace(bot, imu="FL_calf")) if f.rule == "policy.term"]
+    assert told[0].message == "the IMU `FL_calf` moves against the base"

@@ -17,10 +17,11 @@ from policies import BUS, bundle_of, deployed, save, write_network, write_policy
 from tiny import examples
 
 from assetbuild.errors import UsageError
-from assetbuild.policy.compare import compare, sees
+from assetbuild.policy.compare import compare
 from assetbuild.policy.opening import open_policy
 from assetbuild.policy.reading import read_yaml
 from assetbuild.policy.robot import Bot
+from assetbuild.policy.terms import sees
 
 ENV = """\
 sim: {dt: 0.005, gravity: !!python/tuple [0.0, 0.0, -9.81]}
@@ -136,6 +137,13 @@ def test_env_yaml_of_a_robot_with_fewer_joints_counts_its_own(bot: Bot, tmp_path
     hips, thighs = ("FR_hip_joint", "FL_hip_joint"), ("RR_thigh_joint", "RL_thigh_joint")
     assert policy.joints[:4] == (*hips, *thighs) and len(policy.joints) == 10
     assert [f.rule for f in compare(policy, bot) if f.severity == "warning"] == []
+
+
+def test_an_observation_that_is_modified_is_refused(bot: Bot, tmp_path: Path):
+    text = ENV.replace("params: {}, scale: 0.2}", "params: {}, modifiers: [{func: filter}]}")
+    (tmp_path / "env.yaml").write_text(text)
+    with pytest.raises(UsageError, match="modifiers: observations that are modified"):
+        open_policy(tmp_path / "env.yaml", bot)
 
 
 def metadata(bot: Bot) -> dict[str, str]:

@@ -102,6 +102,12 @@ def test_an_unknown_observation_is_refused_by_name(bot: Bot, tmp_path: Path, cap
     assert "`height_scan`" in capsys.readouterr().err
 
 
+def test_a_rhythm_that_the_simulation_does_not_meet_is_refused(bot: Bot, tmp_path: Path, capsys):
+    folder = str(write_policy(tmp_path / "p", deployed(bot) | {"step_dt": 0.0133}))
+    assert main(["policy", "replay", folder, str(bot.bundle)]) == 2
+    assert "acts every 13.3 ms" in capsys.readouterr().err
+
+
 @pytest.mark.parametrize("engine", ["newton", "physx"])
 def test_an_engine_that_is_not_there_is_named_with_the_way_to_get_it(
     engine: str, bot: Bot, tmp_path: Path, monkeypatch, capsys

@@ -29,9 +29,7 @@ def now(state: Seen, imu: tuple[np.ndarray, np.ndarray] | None = None) -> Now:
 
 def policy(*terms: Term, **more: object) -> Policy:
     zero = dict.fromkeys(JOINTS, 0.0)
-    return Policy(
-        Path("p"), "test", None, JOINTS, JOINTS, True, zero, zero, zero, terms, 0.02, **more
-    )
+    return Policy(Path("p"), "test", None, JOINTS, JOINTS, zero, zero, zero, terms, 0.02, **more)
 
 
 def test_gravity_is_seen_in_the_base_s_frame():
