@@ -18,7 +18,7 @@ from assetbuild.policy.opening import open_policy, runnable
 from assetbuild.policy.replay import Replay, replay
 from assetbuild.policy.robot import bot_from
 from assetbuild.quantities import Positive, Real
-from assetbuild.robot.actuator_table import Key
+from assetbuild.robot.actuator_table import Key, RowError
 from assetbuild.robot.files import RobotFiles
 from assetbuild.simulators import mujoco
 
@@ -59,7 +59,12 @@ class PolicyCheck(mujoco.InMujoco):
     seconds: Positive = Field(10.0, le=120.0, description="how long it must do so")
 
     def own_files(self) -> Mapping[str, tuple[Key, str]]:
-        """All of them, side by side."""
+        """All of them, side by side. RowError for two of one name."""
+        names = [PurePosixPath(file).name for file in self.files]
+        for index, name in enumerate(names):
+            if name in names[:index]:
+                key = ("validate", "policy", "files", index)
+                raise RowError(f"validate.policy.files: `{name}` is named twice", key=key)
         return {
             f"{FOLDER}{PurePosixPath(file).name}": (("validate", "policy", "files", index), file)
             for index, file in enumerate(self.files)

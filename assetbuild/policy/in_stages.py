@@ -10,6 +10,7 @@ import json
 import socket
 import threading
 from collections.abc import Callable, Mapping
+from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -85,14 +86,21 @@ class InStages:
         self._experiment = replace(self._experiment, pilot=path)
         self._working = threading.Thread(target=self._work, daemon=True)
         self._working.start()
-        line = self._accepted()
-        line.settimeout(STEPS_S)
-        self._talk = line.makefile("rw", encoding="utf-8")
-        self._told = self._answer()
+        with ExitStack() as undo:
+            undo.callback(self._close)
+            line = self._accepted()
+            line.settimeout(STEPS_S)
+            self._talk = line.makefile("rw", encoding="utf-8")
+            self._told = self._answer()
+            undo.pop_all()
         return self
 
     def __exit__(self, *_: object) -> None:
         self._talk.close()
+        self._close()
+
+    def _close(self) -> None:
+        """End the engine's run and take away its folder."""
         self._listening.close()
         self._working.join(STEPS_S)
         self._folder.cleanup()

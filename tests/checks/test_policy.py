@@ -15,6 +15,7 @@ from tiny import check_inputs, run_step, tiny_quadruped
 from assetbuild.checks.policy import PolicyCheck
 from assetbuild.errors import StepError
 from assetbuild.findings import Finding
+from assetbuild.robot.actuator_table import RowError
 from assetbuild.targets.mjcf import Mjcf
 
 
@@ -62,3 +63,9 @@ def test_its_files_are_inputs_of_the_step():
         "own_policy/policy.onnx": "a/policy.onnx",
         "own_policy/deploy.yaml": "deploy.yaml",
     }
+
+
+def test_two_files_of_one_name_are_refused():
+    step = PolicyCheck(robot="robot", files=("a/policy.onnx", "b/policy.onnx"))
+    with pytest.raises(RowError, match=r"`policy\.onnx` is named twice"):
+        step.own_files()
