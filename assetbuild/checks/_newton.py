@@ -1,6 +1,6 @@
 """The questions that Newton is asked as MuJoCo is: one class each, with the rule that it breaks.
 
-Both are MuJoCo's dynamics, so that what is off is about what Newton read in the USD, or about a
+Both have MuJoCo's dynamics, so that what is off is about what Newton read in the USD, or about a
 default of its solver. Whether Newton holds the robot at all is the check `smoke_newton`.
 """
 
@@ -13,6 +13,7 @@ from assetbuild.alignment.check import AlignmentCheck
 from assetbuild.alignment.touching import Pairs, touching_in_mujoco
 from assetbuild.facts.held import Held, HeldModel
 from assetbuild.findings import Rule
+from assetbuild.policy.counting import OrdersCheck
 from assetbuild.robot.model import Tree
 from assetbuild.simulators.loops import LoopCheck
 from assetbuild.simulators.newton import NewtonCheck
@@ -44,6 +45,14 @@ FAILED_RUN = Rule(
     "Newton refuses the USD, or an experiment went to infinity in it",
     "the message is Newton's",
 )
+
+
+class NewtonOrders(OrdersCheck, NewtonCheck):
+    """Does Newton count the joints of `usd/<robot>.usda` as the policy's contract says?"""
+
+    own_name = "newton_orders"
+    needs: ClassVar[tuple[str, ...]] = OrdersCheck.needs
+    order: ClassVar[str] = "newton"
 
 
 class NewtonLoops(LoopCheck, NewtonCheck):

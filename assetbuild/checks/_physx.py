@@ -14,6 +14,7 @@ from assetbuild.alignment.touching import Pairs, touching_in_usd
 from assetbuild.facts.held import Held
 from assetbuild.facts.readers.usd import UsdReader
 from assetbuild.findings import Rule
+from assetbuild.policy.counting import OrdersCheck
 from assetbuild.robot.model import Tree
 from assetbuild.simulators.free_fall import FreeFallCheck
 from assetbuild.simulators.loops import LoopCheck
@@ -58,6 +59,14 @@ class PhysxFreeFall(FreeFallCheck, PhysxCheck):
 
     iterations: int = 8
     """Position iterations of the solver, as the USD target writes them."""
+
+
+class PhysxOrders(OrdersCheck, PhysxCheck):
+    """Does PhysX, and so Isaac Lab, count the joints as the policy's contract says?"""
+
+    own_name = "physx_orders"
+    needs: ClassVar[tuple[str, ...]] = OrdersCheck.needs
+    order: ClassVar[str] = "isaaclab"
 
 
 class PhysxLoops(LoopCheck, PhysxCheck):

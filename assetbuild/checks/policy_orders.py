@@ -3,22 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from pathlib import Path
 from typing import ClassVar
 
 from assetbuild.engine.step import Files
-from assetbuild.facts.plain_yaml import read_yaml
-from assetbuild.findings import Finding, Rule
+from assetbuild.findings import Finding
 from assetbuild.kinds import write_figures
+from assetbuild.policy.counting import known_joints, order_findings
 from assetbuild.simulators import mujoco
 from assetbuild.simulators.mujoco.drives import read_drives
-
-WRONG = Rule(
-    "policy.engine_order",
-    "error",
-    "an engine counts the joints in another order than the policy's contract says",
-    "if nobody edited the bundle, this is a bug: please report it",
-)
 
 
 class PolicyOrders(mujoco.InMujoco):
@@ -32,21 +24,10 @@ class PolicyOrders(mujoco.InMujoco):
 
     def run(self, files: Files) -> Iterator[Finding]:
         """Compares names in their order."""
-        contract = read_yaml(_contract(files.inputs / "policy"))
         model = mujoco.load(files.inputs / "mjcf" / f"{self.robot}.xml", visuals=False).model
         counted = list(mujoco.joints(model))
-        known = set(contract["joints"])
-        there = [name for name in counted if name in known]  # what is split up has other names
-        stated = [name for name in contract["orders"]["mujoco"] if name in there]
         drives = [drive.joint_name for drive in read_drives(model)]
         alike = drives == [name for name in counted if name in drives]
+        there = known_joints(files.inputs / "policy", counted)
         write_figures(files, {"joints": len(there), "drives_as_joints": alike})
-        for place, (one, other) in enumerate(zip(stated, there, strict=True)):
-            if one != other:
-                text = f"MuJoCo has `{other}` at place {place}, where the contract has `{one}`"
-                yield WRONG("robot", text, data={"place": place})
-                return
-
-
-def _contract(folder: Path) -> Path:
-    return next(iter(sorted(folder.glob("*_contract.yaml"))))
+        yield from order_findings(files.inputs / "policy", "mujoco", counted)

@@ -5,12 +5,11 @@ from __future__ import annotations
 import argparse
 import json
 import math
-from dataclasses import asdict
 from pathlib import Path
 
 from assetbuild.cli.progress import progress
 from assetbuild.cli.summary import in_public
-from assetbuild.pipeline.policies import Replayed, Wish, check_policy, replay_policy
+from assetbuild.pipeline.policies import Replayed, Wish, check_policy, draw_replays, replay_policy
 from assetbuild.policy.replay import Replay
 from assetbuild.report.summary import WITHHELD
 
@@ -45,7 +44,16 @@ def _replay(arguments: argparse.Namespace) -> int:
         done = replay_policy(arguments.policy, arguments.bundle, wish, shown.say)
     if arguments.json:
         print(json.dumps(_plain(done), indent=1, sort_keys=True))
-        return 0 if done.follows else 1
+    else:
+        _print(done, wish)
+    if arguments.picture:  # last: where nothing can be drawn, the figures have been told
+        with progress(arguments.bundle.name) as shown:
+            shown.say("drawing")
+            draw_replays(done, arguments.bundle, wish, arguments.picture)
+    return 0 if done.follows else 1
+
+
+def _print(done: Replayed, wish: Wish) -> None:
     x, y, turn = wish.command
     print(f"{_named(done.policy.file)}: forward {x:g} m/s, left {y:g} m/s, turning {turn:g} rad/s")
     for engine, run in done.runs.items():
@@ -56,7 +64,6 @@ def _replay(arguments: argparse.Namespace) -> int:
         print(f"    with that put right: {_sentence('mujoco', better)}")
     elif done.searched:
         print("  no single fault that is known here explains it")
-    return 0 if done.follows else 1
 
 
 def _sentence(engine: str, run: Replay) -> str:
@@ -80,12 +87,14 @@ def _plain(done: Replayed) -> dict[str, object]:
     """Data for other programs."""
     told = done.diagnosis
     return {
-        "runs": {
-            engine: asdict(run) | {"verdict": run.verdict, "follows": run.follows}
-            for engine, run in done.runs.items()
-        },
+        "runs": {engine: _figures(run) for engine, run in done.runs.items()},
         "diagnosis": None if told is None else {"fault": told.said, "score": told.replay.score},
     }
+
+
+def _figures(run: Replay) -> dict[str, object]:
+    told = {name: value for name, value in vars(run).items() if name != "moments"}
+    return told | {"verdict": run.verdict, "follows": run.follows}
 
 
 def _named(file: Path) -> str:

@@ -251,6 +251,8 @@ VERBS: Mapping[str, Verb] = {
                 option("--seconds", type=seconds, default=10.0, metavar="S", help="default: 10"),
                 option("--scene", default="scene.xml", metavar="FILE",
                        help="of the bundle's mjcf/; default: scene.xml"),
+                option("--picture", type=Path, metavar="FILE",
+                       help="write a PNG: the robot on its way, a row for each engine"),
                 switch("--plain", help="do not look for a fault where it falls"),
                 switch("--json", help="print data"),
             ),

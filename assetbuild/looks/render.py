@@ -291,30 +291,35 @@ def draw(scene: Path, folder: Path, renderer: str, *, explained: bool = False) -
 
     In a process of its own.
     """
-    if renderer == "none":
-        raise StepError("no OpenGL without a window (EGL or OSMesa) here, or `MUJOCO_GL` says so")
-    stage = Stage(_loaded(scene))
+    stage = Stage(loaded(scene))
 
     def work() -> tuple[()]:
         size, radius = (LONG, LONG), stage.size / 2.0
         with studio(renderer, stage.model, size, stage.middle, radius, stage.lowest) as opened:
             hero = stage.hero(opened)
-            _write(folder / HERO, hero)
+            write(folder / HERO, hero)
             if not explained:
-                _write(folder / THUMBNAIL, _thumbnail(hero))
+                write(folder / THUMBNAIL, _thumbnail(hero))
                 return ()
             for name, pixels in stage.others(opened):
-                _write(folder / name, pixels)
+                write(folder / name, pixels)
         return ()
 
+    drawing(renderer, work)
+
+
+def drawing(renderer: str, work: Callable[[], tuple[()]]) -> None:
+    """Draw in a process of its own. StepError where nothing can be drawn."""
+    if renderer == "none":
+        raise StepError("no OpenGL without a window (EGL or OSMesa) here, or `MUJOCO_GL` says so")
     try:
         run_apart(work, DRAWING)
     except NativeError as error:
         raise StepError(f"OpenGL by {renderer.partition(' ')[0]}: {error}") from None
 
 
-def _loaded(scene: Path) -> mujoco.Model:
-    """Without its contacts where they are too many for MuJoCo's memory."""
+def loaded(scene: Path) -> mujoco.Model:
+    """The model, without its contacts where they are too many for MuJoCo's memory."""
     model = mujoco.load(scene).model
     try:
         with mujoco.caught_warnings():
@@ -324,7 +329,8 @@ def _loaded(scene: Path) -> mujoco.Model:
     return model
 
 
-def _write(path: Path, pixels: Pixels) -> None:
+def write(path: Path, pixels: Pixels) -> None:
+    """Save a PNG."""
     from PIL import Image
 
     Image.fromarray(pixels).save(path, "PNG", compress_level=4)

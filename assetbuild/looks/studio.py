@@ -6,7 +6,7 @@ import importlib
 import math
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -53,6 +53,10 @@ class Camera:
     def right(self) -> Array:
         """The unit vector to the right of the picture, in the world."""
         return np.cross(self.forward, self.up)
+
+    def moved(self, shift: Array) -> Camera:
+        """The same camera elsewhere. shift: (3,) m, in the world."""
+        return replace(self, position=self.position + shift)
 
 
 @dataclass(frozen=True, eq=False)

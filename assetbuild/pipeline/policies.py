@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
+from assetbuild.engine.world import World
+from assetbuild.errors import UsageError
 from assetbuild.findings import Finding, worst_first
+from assetbuild.looks.plan import renderer
+from assetbuild.looks.strip import Moment, draw_strip
 from assetbuild.policy.compare import compare
 from assetbuild.policy.diagnose import BETTER, Diagnosis, diagnose
 from assetbuild.policy.in_mujoco import InMujoco
-from assetbuild.policy.in_stages import InStages
+from assetbuild.policy.in_stages import InStages, require
 from assetbuild.policy.network import Network
 from assetbuild.policy.opening import open_policy, runnable
 from assetbuild.policy.replay import BEST, Replay, replay
@@ -67,6 +72,8 @@ def check_policy(path: Path, bundle: Path) -> tuple[Policy, list[Finding]]:
 
 def replay_policy(path: Path, bundle: Path, wish: Wish, say: Say) -> Replayed:
     """Let a policy drive the robot of a bundle. AssetBuildError for what cannot be replayed."""
+    for engine in wish.engines:
+        require(engine)
     bot = bot_of(bundle)
     policy = open_policy(path, bot)
     with runnable(policy, bot) as network:
@@ -80,6 +87,29 @@ def replay_policy(path: Path, bundle: Path, wish: Wish, say: Say) -> Replayed:
             say("looking for the fault")
             found = _searched(policy, bot, network, wish, first.seconds if first.fell else 0.0)
         return Replayed(policy, runs, found, is_poor and wish.search)
+
+
+def draw_replays(done: Replayed, bundle: Path, wish: Wish, file: Path) -> None:
+    """A picture of every run, a row for each engine. StepError, UsageError.
+
+    PhysX's row has no distances: pictures are shown around.
+    """
+    try:
+        file.parent.mkdir(parents=True, exist_ok=True)
+        file.open("ab").close()
+    except OSError as error:
+        raise UsageError(f"cannot write `{file}`: {error.strerror}") from None
+    rows = {engine: _moments(run, engine != "physx") for engine, run in done.runs.items()}
+    draw_strip(bundle / "mjcf" / wish.scene, rows, file, renderer(World()))
+
+
+def _moments(run: Replay, with_distance: bool) -> list[Moment]:
+    start = run.moments[0].place
+    found = []
+    for seen in run.moments:
+        walked = f"  {math.dist(seen.place[:2], start[:2]):.2f} m" if with_distance else ""
+        found.append(Moment(seen.place, seen.quat, seen.q, f"{seen.time:.1f} s{walked}"))
+    return found
 
 
 def _run(policy: Policy, bot: Bot, network: Network, engine: str, wish: Wish) -> Replay:

@@ -58,6 +58,13 @@ def unavailable_reason(engine: str) -> str:
     return ""
 
 
+def require(engine: str) -> None:
+    """MachineError where this machine lacks an engine; MuJoCo is always there."""
+    reason = unavailable_reason(engine)
+    if reason:
+        raise MachineError(f"{engine} is not installed here", hint=reason)
+
+
 class InStages:
     """`usd/<robot>.usda` on a floor: see `replay.World`; a context manager.
 
@@ -66,9 +73,7 @@ class InStages:
     """
 
     def __init__(self, bot: Bot, policy: Policy, engine: str) -> None:
-        reason = unavailable_reason(engine)
-        if reason:
-            raise MachineError(f"{engine} is not installed here", hint=reason)
+        require(engine)
         self._main = bot.bundle / "usd" / f"{bot.name}.usda"
         if not self._main.is_file():
             raise UsageError(f"no `{self._main}`", hint="build the target `usd`")

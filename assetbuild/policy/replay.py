@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Protocol
 
 import numpy as np
@@ -27,6 +27,8 @@ SETTLES = 0.3
 """Share of the time that is left out of the mean velocity."""
 BEST = 2.0
 """The score of a robot that never falls and follows its command exactly."""
+MOMENTS = 6
+"""States that are kept for a picture, the first and the last among them."""
 
 
 def whole_steps(step_s: float, timestep_s: float) -> bool:
@@ -56,7 +58,7 @@ class Replay:
 
     seconds: until it fell or the end; moved: (forward, left) of its start, m. tilt: the largest,
     rad. saturated: share of drives at their limit, mean; slip: speed of feet on the floor, m/s;
-    None where the engine does not tell.
+    None where the engine does not tell. moments: states on the way, for pictures.
     """
 
     command: tuple[float, ...]
@@ -68,6 +70,7 @@ class Replay:
     height: float
     saturated: float | None
     slip: float | None
+    moments: tuple[Seen, ...] = field(default=(), compare=False, repr=False)
 
     @property
     def fell(self) -> bool:
@@ -185,6 +188,7 @@ def _told(
         height=float(states[-1].place[2]),
         saturated=rub,
         slip=slip,
+        moments=tuple(states[at] for at in np.linspace(0, len(states) - 1, MOMENTS, dtype=int)),
     )
 
 

@@ -2,26 +2,44 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Collection, Iterator, Sequence
 
 from assetbuild.robot.model import Joint, Tree
 
-DEPTH_FIRST = ("urdf", "mujoco", "newton")
-"""They walk down one limb before they begin the next, as the tree itself is stored."""
-BREADTH_FIRST = ("isaaclab",)
-"""It takes all joints that are equally far from the root, then those one further."""
 BUS = "bus"
 
 
 def joint_orders(tree: Tree, bus: Sequence[str] = ()) -> dict[str, tuple[str, ...]]:
-    """Names of the moving joints by who counts them. bus: of the real robot; else as the URDF."""
-    deep = tuple(joint.name for joint in tree.moving_joints)
-    orders = dict.fromkeys(DEPTH_FIRST, deep) | dict.fromkeys(BREADTH_FIRST, breadth_first(tree))
-    return orders | {BUS: tuple(bus) or deep}
+    """Names of the moving joints by who counts them. bus: of the real robot; else as the URDF.
+
+    The URDF and MuJoCo walk down one limb before they begin the next, as the tree is stored. What
+    reads USD takes joints that begin at one link by their names: Newton limb by limb, PhysX, and so
+    Isaac Lab, first all joints that are equally far from the root.
+    """
+    stored = tuple(joint.name for joint in tree.moving_joints)
+    return {
+        "urdf": stored,
+        "mujoco": stored,
+        "newton": depth_first(tree),
+        "isaaclab": breadth_first(tree),
+        BUS: tuple(bus) or stored,
+    }
+
+
+def depth_first(tree: Tree) -> tuple[str, ...]:
+    """The moving joints limb by limb, those of one link by their names in USD."""
+    counted, found = set(tree.by_joint), list[Joint]()
+    waiting = _next(tree, tree.root, counted)[::-1]
+    while waiting:
+        found.append(waiting.pop())
+        waiting += _next(tree, found[-1].child, counted)[::-1]
+    moving = {joint.name for joint in tree.moving_joints}
+    return tuple(joint.name for joint in found if joint.name in moving)
 
 
 def breadth_first(tree: Tree, counted: Collection[str] | None = None) -> tuple[str, ...]:
-    """The moving joints by their distance from the root, then as their parents, then as stored.
+    """The moving joints by their distance from the root, then as their parents, then by name.
 
     counted: those of a robot in which the others do not move; None = all.
     """
@@ -35,11 +53,21 @@ def breadth_first(tree: Tree, counted: Collection[str] | None = None) -> tuple[s
     return tuple(found)
 
 
-def _next(tree: Tree, body: str, counted: Collection[str]) -> Iterator[Joint]:
-    """The nearest joints below a body that count."""
+def _next(tree: Tree, body: str, counted: Collection[str]) -> list[Joint]:
+    """The nearest joints below a body that count, as USD's readers sort them."""
+    return sorted(_below(tree, body, counted), key=lambda joint: _in_usd(joint.name))
+
+
+def _below(tree: Tree, body: str, counted: Collection[str]) -> Iterator[Joint]:
     for joint in tree.joints:
         if joint.parent == body:
-            yield from [joint] if joint.name in counted else _next(tree, joint.child, counted)
+            yield from [joint] if joint.name in counted else _below(tree, joint.child, counted)
+
+
+def _in_usd(name: str) -> str:
+    """The joint's identifier, but for what keeps two that are alike apart."""
+    near = re.sub(r"[^A-Za-z0-9_]", "_", name)
+    return f"_{near}" if near[:1].isdigit() else near
 
 
 def permutation(names: Sequence[str], of: Sequence[str]) -> tuple[int, ...]:

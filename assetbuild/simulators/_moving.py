@@ -2,8 +2,9 @@
 
 Runs in any Python, beside `_answering`. A world is a loaded stage: `held()` tells what the engine
 holds; `start(positions)`, `command(targets, speeds)`, `push(table, force)` and `step(dt)` move it;
-`look()` gives the root's pose, the centre of mass, joints by name, and a function from a name to a
-pose (of a body, or of the object). All is SI, poses are xyz and a quaternion wxyz.
+`look()` gives the root's pose, the centre of mass, joints by name in the order in which the engine
+counts them, and a function from a name to a pose (of a body, or of the object). All is SI, poses
+are xyz and a quaternion wxyz.
 """
 
 from __future__ import annotations

@@ -84,7 +84,7 @@ FAULTS: dict[str, tuple[Callable[[dict[str, Any]], object], str, str]] = {
     ),
     "the pose's sign": (
         lambda said: said["default_joint_pos"].__setitem__(5, -said["default_joint_pos"][5]),
-        "policy.position", "of `FL_thigh_joint` has the opposite sign",
+        "policy.position", "of `FR_thigh_joint` has the opposite sign",
     ),
     "a pose out of reach": (
         lambda said: said["default_joint_pos"].__setitem__(8, 0.0), "policy.position",
@@ -95,14 +95,14 @@ FAULTS: dict[str, tuple[Callable[[dict[str, Any]], object], str, str]] = {
         "policy.term", "the period of its gait is not stated",
     ),
     "actions from 0": (shift, "policy.offset", "offset of the action"),
-    "an action's sign": (sign, "policy.scale", "action scale of `FR_thigh_joint` is negative"),
+    "an action's sign": (sign, "policy.scale", "action scale of `FL_thigh_joint` is negative"),
     "a joint twice as fast": (
         lambda said: said["actions"]["JointPositionAction"]["scale"].__setitem__(0, 0.5),
-        "policy.scale", "not the same on both sides: `FL_hip_joint` 0.25, `FR_hip_joint` 0.5",
+        "policy.scale", "not the same on both sides: `FL_hip_joint` 0.5, `FR_hip_joint` 0.25",
     ),
     "two motors": (
         lambda said: swap(said["joint_ids_map"], 0, 1), "policy.order",
-        "no engine's order; Isaac Lab's, but for `FL_hip_joint`, `FR_hip_joint`",
+        "no engine's order; Isaac Lab's, but for `FR_hip_joint`, `FL_hip_joint`",
     ),
     "twice as often": (
         lambda said: said.update(step_dt=said["step_dt"] / 2), "policy.timestep", "it acts every",

@@ -23,30 +23,37 @@ from tiny import (
 
 from assetbuild.checks.policy_orders import PolicyOrders
 from assetbuild.errors import StepError
-from assetbuild.robot.orders import breadth_first, joint_orders, permutation
+from assetbuild.robot.orders import breadth_first, depth_first, joint_orders, permutation
+from assetbuild.simulators.usd_names import usd_identifier
 from assetbuild.targets.policy import Policy, PolicyOptions
 
-ISAAC = [
-    f"{leg}_{part}_joint" for part in ("hip", "thigh", "calf") for leg in ("FR", "FL", "RR", "RL")
-]
+PARTS = ("hip", "thigh", "calf")
+ISAAC = [f"{leg}_{part}_joint" for part in PARTS for leg in ("FL", "FR", "RL", "RR")]
+"""As PhysX counts, though the tree has FR before FL."""
 
 
 def test_isaac_lab_takes_all_hips_first_then_all_thighs():
     assert list(breadth_first(tiny_quadruped().tree)) == ISAAC
 
 
+def test_newton_takes_one_leg_after_the_other_by_name():
+    legs = [f"{leg}_{part}_joint" for leg in ("FL", "FR", "RL", "RR") for part in PARTS]
+    assert list(depth_first(tiny_quadruped().tree)) == legs
+
+
 @given(robots(max_bodies=8))
 @settings(max_examples=examples(60), deadline=None)
-def test_breadth_first_is_that_of_another_library(robot: TinyRobot):
+def test_orders_are_those_of_another_library(robot: TinyRobot):
     graph = nx.DiGraph()
     graph.add_node(robot.tree.root)
     names = {}
-    for joint in robot.tree.joints:
+    for joint in sorted(robot.tree.joints, key=lambda joint: usd_identifier(joint.name)):
         graph.add_edge(joint.parent, joint.child)
         names[joint.child] = joint.name
     moving = {joint.name for joint in robot.tree.moving_joints}
-    edges = [names[child] for _, child in nx.bfs_edges(graph, robot.tree.root)]
-    assert list(breadth_first(robot.tree)) == [name for name in edges if name in moving]
+    for walk, order in ((nx.bfs_edges, breadth_first), (nx.dfs_edges, depth_first)):
+        edges = [names[child] for _, child in walk(graph, robot.tree.root)]
+        assert list(order(robot.tree)) == [name for name in edges if name in moving]
 
 
 def test_a_permutation_brings_an_engine_s_values_into_the_order_of_the_joints():

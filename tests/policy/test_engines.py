@@ -6,11 +6,16 @@ import shutil
 from pathlib import Path
 
 import pytest
+import yaml
 from policies import bundle_of, deployed, write_policy
-from tiny import check_inputs, tiny_quadruped
+from tiny import check_inputs, run_step, tiny_quadruped, write_robot_ports
 
+from assetbuild.checks._newton import NewtonOrders
+from assetbuild.checks._physx import PhysxOrders
 from assetbuild.pipeline.policies import Wish, replay_policy
+from assetbuild.policy.counting import OrdersCheck
 from assetbuild.policy.in_stages import unavailable_reason
+from assetbuild.simulators.newton import HOME
 from assetbuild.targets.usd import Usd
 
 pytestmark = pytest.mark.slow
@@ -28,3 +33,32 @@ def test_a_policy_that_stands_in_mujoco_stands_there(engine: str, tmp_path: Path
     runs = replay_policy(folder, bot.bundle, wish, lambda line: None).runs
     assert runs[engine].verdict == "stands"
     assert runs[engine].height == pytest.approx(runs["mujoco"].height, abs=0.01)
+
+
+@pytest.mark.parametrize(
+    ("engine", "check", "message"),
+    [
+        ("newton", NewtonOrders, "newton has `FL_hip_joint` at place 0"),
+        ("physx", PhysxOrders, "isaaclab has `FL_hip_joint` at place 0"),
+    ],
+)
+def test_the_engine_is_asked_how_it_counts(
+    engine: str, check: type[OrdersCheck], message: str, tmp_path: Path
+):
+    if reason := unavailable_reason(engine):
+        pytest.skip(f"{engine}: {reason}")
+    robot = tiny_quadruped()
+    bot = bundle_of(tmp_path, robot)
+    write_robot_ports(bot.bundle, robot)
+    usd = check_inputs(tmp_path / "stage", robot, Usd(robot="robot"), "usd")
+    shutil.copytree(usd / "usd", bot.bundle / "usd", symlinks=False)
+    own = {"environment": HOME.folder.name} if engine == "newton" else {}
+    step = check(robot="robot", **own)
+    assert run_step(step, bot.bundle, tmp_path / "first") == []
+    contract = bot.bundle / "policy/robot_contract.yaml"
+    said = yaml.safe_load(contract.read_text())
+    said["orders"][step.order] = said["orders"]["urdf"]
+    contract.write_text(yaml.safe_dump(said, sort_keys=False))
+    found = run_step(step, bot.bundle, tmp_path / "second")
+    assert [f.rule for f in found] == ["policy.engine_order"]
+    assert message in found[0].message

@@ -134,7 +134,7 @@ def test_env_yaml_of_a_robot_with_fewer_joints_counts_its_own(bot: Bot, tmp_path
                        'joint_names_expr: ["F[LR]_hip_joint", ".*_thigh_joint"]')  # fmt: skip
     (tmp_path / "env.yaml").write_text(text)
     policy = open_policy(tmp_path / "env.yaml", bot)
-    hips, thighs = ("FR_hip_joint", "FL_hip_joint"), ("RR_thigh_joint", "RL_thigh_joint")
+    hips, thighs = ("FL_hip_joint", "FR_hip_joint"), ("RL_thigh_joint", "RR_thigh_joint")
     assert policy.joints[:4] == (*hips, *thighs) and len(policy.joints) == 10
     assert [f.rule for f in compare(policy, bot) if f.severity == "warning"] == []
 

@@ -5,14 +5,20 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
+from PIL import Image
 from policies import bundle_of, deployed, write_policy
 
 from assetbuild.cli import main
-from assetbuild.pipeline.policies import Replayed, Wish, replay_policy
+from assetbuild.engine.world import World
+from assetbuild.errors import UsageError
+from assetbuild.looks.plan import renderer
+from assetbuild.pipeline.policies import Replayed, Wish, draw_replays, replay_policy
 from assetbuild.policy.in_stages import unavailable_reason
 from assetbuild.policy.robot import Bot
 
@@ -53,13 +59,33 @@ def test_what_stands_does_not_follow_a_command(bot: Bot, tmp_path: Path):
     assert not done.follows and done.diagnosis is None
 
 
+def other_order(said: dict[str, Any]) -> None:
+    """The motors of another order: the file declares MuJoCo's, its lists are Isaac Lab's."""
+    said["joint_ids_map"] = [3, 4, 5, 0, 1, 2, 9, 10, 11, 6, 7, 8]
+
+
 def limp(said: dict[str, Any]) -> None:
     said["stiffness"] = [value * math.pi / 180.0 for value in said["stiffness"]]
 
 
-def other_order(said: dict[str, Any]) -> None:
-    """The motors of another order: the file declares MuJoCo's, its lists are Isaac Lab's."""
-    said["joint_ids_map"] = [3, 4, 5, 0, 1, 2, 9, 10, 11, 6, 7, 8]
+@pytest.mark.usefixtures("drawing")
+def test_a_picture_has_a_row_for_each_engine_and_six_moments(bot: Bot, tmp_path: Path):
+    if renderer(World()) == "none":
+        pytest.skip("no OpenGL without a window: apt-get install libegl1 libgl1-mesa-dri")
+    done = replayed(bot, tmp_path / "p", limp, replace(STAND, search=False))
+    draw_replays(done, bot.bundle, STAND, tmp_path / "deep/strip.png")
+    with Image.open(tmp_path / "deep/strip.png") as image:
+        pixels = np.asarray(image.convert("L")).astype(float)
+    columns = np.array_split(pixels, 6, axis=1)
+    dark = [np.nonzero(column[: column.shape[0] * 9 // 10] < 200)[0] for column in columns]
+    assert all(rows.size for rows in dark)
+    assert dark[-1].min() > dark[0].min() + 5  # it sank
+
+
+def test_a_picture_that_cannot_be_written_is_one_sentence(bot: Bot, tmp_path: Path):
+    done = replayed(bot, tmp_path / "p", lambda said: None)
+    with pytest.raises(UsageError, match="cannot write"):
+        draw_replays(done, bot.bundle, STAND, tmp_path)
 
 
 @pytest.mark.parametrize(

@@ -24,7 +24,6 @@ HELD = {f"joint {name}" for name in COLUMNS.values()} | {
     "simulation timestep", "simulation decimation", "robot base",
 }  # fmt: skip
 WORDS = ("format", "version", "robot", "conventions", "feet")
-BREADTH_FIRST = ("isaaclab",)
 
 
 class PolicyFacts(Reader):
@@ -110,17 +109,17 @@ CONVENTIONS = {
 
 
 def _orders(reference: Reference, moving: list[str]) -> dict[str, list[str]]:
-    """MuJoCo and Newton walk down limb by limb, as the tree is stored; Isaac Lab sorts by depth."""
-    deep = sorted(moving, key=lambda name: _depth(reference.tree, name))
+    """Each as paths from the root that are sorted: by name along the limbs, by depth before it."""
+    paths = {name: _path(reference.tree, name) for name in moving}
     bus = list((reference.options.get("policy") or {}).get("bus_order") or moving)
-    stored = dict.fromkeys(("urdf", "mujoco", "newton"), moving)
-    return stored | dict.fromkeys(BREADTH_FIRST, deep) | {"bus": bus}
+    limbs = sorted(moving, key=lambda name: paths[name])
+    levels = sorted(moving, key=lambda name: (len(paths[name]), paths[name]))
+    return {"urdf": moving, "mujoco": moving, "newton": limbs, "isaaclab": levels, "bus": bus}
 
 
-def _depth(tree: Tree, joint: str) -> int:
-    """How many joints stand between the root and this one."""
-    above, found = tree.joint_above, 0
-    link = tree.by_joint[joint].parent
-    while link in above:
-        link, found = above[link].parent, found + 1
-    return found
+def _path(tree: Tree, joint: str) -> tuple[str, ...]:
+    """Names of the joints from the root to this one, as USD spells them."""
+    above, found = tree.joint_above, [joint]
+    while (link := tree.by_joint[found[0]].parent) in above:
+        found.insert(0, above[link].name)
+    return tuple(re.sub("^(?=[0-9])", "_", re.sub("[^A-Za-z0-9_]", "_", name)) for name in found)

@@ -109,6 +109,7 @@ class World:
         self.unit = {path: math.radians(1.0) if path in angular else 1.0 for path in names}
         """rad or m in PhysX's unit of a joint's coordinate."""
         self.joint_paths = {name: path for path, name in names.items()}
+        self.counted = self.joint_order()
 
     # --- reading and writing ----------------------------------------------------------------
 
@@ -129,6 +130,15 @@ class World:
                     n: np.ravel(row).astype(float) for n, row in zip(names, rows, strict=True)
                 }
         return found
+
+    def joint_order(self) -> list[str]:
+        """Paths of the joints in the order of the articulation's coordinates, as Isaac Lab's."""
+        from ovphysx.types import ObjectScope
+
+        kind, column = self.kinds.ARTICULATION, ["dofJointPath"]
+        with self.sim.read_sync(kind, column, scope=ObjectScope.ALL) as result:
+            handles = [np.ravel(t.numpy()) for group in result.groups for t in group.tensors]
+            return [self.paths.path_to_string(int(h)) for row in handles for h in row if h]
 
     def write(self, attribute: str, values: Mapping[str, float]) -> None:
         """Write one value for each joint, by path; there is no mask, so it must name them all."""
@@ -251,9 +261,9 @@ class World:
         kind, names = self.kinds.ARTICULATION, self.run["joints"]
         root = next(iter(self.poses(kind, "rootPosition", "rootOrientation").values()))
         centre = next(iter(self.read(kind, "centerOfMassWorld").values()))
+        places = self.joints("jointPosition")
         joints = {
-            names.get(path, path): value * self.unit.get(path, 1.0)
-            for path, value in self.joints("jointPosition").items()
+            names.get(path, path): places[path] * self.unit.get(path, 1.0) for path in self.counted
         }
         return root, centre, joints, self.pose
 

@@ -1,0 +1,102 @@
+"""A strip of pictures of a robot that moves: a row for each engine, a picture for each moment."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from assetbuild.looks.render import Stage, directions, drawing, fitted, loaded, write
+from assetbuild.looks.studio import BACKGROUND, Pixels, Shot, Studio, studio
+from assetbuild.robot.pose import Array
+from assetbuild.simulators import mujoco
+
+ACROSS = 360
+"""Pixels of the longer side of each picture."""
+FINER = 2
+"""How much larger it is drawn before it is made smaller."""
+SIDE, ELEVATION = 90.0, -8.0
+"""Where the camera looks, degrees: from the right, so that a robot walks to the right."""
+ROOM = 1.35
+"""How much larger the frame is than the robot at its start: it swings its limbs."""
+SAMPLES = 3
+CAPTION, INK = 13, (70, 70, 70)
+"""Pixels of the letters, and their colour."""
+
+
+@dataclass(frozen=True, eq=False)
+class Moment:
+    """A robot at one time. place: (3,) m; quat: wxyz of the base; q: of joints, rad or m.
+
+    caption: what is written below.
+    """
+
+    place: Array
+    quat: Array
+    q: Mapping[str, float]
+    caption: str
+
+
+def draw_strip(
+    scene: Path, rows: Mapping[str, Sequence[Moment]], file: Path, renderer: str
+) -> None:
+    """Write a PNG of moments, a row for each name. The camera goes along. StepError."""
+    stage = Stage(loaded(scene))
+    size, radius = (FINER * ACROSS, FINER * ACROSS), ROOM * stage.size
+    start = np.array(stage.data.xpos[1])
+
+    def work() -> tuple[()]:
+        with studio(renderer, stage.model, size, stage.middle, radius, stage.lowest) as opened:
+            drawn = [_row(stage, opened, start, *row) for row in rows.items()]
+            write(file, np.concatenate(drawn))
+        return ()
+
+    drawing(renderer, work)
+
+
+def _row(
+    stage: Stage, studio: Studio, start: Array, name: str, moments: Sequence[Moment]
+) -> Pixels:
+    """start: (3,) m, where the base is in the stage's own pose."""
+    pictures = _pictures(stage, studio, start, moments)
+    captions = [f"{name}  {moments[0].caption}", *(moment.caption for moment in moments[1:])]
+    with_text = [_captioned(*pair) for pair in zip(pictures, captions, strict=True)]
+    return np.concatenate(with_text, axis=1)
+
+
+def _pictures(
+    stage: Stage, studio: Studio, start: Array, moments: Sequence[Moment]
+) -> Iterator[Pixels]:
+    """Each of the same size, FINER times too large, the robot's base in the same place."""
+    model, data = stage.model, stage.data
+    joints = mujoco.joints(model)
+    _, right, up = directions(SIDE, ELEVATION)
+    extent = np.ptp(stage.points @ right), np.ptp(stage.points @ up)
+    width, height = (round(FINER * ACROSS * side / max(extent)) for side in extent)
+    size = max(width, ACROSS), max(height, ACROSS)
+    camera = fitted(stage.points, SIDE, ELEVATION, size[0] / size[1], ROOM)
+    for moment in moments:
+        if mujoco.floats(model):
+            data.qpos[:7] = [*moment.place, *moment.quat]
+        for joint, value in moment.q.items():
+            if joint in joints:
+                data.qpos[model.jnt_qposadr[joints[joint]]] = value
+        mujoco.mj.mj_forward(model, data)
+        shift = np.array([*(moment.place[:2] - start[:2]), 0.0])
+        studio.middle = stage.middle + shift
+        yield studio.frame(
+            data, Shot(camera.moved(shift), *size, groups=stage.groups, samples=SAMPLES, soft=True)
+        )
+
+
+def _captioned(pixels: Pixels, text: str) -> Pixels:
+    from PIL import Image, ImageDraw, ImageFont
+
+    image = Image.fromarray(pixels).reduce(FINER)
+    page = Image.new("RGB", (image.width, image.height + 2 * CAPTION), (BACKGROUND,) * 3)
+    page.paste(image)
+    font = ImageFont.load_default(CAPTION)
+    ImageDraw.Draw(page).text((CAPTION, image.height), text, fill=INK, font=font)
+    return np.asarray(page)
