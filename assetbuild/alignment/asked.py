@@ -38,8 +38,6 @@ STOP_HZ, STOP_S = 1.0, 1.0
 SHARP = 2.0
 """Into a stop the target goes so many times as far as the joint has room for: beyond the limit by
 as much as it stood before it."""
-FINER = 8
-"""So many times shorter steps tell a difference of integrators from one of the robot."""
 End = Literal["lower", "upper"]
 ENDS: tuple[End, End] = ("lower", "upper")
 
@@ -79,11 +77,9 @@ def _into_stops(
 ) -> Iterator[Experiment]:
     """MuJoCo's limits of commands would clip what asks for more."""
     own = replace(held, contacts=False, clipped=False)
-    fine = replace(own, timestep=own.timestep / FINER)
     for end in ENDS:
         if (sine := into_stop(tree, control, home, end)) is not None:
             yield swing(f"past_{end}", own, sine, 0.0)
-            yield swing(f"past_{end}_fine", fine, sine, 0.0)
 
 
 def _on_floor(stand: Setting, start: Mapping[str, float]) -> Iterator[Experiment]:

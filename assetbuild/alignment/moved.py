@@ -1,16 +1,16 @@
-"""How both simulators moved the robot, as rows; why not alike, where that is known."""
+"""How both simulators moved the robot, as rows."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from pydantic import Field
 
 from assetbuild.alignment.asked import DROP_M, End
-from assetbuild.alignment.row import SLOWER, SOFT, Row
+from assetbuild.alignment.row import Row
 from assetbuild.quantities import Model, Positive
 from assetbuild.robot.model import Control, Tree
 from assetbuild.robot.pose import Array
@@ -26,14 +26,10 @@ from assetbuild.simulators.experiments import (
 )
 from assetbuild.simulators.free_fall import Fall, fall_of
 
-FRICTION, COUPLING = "dry friction", "coupling of joints"
-EXPLAINED = 0.5
-"""Share of a difference that must be gone before a reason counts as one."""
+NEVER = math.inf
 FALLEN_RAD = math.radians(20.0)
-RAD, METRE = (0.01, 0.1), (0.001, 0.01)
-"""How much further past a limit than in MuJoCo: a warning, an error."""
-SHORTER = "a shorter `simulation.timestep` brings them together"
-OFF = ("warning", "error")
+RAD, METRE = 0.01, 0.001
+"""How much further past a limit than in MuJoCo is a warning."""
 
 
 class FloorLimits(Model):
@@ -100,133 +96,50 @@ def fall_rows(both: Compared, asked: Experiment, ours: Motion, theirs: Motion) -
 
 
 def sine_rows(both: Compared, asked: Experiment, ours: Motion, theirs: Motion) -> Iterator[Row]:
-    """How each joint follows its sine."""
+    """How each joint follows its sine.
+
+    An engine has its own model of dry friction, couplings and limits of speed: with them a
+    difference is a warning at most, and after a touch it is not judged.
+    """
     assert asked.sine is not None  # noqa: S101 # made so
     is_pure, wish = not asked.setting.rubbing, both.swing
-    soft = {joint.mimic.joint: COUPLING for joint in both.tree.joints if joint.mimic}
-    if not is_pure:
-        soft |= {a.joint: FRICTION for a in both.control.actuators if a.friction > 0.0}
-    hasty, hard = "" if is_pure else _hasty(both.control, ours), None
-    for joint, swing in asked.sine.swing.items():
-        if swing <= 0.0:
-            continue
-        warn = wish.tolerance if is_pure else wish.tolerance_as_is
-        row = _sine_row(both, asked.name, asked.sine, joint, ours, theirs, (warn, wish.broken))
-        if joint in soft and row.verdict in OFF:
-            firm = replace(asked, setting=replace(asked.setting, hard=True))
-            hard = hard or both.mujoco(firm).motion
-            row = row if hard is None else _explained(row, asked.sine, joint, soft, hard, theirs)
-        if hasty and not row.because and row.verdict in OFF:
-            row = replace(row, because=hasty, advice=SLOWER)
-        yield row
-
-
-def _sine_row(
-    both: Compared,
-    name: str,
-    sine: Sine,
-    joint: str,
-    ours: Motion,
-    theirs: Motion,
-    limits: tuple[float, float],
-) -> Row:
-    response = compare_response(sine, joint, ours, theirs)
-    start = len(ours.time) // 3
-    omega = 2.0 * math.pi * sine.frequency_hz
-    swung = abs(phasor(ours.time[start:], ours.joints[joint][start:], omega))
-    # After a touch two motions have nothing more to do with one another: told, not judged.
-    return Row(
-        name,
-        "HIGH",
-        f"joint {joint}",
-        f"swing {swung:.5g}",
-        f"swing x {response.gain:.5f}, {response.lag_rad:+.4f} rad later",
-        response.rms,
-        *((math.inf, math.inf) if ours.touched else limits),
-        f"of the swing, RMS{_unfair(both.tree, sine, ours)}",
-    )
-
-
-def _unfair(tree: Tree, sine: Sine, ours: Motion) -> str:
-    """What lets two motions part that began alike, for the reader."""
+    limits = (wish.tolerance, wish.broken) if is_pure else (wish.tolerance_as_is, NEVER)
     if ours.touched:
-        return "; the robot touches itself"
-    moving = [joint for joint in tree.moving_joints if joint.mimic is None]
-    loose = [joint.name for joint in moving if sine.swing[joint.name] == 0.0]
-    count = f"{len(loose)} joints without a drive of positions or speeds"
-    return f"; {count} swing freely, where small differences grow" if loose else ""
-
-
-def _hasty(control: Control, ours: Motion) -> str:
-    """The joint that is most above its limit of speed in MuJoCo, which has none; or "".
-
-    Thrown about by what carries it, a wrist passes it whatever its own drive is asked, and what
-    hangs on it and what carries it move otherwise too.
-    """
-    worst, said = 1.0, ""
-    for joint, angle in ours.joints.items():
-        drive = control.by_joint.get(joint)
-        if drive is None or not drive.velocity:
-            continue
-        fastest = float(np.abs(np.gradient(angle, ours.time)).max())
-        if fastest > worst * drive.velocity:
-            worst = fastest / drive.velocity
-            said = (
-                f"MuJoCo has no limit of speed: `{joint}` moves at {fastest:.3g}, its limit is "
-                f"{drive.velocity:.3g} rad/s or m/s"
+        limits = NEVER, NEVER
+    unit = f"of the swing, RMS{'; the robot touches itself' if ours.touched else ''}"
+    for joint, width in asked.sine.swing.items():
+        if width > 0.0:
+            response = compare_response(asked.sine, joint, ours, theirs)
+            yield Row(
+                asked.name,
+                "HIGH",
+                f"joint {joint}",
+                f"swing {_swung(asked.sine, joint, ours):.5g}",
+                f"swing x {response.gain:.5f}, {response.lag_rad:+.4f} rad later",
+                response.rms,
+                *limits,
+                unit,
             )
-    return said
 
 
-def _explained(
-    row: Row, sine: Sine, joint: str, soft: Mapping[str, str], hard: Motion, theirs: Motion
-) -> Row:
-    """The row with its reason, where MuJoCo agrees once its constraints are hard: within the
-    warning, or twice as well and no error.
-
-    MuJoCo's dry friction and its coupling of joints are soft constraints: under a torque tau
-    below the limit of friction a joint of inertia M creeps by v = (1 - d) tau / (d b M), d and
-    b of solimp and solref. A hip stands; a wrist of 1e-3 kg m2 moves by 1 rad/s for each N m,
-    where PhysX's joint sticks. A coupled finger gives way by a like amount.
-    """
-    left = compare_response(sine, joint, hard, theirs).rms
-    if not left <= max(row.warn, min(row.error, EXPLAINED * (row.off or 0.0))):
-        return row
-    because = f"MuJoCo's {soft[joint]} is soft: made hard, {left:.3g} apart"
-    return replace(row, because=because, advice=SOFT)
+def _swung(sine: Sine, joint: str, motion: Motion) -> float:
+    """Amplitude at the frequency of the sine, rad or m, once it has settled."""
+    start = len(motion.time) // 3
+    omega = 2.0 * math.pi * sine.frequency_hz
+    return abs(phasor(motion.time[start:], motion.joints[joint][start:], omega))
 
 
 # --- stops --------------------------------------------------------------------------------------
 
 
 def stop_rows(both: Compared, asked: Experiment, ours: Motion, theirs: Motion) -> Iterator[Row]:
-    """How far each driven joint runs past its limit; why further, where shorter steps agree."""
-    rows = list(_past_rows(both.tree, asked, ours, theirs))
-    fine = both.asked[f"{asked.name}_fine"]
-    done = both.theirs[fine.name]
-    if any(row.verdict in OFF for row in rows) and done.finite and done.motion is not None:
-        calm = both.mujoco(fine).motion
-        apart = {} if calm is None else {
-            row.subject: row for row in _past_rows(both.tree, fine, calm, done.motion)
-        }  # fmt: skip
-        rows = [_by_integrator(row, apart.get(row.subject), fine) for row in rows]
-    yield from rows
+    """How far each driven joint runs past its limit, rad or m, the largest of the run.
 
-
-def _by_integrator(row: Row, calm: Row | None, fine: Experiment) -> Row:
-    """The row, with the integrator as the reason where shorter steps bring both together."""
-    if row.verdict not in OFF or calm is None or calm.verdict != "ok":
-        return row
-    dt = fine.setting.timestep
-    because = f"the integrators part: in steps of {dt:g} s, {calm.off:.2g} apart"
-    return replace(row, because=because, advice=SHORTER)
-
-
-def _past_rows(tree: Tree, asked: Experiment, ours: Motion, theirs: Motion) -> Iterator[Row]:
-    """A row for each joint that was driven: beyond its limit, rad or m, the largest of the run."""
+    Integrators differ where a joint is stopped, so that a difference is a warning at most.
+    """
     assert asked.sine is not None  # noqa: S101 # made so
-    end: End = "lower" if asked.name.startswith("past_lower") else "upper"
-    for joint in tree.moving_joints:
+    end: End = "lower" if asked.name == "past_lower" else "upper"
+    for joint in both.tree.moving_joints:
         if not asked.sine.swing[joint.name]:
             continue
         past = [_past(motion.joints[joint.name], bounds(joint), end) for motion in (ours, theirs)]
@@ -238,7 +151,8 @@ def _past_rows(tree: Tree, asked: Experiment, ours: Motion, theirs: Motion) -> I
             past[0],
             past[1],
             max(0.0, past[1] - max(0.0, past[0])),
-            *(METRE if linear else RAD),
+            METRE if linear else RAD,
+            NEVER,
             "m further" if linear else "rad further",
         )
 
@@ -257,7 +171,7 @@ def stand_rows(both: Compared, _: Experiment, ours: Motion, theirs: Motion) -> I
     _, x, y, _ = ours.turn[-1]
     tilt = math.acos(max(-1.0, min(1.0, 1.0 - 2.0 * float(x * x + y * y))))
     falls = tilt > FALLEN_RAD
-    limits = (math.inf, math.inf) if falls else both.floor.stand_height
+    limits = (NEVER, NEVER) if falls else both.floor.stand_height
     unit = "m; it falls over in MuJoCo, as the check `stand` would say" if falls else "m"
     yield Row("stand_height", "MEDIUM", "robot", one, two, abs(one - two), *limits, unit)
 

@@ -12,19 +12,13 @@ from assetbuild.findings import Finding, Rule, rounded
 Rank = Literal["HIGH", "MEDIUM"]
 
 HINTS: Mapping[str, str] = {
-    "sine_as_is PhysX": "where kd dt is large beside the joint's inertia, its joint friction "
-    "sticks: "
-    "give the joint its motor's armature, or raise `usd.articulation.solver_position_iterations`",
+    "sine_as_is": "the engines model dry friction, couplings and limits of speed differently: give "
+    "the joint its motor's armature, choose a slower `validate.sine.frequency`, or randomize "
+    "`friction`",
+    "past_lower": "a shorter `simulation.timestep` brings the integrators together",
+    "past_upper": "a shorter `simulation.timestep` brings the integrators together",
     "stand_height": "do the soles start inside of the floor, or does a body touch another?",
 }
-SLOWER = (
-    "a slower `validate.sine.frequency` compares both below the limit; a policy for both engines "
-    "must stay below it too"
-)
-SOFT = (
-    "both are what the engines do: the motor's armature on the joint makes MuJoCo's constraint "
-    "harder; else randomize `friction`"
-)
 
 
 @dataclass(frozen=True)
@@ -87,7 +81,7 @@ def findings_of(rows: Sequence[Row], off: Rule, engine: str) -> Iterator[Finding
             f"{worst.off:.3g} {worst.unit} apart, more than {limit:.3g}"
             f"{f'; {worst.because}' if worst.because else ''}{more}",
             severity="error" if worst.verdict == "error" else "warning",
-            hint=_hint(worst, engine),
+            hint=_hint(worst),
             data={"rank": worst.rank, "off": _finite(worst.off), "rows": len(bad)},
         )
 
@@ -97,11 +91,10 @@ def _size(off: float | None) -> float:
     return math.inf if off is None or math.isnan(off) else off
 
 
-def _hint(row: Row, engine: str) -> str:
+def _hint(row: Row) -> str:
     if row.because:
         return row.advice
-    known = HINTS.get(f"{row.name} {engine}") or HINTS.get(row.name)
-    return known or "the report's table of the check has every row"
+    return HINTS.get(row.name, "the report's table of the check has every row")
 
 
 def _finite(value: float | None) -> float | None:

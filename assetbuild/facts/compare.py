@@ -77,7 +77,9 @@ _WAS = {
     **_renamed("urdf.reload", "urdf", {
         "kinematics": "pose axis",
         "limits": "lower upper effort velocity", "mass": "mass centre_of_mass", "mesh": "missing",
+        "structure": "missing",
     }),
+    "urdf.reload.unreadable": ("equal.unreadable",),
     "smoke.reading": ("equal.newton.*",),
 }  # fmt: skip
 """The rules of version 0.1, in which every check had names of its own."""

@@ -1,18 +1,16 @@
-"""What the modules of all trainers have in common: patterns of names, the start, event terms."""
+"""What the modules of all trainers have in common: patterns of names, the start, delays."""
 
 from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, field
 from typing import Any
 
-from assetbuild.facts.derived import start_of
-from assetbuild.facts.draws import put_draw
+from assetbuild.facts.derived import first_match, start_of
 from assetbuild.facts.reference import Reference, pose_value
-from assetbuild.facts.standins import ARGUMENTS, Record, class_of, table_of, words_of
+from assetbuild.facts.standins import Record, table_of
 from assetbuild.facts.table import Value, Writer
 from assetbuild.facts.vocabulary import MUJOCO_OPTIONS, VOCABULARY
 
@@ -28,17 +26,6 @@ STATED = frozenset(
     )
 )  # fmt: skip
 """What every trainer's module states; the rest stands in the MJCF or USD that it loads."""
-
-
-@dataclass(frozen=True)
-class Term:
-    """A trainer's function that draws. reads: parameter -> word of what it draws.
-
-    means: parameter -> value without which the function would mean something else.
-    """
-
-    reads: Mapping[str, str]
-    means: Mapping[str, object] = field(default_factory=dict)
 
 
 def left_to_the_asset(*besides: str) -> dict[str, str]:
@@ -82,6 +69,13 @@ def delay_s(steps: Sequence[float], timestep_s: float) -> tuple[float, ...]:
     return tuple(step * timestep_s for step in steps)
 
 
+def expected_delay_s(reference: Reference, joint: str) -> tuple[float, ...]:
+    """Least and most delay that the recipe's `randomize` states for a joint, s."""
+    joints = (reference.options.get("randomize") or {}).get("joints") or {}
+    ranges = first_match(joints, joint) or {}
+    return delay_s(ranges.get("delay", (0, 0)), reference.control.simulation.timestep)
+
+
 # --- the start --------------------------------------------------------------------------------
 
 
@@ -107,56 +101,3 @@ def put_expected_start(
     book.put("robot", "", {"soft limits": soft_limits})
     for joint, position in start.joints:
         book.put("joint", joint, {"start": position, f"{form}:start velocity": 0.0})
-
-
-# --- event terms ------------------------------------------------------------------------------
-
-
-def put_terms(
-    terms: object,
-    known: Mapping[str, Term],
-    bodies: Names,
-    joints: Names,
-    book: Writer,
-    groups: Sequence[Sequence[str]] = (),
-) -> None:
-    """What `EventTermCfg`s draw. groups: joints of each drive, which a term names by its place."""
-    for stated in table_of(terms).values():
-        if class_of(stated) != "EventTermCfg":
-            continue
-        function, params = class_of(stated.get("func")), table_of(stated.get("params"))
-        entity = table_of(params.get("asset_cfg"))
-        said = {"mode": stated.get("mode"), "entity": entity.get(ARGUMENTS)}
-        said |= {key: entity[key] for key in ("geom_names",) if key in entity}
-        said |= dict(_leaves({key: item for key, item in params.items() if key != "asset_cfg"}))
-        term = known.get(function, Term({}))
-        for kind, name in _subjects(entity, bodies, joints, groups):
-            for param, word in term.reads.items():
-                put_draw(book, kind, name, word, said.get(param))
-            others = {"mode": "startup", "entity": ["robot"], **term.means}
-            for param in dict.fromkeys((*others, *said)):
-                if param not in term.reads and said.get(param) != others.get(param):
-                    stands = str(said.get(param, "missing"))
-                    book.put(kind, name, {f"drawn:{function} {param}": stands})
-
-
-def _leaves(table: Record) -> Iterator[tuple[str, Any]]:  # Any: JSON
-    for key, value in table.items():
-        if isinstance(value, dict):
-            yield from ((f"{key}.{path}", leaf) for path, leaf in _leaves(value))
-        else:
-            yield key, value
-
-
-def _subjects(
-    entity: Record, bodies: Names, joints: Names, groups: Sequence[Sequence[str]]
-) -> Iterator[tuple[str, str]]:
-    """Whom a `SceneEntityCfg` names; the robot as a whole where it names nobody."""
-    if "body_names" in entity:
-        yield from (("body", name) for name in matching(words_of(entity["body_names"]), bodies))
-    elif "joint_names" in entity:
-        yield from (("joint", name) for name in matching(words_of(entity["joint_names"]), joints))
-    elif "actuator_ids" in entity:
-        yield from (("joint", joint) for place in entity["actuator_ids"] for joint in groups[place])
-    else:
-        yield "robot", ""

@@ -120,10 +120,6 @@ def _loops(f: Figures) -> str:
 
 SENTENCES: Mapping[str, Callable[[Figures], str]] = {
     "oracle": _oracle,
-    "urdf_kinematics": lambda f: (
-        f"{f['links']} links stand where yourdfpy puts them in {f['samples']} poses: "
-        f"largest error {_error(float(f['kinematics_error']))}, limit 1e-9"
-    ),
     "urdf_loads": lambda f: f"urdfdom reads the URDF: {f['joints']} joints",
     "free_fall": lambda f: (
         f"free fall {float(f['drop_m']):.4g} m in {float(f['seconds']):.3g} s (expected "

@@ -112,7 +112,6 @@ class Setting:
     MuJoCo. floor_friction: None = no floor.
     contacts: False switches every collider off. rubbing: False takes joint friction and damping.
     limited: False takes the limits of effort and speed. clipped: False takes those of commands.
-    hard: dry friction and coupled joints give way as little as in a textbook, in MuJoCo.
     drives: gains to write over the asset's own, by joint name; drive_type: of these, per unit of
     inertia where it is `acceleration`; other_drives: False takes all but these.
     loops: False opens every loop.
@@ -132,7 +131,6 @@ class Setting:
     rubbing: bool = True
     limited: bool = True
     clipped: bool = True
-    hard: bool = False
     drives: Mapping[str, Actuator] | None = None
     drive_type: Literal["force", "acceleration"] = "force"
     other_drives: bool = True

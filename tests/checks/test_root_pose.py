@@ -11,7 +11,7 @@ import pytest
 from pxr import Gf, Usd
 from tiny import TinyRobot, check_inputs, pendulum, run_step, tiny_quadruped
 
-from assetbuild.checks.urdf_kinematics import UrdfKinematics
+from assetbuild.facts.readers.urdf import UrdfFacts
 from assetbuild.findings import Finding
 from assetbuild.robot.dynamics import dynamics
 from assetbuild.robot.pose import IDENTITY, Pose, normalised_quat
@@ -65,7 +65,8 @@ def test_the_robots_own_prim_holds_it_in_usd_and_the_link_stays_in_its_origin(
 def test_in_urdf_a_fixed_joint_holds_it_to_a_link_called_world(tmp_path: Path) -> None:
     robot = hung()
     inputs = check_inputs(tmp_path, robot, Urdf(robot="bot"), "urdf")
-    assert run_step(UrdfKinematics(robot="bot"), inputs, tmp_path / "out") == []
+    found = run_step(UrdfFacts(robot="bot"), inputs, tmp_path / "out")
+    assert [f.rule for f in found] == ["lost.urdf"]
     text = (inputs / "urdf/bot.urdf").read_text()
     assert text.index('<link name="world" />') < text.index('<link name="base"')
     (told,) = [f for f in run_step(Urdf(robot="bot"), inputs, tmp_path / "again")

@@ -34,9 +34,8 @@ from assetbuild.facts.table import Key
 from assetbuild.robot.model import Actuator
 from assetbuild.robot.ranges import Randomize
 from assetbuild.targets.isaaclab import IsaacLab
-from assetbuild.targets.isaaclab import events as lab_events
 from assetbuild.targets.isaaclab.module import Module
-from assetbuild.targets.mjlab import Mjlab, events, module
+from assetbuild.targets.mjlab import Mjlab, module
 
 RANDOMIZE = Randomize.model_validate(
     {
@@ -185,13 +184,6 @@ MJLAB_BUGS = [
     (module, "_facts", "simulation.timestep", "2 * simulation.timestep", {"timestep", "delay"}),
     (module, "_facts", "_scale(facts, group)", "1.0", {"action_scale"}),
     (module, "_velocity", "cfg.sim.mujoco.timestep = TIMESTEP", "", {"timestep"}),
-    (module, "_velocity", "cfg.events |= randomize_events()", "cfg.x = 0",
-     {"density", "encoder_bias", "effort"}),
-    (module, "_velocity", "for name in gone", "for name in gone[1:]", {"without"}),
-    (events, "_log_cholesky", "math.log(low) / 2", "math.log(low)", {"density"}),
-    (events, "_payloads", "payload.at", "payload.size", {"box"}),
-    (events, "_joints", '"kd_range": ranges.kd', '"kd_range": ranges.kp', {"kd"}),
-    (events, "_joints", "-ranges.encoder_bias, ", "0.0, ", {"encoder_bias"}),
 ]  # fmt: skip
 ISAACLAB_BUGS = [
     (Module, "_values", "actuator.kp if has_kp", "actuator.kd if has_kp", {"kp"}),
@@ -207,9 +199,6 @@ ISAACLAB_BUGS = [
      "rigid.max_angular_velocity", {"max_angular_velocity"}),
     (Module, "_articulation", '"enabled_self_collisions": solver.self_collisions',
      '"enabled_self_collisions": not solver.self_collisions', {"self_collision"}),
-    (lab_events, "_matter", "matter.density,", "matter.density[::-1],", {"density"}),
-    (lab_events, "_joints", "getattr(ranges, key)\n", "ranges.friction\n",
-     {"armature"}),
 ]  # fmt: skip
 """(where, function, text, what stands there instead, quantities that must be found)."""
 CASES = [

@@ -14,7 +14,6 @@ from pathlib import Path
 from typing import ClassVar
 
 from assetbuild.facts.derived import free_springs
-from assetbuild.facts.draws import OF_MATTER, drawn, varied
 from assetbuild.facts.isaaclab_config import (
     FORM,
     IMPLICIT,
@@ -32,18 +31,17 @@ from assetbuild.facts.table import Key, Table, Value, Writer
 from assetbuild.facts.trainers import (
     LOOPS,
     Names,
-    Term,
     delay_s,
+    expected_delay_s,
     left_to_the_asset,
     matching,
     own_names,
     put_expected_start,
     put_start,
-    put_terms,
 )
 from assetbuild.facts.usd_expected import rigid_of, solver_of, touches_itself
 from assetbuild.robot.model import Actuator
-from assetbuild.simulators.usd_names import body_identifiers, joint_identifiers
+from assetbuild.simulators.usd_names import joint_identifiers
 
 GENERATIONS: tuple[Generation, ...] = (2, 3)
 FIELDS = {
@@ -61,37 +59,6 @@ TOUCHES = ("enabled_self_collisions", "self_collision_enabled")
 """Whether parts of the robot touch one another, in PhysX and in Newton."""
 CLEARANCE_M = 0.001
 """Soles that start inside of the floor are thrown off it."""
-MATERIALS = 64
-"""Contact materials to draw from; PhysX has room for 64000 in all environments."""
-SCALED = {"operation": "scale"}
-PARAMS = "_distribution_params"
-TERMS: Mapping[str, Term] = {
-    "randomize_rigid_body_mass": Term(
-        {f"mass{PARAMS}": "density"}, SCALED | {"recompute_inertia": True}
-    ),
-    "randomize_rigid_body_com": Term({f"com_range.{axis}": f"com {axis}" for axis in "xyz"}),
-    "randomize_actuator_gains": Term(
-        {f"stiffness{PARAMS}": "kp", f"damping{PARAMS}": "kd"}, SCALED
-    ),
-    "randomize_joint_parameters": Term(
-        {f"{word}{PARAMS}": word for word in ("friction", "armature")}, SCALED
-    ),
-    "randomize_rigid_body_material": Term(
-        {
-            "static_friction_range": "surface friction",
-            "dynamic_friction_range": "dynamic surface friction",
-            "restitution_range": "restitution",
-            "num_buckets": "materials",
-        },
-        {"make_consistent": True},
-    ),
-}
-"""Isaac Lab's functions that draw."""
-NOT_DRAWN = (
-    *OF_MATTER[4:], "payload mass", "payload box", "effort", "damping", "encoder bias",
-    "surface friction",
-)  # fmt: skip
-"""What they cannot draw; friction of surfaces they draw in two words."""
 
 
 class IsaacLabReader(Reader):
@@ -112,15 +79,14 @@ class IsaacLabReader(Reader):
 
     def read(self, path: Path) -> Table:
         """The facts of both modules, by the names that they write out."""
-        return _both({n: _table(path, n, {}, {}) for n in GENERATIONS})
+        return _both({n: _table(path, n, {}) for n in GENERATIONS})
 
     def found(self, path: Path, reference: Reference) -> Table:
-        """Patterns are those of the robot's bodies and joints as the USD names them."""
+        """Patterns are those of the robot's joints as the USD names them."""
         tree = reference.tree
         there = joint_identifiers(tree)
         joints = {there[joint.name]: joint.name for joint in tree.moving_joints}
-        bodies = {usd: own for own, usd in body_identifiers(tree).items()}
-        return _both({n: _table(path, n, bodies, joints) for n in GENERATIONS})
+        return _both({n: _table(path, n, joints) for n in GENERATIONS})
 
     def expected(self, reference: Reference) -> Table:
         """The robot's drives as Isaac Lab has them, what it has besides, both times."""
@@ -129,7 +95,7 @@ class IsaacLabReader(Reader):
         def is_stated(key: Key) -> bool:
             return self.holds(key) and (key.kind != "joint" or key.name in driven)
 
-        facts = robot_table(reference).only(is_stated) | drawn(reference, _draws, NOT_DRAWN)
+        facts = robot_table(reference).only(is_stated)
         return _both({n: facts | _besides(reference, self.robot, n) for n in GENERATIONS})
 
 
@@ -145,7 +111,7 @@ def _both(tables: Mapping[Generation, Table]) -> Table:
 # --- what the modules say ---------------------------------------------------------------------
 
 
-def _table(path: Path, generation: Generation, bodies: Names, joints: Names) -> Table:
+def _table(path: Path, generation: Generation, joints: Names) -> Table:
     path = path.with_name(path.name.replace("_isaaclab_2", f"_isaaclab_{generation}"))
     record, book = recorded(path), Writer()
     config = next(iter(configs_of(record, path).values()))
@@ -164,7 +130,6 @@ def _table(path: Path, generation: Generation, bodies: Names, joints: Names) -> 
         for joint in matching(patterns, joints):
             book.put("joint", joint, _drive(group, joint, generation, timestep))
             book.place("joint", joint, f"{path.name}:{group.get(LINE)}")
-    put_terms(record.get("EventCfg"), TERMS, bodies, joints, book)
     return book.plain_table()
 
 
@@ -195,7 +160,7 @@ def _drive(
 
 
 def _besides(reference: Reference, robot: str, generation: Generation) -> Table:
-    """The start, the asset and its solver, drives in Isaac Lab's forms, and its materials."""
+    """The start, the asset and its solver, and drives in Isaac Lab's forms."""
     book, asked = Writer(), reference.options.get("isaaclab") or {}
     clearance = asked.get("clearance", CLEARANCE_M) if reference.tree.base == "floating" else 0.0
     soft = asked.get("soft_joint_pos_limit_factor", 1.0)
@@ -205,26 +170,13 @@ def _besides(reference: Reference, robot: str, generation: Generation) -> Table:
     words |= dict(zip(SPAWN, (*asset, "{'Physics': 'physics'}"), strict=True))
     book.put("robot", "", {f"{FORM}:{name}": value for name, value in words.items()})
     book.put("robot", "", {"self-collision": touches_itself(reference)})
-    timestep, springs = reference.control.simulation.timestep, free_springs(reference.control)
+    springs = free_springs(reference.control)
     for row in reference.control.actuators:
         if row.joint in springs:  # an implicit drive that aims at the spring's rest
             row = replace(row, kp=springs[row.joint][0])
-        ranges = varied(reference, "joints", row.joint) or {}
-        steps = ranges.get("delay", (0, 0)) if row.model == "ideal_pd" else (0, 0)
-        delay: dict[str, Value] = {"delay": delay_s(steps, timestep)}
-        book.put("joint", row.joint, delay | _isaac_drive(row, generation))
-    recipe, slide = reference.options.get("randomize") or {}, reference.control.contact.friction[0]
-    if recipe.get("friction") is not None or recipe.get("restitution") is not None:
-        friction = tuple(recipe.get("friction") or (slide, slide))
-        words = {"surface friction": friction, "dynamic surface friction": friction}
-        words["materials"] = (asked.get("friction_buckets", MATERIALS),)
-        book.put("robot", "", {f"drawn:{word}": value for word, value in words.items()})
+        late = expected_delay_s(reference, row.joint) if row.model == "ideal_pd" else (0.0, 0.0)
+        book.put("joint", row.joint, {"delay": late, **_isaac_drive(row, generation)})
     return book.table()
-
-
-def _draws(row: Actuator | None, word: str) -> bool:
-    """Its terms scale these numbers of every joint."""
-    return word in ("kp", "kd", "friction", "armature")
 
 
 def _solving(reference: Reference, generation: Generation) -> Iterator[tuple[str, Value]]:

@@ -6,13 +6,10 @@ and armature of driven joints stand here and not in the bare MJCF.
 
 from __future__ import annotations
 
-import math
-import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import ClassVar
 
-from assetbuild.facts.draws import FACTORS, SHEARS, drawn, varied
 from assetbuild.facts.reader import Reader
 from assetbuild.facts.reference import Reference, robot_table
 from assetbuild.facts.standins import (
@@ -26,22 +23,19 @@ from assetbuild.facts.standins import (
 )
 from assetbuild.facts.table import Key, Table, Value, Writer
 from assetbuild.facts.trainers import (
-    LOOPS,
     Names,
-    Term,
     delay_s,
+    expected_delay_s,
     left_to_the_asset,
     matching,
     number_of,
     own_names,
     put_expected_start,
     put_start,
-    put_terms,
 )
-from assetbuild.robot.model import Actuator
 
 FORM = "mjlab"
-CALLS = ("spec", "robot_cfg", "randomize_events", "velocity_flat_cfg")
+CALLS = ("spec", "robot_cfg", "velocity_flat_cfg")
 ALWAYS = frozenset({"model", "effort", "armature", "friction", "damping"})
 DRIVES: Mapping[str, tuple[str, frozenset[str]]] = {
     "BuiltinPositionActuatorCfg": ("pd", ALWAYS | {"kp", "kd"}),
@@ -64,21 +58,7 @@ FIELDS = {
     "viscous_damping": "damping",
 }
 """mjlab's fields -> the vocabulary's quantities."""
-MATTER = {"alpha_range": "density", "d_range": "stretch"}
-MATTER |= {f"t{n}_range": f"com {axis}" for n, axis in enumerate("xyz", start=1)}
-MATTER |= {f"{shear.replace('shear ', 's')}_range": shear for shear in SHEARS}
-SCALED = {"operation": "scale"}
-SOLES = {"geom_names": [r".*_collision\d*"], "axes": [0], "shared_random": True, "operation": "abs"}
-TERMS: Mapping[str, Term] = {
-    "pseudo_inertia": Term(MATTER),
-    "carry_payload": Term({"mass_range": "payload mass", "box": "payload box"}),
-    "pd_gains": Term({"kp_range": "kp", "kd_range": "kd"}),
-    "effort_limits": Term({"effort_limit_range": "effort"}),
-    **{f"joint_{word}": Term({"ranges": word}, SCALED) for word in FACTORS[3:]},
-    "encoder_bias": Term({"bias_range": "encoder bias"}),
-    "geom_friction": Term({"ranges": "surface friction"}, SOLES),
-}
-"""mjlab's functions that draw."""
+STEPS = ("timestep", "decimation", "gravity")
 UNLIMITED = 1e9
 """N m or N: a motor of mjlab needs a limit, so this one says that there is none."""
 
@@ -91,7 +71,7 @@ class MjlabReader(Reader):
     needs: ClassVar[tuple[str, ...]] = ("mjlab",)
     behind: ClassVar[tuple[str, ...]] = ("python/*_mjlab.py",)
     asks: ClassVar[tuple[str, ...]] = ("randomize", "feet", "mjlab")
-    lacks: ClassVar[Mapping[str, str]] = left_to_the_asset("simulation cone", "simulation impratio")
+    lacks: ClassVar[Mapping[str, str]] = left_to_the_asset()
 
     def file(self, root: Path, robot: str) -> Path | None:
         """The one module below `python/`."""
@@ -102,14 +82,12 @@ class MjlabReader(Reader):
         """The facts of a module, by the names that it writes out."""
         record = recorded(path, CALLS)
         start = table_of(table_of(record.get("robot_cfg()")).get("init_state"))
-        return _table(record, {}, own_names(start.get("joint_pos")), path.name)
+        return _table(record, own_names(start.get("joint_pos")), path.name)
 
     def found(self, path: Path, reference: Reference) -> Table:
-        """Patterns are those of the robot's bodies and joints."""
-        tree = reference.tree
-        joints = {joint.name: joint.name for joint in tree.moving_joints}
-        bodies = {name: name for name in tree.by_body}
-        return _table(recorded(path, CALLS), bodies, joints, path.name)
+        """Patterns are those of the robot's joints."""
+        joints = {joint.name: joint.name for joint in reference.tree.moving_joints}
+        return _table(recorded(path, CALLS), joints, path.name)
 
     def expected(self, reference: Reference) -> Table:
         """The joints that mjlab can drive; what it has besides drives."""
@@ -119,42 +97,34 @@ class MjlabReader(Reader):
             stated = STATED.get(models.get(key.name, ""), frozenset())
             return self.holds(key) and (key.kind != "joint" or key.quantity in stated)
 
-        facts = robot_table(reference).only(is_stated) | _besides(reference, self.robot)
-        return facts | drawn(reference, _draws, without=("restitution",))
+        return robot_table(reference).only(is_stated) | _besides(reference, self.robot)
 
 
 # --- what the module says ---------------------------------------------------------------------
 
 
-def _table(record: Record, bodies: Names, joints: Names, file: str) -> Table:
-    """Of the velocity task where there is one, else of the robot alone."""
+def _table(record: Record, joints: Names, file: str) -> Table:
+    """The robot of the velocity task where there is one, else the robot alone."""
     book, task = Writer(), record.get("velocity_flat_cfg()")
-    robot, terms = record["robot_cfg()"], record.get("randomize_events()")
-    simulation = {name: record[name.upper()] for name in ("timestep", "decimation", "gravity")}
-    scale = record["ACTION_SCALE"]
+    robot, scale = record["robot_cfg()"], record["ACTION_SCALE"]
+    simulation = {name: record[name.upper()] for name in STEPS}
     if task is not None:
         simulation = task["sim"]["mujoco"] | {"decimation": task.get("decimation")}
-        scale, terms = task["actions"]["joint_pos"].get("scale"), task["events"]
+        scale = task["actions"]["joint_pos"].get("scale")
         robot = task["scene"]["entities"]["robot"]
-        gone = tuple(sorted(name for name, term in terms.items() if term is None))
-        book.put("robot", "", {f"{FORM}:without": gone})
-    stated = ("timestep", "decimation", "gravity", "cone", "impratio")
-    book.put("simulation", "", {n: simulation[n] for n in stated if simulation.get(n) is not None})
+    book.put("simulation", "", {n: simulation[n] for n in STEPS if simulation.get(n) is not None})
     model = words_of(record[f"{class_of(robot.get('spec_fn'))}()"].get(ARGUMENTS))
     book.put("robot", "", {f"{FORM}:model": model, f"{FORM}:root": record["ROOT_BODY"]})
     start, body = robot["init_state"], robot["articulation"]
     put_start(start, start.get("rot", (1.0, 0.0, 0.0, 0.0)), FORM, joints, book)
     book.put("robot", "", {"soft limits": body.get("soft_joint_pos_limit_factor")})
-    groups = []
     for drive in body["actuators"]:
-        groups.append(matching(words_of(drive.get("target_names_expr")), joints))
-        for joint in groups[-1]:
+        for joint in matching(words_of(drive.get("target_names_expr")), joints):
             book.put("joint", joint, _drive(drive, record["TIMESTEP"]))
             book.place("joint", joint, f"{file}:{drive[LINE]}")
     for there, own in joints.items():
         if (number := number_of(scale, there)) is not None:
             book.put("joint", own, {f"{FORM}:action scale": number})
-    put_terms(_with_densities(terms), TERMS, bodies, joints, book, groups)
     return book.plain_table()
 
 
@@ -169,22 +139,11 @@ def _drive(drive: Record, timestep_s: float) -> dict[str, Value]:
     return facts | {"delay": delay_s(steps, timestep_s)}
 
 
-def _with_densities(terms: object) -> Record:
-    """Event terms with factors of the mass, which grows by exp(2 alpha), in the place of alpha."""
-    found = dict(table_of(terms))
-    for name, term in found.items():
-        params = table_of(table_of(term).get("params"))
-        if "alpha_range" in params:
-            factors = [math.exp(2.0 * alpha) for alpha in params["alpha_range"]]
-            found[name] = term | {"params": params | {"alpha_range": factors}}
-    return found
-
-
 # --- what the robot says ----------------------------------------------------------------------
 
 
 def _besides(reference: Reference, robot: str) -> Table:
-    """The start, delays, actions, and the options of the velocity task."""
+    """The start, delays and actions."""
     book, asked = Writer(), reference.options.get("mjlab") or {}
     model = (f"/bundle/mjcf/{robot}_bare.xml",)
     book.put("robot", "", {f"{FORM}:model": model, f"{FORM}:root": reference.tree.root})
@@ -192,44 +151,10 @@ def _besides(reference: Reference, robot: str) -> Table:
     action = {"effort_share": 0.25, "rad": 0.5, "m": 0.05} | (asked.get("action") or {})
     for row in reference.control.actuators:
         if row.model in STATED:
-            steps = (varied(reference, "joints", row.joint) or {}).get("delay", (0, 0))
-            delay = delay_s(steps, reference.control.simulation.timestep)
-            book.put("joint", row.joint, {"delay": delay})
+            book.put("joint", row.joint, {"delay": expected_delay_s(reference, row.joint)})
             if row.kp and row.effort:
                 slides = reference.tree.by_joint[row.joint].kind == "prismatic"
                 most = action["m" if slides else "rad"]
                 scale = min(action["effort_share"] * row.effort / row.kp, most)
                 book.put("joint", row.joint, {f"{FORM}:action scale": scale})
-    if _walks(reference):
-        book.put("robot", "", {f"{FORM}:without": tuple(_replaced(reference))})
-        solver = {"cone": asked.get("cone", "elliptic"), "impratio": asked.get("impratio", 10.0)}
-        book.put("simulation", "", solver)
     return book.table()
-
-
-def _walks(reference: Reference) -> bool:
-    """Whether the module has mjlab's velocity task: a floating robot that stands on something."""
-    pattern = (reference.options.get("feet") or {}).get("links")
-    links = [shape.link for shape in reference.shapes.of("collision")]
-    stands = any(re.fullmatch(pattern, link) for link in links) if pattern else False
-    is_driven = any(row.model in STATED for row in reference.control.actuators)
-    return reference.tree.base == "floating" and stands and is_driven
-
-
-def _replaced(reference: Reference) -> Iterator[str]:
-    """Events of mjlab's velocity task that would draw the same once more."""
-    recipe, root = reference.options.get("randomize") or {}, reference.tree.bodies[0]
-    if not root.is_massless and varied(reference, "links", root.name) is not None:
-        yield "base_com"
-    if any(joint.get("encoder_bias") for joint in recipe.get("joints", {}).values()):
-        yield "encoder_bias"
-    if recipe.get("friction") is not None:
-        yield "foot_friction"
-
-
-def _draws(row: Actuator | None, word: str) -> bool:
-    """mjlab scales gains and effort of drives that hold a position, losses of all joints."""
-    is_loop = row is not None and row.model in LOOPS
-    if word == "effort":
-        return is_loop and row is not None and row.effort is not None
-    return is_loop or word not in ("kp", "kd")

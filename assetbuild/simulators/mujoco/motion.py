@@ -24,9 +24,6 @@ from assetbuild.simulators.experiments import (
 from assetbuild.simulators.mujoco import Data, Model, mj
 from assetbuild.simulators.mujoco.drives import Drive, aim, drive_as, read_drives
 
-HARD = 0.9999
-"""Impedance of hard constraints: a ten thousandth of what loads them moves them."""
-
 
 class MujocoCheck(mujoco.InMujoco, SimulatorCheck):
     """Base of the checks that ask MuJoCo as they ask others."""
@@ -64,15 +61,12 @@ def _perform(folder: Path, robot: str, asked: Experiment) -> Outcome:
 def _surround(model: Model, setting: Setting, *, drives: bool) -> None:
     """drives: False takes drives and constraints along with the contacts: it falls freely."""
     off = mj.mjtDisableBit
-    model.opt.timestep = dt = setting.timestep
+    model.opt.timestep = setting.timestep
     model.opt.gravity[:] = setting.gravity
     if not setting.contacts:
         model.opt.disableflags |= int(off.mjDSBL_CONTACT)
     if not drives:
         model.opt.disableflags |= int(off.mjDSBL_CONSTRAINT) | int(off.mjDSBL_ACTUATION)
-    if setting.hard:
-        model.dof_solref[:] = model.eq_solref[:] = (2.0 * dt, 1.0)
-        model.dof_solimp[:, :2] = model.eq_solimp[:, :2] = HARD
     for is_on, fields in (
         (setting.rubbing, (model.dof_frictionloss, model.dof_damping)),
         (setting.limited, (model.actuator_forcelimited, model.jnt_actfrclimited)),
