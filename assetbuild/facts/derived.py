@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Mapping
-from typing import Any, TypeVar
+from typing import TypeVar
 from xml.etree import ElementTree
 
 from assetbuild.facts.table import Value
@@ -114,8 +114,3 @@ def explicit_law(row: Actuator) -> dict[str, Value]:
 def first_match(table: Mapping[str, Row], name: str) -> Row | None:
     """What the first pattern says that matches a whole name."""
     return next((row for pattern, row in table.items() if re.fullmatch(pattern, name)), None)
-
-
-def per_axis(value: Any) -> tuple[float, ...]:  # Any: JSON, a number or three
-    """A number for each axis."""
-    return tuple(value) if isinstance(value, list | tuple) else (value,) * 3
