@@ -57,9 +57,10 @@ class Xrdf(Reader):
         for place, name in enumerate(planned):
             book.put("joint", name, {"xrdf:place": float(place)})
         for word in LIMITS:
-            stated = said.get(word)
-            table = stated if isinstance(stated, Mapping) else {".*": stated}
-            limits = {name: first_match(table, name) for name in planned}
-            for name, limit in limits.items() if None not in limits.values() else ():
-                book.put("joint", name, {f"xrdf:{word}": float(limit)})
+            asked = said.get(word)
+            table = asked if isinstance(asked, Mapping) else {".*": asked}
+            stated = {name: first_match(table, name) for name in planned}
+            limits = {name: float(limit) for name, limit in stated.items() if limit is not None}
+            for name, limit in limits.items() if len(limits) == len(planned) else ():
+                book.put("joint", name, {f"xrdf:{word}": limit})
         return book.table()
