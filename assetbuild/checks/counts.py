@@ -78,7 +78,7 @@ class Counts(Check):
         source = UrdfFacts(robot=self.robot).read(files.inputs / "source.urdf")
         compared = yield from _equal(source, robot.links)
         stated = Counter(self._stated(source))
-        built = Counter((shape.role, shape.link) for shape in robot.shapes.shapes)
+        built: Counter[Place] = Counter((s.role, s.link) for s in robot.shapes.shapes)
         figures: dict[str, object] = {"facts": compared}
         for role in ("visual", "collision"):
             figures[f"{role}_source"] = sum(n for (kind, _), n in stated.items() if kind == role)
