@@ -21,7 +21,7 @@ from assetbuild.findings import Finding, Rule
 from assetbuild.kinds import Check, RecipeView, write_figures
 from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.model import MOVING, Control, Tree
-from assetbuild.robot.shapes import Capsule, Shapes
+from assetbuild.robot.shapes import Shapes
 
 Place = tuple[str, str]
 """Role of a shape, and its link."""
@@ -56,29 +56,29 @@ class Counts(Check):
     robot: str
     rules: tuple[tuple[str, str, str], ...] = ()
     """(pattern of links, method, from) of the recipe's collision rules, the default last."""
-    written: bool = False
-    """The source is a URDF that we wrote: a capsule, which URDF lacks, is three elements of it."""
     absent: tuple[str, ...] = ()
     """Visual meshes that the source lacks, below its root."""
 
     @classmethod
-    def values(cls, recipe: RecipeView) -> dict[str, Any]:  # Any: values of its fields
-        """Knows which links shall have no collision."""
+    def values(cls, recipe: RecipeView) -> dict[str, Any] | None:  # Any: values of its fields
+        """None where the description is one that we wrote: of an MJCF, with edits, of parts."""
+        if any(recipe.value(key) for key in ("source.mjcf", "edits", "compose")):
+            return None
         links, default = (recipe.value(f"collision.{key}") for key in ("links", "default"))
         rules = [*links.items(), (".*", default)]
         return {
             "robot": recipe.value("robot"),
             "rules": tuple((pattern, rule.method, rule.from_) for pattern, rule in rules),
             "absent": tuple(recipe.value("source.missing.visuals")),
-            "written": any(recipe.value(key) for key in ("source.mjcf", "edits", "compose")),
         }
 
     def run(self, files: Files) -> Iterator[Finding]:
         """Reads `source.urdf`, `links.json` and `shapes.json`."""
         robot = RobotFiles(files.inputs)
         source = UrdfFacts(robot=self.robot).read(files.inputs / "source.urdf")
-        compared = 0 if self.written else (yield from _equal(source, robot.links))
-        stated, built = Counter(self._stated(source)), Counter(self._built(robot.shapes))
+        compared = yield from _equal(source, robot.links)
+        stated = Counter(self._stated(source))
+        built: Counter[Place] = Counter((s.role, s.link) for s in robot.shapes.shapes)
         figures: dict[str, object] = {"facts": compared}
         for role in ("visual", "collision"):
             figures[f"{role}_source"] = sum(n for (kind, _), n in stated.items() if kind == role)
@@ -96,11 +96,6 @@ class Counts(Check):
             is_absent = role == "visual" and posixpath.basename(mesh) in absent
             if "geometry" in facts and not is_absent:
                 yield role, str(facts["body"])
-
-    def _built(self, shapes: Shapes) -> Iterator[Place]:
-        for shape in shapes.shapes:
-            is_three = self.written and isinstance(shape.geometry, Capsule)
-            yield from [(shape.role, shape.link)] * (3 if is_three else 1)
 
     def _lost(self, link: str, stated: Counter[Place], built: Counter[Place]) -> Iterator[Finding]:
         expected, found = stated["visual", link], built["visual", link]

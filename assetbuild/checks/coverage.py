@@ -26,8 +26,10 @@ from assetbuild.quantities import Positive
 from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.model import Tree
 from assetbuild.robot.pose import IDENTITY, Array, Pose
-from assetbuild.robot.shapes import Mesh, Role, Shape
+from assetbuild.robot.shapes import Mesh, Role
 
+ROUNDING_M = 1e-6
+"""A point that is nearer to a hull than this does not stick out of it."""
 LEFT = 0.1
 """A hole of which less than this is left is filled."""
 
@@ -119,37 +121,35 @@ class Coverage(Check):
             )
 
 
-Shaped = tuple[Shape, TriangleMesh]
-"""A shape, and its surface in the frame of its body, m."""
-
-
 class Parts:
-    """The shapes of a robot in the frames of their bodies; each is worked out once."""
+    """The surfaces of a robot and their hulls in the frames of their bodies, m."""
 
     def __init__(self, robot: RobotFiles) -> None:
         self.tree, self.hulls = robot.tree, hulls_by_body(robot)
         meshes = read_meshes(robot.triangles, robot.shapes)
-        self._surfaces: dict[tuple[str, Role], list[Shaped]] = {}
+        self._surfaces: dict[tuple[str, Role], list[TriangleMesh]] = {}
         for shape in robot.shapes.shapes:
             body, X_body_shape = self.tree.shape_placement(shape)
             geometry = shape.geometry
             mesh = meshes[geometry.mesh] if isinstance(geometry, Mesh) else tessellate(geometry)
-            placed = shape, mesh.placed(X_body_shape)
-            self._surfaces.setdefault((body, shape.role), []).append(placed)
+            self._surfaces.setdefault((body, shape.role), []).append(mesh.placed(X_body_shape))
 
-    def seen(self, body: str) -> list[Shaped]:
+    def seen(self, body: str) -> list[TriangleMesh]:
         """What is seen of a body."""
         return self._surfaces.get((body, "visual"), [])
 
-    def solid(self, body: str) -> list[Shaped]:
+    def solid(self, body: str) -> list[TriangleMesh]:
         """What collides."""
         return self._surfaces.get((body, "collision"), [])
+
+    def corners(self, body: str, role: Role) -> Array:
+        """(n, 3) corners of the hulls of its shapes."""
+        return np.concatenate([hull.vertices for hull in self.hulls[body, role]])
 
     @functools.cache  # noqa: B019 # lives as long as the step
     def outside(self, body: str) -> Distance:
         """Distance from the hull of all that is seen of a body."""
-        vertices = [hull.vertices for hull in self.hulls[body, "visual"]]
-        return distance_to(np.concatenate(vertices), IDENTITY)
+        return distance_to(self.corners(body, "visual"), IDENTITY)
 
 
 def _length(metres: float) -> str:
@@ -164,8 +164,8 @@ def _filled(parts: Parts, body: str) -> Iterator[Finding]:
     A mesh collides as its hull there, whatever its own form.
     """
     both = zip(parts.hulls[body, "collision"], parts.solid(body), strict=True)
-    solid = [hull if len(hull.faces) else surface for hull, (_, surface) in both]
-    found = holes(merged([surface for _, surface in parts.seen(body)]), merged(solid))
+    solid = [hull if len(hull.faces) else surface for hull, surface in both]
+    found = holes(merged(parts.seen(body)), merged(solid))
     largest = next((hole for hole in found if hole.open < LEFT), None)
     if largest is not None:
         x, y, z = (1e3 * v for v in largest.middle_m)
@@ -185,10 +185,7 @@ def _filled(parts: Parts, body: str) -> Iterator[Finding]:
 
 
 def _fit(parts: Parts, body: str) -> Fit:
-    visual, collision = (
-        np.concatenate([surface.vertices for _, surface in shapes])
-        for shapes in (parts.seen(body), parts.solid(body))
-    )
+    visual, collision = parts.corners(body, "visual"), parts.corners(body, "collision")
     lower = collision.min(axis=0) - visual.min(axis=0)
     upper = collision.max(axis=0) - visual.max(axis=0)
     alike = np.where(lower * upper > 0.0, np.minimum(np.abs(lower), np.abs(upper)), 0.0)
@@ -207,7 +204,7 @@ def _beyond_robot(parts: Parts, body: str, collision: Array) -> float:
         if parts.seen(name) and len(left):
             beyond = parts.outside(name)(X_body_other.inverse().apply(left))
             apart = np.minimum(apart, beyond)
-            left, apart = left[apart > 0.0], apart[apart > 0.0]
+            left, apart = left[apart > ROUNDING_M], apart[apart > ROUNDING_M]
     return float(apart.max(initial=0.0))
 
 

@@ -29,7 +29,6 @@ from assetbuild.robot.shapes import Mesh, Shape
 HULL_LIMIT = "usd:physxConvexHullCollision:hullVertexLimit"
 HULL_VERTICES = 64.0
 """Most vertices of a convex hull that PhysX collides on a GPU."""
-ROOT_JOINT = "root_joint"
 DEGREE = math.pi / 180.0
 """rad; what engines alone know stands in the file's own units."""
 SOLVER = {
@@ -47,14 +46,6 @@ RIGID = {
 }
 """Keys of the recipe's `usd.articulation` and `usd.rigid_body` -> PhysX's attributes, and what
 holds where the recipe says nothing."""
-ENGINES: Mapping[str, tuple[str, ...]] = {
-    "none": (),
-    "physics": ("physx", "newton"),
-    "physx": ("physx",),
-    "newton": ("newton",),
-    "mujoco": ("newton",),
-}
-"""Whose words each variant has."""
 Options = Mapping[str, Any]  # Any: plain JSON
 
 
@@ -67,8 +58,7 @@ def usd_table(own: Table, reference: Reference) -> Table:
     for shape in reference.shapes.of("collision"):
         solid.setdefault(tree.placement(shape.link)[0], []).append(shape)
     stiff = limit_springs(tree, control)
-    soft = bool(control.loops or solid or stiff)
-    book.put("robot", "", _root(reference) | _listed(tree) | _engines(soft=soft))
+    book.put("robot", "", _root(reference))
     root = ("robot", "") if tree.base == "fixed" else ("body", tree.root)
     book.put(*root, _articulation(reference))
     _bodies(reference, book)
@@ -80,8 +70,6 @@ def usd_table(own: Table, reference: Reference) -> Table:
     for camera in control.cameras:
         width, height = camera.resolution
         book.put("camera", camera.name, {"usd:aspect": width / height})
-    for shape in reference.shapes.of("visual"):
-        book.put("shape", shape.name, {"usd:purpose": "default"})
     own_surfaces = dict(control.contacts)
     for shape in reference.shapes.of("collision"):
         surface = own_surfaces.get(shape.name, control.contact)
@@ -134,7 +122,6 @@ def _root(reference: Reference) -> dict[str, Value]:
         "metres per unit": 1.0,
         "kilograms per unit": 1.0,
         "articulation root": "the joint with the world" if fixed else f"body {tree.root}",
-        "usd:stated units": ("upAxis", "metersPerUnit", "kilogramsPerUnit"),
         "usd:robot prim pose": pose_value(tree.X_world_root if fixed else IDENTITY),
         "self-collision": touches_itself(reference),
         **(held if fixed else {}),
@@ -147,22 +134,6 @@ def _articulation(reference: Reference) -> dict[str, Value]:
         "usd:newton:selfCollisionEnabled": touches_itself(reference),
         **{f"usd:physxArticulation:{SOLVER[key][0]}": value for key, value in solver.items()},
     }
-
-
-def _engines(*, soft: bool) -> dict[str, Value]:
-    """soft: whether there are limits, loops and contacts, of which MuJoCo has words of its own."""
-    return {
-        f"usd:engines of {variant}": (*engines, *(("mjc",) if soft and "newton" in engines else ()))
-        for variant, engines in ENGINES.items()
-    }
-
-
-def _listed(tree: Tree) -> dict[str, Value]:
-    """Isaac Sim's lists: a body and its frames; what holds a fixed base, then the joints."""
-    frames = {body: [f.name for f in tree.frames if f.body == body] for body in tree.by_body}
-    links = [name for body, own in frames.items() for name in (body, *own)]
-    held = [ROOT_JOINT] if tree.base == "fixed" else []
-    return {"usd:isaac links": tuple(links), "usd:isaac joints": (*held, *tree.by_joint)}
 
 
 def _bodies(reference: Reference, book: Writer) -> None:
@@ -224,10 +195,7 @@ def _driven(
     of a joint that has no other.
     """
     model = row.model if row else "passive"
-    facts: dict[str, Value] = {
-        "start": start, "kp": 0.0, "kd": 0.0, "effort": None,
-        "usd:brakes for": ("physxJointAxis", "physxJoint", "newton"),
-    }  # fmt: skip
+    facts: dict[str, Value] = {"start": start, "kp": 0.0, "kd": 0.0, "effort": None}
     if spring is not None:
         facts |= {"kp": spring[0], "drive target": spring[1], "usd:drive type": "force"}
     elif row and model != "passive":
@@ -259,7 +227,6 @@ def _mimic(name: str, mimic: Mimic, tree: Tree, book: Writer, *, coupled: bool) 
 def _collider(shape: Shape, surface: Contact) -> dict[str, Value]:
     """Meshes are their hulls; the larger friction of two surfaces acts, as in MuJoCo."""
     facts: dict[str, Value] = {
-        "usd:purpose": "guide",
         "collides": bool(surface.mask or surface.partners),
         "usd:dynamicFriction": surface.friction[0],
         "usd:frictionCombineMode": "max",

@@ -161,7 +161,7 @@ def _drive(joint: JointPrim) -> dict[str, Value]:
 
 
 def _passive(joint: JointPrim) -> dict[str, Value]:
-    """What brakes a joint, and for whom it is stated."""
+    """What brakes a joint."""
     units, angular = joint.units, joint.angular
     unit = {"armature": units.inertia(angular), "friction": units.effort(angular),
             "damping": units.gain(angular), "velocity": units.length(angular)}  # fmt: skip
@@ -171,7 +171,7 @@ def _passive(joint: JointPrim) -> dict[str, Value]:
         "newton": "NewtonJointAPI",
     }
     engines = [name for name, schema in schemas.items() if joint.prim.has(schema)]
-    facts: dict[str, Value] = {"usd:brakes for": tuple(engines)}
+    facts: dict[str, Value] = {}
     for quantity, spellings in BRAKES.items():
         said: dict[str, float | None] = {}
         for spelling in spellings:

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import ClassVar
 
 import numpy as np
-from pxr import Gf, Sdf, Tf, Usd, UsdGeom, UsdPhysics
+from pxr import Gf, Tf, Usd, UsdGeom, UsdPhysics
 
 from assetbuild.errors import UsageError
 from assetbuild.facts.table import Value, Writer, plain_value
@@ -123,8 +123,7 @@ class Prim:
 
     def words(self) -> dict[str, Value]:
         """All that it states for engines and nobody has asked for, in the file's own units."""
-        custom = tuple(p.GetName() for p in self.prim.GetAuthoredProperties() if p.IsCustom())
-        found: dict[str, Value] = {"usd:custom properties": custom} if custom else {}
+        found: dict[str, Value] = {}
         for stated in self.prim.GetAuthoredAttributes():
             name = stated.GetName()
             is_read = (self.path, name) in self.asked
@@ -213,10 +212,6 @@ def opened(path: Path) -> Iterator[Usd.Stage]:
         raise UsageError(f"`{path}` is not readable as USD: {error}") from None
 
 
-UNITS = ("upAxis", "metersPerUnit", "kilogramsPerUnit")
-"""Metadata of a stage, which others take for centimetres and y where it states nothing."""
-
-
 def units_of(stage: Usd.Stage, book: Writer) -> Units:
     """Units of a stage, noted with its up axis; UsageError where one is not positive."""
     units = Units(UsdGeom.GetStageMetersPerUnit(stage), UsdPhysics.GetStageKilogramsPerUnit(stage))
@@ -229,24 +224,5 @@ def units_of(stage: Usd.Stage, book: Writer) -> Units:
         "up axis": str(UsdGeom.GetStageUpAxis(stage)),
         "metres per unit": units.metre,
         "kilograms per unit": units.kilogram,
-        "usd:stated units": tuple(name for name in UNITS if stage.HasAuthoredMetadata(name)),
     })  # fmt: skip
     return units
-
-
-VARIANTS = "Physics"
-OF_VARIANTS = ("physx", "newton", "mjc")
-"""How the schemas and attributes of PhysX, Newton and MuJoCo start."""
-
-
-def engines_of(stage: Usd.Stage, variant: str) -> tuple[str, ...]:
-    """Whose words a variant has. Their values are those of the selected one: layers are shared."""
-    session = Sdf.Layer.CreateAnonymous(".usda")
-    other = Usd.Stage.Open(stage.GetRootLayer(), session)
-    other.SetEditTarget(session)
-    other.GetDefaultPrim().GetVariantSet(VARIANTS).SetVariantSelection(variant)
-    words: set[str] = set()
-    for prim in other.TraverseAll():
-        words |= {*prim.GetPrimTypeInfo().GetAppliedAPISchemas(), *prim.GetAuthoredPropertyNames()}
-    lower = [word.lower() for word in words]
-    return tuple(engine for engine in OF_VARIANTS if any(w.startswith(engine) for w in lower))

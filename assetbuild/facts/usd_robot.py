@@ -16,15 +16,7 @@ from pxr import Usd, UsdGeom, UsdPhysics
 from assetbuild.facts.reference import pose_value
 from assetbuild.facts.table import Table, Value, Writer
 from assetbuild.facts.usd_joints import JointPrim, joint_facts
-from assetbuild.facts.usd_prims import (
-    VARIANTS,
-    Places,
-    Prim,
-    engines_of,
-    opened,
-    quat_of_gf,
-    units_of,
-)
+from assetbuild.facts.usd_prims import Places, Prim, opened, quat_of_gf, units_of
 from assetbuild.facts.usd_shapes import ShapePrim, pair_facts, read_shapes
 from assetbuild.robot.inertia import rotate_tensor
 
@@ -62,19 +54,17 @@ def read_robot(path: Path) -> Table:
             driven = tuple(jointed.get(path, path) for path in prim.targets("newton:targets"))
             book.put("actuator", prim.named("actuator", book), {"usd:drives": driven})
         _bodies(found.bodies, joints, names, places, book)
-        framed = _frames(found, names, places, book)
+        _frames(found, names, places, book)
         for prim, body in found.cameras:
             _camera(prim, found.bodies.get(body), names.get(body, ""), places, book)
         robot = Prim(stage.GetDefaultPrim())
         _root(found, joints, names, places, book)
         book.put("robot", "", {"usd:robot prim pose": pose_value(places.rigid(robot.prim)[0])})
-        for variant in robot.prim.GetVariantSet(VARIANTS).GetVariantNames():
-            book.put("robot", "", {f"usd:engines of {variant}": engines_of(stage, variant)})
         colliders = read_shapes(found.shapes, names, places, book)
         apart = [frozenset(j.ends) for j in joints if len(j.ends) == 2 and not j.touching]
         articulated = [prim.path for prim in found.roots if prim.path in found.bodies]
         pair_facts(colliders, names, found.filters, apart, articulated, book)
-        _isaac(robot, names | framed | jointed, joints, book)
+        _named_poses(robot, joints, book)
         subjects = {path: subject for subject, path in book.places.items()}
         for each in found.prims:
             own = (subjects[path] for path in _upwards(each.prim, itself=True) if path in subjects)
@@ -176,16 +166,10 @@ def _mass(prim: Prim, places: Places) -> dict[str, Value]:
     return facts
 
 
-def _frames(
-    found: Sorted, names: Mapping[str, str], places: Places, book: Writer
-) -> dict[str, str]:
-    """Names of the frames by path."""
-    framed = {}
+def _frames(found: Sorted, names: Mapping[str, str], places: Places, book: Writer) -> None:
     for prim, body in found.frames:
-        framed[prim.path] = prim.named("frame", book)
         pose = _within(places, prim, found.bodies[body])
-        book.put("frame", framed[prim.path], {"body": names[body], "pose": pose})
-    return framed
+        book.put("frame", prim.named("frame", book), {"body": names[body], "pose": pose})
 
 
 def _camera(prim: Prim, above: Prim | None, body: str, places: Places, book: Writer) -> None:
@@ -240,17 +224,8 @@ def _root(
     book.put("robot", "", facts)
 
 
-def _isaac(
-    robot: Prim, names: Mapping[str, str], joints: Sequence[JointPrim], book: Writer
-) -> None:
-    """Isaac Sim's robot schema: lists of links and joints, and keyframes in rad and m.
-
-    names: of bodies, frames and joints, by path.
-    """
-    for word in ("Links", "Joints"):
-        listed = robot.targets(f"isaac:physics:robot{word}", "IsaacRobotAPI")
-        stated = tuple(names.get(path, path) for path in listed)
-        book.put("robot", "", {f"usd:isaac {word.lower()}": stated})
+def _named_poses(robot: Prim, joints: Sequence[JointPrim], book: Writer) -> None:
+    """Keyframes in rad and m, which Isaac Sim's robot schema has."""
     by_path = {joint.prim.path: joint for joint in joints}
     for path in robot.targets("isaac:robot:namedPoses", "IsaacRobotAPI"):
         pose = Prim(robot.prim.GetStage().GetPrimAtPath(path))

@@ -63,9 +63,7 @@ def read_shapes(
         if holder and alone.count(holder.path) > 1:
             name = f"{name}/{prim.name}"
         role = "collision" if shape.collider else "visual"
-        purpose = str(UsdGeom.Gprim(prim.prim).ComputePurpose())
         facts: dict[str, Value] = {"role": role, "body": names.get(shape.body, "")}
-        facts["usd:purpose"] = purpose
         facts |= _geometry(shape, places, meshes)
         if shape.collider:
             solid = shape.collider.flag("physics:collisionEnabled") is not False

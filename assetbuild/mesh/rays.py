@@ -261,9 +261,9 @@ def grids(mesh: TriangleMesh, rows: int, reach: float) -> tuple[Array, Array]:
 def missed(origins: Array, directions: Array, mesh: TriangleMesh) -> NDArray[np.bool_]:
     """(n,) which rays strike no triangle ahead of them."""
     free = np.ones(len(origins), dtype=bool)
-    for direction in dict.fromkeys(map(tuple, directions.tolist())):
-        mine = np.flatnonzero((directions == direction).all(axis=1))
-        struck = Across(mesh, np.array(direction)).strike(origins[mine])
+    turns = np.flatnonzero((directions[1:] != directions[:-1]).any(axis=1)) + 1
+    for mine in np.split(np.arange(len(directions)), turns):
+        struck = Across(mesh, directions[mine[0]]).strike(origins[mine])
         free[mine[struck.ray[struck.depth >= 0.0]]] = False
     return free
 

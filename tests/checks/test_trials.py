@@ -128,26 +128,25 @@ def test_a_robot_without_damping_does_not_come_to_rest(tmp_path: Path):
     assert "trials.rest" in rules(tried(drives(kd=0.0, damping=0.0, friction=0.0), tmp_path))
 
 
-def test_drives_that_outrun_the_timestep_are_told_apart(tmp_path: Path):
+def test_drives_that_outrun_the_timestep_do_not_rest(tmp_path: Path):
     """Damping of 5 N m s/rad on legs of some grams, without rotors: at 5 ms the robot hops on."""
     light = drives(kp=100.0, kd=5.0, armature=0.0, friction=0.0, effort=60.0)
     coarse = tried(with_timestep(light, 0.005), tmp_path / "coarse")
-    told = [f for f in coarse if f.rule == "trials.rest"]
-    assert [(f.data["timestep"], "`simulation.timestep`" in f.hint) for f in told] == [(True, True)]
+    (told,) = [f for f in coarse if f.rule == "trials.rest"]
+    assert "`simulation.timestep`" in told.hint
     assert tried(with_timestep(light, 0.00125), tmp_path / "fine") == []
 
 
-@pytest.mark.parametrize(("timestep", "told"), [(0.03, [False]), (0.005, [True]), (0.0005, [])])
+@pytest.mark.parametrize(("timestep", "explodes"), [(0.005, True), (0.0005, False)])
 def test_an_untrained_policy_must_not_drive_it_to_infinity(
-    timestep: float, told: list[bool], tmp_path: Path
+    timestep: float, explodes: bool, tmp_path: Path
 ):
-    """Stiff servos on legs without rotors: 5 ms is too long, a quarter of it and 0.5 ms are not."""
+    """Stiff servos on legs without rotors: 5 ms is too long, 0.5 ms is not."""
     stiff = drives(kp=1000.0, kd=2.0, armature=0.0, friction=0.0, damping=0.0, effort=1000.0)
     found = tried(with_timestep(stiff, timestep), tmp_path)
-    shaken = [f for f in found if f.rule == "trials.shaken"]
-    assert [f.data["timestep"] for f in shaken] == told
+    assert ("trials.shaken" in rules(found)) is explodes
     figures = json.loads((tmp_path / "out/figures.json").read_text())["shake"]
-    assert (figures["seconds"] is None) == (not told)
+    assert (figures["seconds"] is not None) is explodes
 
 
 def test_a_simulation_that_explodes_is_an_error(tmp_path: Path):

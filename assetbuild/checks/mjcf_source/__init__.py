@@ -1,4 +1,4 @@
-"""Is the MJCF that we write the MJCF that we read: moving alike, pulling alike, sensing alike?
+"""Is the MJCF that we write the MJCF that we read?
 
 Both are compiled and become tables of facts, read alike. What the recipe states is not compared,
 nor what the build changes by rule:
@@ -7,10 +7,7 @@ nor what the build changes by rule:
 - A site with the name of a body is called `<site>_site`.
 - Bodies that a joint connects are excluded.
 - A camera that looks at a body without mass looks ahead.
-- What counts from a joint's `ref` in a law of its own is compared in motion.
-
-Then both move: mass matrix, the forces of drives, springs and dampers, tendons and all sensors in
-several positions.
+- What counts from a joint's `ref` in a law of its own is not compared.
 """
 
 from __future__ import annotations
@@ -21,7 +18,6 @@ from typing import Any
 from xml.etree import ElementTree
 
 from assetbuild.checks.mjcf_source.at_rest import ROUGH, Facts, Side, read_side
-from assetbuild.checks.mjcf_source.motion import Motion
 from assetbuild.engine.step import Files
 from assetbuild.facts.compare import EXACT, Difference, Precision, differences, equality_findings
 from assetbuild.facts.mjcf import MESHES
@@ -103,10 +99,8 @@ class MjcfSource(Check):
             yield LOAD("robot", f"nothing to compare: {error}")
             return
         before, after = tables(source, ours, stated)
-        motion = Motion(source, ours, stated, rough=rough)
         different = compare(before, after, rough=rough)
         yield from equality_findings(different, "source", "our MJCF", {}, "the source")
-        yield from motion.findings()
         counts = {
             kind: [len(before.names(kind)), len({*before.names(kind)} & {*after.names(kind)})]
             for kind in dict.fromkeys(key.kind for key in before.facts)
@@ -115,7 +109,6 @@ class MjcfSource(Check):
             "facts": len({*before.facts, *after.facts}),
             "compared": counts,
             "not_compared": sorted(stated),
-            "worst_relative_error": motion.worst,
         }
         write_figures(files, figures)
 
@@ -244,7 +237,7 @@ def _is_changed(key: Key, source: Side, ours: Side, after: Facts, stated: frozen
 
 
 def _moves(key: Key, source: Side) -> bool:
-    """Whether it counts from a `ref` in a way that motion compares."""
+    """Whether it counts from a `ref` in a way that only the engine knows."""
     law = key.quantity == "drive parameters" and key.name in source.rest
     return law or (bool(source.rest) and key.kind == "tendon" and
                    key.quantity in ("mjcf:range", "mjcf:lengthspring"))  # fmt: skip

@@ -23,7 +23,7 @@ from assetbuild.simulators.mujoco import ArenaFullError
 from assetbuild.simulators.mujoco import trials as experiments
 from assetbuild.simulators.mujoco.drives import servoed
 from assetbuild.simulators.mujoco.stand import outcome_figures, stand
-from assetbuild.simulators.mujoco.trials import FINER, Settled
+from assetbuild.simulators.mujoco.trials import Settled
 
 SHOWN_PAIRS = 40
 LARGEST_DOFS = 300
@@ -248,33 +248,21 @@ class Trials(mujoco.InMujoco):
     def _dropped(
         self, model: mujoco.Model, figures: dict[str, object], *, falls: bool
     ) -> Iterator[Finding]:
-        """What does not rest is tried at a finer timestep, too.
-
-        falls: it falls by itself, so that it also lies, rolls and moves after a drop.
-        """
+        """falls: it falls by itself, so that it also lies, rolls and moves after a drop."""
         settled = experiments.settle(model, self.drop)
         figures["settle"] = _settled_figures(settled)
         if not settled.finite:
             message = f"dropped from {self.drop:g} m, the simulation went to infinity"
             yield rules.UNSTABLE("robot", message, data={"drop_m": self.drop})
             return
-        restless = self._restless(settled)
-        if not restless:
-            return
-        finer = experiments.settle(model, self.drop, finer=FINER)
-        figures["settle_at_a_finer_timestep"] = _settled_figures(finer)
-        still = self._restless(finer) if finer.finite else restless
-        for rule, (value, limit, said) in restless.items():
-            hasty = rule not in still
+        for rule, (value, limit, said) in self._restless(settled).items():
             yield rule(
                 "robot",
-                f"two seconds after a drop from {self.drop:g} m {said}"
-                + (f", at 1/{FINER} of the timestep not" if hasty else ""),
-                hint="a smaller `simulation.timestep`, less kd, or the rotors' real armature"
-                if hasty
-                else "more kd, more kp, or a pose that stands by itself",
+                f"two seconds after a drop from {self.drop:g} m {said}",
+                hint="a smaller `simulation.timestep`, the rotors' real armature, other gains, or "
+                "a pose that stands by itself",
                 severity="info" if falls else None,
-                data={"value": value, "limit": limit, "timestep": hasty},
+                data={"value": value, "limit": limit},
             )
 
     def _restless(self, settled: Settled) -> Mapping[Rule, tuple[float, float, str]]:
@@ -314,7 +302,7 @@ class Trials(mujoco.InMujoco):
             )
 
     def _shaken(self, model: mujoco.Model, figures: dict[str, object]) -> Iterator[Finding]:
-        """Does it bear what an untrained policy asks of it? Where not: does it in finer steps?"""
+        """Does it bear what an untrained policy asks of it?"""
         found = experiments.shake(model, self.action)
         if found is None:
             return
@@ -324,17 +312,13 @@ class Trials(mujoco.InMujoco):
         figures["shake"] = shown
         if not unstable:
             return
-        calmer = experiments.shake(model, self.action, finer=FINER)
-        hasty = calmer is not None and calmer.seconds is None
         yield rules.SHAKEN(
             f"joint {found.joint}",
             "an untrained policy's random targets drive the simulation to infinity after "
-            f"{found.seconds:.2g} s, this joint foremost"
-            + (f"; at 1/{FINER} of the timestep they do not" if hasty else ""),
-            hint="a smaller `simulation.timestep`, or the rotors' real armature"
-            if hasty
-            else "smaller kp, the rotors' real armature, or an `effort` that is no placeholder",
-            data={"seconds": found.seconds, "timestep": hasty},
+            f"{found.seconds:.2g} s, this joint foremost",
+            hint="a smaller `simulation.timestep`, the rotors' real armature, smaller kp, or an "
+            "`effort` that is no placeholder",
+            data={"seconds": found.seconds},
         )
 
 

@@ -54,7 +54,7 @@ RESTLESS = Rule(
     "trials.rest",
     ("warning", "info"),
     "two seconds after a drop the joints still move",
-    "more kd; a smaller timestep or the rotors' armature, where the finding says so",
+    "more kd, a smaller timestep, or the rotors' armature",
 )
 SUNK = Rule(
     "trials.sunk",
@@ -66,7 +66,7 @@ DRIFT = Rule(
     "trials.drift",
     ("warning", "info"),
     "the settled base drifts",
-    "a pose that stands by itself, more kd or kp; a smaller timestep, where the finding says so",
+    "a pose that stands by itself, more kd or kp, or a smaller timestep",
 )
 FALL = Rule(
     "trials.fall",

@@ -23,7 +23,6 @@ COLUMNS = {
 HELD = {f"joint {name}" for name in COLUMNS.values()} | {
     "simulation timestep", "simulation decimation", "robot base",
 }  # fmt: skip
-WORDS = ("format", "version", "robot", "conventions", "feet")
 
 
 class PolicyFacts(Reader):
@@ -39,7 +38,7 @@ class PolicyFacts(Reader):
     written: ClassVar[str] = "{robot}_contract.yaml"
     behind: ClassVar[tuple[str, ...]] = ("policy/{robot}_contract.yaml",)
     simulated: ClassVar[bool] = False
-    asks: ClassVar[tuple[str, ...]] = ("policy", "feet", "imu")
+    asks: ClassVar[tuple[str, ...]] = ("policy", "imu")
     lacks: ClassVar[Mapping[str, str]] = {
         f"{kind} {name}": "stands in the MJCF, USD or URDF beside it"
         for kind, name in VOCABULARY
@@ -66,12 +65,10 @@ class PolicyFacts(Reader):
         book.put(
             "robot", "", {f"policy:base {word}": said["base"][word] for word in ("link", "imu")}
         )
-        words = {word: str(said[word]) for word in WORDS}
-        book.put("robot", "", {f"policy:{word}": value for word, value in words.items()})
         return book.plain_table()
 
     def expected(self, reference: Reference) -> Table:
-        """The drives of the joints that move; the fixed words as version 1 has them."""
+        """The drives of the joints that move, in every order."""
         tree, book = reference.tree, Writer()
         moving = [joint.name for joint in tree.moving_joints]
         start = dict(start_of(tree, reference.control).joints)
@@ -86,26 +83,11 @@ class PolicyFacts(Reader):
         count = float(len(moving))
         book.put("lists", "", {f"policy:{column}": count for column in ("joints", *COLUMNS)})
         imu = (reference.options.get("imu") or {}).get("link") or tree.root
-        feet = (reference.options.get("feet") or {}).get("links")
-        links = [*tree.by_body, *(frame.name for frame in tree.frames)]
-        soles = [name for name in links if feet and re.fullmatch(feet, name)]
-        book.put("robot", "", {
-            "policy:base link": tree.root, "policy:base imu": imu, "policy:feet": str(soles),
-            "policy:format": "assetbuild policy contract", "policy:version": "1",
-            "policy:robot": self.robot, "policy:conventions": str(CONVENTIONS),
-        })  # fmt: skip
+        book.put("robot", "", {"policy:base link": tree.root, "policy:base imu": imu})
         facts = robot_table(reference).only(
             lambda key: self.holds(key) and (key.kind != "joint" or key.name in moving)
         )
         return facts | book.table()
-
-
-CONVENTIONS = {
-    "quaternion": "wxyz, body to world; Isaac Lab 3 and PhysX take xyzw",
-    "projected_gravity": "the direction of gravity in the base's frame: (0, 0, -1) upright",
-    "base_velocity": "of the base's origin, in the base's frame, m/s and rad/s",
-    "action": "target = default_position + scale * action",
-}
 
 
 def _orders(reference: Reference, moving: list[str]) -> dict[str, list[str]]:

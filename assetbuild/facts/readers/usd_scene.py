@@ -81,7 +81,6 @@ class UsdSceneReader(Reader):
         tree, control, book = reference.tree, reference.control, Writer()
         book.put("robot", "", {
             "up axis": "Z", "metres per unit": 1.0, "kilograms per unit": 1.0,
-            "usd:stated units": ("upAxis", "metersPerUnit", "kilogramsPerUnit"),
         })  # fmt: skip
         simulation, ground = simulation_values(control), floor_of(tree, control)
         simulation["timestep"] = 1.0 / round(1.0 / control.simulation.timestep)  # whole steps per s

@@ -32,7 +32,7 @@ DIRECTIONS = 720
 """Points that stand out in one of these are the corners of what stands on the floor."""
 SEED = 20_000
 FINER = 4
-"""Steps in place of one: they tell drives that outrun the timestep from a pose that falls."""
+"""Steps in place of one, with which drives are compared."""
 CONTROL_S, NOISE_S = 0.02, 5.0
 """Between two commands of an untrained policy; how long it is tried."""
 
@@ -98,11 +98,11 @@ class Shaken:
     fastest: float
 
 
-def shake(model: Model, action: Action, finer: int = 1) -> Shaken | None:
+def shake(model: Model, action: Action) -> Shaken | None:
     """What PPO does at first: each servo gets a new random target 50 times a second.
 
     Normally distributed about the initial pose with the joint's scale of `action`; falls and lies
-    on the floor as it may. finer: steps in place of each. None: nothing is a position servo.
+    on the floor as it may. None: nothing is a position servo.
     """
     servos = [drive for drive in read_drives(model) if drive.holds_position]
     if not servos:
@@ -112,7 +112,6 @@ def shake(model: Model, action: Action, finer: int = 1) -> Shaken | None:
     random, speeds, ended = np.random.default_rng(SEED), np.zeros(len(joints)), None
     model = mujoco.without(model)
     with mujoco.caught_warnings():
-        model.opt.timestep = model.opt.timestep / finer
         data = mujoco.at_key(model)
         commands = np.array(data.ctrl)
         each = max(1, round(CONTROL_S / model.opt.timestep))
@@ -327,23 +326,17 @@ class Settled:
     drift_m: float
 
 
-def settle(
-    model: Model, drop_m: float, seconds: float = 2.0, steps: int = 1000, finer: int = 1
-) -> Settled:
-    """Dropped in its initial pose under its drives; then `steps` more to see it wander.
-
-    finer: steps in place of each, for as long.
-    """
+def settle(model: Model, drop_m: float, seconds: float = 2.0, steps: int = 1000) -> Settled:
+    """Dropped in its initial pose under its drives; then `steps` more to see it wander."""
     model = mujoco.without(model)
     with mujoco.caught_warnings():
-        model.opt.timestep = model.opt.timestep / finer
         data = mujoco.at_key(model)
         mujoco.raise_base(model, data, drop_m)
         mj.mj_step(model, data, max(1, round(seconds / model.opt.timestep)))
         speed = np.abs(data.qvel[model.jnt_dofadr[mujoco.turning(model)]]).max(initial=0.0)
         depth = -np.min(data.contact.dist, initial=0.0)
         place = np.array(data.xpos[1])
-        mj.mj_step(model, data, steps * finer)
+        mj.mj_step(model, data, steps)
         mj.mj_forward(model, data)
         drift = math.dist(place, np.array(data.xpos[1]))
     return Settled(mujoco.is_finite(data), float(speed), float(depth), drift)
