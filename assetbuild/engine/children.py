@@ -325,6 +325,7 @@ def environment(kind: Kind, home: Path) -> dict[str, str]:
     fixed |= {"PYTHONHASHSEED": "0", "PYTHONUTF8": "1", "TZ": "UTC", "LC_ALL": "C"}
     fixed["MESA_SHADER_CACHE_DISABLE"] = "true"  # it lies in the user's home, whatever HOME says
     fixed["GALLIVM_PERF"] = "nopt"  # Mesa would optimize its shaders longer than it draws
+    fixed["PYDANTIC_DISABLE_PLUGINS"] = "__all__"  # it would look through all distributions
     fixed["MUJOCO_GL"] = "disable"  # else MuJoCo imports GLFW, which takes longer than MuJoCo
     return kept | fixed
 
