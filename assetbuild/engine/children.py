@@ -43,7 +43,13 @@ REUSE_MEMORY = dict.fromkeys(("MALLOC_MMAP_THRESHOLD_", "MALLOC_TRIM_THRESHOLD_"
 """What a step frees stays with it (glibc): page faults were a tenth of a build."""
 
 
-SHARED = ("assetbuild.engine.wire", "numpy.ma", "assetbuild.facts.reader")
+SHARED = (
+    "assetbuild.engine.wire",
+    "assetbuild.facts.reader",
+    "numpy.ma",
+    "numpy.random",
+    "pydantic.plugin._loader",
+)
 """Modules that all workers have: imported once, before the first of them is forked."""
 
 
