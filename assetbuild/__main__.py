@@ -22,6 +22,7 @@ def main() -> int:
         if code is not None:
             return code
     gc.set_threshold(50_000, 20)  # imports and records make many objects and little garbage
+    os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")  # as the workers
     from assetbuild.cli import main as run
 
     return run(argv)

@@ -27,7 +27,6 @@ from assetbuild.pipeline.publish import check_folder
 from assetbuild.pipeline.recipes import collision_rule, load_recipe
 from assetbuild.plugins import load_plugin
 from assetbuild.recipe.models import Collision
-from assetbuild.report.bundle import json_text
 from assetbuild.robot.codec import decode
 from assetbuild.robot.shapes import Mesh, Shapes
 
@@ -45,7 +44,7 @@ def run(arguments: argparse.Namespace) -> int:
     file, task = arguments.recipe.name, Task.of(vars(arguments))
     with progress(file) as shown, at_work(loaded, task, shown.on_event, shown.say) as work:
         levels = list(_measured_levels(work, names, arguments.source, shown.say))
-    best = _write(loaded.recipe.robot, levels, out)
+    best = _write(levels, out)
     print(HEAD)
     for level in levels:
         print(_row(level, is_best=level.name in best))
@@ -196,7 +195,7 @@ def _simulated(scene: Path) -> dict[str, Any]:  # Any: JSON
     return found
 
 
-def _write(robot: str, rows: Sequence[Level], out: Path) -> frozenset[str]:
+def _write(rows: Sequence[Level], out: Path) -> frozenset[str]:
     """Return the names on the Pareto front of quality and speed."""
     points = {
         row.name: (row.speed["steps_per_s"], row.iou)
@@ -204,10 +203,8 @@ def _write(robot: str, rows: Sequence[Level], out: Path) -> frozenset[str]:
         if row.speed is not None and row.iou is not None
     }
     best = front(points)
-    data = {"robot": robot, "levels": [asdict(row) for row in rows], "pareto": sorted(best)}
     with machine_errors(out, OUT_OPTION):
         out.mkdir(parents=True, exist_ok=True)
-        (out / "bench.json").write_text(json_text(data), encoding="utf-8")
         (out / "bench.csv").write_text(_csv(rows, best), encoding="utf-8")
     return best
 

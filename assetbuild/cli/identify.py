@@ -19,11 +19,11 @@ from assetbuild.cli.summary import print_findings
 from assetbuild.engine.planner import Planner
 from assetbuild.engine.store import OUT_OPTION, machine_errors
 from assetbuild.errors import RecipeError, UsageError
-from assetbuild.identify.for_recipe import as_ranges, read_bam
+from assetbuild.identify.for_recipe import as_ranges
 from assetbuild.identify.plan import excite as add_excite
 from assetbuild.pipeline.opening import Opened, Task, at_work
 from assetbuild.pipeline.recipes import load_recipe
-from assetbuild.recipe.loader import LoadedRecipe, read_small_file
+from assetbuild.recipe.loader import LoadedRecipe
 from assetbuild.robot.actuator_table import ActuatorRow
 from assetbuild.robot.codec import decode
 from assetbuild.robot.identify import Fit
@@ -32,10 +32,6 @@ from assetbuild.robot.model import Actuator, Control
 
 def run(arguments: argparse.Namespace) -> int:
     """Print the table; with `--write` also change the recipe."""
-    if arguments.bam is not None:
-        return _bam(arguments)
-    if arguments.recipe is None:
-        raise UsageError("which recipe?", hint="`assetbuild identify recipes/go1.yaml`")
     loaded = load_recipe(arguments.recipe, arguments.variant)
     if arguments.excite:
         return _excite(arguments, loaded)
@@ -131,26 +127,6 @@ head = ["time", *(f"position_{j}" for j in joints), *(f"target_{j}" for j in joi
 with open("log.csv", "w", newline="") as file:  # all at the end: a disk makes the loop late
     csv.writer(file).writerows([head, *log])
 '''
-
-
-def _bam(arguments: argparse.Namespace) -> int:
-    """Print a motor for the recipe; what it cannot hold goes to stderr."""
-    file = str(arguments.bam)
-    if arguments.volts is not None and not 0.0 < arguments.volts < 1e4:
-        raise UsageError("`--volts` must be above 0")
-    text = read_small_file(arguments.bam, file, UsageError).decode("utf-8", "replace")
-    found = read_bam(text, arguments.bam.name, arguments.volts)
-    keys = ", ".join(f"{key}: {json.dumps(value)}" for key, value in found.motor.items())
-    print(f"motors:\n  {found.name}: {{{keys}}}")
-    if found.kd is not None:
-        print(f"# back-EMF: add {found.kd:g} N m s/rad to the kd of a row with this motor")
-    for name, value in found.lost:
-        print(
-            f"warning identify.bam: {file}: `{name}` = {value:.4g} is left out: joints have dry "
-            "and viscous friction only",
-            file=sys.stderr,
-        )
-    return 0
 
 
 def _print(fit: Fit) -> None:

@@ -195,16 +195,13 @@ VERBS: Mapping[str, Verb] = {
     ),
     "identify": verb(
         "fit actuator numbers to logs of the real robot",
-        option("recipe", type=file_or_robot, nargs="?", metavar="RECIPE"),
+        RECIPE,
         switch("--write", help="write the identified values into the recipe"),
         switch("--ranges", help="print the intervals as `randomize.joints`"),
         switch("--excite", help="fit nothing: write commands to record on the robot"),
         option("--seconds", type=whole_number(10, 600), default=60, metavar="S",
                help="for --excite; default: 60"),
         out("for --excite; default: build/excite"),
-        option("--bam", type=Path, metavar="JSON",
-               help="no recipe: print BAM's parameters as a motor"),
-        option("--volts", type=float, metavar="V", help="for --bam: the supply voltage"),
         switch("--json", help="print all of it as JSON"),
         JOBS,
         VARIANT,
@@ -296,12 +293,7 @@ VERBS: Mapping[str, Verb] = {
         epilog=WHICH_CHECK,
     ),
     "verify": verb(
-        "compare a bundle with its manifest, its provenance, and what a recipe makes",
-        BUNDLE,
-        option("--recipe", type=file_or_robot, metavar="RECIPE",
-               help="compare with what this recipe makes, as the store holds it"),
-        VARIANT,
-        epilog=WHICH_CHECK,
+        "compare a bundle with its manifest and its provenance", BUNDLE, epilog=WHICH_CHECK
     ),
     "watch": verb(
         "build, and again whenever the recipe or a source changes; Ctrl-C ends it", *BUILDING

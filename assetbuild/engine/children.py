@@ -43,7 +43,13 @@ REUSE_MEMORY = dict.fromkeys(("MALLOC_MMAP_THRESHOLD_", "MALLOC_TRIM_THRESHOLD_"
 """What a step frees stays with it (glibc): page faults were a tenth of a build."""
 
 
-SHARED = ("assetbuild.engine.wire", "numpy.ma", "assetbuild.facts.reader")
+SHARED = (
+    "assetbuild.engine.wire",
+    "assetbuild.facts.reader",
+    "numpy.ma",
+    "numpy.random",
+    "pydantic.plugin._loader",
+)
 """Modules that all workers have: imported once, before the first of them is forked."""
 
 
@@ -325,6 +331,7 @@ def environment(kind: Kind, home: Path) -> dict[str, str]:
     fixed |= {"PYTHONHASHSEED": "0", "PYTHONUTF8": "1", "TZ": "UTC", "LC_ALL": "C"}
     fixed["MESA_SHADER_CACHE_DISABLE"] = "true"  # it lies in the user's home, whatever HOME says
     fixed["GALLIVM_PERF"] = "nopt"  # Mesa would optimize its shaders longer than it draws
+    fixed["PYDANTIC_DISABLE_PLUGINS"] = "__all__"  # it would look through all distributions
     fixed["MUJOCO_GL"] = "disable"  # else MuJoCo imports GLFW, which takes longer than MuJoCo
     return kept | fixed
 

@@ -217,6 +217,17 @@ class Code:
         return _FIRST_SEEN[name, path]
 
 
+def notes_folder(store: Path) -> Path:
+    """Where `Code` keeps what it found: beside the package, where Python keeps its bytecode.
+
+    In the store where Python writes no bytecode, or may not write it there.
+    """
+    beside = Path(__file__).parents[1] / "__pycache__"
+    if sys.dont_write_bytecode or not os.access(beside, os.W_OK):
+        return store / "code"
+    return beside / "syntax"
+
+
 def _changed(what: str) -> MachineError:
     return MachineError(
         f"{what} was changed while a step ran that uses it", hint="start the program again"
@@ -231,8 +242,13 @@ def _read(name: str, path: str) -> list[str]:
     return [digest_file(path)]
 
 
-SYNTAX_FORMAT = "syntax 2"
+SYNTAX_FORMAT = "syntax 3"
 """Raised when the digest of the same file, or what is found in it, changes."""
+SAID_BY_OTHERS = frozenset({"ctx", "kind"})
+"""Fields that say nothing: whether a name is read or written follows from where it stands, and
+`u"a"` is `"a"`."""
+STATEMENTS = frozenset({"body", "orelse", "finalbody"})
+"""Fields that hold lists of statements."""
 STATED = "BEYOND_IMPORTS"
 VERSION = "__version__"
 MUST = "!"
@@ -272,24 +288,27 @@ class _Reader:
         words = self.words
         words.append(type(node).__name__)
         for field in node._fields:
+            if field in SAID_BY_OTHERS:
+                continue
             value = getattr(node, field, None)
             if isinstance(value, ast.AST):
                 words.append(field)
                 self.walk(value)
             elif isinstance(value, list):
                 self._list(field, value)
-            elif value is not None and field != "kind":
+            elif value is not None:
                 words.append(f"{field}={value!r}")
         words.append(")")
         if isinstance(node, ast.Import | ast.ImportFrom):
             self._import(node)
 
     def _list(self, field: str, values: list[Any]) -> None:  # Any: nodes, names or None
-        kept = [each for value in values for each in _counted(value)]
-        if not kept:
+        if field in STATEMENTS:
+            values = [each for value in values for each in _counted(value)]
+        if not values:
             return
         self.words.append(f"{field}[")
-        for value in kept:
+        for value in values:
             if isinstance(value, ast.AST):
                 if field == "body":
                     self._stated(value)

@@ -7,7 +7,7 @@ from contextlib import suppress
 from pathlib import Path
 
 from assetbuild.engine.actions import Action, Actions, Made, SharedCache, key_parts
-from assetbuild.engine.code import Code
+from assetbuild.engine.code import Code, notes_folder
 from assetbuild.engine.graph import Node, Ref
 from assetbuild.engine.journal import Journal
 from assetbuild.engine.stamps import Stamps
@@ -37,7 +37,7 @@ class Session:
         self.store = store
         self.actions = Actions(store, remote)
         self.journal = Journal(store.root, builds or {"": build})
-        self.code = Code(store.root / "code")
+        self.code = Code(notes_folder(store.root))
         self.world = (world or World()).whole
         self.world.stamps = Stamps(store.root / "stat.json", fresh=rehash)
         self._listings: dict[str, Listing] = {}

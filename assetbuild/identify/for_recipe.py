@@ -1,88 +1,13 @@
-"""What was measured, as keys of a recipe: motors of BAM's files, and intervals of fits as ranges.
-
-BAM is Rhoban's "Better Actuator Models", M1 to M6. Its motor is fed a voltage: torque =
-kt / R (volts - kt v). Its friction is friction_base + friction_viscous |v| in M1; M2 to M6 add
-terms of Stribeck and of the load, which a joint of MuJoCo, USD or URDF does not have. Duclusaud et
-al., "Extended friction models for the physics simulation of servo actuators", 2024.
-"""
+"""What was measured, as keys of a recipe: intervals of fits as ranges."""
 
 from __future__ import annotations
 
 import json
 import math
 import re
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
 
-from assetbuild.errors import UsageError
 from assetbuild.robot.identify import Fit, Parameter
-
-PLAIN = ("kt", "R", "armature", "friction_base", "friction_viscous")
-OF_THE_BENCH = ("q_offset",)
-"""Of the test bench, not of the motor."""
-WITH_OTHERS = {"dtheta_stribeck": "friction_stribeck", "alpha": "friction_stribeck"}
-"""Shapes of a term: nothing without it."""
-NOTHING = 1e-9
-
-
-@dataclass(frozen=True)
-class BamMotor:
-    """motor: keys of `motors`; kd: of the row, N m s/rad, None = not stated by the file.
-
-    lost: (name, value) of the terms that no joint of ours can hold.
-    """
-
-    name: str
-    motor: Mapping[str, float | str]
-    kd: float | None
-    lost: tuple[tuple[str, float], ...]
-
-
-def read_bam(text: str, file: str, volts: float | None) -> BamMotor:
-    """Raises UsageError for a file that is none of BAM's. volts: of the supply."""
-    try:
-        raw = json.loads(text)
-        values = {k: float(v) for k, v in raw.items() if isinstance(v, int | float)}
-        name, model = str(raw["actuator"]), str(raw["model"])
-        armature, friction = values["armature"], values["friction_base"]
-        kt, viscous = values["kt"], values["friction_viscous"]
-    except (ValueError, KeyError, AttributeError, TypeError, RecursionError) as error:
-        raise UsageError(f"{file}: not a parameter file of BAM: {error}") from None
-    if not all(map(math.isfinite, values.values())) or min(armature, friction, viscous, kt) < 0.0:
-        raise UsageError(f"{file}: a parameter is negative or not finite")
-    motor: dict[str, float | str] = {
-        "rotor_inertia": armature,
-        "gear": 1.0,
-        "friction": friction,
-        "damping": viscous,
-    }
-    resistance = values.get("R")
-    if volts is not None:
-        if not resistance:
-            raise UsageError(f"{file} states no resistance: `--volts` says nothing about it")
-        motor |= {
-            "effort": _short(kt * volts / resistance),
-            "stall": _short(kt * volts / resistance),
-            "velocity": _short(volts / kt),
-        }
-    motor["source"] = f"measured: BAM {model}, {file}"
-    kd = _short(kt * kt / resistance) if resistance else None
-    return BamMotor(name, motor, kd, tuple(_lost(values)))
-
-
-def _lost(values: Mapping[str, float]) -> Iterator[tuple[str, float]]:
-    stribeck = any(
-        v > NOTHING for k, v in values.items() if k.endswith("_stribeck") and "dth" not in k
-    )
-    for name, value in values.items():
-        known = name in PLAIN or name in OF_THE_BENCH
-        shape = name in WITH_OTHERS and not stribeck
-        if not known and not shape and abs(value) > NOTHING:
-            yield name, value
-
-
-def _short(value: float) -> float:
-    return float(f"{value:.6g}")
 
 
 def as_ranges(fits: Sequence[Fit], timestep_s: float) -> str:

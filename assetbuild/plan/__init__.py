@@ -26,7 +26,6 @@ from assetbuild.engine.planner import Planner
 from assetbuild.errors import Gather, RecipeError
 from assetbuild.geometry.measure_assets import MeasureAssets
 from assetbuild.geometry.plan import Geometry, assemble, companions, lint_density, lint_meshes
-from assetbuild.identify.plan import identify
 from assetbuild.kinds import Target, lacking
 from assetbuild.lock import Lock, lock_path, read_lock
 from assetbuild.looks.plan import looks
@@ -145,6 +144,8 @@ def _finished(
     samples = recipe.collision.exclude.sampled
     controlled = control(step, read, tree, assembled, samples, p)["control.json"]
     if recipe.identify:
+        from assetbuild.identify.plan import identify  # few recipes have logs
+
         identified = identify(
             recipe.identify, folder, outline.tree, tree["tree.json"], controlled, p
         )

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 Record = Mapping[str, object]
 """Column -> value."""
@@ -20,7 +21,7 @@ class Table:
     note: str = ""
     empty: str = "None."
 
-    @property
+    @cached_property
     def numbers(self) -> tuple[bool, ...]:
         """For each column: whether it holds only numbers, which are aligned to the right."""
         return tuple(map(_all_numbers, zip(*self.rows, strict=True)))

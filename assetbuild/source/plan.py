@@ -22,9 +22,6 @@ from assetbuild.source.get.fetch import Fetch
 from assetbuild.source.get.fetch_git import FetchGit
 from assetbuild.source.get.fetch_url import FetchUrl
 from assetbuild.source.get.files import ArchiveFiles, FolderFiles
-from assetbuild.source.mjcf.flatten_mjcf import FOLDER, FlattenMjcf
-from assetbuild.source.mjcf.includes import ListIncludes
-from assetbuild.source.mjcf.read_mjcf import ReadMjcf
 from assetbuild.source.patches import passages, patched
 from assetbuild.source.urdf.expand_xacro import MOST_FILES, NOT_INCLUDED, ExpandXacro
 from assetbuild.source.urdf.read_urdf import ReadUrdf
@@ -142,6 +139,8 @@ def _expanded(recipe: Source, texts: Mapping[str, Ref], p: Planner) -> Descripti
 
 def _included(path: str, ref: Ref, source: SourceFiles, p: Planner) -> dict[str, Ref] | None:
     """The XML files in the folder of an MJCF, and those that it includes from elsewhere."""
+    from assetbuild.source.mjcf.includes import ListIncludes  # of robots from MJCF alone
+
     beside = posixpath.dirname(path) or "."
     texts = source.below((beside,), (".xml",))
     for number in count(1):
@@ -210,6 +209,9 @@ def read_description(
 def _read_mjcf(
     recipe: Recipe, source: SourceFiles, description: Description, p: Planner
 ) -> Reading | None:
+    from assetbuild.source.mjcf.flatten_mjcf import FOLDER, FlattenMjcf  # as above
+    from assetbuild.source.mjcf.read_mjcf import ReadMjcf
+
     tree = {description.path: description.ref} | dict(description.includes)
     inputs = {f"tree/{path}": ref for path, ref in sorted(tree.items())}
     step = FlattenMjcf(file=description.path, body=recipe.source.body)

@@ -1,4 +1,4 @@
-"""`verify`: the bundle against its manifest, its provenance, and what the recipe makes."""
+"""`verify`: the bundle against its manifest and its provenance."""
 
 from __future__ import annotations
 
@@ -23,15 +23,14 @@ def built(tmp_path_factory: pytest.TempPathFactory, legs_store: Path) -> Legs:
 @pytest.fixture
 def legs(built: Legs) -> Legs:
     """The built bundle, put right again before each test."""
-    built.recipe.write_text(built.recipe.read_text().replace("kp: 30", "kp: 20"))
     assert built.build("--rehash").returncode == 0
     return built
 
 
-def test_a_bundle_is_what_the_recipe_makes(legs: Legs):
-    done = legs.run("verify", "build/legs", "--recipe", "legs.yaml")
+def test_a_bundle_is_what_its_papers_say(legs: Legs):
+    done = legs.run("verify", "build/legs")
     assert (done.returncode, done.stderr) == (0, "")
-    assert "0 differences (manifest, provenance, legs.yaml)" in done.stdout
+    assert "0 differences (manifest, provenance)" in done.stdout
 
 
 def change(path: str, how: Callable[[str], str]) -> Callable[[Legs], None]:
@@ -40,26 +39,6 @@ def change(path: str, how: Callable[[str], str]) -> Callable[[Legs], None]:
         file.write_text(how(file.read_text()))
 
     return do
-
-
-def restate(legs: Legs) -> None:
-    """A forger: another file, with manifest and provenance made to fit."""
-    import hashlib
-
-    model = legs.bundle / "urdf/legs.urdf"
-    old = hashlib.sha256(model.read_bytes()).hexdigest()
-    model.write_text(model.read_text().replace('mass value="6.0"', 'mass value="9.0"'))
-    new = hashlib.sha256(model.read_bytes()).hexdigest()
-    assert new != old
-    size = model.stat().st_size
-    manifest = legs.bundle / "manifest.json"
-    before = hashlib.sha256(manifest.read_bytes()).hexdigest()
-    content = json.loads(manifest.read_text())
-    for row in content["files"]:
-        row |= {"sha256": new, "size": size} if row["path"] == "urdf/legs.urdf" else {}
-    manifest.write_text(json.dumps(content))
-    after = hashlib.sha256(manifest.read_bytes()).hexdigest()
-    change("provenance.json", lambda t: t.replace(old, new).replace(before, after))(legs)
 
 
 @pytest.mark.parametrize(
@@ -80,21 +59,6 @@ def test_each_difference_is_named(legs: Legs, fault: Callable[[Legs], object], t
     done = legs.run("verify", "build/legs")
     assert done.returncode == 1
     assert told in done.stdout
-
-
-def test_a_forged_bundle_whose_papers_fit_is_not_what_the_recipe_makes(legs: Legs):
-    restate(legs)
-    assert legs.run("verify", "build/legs").returncode == 0
-    done = legs.run("verify", "build/legs", "--recipe", "legs.yaml")
-    assert done.returncode == 1
-    assert "the recipe makes other bytes: urdf/legs.urdf" in done.stdout
-
-
-def test_an_edited_recipe_is_told_and_nothing_is_built(legs: Legs):
-    legs.edit("kp: 20", "kp: 30")
-    done = legs.run("verify", "build/legs", "--recipe", "legs.yaml")
-    assert done.returncode == 3
-    assert "run `assetbuild build` first" in done.stderr
 
 
 def test_provenance_names_recipe_source_and_tools_as_slsa_asks(legs: Legs):

@@ -15,7 +15,7 @@ import pytest
 from assetbuild.engine import code as code_module
 from assetbuild.engine import libraries as libraries_module
 from assetbuild.engine import stamps
-from assetbuild.engine.code import Code, StepCode
+from assetbuild.engine.code import Code, StepCode, notes_folder
 from assetbuild.engine.step import Step
 from assetbuild.errors import MachineError
 
@@ -322,6 +322,17 @@ def test_a_spoilt_cache_counts_as_empty(package, tmp_path, never_racy, spoil: Ca
     (file,) = (tmp_path / "code").iterdir()
     file.write_text(spoil(file.read_text()))
     assert one_process(tmp_path / "code", step) == first
+
+
+def test_what_was_found_lies_beside_the_package(tmp_path, monkeypatch):
+    monkeypatch.setattr(sys, "dont_write_bytecode", False)
+    package = tmp_path / "assetbuild"
+    monkeypatch.setattr(code_module, "__file__", str(package / "engine/code.py"))
+    assert notes_folder(tmp_path) == tmp_path / "code"  # Python keeps no bytecode there
+    (package / "__pycache__").mkdir(parents=True)
+    assert notes_folder(tmp_path) == package / "__pycache__/syntax"
+    monkeypatch.setattr(sys, "dont_write_bytecode", True)
+    assert notes_folder(tmp_path) == tmp_path / "code"
 
 
 # -- edits while it runs
