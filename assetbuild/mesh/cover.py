@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from assetbuild.mesh.hull import convex_hull, polygon_count
 from assetbuild.mesh.quality import Distance, NearestSurface, sobol, surface_samples
 from assetbuild.mesh.solid import ConvexPiece, Solid
-from assetbuild.mesh.triangles import TriangleMesh, is_closed, signed_volume
+from assetbuild.mesh.triangles import TriangleMesh, signed_volume
 from assetbuild.robot.pose import Array
 
 Manifold = Any  # manifold3d.Manifold: its extension module has no types
@@ -74,14 +74,9 @@ class Reference:
         self._clouds: dict[tuple[float, ...], NDArray[np.bool_]] = {}
 
     @cached_property
-    def closed(self) -> bool:
-        """No open edge, and all faces agree on outside."""
-        return is_closed(self.mesh)
-
-    @cached_property
     def hollow(self) -> bool:
         """An open mesh with next to nothing inside, a sheet: its hull stands for it."""
-        if self.closed:
+        if self.mesh.is_closed:
             return False
         inside = self._as_drawn.contains(sobol(POINTS, *self.room))
         self._clouds[_key(*self.room)] = inside
@@ -120,7 +115,7 @@ class Reference:
         import manifold3d
 
         mesh = self.hull if self.hollow else self.mesh
-        if not is_closed(mesh) or signed_volume(mesh) <= 0.0:
+        if not mesh.is_closed or signed_volume(mesh) <= 0.0:
             return None
         triangles = mesh.faces.astype(np.uint64)
         made = manifold3d.Manifold(manifold3d.Mesh64(_float64(mesh.vertices), triangles))
@@ -231,7 +226,7 @@ def _volumes_and_outside(
     on_skin = surface_samples(skin, samples, 1)[0]
     return Quality(
         exact=reference.exact is not None,
-        closed=reference.closed,
+        closed=reference.mesh.is_closed,
         iou=iou,
         over=over,
         missing=missing,

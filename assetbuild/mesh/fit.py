@@ -17,7 +17,7 @@ from assetbuild.mesh.hull import convex_hull
 from assetbuild.mesh.primitives import resized, signed_distance, sizes_of, volume_of
 from assetbuild.mesh.quality import sobol, surface_samples
 from assetbuild.mesh.solid import ConvexPiece
-from assetbuild.mesh.triangles import TriangleMesh, face_areas
+from assetbuild.mesh.triangles import TriangleMesh
 from assetbuild.robot.pose import Array, Pose, quat_between, quat_of, vec3
 from assetbuild.robot.shapes import Box, Capsule, Cylinder, Primitive, Sphere
 
@@ -99,9 +99,9 @@ def candidate_axes(mesh: TriangleMesh, hull: TriangleMesh) -> Array:
     spread evenly over a half sphere (Fibonacci lattice).
     """
     a, b, c = np.moveaxis(hull.corners, 1, 0)
-    order = np.argsort(-face_areas(hull), kind="stable")[:FACETS]
+    order = np.argsort(-hull.areas, kind="stable")[:FACETS]
     facets = np.cross(b - a, c - a)[order]
-    weights = face_areas(mesh)
+    weights = mesh.areas
     middle = mesh.corners.mean(axis=1)
     spread = middle - weights @ middle / weights.sum()
     principal = np.linalg.eigh((spread * weights[:, None]).T @ spread)[1].T
