@@ -14,13 +14,14 @@ import numpy as np
 from pydantic import Field
 
 from assetbuild.engine.step import Files
+from assetbuild.errors import StepError
 from assetbuild.findings import Finding, Rule
 from assetbuild.kinds import Check, write_figures
 from assetbuild.mesh import MESH_MODULES
-from assetbuild.mesh.hulls import hulls_by_body, read_meshes
+from assetbuild.mesh.hulls import common_hull, hulls_by_body, read_meshes
 from assetbuild.mesh.primitives import tessellate
-from assetbuild.mesh.rays import holes
-from assetbuild.mesh.solid import Distance, distance_to
+from assetbuild.mesh.rays import Hole, holes
+from assetbuild.mesh.solid import Distance, beyond_hull, distance_to
 from assetbuild.mesh.triangles import TriangleMesh, merged
 from assetbuild.quantities import Positive
 from assetbuild.robot.files import RobotFiles
@@ -130,6 +131,7 @@ class Parts:
         self.tree, self.hulls = robot.tree, hulls_by_body(robot)
         meshes = read_meshes(robot.triangles, robot.shapes)
         self._surfaces: dict[tuple[str, Role], list[Shaped]] = {}
+        self._first: dict[tuple[object, ...], str] = {}
         for shape in robot.shapes.shapes:
             body, X_body_shape = self.tree.shape_placement(shape)
             geometry = shape.geometry
@@ -148,8 +150,34 @@ class Parts:
     @functools.cache  # noqa: B019 # lives as long as the step
     def outside(self, body: str) -> Distance:
         """Distance from the hull of all that is seen of a body."""
-        vertices = [hull.vertices for hull in self.hulls[body, "visual"]]
-        return distance_to(np.concatenate(vertices), IDENTITY)
+        hulls = self.hulls[body, "visual"]
+        try:
+            return beyond_hull(common_hull(hulls))
+        except StepError:  # flat
+            return distance_to(np.concatenate([hull.vertices for hull in hulls]), IDENTITY)
+
+    @functools.cache  # noqa: B019 # as above
+    def beyond_itself(self, body: str) -> Array:
+        """(n,) how far each vertex of its collision hulls lies outside of what is seen of it, m."""
+        return self.outside(body)(self.corners(body))
+
+    def corners(self, body: str) -> Array:
+        """(n, 3) vertices of the hulls that collide: a mesh collides as its hull."""
+        return np.concatenate([hull.vertices for hull in self.hulls[body, "collision"]])
+
+    @functools.cache  # noqa: B019 # as above
+    def holes(self, body: str) -> list[Hole]:
+        """Holes that one sees through the body, and what collides as hulls leaves of them."""
+        both = zip(self.hulls[body, "collision"], self.solid(body), strict=True)
+        solid = [hull if len(hull.faces) else surface for hull, (_, surface) in both]
+        return holes(merged([surface for _, surface in self.seen(body)]), merged(solid))
+
+    def alike(self, body: str) -> str:
+        """The first body with the same shapes in the same places: one of four legs stands for
+        all."""
+        shapes = (shape for shape, _ in (*self.seen(body), *self.solid(body)))
+        key = tuple((s.role, s.geometry, self.tree.shape_placement(s)[1]) for s in shapes)
+        return self._first.setdefault(key, body)
 
 
 def _length(metres: float) -> str:
@@ -159,14 +187,8 @@ def _length(metres: float) -> str:
 
 
 def _filled(parts: Parts, body: str) -> Iterator[Finding]:
-    """Holes that one sees through the body, and that nothing gets through in a simulator.
-
-    A mesh collides as its hull there, whatever its own form.
-    """
-    both = zip(parts.hulls[body, "collision"], parts.solid(body), strict=True)
-    solid = [hull if len(hull.faces) else surface for hull, (_, surface) in both]
-    found = holes(merged([surface for _, surface in parts.seen(body)]), merged(solid))
-    largest = next((hole for hole in found if hole.open < LEFT), None)
+    """The largest hole that one sees through the body, and nothing gets through in a simulator."""
+    largest = next((hole for hole in parts.holes(parts.alike(body)) if hole.open < LEFT), None)
     if largest is not None:
         x, y, z = (1e3 * v for v in largest.middle_m)
         u, v, w = largest.direction
@@ -194,15 +216,16 @@ def _fit(parts: Parts, body: str) -> Fit:
     alike = np.where(lower * upper > 0.0, np.minimum(np.abs(lower), np.abs(upper)), 0.0)
     x, y, z = (float(v) for v in np.sign(lower) * alike)
     size = float(np.linalg.norm(visual.max(axis=0) - visual.min(axis=0)))
-    return Fit(_beyond_robot(parts, body, collision), (x, y, z), size)
+    return Fit(_beyond_robot(parts, body), (x, y, z), size)
 
 
-def _beyond_robot(parts: Parts, body: str, collision: Array) -> float:
+def _beyond_robot(parts: Parts, body: str) -> float:
     """How far collision sticks out of the visual hulls of its body and of the next ones, m.
 
     A source may give a motor to one link to be seen and to its neighbour to be hit.
     """
-    left, apart = collision, np.full(len(collision), np.inf)
+    apart = parts.beyond_itself(parts.alike(body))
+    left, apart = parts.corners(body)[apart > 0.0], apart[apart > 0.0]
     for name, X_body_other in _neighbours(parts.tree, body).items():
         if parts.seen(name) and len(left):
             beyond = parts.outside(name)(X_body_other.inverse().apply(left))
@@ -212,9 +235,7 @@ def _beyond_robot(parts: Parts, body: str, collision: Array) -> float:
 
 
 def _neighbours(tree: Tree, body: str) -> dict[str, Pose]:
-    """X_body_other of the body itself and of those that a joint connects to it, joints at 0."""
+    """X_body_other of the bodies that a joint connects to it, joints at 0."""
     above = tree.joint_above.get(body)
-    poses = {body: IDENTITY}
-    if above is not None:
-        poses[above.parent] = above.X_parent_joint.inverse()
-    return poses | {j.child: j.X_parent_joint for j in tree.joints if j.parent == body}
+    parent = {} if above is None else {above.parent: above.X_parent_joint.inverse()}
+    return parent | {j.child: j.X_parent_joint for j in tree.joints if j.parent == body}

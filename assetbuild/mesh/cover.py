@@ -117,7 +117,7 @@ class Reference:
         mesh = self.hull if self.hollow else self.mesh
         if not mesh.is_closed or signed_volume(mesh) <= 0.0:
             return None
-        triangles = mesh.faces.astype(np.uint64)
+        triangles = np.ascontiguousarray(mesh.faces, dtype=np.uint64)
         made = manifold3d.Manifold(manifold3d.Mesh64(_float64(mesh.vertices), triangles))
         is_solid = made.status() == manifold3d.Error.NoError and made.volume() > 0.0
         return made if is_solid else None
@@ -178,7 +178,7 @@ def union_of(pieces: Sequence[ConvexPiece]) -> tuple[Manifold, TriangleMesh]:
     solids = [manifold3d.Manifold.hull_points(_float64(p.surface().vertices)) for p in pieces]
     union = manifold3d.Manifold.batch_boolean(solids, manifold3d.OpType.Add)
     mesh = union.to_mesh64()
-    vertices = np.asarray(mesh.vert_properties, dtype=np.float64)[:, :3]
+    vertices = np.array(mesh.vert_properties, dtype=np.float64)[:, :3]  # manifold's are read-only
     return union, TriangleMesh(vertices, np.asarray(mesh.tri_verts, dtype=np.int64))
 
 

@@ -92,9 +92,12 @@ def _farthest_first(points: Array, count: int, subject: str) -> Indices:
     local = points - _middle(points)
     hull = _qhull(local[chosen], subject, incremental=True)
     columns = np.ascontiguousarray(local.T)
+    room = np.empty((2 * count, len(points)))  # a hull of n points has at most 2 n - 4 triangles
     while len(chosen) < count:
         planes = hull.equations
-        outside = (planes[:, :3] @ columns + planes[:, 3:]).max(axis=0)
+        over = np.matmul(planes[:, :3], columns, out=room[: len(planes)])
+        over += planes[:, 3:]
+        outside = over.max(axis=0)
         outside[chosen] = -np.inf
         chosen.append(int(np.argmax(outside)))
         try:
