@@ -14,22 +14,21 @@ import numpy as np
 from pydantic import Field
 
 from assetbuild.engine.step import Files
+from assetbuild.errors import StepError
 from assetbuild.findings import Finding, Rule
 from assetbuild.kinds import Check, write_figures
 from assetbuild.mesh import MESH_MODULES
-from assetbuild.mesh.hulls import hulls_by_body, read_meshes
+from assetbuild.mesh.hulls import common_hull, hulls_by_body, read_meshes
 from assetbuild.mesh.primitives import tessellate
-from assetbuild.mesh.rays import holes
-from assetbuild.mesh.solid import Distance, distance_to
+from assetbuild.mesh.rays import Hole, holes
+from assetbuild.mesh.solid import Distance, beyond_hull, distance_to
 from assetbuild.mesh.triangles import TriangleMesh, merged
 from assetbuild.quantities import Positive
 from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.model import Tree
 from assetbuild.robot.pose import IDENTITY, Array, Pose
-from assetbuild.robot.shapes import Mesh, Role
+from assetbuild.robot.shapes import Mesh, Role, Shape
 
-ROUNDING_M = 1e-6
-"""A point that is nearer to a hull than this does not stick out of it."""
 LEFT = 0.1
 """A hole of which less than this is left is filled."""
 
@@ -121,35 +120,64 @@ class Coverage(Check):
             )
 
 
+Shaped = tuple[Shape, TriangleMesh]
+"""A shape, and its surface in the frame of its body, m."""
+
+
 class Parts:
-    """The surfaces of a robot and their hulls in the frames of their bodies, m."""
+    """The shapes of a robot in the frames of their bodies; each is worked out once."""
 
     def __init__(self, robot: RobotFiles) -> None:
         self.tree, self.hulls = robot.tree, hulls_by_body(robot)
         meshes = read_meshes(robot.triangles, robot.shapes)
-        self._surfaces: dict[tuple[str, Role], list[TriangleMesh]] = {}
+        self._surfaces: dict[tuple[str, Role], list[Shaped]] = {}
+        self._first: dict[tuple[object, ...], str] = {}
         for shape in robot.shapes.shapes:
             body, X_body_shape = self.tree.shape_placement(shape)
             geometry = shape.geometry
             mesh = meshes[geometry.mesh] if isinstance(geometry, Mesh) else tessellate(geometry)
-            self._surfaces.setdefault((body, shape.role), []).append(mesh.placed(X_body_shape))
+            placed = shape, mesh.placed(X_body_shape)
+            self._surfaces.setdefault((body, shape.role), []).append(placed)
 
-    def seen(self, body: str) -> list[TriangleMesh]:
+    def seen(self, body: str) -> list[Shaped]:
         """What is seen of a body."""
         return self._surfaces.get((body, "visual"), [])
 
-    def solid(self, body: str) -> list[TriangleMesh]:
+    def solid(self, body: str) -> list[Shaped]:
         """What collides."""
         return self._surfaces.get((body, "collision"), [])
-
-    def corners(self, body: str, role: Role) -> Array:
-        """(n, 3) corners of the hulls of its shapes."""
-        return np.concatenate([hull.vertices for hull in self.hulls[body, role]])
 
     @functools.cache  # noqa: B019 # lives as long as the step
     def outside(self, body: str) -> Distance:
         """Distance from the hull of all that is seen of a body."""
-        return distance_to(self.corners(body, "visual"), IDENTITY)
+        hulls = self.hulls[body, "visual"]
+        try:
+            return beyond_hull(common_hull(hulls))
+        except StepError:  # flat
+            return distance_to(np.concatenate([hull.vertices for hull in hulls]), IDENTITY)
+
+    @functools.cache  # noqa: B019 # as above
+    def beyond_itself(self, body: str) -> Array:
+        """(n,) how far each vertex of its collision hulls lies outside of what is seen of it, m."""
+        return self.outside(body)(self.corners(body))
+
+    def corners(self, body: str) -> Array:
+        """(n, 3) vertices of the hulls that collide: a mesh collides as its hull."""
+        return np.concatenate([hull.vertices for hull in self.hulls[body, "collision"]])
+
+    @functools.cache  # noqa: B019 # as above
+    def holes(self, body: str) -> list[Hole]:
+        """Holes that one sees through the body, and what collides as hulls leaves of them."""
+        both = zip(self.hulls[body, "collision"], self.solid(body), strict=True)
+        solid = [hull if len(hull.faces) else surface for hull, (_, surface) in both]
+        return holes(merged([surface for _, surface in self.seen(body)]), merged(solid))
+
+    def alike(self, body: str) -> str:
+        """The first body with the same shapes in the same places: one of four legs stands for
+        all."""
+        shapes = (shape for shape, _ in (*self.seen(body), *self.solid(body)))
+        key = tuple((s.role, s.geometry, self.tree.shape_placement(s)[1]) for s in shapes)
+        return self._first.setdefault(key, body)
 
 
 def _length(metres: float) -> str:
@@ -159,14 +187,8 @@ def _length(metres: float) -> str:
 
 
 def _filled(parts: Parts, body: str) -> Iterator[Finding]:
-    """Holes that one sees through the body, and that nothing gets through in a simulator.
-
-    A mesh collides as its hull there, whatever its own form.
-    """
-    both = zip(parts.hulls[body, "collision"], parts.solid(body), strict=True)
-    solid = [hull if len(hull.faces) else surface for hull, surface in both]
-    found = holes(merged(parts.seen(body)), merged(solid))
-    largest = next((hole for hole in found if hole.open < LEFT), None)
+    """The largest hole that one sees through the body, and nothing gets through in a simulator."""
+    largest = next((hole for hole in parts.holes(parts.alike(body)) if hole.open < LEFT), None)
     if largest is not None:
         x, y, z = (1e3 * v for v in largest.middle_m)
         u, v, w = largest.direction
@@ -185,33 +207,35 @@ def _filled(parts: Parts, body: str) -> Iterator[Finding]:
 
 
 def _fit(parts: Parts, body: str) -> Fit:
-    visual, collision = parts.corners(body, "visual"), parts.corners(body, "collision")
+    visual, collision = (
+        np.concatenate([surface.vertices for _, surface in shapes])
+        for shapes in (parts.seen(body), parts.solid(body))
+    )
     lower = collision.min(axis=0) - visual.min(axis=0)
     upper = collision.max(axis=0) - visual.max(axis=0)
     alike = np.where(lower * upper > 0.0, np.minimum(np.abs(lower), np.abs(upper)), 0.0)
     x, y, z = (float(v) for v in np.sign(lower) * alike)
     size = float(np.linalg.norm(visual.max(axis=0) - visual.min(axis=0)))
-    return Fit(_beyond_robot(parts, body, collision), (x, y, z), size)
+    return Fit(_beyond_robot(parts, body), (x, y, z), size)
 
 
-def _beyond_robot(parts: Parts, body: str, collision: Array) -> float:
+def _beyond_robot(parts: Parts, body: str) -> float:
     """How far collision sticks out of the visual hulls of its body and of the next ones, m.
 
     A source may give a motor to one link to be seen and to its neighbour to be hit.
     """
-    left, apart = collision, np.full(len(collision), np.inf)
+    apart = parts.beyond_itself(parts.alike(body))
+    left, apart = parts.corners(body)[apart > 0.0], apart[apart > 0.0]
     for name, X_body_other in _neighbours(parts.tree, body).items():
         if parts.seen(name) and len(left):
             beyond = parts.outside(name)(X_body_other.inverse().apply(left))
             apart = np.minimum(apart, beyond)
-            left, apart = left[apart > ROUNDING_M], apart[apart > ROUNDING_M]
+            left, apart = left[apart > 0.0], apart[apart > 0.0]
     return float(apart.max(initial=0.0))
 
 
 def _neighbours(tree: Tree, body: str) -> dict[str, Pose]:
-    """X_body_other of the body itself and of those that a joint connects to it, joints at 0."""
+    """X_body_other of the bodies that a joint connects to it, joints at 0."""
     above = tree.joint_above.get(body)
-    poses = {body: IDENTITY}
-    if above is not None:
-        poses[above.parent] = above.X_parent_joint.inverse()
-    return poses | {j.child: j.X_parent_joint for j in tree.joints if j.parent == body}
+    parent = {} if above is None else {above.parent: above.X_parent_joint.inverse()}
+    return parent | {j.child: j.X_parent_joint for j in tree.joints if j.parent == body}

@@ -22,7 +22,7 @@ from assetbuild.findings import Finding, Rule
 from assetbuild.kinds import ConvertedMesh, Piece, Pieces
 from assetbuild.mesh import MESH_MODULES
 from assetbuild.mesh.cover import Quality, Reference, measure
-from assetbuild.mesh.hull import convex_hull, refuse_flat
+from assetbuild.mesh.hull import capped, convex_hull, refuse_flat
 from assetbuild.mesh.native import NativeError, NativeLimits
 from assetbuild.mesh.obj import obj_bytes, read_part, read_triangles
 from assetbuild.mesh.primitives import BY_NAME, resized, sizes_of, tessellate
@@ -223,14 +223,14 @@ class CollisionMethod(Step):
         if not isinstance(piece.solid, TriangleMesh):
             return piece
         try:
-            hull = convex_hull(
-                piece.solid.vertices,
-                max_vertices=getattr(self, "max_vertices", None),
-                max_polygons=getattr(self, "max_polygons", None),
-            )
+            return self.within_caps(convex_hull(piece.solid.vertices))
         except StepError:
             return None
-        return ConvexPiece(hull)
+
+    def within_caps(self, hull: TriangleMesh) -> ConvexPiece:
+        """A piece of no more vertices and polygons than the fields allow. Raises StepError."""
+        limits = (getattr(self, name, None) for name in ("max_vertices", "max_polygons"))
+        return ConvexPiece(capped(hull, *limits))
 
     # --- reuse --------------------------------------------------------------------------------
 

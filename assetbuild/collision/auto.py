@@ -31,7 +31,6 @@ from assetbuild.mesh.coacd import CoAcdOptions, Patience, coacd_parts
 from assetbuild.mesh.cover import SAMPLES, Quality, Reference, rough
 from assetbuild.mesh.cut import cut_parts, tips
 from assetbuild.mesh.fit import box_axes
-from assetbuild.mesh.hull import convex_hull
 from assetbuild.mesh.merge import grown_to, hulls_of, merge_steps
 from assetbuild.mesh.native import NativeError
 from assetbuild.mesh.rays import holes
@@ -168,12 +167,11 @@ class Auto(LibraryMethod):
 
     def _one_hull(self, reference: Reference) -> _Candidate:
         """Capped, with its volume given back or not: a hull that covers too much needs it not."""
-        whole = ConvexPiece(reference.hull)
-        capped = super().verified(whole)
-        restored = self._judged(reference, [_restored(capped, whole)], "hull")
+        restored = self._judged(reference, [self.within_caps(reference.hull)], "hull")
         if restored.badness == 0.0:
             return restored
-        return min(restored, self._judged(reference, [capped], "hull"), key=_rank)
+        bare = super().within_caps(reference.hull)
+        return min(restored, self._judged(reference, [bare], "hull"), key=_rank)
 
     def _cut(self, reference: Reference) -> tuple[_Candidate | None, _View]:
         """The better of the cuts across x, y and z and, in a tilted mesh, of those across its own
@@ -285,9 +283,9 @@ class Auto(LibraryMethod):
                 return found
         return best
 
-    def verified(self, piece: ConvexPiece) -> ConvexPiece | None:
+    def within_caps(self, hull: TriangleMesh) -> ConvexPiece:
         """As everywhere; a piece that the caps made smaller gets its volume back."""
-        return _restored(super().verified(piece), piece)
+        return _restored(super().within_caps(hull), hull)
 
     def _judged(
         self,
@@ -308,16 +306,16 @@ class Auto(LibraryMethod):
         return _Candidate(capped, quality, badness, how)
 
 
-def _restored(capped: ConvexPiece | None, piece: ConvexPiece) -> ConvexPiece | None:
-    """The capped piece scaled about its centre to the volume that it had.
+def _restored(capped: ConvexPiece, whole: TriangleMesh) -> ConvexPiece:
+    """The capped piece scaled about its centre to the volume of the whole hull.
 
     A capped hull lies inside the full one and would miss 4 to 6 % of a round link; scaled, it
     misses and covers too much by about 2 % each.
     """
-    if capped is None or not isinstance(hull := capped.solid, TriangleMesh):
+    hull = capped.solid
+    if hull is whole or not isinstance(hull, TriangleMesh):
         return capped
-    whole = signed_volume(convex_hull(piece.surface().vertices))
-    factor = (whole / signed_volume(hull)) ** (1.0 / 3.0)
+    factor = (signed_volume(whole) / signed_volume(hull)) ** (1.0 / 3.0)
     if factor < 1.0 + SCALED:
         return capped
     _, middle, _ = solid_moments(hull)

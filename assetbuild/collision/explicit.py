@@ -13,7 +13,7 @@ from assetbuild.findings import Finding, Rule
 from assetbuild.mesh.cover import Reference, measure
 from assetbuild.mesh.hull import convex_hull, refuse_flat
 from assetbuild.mesh.solid import ConvexPiece
-from assetbuild.mesh.triangles import TriangleMesh, cleaned, is_closed, signed_volume
+from assetbuild.mesh.triangles import TriangleMesh, cleaned, signed_volume
 from assetbuild.quantities import Model, NonNegative, Positive, Real
 from assetbuild.robot.pose import Pose, quat_of_rpy
 from assetbuild.robot.shapes import Box, Capsule, Cylinder, Sphere
@@ -113,7 +113,7 @@ class Explicit(CollisionMethod):
 
     def _told(self, number: int, mesh: TriangleMesh, hull: TriangleMesh) -> Iterator[Finding]:
         """What a simulator will not do with this piece as it is."""
-        if not is_closed(mesh):
+        if not mesh.is_closed:
             yield OPEN_PIECE(
                 self.subject,
                 f"piece {number} is not watertight: its convex hull collides",

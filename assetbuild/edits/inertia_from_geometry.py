@@ -18,7 +18,7 @@ from assetbuild.kinds import ConvertedMesh, Edited, MassEdit, edit_inertials
 from assetbuild.mesh.hull import convex_hull
 from assetbuild.mesh.obj import read_part
 from assetbuild.mesh.primitives import volume_of
-from assetbuild.mesh.triangles import cleaned, is_closed, merged, solid_moments
+from assetbuild.mesh.triangles import cleaned, merged, solid_moments
 from assetbuild.quantities import Positive
 from assetbuild.robot.codec import decode_file
 from assetbuild.robot.inertia import combine, move_inertial, tensor_of
@@ -110,7 +110,7 @@ class InertiaFromGeometry(MassEdit):
         record = decode_file(ConvertedMesh, folder / "mesh.json")
         parts = [read_part(folder / "parts" / p.file) for p in record.parts]
         mesh = cleaned(merged(parts))
-        if not is_closed(mesh):
+        if not mesh.is_closed:
             if self.open == "refuse":
                 raise RecipeError(
                     f"inertia_from_geometry: the mesh of `{shape.name}` is open, "

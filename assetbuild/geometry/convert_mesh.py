@@ -23,7 +23,6 @@ from assetbuild.mesh.triangles import (
     TriangleMesh,
     area,
     drop_collapsed,
-    is_closed,
     merged,
     signed_volume,
     unit_vectors,
@@ -201,7 +200,7 @@ class ConvertMesh(Step):
     def _inside_out(self, parts: Sequence[MaterialPart]) -> Iterator[Finding]:
         for number, part in enumerate(parts):
             mesh = part.mesh
-            if is_closed(mesh) and signed_volume(mesh) < 0.0:
+            if mesh.is_closed and signed_volume(mesh) < 0.0:
                 yield INSIDE_OUT(
                     self.subject,
                     f"part {number} is closed, but its faces point inwards",
@@ -270,7 +269,7 @@ def write_converted(
 def describe(parts: Sequence[MaterialPart]) -> ConvertedMesh:
     """The figures of a converted mesh; it is closed when all parts together are."""
     whole = weld(merged([part.mesh for part in parts]))
-    closed = is_closed(whole)
+    closed = whole.is_closed
     lower, upper = whole.bounds
     return ConvertedMesh(
         parts=tuple(_described(f"{n}{SUFFIX}", part) for n, part in enumerate(parts)),

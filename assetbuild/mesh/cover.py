@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from assetbuild.mesh.hull import convex_hull, polygon_count
 from assetbuild.mesh.quality import Distance, NearestSurface, sobol, surface_samples
 from assetbuild.mesh.solid import ConvexPiece, Solid
-from assetbuild.mesh.triangles import TriangleMesh, is_closed, signed_volume
+from assetbuild.mesh.triangles import TriangleMesh, signed_volume
 from assetbuild.robot.pose import Array
 
 Manifold = Any  # manifold3d.Manifold: its extension module has no types
@@ -74,14 +74,9 @@ class Reference:
         self._clouds: dict[tuple[float, ...], NDArray[np.bool_]] = {}
 
     @cached_property
-    def closed(self) -> bool:
-        """No open edge, and all faces agree on outside."""
-        return is_closed(self.mesh)
-
-    @cached_property
     def hollow(self) -> bool:
         """An open mesh with next to nothing inside, a sheet: its hull stands for it."""
-        if self.closed:
+        if self.mesh.is_closed:
             return False
         inside = self._as_drawn.contains(sobol(POINTS, *self.room))
         self._clouds[_key(*self.room)] = inside
@@ -120,9 +115,9 @@ class Reference:
         import manifold3d
 
         mesh = self.hull if self.hollow else self.mesh
-        if not is_closed(mesh) or signed_volume(mesh) <= 0.0:
+        if not mesh.is_closed or signed_volume(mesh) <= 0.0:
             return None
-        triangles = mesh.faces.astype(np.uint64)
+        triangles = np.ascontiguousarray(mesh.faces, dtype=np.uint64)
         made = manifold3d.Manifold(manifold3d.Mesh64(_float64(mesh.vertices), triangles))
         is_solid = made.status() == manifold3d.Error.NoError and made.volume() > 0.0
         return made if is_solid else None
@@ -183,7 +178,7 @@ def union_of(pieces: Sequence[ConvexPiece]) -> tuple[Manifold, TriangleMesh]:
     solids = [manifold3d.Manifold.hull_points(_float64(p.surface().vertices)) for p in pieces]
     union = manifold3d.Manifold.batch_boolean(solids, manifold3d.OpType.Add)
     mesh = union.to_mesh64()
-    vertices = np.asarray(mesh.vert_properties, dtype=np.float64)[:, :3]
+    vertices = np.array(mesh.vert_properties, dtype=np.float64)[:, :3]  # manifold's are read-only
     return union, TriangleMesh(vertices, np.asarray(mesh.tri_verts, dtype=np.int64))
 
 
@@ -231,7 +226,7 @@ def _volumes_and_outside(
     on_skin = surface_samples(skin, samples, 1)[0]
     return Quality(
         exact=reference.exact is not None,
-        closed=reference.closed,
+        closed=reference.mesh.is_closed,
         iou=iou,
         over=over,
         missing=missing,

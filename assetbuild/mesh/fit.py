@@ -17,8 +17,8 @@ from assetbuild.mesh.hull import convex_hull
 from assetbuild.mesh.primitives import resized, signed_distance, sizes_of, volume_of
 from assetbuild.mesh.quality import sobol, surface_samples
 from assetbuild.mesh.solid import ConvexPiece
-from assetbuild.mesh.triangles import TriangleMesh, face_areas
-from assetbuild.robot.pose import Array, Pose, quat_between, quat_of, vec3
+from assetbuild.mesh.triangles import TriangleMesh, unit_vectors
+from assetbuild.robot.pose import Array, Pose, Vec3, quat_between, quat_of, vec3
 from assetbuild.robot.shapes import Box, Capsule, Cylinder, Primitive, Sphere
 
 KINDS: tuple[type[Primitive], ...] = (Sphere, Capsule, Box, Cylinder)
@@ -40,7 +40,7 @@ def best_primitive(reference: Reference, kinds: Sequence[type[Primitive]] = KIND
     """(primitive, X_frame_primitive) with the lowest over + 2 under of the asked kinds."""
     score = _Score(reference)
     samples, _ = surface_samples(reference.mesh, SAMPLES, 0)
-    smallest = _enclosed(reference, kinds)
+    smallest = enclosing_each(reference, kinds)
     fits = (fit for each in smallest for fit in (each, _least_squares(each, samples)))
     return tidy(first_best(fits, score.of))
 
@@ -48,18 +48,29 @@ def best_primitive(reference: Reference, kinds: Sequence[type[Primitive]] = KIND
 def box_axes(reference: Reference) -> tuple[Array, float]:
     """((3, 3) a rotation, its columns the axes of the smallest box about the mesh, that box's
     volume / volume of the box along x, y and z)."""
-    box, pose = next(_enclosed(reference, [Box]))
+    box, pose = next(enclosing_each(reference, [Box]))
     along_xyz = float(np.prod(np.ptp(reference.hull.vertices, axis=0)))
     return pose.rotation, volume_of(box) / along_xyz
 
 
-def _enclosed(reference: Reference, kinds: Sequence[type[Primitive]]) -> Iterator[Fitted]:
-    """The smallest of each kind about the mesh."""
+def enclosing_each(
+    reference: Reference,
+    kinds: Sequence[type[Primitive]],
+    more_axes: Sequence[Vec3] = (),
+    *,
+    rough: bool = False,
+) -> Iterator[Fitted]:
+    """The smallest of each kind about the mesh; more_axes: further directions to try, any length.
+
+    rough: for a start only, about SEARCHED vertices and along the very directions.
+    """
     points = reference.hull.vertices
     search = convex_hull(points, max_vertices=SEARCHED)
-    axes = candidate_axes(reference.mesh, search)
+    more = np.asarray(more_axes, dtype=np.float64).reshape(-1, 3)
+    axes = np.concatenate([_candidate_axes(reference.mesh, search), unit_vectors(more)])
     for kind in kinds:
-        yield enclosing(kind, points, search.vertices, axes)
+        held = search.vertices if rough else points
+        yield _enclosing(kind, held, search.vertices, axes, refined=not rough)
 
 
 def first_best(fits: Iterable[Fitted], score: Callable[[Fitted], float]) -> Fitted:
@@ -92,16 +103,16 @@ class _Score:
         return over + 2.0 * (1.0 - covered)
 
 
-def candidate_axes(mesh: TriangleMesh, hull: TriangleMesh) -> Array:
+def _candidate_axes(mesh: TriangleMesh, hull: TriangleMesh) -> Array:
     """(k, 3) unit directions along which a body may lie.
 
     Normals of the largest hull facets, frame axes, principal axes of the surface, and directions
     spread evenly over a half sphere (Fibonacci lattice).
     """
     a, b, c = np.moveaxis(hull.corners, 1, 0)
-    order = np.argsort(-face_areas(hull), kind="stable")[:FACETS]
+    order = np.argsort(-hull.areas, kind="stable")[:FACETS]
     facets = np.cross(b - a, c - a)[order]
-    weights = face_areas(mesh)
+    weights = mesh.areas
     middle = mesh.corners.mean(axis=1)
     spread = middle - weights @ middle / weights.sum()
     principal = np.linalg.eigh((spread * weights[:, None]).T @ spread)[1].T
@@ -189,8 +200,8 @@ _ALONG: Mapping[type[Primitive], Callable[[Array, Array, int], Fitted]] = {
 }
 
 
-def enclosing(
-    kind: type[Primitive], points: Array, search: Array, axes: Array, *, refined: bool = True
+def _enclosing(
+    kind: type[Primitive], points: Array, search: Array, axes: Array, *, refined: bool
 ) -> Fitted:
     """The smallest body of a kind about points (n, 3), over axes (k, 3).
 

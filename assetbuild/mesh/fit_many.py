@@ -18,15 +18,12 @@ from numpy.typing import NDArray
 from assetbuild.mesh.cover import Reference
 from assetbuild.mesh.fit import (
     AS_GOOD,
-    SEARCHED,
     Fitted,
-    candidate_axes,
-    enclosing,
+    enclosing_each,
     first_best,
     tidy,
     turned_by,
 )
-from assetbuild.mesh.hull import convex_hull
 from assetbuild.mesh.primitives import (
     distance_slopes,
     resized,
@@ -182,23 +179,13 @@ def _best_for(
     """
     own = Reference(part)
     cloud = Cloud.of(own)
-    search = convex_hull(part.vertices, max_vertices=SEARCHED)
-    axes = np.concatenate([candidate_axes(part, search), _directions(bones)])
-    smallest = (
-        enclosing(kind, search.vertices, search.vertices, axes, refined=False) for kind in kinds
-    )
+    smallest = enclosing_each(own, kinds, bones, rough=True)
     fits = (
         (resized(type(primitive), factor * np.asarray(sizes_of(primitive))), pose)
         for primitive, pose in smallest
         for factor in SHRUNK
     )
     return first_best(fits, lambda fitted: cloud.score(_union([fitted], cloud.points)))
-
-
-def _directions(bones: Sequence[Vec3]) -> Array:
-    along = np.asarray(bones, dtype=np.float64).reshape(-1, 3)
-    length = np.linalg.norm(along, axis=1, keepdims=True)
-    return np.asarray(along[length[:, 0] > 0.0] / length[length[:, 0] > 0.0])
 
 
 # --- all together ---------------------------------------------------------------------------

@@ -20,6 +20,8 @@ CHUNK = 500_000
 """Numbers per block of `beyond`: 4 MB, which a processor's cache holds."""
 FLAT = 1e-7
 """Points whose smallest extent is below this share of the largest span no volume."""
+SURELY_SOLID = 1e-10
+"""Of the squares of these extents: far above FLAT, so nothing needs to be known more exactly."""
 
 
 def convex_hull(
@@ -40,16 +42,25 @@ def convex_hull(
         raise StepError(f"{subject}: not all vertices are finite numbers")
     distinct = _distinct(given + 0.0)
     refuse_flat(distinct, subject)
-    hull = _qhull(distinct, subject)
-    made = None
-    if max_vertices is None or len(hull.vertices) <= max_vertices:
-        made = _outward(distinct, hull)
-        if max_polygons is None or polygon_count(made) <= max_polygons:
-            return made
-    corners = distinct[np.sort(hull.vertices)]
+    whole = _outward(distinct, _qhull(distinct, subject))
+    return capped(whole, max_vertices, max_polygons, subject=subject)
+
+
+def capped(
+    hull: TriangleMesh,
+    max_vertices: int | None,
+    max_polygons: int | None,
+    *,
+    subject: str = "mesh",
+) -> TriangleMesh:
+    """A hull of `convex_hull` within limits as there; itself where it is within them already."""
+    corners, made = hull.vertices, hull
     most = min(max_vertices or len(corners), len(corners))
+    too_many = most < len(corners)
+    if not too_many and (max_polygons is None or polygon_count(hull) <= max_polygons):
+        return hull
     order = _farthest_first(corners, most, subject)
-    if made is None:
+    if too_many:
         made = _hull_of(corners, order, subject)
     # Each vertex less is about two polygons less; the order is the same, so it only shortens.
     while max_polygons is not None and (count := polygon_count(made)) > max_polygons:
@@ -80,48 +91,20 @@ def _farthest_first(points: Array, count: int, subject: str) -> Indices:
     chosen = _wide_simplex(points)
     local = points - _middle(points)
     hull = _qhull(local[chosen], subject, incremental=True)
-    outside = _Outside(local)
+    columns = np.ascontiguousarray(local.T)
+    room = np.empty((2 * count, len(points)))  # a hull of n points has at most 2 n - 4 triangles
     while len(chosen) < count:
-        outside.update(hull.equations)
-        outside.by_m[chosen] = -np.inf
-        chosen.append(int(np.argmax(outside.by_m)))
+        planes = hull.equations
+        over = np.matmul(planes[:, :3], columns, out=room[: len(planes)])
+        over += planes[:, 3:]
+        outside = over.max(axis=0)
+        outside[chosen] = -np.inf
+        chosen.append(int(np.argmax(outside)))
         try:
             hull.add_points(local[chosen[-1:]])
         except RuntimeError:  # QhullError: what it grew into is too flat for it, in this order
             hull = _qhull(local[chosen], subject, incremental=True)
     return np.asarray(chosen, dtype=np.int64)
-
-
-class _Outside:
-    """How far points (n, 3) lie outside of a hull that grows: by_m (n,). A new corner changes few
-    of its planes, so most points are compared with these only.
-    """
-
-    def __init__(self, points: Array) -> None:
-        self.by_m = np.full(len(points), -np.inf)
-        self._points = points
-        self._facing = np.full(len(points), -1)
-        self._known: dict[bytes, int] = {}
-
-    def update(self, planes: Array) -> None:
-        """planes: (k, 4), all that the hull has now."""
-        known, before, text = self._known, len(self._known), planes.tobytes()
-        size = len(text) // len(planes)
-        keys = [text[at : at + size] for at in range(0, len(text), size)]
-        numbers = np.array([known.setdefault(key, len(known)) for key in keys])
-        is_there = np.zeros(len(known) + 1, dtype=bool)
-        is_there[numbers] = True
-        lost, is_new = ~is_there[self._facing], numbers >= before
-        self.by_m[lost] = -np.inf
-        for some, seen in ((lost, is_new | True), (~lost, is_new)):
-            if not seen.any():  # the corner lies in planes that were there
-                continue
-            over = self._points[some] @ planes[seen, :3].T + planes[seen, 3]
-            farthest = over.max(axis=1)
-            nearer = farthest > self.by_m[some]
-            changed = np.flatnonzero(some)[nearer]
-            self.by_m[changed] = farthest[nearer]
-            self._facing[changed] = numbers[seen][np.argmax(over[nearer], axis=1)]
 
 
 def _wide_simplex(points: Array) -> list[int]:
@@ -161,20 +144,28 @@ def polygon_count(hull: TriangleMesh) -> int:
 
     Triangles that share an edge are coplanar when their normals are within COPLANAR.
     """
-    from scipy.sparse import coo_array
-    from scipy.sparse.csgraph import connected_components
-
     normal, solid = _normals(hull)
-    faces = len(hull.faces)
     edges = np.sort(hull.faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
     order = np.lexsort(edges.T)
     # On a closed mesh each edge stands twice, so sorted neighbours are neighbours on the hull.
     left, right = order[0::2] // 3, order[1::2] // 3
     cosine = np.einsum("ij,ij->i", normal[left], normal[right])
     flat = (cosine > np.cos(COPLANAR)) | ~(solid[left] & solid[right])
-    joined = coo_array((np.ones(int(flat.sum())), (left[flat], right[flat])), shape=(faces, faces))
-    count, _ = connected_components(joined, directed=False)
-    return int(count)
+    return _count_groups(len(hull.faces), left[flat], right[flat])
+
+
+def _count_groups(items: int, left: Indices, right: Indices) -> int:
+    """How many groups are left of so many items when left[i] and right[i] are in one."""
+    parent = list(range(items))
+
+    def root(item: int) -> int:
+        while parent[item] != item:
+            parent[item] = item = parent[parent[item]]
+        return item
+
+    for one, other in zip(left.tolist(), right.tolist(), strict=True):
+        parent[root(one)] = root(other)
+    return sum(number == above for number, above in enumerate(parent))
 
 
 def _normals(hull: TriangleMesh) -> tuple[Array, NDArray[np.bool_]]:
@@ -190,7 +181,11 @@ def refuse_flat(points: Array, subject: str) -> None:
     """Raise StepError when points (n, 3) span no volume."""
     if len(points) < 4:
         raise StepError(f"{subject}: a hull needs 4 distinct points, there are {len(points)}")
-    _, spread, _ = np.linalg.svd(points - points.mean(axis=0), full_matrices=False)
+    local = points - points.mean(axis=0)
+    least, _, most = np.linalg.eigvalsh(local.T @ local)
+    if least > SURELY_SOLID * most:  # squares lose half of the digits
+        return
+    _, spread, _ = np.linalg.svd(local, full_matrices=False)
     if spread[2] <= FLAT * spread[0]:
         extents = np.ptp(points, axis=0)
         shown = " x ".join(f"{1e3 * float(e):.4g}" for e in extents)

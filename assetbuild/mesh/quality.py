@@ -8,7 +8,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from assetbuild.mesh.triangles import Indices, TriangleMesh, face_areas
+from assetbuild.mesh.triangles import Indices, TriangleMesh
 from assetbuild.robot.pose import Array, cross
 
 Numbers = NDArray[np.uint32]
@@ -91,7 +91,7 @@ def surface_samples(mesh: TriangleMesh, count: int, seed: int) -> tuple[Array, I
     triangle by 1 - sqrt(r) (Osada et al., Shape distributions, 2002).
     """
     rng = np.random.default_rng(seed)
-    reach = np.cumsum(face_areas(mesh))
+    reach = np.cumsum(mesh.areas)
     where = (np.arange(count) + rng.random(count)) / count * reach[-1]
     face = np.minimum(np.searchsorted(reach, where), len(reach) - 1)
     root, r = np.sqrt(rng.random(count))[:, None], rng.random(count)[:, None]
@@ -159,11 +159,12 @@ def _anchors(corners: Array, edges: Array, spacing: float) -> tuple[Array, Indic
     across = np.clip(np.ceil(np.linalg.norm(up, axis=1) / spacing), 1, 1000).astype(np.int64)
     count = along * across
     owner = np.repeat(rows, count)
+    of = owner if len(owner) > len(rows) else slice(None)  # nothing to copy where each has one
     cell = np.arange(len(owner)) - np.repeat(np.cumsum(count) - count, count)
-    x = (cell % along[owner] + 0.5) / along[owner]
-    top = np.minimum(x / foot[owner], (1.0 - x) / (1.0 - foot[owner]))
-    y = (cell // along[owner] + 0.5) / across[owner] * top
-    return a[owner] + (x * length[owner])[:, None] * base[owner] + y[:, None] * up[owner], owner
+    x = (cell % along[of] + 0.5) / along[of]
+    top = np.minimum(x / foot[of], (1.0 - x) / (1.0 - foot[of]))
+    y = (cell // along[of] + 0.5) / across[of] * top
+    return a[of] + (x * length[of])[:, None] * base[of] + y[:, None] * up[of], owner
 
 
 def point_triangle_distance(points: Array, corners: Array) -> Array:

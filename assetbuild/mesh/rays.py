@@ -19,7 +19,6 @@ from assetbuild.robot.pose import Array, Vec3, vec3
 Indices = NDArray[np.int64]
 Ends = tuple[Array, Array]
 """(least, greatest) of each triangle."""
-SIDES = 6
 LEAST_CELLS, MOST_CELLS = 64, 1024
 """Along each side of the picture that rays are sorted into."""
 CELLS = 4
@@ -238,8 +237,8 @@ def _within(counts: Indices) -> Indices:
     return found
 
 
-def grids(mesh: TriangleMesh, rows: int, reach: float) -> tuple[Array, Array]:
-    """(origins, directions), (6 rows², 3) each: square grids with edges of `reach`, m.
+def grids(mesh: TriangleMesh, rows: int, reach: float) -> list[tuple[Array, Array]]:
+    """(direction (3,), origins (rows², 3)) of six square grids with edges of `reach`, m.
 
     Along the axes and the principal axes of the vertices, each from `reach` before the middle.
     """
@@ -249,22 +248,20 @@ def grids(mesh: TriangleMesh, rows: int, reach: float) -> tuple[Array, Array]:
     principal = np.linalg.eigh(spread.T @ spread)[1].T
     across = (np.arange(rows) + 0.5) / rows * reach - reach / 2.0
     u, v = (side.ravel()[:, None] for side in np.meshgrid(across, across, indexing="ij"))
-    directions = np.concatenate([np.eye(3), principal])
-    origins = []
-    for direction in directions:
+    found = []
+    for direction in np.concatenate([np.eye(3), principal]):
         first = np.cross(direction, np.eye(3)[int(np.argmin(np.abs(direction)))])
         first /= np.linalg.norm(first)
-        origins.append(middle - reach * direction + u * first + v * np.cross(direction, first))
-    return np.concatenate(origins), np.repeat(directions, rows * rows, axis=0)
+        origins = middle - reach * direction + u * first + v * np.cross(direction, first)
+        found.append((direction, origins))
+    return found
 
 
-def missed(origins: Array, directions: Array, mesh: TriangleMesh) -> NDArray[np.bool_]:
-    """(n,) which rays strike no triangle ahead of them."""
+def missed(origins: Array, view: Across) -> NDArray[np.bool_]:
+    """(n,) which rays from origins (n, 3) strike no triangle ahead of them."""
     free = np.ones(len(origins), dtype=bool)
-    turns = np.flatnonzero((directions[1:] != directions[:-1]).any(axis=1)) + 1
-    for mine in np.split(np.arange(len(directions)), turns):
-        struck = Across(mesh, directions[mine[0]]).strike(origins[mine])
-        free[mine[struck.ray[struck.depth >= 0.0]]] = False
+    struck = view.strike(origins)
+    free[struck.ray[struck.depth >= 0.0]] = False
     return free
 
 
@@ -297,19 +294,17 @@ def holes(seen: TriangleMesh, solid: TriangleMesh) -> list[Hole]:
     reach = 1.05 * seen.diagonal
     if reach == 0.0:
         return []
-    start, along = grids(seen, GRID, reach)
-    through = missed(start, along, seen)  # all at once: what costs is the tree over the triangles
-    patches = [
-        number * GRID * GRID + rays
-        for number in range(SIDES)
-        for rays in _enclosed(through[number * GRID * GRID :][: GRID * GRID])
-    ]
+    area_m2 = (reach / GRID) ** 2
     found = []
-    for rays in patches:
-        left = float(missed(start[rays], along[rays], solid).mean())
-        at = vec3(start[rays].mean(axis=0) + reach * along[rays[0]])
-        area = len(rays) * (reach / GRID) ** 2
-        found.append(Hole(at, vec3(along[rays[0]]), area, left))
+    for direction, origins in grids(seen, GRID, reach):
+        patches = _enclosed(missed(origins, Across(seen, direction)))
+        if not patches:
+            continue
+        behind = Across(solid, direction)
+        for rays in patches:
+            left = float(missed(origins[rays], behind).mean())
+            at = vec3(origins[rays].mean(axis=0) + reach * direction)
+            found.append(Hole(at, vec3(direction), len(rays) * area_m2, left))
     return sorted(found, key=lambda hole: -hole.area_m2)
 
 

@@ -13,7 +13,7 @@ from assetbuild.errors import StepError
 from assetbuild.mesh.hull import beyond, convex_hull, hull_planes
 from assetbuild.mesh.primitives import signed_distance, tessellate
 from assetbuild.mesh.rays import Across, Struck
-from assetbuild.mesh.triangles import TriangleMesh, is_closed
+from assetbuild.mesh.triangles import TriangleMesh
 from assetbuild.robot.pose import IDENTITY, Array, Pose
 from assetbuild.robot.shapes import Primitive
 
@@ -36,7 +36,7 @@ class Solid:
     """
 
     def __init__(self, mesh: TriangleMesh) -> None:
-        self._closed = is_closed(mesh)
+        self._closed = mesh.is_closed
         self._same = SAME * mesh.diagonal
         self._views = functools.lru_cache(lambda ray: Across(mesh, np.asarray(ray)))
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -14,9 +15,11 @@ from assetbuild.robot.pose import Array, Pose, Vec3, cross
 Indices = NDArray[np.int64]
 
 
-@dataclass(frozen=True, eq=False, slots=True)
+@dataclass(frozen=True, eq=False)
 class TriangleMesh:
     """Triangles over shared vertices; counter-clockwise seen from outside.
+
+    What is computed from them is computed once, so nobody may change the arrays.
 
     vertices: (n, 3) m; faces: (m, 3) indices into them.
     uv: (m, 3, 2) and normals: (m, 3, 3) per corner of each face, so that a seam in either
@@ -28,7 +31,7 @@ class TriangleMesh:
     uv: Array | None = None
     normals: Array | None = None
 
-    @property
+    @cached_property
     def bounds(self) -> tuple[Array, Array]:
         """(lower, upper) corners, (3,) m each, of the vertices that faces use."""
         is_used = np.zeros(len(self.vertices), dtype=bool)
@@ -42,10 +45,34 @@ class TriangleMesh:
         lower, upper = self.bounds
         return float(np.linalg.norm(upper - lower))
 
-    @property
+    @cached_property
     def corners(self) -> Array:
         """(m, 3, 3) positions of the corners of each face, m."""
         return self.vertices[self.faces]
+
+    @cached_property
+    def areas(self) -> Array:
+        """(m,) areas of the faces, m2."""
+        a, b, c = np.moveaxis(self.corners, 1, 0)
+        return np.asarray(np.linalg.norm(cross(b - a, c - a), axis=1) / 2.0, dtype=np.float64)
+
+    @cached_property
+    def is_closed(self) -> bool:
+        """True when every edge is used exactly twice, once in each direction.
+
+        Vertices must be welded. Stricter than "watertight" elsewhere: faces also agree on outside.
+        """
+        if not len(self.faces):
+            return False
+        start = self.faces.ravel()
+        end = self.faces[:, [1, 2, 0]].ravel()
+        # An edge and its opposite cancel, so most open meshes are known without a sort.
+        if (start * end * (start - end)).sum() != 0:
+            return False
+        n = len(self.vertices)
+        there = np.sort(start * n + end)
+        back = np.sort(end * n + start)
+        return bool(np.array_equal(there, back) and (there[1:] != there[:-1]).all())
 
     def select(self, faces: NDArray[np.bool_] | Indices) -> TriangleMesh:
         """The mesh of some faces, by mask (m,) or index (k,); vertices stay as they are."""
@@ -100,6 +127,8 @@ class TriangleMesh:
 
 def merged(meshes: Sequence[TriangleMesh]) -> TriangleMesh:
     """All faces in one mesh, in order; vertices are not welded; texture and normals are left."""
+    if len(meshes) == 1 and meshes[0].uv is None and meshes[0].normals is None:
+        return meshes[0]
     offsets = np.cumsum([0, *(len(mesh.vertices) for mesh in meshes)])
     if not meshes:
         return TriangleMesh(np.zeros((0, 3)), np.zeros((0, 3), dtype=np.int64))
@@ -208,15 +237,9 @@ def _ears(start: int, corners: Array) -> Indices:
     return start + (ears if len(ears) == len(fan) and clipped < whole else fan)
 
 
-def face_areas(mesh: TriangleMesh) -> Array:
-    """(m,) areas of the faces, m2."""
-    a, b, c = np.moveaxis(mesh.corners, 1, 0)
-    return np.asarray(np.linalg.norm(cross(b - a, c - a), axis=1) / 2.0, dtype=np.float64)
-
-
 def area(mesh: TriangleMesh) -> float:
     """Area of the surface, m2."""
-    return float(face_areas(mesh).sum())
+    return float(mesh.areas.sum())
 
 
 def signed_volume(mesh: TriangleMesh) -> float:
@@ -262,21 +285,6 @@ def _cone_volumes(mesh: TriangleMesh) -> tuple[Array, Array]:
     return np.einsum("ij,ij->i", a, cross(b, c)) / 6.0, about
 
 
-def is_closed(mesh: TriangleMesh) -> bool:
-    """True when every edge is used exactly twice, once in each direction.
-
-    Vertices must be welded. Stricter than "watertight" elsewhere: faces also agree on outside.
-    """
-    if not len(mesh.faces):
-        return False
-    start = mesh.faces.ravel()
-    end = mesh.faces[:, [1, 2, 0]].ravel()
-    n = len(mesh.vertices)
-    there = np.sort(start * n + end)
-    back = np.sort(end * n + start)
-    return bool(np.array_equal(there, back) and (there[1:] != there[:-1]).all())
-
-
 GOLDEN = np.uint64(0x9E3779B97F4A7C15)
 """2^64 / the golden ratio: multiplying by it spreads bits well (Knuth)."""
 
@@ -288,7 +296,11 @@ def first_seen(rows: Array) -> tuple[Indices, Indices]:
     """
     # Adding zero turns -0.0 into 0.0, which are equal numbers but different bits.
     bits = np.ascontiguousarray(rows + 0.0).view(np.uint64)
-    groups = _grouped(_mixed(bits))
+    keys = _mixed(bits)
+    ordered = np.sort(keys)
+    if (ordered[1:] != ordered[:-1]).all():  # all differ, and to sort keys alone is quick
+        return np.arange(len(rows)), np.arange(len(rows))
+    groups = _grouped(keys)
     if (bits[groups.order] != bits[groups.first[groups.number]]).any():  # two values, one hash
         groups = _grouped(np.unique(bits, axis=0, return_inverse=True)[1].ravel())
     by_first = np.argsort(groups.first)
@@ -333,6 +345,8 @@ def weld(mesh: TriangleMesh) -> TriangleMesh:
     is_used[mesh.faces] = True
     used = mesh.vertices[is_used]
     first, number = first_seen(used)
+    if len(first) == len(mesh.vertices) and not np.signbit(used[used == 0.0]).any():
+        return mesh
     faces = number[(np.cumsum(is_used) - 1)[mesh.faces]]
     return replace(mesh, vertices=used[first] + 0.0, faces=faces)
 

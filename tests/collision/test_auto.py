@@ -29,7 +29,7 @@ from assetbuild.mesh.native import NativeError, NativeLimits
 from assetbuild.mesh.obj import read_triangles
 from assetbuild.mesh.primitives import tessellate
 from assetbuild.mesh.solid import ConvexPiece
-from assetbuild.mesh.triangles import TriangleMesh, cleaned, face_areas
+from assetbuild.mesh.triangles import TriangleMesh, cleaned
 from assetbuild.mesh.vhacd import VHacdOptions
 from assetbuild.robot.codec import decode
 from assetbuild.robot.pose import Pose, quat_of_rpy
@@ -92,7 +92,7 @@ def test_a_wide_tolerance_takes_the_hull_and_a_tight_one_two_pieces(tmp_path):
 
 def test_an_open_mesh_is_cut_as_well(tmp_path):
     nub = solid(((2, 1, 1), (1, 0.5, 0.5)), ((1, 2, 1), (0.5, 1, 0.5)), ((0.02,) * 3, (1, 0, 0.5)))
-    smallest = int(np.argmin(face_areas(nub)))
+    smallest = int(np.argmin(nub.areas))
     hole = nub.select(np.arange(len(nub.faces)) != smallest)
     count, findings = fit(tmp_path, Auto(sources=MESH, **TIGHT), hole)
     assert count == 2

@@ -26,7 +26,7 @@ from assetbuild.mesh.material import MaterialPart, SurfaceMaterial
 from assetbuild.mesh.obj import obj_bytes, read_triangles
 from assetbuild.mesh.primitives import signed_distance, tessellate
 from assetbuild.mesh.solid import ConvexPiece
-from assetbuild.mesh.triangles import TriangleMesh, is_closed, merged, signed_volume
+from assetbuild.mesh.triangles import TriangleMesh, merged, signed_volume
 from assetbuild.plugins import load_plugin, plugin_names
 from assetbuild.robot.codec import decode
 from assetbuild.robot.pose import Pose, quat_of_rpy
@@ -95,7 +95,7 @@ def test_a_capped_hull_has_exactly_the_asked_vertices(tmp_path):
     ball = tessellate(Sphere(0.5))
     _, (hull,), _, _ = fit(tmp_path, Hull(sources=MESH, max_vertices=20), ball)
     assert len(hull.vertices) == 20
-    assert is_closed(hull)
+    assert hull.is_closed
 
 
 def test_sources_are_placed_and_joined_in_the_output_frame(tmp_path):
@@ -125,7 +125,7 @@ def test_vhacd_finds_a_unit_box_to_be_one_box(tmp_path):
 def test_decomposition_opens_the_notch_of_an_l(tmp_path, method):
     _, hulls, findings, _ = fit(tmp_path, method, l_shape())
     assert 2 <= len(hulls) <= 4
-    assert all(is_closed(h) and signed_volume(h) > 0.0 for h in hulls)
+    assert all(h.is_closed and signed_volume(h) > 0.0 for h in hulls)
     assert sum(map(signed_volume, hulls)) == pytest.approx(3.0, rel=0.06)
     data = findings["collision.gap"].data
     assert data["over"] < 0.06

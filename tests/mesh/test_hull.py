@@ -19,7 +19,7 @@ from assetbuild.mesh.primitives import (
     sizes_of,
     tessellate,
 )
-from assetbuild.mesh.triangles import TriangleMesh, is_closed, signed_volume, solid_moments
+from assetbuild.mesh.triangles import TriangleMesh, signed_volume, solid_moments
 from assetbuild.robot.pose import Pose
 from assetbuild.robot.shapes import Box, Capsule, Cylinder, MeshAsset, Primitive, Shapes, Sphere
 
@@ -34,7 +34,7 @@ def test_the_hull_of_a_lattice_is_the_cube():
     hull = convex_hull(grid())
     assert len(hull.vertices) == 8
     assert len(hull.faces) == 12
-    assert is_closed(hull)
+    assert hull.is_closed
     assert signed_volume(hull) == pytest.approx(1.0)
     assert polygon_count(hull) == 6
 
@@ -44,7 +44,7 @@ def test_a_cap_is_kept_exactly_and_the_hull_stays_inside(cap):
     ball = tessellate(Sphere(1.0))
     hull = convex_hull(ball.vertices, max_vertices=cap)
     assert len(hull.vertices) == cap
-    assert is_closed(hull)
+    assert hull.is_closed
     known = {tuple(v) for v in ball.vertices}
     assert all(tuple(v) in known for v in hull.vertices)
     assert 0.0 < signed_volume(hull) < 4 / 3 * math.pi
@@ -66,7 +66,7 @@ def test_sixty_four_vertices_are_most_of_a_ball():
 )
 def test_tessellated_primitives_have_the_volume_of_the_formula(solid, volume, polygons):
     mesh = tessellate(solid)
-    assert is_closed(mesh)
+    assert mesh.is_closed
     assert signed_volume(mesh) == pytest.approx(volume, rel=5e-3)
     assert polygons is None or polygon_count(mesh) == polygons
 

@@ -19,7 +19,6 @@ from assetbuild.mesh.triangles import (
     drop_repeated,
     fan_triangles,
     first_seen,
-    is_closed,
     merged,
     polygon_triangles,
     signed_volume,
@@ -87,7 +86,7 @@ def test_the_triangles_of_a_box_share_eight_vertices_and_close():
     box = tessellate(Box((1.0, 2.0, 3.0)))
     welded = weld(soup(box))
     assert len(welded.vertices) == 8
-    assert is_closed(welded)
+    assert welded.is_closed
     assert np.array_equal(welded.corners, box.corners)
 
 
@@ -166,7 +165,7 @@ def test_a_box_has_the_area_volume_and_centre_of_a_box():
     assert area(mesh) == pytest.approx(22.0)
     assert signed_volume(mesh) == pytest.approx(6.0)
     assert solid_moments(mesh)[1] == pytest.approx([5.0, 0.0, -1.0])
-    assert is_closed(mesh)
+    assert mesh.is_closed
 
 
 def test_a_torus_has_the_volume_that_pappus_gives():
@@ -182,10 +181,10 @@ def test_volume_survives_a_mesh_far_from_the_origin():
 
 def test_a_box_without_a_lid_and_one_with_a_turned_face_are_open():
     mesh = box()
-    assert not is_closed(mesh.select(np.arange(1, 12)))
+    assert not mesh.select(np.arange(1, 12)).is_closed
     turned = mesh.faces.copy()
     turned[0] = turned[0][::-1]
-    assert not is_closed(TriangleMesh(mesh.vertices, turned))
+    assert not TriangleMesh(mesh.vertices, turned).is_closed
 
 
 def test_a_mirroring_scale_keeps_outward_faces_and_normals():
