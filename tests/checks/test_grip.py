@@ -52,6 +52,7 @@ def test_a_pincher_without_strength_loses_them_and_says_what_it_holds(tmp_path: 
     assert "it holds a cube of 0.05 kg" in lost.message
 
 
+@pytest.mark.slow
 def test_a_pyramidal_cone_lets_them_slip(tmp_path: Path) -> None:
     soft = {'cone="elliptic" impratio="50"': 'cone="pyramidal" impratio="1"'}
     (lost,), figures = judged(pincher(tmp_path, **soft), Gripping(robot="robot"))
@@ -81,6 +82,7 @@ def test_an_object_that_does_not_fit_is_told(tmp_path: Path) -> None:
     assert "no object fits" in found.message
 
 
+@pytest.mark.slow
 def test_a_solver_that_stops_early_lets_them_slip(tmp_path: Path) -> None:
     """MuJoCo scales its tolerance by the whole robot's mean inertia: heavy ones stop early."""
     early = {'cone="elliptic"': 'cone="elliptic" tolerance="0.1"'}

@@ -131,6 +131,7 @@ def test_two_recipes_of_one_robot_are_refused(legs: Legs):
     assert "two of the recipes build `legs`" in done.stderr
 
 
+@pytest.mark.slow
 def test_every_step_gives_the_same_bytes_twice(warm_legs: Legs):
     done = warm_legs.build("--rebuild-check")
     assert done.returncode == 0, done.stdout + done.stderr

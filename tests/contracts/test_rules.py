@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import functools
+import gc
 import re
 import subprocess
 import sys
@@ -25,10 +26,14 @@ LEGS = "schema: assetbuild/v1\nrobot: r\nsource: {path: ., urdf: r.urdf}\ntarget
 @functools.cache
 def trees() -> dict[str, ast.Module]:
     """Syntax trees of the package's files, parsed only in the process that runs these tests."""
-    return {
+    gc.disable()  # it would take most of the time: syntax trees are many small objects
+    parsed = {
         path.relative_to(PACKAGE).as_posix(): ast.parse(path.read_text(encoding="utf-8"))
         for path in sorted(PACKAGE.rglob("*.py"))
     }
+    gc.freeze()
+    gc.enable()
+    return parsed
 
 
 @pytest.fixture(scope="module")
