@@ -393,7 +393,7 @@ _unit = st.floats(-1.0, 1.0, allow_nan=False).map(lambda v: v if abs(v) > SAME_F
 
 
 def examples(most: int) -> int:
-    """As many random examples as a dear test has with `-m slow`; a quarter of them without."""
+    """Random examples of a dear test: half of `most` with `-m slow`, a quarter without."""
     return most * settings().max_examples // 100
 
 

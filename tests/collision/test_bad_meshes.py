@@ -240,6 +240,7 @@ OPEN = {
 }  # fmt: skip
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("boxes", "free"), OPEN.values(), ids=list(OPEN))
 def test_a_tilted_part_comes_apart_like_an_upright_one(tmp_path, boxes, free):
     rng = np.random.default_rng(5)
