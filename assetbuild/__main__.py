@@ -31,7 +31,7 @@ def main() -> int:
 def _null_build(here: str, argv: list[str]) -> int | None:
     """The exit code of a build with nothing to do; None when there may be something."""
     from assetbuild.engine.machine import cache_root
-    from assetbuild.engine.null import check, record_file
+    from assetbuild.engine.noop_build import check, record_file
 
     options = "\n".join((here, *argv))
     found = check(record_file(cache_root(), options), options)

@@ -62,8 +62,19 @@ class Finding:
         return asdict(self) | {"data": {k: self.data[k] for k in sorted(self.data)}}
 
 
-RENAMED: dict[str, tuple[str, ...]] = {}
-"""`was` of all rules that have been declared so far."""
+NEW_IDS: Mapping[str, str] = {
+    "inertia.between": "inertia.massless_intermediate_link",
+    "loop.rigid": "loop.no_mobility",
+    "mjcf.tether": "mjcf.base_constrained",
+    "mjx.untouchable": "mjx.collision_disabled",
+    "stand.start": "stand.sole_gap",
+    "trials.shaken": "trials.random_targets_diverge",
+    "trials.untried": "trials.not_simulated",
+    "urdf.blank": "urdf.empty_attribute",
+}
+"""Ids of version 0.1 -> today's. Whoever reads a recipe need not import these rules."""
+RENAMED: dict[str, tuple[str, ...]] = {old: (new,) for old, new in NEW_IDS.items()}
+"""Also `was` of all rules that have been declared so far."""
 
 
 def is_now(old: str, finding: Finding) -> bool:

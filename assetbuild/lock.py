@@ -14,11 +14,11 @@ from pydantic import Discriminator, Field, Tag, model_validator
 from assetbuild.engine.digest import replace_file
 from assetbuild.engine.world import World
 from assetbuild.errors import LockError, MachineError, Where
-from assetbuild.quantities import Model
 from assetbuild.recipe.loader import read_small_file, shown_path
 from assetbuild.recipe.source import PYPI_PATTERN, Sha256, Source
 from assetbuild.recipe.validation import locate, validated
 from assetbuild.recipe.yaml_tree import described, parse
+from assetbuild.recipe_types import Model
 
 _HEAD = "# Written by `assetbuild lock`; not meant to be edited\n"
 

@@ -12,7 +12,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from hypothesis import HealthCheck, is_hypothesis_test, settings
+from hypothesis import HealthCheck, settings
 
 from assetbuild.engine.machine import cache_root
 
@@ -42,22 +42,8 @@ UNPACKED = (
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """Load the number of random examples: few while somebody waits, many with `-m slow`."""
-    settings.load_profile("ci" if _asks_for_slow(config) else "quick")
-
-
-@pytest.hookimpl(tryfirst=True)
-def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """With all its examples a test of random inputs is a slow one: `-m slow` runs it again."""
-    if not _asks_for_slow(config):
-        return
-    for item in items:
-        if is_hypothesis_test(getattr(item, "obj", None)):
-            item.add_marker("slow")
-
-
-def _asks_for_slow(config: pytest.Config) -> bool:
-    return bool(config.getoption("markexpr") == "slow")
+    """Load the number of random examples: few while somebody waits, more with `-m slow`."""
+    settings.load_profile("ci" if config.getoption("markexpr") == "slow" else "quick")
 
 
 @pytest.fixture(scope="module")

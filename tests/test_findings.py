@@ -9,7 +9,7 @@ import pytest
 from assetbuild.cli.summary import every_finding_line
 from assetbuild.engine.step import Files
 from assetbuild.findings import Finding, Rule
-from assetbuild.kinds import write_figures
+from assetbuild.plugin_types import write_figures
 
 SAG = Rule("stand.sag", ("warning", "error"), "the base sinks", "raise kp")
 EQUAL = Rule("equal.mjcf.*", "error", "the model differs from the robot", "report it")

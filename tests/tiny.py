@@ -8,8 +8,10 @@ engine would, `run_step` runs one step on files.
 from __future__ import annotations
 
 import math
+import pickle
 import shutil
 import struct
+import tempfile
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -76,7 +78,7 @@ class TinyRobot:
 
 
 def write_robot_ports(folder: Path, robot: TinyRobot) -> Path:
-    """Writes what stands behind the robot ports of `assetbuild.kinds` into `folder`."""
+    """Writes what stands behind the robot ports of `assetbuild.plugin_types` into `folder`."""
     folder.mkdir(parents=True, exist_ok=True)
     (folder / "links.json").write_bytes(encode(robot.links))
     (folder / "tree.json").write_bytes(encode(robot.tree))
@@ -391,7 +393,7 @@ _unit = st.floats(-1.0, 1.0, allow_nan=False).map(lambda v: v if abs(v) > SAME_F
 
 
 def examples(most: int) -> int:
-    """As many random examples as a dear test has with `-m slow`; a quarter of them without."""
+    """Random examples of a dear test: half of `most` with `-m slow`, a quarter without."""
     return most * settings().max_examples // 100
 
 
@@ -561,12 +563,7 @@ def _depth_first(parents: list[int]) -> list[int]:
 
 def check_inputs(folder: Path, robot: TinyRobot, target: Step, name: str) -> Path:
     """The ports of `robot`, its measured meshes and the folder `<name>/` that `target` writes."""
-    inputs = write_robot_ports(folder / "inputs", robot)
-    run_step(MeasureAssets(), inputs, inputs)
-    outputs = folder / "target"
-    run_step(target, inputs, outputs)
-    shutil.copytree(outputs / name, inputs / name)
-    return inputs
+    return laid_out(folder / "inputs", robot, (target, name))
 
 
 def models(folder: Path, robot: TinyRobot) -> Path:
@@ -574,11 +571,32 @@ def models(folder: Path, robot: TinyRobot) -> Path:
     from assetbuild.targets.mjcf import Mjcf
     from assetbuild.targets.usd import Usd
 
-    inputs = write_robot_ports(folder / "inputs", robot)
-    for target, name in ((Mjcf(robot="robot"), "mjcf"), (Usd(robot="robot"), "usd")):
-        run_step(target, inputs, folder / "built")
-        (folder / "built" / name).rename(inputs / name)
+    written = (Mjcf(robot="robot"), "mjcf"), (Usd(robot="robot"), "usd")
+    return laid_out(folder / "inputs", robot, *written)
+
+
+def laid_out(inputs: Path, robot: TinyRobot, *written: tuple[Step, str]) -> Path:
+    """The ports of `robot` and what targets write, made once in this process and then copied."""
+    key = pickle.dumps((robot, written))
+    if key not in _LAID_OUT:
+        with tempfile.TemporaryDirectory() as name:
+            made = write_robot_ports(Path(name) / "inputs", robot)
+            for target, folder in written:
+                run_step(target, made, Path(name) / "outputs")
+                shutil.copytree(Path(name) / "outputs" / folder, made / folder)
+            _LAID_OUT[key] = {
+                path.relative_to(made): path.read_bytes()
+                for path in made.rglob("*")
+                if path.is_file()
+            }
+    (inputs / "meshes").mkdir(parents=True, exist_ok=True)
+    for path, data in _LAID_OUT[key].items():
+        (inputs / path).parent.mkdir(parents=True, exist_ok=True)
+        (inputs / path).write_bytes(data)
     return inputs
+
+
+_LAID_OUT: dict[bytes, dict[Path, bytes]] = {}
 
 
 def spoil_stage(path: Path, spoil: Callable[[Any], object]) -> None:

@@ -17,7 +17,7 @@ from assetbuild.alignment.touching import Pairs, touching_row
 from assetbuild.engine.step import Files
 from assetbuild.errors import StepError
 from assetbuild.findings import Finding, Rule
-from assetbuild.kinds import write_figures
+from assetbuild.plugin_types import write_figures
 from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.model import Tree
 from assetbuild.simulators import mujoco
@@ -35,7 +35,7 @@ class AlignmentCheck(SimulatorCheck):
     needs: ClassVar[tuple[str, ...]] = ("mjcf", "usd")
     reads: ClassVar[tuple[str, ...]] = ("tree.json", "control.json")
     sections: ClassVar[Mapping[str, str]] = {"validate.alignment": "floor", "validate.sine": "sine"}
-    told: ClassVar[Mapping[str, str]] = {"fall": "validate.free_fall"}
+    recipe_fields: ClassVar[Mapping[str, str]] = {"fall": "validate.free_fall"}
     off: ClassVar[Rule]
     failed: ClassVar[Rule]
 

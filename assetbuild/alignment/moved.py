@@ -11,7 +11,7 @@ from pydantic import Field
 
 from assetbuild.alignment.asked import DROP_M, End
 from assetbuild.alignment.row import SLOWER, SOFT, Row
-from assetbuild.quantities import Model, Positive
+from assetbuild.recipe_types import Model, Positive
 from assetbuild.robot.model import Control, Tree
 from assetbuild.robot.pose import Array
 from assetbuild.simulators.experiments import (

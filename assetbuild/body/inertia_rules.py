@@ -38,7 +38,7 @@ MISSING = Rule(
     "give it one",
 )
 BETWEEN = Rule(
-    "inertia.between",
+    "inertia.massless_intermediate_link",
     "info",
     "a massless link between two joints: in MJCF one body has several joints",
     "for USD the edit `share_mass`",

@@ -20,7 +20,7 @@ from assetbuild.engine.step import Files, Limits
 from assetbuild.engine.world import World
 from assetbuild.errors import StepError
 from assetbuild.findings import Data, Finding, Rule, Severity
-from assetbuild.kinds import Check, write_figures
+from assetbuild.plugin_types import Check, write_figures
 from assetbuild.simulators.children import environment, last_line
 from assetbuild.simulators.consumers import ConsumerCheck, Environment
 
@@ -218,7 +218,7 @@ class SimReady(Validator):
     home: ClassVar[Environment] = Environment(
         "simready", ("simready-validate==2026.8.0", "simready-foundation-tier-core==2026.8.0")
     )
-    told: ClassVar[Mapping[str, str]] = {"robot_type": "usd.robot_type"}
+    recipe_fields: ClassVar[Mapping[str, str]] = {"robot_type": "usd.robot_type"}
     no_report = NOT_SIMREADY
     # Its command line has no module of its own.
     words = (

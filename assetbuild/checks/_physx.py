@@ -53,7 +53,7 @@ class PhysxFreeFall(FreeFallCheck, PhysxCheck):
     """Compares the drop of the centre of mass with g/2 t (t + dt/N), N position iterations."""
 
     own_name = "physx_free_fall"
-    told: ClassVar[Mapping[str, str]] = ITERATIONS
+    recipe_fields: ClassVar[Mapping[str, str]] = ITERATIONS
     wrong: ClassVar[Rule] = FREE_FALL
     rounding: ClassVar[float] = 1e-6
 
@@ -95,7 +95,7 @@ class Alignment(AlignmentCheck, PhysxCheck):
     own_name = "alignment"
     usual_s = 60.0
     engines: ClassVar[tuple[str, ...]] = ("mujoco", "physx")
-    told: ClassVar[Mapping[str, str]] = {**AlignmentCheck.told, **ITERATIONS}
+    recipe_fields: ClassVar[Mapping[str, str]] = {**AlignmentCheck.recipe_fields, **ITERATIONS}
     off: ClassVar[Rule] = OFF
     failed: ClassVar[Rule] = FAILED_RUN
 

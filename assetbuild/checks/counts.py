@@ -16,9 +16,9 @@ from assetbuild.engine.step import Files
 from assetbuild.facts.compare import Precision, differences, equality_findings
 from assetbuild.facts.readers.urdf import UrdfFacts
 from assetbuild.facts.reference import Assets, Reference, robot_table
-from assetbuild.facts.table import Key, Table, Value, Writer
+from assetbuild.facts.table import FactCollector, Key, Table, Value
 from assetbuild.findings import Finding, Rule
-from assetbuild.kinds import Check, RecipeView, write_figures
+from assetbuild.plugin_types import Check, RecipeView, write_figures
 from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.model import MOVING, Control, Tree
 from assetbuild.robot.shapes import Shapes
@@ -132,7 +132,7 @@ def _equal(source: Table, links: Tree) -> Generator[Finding, None, int]:
 
 def _with_held(source: Table, links: Tree) -> Table:
     """The source as it moves: what mimics a fixed joint, or by a multiplier of 0, stays there."""
-    book = Writer()
+    book = FactCollector()
     for joint in links.joints:
         said = source.of("joint", joint.name)
         slope, offset = (said.get(f"mimic {word}") for word in ("multiplier", "offset"))

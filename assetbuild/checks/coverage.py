@@ -16,14 +16,14 @@ from pydantic import Field
 from assetbuild.engine.step import Files
 from assetbuild.errors import StepError
 from assetbuild.findings import Finding, Rule
-from assetbuild.kinds import Check, write_figures
 from assetbuild.mesh import MESH_MODULES
 from assetbuild.mesh.hulls import common_hull, hulls_by_body, read_meshes
 from assetbuild.mesh.primitives import tessellate
 from assetbuild.mesh.rays import Hole, holes
 from assetbuild.mesh.solid import Distance, beyond_hull, distance_to
 from assetbuild.mesh.triangles import TriangleMesh, merged
-from assetbuild.quantities import Positive
+from assetbuild.plugin_types import Check, write_figures
+from assetbuild.recipe_types import Positive
 from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.model import Tree
 from assetbuild.robot.pose import IDENTITY, Array, Pose

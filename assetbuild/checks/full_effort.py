@@ -11,7 +11,7 @@ import numpy as np
 
 from assetbuild.engine.step import Files
 from assetbuild.findings import Finding, Rule, Severity
-from assetbuild.kinds import write_figures
+from assetbuild.plugin_types import write_figures
 from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.pose import Array
 from assetbuild.robot.softness import Allowed, CouplingError, LimitError, effort_at
@@ -50,7 +50,7 @@ class FullEffort(mujoco.InMujoco):
     also: ClassVar[tuple[str, ...]] = ("mjx",)
     reads: ClassVar[tuple[str, ...]] = ("tree.json", "control.json")
 
-    told: ClassVar[Mapping[str, str]] = {
+    recipe_fields: ClassVar[Mapping[str, str]] = {
         "limits_wish": "limits",
         "couplings_wish": "couplings",
         "source": "source.mjcf",

@@ -16,8 +16,8 @@ from pydantic import Field
 
 from assetbuild.engine.step import Files
 from assetbuild.findings import Data, Finding, Rule
-from assetbuild.kinds import Check, RecipeView, write_figures
-from assetbuild.quantities import Positive
+from assetbuild.plugin_types import Check, RecipeView, write_figures
+from assetbuild.recipe_types import Positive
 from assetbuild.robot.closure import felt_inertia, reflected_range
 from assetbuild.robot.dynamics import dynamics, holding_torques, soles
 from assetbuild.robot.files import RobotFiles
@@ -106,7 +106,7 @@ class Gains(Check):
 
     section = "validate.gains"
     about = "where the rules `gains.*` draw the line"
-    told: ClassVar = {"integrator": "mjcf.integrator", "feet": "feet.links"}
+    recipe_fields: ClassVar = {"integrator": "mjcf.integrator", "feet": "feet.links"}
 
     torque: Positive = Field(
         0.8, description="share of the effort limit that holding the pose may need, warning"

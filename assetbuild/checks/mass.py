@@ -18,11 +18,11 @@ from pydantic import Field
 from assetbuild.engine.step import Files
 from assetbuild.errors import StepError
 from assetbuild.findings import Finding, Rule
-from assetbuild.kinds import Check, write_figures
 from assetbuild.mesh import MESH_MODULES
 from assetbuild.mesh.hulls import common_hull, extent_of, hulls_by_body
 from assetbuild.mesh.triangles import TriangleMesh, solid_moments
-from assetbuild.quantities import Positive
+from assetbuild.plugin_types import Check, write_figures
+from assetbuild.recipe_types import Positive
 from assetbuild.robot.contradictions import Extent, contradictions
 from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.inertia import matrix_of

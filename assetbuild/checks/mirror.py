@@ -7,7 +7,7 @@ from typing import ClassVar
 
 from assetbuild.engine.step import Files
 from assetbuild.findings import Finding
-from assetbuild.kinds import Check, write_figures
+from assetbuild.plugin_types import Check, write_figures
 from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.mirror import Tolerances, mirror_findings
 from assetbuild.robot.twins import parts_of, twins

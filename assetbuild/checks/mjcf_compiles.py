@@ -17,7 +17,7 @@ from assetbuild.engine.step import Files
 from assetbuild.errors import StepError
 from assetbuild.facts.mjcf_grammar import OLDEST, newer_words
 from assetbuild.findings import Finding, Rule
-from assetbuild.kinds import Check, write_figures
+from assetbuild.plugin_types import Check, write_figures
 from assetbuild.robot.mirror import Tolerances, mirror_findings
 from assetbuild.robot.pose import Array
 from assetbuild.robot.twins import Motion, Part, twins

@@ -13,7 +13,7 @@ from assetbuild.engine.step import Files
 from assetbuild.errors import StepError, UsageError
 from assetbuild.facts.standins import Record, recorded, table_of, words_of
 from assetbuild.findings import Finding, Rule
-from assetbuild.kinds import Check, write_figures
+from assetbuild.plugin_types import Check, write_figures
 from assetbuild.robot.files import RobotFiles
 from assetbuild.simulators import mujoco
 

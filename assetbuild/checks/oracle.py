@@ -16,7 +16,7 @@ import numpy as np
 
 from assetbuild.engine.step import Files
 from assetbuild.findings import Finding, Rule
-from assetbuild.kinds import Check, write_figures
+from assetbuild.plugin_types import Check, write_figures
 from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.model import Tree
 from assetbuild.robot.pose import Array, Pose, quat_of, vec3

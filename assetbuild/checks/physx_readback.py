@@ -19,7 +19,7 @@ from assetbuild.facts.reader import Reader
 from assetbuild.facts.reference import Reference
 from assetbuild.facts.table import Table, Value
 from assetbuild.findings import Finding, Rule
-from assetbuild.kinds import write_figures
+from assetbuild.plugin_types import write_figures
 from assetbuild.robot.initial import initial_pose
 from assetbuild.robot.model import Control, Tree
 from assetbuild.simulators import mujoco, physx
@@ -46,7 +46,10 @@ class PhysxReadback(physx.PhysxCheck):
 
     also: ClassVar[tuple[str, ...]] = ("mjcf",)
     reads: ClassVar[tuple[str, ...]] = Reader.reads
-    told: ClassVar[Mapping[str, str]] = {"drive_type": "usd.drive_type", "mimics": "usd.mimics"}
+    recipe_fields: ClassVar[Mapping[str, str]] = {
+        "drive_type": "usd.drive_type",
+        "mimics": "usd.mimics",
+    }
 
     seconds: float = 5.0
     """How long it must keep its numbers on the floor."""

@@ -11,13 +11,13 @@ from pydantic import Field
 from assetbuild.engine.step import Files, Limits
 from assetbuild.errors import StepError, UsageError
 from assetbuild.findings import Finding, Rule
-from assetbuild.kinds import write_figures
+from assetbuild.plugin_types import write_figures
 from assetbuild.policy.compare import compare
 from assetbuild.policy.in_mujoco import InMujoco
 from assetbuild.policy.opening import open_policy, runnable
 from assetbuild.policy.replay import Replay, replay
 from assetbuild.policy.robot import bot_from
-from assetbuild.quantities import Positive, Real
+from assetbuild.recipe_types import Positive, Real
 from assetbuild.robot.actuator_table import Key, RowError
 from assetbuild.robot.files import RobotFiles
 from assetbuild.simulators import mujoco
@@ -37,11 +37,11 @@ class PolicyCheck(mujoco.InMujoco):
     own_name = "policy"
     section: ClassVar[str] = "validate.policy"
     about: ClassVar[str] = "a policy that must drive this robot; null = none"
-    wanted: ClassVar[bool] = False
+    enabled_by_default: ClassVar[bool] = False
     reads: ClassVar[tuple[str, ...]] = ("tree.json", "control.json")
     also: ClassVar[tuple[str, ...]] = ("policy",)
     requires: ClassVar[Mapping[str, str]] = {"onnxruntime": "policy"}
-    told: ClassVar[Mapping[str, str]] = {"imu": "imu.link"}
+    recipe_fields: ClassVar[Mapping[str, str]] = {"imu": "imu.link"}
     limits: ClassVar[Limits] = Limits(wall_s=900.0, memory_mb=8192)
 
     robot: str

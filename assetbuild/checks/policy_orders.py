@@ -7,7 +7,7 @@ from typing import ClassVar
 
 from assetbuild.engine.step import Files
 from assetbuild.findings import Finding
-from assetbuild.kinds import write_figures
+from assetbuild.plugin_types import write_figures
 from assetbuild.policy.counting import known_joints, order_findings
 from assetbuild.simulators import mujoco
 from assetbuild.simulators.mujoco.drives import read_drives

@@ -17,9 +17,9 @@ from assetbuild.facts.compare import Difference, differences, equality_findings
 from assetbuild.facts.held import NEWTON
 from assetbuild.facts.readings import readings_table
 from assetbuild.facts.reference import Assets, Reference, robot_table
-from assetbuild.facts.table import Key, Table, Writer
+from assetbuild.facts.table import FactCollector, Key, Table
 from assetbuild.findings import Finding, Rule
-from assetbuild.kinds import write_figures
+from assetbuild.plugin_types import write_figures
 from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.mjcf_only import as_drives
 from assetbuild.robot.model import Control, Tree
@@ -105,7 +105,7 @@ class SmokeIsaacLab(ConsumerCheck):
             elif "absent" in answer:
                 told.append(f"{name}: not tried ({answer['absent']})")
             else:
-                found = list(judged(answer, robot.tree, robot.control, self.bounds, engine))
+                found = list(evaluate(answer, robot.tree, robot.control, self.bounds, engine))
                 yield from found
                 figures[engine], words = summed_up(answer, found)
                 told.append(f"{name}: {words}")
@@ -133,7 +133,7 @@ def summed_up(
     return shown, f"{different} difference{'s' if different != 1 else ''}{did}"
 
 
-def judged(
+def evaluate(
     answer: Mapping[str, Any],  # Any: JSON of the script
     tree: Tree,
     control: Control,
@@ -170,7 +170,7 @@ def _as_held(table: Table, control: Control) -> Table:
 
     A spring is the stiffness of its joint's group; no effort limits a joint without a drive.
     """
-    springs, book = as_drives(control), Writer()
+    springs, book = as_drives(control), FactCollector()
     for name in table.names("joint"):
         if table.facts.get(Key("joint", name, "model"), "passive") == "passive":
             spring = springs.get(name)

@@ -10,7 +10,7 @@ from typing import Any, ClassVar
 
 from assetbuild.engine.step import Files
 from assetbuild.findings import Finding, Rule
-from assetbuild.kinds import RecipeView, write_figures
+from assetbuild.plugin_types import RecipeView, write_figures
 from assetbuild.simulators.consumers import (
     FAILED,
     NOT_FINITE,
@@ -83,7 +83,7 @@ class SmokeMjlab(ConsumerCheck):
             )
             return
         write_figures(files, _shown(answer))
-        yield from judged(answer, self.bounds, self.effort_factor)
+        yield from evaluate(answer, self.bounds, self.effort_factor)
 
 
 def _shown(answer: Mapping[str, Any]) -> dict[str, object]:  # Any: the child's JSON
@@ -108,7 +108,7 @@ def _shown(answer: Mapping[str, Any]) -> dict[str, object]:  # Any: the child's 
     return figures
 
 
-def judged(
+def evaluate(
     answer: Mapping[str, Any],  # Any: the child's JSON
     bounds: SmokeBounds,
     effort_factor: float = 1.0,

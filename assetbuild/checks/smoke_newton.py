@@ -17,7 +17,7 @@ from assetbuild.facts.compare import differences, equality_findings
 from assetbuild.facts.held import NEWTON, newton_expected, newton_table
 from assetbuild.facts.reference import Assets, Reference
 from assetbuild.findings import Finding
-from assetbuild.kinds import write_figures
+from assetbuild.plugin_types import write_figures
 from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.shapes import Shapes
 from assetbuild.simulators.consumers import FAILED, NOT_FINITE
@@ -44,7 +44,7 @@ class SmokeNewton(NewtonCheck):
 
     needs: ClassVar[tuple[str, ...]] = ("mjcf", "usd")
     reads: ClassVar[tuple[str, ...]] = ("tree.json", "shapes.json", "control.json")
-    told: ClassVar[Mapping[str, str]] = {"mimics": "usd.mimics"}
+    recipe_fields: ClassVar[Mapping[str, str]] = {"mimics": "usd.mimics"}
 
     steps: int = 100
     mimics: bool = True
@@ -64,7 +64,7 @@ class SmokeNewton(NewtonCheck):
         figures: dict[str, object] = {}
         told = []
         for kind, outcome in done.items():
-            findings = [*judged(kind, outcome, robot, mimics=self.mimics)]
+            findings = [*evaluate(kind, outcome, robot, mimics=self.mimics)]
             yield from findings
             held = outcome.held
             figures[kind] = outcome.failure if held is None else {
@@ -97,7 +97,7 @@ def run_of(name: str, file: Path, robot: RobotFiles, steps: int) -> dict[str, ob
     }
 
 
-def judged(
+def evaluate(
     kind: str, done: Outcome, robot: RobotFiles, *, mimics: bool = True
 ) -> Iterator[Finding]:
     """What Newton holds of one file, beside the robot; separate, to be tried on bad readings."""

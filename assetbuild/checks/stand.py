@@ -11,8 +11,8 @@ from pydantic import Field
 from assetbuild.engine.step import Files
 from assetbuild.errors import StepError
 from assetbuild.findings import Finding, Rule
-from assetbuild.kinds import write_figures
-from assetbuild.quantities import Pattern, Positive
+from assetbuild.plugin_types import write_figures
+from assetbuild.recipe_types import Pattern, Positive
 from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.model import Tree
 from assetbuild.robot.shapes import Shapes
@@ -48,7 +48,7 @@ DRIFT = Rule(
     "move the feet under the centre of mass",
 )
 START = Rule(
-    "stand.start",
+    "stand.sole_gap",
     ("warning", "error"),
     "the soles are not on the floor at the start (an error above 10 mm)",
     "`base: on_ground`",
@@ -77,8 +77,8 @@ class Stand(mujoco.InMujoco):
     reads = ("tree.json", "shapes.json", "control.json")
     section = "validate.stand"
     about = "stand still under the drives; {} = defaults"
-    wanted = False
-    told: ClassVar = {"soles": "feet.links"}
+    enabled_by_default = False
+    recipe_fields: ClassVar = {"soles": "feet.links"}
 
     keyframe: str = Field("home", description="the pose to hold")
     seconds: Positive = Field(2.0, description="s")
@@ -126,7 +126,7 @@ class Stand(mujoco.InMujoco):
         }
         write_figures(files, figures, limits)
         if stood.finite:
-            yield from self.judged(stood, robot.tree, robot.shapes)
+            yield from self.evaluate(stood, robot.tree, robot.shapes)
         else:
             yield NOT_FINITE(
                 "robot",
@@ -135,7 +135,7 @@ class Stand(mujoco.InMujoco):
                 data={"warnings": len(stood.warnings)},
             )
 
-    def judged(self, stood: Stood, tree: Tree, shapes: Shapes) -> Iterator[Finding]:
+    def evaluate(self, stood: Stood, tree: Tree, shapes: Shapes) -> Iterator[Finding]:
         """Yield what speaks against the way in which a robot stood that stayed finite."""
         link_of = {shape.name: shape.link for shape in shapes.of("collision")}
         if outcome(stood, self.fall) == "falls":

@@ -10,8 +10,8 @@ import numpy as np
 
 from assetbuild.engine.step import Files
 from assetbuild.findings import Finding, Rule
-from assetbuild.kinds import Check, write_figures
 from assetbuild.mesh import MESH_MODULES
+from assetbuild.plugin_types import Check, write_figures
 from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.model import Tree
 from assetbuild.robot.tree import forward_kinematics, held_by_world, sample_positions

@@ -10,7 +10,7 @@ from typing import ClassVar
 
 from assetbuild.engine.step import Files
 from assetbuild.findings import Finding, Rule
-from assetbuild.kinds import Check, write_figures
+from assetbuild.plugin_types import Check, write_figures
 
 REFUSED = Rule(
     "urdf.refused",

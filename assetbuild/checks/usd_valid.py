@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, ClassVar
 
 from assetbuild.engine.step import Files
 from assetbuild.findings import Finding, Rule, Severity
-from assetbuild.kinds import Check, write_figures
+from assetbuild.plugin_types import Check, write_figures
 
 if TYPE_CHECKING:
     from pxr import Usd

@@ -21,10 +21,10 @@ from assetbuild.engine.graph import Node
 from assetbuild.engine.planner import Planner
 from assetbuild.engine.store import OUT_OPTION, machine_errors
 from assetbuild.errors import AssetBuildError, StepError, UsageError, did_you_mean
-from assetbuild.kinds import Target
 from assetbuild.pipeline.opening import Opened, Task, at_work
 from assetbuild.pipeline.publish import check_folder
 from assetbuild.pipeline.recipes import collision_rule, load_recipe
+from assetbuild.plugin_types import Target
 from assetbuild.plugins import load_plugin
 from assetbuild.recipe.models import Collision
 from assetbuild.robot.codec import decode

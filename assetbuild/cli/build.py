@@ -14,7 +14,7 @@ from assetbuild.cli.outputs import EventLog, event_log, tell_github, write_junit
 from assetbuild.cli.plan import print_stale
 from assetbuild.cli.progress import progress
 from assetbuild.cli.summary import null_summary, print_differences, print_summary
-from assetbuild.engine import null
+from assetbuild.engine import noop_build
 from assetbuild.engine.digest import digest_file
 from assetbuild.engine.execute import Event
 from assetbuild.engine.machine import cache_root
@@ -111,8 +111,8 @@ def _remember(outcomes: Sequence[Outcome], world: World, began_ns: int) -> None:
         made |= {str(bundle / name): digest for name, digest in (manifest_of(bundle) | own).items()}
     options = "\n".join((os.getcwd(), *sys.argv[1:]))  # noqa: PTH109 # as `__main__` does
     with contextlib.suppress(OSError):
-        null.write(
-            null.record_file(cache_root(), options),
+        noop_build.write(
+            noop_build.record_file(cache_root(), options),
             options=options,
             asked=world.record,
             made=made,

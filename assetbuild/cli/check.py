@@ -13,12 +13,12 @@ from assetbuild.engine.graph import Node
 from assetbuild.engine.planner import settle
 from assetbuild.errors import AssetBuildError, UsageError
 from assetbuild.findings import Finding
-from assetbuild.kinds import Edit
 from assetbuild.lock import Pin, lock_path
 from assetbuild.pipeline.judging import failures, findings_of, locator
 from assetbuild.pipeline.opening import moving_sources, opened, write_pin
 from assetbuild.pipeline.recipes import load_recipe
 from assetbuild.plan import check_recipes
+from assetbuild.plugin_types import Edit
 from assetbuild.recipe.loader import shown_path
 from assetbuild.report.document import make_report
 from assetbuild.source.get.files import MESHES

@@ -96,7 +96,7 @@ def _plugins() -> Iterator[Row]:
     from assetbuild.collision import CollisionMethod
     from assetbuild.errors import MachineError
     from assetbuild.facts.reader import Reader
-    from assetbuild.kinds import Check, Edit, Target
+    from assetbuild.plugin_types import Check, Edit, Target
     from assetbuild.plugins import foreign_names, load_plugin
 
     for kind in (Target, Reader, Check, Edit, CollisionMethod):
@@ -145,8 +145,8 @@ def _confinement() -> Row:
 
 def _pictures() -> Iterator[Row]:
     from assetbuild.engine.world import World
-    from assetbuild.looks.plan import renderer
-    from assetbuild.looks.viewer import three_js
+    from assetbuild.rendering.plan import renderer
+    from assetbuild.rendering.viewer import three_js
 
     kind = renderer(World())
     if kind == "none":

@@ -12,8 +12,8 @@ from assetbuild.cli.summary import every_finding_line, shown_figures
 from assetbuild.engine.world import World
 from assetbuild.errors import UsageError
 from assetbuild.findings import finding_from_json
-from assetbuild.looks.plan import renderer
-from assetbuild.looks.render import draw_all
+from assetbuild.rendering.plan import renderer
+from assetbuild.rendering.render import draw_all
 
 
 def run(arguments: argparse.Namespace) -> int:

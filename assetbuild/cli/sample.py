@@ -13,11 +13,11 @@ from assetbuild.cli.summary import print_findings
 from assetbuild.engine.graph import Node, Ref
 from assetbuild.engine.planner import Planner, Settled
 from assetbuild.errors import RecipeError
-from assetbuild.kinds import Target
 from assetbuild.pipeline.bundling import publish_bundle
 from assetbuild.pipeline.opening import Opened, Task, at_work
 from assetbuild.pipeline.publish import check_replaceable
 from assetbuild.pipeline.recipes import load_recipe
+from assetbuild.plugin_types import Target
 from assetbuild.plugins import load_plugin
 from assetbuild.report.bundle import BundleFile, json_text, manifest
 from assetbuild.samples.apply_sample import ApplySample

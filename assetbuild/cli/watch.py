@@ -9,7 +9,7 @@ from pathlib import Path
 
 from assetbuild.cli import Terminated, print_error
 from assetbuild.cli.build import build_and_print, requests_of
-from assetbuild.engine.null import lines_of, renewed
+from assetbuild.engine.noop_build import lines_of, renewed
 from assetbuild.engine.questions import STAMP, answer
 from assetbuild.engine.world import World, files_in
 from assetbuild.errors import AssetBuildError

@@ -19,7 +19,6 @@ from pydantic.fields import FieldInfo
 from assetbuild.engine.step import Files, Limits, Step
 from assetbuild.errors import StepError
 from assetbuild.findings import Finding, Rule
-from assetbuild.kinds import ConvertedMesh, Piece, Pieces
 from assetbuild.mesh import MESH_MODULES
 from assetbuild.mesh.cover import Quality, Reference, measure
 from assetbuild.mesh.hull import capped, convex_hull, refuse_flat
@@ -29,7 +28,8 @@ from assetbuild.mesh.primitives import BY_NAME, resized, sizes_of, tessellate
 from assetbuild.mesh.solid import ConvexPiece
 from assetbuild.mesh.triangles import TriangleMesh, cleaned, merged
 from assetbuild.mesh.verdict import Probe, blocked_by, verdict
-from assetbuild.quantities import Length, Positive, Share
+from assetbuild.plugin_types import ConvertedMesh, Piece, Pieces
+from assetbuild.recipe_types import Length, Positive, Share
 from assetbuild.robot.codec import decode_file, encode
 from assetbuild.robot.pose import IDENTITY, Pose, Vec3, quat_of, vec3
 from assetbuild.robot.shapes import Box, Capsule, Cylinder, Mesh, Primitive, Sphere

@@ -16,7 +16,7 @@ from assetbuild.mesh.cover import Reference
 from assetbuild.mesh.native import NativeError
 from assetbuild.mesh.solid import ConvexPiece
 from assetbuild.mesh.vhacd import VHacdOptions, vhacd_parts
-from assetbuild.quantities import Positive
+from assetbuild.recipe_types import Positive
 
 MORE_HULLS = Rule(
     "collision.more_hulls",

@@ -14,7 +14,7 @@ from assetbuild.mesh.cover import Reference, measure
 from assetbuild.mesh.hull import convex_hull, refuse_flat
 from assetbuild.mesh.solid import ConvexPiece
 from assetbuild.mesh.triangles import TriangleMesh, cleaned, signed_volume
-from assetbuild.quantities import Model, NonNegative, Positive, Real
+from assetbuild.recipe_types import Model, NonNegative, Positive, Real
 from assetbuild.robot.pose import Pose, quat_of_rpy
 from assetbuild.robot.shapes import Box, Capsule, Cylinder, Sphere
 

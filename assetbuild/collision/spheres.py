@@ -10,7 +10,7 @@ from assetbuild.collision import CollisionMethod, Fitted
 from assetbuild.mesh.cover import Reference
 from assetbuild.mesh.quality import sobol
 from assetbuild.mesh.solid import ConvexPiece
-from assetbuild.quantities import Share
+from assetbuild.recipe_types import Share
 from assetbuild.robot.pose import Array, Pose, vec3
 from assetbuild.robot.shapes import Sphere
 

@@ -49,7 +49,7 @@ SCENERY = Rule(
 )
 
 
-class PartOn(BaseModel):
+class MountedPart(BaseModel):
     """A part and its place. folder: of its inputs; prefix: of all its names."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
@@ -74,7 +74,7 @@ class ComposeParts(Step):
 
     outputs = ("links.json", "shapes.json", "source_map.json", "source_control.json")
 
-    parts: tuple[PartOn, ...]
+    parts: tuple[MountedPart, ...]
     keeps: bool = False
     """Whether the bodies of the base's MJCF stay as they are."""
 
@@ -134,7 +134,7 @@ def _whole(
     return joined(changed.pop("", None), changed), findings
 
 
-def _told_left_out(part: PartOn, keys: tuple[str, ...]) -> Iterator[Finding]:
+def _told_left_out(part: MountedPart, keys: tuple[str, ...]) -> Iterator[Finding]:
     if keys:
         listed = ", ".join(f"`{key}`" for key in keys)
         yield LEFT_OUT(
@@ -145,7 +145,7 @@ def _told_left_out(part: PartOn, keys: tuple[str, ...]) -> Iterator[Finding]:
         )
 
 
-def _told_scenery(said: PartControl, part: PartOn) -> Iterator[Finding]:
+def _told_scenery(said: PartControl, part: MountedPart) -> Iterator[Finding]:
     names = said.scenery()
     if names:
         listed = ", ".join(f"`{part.prefix}{name}`" for name in names)
@@ -200,7 +200,7 @@ def prefixed_subject(subject: str, prefix: str) -> str:
     return f"{kind} {part_path(prefix, name) if kind == 'mesh' else prefix + name}"
 
 
-def _mounted(tree: Tree, part: Tree, on: PartOn) -> Tree:
+def _mounted(tree: Tree, part: Tree, on: MountedPart) -> Tree:
     link, plate = on.at.link, on.prefix + PLATE
     if link not in tree.by_body:
         hint = did_you_mean(link, tree.by_body)
@@ -239,7 +239,7 @@ def _refuse_clashes(tree: Tree, shapes: SourceShapes, said: SourceControl) -> No
             raise RecipeError(f"two parts have a {kind} `{name}`", hint=hint)
 
 
-def _told(part: PartOn, tree: Tree, X_world_root: Pose) -> Finding:
+def _told(part: MountedPart, tree: Tree, X_world_root: Pose) -> Finding:
     """X_world_root: in the part's own world, which `at` takes the place of."""
     mass = sum(body.inertial.mass_kg for body in tree.bodies if body.inertial)
     mount_kg = part.mount.mass if part.mount else 0.0

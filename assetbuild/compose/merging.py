@@ -13,10 +13,10 @@ from typing import Any
 
 from assetbuild.compose.names import HOME, Member, Row, Value, rows_of, spoken_of
 from assetbuild.geometry.jobs import file_of
-from assetbuild.quantities import listed
 from assetbuild.recipe.loader import LoadedRecipe
 from assetbuild.recipe.models import CollisionRule, Recipe
 from assetbuild.recipe.validation import Key
+from assetbuild.recipe_types import listed
 from assetbuild.robot.actuator_table import ActuatorRow
 from assetbuild.robot.contact import Contact, Surface
 from assetbuild.robot.loops import LoopRow

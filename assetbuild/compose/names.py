@@ -23,10 +23,10 @@ from typing import Generic, Literal, TypeVar
 from assetbuild.compose.compose_parts import PLATE
 from assetbuild.control.plan import own_side
 from assetbuild.errors import RecipeError, did_you_mean
-from assetbuild.quantities import listed
 from assetbuild.recipe.loader import LoadedRecipe
 from assetbuild.recipe.models import Part, Recipe
 from assetbuild.recipe.validation import Key
+from assetbuild.recipe_types import listed
 from assetbuild.robot.files import SourceControl
 from assetbuild.robot.model import Tree
 from assetbuild.robot.sides import Side

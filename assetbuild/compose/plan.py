@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 
-from assetbuild.compose.compose_parts import ComposeParts, PartOn, part_path
+from assetbuild.compose.compose_parts import ComposeParts, MountedPart, part_path
 from assetbuild.compose.composed_control import KeyOf
 from assetbuild.compose.merging import Composed, composed, left_out, pose_of, pose_rows
 from assetbuild.compose.names import HOME, Member
@@ -158,7 +158,7 @@ def _inputs(folder: str, ready: Ready) -> dict[str, Ref]:
     return {f"{folder}/{name}": ref for name, ref in refs.items()}
 
 
-def _part_on(part: Member, base: Recipe, poses: Mapping[str, Mapping[str, float]]) -> PartOn:
+def _part_on(part: Member, base: Recipe, poses: Mapping[str, Mapping[str, float]]) -> MountedPart:
     """poses: by keyframe of the whole the value of joints, rad or m."""
     row = part.part
     assert row is not None  # noqa: S101 # it is no base
@@ -170,7 +170,7 @@ def _part_on(part: Member, base: Recipe, poses: Mapping[str, Mapping[str, float]
     )
     own = dict.fromkeys((*part.recipe.keyframes, *part.poses))
     idle = [f"keyframes.{name}" for name in own if name not in {key for key, _ in used.values()}]
-    return PartOn(
+    return MountedPart(
         folder=row.as_,
         prefix=row.as_,
         at=row.at,

@@ -6,7 +6,7 @@ import re
 from collections.abc import Collection, Iterator, Mapping
 
 from assetbuild.errors import did_you_mean
-from assetbuild.quantities import stated
+from assetbuild.recipe_types import stated
 from assetbuild.robot import model
 from assetbuild.robot.actuator_table import Key
 from assetbuild.robot.actuators import RowError

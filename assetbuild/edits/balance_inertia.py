@@ -9,7 +9,7 @@ import numpy as np
 from assetbuild.engine.step import Files
 from assetbuild.errors import RecipeError
 from assetbuild.findings import Finding, Rule
-from assetbuild.kinds import Edited, LinkEdit
+from assetbuild.plugin_types import Edited, LinkEdit
 from assetbuild.robot.inertia import (
     Tensor,
     matrix_of,

@@ -11,7 +11,7 @@ from pydantic import Field
 from assetbuild.engine.step import Files
 from assetbuild.errors import RecipeError
 from assetbuild.findings import Finding, Rule
-from assetbuild.kinds import Edited, JointEdit
+from assetbuild.plugin_types import Edited, JointEdit
 from assetbuild.robot.model import MOVING, Joint, Limits, Mimic, Tree
 from assetbuild.robot.shapes import SourceShapes
 

@@ -14,12 +14,12 @@ from pydantic import Field, model_validator
 from assetbuild.engine.step import Files, Limits
 from assetbuild.errors import RecipeError, StepError
 from assetbuild.findings import Finding, Rule
-from assetbuild.kinds import ConvertedMesh, Edited, MassEdit, edit_inertials
 from assetbuild.mesh.hull import convex_hull
 from assetbuild.mesh.obj import read_part
 from assetbuild.mesh.primitives import volume_of
 from assetbuild.mesh.triangles import cleaned, merged, solid_moments
-from assetbuild.quantities import Positive
+from assetbuild.plugin_types import ConvertedMesh, Edited, MassEdit, edit_inertials
+from assetbuild.recipe_types import Positive
 from assetbuild.robot.codec import decode_file
 from assetbuild.robot.inertia import combine, move_inertial, tensor_of
 from assetbuild.robot.model import Body, Inertial, Tree

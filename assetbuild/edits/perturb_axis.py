@@ -9,7 +9,7 @@ from pydantic import Field
 
 from assetbuild.errors import RecipeError
 from assetbuild.findings import Finding, Rule
-from assetbuild.kinds import JointEdit
+from assetbuild.plugin_types import JointEdit
 from assetbuild.robot.model import MOVING, Joint
 from assetbuild.robot.pose import Vec3
 

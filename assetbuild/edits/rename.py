@@ -12,8 +12,8 @@ from pydantic import Field, model_validator
 from assetbuild.engine.step import Files
 from assetbuild.errors import RecipeError
 from assetbuild.findings import Rule
-from assetbuild.kinds import Edit, Edited
-from assetbuild.quantities import Pattern
+from assetbuild.plugin_types import Edit, Edited
+from assetbuild.recipe_types import Pattern
 from assetbuild.robot.model import Tree
 from assetbuild.robot.shapes import SourceShapes
 

@@ -6,8 +6,8 @@ from pydantic import Field
 
 from assetbuild.errors import RecipeError
 from assetbuild.findings import Finding, Rule
-from assetbuild.kinds import MassEdit
-from assetbuild.quantities import Model, Positive, Real
+from assetbuild.plugin_types import MassEdit
+from assetbuild.recipe_types import Model, Positive, Real
 from assetbuild.robot.inertia import Tensor
 from assetbuild.robot.model import Body, Inertial
 from assetbuild.robot.pose import Vec3

@@ -8,8 +8,8 @@ from pydantic import Field, model_validator
 
 from assetbuild.errors import RecipeError
 from assetbuild.findings import Finding, Rule, Scalar
-from assetbuild.kinds import JointEdit
-from assetbuild.quantities import Positive, Real
+from assetbuild.plugin_types import JointEdit
+from assetbuild.recipe_types import Positive, Real
 from assetbuild.robot.model import MOVING, Joint
 
 FIELDS = ("lower", "upper", "effort", "velocity")

@@ -8,8 +8,8 @@ from pydantic import Field
 
 from assetbuild.errors import RecipeError
 from assetbuild.findings import Finding, Rule
-from assetbuild.kinds import MassEdit
-from assetbuild.quantities import Positive
+from assetbuild.plugin_types import MassEdit
+from assetbuild.recipe_types import Positive
 from assetbuild.robot.inertia import Tensor
 from assetbuild.robot.model import Body, Inertial
 

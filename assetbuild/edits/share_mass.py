@@ -11,8 +11,8 @@ from pydantic import Field
 from assetbuild.engine.step import Files
 from assetbuild.errors import RecipeError
 from assetbuild.findings import Finding, Rule
-from assetbuild.kinds import Edit, Edited
-from assetbuild.quantities import Pattern, Positive
+from assetbuild.plugin_types import Edit, Edited
+from assetbuild.recipe_types import Pattern, Positive
 from assetbuild.robot.chains import Chain, find_chains, is_massless
 from assetbuild.robot.inertia import combine, principal_moments, pseudo_inertia
 from assetbuild.robot.model import Body, Inertial, Joint, Tree

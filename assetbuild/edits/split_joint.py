@@ -10,8 +10,8 @@ from pydantic import Field
 from assetbuild.engine.step import Files
 from assetbuild.errors import RecipeError
 from assetbuild.findings import Finding, Rule
-from assetbuild.kinds import Edit, Edited
-from assetbuild.quantities import Pattern
+from assetbuild.plugin_types import Edit, Edited
+from assetbuild.recipe_types import Pattern
 from assetbuild.robot.chains import ROWS, between, split
 from assetbuild.robot.model import Joint, Tree
 from assetbuild.robot.shapes import SourceShapes

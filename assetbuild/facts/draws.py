@@ -13,7 +13,7 @@ import numpy as np
 
 from assetbuild.facts.derived import first_match, per_axis
 from assetbuild.facts.reference import Reference
-from assetbuild.facts.table import Key, Table, Value, Writer
+from assetbuild.facts.table import FactCollector, Key, Table, Value
 from assetbuild.robot.model import Actuator
 from assetbuild.robot.pose import Pose
 
@@ -33,7 +33,9 @@ def varied(reference: Reference, section: str, name: str) -> Ranges | None:
     return found
 
 
-def put_draw(book: Writer, kind: str, name: str, word: str, stated: Any) -> None:  # Any: JSON
+def put_draw(
+    book: FactCollector, kind: str, name: str, word: str, stated: Any
+) -> None:  # Any: JSON
     """Note what is drawn of a subject; several draws of one quantity one after another."""
     numbers = tuple(_flat(stated))
     unchanged = 1.0 if word in (*FACTORS, "density") else 0.0
@@ -54,7 +56,7 @@ def _flat(stated: Any) -> Iterator[Any]:  # Any: as above
 
 def drawn(reference: Reference, draws: Draws, without: tuple[str, ...] = ()) -> Table:
     """All that a format must draw. without: the words that it has no way to draw."""
-    book, tree = Writer(), reference.tree
+    book, tree = FactCollector(), reference.tree
     recipe = reference.options.get("randomize") or {}
     for body in tree.bodies:
         matter = varied(reference, "links", body.name)

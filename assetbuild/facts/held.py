@@ -22,7 +22,7 @@ from assetbuild.facts.reference import (
     surface_facts,
 )
 from assetbuild.facts.surface import Surface, measure
-from assetbuild.facts.table import Key, Table, Value, Writer
+from assetbuild.facts.table import FactCollector, Key, Table, Value
 from assetbuild.robot.inertia import tensor_of
 from assetbuild.robot.model import Control, Tree
 from assetbuild.robot.pose import Pose, normalised_quat
@@ -75,7 +75,7 @@ STILL_M = 2e-6
 
 def as_physx(table: Table, drive_type: str) -> Table:
     """What PhysX must hold of it; the start and mimic joints are not the table's to say."""
-    book = Writer()
+    book = FactCollector()
     for key, value in table.facts.items():
         if key.kind != "joint" and key.quantity in HELD_BY_PHYSX.get(key.kind, ()):
             book.facts[key] = value
@@ -137,7 +137,7 @@ def as_newton(table: Table) -> Table:
 
     Another drive is in one of the files alone. Bodies without mass may be merged away.
     """
-    book = Writer()
+    book = FactCollector()
     for name in table.names("body"):
         weight = {q: v for q, v in table.of("body", name).items() if q in WEIGHT}
         if weight.get("mass"):
@@ -170,7 +170,7 @@ def physx_expected(reference: Reference, *, drive_type: str, mimics: bool) -> Ta
     mimics: whether the USD couples them.
     """
     table = as_physx(robot_table(reference), drive_type)
-    book, control = Writer(), reference.control
+    book, control = FactCollector(), reference.control
     book.facts |= table.facts
     starts = dict(start_of(reference.tree, control).joints)
     coupled = measurable(reference.tree) if mimics else {}
@@ -193,7 +193,7 @@ def physx_table(
     held: Held, tree: Tree, couplings: Mapping[str, Mapping[str, Value]] | None = None
 ) -> Table:
     """What PhysX holds. tree: says which body hangs on which, and which has no mass."""
-    book = Writer()
+    book = FactCollector()
     book.put("robot", "", {
         "base": "fixed" if held["fixed_base"] else "floating",
         "physx:dof": float(held["dof"]),
@@ -279,7 +279,7 @@ def newton_expected(reference: Reference, shapes: Shapes, *, coupled: bool, usd:
     tree, table = reference.tree, as_newton(robot_table(reference))
     expected = table.only(lambda key: coupled or not key.quantity.startswith("mimic"))
     dof = float(len(tree.moving_joints) + (6 if tree.base == "floating" else 0))
-    book = Writer()
+    book = FactCollector()
     book.put("robot", "", {"newton:dof": dof})
     soft = dict(reference.control.soft_limits)
     for joint in tree.moving_joints if usd else ():
@@ -312,10 +312,10 @@ def _surfaces_of(shapes: Shapes, control: Control) -> Iterator[tuple[str, dict[s
 def newton_table(held: Held) -> Table:
     """What Newton holds of a file: its solver's model, and the laws of drives outside of it."""
     model: Model = HeldModel(held)
-    book = Writer()
+    book = FactCollector()
     read_model(model, book, meshes=NoMeshes())
     found, table = book.table(), as_newton(book.table())
-    book = Writer()
+    book = FactCollector()
     book.put("robot", "", {"newton:dof": float(held["nv"])})
     for index, name in enumerate(held["names"]["joint"]):
         if table.of("joint", name):

@@ -15,7 +15,7 @@ from assetbuild.facts.mjcf_fields import Bodies, fields
 from assetbuild.facts.mjcf_model import read_model
 from assetbuild.facts.reader import Reader
 from assetbuild.facts.reference import Reference
-from assetbuild.facts.table import Key, Table, Writer, pair_name
+from assetbuild.facts.table import FactCollector, Key, Table, pair_name
 from assetbuild.robot.model import MjcfOnly
 from assetbuild.simulators.mujoco import Model, body_names, caught_warnings
 
@@ -134,7 +134,7 @@ def compiled_facts(
     bodies: Bodies | None = None,
 ) -> Table:
     """A compiled model as facts. by_area: see `measure`; bodies: in whose frames."""
-    book, known = Writer(), opaque.subjects if opaque else ()
+    book, known = FactCollector(), opaque.subjects if opaque else ()
     told = read_model(model, book, known, by_area=by_area, bodies=bodies)
     return Table({**book.facts, **fields(model, told)})
 

@@ -19,12 +19,12 @@ from assetbuild.facts.mjcf_parts import (
     read_senses,
     simulation_facts,
 )
-from assetbuild.facts.table import Value, Writer, pair_name
+from assetbuild.facts.table import FactCollector, Value, pair_name
 from assetbuild.robot.inertia import tensor_of
 from assetbuild.robot.pose import IDENTITY
 from assetbuild.simulators.mujoco import Model, inertia_of, name_of
 from assetbuild.simulators.mujoco.drives import Drive, read_drives
-from assetbuild.simulators.mujoco.levers import tendon_coupling
+from assetbuild.simulators.mujoco.linear_couplings import tendon_coupling
 from assetbuild.simulators.mujoco.pairs import passes
 
 LOOPS = {0: "connect", 1: "weld"}
@@ -35,7 +35,7 @@ GROUPS = {2: "visual", 3: "collision"}
 
 def read_model(
     model: Model,
-    book: Writer,
+    book: FactCollector,
     opaque: Collection[tuple[str, str]] = frozenset(),
     *,
     by_area: bool = False,
@@ -95,7 +95,7 @@ def _name(model: Model, kind: str, index: int) -> str:
 # --- bodies and joints ----------------------------------------------------------------------
 
 
-def _root(model: Model, book: Writer) -> None:
+def _root(model: Model, book: FactCollector) -> None:
     floating = bool(model.njnt) and int(model.jnt_type[0]) == 0
     facts: dict[str, Value] = {"base": "floating" if floating else "fixed"}
     if not floating and model.nbody > 1:
@@ -155,7 +155,7 @@ def _free_joint(model: Model) -> dict[str, Value]:
     return {word: value for word, value in first.items() if value}
 
 
-def _drive(model: Model, drive: Drive, book: Writer) -> None:
+def _drive(model: Model, drive: Drive, book: FactCollector) -> None:
     name = _name(model, "actuator", drive.index)
     kind = "general" if drive.filtered else drive.kind
     plain, (low, high) = kind != "general", drive.on_joint
@@ -193,7 +193,7 @@ def general_text(model: Model, index: int) -> str:
     )
 
 
-def _equality(bodies: Bodies, index: int, followers: set[str], book: Writer) -> bool:
+def _equality(bodies: Bodies, index: int, followers: set[str], book: FactCollector) -> bool:
     """A mimic joint, one that is locked, or a loop; False of every other kind, a word of MJCF.
 
     followers: joints that an equality before this one leads or locks.
@@ -251,7 +251,7 @@ def _loop(bodies: Bodies, index: int) -> dict[str, Value]:
     return facts | ({"torque scale": data[10]} if kind == "weld" else {})
 
 
-def _site(bodies: Bodies, site: int, book: Writer) -> None:
+def _site(bodies: Bodies, site: int, book: FactCollector) -> None:
     """One in the origin of the body whose name it has is that body's frame."""
     model, body = bodies.model, int(bodies.model.site_bodyid[site])
     name, own = _name(model, "site", site), pose_of(model.site_pos[site], model.site_quat[site])

@@ -18,7 +18,7 @@ from assetbuild.facts.reference import Reference, robot_table
 from assetbuild.facts.table import Key, Table
 from assetbuild.facts.vocabulary import VOCABULARY
 from assetbuild.findings import Finding, Rule, Severity
-from assetbuild.kinds import Check, RecipeView, Target, write_figures
+from assetbuild.plugin_types import Check, RecipeView, Target, write_figures
 
 UNREADABLE = Rule(
     "equal.unreadable",
@@ -63,15 +63,15 @@ class Reader(Check):
         "assets.json",
     )
     isolated: ClassVar[bool] = True
-    form: ClassVar[str] = ""
+    format_id: ClassVar[str] = ""
     """The format's name in rules: `mjcf` in `equal.mjcf.mass`."""
-    called: ClassVar[str] = ""
+    display_name: ClassVar[str] = ""
     """The format's name in sentences: "the MJCF"."""
     folder: ClassVar[str] = ""
     """Where a bundle keeps what the target writes at the top of its own folder."""
     written: ClassVar[str] = ""
     """The main file below that folder; `{robot}` is the robot's name."""
-    behind: ClassVar[tuple[str, ...]] = ()
+    file_globs: ClassVar[tuple[str, ...]] = ()
     """The files of a bundle that it reads, as globs; `{robot}` is the robot's name."""
     suffixes: ClassVar[tuple[str, ...]] = ()
     """Endings of files that it may read when a person names one; none: only in a bundle."""
@@ -81,7 +81,7 @@ class Reader(Check):
     which `facts.losses` reports."""
     simulated: ClassVar[bool] = True
     """Whether robots are simulated from this format; else it describes them."""
-    asks: ClassVar[tuple[str, ...]] = ()
+    recipe_sections: ClassVar[tuple[str, ...]] = ()
     """Sections of the recipe that decide how the format is written."""
 
     robot: str
@@ -92,7 +92,11 @@ class Reader(Check):
     def values(cls, recipe: RecipeView) -> dict[str, Any] | None:  # Any: values of its fields
         """With the sections that it asks for."""
         found = super().values(recipe)
-        return None if found is None else found | {"options": stated_options(recipe, cls.asks)}
+        return (
+            None
+            if found is None
+            else found | {"options": stated_options(recipe, cls.recipe_sections)}
+        )
 
     def file(self, root: Path, robot: str) -> Path | None:
         """The main file below `root`, the target's folder; None where there is none to compare."""
@@ -110,7 +114,7 @@ class Reader(Check):
     @classmethod
     def covers(cls, path: str, robot: str) -> bool:
         """Whether it reads a file of a bundle, by its path there."""
-        return any(fnmatchcase(path, glob.replace("{robot}", robot)) for glob in cls.behind)
+        return any(fnmatchcase(path, glob.replace("{robot}", robot)) for glob in cls.file_globs)
 
     @property
     def exactness(self) -> Precision:
@@ -134,15 +138,18 @@ class Reader(Check):
             known = self.found(path, reference)
             expected = self.expected(reference)
         except AssetBuildError as error:
-            return _unreadable(UNREADABLE("robot", f"{self.called}: {error.message}", error.hint))
+            return _unreadable(
+                UNREADABLE("robot", f"{self.display_name}: {error.message}", error.hint)
+            )
         except BROKEN as error:  # a file may hold anything
-            text = f"{self.called}: {type(error).__name__}: {error}"
+            text = f"{self.display_name}: {type(error).__name__}: {error}"
             return _unreadable(UNREADABLE("robot", text))
         different = differences(expected, known, self.exactness)
-        findings = [*equality_findings(different, self.form, self.called, known.places)]
+        findings = [*equality_findings(different, self.format_id, self.display_name, known.places)]
         for item in known.unread:
             data = {"attribute": item.attribute, "expected": None, "found": item.text}
-            text = f"{item.attribute} is {item.text} in {self.called}; nothing in the robot says so"
+            place = f"{item.attribute} is {item.text} in {self.display_name}"
+            text = f"{place}; nothing in the robot says so"
             findings.append(UNREAD(item.where, text, data=data))
         compared = len(dict.fromkeys((*expected.facts, *known.facts)))
         return Proof(known, tuple(different), tuple(findings), compared)
@@ -166,7 +173,9 @@ class Reader(Check):
         write_figures(files, figures)
         yield from proof.findings
         all_facts = robot_table(reference)
-        yield from losses(all_facts, self.form, self.called, self.lacks, simulated=self.simulated)
+        yield from losses(
+            all_facts, self.format_id, self.display_name, self.lacks, simulated=self.simulated
+        )
 
 
 def _unreadable(finding: Finding) -> Proof:
@@ -177,8 +186,8 @@ def asked_sections(
     readers: Iterable[type[Reader]], writers: Iterable[type[Target]]
 ) -> tuple[str, ...]:
     """What a bundle keeps of its recipe: for its readers, and to be written again."""
-    asked = {section for reader in readers for section in reader.asks}
-    told = {path for writer in writers for path in writer.told.values()}
+    asked = {section for reader in readers for section in reader.recipe_sections}
+    told = {path for writer in writers for path in writer.recipe_fields.values()}
     return tuple(sorted(asked | {path for path in told if path.partition(".")[0] not in asked}))
 
 

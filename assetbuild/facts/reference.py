@@ -12,7 +12,7 @@ from typing import Any
 from assetbuild.errors import UsageError
 from assetbuild.facts.derived import SOLIMP, SOLREF, springs_of
 from assetbuild.facts.surface import Surface
-from assetbuild.facts.table import Table, Value, Writer, pair_name
+from assetbuild.facts.table import FactCollector, Table, Value, pair_name
 from assetbuild.robot.codec import decode, encode
 from assetbuild.robot.contact_filter import ContactFilter
 from assetbuild.robot.files import RobotFiles
@@ -130,7 +130,7 @@ class Reference:
 
 def robot_table(reference: Reference, *, merged: bool = True) -> Table:
     """Every fact of the robot. merged: of the bodies that are simulated, else of the links."""
-    book = Writer()
+    book = FactCollector()
     tree = reference.tree if merged else reference.links
     book.put("robot", "", {"base": tree.base, "base pose": pose_value(tree.X_world_root)})
     above = tree.joint_above
@@ -244,7 +244,7 @@ def drive_facts(joint: Joint, control: Control) -> dict[str, Value]:
 # --- shapes ---------------------------------------------------------------------------------
 
 
-def _shapes(tree: Tree, reference: Reference, book: Writer) -> None:
+def _shapes(tree: Tree, reference: Reference, book: FactCollector) -> None:
     materials = {material.name: material for material in reference.shapes.materials}
     surfaces, pixels = dict(reference.assets.surfaces), dict(reference.assets.pixels)
     own = dict(reference.control.contacts)
@@ -330,7 +330,7 @@ def filtered_pairs(
 # --- sensors, cameras, poses ----------------------------------------------------------------
 
 
-def _senses(tree: Tree, control: Control, book: Writer) -> None:
+def _senses(tree: Tree, control: Control, book: FactCollector) -> None:
     for sensor in control.sensors:
         book.put("sensor", sensor.name, sensor_facts(sensor))
     for camera in control.cameras:
@@ -360,7 +360,7 @@ def sensor_facts(sensor: Sensor) -> dict[str, Value]:
     }
 
 
-def _keyframe(key: Keyframe, tree: Tree, book: Writer) -> None:
+def _keyframe(key: Keyframe, tree: Tree, book: FactCollector) -> None:
     if key.base is not None and tree.base == "floating":
         book.put("keyframe", key.name, {"base pose": pose_value(key.base)})
     for joint, value in key.joints:

@@ -110,7 +110,7 @@ class Table:
         )
 
 
-class Writer:
+class FactCollector:
     """Collects facts while a reader walks a file: `book.put("joint", name, armature=0.01)`."""
 
     def __init__(self) -> None:

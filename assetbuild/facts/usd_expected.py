@@ -21,7 +21,7 @@ from assetbuild.facts.derived import (
     weightless,
 )
 from assetbuild.facts.reference import Reference, filtered_pairs, mimic_facts, pose_value
-from assetbuild.facts.table import Key, Table, Value, Writer, pair_name
+from assetbuild.facts.table import FactCollector, Key, Table, Value, pair_name
 from assetbuild.robot.model import MOVING, Actuator, Contact, Mimic, Tree
 from assetbuild.robot.pose import IDENTITY
 from assetbuild.robot.shapes import Mesh, Shape
@@ -52,7 +52,7 @@ Options = Mapping[str, Any]  # Any: plain JSON
 def usd_table(own: Table, reference: Reference) -> Table:
     """Everything that `<robot>.usda` says. own: the robot's facts that USD holds."""
     options: Options = reference.options.get("usd") or {}
-    tree, control, book = reference.tree, reference.control, Writer()
+    tree, control, book = reference.tree, reference.control, FactCollector()
     book.facts |= own.facts
     solid: dict[str, list[Shape]] = {}
     for shape in reference.shapes.of("collision"):
@@ -136,7 +136,7 @@ def _articulation(reference: Reference) -> dict[str, Value]:
     }
 
 
-def _bodies(reference: Reference, book: Writer) -> None:
+def _bodies(reference: Reference, book: FactCollector) -> None:
     light = weightless(reference.control)
     rigid = rigid_of(reference)
     rigid["max_angular_velocity"] /= DEGREE
@@ -154,7 +154,10 @@ def _bodies(reference: Reference, book: Writer) -> None:
 
 
 def _joints(
-    reference: Reference, options: Options, stiff: Mapping[str, tuple[float, float]], book: Writer
+    reference: Reference,
+    options: Options,
+    stiff: Mapping[str, tuple[float, float]],
+    book: FactCollector,
 ) -> None:
     """stiff: (stiffness, damping) of the limits, by joint."""
     tree, control = reference.tree, reference.control
@@ -209,7 +212,7 @@ def _driven(
     return facts
 
 
-def _mimic(name: str, mimic: Mimic, tree: Tree, book: Writer, *, coupled: bool) -> None:
+def _mimic(name: str, mimic: Mimic, tree: Tree, book: FactCollector, *, coupled: bool) -> None:
     """`mimics: false` couples none. Newton follows the joint at the head of a chain."""
     if not coupled:
         for quantity in mimic_facts(mimic):

@@ -12,7 +12,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from assetbuild.facts.reference import pose_value
-from assetbuild.facts.table import Value, Writer
+from assetbuild.facts.table import FactCollector, Value
 from assetbuild.facts.usd_prims import Places, Prim, pose_of
 from assetbuild.robot.pose import Array, Pose, rotation_of
 
@@ -89,7 +89,7 @@ class JointPrim:
         return "angular" if self.angular else "linear"
 
 
-def joint_facts(joints: Sequence[JointPrim], book: Writer) -> None:
+def joint_facts(joints: Sequence[JointPrim], book: FactCollector) -> None:
     """Facts of all joints but those that hold the base; of those that close loops, as loops."""
     by_path = {joint.prim.path: joint for joint in joints}
     for joint in joints:

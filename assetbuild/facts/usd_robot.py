@@ -14,7 +14,7 @@ import numpy as np
 from pxr import Usd, UsdGeom, UsdPhysics
 
 from assetbuild.facts.reference import pose_value
-from assetbuild.facts.table import Table, Value, Writer
+from assetbuild.facts.table import FactCollector, Table, Value
 from assetbuild.facts.usd_joints import JointPrim, joint_facts
 from assetbuild.facts.usd_prims import Places, Prim, opened, quat_of_gf, units_of
 from assetbuild.facts.usd_shapes import ShapePrim, pair_facts, read_shapes
@@ -43,7 +43,7 @@ class Sorted:
 def read_robot(path: Path) -> Table:
     """The facts of the stage as it opens, its default variants selected."""
     with opened(path) as stage:
-        book = Writer()
+        book = FactCollector()
         Prim.asked.clear()
         places, found = Places(units_of(stage, book)), _sorted(stage)
         names = {path: prim.named("body", book) for path, prim in found.bodies.items()}
@@ -132,7 +132,7 @@ def _bodies(
     joints: Sequence[JointPrim],
     names: Mapping[str, str],
     places: Places,
-    book: Writer,
+    book: FactCollector,
 ) -> None:
     parents = {j.child: j.parent for j in joints if j.parent and j.child and not j.closes_loop}
     for path, prim in bodies.items():
@@ -166,13 +166,13 @@ def _mass(prim: Prim, places: Places) -> dict[str, Value]:
     return facts
 
 
-def _frames(found: Sorted, names: Mapping[str, str], places: Places, book: Writer) -> None:
+def _frames(found: Sorted, names: Mapping[str, str], places: Places, book: FactCollector) -> None:
     for prim, body in found.frames:
         pose = _within(places, prim, found.bodies[body])
         book.put("frame", prim.named("frame", book), {"body": names[body], "pose": pose})
 
 
-def _camera(prim: Prim, above: Prim | None, body: str, places: Places, book: Writer) -> None:
+def _camera(prim: Prim, above: Prim | None, body: str, places: Places, book: FactCollector) -> None:
     """What it sees follows from the ratios of its apertures to its focal length."""
     pose = _within(places, prim, above) if above else pose_value(places.rigid(prim.prim)[0])
     length, tall, wide = (
@@ -195,7 +195,7 @@ def _root(
     joints: Sequence[JointPrim],
     names: Mapping[str, str],
     places: Places,
-    book: Writer,
+    book: FactCollector,
 ) -> None:
     """Whether the base is held, where, and what carries the articulation."""
     world = {joint.prim.path for joint in joints if not joint.parent}
@@ -224,7 +224,7 @@ def _root(
     book.put("robot", "", facts)
 
 
-def _named_poses(robot: Prim, joints: Sequence[JointPrim], book: Writer) -> None:
+def _named_poses(robot: Prim, joints: Sequence[JointPrim], book: FactCollector) -> None:
     """Keyframes in rad and m, which Isaac Sim's robot schema has."""
     by_path = {joint.prim.path: joint for joint in joints}
     for path in robot.targets("isaac:robot:namedPoses", "IsaacRobotAPI"):

@@ -13,7 +13,7 @@ from pxr import Sdf, Usd, UsdGeom, UsdShade
 
 from assetbuild.facts.reference import pose_value
 from assetbuild.facts.surface import Surface, measure, pixel_digest
-from assetbuild.facts.table import Value, Writer, pair_name
+from assetbuild.facts.table import FactCollector, Value, pair_name
 from assetbuild.facts.usd_prims import Places, Prim, Units, rigid
 from assetbuild.robot.pose import Array, Pose, quat_between
 
@@ -52,7 +52,7 @@ class Collider:
 
 
 def read_shapes(
-    shapes: Sequence[ShapePrim], names: Mapping[str, str], places: Places, book: Writer
+    shapes: Sequence[ShapePrim], names: Mapping[str, str], places: Places, book: FactCollector
 ) -> list[Collider]:
     """Facts of all shapes; the colliders among them."""
     meshes, looks, colliders = Meshes(places.units), Looks(), []
@@ -198,7 +198,7 @@ def pair_facts(
     filters: Iterable[tuple[str, str]],
     apart: Iterable[frozenset[str]],
     articulated: Collection[str],
-    book: Writer,
+    book: FactCollector,
 ) -> None:
     """Pairs of bodies, and of single shapes, that never touch.
 

@@ -12,9 +12,9 @@ from pathlib import Path, PurePosixPath
 
 from assetbuild.engine.step import Files, Step
 from assetbuild.findings import Finding, Rule
-from assetbuild.kinds import ConvertedMesh, MeshPart, Pieces
 from assetbuild.mesh.obj import obj_of
 from assetbuild.mesh.picture import mean_colour
+from assetbuild.plugin_types import ConvertedMesh, MeshPart, Pieces
 from assetbuild.robot.codec import decode_file, encode
 from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.pose import IDENTITY, Pose

@@ -14,7 +14,6 @@ import numpy as np
 from assetbuild.engine.step import Files, Limits, Step
 from assetbuild.errors import StepError
 from assetbuild.findings import Finding, Rule
-from assetbuild.kinds import ConvertedMesh, MeshPart
 from assetbuild.mesh.material import MaterialPart, SurfaceMaterial, corner_normals
 from assetbuild.mesh.obj import SUFFIX, array_bytes
 from assetbuild.mesh.picture import has_holes, png_of
@@ -28,6 +27,7 @@ from assetbuild.mesh.triangles import (
     unit_vectors,
     weld,
 )
+from assetbuild.plugin_types import ConvertedMesh, MeshPart
 from assetbuild.robot.codec import encode
 from assetbuild.robot.pose import Array, Vec3, vec3
 

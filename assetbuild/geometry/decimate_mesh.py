@@ -14,13 +14,13 @@ from assetbuild.engine.step import Files, Limits, Step
 from assetbuild.errors import StepError
 from assetbuild.findings import Finding, Rule
 from assetbuild.geometry.convert_mesh import write_converted
-from assetbuild.kinds import ConvertedMesh
 from assetbuild.mesh import MESH_MODULES
 from assetbuild.mesh.material import MaterialPart, SurfaceMaterial
 from assetbuild.mesh.obj import read_part
 from assetbuild.mesh.quality import Distance, surface_distance
 from assetbuild.mesh.simplify import simplified
 from assetbuild.mesh.triangles import TriangleMesh, area, merged
+from assetbuild.plugin_types import ConvertedMesh
 from assetbuild.robot.codec import decode_file
 
 AREA = (0.98, 1.02)

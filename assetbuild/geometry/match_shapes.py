@@ -15,10 +15,10 @@ import numpy as np
 from pydantic import Field
 
 from assetbuild.engine.step import Files, Limits, Step
-from assetbuild.kinds import ConvertedMesh
 from assetbuild.mesh.obj import read_part
 from assetbuild.mesh.quality import surface_samples
 from assetbuild.mesh.triangles import TriangleMesh, area, merged
+from assetbuild.plugin_types import ConvertedMesh
 from assetbuild.robot.codec import decode_file
 from assetbuild.robot.pose import Array
 

@@ -20,7 +20,7 @@ from assetbuild.identify.fit_logs import FitLogs
 from assetbuild.identify.priors import POSITION, KeepPrior, UseFits
 from assetbuild.identify.read_log import ReadLog
 from assetbuild.identify.table import FORMATS, info_beside
-from assetbuild.kinds import Target
+from assetbuild.plugin_types import Target
 from assetbuild.plugins import load_plugin
 from assetbuild.recipe.models import Recipe
 from assetbuild.recipe.validation import KeyedError

@@ -18,7 +18,7 @@ from assetbuild.findings import Finding
 from assetbuild.geometry.convert_mesh import ConvertMesh
 from assetbuild.init.draft import Draft, inline, patterns_of, plain, some
 from assetbuild.init.look import FORMATS, LARGEST, InspectedRobot, Weighed, not_in_usd, zeroed
-from assetbuild.kinds import Edit
+from assetbuild.plugin_types import Edit
 from assetbuild.plugins import load_plugin
 from assetbuild.robot.codec import encode
 from assetbuild.robot.contradictions import FACTOR
@@ -200,7 +200,7 @@ def _shares(robot: InspectedRobot) -> Iterator[Repair]:
         "changes no motion; without the target usd, leave it out"
     )
     for finding in robot.link_findings:
-        if finding.rule == "inertia.between":
+        if finding.rule == "inertia.massless_intermediate_link":
             found = "a massless link between two joints"
             yield Repair(_subject(finding), "share_mass", {}, why, found)
 

@@ -214,7 +214,7 @@ class Stage:
             return Trial(False, f"{leans}, more than {JUDGE.max_tilt:g}")
         if self.whole:
             judge = JUDGE.model_copy(update={"feet": "|".join(map(re.escape, self.soles))})
-            said = judge.judged(stood, self.robot.tree, self.shapes)
+            said = judge.evaluate(stood, self.robot.tree, self.shapes)
             error = next((finding for finding in said if finding.severity == "error"), None)
             if error is not None:
                 return Trial(False, f"stands, but {error.subject}: {error.message}")

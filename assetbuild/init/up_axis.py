@@ -7,8 +7,8 @@ import re
 from assetbuild.geometry.lint_meshes import meshes_to_turn
 from assetbuild.init.draft import Draft, patterns_of
 from assetbuild.init.look import InspectedRobot, mesh_of, scaled_points
-from assetbuild.kinds import ConvertedMesh
 from assetbuild.mesh.companions import format_of
+from assetbuild.plugin_types import ConvertedMesh
 from assetbuild.robot.pose import vec3
 from assetbuild.robot.shapes import MeshFile, SourceShape
 

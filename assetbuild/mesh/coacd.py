@@ -11,7 +11,7 @@ from pydantic import Field
 
 from assetbuild.mesh.native import NativeLimits, run_apart
 from assetbuild.mesh.triangles import TriangleMesh
-from assetbuild.quantities import Length, Model, Positive
+from assetbuild.recipe_types import Length, Model, Positive
 
 NOT_CLEAN = b"Mesh Manifoldness: false"
 """What CoACD's log says when its own check (edges, self-intersection, orientation) fails."""

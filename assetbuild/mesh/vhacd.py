@@ -10,7 +10,7 @@ from pydantic import Field
 
 from assetbuild.mesh.native import NativeLimits, run_apart
 from assetbuild.mesh.triangles import TriangleMesh
-from assetbuild.quantities import Model, NonNegative
+from assetbuild.recipe_types import Model, NonNegative
 
 
 class VHacdOptions(Model):

@@ -18,14 +18,14 @@ from assetbuild.engine.session import Session
 from assetbuild.engine.store import OUT_OPTION, LostObjectError, machine_errors
 from assetbuild.engine.world import World
 from assetbuild.errors import AssetBuildError, Gather, RecipeError, UsageError
-from assetbuild.kinds import Check
 from assetbuild.lock import Lock
 from assetbuild.pipeline.bundling import bundle_files, publish_bundle
-from assetbuild.pipeline.judging import failures, judged
+from assetbuild.pipeline.judging import evaluate, failures
 from assetbuild.pipeline.opening import Task, open_session, pin, remote_cache
 from assetbuild.pipeline.publish import check_replaceable
 from assetbuild.pipeline.recipes import load_recipe
 from assetbuild.plan import Outline, plan
+from assetbuild.plugin_types import Check
 from assetbuild.plugins import load_plugin, plugin_names
 from assetbuild.recipe.loader import LoadedRecipe
 from assetbuild.report.bundle import json_text
@@ -243,7 +243,7 @@ def _finish(job: _Job, done: Settled[Outline], session: Session, request: Reques
     if not done.whole or any(result.outputs is None for result in results.values()):
         outcome.exit_code = max((error.exit_code for error in outcome.errors), default=1)
         return outcome
-    report = judged(loaded, done, session)
+    report = evaluate(loaded, done, session)
     outcome.exit_code = 1 if fails(report, request.fail_on) else 0
     outcome.out = out.with_name(f"{out.name}.failed") if outcome.exit_code else out
     files = bundle_files(loaded, job.lock, done, report, session)

@@ -23,9 +23,7 @@ from assetbuild.errors import StepError, UsageError
 from assetbuild.facts.again.written import Written, sign
 from assetbuild.facts.reader import asked_sections, stated_options
 from assetbuild.facts.reference import Assets, Reference
-from assetbuild.kinds import Target
 from assetbuild.lock import GitPin, Lock, Pin
-from assetbuild.looks.render import HERO, THUMBNAIL
 from assetbuild.pipeline.publish import (
     PROVENANCE,
     discard,
@@ -37,9 +35,11 @@ from assetbuild.pipeline.publish import (
 from assetbuild.pipeline.writers import RANGES, code_of_writers, patterns
 from assetbuild.plan import Outline, part_lock
 from assetbuild.plan.asked import readers_of
+from assetbuild.plugin_types import Target
 from assetbuild.plugins import load_plugin, own_names
 from assetbuild.recipe.loader import LoadedRecipe
 from assetbuild.recipe.models import Recipe
+from assetbuild.rendering.render import HERO, THUMBNAIL
 from assetbuild.report.bundle import (
     BundleFile,
     json_text,

@@ -15,22 +15,22 @@ from assetbuild.engine.session import Session
 from assetbuild.errors import AssetBuildError, Where
 from assetbuild.facts.reader import Reader
 from assetbuild.findings import Finding, Rule
-from assetbuild.kinds import Check
 from assetbuild.lock import lock_path, place_of_pin
-from assetbuild.looks.plan import PICTURE_MODEL
 from assetbuild.pipeline.answers import answers
 from assetbuild.plan import Outline
 from assetbuild.plan.asked import asked
 from assetbuild.plan.edits import AGAIN
+from assetbuild.plugin_types import Check
 from assetbuild.plugins import plugin_names
 from assetbuild.recipe.loader import LoadedRecipe
 from assetbuild.recipe.models import Recipe, Waiver
+from assetbuild.rendering.plan import PICTURE_MODEL
 from assetbuild.report.document import Report, make_report
 from assetbuild.report.verdict import NOT_COMPARED, NOT_RUN, TRAINER_CHECKS, CheckResult
 from assetbuild.source.patches import patch_keys
 
 
-def judged(loaded: LoadedRecipe, done: Settled[Outline], session: Session) -> Report:
+def evaluate(loaded: LoadedRecipe, done: Settled[Outline], session: Session) -> Report:
     """The report of one recipe whose steps all went well."""
     outline, recipe = done.outline, loaded.recipe
     checks: dict[str, CheckResult] = {

@@ -10,8 +10,6 @@ from pathlib import Path
 from assetbuild.engine.world import World
 from assetbuild.errors import UsageError
 from assetbuild.findings import Finding, worst_first
-from assetbuild.looks.plan import renderer
-from assetbuild.looks.strip import Moment, draw_strip
 from assetbuild.policy.compare import compare
 from assetbuild.policy.diagnose import BETTER, Diagnosis, diagnose
 from assetbuild.policy.in_mujoco import InMujoco
@@ -21,6 +19,8 @@ from assetbuild.policy.opening import open_policy, runnable
 from assetbuild.policy.replay import BEST, Replay, replay
 from assetbuild.policy.robot import Bot, bot_of
 from assetbuild.policy.stated import Policy
+from assetbuild.rendering.plan import renderer
+from assetbuild.rendering.strip import Moment, draw_strip
 
 SEARCH_S, LONGER_S = 5.0, 2.0
 """So long each hypothesis of a diagnosis is tried; by so much longer than until it fell."""

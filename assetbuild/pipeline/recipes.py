@@ -21,7 +21,7 @@ from assetbuild.engine.world import World
 from assetbuild.errors import did_you_mean
 from assetbuild.facts.reader import Reader
 from assetbuild.geometry.jobs import BUILT_IN
-from assetbuild.kinds import Check, Edit, Plugin, Target
+from assetbuild.plugin_types import Check, Edit, Plugin, Target
 from assetbuild.plugins import (
     foreign_names,
     load_plugin,
@@ -29,12 +29,12 @@ from assetbuild.plugins import (
     plugin_names,
     usable_plugins,
 )
-from assetbuild.quantities import Model, Pattern, unstated
 from assetbuild.recipe.loader import LoadedRecipe, load
 from assetbuild.recipe.models import Collision, CollisionRule, OneEdit, Recipe, ShapedRule, Validate
 from assetbuild.recipe.schema import schema_of
 from assetbuild.recipe.validation import Key, Misnamed
 from assetbuild.recipe.yaml_tree import Node, plain
+from assetbuild.recipe_types import Model, Pattern, unstated
 
 Fields = dict[str, Any]  # Any: what create_model takes
 LISTS = ("linters", "smoke")
@@ -253,7 +253,7 @@ def _sections(plugin: type[Plugin], foreign: str = "") -> Iterator[tuple[str, tu
     if section != "validate" and (plugin.keys() or section != plugin.section):
         keys = _own_keys(plugin)
         complete = not any(info.is_required() for info in keys.model_fields.values())
-        default = keys() if plugin.wanted and complete and not foreign else None
+        default = keys() if plugin.enabled_by_default and complete and not foreign else None
         yield section, (keys, Field(default, description=plugin.about or None))
 
 

@@ -15,12 +15,12 @@ from assetbuild.engine.world import World
 from assetbuild.errors import AssetBuildError, SourceError, UsageError
 from assetbuild.facts.reference import Reference
 from assetbuild.findings import Finding, Rule, worst_first
-from assetbuild.kinds import lacking
 from assetbuild.pipeline.again import prove_again
-from assetbuild.pipeline.judging import judged
+from assetbuild.pipeline.judging import evaluate
 from assetbuild.pipeline.opening import Opened, open_session
 from assetbuild.pipeline.recipes import collision_rule, load_recipe
 from assetbuild.plan import plan
+from assetbuild.plugin_types import lacking
 from assetbuild.recipe.models import CollisionRule
 from assetbuild.report.bundle import manifest_of
 from assetbuild.report.document import Report
@@ -281,7 +281,7 @@ BROKEN = 0.05
 """Relative error of a fall above which something is wrong with the asset."""
 
 UNTRIED = Rule(
-    "trials.untried",
+    "trials.not_simulated",
     ("info", "warning"),
     "`assetbuild validate` has only read the file (a warning for a URDF)",
     "the message says what is missing; `--package NAME=PATH` says where meshes are",
@@ -308,7 +308,7 @@ def _built(file: Path, wish: Wish) -> Report:
         with open_session(loaded, remote=wish.remote) as session:
             work = Opened(loaded, None, session, on_event=wish.on_event)
             done = work.made(lambda p: plan(loaded, None, p, drawn=False))
-            return judged(loaded, done, session)
+            return evaluate(loaded, done, session)
 
 
 def _hulls(rule: CollisionRule) -> CollisionRule:

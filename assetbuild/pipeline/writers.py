@@ -13,7 +13,7 @@ from assetbuild.engine.step import Step
 from assetbuild.facts.again.written import code_digest
 from assetbuild.facts.reference import Reference
 from assetbuild.geometry.measure_assets import MeasureAssets
-from assetbuild.kinds import Target
+from assetbuild.plugin_types import Target
 from assetbuild.plugins import load_plugin, plugin_names
 from assetbuild.recipe.models import Recipe
 from assetbuild.samples.state_ranges import StateRanges

@@ -26,16 +26,16 @@ from assetbuild.engine.planner import Planner
 from assetbuild.errors import Gather, RecipeError
 from assetbuild.geometry.measure_assets import MeasureAssets
 from assetbuild.geometry.plan import Geometry, assemble, companions, lint_density, lint_meshes
-from assetbuild.kinds import Target, lacking
 from assetbuild.lock import Lock, lock_path, read_lock
-from assetbuild.looks.plan import looks
-from assetbuild.plan.agree import check_against_robot, check_names, turned_meshes
 from assetbuild.plan.asked import checks_of, readers_of
 from assetbuild.plan.edits import AGAIN, apply_edits, edit_keys, guessed_links
+from assetbuild.plan.recipe_consistency import check_against_robot, check_names, turned_meshes
+from assetbuild.plugin_types import Target, lacking
 from assetbuild.plugins import load_plugin
 from assetbuild.recipe.loader import LoadedRecipe
 from assetbuild.recipe.models import Recipe
 from assetbuild.recipe.validation import KeyedError
+from assetbuild.rendering.plan import looks
 from assetbuild.robot.codec import decode
 from assetbuild.robot.model import Tree
 from assetbuild.robot.shapes import SourceShapes

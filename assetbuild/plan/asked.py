@@ -7,7 +7,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 
 from assetbuild.facts.reader import Reader
-from assetbuild.kinds import Check
+from assetbuild.plugin_types import Check
 from assetbuild.plugins import load_plugin, own_names
 from assetbuild.recipe.models import Recipe
 

@@ -9,7 +9,7 @@ from assetbuild.engine.graph import Ref
 from assetbuild.engine.planner import Planner
 from assetbuild.errors import did_you_mean
 from assetbuild.geometry.plan import Geometry
-from assetbuild.kinds import Edit, MassEdit
+from assetbuild.plugin_types import Edit, MassEdit
 from assetbuild.recipe.models import OneEdit
 from assetbuild.recipe.validation import Key, KeyedError
 from assetbuild.robot.codec import decode

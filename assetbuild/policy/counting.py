@@ -10,7 +10,7 @@ from assetbuild.engine.step import Files
 from assetbuild.errors import StepError
 from assetbuild.facts.plain_yaml import read_yaml
 from assetbuild.findings import Finding, Rule
-from assetbuild.kinds import write_figures
+from assetbuild.plugin_types import write_figures
 from assetbuild.robot.files import RobotFiles
 from assetbuild.simulators.experiments import SimulatorCheck, drop
 

@@ -20,7 +20,7 @@ import numpy as np
 
 from assetbuild.engine.world import World as Files
 from assetbuild.errors import MachineError, StepError, UsageError
-from assetbuild.kinds import lacking
+from assetbuild.plugin_types import lacking
 from assetbuild.policy.in_mujoco import InMujoco
 from assetbuild.policy.robot import Bot
 from assetbuild.policy.stated import Policy

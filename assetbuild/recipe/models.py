@@ -10,8 +10,8 @@ from typing import Annotated, Any, ClassVar, Literal, Self
 from pydantic import AfterValidator, BaseModel, Field, model_validator
 
 from assetbuild.findings import Severity
-from assetbuild.quantities import Model, Name, Pattern, Real
 from assetbuild.recipe.source import Source
+from assetbuild.recipe_types import Model, Name, Pattern, Real
 from assetbuild.robot.actuator_table import (
     ActuatorRow,  # the recipe is read from here
     Motor,

@@ -8,7 +8,7 @@ from typing import Annotated
 
 from pydantic import AfterValidator, Field, model_validator
 
-from assetbuild.quantities import Model, Name, Pattern, Real
+from assetbuild.recipe_types import Model, Name, Pattern, Real
 
 
 def _inside(text: str) -> str:

@@ -94,11 +94,11 @@ def bundle_readers(
 ) -> Iterator[tuple[str, Reader, Path]]:
     """(form, reader, main file) of every format that lies in a bundle."""
     for _, kind in usable_plugins(Reader):
-        reader = kind(robot=robot, options={k: reference.options[k] for k in kind.asks
+        reader = kind(robot=robot, options={k: reference.options[k] for k in kind.recipe_sections
                                             if k in reference.options})  # fmt: skip
         file = reader.file(bundle / kind.folder, robot)
         if file is not None and file.is_file():
-            yield kind.form, reader, file
+            yield kind.format_id, reader, file
 
 
 def _whole_robot(reference: Reference, report: Mapping[str, Any]) -> Table:  # Any: JSON
@@ -167,7 +167,7 @@ def foreign_side(path: Path) -> Side:
         if suffix in kind.suffixes and suffix != ".urdf" and (not text or b"<mujoco" in text):
             table = kind(robot=path.stem).read(path)
             how = {"precision": kind.precision, "holds": kind.holds}
-            return _model(str(path), kind.form, table, **how)
+            return _model(str(path), kind.format_id, table, **how)
     raise UsageError(
         f"`{path}` is no model that can be compared",
         hint="give a bundle, a recipe, an MJCF, URDF or USD file, or an Isaac Lab configuration",

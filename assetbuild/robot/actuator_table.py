@@ -8,7 +8,7 @@ from typing import Literal
 from pydantic import Field, model_validator
 
 from assetbuild.errors import RecipeError, did_you_mean
-from assetbuild.quantities import Model, NonNegative, Pattern, Positive, Real
+from assetbuild.recipe_types import Model, NonNegative, Pattern, Positive, Real
 
 ActuatorModel = Literal["pd", "ideal_pd", "dc_motor", "velocity", "motor", "general", "passive"]
 Unlimited = Literal["unlimited"]

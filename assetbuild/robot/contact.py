@@ -6,7 +6,7 @@ from typing import Annotated, Literal, Self
 
 from pydantic import AfterValidator, Field, model_validator
 
-from assetbuild.quantities import Model, NonNegative, Pattern, Real, unstated
+from assetbuild.recipe_types import Model, NonNegative, Pattern, Real, unstated
 
 
 class Contact(Model):

@@ -8,7 +8,7 @@ from typing import Annotated, Literal, TypeVar
 
 from pydantic import Field, model_validator
 
-from assetbuild.quantities import Model, NonNegative, Pattern, Positive, Real
+from assetbuild.recipe_types import Model, NonNegative, Pattern, Positive, Real
 from assetbuild.robot.ranges import first_match
 
 ParameterName = Literal["armature", "damping", "friction", "kp", "kd", "delay", "effort"]

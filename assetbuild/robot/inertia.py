@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from pydantic import Field
 
-from assetbuild.quantities import Model, Positive
+from assetbuild.recipe_types import Model, Positive
 from assetbuild.robot.model import Inertial, Tree
 from assetbuild.robot.pose import Array, Pose, Quat, Vec3, rotation_of, vec3
 

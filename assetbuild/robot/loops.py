@@ -10,7 +10,7 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from assetbuild.errors import Gather
-from assetbuild.quantities import Model, Name, Positive, Real
+from assetbuild.recipe_types import Model, Name, Positive, Real
 from assetbuild.robot.actuator_table import RowError
 from assetbuild.robot.model import Joint, Loop, LoopEnd, Tree
 from assetbuild.robot.pose import Pose, quat_of_rpy, vec3

@@ -17,7 +17,7 @@ import numpy as np
 from pydantic import Field
 
 from assetbuild.findings import Finding, Rule, Scalar, Severity
-from assetbuild.quantities import Model, Positive
+from assetbuild.recipe_types import Model, Positive
 from assetbuild.robot.pose import Array
 from assetbuild.robot.twins import PLACE_M, Motion, Part, Twins
 

@@ -8,7 +8,7 @@ from typing import Annotated, TypeVar
 
 from pydantic import AfterValidator, Field
 
-from assetbuild.quantities import Model, NonNegative, Pattern, Positive, Real
+from assetbuild.recipe_types import Model, NonNegative, Pattern, Positive, Real
 
 
 def _rising(pair: tuple[float, float]) -> tuple[float, float]:
@@ -90,7 +90,7 @@ def first_match(table: Mapping[str, Ranges], name: str) -> Ranges | None:
     return next((value for pattern, value in table.items() if re.fullmatch(pattern, name)), None)
 
 
-def claimed(
+def first_match_groups(
     table: Mapping[str, Ranges], names: Iterable[str]
 ) -> list[tuple[str, Ranges, tuple[str, ...]]]:
     """(pattern, ranges, the names that they are of), in the table's order; none without names."""

@@ -11,7 +11,7 @@ from typing import Annotated, Literal, get_args
 
 from pydantic import Field, model_validator
 
-from assetbuild.quantities import Length, Model, Name, NonNegative, Pattern, Positive, Real
+from assetbuild.recipe_types import Length, Model, Name, NonNegative, Pattern, Positive, Real
 
 Line = Annotated[
     str, Field(min_length=1, max_length=2000, pattern=r"^[^\x00-\x1f]*\S[^\x00-\x1f]*$")

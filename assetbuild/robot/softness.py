@@ -18,7 +18,7 @@ from dataclasses import replace
 
 from pydantic import Field
 
-from assetbuild.quantities import Model, Positive
+from assetbuild.recipe_types import Model, Positive
 from assetbuild.robot.dynamics import dynamics
 from assetbuild.robot.mimic import first_leader, has_range, without_mimics
 from assetbuild.robot.model import Control, Joint, Softness, Tree

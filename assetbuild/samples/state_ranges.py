@@ -17,8 +17,8 @@ from assetbuild.robot.ranges import (
     JOINT_FACTORS,
     Randomize,
     RandomMatter,
-    claimed,
     first_match,
+    first_match_groups,
     per_axis,
 )
 
@@ -100,7 +100,7 @@ class StateRanges(Step):
         idle: dict[str, list[str]] = {}
         names = [joint.name for joint in tree.moving_joints]
         own = {joint.name for joint in tree.moving_joints if joint.mimic is None}
-        for _, ranges, joints in claimed(self.randomize.joints, names):
+        for _, ranges, joints in first_match_groups(self.randomize.joints, names):
             for key in DRIVE:
                 if getattr(ranges, key) != (1.0, 1.0):
                     for joint in joints:
@@ -177,9 +177,9 @@ class StateRanges(Step):
         ranges = self.randomize
         bodies = [body.name for body in tree.bodies]
         joints = [joint.name for joint in tree.moving_joints]
-        rows = [(f"links.{p}", r.source) for p, r, _ in claimed(ranges.links, bodies)]
+        rows = [(f"links.{p}", r.source) for p, r, _ in first_match_groups(ranges.links, bodies)]
         rows += [(f"payloads.{i}", r.source) for i, r in enumerate(ranges.payloads)]
-        rows += [(f"joints.{p}", r.source) for p, r, _ in claimed(ranges.joints, joints)]
+        rows += [(f"joints.{p}", r.source) for p, r, _ in first_match_groups(ranges.joints, joints)]
         if ranges.friction is not None:
             rows.append(("friction", ranges.friction_source))
         without = tuple(key for key, source in rows if not source)

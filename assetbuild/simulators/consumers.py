@@ -27,8 +27,8 @@ from assetbuild.engine.step import Limits
 from assetbuild.engine.world import World
 from assetbuild.errors import MachineError
 from assetbuild.findings import Rule
-from assetbuild.kinds import Check, RecipeView
-from assetbuild.quantities import Model, Positive
+from assetbuild.plugin_types import Check, RecipeView
+from assetbuild.recipe_types import Model, Positive
 from assetbuild.simulators.children import ask, last_line
 
 MADE = "assetbuild.json"

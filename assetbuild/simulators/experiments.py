@@ -16,8 +16,8 @@ from typing import Any, ClassVar, Literal
 import numpy as np
 from pydantic import Field
 
-from assetbuild.kinds import Check
-from assetbuild.quantities import Model, Positive
+from assetbuild.plugin_types import Check
+from assetbuild.recipe_types import Model, Positive
 from assetbuild.robot.initial import initial_pose
 from assetbuild.robot.mimic import with_mimics
 from assetbuild.robot.model import Actuator, Control, Joint, Tree

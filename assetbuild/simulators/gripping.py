@@ -14,8 +14,8 @@ from pydantic import Field
 from assetbuild.engine.step import Files
 from assetbuild.errors import StepError
 from assetbuild.findings import Finding, Rule, Severity
-from assetbuild.kinds import RecipeView, write_figures
-from assetbuild.quantities import Model, Positive
+from assetbuild.plugin_types import RecipeView, write_figures
+from assetbuild.recipe_types import Model, Positive
 from assetbuild.simulators import mujoco
 from assetbuild.simulators.experiments import SimulatorCheck
 from assetbuild.simulators.mujoco.grip import Grip, Try, hands_of, tries_of, with_object

@@ -11,8 +11,8 @@ from pydantic import Field
 
 from assetbuild.engine.step import Files
 from assetbuild.findings import Finding, Rule
-from assetbuild.kinds import RecipeView, write_figures
-from assetbuild.quantities import Model, Positive
+from assetbuild.plugin_types import RecipeView, write_figures
+from assetbuild.recipe_types import Model, Positive
 from assetbuild.robot.closure import close, coordinates, felt_inertia, gaps
 from assetbuild.robot.dynamics import dynamics
 from assetbuild.robot.files import RobotFiles
@@ -47,7 +47,7 @@ OPENS = Rule(
     "`usd.articulation.solver_position_iterations`",
 )
 HANGS = Rule(
-    "loop.rigid",
+    "loop.no_mobility",
     "info",
     "the loops leave no joint a motion, so they were tried under gravity alone",
     "nothing, where that is meant",
@@ -203,9 +203,9 @@ class LoopCheck(SimulatorCheck):
             "largest_gap": max((gap for gap in known.values() if gap is not None), default=0.0),
         }
         write_figures(files, figures, dict.fromkeys(("open", "largest_gap"), self.wish.gap))
-        yield from self.judged(asked.sine, worst, done.failure)
+        yield from self.evaluate(asked.sine, worst, done.failure)
 
-    def judged(
+    def evaluate(
         self, sine: Sine, worst: Mapping[str, float], failure: str = ""
     ) -> Iterator[Finding]:
         """worst: gap of each loop, m or rad; infinite where the simulation failed."""

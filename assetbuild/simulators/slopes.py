@@ -16,8 +16,8 @@ from pydantic import Field
 
 from assetbuild.engine.step import Files
 from assetbuild.findings import Finding, Rule
-from assetbuild.kinds import write_figures
-from assetbuild.quantities import Model, Positive
+from assetbuild.plugin_types import write_figures
+from assetbuild.recipe_types import Model, Positive
 from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.initial import initial_pose
 from assetbuild.robot.model import Control, Tree

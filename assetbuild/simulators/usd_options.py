@@ -7,7 +7,7 @@ from typing import Literal, Self
 
 from pydantic import Field
 
-from assetbuild.quantities import Model, NonNegative, Positive
+from assetbuild.recipe_types import Model, NonNegative, Positive
 
 
 class UsdRigidBody(Model):

@@ -19,8 +19,8 @@ from pydantic import Field
 from assetbuild.engine.step import Files
 from assetbuild.errors import StepError
 from assetbuild.findings import Finding, Rule
-from assetbuild.kinds import Target
-from assetbuild.quantities import Model, Pattern, Positive
+from assetbuild.plugin_types import Target
+from assetbuild.recipe_types import Model, Pattern, Positive
 from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.model import Contact, Control
 from assetbuild.robot.shapes import Mesh, Shapes
@@ -30,7 +30,7 @@ from assetbuild.targets.mjcf.robot_xml import RobotXml, Solver
 from assetbuild.targets.mjcf.scene import scene
 
 UNTOUCHABLE = Rule(
-    "mjx.untouchable",
+    "mjx.collision_disabled",
     "info",
     "links have no collision in the mjx model, as `mjx.touching` asks",
     "nothing",

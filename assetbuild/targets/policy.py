@@ -15,8 +15,8 @@ from pydantic import Field
 from assetbuild.engine.step import Files
 from assetbuild.errors import StepError, did_you_mean
 from assetbuild.findings import Finding, Rule
-from assetbuild.kinds import Target
-from assetbuild.quantities import Model
+from assetbuild.plugin_types import Target
+from assetbuild.recipe_types import Model
 from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.initial import initial_pose
 from assetbuild.robot.model import Actuator, Control, Joint, Tree
@@ -60,7 +60,7 @@ class Policy(Target):
     reads = ("tree.json", "control.json")
 
     sections: ClassVar[Mapping[str, str]] = {"policy": "options"}
-    told: ClassVar[Mapping[str, str]] = {"feet": "feet.links", "imu": "imu.link"}
+    recipe_fields: ClassVar[Mapping[str, str]] = {"feet": "feet.links", "imu": "imu.link"}
 
     options: PolicyOptions = PolicyOptions()
     """The recipe's `policy`."""

@@ -11,7 +11,7 @@ from pathlib import Path
 from assetbuild.engine.step import Files
 from assetbuild.errors import StepError
 from assetbuild.findings import Finding, Rule
-from assetbuild.kinds import Target
+from assetbuild.plugin_types import Target
 from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.loops import by_constraint
 from assetbuild.robot.model import (

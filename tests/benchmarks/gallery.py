@@ -13,8 +13,8 @@ from pathlib import Path
 
 from PIL import Image, ImageDraw, ImageFont, ImageOps
 
-from assetbuild.looks.render import HERO
-from assetbuild.looks.studio import BACKGROUND
+from assetbuild.rendering.render import HERO
+from assetbuild.rendering.studio import BACKGROUND
 
 WIDTH, HEIGHT = 300, 240
 """Pixels of a robot."""

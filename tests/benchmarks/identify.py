@@ -94,7 +94,7 @@ def measured(name: str) -> Row:
         truth.record(place / "ex" / "excite.csv", place / "log.csv")
         begun = _cpu_s()
         fit = json.loads(run("identify", recipe, "--json"))[0]
-        row = truth.judged(fit)
+        row = truth.evaluate(fit)
         row.cpu_s = _cpu_s() - begun
         print(row, file=sys.stderr)
         return row
@@ -228,7 +228,7 @@ class Truth:
             out, np.column_stack([t, q, u]), "%.6f", ",", header=",".join(names), comments=""
         )
 
-    def judged(self, fit: dict[str, Any]) -> Row:
+    def evaluate(self, fit: dict[str, Any]) -> Row:
         """The counts."""
         row, off = Row(self.name, len(self.names)), 0.0
         for each in fit["parameters"]:

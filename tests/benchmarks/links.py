@@ -9,9 +9,9 @@ from pathlib import Path
 
 from assetbuild.engine.step import Files
 from assetbuild.geometry.convert_mesh import ConvertMesh
-from assetbuild.kinds import ConvertedMesh
 from assetbuild.mesh.obj import read_triangles
 from assetbuild.mesh.triangles import TriangleMesh, cleaned, merged
+from assetbuild.plugin_types import ConvertedMesh
 from assetbuild.robot.codec import decode
 
 LINKS = {

@@ -12,7 +12,7 @@ import sys
 
 def main() -> int:
     from assetbuild.engine.machine import cache_root
-    from assetbuild.engine.null import check, record_file
+    from assetbuild.engine.noop_build import check, record_file
 
     record = record_file(cache_root(), os.getcwd())  # noqa: PTH109 - no pathlib here
     if check(record, "bench") is not None:

@@ -176,7 +176,7 @@ FAULTS: tuple[Fault, ...] = (
 )  # fmt: skip
 
 
-def judged(policy: Path, bundle: Path) -> tuple[str, str]:
+def evaluate(policy: Path, bundle: Path) -> tuple[str, str]:
     """(by what it is named, in which words); nothing where it is not."""
     found = [f for f in check_policy(policy, bundle)[1] if f.severity != "info"]
     if found:
@@ -210,7 +210,7 @@ def main() -> None:
         if not (fault := random_.choice(FAULTS)(said, random_)):
             continue
         with tempfile.TemporaryDirectory(prefix="wiring-") as folder:
-            by, words = judged(save(said, file, Path(folder)), bundle)
+            by, words = evaluate(save(said, file, Path(folder)), bundle)
         counts[by] += 1
         print(f"{by or 'MISSED':6} {bundle.name}: {fault}: {words[:140]}", flush=True)
     by_check, by_replay, missed = (counts[by] for by in ("check", "replay", ""))

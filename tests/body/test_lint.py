@@ -288,7 +288,7 @@ def test_a_massless_link_between_two_joints_is_told_and_no_error(tmp_path: Path)
     tree = Tree("arm", "floating", bodies, joints)
     inputs = write_source_ports(tmp_path / "in", TinyRobot(tree, tree))
     (finding,) = run_step(LintBodies(), inputs, tmp_path / "out")
-    assert (finding.rule, finding.severity) == ("inertia.between", "info")
+    assert (finding.rule, finding.severity) == ("inertia.massless_intermediate_link", "info")
     assert finding.subject == "link between"
     assert finding.data["joints"] == ("j", "k")
 

@@ -40,7 +40,7 @@ LOOSE = {"rule": {"name": "Manifold"}, "severity": "WARNING", "message": "3 edge
 UNBOUND = {"rule": {"name": "Types"}, "severity": "FAILURE", "message": "no", "at": {"path": "/x"}}
 
 
-def judged(tool: ForeignTool, report: object) -> tuple[list[tuple[str, ...]], dict[str, object]]:
+def evaluate(tool: ForeignTool, report: object) -> tuple[list[tuple[str, ...]], dict[str, object]]:
     """(rule, severity, subject) of what it says of a report, and its figures."""
     figures: dict[str, object] = {}
     text = report if isinstance(report, str) else json.dumps(report)
@@ -54,7 +54,7 @@ def simready(features: Mapping[str, object]) -> object:
 def test_required_features_are_errors_and_optional_ones_one_line():
     tool = SimReady(robot="robot", environment="")
     features = {"FET_033": METADATA, "FET_025_ROS": ROS, "FET_001": MET, "FET_031": THUMBNAIL}
-    found, figures = judged(tool, simready(features))
+    found, figures = evaluate(tool, simready(features))
     assert [f[:2] for f in found] == [("simready.required", "error"), ("simready.optional", "info")]
     assert figures == {"profile": "Robot-Body 3.0.0", "met": 2, "of": 4}, "the thumbnail is later"
     required, optional = tool.judge(json.dumps(simready(features)), {})
@@ -66,14 +66,14 @@ def test_required_features_are_errors_and_optional_ones_one_line():
 def test_failures_of_the_asset_validator_are_errors_and_warnings_one_line_a_rule():
     tool = AssetValidator(robot="robot", environment="")
     issues = [LOOSE, UNBOUND, LOOSE | {"at": {"path": "/n"}}, {"severity": "ERROR", "message": ""}]
-    found, figures = judged(tool, {"rules": [{"issues": issues[:1]}, {"issues": issues[1:]}]})
+    found, figures = evaluate(tool, {"rules": [{"issues": issues[:1]}, {"issues": issues[1:]}]})
     assert found == [
         ("asset_validator.failure", "error", "prim /x"),
         ("asset_validator.failure", "error", "robot"),
         ("asset_validator.warning", "info", "robot"),
     ]
     assert figures == {"failures": 2, "warnings": 2}
-    assert judged(tool, {"rules": []})[0] == []
+    assert evaluate(tool, {"rules": []})[0] == []
 
 
 def test_linters_keep_their_ids():
@@ -82,14 +82,14 @@ def test_linters_keep_their_ids():
             {"severity": "error", "message": "3e5 kg/m3", "target": "foot"}]},
         {"id": "joints.axis", "status": "pass", "findings": []},
     ]  # fmt: skip
-    found, figures = judged(Simcheck(robot="robot"), {"results": results})
+    found, figures = evaluate(Simcheck(robot="robot"), {"results": results})
     assert (found, figures) == (
         [("simcheck.inertia.density", "error", "robot")],
         {"checks": 2, "passed": 1},
     )
     warned = [{"level": "WARN", "code": "timestep_large", "subject": "<option>", "message": ""}]
     page = "v0.2.1\nscene.xml - 1 warning\n" + json.dumps([{"findings": warned}], indent=2)
-    assert judged(MjcfDoctor(robot="robot"), page)[0] == [
+    assert evaluate(MjcfDoctor(robot="robot"), page)[0] == [
         ("doctor.timestep_large", "warning", "robot")
     ]
 
@@ -134,7 +134,7 @@ def test_a_program_without_a_report_is_a_finding(
 
 def test_features_that_are_none_are_no_result():
     with pytest.raises(LookupError):
-        judged(SimReady(robot="robot", environment=""), simready({}))
+        evaluate(SimReady(robot="robot", environment=""), simready({}))
 
 
 @pytest.mark.slow

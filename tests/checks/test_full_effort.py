@@ -37,7 +37,7 @@ def coupled() -> TinyRobot:
     return with_mimic(tiny_quadruped(), "FL_calf_joint", "FR_calf_joint", 1.0, 0.0)
 
 
-def judged(
+def evaluate(
     robot: TinyRobot, folder: Path, source: str | None = None
 ) -> tuple[list[Finding], dict[str, dict]]:
     inputs = check_inputs(folder, robot, Mjcf(robot="robot"), "mjcf")
@@ -48,24 +48,24 @@ def judged(
 
 def test_a_strong_joint_runs_past_mujocos_default_limits(tmp_path: Path) -> None:
     robot = strong()
-    (found,), figures = judged(robot, tmp_path / "soft")
+    (found,), figures = evaluate(robot, tmp_path / "soft")
     assert (found.rule, found.severity) == ("limits.soft", "warning")
     error = figures["mjcf"]["limits"]["turn"]["error"]
     inertia = bare_inertia(robot.tree, robot.control)["swing_joint"]
     # At rest the limit carries what the drive, which pulls back, leaves of the load.
     limit = inertia / (0.05 * 0.02**2)
     assert error == pytest.approx(500.0 / (limit + 500.0), rel=0.1)
-    assert judged(stiff(robot), tmp_path / "stiff")[0] == []
-    (told,), _ = judged(robot, tmp_path / "told", source="arm.xml")
+    assert evaluate(stiff(robot), tmp_path / "stiff")[0] == []
+    (told,), _ = evaluate(robot, tmp_path / "told", source="arm.xml")
     assert told.severity == "info", "its MJCF says how soft they are"
 
 
 def test_followers_part_from_a_strong_leader(tmp_path: Path) -> None:
     """36 N m against calves of 0.02 kg m2; MuJoCo's default parts them by 0.03 rad."""
-    findings, figures = judged(coupled(), tmp_path / "soft")
+    findings, figures = evaluate(coupled(), tmp_path / "soft")
     assert "couplings.soft" in {f.rule for f in findings}
     assert figures["mjcf"]["couplings"]["turn"]["joint"] == "FL_calf_joint"
-    findings, figures = judged(stiff(coupled()), tmp_path / "stiff")
+    findings, figures = evaluate(stiff(coupled()), tmp_path / "stiff")
     assert "couplings.soft" not in {f.rule for f in findings}
     assert figures["mjcf"]["couplings"]["turn"]["error"] < 1.1 * COUPLINGS.turn
 
@@ -77,7 +77,7 @@ def test_a_soft_loop_opens_where_a_drive_pushes_against_it(tmp_path: Path) -> No
 
     def found(folder: str, **softness: tuple[float, ...]) -> tuple[set[str], float]:
         control = replace(robot.control, actuators=rows, loops=(replace(loop, **softness),))
-        findings, figures = judged(replace(robot, control=control), tmp_path / folder)
+        findings, figures = evaluate(replace(robot, control=control), tmp_path / folder)
         row = figures["mjcf"]["couplings"]["slide"]
         assert row["joint"] == "loop coupler_loop"
         return {f.rule for f in findings}, row["error"]

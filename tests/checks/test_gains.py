@@ -39,7 +39,7 @@ def arm(timestep: float = 0.002, **fields: object) -> TinyRobot:
     return replace(robot, control=control)
 
 
-def judged(robot: TinyRobot, folder: Path, **said: object) -> tuple[list[Finding], dict]:
+def evaluate(robot: TinyRobot, folder: Path, **said: object) -> tuple[list[Finding], dict]:
     write_robot_ports(folder / "in", robot)
     findings = run_step(Gains(**said), folder / "in", folder / "out")
     return findings, json.loads((folder / "out/figures.json").read_text())["joints"]
@@ -50,7 +50,7 @@ def rules(findings: Sequence[Finding]) -> set[str]:
 
 
 def test_figures_of_an_arm_are_those_of_the_textbook(tmp_path: Path) -> None:
-    findings, joints = judged(arm(damping=0.1, armature=0.05), tmp_path)
+    findings, joints = evaluate(arm(damping=0.1, armature=0.05), tmp_path)
     one, inertia = joints["swing_joint"], ROD + 0.05
     assert one["inertia"] == pytest.approx(inertia, rel=2e-4)
     assert one["frequency_hz"] == pytest.approx(math.sqrt(40.0 / inertia) / 2 / math.pi, rel=2e-4)
@@ -73,7 +73,7 @@ BAD = {
 
 @pytest.mark.parametrize("rule", BAD)
 def test_each_rule_speaks_on_a_bad_arm(rule: str, tmp_path: Path) -> None:
-    findings, _ = judged(BAD[rule], tmp_path, inherited=True)
+    findings, _ = evaluate(BAD[rule], tmp_path, inherited=True)
     assert {rule, "gains.inherited"} <= rules(findings)
 
 
@@ -85,7 +85,7 @@ def test_a_joint_creeps_by_its_damping_and_by_how_long_it_takes(
     kp: float, ratio: float, creeps: bool, tmp_path: Path
 ) -> None:
     """A ratio of 3.2 at 40 N m/rad lags by 2 * 3.2 * sqrt(I / kp) = 0.29 s, at 4000 by 29 ms."""
-    findings, _ = judged(arm(kp=kp, kd=2.0 * ratio * math.sqrt(kp * ROD)), tmp_path)
+    findings, _ = evaluate(arm(kp=kp, kd=2.0 * ratio * math.sqrt(kp * ROD)), tmp_path)
     creeping = [each for each in findings if each.rule == "gains.overdamped"]
     assert bool(creeping) == creeps
     for each in creeping:
@@ -99,7 +99,7 @@ def test_a_drive_that_outruns_the_step_elsewhere_in_its_loop_is_found(tmp_path: 
     key = Keyframe("home", tuple(found.positions.items()))
     crank = Actuator("crank_joint", "ideal_pd", kp=0.1, kd=0.8, effort=90.0)
     control = replace(bar.control, actuators=(crank, *bar.control.actuators[1:]), keyframes=(key,))
-    findings, joints = judged(replace(bar, control=control), tmp_path)
+    findings, joints = evaluate(replace(bar, control=control), tmp_path)
     (unstable,) = (each for each in findings if each.rule == "gains.unstable")
     assert unstable.severity == "error" and "loops leave it" in unstable.message
     assert joints["crank_joint"]["margin"] > 2.0
@@ -107,7 +107,7 @@ def test_a_drive_that_outruns_the_step_elsewhere_in_its_loop_is_found(tmp_path: 
     assert figures["most"] > 4.0 * figures["least"]
     calm = replace(crank, model="pd", kd=0.05)
     control = replace(control, actuators=(calm, *control.actuators[1:]))
-    assert "gains.unstable" not in rules(judged(replace(bar, control=control), tmp_path / "b")[0])
+    assert "gains.unstable" not in rules(evaluate(replace(bar, control=control), tmp_path / "b")[0])
 
 
 @pytest.mark.parametrize("integrator", ["Euler", "implicitfast"])
@@ -117,7 +117,7 @@ def test_the_margin_is_where_mujoco_diverges(
 ) -> None:
     """kp and kd grown to just below and just above the limit, without gravity."""
     soft = arm(timestep=0.01, kp=1000.0, kd=3.0, effort=None)
-    _, joints = judged(soft, tmp_path / "a", integrator=integrator)
+    _, joints = evaluate(soft, tmp_path / "a", integrator=integrator)
     grow = factor * joints["swing_joint"]["margin"]
     drive = replace(soft.control.actuators[0], kp=1000.0 * grow, kd=3.0 * grow)
     if integrator == "implicitfast":  # the margin counts kp only where kd is implicit

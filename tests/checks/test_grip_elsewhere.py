@@ -76,16 +76,16 @@ def pincher(effort: float) -> TinyRobot:
 def test_a_pincher_holds_what_it_should_and_loses_it_without_strength(
     check: StageGripping, rule: str, tmp_path: Path
 ) -> None:
-    def judged(effort: float, folder: Path) -> tuple[list[Finding], list[dict[str, object]]]:
+    def evaluate(effort: float, folder: Path) -> tuple[list[Finding], list[dict[str, object]]]:
         findings = run_step(check, models(folder, pincher(effort)), folder / "out")
         figures = json.loads((folder / "out/figures.json").read_text())
         return findings, figures["usd"]["palm"]
 
-    findings, rows = judged(40.0, tmp_path / "strong")
+    findings, rows = evaluate(40.0, tmp_path / "strong")
     assert findings == []
     assert [row["shape"] for row in rows] == ["cube", "cylinder", "sphere"]
     # Friction 1 on two sides holds 2 N of weight by 1 N each; half of that is pressed.
-    (lost,), rows = judged(0.5, tmp_path / "weak")
+    (lost,), rows = evaluate(0.5, tmp_path / "weak")
     assert lost.rule == rule
     assert "fails to hold 3" in lost.message
     assert "a cube of 40 mm and 0.2 kg is lost" in lost.message

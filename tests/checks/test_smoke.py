@@ -27,9 +27,9 @@ from tiny import (
 )
 
 import assetbuild
-from assetbuild.checks.smoke_mjlab import SmokeMjlab, _shown, judged
+from assetbuild.checks.smoke_mjlab import SmokeMjlab, _shown, evaluate
 from assetbuild.checks.smoke_newton import SmokeNewton, run_of
-from assetbuild.checks.smoke_newton import judged as judged_newton
+from assetbuild.checks.smoke_newton import evaluate as judged_newton
 from assetbuild.cli import main
 from assetbuild.cli.smoke import environments_to_make
 from assetbuild.engine.world import World
@@ -74,8 +74,8 @@ BAD = {
 
 
 def test_a_good_answer_says_nothing() -> None:
-    assert list(judged(GOOD, BOUNDS)) == []
-    assert list(judged({**GOOD, "effort_share": 1.09}, BOUNDS, effort_factor=1.1)) == []
+    assert list(evaluate(GOOD, BOUNDS)) == []
+    assert list(evaluate({**GOOD, "effort_share": 1.09}, BOUNDS, effort_factor=1.1)) == []
 
 
 def test_the_verdict_quotes_what_mjlab_saw() -> None:
@@ -87,7 +87,7 @@ def test_the_verdict_quotes_what_mjlab_saw() -> None:
 
 @pytest.mark.parametrize("rule", BAD)
 def test_each_fault_has_its_rule(rule: str) -> None:
-    assert [finding.rule for finding in judged({**GOOD, **BAD[rule]}, BOUNDS)] == [rule]
+    assert [finding.rule for finding in evaluate({**GOOD, **BAD[rule]}, BOUNDS)] == [rule]
 
 
 def recipe(**keys: Any) -> Recipe:

@@ -14,7 +14,7 @@ import pytest
 from pxr import Usd
 from tiny import TinyRobot, pendulum, run_step, spoil_stage, tiny_quadruped, write_robot_ports
 
-from assetbuild.checks.smoke_isaaclab import SmokeIsaacLab, judged, summed_up
+from assetbuild.checks.smoke_isaaclab import SmokeIsaacLab, evaluate, summed_up
 from assetbuild.engine.world import World
 from assetbuild.facts.reference import Assets, Reference, robot_table
 from assetbuild.findings import Finding
@@ -62,7 +62,7 @@ def readings(robot: TinyRobot, spoil: Spoil = lambda facts: None) -> dict[str, A
 
 def found(robot: TinyRobot, spoil: Spoil = lambda facts: None) -> list[Finding]:
     answer, bounds = readings(robot, spoil), SmokeBounds.model_validate({})
-    return list(judged(answer, robot.tree, robot.control, bounds, "newton"))
+    return list(evaluate(answer, robot.tree, robot.control, bounds, "newton"))
 
 
 @pytest.mark.parametrize("robot", [tiny_quadruped(), pendulum()], ids=["floating", "fixed"])

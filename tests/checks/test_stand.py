@@ -99,7 +99,7 @@ def test_a_start_off_the_floor_is_found_in_millimetres(
     tmp_path: Path, lift: float, severity: str, said: str
 ) -> None:
     found = check(with_base(tiny_quadruped(), lift), tmp_path)
-    starts = [f for f in found if f.rule == "stand.start"]
+    starts = [f for f in found if f.rule == "stand.sole_gap"]
     feet = {f"link {leg}_foot" for leg in ("FR", "FL", "RR", "RL")} if severity else set()
     assert {f.subject for f in starts} == feet
     assert all(f.severity == severity and said in f.message for f in starts)
@@ -128,7 +128,7 @@ def test_what_is_no_foot_may_not_touch_the_floor(tmp_path: Path) -> None:
 def test_without_a_pattern_anything_may_touch_and_the_lowest_point_counts(tmp_path: Path) -> None:
     assert check(tiny_quadruped(), tmp_path / "a", feet=None) == []
     found = check(with_base(tiny_quadruped(), 0.05), tmp_path / "b", feet=None)
-    assert sum(f.rule == "stand.start" for f in found) == 1
+    assert sum(f.rule == "stand.sole_gap" for f in found) == 1
 
 
 def test_drift_and_tilt_have_their_own_limits(tmp_path: Path) -> None:
@@ -193,7 +193,7 @@ def test_a_keyframe_or_feet_that_are_not_there_are_an_error(
 # --- slope ---------------------------------------------------------------------------------------
 
 
-def judged(
+def evaluate(
     folder: Path, options: MjcfOptions, robot: TinyRobot | None = None
 ) -> tuple[list[Finding], dict[str, dict]]:
     inputs = check_inputs(
@@ -204,7 +204,7 @@ def judged(
 
 
 def test_feet_stay_on_a_slope_that_friction_holds(tmp_path: Path) -> None:
-    findings, figures = judged(tmp_path, MjcfOptions())
+    findings, figures = evaluate(tmp_path, MjcfOptions())
     assert findings == []
     row = figures["mjcf"]
     assert row["speed_m_s"] < 1e-3
@@ -212,7 +212,7 @@ def test_feet_stay_on_a_slope_that_friction_holds(tmp_path: Path) -> None:
 
 
 def test_a_pyramidal_cone_without_impratio_lets_them_slide(tmp_path: Path) -> None:
-    (found,), figures = judged(tmp_path, MjcfOptions(cone="pyramidal"))
+    (found,), figures = evaluate(tmp_path, MjcfOptions(cone="pyramidal"))
     assert found.rule == "slope.creep"
     assert figures["mjcf"]["speed_m_s"] > 1e-3
 
@@ -221,7 +221,7 @@ def test_feet_without_friction_are_not_judged(tmp_path: Path) -> None:
     robot = tiny_quadruped()
     contact = robot.control.contact.model_copy(update={"condim": 1, "priority": 1})
     robot = replace(robot, control=replace(robot.control, contact=contact, contacts=()))
-    findings, figures = judged(tmp_path, MjcfOptions(), robot)
+    findings, figures = evaluate(tmp_path, MjcfOptions(), robot)
     assert findings == []
     assert figures["mjcf"]["skipped"] == "its feet have no friction"
 
@@ -230,11 +230,11 @@ def test_drives_that_give_way_get_a_flatter_slope(tmp_path: Path) -> None:
     robot = tiny_quadruped()
     soft = tuple(replace(row, kp=25.0, kd=1.0) for row in robot.control.actuators)
     robot = replace(robot, control=replace(robot.control, actuators=soft))
-    findings, figures = judged(tmp_path, MjcfOptions(), robot)
+    findings, figures = evaluate(tmp_path, MjcfOptions(), robot)
     assert findings == []
     row = figures["mjcf"]
     assert row["angle_rad"] == pytest.approx(0.8 * math.atan(row["friction"]), rel=1e-3)
-    _, firm = judged(tmp_path / "firm", MjcfOptions())
+    _, firm = evaluate(tmp_path / "firm", MjcfOptions())
     assert row["angle_rad"] <= firm["mjcf"]["angle_rad"] / 2.0
 
 

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import shutil
 from pathlib import Path
 
 import numpy as np
 import pytest
 from tiny import stl
 
-from .conftest import Legs
+from .conftest import LEGS, LEGS_RECIPE, Legs, new_legs
 
 
 def refused(legs: Legs, code: int, *parts: str, command: tuple[str, ...] = ()) -> str:
@@ -28,10 +29,20 @@ def _snapshot(folder: Path) -> dict[str, int]:
     return {str(p): p.stat().st_mtime_ns for p in sorted(folder.rglob("*")) if p.is_file()}
 
 
+@pytest.fixture(scope="module")
+def legs_with_a_bundle(tmp_path_factory: pytest.TempPathFactory, legs_store: Path) -> Legs:
+    folder = tmp_path_factory.mktemp("bad-input")
+    legs = new_legs(folder / "legs", shutil.copytree(legs_store, folder / "store"))
+    assert legs.build().returncode == 0
+    return legs
+
+
 @pytest.fixture
-def built(warm_legs: Legs) -> Legs:
-    assert warm_legs.build().returncode == 0
-    return warm_legs
+def built(legs_with_a_bundle: Legs) -> Legs:
+    """The input put right again before each test; the bundle is never touched."""
+    legs_with_a_bundle.recipe.write_text(LEGS_RECIPE)
+    shutil.copyfile(LEGS, legs_with_a_bundle.urdf)
+    return legs_with_a_bundle
 
 
 def with_mesh(legs: Legs, data: bytes | None) -> None:

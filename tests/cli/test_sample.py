@@ -1,4 +1,4 @@
-"""`assetbuild sample` on the real Go1, read back by MuJoCo."""
+"""`assetbuild sample`: robots drawn of the real Go1, read back by MuJoCo, and wrong ranges."""
 
 import json
 import re
@@ -44,8 +44,8 @@ def test_three_robots_load_and_differ_as_drawn(bare):
     assert all(0.8 * 13.1 + 2 < mass < 1.2 * 13.2 + 3 for mass in masses)
 
 
-def test_a_recipe_without_ranges_says_what_to_add(bare):
-    done = bare.run("sample", "recipes/go1.yaml")
+def test_a_recipe_without_ranges_says_what_to_add(legs):
+    done = legs.run("sample", "legs.yaml")
     assert done.returncode == 2
     assert "has no `randomize`" in done.stderr and "hint: add" in done.stderr
 
@@ -54,13 +54,13 @@ def test_a_recipe_without_ranges_says_what_to_add(bare):
     ("ranges", "message"),
     [
         ("{links: {trnk: {}}}", "did you mean `trunk`"),
-        ("{links: {FR_foot: {}}}", "merged into `FR_calf`"),
+        ("{links: {RF_foot: {}}}", "merged into `RF_calf`"),
         ("{friction: [1, 0.5]}", "must not exceed the second"),
     ],
 )
-def test_wrong_ranges_are_told_with_their_line(bare, ranges, message):
-    bare.edit_recipe("\ncontact:", f"\nrandomize: {ranges}\ncontact:")
-    done = bare.run("sample", "recipes/go1.yaml")
+def test_wrong_ranges_are_told_with_their_line(warm_legs, ranges, message):
+    warm_legs.edit("\ntargets:", f"\nrandomize: {ranges}\ntargets:")
+    done = warm_legs.run("sample", "legs.yaml")
     assert done.returncode == 2
-    assert message in done.stderr and "recipes/go1.yaml:" in done.stderr
+    assert message in done.stderr and "legs.yaml:" in done.stderr
     assert "Traceback" not in done.stderr

@@ -33,7 +33,7 @@ def test_doctor_tells_a_store_that_cannot_be_written_to(monkeypatch, tmp_path: P
 
 
 def test_doctor_without_opengl_names_the_package(monkeypatch):
-    monkeypatch.setattr("assetbuild.looks.plan.renderer", lambda _: "none")
+    monkeypatch.setattr("assetbuild.rendering.plan.renderer", lambda _: "none")
     (pictures,) = [row for row in examine() if row.name == "pictures"]
     assert pictures.level == "missing" and "libegl1" in pictures.fix
 
@@ -131,6 +131,7 @@ def test_two_recipes_of_one_robot_are_refused(legs: Legs):
     assert "two of the recipes build `legs`" in done.stderr
 
 
+@pytest.mark.slow
 def test_every_step_gives_the_same_bytes_twice(warm_legs: Legs):
     done = warm_legs.build("--rebuild-check")
     assert done.returncode == 0, done.stdout + done.stderr

@@ -105,7 +105,7 @@ def test_a_urdf_that_cannot_be_built_says_why_it_was_not_tried(
     mesh = '<mesh filename="package://nobody/a.stl"/>'
     path.write_text(SHIFTED.format(0).replace(box(0.2), mesh, 1))
     code, said = ran(capsys, path)
-    assert (code, "warning trials.untried" in said) == (0, True)
+    assert (code, "warning trials.not_simulated" in said) == (0, True)
     assert "--package nobody=FOLDER" in said
 
 
@@ -117,8 +117,8 @@ def test_a_usd_is_tried_in_physx_or_says_how(
     said = ran(capsys, path, "--json")[1]
     rules = {f["rule"] for one in json.loads(said) for f in one["findings"]}
     physx = importlib.util.find_spec("ovphysx") is not None
-    assert ("physx.articulation" if physx else "trials.untried") in rules
-    assert "trials.untried" not in ran(capsys, path, "--static")[1]
+    assert ("physx.articulation" if physx else "trials.not_simulated") in rules
+    assert "trials.not_simulated" not in ran(capsys, path, "--static")[1]
 
 
 def test_a_file_of_another_kind_or_none_is_a_wrong_command(
@@ -134,4 +134,4 @@ def test_a_usd_that_is_none(tmp_path: Path, capsys: pytest.CaptureFixture[str]) 
     (tmp_path / "a.usda").write_text("not usd")
     code, said = ran(capsys, tmp_path / "a.usda")
     assert (code, "usd.unreadable" in said) == (1, True)
-    assert "trials.untried" in said
+    assert "trials.not_simulated" in said

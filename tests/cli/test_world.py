@@ -10,7 +10,7 @@ import pytest
 from PIL import Image
 
 from assetbuild.engine.world import World
-from assetbuild.looks.plan import renderer
+from assetbuild.rendering.plan import renderer
 
 from .conftest import Legs
 
@@ -77,7 +77,8 @@ def mass_built(legs: Legs) -> str:
     return "7" if 'mass value="7' in (legs.bundle / "urdf/legs.urdf").read_text() else "6"
 
 
-@pytest.mark.parametrize("link", ["robot", pytest.param("above", marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("link", ["robot", "above"])
 def test_a_source_behind_a_link_that_leads_elsewhere_now_is_built(warm_legs: Legs, link: str):
     folder = warm_legs.folder
     for name in ("old", "new"):

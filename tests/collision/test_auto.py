@@ -19,7 +19,6 @@ from assetbuild.collision.coacd import CoAcd
 from assetbuild.collision.hull import Hull
 from assetbuild.collision.vhacd import VHacd
 from assetbuild.geometry.convert_mesh import write_converted
-from assetbuild.kinds import Pieces
 from assetbuild.mesh import coacd
 from assetbuild.mesh.coacd import CoAcdOptions, Patience
 from assetbuild.mesh.cover import union_of
@@ -31,6 +30,7 @@ from assetbuild.mesh.primitives import tessellate
 from assetbuild.mesh.solid import ConvexPiece
 from assetbuild.mesh.triangles import TriangleMesh, cleaned
 from assetbuild.mesh.vhacd import VHacdOptions
+from assetbuild.plugin_types import Pieces
 from assetbuild.robot.codec import decode
 from assetbuild.robot.pose import Pose, quat_of_rpy
 from assetbuild.robot.shapes import Box, Sphere

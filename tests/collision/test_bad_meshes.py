@@ -16,12 +16,12 @@ from assetbuild.collision import PlacedSource
 from assetbuild.collision.auto import PRESETS, Auto
 from assetbuild.errors import StepError
 from assetbuild.geometry.convert_mesh import write_converted
-from assetbuild.kinds import Pieces
 from assetbuild.mesh.material import MaterialPart, SurfaceMaterial
 from assetbuild.mesh.obj import obj_bytes, read_triangles
 from assetbuild.mesh.primitives import tessellate
 from assetbuild.mesh.triangles import TriangleMesh, merged
 from assetbuild.mesh.vhacd import VHacdOptions
+from assetbuild.plugin_types import Pieces
 from assetbuild.robot.codec import decode
 from assetbuild.robot.pose import Pose, quat_of_rpy
 from assetbuild.robot.shapes import Box, Sphere
@@ -240,6 +240,7 @@ OPEN = {
 }  # fmt: skip
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("boxes", "free"), OPEN.values(), ids=list(OPEN))
 def test_a_tilted_part_comes_apart_like_an_upright_one(tmp_path, boxes, free):
     rng = np.random.default_rng(5)

@@ -19,7 +19,6 @@ from assetbuild.collision.spheres import Spheres
 from assetbuild.collision.vhacd import VHacd
 from assetbuild.errors import StepError
 from assetbuild.geometry.convert_mesh import write_converted
-from assetbuild.kinds import Pieces
 from assetbuild.mesh.cover import union_of
 from assetbuild.mesh.hull import convex_hull
 from assetbuild.mesh.material import MaterialPart, SurfaceMaterial
@@ -27,6 +26,7 @@ from assetbuild.mesh.obj import obj_bytes, read_triangles
 from assetbuild.mesh.primitives import signed_distance, tessellate
 from assetbuild.mesh.solid import ConvexPiece
 from assetbuild.mesh.triangles import TriangleMesh, merged, signed_volume
+from assetbuild.plugin_types import Pieces
 from assetbuild.plugins import load_plugin, plugin_names
 from assetbuild.robot.codec import decode
 from assetbuild.robot.pose import Pose, quat_of_rpy

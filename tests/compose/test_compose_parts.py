@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from tiny import TinyRobot, pendulum, run_step, tiny_quadruped, write_source_ports
 
-from assetbuild.compose.compose_parts import ComposeParts, PartOn
+from assetbuild.compose.compose_parts import ComposeParts, MountedPart
 from assetbuild.errors import RecipeError
 from assetbuild.robot.codec import decode
 from assetbuild.robot.model import Tree
@@ -21,7 +21,7 @@ from assetbuild.robot.tree import forward_kinematics, sample_positions
 from assetbuild.source.urdf.read_urdf import ReadUrdf
 
 AT = At(link="trunk", xyz=(0.1, 0.0, 0.2), rpy=(0.3, -0.2, 1.0))
-ARM = PartOn(folder="arm_", prefix="arm_", at=AT)
+ARM = MountedPart(folder="arm_", prefix="arm_", at=AT)
 
 
 def put(folder: Path, robot: TinyRobot, file: str) -> None:
@@ -30,7 +30,7 @@ def put(folder: Path, robot: TinyRobot, file: str) -> None:
     (folder / "source_map.json").write_text(json.dumps({"file": file, "lines": lines}))
 
 
-def composed(tmp_path: Path, *parts: PartOn) -> tuple[Tree, SourceShapes, dict, list]:
+def composed(tmp_path: Path, *parts: MountedPart) -> tuple[Tree, SourceShapes, dict, list]:
     put(tmp_path / "base", tiny_quadruped(), "dog.urdf")
     for part in parts:
         put(tmp_path / part.folder, pendulum(), "arm.urdf")
@@ -117,7 +117,7 @@ def test_b1_with_z1_is_the_robot_that_somebody_merged_by_hand(tmp_path, go1_root
     by_hand = read(folder / "b1_description/urdf/b1-z1.urdf", tmp_path / "hand", "floating")
     read(folder / "b1_description/urdf/b1.urdf", tmp_path / "base", "floating")
     read(folder / "z1_description/urdf/z1.urdf", tmp_path / "arm_", "fixed")
-    place = PartOn(folder="arm_", prefix="arm_", at=At(link="trunk", xyz=(0.35, 0, 0.09)))
+    place = MountedPart(folder="arm_", prefix="arm_", at=At(link="trunk", xyz=(0.35, 0, 0.09)))
     run_step(ComposeParts(parts=(place,)), tmp_path, tmp_path / "out")
     ours = decode(Tree, (tmp_path / "out/links.json").read_bytes())
 

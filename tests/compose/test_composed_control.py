@@ -10,7 +10,7 @@ import pytest
 from mjcfs import Reading, hard_arm, read
 from tiny import pendulum, run_step, tiny_quadruped, write_source_ports
 
-from assetbuild.compose.compose_parts import ComposeParts, PartOn
+from assetbuild.compose.compose_parts import ComposeParts, MountedPart
 from assetbuild.compose.composed_control import KeyOf, PartControl
 from assetbuild.compose.composed_masks import meeting_masks, touch
 from assetbuild.errors import RecipeError
@@ -128,7 +128,7 @@ def test_two_drives_of_one_name_are_refused(tmp_path: Path):
         item = MjcfOnly("tendon", tendon.element.replace("arm_t", name))
         said = SourceControl(Control(mjcf_only=(item,)))
         (tmp_path / folder / "source_control.json").write_bytes(encode(said))
-    on = PartOn(folder="arm_", prefix="arm_", at=At(link="trunk"))
+    on = MountedPart(folder="arm_", prefix="arm_", at=At(link="trunk"))
     with pytest.raises(RecipeError, match="two parts have a tendon `arm_t`"):
         run_step(ComposeParts(parts=(on,)), tmp_path, tmp_path / "out")
 
@@ -141,7 +141,7 @@ def test_the_surface_that_most_shapes_of_a_part_have_comes_along(tmp_path: Path)
     for folder in ("base", "arm_"):
         (tmp_path / folder / "source_map.json").write_text('{"file": "x", "lines": {}}')
     (tmp_path / "arm_" / "source_control.json").write_bytes(encode(said))
-    on = PartOn(folder="arm_", prefix="arm_", at=At(link="trunk"))
+    on = MountedPart(folder="arm_", prefix="arm_", at=At(link="trunk"))
     run_step(ComposeParts(parts=(on,)), tmp_path, tmp_path / "out")
     whole = decode(SourceControl, (tmp_path / "out" / "source_control.json").read_bytes())
     assert whole.surfaces == (("arm_", slippery),)
@@ -159,7 +159,7 @@ def test_a_part_that_floats_alone_is_held_and_its_place_in_its_world_told(tmp_pa
     for name in ("links.json", "shapes.json", "source_control.json"):
         (tmp_path / "duck_" / name).write_bytes((duck.read / name).read_bytes())
     (tmp_path / "duck_" / "source_map.json").write_text('{"file": "y", "lines": {}}')
-    on = PartOn(folder="duck_", prefix="duck_", at=At(link="base"))
+    on = MountedPart(folder="duck_", prefix="duck_", at=At(link="base"))
     findings = run_step(ComposeParts(parts=(on,)), tmp_path, tmp_path / "out")
     whole = decode(Tree, (tmp_path / "out" / "links.json").read_bytes())
     assert whole.base == "fixed"

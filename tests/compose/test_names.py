@@ -13,7 +13,7 @@ from pydantic import ValidationError
 from assetbuild.compose.merging import composed
 from assetbuild.compose.names import spoken_of
 from assetbuild.errors import RecipeError
-from assetbuild.quantities import listed
+from assetbuild.recipe_types import listed
 from assetbuild.robot.actuator_table import ActuatorRow
 from assetbuild.robot.ranges import first_match
 

@@ -235,7 +235,7 @@ def test_these_runs_are_of_every_step(runs: list[Seen]):
 
 def test_no_collision_step_reaches_the_recipe(code: Code):
     for step in step_classes():
-        reached = [name for name in code.of(step).modules if name.startswith("assetbuild.recipe")]
+        reached = [name for name in code.of(step).modules if name.startswith("assetbuild.recipe.")]
         assert reached == [], step.__module__
 
 

@@ -12,7 +12,7 @@ from assetbuild.collision import CollisionMethod
 from assetbuild.engine.children import SHARED, Kind, environment
 from assetbuild.engine.step import Step
 from assetbuild.facts.reader import Reader
-from assetbuild.kinds import Check, Target
+from assetbuild.plugin_types import Check, Target
 from assetbuild.plugins import load_plugin, own_names
 
 HEAVY = {"mujoco", "pxr", "trimesh", "scipy", "coacd", "vhacdx", "manifold3d", "yourdfpy", "glfw",

@@ -22,7 +22,7 @@ from assetbuild.facts.readers.mjcf import MjcfFacts
 from assetbuild.facts.reference import Reference, robot_table
 from assetbuild.findings import Finding
 from assetbuild.plugins import load_plugin, plugin_names
-from assetbuild.quantities import Model
+from assetbuild.recipe_types import Model
 from assetbuild.robot.contact import Contact, Contacts
 from assetbuild.robot.files import RobotFiles, SourceControl
 from assetbuild.robot.model import Actuator

@@ -5,13 +5,18 @@ from __future__ import annotations
 import importlib
 import inspect
 import re
+from collections.abc import Mapping
+from typing import ClassVar
+
+import pytest
 
 from assetbuild import checks
 from assetbuild.collision import CollisionMethod
-from assetbuild.kinds import Check, Edit, Target
 from assetbuild.pipeline.recipes import whole_model
+from assetbuild.plugin_types import Check, Edit, Target
 from assetbuild.plugins import load_plugin, plugin_names
 from assetbuild.recipe.schema import known_keys
+from assetbuild.recipe_types import Positive
 
 PLUGINS = [(kind, name) for kind in (Target, Check) for name in plugin_names(kind)]
 KINDS = (Target, Check, Edit, CollisionMethod)
@@ -20,7 +25,7 @@ KINDS = (Target, Check, Edit, CollisionMethod)
 def test_what_each_is_told_are_keys_of_the_recipe():
     for kind, name in PLUGINS:
         plugin = load_plugin(kind, name)
-        for field, path in plugin.told.items():
+        for field, path in plugin.recipe_fields.items():
             *above, key = path.split(".")
             assert field in plugin.model_fields, (name, field)
             assert key in known_keys(whole_model(), tuple(above)), (name, path)
@@ -58,3 +63,19 @@ def test_the_table_of_files_with_several_checks_names_every_one_of_them():
         classes = (value for value in vars(module).values() if inspect.isclass(value))
         named = {own.own_name for own in classes if own.__module__ == module.__name__} - {""}
         assert named == {name for name, where in checks.IN_FILE.items() if where == file}
+
+
+def test_old_names_of_what_plugins_import_and_state_work_for_one_version():
+    with pytest.warns(FutureWarning, match="plugin_types"):
+        from assetbuild.kinds import Check as OldCheck
+    with pytest.warns(FutureWarning, match="recipe_types"):
+        from assetbuild.quantities import Positive as OldPositive
+    assert (OldCheck, OldPositive) == (Check, Positive)
+    with pytest.warns(FutureWarning, match="`recipe_fields` now"):
+
+        class Older(Check):
+            """States a class constant by its name in version 0.1."""
+
+            told: ClassVar[Mapping[str, str]] = {"feet": "feet.links"}
+
+    assert Older.recipe_fields == {"feet": "feet.links"}

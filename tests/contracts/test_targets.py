@@ -9,10 +9,10 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from tiny import four_bar, run_step, tiny_quadruped, write_robot_ports
+from tiny import four_bar, pendulum, run_step, tiny_quadruped, write_robot_ports
 
 import assetbuild
-from assetbuild.kinds import Target
+from assetbuild.plugin_types import Target
 from assetbuild.plugins import load_plugin, plugin_names
 
 TINY = {"quadruped": tiny_quadruped, "four_bar": four_bar}
@@ -74,7 +74,8 @@ def test_it_opens_what_it_declares_and_nothing_else(
     inputs = write_robot_ports(tmp_path / "in", tiny_quadruped())
     secret = tmp_path / "undeclared"
     secret.write_text("known bad")
-    run_step(target, inputs, tmp_path / "warm")  # what is imported late is imported now
+    run_step(target, write_robot_ports(tmp_path / "small", pendulum()), tmp_path / "warm")
+    # What is imported late is imported by now.
     watched.clear()
     run_step(target, inputs, tmp_path / "out")
     declared = (str(inputs), str(tmp_path / "out"), *FREE, str(Path(assetbuild.__file__).parent))

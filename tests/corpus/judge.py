@@ -27,7 +27,9 @@ Poses = dict[str, np.ndarray]
 """(4, 4) of each link or body, in the world."""
 
 
-def judged(source: Path, bundle: Path, find: Callable[[str], Path | None], *, edited: bool) -> str:
+def evaluate(
+    source: Path, bundle: Path, find: Callable[[str], Path | None], *, edited: bool
+) -> str:
     """`equal`, `not judged: ...`, or what differs. find: the file of a mesh's URI.
 
     edited: `init` changed masses or limits, so that only kinematics are compared.

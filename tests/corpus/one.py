@@ -22,7 +22,7 @@ if __name__ == "__main__":
 
 from corpus.counts import counts_in, counts_out
 from corpus.find import resolved
-from corpus.judge import judged
+from corpus.judge import evaluate
 from corpus.lists import Robot
 from corpus.rules import broken
 from corpus.xacros import XacroError, expanded, packages_in
@@ -205,7 +205,7 @@ def compared_with_source(robot: Robot, folder: Path, row: dict) -> dict[str, obj
         return resolved(uri, robot.file, robot.root, packages)
 
     try:
-        more["judge"] = judged(source, bundle, find, edited=edited)
+        more["judge"] = evaluate(source, bundle, find, edited=edited)
     except Exception as error:  # a judge that fails is no acquittal: its name stands in the table
         more["judge"] = f"not judged: {type(error).__name__}: {error}"[:200]
     return more

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 import trimesh
 
-from corpus.judge import judged
+from corpus.judge import evaluate
 
 URDF = """<robot name="r"><link name="base"><inertial><mass value="2"/>
 <inertia ixx="0.01" ixy="0" ixz="0" iyy="0.01" iyz="0" izz="0.01"/></inertial>
@@ -46,7 +46,7 @@ def test_what_differs_is_said(source: str, old: str, new: str, says: str, tmp_pa
     trimesh.creation.box((0.1, 0.1, 0.1)).export(tmp_path / "box.stl")
     edge = 0.2 if new == "twice" else 0.1
     trimesh.creation.box((edge, edge, edge)).export(bundle / "urdf/box.stl")
-    said = judged(given, bundle, lambda uri: tmp_path / uri, edited=False)
+    said = evaluate(given, bundle, lambda uri: tmp_path / uri, edited=False)
     if source == "xml":
         of_mjcf = {"twice": "equal", 'name="other"': "no joint of the source is in ours"}
         says = of_mjcf.get(new, says)
@@ -68,14 +68,14 @@ def test_what_pinocchio_alone_refuses_is_judged(old: str, new: str, tmp_path: Pa
     assert old in URDF
     (tmp_path / "source.urdf").write_text(URDF.replace(old, new))
     (tmp_path / "mjcf/r.xml").write_text(MJCF)
-    assert judged(tmp_path / "source.urdf", tmp_path, Path, edited=False) == "equal"
+    assert evaluate(tmp_path / "source.urdf", tmp_path, Path, edited=False) == "equal"
 
 
 def test_an_edited_robot_may_weigh_something_else(tmp_path: Path):
     (tmp_path / "mjcf").mkdir()
     (tmp_path / "source.urdf").write_text(URDF)
     (tmp_path / "mjcf/r.xml").write_text(MJCF.replace('mass="1"', 'mass="5"'))
-    assert judged(tmp_path / "source.urdf", tmp_path, Path, edited=True) == "equal"
+    assert evaluate(tmp_path / "source.urdf", tmp_path, Path, edited=True) == "equal"
 
 
 def test_a_joint_beside_its_body_and_a_ref_are_no_difference(tmp_path: Path):
@@ -89,4 +89,4 @@ def test_a_joint_beside_its_body_and_a_ref_are_no_difference(tmp_path: Path):
         '<site name="arm_origin" pos="0 0 -.05"/><inertial pos="0 0 0.05"',
     )
     (tmp_path / "mjcf/r.xml").write_text(moved)
-    assert judged(tmp_path / "source.xml", tmp_path, Path, edited=False) == "equal"
+    assert evaluate(tmp_path / "source.xml", tmp_path, Path, edited=False) == "equal"

@@ -16,10 +16,10 @@ from tiny import as_source, box_inertial, box_obj, pendulum, run_step, tiny_quad
 
 from assetbuild.errors import RecipeError
 from assetbuild.geometry.convert_mesh import ConvertMesh
-from assetbuild.kinds import Edit
 from assetbuild.mesh.obj import read_triangles
 from assetbuild.mesh.primitives import tessellate
 from assetbuild.mesh.triangles import TriangleMesh, solid_moments
+from assetbuild.plugin_types import Edit
 from assetbuild.plugins import load_plugin
 from assetbuild.robot.codec import decode, encode
 from assetbuild.robot.inertia import matrix_of, principal_moments, tensor_of, triangle_violation

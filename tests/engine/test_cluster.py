@@ -83,6 +83,7 @@ def statuses(results: dict[str, NodeResult]) -> set[str]:
     return {result.status for result in results.values()}
 
 
+@pytest.mark.slow
 def test_two_workers_make_the_same_bytes(tmp_path, robot, workers, server):
     gold = build(tmp_path / "gold", robot)
     results, content = build(tmp_path / "own", robot, workers, server)

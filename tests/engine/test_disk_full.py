@@ -179,6 +179,7 @@ def test_a_disk_that_fills_up_while_a_bundle_is_written_keeps_the_old_one(tmp_pa
     assert failed > 5
 
 
+@pytest.mark.slow
 def test_a_disk_that_is_full_below_the_bundle_is_the_one_that_is_named(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ):

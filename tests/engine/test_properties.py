@@ -164,19 +164,6 @@ def test_a_build_is_right_and_runs_no_more_than_it_must(specs, edits, jobs):
             assert none == []
 
 
-@settings(max_examples=examples(15), deadline=None, derandomize=True)
-@given(specs=graphs())
-def test_one_or_two_at_a_time_give_the_same(specs):
-    with tempfile.TemporaryDirectory() as name:
-        folder = Path(name)
-        paths = [folder / f"source{i}" for i in range(SOURCES)]
-        for path in paths:
-            path.write_text("x")
-        one, _ = build(specs, paths, folder / "one", 1)
-        two, _ = build(specs, paths, folder / "two", 2)
-        assert one == two
-
-
 @pytest.mark.slow
 @settings(max_examples=examples(25), deadline=None, derandomize=True)
 @given(

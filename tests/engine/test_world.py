@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from assetbuild.engine import null
+from assetbuild.engine import noop_build
 from assetbuild.engine.questions import KIND
 from assetbuild.engine.world import World, files_in
 from assetbuild.errors import SourceError
@@ -35,10 +35,10 @@ def recorded(world: World, folder: Path) -> Callable[[], bool]:
     """Record a build that asked this; then: would the same build do nothing now?"""
     record = str(folder / "record")
     began = time.time_ns()
-    assert null.write(
+    assert noop_build.write(
         record, options="", asked=world.record, exit_code=0, summary="", began_ns=began
     )
-    return lambda: null.check(record, "") is not None
+    return lambda: noop_build.check(record, "") is not None
 
 
 def test_a_question_is_asked_once_and_parts_share_the_answer(folder: Path):
@@ -71,11 +71,11 @@ def test_a_file_that_could_not_be_read_is_waited_for(folder: Path):
     world = World()
     with pytest.raises(SourceError):
         world.digest(folder / "absent")
-    lines, changed = null.lines_of(world.record, time.time_ns())
+    lines, changed = noop_build.lines_of(world.record, time.time_ns())
     assert not changed
-    assert null.renewed(lines)[1] == []
+    assert noop_build.renewed(lines)[1] == []
     (folder / "absent").write_text("here")
-    assert null.renewed(lines)[1] == [str(folder / "absent")]
+    assert noop_build.renewed(lines)[1] == [str(folder / "absent")]
 
 
 @pytest.mark.parametrize(
@@ -182,13 +182,13 @@ def test_every_change_is_noticed(
     monkeypatch.delenv("WORLD_TEST")
     if proven:
         later = time.time_ns() + 10_000_000_000
-        monkeypatch.setattr(null.time, "time_ns", lambda: later)
+        monkeypatch.setattr(noop_build.time, "time_ns", lambda: later)
     world = World()
     ask_all(world, folder)
     is_same = recorded(world, folder)
     assert is_same()
     if proven:
-        assert f"\t{null.UNPROVEN}" not in (folder / "record").read_text()
+        assert f"\t{noop_build.UNPROVEN}" not in (folder / "record").read_text()
     change(folder)
     assert not is_same()
 
@@ -208,12 +208,12 @@ def test_when_stamps_prove_all_nothing_is_read_or_listed(
     folder: Path, monkeypatch: pytest.MonkeyPatch
 ):
     later = time.time_ns() + 10_000_000_000
-    monkeypatch.setattr(null.time, "time_ns", lambda: later)
+    monkeypatch.setattr(noop_build.time, "time_ns", lambda: later)
     world = World()
     ask_all(world, folder)
     is_same = recorded(world, folder)
-    monkeypatch.setattr(null, "digest_file", None)
-    monkeypatch.setattr(null, "names_text", None)
+    monkeypatch.setattr(noop_build, "digest_file", None)
+    monkeypatch.setattr(noop_build, "names_text", None)
     assert is_same()
 
 
@@ -226,7 +226,7 @@ def test_a_world_that_changed_during_the_build_leaves_no_record(folder: Path):
         world = World()
         ask_all(world, folder)
         change()
-        assert null.lines_of(world.record, time.time_ns())[1]
+        assert noop_build.lines_of(world.record, time.time_ns())[1]
 
 
 def test_what_the_build_itself_writes_is_no_change(folder: Path):
@@ -274,7 +274,7 @@ def test_a_library_is_known_by_its_file_or_by_where_it_would_lie(
     assert world.can_load("libc.so.6")
     assert any("libc" in subject for _, subject, _ in world.record)
     monkeypatch.setenv("LD_LIBRARY_PATH", "/elsewhere")
-    assert not recorded(World(), tmp_path) or null.lines_of(world.record, 0)[1]
+    assert not recorded(World(), tmp_path) or noop_build.lines_of(world.record, 0)[1]
 
 
 def test_names_that_are_no_text_are_recorded(tmp_path: Path):

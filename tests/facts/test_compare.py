@@ -107,9 +107,11 @@ def test_what_a_format_goes_without_is_counted(
     """The expected numbers are the robot's own: how many sensors, cameras and poses it states."""
     facts = table(pendulum(), control)
     for reader, expected in ((UrdfFacts, urdf), (UsdReader, usd)):
-        found = list(losses(facts, reader.form, "it", reader.lacks, simulated=reader.simulated))
+        found = list(
+            losses(facts, reader.format_id, "it", reader.lacks, simulated=reader.simulated)
+        )
         assert [(f.rule, f.severity, f.data) for f in found] == (
-            [(f"lost.{reader.form}", "info", expected)] if expected else []
+            [(f"lost.{reader.format_id}", "info", expected)] if expected else []
         )
 
 

@@ -24,7 +24,7 @@ from assetbuild.facts.held import (
 )
 from assetbuild.facts.mjcf_model import read_model
 from assetbuild.facts.reference import Assets, Reference
-from assetbuild.facts.table import Key, Table, Value, Writer
+from assetbuild.facts.table import FactCollector, Key, Table, Value
 from assetbuild.facts.vocabulary import VOCABULARY
 from assetbuild.report.summary import WITHHELD, public_message
 from assetbuild.robot.pose import Pose, quat_of
@@ -140,7 +140,7 @@ def test_a_geom_of_any_group_is_a_shape_of_physx_where_it_may_touch(
     geom = f'<geom size="0.1" group="{group}" contype="{bits}" conaffinity="{bits}"/>'
     body = f'<body name="ball"><freejoint/>{geom}</body>'
     text = f"<mujoco><worldbody>{body}</worldbody></mujoco>"
-    book = Writer()
+    book = FactCollector()
     read_model(mujoco.MjModel.from_xml_string(text), book)
     assert as_physx(book.table(), "force").of("body", "ball")["physx:shapes"] == count
 

@@ -21,7 +21,7 @@ from collections import Counter
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from assetbuild.engine.null import identity
+from assetbuild.engine.noop_build import identity
 
 ROOT = Path(__file__).parents[2]
 URDF = ROOT / "tests/robots/four_legs.urdf"

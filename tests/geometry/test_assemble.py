@@ -9,7 +9,7 @@ from PIL import Image
 from tiny import box_obj, run_step
 
 from assetbuild.geometry.assemble import Assemble, CollisionUse, VisualUse, called
-from assetbuild.kinds import ConvertedMesh, MeshPart, Piece, Pieces
+from assetbuild.plugin_types import ConvertedMesh, MeshPart, Piece, Pieces
 from assetbuild.robot.codec import decode, encode
 from assetbuild.robot.pose import Pose
 from assetbuild.robot.shapes import (

@@ -19,9 +19,9 @@ from tiny import box_obj, run_step, stl
 from assetbuild.errors import StepError
 from assetbuild.geometry.companion_files import ConvertTexture
 from assetbuild.geometry.convert_mesh import ConvertMesh
-from assetbuild.kinds import ConvertedMesh
 from assetbuild.mesh.obj import read_part, read_triangles
 from assetbuild.mesh.triangles import signed_volume
+from assetbuild.plugin_types import ConvertedMesh
 from assetbuild.robot.codec import decode
 
 GO1_MESHES = (

@@ -12,13 +12,13 @@ from tiny import run_step
 from assetbuild.geometry.convert_mesh import ConvertMesh, write_converted
 from assetbuild.geometry.decimate_mesh import DecimateMesh
 from assetbuild.geometry.match_shapes import MatchShapes
-from assetbuild.kinds import ConvertedMesh
 from assetbuild.mesh.cover import union_of
 from assetbuild.mesh.material import MaterialPart, SurfaceMaterial
 from assetbuild.mesh.obj import array_bytes, read_part
 from assetbuild.mesh.primitives import tessellate
 from assetbuild.mesh.solid import ConvexPiece
 from assetbuild.mesh.triangles import TriangleMesh, merged, signed_volume
+from assetbuild.plugin_types import ConvertedMesh
 from assetbuild.robot.codec import decode
 from assetbuild.robot.pose import Pose
 from assetbuild.robot.shapes import Box, Sphere

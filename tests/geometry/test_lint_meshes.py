@@ -9,7 +9,7 @@ from tiny import ball_inertial, run_step
 
 from assetbuild.findings import Finding
 from assetbuild.geometry.lint_meshes import LintDensity, LintMeshes, judge_up_axes, meshes_to_turn
-from assetbuild.kinds import ConvertedMesh
+from assetbuild.plugin_types import ConvertedMesh
 from assetbuild.robot.codec import encode
 from assetbuild.robot.model import Body, Inertial, Joint, Tree
 from assetbuild.robot.pose import Pose, Vec3, quat_of_rpy

@@ -178,7 +178,9 @@ def biped(ahead: float, ankle: float, foot: str = '<box size="0.2 0.08 0.04"/>')
     ("ahead", "ankle", "foot", "stands"),
     [
         (0.03, 30.0, '<box size="0.2 0.08 0.04"/>', True),  # kp by effort: 100 N m/rad of 140
-        (-0.10, 60.0, '<box size="0.2 0.08 0.04"/>', True),  # and behind them
+        pytest.param(  # and behind them
+            -0.10, 60.0, '<box size="0.2 0.08 0.04"/>', True, marks=pytest.mark.slow
+        ),
         (0.03, 30.0, '<sphere radius="0.02"/>', False),  # nothing stands on two points
     ],
 )

@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import trimesh
-from scipy.stats import qmc
 
 from assetbuild.mesh.cover import Reference, rough
 from assetbuild.mesh.hull import convex_hull
@@ -177,6 +176,8 @@ def test_the_hull_of_an_l_shape_sticks_out_by_the_depth_of_its_notch():
 @pytest.mark.parametrize("seed", [0, 1, 123456])
 @pytest.mark.parametrize("count", [1, 64, 16384])
 def test_the_points_are_those_of_scipy(count, seed):
+    from scipy.stats import qmc  # takes a second: not while tests are collected
+
     lower, upper = np.array([-1.0, 0.0, 2.0]), np.array([1.0, 0.5, 7.0])
     theirs = qmc.Sobol(3, scramble=True, rng=np.random.default_rng(seed)).random(count)
     assert np.array_equal(sobol(count, lower, upper, seed), lower + theirs * (upper - lower))

@@ -107,14 +107,16 @@ class Judge:
                     reader = _with_table(reader, read.table, reference)
                 said += read.news(reader.prove(reference, read.file).findings)
             except Exception:  # a reader that breaks is a finding of this run
-                said.append(_crash(read.reader.form))
+                said.append(_crash(read.reader.format_id))
         return said if _word(said) == "found" else said + self._written_again()
 
     def _concerned(self, file: str) -> list[Read]:
         """The readers of a file, first the one whose main file it is; of the robot's own, all."""
         if form_of(file) == "robot":
             return self.reads
-        own = [read for read in self.reads if file in self.before.forms[read.reader.form].covers]
+        own = [
+            read for read in self.reads if file in self.before.forms[read.reader.format_id].covers
+        ]
         return sorted(own, key=lambda read: read.file != self.bundle / file)
 
     def _diff(self) -> list[Change]:
@@ -146,7 +148,9 @@ def _with_table(reader: Reader, table: Table, reference: Reference) -> Reader:
     own = type(reader)
     remembered = {"read": lambda self, path: table, "__module__": __name__}
     kind: type[Reader] = type(own.__name__, (own,), remembered)
-    options = {name: reference.options[name] for name in own.asks if name in reference.options}
+    options = {
+        name: reference.options[name] for name in own.recipe_sections if name in reference.options
+    }
     return kind(robot=reader.robot, options=options)
 
 

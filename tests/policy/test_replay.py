@@ -17,10 +17,10 @@ from policies import bundle_of, deployed, write_policy
 from assetbuild.cli import main
 from assetbuild.engine.world import World
 from assetbuild.errors import UsageError
-from assetbuild.looks.plan import renderer
 from assetbuild.pipeline.policies import Replayed, Wish, draw_replays, replay_policy
 from assetbuild.policy.in_stages import unavailable_reason
 from assetbuild.policy.robot import Bot
+from assetbuild.rendering.plan import renderer
 
 STAND = Wish(command=(0.0, 0.0, 0.0), seconds=2.0)
 

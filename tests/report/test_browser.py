@@ -14,7 +14,7 @@ from pathlib import Path
 import pytest
 from tiny import TinyRobot, run_step, tiny_quadruped, write_robot_ports
 
-from assetbuild.looks.viewer import Viewer
+from assetbuild.rendering.viewer import Viewer
 from assetbuild.report.document import make_report
 from assetbuild.report.html import View, html_page
 from assetbuild.robot.shapes import Shapes

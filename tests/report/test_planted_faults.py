@@ -17,7 +17,7 @@ from tiny import FOOT_RADIUS_M, SEGMENT_M, TinyRobot, run_step, tiny_quadruped, 
 
 from assetbuild.body.measure_bodies import measure
 from assetbuild.findings import Finding
-from assetbuild.kinds import Check
+from assetbuild.plugin_types import Check
 from assetbuild.plugins import load_plugin, plugin_names
 from assetbuild.report.card import Subject
 from assetbuild.report.document import make_report
@@ -143,13 +143,13 @@ def feet_above_the_floor(robot: TinyRobot) -> TinyRobot:
 
 
 FAULTS = {
-    knee_reversed: ("stand.start", "mirror.limits"),
+    knee_reversed: ("stand.sole_gap", "mirror.limits"),
     inertia_in_wrong_frame: ("mass.axes",),
     mass_times_ten: ("mass.density", "mass.total", "mirror.mass"),
     limits_swapped: ("mirror.limits",),
     collision_shifted: ("coverage.shift",),
     gain_in_degrees: ("stand.", "trials.dead"),
-    feet_above_the_floor: ("stand.start",),
+    feet_above_the_floor: ("stand.sole_gap",),
 }
 
 

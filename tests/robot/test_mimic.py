@@ -106,8 +106,8 @@ def test_every_form_of_a_robot_starts_in_its_initial_pose(robot: TinyRobot, tmp_
         folder = tmp_path / str(number)
         inputs = check_inputs(folder, robot, target, target.outputs[0].strip("/"))
         for reader in readers:
-            found = run_step(reader, inputs, folder / reader.form)
-            assert found == [], (reader.called, found)
+            found = run_step(reader, inputs, folder / reader.format_id)
+            assert found == [], (reader.display_name, found)
     data = at_key(mujoco.MjModel.from_xml_path(str(tmp_path / "0/inputs/mjcf/robot.xml")))
     in_mujoco = {name: float(data.joint(name).qpos[0]) for name in start}
     assert in_mujoco == pytest.approx(start, abs=1e-12)

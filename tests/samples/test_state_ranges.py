@@ -13,7 +13,7 @@ from tiny import run_step, tiny_quadruped, write_robot_ports
 
 from assetbuild.robot.inertia import pseudo_inertia
 from assetbuild.robot.randomize import InertialRanges, deform
-from assetbuild.robot.ranges import Randomize, claimed
+from assetbuild.robot.ranges import Randomize, first_match_groups
 from assetbuild.samples.state_ranges import StateRanges
 
 RANGES = {
@@ -103,5 +103,5 @@ def test_ranges_without_a_reason_are_told(tmp_path: Path) -> None:
 
 
 def test_the_first_pattern_takes_a_name() -> None:
-    rows = claimed({"a.*": 1, "x": 2, ".*": 3}, ["ab", "b", "ac"])
+    rows = first_match_groups({"a.*": 1, "x": 2, ".*": 3}, ["ab", "b", "ac"])
     assert rows == [("a.*", 1, ("ab", "ac")), (".*", 3, ("b",))]

@@ -15,7 +15,7 @@ from assetbuild.checks.gains import Gains
 from assetbuild.checks.mjcf_source import MjcfSource
 from assetbuild.control.source_control import joined_keyframes
 from assetbuild.errors import SourceError, StepError
-from assetbuild.kinds import Target
+from assetbuild.plugin_types import Target
 from assetbuild.robot import chains
 from assetbuild.robot.chains import angles_of
 from assetbuild.robot.model import Body, Control, Joint, JointKind, Keyframe, Loop, Tree
@@ -185,7 +185,7 @@ def test_a_tether_of_a_floating_robot_stays_in_the_mjcf_with_a_warning(tmp_path:
     done = write(reading, tmp_path / "out")
     assert done.control.loops == ()
     assert mujoco.MjModel.from_xml_path(str(done.xml)).neq == 1
-    (said,) = [finding for finding in reading.findings if finding.rule == "mjcf.tether"]
+    (said,) = [finding for finding in reading.findings if finding.rule == "mjcf.base_constrained"]
     assert said.severity == "warning"
 
 

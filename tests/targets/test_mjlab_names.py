@@ -55,7 +55,7 @@ def constant(text: str, name: str) -> object:
     return ast.literal_eval(re.search(rf"^{name} = (\([^)]*\))", text, re.MULTILINE)[1])
 
 
-def judged(inputs: Path, out: Path) -> list[str]:
+def evaluate(inputs: Path, out: Path) -> list[str]:
     found = run_step(MjlabContract(robot="robot"), inputs, out)
     assert {finding.rule for finding in found} <= {"mjlab.contract"}
     return [finding.message for finding in found]
@@ -78,7 +78,7 @@ def hopper(tmp_path: Path) -> tuple[Path, list[Finding]]:
 
 def test_an_mjcf_with_names_of_its_own_builds_for_mjlab(hopper, tmp_path: Path):
     inputs, found = hopper
-    assert judged(inputs, tmp_path / "out") == []
+    assert evaluate(inputs, tmp_path / "out") == []
     (renamed,) = (finding for finding in found if finding.rule == "mjlab.renamed")
     assert set(renamed.data["geoms"]) >= {"box", "shin", "heel", "ball"}
     model = mujoco.MjModel.from_xml_path(str(inputs / "mjlab/mjcf/robot_bare.xml"))
@@ -92,7 +92,7 @@ def test_the_new_names_are_what_the_reader_of_facts_expects(hopper, tmp_path: Pa
     (inputs / "assets.json").write_bytes(encode(Assets()))
     for reader in (BareFacts, MjlabReader):
         step = reader(robot="robot", options={"feet": {"links": "leg"}})
-        assert run_step(step, inputs, tmp_path / step.form) == []
+        assert run_step(step, inputs, tmp_path / step.format_id) == []
 
 
 def with_heels(robot: TinyRobot) -> TinyRobot:
@@ -121,7 +121,7 @@ def test_links_that_one_body_holds_are_one_foot(tmp_path: Path):
     assert len(constant(text, "FOOT_GEOMS")) == 8
     assert 'mode="body", pattern=("FR_calf", "FL_calf", "RR_calf", "RL_calf",)' in text
     assert proven(inputs, tmp_path / "proof") == []
-    assert judged(inputs, tmp_path / "out") == []
+    assert evaluate(inputs, tmp_path / "out") == []
 
 
 @pytest.mark.parametrize(
@@ -140,7 +140,7 @@ def test_the_check_finds_what_mjlab_would_stop_at(old: str, new: str, said: str,
     path = inputs / "mjlab/python/robot_mjlab.py"
     assert old in path.read_text(), path.read_text()
     path.write_text(path.read_text().replace(old, new, 1))
-    assert any(said in message for message in judged(inputs, tmp_path / "out"))
+    assert any(said in message for message in evaluate(inputs, tmp_path / "out"))
 
 
 @pytest.mark.parametrize(

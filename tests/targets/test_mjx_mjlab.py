@@ -76,7 +76,7 @@ def test_links_that_touch_nothing_are_counted(
     inputs = write_robot_ports(tmp_path / "in", tiny_quadruped())
     target = Mjx(robot="robot", options=MjxOptions.model_validate({"touching": touching}))
     found = run_step(target, inputs, tmp_path / "out")
-    assert [f.data["links"] for f in found if f.rule == "mjx.untouchable"] == untouchable
+    assert [f.data["links"] for f in found if f.rule == "mjx.collision_disabled"] == untouchable
 
 
 MJLAB = Mjlab(robot="robot", feet=".*_foot", imu="imu", rows=(".*_(hip|thigh)_joint", ".*_calf_joint"))  # fmt: skip # noqa: E501

@@ -23,7 +23,7 @@ from assetbuild.facts.compare import EXACT, Difference, Precision, differences, 
 from assetbuild.facts.mjcf import MESHES
 from assetbuild.facts.table import Key, Table, Value, pair_of
 from assetbuild.findings import Finding, Rule
-from assetbuild.kinds import Check, RecipeView, write_figures
+from assetbuild.plugin_types import Check, RecipeView, write_figures
 from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.model import Tree
 from assetbuild.simulators import mujoco

@@ -14,8 +14,8 @@ from assetbuild.checks.trials import rules
 from assetbuild.engine.step import Files
 from assetbuild.errors import StepError
 from assetbuild.findings import Finding, Rule
-from assetbuild.kinds import RecipeView, write_figures
-from assetbuild.quantities import Positive, Real
+from assetbuild.plugin_types import RecipeView, write_figures
+from assetbuild.recipe_types import Positive, Real
 from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.sections import Action
 from assetbuild.simulators import mujoco
@@ -51,7 +51,7 @@ class Trials(mujoco.InMujoco):
         "small experiments in MuJoCo: drives, energy, timestep, self-collision, "
         "balance, settling; null = do not run them"
     )
-    told: ClassVar[Mapping[str, str]] = {"action": "mjlab.action"}
+    recipe_fields: ClassVar[Mapping[str, str]] = {"action": "mjlab.action"}
 
     action: Action = Action()
     """What an untrained policy asks for, as mjlab's module has it."""

@@ -97,7 +97,7 @@ NOTHING_TOUCHES = Rule(
     blocks=True,
 )
 SHAKEN = Rule(
-    "trials.shaken",
+    "trials.random_targets_diverge",
     "error",
     "the random targets of an untrained policy drive the simulation to infinity",
     "a smaller timestep, armature, smaller kp",

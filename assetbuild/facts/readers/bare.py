@@ -27,12 +27,12 @@ class BareFacts(MjcfReader):
     """Bodies, joints without drives, shapes, sites and the sensors of mjlab's tasks."""
 
     needs = ("mjlab",)
-    form = "bare"
-    called = "the bare MJCF"
+    format_id = "bare"
+    display_name = "the bare MJCF"
     folder = ""
-    behind = ("mjcf/{robot}_bare.xml", "mjcf/assets/*")
+    file_globs = ("mjcf/{robot}_bare.xml", "mjcf/assets/*")
     written = "mjcf/{robot}_bare.xml"
-    asks = ("feet", "imu")
+    recipe_sections = ("feet", "imu")
     lacks: ClassVar[Mapping[str, str]] = {
         **UNSEEN,
         "keyframe": "mjlab's configuration has the initial state",

@@ -28,7 +28,7 @@ from assetbuild.facts.isaaclab_config import (
 from assetbuild.facts.reader import Reader
 from assetbuild.facts.reference import Reference, robot_table
 from assetbuild.facts.standins import LINE, Record, class_of, recorded, table_of
-from assetbuild.facts.table import Key, Table, Value, Writer
+from assetbuild.facts.table import FactCollector, Key, Table, Value
 from assetbuild.facts.trainers import (
     LOOPS,
     Names,
@@ -97,12 +97,12 @@ NOT_DRAWN = (
 class IsaacLabReader(Reader):
     """Executes the modules for Isaac Lab with stand-ins and compares them with the robot."""
 
-    form: ClassVar[str] = FORM
-    called: ClassVar[str] = "Isaac Lab's modules"
+    format_id: ClassVar[str] = FORM
+    display_name: ClassVar[str] = "Isaac Lab's modules"
     needs: ClassVar[tuple[str, ...]] = ("isaaclab",)
     folder: ClassVar[str] = "python"
-    behind: ClassVar[tuple[str, ...]] = ("python/*_isaaclab_?.py",)
-    asks: ClassVar[tuple[str, ...]] = ("isaaclab", "usd", "randomize")
+    file_globs: ClassVar[tuple[str, ...]] = ("python/*_isaaclab_?.py",)
+    recipe_sections: ClassVar[tuple[str, ...]] = ("isaaclab", "usd", "randomize")
     lacks: ClassVar[Mapping[str, str]] = left_to_the_asset("robot self-collision")
 
     def file(self, root: Path, robot: str) -> Path | None:
@@ -147,7 +147,7 @@ def _both(tables: Mapping[Generation, Table]) -> Table:
 
 def _table(path: Path, generation: Generation, bodies: Names, joints: Names) -> Table:
     path = path.with_name(path.name.replace("_isaaclab_2", f"_isaaclab_{generation}"))
-    record, book = recorded(path), Writer()
+    record, book = recorded(path), FactCollector()
     config = next(iter(configs_of(record, path).values()))
     start = table_of(config.get("init_state"))
     joints = joints or own_names(start.get("joint_pos"))
@@ -196,7 +196,7 @@ def _drive(
 
 def _besides(reference: Reference, robot: str, generation: Generation) -> Table:
     """The start, the asset and its solver, drives in Isaac Lab's forms, and its materials."""
-    book, asked = Writer(), reference.options.get("isaaclab") or {}
+    book, asked = FactCollector(), reference.options.get("isaaclab") or {}
     clearance = asked.get("clearance", CLEARANCE_M) if reference.tree.base == "floating" else 0.0
     soft = asked.get("soft_joint_pos_limit_factor", 1.0)
     put_expected_start(reference, FORM, soft, clearance, book)

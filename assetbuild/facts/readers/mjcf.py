@@ -6,18 +6,18 @@ from pydantic import Field
 
 from assetbuild.facts.compare import EXACT, Precision
 from assetbuild.facts.mjcf import LACKS, MjcfReader
-from assetbuild.quantities import Positive
+from assetbuild.recipe_types import Positive
 
 
 class MjcfFacts(MjcfReader):
     """Every fact of the robot, in `<robot>.xml`."""
 
     needs = ("mjcf",)
-    form = "mjcf"
-    called = "the MJCF"
-    behind = ("mjcf/{robot}.xml", "mjcf/assets/*")
+    format_id = "mjcf"
+    display_name = "the MJCF"
+    file_globs = ("mjcf/{robot}.xml", "mjcf/assets/*")
     suffixes = (".xml", ".mjcf")
-    asks = ("mjcf",)
+    recipe_sections = ("mjcf",)
     lacks = LACKS
     solver = "mjcf"
     visuals = True

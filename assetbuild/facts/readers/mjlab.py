@@ -24,7 +24,7 @@ from assetbuild.facts.standins import (
     table_of,
     words_of,
 )
-from assetbuild.facts.table import Key, Table, Value, Writer
+from assetbuild.facts.table import FactCollector, Key, Table, Value
 from assetbuild.facts.trainers import (
     LOOPS,
     Names,
@@ -86,11 +86,11 @@ UNLIMITED = 1e9
 class MjlabReader(Reader):
     """Executes the module for mjlab with stand-ins and compares what it says with the robot."""
 
-    form: ClassVar[str] = FORM
-    called: ClassVar[str] = "mjlab's module"
+    format_id: ClassVar[str] = FORM
+    display_name: ClassVar[str] = "mjlab's module"
     needs: ClassVar[tuple[str, ...]] = ("mjlab",)
-    behind: ClassVar[tuple[str, ...]] = ("python/*_mjlab.py",)
-    asks: ClassVar[tuple[str, ...]] = ("randomize", "feet", "mjlab")
+    file_globs: ClassVar[tuple[str, ...]] = ("python/*_mjlab.py",)
+    recipe_sections: ClassVar[tuple[str, ...]] = ("randomize", "feet", "mjlab")
     lacks: ClassVar[Mapping[str, str]] = left_to_the_asset("simulation cone", "simulation impratio")
 
     def file(self, root: Path, robot: str) -> Path | None:
@@ -128,7 +128,7 @@ class MjlabReader(Reader):
 
 def _table(record: Record, bodies: Names, joints: Names, file: str) -> Table:
     """Of the velocity task where there is one, else of the robot alone."""
-    book, task = Writer(), record.get("velocity_flat_cfg()")
+    book, task = FactCollector(), record.get("velocity_flat_cfg()")
     robot, terms = record["robot_cfg()"], record.get("randomize_events()")
     simulation = {name: record[name.upper()] for name in ("timestep", "decimation", "gravity")}
     scale = record["ACTION_SCALE"]
@@ -185,7 +185,7 @@ def _with_densities(terms: object) -> Record:
 
 def _besides(reference: Reference, robot: str) -> Table:
     """The start, delays, actions, and the options of the velocity task."""
-    book, asked = Writer(), reference.options.get("mjlab") or {}
+    book, asked = FactCollector(), reference.options.get("mjlab") or {}
     model = (f"/bundle/mjcf/{robot}_bare.xml",)
     book.put("robot", "", {f"{FORM}:model": model, f"{FORM}:root": reference.tree.root})
     put_expected_start(reference, FORM, asked.get("soft_joint_pos_limit_factor", 0.9), 0.0, book)

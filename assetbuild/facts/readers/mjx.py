@@ -17,11 +17,11 @@ class MjxFacts(MjcfReader):
     """Every fact of the robot, but for contacts and solver, which the recipe's `mjx` decides."""
 
     needs = ("mjx",)
-    form = "mjx"
-    called = "the mjx model"
-    behind = ("mjcf/{robot}_mjx.xml", "mjcf/assets/*")
+    format_id = "mjx"
+    display_name = "the mjx model"
+    file_globs = ("mjcf/{robot}_mjx.xml", "mjcf/assets/*")
     written = "{robot}_mjx.xml"
-    asks = ("mjx",)
+    recipe_sections = ("mjx",)
     solver = "mjx"
 
     def robot_of(self, reference: Reference) -> Reference:

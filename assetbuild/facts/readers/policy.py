@@ -11,7 +11,7 @@ from assetbuild.facts.derived import start_of
 from assetbuild.facts.plain_yaml import read_yaml
 from assetbuild.facts.reader import Reader
 from assetbuild.facts.reference import Reference, robot_table
-from assetbuild.facts.table import Table, Value, Writer
+from assetbuild.facts.table import FactCollector, Table, Value
 from assetbuild.facts.vocabulary import VOCABULARY
 from assetbuild.robot.model import Tree
 
@@ -32,13 +32,13 @@ class PolicyFacts(Reader):
     reads: ClassVar[tuple[str, ...]] = (
         "links.json", "tree.json", "shapes.json", "control.json", "assets.json",
     )  # fmt: skip
-    form: ClassVar[str] = "policy"
-    called: ClassVar[str] = "the policy's contract"
+    format_id: ClassVar[str] = "policy"
+    display_name: ClassVar[str] = "the policy's contract"
     folder: ClassVar[str] = "policy"
     written: ClassVar[str] = "{robot}_contract.yaml"
-    behind: ClassVar[tuple[str, ...]] = ("policy/{robot}_contract.yaml",)
+    file_globs: ClassVar[tuple[str, ...]] = ("policy/{robot}_contract.yaml",)
     simulated: ClassVar[bool] = False
-    asks: ClassVar[tuple[str, ...]] = ("policy", "imu")
+    recipe_sections: ClassVar[tuple[str, ...]] = ("policy", "imu")
     lacks: ClassVar[Mapping[str, str]] = {
         f"{kind} {name}": "stands in the MJCF, USD or URDF beside it"
         for kind, name in VOCABULARY
@@ -47,7 +47,7 @@ class PolicyFacts(Reader):
 
     def read(self, path: Path) -> Table:
         """UsageError for what is no YAML; LookupError, TypeError or ValueError for another file."""
-        said, book = read_yaml(path), Writer()
+        said, book = read_yaml(path), FactCollector()
         names = said["joints"]
         for column, quantity in COLUMNS.items():
             for name, value in zip(names, said[column], strict=False):
@@ -69,7 +69,7 @@ class PolicyFacts(Reader):
 
     def expected(self, reference: Reference) -> Table:
         """The drives of the joints that move, in every order."""
-        tree, book = reference.tree, Writer()
+        tree, book = reference.tree, FactCollector()
         moving = [joint.name for joint in tree.moving_joints]
         start = dict(start_of(tree, reference.control).joints)
         for engine, order in _orders(reference, moving).items():

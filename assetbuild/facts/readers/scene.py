@@ -22,9 +22,9 @@ class SceneFacts(Reader):
     """Compares the floor with the robot's, and that a scene changes nothing of the robot's file."""
 
     needs: ClassVar[tuple[str, ...]] = ("mjcf",)
-    behind: ClassVar[tuple[str, ...]] = ("mjcf/scene.xml", "mjcf/{robot}.xml")
-    form: ClassVar[str] = "scene"
-    called: ClassVar[str] = "the scene"
+    file_globs: ClassVar[tuple[str, ...]] = ("mjcf/scene.xml", "mjcf/{robot}.xml")
+    format_id: ClassVar[str] = "scene"
+    display_name: ClassVar[str] = "the scene"
     folder: ClassVar[str] = "mjcf"
     preload: ClassVar[tuple[str, ...]] = ("mujoco",)
     written: ClassVar[str] = "scene.xml"
@@ -71,9 +71,9 @@ class SceneMjxFacts(SceneFacts):
 
     own_name = "scene_mjx"
     needs: ClassVar[tuple[str, ...]] = ("mjx",)
-    behind: ClassVar[tuple[str, ...]] = ("mjcf/scene_mjx.xml", "mjcf/{robot}_mjx.xml")
-    form: ClassVar[str] = "scene_mjx"
-    called: ClassVar[str] = "the scene of the mjx model"
+    file_globs: ClassVar[tuple[str, ...]] = ("mjcf/scene_mjx.xml", "mjcf/{robot}_mjx.xml")
+    format_id: ClassVar[str] = "scene_mjx"
+    display_name: ClassVar[str] = "the scene of the mjx model"
     written: ClassVar[str] = "scene_mjx.xml"
 
 

@@ -14,7 +14,7 @@ from assetbuild.errors import UsageError, Where
 from assetbuild.facts.reader import Lost, Reader
 from assetbuild.facts.reference import Reference, geometry_facts, mimic_facts, robot_table
 from assetbuild.facts.surface import Surface, measure, pixel_digest
-from assetbuild.facts.table import Table, Value, Writer
+from assetbuild.facts.table import FactCollector, Table, Value
 from assetbuild.mesh.obj import read_triangles
 from assetbuild.robot.inertia import rotate_tensor
 from assetbuild.robot.model import MOVING, Control, Joint
@@ -76,10 +76,10 @@ class UrdfFacts(Reader):
 
     needs: ClassVar = ("urdf",)
     reads: ClassVar = ("links.json", "tree.json", "shapes.json", "ratings.json", "assets.json")
-    form: ClassVar[str] = "urdf"
-    called: ClassVar[str] = "the URDF"
+    format_id: ClassVar[str] = "urdf"
+    display_name: ClassVar[str] = "the URDF"
     folder: ClassVar[str] = "urdf"
-    behind: ClassVar[tuple[str, ...]] = ("urdf/*",)
+    file_globs: ClassVar[tuple[str, ...]] = ("urdf/*",)
     suffixes: ClassVar[tuple[str, ...]] = (".urdf",)
     lacks: ClassVar[Mapping[str, str]] = LACKS
     simulated: ClassVar[bool] = False
@@ -100,7 +100,7 @@ class UrdfFacts(Reader):
         """The links with their ratings; a capsule, which URDF lacks, in three pieces."""
         links = held_by_world(reference.links)
         reference = replace(reference, links=links)
-        stated, book = robot_table(reference, merged=False).only(self.holds), Writer()
+        stated, book = robot_table(reference, merged=False).only(self.holds), FactCollector()
         follows = {each.joint: each.mimic for each in reference.control.loop_mimics}
         for joint in links.joints:
             book.put("joint", joint.name, dict(_ratings(joint, reference.control)))
@@ -178,7 +178,7 @@ class UrdfFile:
 
     def __init__(self, path: Path, known: Mapping[str, Surface] | None = None) -> None:
         self._path, self._root, self._known = path, read_root(path), known or {}
-        self._book = Writer()
+        self._book = FactCollector()
         self._looks: dict[str, dict[str, Value]] = {}
         self._surfaces: dict[str, Surface] = {}
         self._named: set[tuple[str, str]] = set()

@@ -57,13 +57,13 @@ class UsdReader(Reader):
 
     needs: ClassVar[tuple[str, ...]] = ("usd",)
     preload = ("pxr.Usd", "pxr.UsdGeom", "pxr.UsdPhysics", "pxr.UsdShade")
-    form: ClassVar[str] = "usd"
-    called: ClassVar[str] = "the USD"
+    format_id: ClassVar[str] = "usd"
+    display_name: ClassVar[str] = "the USD"
     folder: ClassVar[str] = "usd"
     written: ClassVar[str] = "{robot}.usda"
-    behind: ClassVar[tuple[str, ...]] = ("usd/{robot}.usda", "usd/payloads/*")
+    file_globs: ClassVar[tuple[str, ...]] = ("usd/{robot}.usda", "usd/payloads/*")
     suffixes: ClassVar[tuple[str, ...]] = (".usd", ".usda", ".usdc", ".usdz")
-    asks: ClassVar[tuple[str, ...]] = ("usd",)
+    recipe_sections: ClassVar[tuple[str, ...]] = ("usd",)
     # Transforms and sizes are double precision.
     precision: ClassVar[Precision] = Precision(
         FLOAT32,

@@ -12,7 +12,7 @@ from assetbuild.facts.compare import FLOAT32, Precision
 from assetbuild.facts.derived import start_of
 from assetbuild.facts.reader import Reader
 from assetbuild.facts.reference import Reference, pose_value, simulation_values
-from assetbuild.facts.table import Table, Value, Writer
+from assetbuild.facts.table import FactCollector, Table, Value
 from assetbuild.facts.vocabulary import MUJOCO_OPTIONS, VOCABULARY
 from assetbuild.robot.floor import floor_of
 from assetbuild.robot.pose import IDENTITY, Pose
@@ -30,10 +30,10 @@ class UsdSceneReader(Reader):
 
     needs: ClassVar[tuple[str, ...]] = ("usd",)
     preload = ("pxr.Usd", "pxr.UsdGeom", "pxr.UsdPhysics", "pxr.UsdShade")
-    form: ClassVar[str] = "usd_scene"
-    called: ClassVar[str] = "the USD scene"
+    format_id: ClassVar[str] = "usd_scene"
+    display_name: ClassVar[str] = "the USD scene"
     folder: ClassVar[str] = "usd"
-    behind: ClassVar[tuple[str, ...]] = ("usd/scene.usda",)
+    file_globs: ClassVar[tuple[str, ...]] = ("usd/scene.usda",)
     precision: ClassVar[Precision] = Precision(FLOAT32)
     lacks: ClassVar[Mapping[str, str]] = {
         **dict.fromkeys(
@@ -61,7 +61,7 @@ class UsdSceneReader(Reader):
         from assetbuild.facts.usd_prims import Places, Prim, opened, units_of
 
         with opened(path) as stage:
-            book = Writer()
+            book = FactCollector()
             places = Places(units_of(stage, book))
             for each in Usd.PrimRange(stage.GetPseudoRoot(), Usd.TraverseInstanceProxies()):
                 prim = Prim(each)
@@ -78,7 +78,7 @@ class UsdSceneReader(Reader):
 
     def expected(self, reference: Reference) -> Table:
         """Gravity and rate of the recipe, the robot in its initial pose on the floor."""
-        tree, control, book = reference.tree, reference.control, Writer()
+        tree, control, book = reference.tree, reference.control, FactCollector()
         book.put("robot", "", {
             "up axis": "Z", "metres per unit": 1.0, "kilograms per unit": 1.0,
         })  # fmt: skip

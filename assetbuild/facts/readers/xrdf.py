@@ -11,7 +11,7 @@ from assetbuild.facts.derived import first_match, start_of
 from assetbuild.facts.plain_yaml import read_yaml
 from assetbuild.facts.reader import Reader
 from assetbuild.facts.reference import Reference
-from assetbuild.facts.table import Table, Writer
+from assetbuild.facts.table import FactCollector, Table
 from assetbuild.facts.vocabulary import VOCABULARY
 
 LIMITS = ("acceleration", "jerk")
@@ -21,19 +21,19 @@ class Xrdf(Reader):
     """All facts are words of the format (`xrdf:acceleration`), of joints."""
 
     needs: ClassVar = ("xrdf",)
-    form: ClassVar[str] = "xrdf"
-    called: ClassVar[str] = "the XRDF"
+    format_id: ClassVar[str] = "xrdf"
+    display_name: ClassVar[str] = "the XRDF"
     folder: ClassVar[str] = "xrdf"
     written: ClassVar[str] = "{robot}.xrdf"
-    behind: ClassVar[tuple[str, ...]] = ("xrdf/{robot}.xrdf",)
+    file_globs: ClassVar[tuple[str, ...]] = ("xrdf/{robot}.xrdf",)
     lacks: ClassVar[Mapping[str, str]] = {
         kind: "stands in the URDF beside" for kind, _ in VOCABULARY
     }
-    asks: ClassVar[tuple[str, ...]] = ("xrdf",)
+    recipe_sections: ClassVar[tuple[str, ...]] = ("xrdf",)
 
     def read(self, path: Path) -> Table:
         """Places in the configuration space, limits and default positions, rad or m and s."""
-        said, book = read_yaml(path), Writer()
+        said, book = read_yaml(path), FactCollector()
         names = said["cspace"]["joint_names"]
         for place, name in enumerate(names):
             book.put("joint", name, {"xrdf:place": float(place)})
@@ -46,7 +46,7 @@ class Xrdf(Reader):
 
     def expected(self, reference: Reference) -> Table:
         """From the section `xrdf` of the recipe; a joint that follows another has no place."""
-        said, book = reference.options.get("xrdf") or {}, Writer()
+        said, book = reference.options.get("xrdf") or {}, FactCollector()
         pose = dict(start_of(reference.tree, reference.control).joints)
         leading = [joint.name for joint in reference.tree.moving_joints if joint.mimic is None]
         driven = {row.joint for row in reference.control.actuators if row.model != "passive"}

@@ -18,7 +18,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from assetbuild.errors import StepError, one_line
-from assetbuild.kinds import Check
+from assetbuild.plugin_types import Check
 from assetbuild.robot.model import Tree
 from assetbuild.robot.pose import Array, rotation_of
 

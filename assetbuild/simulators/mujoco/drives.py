@@ -18,7 +18,7 @@ from assetbuild.robot.model import Actuator, Control
 from assetbuild.robot.pose import Array
 from assetbuild.simulators import mujoco
 from assetbuild.simulators.mujoco import Data, Model, mj
-from assetbuild.simulators.mujoco.levers import tendon_lever
+from assetbuild.simulators.mujoco.linear_couplings import tendon_lever
 
 Kind = Literal["servo", "velocity", "motor", "general"]
 Range = tuple[float, float]

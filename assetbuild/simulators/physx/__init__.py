@@ -24,7 +24,7 @@ BEYOND_IMPORTS = ("assetbuild.simulators.physx._child", "physx_usd_schemas")
 PRELOAD = ("pxr.Usd", "pxr.UsdGeom", "pxr.UsdPhysics", "pxr.UsdShade")
 """`Step.preload` of a check that opens stages here."""
 ITERATIONS: Mapping[str, str] = {"iterations": "usd.articulation.solver_position_iterations"}
-"""For `Check.told` of checks that know how often the solver applies gravity in a step."""
+"""For `Check.recipe_fields` of checks that know how often the solver applies gravity in a step."""
 _PROGRAM = Path(__file__).with_name("_child.py")
 
 LOAD = Rule(

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from assetbuild.findings import Finding
 from assetbuild.robot.model import MOVING, Actuator, ActuatorModel, General, Joint, Limits, MjcfOnly
-from assetbuild.simulators.mujoco.levers import tendon_lever
+from assetbuild.simulators.mujoco.linear_couplings import tendon_lever
 from assetbuild.source.mjcf.compiled import Model
 from assetbuild.source.mjcf.links import HINGE, SLIDE, Links
 from assetbuild.source.mjcf.opaque import element_text, words

@@ -42,7 +42,7 @@ ORDER = Rule(
 
 
 TETHER = Rule(
-    "mjcf.tether",
+    "mjcf.base_constrained",
     "warning",
     "a `connect` or `weld` holds a floating robot to the world, in the MJCF only",
     "remove it from the source, or write `base: fixed`",

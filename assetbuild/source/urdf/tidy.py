@@ -48,7 +48,7 @@ SEPARATORS = Rule(
     "urdfdom and MuJoCo refuse them: write blanks alone",
 )
 BLANK = Rule(
-    "urdf.blank",
+    "urdf.empty_attribute",
     "warning",
     "an attribute has no text and counts as absent",
     "remove it, or give its value",

@@ -12,7 +12,7 @@ from typing import Any, ClassVar
 
 from assetbuild.engine.step import Files
 from assetbuild.findings import Finding, Rule
-from assetbuild.kinds import RecipeView, Target
+from assetbuild.plugin_types import RecipeView, Target
 from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.mjcf_only import as_drives
 from assetbuild.robot.model import Control
@@ -62,7 +62,7 @@ class IsaacLab(Target):
     folder = "python"
 
     sections: ClassVar[Mapping[str, str]] = {"isaaclab": "options"}
-    told: ClassVar[Mapping[str, str]] = {"usd": "usd", "randomize": "randomize"}
+    recipe_fields: ClassVar[Mapping[str, str]] = {"usd": "usd", "randomize": "randomize"}
 
     options: IsaacLabOptions = IsaacLabOptions()
     """The recipe's `isaaclab`."""

@@ -12,7 +12,7 @@ from collections.abc import Iterator, Sequence
 
 from assetbuild.findings import Finding, Rule
 from assetbuild.robot.model import Control, Tree
-from assetbuild.robot.ranges import Randomize, claimed, per_axis
+from assetbuild.robot.ranges import Randomize, first_match_groups, per_axis
 from assetbuild.simulators.usd_names import body_identifiers, joint_identifiers
 
 IMPORTS = (
@@ -33,11 +33,11 @@ NOT_RANDOMIZED = Rule(
 
 def lost(randomize: Randomize, control: Control, tree: Tree) -> Iterator[Finding]:
     """What these terms cannot do, and what they do besides."""
-    rows = [ranges for _, ranges, _ in claimed(randomize.joints, _moving(tree))]
+    rows = [ranges for _, ranges, _ in first_match_groups(randomize.joints, _moving(tree))]
     drives = {a.joint: a for a in control.actuators}
     delayed = [
         joint
-        for _, ranges, joints in claimed(randomize.joints, _moving(tree))
+        for _, ranges, joints in first_match_groups(randomize.joints, _moving(tree))
         if ranges.delay != (0, 0)
         for joint in joints
         if joint in drives and drives[joint].model != "ideal_pd"
@@ -96,7 +96,7 @@ def _matter(randomize: Randomize, tree: Tree) -> Iterator[str]:
     """A density for each body; a shift for each, because one term moves all its bodies alike."""
     names = body_identifiers(tree)
     massive = [b.name for b in tree.bodies if b.inertial is not None and b.inertial.mass_kg > 0.0]
-    for index, (_, matter, bodies) in enumerate(claimed(randomize.links, massive)):
+    for index, (_, matter, bodies) in enumerate(first_match_groups(randomize.links, massive)):
         if matter.density != (1.0, 1.0):
             yield _term(
                 f"density_{index}",
@@ -115,7 +115,9 @@ def _matter(randomize: Randomize, tree: Tree) -> Iterator[str]:
 
 def _joints(randomize: Randomize, tree: Tree) -> Iterator[str]:
     names = joint_identifiers(tree)
-    for index, (_, ranges, joints) in enumerate(claimed(randomize.joints, _moving(tree))):
+    for index, (_, ranges, joints) in enumerate(
+        first_match_groups(randomize.joints, _moving(tree))
+    ):
         entity = _entity("joint_names", [names[joint] for joint in joints])
         if (ranges.kp, ranges.kd) != ((1.0, 1.0), (1.0, 1.0)):
             yield _term(

@@ -11,7 +11,7 @@ from typing import Literal
 
 from pydantic import Field
 
-from assetbuild.quantities import Model, NonNegative
+from assetbuild.recipe_types import Model, NonNegative
 from assetbuild.robot.initial import initial_pose
 from assetbuild.robot.mjcf_only import as_drives
 from assetbuild.robot.model import Actuator, Control, Keyframe, Tree

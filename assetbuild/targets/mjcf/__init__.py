@@ -11,7 +11,7 @@ from typing import ClassVar
 
 from assetbuild.engine.step import Files
 from assetbuild.findings import Finding, Rule
-from assetbuild.kinds import Target
+from assetbuild.plugin_types import Target
 from assetbuild.robot.closure import gaps
 from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.model import Control, Tree

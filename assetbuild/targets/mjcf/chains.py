@@ -19,7 +19,7 @@ CHAIN = Rule(
 )
 
 
-class Seats:
+class JointPlacement:
     """Where the joints of a tree sit in MJCF: mostly one on each body, in its origin."""
 
     def __init__(self, tree: Tree, shapes: Shapes) -> None:
@@ -64,7 +64,7 @@ class Seats:
 
 def explain_chains(tree: Tree, shapes: Shapes) -> Iterator[Finding]:
     """One finding for each body with several joints."""
-    for chain in Seats(tree, shapes).chains.values():
+    for chain in JointPlacement(tree, shapes).chains.values():
         joints = ", ".join(joint.name for joint in chain.joints)
         links = ", ".join(chain.between)
         yield CHAIN(

@@ -8,13 +8,17 @@ from xml.etree.ElementTree import Element
 from assetbuild.robot.contact_filter import ContactFilter
 from assetbuild.robot.model import Control, Joint, Tree
 from assetbuild.robot.shapes import Shapes
-from assetbuild.targets.mjcf.chains import Seats
+from assetbuild.targets.mjcf.chains import JointPlacement
 from assetbuild.targets.mjcf.drives import locked_at
 from assetbuild.targets.mjcf.xml import element, number, numbers
 
 
 def contact_section(
-    tree: Tree, shapes: Shapes, control: Control, seats: Seats, body_names: Mapping[str, str]
+    tree: Tree,
+    shapes: Shapes,
+    control: Control,
+    seats: JointPlacement,
+    body_names: Mapping[str, str],
 ) -> Element:
     """The pairs of the recipe that MuJoCo does not filter itself, with a floating base or pinned.
 

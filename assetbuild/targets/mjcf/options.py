@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 
 from pydantic import AfterValidator, Field
 
-from assetbuild.quantities import Model, Positive
+from assetbuild.recipe_types import Model, Positive
 
 Integrator = Literal["Euler", "RK4", "implicit", "implicitfast"]
 Cone = Literal["pyramidal", "elliptic"]

@@ -18,7 +18,7 @@ from assetbuild.robot.pose import IDENTITY, Pose, quat_between, rotation_of, vec
 from assetbuild.robot.shapes import Mesh, Shapes
 from assetbuild.robot.tree import depth_first
 from assetbuild.simulators.mujoco import body_names
-from assetbuild.targets.mjcf.chains import Seats
+from assetbuild.targets.mjcf.chains import JointPlacement
 from assetbuild.targets.mjcf.classes import ClassNames
 from assetbuild.targets.mjcf.constraints import contact_section, equality_section
 from assetbuild.targets.mjcf.drives import actuator_names, joint_classes, row_of
@@ -86,7 +86,7 @@ class RobotXml:
         # Bodies and joints in the order in which MuJoCo numbers them.
         self.order, self.joints = depth_first(tree.root, carried)
         self.body_names = body_names(tree)
-        self.seats = Seats(tree, shapes)
+        self.seats = JointPlacement(tree, shapes)
         limits = dict(control.soft_limits)
         rows = [
             row_of(

@@ -15,7 +15,7 @@ from xml.etree.ElementTree import Element
 
 from assetbuild.engine.step import Files
 from assetbuild.findings import Finding, Rule
-from assetbuild.kinds import RecipeView, Target
+from assetbuild.plugin_types import RecipeView, Target
 from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.initial import initial_pose
 from assetbuild.robot.model import Actuator, Control, Place, Sensor, Tree
@@ -84,7 +84,7 @@ class Mjlab(Target):
     reads = ("tree.json", "shapes.json", "control.json", "meshes/")
 
     sections: ClassVar[Mapping[str, str]] = {"mjlab": "options"}
-    told: ClassVar[Mapping[str, str]] = {
+    recipe_fields: ClassVar[Mapping[str, str]] = {
         "feet": "feet.links",
         "imu": "imu.link",
         "randomize": "randomize",

@@ -18,7 +18,13 @@ from assetbuild.findings import Finding, Rule
 from assetbuild.robot.inertia import move_inertial, pseudo_inertia
 from assetbuild.robot.model import Actuator, Tree
 from assetbuild.robot.randomize import homogeneous_box
-from assetbuild.robot.ranges import Randomize, RandomMatter, RandomPayload, claimed, per_axis
+from assetbuild.robot.ranges import (
+    Randomize,
+    RandomMatter,
+    RandomPayload,
+    first_match_groups,
+    per_axis,
+)
 from assetbuild.targets.mjlab.text import exactly, literal
 
 WITH_GAINS = frozenset({"pd", "ideal_pd", "dc_motor"})
@@ -58,7 +64,9 @@ def terms(
 def replaced(randomize: Randomize, tree: Tree) -> tuple[str, ...]:
     """Events of mjlab's velocity task that say what the recipe says."""
     names = []
-    if any(tree.root in bodies for _, _, bodies in claimed(randomize.links, _massive(tree))):
+    if any(
+        tree.root in bodies for _, _, bodies in first_match_groups(randomize.links, _massive(tree))
+    ):
         names.append("base_com")
     if any(ranges.encoder_bias for ranges in randomize.joints.values()):
         names.append("encoder_bias")
@@ -74,7 +82,9 @@ def lost(
     without = []
     if len(_carried(randomize, tree)) < len(randomize.payloads):
         without.append("payloads on bodies without mass")
-    for _, ranges, joints in claimed(randomize.joints, [j.name for j in tree.moving_joints]):
+    for _, ranges, joints in first_match_groups(
+        randomize.joints, [j.name for j in tree.moving_joints]
+    ):
         scaled = {key for key in ("kp", "kd", "effort") if getattr(ranges, key) != (1.0, 1.0)}
         own = [a for a, names in groups if set(names) & set(joints)]
         if scaled and any(a.model not in WITH_GAINS for a in own):
@@ -148,7 +158,7 @@ def _text_of(value: object) -> str:
 
 
 def _matter(randomize: Randomize, tree: Tree) -> Iterator[Term]:
-    rows = claimed(randomize.links, _massive(tree))
+    rows = first_match_groups(randomize.links, _massive(tree))
     for index, (_, matter, bodies) in enumerate(rows):
         yield Term(
             f"matter_{index}",
@@ -236,7 +246,7 @@ def _log_cholesky(matter: RandomMatter) -> dict[str, object]:
 def _joints(
     randomize: Randomize, tree: Tree, groups: Sequence[tuple[Actuator, tuple[str, ...]]]
 ) -> Iterator[Term]:
-    rows = claimed(randomize.joints, [joint.name for joint in tree.moving_joints])
+    rows = first_match_groups(randomize.joints, [joint.name for joint in tree.moving_joints])
     for index, (_, ranges, joints) in enumerate(rows):
         mine = [i for i, (a, names) in enumerate(groups) if set(names) <= set(joints)]
         loops = [i for i in mine if groups[i][0].model in WITH_GAINS]

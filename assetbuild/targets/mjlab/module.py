@@ -10,7 +10,7 @@ from typing import Literal
 
 from pydantic import Field
 
-from assetbuild.quantities import Model, Pattern, Positive
+from assetbuild.recipe_types import Model, Pattern, Positive
 from assetbuild.robot.initial import initial_pose
 from assetbuild.robot.model import Actuator, Control, Tree
 from assetbuild.robot.ranges import Randomize, RandomJoint, first_match

@@ -9,7 +9,7 @@ from typing import ClassVar
 
 from assetbuild.engine.step import Files
 from assetbuild.findings import Finding
-from assetbuild.kinds import Target
+from assetbuild.plugin_types import Target
 from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.sections import About
 from assetbuild.simulators.usd_options import UsdOptions
@@ -34,7 +34,7 @@ class Usd(Target):
     preload = ("pxr.Usd", "pxr.UsdGeom", "pxr.UsdPhysics", "pxr.UsdShade")
 
     sections: ClassVar[Mapping[str, str]] = {"usd": "options"}
-    told: ClassVar[Mapping[str, str]] = {
+    recipe_fields: ClassVar[Mapping[str, str]] = {
         "about_robot": "about",
         "licence": "source.license",
         "urdf": "source.urdf",

@@ -9,7 +9,7 @@ from pathlib import PurePosixPath
 
 from pxr import Gf, Usd, UsdGeom
 
-from assetbuild.quantities import Model
+from assetbuild.recipe_types import Model
 from assetbuild.robot.inertia import total_mass
 from assetbuild.robot.model import Tree
 from assetbuild.robot.sections import About

@@ -14,7 +14,7 @@ from typing import Any, ClassVar
 from assetbuild.engine.step import Files
 from assetbuild.errors import StepError, did_you_mean
 from assetbuild.findings import Finding, Rule
-from assetbuild.kinds import RecipeView, Target
+from assetbuild.plugin_types import RecipeView, Target
 from assetbuild.robot.contact import Contact
 from assetbuild.robot.contact_filter import ContactFilter
 from assetbuild.robot.files import RobotFiles

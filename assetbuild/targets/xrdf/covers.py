@@ -18,7 +18,7 @@ from assetbuild.mesh.hull import convex_hull
 from assetbuild.mesh.obj import read_triangles
 from assetbuild.mesh.quality import sobol
 from assetbuild.mesh.solid import ConvexPiece
-from assetbuild.quantities import Model, Pattern, Positive, Share
+from assetbuild.recipe_types import Model, Pattern, Positive, Share
 from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.initial import initial_pose
 from assetbuild.robot.pose import Array, Pose

@@ -10,8 +10,8 @@ from pathlib import Path
 from typing import Any
 
 import assetbuild
-from assetbuild.kinds import Check, Plugin, Target
 from assetbuild.pipeline.recipes import whole_model
+from assetbuild.plugin_types import Check, Plugin, Target
 from assetbuild.plugins import load_plugin, plugin_names
 from assetbuild.recipe.schema import Schema
 

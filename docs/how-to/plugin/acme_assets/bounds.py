@@ -7,7 +7,7 @@ from pydantic import Field
 from assetbuild.collision import CollisionMethod, Fitted
 from assetbuild.mesh.cover import Reference
 from assetbuild.mesh.solid import ConvexPiece
-from assetbuild.quantities import Length
+from assetbuild.recipe_types import Length
 from assetbuild.robot.pose import Pose, vec3
 from assetbuild.robot.shapes import Box
 

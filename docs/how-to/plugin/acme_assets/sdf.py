@@ -10,8 +10,8 @@ from pydantic import Field
 
 from assetbuild.engine.step import Files
 from assetbuild.findings import Finding
-from assetbuild.kinds import Target
-from assetbuild.quantities import Model
+from assetbuild.plugin_types import Target
+from assetbuild.recipe_types import Model
 from assetbuild.robot.files import RobotFiles
 
 

@@ -9,7 +9,7 @@ from defusedxml import ElementTree
 
 from assetbuild.facts.reader import Reader
 from assetbuild.facts.reference import Reference, robot_table
-from assetbuild.facts.table import Key, Table, Writer
+from assetbuild.facts.table import FactCollector, Key, Table
 from assetbuild.facts.vocabulary import VOCABULARY
 
 SAID = {("body", "mass")}
@@ -36,7 +36,7 @@ class SdfFacts(Reader):
 
     def read(self, path: Path) -> Table:
         """Masses by link; all other elements are unread."""
-        book = Writer()
+        book = FactCollector()
         for element in ElementTree.parse(path).getroot().iter():
             if element.tag == "link":
                 mass = float(element.findtext("inertial/mass") or "nan")

@@ -8,8 +8,8 @@ from pydantic import Field
 
 from assetbuild.engine.step import Files
 from assetbuild.findings import Finding, Rule
-from assetbuild.kinds import Check, write_figures
-from assetbuild.quantities import Positive
+from assetbuild.plugin_types import Check, write_figures
+from assetbuild.recipe_types import Positive
 from assetbuild.robot.files import RobotFiles
 
 AIR_KG_M3 = 1.2

@@ -17,11 +17,11 @@ from numpy.typing import NDArray
 
 from assetbuild.engine.step import Files, Step
 from assetbuild.findings import Finding, Rule
-from assetbuild.looks.lighten import lightened
 from assetbuild.mesh import MESH_MODULES
 from assetbuild.mesh.hulls import read_meshes
 from assetbuild.mesh.solid import Distance, distance_to
 from assetbuild.mesh.triangles import TriangleMesh
+from assetbuild.rendering.lighten import lightened
 from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.model import Tree
 from assetbuild.robot.pose import Array

@@ -13,7 +13,8 @@ import numpy as np
 from assetbuild.engine.step import Files, Limits, Step
 from assetbuild.errors import StepError
 from assetbuild.findings import Finding, Rule
-from assetbuild.looks.studio import (
+from assetbuild.mesh.native import NativeError, NativeLimits, run_apart
+from assetbuild.rendering.studio import (
     BACKGROUND,
     LAMP,
     Camera,
@@ -24,7 +25,6 @@ from assetbuild.looks.studio import (
     lamp_direction,
     studio,
 )
-from assetbuild.mesh.native import NativeError, NativeLimits, run_apart
 from assetbuild.robot.pose import Array
 from assetbuild.simulators import mujoco
 from assetbuild.simulators.mujoco import Data, Model

@@ -8,8 +8,8 @@ from pathlib import Path
 
 import numpy as np
 
-from assetbuild.looks.render import Stage, directions, drawing, fitted, loaded, write
-from assetbuild.looks.studio import BACKGROUND, Pixels, Shot, Studio, studio
+from assetbuild.rendering.render import Stage, directions, drawing, fitted, loaded, write
+from assetbuild.rendering.studio import BACKGROUND, Pixels, Shot, Studio, studio
 from assetbuild.robot.pose import Array
 from assetbuild.simulators import mujoco
 

@@ -15,11 +15,11 @@ from typing import TYPE_CHECKING
 
 from assetbuild.engine.graph import Node, Ref
 from assetbuild.engine.planner import Planner
-from assetbuild.kinds import Target
-from assetbuild.looks.render import Render
-from assetbuild.looks.viewer import Viewer
+from assetbuild.plugin_types import Target
 from assetbuild.plugins import load_plugin
 from assetbuild.recipe.models import Recipe
+from assetbuild.rendering.render import Render
+from assetbuild.rendering.viewer import Viewer
 
 if TYPE_CHECKING:
     from assetbuild.engine.world import World

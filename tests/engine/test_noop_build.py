@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from assetbuild.engine import null
+from assetbuild.engine import noop_build
 from assetbuild.engine.digest import digest_file
 from assetbuild.engine.questions import BYTES, KIND
 
@@ -32,7 +32,7 @@ def built(tmp_path: Path) -> Path:
 def record(folder: Path, began_ns: int | None = None) -> bool:
     files = [p for p in folder.rglob("*") if p.is_file() and p.name != "record"]
     out = folder / "out"
-    return null.write(
+    return noop_build.write(
         str(folder / "record"),
         options=OPTIONS,
         asked={(BYTES, str(p), ""): digest_file(p) for p in files if not p.is_relative_to(out)}
@@ -46,7 +46,7 @@ def record(folder: Path, began_ns: int | None = None) -> bool:
 
 
 def check(folder: Path, options: str = OPTIONS) -> dict[str, object] | None:
-    return null.check(str(folder / "record"), options)
+    return noop_build.check(str(folder / "record"), options)
 
 
 def test_nothing_changed(built: Path):
@@ -86,23 +86,23 @@ def test_touching_is_no_change_and_the_new_stamps_are_noted(built: Path, monkeyp
     os.utime(built / "go1.yaml")
     assert check(built)
     real = time.time_ns
-    monkeypatch.setattr(null.time, "time_ns", lambda: real() + 10_000_000_000)
+    monkeypatch.setattr(noop_build.time, "time_ns", lambda: real() + 10_000_000_000)
     assert check(built)
-    monkeypatch.setattr(null, "digest_file", None)  # from now on `stat` is enough
+    monkeypatch.setattr(noop_build, "digest_file", None)  # from now on `stat` is enough
     assert check(built)
 
 
 def test_a_fresh_bundle_is_read_again_before_it_is_trusted(built: Path):
     lines = (built / "record").read_text().splitlines()
     (line,) = [line for line in lines if "out/mjcf/go1.xml" in line]
-    assert line.endswith(f"\t{null.UNPROVEN}")
+    assert line.endswith(f"\t{noop_build.UNPROVEN}")
 
 
 def test_a_source_edited_during_the_build_leaves_no_record(built: Path):
     (built / "record").unlink()
     digest = digest_file(built / "go1.yaml")
     (built / "go1.yaml").write_text("edited while building")
-    written = null.write(
+    written = noop_build.write(
         str(built / "record"),
         options="",
         asked={(BYTES, str(built / "go1.yaml"), ""): digest},
@@ -133,7 +133,7 @@ def test_another_version_of_ourselves_builds(built: Path, monkeypatch):
 
 
 def test_a_store_that_moves_to_another_cpu_builds(built: Path, monkeypatch):
-    monkeypatch.setattr(null, "machine_text", lambda: "x86_64 glibc2.36 GenuineIntel 6 avx2")
+    monkeypatch.setattr(noop_build, "machine_text", lambda: "x86_64 glibc2.36 GenuineIntel 6 avx2")
     assert check(built) is None
 
 
@@ -153,8 +153,8 @@ def test_a_folder_as_source_counts_as_changed(built: Path):
 
 
 def test_builds_have_records_of_their_own():
-    one = null.record_file("/store", "/a/go1.yaml", "/a/build/go1")
-    other = null.record_file("/store", "/a/go1.yaml", "/a/build/go1-train")
+    one = noop_build.record_file("/store", "/a/go1.yaml", "/a/build/go1")
+    other = noop_build.record_file("/store", "/a/go1.yaml", "/a/build/go1-train")
     assert one != other
     assert one.startswith("/store/v1/null/go1.yaml-")
 
@@ -162,7 +162,7 @@ def test_builds_have_records_of_their_own():
 def test_the_null_build_loads_next_to_nothing():
     program = (
         "import sys; before = set(sys.modules); from assetbuild.engine import machine, null; "
-        "null.check('/nowhere', ''); machine.cache_root(); "
+        "noop_build.check('/nowhere', ''); machine.cache_root(); "
         "print(*sorted(set(sys.modules) - before))"
     )
     out = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True)

@@ -20,13 +20,13 @@ from tiny import TinyRobot, pendulum, run_step, tiny_quadruped, write_robot_port
 from assetbuild.control.keep import KeepPose
 from assetbuild.engine.world import World
 from assetbuild.errors import StepError
-from assetbuild.looks.lighten import lightened
-from assetbuild.looks.plan import renderer
-from assetbuild.looks.render import MARGIN, Render, draw_all, ellipsoid_points, fitted
-from assetbuild.looks.studio import BACKGROUND
-from assetbuild.looks.viewer import SPAN_M, Viewer, in_bytes, three_js
 from assetbuild.mesh.obj import obj_bytes, read_triangles
 from assetbuild.mesh.triangles import TriangleMesh
+from assetbuild.rendering.lighten import lightened
+from assetbuild.rendering.plan import renderer
+from assetbuild.rendering.render import MARGIN, Render, draw_all, ellipsoid_points, fitted
+from assetbuild.rendering.studio import BACKGROUND
+from assetbuild.rendering.viewer import SPAN_M, Viewer, in_bytes, three_js
 from assetbuild.robot.codec import encode
 from assetbuild.robot.model import Control
 from assetbuild.robot.pose import Pose
@@ -69,8 +69,8 @@ def test_a_light_mesh_that_lost_a_part_is_not_taken(monkeypatch: pytest.MonkeyPa
     def half(mesh: TriangleMesh, *_: object) -> TriangleMesh:
         return TriangleMesh(mesh.vertices, mesh.faces[mesh.corners[:, :, 0].min(axis=1) > 0.0])
 
-    monkeypatch.setattr("assetbuild.looks.lighten.clustered", half)
-    monkeypatch.setattr("assetbuild.looks.lighten.simplified", half)
+    monkeypatch.setattr("assetbuild.rendering.lighten.clustered", half)
+    monkeypatch.setattr("assetbuild.rendering.lighten.simplified", half)
     assert lightened({"ball": BALL}, 2000) == {}
 
 
@@ -79,7 +79,7 @@ def test_the_view_shows_the_thinned_mesh_unless_it_collides(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, collides: bool
 ):
     fewer = functools.partial(lightened, max_faces=2000)
-    monkeypatch.setattr("assetbuild.looks.viewer.lightened", fewer)
+    monkeypatch.setattr("assetbuild.rendering.viewer.lightened", fewer)
     robot = ball_robot()
     if collides:
         both = (*robot.shapes.shapes, Shape("c", robot.tree.root, "collision", Mesh("ball-1")))
