@@ -19,11 +19,11 @@ class SdfFacts(Reader):
     """The mass of every body, and whether the model moves."""
 
     needs: ClassVar = ("sdf",)
-    form: ClassVar = "sdf"
-    called: ClassVar = "the SDF"
+    format_id: ClassVar = "sdf"
+    display_name: ClassVar = "the SDF"
     folder: ClassVar = "sdf"
-    behind: ClassVar = ("sdf/*",)
-    asks: ClassVar = ("sdf",)
+    file_globs: ClassVar = ("sdf/*",)
+    recipe_sections: ClassVar = ("sdf",)
     lacks: ClassVar = {
         f"{kind} {name}": "our SDF holds masses alone"
         for kind, name in VOCABULARY
