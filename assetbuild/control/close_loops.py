@@ -50,19 +50,21 @@ def driven_joints(
     """Joints that a row of the table drives, or the source."""
     patterns = [row.joints for row in rows if row.model != "passive"]
     by_row = {j.name for j in tree.moving_joints if any(re.fullmatch(p, j.name) for p in patterns)}
-    said = source.control.actuators if source is not None else ()
-    own = {actuator.joint for actuator in said if actuator.model != "passive"}
-    return by_row | (own & moving_by_source(sides, own))
+    actuators = source.control.actuators if source is not None else ()
+    by_source = {actuator.joint for actuator in actuators if actuator.model != "passive"}
+    return by_row | (by_source & moving_by_source(sides, by_source))
 
 
-def placed_loops(tree: Tree, said: Sequence[Loop], stated: Sequence[Loop] = ()) -> tuple[Loop, ...]:
+def placed_loops(
+    tree: Tree, loops: Sequence[Loop], stated: Sequence[Loop] = ()
+) -> tuple[Loop, ...]:
     """Loops of a source, whose ends are links, on the bodies that these became part of.
 
     stated: the recipe's, of which one takes the place of the source's of that name.
     """
 
     names = {loop.name for loop in stated}
-    return tuple(placed_loop(tree, loop) for loop in said if loop.name not in names)
+    return tuple(placed_loop(tree, loop) for loop in loops if loop.name not in names)
 
 
 def hinged(tree: Tree) -> Tree:
@@ -72,10 +74,10 @@ def hinged(tree: Tree) -> Tree:
 
 def positions_of(tree: Tree, pose: Keyframe) -> dict[str, float]:
     """The position of every moving joint of the hinged tree, rad or m."""
-    found = dict(pose.joints)
+    positions = dict(pose.joints)
     for name, turn in pose.turns:
-        found |= {f"{name}_{axis}": q for axis, q in zip("xyz", angles_of(turn), strict=True)}
-    return with_mimics(hinged(tree), found)
+        positions |= {f"{name}_{axis}": q for axis, q in zip("xyz", angles_of(turn), strict=True)}
+    return with_mimics(hinged(tree), positions)
 
 
 def _posed(tree: Tree, pose: Keyframe, positions: Mapping[str, float]) -> Keyframe:
@@ -106,14 +108,14 @@ def closed_pose(
     free = chain - set(stated)
     for index in range(len(last) + 1):
         unknown = free.difference(*last[: len(last) - index])
-        found = close(whole, loops, start, unknown)
-        if found.closed:
-            return _posed(tree, pose, found.positions)
-    raise _cannot_close(whole, loops, replace(pose, joints=tuple(start.items())), found, rows)
+        solution = close(whole, loops, start, unknown)
+        if solution.closed:
+            return _posed(tree, pose, solution.positions)
+    raise _cannot_close(whole, loops, replace(pose, joints=tuple(start.items())), solution, rows)
 
 
 def _cannot_close(
-    tree: Tree, loops: Sequence[Loop], pose: Keyframe, found: Solution, rows: Mapping[str, int]
+    tree: Tree, loops: Sequence[Loop], pose: Keyframe, solution: Solution, rows: Mapping[str, int]
 ) -> RowError:
     """Whose fault it is: that of a loop alone, or of the keyframe and the loops together."""
     for name, some in by_constraint(loops).items():
@@ -126,7 +128,7 @@ def _cannot_close(
                 key=_place(rows, name),
                 hint="check the frames of both ends, the lengths of the links and the axes",
             )
-    name, residual = _widest(tree, loops, found.positions)
+    name, residual = _widest(tree, loops, solution.positions)
     return RowError(
         f"keyframes.{pose.name}: loop `{name}` stays open by {residual:.4g} m with the values that "
         "the keyframe states",

@@ -156,24 +156,26 @@ class ControlStep(Step):
         """Raises RowError, with the key of the recipe, where a table does not fit the robot."""
         robot = RobotFiles(files.inputs)
         tree, shapes = robot.tree, robot.shapes
-        own = [_pose(tree, name, keyframe) for name, keyframe in self.keyframes.items()]
+        poses = [_pose(tree, name, keyframe) for name, keyframe in self.keyframes.items()]
         source = robot.source_control
         driven = driven_joints(tree, self.rows, self.sides, source)
         loops = resolve_loops(tree, self.loops)
         if source is not None:
             loops += placed_loops(tree, source.control.loops, loops)
         sprung = joint_springs(source.control.mjcf_only if source is not None else ())
-        stated, own = own, self._closed(tree, own, loops, driven, sprung)
-        for before, after in zip(stated, own, strict=True):
+        stated, poses = poses, self._closed(tree, poses, loops, driven, sprung)
+        for before, after in zip(stated, poses, strict=True):
             yield from solved_findings(before, after)
         parts = {name: self._of_parts(tree, pose) for name, pose in self.poses.items()}
-        said = source.control.keyframes if source is not None else ()
-        actuators = self._resolved(tree, joined_keyframes(own, said, tree, parts), loops)
+        source_keyframes = source.control.keyframes if source is not None else ()
+        actuators = self._resolved(
+            tree, joined_keyframes(poses, source_keyframes, tree, parts), loops
+        )
         yield from row_findings(self.rows, tree, actuators)
 
         ground = Ground(tree, shapes, robot.mesh_dir)
         keyframes = []
-        for before, pose in zip(stated, own, strict=True):
+        for before, pose in zip(stated, poses, strict=True):
             keyframe, q = self.keyframes[pose.name], dict(pose.joints)
             solved = q.keys() - {name for name, v in before.joints if v == q[name]}
             yield from _limit_findings(tree, pose.name, keyframe, q, solved)
@@ -198,7 +200,7 @@ class ControlStep(Step):
             control, findings = join(control, source, tree, shapes, recipe)
             yield from findings
             if loops:
-                kept, start = control.keyframes[len(own) :], initial_pose(tree, control)
+                kept, start = control.keyframes[len(poses) :], initial_pose(tree, control)
                 yield from source_findings(tree, loops, kept, start, driven)
         control = _with_sampled(control, files.inputs / "sampled_pairs.json")
         control, below = with_reach(tree, control, ground)

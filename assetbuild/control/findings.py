@@ -61,12 +61,12 @@ def _guessed_findings(
     rows: tuple[ActuatorRow, ...], actuators: tuple[Actuator, ...]
 ) -> Iterator[Finding]:
     """One for the table, at its first such row."""
-    found = [index for index, row in enumerate(rows) if row.guessed]
-    mine = [a for a in actuators if any(re.fullmatch(rows[i].joints, a.joint) for i in found)]
+    guessed = [index for index, row in enumerate(rows) if row.guessed]
+    mine = [a for a in actuators if any(re.fullmatch(rows[i].joints, a.joint) for i in guessed)]
     if mine:
         names = ", ".join(f"`{a.joint}`" for a in mine[:6]) + (", ..." if len(mine) > 6 else "")
         yield GUESSED(
-            f"recipe actuators.{found[0]}",
+            f"recipe actuators.{guessed[0]}",
             f"the drives of {len(mine)} joint{'s' if len(mine) > 1 else ''} are guesses"
             f", effort {_span([a.effort for a in mine])}: {names}",
             hint="give the motors' effort and gains from a data sheet, then remove `guessed`",
@@ -102,12 +102,12 @@ def _override_findings(
             pairs = [(_of_source(tree.by_joint[a.joint], name), getattr(a, name)) for a in mine]
             other = [(was, now) for was, now in pairs if was is not None and was != now]
             if other:
-                source, own = ([pair[i] for pair in other] for i in (0, 1))
+                source, recipe = ([pair[i] for pair in other] for i in (0, 1))
                 yield OVERRIDES(
                     f"recipe actuators.{index}",
-                    f"`{row.joints}`: {name} {_span(own)} in place of the source's "
+                    f"`{row.joints}`: {name} {_span(recipe)} in place of the source's "
                     f"{_span(source)} ({len(other)} joints)",
-                    data={"own": _span(own), "source": _span(source), "joints": len(other)},
+                    data={"own": _span(recipe), "source": _span(source), "joints": len(other)},
                 )
 
 
@@ -214,15 +214,15 @@ RAISED = Rule(
 
 def contact_findings(shapes: Shapes, control: Control) -> Iterator[Finding]:
     """One for each value that is outside, with the links that have it."""
-    own = dict(control.contacts)
+    contacts = dict(control.contacts)
     links: dict[float, dict[str, None]] = {}
     for shape in shapes.of("collision"):
-        surface = own.get(shape.name, control.contact)
+        surface = contacts.get(shape.name, control.contact)
         touches = surface.mask or surface.partners
         if touches and surface.condim > 1 and not SLIDING[0] <= surface.friction[0] <= SLIDING[1]:
             links.setdefault(surface.friction[0], {})[shape.link] = None
-    for friction, found in links.items():
-        names, listed = list(found), _listed(list(found), "links")
+    for friction, link_names in links.items():
+        names, listed = list(link_names), _listed(list(link_names), "links")
         slides = friction < SLIDING[0]
         yield FRICTION(
             f"link {names[0]}",
@@ -239,17 +239,17 @@ def _raised(shapes: Shapes, control: Control) -> Iterator[Finding]:
 
     A surface without priority is mixed with what it touches: the floor's, which is the default.
     """
-    own, least = dict(control.contacts), SAFE_STEPS * control.simulation.timestep
+    contacts, least = dict(control.contacts), SAFE_STEPS * control.simulation.timestep
     stated: dict[float, dict[str, None]] = {}
     for shape in shapes.of("collision"):
-        surface = own.get(shape.name, control.contact)
+        surface = contacts.get(shape.name, control.contact)
         constant = surface.solref[0] if surface.solref and surface.priority else DEFAULT_S
         stated.setdefault(constant, {})[f"link {shape.link}"] = None
     for loop in control.loops:
         stated.setdefault(loop.solref[0], {})[f"loop {loop.name}"] = None
-    for constant, found in stated.items():
+    for constant, places in stated.items():
         if 0.0 < constant < least:
-            names = list(found)
+            names = list(places)
             yield RAISED(
                 names[0],
                 f"MuJoCo raises the time constant of {constant:g} s to two time steps, "

@@ -61,13 +61,13 @@ class Ground:
     def lowest_of_bodies(self, q: Mapping[str, float], X_world_root: Pose) -> dict[str, float]:
         """z in the world of the lowest point of each body that has collision geometry, m."""
         X_root_body = forward_kinematics(self._tree, q)
-        found: dict[str, float] = {}
+        bottoms: dict[str, float] = {}
         for shape in self._shapes:
             body, X_body_link = self._tree.placement(shape.link)
             X_root_shape = X_root_body[body] @ X_body_link @ shape.X_link_shape
             bottom = self._bottom(shape.geometry, X_world_root @ X_root_shape)
-            found[body] = min(bottom, found.get(body, bottom))
-        return found
+            bottoms[body] = min(bottom, bottoms.get(body, bottom))
+        return bottoms
 
     def under_base(self) -> float | None:
         """z in the world where a fixed robot's base ends below, m; None without its geometry."""

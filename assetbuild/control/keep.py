@@ -101,7 +101,7 @@ class KeepRatings(Step):
 def loop_mimics(tree: Tree, control: Control) -> tuple[tuple[LoopMimic, ...], dict[str, str]]:
     """The mimics of the loops that ask for them; by name of a loop, why it can have none."""
     asked = by_constraint(loop for loop in control.loops if loop.urdf == "mimic")
-    found: dict[str, LoopMimic] = {}
+    mimics: dict[str, LoopMimic] = {}
     refused: dict[str, str] = {}
     for name, loops in asked.items():
         path = [j for j in tree.joints if any(j in path_of(tree, loop) for loop in loops)]
@@ -109,8 +109,8 @@ def loop_mimics(tree: Tree, control: Control) -> tuple[tuple[LoopMimic, ...], di
         if isinstance(made, str):
             refused[name] = made
         else:
-            found = {each.joint: each for each in made} | found
-    return tuple(found.values()), refused
+            mimics = {each.joint: each for each in made} | mimics
+    return tuple(mimics.values()), refused
 
 
 def _of_loop(

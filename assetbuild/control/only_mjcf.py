@@ -116,33 +116,38 @@ def explain_opaque(items: tuple[MjcfOnly, ...]) -> Iterator[Finding]:
             continue
         element = parsed(item)
         yield from _uneven(item)
-        own = (*EFFORT_WORDS.get(item.place, ()), *(SPRING_WORDS if item.place == "joint" else ()))
-        for name in own:
+        covered = (
+            *EFFORT_WORDS.get(item.place, ()),
+            *(SPRING_WORDS if item.place == "joint" else ()),
+        )
+        for name in covered:
             element.attrib.pop(name, None)  # the robot's effort limit holds it, or `SPRING` says it
         for name in [name for name, value in element.attrib.items() if not value]:
             element.attrib.pop(name)  # what the source leaves to MuJoCo
-        if not element.attrib and (own or item.place == "camera"):
+        if not element.attrib and (covered or item.place == "camera"):
             continue
-        said = f"<{element.tag}>"
+        summary = f"<{element.tag}>"
         if item.place in _BY_ATTRIBUTES:
-            said = ", ".join(f"`{key}`" for key in element.attrib)
-        groups.setdefault((item.place, said), []).append(item.owner or element.get("name", ""))
-    told = tuple(_told(place, said, _listed(names)) for (place, said), names in groups.items())
-    if told:
+            summary = ", ".join(f"`{key}`" for key in element.attrib)
+        groups.setdefault((item.place, summary), []).append(item.owner or element.get("name", ""))
+    lines = tuple(
+        _told(place, summary, _listed(names)) for (place, summary), names in groups.items()
+    )
+    if lines:
         yield ONLY_IN_MJCF(
             "robot",
-            f"in the MJCF only, the other formats are written without it: {'; '.join(told)}",
-            data={"said": told},
+            f"in the MJCF only, the other formats are written without it: {'; '.join(lines)}",
+            data={"said": lines},
         )
 
 
-def _told(place: str, said: str, listed: str) -> str:
-    return f"{said} of {_WORDS.get(place, place)} {listed}" if listed else said
+def _told(place: str, summary: str, listed: str) -> str:
+    return f"{summary} of {_WORDS.get(place, place)} {listed}" if listed else summary
 
 
 def _own_drive(item: MjcfOnly) -> Finding:
-    said = parsed(item)
-    name, tendon = said.get("name", ""), said.get("tendon", "")
+    element = parsed(item)
+    name, tendon = element.get("name", ""), element.get("tendon", "")
     why = f"pulls the tendon `{tendon}`, whose joints follow this one" if tendon else ""
     return OWN_DRIVE(
         f"joint {item.owner}",
@@ -192,11 +197,11 @@ def commands_of(
     joint_of = {a.name: a.joint for a in source.control.actuators if a.name}
     before = {key.name: dict(key.joints) for key in source.control.keyframes}
     stated = dict(source.ctrl)
-    own = [i for i in source.control.mjcf_only if i.place == "actuator" and i.owner]
-    own = [item for item in own if not replaces(item.owner)]
+    drives = [i for i in source.control.mjcf_only if i.place == "actuator" and i.owner]
+    drives = [item for item in drives if not replaces(item.owner)]
     for key in keyframes:
         now, was = dict(key.joints), before.get(key.name, {})
-        holding = (_holding(item, source.control.by_joint[item.owner], now) for item in own)
+        holding = (_holding(item, source.control.by_joint[item.owner], now) for item in drives)
         commands = dict(filter(None, holding))
         for actuator, value in stated.get(key.name, ()):
             joint = joint_of.get(actuator)
@@ -215,11 +220,11 @@ def commands_of(
 
 def _holding(item: MjcfOnly, row: Actuator, pose: Mapping[str, float]) -> tuple[str, float] | None:
     """(actuator, its command at rest in a pose) of one that holds positions: see `MjcfOnly`."""
-    said = parsed(item)
+    element = parsed(item)
     if row.model != "pd":
         return None
-    gain = float(said.get("gainprm", "").split()[0])
-    constant, stiff = (float(word) for word in said.get("biasprm", "").split()[:2])
+    gain = float(element.get("gainprm", "").split()[0])
+    constant, stiff = (float(word) for word in element.get("biasprm", "").split()[:2])
     length = row.gear * pose.get(row.joint, 0.0)
     return row.name, (0.0 - stiff * length - constant) / gain
 
@@ -239,7 +244,7 @@ def wider_excludes(
 
     Bodies that a joint connects never touch in MuJoCo.
     """
-    said = {frozenset(pair) for pair in excludes}
+    excluded = {frozenset(pair) for pair in excludes}
     adjacent = {frozenset((joint.parent, joint.child)) for joint in tree.joints}
     solid: dict[str, list[str]] = {}
     for link in dict.fromkeys(shape.link for shape in shapes.of("collision")):
@@ -247,7 +252,7 @@ def wider_excludes(
     bodies = (sorted(tree.placement(link)[0] for link in pair) for pair in excludes)
     for a, b in sorted({(a, b) for a, b in bodies if a != b}):
         pairs = [(one, two) for one in solid.get(a, ()) for two in solid.get(b, ())]
-        lost = [pair for pair in pairs if frozenset(pair) not in said]
+        lost = [pair for pair in pairs if frozenset(pair) not in excluded]
         if not lost or frozenset((a, b)) in adjacent:
             continue
         shown = ", ".join(f"`{one}` and `{two}`" for one, two in lost[:3])

@@ -30,11 +30,11 @@ def own_side(recipe: Recipe, prefix: str = "") -> Side:
 
 def _stated_keys(recipe: Recipe) -> tuple[str, ...]:
     """What the recipe itself says of all that an MJCF may say too: `simulation.timestep`."""
-    found = ["actuators"] if recipe.actuators else []
-    found += [name for name in ("limits", "couplings") if recipe.states(name)]
+    keys = ["actuators"] if recipe.actuators else []
+    keys += [name for name in ("limits", "couplings") if recipe.states(name)]
     for name in ("contact", "simulation", "mjcf"):
-        found += [f"{name}.{key}" for key in recipe.stated(name)]
-    return tuple(sorted(found))
+        keys += [f"{name}.{key}" for key in recipe.stated(name)]
+    return tuple(sorted(keys))
 
 
 def control_step(

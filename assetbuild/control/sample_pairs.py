@@ -94,8 +94,8 @@ def _touching(model: Any, data: Any, names: list[str]) -> set[tuple[str, str]]:
     """Pairs in contact. Any: mujoco.MjModel and MjData, which have no types."""
     geoms: Array = np.asarray(data.contact.geom).reshape(-1, 2)
     bodies = np.sort(model.geom_bodyid[geoms] - 1, axis=1)
-    found = ((names[a], names[b]) for a, b in np.unique(bodies, axis=0))
-    return {(a, b) if a < b else (b, a) for a, b in found}
+    pairs = ((names[a], names[b]) for a, b in np.unique(bodies, axis=0))
+    return {(a, b) if a < b else (b, a) for a, b in pairs}
 
 
 def _floating(tree: Tree, shapes: Shapes) -> str:
@@ -103,9 +103,9 @@ def _floating(tree: Tree, shapes: Shapes) -> str:
     root = Element("mujoco")
     SubElement(root, "option", {"gravity": "0 0 0"})
     assets, world = SubElement(root, "asset"), SubElement(root, "worldbody")
-    own: dict[str, list[Shape]] = {body.name: [] for body in tree.bodies}
+    by_body: dict[str, list[Shape]] = {body.name: [] for body in tree.bodies}
     for shape in shapes.of("collision"):
-        own[tree.placement(shape.link)[0]].append(shape)
+        by_body[tree.placement(shape.link)[0]].append(shape)
     solid = [shape.geometry for shape in shapes.of("collision")]
     used = {geometry.mesh for geometry in solid if isinstance(geometry, Mesh)}
     for asset in shapes.meshes:
@@ -115,7 +115,7 @@ def _floating(tree: Tree, shapes: Shapes) -> str:
         element = SubElement(world, "body", {"name": f"b{number}"})
         SubElement(element, "freejoint")
         SubElement(element, "inertial", {"pos": "0 0 0", "mass": "1", "diaginertia": "1 1 1"})
-        for shape in own[body.name]:
+        for shape in by_body[body.name]:
             _add_geom(element, shape, tree.shape_placement(shape)[1])
     return tostring(root, encoding="unicode")
 

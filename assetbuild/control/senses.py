@@ -38,12 +38,12 @@ def contacts(
                 key=("contact", "links", pattern),
                 hint=did_you_mean(pattern, links),
             )
-    found = []
+    surfaces = []
     for shape in shapes.of("collision"):
-        own = changed(common, contact.links, shape.link)
-        if own != common:
-            found.append((shape.name, own))
-    return tuple(found)
+        surface = changed(common, contact.links, shape.link)
+        if surface != common:
+            surfaces.append((shape.name, surface))
+    return tuple(surfaces)
 
 
 def changed(common: model.Contact, rules: Mapping[str, Surface], link: str) -> model.Contact:
@@ -93,15 +93,15 @@ def soles(shapes: Shapes, feet: Feet | None) -> Iterator[model.Sensor]:
     """A contact sensor for each collision shape of a foot; RowError when no foot has one."""
     if feet is None:
         return
-    found = [s for s in shapes.of("collision") if re.fullmatch(feet.links, s.link)]
-    if not found:
+    foot_shapes = [s for s in shapes.of("collision") if re.fullmatch(feet.links, s.link)]
+    if not foot_shapes:
         raise RowError(
             f"feet.links: pattern `{feet.links}` matches no link with a collision shape",
             key=("feet", "links"),
             hint=did_you_mean(feet.links, [s.link for s in shapes.of("collision")]),
         )
     if feet.contact_sensors:
-        for shape in found:
+        for shape in foot_shapes:
             name = shape.name.replace("_collision", "_contact")
             yield model.Sensor(name, "contact", model.Place("shape", shape.name))
 

@@ -81,50 +81,52 @@ def join(
 
     control: as the recipe alone makes it.
     """
-    said, findings = source.control, list[Finding]()
+    source_control, findings = source.control, list[Finding]()
     bodies = _Bodies(tree, findings)
     contact, contacts = _contacts(control.contact, source, shapes, stated, findings)
-    keyframes = joined_keyframes(control.keyframes, said.keyframes, tree, stated.poses)
-    actuators = _actuators(control, said, stated)
+    keyframes = joined_keyframes(control.keyframes, source_control.keyframes, tree, stated.poses)
+    actuators = _actuators(control, source_control, stated)
     now = {actuator.joint: actuator for actuator in actuators}
-    kept = _kept(said, bodies, shapes, stated, findings)
-    mjcf_only = tuple(of_same_effort(kept, said.by_joint, now))
+    kept = _kept(source_control, bodies, shapes, stated, findings)
+    mjcf_only = tuple(of_same_effort(kept, source_control.by_joint, now))
     mjcf_only += tuple(commands_of(source, keyframes, stated.replaces, stated.has_table))
     joined = replace(
         control,
         actuators=actuators,
         keyframes=keyframes,
-        excludes=tuple(sorted({*control.excludes, *bodies.pairs(said.excludes)})),
+        excludes=tuple(sorted({*control.excludes, *bodies.pairs(source_control.excludes)})),
         contact=contact,
         contacts=contacts,
-        simulation=_simulation(control.simulation, said.simulation, stated.base),
-        sensors=_by_name(control.sensors, [s for s in said.sensors if bodies.has_all(s)]),
-        cameras=_by_name(control.cameras, said.cameras),
+        simulation=_simulation(control.simulation, source_control.simulation, stated.base),
+        sensors=_by_name(control.sensors, [s for s in source_control.sensors if bodies.has_all(s)]),
+        cameras=_by_name(control.cameras, source_control.cameras),
         mjcf_only=mjcf_only,
     )
     findings += [*explain_gears(actuators), *explain_opaque(mjcf_only)]
-    findings += wider_excludes(said.excludes, tree, shapes)
+    findings += wider_excludes(source_control.excludes, tree, shapes)
     return joined, findings
 
 
-def _by_name(own: tuple[T, ...], said: Sequence[T]) -> tuple[T, ...]:
+def _by_name(recipe: tuple[T, ...], source: Sequence[T]) -> tuple[T, ...]:
     """The source's, then those of the recipe; one with the same name takes its place."""
-    anew: dict[str, T] = {thing.name: thing for thing in own}
-    kept: list[T] = [anew.pop(thing.name, thing) for thing in said]
+    anew: dict[str, T] = {thing.name: thing for thing in recipe}
+    kept: list[T] = [anew.pop(thing.name, thing) for thing in source]
     return tuple(kept + list(anew.values()))
 
 
 # --- drives and poses -----------------------------------------------------------------------
 
 
-def _actuators(control: Control, said: Control, stated: StatedControl) -> tuple[Actuator, ...]:
+def _actuators(
+    control: Control, source_control: Control, stated: StatedControl
+) -> tuple[Actuator, ...]:
     """One for each moving joint in tree order; a row without armature leaves the source's."""
     rows = stated.rows
     silent = [row.joints for row in rows if row.armature is None and row.motor is None]
 
     def chosen(actuator: Actuator) -> Actuator:
         name = actuator.joint
-        before = said.by_joint.get(name)
+        before = source_control.by_joint.get(name)
         if not stated.replaces(name):
             return before or Actuator(name, "passive")
         mute = any(re.fullmatch(pattern, name) for pattern in silent)
@@ -137,23 +139,23 @@ def _actuators(control: Control, said: Control, stated: StatedControl) -> tuple[
 
 
 def joined_keyframes(
-    own: Sequence[Keyframe],
-    said: Sequence[Keyframe],
+    recipe: Sequence[Keyframe],
+    source: Sequence[Keyframe],
     tree: Tree,
     poses: Mapping[str, Mapping[str, float]],
 ) -> tuple[Keyframe, ...]:
     """The recipe's first, then those of the source that it does not say anew."""
-    taken = {key.name for key in own}
+    taken = {key.name for key in recipe}
     order = [joint.name for joint in tree.moving_joints]
     more = []
-    for key in said:
+    for key in source:
         if key.name not in taken:
             values = _split_balls(key, tree) | dict(key.joints) | dict(poses.get(key.name, {}))
             joints = tuple((name, values.get(name, 0.0)) for name in order)
             base = key.base if tree.base == "floating" else None
             turns = tuple(row for row in key.turns if row[0] in tree.by_joint)
             more.append(Keyframe(key.name, joints, base, turns))
-    return (*own, *more)
+    return (*recipe, *more)
 
 
 def _split_balls(key: Keyframe, tree: Tree) -> dict[str, float]:
@@ -166,47 +168,47 @@ def _split_balls(key: Keyframe, tree: Tree) -> dict[str, float]:
     }
 
 
-def _simulation(own: Simulation, said: Simulation, base: Side) -> Simulation:
+def _simulation(recipe: Simulation, source: Simulation, base: Side) -> Simulation:
     """Return a composite's options as the base states them; only an MJCF states any itself."""
     if not base.from_mjcf:
-        return own
-    said = said.model_copy(update={"decimation": own.decimation})  # no MJCF states one
-    return _recipe_wins("simulation", own, said, base)
+        return recipe
+    source = source.model_copy(update={"decimation": recipe.decimation})  # no MJCF states one
+    return _recipe_wins("simulation", recipe, source, base)
 
 
-def _recipe_wins(section: str, own: M, said: M, base: Side) -> M:
+def _recipe_wins(section: str, recipe: M, source: M, base: Side) -> M:
     """What the source says, but for the keys of the section that the recipe states."""
-    keys = [key for key in type(said).model_fields if f"{section}.{key}" in base.stated]
-    return said.model_copy(update={key: getattr(own, key) for key in keys})
+    keys = [key for key in type(source).model_fields if f"{section}.{key}" in base.stated]
+    return source.model_copy(update={key: getattr(recipe, key) for key in keys})
 
 
 # --- surfaces -------------------------------------------------------------------------------
 
 
 def _contacts(
-    own: Contact,
+    recipe: Contact,
     source: SourceControl,
     shapes: Shapes,
     stated: StatedControl,
     findings: list[Finding],
 ) -> tuple[Contact, tuple[tuple[str, Contact], ...]]:
     """The common surface and those that differ; what the recipe says holds for all of them."""
-    said, by_prefix = source.control, dict(source.surfaces)
+    source_control, by_prefix = source.control, dict(source.surfaces)
 
     def with_recipe(contact: Contact) -> Contact:
-        return _recipe_wins("contact", own, contact, stated.base)
+        return _recipe_wins("contact", recipe, contact, stated.base)
 
-    common, by_shape = own, dict(said.contacts)
+    common, by_shape = recipe, dict(source_control.contacts)
     if stated.base.from_mjcf:
-        common = with_recipe(said.contact)
+        common = with_recipe(source_control.contact)
     contacts, anew = [], dict[str, list[str]]()
     for shape in shapes.of("collision"):
-        side, now = side_of(stated.sides, shape.link), own
+        side, now = side_of(stated.sides, shape.link), recipe
         if side.from_mjcf:
             before = by_shape.get(shape.name) or by_shape.get(re.sub(r"_\d+$", "", shape.name))
             if before is None:
                 anew.setdefault(side.prefix, []).append(shape.name)
-            now = before or by_prefix.get(side.prefix, said.contact)
+            now = before or by_prefix.get(side.prefix, source_control.contact)
             now = with_recipe(now) if side == stated.base else now
         now = changed(now, stated.surfaces, shape.link)
         if now != common:
@@ -233,7 +235,7 @@ def _new_shapes(names: list[str]) -> Finding:
 
 
 def _kept(
-    said: Control,
+    source_control: Control,
     bodies: _Bodies,
     shapes: Shapes,
     stated: StatedControl,
@@ -241,12 +243,12 @@ def _kept(
 ) -> Iterator[MjcfOnly]:
     """All but what the recipe replaced, and what names a body that was merged away."""
     shown = [shape.name for shape in shapes.shapes]
-    named = {item.owner for item in said.mjcf_only if item.place == "shape"} | dict(
-        said.contacts
+    named = {item.owner for item in source_control.mjcf_only if item.place == "shape"} | dict(
+        source_control.contacts
     ).keys()
     materials = {material.name for material in shapes.materials}
-    replaced, gone = _replaced(said, stated), []
-    for item in said.mjcf_only:
+    replaced, gone = _replaced(source_control, stated), []
+    for item in source_control.mjcf_only:
         if item.place == "actuator" and _attribute(item, "name") in replaced:
             continue
         if item.place == "drive" and stated.replaces(item.owner):
@@ -274,15 +276,15 @@ def _kept(
         findings.append(_gone(gone))
 
 
-def _replaced(said: Control, stated: StatedControl) -> frozenset[str]:
+def _replaced(source_control: Control, stated: StatedControl) -> frozenset[str]:
     """Names of the source's drives that the recipe's table takes the place of."""
-    found = {a.name for a in said.actuators if a.name and stated.replaces(a.joint)}
-    for item in said.mjcf_only:
+    replaced = {a.name for a in source_control.actuators if a.name and stated.replaces(a.joint)}
+    for item in source_control.mjcf_only:
         if item.place == "actuator":
             name, joint = _attribute(item, "name"), _attribute(item, "joint")
             if stated.has_table(name) or (joint and stated.replaces(joint)):
-                found.add(name)
-    return frozenset(found)
+                replaced.add(name)
+    return frozenset(replaced)
 
 
 def _attribute(item: MjcfOnly, key: str) -> str:

@@ -24,15 +24,15 @@ def main(path: str) -> None:
     try:
         session = _session(path)
         inputs, outputs = session.get_inputs(), session.get_outputs()
-        said: dict[str, Any] = {
+        description: dict[str, Any] = {
             "inputs": [[one.name, _shape(one)] for one in inputs],
             "outputs": [[one.name, _shape(one)] for one in outputs],
             "metadata": dict(session.get_modelmeta().custom_metadata_map),
         }
     except Exception as error:  # whatever the library says is the answer
-        said = {"error": " ".join(str(error).split())[:600]}
-    answer.write(json.dumps(said).encode() + b"\n")
-    if "error" not in said:
+        description = {"error": " ".join(str(error).split())[:600]}
+    answer.write(json.dumps(description).encode() + b"\n")
+    if "error" not in description:
         _serve(session, inputs, answer)
 
 
@@ -73,8 +73,8 @@ def _serve(session: Any, inputs: Any, answer: Any) -> None:
     while len(data := sys.stdin.buffer.read(count)) == count:
         parts = np.split(np.frombuffer(data, dtype=np.float32), np.cumsum(sizes)[:-1])
         fed = {n: p.reshape(s) for n, p, s in zip(names, parts, shapes, strict=True)}
-        found = session.run(None, fed)
-        answer.write(b"".join(np.asarray(one, dtype=np.float32).tobytes() for one in found))
+        outputs = session.run(None, fed)
+        answer.write(b"".join(np.asarray(one, dtype=np.float32).tobytes() for one in outputs))
 
 
 if __name__ == "__main__":

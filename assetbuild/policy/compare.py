@@ -90,16 +90,16 @@ SLIP = 1e-3
 
 @dataclass(frozen=True)
 class Column:
-    """One number of each joint. values: the policy's; own: what they are compared with.
+    """One number of each joint. values: the policy's; reference: what they are compared with.
 
-    against: what `own` is, in words. own_use: a policy may have numbers of its own, so that a
+    against: what `reference` is, in words. own_use: a policy may have numbers of its own, so that a
     difference of most of them is none in the wiring.
     """
 
     rule: Rule
     what: str
     values: ByJoint
-    own: ByJoint
+    reference: ByJoint
     against: str = "the bundle"
     own_use: bool = True
 
@@ -140,8 +140,8 @@ def _columns(policy: Policy, bot: Bot) -> Iterator[Column]:
     yield Column(GAINS, "kp", policy.kp, bot.kp)
     yield Column(GAINS, "kd", policy.kd, bot.kd)
     yield Column(POSITION, "default position", policy.position, start)
-    own = {name: policy.position[name] for name in policy.acts_on}
-    yield Column(OFFSET, "offset of the action", policy.offset, own, "its default pose", False)
+    pose = {name: policy.position[name] for name in policy.acts_on}
+    yield Column(OFFSET, "offset of the action", policy.offset, pose, "its default pose", False)
     yield Column(SCALE, "action scale", policy.scale, {})
 
 
@@ -197,14 +197,14 @@ def _shape(policy: Policy, network: tuple[int, int]) -> Iterator[Finding]:
 
 def orders_of(policy: Policy, bot: Bot) -> dict[str, tuple[str, ...]]:
     """The orders in which the policy's joints may stand, by engine, without repetitions."""
-    found: dict[str, tuple[str, ...]] = {}
+    orders: dict[str, tuple[str, ...]] = {}
     for engine in ENGINES:
         order = tuple(name for name in bot.orders[engine] if name in policy.joints)
         if engine == "isaaclab":  # the policy's robot may lack joints of this one
             order = breadth_first(bot.tree, policy.joints)
-        if len(order) == len(policy.joints) and order not in found.values():
-            found[engine] = order
-    return found
+        if len(order) == len(policy.joints) and order not in orders.values():
+            orders[engine] = order
+    return orders
 
 
 def _order(policy: Policy, bot: Bot) -> Iterator[Finding]:
@@ -233,20 +233,20 @@ def _places_off(one: Sequence[str], other: Sequence[str]) -> list[str]:
 
 def _told(column: Column, policy: Policy, bot: Bot) -> Iterator[Finding]:
     """What differs, and what slip would explain it."""
-    names = [name for name in policy.joints if name in column.values and name in column.own]
-    differ = [n for n in names if not policy.same(column.values[n], column.own[n])]
+    names = [name for name in policy.joints if name in column.values and name in column.reference]
+    differ = [n for n in names if not policy.same(column.values[n], column.reference[n])]
     if not differ:
         yield from _sides(column, policy, names)
         return
     data = {"joints": tuple(differ)}
-    said = _explained(column, names, differ, policy, bot)
-    if said:
-        yield column.rule("policy", said, severity="warning", data=data)
+    message = _explained(column, names, differ, policy, bot)
+    if message:
+        yield column.rule("policy", message, severity="warning", data=data)
     elif len(differ) <= max(1, FEW * len(names)) or not column.own_use:
         text = "; ".join(_both(column, name) for name in differ[:SHOWN])
         more = f"; and {len(differ) - SHOWN} more" if len(differ) > SHOWN else ""
-        said = f"{column.what} differs from {column.against}: {text}{more}"
-        yield column.rule(f"joint {differ[0]}", said, severity="warning", data=data)
+        message = f"{column.what} differs from {column.against}: {text}{more}"
+        yield column.rule(f"joint {differ[0]}", message, severity="warning", data=data)
     else:
         text = f"{column.what} of {len(differ)} of {len(names)} joints is the policy's own"
         yield column.rule(
@@ -259,10 +259,10 @@ def _explained(
     column: Column, names: list[str], differ: list[str], policy: Policy, bot: Bot
 ) -> str:
     """What slip would make the column the other; "" where none would."""
-    values, own, what = column.values, column.own, column.what
+    values, reference, what = column.values, column.reference, column.what
 
     def fits(changed: Mapping[str, float]) -> bool:
-        return all(policy.same(changed[name], own[name]) for name in names)
+        return all(policy.same(changed[name], reference[name]) for name in names)
 
     sides = sides_of(names)
     if sides and fits({name: values[sides.get(name, name)] for name in names}):
@@ -280,7 +280,7 @@ def _explained(
     if pairs := _exchanged(column, differ, policy):
         text = ", ".join(f"`{a}` and `{b}`" for a, b in pairs[:SHOWN])
         return f"{what} of {text} {'is' if len(pairs) == 1 else 'are'} exchanged"
-    ratios = [values[n] / own[n] for n in differ if own[n]]
+    ratios = [values[n] / reference[n] for n in differ if reference[n]]
     if len(ratios) == len(differ) and max(ratios) - min(ratios) <= SLIP * abs(ratios[0]):
         return _factor(column, ratios[0], differ, names)
     return ""
@@ -288,8 +288,8 @@ def _explained(
 
 def sides_of(names: Sequence[str]) -> dict[str, str]:
     """The joint on the other side of each that has one."""
-    found = {name: twin for name in names if (twin := other_side(name, names))}
-    return found | {twin: name for name, twin in found.items()}
+    twins = {name: twin for name in names if (twin := other_side(name, names))}
+    return twins | {twin: name for name, twin in twins.items()}
 
 
 def _exchanged(column: Column, differ: list[str], policy: Policy) -> list[tuple[str, str]]:
@@ -299,7 +299,7 @@ def _exchanged(column: Column, differ: list[str], policy: Policy) -> list[tuple[
         one = left.pop(0)
         for other in left:
             crossed = ((one, other), (other, one))
-            if all(policy.same(column.values[a], column.own[b]) for a, b in crossed):
+            if all(policy.same(column.values[a], column.reference[b]) for a, b in crossed):
                 pairs.append((one, other))
                 left.remove(other)
                 break
@@ -324,20 +324,20 @@ def _factor(column: Column, ratio: float, differ: list[str], names: list[str]) -
 
 def _sides(column: Column, policy: Policy, names: Sequence[str]) -> Iterator[Finding]:
     """Joints of both sides that differ in the policy and not in the robot; signs are let be."""
-    names, values, own = names or list(column.values), column.values, column.own
+    names, values, reference = names or list(column.values), column.values, column.reference
     odd = []
     for name in names:
         twin = other_side(name, names)
         if twin not in values:
             continue
-        alike = abs(abs(own.get(name, 0.0)) - abs(own.get(twin, 0.0))) <= SLIP
+        alike = abs(abs(reference.get(name, 0.0)) - abs(reference.get(twin, 0.0))) <= SLIP
         if alike and not policy.same(abs(values[name]), abs(values[twin])):
             odd.append((name, twin))
     if odd:
         text = "; ".join(f"`{a}` {values[a]:.4g}, `{b}` {values[b]:.4g}" for a, b in odd[:SHOWN])
-        said = f"{column.what} is not the same on both sides: {text}"
+        message = f"{column.what} is not the same on both sides: {text}"
         joints = tuple(name for pair in odd for name in pair)
-        yield column.rule("policy", said, severity="warning", data={"joints": joints})
+        yield column.rule("policy", message, severity="warning", data={"joints": joints})
     minus = [name for name in names if column.rule is SCALE and values[name] < 0.0]
     if minus:
         text = f"{column.what} of {_listed(minus)} is negative: the joint goes the other way"
@@ -349,7 +349,7 @@ def _of(differ: list[str], names: list[str]) -> str:
 
 
 def _both(column: Column, name: str) -> str:
-    return f"`{name}` {column.values[name]:.4g}, {column.own[name]:.4g} of {column.against}"
+    return f"`{name}` {column.values[name]:.4g}, {column.reference[name]:.4g} of {column.against}"
 
 
 def _row(values: Sequence[float]) -> str:

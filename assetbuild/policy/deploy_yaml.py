@@ -24,16 +24,16 @@ SWITCHES = ("scale_first", "use_gym_history")
 
 def read_deploy(path: Path, network: Path | None, bot: Bot) -> Policy:
     """UsageError for what the file lacks, or says of a robot with other motors."""
-    said, bus = Said(path, read_yaml(path)), bot.orders[BUS]
-    said.need("joint_ids_map")
-    joints = places(said, "joint_ids_map", bus)
-    kp, kd = (_gains(said, key, bus, joints) for key in ("stiffness", "damping"))
-    position = dict(zip(joints, said.numbers("default_joint_pos", len(joints)), strict=True))
-    action = _action(said)
+    config, bus = Said(path, read_yaml(path)), bot.orders[BUS]
+    config.need("joint_ids_map")
+    joints = places(config, "joint_ids_map", bus)
+    kp, kd = (_gains(config, key, bus, joints) for key in ("stiffness", "damping"))
+    position = dict(zip(joints, config.numbers("default_joint_pos", len(joints)), strict=True))
+    action = _action(config)
     acts_on = places(action, "joint_ids", joints)
     scale = action.numbers("scale", len(acts_on), 1.0)
     offset = action.numbers("offset", len(acts_on), 0.0)
-    observations = _observations(said)
+    observations = _observations(config)
     return Policy(
         file=path,
         form=FORM,
@@ -44,7 +44,7 @@ def read_deploy(path: Path, network: Path | None, bot: Bot) -> Policy:
         scale=dict(zip(acts_on, scale, strict=True)),
         offset=dict(zip(acts_on, offset, strict=True)),
         terms=tuple(_terms(observations, joints, len(acts_on))),
-        step_s=said.number("step_dt"),
+        step_s=config.number("step_dt"),
         kp=kp,
         kd=kd,
         action_clip=_clips(action, acts_on),
@@ -54,21 +54,23 @@ def read_deploy(path: Path, network: Path | None, bot: Bot) -> Policy:
     )
 
 
-def _gains(said: Said, key: str, bus: tuple[str, ...], joints: tuple[str, ...]) -> dict[str, float]:
+def _gains(
+    config: Said, key: str, bus: tuple[str, ...], joints: tuple[str, ...]
+) -> dict[str, float]:
     """Gains by joint; the list may leave out the last motors of the bus."""
-    stated = said.need(key)
+    stated = config.need(key)
     count = len(stated) if isinstance(stated, list) else len(bus)
     last = max(bus.index(joint) for joint in joints) + 1
-    values = said.numbers(key, min(max(count, last), len(bus)))
+    values = config.numbers(key, min(max(count, last), len(bus)))
     return {joint: value for joint, value in zip(bus, values, strict=False) if joint in joints}
 
 
-def _action(said: Said) -> Said:
-    actions = said.at("actions")
+def _action(config: Said) -> Said:
+    actions = config.at("actions")
     if list(actions.values) != ["JointPositionAction"]:
         listed = ", ".join(f"`{name}`" for name in actions.values) or "none"
         raise UsageError(
-            f"{said.file.name}: actions: expected `JointPositionAction` alone, found {listed}"
+            f"{config.file.name}: actions: expected `JointPositionAction` alone, found {listed}"
         )
     return actions.at("JointPositionAction")
 
@@ -82,31 +84,31 @@ def _clips(action: Said, joints: tuple[str, ...]) -> dict[str, tuple[float, floa
     return {name: (float(a), float(b)) for name, (a, b) in zip(joints, stated, strict=True)}
 
 
-def _observations(said: Said) -> Said:
+def _observations(config: Said) -> Said:
     """The one group of terms; some files have several, by the names of the network's inputs."""
-    found = said.at("observations")
-    if any("params" in found.at(name).values for name in found.values):
-        return found
-    if len(found.values) != 1:
-        listed = ", ".join(f"`{name}`" for name in found.values) or "none"
-        raise found.wrong("", f"expected one group of observations, found {listed}")
-    return found.at(next(iter(found.values)))
+    observations = config.at("observations")
+    if any("params" in observations.at(name).values for name in observations.values):
+        return observations
+    if len(observations.values) != 1:
+        listed = ", ".join(f"`{name}`" for name in observations.values) or "none"
+        raise observations.wrong("", f"expected one group of observations, found {listed}")
+    return observations.at(next(iter(observations.values)))
 
 
-def _terms(said: Said, joints: tuple[str, ...], actions: int) -> Iterator[Term]:
-    for name in said.values:
+def _terms(observations: Said, joints: tuple[str, ...], actions: int) -> Iterator[Term]:
+    for name in observations.values:
         if name in SWITCHES:
             continue
-        term = said.at(name)
+        term = observations.at(name)
         params = term.at("params")
-        own = places(params.at("asset_cfg"), "joint_ids", joints)
+        term_joints = places(params.at("asset_cfg"), "joint_ids", joints)
         clip = term.values.get("clip")
         function = WORDS.get(name, name)
         scale = term.values.get("scale")
         yield Term(
             name,
             function,
-            joints=own if function.startswith("joint_") else (),
+            joints=term_joints if function.startswith("joint_") else (),
             scale=term.numbers("scale", len(scale)) if isinstance(scale, list) else (1.0,),
             clip=(float(clip[0]), float(clip[1])) if isinstance(clip, list) else None,
             history=max(1, int(term.number("history_length", 1.0))),

@@ -34,9 +34,9 @@ Try = Callable[[Policy], Replay]
 
 @dataclass(frozen=True)
 class Fault:
-    """A hypothesis. said: what was wrong, in words; policy: with the fault undone."""
+    """A hypothesis. text: what was wrong, in words; policy: with the fault undone."""
 
-    said: str
+    text: str
     policy: Policy
 
 
@@ -59,7 +59,7 @@ def diagnose(policy: Policy, bot: Bot, before: Replay, attempt: Try) -> Diagnosi
             done = attempt(fault.policy)
             is_better = done.score > (best.replay.score if best else before.score + BETTER)
             if done.follows and is_better:
-                best = Diagnosis(fault.said, done)
+                best = Diagnosis(fault.text, done)
         if best is not None and best.replay.score >= SURE:
             return best
     return best
@@ -73,12 +73,12 @@ def _orders(policy: Policy, bot: Bot) -> Iterator[Fault]:
     for engine, order in orders_of(policy, bot).items():
         if order != policy.joints:
             names = dict(zip(policy.joints, order, strict=True))
-            said = f"the joints of the policy stand in {ENGINES[engine]} order"
-            yield Fault(said, renamed(policy, names))
+            text = f"the joints of the policy stand in {ENGINES[engine]} order"
+            yield Fault(text, renamed(policy, names))
             moved = replace(
                 renamed(policy, names), kp=_moved(policy.kp, names), kd=_moved(policy.kd, names)
             )
-            yield Fault(f"{said}, as do its gains", moved)
+            yield Fault(f"{text}, as do its gains", moved)
             gains = replace(policy, kp=_moved(policy.kp, names), kd=_moved(policy.kd, names))
             yield Fault(f"its gains stand in {ENGINES[engine]} order", gains)
             back = {there: here for here, there in names.items()}
@@ -95,14 +95,14 @@ def _units(policy: Policy, bot: Bot) -> Iterator[Fault]:
     own_s = policy.step_s or bot.step_s
     for step_s in dict.fromkeys((bot.step_s, 0.5 * own_s, 2.0 * own_s)):
         if abs(step_s - own_s) > 1e-9 and whole_steps(step_s, bot.control.simulation.timestep):
-            said = f"it acts every {1e3 * step_s:.4g} ms, not every {1e3 * own_s:.4g} ms"
-            yield Fault(said, replace(policy, step_s=step_s))
+            text = f"it acts every {1e3 * step_s:.4g} ms, not every {1e3 * own_s:.4g} ms"
+            yield Fault(text, replace(policy, step_s=step_s))
     for factor in (-1.0, *FACTORS):
         scale = {name: factor * value for name, value in policy.scale.items()}
-        said = "the sign of all actions is wrong" if factor < 0 else (
+        text = "the sign of all actions is wrong" if factor < 0 else (
             f"the action scale is {factor:g} times what the file says"
         )  # fmt: skip
-        yield Fault(said, replace(policy, scale=scale))
+        yield Fault(text, replace(policy, scale=scale))
 
 
 def _tables(policy: Policy, bot: Bot) -> Iterator[Fault]:
@@ -124,30 +124,30 @@ def _tables(policy: Policy, bot: Bot) -> Iterator[Fault]:
 
 def _poses(policy: Policy, bot: Bot) -> Iterator[Fault]:
     """Default poses from elsewhere, in another order, or of the other side."""
-    stated, own = dict(policy.position), bot.position
-    found: dict[str, dict[str, float]] = {}
+    stated, bundle_pose = dict(policy.position), bot.position
+    poses: dict[str, dict[str, float]] = {}
     for engine, order in orders_of(policy, bot).items():
         pairs = list(zip(policy.joints, order, strict=True))
-        said = "its default pose is listed in"
-        found[f"{said} {ENGINES[engine]} order"] = {to: stated[of] for of, to in pairs}
-        found[f"{said} its own order, not in {ENGINES[engine]}"] = {
+        text = "its default pose is listed in"
+        poses[f"{text} {ENGINES[engine]} order"] = {to: stated[of] for of, to in pairs}
+        poses[f"{text} its own order, not in {ENGINES[engine]}"] = {
             to: stated[of] for to, of in pairs
         }
     sides = sides_of(policy.joints)
-    found["left and right of its default pose are exchanged"] = {
+    poses["left and right of its default pose are exchanged"] = {
         name: stated[sides.get(name, name)] for name in policy.joints
     }
-    found["its default pose is the bundle's"] = {n: own.get(n, 0.0) for n in policy.joints}
-    found["its default pose is 0"] = dict.fromkeys(policy.joints, 0.0)
-    for said, pose in found.items():
+    poses["its default pose is the bundle's"] = {n: bundle_pose.get(n, 0.0) for n in policy.joints}
+    poses["its default pose is 0"] = dict.fromkeys(policy.joints, 0.0)
+    for text, pose in poses.items():
         if pose != stated:
             offset = {name: pose[name] for name in policy.acts_on}
-            yield Fault(said, replace(policy, position=pose, offset=offset))
+            yield Fault(text, replace(policy, position=pose, offset=offset))
     if any(policy.offset[name] != stated[name] for name in policy.acts_on):
         offset = {name: stated[name] for name in policy.acts_on}
         yield Fault("its actions count from its default pose", replace(policy, offset=offset))
-        said = "its observations count from the offset of its actions"
-        yield Fault(said, replace(policy, position={**stated, **policy.offset}))
+        text = "its observations count from the offset of its actions"
+        yield Fault(text, replace(policy, position={**stated, **policy.offset}))
 
 
 def _terms(policy: Policy, _: Bot) -> Iterator[Fault]:
@@ -155,8 +155,8 @@ def _terms(policy: Policy, _: Bot) -> Iterator[Fault]:
     for index, term in enumerate(policy.terms):
         for value in OBSERVED.get(term.function, ()):
             if set(term.scale) != {value}:
-                said = f"the scale of `{term.name}` is {value:g}, not {term.scale[0]:g}"
-                yield Fault(said, _with_term(policy, index, replace(term, scale=(value,))))
+                text = f"the scale of `{term.name}` is {value:g}, not {term.scale[0]:g}"
+                yield Fault(text, _with_term(policy, index, replace(term, scale=(value,))))
     if any(term.history > 1 for term in policy.terms):
         way = "each term by itself" if policy.by_time else "step by step, all terms together"
         yield Fault(f"histories are laid out {way}", replace(policy, by_time=not policy.by_time))
@@ -166,20 +166,20 @@ def _terms(policy: Policy, _: Bot) -> Iterator[Fault]:
     for one, other in itertools.pairwise(commons):
         terms = list(policy.terms)
         terms[one], terms[other] = terms[other], terms[one]
-        said = f"`{policy.terms[one].name}` and `{policy.terms[other].name}` are exchanged"
-        yield Fault(said, replace(policy, terms=tuple(terms)))
+        text = f"`{policy.terms[one].name}` and `{policy.terms[other].name}` are exchanged"
+        yield Fault(text, replace(policy, terms=tuple(terms)))
 
 
 def _signs(policy: Policy, _: Bot) -> Iterator[Fault]:
     """A joint, or one kind of joint, that goes the other way, or starts from the other side."""
-    for said, names in _kinds(policy.acts_on):
+    for kind, names in _kinds(policy.acts_on):
         scale = {n: -v if n in names else v for n, v in policy.scale.items()}
-        yield Fault(f"the action of {said} has the wrong sign", replace(policy, scale=scale))
+        yield Fault(f"the action of {kind} has the wrong sign", replace(policy, scale=scale))
         if any(policy.position[name] for name in names):
             position = {n: -v if n in names else v for n, v in policy.position.items()}
             offset = {n: -v if n in names else v for n, v in policy.offset.items()}
             flipped = replace(policy, position=position, offset=offset)
-            yield Fault(f"the default position of {said} has the wrong sign", flipped)
+            yield Fault(f"the default position of {kind} has the wrong sign", flipped)
 
 
 def _neighbours(policy: Policy, bot: Bot) -> Iterator[Fault]:
@@ -196,8 +196,8 @@ def _neighbours(policy: Policy, bot: Bot) -> Iterator[Fault]:
         for word, column in (("kp", policy.kp), ("kd", policy.kd), ("scale", policy.scale)):
             if any(column.get(a) != column.get(b) for a, b in names.items()):
                 changed = {word: _moved(column, names)}
-                said = f"{word} of {one} and {other} is exchanged"
-                yield Fault(said, replace(policy, **changed))  # type: ignore[arg-type] # a column
+                text = f"{word} of {one} and {other} is exchanged"
+                yield Fault(text, replace(policy, **changed))  # type: ignore[arg-type] # a column
 
 
 def _kinds(joints: Sequence[str]) -> Iterator[tuple[str, tuple[str, ...]]]:

@@ -136,8 +136,8 @@ class InStages:
         if not line:
             self._working.join(STEPS_S)
             raise StepError(f"{self._engine}: {self._failure or 'it stopped without a word'}")
-        told: list[Any] = json.loads(line)
-        return told
+        states: list[Any] = json.loads(line)
+        return states
 
     def seen(self) -> Seen:
         """Poses as told, velocities as they changed."""

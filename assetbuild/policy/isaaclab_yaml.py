@@ -33,24 +33,24 @@ OF_GROUP = frozenset(
 
 def read_env(path: Path, network: Path | None, bot: Bot) -> Policy:
     """UsageError for what the file lacks, or says of a robot with other joints."""
-    said = Said(path, read_yaml(path))
-    robot = said.at("scene").at("robot")
+    config = Said(path, read_yaml(path))
+    robot = config.at("scene").at("robot")
     joints = _driven(robot.at("actuators"), bot)
     start = robot.at("init_state")
     position = dict.fromkeys(joints, 0.0) | _by_pattern(start.values.get("joint_pos"), joints)
     kp, kd = dict[str, float](), dict[str, float]()
     for name in robot.at("actuators").values:
         drive = robot.at("actuators").at(name)
-        own = _matching(drive.values.get("joint_names_expr"), joints)
-        kp |= _by_pattern(drive.values.get("stiffness"), own)
-        kd |= _by_pattern(drive.values.get("damping"), own)
-    action = _action(said.at("actions"))
+        drive_joints = _matching(drive.values.get("joint_names_expr"), joints)
+        kp |= _by_pattern(drive.values.get("stiffness"), drive_joints)
+        kd |= _by_pattern(drive.values.get("damping"), drive_joints)
+    action = _action(config.at("actions"))
     acts_on = _named(action, joints)
     offset = dict.fromkeys(acts_on, 0.0) | _by_pattern(action.values.get("offset"), acts_on)
     if action.values.get("use_default_offset", True):
         offset = {name: position[name] for name in acts_on}
     clips = action.at("clip").values
-    timestep = said.at("sim").number("dt")
+    timestep = config.at("sim").number("dt")
     quat = start.values.get("rot")
     return Policy(
         file=path,
@@ -62,8 +62,8 @@ def read_env(path: Path, network: Path | None, bot: Bot) -> Policy:
         position=position,
         scale=dict.fromkeys(acts_on, 1.0) | _by_pattern(action.values.get("scale"), acts_on),
         offset=offset,
-        terms=tuple(_terms(said.at("observations").at("policy"), joints)),
-        step_s=timestep * said.number("decimation"),
+        terms=tuple(_terms(config.at("observations").at("policy"), joints)),
+        step_s=timestep * config.number("decimation"),
         kp=kp,
         kd=kd,
         action_clip={
@@ -77,10 +77,10 @@ def read_env(path: Path, network: Path | None, bot: Bot) -> Policy:
 
 def _driven(drives: Said, bot: Bot) -> tuple[str, ...]:
     """The joints that its robot has: each has a drive; this robot may have more."""
-    known, found = bot.orders["isaaclab"], set[str]()
+    known, driven = bot.orders["isaaclab"], set[str]()
     for name in drives.values:
-        found |= set(_matching(drives.at(name).values.get("joint_names_expr"), known))
-    return breadth_first(bot.tree, found) if found else known
+        driven |= set(_matching(drives.at(name).values.get("joint_names_expr"), known))
+    return breadth_first(bot.tree, driven) if driven else known
 
 
 def _action(actions: Said) -> Said:
@@ -114,33 +114,33 @@ def _named(entity: Said, joints: Sequence[str]) -> tuple[str, ...]:
 def _by_pattern(value: Any, joints: Sequence[str]) -> dict[str, float]:  # Any: as above
     """One number for all joints, or numbers by pattern."""
     if isinstance(value, dict):
-        found: dict[str, float] = {}
+        by_joint: dict[str, float] = {}
         for pattern, number in value.items():
-            found |= _by_pattern(number, _matching([pattern], joints))
-        return found
+            by_joint |= _by_pattern(number, _matching([pattern], joints))
+        return by_joint
     if isinstance(value, int | float) and not isinstance(value, bool):
         return dict.fromkeys(joints, float(value))
     return {}
 
 
-def _terms(said: Said, joints: tuple[str, ...]) -> Iterator[Term]:
+def _terms(group: Said, joints: tuple[str, ...]) -> Iterator[Term]:
     """The group's own history length, where it states one, is that of all its terms."""
-    common = said.values.get("history_length")
-    for name in said.values:
-        term = said.at(name)
+    common = group.values.get("history_length")
+    for name in group.values:
+        term = group.at(name)
         if name in OF_GROUP or not term.values:
             continue
         function = str(term.values.get("func", name)).rpartition(":")[2]
         function = WORDS.get(function, function)
         if term.values.get("modifiers"):
             raise term.wrong("modifiers", "observations that are modified cannot be replayed")
-        own = _named(term.at("params").at("asset_cfg"), joints)
+        term_joints = _named(term.at("params").at("asset_cfg"), joints)
         scale, clip = term.values.get("scale"), term.values.get("clip")
         length = term.values.get("history_length") if common is None else common
         yield Term(
             name,
             function,
-            joints=own if function.startswith("joint_") else (),
+            joints=term_joints if function.startswith("joint_") else (),
             scale=term.numbers("scale", len(scale) if isinstance(scale, list) else 1, 1.0),
             clip=(float(clip[0]), float(clip[1])) if isinstance(clip, list) else None,
             history=max(1, int(length or 1)),

@@ -27,21 +27,23 @@ WORDS = {
 NEEDED = ("joint_names", "default_joint_pos", "action_scale", "observation_names")
 
 
-def has_metadata(said: Mapping[str, str]) -> bool:
+def has_metadata(metadata: Mapping[str, str]) -> bool:
     """Whether an ONNX file was written by mjlab's exporter."""
-    return "joint_names" in said and "observation_names" in said
+    return "joint_names" in metadata and "observation_names" in metadata
 
 
-def read_metadata(path: Path, said: Mapping[str, str], bot: Bot) -> Policy:
+def read_metadata(path: Path, metadata: Mapping[str, str], bot: Bot) -> Policy:
     """UsageError for what the metadata lacks, or state of a robot with other joints."""
     for key in NEEDED:
-        if key not in said:
+        if key not in metadata:
             raise UsageError(f"`{path.name}`: its metadata state no `{key}`")
-    joints = tuple(said["joint_names"].split(","))
+    joints = tuple(metadata["joint_names"].split(","))
     acts_on = tuple(name for name in joints if name in bot.driven or name not in bot.orders["urdf"])
-    kp, kd = (_by_joint(path, said, key, acts_on) for key in ("joint_stiffness", "joint_damping"))
-    position = _by_joint(path, said, "default_joint_pos", joints)
-    scale = _by_joint(path, said, "action_scale", acts_on)
+    kp, kd = (
+        _by_joint(path, metadata, key, acts_on) for key in ("joint_stiffness", "joint_damping")
+    )
+    position = _by_joint(path, metadata, "default_joint_pos", joints)
+    scale = _by_joint(path, metadata, "action_scale", acts_on)
     return Policy(
         file=path,
         form=FORM,
@@ -52,7 +54,7 @@ def read_metadata(path: Path, said: Mapping[str, str], bot: Bot) -> Policy:
         position=position,
         scale=scale,
         offset={name: position[name] for name in acts_on},
-        terms=tuple(_terms(path, said, joints)),
+        terms=tuple(_terms(path, metadata, joints)),
         step_s=None,
         kp=kp,
         kd=kd,
@@ -61,15 +63,15 @@ def read_metadata(path: Path, said: Mapping[str, str], bot: Bot) -> Policy:
 
 
 def _by_joint(
-    path: Path, said: Mapping[str, str], key: str, joints: tuple[str, ...]
+    path: Path, metadata: Mapping[str, str], key: str, joints: tuple[str, ...]
 ) -> dict[str, float]:
     """One number for all joints, or one for each."""
-    if key not in said:
+    if key not in metadata:
         return {}
     try:
-        numbers = [float(word) for word in said[key].split(",")]
+        numbers = [float(word) for word in metadata[key].split(",")]
     except ValueError:
-        raise UsageError(f"`{path.name}`: {key}: `{said[key][:60]}` are no numbers") from None
+        raise UsageError(f"`{path.name}`: {key}: `{metadata[key][:60]}` are no numbers") from None
     numbers = numbers * len(joints) if len(numbers) == 1 else numbers
     if len(numbers) != len(joints):
         raise UsageError(
@@ -78,10 +80,10 @@ def _by_joint(
     return dict(zip(joints, numbers, strict=True))
 
 
-def _terms(path: Path, said: Mapping[str, str], joints: tuple[str, ...]) -> Iterator[Term]:
-    names = said["observation_names"].split(",")
+def _terms(path: Path, metadata: Mapping[str, str], joints: tuple[str, ...]) -> Iterator[Term]:
+    names = metadata["observation_names"].split(",")
     scales, clips, histories, flat = (
-        said.get(f"observation_terms_{key}", "").split(",")
+        metadata.get(f"observation_terms_{key}", "").split(",")
         for key in ("scale", "clip", "history_length", "flatten_history_dim")
     )
     for index, name in enumerate(names):

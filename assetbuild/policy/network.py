@@ -47,13 +47,13 @@ class Network:
             env=environment({"PYTHONPATH": ":".join(part for part in sys.path if part)}),
             cwd=path.absolute().parent,
         )
-        said = self._described()
-        if "error" in said:
+        description = self._described()
+        if "error" in description:
             self.close()
-            raise UsageError(f"`{path.name}` is no network that can be run: {said['error']}")
-        self.inputs: Shapes = tuple((name, tuple(shape)) for name, shape in said["inputs"])
-        self.outputs: Shapes = tuple((name, tuple(shape)) for name, shape in said["outputs"])
-        self.metadata: dict[str, str] = said["metadata"]
+            raise UsageError(f"`{path.name}` is no network that can be run: {description['error']}")
+        self.inputs: Shapes = tuple((name, tuple(shape)) for name, shape in description["inputs"])
+        self.outputs: Shapes = tuple((name, tuple(shape)) for name, shape in description["outputs"])
+        self.metadata: dict[str, str] = description["metadata"]
         self.reset()
 
     def _described(self) -> dict[str, Any]:  # Any: JSON
@@ -61,10 +61,10 @@ class Network:
         while not line.endswith(b"\n") and (more := self._read(1 << 16)):
             line += more
         try:
-            said: dict[str, Any] = json.loads(line)  # Any: as above
+            description: dict[str, Any] = json.loads(line)  # Any: as above
         except ValueError:
             return {"error": f"it crashed, or took more than {SECONDS:g} s or too much memory"}
-        return said
+        return description
 
     def _read(self, most: int) -> bytes:
         """What has come by now, at least a byte; nothing where it ended or took too long."""
@@ -99,13 +99,13 @@ class Network:
         if len(data) < count:
             raise UsageError(f"`{self._path.name}`: the network does not answer an observation")
         ends = np.cumsum([int(np.prod(shape)) for _, shape in self.outputs])[:-1]
-        found = np.split(np.frombuffer(data, dtype=np.float32), ends)
-        by_name = {name: row for (name, _), row in zip(self.outputs, found, strict=True)}
+        rows = np.split(np.frombuffer(data, dtype=np.float32), ends)
+        by_name = {name: row for (name, _), row in zip(self.outputs, rows, strict=True)}
         for name in self._state:
             out = by_name.get(name.replace("_in", "_out"))
             if out is not None and name.replace("_in", "_out") != name:
                 self._state[name] = out
-        return found[0].astype(float)
+        return rows[0].astype(float)
 
     def _send(self, data: bytes) -> None:
         pipe = self._child.stdin

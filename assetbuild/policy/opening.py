@@ -73,13 +73,13 @@ def _read(path: Path, bot: Bot) -> Policy:
             "or `env.yaml`",
         )
     with Network(network) as loaded:
-        said = loaded.metadata
-    if not has_metadata(said):
+        metadata = loaded.metadata
+    if not has_metadata(metadata):
         raise UsageError(
             f"`{network.name}` does not say which joints it drives",
             hint="put its `deploy.yaml` or Isaac Lab's `params/env.yaml` beside it",
         )
-    return read_metadata(network, said, bot)
+    return read_metadata(network, metadata, bot)
 
 
 def runnable(policy: Policy, bot: Bot) -> Network:
@@ -106,9 +106,9 @@ def runnable(policy: Policy, bot: Bot) -> Network:
 
 def _beside(folder: Path, pattern: str) -> Path | None:
     """The first file of a name in the folders of a policy."""
-    found = (file for place in FOLDERS for file in sorted((folder / place).glob(pattern)))
+    files = (file for place in FOLDERS for file in sorted((folder / place).glob(pattern)))
     # Not resolved: the inputs of a step are links into the store.
-    return next((Path(os.path.normpath(file)) for file in found if file.is_file()), None)
+    return next((Path(os.path.normpath(file)) for file in files if file.is_file()), None)
 
 
 def _is_env(path: Path) -> bool:

@@ -23,7 +23,7 @@ def read_yaml(path: Path) -> dict[str, Any]:  # Any: plain data, here and below
         if path.stat().st_size > LARGEST_BYTES:
             raise UsageError(f"`{path.name}` has more than {LARGEST_BYTES >> 20} MB")
         node = yaml.compose(path.read_bytes(), Loader=yaml.SafeLoader)
-        found = _plain(node, {}, 0)
+        data = _plain(node, {}, 0)
     except OSError as error:
         raise UsageError(f"cannot read `{path}`: {error.strerror}") from None
     except (yaml.YAMLError, UnicodeDecodeError, RecursionError) as error:
@@ -31,9 +31,9 @@ def read_yaml(path: Path) -> dict[str, Any]:  # Any: plain data, here and below
         problem = getattr(error, "problem", None) or "no UTF-8 text, or too deep"
         where = Where(path.name, mark.line + 1 if mark else 0)
         raise UsageError(f"not readable as YAML: {problem}", where=where) from None
-    if not isinstance(found, dict):
+    if not isinstance(data, dict):
         raise UsageError(f"`{path.name}` holds no mapping")
-    return found
+    return data
 
 
 def _plain(node: Any, known: dict[int, Any], depth: int) -> Any:
@@ -46,22 +46,22 @@ def _plain(node: Any, known: dict[int, Any], depth: int) -> Any:
         return known[id(node)]
     known[id(node)] = None  # what holds itself holds nothing there
     if isinstance(node, yaml.MappingNode):
-        found: Any = {
+        data: Any = {
             str(_plain(key, known, depth + 1)): _plain(value, known, depth + 1)
             for key, value in node.value
         }
     elif isinstance(node, yaml.SequenceNode):
-        found = [_plain(item, known, depth + 1) for item in node.value]
+        data = [_plain(item, known, depth + 1) for item in node.value]
     else:
         loader: Any = yaml.SafeLoader("")
         tag = loader.resolve(yaml.ScalarNode, node.value, (True, False))
         scalar = yaml.ScalarNode(tag if node.style is None else node.tag, node.value)
         try:
-            found = loader.construct_object(scalar)
+            data = loader.construct_object(scalar)
         except (yaml.YAMLError, ValueError):
-            found = node.value
-    known[id(node)] = found
-    return found
+            data = node.value
+    known[id(node)] = data
+    return data
 
 
 class Said:
@@ -108,24 +108,24 @@ class Said:
         return f"{self.path}.{key}" if self.path else key
 
 
-def places(said: Said, key: str, names: Sequence[str]) -> tuple[str, ...]:
+def places(mapping: Said, key: str, names: Sequence[str]) -> tuple[str, ...]:
     """The names at the places that a list states, each at most once; all without a list."""
-    value = said.values.get(key)
+    value = mapping.values.get(key)
     if not isinstance(value, list) or None in value:
         return tuple(names)
     for place in value:
         if isinstance(place, bool) or not isinstance(place, int) or not 0 <= place < len(names):
-            raise said.wrong(key, f"{_shown(place)} is no place among {len(names)} joints")
+            raise mapping.wrong(key, f"{_shown(place)} is no place among {len(names)} joints")
     if len(set(value)) < len(value):
-        raise said.wrong(key, "it names one place twice")
+        raise mapping.wrong(key, "it names one place twice")
     return tuple(names[place] for place in value)
 
 
-def numbers_of(said: Said) -> dict[str, float]:
+def numbers_of(mapping: Said) -> dict[str, float]:
     """What is stated as a plain number."""
     return {
         key: float(value)
-        for key, value in said.values.items()
+        for key, value in mapping.values.items()
         if isinstance(value, int | float) and not isinstance(value, bool)
     }
 

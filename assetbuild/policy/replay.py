@@ -140,12 +140,12 @@ def replay(
 
 def _targets(policy: Policy, action: Array) -> dict[str, float]:
     """rad or m by joint; those that the policy does not move keep their place."""
-    found = {name: policy.position[name] for name in policy.joints}
+    targets = {name: policy.position[name] for name in policy.joints}
     for name, value in zip(policy.acts_on, action.tolist(), strict=True):
         target = policy.offset[name] + policy.scale[name] * value
         low, high = policy.action_clip.get(name, (-math.inf, math.inf))
-        found[name] = min(max(target, low), high)
-    return found
+        targets[name] = min(max(target, low), high)
+    return targets
 
 
 def _fallen(seen: Seen, first: Seen) -> bool:

@@ -63,12 +63,12 @@ class Bot:
 
     def servos(self, policy: Policy) -> dict[str, Actuator]:
         """Position servos with the policy's gains, where it states none with the bundle's."""
-        found = {}
+        actuators = {}
         for joint in policy.acts_on:
-            own = self.control.by_joint.get(joint) or Actuator(joint, "passive")
-            kp, kd = policy.kp.get(joint, own.kp), policy.kd.get(joint, own.kd)
-            found[joint] = replace(own, model="pd", kp=kp, kd=kd)
-        return found
+            actuator = self.control.by_joint.get(joint) or Actuator(joint, "passive")
+            kp, kd = policy.kp.get(joint, actuator.kp), policy.kd.get(joint, actuator.kd)
+            actuators[joint] = replace(actuator, model="pd", kp=kp, kd=kd)
+        return actuators
 
     @property
     def imu_in_base(self) -> tuple[Array, Array]:

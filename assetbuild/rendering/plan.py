@@ -76,11 +76,11 @@ def _drivers(world: World) -> list[str]:
     files = world.variable("__EGL_VENDOR_LIBRARY_FILENAMES")
     folders = world.variable("__EGL_VENDOR_LIBRARY_DIRS")
     if files:
-        found = [Path(file) for file in files.split(":") if world.is_file(Path(file))]
+        paths = [Path(file) for file in files.split(":") if world.is_file(Path(file))]
     else:
-        found = [
+        paths = [
             Path(folder, name)
             for folder in (folders.split(":") if folders else VENDORS)
             for name in world.names(Path(folder), ends=(".json",))
         ]
-    return sorted({path.stem for path in found})
+    return sorted({path.stem for path in paths})

@@ -162,14 +162,14 @@ def ellipsoid_points(model: Model, data: Data) -> Array:
 
     Semiaxes: sqrt(5 (I2 + I3 - I1) / (2 m)), of a uniform ellipsoid with these moments.
     """
-    found = [np.zeros((0, 3))]
+    points = [np.zeros((0, 3))]
     for body in range(1, model.nbody):
         moments, mass = np.array(model.body_inertia[body]), float(model.body_mass[body])
         if mass > 0.0:
             axes = np.sqrt(np.maximum(2.5 * (moments.sum() - 2.0 * moments) / mass, 0.0))
             turned = np.array(data.ximat[body]).reshape(3, 3)
-            found.append((AROUND * axes) @ turned.T + np.array(data.xipos[body]))
-    return np.concatenate(found)
+            points.append((AROUND * axes) @ turned.T + np.array(data.xipos[body]))
+    return np.concatenate(points)
 
 
 def fitted(

@@ -95,10 +95,10 @@ def shown_meshes(robot: RobotFiles) -> dict[str, TriangleMesh]:
 
 def three_js() -> str | None:
     """The library's text from the installed trimesh; None where it is not found."""
-    found = importlib.util.find_spec("trimesh")
-    if found is None or not found.origin:
+    spec = importlib.util.find_spec("trimesh")
+    if spec is None or not spec.origin:
         return None
-    path = Path(found.origin).parent / "resources" / "templates" / "viewer.zip"
+    path = Path(spec.origin).parent / "resources" / "templates" / "viewer.zip"
     try:
         with zipfile.ZipFile(io.BytesIO(path.read_bytes())) as archive:
             texts = [archive.read(name).decode("utf-8") for name in sorted(archive.namelist())]

@@ -171,6 +171,6 @@ def extended(name: str, motors: Mapping[str, Motor]) -> Motor:
             raise RowError(f"motors extend each other in a circle: {circle}", key=key)
         chain.append(parent)
         above = motors[parent]
-        own = {k: v for k, v in motor if v not in (None, "") and k != "extends"}
-        motor = above.model_copy(update=own)
+        stated = {k: v for k, v in motor if v not in (None, "") and k != "extends"}
+        motor = above.model_copy(update=stated)
     return motor

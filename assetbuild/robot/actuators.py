@@ -172,23 +172,23 @@ def _match(
 ) -> dict[str, _Matched]:
     """The row of each joint; idle rows, double matches and joints left over go to `wrong`."""
     moving = [joint.name for joint in tree.moving_joints]
-    found: dict[str, _Matched] = {}
+    by_joint: dict[str, _Matched] = {}
     for entry in table:
         names = [name for name in moving if re.fullmatch(entry.row.joints, name)]
-        twice = [name for name in names if name in found]
+        twice = [name for name in names if name in by_joint]
         with wrong:
             if not names:
                 raise _idle(entry, tree, moving)
             if twice:
-                first = found[twice[0]]
+                first = by_joint[twice[0]]
                 raise entry.error(
                     "joints",
                     f"{_listed(twice)} already matched by row {first.index} (`{first.row.joints}`)",
                     "each moving joint matches exactly one row; narrow one of the two patterns",
                 )
-        found |= dict.fromkeys(names, entry)
+        by_joint |= dict.fromkeys(names, entry)
     free = [joint.name for joint in tree.moving_joints if joint.mimic is None]
-    left = [name for name in free if name not in found and name not in driven]
+    left = [name for name in free if name not in by_joint and name not in driven]
     with wrong:
         if left and not wrong.found:  # an idle row was meant for them
             raise RowError(
@@ -196,7 +196,7 @@ def _match(
                 key=("actuators",),
                 hint="add a row; `model: passive` for a joint without a drive",
             )
-    return found
+    return by_joint
 
 
 def _idle(entry: _Matched, tree: Tree, moving: list[str]) -> RowError:
@@ -295,7 +295,7 @@ def _inertias(
         # No position says where a ball joint stands.
         balls = any(joint.kind == "ball" for joint in tree.joints)
         felt = felt_inertia(() if balls else loops, dynamics(tree, start, armature))
-    found = {}
+    inertias = {}
     for name, entry in wanted.items():
         inertia = felt.get(name, 0.0) if entry.row.inertia == "home" else armature[name]
         if not 0.0 < inertia < math.inf:
@@ -305,8 +305,8 @@ def _inertias(
                 f"joint `{name}` moves {what}: a frequency or damping ratio means nothing",
                 "give kp and kd, or the motor's rotor_inertia",
             )
-        found[name] = inertia
-    return found
+        inertias[name] = inertia
+    return inertias
 
 
 def _tuned(actuator: Actuator, entry: _Matched, inertia: float) -> Actuator:

@@ -91,7 +91,7 @@ def find_chains(tree: Tree, shown: Collection[str] = ()) -> tuple[Chain, ...]:
             and under[0].kind in _DOFS
         )
 
-    found = []
+    chains = []
     for first in tree.joints:
         if passes(first.parent) or not passes(first.child):
             continue
@@ -102,8 +102,8 @@ def find_chains(tree: Tree, shown: Collection[str] = ()) -> tuple[Chain, ...]:
             weighs(tree, joints[-1].child)
             and sum(_DOFS[joint.kind] for joint in joints) <= MAX_DOFS
         ):
-            found.append(Chain(tuple(joints), tuple(joint.child for joint in joints[:-1])))
-    return tuple(found)
+            chains.append(Chain(tuple(joints), tuple(joint.child for joint in joints[:-1])))
+    return tuple(chains)
 
 
 def weighs(tree: Tree, body: str) -> bool:

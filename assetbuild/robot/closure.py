@@ -65,11 +65,11 @@ def gap(loop: Loop, poses: Mapping[str, Pose]) -> Array:
 def gaps(tree: Tree, loops: Sequence[Loop], q: Mapping[str, float]) -> dict[str, float]:
     """The size of each loop's gap by its name: the larger of m and rad. q: of all moving joints."""
     poses = forward_kinematics(tree, q)
-    found = {}
+    sizes = {}
     for loop in loops:
         parts = gap(loop, poses).reshape(-1, 3)
-        found[loop.name] = float(np.linalg.norm(parts, axis=1).max())
-    return found
+        sizes[loop.name] = float(np.linalg.norm(parts, axis=1).max())
+    return sizes
 
 
 def constraint_jacobian(loops: Sequence[Loop], bodies: Mapping[str, Motion]) -> Array:
@@ -106,10 +106,12 @@ def close(
         return best
     inside = False
     for guess in itertools.islice(_starts(chosen, known), starts):
-        found = _descend(tree, loops, guess, [joint.name for joint in chosen])
-        fits = found.closed and all(_within(joint, found.positions[joint.name]) for joint in chosen)
-        if (not best.closed and found.residual < best.residual) or (fits and not inside):
-            best, inside = found, fits
+        solution = _descend(tree, loops, guess, [joint.name for joint in chosen])
+        fits = solution.closed and all(
+            _within(joint, solution.positions[joint.name]) for joint in chosen
+        )
+        if (not best.closed and solution.residual < best.residual) or (fits and not inside):
+            best, inside = solution, fits
         if inside or not chosen:
             break
     return best
@@ -161,9 +163,9 @@ def _descend(
         step *= min(1.0, LARGEST_STEP / largest) if largest else 1.0
         moved = {name: q[name] + float(d) for name, d in zip(free, step, strict=True)}
         q = with_mimics(tree, {**q, **moved})
-        found = Solution(q, _residual(tree, loops, q))
-        since = 0 if found.residual < best.residual * BETTER else since + 1
-        best = found if found.residual < best.residual else best
+        solution = Solution(q, _residual(tree, loops, q))
+        since = 0 if solution.residual < best.residual * BETTER else since + 1
+        best = solution if solution.residual < best.residual else best
         if since and (best.closed or since > PATIENCE or largest < CLOSED * RANK):
             break
     return best
@@ -200,9 +202,11 @@ def locked_joints(
         moved = {
             name: q[name] + 0.05 * float(d) / size for name, d in zip(names, motion, strict=True)
         }
-        found = close(tree, loops, {**q, **moved}, names, 1)
-        if found.closed:
-            locked = tuple(j for j in locked if j in _still(tree, loops, found.positions, locked))
+        solution = close(tree, loops, {**q, **moved}, names, 1)
+        if solution.closed:
+            locked = tuple(
+                j for j in locked if j in _still(tree, loops, solution.positions, locked)
+            )
     return locked
 
 
@@ -261,12 +265,12 @@ def felt_inertia(loops: Sequence[Loop], robot: Dynamics) -> dict[str, float]:
     basis = free_motions(loops, robot.motions)
     compliance: Array = basis @ np.linalg.pinv(basis.T @ robot.mass @ basis, hermitian=True)
     compliance = compliance @ basis.T
-    found = {}
+    inertias = {}
     for name in robot.joints:
         column = robot.column(name)
         soft = float(compliance[column, column])
-        found[name] = 1.0 / soft if soft > 0.0 else np.inf
-    return found
+        inertias[name] = 1.0 / soft if soft > 0.0 else np.inf
+    return inertias
 
 
 def held_by(
@@ -281,8 +285,8 @@ def held_by(
     basis = free_motions(loops, robot.motions)[robot.free :]
     work = basis.T @ np.array([torque.get(name, 0.0) for name in robot.joints])
     rows = basis[[robot.joints.index(name) for name in driven]]
-    found = np.linalg.lstsq(rows.T, work, rcond=None)[0]
-    return dict(zip(driven, map(float, found), strict=True))
+    torques = np.linalg.lstsq(rows.T, work, rcond=None)[0]
+    return dict(zip(driven, map(float, torques), strict=True))
 
 
 def reflected_range(
@@ -298,7 +302,7 @@ def reflected_range(
     armature = {row.joint: row.armature for row in control.actuators}
     driven = {row.joint for row in control.actuators if row.model != "passive"}
     chain = {joint.name: joint for loop in control.loops for joint in path_of(tree, loop)}
-    found = {}
+    ranges = {}
     for name in chain.keys() & driven:
         felt = {}
         for pose in poses_along(tree, control, home, chain[name], chain.keys() - driven):
@@ -309,8 +313,8 @@ def reflected_range(
         if not felt:
             continue
         least, most = min(felt, key=felt.__getitem__), max(felt, key=felt.__getitem__)
-        found[name] = Reflected(felt[least], least, felt[most], most)
-    return dict(sorted(found.items()))
+        ranges[name] = Reflected(felt[least], least, felt[most], most)
+    return dict(sorted(ranges.items()))
 
 
 def poses_along(

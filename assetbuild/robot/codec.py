@@ -120,10 +120,10 @@ def _union_reader(kinds: tuple[Any, ...]) -> Read:  # Any: as above
         if raw is None and len(options) < len(kinds):
             return None
         name = raw["type"] if isinstance(raw, dict) and len(options) > 1 else ""
-        found = [named[name]] if name in named else list(named.values()) if not name else []
-        if len(found) != 1:
+        readers = [named[name]] if name in named else list(named.values()) if not name else []
+        if len(readers) != 1:
             raise TypeError(f"no single type for {raw!r}")
-        return found[0](raw)
+        return readers[0](raw)
 
     return read
 

@@ -111,16 +111,17 @@ def contradictions(tree: Tree, extents: Mapping[str, Extent]) -> Iterator[Findin
 def _of_twins(pair: Apart) -> Finding:
     wrong, right = pair.wrong, pair.right
     if pair.mass_factor > FACTOR:
-        said = f"it weighs {wrong.mass:.4g} kg, its mirror twin `{right.name}` {right.mass:.4g} kg"
+        message = f"it weighs {wrong.mass:.4g} kg, "
+        message += f"its mirror twin `{right.name}` {right.mass:.4g} kg"
         factor = pair.mass_factor
     else:
-        said = f"its principal moments {_shown(wrong)} are {pair.inertia_factor:.3g} times "
-        said += f"or more apart from those of its mirror twin `{right.name}`, {_shown(right)}"
+        message = f"its principal moments {_shown(wrong)} are {pair.inertia_factor:.3g} times "
+        message += f"or more apart from those of its mirror twin `{right.name}`, {_shown(right)}"
         factor = pair.inertia_factor
     doubt = "" if pair.sure else "; the source does not show which of the two is wrong"
     return TWIN(
         f"link {wrong.name}",
-        f"{said}, though both have one shape (limit {FACTOR:g}){doubt}",
+        f"{message}, though both have one shape (limit {FACTOR:g}){doubt}",
         "edit `set_inertia` of the side that is wrong, to its twin's",
         data={"factor": factor, "other": right.name, "limit": FACTOR, "sure": pair.sure},
     )
@@ -140,7 +141,7 @@ def beyond_reach(tree: Tree, extents: Mapping[str, Extent]) -> dict[str, float]:
     the body can turn: the first link of a fixed arm has one, and no motion shows the others. Nor
     does a body count that hardly adds to what its joints turn, such as a tool frame of 1e-8 kg m2.
     """
-    found, felt = {}, _least_felt(tree)
+    ratios, felt = {}, _least_felt(tree)
     for name, axes in _axes(tree).items():
         inertial, extent = tree.by_body[name].inertial, extents.get(name)
         if inertial is None or extent is None or not axes:
@@ -152,8 +153,8 @@ def beyond_reach(tree: Tree, extents: Mapping[str, Extent]) -> dict[str, float]:
         one = all(np.linalg.norm(np.cross(axes[0], axis)) < 1e-6 for axis in axes)
         largest = axes[0] @ matrix @ axes[0] if one else np.linalg.eigvalsh(matrix)[-1]
         if 0.0 < FACTOR * scale < largest and largest > NEGLIGIBLE * felt[name]:
-            found[name] = float(largest) / scale
-    return found
+            ratios[name] = float(largest) / scale
+    return ratios
 
 
 def _least_felt(tree: Tree) -> dict[str, float]:
@@ -165,10 +166,10 @@ def _least_felt(tree: Tree) -> dict[str, float]:
     turned = np.diag(moved.mass)
     felt = {tree.root: float(turned[3:6].min()) if moved.free else math.inf}
     for joint in tree.joints:
-        own = math.inf
+        inertia = math.inf
         if joint.kind in ("revolute", "continuous"):
-            own = float(turned[moved.column(joint.name)])
-        felt[joint.child] = min(felt[joint.parent], own)
+            inertia = float(turned[moved.column(joint.name)])
+        felt[joint.child] = min(felt[joint.parent], inertia)
     return {name: value if value < math.inf else 0.0 for name, value in felt.items()}
 
 
@@ -225,9 +226,9 @@ def alike(tree: Tree, extents: Mapping[str, Extent]) -> Iterator[tuple[Part, Par
             yield left, right, named.axis
     left_over = [part for part in parts if part.name not in known and part.name in extents]
     planes = (named.axis,) if named.pairs else PLANES
-    found = {axis: _placed_alike(left_over, extents, axis) for axis in planes}
-    axis = max(found, key=lambda axis: len(found[axis]))
-    yield from ((left, right, axis) for left, right in found[axis])
+    by_axis = {axis: _placed_alike(left_over, extents, axis) for axis in planes}
+    axis = max(by_axis, key=lambda axis: len(by_axis[axis]))
+    yield from ((left, right, axis) for left, right in by_axis[axis])
 
 
 def _placed_alike(

@@ -61,11 +61,11 @@ class Dynamics:
         kg m2 or kg; infinite where nothing moves.
         """
         inverse = np.linalg.pinv(self.mass, hermitian=True)
-        found = {}
+        inertias = {}
         for joint in self.joints:
             compliance = float(inverse[self.column(joint), self.column(joint)])
-            found[joint] = 1.0 / compliance if compliance > 0.0 else float("inf")
-        return found
+            inertias[joint] = 1.0 / compliance if compliance > 0.0 else float("inf")
+        return inertias
 
 
 def dynamics(
@@ -193,24 +193,24 @@ def _pushes(wrenches: Array, weight: Array) -> Array:
     Least squares with a small penalty on uneven forces; a foot that would have to pull is lifted,
     the worst first, until all push. (SciPy's `nnls` would cost half a second of import.)
     """
-    found = np.zeros(wrenches.shape[1])
-    standing = np.arange(len(found))
+    pushes = np.zeros(wrenches.shape[1])
+    standing = np.arange(len(pushes))
     while len(standing):
         rows = np.vstack([wrenches[:, standing], EVEN * np.eye(len(standing))])
         target = np.concatenate([weight, np.zeros(len(standing))])
         forces = np.linalg.lstsq(rows, target, rcond=None)[0]
         if forces.min() >= 0.0:
-            found[standing] = forces
+            pushes[standing] = forces
             break
         standing = np.delete(standing, int(forces.argmin()))
-    return found
+    return pushes
 
 
 def soles(
     tree: Tree, shapes: Shapes, robot: Dynamics, feet: str | None
 ) -> Sequence[tuple[str, Array]]:
     """(body, world point) where each foot's shapes touch the ground: below their centres."""
-    found = []
+    points = []
     for shape in shapes.of("collision"):
         if feet is not None and re.fullmatch(feet, shape.link) is None:
             continue
@@ -218,8 +218,8 @@ def soles(
         X_world_shape = robot.motions[body].pose @ X_body_link @ shape.X_link_shape
         # Other shapes touch at their centres: no mesh is read here.
         drop = shape.geometry.radius if isinstance(shape.geometry, Sphere) else 0.0
-        found.append((body, np.asarray(X_world_shape.xyz) - (0.0, 0.0, drop)))
-    if feet is None and found:
-        ground = min(point[2] for _, point in found)
-        found = [(body, point) for body, point in found if point[2] - ground < 0.01]
-    return found
+        points.append((body, np.asarray(X_world_shape.xyz) - (0.0, 0.0, drop)))
+    if feet is None and points:
+        ground = min(point[2] for _, point in points)
+        points = [(body, point) for body, point in points if point[2] - ground < 0.01]
+    return points

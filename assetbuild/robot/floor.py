@@ -34,7 +34,10 @@ def floor_of(tree: Tree, control: Control) -> Floor:
 
     So what the recipe says of a surface is what acts. A surface with a priority decides alone.
     """
-    surfaces = [control.contact, *(own for _, own in control.contacts if not own.priority)]
+    surfaces = [
+        control.contact,
+        *(surface for _, surface in control.contacts if not surface.priority),
+    ]
     sliding, torsional, rolling = (
         min(values) for values in zip(*(s.friction for s in surfaces), strict=True)
     )

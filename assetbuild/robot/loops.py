@@ -96,10 +96,10 @@ def resolve_loops(tree: Tree, rows: Sequence[LoopRow]) -> tuple[Loop, ...]:
 
     Raises RowError for an unknown link, a second loop of a name, and ends that nothing moves apart.
     """
-    wrong, found = Gather(RowError), list[Loop]()
+    wrong, resolved = Gather(RowError), list[Loop]()
     for index, row in enumerate(rows):
         with wrong:
-            if {loop.name for loop in row.loops} & {loop.name for loop in found}:
+            if {loop.name for loop in row.loops} & {loop.name for loop in resolved}:
                 message = f"loops[{index}]: a second loop is named `{row.name}`"
                 raise RowError(message, key=("loops", index, "name"), hint="choose another name")
             for side, frame in (("a", row.a), ("b", row.b)):
@@ -110,9 +110,9 @@ def resolve_loops(tree: Tree, rows: Sequence[LoopRow]) -> tuple[Loop, ...]:
                 message = f"loops[{index}]: no joint moves between `{row.a.link}` and "
                 message += f"`{row.b.link}`, so loop `{row.name}` holds nothing"
                 raise RowError(message, key=("loops", index), hint=HINT_SAME)
-            found += placed
+            resolved += placed
     wrong.stop()
-    return tuple(found)
+    return tuple(resolved)
 
 
 def placed_loop(tree: Tree, loop: Loop) -> Loop:
@@ -132,25 +132,25 @@ def row_numbers(rows: Sequence[LoopRow]) -> dict[str, int]:
 
 def by_constraint(loops: Iterable[Loop]) -> dict[str, tuple[Loop, ...]]:
     """The loops by name, and of a hinge both under its own."""
-    found = dict[str, tuple[Loop, ...]]()
+    by_name = dict[str, tuple[Loop, ...]]()
     for loop in loops:
         of_hinge = loop.name.removesuffix(AXIS)
-        name = of_hinge if of_hinge in found else loop.name
-        found[name] = (*found.get(name, ()), loop)
-    return found
+        name = of_hinge if of_hinge in by_name else loop.name
+        by_name[name] = (*by_name.get(name, ()), loop)
+    return by_name
 
 
 def site_names(tree: Tree, loops: Sequence[Loop]) -> dict[str, tuple[str, str]]:
     """The names of the sites at both ends of each loop in MJCF, none of which a frame has."""
     taken = set(link_names(tree))
-    found = {}
+    sites = {}
     for loop in loops:
         tail = ""
         while taken & {f"{loop.name}_a{tail}", f"{loop.name}_b{tail}"}:
             tail += "_"
-        found[loop.name] = (f"{loop.name}_a{tail}", f"{loop.name}_b{tail}")
-        taken |= set(found[loop.name])
-    return found
+        sites[loop.name] = (f"{loop.name}_a{tail}", f"{loop.name}_b{tail}")
+        taken |= set(sites[loop.name])
+    return sites
 
 
 def path_of(tree: Tree, loop: Loop) -> tuple[Joint, ...]:
@@ -167,8 +167,8 @@ def _joints_between(tree: Tree, loop: Loop) -> set[str]:
 
 
 def _joints_above(tree: Tree, body: str) -> list[tuple[str, Joint]]:
-    found = []
+    joints = []
     while (joint := tree.joint_above.get(body)) is not None:
-        found.append((joint.name, joint))
+        joints.append((joint.name, joint))
         body = joint.parent
-    return found
+    return joints

@@ -40,8 +40,8 @@ def leading(tree: Tree, joint: Joint) -> tuple[Joint, float, float]:
     if joint.mimic is None:
         return joint, 1.0, 0.0
     leader, factor, offset = leading(tree, tree.by_joint[joint.mimic.joint])
-    own = joint.mimic
-    return leader, own.multiplier * factor, own.offset + own.multiplier * offset
+    mimic = joint.mimic
+    return leader, mimic.multiplier * factor, mimic.offset + mimic.multiplier * offset
 
 
 def common_range(tree: Tree, leader: Joint) -> tuple[float, float] | None:

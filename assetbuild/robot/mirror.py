@@ -92,28 +92,28 @@ class Tolerances(Model):
     )
 
 
-def mirror_findings(found: Twins, allowed: Tolerances) -> Iterator[Finding]:
+def mirror_findings(twins: Twins, allowed: Tolerances) -> Iterator[Finding]:
     """All that two twins differ in by more than allowed, right against left."""
-    told: set[str] = set()
-    for finding in _of_twins(found, allowed):
-        told.add(finding.subject.removeprefix("joint "))
+    reported: set[str] = set()
+    for finding in _of_twins(twins, allowed):
+        reported.add(finding.subject.removeprefix("joint "))
         yield finding
-    sideways = odd_axes(found.pairs, found.flip, allowed.axis, strictly=True)
-    along = odd_axes(found.behind, found.flip_along, allowed.axis, strictly=False)
+    sideways = odd_axes(twins.pairs, twins.flip, allowed.axis, strictly=True)
+    along = odd_axes(twins.behind, twins.flip_along, allowed.axis, strictly=False)
     for (one, other), others in (*sideways, *along):
-        if not told & {one.name, other.name}:
-            told |= {one.name, other.name}
+        if not reported & {one.name, other.name}:
+            reported |= {one.name, other.name}
             yield _odd(one, other, others)
 
 
-def _of_twins(found: Twins, allowed: Tolerances) -> Iterator[Finding]:
-    for left, right in found.pairs:
+def _of_twins(twins: Twins, allowed: Tolerances) -> Iterator[Finding]:
+    for left, right in twins.pairs:
         if left.mass > 0.0 and right.mass > 0.0:
-            yield from _masses(left, right, found.flip, allowed)
+            yield from _masses(left, right, twins.flip, allowed)
         if len(left.joints) == len(right.joints):
             for one, other in zip(left.joints, right.joints, strict=True):
                 if one.turns == other.turns:
-                    yield from _motions(one, other, found.flip, allowed)
+                    yield from _motions(one, other, twins.flip, allowed)
                     yield from _drives(one, other, allowed)
 
 
@@ -158,10 +158,10 @@ def _motions(left: Motion, right: Motion, flip: Array, allowed: Tolerances) -> I
         yield _finding(AXES, "joint", left, right, message, hint, {"angle_rad": angle})
         return
     sign = 1.0 if cosine > 0.0 else -1.0
-    found = _limits(left, right, sign, allowed.limits)
-    if found is not None:
-        yield found
-    if found is None or found.severity != "warning":
+    finding = _limits(left, right, sign, allowed.limits)
+    if finding is not None:
+        yield finding
+    if finding is None or finding.severity != "warning":
         yield from _home(left, right, sign, allowed.home)
     # A joint that counts the wrong way has the wrong pose too, and one finding is enough.
 
@@ -218,17 +218,17 @@ def _home(left: Motion, right: Motion, sign: float, tolerance: float) -> Iterato
 
 
 def _drives(left: Motion, right: Motion, allowed: Tolerances) -> Iterator[Finding]:
-    for name, own in right.drive.items():
-        other = left.drive.get(name, own)  # not there: measured
-        if own == other:
+    for name, value in right.drive.items():
+        other = left.drive.get(name, value)  # not there: measured
+        if value == other:
             continue
-        values = [abs(v) if v is not None else np.inf for v in (own, other)]
+        values = [abs(v) if v is not None else np.inf for v in (value, other)]
         small, large = min(values), max(values)
         if np.isfinite(large) and large - small <= allowed.gains * large:
             continue
-        message = f"its {name} is {_value(own)}, but that of `{left.name}` is {_value(other)}"
+        message = f"its {name} is {_value(value)}, but that of `{left.name}` is {_value(other)}"
         hint, slip = "one row of `actuators` for both", large >= SLIP * small
-        data = {"of": name, "value": own, "value_of_other": other}
+        data = {"of": name, "value": value, "value_of_other": other}
         yield _finding(GAINS, "actuator", left, right, message, hint, data, slip=slip)
 
 

@@ -42,14 +42,14 @@ class Spring:
 
 def joint_springs(items: Iterable[MjcfOnly]) -> dict[str, Spring]:
     """The springs by the name of their joint."""
-    found = {}
+    springs = {}
     for item in items:
         if item.place == "joint":
             element = parsed(item)
             stiffness = tuple(float(word) for word in element.get("stiffness", "").split())
             if any(stiffness):
-                found[item.owner] = Spring(stiffness, float(element.get("springref", "0")))
-    return found
+                springs[item.owner] = Spring(stiffness, float(element.get("springref", "0")))
+    return springs
 
 
 def as_drives(control: Control) -> dict[str, Spring]:
@@ -65,13 +65,13 @@ def as_drives(control: Control) -> dict[str, Spring]:
 
 def no_drives(control: Control) -> dict[str, str]:
     """Why a spring cannot be the drive of its joint, by the joint's name."""
-    rows, found = control.by_joint, {}
+    rows, reasons = control.by_joint, {}
     for name, spring in joint_springs(control.mjcf_only).items():
         if not spring.is_linear:
-            found[name] = f"its stiffness is a polynomial ({spring.text})"
+            reasons[name] = f"its stiffness is a polynomial ({spring.text})"
         elif (row := rows.get(name)) is not None and row.model != "passive":
-            found[name] = f"its joint has a drive of its own (`{row.model}`)"
-    return found
+            reasons[name] = f"its joint has a drive of its own (`{row.model}`)"
+    return reasons
 
 
 def shown(springs: Mapping[str, Spring]) -> str:
@@ -107,10 +107,10 @@ def of_same_effort(
 def force_range(item: MjcfOnly) -> tuple[float, float] | None:
     """The `actuatorfrcrange` of a joint that an item states, N m or N."""
     element = parsed(item)
-    said = element.get("actuatorfrcrange", "") if item.place == "joint" else ""
-    if not said or element.get("actuatorfrclimited") == "false":
+    stated = element.get("actuatorfrcrange", "") if item.place == "joint" else ""
+    if not stated or element.get("actuatorfrclimited") == "false":
         return None
-    lower, upper = (float(end) for end in said.split())
+    lower, upper = (float(end) for end in stated.split())
     return lower, upper
 
 
@@ -125,12 +125,12 @@ _BRAKES = ("damping", "armature", "frictionloss")
 
 def lost_motion(items: Iterable[MjcfOnly]) -> dict[str, tuple[str, ...]]:
     """What is lost in words, with the names of the things that it is said of."""
-    found: dict[str, list[str]] = {}
+    lost: dict[str, list[str]] = {}
     for item in items:
         element = parsed(item)
         for what in _lost(item, element):
-            found.setdefault(what, []).append(item.owner or element.get("name", ""))
-    return {what: tuple(names) for what, names in found.items()}
+            lost.setdefault(what, []).append(item.owner or element.get("name", ""))
+    return {what: tuple(names) for what, names in lost.items()}
 
 
 def lost_in_usd(items: Sequence[MjcfOnly]) -> dict[str, tuple[str, ...]]:

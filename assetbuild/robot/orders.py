@@ -29,13 +29,13 @@ def joint_orders(tree: Tree, bus: Sequence[str] = ()) -> dict[str, tuple[str, ..
 
 def depth_first(tree: Tree) -> tuple[str, ...]:
     """The moving joints limb by limb, those of one link by their names in USD."""
-    counted, found = set(tree.by_joint), list[Joint]()
+    counted, order = set(tree.by_joint), list[Joint]()
     waiting = _next(tree, tree.root, counted)[::-1]
     while waiting:
-        found.append(waiting.pop())
-        waiting += _next(tree, found[-1].child, counted)[::-1]
+        order.append(waiting.pop())
+        waiting += _next(tree, order[-1].child, counted)[::-1]
     moving = {joint.name for joint in tree.moving_joints}
-    return tuple(joint.name for joint in found if joint.name in moving)
+    return tuple(joint.name for joint in order if joint.name in moving)
 
 
 def breadth_first(tree: Tree, counted: Collection[str] | None = None) -> tuple[str, ...]:
@@ -45,12 +45,12 @@ def breadth_first(tree: Tree, counted: Collection[str] | None = None) -> tuple[s
     """
     moving = {joint.name for joint in tree.moving_joints}
     counted = set(tree.by_joint) if counted is None else set(counted)
-    found, level = list[str](), [tree.root]
+    order, level = list[str](), [tree.root]
     while level:
         joints = [joint for body in level for joint in _next(tree, body, counted)]
-        found += [joint.name for joint in joints if joint.name in moving]
+        order += [joint.name for joint in joints if joint.name in moving]
         level = [joint.child for joint in joints]
-    return tuple(found)
+    return tuple(order)
 
 
 def _next(tree: Tree, body: str, counted: Collection[str]) -> list[Joint]:

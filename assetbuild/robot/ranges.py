@@ -96,10 +96,10 @@ def first_match_groups(
     """(pattern, ranges, the names that they are of), in the table's order; none without names."""
     left, rows = list(names), []
     for pattern, ranges in table.items():
-        own = tuple(name for name in left if re.fullmatch(pattern, name))
-        left = [name for name in left if name not in own]
-        if own:
-            rows.append((pattern, ranges, own))
+        matched = tuple(name for name in left if re.fullmatch(pattern, name))
+        left = [name for name in left if name not in matched]
+        if matched:
+            rows.append((pattern, ranges, matched))
     return rows
 
 

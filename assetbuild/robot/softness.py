@@ -96,8 +96,8 @@ def bare_inertia(tree: Tree, control: Control) -> dict[str, float]:
     MuJoCo's `1 / dof_invweight0`: no coupling counts. Joints that move nothing are left out.
     """
     armature = {row.joint: row.armature for row in control.actuators}
-    found = dynamics(without_mimics(tree), {}, armature).effective_inertia
-    return {name: value for name, value in found.items() if 0.0 < value < math.inf}
+    inertias = dynamics(without_mimics(tree), {}, armature).effective_inertia
+    return {name: value for name, value in inertias.items() if 0.0 < value < math.inf}
 
 
 def limit_springs(tree: Tree, control: Control) -> dict[str, tuple[float, float]]:
@@ -109,13 +109,13 @@ def limit_springs(tree: Tree, control: Control) -> dict[str, tuple[float, float]
     """
     armature = {row.joint: row.armature for row in control.actuators}
     inertia = dynamics(tree, {}, armature).effective_inertia
-    own, springs = dict(control.soft_limits), {}
+    by_joint, springs = dict(control.soft_limits), {}
     for joint in tree.moving_joints:
         leader = first_leader(tree, joint.mimic) if joint.mimic is not None else None
         moved = leader.multiplier**2 if leader is not None else 1.0
         reflected = inertia[leader.joint if leader else joint.name] / moved if moved else math.inf
         if 0.0 < reflected < math.inf:
-            soft = own.get(joint.name, USUAL)
+            soft = by_joint.get(joint.name, USUAL)
             time, inverse = soft.solref[0], reflected / (1.0 - soft.solimp[1])
             springs[joint.name] = (inverse / time**2, 2.0 * inverse / time)
     return springs
@@ -208,9 +208,9 @@ def _ours(
 ) -> Iterator[tuple[str, Softness]]:
     """Without joints whose softness an MJCF source decides."""
     words = [item for item in control.mjcf_only if item.place == PLACES[section]]
-    said = {i.owner for i in words if "solref" in i.element or "solimp" in i.element}
+    stated = {i.owner for i in words if "solref" in i.element or "solimp" in i.element}
     for joint, soft in held:
         side = side_of(sides, joint)
         ours = not side.from_mjcf or section in side.stated
-        if ours and joint not in said:
+        if ours and joint not in stated:
             yield joint, soft

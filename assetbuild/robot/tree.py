@@ -194,7 +194,7 @@ def _name_giver(tree: Tree, members: list[str]) -> str:
     """The link whose name and frame the body takes."""
     first = members[0]
     inertials = {link: tree.by_body[link].inertial for link in members}
-    masses = {link: own.mass_kg if own else 0.0 for link, own in inertials.items()}
+    masses = {link: inertial.mass_kg if inertial else 0.0 for link, inertial in inertials.items()}
     if first != tree.root or masses[first] >= PLACEHOLDER_KG:
         return first
     heaviest = max(members, key=lambda link: masses[link])  # the first of equals

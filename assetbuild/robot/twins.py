@@ -161,14 +161,14 @@ def twins(parts: Sequence[Part], tolerance_m: float = PLACE_M) -> Twins:
     Fingers of one hand, or an arm beside another, are mirrored elsewhere and are no twins.
     """
     named = _named(parts)
-    found = [
+    candidates = [
         Twins(
             tuple((a, b) for a, b in named if is_opposite(a.place, b.place, axis, tolerance_m)),
             axis,
         )
         for axis in PLANES
     ]
-    best = max(found, key=lambda one: len(one.pairs))  # the first of equals
+    best = max(candidates, key=lambda one: len(one.pairs))  # the first of equals
     return replace(best, behind=tuple(_behind(parts)))
 
 
@@ -183,14 +183,14 @@ def _named(parts: Sequence[Part]) -> list[tuple[Part, Part]]:
     """By the body's name, or by that of its joint."""
     bodies = {part.name: part for part in parts}
     joints = {motion.name: part for part in parts for motion in part.joints}
-    found = []
+    pairs = []
     for left in parts:
         right = bodies.get(other_side(left.name, bodies))
         for motion in left.joints:
             right = right or joints.get(other_side(motion.name, joints))
         if right is not None and right is not left:
-            found.append((left, right))
-    return found
+            pairs.append((left, right))
+    return pairs
 
 
 def _behind(parts: Sequence[Part]) -> Iterator[tuple[Part, Part]]:

@@ -17,8 +17,8 @@ def main(program: Path, job: Path) -> None:
     for folder in (program.parent, Path(__file__).parent):
         sys.path.append(str(folder))  # last: its names hide no package
     answer = importlib.import_module(program.stem).answer
-    found = answer(json.loads(job.read_text(encoding="utf-8")))
-    job.with_name("answer.json").write_text(json.dumps(found), encoding="utf-8")
+    result = answer(json.loads(job.read_text(encoding="utf-8")))
+    job.with_name("answer.json").write_text(json.dumps(result), encoding="utf-8")
 
 
 if __name__ == "__main__":

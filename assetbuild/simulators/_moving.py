@@ -23,20 +23,20 @@ TABLE = "/World/table"
 
 def perform(world: Any, run: dict[str, Any]) -> dict[str, Any]:
     """What the engine holds, where the run asks so, and where it moved."""
-    found: dict[str, Any] = {}
+    result: dict[str, Any] = {}
     if not run["steps"] or run.get("reads"):
-        found["held"] = world.held()
+        result["held"] = world.held()
     if run.get("pilot"):
-        found["motion"] = piloted(world, run)
+        result["motion"] = piloted(world, run)
     elif run["steps"]:
-        found["motion"] = moved(world, run)
-    return found
+        result["motion"] = moved(world, run)
+    return result
 
 
-def write(job: dict[str, Any], run: dict[str, Any], found: dict[str, Any]) -> None:
+def write(job: dict[str, Any], run: dict[str, Any], result: dict[str, Any]) -> None:
     """The answer of a run, whole or not at all."""
     path = Path(job["answers"]) / f"{run['name']}.json"
-    path.with_suffix(".part").write_text(json.dumps(found), encoding="utf-8")
+    path.with_suffix(".part").write_text(json.dumps(result), encoding="utf-8")
     path.with_suffix(".part").rename(path)
 
 

@@ -69,6 +69,6 @@ def environment(variables: Mapping[str, str] = MappingProxyType({})) -> dict[str
     return kept | _FIXED | dict(variables)
 
 
-def last_line(said: bytes) -> str:
+def last_line(output: bytes) -> str:
     """The last of what a program said: of a traceback, the error."""
-    return said.decode("utf-8", "replace").strip().rpartition("\n")[2][:400]
+    return output.decode("utf-8", "replace").strip().rpartition("\n")[2][:400]

@@ -50,8 +50,8 @@ class Environment:
     @property
     def folder(self) -> Path:
         """Where it lies, made or not."""
-        said = json.dumps([self.requirements, self.version])
-        digest = hashlib.sha256(said.encode()).hexdigest()[:12]
+        key = json.dumps([self.requirements, self.version])
+        digest = hashlib.sha256(key.encode()).hexdigest()[:12]
         return Path(cache_root()) / "environments" / f"{self.name}-{digest}"
 
     def python(self, world: World) -> Path | None:
@@ -98,17 +98,17 @@ class Environment:
         if self.version == sys.version_info[:2]:
             return sys.executable
         name = "python{}.{}".format(*self.version)
-        found = shutil.which(name)
+        path = shutil.which(name)
         # pyenv puts a shim on the PATH for versions that are not selected; it fails when called.
         if (
-            found is None
-            or subprocess.run([found, "-V"], check=False, capture_output=True).returncode
+            path is None
+            or subprocess.run([path, "-V"], check=False, capture_output=True).returncode
         ):
             raise MachineError(
                 f"{self.name} needs {name}, which is not on the PATH",
                 hint=f"your system's packages have it, or `uv python install {name[6:]}`",
             )
-        return found
+        return path
 
 
 def _run(command: Sequence[str]) -> None:
@@ -173,8 +173,8 @@ class ConsumerCheck(Check):
     @classmethod
     def values(cls, recipe: RecipeView) -> dict[str, Any] | None:  # Any: values of its fields
         """With the name of its environment, which holds the digest of its requirements."""
-        found = super().values(recipe)
-        return None if found is None else found | {"environment": cls.home.folder.name}
+        fields = super().values(recipe)
+        return None if fields is None else fields | {"environment": cls.home.folder.name}
 
     def missing(self, world: World) -> str:
         """The environment is made by `assetbuild smoke`, which may use the network."""

@@ -76,14 +76,14 @@ class GripCheck(SimulatorCheck):
         """Reads the MJCF, and the simulator's file."""
         figures: dict[str, object] = {}
         for target, name, path in self.models(files.inputs):
-            found: dict[str, object] = {}
+            target_figures: dict[str, object] = {}
             try:
                 with mujoco.caught_warnings():
-                    yield from self._tried(files.inputs, name, path, found)
+                    yield from self._tried(files.inputs, name, path, target_figures)
             except StepError as error:
-                found = {"skipped": error.message}
+                target_figures = {"skipped": error.message}
                 yield from self._unfit(name, error.message, "warning", error.hint)
-            figures[target] = found
+            figures[target] = target_figures
         write_figures(files, figures, {"slip_m": self.asked.slip})
 
     def _tried(

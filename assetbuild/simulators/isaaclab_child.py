@@ -39,8 +39,8 @@ def arguments(engine: str) -> list[str] | str:
     if engine == "newton":
         return ["--physics", "newton_mjwarp", "--device", device]
     if not find_spec("ovphysx"):
-        found = find_spec("isaacsim") is not None
-        return ["--headless", "--physics", "isaacsim_physx"] if found else "no PhysX is installed"
+        has_sim = find_spec("isaacsim") is not None
+        return ["--headless", "--physics", "isaacsim_physx"] if has_sim else "no PhysX is installed"
     if device == "cpu":
         # Isaac Lab asks for pinned memory, which Warp cannot have where CUDA is missing.
         for name in ("zeros", "empty"):

@@ -109,9 +109,9 @@ def about_closed(tree: Tree, control: Control, sine: Sine, home: Mapping[str, fl
         return sine
     if not _balls(tree):
         free = [name for name in _chain(tree, control) if not sine.swing.get(name)]
-        found = close(tree, control.loops, sine.middle, free)
-        if found.closed:
-            return replace(sine, middle=found.positions)
+        solution = close(tree, control.loops, sine.middle, free)
+        if solution.closed:
+            return replace(sine, middle=solution.positions)
     return replace(sine, middle=with_mimics(tree, home))
 
 
@@ -145,8 +145,8 @@ def _closable(
         return close(tree, control.loops, end, free, 1).closed
 
     shares = [0.5**halving for halving in range(HALVINGS + 1)]
-    found = next((share for share in shares[:-1] if closes(-share) and closes(share)), shares[-1])
-    return {name: found * width for name, width in swing.items()}
+    largest = next((share for share in shares[:-1] if closes(-share) and closes(share)), shares[-1])
+    return {name: largest * width for name, width in swing.items()}
 
 
 def opened(tree: Tree, control: Control, done: Outcome) -> dict[str, float]:

@@ -23,13 +23,13 @@ def answer(job: dict[str, Any]) -> dict[str, Any]:
     sys.path.insert(0, job["modules"])
     robot = __import__(job["module"])
     gpu = torch.cuda.is_available()
-    found: dict[str, Any] = {"gpu": gpu, "walks": hasattr(robot, "velocity_flat_cfg")}
+    result: dict[str, Any] = {"gpu": gpu, "walks": hasattr(robot, "velocity_flat_cfg")}
     torch.manual_seed(0)
     env = environment(robot, job["envs_gpu"] if gpu else job["envs"], gpu)
-    found |= matter(env, robot)
-    found |= stand(env, job["stand_steps"])
+    result |= matter(env, robot)
+    result |= stand(env, job["stand_steps"])
     iterations = job["iterations_gpu"] if gpu else job["iterations"]
-    return found | train(env, iterations, job["rollout"], gpu)
+    return result | train(env, iterations, job["rollout"], gpu)
 
 
 def environment(robot: Any, envs: int, gpu: bool) -> Any:
@@ -38,8 +38,8 @@ def environment(robot: Any, envs: int, gpu: bool) -> Any:
 
     if hasattr(robot, "velocity_flat_cfg"):
         cfg = robot.velocity_flat_cfg(envs)
-        own = set(robot.randomize_events()) if hasattr(robot, "randomize_events") else set()
-        cfg.events = {k: v for k, v in cfg.events.items() if k in own or k in KEPT_EVENTS}
+        events = set(robot.randomize_events()) if hasattr(robot, "randomize_events") else set()
+        cfg.events = {k: v for k, v in cfg.events.items() if k in events or k in KEPT_EVENTS}
     else:
         cfg = joints_only(robot, envs)
     return ManagerBasedRlEnv(cfg=cfg, device="cuda:0" if gpu else "cpu")

@@ -78,23 +78,23 @@ class SlopeCheck(SimulatorCheck):
         figures: dict[str, object] = {}
         limit = self.wish.speed
         for target, name, model in self.scenes(files.inputs, figures):
-            found = self.creep(files.inputs, model, RobotFiles(files.inputs))
-            if isinstance(found, str):
-                figures[target] = {"skipped": found}
+            sliding = self.creep(files.inputs, model, RobotFiles(files.inputs))
+            if isinstance(sliding, str):
+                figures[target] = {"skipped": sliding}
                 continue
-            stood = math.isfinite(found.speed)
+            stood = math.isfinite(sliding.speed)
             figures[target] = {
-                "angle_rad": found.ground.angle,
-                "friction": found.ground.friction,
-                **({"speed_m_s": found.speed} if stood else {"skipped": "it falls"}),
+                "angle_rad": sliding.ground.angle,
+                "friction": sliding.ground.friction,
+                **({"speed_m_s": sliding.speed} if stood else {"skipped": "it falls"}),
             }
-            if not found.speed <= limit:
-                did = f"its feet slide at {1e3 * found.speed:.3g} mm/s" if stood else "it falls"
+            if not sliding.speed <= limit:
+                did = f"its feet slide at {1e3 * sliding.speed:.3g} mm/s" if stood else "it falls"
                 yield self.creeps(
                     "robot",
                     f"{name}: {did} on a slope of {self.wish.share:.2g} of the angle of friction "
                     f"(limit {1e3 * limit:g} mm/s)",
-                    data={"speed_m_s": found.speed if stood else None, "limit_m_s": limit},
+                    data={"speed_m_s": sliding.speed if stood else None, "limit_m_s": limit},
                 )
         write_figures(files, figures, {"speed_m_s": limit})
 

@@ -53,20 +53,20 @@ def measure_speed(scene: Path) -> Speed:
         whole = mujoco.load(scene).model
         model = mujoco.without(whole, "ACTUATION")
         data = mujoco.at_key(model)
-        own = mujoco.overlaps(model, data, "geom")
+        self_contacts = mujoco.overlaps(model, data, "geom")
         rates = [_rate(model) for _ in range(REPEATS)]
         data, touching = _moved(model), 0
         for _ in range(STEPS):
             mj.mj_step(model, data)
             touching += data.ncon
-    found = creep(whole)
+    sliding = creep(whole)
     return Speed(
         steps_per_s=float(np.median(rates)),
         contacts=touching / STEPS,
         geoms=len(mujoco.collision_geoms(model)),
-        self_contacts=len(own),
-        deepest_mm=1e3 * max(own.values(), default=0.0),
-        creep_mm_s=None if isinstance(found, str) else 1e3 * found.speed,
+        self_contacts=len(self_contacts),
+        deepest_mm=1e3 * max(self_contacts.values(), default=0.0),
+        creep_mm_s=None if isinstance(sliding, str) else 1e3 * sliding.speed,
         held=_held(scene),
     )
 
@@ -81,12 +81,12 @@ def _rate(model: Model) -> float:
 def _held(scene: Path) -> str:
     """What the hands of the robot beside a scene hold."""
     robots = [path for path in scene.parent.glob("*.xml") if not path.stem.startswith("scene")]
-    found, wish = [], GripWish()
+    grips, wish = [], GripWish()
     for model in map(with_object, robots):
         for hand in hands_of(model, None):
-            found += [grip(model, hand, *one) for one in tries_of(model, hand, wish.masses)]
-    good = sum(one.held and one.slip_m <= wish.slip for one in found)
-    return f"{good} of {len(found)}" if found else ""
+            grips += [grip(model, hand, *one) for one in tries_of(model, hand, wish.masses)]
+    good = sum(one.held and one.slip_m <= wish.slip for one in grips)
+    return f"{good} of {len(grips)}" if grips else ""
 
 
 def _moved(model: Model) -> Data:

@@ -226,8 +226,8 @@ def _change(prim: Usd.Prim, names: StageNames, setting: Setting) -> None:
     if prim.HasAPI(UsdPhysics.MaterialAPI):
         surface, gripped = UsdPhysics.MaterialAPI(prim), setting.gripped
         for attribute in (surface.GetStaticFrictionAttr(), surface.GetDynamicFrictionAttr()):
-            own = (attribute.Get() or 0.0) * setting.slippery
-            attribute.Set(gripped.friction if gripped else own)
+            friction = (attribute.Get() or 0.0) * setting.slippery
+            attribute.Set(gripped.friction if gripped else friction)
     name = names.joints.get(str(prim.GetPath()))
     if name is None:
         if not setting.loops and prim.IsA(UsdPhysics.Joint) and _closes_loop(prim):

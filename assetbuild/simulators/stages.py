@@ -112,8 +112,8 @@ def _course(course: Course) -> dict[str, object]:
     }
 
 
-def _outcome(said: dict[str, Any]) -> Outcome:  # Any: JSON
-    held, moved, failure = said.get("held"), said.get("motion"), said.get("failure", "")
+def _outcome(result: dict[str, Any]) -> Outcome:  # Any: JSON
+    held, moved, failure = result.get("held"), result.get("motion"), result.get("failure", "")
     if moved is None:
         return Outcome(held, None, failure)
     root = np.array(moved["root"], dtype=float)

@@ -137,12 +137,12 @@ class Mjx(Target):
     def _masked(self, control: Control, shapes: Shapes) -> Control:
         """Without self-collision no shape of the robot looks for another: contype 0."""
         names = {shape.name for shape in shapes.of("collision")}
-        own = tuple((n, self._cheap(c)) for n, c in control.contacts if n in names)
+        contacts = tuple((n, self._cheap(c)) for n, c in control.contacts if n in names)
         sensors = tuple(s for s in control.sensors if s.at.kind != "shape" or s.at.name in names)
         return replace(
             control,
             contact=self._cheap(control.contact),
-            contacts=own,
+            contacts=contacts,
             sensors=sensors,
             excludes=control.excludes if self.options.self_collision else (),
         )
@@ -153,7 +153,9 @@ class Mjx(Target):
         return contact.model_copy(update={"condim": least, "mask": mask})
 
     def _explain_condim(self, control: Control) -> Iterator[Finding]:
-        most = max(c.condim for c in (control.contact, *(own for _, own in control.contacts)))
+        most = max(
+            c.condim for c in (control.contact, *(contact for _, contact in control.contacts))
+        )
         if self.options.condim is not None and most > self.options.condim:
             yield CONDIM(
                 "recipe mjx.condim",

@@ -115,7 +115,7 @@ def _open_loops(ratings: Control) -> Iterator[Finding]:
     for each in ratings.loop_mimics:
         followed.setdefault(each.loop, []).append(each)
     for name, mimics in followed.items():
-        told = ", ".join(
+        equations = ", ".join(
             f"`{m.joint}` = {m.mimic.offset:.4g} {m.mimic.multiplier:+.4g} x `{m.mimic.joint}`, "
             f"off by up to {m.off:.3g}"
             for m in mimics
@@ -123,7 +123,7 @@ def _open_loops(ratings: Control) -> Iterator[Finding]:
         (low, high), leader = mimics[0].range, mimics[0].mimic.joint
         yield LOOP_MIMIC(
             f"loop {name}",
-            f"the URDF follows it by mimic joints: {told} rad or m, where `{leader}` is "
+            f"the URDF follows it by mimic joints: {equations} rad or m, where `{leader}` is "
             f"{low:.3g} to {high:.3g}",
             "use the MJCF or the USD where the robot moves",
             data={m.joint: m.off for m in mimics},
@@ -142,12 +142,12 @@ def _open_loops(ratings: Control) -> Iterator[Finding]:
         )
 
 
-def _held(said: Tree, written: Tree) -> Iterator[Finding]:
-    if written is not said:
-        where = ", ".join(f"{value:.6g}" for value in said.X_world_root.xyz)
-        turn = ", ".join(f"{value:.6g}" for value in said.X_world_root.quat)
+def _held(stated: Tree, written: Tree) -> Iterator[Finding]:
+    if written is not stated:
+        where = ", ".join(f"{value:.6g}" for value in stated.X_world_root.xyz)
+        turn = ", ".join(f"{value:.6g}" for value in stated.X_world_root.quat)
         yield FIXED_AWAY(
-            f"link {said.root}",
+            f"link {stated.root}",
             f"stands at ({where}) m in the world, turned by ({turn}) wxyz: a fixed joint "
             f"`{written.joints[0].name}` holds it to a link `{written.root}`",
             hint="place the robot by that joint's <origin>, or by your world's",
@@ -283,8 +283,8 @@ def _add_joint(robot: ET.Element, joint: Joint, actuator: Actuator | None) -> No
         ET.SubElement(element, "axis", xyz=_words(joint.axis))
     if limits := _limits(joint, actuator):
         _add_numbers(element, "limit", {name: _bound(name, v) for name, v in limits.items()})
-    said = actuator or joint
-    _add_numbers(element, "dynamics", {"damping": said.damping, "friction": said.friction})
+    dynamics = actuator or joint
+    _add_numbers(element, "dynamics", {"damping": dynamics.damping, "friction": dynamics.friction})
     if joint.mimic is not None:
         element = ET.SubElement(element, "mimic", joint=joint.mimic.joint)
         element.set("multiplier", repr(joint.mimic.multiplier))

@@ -110,7 +110,7 @@ def load(
     physics: compiling is quick then, because most meshes are never read. change: what is done to
     the specification before it is compiled.
     """
-    with caught_warnings() as said:
+    with caught_warnings() as messages:
         try:
             if visuals and change is None:
                 model = mj.MjModel.from_xml_path(str(path))
@@ -123,7 +123,7 @@ def load(
                 model = spec.compile()
         except ValueError as error:
             raise StepError(_without_folder(str(error), path)) from None
-    return Loaded(model, tuple(_without_folder(text, path) for text in said))
+    return Loaded(model, tuple(_without_folder(text, path) for text in messages))
 
 
 def _without_folder(text: str, path: Path) -> str:
@@ -142,24 +142,24 @@ def caught_warnings() -> Iterator[list[str]]:
 
     ArenaFullError where its memory did not suffice; StepError where MuJoCo gave up otherwise.
     """
-    said: list[str] = []
+    messages: list[str] = []
     before = mj.get_mju_user_warning()
-    mj.set_mju_user_warning(said.append)
+    mj.set_mju_user_warning(messages.append)
     try:
         with warnings.catch_warnings(record=True) as from_python:
             warnings.simplefilter("always")
-            yield said
-        said += [str(item.message) for item in from_python]
+            yield messages
+        messages += [str(item.message) for item in from_python]
     except mj.FatalError as error:
         _refuse_full([str(error)])
         raise StepError(f"MuJoCo gave up: {one_line(error)}") from None
     finally:
         mj.set_mju_user_warning(before)
-    _refuse_full(said)
+    _refuse_full(messages)
 
 
-def _refuse_full(said: list[str]) -> None:
-    for text in said:
+def _refuse_full(messages: list[str]) -> None:
+    for text in messages:
         if any(words in text for words in ARENA_FULL):
             raise ArenaFullError(f"MuJoCo's memory is full: {one_line(text)}")
 
@@ -262,7 +262,7 @@ def overlaps(
 
     floor: with floors, too, whose name is "".
     """
-    found: dict[tuple[str, str], float] = {}
+    depths: dict[tuple[str, str], float] = {}
     planes = set(floors(model)) if floor else set()
     for contact in data.contact[: data.ncon]:
         geoms = [int(geom) for geom in contact.geom]
@@ -270,8 +270,8 @@ def overlaps(
         if 0 not in bodies or planes & set(geoms):
             numbers = zip(bodies, bodies if kind == "body" else geoms, strict=True)
             a, b = sorted(name_of(model, kind, number) if body else "" for body, number in numbers)
-            found[a, b] = max(found.get((a, b), 0.0), -float(contact.dist))
-    return dict(sorted(found.items()))
+            depths[a, b] = max(depths.get((a, b), 0.0), -float(contact.dist))
+    return dict(sorted(depths.items()))
 
 
 def actuators(model: Model) -> range:
@@ -332,20 +332,20 @@ def held_but(model: Model, joints: Collection[int]) -> None:
 
 def above(model: Model, body: int) -> set[int]:
     """A body and all that it is on."""
-    found = {body}
+    bodies = {body}
     while body:
         body = int(model.body_parentid[body])
-        found.add(body)
-    return found
+        bodies.add(body)
+    return bodies
 
 
 def below(model: Model, top: int) -> set[int]:
     """A body and all that is on it."""
-    found = {top}
+    bodies = {top}
     for body in range(top + 1, model.nbody):
-        if int(model.body_parentid[body]) in found:
-            found.add(body)
-    return found
+        if int(model.body_parentid[body]) in bodies:
+            bodies.add(body)
+    return bodies
 
 
 def contact_solver(model: Model) -> dict[str, object]:
@@ -381,7 +381,7 @@ def outlines(model: Model, data: Data, geoms: Iterable[int], most: int | None = 
 
     most: vertices of each mesh, evenly chosen; None = all.
     """
-    found = [np.zeros((0, 3))]
+    points = [np.zeros((0, 3))]
     for geom in geoms:
         mesh = int(model.geom_dataid[geom])
         if int(model.geom_type[geom]) == int(mj.mjtGeom.mjGEOM_MESH) and mesh >= 0:
@@ -392,5 +392,5 @@ def outlines(model: Model, data: Data, geoms: Iterable[int], most: int | None = 
             middle, half = np.array(model.geom_aabb[geom]).reshape(2, 3)
             local = middle + half * np.array(list(itertools.product((-1.0, 1.0), repeat=3)))
         R = np.array(data.geom_xmat[geom]).reshape(3, 3)
-        found.append(local @ R.T + np.array(data.geom_xpos[geom]))
-    return np.concatenate(found)
+        points.append(local @ R.T + np.array(data.geom_xpos[geom]))
+    return np.concatenate(points)

@@ -111,8 +111,8 @@ class JointDrives:
 
 def read_drives(model: Model) -> tuple[Drive, ...]:
     """The actuators that drive hinges and slides, in order; others are left out."""
-    found = (read_drive(model, index) for index in mujoco.actuators(model))
-    return tuple(drive for drive in found if drive is not None)
+    drives = (read_drive(model, index) for index in mujoco.actuators(model))
+    return tuple(drive for drive in drives if drive is not None)
 
 
 def read_drive(model: Model, index: int) -> Drive | None:

@@ -221,8 +221,8 @@ def _room(
 def _touched(model: Model, data: Data, hand: Hand) -> str:
     """What the object lies in: a side by its number, `x` for both or other bodies, `-`: nothing."""
     bodies = {body for _, body in _contacts(model, data, deeper_than=0.0)}
-    found = [str(number) for number, side in enumerate(hand.sides) if bodies <= set(side)]
-    return found[0] if bodies and found else "x" if bodies else "-"
+    sides = [str(number) for number, side in enumerate(hand.sides) if bodies <= set(side)]
+    return sides[0] if bodies and sides else "x" if bodies else "-"
 
 
 # --- how it is held -----------------------------------------------------------------------------
@@ -310,11 +310,11 @@ def _contacts(
     model: Model, data: Data, deeper_than: float = -math.inf
 ) -> Iterator[tuple[int, int]]:
     """(number, body of the other) of contacts of the object with the robot."""
-    own, table = probe_of(model), int(model.geom(_TABLE).id)
+    probe, table = probe_of(model), int(model.geom(_TABLE).id)
     pairs, gaps = data.contact.geom[: data.ncon].tolist(), data.contact.dist.tolist()
     for index, ((one, other), gap) in enumerate(zip(pairs, gaps, strict=False)):
-        if own in (one, other) and table not in (one, other) and -gap > deeper_than:
-            yield index, int(model.geom_bodyid[other if one == own else one])
+        if probe in (one, other) and table not in (one, other) and -gap > deeper_than:
+            yield index, int(model.geom_bodyid[other if one == probe else one])
 
 
 def _forces(model: Model, data: Data) -> dict[int, float]:

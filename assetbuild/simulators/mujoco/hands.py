@@ -79,14 +79,14 @@ def find_hands(model: Model, probe: int) -> Iterator[Hand]:
     ]
     for drive in ends:
         fingers = sorted(_linked(model, drive.joint))
-        if found := _swept(model, probe, (drive,), fingers):
-            yield found
+        if hand := _swept(model, probe, (drive,), fingers):
+            yield hand
     for one, other in itertools.combinations(ends, 2):
         parents = model.body_parentid[model.jnt_bodyid[[one.joint, other.joint]]]
         for flip in (False, True) if parents[0] == parents[1] else ():
-            found = _swept(model, probe, (one, other), [one.joint, other.joint], flip=flip)
-            if found and found.palm not in found.sides[1]:  # they close on each other
-                yield found
+            hand = _swept(model, probe, (one, other), [one.joint, other.joint], flip=flip)
+            if hand and hand.palm not in hand.sides[1]:  # they close on each other
+                yield hand
 
 
 def between_keys(model: Model, probe: int, opened: str, closed: str) -> Hand:
@@ -103,13 +103,13 @@ def between_keys(model: Model, probe: int, opened: str, closed: str) -> Hand:
     drives = tuple(d for d in read_drives(model) if d.holds_position and d.joint in fingers)
     poses = first + np.linspace(0.0, 1.0, SAMPLES)[:, None] * (last - first)
     places = [int(model.jnt_qposadr[drive.joint]) for drive in drives]
-    found = _hand(model, probe, drives, fingers, poses, poses[:, places]) if drives else None
-    if found is None:
+    hand = _hand(model, probe, drives, fingers, poses, poses[:, places]) if drives else None
+    if hand is None:
         raise StepError(
             f"no fingers come together between the keyframes `{opened}` and `{closed}`",
             hint="the keyframes differ in the joints of one hand, whose tips meet",
         )
-    return found
+    return hand
 
 
 def solid_geoms(model: Model, bodies: Collection[int]) -> list[int]:
@@ -132,10 +132,10 @@ def _linked(model: Model, joint: int) -> set[int]:
     """The joint and all that follow it, directly, through others or in closed loops."""
     active = (int(equality) for equality in np.flatnonzero(model.eq_active0))
     groups = [set(_constrained(model, equality)) for equality in active]
-    found = {joint}
-    while more := [group for group in groups if group & found and not group <= found]:
-        found = found.union(*more)
-    return found
+    joints = {joint}
+    while more := [group for group in groups if group & joints and not group <= joints]:
+        joints = joints.union(*more)
+    return joints
 
 
 def _constrained(model: Model, equality: int) -> Iterator[int]:
@@ -267,14 +267,14 @@ def _opposite(
 
     tips: (n, 3) of the finger, which is closed at one end.
     """
-    best, found = np.inf, np.zeros(3)
+    best, nearest = np.inf, np.zeros(3)
     for data, tip in ((states[0], tips[0]), (states[-1], tips[-1])):
         data.geom_xpos[probe], ends = tip, np.zeros(6)
         for geom in solid_geoms(model, side):
             distance = mj.mj_geomDistance(model, data, probe, geom, LARGEST_M, ends)
             if distance < best:
-                best, found = distance, np.array(ends[3:])
-    return np.tile(found, (len(states), 1))
+                best, nearest = distance, np.array(ends[3:])
+    return np.tile(nearest, (len(states), 1))
 
 
 def _base(

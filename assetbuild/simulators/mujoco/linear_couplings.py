@@ -61,8 +61,8 @@ def tendon_coupling(model: Model, equality: int) -> tuple[int, int, float, float
     if len(over) == 2 and (len(over[0]) != 1 or c1 == 0.0):
         return None
     weight = sum(float(model.tendon_invweight0[tendon]) for tendon in tendons)
-    own = sum(float(model.dof_invweight0[int(model.jnt_dofadr[j])]) for j in joints)
-    if abs(weight - own) > CLOSE * own:
+    joint_weight = sum(float(model.dof_invweight0[int(model.jnt_dofadr[j])]) for j in joints)
+    if abs(weight - joint_weight) > CLOSE * joint_weight:
         return None
     one, two = (c for each in over for c in each.values())
     if len(over) == 2:
@@ -77,13 +77,13 @@ def tendon_coupling(model: Model, equality: int) -> tuple[int, int, float, float
 def joints_over(model: Model, tendon: int) -> dict[int, float]:
     """Coefficient by joint of a fixed tendon; nothing of a spatial one."""
     first, count = int(model.tendon_adr[tendon]), int(model.tendon_num[tendon])
-    found: dict[int, float] = {}
+    coefficients: dict[int, float] = {}
     for wrap in range(first, first + count):
         if int(model.wrap_type[wrap]) != int(mj.mjtWrap.mjWRAP_JOINT):
             return {}
         joint = int(model.wrap_objid[wrap])
-        found[joint] = found.get(joint, 0.0) + float(model.wrap_prm[wrap])
-    return found
+        coefficients[joint] = coefficients.get(joint, 0.0) + float(model.wrap_prm[wrap])
+    return coefficients
 
 
 def _led(model: Model, joint: int) -> tuple[int, float, float]:

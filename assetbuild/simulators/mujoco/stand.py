@@ -122,7 +122,7 @@ def stand(model: Model, keyframe: str | int, seconds: float) -> Stand:
     base = int(model.jnt_bodyid[0]) if mujoco.floats(model) else 1
     joints = mujoco.joints(model)
     places = {name: int(model.jnt_qposadr[j]) for name, j in joints.items()}
-    with mujoco.caught_warnings() as said:
+    with mujoco.caught_warnings() as messages:
         data = mujoco.at_key(model, key)
         target, overlapping = np.array(data.qpos), mujoco.overlaps(model, data, "geom")
         shapes = {mujoco.name_of(model, "geom", i): i for i in mujoco.collision_geoms(model)}
@@ -142,7 +142,7 @@ def stand(model: Model, keyframe: str | int, seconds: float) -> Stand:
     return Stand(
         seconds=float(data.time),
         finite=finite,
-        warnings=tuple(said),
+        warnings=tuple(messages),
         height_m=float(at[2]),
         gap_m=gaps,
         sag_m=-float(moved[2]),
@@ -173,8 +173,8 @@ def _on_floor(model: Model, data: Data) -> set[str]:
 
 def _load(model: Model, data: Data, joints: Mapping[str, int]) -> Iterator[tuple[str, float]]:
     for name, joint in joints.items():
-        found = drives_of(model, joint)
+        joint_drives = drives_of(model, joint)
         torque = float(data.qfrc_actuator[int(model.jnt_dofadr[joint])])
-        limit = found.torque[1] if torque > 0.0 else -found.torque[0]
-        if found.drives and 0.0 < limit < math.inf:
+        limit = joint_drives.torque[1] if torque > 0.0 else -joint_drives.torque[0]
+        if joint_drives.drives and 0.0 < limit < math.inf:
             yield name, abs(torque) / limit

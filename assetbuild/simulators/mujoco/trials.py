@@ -53,7 +53,7 @@ def answers(model: Model) -> Mapping[str, Answer]:
     A drive that moves its joint the wrong way, hardly or not at all is dead: a gain in other
     units, an effort limit of nothing, an axis of length zero.
     """
-    found = {}
+    by_joint = {}
     model = mujoco.without(model, "CONTACT", "LIMIT")
     with mujoco.caught_warnings():
         mujoco.hold_base(model)
@@ -64,8 +64,8 @@ def answers(model: Model) -> Mapping[str, Answer]:
         steps = max(4, round(1.0 / FREQUENCY_HZ / model.opt.timestep))
         for drive in read_drives(model):
             if drive.holds_position and drive.joint not in led:
-                found[drive.joint_name] = _answer(model, drive, steps)
-    return found
+                by_joint[drive.joint_name] = _answer(model, drive, steps)
+    return by_joint
 
 
 def _answer(model: Model, drive: Drive, steps: int) -> Answer:
@@ -247,8 +247,8 @@ def depths(model: Model, positions: Mapping[str, float]) -> dict[tuple[str, str]
     return mujoco.overlaps(model, data, "geom", floor=stands)
 
 
-def _largest_first(found: Mapping[Name, float]) -> Mapping[Name, float]:
-    return dict(sorted(found.items(), key=lambda item: (-item[1], item[0])))
+def _largest_first(values: Mapping[Name, float]) -> Mapping[Name, float]:
+    return dict(sorted(values.items(), key=lambda item: (-item[1], item[0])))
 
 
 # --- on the floor -------------------------------------------------------------------------------

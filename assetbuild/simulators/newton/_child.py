@@ -20,10 +20,10 @@ def answer(job: dict[str, Any]) -> dict[str, Any]:
     warp.set_device("cpu")
     for run in job["runs"]:
         try:
-            found = _moving.perform(World(loaded(run["stage"]), run), run)
+            result = _moving.perform(World(loaded(run["stage"]), run), run)
         except Exception as error:  # whatever Newton says is the answer
-            found = {"failure": f"{type(error).__name__}: {error}"[:400]}
-        _moving.write(job, run, found)
+            result = {"failure": f"{type(error).__name__}: {error}"[:400]}
+        _moving.write(job, run, result)
     return {}
 
 
@@ -49,9 +49,9 @@ class World:
         import newton
 
         self.model, self.run = model, run
-        apart, own = not run["contacts"], run.get("solver", {})
+        apart, options = not run["contacts"], run.get("solver", {})
         self.solver = newton.solvers.SolverMuJoCo(
-            model, use_mujoco_cpu=True, disable_contacts=apart, **own
+            model, use_mujoco_cpu=True, disable_contacts=apart, **options
         )
         self.now, self.after, self.control = model.state(), model.state(), model.control()
         columns = ("joint_q_start", "joint_qd_start", "joint_target_q_start", "joint_type")

@@ -40,26 +40,26 @@ def readings(model: Any, held: Any, run: dict[str, Any]) -> dict[str, Any]:
 
     run: has the robot's names by what the file calls them, its whole path or the end of it.
     """
-    found = plain(held) | {"opt": plain(held.opt), "laws": laws(model, run["joints"])}
-    found["names"] = {
-        kind: [getattr(held, kind)(index).name for index in range(len(found[count]))]
+    values = plain(held) | {"opt": plain(held.opt), "laws": laws(model, run["joints"])}
+    values["names"] = {
+        kind: [getattr(held, kind)(index).name for index in range(len(values[count]))]
         for kind, count in KINDS.items()
     }
-    for kind, own, known in (
+    for kind, names, known in (
         ("body", run["bodies"], model.body_label),
         ("joint", run["joints"], model.joint_label),
     ):
         labels = {joined(label): label for label in known}
-        words = [word.strip("_") for word in found["names"][kind]]
-        found["names"][kind] = [called(labels.get(word, word), own) for word in words]
+        words = [word.strip("_") for word in values["names"][kind]]
+        values["names"][kind] = [called(labels.get(word, word), names) for word in words]
     margins, gaps = model.shape_margin.numpy(), model.shape_gap.numpy()
-    for index, word in enumerate(found["names"]["geom"]):
+    for index, word in enumerate(values["names"]["geom"]):
         label, _, shape = word.rpartition("_")  # Newton appends its number
         if shape.isdigit():  # margin and gap are Newton's, whose solver has none
-            found["names"]["geom"][index] = called(label, run.get("shapes", {}))
-            found["geom_margin"][index] = float(margins[int(shape)])
-            found["geom_gap"][index] = float(gaps[int(shape)])
-    return found
+            values["names"]["geom"][index] = called(label, run.get("shapes", {}))
+            values["geom_margin"][index] = float(margins[int(shape)])
+            values["geom_gap"][index] = float(gaps[int(shape)])
+    return values
 
 
 def plain(held: Any) -> dict[str, Any]:
@@ -88,7 +88,7 @@ def laws(model: Any, names: dict[str, str]) -> dict[str, dict[str, float | None]
     """By joint, the law of its `NewtonActuator`: gains and what limits the effort, SI, rad."""
     starts = [int(start) for start in model.joint_qd_start.numpy()]
     labels = dict(zip(starts, model.joint_label, strict=False))
-    found: dict[str, dict[str, float | None]] = {}
+    by_joint: dict[str, dict[str, float | None]] = {}
     for group in model.actuators:
         columns = {
             word: getattr(part, name).numpy()
@@ -98,7 +98,7 @@ def laws(model: Any, names: dict[str, str]) -> dict[str, dict[str, float | None]
         }
         for row, dof in enumerate(group.indices.numpy()):
             values = {word: float(column[row]) for word, column in columns.items()}
-            found[called(labels[int(dof)], names)] = {
+            by_joint[called(labels[int(dof)], names)] = {
                 word: value if math.isfinite(value) else None for word, value in values.items()
             }
-    return found
+    return by_joint

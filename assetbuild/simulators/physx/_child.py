@@ -83,9 +83,9 @@ def _perform(sim: Any, job: Run, run: Run) -> None:  # Any: ovphysx.PhysX
     sim.wait_all()
     world = World(sim, ovstage.PathDictionary(stage), run)
     try:
-        found = _moving.perform(world, run)
-        _moving.write(job, run, found)
-        if not found.get("motion", {}).get("finite", True):
+        result = _moving.perform(world, run)
+        _moving.write(job, run, result)
+        if not result.get("motion", {}).get("finite", True):
             # PhysX does not come back from a NaN: the next stage gets a fresh process.
             (Path(job["answers"]) / "answer.json").write_text("{}", encoding="utf-8")
             os._exit(0)
@@ -117,7 +117,7 @@ class World:
         """Values by path. Copied at once: a live alias keeps the simulation from closing."""
         from ovphysx.types import ObjectScope
 
-        found: dict[str, Array] = {}
+        values: dict[str, Array] = {}
         with self.sim.read_sync(kind, [attribute], scope=ObjectScope.ALL) as result:
             for group in result.groups:
                 if group.is_delete or not group.tensors:
@@ -126,10 +126,10 @@ class World:
                 arrays = [np.array(tensor.numpy(), copy=True) for tensor in group.tensors]
                 # A fixed group stacks its prims in one array, an array group has one for each.
                 rows = arrays if len(arrays) == len(names) else list(arrays[0])
-                found |= {
+                values |= {
                     n: np.ravel(row).astype(float) for n, row in zip(names, rows, strict=True)
                 }
-        return found
+        return values
 
     def joint_order(self) -> list[str]:
         """Paths of the joints in the order of the articulation's coordinates, as Isaac Lab's."""
@@ -206,25 +206,25 @@ class World:
         """Facts of joints by name, SI; None where nothing limits."""
         attributes = {attribute for attribute, *_ in JOINT.values()}
         rows = {a: self.read(self.kinds.ARTICULATION_JOINT, a) for a in attributes}
-        found: Run = {}
+        facts: Run = {}
         for path in rows["jointPosition"]:
             one = self.unit.get(path, 1.0)
-            joint = found.setdefault(self.run["joints"].get(path, path), {})
+            joint = facts.setdefault(self.run["joints"].get(path, path), {})
             for word, (attribute, power, end) in JOINT.items():
                 raw = float(rows[attribute][path][end])
                 value = raw / one if power < 0 else raw * one**power
                 joint[word] = None if abs(raw) >= UNLIMITED else value
-        return found
+        return facts
 
     def places(self) -> list[dict[str, list[float]]]:
         """Poses of the links with every joint at 0, and with every joint at `turn`."""
-        found, here = [], self.joints("jointPosition")
+        link_poses, here = [], self.joints("jointPosition")
         turned = self.own(dict.fromkeys(self.run["joints"].values(), float(self.run["turn"])))
         for values in (dict.fromkeys(here, 0.0), dict.fromkeys(here, 0.0) | turned):
             # This moves links; `update_articulations_kinematic` would let drives and limits pull.
             self.write("jointPosition", values)
-            found.append(self.poses(self.kinds.ARTICULATION_LINK, "position", "orientation"))
-        return found
+            link_poses.append(self.poses(self.kinds.ARTICULATION_LINK, "position", "orientation"))
+        return link_poses
 
     # --- what it does -----------------------------------------------------------------------
 

@@ -39,8 +39,8 @@ def measurable(tree: Tree) -> Mapping[str, tuple[float, float]]:
         low, high = ranges.get(leader.name, _range(leader))
         ends = [(end - joint.mimic.offset) / joint.mimic.multiplier for end in _range(joint)]
         ranges[leader.name] = max(low, min(ends)), min(high, max(ends))
-    found = {joint.name: ranges[_leader(tree, joint.name)] for joint in followers}
-    return {name: (low, high) for name, (low, high) in found.items() if high - low > NARROW}
+    by_follower = {joint.name: ranges[_leader(tree, joint.name)] for joint in followers}
+    return {name: (low, high) for name, (low, high) in by_follower.items() if high - low > NARROW}
 
 
 def _range(joint: Joint) -> tuple[float, float]:
@@ -79,19 +79,19 @@ def measured(tree: Tree, outcomes: Mapping[str, Outcome]) -> dict[str, dict[str,
     if done is None or done.motion is None or not done.finite:
         return {}
     half = len(done.motion.time) // 2
-    found: dict[str, dict[str, float | str]] = {}
+    couplings: dict[str, dict[str, float | str]] = {}
     joints = {name: track[half:] for name, track in done.motion.joints.items()}
     for name in measurable(tree):
         leader = _leader(tree, name)
         way = float(np.ptp(joints[leader]))
         if way > NARROW * ZERO:
             multiplier, offset = (float(v) for v in np.polyfit(joints[leader], joints[name], 1))
-            found[name] = {
+            couplings[name] = {
                 "mimics": leader,
                 "mimic multiplier": multiplier,
                 "mimic offset": offset if abs(offset) > ZERO * way else 0.0,
             }
-    return found
+    return couplings
 
 
 def _leader(tree: Tree, follower: str) -> str:

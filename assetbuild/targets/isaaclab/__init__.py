@@ -76,8 +76,8 @@ class IsaacLab(Target):
     @classmethod
     def values(cls, recipe: RecipeView) -> dict[str, Any] | None:  # Any: values of its fields
         """Knows whether the USD is built too."""
-        found = super().values(recipe)
-        return None if found is None else found | {"has_usd": "usd" in recipe.value("targets")}
+        fields = super().values(recipe)
+        return None if fields is None else fields | {"has_usd": "usd" in recipe.value("targets")}
 
     def run(self, files: Files) -> Iterator[Finding]:
         """One module for each generation."""

@@ -50,7 +50,7 @@ def lost(randomize: Randomize, control: Control, tree: Tree) -> Iterator[Finding
         "effort": any(row.effort != (1.0, 1.0) for row in rows),
         "damping apart from friction": any(row.damping != row.friction for row in rows),
     }
-    names = tuple(name for name, found in without.items() if found)
+    names = tuple(name for name, requested in without.items() if requested)
     if names:
         yield NOT_RANDOMIZED(
             "recipe randomize",
@@ -80,8 +80,8 @@ class EventCfg:
 
 
 def _term(name: str, func: str, entity: str, **params: object) -> str:
-    said = {key: repr(value).replace("'", '"') for key, value in params.items()}
-    listed = "".join(f'\n            "{key}": {value},' for key, value in said.items())
+    literals = {key: repr(value).replace("'", '"') for key, value in params.items()}
+    listed = "".join(f'\n            "{key}": {value},' for key, value in literals.items())
     return f"""
     {name} = EventTermCfg(
         func=mdp.{func},

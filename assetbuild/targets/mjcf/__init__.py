@@ -112,14 +112,14 @@ OPEN_AT_ZERO = Rule(
 def explain_loops(tree: Tree, control: Control) -> Iterator[Finding]:
     """One finding for all loops that are open in MuJoCo's `qpos0`."""
     at_zero = gaps(tree, control.loops, {joint.name: 0.0 for joint in tree.moving_joints})
-    found = {name: gap for name, gap in at_zero.items() if gap > NEAR_M}
-    if found:
-        shown = ", ".join(f"`{name}` ({gap:.3g} m)" for name, gap in list(found.items())[:4])
+    open_loops = {name: gap for name, gap in at_zero.items() if gap > NEAR_M}
+    if open_loops:
+        shown = ", ".join(f"`{name}` ({gap:.3g} m)" for name, gap in list(open_loops.items())[:4])
         yield OPEN_AT_ZERO(
             "robot",
-            f"{len(found)} loops are open where all joints are 0: {shown}"
-            f"{', ...' if len(found) > 4 else ''}; MuJoCo, MJX and mjlab hold both ends, but "
+            f"{len(open_loops)} loops are open where all joints are 0: {shown}"
+            f"{', ...' if len(open_loops) > 4 else ''}; MuJoCo, MJX and mjlab hold both ends, but "
             "Newton 1.8 holds other points of this MJCF",
             "give Newton the USD",
-            data=found,
+            data=open_loops,
         )

@@ -43,18 +43,21 @@ class DefaultClass:
 
     def element(self, first: Sequence[Element] = ()) -> Element:
         """`<default class>`; `first` stands before the classes below it."""
-        own = [element(tag, said) for tag, said in self.adds.items() if said]
-        inner = [*own, *first, *(child.element() for child in self.children)]
+        elements = [element(tag, attributes) for tag, attributes in self.adds.items() if attributes]
+        inner = [*elements, *first, *(child.element() for child in self.children)]
         return element("default", {"class": self.name}, inner)
 
-    def uses(self, said: Mapping[str, Said], above: Said | None = None) -> Iterator[Use]:
+    def uses(self, stated: Mapping[str, Said], above: Said | None = None) -> Iterator[Use]:
         """What is left to say for each of the members, of all that they say, by name."""
         inside = joined(above or {}, self.adds)
         for name in self.members:
-            left = {tag: _beyond(own, inside.get(tag, {})) for tag, own in said[name].items()}
+            left = {
+                tag: _beyond(attributes, inside.get(tag, {}))
+                for tag, attributes in stated[name].items()
+            }
             yield Use(name, self.name, left)
         for child in self.children:
-            yield from child.uses(said, inside)
+            yield from child.uses(stated, inside)
 
 
 @dataclass(frozen=True)
@@ -97,26 +100,26 @@ def joined(above: Said, more: Said) -> Said:
 
 def shared(members: Sequence[Said], above: Said) -> Said:
     """What all members that have an element say alike, and nothing above says."""
-    tags = dict.fromkeys(tag for said in members for tag in said)
+    tags = dict.fromkeys(tag for member in members for tag in member)
     # MuJoCo keeps one actuator default per class whatever its tag: never mix tags in a class.
     mixed = len(tags.keys() - {"joint"}) > 1
-    found = {}
+    attributes = {}
     for tag in tags if len(members) >= FEWEST else ():
-        first, *others = [said[tag] for said in members if tag in said]
+        first, *others = [member[tag] for member in members if tag in member]
         common = {k: v for k, v in first.items() if all(other.get(k) == v for other in others)}
-        if (tag == "joint" or not mixed) and (own := _beyond(common, above.get(tag, {}))):
-            found[tag] = own
-    return found
+        if (tag == "joint" or not mixed) and (left := _beyond(common, above.get(tag, {}))):
+            attributes[tag] = left
+    return attributes
 
 
-def _beyond(said: Mapping[str, str], above: Mapping[str, str]) -> dict[str, str]:
-    return {key: value for key, value in said.items() if above.get(key) != value}
+def _beyond(stated: Mapping[str, str], above: Mapping[str, str]) -> dict[str, str]:
+    return {key: value for key, value in stated.items() if above.get(key) != value}
 
 
 def usual(members: Sequence[Mapping[str, str]], key: str, *, most: bool = True) -> dict[str, str]:
     """The attribute as it stands on more than half of the members (not `most`: on the largest
     part of them), where all have one: the others say theirs."""
-    values = [said[key] for said in members if key in said]
+    values = [member[key] for member in members if key in member]
     if not values or len(values) < len(members):
         return {}
     value, count = Counter(values).most_common(1)[0]
@@ -126,11 +129,11 @@ def usual(members: Sequence[Mapping[str, str]], key: str, *, most: bool = True) 
 
 def grouped(members: Sequence[T], key: Callable[[T], Hashable]) -> list[list[T]]:
     """Members with equal keys, in order of first appearance; those without a key in no group."""
-    found: dict[Hashable, list[T]] = {}
+    groups: dict[Hashable, list[T]] = {}
     for member in members:
-        if (own := key(member)) is not None:
-            found.setdefault(own, []).append(member)
-    return list(found.values())
+        if (group_key := key(member)) is not None:
+            groups.setdefault(group_key, []).append(member)
+    return list(groups.values())
 
 
 def shared_words(wholes: Sequence[str]) -> str:

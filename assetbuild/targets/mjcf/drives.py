@@ -59,19 +59,19 @@ EXTERNAL_GAINS = Rule(
 class JointRow:
     """One moving joint: what its `<joint>` and its actuator say beyond their names.
 
-    said: attributes by tag, MuJoCo's defaults left out: of `joint`, and of the actuator if any;
+    attributes: by tag, MuJoCo's defaults left out: of `joint`, and of the actuator if any;
     motor: the recipe's name, or ""; name: of the drive, or "".
     """
 
     joint: Joint
-    said: Said
+    attributes: Said
     motor: str = ""
     name: str = ""
 
     @property
     def drive(self) -> str:
         """Tag of the actuator element: position, velocity, motor, general; "" for none."""
-        return next((tag for tag in self.said if tag != "joint"), "")
+        return next((tag for tag in self.attributes if tag != "joint"), "")
 
 
 def row_of(joint: Joint, actuator: Actuator | None, limits: Softness | None = None) -> JointRow:
@@ -93,11 +93,11 @@ def row_of(joint: Joint, actuator: Actuator | None, limits: Softness | None = No
         "solreflimit": numbers(limits.solref) if limits else None,
         "solimplimit": numbers(limits.solimp) if limits else None,
     }
-    said = {
-        tag: {key: value for key, value in own.items() if value is not None}
-        for tag, own in {"joint": attributes, **_drive(joint, actuator)}.items()
+    stated = {
+        tag: {key: value for key, value in values.items() if value is not None}
+        for tag, values in {"joint": attributes, **_drive(joint, actuator)}.items()
     }
-    return JointRow(joint, said, actuator.motor, actuator.name)
+    return JointRow(joint, stated, actuator.motor, actuator.name)
 
 
 def _range(joint: Joint) -> str | None:
@@ -137,33 +137,33 @@ def _drive(joint: Joint, actuator: Actuator) -> dict[str, dict[str, str | None]]
             return {}
         case "pd":
             tag = "position"
-            said = {
+            attributes = {
                 "kp": number(actuator.kp),
                 "kv": number(actuator.kd) if actuator.kd else None,
                 "forcerange": effort,
                 "inheritrange": "1" if _range(joint) else None,
             }
             if gear != 1.0:
-                tag, said = "general", _geared(actuator.kp, actuator.kd, square, actuator.kp)
-                said["forcerange"] = effort
+                tag, attributes = "general", _geared(actuator.kp, actuator.kd, square, actuator.kp)
+                attributes["forcerange"] = effort
         case "velocity":
             tag = "velocity"
-            said = {"kv": number(actuator.kd), "forcerange": effort, "ctrlrange": speed}
+            attributes = {"kv": number(actuator.kd), "forcerange": effort, "ctrlrange": speed}
             if gear != 1.0:
-                tag, said = "general", _geared(0.0, actuator.kd, square, actuator.kd)
-                said |= {"forcerange": effort, "ctrlrange": speed}
+                tag, attributes = "general", _geared(0.0, actuator.kd, square, actuator.kd)
+                attributes |= {"forcerange": effort, "ctrlrange": speed}
         case "general":
-            tag, said = "general", {"forcerange": effort, **_general(actuator)}
+            tag, attributes = "general", {"forcerange": effort, **_general(actuator)}
         case _:
             asked = max(-actuator.ctrl[0], actuator.ctrl[1]) if actuator.ctrl else 0.0
             beyond = effort if asked > (actuator.effort or math.inf) else None
-            tag, said = "motor", {"ctrlrange": effort, "forcerange": beyond}
+            tag, attributes = "motor", {"ctrlrange": effort, "forcerange": beyond}
     if actuator.ctrl is not None:
         ends = sorted(end * actuator.command_gear for end in actuator.ctrl)
-        said |= {"inheritrange": None, "ctrlrange": numbers(ends)}
+        attributes |= {"inheritrange": None, "ctrlrange": numbers(ends)}
     if gear != 1.0:
-        said["gear"] = number(gear)
-    return {tag: said}
+        attributes["gear"] = number(gear)
+    return {tag: attributes}
 
 
 def _geared(kp: float, kd: float, square: float, gain: float) -> dict[str, str | None]:
@@ -226,7 +226,7 @@ def joint_classes(robot: str, rows: Sequence[JointRow], names: ClassNames) -> De
     gains and limits share), and families (joints of one motor with one axis and range: all hips).
     robot: name of the class, already taken from `names`.
     """
-    axis = {"joint": usual([row.said["joint"] for row in rows], "axis")}
+    axis = {"joint": usual([row.attributes["joint"] for row in rows], "axis")}
     adds = joined(axis, _shared(rows, axis))
     motors = [_motor_class(group, adds, names) for group in grouped(rows, _motor_key)]
     return _class(robot, adds, rows, [motor for motor in motors if motor is not None])
@@ -237,9 +237,9 @@ def _motor_class(rows: Sequence[JointRow], above: Said, names: ClassNames) -> De
     adds = _shared(rows, above)
     inside = joined(above, adds)
     families = [
-        (group, own)
+        (group, attributes)
         for group in grouped(rows, _family_key)
-        if len(group) >= FAMILY_MEMBERS and (own := _shared(group, inside))
+        if len(group) >= FAMILY_MEMBERS and (attributes := _shared(group, inside))
     ]
     if not adds and not families:
         return None
@@ -247,9 +247,9 @@ def _motor_class(rows: Sequence[JointRow], above: Said, names: ClassNames) -> De
     wanted = first.motor or _shared_words(rows) or first.drive or "free"
     name = names.take(wanted, first.joint.name)
     children = []
-    for group, own in families:
+    for group, attributes in families:
         family = names.take(_shared_words(group) or "joints", group[0].joint.name)
-        children.append(_class(family, own, group, ()))
+        children.append(_class(family, attributes, group, ()))
     return _class(name, adds, rows, children)
 
 
@@ -262,7 +262,7 @@ def _class(
 
 
 def _shared(rows: Sequence[JointRow], above: Said) -> Said:
-    return shared([row.said for row in rows], above)
+    return shared([row.attributes for row in rows], above)
 
 
 def _motor_key(row: JointRow) -> Hashable:
@@ -277,8 +277,8 @@ def _said(row: JointRow, *, placing: bool) -> frozenset[tuple[str, str, str]]:
     """(tag, attribute, value) of all that says where the joint is, or of all that does not."""
     return frozenset(
         (tag, key, value)
-        for tag, said in row.said.items()
-        for key, value in said.items()
+        for tag, attributes in row.attributes.items()
+        for key, value in attributes.items()
         if (key in PLACING) == placing
     )
 

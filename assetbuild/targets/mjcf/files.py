@@ -47,18 +47,18 @@ def unreadable_textures(shapes: Shapes, folder: Path) -> tuple[Material, ...]:
     )
 
 
-def readable(shapes: Shapes, folder: Path, said: Iterable[MjcfOnly] = ()) -> Shapes:
+def readable(shapes: Shapes, folder: Path, mjcf_only: Iterable[MjcfOnly] = ()) -> Shapes:
     """The shapes as MuJoCo can show them; CAD exports have a material for every face.
 
     Materials whose picture it cannot read have one colour; those that look alike have one name,
-    the first. said: what only MJCF says; a material of which it says more keeps its name.
+    the first. mjcf_only: what only MJCF says; a material of which it says more keeps its name.
     """
-    own = {item.owner for item in said if item.place == "material"}
+    owners = {item.owner for item in mjcf_only if item.place == "material"}
     without = unreadable_textures(shapes, folder)
     materials = [replace(m, texture=None) if m in without else m for m in shapes.materials]
     first: dict[tuple[object, ...], str] = {}
     names = {
-        m.name: first.setdefault((m.rgba, m.texture, m.name if m.name in own else ""), m.name)
+        m.name: first.setdefault((m.rgba, m.texture, m.name if m.name in owners else ""), m.name)
         for m in materials
     }
     worn = tuple(
@@ -192,38 +192,38 @@ class _Opaque:
         for item in items:
             self._take(item, fromstring(item.element))  # noqa: S314 # our own reader's
 
-    def _take(self, item: MjcfOnly, said: Element) -> None:
+    def _take(self, item: MjcfOnly, node: Element) -> None:
         owner = self._body_names.get(item.owner, item.owner)
         if item.place == "keyframe":
-            self._keys[item.owner] = said
+            self._keys[item.owner] = node
         elif item.place in ("option", "size"):
-            self._added[item.place, ""] = dict(said.attrib)
-            self._inside.setdefault((item.place, ""), []).extend(said)
+            self._added[item.place, ""] = dict(node.attrib)
+            self._inside.setdefault((item.place, ""), []).extend(node)
         elif item.place in SECTIONS:
-            self._inside.setdefault((item.place, ""), []).append(self._renamed(said))
-        elif item.place == "body" and said.tag != "body":
+            self._inside.setdefault((item.place, ""), []).append(self._renamed(node))
+        elif item.place == "body" and node.tag != "body":
             place = ("body", owner) if owner else ("worldbody", "")
-            self._inside.setdefault(place, []).append(self._renamed(said))
+            self._inside.setdefault(place, []).append(self._renamed(node))
         else:
             place = ("body" if item.place == "root" else item.place, owner)
-            self._added.setdefault(place, {}).update(said.attrib)
+            self._added.setdefault(place, {}).update(node.attrib)
 
-    def _renamed(self, said: Element) -> Element:
+    def _renamed(self, node: Element) -> Element:
         """Names of bodies as the MJCF has them."""
-        for inner in said.iter():
+        for inner in node.iter():
             for key in ("body", "body1", "body2", "target"):
                 if inner.get(key) in self._body_names:
                     inner.set(key, self._body_names[inner.get(key, "")])
-        return said
+        return node
 
     def complete(self, node: Element, place: str, owner: str) -> None:
         """Add to one element what belongs on it and into it."""
         added = self._added.get((place, owner), {})
-        said = {key: value for key, value in (node.attrib | added).items() if value}
+        attributes = {key: value for key, value in (node.attrib | added).items() if value}
         if node.tag == "freejoint" and added.keys() - {"name"}:
             # <freejoint> takes no damping; a <joint> takes what it lacks from its class.
-            node.tag, said = "joint", _FREE | said
-        node.attrib = said
+            node.tag, attributes = "joint", _FREE | attributes
+        node.attrib = attributes
         # Bodies below a body come last, as Menagerie has them.
         children = [child for child in node if place == "body" and child.tag == "body"]
         node[len(node) - len(children) :] = [*self._inside.get((place, owner), []), *children]
@@ -232,7 +232,7 @@ class _Opaque:
         """The source's commands in the order of the actuators, named as they are here."""
         order = [drive.get("name", "") for drive in actuator]
         for key in keyframe if order else ():
-            own = dict(zip(order, key.get("ctrl", "").split(), strict=False))
-            for said in self._keys.get(key.get("name", ""), ()):
-                own[said.get("actuator", "")] = number(float(said.get("value", "0")))
-            key.set("ctrl", " ".join(own.get(name, "0") for name in order))
+            commands = dict(zip(order, key.get("ctrl", "").split(), strict=False))
+            for ctrl in self._keys.get(key.get("name", ""), ()):
+                commands[ctrl.get("actuator", "")] = number(float(ctrl.get("value", "0")))
+            key.set("ctrl", " ".join(commands.get(name, "0") for name in order))

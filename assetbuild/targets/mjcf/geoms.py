@@ -51,7 +51,7 @@ class GeomRow:
     """A shape and what its geom says beyond its name and mesh; `surface` is a part of it."""
 
     shape: Shape
-    said: Mapping[str, str]
+    attributes: Mapping[str, str]
     surface: Mapping[str, str]
 
 
@@ -70,22 +70,25 @@ class GeomElements:
         hidden = {"type": "mesh", "contype": "0", "conaffinity": "0", "group": "2"}
         solid = {"group": "3", **_surface(control.contact, Contact())}
         fixed: Mapping[Role, Mapping[str, str]] = {"visual": hidden, "collision": solid}
-        own = dict(control.contacts)
+        contacts = dict(control.contacts)
         self.classes: list[DefaultClass] = []
         """The default classes of the roles that any shape has."""
         self._uses: dict[str, Use] = {}
         for role, always in fixed.items():
             rows = [
                 _row(
-                    s, tree.shape_placement(s)[1], own.get(s.name, control.contact), control.contact
+                    s,
+                    tree.shape_placement(s)[1],
+                    contacts.get(s.name, control.contact),
+                    control.contact,
                 )
                 for s in shapes.of(role)
             ]
             if rows:
-                found = _role_class(roles[role], always, rows, names)
-                self.classes.append(found)
-                said = {row.shape.name: {"geom": row.said} for row in rows}
-                self._uses |= {use.member: use for use in found.uses(said)}
+                role_class = _role_class(roles[role], always, rows, names)
+                self.classes.append(role_class)
+                stated = {row.shape.name: {"geom": row.attributes} for row in rows}
+                self._uses |= {use.member: use for use in role_class.uses(stated)}
 
     def geom(self, shape: Shape) -> Element:
         """One geom, with only what its class does not say."""
@@ -106,13 +109,13 @@ class GeomElements:
 
 def _row(shape: Shape, X_body_shape: Pose, contact: Contact, above: Contact) -> GeomRow:
     kind, size = _geometry(shape)
-    said = {"type": kind, "size": size, **pose_attributes(X_body_shape)}
+    attributes = {"type": kind, "size": size, **pose_attributes(X_body_shape)}
     surface: dict[str, str] = {}
     if shape.role == "visual":
-        said["material"] = shape.material or None
+        attributes["material"] = shape.material or None
     else:
         surface = _surface(contact, above)
-    stated = {key: value for key, value in said.items() if value is not None}
+    stated = {key: value for key, value in attributes.items() if value is not None}
     return GeomRow(shape, {**stated, **surface}, surface)
 
 
@@ -148,9 +151,9 @@ def _role_class(
     name: str, fixed: Mapping[str, str], rows: Sequence[GeomRow], names: ClassNames
 ) -> DefaultClass:
     """The class of one role. fixed: what it says in any case (group, masks of visuals)."""
-    said = [row.said for row in rows]
+    stated = [row.attributes for row in rows]
     common = {**fixed, **_shared(rows, fixed)}
-    common |= {**usual(said, "type"), **usual(said, "material", most=False)}
+    common |= {**usual(stated, "type"), **usual(stated, "material", most=False)}
     children, placed = [], set[str]()
     for key, least, suffix in (
         (_by_surface, FEWEST, ""),
@@ -159,13 +162,13 @@ def _role_class(
     ):
         for group in grouped(rows, partial(key, common)):
             free = [row for row in group if row.shape.name not in placed]
-            own = _shared(free, common)
-            if len(free) < least or not own:
+            attributes = _shared(free, common)
+            if len(free) < least or not attributes:
                 continue
             words = shared_words([row.shape.link for row in free]) or "other"
             wanted = f"{words}_{name}" if words in names else f"{words}{suffix}"
             class_name = names.take(wanted, f"{free[0].shape.link}_{name}")
-            children.append(DefaultClass(class_name, {"geom": own}, _names_of(free)))
+            children.append(DefaultClass(class_name, {"geom": attributes}, _names_of(free)))
             placed.update(_names_of(free))
     rest = [row for row in rows if row.shape.name not in placed]
     return DefaultClass(name, {"geom": common}, _names_of(rest), tuple(children))
@@ -176,7 +179,7 @@ def _names_of(rows: Sequence[GeomRow]) -> tuple[str, ...]:
 
 
 def _shared(rows: Sequence[GeomRow], above: Mapping[str, str]) -> Mapping[str, str]:
-    return shared([{"geom": row.said} for row in rows], {"geom": above}).get("geom", {})
+    return shared([{"geom": row.attributes} for row in rows], {"geom": above}).get("geom", {})
 
 
 def _by_surface(common: Mapping[str, str], row: GeomRow) -> Hashable:
@@ -185,11 +188,11 @@ def _by_surface(common: Mapping[str, str], row: GeomRow) -> Hashable:
 
 
 def _by_size(common: Mapping[str, str], row: GeomRow) -> Hashable:
-    own = {item for item in row.said.items() - common.items() if item[0] not in _PLACE}
-    return frozenset(own) if "size" in dict(own) else None
+    items = {item for item in row.attributes.items() - common.items() if item[0] not in _PLACE}
+    return frozenset(items) if "size" in dict(items) else None
 
 
 def _by_place(common: Mapping[str, str], row: GeomRow) -> Hashable:
     """The pieces of one link that stand in one place of its body, which is not the origin."""
-    place = {item for item in row.said.items() - common.items() if item[0] in _PLACE}
+    place = {item for item in row.attributes.items() - common.items() if item[0] in _PLACE}
     return (row.shape.link, frozenset(place)) if place else None

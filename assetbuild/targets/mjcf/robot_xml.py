@@ -101,8 +101,8 @@ class RobotXml:
         self.robot_class = names.take(robot)
         roles = {role: names.take(role) for role in ("visual", "collision")}
         self.classes = joint_classes(self.robot_class, rows, names)
-        said = {row.joint.name: row.said for row in rows}
-        self.uses = {use.member: use for use in self.classes.uses(said)}
+        stated = {row.joint.name: row.attributes for row in rows}
+        self.uses = {use.member: use for use in self.classes.uses(stated)}
         self.geoms = GeomElements(tree, shapes, control, roles, names)
         refuse_hidden(control, self.seats.hidden)
 
@@ -277,8 +277,8 @@ class RobotXml:
         if joint.kind == "planar":
             return _planar_elements(joint, X_body_joint)
         if joint.kind == "ball":
-            said = {"name": joint.name, "class": "main", "type": "ball"}
-            return [element("joint", {**said, "pos": pose_attributes(X_body_joint)["pos"]})]
+            attributes = {"name": joint.name, "class": "main", "type": "ball"}
+            return [element("joint", {**attributes, "pos": pose_attributes(X_body_joint)["pos"]})]
         if joint.kind == "floating":
             raise StepError(
                 f"joint {joint.name}: MJCF allows a floating joint on the root body only",

@@ -104,9 +104,9 @@ class Mjlab(Target):
     @classmethod
     def values(cls, recipe: RecipeView) -> dict[str, Any] | None:  # Any: values of its fields
         """With the patterns of the actuator table; a composite's are lists of names."""
-        found = super().values(recipe)
+        fields = super().values(recipe)
         rows = () if recipe.value("compose") else recipe.value("actuators")
-        return None if found is None else found | {"rows": tuple(row.joints for row in rows)}
+        return None if fields is None else fields | {"rows": tuple(row.joints for row in rows)}
 
     def run(self, files: Files) -> Iterator[Finding]:
         """Raises StepError for joints that MJCF cannot say."""
@@ -165,14 +165,14 @@ class Mjlab(Target):
 
     def _sensors(self, tree: Tree, control: Control, facts: ModuleFacts) -> tuple[Sensor, ...]:
         """The robot's own, and those that mjlab's velocity task looks for."""
-        own = [s for s in control.sensors if not _of_mjlab(s)]
-        there = {sensor.name for sensor in own}
+        robot_sensors = [s for s in control.sensors if not _of_mjlab(s)]
+        there = {sensor.name for sensor in robot_sensors}
         at = Place("frame", facts.imu_site)
         wanted = [Sensor(name, kind, at) for kind, name in TASK_SENSORS.items()]
         wanted.append(Sensor("imu_upvector", "framezaxis", at))
         wanted.append(Sensor("root_angmom", "subtreeangmom", Place("body", tree.root)))
         floating = wanted if tree.base == "floating" else []
-        return (*own, *(sensor for sensor in floating if sensor.name not in there))
+        return (*robot_sensors, *(sensor for sensor in floating if sensor.name not in there))
 
     def _explain(self, tree: Tree, control: Control, facts: ModuleFacts) -> Iterator[Finding]:
         if tree.base == "floating" and self.imu is None:
@@ -223,8 +223,8 @@ def _feet(tree: Tree, soles: list[Shape], control: Control) -> tuple[Foot, ...]:
     for sole in soles:
         by_body.setdefault(tree.placement(sole.link)[0], []).append(sole)
     return tuple(
-        Foot(body, min(own, key=height).link, tuple(sole.name for sole in own))
-        for body, own in by_body.items()
+        Foot(body, min(foot_soles, key=height).link, tuple(sole.name for sole in foot_soles))
+        for body, foot_soles in by_body.items()
     )
 
 

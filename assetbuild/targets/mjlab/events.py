@@ -86,8 +86,8 @@ def lost(
         randomize.joints, [j.name for j in tree.moving_joints]
     ):
         scaled = {key for key in ("kp", "kd", "effort") if getattr(ranges, key) != (1.0, 1.0)}
-        own = [a for a, names in groups if set(names) & set(joints)]
-        if scaled and any(a.model not in WITH_GAINS for a in own):
+        drives = [a for a, names in groups if set(names) & set(joints)]
+        if scaled and any(a.model not in WITH_GAINS for a in drives):
             without.append("gains and effort of drives without a position loop")
     if any(m.stretch or m.shear for m in randomize.links.values()):
         without.append("stretch and shear about the centre of mass (there: about the body's frame)")
@@ -102,28 +102,28 @@ def lost(
         )
 
 
-def imports(found: Sequence[Term]) -> list[str]:
+def imports(event_terms: Sequence[Term]) -> list[str]:
     """Import lines that the terms need, each sorted into its module."""
     lines = ["from mjlab.managers.scene_entity_config import SceneEntityCfg"]
-    if any(term.func.startswith("dr.") for term in found):
+    if any(term.func.startswith("dr.") for term in event_terms):
         lines.append("from mjlab.envs.mdp import dr")
     manager = ["EventTermCfg"]
-    if carries(found):
+    if carries(event_terms):
         manager += ["RecomputeLevel", "requires_model_fields"]
         lines.append("from mjlab.utils.lab_api.math import matrix_from_quat, quat_from_matrix")
     return [*lines, f"from mjlab.managers.event_manager import {', '.join(manager)}"]
 
 
-def carries(found: Sequence[Term]) -> bool:
+def carries(event_terms: Sequence[Term]) -> bool:
     """Whether a term mounts a box, which needs torch and a function of the module's own."""
-    return any(term.func == CARRY for term in found)
+    return any(term.func == CARRY for term in event_terms)
 
 
-def events_text(found: Sequence[Term]) -> str:
+def events_text(event_terms: Sequence[Term]) -> str:
     """The function `randomize_events` of the module, and the term that mjlab has not."""
-    body = "".join(_term_text(term) for term in found)
-    own = f"{CARRY_TEXT}\n\n\n" if carries(found) else ""
-    return f'''{own}
+    body = "".join(_term_text(term) for term in event_terms)
+    carry_text = f"{CARRY_TEXT}\n\n\n" if carries(event_terms) else ""
+    return f'''{carry_text}
 def randomize_events() -> dict[str, EventTermCfg]:
     """The recipe's `randomize`, drawn once for each environment; dr.yaml says where from.
 

@@ -126,15 +126,15 @@ class ModuleFacts:
     def groups(self) -> tuple[DriveGroup, ...]:
         """Drives with equal numbers and ranges, in the module's order."""
         table = self.randomize.joints if self.randomize else {}
-        found: dict[tuple[Actuator, RandomJoint | None], list[str]] = {}
+        joints_by_drive: dict[tuple[Actuator, RandomJoint | None], list[str]] = {}
         for actuator in self.control.actuators:
             if actuator.model in CLASSES:
                 numbers = replace(actuator, joint="", name="", source="")
                 ranges = first_match(table, actuator.joint)
-                found.setdefault((numbers, ranges), []).append(actuator.joint)
+                joints_by_drive.setdefault((numbers, ranges), []).append(actuator.joint)
         return tuple(
             DriveGroup(self._patterns(joints), numbers, tuple(joints), ranges)
-            for (numbers, ranges), joints in found.items()
+            for (numbers, ranges), joints in joints_by_drive.items()
         )
 
     def _patterns(self, joints: list[str]) -> tuple[str, ...]:
@@ -267,12 +267,12 @@ def _actuator(group: DriveGroup) -> str:
     fields |= {"armature": a.armature, "frictionloss": a.friction, "viscous_damping": a.damping}
     if group.ranges is not None and group.ranges.delay != (0, 0):
         fields |= dict(zip(("delay_min_lag", "delay_max_lag"), group.ranges.delay, strict=True))
-    said = "".join(f"\n                    {name}={value!r}," for name, value in fields.items())
+    keywords = "".join(f"\n                    {name}={value!r}," for name, value in fields.items())
     names = "".join(f"\n                        {literal(name)}," for name in group.names)
     return f"""
                 {CLASSES[a.model]}(
                     target_names_expr=({names}
-                    ),{said}
+                    ),{keywords}
                 ),"""
 
 

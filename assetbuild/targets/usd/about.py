@@ -43,13 +43,13 @@ def write_metadata(stage: Usd.Stage, robot: str, tree: Tree, origin: Origin) -> 
         "source_file": origin.source_file and PurePosixPath(origin.source_file).name,
         "usd_date_generated": about.date or NO_DATE,
     }
-    said: dict[str, object] = {word: text for word, text in texts.items() if text}
-    said["rigid_body_count"] = len(tree.bodies)
-    said["mass"] = total_mass(tree)
+    metadata: dict[str, object] = {word: text for word, text in texts.items() if text}
+    metadata["rigid_body_count"] = len(tree.bodies)
+    metadata["mass"] = total_mass(tree)
     if (size := extents(stage)) is not None:
-        said["asset_extents"] = size
+        metadata["asset_extents"] = size
         hint_extents(stage)
-    stage.GetRootLayer().customLayerData = {METADATA: said}
+    stage.GetRootLayer().customLayerData = {METADATA: metadata}
 
 
 def hint_extents(stage: Usd.Stage) -> None:
@@ -67,7 +67,7 @@ def extents(stage: Usd.Stage) -> Gf.Vec3f | None:
         box = UsdGeom.BBoxCache(Usd.TimeCode.Default(), purposes).ComputeWorldBound(
             stage.GetDefaultPrim()
         )
-        found = box.ComputeAlignedRange()
-        if not found.IsEmpty():
-            return Gf.Vec3f(*(round(side, EXTENTS_DIGITS) for side in found.GetSize()))
+        bounds = box.ComputeAlignedRange()
+        if not bounds.IsEmpty():
+            return Gf.Vec3f(*(round(side, EXTENTS_DIGITS) for side in bounds.GetSize()))
     return None

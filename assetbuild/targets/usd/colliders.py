@@ -43,10 +43,10 @@ def define_colliders(
     if not shapes.of("collision"):
         return
     UsdGeom.Scope.Define(stage, f"/{names.root}/{PHYSICS_MATERIALS}")
-    own = dict(control.contacts)
+    contacts = dict(control.contacts)
     surfaces: dict[Vec3, object] = {}
     for shape in shapes.of("collision"):
-        contact = own.get(shape.name, control.contact)
+        contact = contacts.get(shape.name, control.contact)
         friction = contact.friction
         if friction not in surfaces:
             surfaces[friction] = define_surface(
@@ -153,11 +153,11 @@ def apply_filtered_pairs(
 
 def touching_neighbours(names: PrimPaths, shapes: Shapes, control: Control) -> set[frozenset[str]]:
     """Jointed pairs that may touch: most often, the parent is fixed to the world; and of loops."""
-    tree, own = names.tree, dict(control.contacts)
+    tree, contacts = names.tree, dict(control.contacts)
     solid: dict[str, list[Contact]] = {}
     for shape in shapes.of("collision"):
         body = tree.placement(shape.link)[0]
-        solid.setdefault(body, []).append(own.get(shape.name, control.contact))
+        solid.setdefault(body, []).append(contacts.get(shape.name, control.contact))
     apart = {frozenset(pair) for pair in (*control.excludes, *passing_pairs(tree, shapes, control))}
     jointed = [(joint.parent, joint.child) for joint in tree.joints]
     jointed += [(loop.a.body, loop.b.body) for loop in control.loops]
@@ -187,8 +187,10 @@ def apply_masks(stage: Usd.Stage, names: PrimPaths, shapes: Shapes, control: Con
 
     A shape that meets nothing at all, not even a plain floor, does not collide.
     """
-    own = dict(control.contacts)
-    surfaces = [(shape, own.get(shape.name, control.contact)) for shape in shapes.of("collision")]
+    contacts = dict(control.contacts)
+    surfaces = [
+        (shape, contacts.get(shape.name, control.contact)) for shape in shapes.of("collision")
+    ]
     if all(s.mask == s.partners == 1 for _, s in surfaces):
         return
     for index, (shape, surface) in enumerate(surfaces):

@@ -42,9 +42,9 @@ def joint_axis(axis: Vec3) -> tuple[str, Quat]:
     R is the identity for +x, +y, +z and an exact half turn for their opposites. Directions that
     differ from these by less than a float32 quaternion holds count as them.
     """
-    for plain, found in _AXES.items():
+    for plain, token_and_turn in _AXES.items():
         if max(abs(a - b) for a, b in zip(plain, axis, strict=True)) < NEAR:
-            return found
+            return token_and_turn
     if axis[0] >= 0.0:
         return "X", quat_between((1.0, 0.0, 0.0), axis)
     # By way of the exact half turn: the shortest turn from +x is ill-defined near -x.

@@ -179,11 +179,11 @@ def save_by_engine(stage: Usd.Stage, folder: Path, names: PrimPaths) -> None:
     physics = stage.GetRootLayer()
     prims = list(_prims(physics.pseudoRoot))
     for engine, (schemas, properties) in WORDS.items():
-        own = new_layer(folder / f"{engine}.usda", names)
+        engine_stage = new_layer(folder / f"{engine}.usda", names)
         for prim in prims:
             if not prim.expired:
-                _move(prim, own.GetRootLayer(), schemas, properties)
-        save(own)
+                _move(prim, engine_stage.GetRootLayer(), schemas, properties)
+        save(engine_stage)
     save(stage)
 
 
@@ -193,11 +193,11 @@ def _prims(parent: Sdf.PrimSpec) -> Iterator[Sdf.PrimSpec]:
         yield from _prims(prim)
 
 
-def _move(prim: Sdf.PrimSpec, own: Sdf.Layer, schemas: str, properties: str) -> None:
+def _move(prim: Sdf.PrimSpec, layer: Sdf.Layer, schemas: str, properties: str) -> None:
     """The whole prim where its type is the engine's, else its schemas and properties."""
     if prim.typeName.startswith(schemas):
-        Sdf.CreatePrimInLayer(own, prim.path.GetParentPath())
-        Sdf.CopySpec(prim.layer, prim.path, own, prim.path)
+        Sdf.CreatePrimInLayer(layer, prim.path.GetParentPath())
+        Sdf.CopySpec(prim.layer, prim.path, layer, prim.path)
         del prim.nameParent.nameChildren[prim.name]
         return
     moved = [each for each in prim.properties if each.name.startswith(properties)]
@@ -205,9 +205,9 @@ def _move(prim: Sdf.PrimSpec, own: Sdf.Layer, schemas: str, properties: str) -> 
     foreign = [name for name in applied if name.startswith(schemas)]
     if not (moved or foreign):
         return
-    there = Sdf.CreatePrimInLayer(own, prim.path)
+    there = Sdf.CreatePrimInLayer(layer, prim.path)
     for each in moved:
-        Sdf.CopySpec(prim.layer, each.path, own, each.path)
+        Sdf.CopySpec(prim.layer, each.path, layer, each.path)
         prim.RemoveProperty(each)
     if foreign:
         there.SetInfo("apiSchemas", Sdf.TokenListOp.Create(prependedItems=foreign))

@@ -225,8 +225,8 @@ def _contact(control: Control) -> Iterator[Finding]:
     """One finding for each kind of MuJoCo's contact values that PhysX does not hold."""
     surfaces = (control.contact, *(surface for _, surface in control.contacts))
     for name, why in _NOT_IN_PHYSX.items():
-        own = [_beyond_usual(surface, name) for surface in surfaces]
-        values = sorted({repr(value) for value in own if value is not None})
+        unusual = [_beyond_usual(surface, name) for surface in surfaces]
+        values = sorted({repr(value) for value in unusual if value is not None})
         if values:
             yield CONTACT(
                 "robot",

@@ -78,8 +78,8 @@ class Xrdf(Target):
     @classmethod
     def values(cls, recipe: RecipeView) -> dict[str, Any] | None:  # Any: values of its fields
         """Knows whether the URDF is built too."""
-        found = super().values(recipe)
-        return None if found is None else found | {"has_urdf": "urdf" in recipe.value("targets")}
+        fields = super().values(recipe)
+        return None if fields is None else fields | {"has_urdf": "urdf" in recipe.value("targets")}
 
     def run(self, files: Files) -> Iterator[Finding]:
         """Raises StepError for joints without one coordinate and for collision without a hull."""
@@ -109,26 +109,26 @@ class Xrdf(Target):
         yield from overlaps(covers, ignored, robot)
 
     def _planned(self, driven: list[str]) -> list[str]:
-        found = [joint for joint in driven if re.fullmatch(self.options.joints, joint)]
-        if driven and not found:
+        joints = [joint for joint in driven if re.fullmatch(self.options.joints, joint)]
+        if driven and not joints:
             raise StepError(
                 f"xrdf.joints: pattern `{self.options.joints}` matches no driven joint",
                 hint=did_you_mean(self.options.joints, driven),
             )
-        return found
+        return joints
 
     def _limits(self, joints: list[str]) -> dict[str, list[float]]:
         """The lists in which no number is missing."""
-        found = {}
+        limits = {}
         for key, name in (("acceleration", "acceleration_limits"), ("jerk", "jerk_limits")):
             numbers = [self._limit(key, joint) for joint in joints]
             if None not in numbers:
-                found[name] = [number for number in numbers if number is not None]
-        return found
+                limits[name] = [number for number in numbers if number is not None]
+        return limits
 
     def _limit(self, key: str, joint: str) -> float | None:
-        said: float | LimitTable | None = getattr(self.options, key)
-        return first_match(said, joint) if isinstance(said, dict) else said
+        stated: float | LimitTable | None = getattr(self.options, key)
+        return first_match(stated, joint) if isinstance(stated, dict) else stated
 
     def _tool_frames(self, links: Tree) -> list[str]:
         for frame in self.options.tool_frames:
@@ -200,7 +200,7 @@ def _ignored(links: list[str], robot: RobotFiles) -> dict[str, list[str]]:
     tree, control = robot.tree, robot.control
     rule = ContactFilter.of(tree, robot.shapes, control)
     contacts = _contacts(robot.shapes, control)
-    found: dict[str, list[str]] = {}
+    ignored: dict[str, list[str]] = {}
     for one, other in itertools.combinations(links, 2):
         bodies = tree.placement(one)[0], tree.placement(other)[0]
         excluded = tuple(sorted(bodies)) in control.excludes
@@ -210,15 +210,15 @@ def _ignored(links: list[str], robot: RobotFiles) -> dict[str, list[str]]:
             for b in contacts[other]
         )
         if bodies[0] == bodies[1] or excluded or rule.passes(*bodies) or not meets:
-            found.setdefault(one, []).append(other)
-    return found
+            ignored.setdefault(one, []).append(other)
+    return ignored
 
 
 def _contacts(shapes: Shapes, control: Control) -> dict[str, list[Contact]]:
-    own, found = dict(control.contacts), dict[str, list[Contact]]()
+    by_shape, by_link = dict(control.contacts), dict[str, list[Contact]]()
     for shape in shapes.of("collision"):
-        found.setdefault(shape.link, []).append(own.get(shape.name, control.contact))
-    return found
+        by_link.setdefault(shape.link, []).append(by_shape.get(shape.name, control.contact))
+    return by_link
 
 
 def _driven(robot: RobotFiles) -> Iterator[str]:

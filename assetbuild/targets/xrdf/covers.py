@@ -96,8 +96,8 @@ class Covered:
         count = len(self.spheres)
         data = {"coverage": self.coverage, "outside_m": self.outside_m, "spheres": count}
         if self.exact:
-            told = f"its collision is {count} spheres, which the XRDF has as they are"
-            return SPHERES(f"link {self.name}", told, data=data)
+            message = f"its collision is {count} spheres, which the XRDF has as they are"
+            return SPHERES(f"link {self.name}", message, data=data)
         short = self.coverage < options.min_coverage
         return SPHERES(
             f"link {self.name}",
@@ -114,10 +114,10 @@ def covers_of(robot: RobotFiles, options: XrdfOptions) -> Iterator[Covered]:
     """One for each link with collision, in the order of the URDF; of equal ones found once."""
     known: dict[object, Covered] = {}
     for body in robot.links.bodies:
-        own = tuple(s for s in robot.shapes.of("collision") if s.link == body.name)
-        same = tuple((shape.X_link_shape, shape.geometry) for shape in own)
+        shapes = tuple(s for s in robot.shapes.of("collision") if s.link == body.name)
+        same = tuple((shape.X_link_shape, shape.geometry) for shape in shapes)
         if same and same not in known:
-            pieces = list(_pieces(own, robot))
+            pieces = list(_pieces(shapes, robot))
             known[same] = _covered(body.name, pieces, options)
         if same:
             yield replace(known[same], name=body.name)
@@ -125,14 +125,14 @@ def covers_of(robot: RobotFiles, options: XrdfOptions) -> Iterator[Covered]:
 
 def _covered(link: str, pieces: list[ConvexPiece], options: XrdfOptions) -> Covered:
     """Spheres as they are; else those that cover the union of all pieces."""
-    own = tuple((p.X_frame_piece, p.solid) for p in pieces if isinstance(p.solid, Sphere))
-    if len(own) == len(pieces):
-        return Covered(link, own, 1.0, 0.0, True)
+    exact_spheres = tuple((p.X_frame_piece, p.solid) for p in pieces if isinstance(p.solid, Sphere))
+    if len(exact_spheres) == len(pieces):
+        return Covered(link, exact_spheres, 1.0, 0.0, True)
     _, skin = union_of(pieces)
     reference = Reference(skin)
-    found = covering_spheres(reference, options.max_spheres, options.margin * reference.diagonal)
+    cover = covering_spheres(reference, options.max_spheres, options.margin * reference.diagonal)
     spheres = tuple(
-        (piece.X_frame_piece, piece.solid) for piece in found if isinstance(piece.solid, Sphere)
+        (piece.X_frame_piece, piece.solid) for piece in cover if isinstance(piece.solid, Sphere)
     )
     centres = np.array([pose.xyz for pose, _ in spheres])
     radii = np.array([sphere.radius for _, sphere in spheres])
