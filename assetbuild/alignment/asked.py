@@ -46,10 +46,10 @@ ENDS: tuple[End, End] = ("lower", "upper")
 
 def experiments_of(tree: Tree, control: Control, wish: Swing | None) -> dict[str, Experiment]:
     """Name -> experiment, in the order of running. wish: None = no sine and no stops."""
-    found = [load(control)]
+    experiments = [load(control)]
     floats, start = tree.base == "floating", initial_pose(tree, control)
     if floats:
-        found += [drop(control, FALL_S)]
+        experiments += [drop(control, FALL_S)]
     if wish is not None:
         home = dict(start.joints)
         held = Setting(
@@ -59,11 +59,11 @@ def experiments_of(tree: Tree, control: Control, wish: Swing | None) -> dict[str
             drives=servos(control),
         )
         sine = sine_of(tree, control, home, wish.frequency, wish.seconds)
-        found += _sines(held, about_closed(tree, control, sine, home))
-        found += _into_stops(tree, control, home, held)
+        experiments += _sines(held, about_closed(tree, control, sine, home))
+        experiments += _into_stops(tree, control, home, held)
     if floats and start.name:  # a keyframe above a floor
-        found += _on_floor(standing(tree, control), dict(start.joints))
-    return {experiment.name: experiment for experiment in found}
+        experiments += _on_floor(standing(tree, control), dict(start.joints))
+    return {experiment.name: experiment for experiment in experiments}
 
 
 def _sines(held: Setting, sine: Sine) -> Iterator[Experiment]:
@@ -78,11 +78,11 @@ def _into_stops(
     tree: Tree, control: Control, home: Mapping[str, float], held: Setting
 ) -> Iterator[Experiment]:
     """MuJoCo's limits of commands would clip what asks for more."""
-    own = replace(held, contacts=False, clipped=False)
-    fine = replace(own, timestep=own.timestep / FINER)
+    unclipped = replace(held, contacts=False, clipped=False)
+    fine = replace(unclipped, timestep=unclipped.timestep / FINER)
     for end in ENDS:
         if (sine := into_stop(tree, control, home, end)) is not None:
-            yield swing(f"past_{end}", own, sine, 0.0)
+            yield swing(f"past_{end}", unclipped, sine, 0.0)
             yield swing(f"past_{end}_fine", fine, sine, 0.0)
 
 

@@ -163,7 +163,7 @@ def _hasty(control: Control, ours: Motion) -> str:
     Thrown about by what carries it, a wrist passes it whatever its own drive is asked, and what
     hangs on it and what carries it move otherwise too.
     """
-    worst, said = 1.0, ""
+    worst, message = 1.0, ""
     for joint, angle in ours.joints.items():
         drive = control.by_joint.get(joint)
         if drive is None or not drive.velocity:
@@ -171,11 +171,11 @@ def _hasty(control: Control, ours: Motion) -> str:
         fastest = float(np.abs(np.gradient(angle, ours.time)).max())
         if fastest > worst * drive.velocity:
             worst = fastest / drive.velocity
-            said = (
+            message = (
                 f"MuJoCo has no limit of speed: `{joint}` moves at {fastest:.3g}, its limit is "
                 f"{drive.velocity:.3g} rad/s or m/s"
             )
-    return said
+    return message
 
 
 def _explained(

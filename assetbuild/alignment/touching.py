@@ -63,13 +63,13 @@ def touching_row(model: mujoco.Model, theirs: Pairs, tree: Tree, engine: str) ->
 
 def _named(model: mujoco.Model, pairs: Iterable[tuple[int, int]], tree: Tree) -> Pairs:
     names = {name: body for body, name in mujoco.body_names(tree).items()}
-    found: Pairs = set()
+    named_pairs: Pairs = set()
     for pair in pairs:
         bodies = [int(model.geom_bodyid[geom]) for geom in pair]
         if all(bodies):  # 0 is the world
-            said = (mujoco.name_of(model, "body", body) for body in bodies)
-            found.add(frozenset(names.get(name, name) for name in said))
-    return found
+            body_names = (mujoco.name_of(model, "body", body) for body in bodies)
+            named_pairs.add(frozenset(names.get(name, name) for name in body_names))
+    return named_pairs
 
 
 def _told(pairs: Pairs, alone: Pairs) -> str:

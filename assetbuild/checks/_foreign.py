@@ -94,8 +94,8 @@ class ForeignTool(Check):
             except subprocess.TimeoutExpired:
                 return "", f"it took more than {self.limits.wall_s:g} s"
             report = place / REPORT
-            said = report.read_bytes() if report.exists() else done.stdout
-        return said.decode("utf-8", "replace"), last_line(done.stderr or done.stdout)
+            output = report.read_bytes() if report.exists() else done.stdout
+        return output.decode("utf-8", "replace"), last_line(done.stderr or done.stdout)
 
 
 # --- of the MJCF ---------------------------------------------------------------------------------
@@ -133,12 +133,12 @@ class Simcheck(ForeignTool):
         passed = sum(result["status"] == "pass" for result in results)
         figures |= {"checks": len(results), "passed": passed}
         for result in results:
-            for found in result["findings"]:
+            for finding in result["findings"]:
                 yield SIMCHECK.named(result["id"])(
                     "robot",
-                    f"simcheck: {found['message']}",
-                    severity=SEVERITIES.get(found["severity"].lower(), "info"),
-                    data={"target": str(found.get("target", ""))},
+                    f"simcheck: {finding['message']}",
+                    severity=SEVERITIES.get(finding["severity"].lower(), "info"),
+                    data={"target": str(finding.get("target", ""))},
                 )
 
 
@@ -167,11 +167,11 @@ class MjcfDoctor(ForeignTool):
         """The report stands after a page for people."""
         (file,) = json.loads(report[f"\n{report}".index("\n[\n") :])
         figures["findings"] = len(file["findings"])
-        for found in file["findings"]:
-            yield DOCTOR.named(found["code"])(
+        for finding in file["findings"]:
+            yield DOCTOR.named(finding["code"])(
                 "robot",
-                f"mjcf-doctor: {found['subject']}: {found['message']}",
-                severity=SEVERITIES.get(found["level"].lower(), "info"),
+                f"mjcf-doctor: {finding['subject']}: {finding['message']}",
+                severity=SEVERITIES.get(finding["level"].lower(), "info"),
             )
 
 
@@ -258,10 +258,10 @@ class SimReady(Validator):
     def _required(self, name: str, feature: Json, codes: Sequence[str]) -> Iterator[Finding]:
         messages = json.loads(feature.get("requirement_messages") or "{}")
         for code in codes:
-            said = " ".join(messages.get(f"com.nvidia.simready.{code}", []))
+            message = " ".join(messages.get(f"com.nvidia.simready.{code}", []))
             yield REQUIRED(
                 "robot",
-                f"{self.profile} {PROFILE_VERSION}: {code}: {said or f'feature {name} fails'}",
+                f"{self.profile} {PROFILE_VERSION}: {code}: {message or f'feature {name} fails'}",
                 hint="state what is missing in the recipe's `about`, or `license` under `source`",
                 data={"feature": name, "requirement": code},
             )
@@ -331,13 +331,13 @@ class AssetValidator(Validator):
                 yield FAILURE(f"prim {path}" if path else "robot", f"{rule}: {issue['message']}")
         warnings = sum(map(len, mild.values()))
         figures |= {"failures": len(issues) - warnings, "warnings": warnings}
-        for rule, found in sorted(mild.items()):
-            paths = list(dict.fromkeys(map(_path, found)))
+        for rule, rule_issues in sorted(mild.items()):
+            paths = list(dict.fromkeys(map(_path, rule_issues)))
             more = f" and {len(paths) - SHOWN} more" if len(paths) > SHOWN else ""
             shown = ", ".join(f"`{path}`" for path in paths[:SHOWN])
-            text = f"{rule} warns {len(found)} times of {shown}{more}; the first: "
-            data: Data = {"rule": rule, "times": len(found)}
-            yield WARNING("robot", f"{text}{found[0]['message']}", data=data)
+            text = f"{rule} warns {len(rule_issues)} times of {shown}{more}; the first: "
+            data: Data = {"rule": rule, "times": len(rule_issues)}
+            yield WARNING("robot", f"{text}{rule_issues[0]['message']}", data=data)
 
 
 def _path(issue: Json) -> str:

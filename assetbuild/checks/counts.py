@@ -98,12 +98,12 @@ class Counts(Check):
                 yield role, str(facts["body"])
 
     def _lost(self, link: str, stated: Counter[Place], built: Counter[Place]) -> Iterator[Finding]:
-        expected, found = stated["visual", link], built["visual", link]
-        if found < expected:
+        expected, actual = stated["visual", link], built["visual", link]
+        if actual < expected:
             yield VISUAL(
                 f"link {link}",
-                f"the source states {expected} visual shapes, {found} were built",
-                data={"source": expected, "built": found},
+                f"the source states {expected} visual shapes, {actual} were built",
+                data={"source": expected, "built": actual},
             )
         rules = (*self.rules, (".*", "auto", "auto"))
         method, from_ = next((m, f) for pattern, m, f in rules if re.fullmatch(pattern, link))
@@ -120,26 +120,26 @@ class Counts(Check):
 def _equal(source: Table, links: Tree) -> Generator[Finding, None, int]:
     """Bodies and joints of the source against the robot's links; how many facts there are."""
 
-    def told(key: Key) -> bool:
+    def is_compared(key: Key) -> bool:
         return key.kind in ("body", "joint") and UrdfFacts.holds(key) and not key.is_foreign
 
     robot = robot_table(Reference(links, links, Shapes(), Control(), Assets(), {}), merged=False)
-    expected, found = robot.only(told), _with_held(source, links).only(told)
-    different = differences(expected, found, Precision())
+    expected, stated = robot.only(is_compared), _with_held(source, links).only(is_compared)
+    different = differences(expected, stated, Precision())
     yield from equality_findings(different, "source_urdf", "the source", source.places)
-    return len({*expected.facts, *found.facts})
+    return len({*expected.facts, *stated.facts})
 
 
 def _with_held(source: Table, links: Tree) -> Table:
     """The source as it moves: what mimics a fixed joint, or by a multiplier of 0, stays there."""
-    book = FactCollector()
+    facts = FactCollector()
     for joint in links.joints:
-        said = source.of("joint", joint.name)
-        slope, offset = (said.get(f"mimic {word}") for word in ("multiplier", "offset"))
+        stated = source.of("joint", joint.name)
+        slope, offset = (stated.get(f"mimic {word}") for word in ("multiplier", "offset"))
         if joint.mimic is None and isinstance(slope, float) and isinstance(offset, float):
-            leader = links.by_joint.get(str(said["mimics"]))
+            leader = links.by_joint.get(str(stated["mimics"]))
             held = leader.limits.lower if leader and leader.kind in MOVING else 0.0
             at = offset + slope * (held or 0.0)
             free: dict[str, Value] = {"mimics": "", "mimic multiplier": None, "mimic offset": None}
-            book.put("joint", joint.name, free | {"lower": at, "upper": at})
-    return source | book.table()
+            facts.put("joint", joint.name, free | {"lower": at, "upper": at})
+    return source | facts.table()

@@ -107,14 +107,14 @@ class Coverage(Check):
         alike: dict[str, list[str]] = {}
         for name, fit in beside.items():
             axis = "xyz"[int(np.argmax(np.abs(fit.shift_m)))]
-            said = f"{_length(fit.largest_m)} along {axis}"
-            alike.setdefault(said, []).append(name)
-        for said, (name, *others) in alike.items():
+            shift = f"{_length(fit.largest_m)} along {axis}"
+            alike.setdefault(shift, []).append(name)
+        for shift, (name, *others) in alike.items():
             fit = beside[name]
             same = f"; the same holds for {', '.join(others)}" if others else ""
             yield SHIFT(
                 f"link {name}",
-                f"its collision geometry lies {said} from its visual geometry{same}",
+                f"its collision geometry lies {shift} from its visual geometry{same}",
                 hint="compare their `<origin>` in the source; look at the report's 3D view",
                 data={"shift_m": fit.shift_m, "limit_m": self._limit(fit)},
             )

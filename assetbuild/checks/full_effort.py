@@ -120,13 +120,13 @@ def _length(one: Pushed) -> str:
 
 def _worst(pushed: Sequence[Pushed]) -> dict[str, object]:
     """The largest error and its joint, for joints that turn and that slide; None if unstable."""
-    found: dict[str, object] = {"joints": len(pushed)}
+    worst: dict[str, object] = {"joints": len(pushed)}
     for kind, slides in (("turn", False), ("slide", True)):
         one = max((one for one in pushed if one.slides == slides), key=_error, default=None)
         if one is not None:
             known = one.error if math.isfinite(one.error) else None
-            found[kind] = {"error": known, "joint": one.joint}
-    return found
+            worst[kind] = {"error": known, "joint": one.joint}
+    return worst
 
 
 # --- full effort against what holds a joint ------------------------------------------------------
@@ -231,8 +231,8 @@ def _alone(model: Model, *flags: str) -> Model:
 
 def _loaded(model: Model, efforts: Mapping[str, float]) -> dict[int, float]:
     """Effort by number of the hinges and slides that have one."""
-    found = mujoco.joints(model)
-    return {joint: efforts[name] for name, joint in found.items() if efforts.get(name, 0.0) > 0.0}
+    joints = mujoco.joints(model)
+    return {joint: efforts[name] for name, joint in joints.items() if efforts.get(name, 0.0) > 0.0}
 
 
 def _active(model: Model, kinds: tuple[str, ...]) -> list[int]:

@@ -132,8 +132,8 @@ class Gains(Check):
     @classmethod
     def values(cls, recipe: RecipeView) -> dict[str, Any] | None:  # Any: values of its fields
         """A table of its own makes a robot's gains the recipe's."""
-        found = super().values(recipe)
-        return None if found is None else found | {"inherited": not recipe.value("actuators")}
+        values = super().values(recipe)
+        return None if values is None else values | {"inherited": not recipe.value("actuators")}
 
     def run(self, files: Files) -> Iterator[Finding]:
         """Reads the robot without its meshes."""
@@ -150,24 +150,24 @@ class Gains(Check):
         closed = bool(control.loops) and not any(joint.kind == "ball" for joint in tree.joints)
         inertia = felt_inertia(control.loops if closed else (), robot)
         reflected = reflected_range(tree, control, home) if closed else {}
-        found: dict[str, Effective] = {}
+        joints: dict[str, Effective] = {}
         for name in robot.joints:
             actuator = control.by_joint.get(name)
             if actuator is None or actuator.model not in ("pd", *EXPLICIT):
                 continue
             if math.isfinite(inertia[name]):  # else its loops lock it: `loop.locked`
-                found[name] = self._effective(actuator, inertia[name], torque.get(name), timestep)
+                joints[name] = self._effective(actuator, inertia[name], torque.get(name), timestep)
         figures: dict[str, object] = {
             "keyframe": start.name or None,
             "soles": len(ground),
             "unbalanced": left_over,
-            "joints": {name: asdict(one) for name, one in found.items()},
+            "joints": {name: asdict(one) for name, one in joints.items()},
         }
         if closed:
             figures["reflected"] = {name: asdict(felt) for name, felt in reflected.items()}
         limits = {"unbalanced": UNBALANCED, "load": self.torque, "sag": self.sag, "holding": 0.1}
         write_figures(files, figures, limits)
-        for name, one in found.items():
+        for name, one in joints.items():
             actuator, slides = control.by_joint[name], tree.by_joint[name].kind == "prismatic"
             yield from _judge_strength(actuator, one, slides, self.torque, self.sag)
             yield from self._judge_stability(one, timestep, name)
@@ -181,8 +181,8 @@ class Gains(Check):
                 )
                 least = self._effective(actuator, felt.least, None, timestep)
                 yield from self._judge_stability(least, timestep, name, where)
-        if self.inherited and found:
-            yield _inherited([one.frequency_hz for one in found.values()])
+        if self.inherited and joints:
+            yield _inherited([one.frequency_hz for one in joints.values()])
 
     def _effective(
         self, actuator: Actuator, inertia: float, torque: float | None, dt: float

@@ -139,24 +139,24 @@ class Mass(Check):
         tree, hulls = robot.tree, hulls_by_body(robot)
         every = {b.name: made for b in tree.bodies if (made := _filled(b, hulls)) is not None}
         total = math.fsum(b.inertial.mass_kg for b in tree.bodies if b.inertial)
-        found = {name: row for name, row in every.items() if row.mass_kg >= SMALLEST_KG}
+        bodies = {name: row for name, row in every.items() if row.mass_kg >= SMALLEST_KG}
         rows = [
             {"body": name, "mass_kg": row.mass_kg, "hull_volume_m3": row.volume_m3,
              "density_kg_m3": row.density, "center_outside_m": row.outside_m,
              "long_axes_apart_rad": row.angle_rad}
-            for name, row in found.items()
+            for name, row in bodies.items()
         ]  # fmt: skip
         figures = {"total_kg": total, "datasheet_kg": self.total_kg, "bodies": rows}
-        smallest_m = min((row.size_m for row in found.values()), default=1.0)
+        smallest_m = min((row.size_m for row in bodies.values()), default=1.0)
         limits = {"long_axes_apart_rad": self.max_angle, "center_outside_m": OUTSIDE * smallest_m}
         write_figures(files, figures, limits)
         extents = _extents(hulls)
         yield from self._judge_total(total)
         yield from _too_large(tree, extents)
         yield from _of_no_matter(tree, every)
-        for name, row in found.items():
+        for name, row in bodies.items():
             yield from self._judge(name, row, total)
-        yield from _outside(found)
+        yield from _outside(bodies)
         yield from contradictions(tree, extents)
 
     def _judge_total(self, total: float) -> Iterator[Finding]:
@@ -195,20 +195,20 @@ class Mass(Check):
 def _extents(hulls: Hulls) -> dict[str, Extent]:
     """Return the extent of each body: all that is drawn and all that collides."""
     points: dict[str, list[Array]] = {}
-    for (name, _), own in hulls.items():
-        points.setdefault(name, []).extend(part.vertices for part in own)
-    return {name: extent_of(own) for name, own in points.items()}
+    for (name, _), parts in hulls.items():
+        points.setdefault(name, []).extend(part.vertices for part in parts)
+    return {name: extent_of(vertices) for name, vertices in points.items()}
 
 
-def _outside(found: Mapping[str, Filled]) -> Iterator[Finding]:
+def _outside(bodies: Mapping[str, Filled]) -> Iterator[Finding]:
     """Centres of mass outside; bodies that are as far off share a finding, as they do a mistake."""
     alike: dict[str, list[str]] = {}
-    for name, row in found.items():
+    for name, row in bodies.items():
         if row.outside_m > OUTSIDE * row.size_m:
             alike.setdefault(f"{row.outside_m:.0e}", []).append(name)
     for name, *others in alike.values():
-        row = found[name]
-        far = (f"{other} ({1e3 * found[other].outside_m:.3g} mm)" for other in others)
+        row = bodies[name]
+        far = (f"{other} ({1e3 * bodies[other].outside_m:.3g} mm)" for other in others)
         also = f"; so are those of {', '.join(far)}" if others else ""
         yield CENTER(
             f"link {name}",
@@ -241,14 +241,14 @@ def _too_large(tree: Tree, extents: Mapping[str, Extent]) -> Iterator[Finding]:
             )
 
 
-def _of_no_matter(tree: Tree, found: Mapping[str, Filled]) -> Iterator[Finding]:
+def _of_no_matter(tree: Tree, bodies: Mapping[str, Filled]) -> Iterator[Finding]:
     """Report masses or lengths off by a hundred: of all bodies together, no mean of matter."""
     loose = _loose_bodies(tree)
-    shaped = [found[body.name] for body in loose if body.name in found]
+    shaped = [bodies[body.name] for body in loose if body.name in bodies]
     whole_kg = math.fsum(body.inertial.mass_kg for body in loose if body.inertial)
     shaped_kg = math.fsum(row.mass_kg for row in shaped)
     volume_m3 = math.fsum(row.volume_m3 for row in shaped)
-    for mass_kg, limit, wrong, said, hint in (
+    for mass_kg, limit, wrong, comparison, hint in (
         (whole_kg, LEAST_KG_M3, 0.0 < whole_kg < LEAST_KG_M3 * volume_m3,
          "lighter than foam", "are the masses placeholders?"),
         (shaped_kg, MOST_KG_M3, shaped_kg > MOST_KG_M3 * volume_m3,
@@ -258,7 +258,7 @@ def _of_no_matter(tree: Tree, found: Mapping[str, Filled]) -> Iterator[Finding]:
             yield ABSURD(
                 "robot",
                 f"its moving bodies weigh {mass_kg:.4g} kg in hulls of {1e3 * volume_m3:.4g} "
-                f"litres, {mass_kg / volume_m3:.3g} kg/m³: {said} (limit {limit:g} kg/m³)",
+                f"litres, {mass_kg / volume_m3:.3g} kg/m³: {comparison} (limit {limit:g} kg/m³)",
                 hint=f"{hint} State masses by `edits: set_mass`, a mesh's size by its `scale`",
                 data={"mass_kg": mass_kg, "volume_m3": volume_m3, "limit_kg_m3": limit},
             )
@@ -291,10 +291,10 @@ def _filled(body: Body, hulls: Hulls) -> Filled | None:
     return Filled(inertial.mass_kg, volume, float(np.linalg.norm(beyond)), size_m, angle)
 
 
-def _angle(own: Array, even: Array) -> float | None:
+def _angle(stated: Array, even: Array) -> float | None:
     """Between the axes of least moment; None where one of the two has no long direction."""
     axes = []
-    for tensor in (own, even):
+    for tensor in (stated, even):
         moments, vectors = np.linalg.eigh(tensor)
         if not moments[0] > 0.0 or moments[1] < SLENDER * moments[0]:
             return None

@@ -25,12 +25,12 @@ class Mirror(Check):
     def run(self, files: Files) -> Iterator[Finding]:
         """Reads the bodies, their joints, the table and the initial keyframe."""
         robot = RobotFiles(files.inputs)
-        found = twins(parts_of(robot.tree, robot.control), self.allowed.place)
+        symmetry = twins(parts_of(robot.tree, robot.control), self.allowed.place)
         figures: dict[str, object] = {
-            "twins": len(found.pairs),
-            "pairs": [[a.name, b.name] for a, b in found.pairs],
+            "twins": len(symmetry.pairs),
+            "pairs": [[a.name, b.name] for a, b in symmetry.pairs],
         }
-        if found.pairs:
-            figures["sideways"] = "xyz"[found.axis]
+        if symmetry.pairs:
+            figures["sideways"] = "xyz"[symmetry.axis]
         write_figures(files, figures)
-        yield from mirror_findings(found, self.allowed)
+        yield from mirror_findings(symmetry, self.allowed)

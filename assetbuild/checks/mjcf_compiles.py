@@ -150,15 +150,15 @@ def _with_includes(path: Path) -> Iterator[Xml]:
 
 
 def _element(element: Xml) -> Iterator[Finding]:
-    said = {str(name): str(value) for name, value in element.attrib.items()}
+    attributes = {str(name): str(value) for name, value in element.attrib.items()}
     where = f"line {element.sourceline}: <{element.tag}>"
-    for word in newer_words(str(element.tag), said):
+    for word in newer_words(str(element.tag), attributes):
         yield GRAMMAR(
             where,
             f"MuJoCo {OLDEST} does not know `{word}`, so the file does not load there",
             hint=f"mjlab pins {OLDEST}: say it in older words, or leave it out",
         )
-    for name, value in said.items():
+    for name, value in attributes.items():
         if name in PATHS and (PurePosixPath(value).is_absolute() or PureWindowsPath(value).drive):
             yield ABSOLUTE_PATH(
                 where,
@@ -306,16 +306,16 @@ def parts_of(model: mujoco.Model) -> tuple[Part, ...]:
 
 
 def _motion(model: mujoco.Model, joint: int, axis: Array) -> Motion:
-    found = drives_of(model, joint)
+    joint_drives = drives_of(model, joint)
     dof, at = int(model.jnt_dofadr[joint]), int(model.jnt_qposadr[joint])
     values: dict[str, float | None] = {
         "damping": float(np.ravel(model.dof_damping[dof])[0]),
         "friction": float(model.dof_frictionloss[dof]),
         "armature": float(model.dof_armature[dof]),
     }
-    if found.drives:
-        values["gain"] = found.kp or sum(drive.gain for drive in found.drives)
-        values["effort limit"] = found.effort if math.isfinite(found.effort) else None
+    if joint_drives.drives:
+        values["gain"] = joint_drives.kp or sum(drive.gain for drive in joint_drives.drives)
+        values["effort limit"] = joint_drives.effort if math.isfinite(joint_drives.effort) else None
     low, high = (float(v) for v in model.jnt_range[joint])
     key = mujoco.initial_key(model)
     return Motion(

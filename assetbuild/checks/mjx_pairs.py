@@ -82,7 +82,7 @@ class MjxPairs(Check):
 
 def figures(model: mujoco.Model) -> dict[str, object]:
     """Number of pairs by their kinds, and in all."""
-    counts = {kinds: len(found) for kinds, found in pairs(model).items()}
+    counts = {kinds: len(alike) for kinds, alike in pairs(model).items()}
     return {
         "pairs": sum(counts.values()),
         "fast_on_warp": sum(counts[kinds] for kinds in counts.keys() & FAST_ON_WARP),
@@ -92,20 +92,20 @@ def figures(model: mujoco.Model) -> dict[str, object]:
 
 def pairs(model: mujoco.Model) -> dict[Kinds, list[Pair]]:
     """Geoms that may touch, whatever lets them, by their kinds; in the order of their kinds."""
-    found: dict[Kinds, list[Pair]] = {}
+    by_kinds: dict[Kinds, list[Pair]] = {}
     for pair in (*touching_geoms(model), *explicit_pairs(model)):
         a, b = sorted(pair, key=lambda geom: int(model.geom_type[geom]))
         kinds = KINDS[int(model.geom_type[a])], KINDS[int(model.geom_type[b])]
-        found.setdefault(kinds, []).append((a, b))
-    return found
+        by_kinds.setdefault(kinds, []).append((a, b))
+    return by_kinds
 
 
 def judge(model: mujoco.Model) -> Iterator[Finding]:
     """What MJX would refuse, and what is slow on mujoco_warp."""
-    found = pairs(model)
-    for a, b in sorted(found.keys() & NOT_IN_MJX):
-        one, other = (mujoco.name_of(model, "geom", geom) for geom in found[a, b][0])
-        count = len(found[a, b])
+    by_kinds = pairs(model)
+    for a, b in sorted(by_kinds.keys() & NOT_IN_MJX):
+        one, other = (mujoco.name_of(model, "geom", geom) for geom in by_kinds[a, b][0])
+        count = len(by_kinds[a, b])
         yield UNSUPPORTED_PAIR(
             f"shape {other}",
             f"MJX has no contact of {a} and {b}: {count} pairs, such as {one} and {other}",
@@ -114,7 +114,7 @@ def judge(model: mujoco.Model) -> Iterator[Finding]:
         )
     margins = [
         pair
-        for kinds, alike in found.items()
+        for kinds, alike in by_kinds.items()
         for pair in alike
         if {"mesh", "hfield"} & {*kinds} and model.geom_margin[list(pair)].any()
     ]
@@ -126,7 +126,9 @@ def judge(model: mujoco.Model) -> Iterator[Finding]:
             data={"pairs": len(margins)},
         )
     slow = [
-        (len(found[kinds]), *kinds) for kinds in found if kinds not in NOT_IN_MJX | FAST_ON_WARP
+        (len(by_kinds[kinds]), *kinds)
+        for kinds in by_kinds
+        if kinds not in NOT_IN_MJX | FAST_ON_WARP
     ]
     if slow:
         total = sum(count for count, _, _ in slow)

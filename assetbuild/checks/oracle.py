@@ -322,9 +322,9 @@ class _Mujoco:
         total, places = float(masses.sum()), np.array(self.data.xipos)
         centre = masses @ places / total if total else np.zeros(3)
         arms = places - centre
-        own = np.einsum("bij,bj,bkj->ik", turns, self.model.body_inertia, turns)
+        inertia = np.einsum("bij,bj,bkj->ik", turns, self.model.body_inertia, turns)
         second = np.einsum("b,bi,bj->ij", masses, arms, arms)
-        return total, centre, own + np.trace(second) * np.eye(3) - second
+        return total, centre, inertia + np.trace(second) * np.eye(3) - second
 
 
 def _matrix(placed: Any) -> Array:  # Any: a body or a site of MjData

@@ -72,7 +72,7 @@ class PhysxReadback(physx.PhysxCheck):
                 "robot", f"PhysX does not load it: {outcomes['load'].failure or 'it holds nothing'}"
             )
             return
-        found = physx_table(held, tree, physx_couplings.measured(tree, outcomes))
+        table = physx_table(held, tree, physx_couplings.measured(tree, outcomes))
         alone, moved = outcomes["alone"], outcomes["floor"]
         write_figures(
             files,
@@ -82,11 +82,11 @@ class PhysxReadback(physx.PhysxCheck):
                 "mass_kg": _finite(sum(link["mass"][0] for link in held["bodies"].values())),
                 "finite_alone": alone.finite,
                 "finite_on_floor": moved.finite,
-                "joints": {name: _shown(found.of("joint", name)) for name in held["joints"]},
+                "joints": {name: _shown(table.of("joint", name)) for name in held["joints"]},
             },
         )
         expected = physx_expected(robot, drive_type=self.drive_type, mimics=self.mimics)
-        yield from _differing(held, found, expected)
+        yield from _differing(held, table, expected)
         for experiment, where in zip(
             experiments[1:], ("as the asset starts, without a floor", "on a floor"), strict=True
         ):
@@ -133,13 +133,13 @@ def _shown(joint: Mapping[str, Value]) -> dict[str, float | None]:
     return {name: None if v is None else _finite(v) for name, v in numbers.items()}
 
 
-def _differing(held: Held, found: Table, expected: Table) -> Iterator[Finding]:
+def _differing(held: Held, table: Table, expected: Table) -> Iterator[Finding]:
     """Everything that PhysX holds against the robot."""
     if held["articulations"] != 1:
         yield physx.ARTICULATION("robot", f"PhysX holds {held['articulations']} articulations")
     for name in held["loose"]:
         yield physx.LOOSE_BODY(f"link {name}", "PhysX holds it outside of the articulation")
-    yield from equality_findings(differences(expected, found, PHYSX), "physx", "PhysX", {})
+    yield from equality_findings(differences(expected, table, PHYSX), "physx", "PhysX", {})
     for name, joint in held["joints"].items():
         at = joint["start"]
         low = -math.inf if joint["lower"] is None else joint["lower"]

@@ -93,7 +93,7 @@ class SmokeIsaacLab(ConsumerCheck):
         robot = RobotFiles(files.inputs)
         (script,) = (files.inputs / "isaaclab").glob("*_isaaclab_measure.py")
         figures: dict[str, object] = {}
-        told = []
+        summaries = []
         for engine, name in ENGINES.items():
             # Not resolved: the inputs are links into the store, and the script looks beside itself.
             job: dict[str, object] = {"script": str(script.absolute()), "engine": engine}
@@ -101,25 +101,25 @@ class SmokeIsaacLab(ConsumerCheck):
             if answer is None:
                 yield FAILED("robot", f"Isaac Lab on {name} does not take the bundle: {failure}")
                 figures[engine] = {"failure": failure}
-                told.append(f"{name}: refused")
+                summaries.append(f"{name}: refused")
             elif "absent" in answer:
-                told.append(f"{name}: not tried ({answer['absent']})")
+                summaries.append(f"{name}: not tried ({answer['absent']})")
             else:
-                found = list(evaluate(answer, robot.tree, robot.control, self.bounds, engine))
-                yield from found
-                figures[engine], words = summed_up(answer, found)
-                told.append(f"{name}: {words}")
-        write_figures(files, figures | {"summary": f"read back: {', '.join(told)}"})
+                findings = list(evaluate(answer, robot.tree, robot.control, self.bounds, engine))
+                yield from findings
+                figures[engine], words = summed_up(answer, findings)
+                summaries.append(f"{name}: {words}")
+        write_figures(files, figures | {"summary": f"read back: {', '.join(summaries)}"})
 
 
 def summed_up(
     answer: Mapping[str, Any],  # Any: JSON of the script
-    found: Sequence[Finding],
+    findings: Sequence[Finding],
 ) -> tuple[dict[str, object], str]:
     """How many readings differ and what the robot did: figures, and words."""
     table, simulator = readings_table(answer)
-    different = sum(f.rule.startswith("equal.") for f in found)
-    moved = sorted({f.rule for f in found if not f.rule.startswith("equal.")})
+    different = sum(f.rule.startswith("equal.") for f in findings)
+    moved = sorted({f.rule for f in findings if not f.rule.startswith("equal.")})
     shown: dict[str, object] = {
         "simulator": simulator,
         "compared": len(table.facts),
@@ -145,23 +145,28 @@ def evaluate(
     table = _as_held(robot_table(Reference(tree, tree, Shapes(), control, Assets(), {})), control)
     # Of a body without mass the engine makes one up, which `usd.mass_missing` reports.
     light = {b.name for b in tree.bodies if not table.facts[Key("body", b.name, "mass")]}
-    own = {"body": {b.name for b in tree.bodies}, "joint": {j.name for j in tree.moving_joints}}
-    found = []
-    for kind, names in own.items():
+    robot_names = {
+        "body": {b.name for b in tree.bodies},
+        "joint": {j.name for j in tree.moving_joints},
+    }
+    mismatches = []
+    for kind, names in robot_names.items():
         read = set(held.names(kind))
         for what, some in (("missing", names - read), ("extra", read - names)):
-            found += [Difference(Key(kind, name, ""), None, None, what) for name in sorted(some)]
+            mismatches += [
+                Difference(Key(kind, name, ""), None, None, what) for name in sorted(some)
+            ]
     driven = {a.joint for a in control.actuators if a.model != "passive"}
 
     def is_read(key: Key) -> bool:
-        if key.name in light or (key.kind in own and key.name not in held.names(key.kind)):
+        if key.name in light or (key.kind in robot_names and key.name not in held.names(key.kind)):
             return False
         of_drive = key.name in driven and key.quantity in OF_DRIVES
         return key in held.facts or of_drive or key.quantity in ALWAYS.get(key.kind, ())
 
     expected = table.only(is_read)
-    found += differences(expected, held.only(lambda key: key in expected.facts), NEWTON)
-    yield from equality_findings(found, f"isaaclab_{engine}", name, {})
+    mismatches += differences(expected, held.only(lambda key: key in expected.facts), NEWTON)
+    yield from equality_findings(mismatches, f"isaaclab_{engine}", name, {})
     yield from _motion(held, float(answer["start_m"]), tree, control, bounds, name)
 
 
@@ -170,13 +175,13 @@ def _as_held(table: Table, control: Control) -> Table:
 
     A spring is the stiffness of its joint's group; no effort limits a joint without a drive.
     """
-    springs, book = as_drives(control), FactCollector()
+    springs, facts = as_drives(control), FactCollector()
     for name in table.names("joint"):
         if table.facts.get(Key("joint", name, "model"), "passive") == "passive":
             spring = springs.get(name)
-            book.put("joint", name, {"kp": spring.stiffness if spring else 0.0})
-    loose = set(book.table().names("joint"))
-    return table.only(lambda key: key.quantity != "effort" or key.name not in loose) | book.table()
+            facts.put("joint", name, {"kp": spring.stiffness if spring else 0.0})
+    loose = set(facts.table().names("joint"))
+    return table.only(lambda key: key.quantity != "effort" or key.name not in loose) | facts.table()
 
 
 def _motion(

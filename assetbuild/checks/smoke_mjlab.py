@@ -62,9 +62,9 @@ class SmokeMjlab(ConsumerCheck):
     @classmethod
     def values(cls, recipe: RecipeView) -> dict[str, Any] | None:  # Any: values of its fields
         """With what the recipe's ranges allow."""
-        found, ranges = super().values(recipe), recipe.value("randomize.joints") or {}
+        values, ranges = super().values(recipe), recipe.value("randomize.joints") or {}
         factor = max((row.effort[1] for row in ranges.values()), default=1.0)
-        return None if found is None else found | {"effort_factor": factor}
+        return None if values is None else values | {"effort_factor": factor}
 
     def run(self, files: Files) -> Iterator[Finding]:
         """Figures without times, which differ from machine to machine."""

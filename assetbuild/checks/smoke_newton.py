@@ -62,7 +62,7 @@ class SmokeNewton(NewtonCheck):
         with tempfile.TemporaryDirectory(prefix="newton-") as folder:
             done = answers(self.start, Path(folder).resolve(), runs)
         figures: dict[str, object] = {}
-        told = []
+        summaries = []
         for kind, outcome in done.items():
             findings = [*evaluate(kind, outcome, robot, mimics=self.mimics)]
             yield from findings
@@ -74,8 +74,10 @@ class SmokeNewton(NewtonCheck):
                 "differences": len(findings),
             }  # fmt: skip
             what = "refused" if held is None else f"{len(findings)} differences"
-            told.append(f"{kind.upper()}: {what}")
-        write_figures(files, figures | {"summary": f"read back and stepped: {', '.join(told)}"})
+            summaries.append(f"{kind.upper()}: {what}")
+        write_figures(
+            files, figures | {"summary": f"read back and stepped: {', '.join(summaries)}"}
+        )
 
 
 def run_of(name: str, file: Path, robot: RobotFiles, steps: int) -> dict[str, object]:
@@ -126,7 +128,9 @@ def evaluate(
             key in table.facts or not (key.kind == "shape" or key.quantity == "newton:solreflimit")
         )
     )
-    found = differences(table, held, NEWTON)
-    for finding in equality_findings(found, "newton", f"the {kind.upper()} as Newton holds it", {}):
+    mismatches = differences(table, held, NEWTON)
+    for finding in equality_findings(
+        mismatches, "newton", f"the {kind.upper()} as Newton holds it", {}
+    ):
         light = finding.rule.endswith(".inertia")
         yield replace(finding, hint=LIGHT) if light else finding

@@ -37,11 +37,11 @@ class UrdfLoads(Check):
 
     def run(self, files: Files) -> Iterator[Finding]:
         """One finding with urdfdom's own words."""
-        joints, said = loaded(files.inputs / "urdf" / f"{self.robot}.urdf")
+        joints, message = loaded(files.inputs / "urdf" / f"{self.robot}.urdf")
         write_figures(files, {"joints": joints})
         if joints is None:
             hint = "this is a fault of assetbuild: please report it with the recipe"
-            yield REFUSED("robot", f"urdfdom does not read the URDF: {said}", hint)
+            yield REFUSED("robot", f"urdfdom does not read the URDF: {message}", hint)
 
 
 def loaded(path: Path) -> tuple[int | None, str]:

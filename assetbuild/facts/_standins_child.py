@@ -181,17 +181,17 @@ def plain(value: Any) -> Any:  # Any: whatever the module states; JSON
     if isinstance(value, list | tuple | set):
         return [plain(item) for item in value]
     if isinstance(value, type):
-        own = {key: item for key, item in vars(value).items() if not key.startswith("__")}
-        return {CLASS: value.__name__} | plain(own)
+        attributes = {key: item for key, item in vars(value).items() if not key.startswith("__")}
+        return {CLASS: value.__name__} | plain(attributes)
     return {CLASS: value.__name__} if callable(value) else str(value)
 
 
 def _line(error: BaseException, name: str) -> int:
     """The line of the module that failed; 0 where none is known."""
-    found = int(getattr(error, "lineno", 0) or 0)
+    line = int(getattr(error, "lineno", 0) or 0)
     trace = error.__traceback__
     while trace is not None:
         if trace.tb_frame.f_code.co_filename == f"{FOLDER}/{name}":
-            found = trace.tb_lineno
+            line = trace.tb_lineno
         trace = trace.tb_next
-    return found
+    return line

@@ -33,11 +33,11 @@ def _renamed(
     old: str, form: str, parts: Mapping[str, str], kinds: Sequence[str] = ()
 ) -> dict[str, tuple[str, ...]]:
     """Old ids -> what says it now. parts: by quantity; kinds: those about one kind of subject."""
-    found = {
+    new_ids = {
         f"{old}.{part}": tuple(f"equal.{form}.{name}" for name in names.split())
         for part, names in parts.items()
     }
-    return found | {f"{old}.{kind}": (f"equal.{form}.* {kind}",) for kind in kinds}
+    return new_ids | {f"{old}.{kind}": (f"equal.{form}.* {kind}",) for kind in kinds}
 
 
 _WAS = {
@@ -105,16 +105,16 @@ class Precision:
 
     def of(self, key: Key, comparison: Comparison) -> float:
         """Relative tolerance of one fact."""
-        own = self.by_quantity.get((key.kind, key.quantity))
-        return self.by_comparison.get(comparison, 0.0) if own is None else own
+        tolerance = self.by_quantity.get((key.kind, key.quantity))
+        return self.by_comparison.get(comparison, 0.0) if tolerance is None else tolerance
 
     def coarser(self, other: Precision) -> Precision:
         """The larger tolerance of both, for what is compared between two formats."""
         kinds = {*self.by_comparison, *other.by_comparison}
         one, two = self.by_comparison, other.by_comparison
         both = {kind: max(one.get(kind, 0.0), two.get(kind, 0.0)) for kind in kinds}
-        own = {*self.by_quantity, *other.by_quantity}
-        of = {k: max(self.by_quantity.get(k, 0.0), other.by_quantity.get(k, 0.0)) for k in own}
+        keys = {*self.by_quantity, *other.by_quantity}
+        of = {k: max(self.by_quantity.get(k, 0.0), other.by_quantity.get(k, 0.0)) for k in keys}
         return Precision(both, of, max(self.turn, other.turn))
 
 
@@ -148,16 +148,16 @@ class Difference:
 def differences(before: Table, after: Table, precision: Precision) -> list[Difference]:
     """All facts that differ, worst first, in the order of the first table."""
     gone, new = _absent(before, after), _absent(after, before)
-    found = [Difference(Key(*subject, ""), None, None, "missing") for subject in gone]
-    found += [Difference(Key(*subject, ""), None, None, "extra") for subject in new]
+    mismatches = [Difference(Key(*subject, ""), None, None, "missing") for subject in gone]
+    mismatches += [Difference(Key(*subject, ""), None, None, "extra") for subject in new]
     whole = {*gone, *new}
     for key in dict.fromkeys((*before.facts, *after.facts)):
         if (key.kind, key.name) in whole:
             continue
         old, now = _value(before, key), _value(after, key)
         if not _same(key, old, now, precision, before):
-            found.append(Difference(key, _plain(old), _plain(now)))
-    return sorted(found, key=lambda d: RANKS.index(d.rank))
+            mismatches.append(Difference(key, _plain(old), _plain(now)))
+    return sorted(mismatches, key=lambda d: RANKS.index(d.rank))
 
 
 def _absent(here: Table, there: Table) -> list[tuple[str, str]]:
@@ -274,17 +274,17 @@ def _size(table: Table, key: Key, power: int) -> float:
 # --- findings -------------------------------------------------------------------------------
 
 
-def _groups(found: Sequence[Difference]) -> list[list[Difference]]:
+def _groups(mismatches: Sequence[Difference]) -> list[list[Difference]]:
     """Differences of one quantity between the same two values, together; worst first."""
     groups: dict[tuple[object, ...], list[Difference]] = {}
-    for item in found:
+    for item in mismatches:
         same = (item.what, item.key.kind, item.key.quantity, item.before, item.after)
         groups.setdefault(same, []).append(item)
     return list(groups.values())
 
 
 def equality_findings(
-    found: Sequence[Difference],
+    mismatches: Sequence[Difference],
     form: str,
     subject: str,
     places: Mapping[tuple[str, str], str],
@@ -294,7 +294,7 @@ def equality_findings(
 
     subject: what the file is called; model: what it is compared with.
     """
-    for same in _groups(found):
+    for same in _groups(mismatches):
         first, keys = same[0], [item.key for item in same]
         quantity = first.key.quantity.rsplit(":", 1)[-1] if first.what == "value" else first.what
         data: dict[str, Scalar | tuple[Scalar, ...]] = {}

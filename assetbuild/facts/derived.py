@@ -54,14 +54,14 @@ def leader_of(tree: Tree, mimic: Mimic) -> Mimic:
 
 def springs_of(control: Control) -> dict[str, tuple[float, float]]:
     """(N m/rad or N/m, where it rests in rad or m) of each linear spring, by joint."""
-    found = {}
+    springs = {}
     for item in control.mjcf_only:
         if item.place == "joint":
-            said = ElementTree.fromstring(item.element)  # noqa: S314 # our own reader wrote it
-            numbers = [float(word) for word in said.get("stiffness", "").split()]
+            element = ElementTree.fromstring(item.element)  # noqa: S314 # our own reader wrote it
+            numbers = [float(word) for word in element.get("stiffness", "").split()]
             if any(numbers) and not any(numbers[1:]):
-                found[item.owner] = numbers[0], float(said.get("springref", "0"))
-    return found
+                springs[item.owner] = numbers[0], float(element.get("springref", "0"))
+    return springs
 
 
 def free_springs(control: Control) -> dict[str, tuple[float, float]]:
@@ -75,8 +75,8 @@ def weightless(control: Control) -> set[str]:
     if any('actuatorgravcomp="true"' in i.element for i in control.mjcf_only if i.place == "joint"):
         return set()
     whole = re.compile(r'<body\b[^>]*\bgravcomp="1(\.0*)?"')
-    found = (i for i in control.mjcf_only if i.place == "body" and whole.match(i.element))
-    return {item.owner for item in found}
+    items = (i for i in control.mjcf_only if i.place == "body" and whole.match(i.element))
+    return {item.owner for item in items}
 
 
 def limit_springs(tree: Tree, control: Control) -> dict[str, tuple[float, float]]:
@@ -86,7 +86,7 @@ def limit_springs(tree: Tree, control: Control) -> dict[str, tuple[float, float]
     brakes with 2 I / ((1 - d) t). Source: MuJoCo, Computation, "Solver parameters".
     """
     armature = {row.joint: row.armature for row in control.actuators}
-    inertia, found = dynamics(tree, {}, armature).effective_inertia, {}
+    inertia, springs = dynamics(tree, {}, armature).effective_inertia, {}
     soft = dict(control.soft_limits)
     for joint in tree.moving_joints:
         lead = leader_of(tree, joint.mimic) if joint.mimic else Mimic(joint.name, 1.0, 0.0)
@@ -95,8 +95,8 @@ def limit_springs(tree: Tree, control: Control) -> dict[str, tuple[float, float]
             time = soft[joint.name].solref[0] if joint.name in soft else SOLREF[0]
             impedance = soft[joint.name].solimp[1] if joint.name in soft else SOLIMP[1]
             rigid = moved / (1.0 - impedance)
-            found[joint.name] = rigid / time**2, 2.0 * rigid / time
-    return found
+            springs[joint.name] = rigid / time**2, 2.0 * rigid / time
+    return springs
 
 
 def explicit_law(row: Actuator) -> dict[str, Value]:

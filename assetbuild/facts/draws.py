@@ -29,20 +29,20 @@ OF_MATTER = ("density", "com x", "com y", "com z", "stretch", *SHEARS)
 def varied(reference: Reference, section: str, name: str) -> Ranges | None:
     """What the recipe's `randomize` says of a body (`links`) or a joint (`joints`)."""
     table = (reference.options.get("randomize") or {}).get(section) or {}
-    found: Ranges | None = first_match(table, name)
-    return found
+    ranges: Ranges | None = first_match(table, name)
+    return ranges
 
 
 def put_draw(
-    book: FactCollector, kind: str, name: str, word: str, stated: Any
+    collector: FactCollector, kind: str, name: str, word: str, stated: Any
 ) -> None:  # Any: JSON
     """Note what is drawn of a subject; several draws of one quantity one after another."""
     numbers = tuple(_flat(stated))
     unchanged = 1.0 if word in (*FACTORS, "density") else 0.0
     if any(number != unchanged for number in numbers):
         key = Key(kind, name, f"drawn:{word}")
-        before: Value = book.facts.get(key, ())
-        book.facts[key] = (*before, *numbers)  # type: ignore[misc] # a tuple, as written here
+        before: Value = collector.facts.get(key, ())
+        collector.facts[key] = (*before, *numbers)  # type: ignore[misc] # a tuple, as written here
 
 
 def _flat(stated: Any) -> Iterator[Any]:  # Any: as above
@@ -56,28 +56,28 @@ def _flat(stated: Any) -> Iterator[Any]:  # Any: as above
 
 def drawn(reference: Reference, draws: Draws, without: tuple[str, ...] = ()) -> Table:
     """All that a format must draw. without: the words that it has no way to draw."""
-    book, tree = FactCollector(), reference.tree
+    collector, tree = FactCollector(), reference.tree
     recipe = reference.options.get("randomize") or {}
     for body in tree.bodies:
         matter = varied(reference, "links", body.name)
         for word, pair in _matter(matter) if matter and not body.is_massless else ():
-            put_draw(book, "body", body.name, word, pair)
+            put_draw(collector, "body", body.name, word, pair)
     for payload in recipe.get("payloads", ()):
         name, X_body_link = tree.placement(payload["link"])
         if not tree.by_body[name].is_massless:
-            put_draw(book, "body", name, "payload mass", payload["mass"])
-            put_draw(book, "body", name, "payload box", _box(payload, X_body_link))
+            put_draw(collector, "body", name, "payload mass", payload["mass"])
+            put_draw(collector, "body", name, "payload box", _box(payload, X_body_link))
     for joint in tree.moving_joints:
         ranges = varied(reference, "joints", joint.name) or {}
         row = reference.control.by_joint.get(joint.name)
         for word in FACTORS:
             if draws(row, word):
-                put_draw(book, "joint", joint.name, word, ranges.get(word))
+                put_draw(collector, "joint", joint.name, word, ranges.get(word))
         bias = ranges.get("encoder_bias") or 0.0
-        put_draw(book, "joint", joint.name, "encoder bias", (-bias, bias))
-    put_draw(book, "robot", "", "surface friction", recipe.get("friction"))
-    put_draw(book, "robot", "", "restitution", recipe.get("restitution"))
-    return book.table().only(lambda key: key.quantity.removeprefix("drawn:") not in without)
+        put_draw(collector, "joint", joint.name, "encoder bias", (-bias, bias))
+    put_draw(collector, "robot", "", "surface friction", recipe.get("friction"))
+    put_draw(collector, "robot", "", "restitution", recipe.get("restitution"))
+    return collector.table().only(lambda key: key.quantity.removeprefix("drawn:") not in without)
 
 
 def _matter(matter: Ranges) -> Iterator[tuple[str, tuple[float, float]]]:
@@ -97,5 +97,5 @@ def _box(payload: Ranges, X_body_link: Pose) -> list[list[float]]:
     second = turn @ np.diag(np.square(payload["size"]) / 12.0) @ turn.T
     matter[:3, :3] = second + np.outer(centre, centre)
     matter[:3, 3] = matter[3, :3] = centre
-    found: list[list[float]] = matter.tolist()
-    return found
+    box: list[list[float]] = matter.tolist()
+    return box

@@ -75,18 +75,18 @@ STILL_M = 2e-6
 
 def as_physx(table: Table, drive_type: str) -> Table:
     """What PhysX must hold of it; the start and mimic joints are not the table's to say."""
-    book = FactCollector()
+    collector = FactCollector()
     for key, value in table.facts.items():
         if key.kind != "joint" and key.quantity in HELD_BY_PHYSX.get(key.kind, ()):
-            book.facts[key] = value
+            collector.facts[key] = value
     moving = [name for name in table.names("joint") if _moves(table, name)]
-    book.put("robot", "", {"physx:dof": float(len(moving))})
+    collector.put("robot", "", {"physx:dof": float(len(moving))})
     for name in moving:
-        book.put("joint", name, _physx_joint(table.of("joint", name), drive_type))
+        collector.put("joint", name, _physx_joint(table.of("joint", name), drive_type))
     for name in table.names("body"):
         if not table.facts.get(Key("body", name, "mass")):
             for quantity in WEIGHT:  # `usd.mass_missing` says what PhysX makes up then
-                book.facts.pop(Key("body", name, quantity), None)
+                collector.facts.pop(Key("body", name, quantity), None)
     rough: dict[str, list[float]] = {name: [] for name in table.names("body")}
     for name in table.names("shape"):
         shape = table.of("shape", name)
@@ -94,32 +94,32 @@ def as_physx(table: Table, drive_type: str) -> Table:
         if isinstance(friction, tuple):  # of any group of MuJoCo's: it may touch
             rough.setdefault(str(shape["body"]), []).append(float(friction[0]))
     for name, values in rough.items():
-        book.put("body", name, _surfaces(values, values))
-    return book.table()
+        collector.put("body", name, _surfaces(values, values))
+    return collector.table()
 
 
 def _moves(table: Table, joint: str) -> bool:
     return table.facts.get(Key("joint", joint, "type")) in ("rotary", "linear")
 
 
-def _physx_joint(said: Mapping[str, Value], drive_type: str) -> dict[str, Value]:
-    model = said.get("model", "passive")
-    driven, spring = model != "passive", said.get("stiffness") or 0.0
+def _physx_joint(joint: Mapping[str, Value], drive_type: str) -> dict[str, Value]:
+    model = joint.get("model", "passive")
+    driven, spring = model != "passive", joint.get("stiffness") or 0.0
     kind = drive_type if driven else "force" if spring else "none"
     return {
-        "type": said["type"],
-        "axis": said["axis"],
-        "lower": said.get("lower"),
-        "upper": said.get("upper"),
-        "kp": said.get("kp", 0.0) if model == "pd" else 0.0 if driven else spring,
-        "kd": said.get("kd", 0.0) if model in ("pd", "velocity") else 0.0,
+        "type": joint["type"],
+        "axis": joint["axis"],
+        "lower": joint.get("lower"),
+        "upper": joint.get("upper"),
+        "kp": joint.get("kp", 0.0) if model == "pd" else 0.0 if driven else spring,
+        "kd": joint.get("kd", 0.0) if model in ("pd", "velocity") else 0.0,
         # Where there is no drive there is no effort to limit.
-        "effort": said.get("effort") if driven else None,
-        "velocity": said.get("velocity"),
-        "armature": said.get("armature", 0.0),
-        "friction": said.get("friction", 0.0),
-        "damping": said.get("damping", 0.0),
-        "physx:dynamic friction": said.get("friction", 0.0),
+        "effort": joint.get("effort") if driven else None,
+        "velocity": joint.get("velocity"),
+        "armature": joint.get("armature", 0.0),
+        "friction": joint.get("friction", 0.0),
+        "damping": joint.get("damping", 0.0),
+        "physx:dynamic friction": joint.get("friction", 0.0),
         "physx:drive": kind,
     }
 
@@ -137,22 +137,22 @@ def as_newton(table: Table) -> Table:
 
     Another drive is in one of the files alone. Bodies without mass may be merged away.
     """
-    book = FactCollector()
+    collector = FactCollector()
     for name in table.names("body"):
         weight = {q: v for q, v in table.of("body", name).items() if q in WEIGHT}
         if weight.get("mass"):
-            book.put("body", name, weight)
+            collector.put("body", name, weight)
     for name in table.names("joint"):
         if _moves(table, name):
-            said = table.of("joint", name)
-            said |= {end: _stated(said.get(end)) for end in ("lower", "upper", "effort")}
-            inside = said.get("model") in ("pd", "velocity")
-            book.put("joint", name, {
+            joint = table.of("joint", name)
+            joint |= {end: _stated(joint.get(end)) for end in ("lower", "upper", "effort")}
+            inside = joint.get("model") in ("pd", "velocity")
+            collector.put("joint", name, {
                 quantity: value
-                for quantity, value in said.items()
+                for quantity, value in joint.items()
                 if quantity in HELD_BY_NEWTON["joint"] and (inside or quantity not in OF_DRIVES)
             })  # fmt: skip
-    return book.table()
+    return collector.table()
 
 
 def _stated(limit: Value) -> Value:
@@ -170,8 +170,8 @@ def physx_expected(reference: Reference, *, drive_type: str, mimics: bool) -> Ta
     mimics: whether the USD couples them.
     """
     table = as_physx(robot_table(reference), drive_type)
-    book, control = FactCollector(), reference.control
-    book.facts |= table.facts
+    collector, control = FactCollector(), reference.control
+    collector.facts |= table.facts
     starts = dict(start_of(reference.tree, control).joints)
     coupled = measurable(reference.tree) if mimics else {}
     springs = free_springs(control)
@@ -180,39 +180,39 @@ def physx_expected(reference: Reference, *, drive_type: str, mimics: bool) -> Ta
         target = starts[joint.name] if row and row.model == "pd" and row.kp else None
         if joint.name in springs:
             target = springs[joint.name][1]
-        book.put("joint", joint.name, {"start": starts[joint.name], "drive target": target})
+        collector.put("joint", joint.name, {"start": starts[joint.name], "drive target": target})
         if joint.name in coupled and joint.mimic is not None:
-            book.put("joint", joint.name, mimic_facts(joint.mimic))
+            collector.put("joint", joint.name, mimic_facts(joint.mimic))
     for name in table.names("body"):
         if (count := table.facts[Key("body", name, "physx:shapes")]) and isinstance(count, float):
-            book.put("body", name, {"physx:restitution": (0.0,) * int(count)})
-    return book.table()
+            collector.put("body", name, {"physx:restitution": (0.0,) * int(count)})
+    return collector.table()
 
 
 def physx_table(
     held: Held, tree: Tree, couplings: Mapping[str, Mapping[str, Value]] | None = None
 ) -> Table:
     """What PhysX holds. tree: says which body hangs on which, and which has no mass."""
-    book = FactCollector()
-    book.put("robot", "", {
+    collector = FactCollector()
+    collector.put("robot", "", {
         "base": "fixed" if held["fixed_base"] else "floating",
         "physx:dof": float(held["dof"]),
     })  # fmt: skip
     if held["root"] is not None:
-        book.put("robot", "", {"base pose": pose_value(_pose(held["root"]))})
+        collector.put("robot", "", {"base pose": pose_value(_pose(held["root"]))})
     massless = {body.name for body in tree.bodies if body.is_massless}
     for name, link in held["bodies"].items():
         shapes = int(link["shapes"][0])  # the columns are padded
         rough = [
             sorted(link.get(f"{kind} friction", [])[:shapes]) for kind in ("static", "dynamic")
         ]
-        book.put("body", name, _surfaces(*rough))
+        collector.put("body", name, _surfaces(*rough))
         if shapes:
-            book.put(
+            collector.put(
                 "body", name, {"physx:restitution": tuple(sorted(link["restitution"][:shapes]))}
             )
         if name not in massless:
-            book.put("body", name, {
+            collector.put("body", name, {
                 "mass": link["mass"][0],
                 "centre of mass": tuple(link["centre of mass"]),
                 "inertia": tensor_of(np.reshape(link["inertia"], (3, 3))),
@@ -224,14 +224,14 @@ def physx_table(
         X_zero, X_turned = (
             _pose(parent[when]).inverse() @ _pose(child[when]) for when in ("zero", "turned")
         )
-        book.put("body", joint.child, {"pose": pose_value(X_zero)})
+        collector.put("body", joint.child, {"pose": pose_value(X_zero)})
         if joint.name in held["joints"]:
-            book.put("joint", joint.name, _motion(X_zero.inverse() @ X_turned))
+            collector.put("joint", joint.name, _motion(X_zero.inverse() @ X_turned))
     for name, row in held["joints"].items():
-        book.put("joint", name, _held_joint(row))
+        collector.put("joint", name, _held_joint(row))
     for name, facts in (couplings or {}).items():
-        book.put("joint", name, facts)
-    return book.table()
+        collector.put("joint", name, facts)
+    return collector.table()
 
 
 def _pose(row: Sequence[float]) -> Pose:
@@ -279,30 +279,30 @@ def newton_expected(reference: Reference, shapes: Shapes, *, coupled: bool, usd:
     tree, table = reference.tree, as_newton(robot_table(reference))
     expected = table.only(lambda key: coupled or not key.quantity.startswith("mimic"))
     dof = float(len(tree.moving_joints) + (6 if tree.base == "floating" else 0))
-    book = FactCollector()
-    book.put("robot", "", {"newton:dof": dof})
+    collector = FactCollector()
+    collector.put("robot", "", {"newton:dof": dof})
     soft = dict(reference.control.soft_limits)
     for joint in tree.moving_joints if usd else ():
         ends = expected.of("joint", joint.name)
         limited = ends.get("lower") is not None or ends.get("upper") is not None
         softness = soft[joint.name].solref if joint.name in soft else SOLREF
-        book.put("joint", joint.name, {"newton:solreflimit": softness if limited else None})
+        collector.put("joint", joint.name, {"newton:solreflimit": softness if limited else None})
         if coupled and joint.mimic is not None:
-            book.put("joint", joint.name, mimic_facts(leader_of(tree, joint.mimic)))
+            collector.put("joint", joint.name, mimic_facts(leader_of(tree, joint.mimic)))
         row = reference.control.by_joint.get(joint.name)
         for name, value in explicit_law(row).items() if row else ():
-            book.put("joint", joint.name, {f"newton:actuator {name}": value})
+            collector.put("joint", joint.name, {f"newton:actuator {name}": value})
     for name, facts in _surfaces_of(shapes, reference.control):
-        book.put("shape", name, facts)
-    return expected | book.table()
+        collector.put("shape", name, facts)
+    return expected | collector.table()
 
 
 def _surfaces_of(shapes: Shapes, control: Control) -> Iterator[tuple[str, dict[str, Value]]]:
     """Of each shape that may touch something; a gap of 0 leaves Newton its own, which only finds
     contacts earlier."""
-    own, common = dict(control.contacts), control.contact
+    contacts, common = dict(control.contacts), control.contact
     for shape in shapes.of("collision"):
-        contact = own.get(shape.name, common)
+        contact = contacts.get(shape.name, common)
         if contact.mask or contact.partners:
             facts = surface_facts(contact)
             wanted = HELD_BY_NEWTON["shape"] - (set() if contact.gap else {"gap"})
@@ -312,26 +312,26 @@ def _surfaces_of(shapes: Shapes, control: Control) -> Iterator[tuple[str, dict[s
 def newton_table(held: Held) -> Table:
     """What Newton holds of a file: its solver's model, and the laws of drives outside of it."""
     model: Model = HeldModel(held)
-    book = FactCollector()
-    read_model(model, book, meshes=NoMeshes())
-    found, table = book.table(), as_newton(book.table())
-    book = FactCollector()
-    book.put("robot", "", {"newton:dof": float(held["nv"])})
+    collector = FactCollector()
+    read_model(model, collector, meshes=NoMeshes())
+    model_table, table = collector.table(), as_newton(collector.table())
+    collector = FactCollector()
+    collector.put("robot", "", {"newton:dof": float(held["nv"])})
     for index, name in enumerate(held["names"]["joint"]):
         if table.of("joint", name):
             limited = bool(model.jnt_limited[index])
             softness = tuple(model.jnt_solref[index].tolist()) if limited else None
-            book.put("joint", name, {"newton:solreflimit": softness})
+            collector.put("joint", name, {"newton:solreflimit": softness})
     for name, law in held["laws"].items():
-        book.put("joint", name, {f"newton:actuator {word}": v for word, v in law.items()})
-    for name in found.names("shape"):
+        collector.put("joint", name, {f"newton:actuator {word}": v for word, v in law.items()})
+    for name in model_table.names("shape"):
         surface = {
             word: v
-            for word, v in found.of("shape", name).items()
+            for word, v in model_table.of("shape", name).items()
             if word in HELD_BY_NEWTON["shape"]
         }
-        book.put("shape", name, surface)
-    return table | book.table()
+        collector.put("shape", name, surface)
+    return table | collector.table()
 
 
 class NoMeshes(Meshes):

@@ -40,10 +40,10 @@ ONLY_3 = ("isaaclab_physx", "isaaclab_newton")
 
 def configs_of(record: Record, path: Path) -> Record:
     """The configurations of a module by name; UsageError where it has none."""
-    found = {name: value for name, value in record.items() if class_of(value) == CONFIG}
-    if not found:
+    configs = {name: value for name, value in record.items() if class_of(value) == CONFIG}
+    if not configs:
         raise UsageError(f"`{path.name}` has no `NAME = {CONFIG}(...)`")
-    return found
+    return configs
 
 
 def drives_of(config: Record) -> Iterator[tuple[Record, tuple[str, ...]]]:
@@ -79,7 +79,7 @@ def read_config(path: Path, name: str, joints: Collection[str]) -> Table:
     patterns are meant for, of the robot that it is compared with; empty = the patterns themselves
     are the subjects. UsageError for a file that fails, or without that configuration.
     """
-    record, book = recorded(path), FactCollector()
+    record, facts = recorded(path), FactCollector()
     configs = configs_of(record, path)
     if name not in configs and (name or len(configs) > 1):
         raise UsageError(
@@ -87,13 +87,13 @@ def read_config(path: Path, name: str, joints: Collection[str]) -> Table:
             hint=f"say which: `{path}:{next(iter(configs))}`",
         )
     config = configs[name or next(iter(configs))]
-    patterns = [pattern for _, own in drives_of(config) for pattern in own]
+    patterns = [pattern for _, drive_patterns in drives_of(config) for pattern in drive_patterns]
     start, names = table_of(config.get("init_state")), {name: name for name in joints or patterns}
-    for drive, own in drives_of(config):
-        for joint in matching(own, names) if joints else own:
-            book.put("joint", joint, drive_facts(drive, joint, FOREIGN))
-    put_start(start, quat_of(start, _generation(record, config)), FORM, names, book)
-    return book.table()
+    for drive, drive_patterns in drives_of(config):
+        for joint in matching(drive_patterns, names) if joints else drive_patterns:
+            facts.put("joint", joint, drive_facts(drive, joint, FOREIGN))
+    put_start(start, quat_of(start, _generation(record, config)), FORM, names, facts)
+    return facts.table()
 
 
 def _generation(record: Record, config: Record) -> Generation:
@@ -105,11 +105,11 @@ def _generation(record: Record, config: Record) -> Generation:
 
 def drive_facts(drive: Record, joint: str, fields: Mapping[str, str]) -> dict[str, Value]:
     """What it states as numbers, and its model. fields: of a drive -> quantities."""
-    found: dict[str, Value] = {}
+    quantities: dict[str, Value] = {}
     for field, quantity in fields.items():
         number = number_of(drive.get(field), joint)
         if number is not None:
-            found.setdefault(quantity, number)
+            quantities.setdefault(quantity, number)
     # A gain that does not stand here is some gain.
-    model = model_of(class_of(drive), found.get("kp", 1.0), found.get("kd", 1.0))
-    return found | {"model": model}
+    model = model_of(class_of(drive), quantities.get("kp", 1.0), quantities.get("kd", 1.0))
+    return quantities | {"model": model}

@@ -134,9 +134,9 @@ def compiled_facts(
     bodies: Bodies | None = None,
 ) -> Table:
     """A compiled model as facts. by_area: see `measure`; bodies: in whose frames."""
-    book, known = FactCollector(), opaque.subjects if opaque else ()
-    told = read_model(model, book, known, by_area=by_area, bodies=bodies)
-    return Table({**book.facts, **fields(model, told)})
+    collector, known = FactCollector(), opaque.subjects if opaque else ()
+    elements = read_model(model, collector, known, by_area=by_area, bodies=bodies)
+    return Table({**collector.facts, **fields(model, elements)})
 
 
 class MjcfReader(Reader):
@@ -187,8 +187,8 @@ class MjcfReader(Reader):
         """As far as MJCF holds it and the source's MJCF does not say it itself."""
         opaque, unseen = opaque_of(reference), set[str]()
         for name in () if self.visuals else table.names("shape"):
-            said = table.of("shape", name)
-            if not said.get("mask") and not said.get("partners"):
+            shape = table.of("shape", name)
+            if not shape.get("mask") and not shape.get("partners"):
                 unseen.add(name)
         return table.only(
             lambda key: (

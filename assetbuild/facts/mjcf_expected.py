@@ -34,8 +34,8 @@ def mjcf_table(reference: Reference) -> Table:
     _structure(reference, facts)
     names = _drive_names(reference)
     for joint in reference.tree.moving_joints:
-        own = drive_facts(joint, reference.control, names)
-        facts |= {Key("joint", joint.name, quantity): value for quantity, value in own.items()}
+        drive = drive_facts(joint, reference.control, names)
+        facts |= {Key("joint", joint.name, quantity): value for quantity, value in drive.items()}
     _shapes(reference, facts)
     _senses(reference, names, facts)
     facts |= {Key("pair", name, "mjcf:excluded"): True for name in _excluded(reference)}
@@ -63,8 +63,8 @@ def _structure(reference: Reference, facts: dict[Key, Value]) -> None:
             places[joint.name] = {"body": chain.body, "parent": chain.parent}
             places[joint.name] |= {"anchor": tuple(X.xyz), "axis": axis_in_body(joint, X)}
     for joint in tree.joints:
-        for name, own in _joints(joint, places[joint.name]):
-            facts |= {Key("joint", name, quantity): value for quantity, value in own.items()}
+        for name, values in _joints(joint, places[joint.name]):
+            facts |= {Key("joint", name, quantity): value for quantity, value in values.items()}
     for body in tree.bodies:
         if body.inertial is None or body.is_massless:
             facts.pop(Key("body", body.name, "centre of mass"), None)
@@ -100,11 +100,11 @@ def _drive_names(reference: Reference) -> dict[str, str]:
 
 def _shapes(reference: Reference, facts: dict[Key, Value]) -> None:
     """Only a PNG is shown; what touches nothing has no surface, and masks keep it apart."""
-    own, tree = dict(reference.control.contacts), reference.tree
+    contacts, tree = dict(reference.control.contacts), reference.tree
     pictures = {material.name: material.texture or "" for material in reference.shapes.materials}
     touching: set[str] = set()
     for shape in reference.shapes.shapes:
-        surface = own.get(shape.name, reference.control.contact)
+        surface = contacts.get(shape.name, reference.control.contact)
         if shape.role == "visual":
             facts |= {Key("shape", shape.name, q): 0.0 for q in ("mask", "partners")}
             if not pictures.get(shape.material or "", "").lower().endswith(".png"):
@@ -191,31 +191,31 @@ def _renamed(facts: Mapping[Key, Value], names: Mapping[str, str]) -> dict[Key, 
     if names.get("world", "world") == "world":
         return dict(facts)
     pattern, new = re.compile(r"(?<!\S)world(?!\S)"), names["world"]
-    found: dict[Key, Value] = {}
+    renamed: dict[Key, Value] = {}
     for key, value in facts.items():
         if key.kind in ("body", "frame", "pair"):
             key = key._replace(name=pattern.sub(new, key.name))
         of_body = key.quantity in ("body", "parent", "body a", "body b")
         if isinstance(value, str) and (of_body or (key.kind == "sensor" and " " in value)):
             value = pattern.sub(new, value)
-        found[key] = value
-    return found
+        renamed[key] = value
+    return renamed
 
 
 def solver_facts(reference: Reference, section: str) -> dict[Key, Value]:
     """Solver options by the recipe's section."""
-    said: Mapping[str, Any] = reference.options.get(section) or {}  # Any: plain JSON
-    cone = said.get("cone") or "elliptic"
-    found: dict[str, Value] = {
-        "integrator": said.get("integrator", "implicitfast"),
+    options: Mapping[str, Any] = reference.options.get(section) or {}  # Any: plain JSON
+    cone = options.get("cone") or "elliptic"
+    quantities: dict[str, Value] = {
+        "integrator": options.get("integrator", "implicitfast"),
         "cone": cone,
-        "solver": said.get("solver", "Newton"),
-        "iterations": float(said.get("iterations") or 100),
-        "line search iterations": float(said.get("ls_iterations") or 50),
-        "impratio": float(said.get("impratio") or (50.0 if cone == "elliptic" else 1.0)),
-        "tolerance": float(said.get("tolerance", 1e-12)),
+        "solver": options.get("solver", "Newton"),
+        "iterations": float(options.get("iterations") or 100),
+        "line search iterations": float(options.get("ls_iterations") or 50),
+        "impratio": float(options.get("impratio") or (50.0 if cone == "elliptic" else 1.0)),
+        "tolerance": float(options.get("tolerance", 1e-12)),
     }
-    return {Key("simulation", "", name): value for name, value in found.items()}
+    return {Key("simulation", "", name): value for name, value in quantities.items()}
 
 
 # --- drives and limits ---------------------------------------------------------------------------
@@ -253,36 +253,38 @@ def _law(row: Actuator, reach: tuple[float, float] | None) -> dict[str, Value]:
             return {"command range": ctrl or speed, "kp": 0.0}
         case "general" if row.general is not None:
             return {"command range": ctrl} | _general(row, row.general, ctrl)
-    own = row.effort / abs(row.gear) if row.effort else None
-    ctrl = ctrl or ((-own, own) if own else None)
+    limit = row.effort / abs(row.gear) if row.effort else None
+    ctrl = ctrl or ((-limit, limit) if limit else None)
     asked = max(-ctrl[0], ctrl[1]) * abs(row.gear) if ctrl else row.effort
     effort = min(asked, row.effort or asked) if asked else None
     return {"model": "motor", "command range": ctrl, "effort": effort, "kp": 0.0, "kd": 0.0}
 
 
-def _general(row: Actuator, said: General, ctrl: tuple[float, float] | None) -> dict[str, Value]:
+def _general(row: Actuator, general: General, ctrl: tuple[float, float] | None) -> dict[str, Value]:
     """A general actuator may say what a plainer one says too.
 
     ctrl: the range of the command, which limits a force that is the command times a gain.
     """
-    prm = [(*own, *usual[len(own) :]) for own, usual in (
-        (said.dynprm, DEFAULT_PRM), (said.gainprm, DEFAULT_PRM), (said.biasprm, (0.0,) * 10),
+    prm = [(*stated, *usual[len(stated) :]) for stated, usual in (
+        (general.dynprm, DEFAULT_PRM),
+        (general.gainprm, DEFAULT_PRM),
+        (general.biasprm, (0.0,) * 10),
     )]  # fmt: skip
-    numbers = [tuple(map(float, own)) for own in prm]
+    numbers = [tuple(map(float, values)) for values in prm]
     kind, gain, bias = "general", numbers[1][0], list(numbers[2][:3])
-    if said.dyntype == "none" and said.gaintype == "fixed":
-        if said.biastype == "none" or not any(bias):
+    if general.dyntype == "none" and general.gaintype == "fixed":
+        if general.biastype == "none" or not any(bias):
             kind = "motor"
-        elif said.biastype == "affine" and gain > 0.0 and bias[:2] == [0.0, -gain]:
+        elif general.biastype == "affine" and gain > 0.0 and bias[:2] == [0.0, -gain]:
             kind = "pd"
-        elif said.biastype == "affine" and gain > 0.0 and bias == [0.0, 0.0, -gain]:
+        elif general.biastype == "affine" and gain > 0.0 and bias == [0.0, 0.0, -gain]:
             kind = "velocity"
     square = row.gear * row.gear
-    law = json.dumps([said.dyntype, said.gaintype, said.biastype, *numbers])
+    law = json.dumps([general.dyntype, general.gaintype, general.biastype, *numbers])
     plain = kind in ("pd", "velocity") or (kind == "motor" and gain == 1.0)
     facts: dict[str, Value] = {}
-    filtered = said.dyntype in ("none", "filter", "filterexact")
-    if ctrl and filtered and said.gaintype == "fixed" and said.biastype == "none":
+    filtered = general.dyntype in ("none", "filter", "filterexact")
+    if ctrl and filtered and general.gaintype == "fixed" and general.biastype == "none":
         low, high = sorted(row.gear * gain * end for end in ctrl)
         most = math.inf if row.effort is None else row.effort
         reached = max(low, -most), min(high, most)

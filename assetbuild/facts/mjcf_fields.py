@@ -48,24 +48,24 @@ BLANK = """<mujoco><worldbody><body name="b"><joint name="j"/><geom name="g" siz
 <actuator><general joint="j"/></actuator></mujoco>"""
 
 
-def fields(model: Model, told: Collection[tuple[str, str]]) -> dict[Key, Value]:
+def fields(model: Model, elements: Collection[tuple[str, str]]) -> dict[Key, Value]:
     """Words of everything that differs from MuJoCo's defaults.
 
-    told: (kind, name) of the equalities and actuators that the vocabulary knows.
+    elements: (kind, name) of the equalities and actuators that the vocabulary knows.
     """
-    found: dict[Key, Value] = {}
-    for rows, known in ((BESIDE, ()), (ALONE, told)):
+    facts: dict[Key, Value] = {}
+    for rows, known in ((BESIDE, ()), (ALONE, elements)):
         for prefix, kind, words in rows:
             for word in words.split():
                 for name, value in _stated(model, prefix, word):
                     if (kind, name) not in known:
-                        found[Key(kind, name, f"mjcf:{word}")] = value
-    found |= {key: v for key, v in _between(model) if (key.kind, key.name) not in told}
+                        facts[Key(kind, name, f"mjcf:{word}")] = value
+    facts |= {key: v for key, v in _between(model) if (key.kind, key.name) not in elements}
     for word in [one for one in OPTION.split() if ("simulation", one) not in VOCABULARY]:
         value = plain(getattr(model.opt, word))
         if value != plain(getattr(_blank().opt, word)):
-            found[Key("simulation", "", f"mjcf:{word}")] = value
-    return found
+            facts[Key("simulation", "", f"mjcf:{word}")] = value
+    return facts
 
 
 @functools.cache

@@ -51,29 +51,29 @@ def schema() -> tuple[tuple[Path, tuple[str, ...]], ...]:
     """(path of an element, its attributes) of MuJoCo's schema, in its order; from the library."""
     import mujoco
 
-    found: list[tuple[Path, list[str]]] = []
+    elements: list[tuple[Path, list[str]]] = []
     above: list[str] = []
     for line in str(mujoco.mj_printSchema(False, False)).splitlines():
         head, words = line[:30].rstrip(), line[30:].split()
         if head.strip():
             depth = (len(head) - len(head.lstrip())) // 3
             above[depth:] = [head.split()[0]]
-            found.append((tuple(above), words))
-        elif found:
-            found[-1][1].extend(words)
-    return tuple((path, tuple(words)) for path, words in found)
+            elements.append((tuple(above), words))
+        elif elements:
+            elements[-1][1].extend(words)
+    return tuple((path, tuple(words)) for path, words in elements)
 
 
 def newer_words(tag: str, attributes: Mapping[str, str]) -> list[str]:
     """The words of an element that 3.11 does not know, sorted."""
-    found = [tag] if tag in NEWER_TAGS else []
-    found += [name for name in NEWER_ATTRIBUTES.get(tag, ()) if name in attributes]
-    found += [
+    newer = [tag] if tag in NEWER_TAGS else []
+    newer += [name for name in NEWER_ATTRIBUTES.get(tag, ()) if name in attributes]
+    newer += [
         f'{name}="{attributes[name]}"'
         for (owner, name), values in NEWER_VALUES.items()
         if owner == tag and attributes.get(name) in values
     ]
-    return sorted(found)
+    return sorted(newer)
 
 
 def newer_words_of(text: bytes | str) -> tuple[str, ...]:

@@ -35,57 +35,57 @@ GROUPS = {2: "visual", 3: "collision"}
 
 def read_model(
     model: Model,
-    book: FactCollector,
+    collector: FactCollector,
     opaque: Collection[tuple[str, str]] = frozenset(),
     *,
     by_area: bool = False,
     bodies: Bodies | None = None,
     meshes: Meshes | None = None,
 ) -> frozenset[tuple[str, str]]:
-    """Puts every fact of a compiled model into the book; the world's own geoms are left out.
+    """Puts every fact of a compiled model into the collector; the world's own geoms are left out.
 
     opaque: (kind, name) of what no other format can say. by_area: see `Meshes`.
-    Returns the equalities and actuators that the book now tells.
+    Returns the equalities and actuators that the collector now holds.
     """
     bodies = bodies or Bodies(model)
     moving = [joint for joint in range(model.njnt) if int(model.jnt_type[joint]) in (2, 3)]
     balls = [joint for joint in range(model.njnt) if int(model.jnt_type[joint]) == BALL]
-    _root(model, book)
+    _root(model, collector)
     for body in range(1, model.nbody):
-        book.put("body", _name(model, "body", body), _body(model, body))
+        collector.put("body", _name(model, "body", body), _body(model, body))
     for joint in (*moving, *balls):
-        book.put("joint", _name(model, "joint", joint), _joint(model, joint, bodies))
+        collector.put("joint", _name(model, "joint", joint), _joint(model, joint, bodies))
     if model.njnt and JOINTS[int(model.jnt_type[0])] == "floating":
-        book.put("joint", _name(model, "joint", 0), _free_joint(model))
+        collector.put("joint", _name(model, "joint", 0), _free_joint(model))
     drives = {
         drive.joint_name: drive
         for drive in reversed(read_drives(model))  # the first of several on a joint is its drive
         if ("actuator", _name(model, "actuator", drive.index)) not in opaque
     }
-    told = {("actuator", _name(model, "actuator", drive.index)) for drive in drives.values()}
+    elements = {("actuator", _name(model, "actuator", drive.index)) for drive in drives.values()}
     for drive in drives.values():
-        _drive(model, drive, book)
+        _drive(model, drive, collector)
     followers: set[str] = set()
     for equality in range(model.neq):
         subject = ("equality", _name(model, "equality", equality))
-        if subject not in opaque and _equality(bodies, equality, followers, book):
-            told.add(subject)
+        if subject not in opaque and _equality(bodies, equality, followers, collector):
+            elements.add(subject)
     for site in range(model.nsite):
-        _site(bodies, site, book)
+        _site(bodies, site, collector)
     meshes = meshes or Meshes(model, by_area=by_area)
     for geom in range(model.ngeom):
         if int(model.geom_bodyid[geom]):
-            book.put("shape", _name(model, "geom", geom), _geom(bodies, geom, meshes))
+            collector.put("shape", _name(model, "geom", geom), _geom(bodies, geom, meshes))
     for pair in _filtered(model, opaque):
-        book.put("pair", pair_name(*pair), {"filtered": True})
+        collector.put("pair", pair_name(*pair), {"filtered": True})
     for signature in model.exclude_signature:  # also where it changes nothing unless a base is held
         ends = (body_name(model, int(signature) >> 16), body_name(model, int(signature) & 0xFFFF))
-        book.put("pair", pair_name(*ends), {"mjcf:excluded": True})
-    read_senses(bodies, book)
+        collector.put("pair", pair_name(*ends), {"mjcf:excluded": True})
+    read_senses(bodies, collector)
     for key in range(model.nkey):
-        read_keyframe(model, key, moving, drives.values(), book)
-    book.put("simulation", "", simulation_facts(model.opt))
-    return frozenset(told)
+        read_keyframe(model, key, moving, drives.values(), collector)
+    collector.put("simulation", "", simulation_facts(model.opt))
+    return frozenset(elements)
 
 
 def _name(model: Model, kind: str, index: int) -> str:
@@ -95,13 +95,13 @@ def _name(model: Model, kind: str, index: int) -> str:
 # --- bodies and joints ----------------------------------------------------------------------
 
 
-def _root(model: Model, book: FactCollector) -> None:
+def _root(model: Model, collector: FactCollector) -> None:
     floating = bool(model.njnt) and int(model.jnt_type[0]) == 0
     facts: dict[str, Value] = {"base": "floating" if floating else "fixed"}
     if not floating and model.nbody > 1:
         pose = pose_of(model.body_pos[1], model.body_quat[1])
         facts["base pose"] = (*pose.xyz, *pose.quat)
-    book.put("robot", "", facts)
+    collector.put("robot", "", facts)
 
 
 def _body(model: Model, body: int) -> dict[str, Value]:
@@ -155,7 +155,7 @@ def _free_joint(model: Model) -> dict[str, Value]:
     return {word: value for word, value in first.items() if value}
 
 
-def _drive(model: Model, drive: Drive, book: FactCollector) -> None:
+def _drive(model: Model, drive: Drive, collector: FactCollector) -> None:
     name = _name(model, "actuator", drive.index)
     kind = "general" if drive.filtered else drive.kind
     plain, (low, high) = kind != "general", drive.on_joint
@@ -175,7 +175,7 @@ def _drive(model: Model, drive: Drive, book: FactCollector) -> None:
     ends = drive.torque if hidden else drive.within_effort
     if ends[0] != -ends[1] or hidden:
         facts["mjcf:effort range"] = ends
-    book.put("joint", drive.joint_name, facts)
+    collector.put("joint", drive.joint_name, facts)
 
 
 def general_text(model: Model, index: int) -> str:
@@ -193,7 +193,7 @@ def general_text(model: Model, index: int) -> str:
     )
 
 
-def _equality(bodies: Bodies, index: int, followers: set[str], book: FactCollector) -> bool:
+def _equality(bodies: Bodies, index: int, followers: set[str], collector: FactCollector) -> bool:
     """A mimic joint, one that is locked, or a loop; False of every other kind, a word of MJCF.
 
     followers: joints that an equality before this one leads or locks.
@@ -201,7 +201,7 @@ def _equality(bodies: Bodies, index: int, followers: set[str], book: FactCollect
     model = bodies.model
     kind = int(model.eq_type[index])
     if kind in LOOPS and model.eq_active0[index]:
-        book.put("loop", _name(model, "equality", index), _loop(bodies, index))
+        collector.put("loop", _name(model, "equality", index), _loop(bodies, index))
         return True
     follower, leader = int(model.eq_obj1id[index]), int(model.eq_obj2id[index])
     data = numbers(model.eq_data[index])
@@ -225,7 +225,7 @@ def _equality(bodies: Bodies, index: int, followers: set[str], book: FactCollect
         facts["mjcf:polycoef"] = data[:5]
     if not model.eq_active0[index]:
         facts["mjcf:active"] = False
-    book.put("joint", name, facts)
+    collector.put("joint", name, facts)
     return True
 
 
@@ -251,14 +251,14 @@ def _loop(bodies: Bodies, index: int) -> dict[str, Value]:
     return facts | ({"torque scale": data[10]} if kind == "weld" else {})
 
 
-def _site(bodies: Bodies, site: int, book: FactCollector) -> None:
+def _site(bodies: Bodies, site: int, collector: FactCollector) -> None:
     """One in the origin of the body whose name it has is that body's frame."""
     model, body = bodies.model, int(bodies.model.site_bodyid[site])
-    name, own = _name(model, "site", site), pose_of(model.site_pos[site], model.site_quat[site])
-    if (name, own) != (body_name(model, body), IDENTITY):
-        pose = bodies.placed(body) @ own
+    name, place = _name(model, "site", site), pose_of(model.site_pos[site], model.site_quat[site])
+    if (name, place) != (body_name(model, body), IDENTITY):
+        pose = bodies.placed(body) @ place
         facts: dict[str, Value] = {"body": bodies.name(body), "pose": (*pose.xyz, *pose.quat)}
-        book.put("frame", name, facts)
+        collector.put("frame", name, facts)
 
 
 # --- shapes ---------------------------------------------------------------------------------
@@ -287,9 +287,9 @@ def _geom(bodies: Bodies, geom: int, meshes: Meshes) -> dict[str, Value]:
         facts |= contact_facts(model, geom)
     material = int(model.geom_matid[geom])
     rgba = numbers(np.float32(model.geom_rgba[geom]))
-    own = rgba != (0.5, 0.5, 0.5, 1.0)  # MuJoCo draws it rather than the material's
-    if material >= 0 or own:
-        facts["rgba"] = rgba if own else numbers(model.mat_rgba[material])
+    has_rgba = rgba != (0.5, 0.5, 0.5, 1.0)  # MuJoCo draws it rather than the material's
+    if material >= 0 or has_rgba:
+        facts["rgba"] = rgba if has_rgba else numbers(model.mat_rgba[material])
     if material >= 0:
         textures = [int(t) for t in np.ravel(model.mat_texid[material]) if int(t) >= 0]
         facts |= {"texture": meshes.pixels(textures[0])} if textures else {}
@@ -326,7 +326,7 @@ def _filtered(
     model: Model, opaque: Collection[tuple[str, str]] = frozenset()
 ) -> Iterator[tuple[str, str]]:
     """Pairs of bodies (sorted names) that both have collision geoms and never meet."""
-    said = {(int(pair) >> 16, int(pair) & 0xFFFF) for pair in model.exclude_signature}
+    excluded = {(int(pair) >> 16, int(pair) & 0xFFFF) for pair in model.exclude_signature}
     masks: dict[int, list[tuple[int, int]]] = {}
     solid = (model.geom_contype != 0) | (model.geom_conaffinity != 0)
     for geom in np.flatnonzero(solid):
@@ -339,6 +339,6 @@ def _filtered(
         meets = any(
             one[0] & two[1] or two[0] & one[1] for one in set(masks[a]) for two in set(masks[b])
         )
-        if not meets or (a, b) in said or (b, a) in said or passes(model, a, b):
+        if not meets or (a, b) in excluded or (b, a) in excluded or passes(model, a, b):
             first, second = sorted((body_name(model, a), body_name(model, b)))
             yield first, second

@@ -76,14 +76,14 @@ OBJECTS = {
 """MuJoCo's kind of object -> the vocabulary's; an XBODY is the frame of a body."""
 
 
-def read_senses(bodies: Bodies, book: FactCollector) -> None:
+def read_senses(bodies: Bodies, facts: FactCollector) -> None:
     """Sensors and cameras."""
     import mujoco
 
     model = bodies.model
     for sensor in range(model.nsensor):
         kind = mujoco.mjtSensor(int(model.sensor_type[sensor])).name.removeprefix("mjSENS_").lower()
-        book.put(
+        facts.put(
             "sensor",
             name_of(model, "sensor", sensor),
             {
@@ -96,12 +96,12 @@ def read_senses(bodies: Bodies, book: FactCollector) -> None:
         )
         if kind == "contact":
             asked = numbers(model.sensor_intprm[sensor])
-            book.put("sensor", name_of(model, "sensor", sensor), {"mjcf:intprm": asked})
+            facts.put("sensor", name_of(model, "sensor", sensor), {"mjcf:intprm": asked})
     for camera in range(model.ncam):
         body = int(model.cam_bodyid[camera])
         pose = bodies.placed(body) @ pose_of(model.cam_pos[camera], model.cam_quat[camera])
         mode = mujoco.mjtCamLight(int(model.cam_mode[camera])).name
-        book.put(
+        facts.put(
             "camera",
             name_of(model, "camera", camera),
             {
@@ -127,25 +127,25 @@ def _object(model: Model, sensor: int, side: str) -> str:
 
 
 def read_keyframe(
-    model: Model, key: int, moving: list[int], drives: Iterable[Drive], book: FactCollector
+    model: Model, key: int, moving: list[int], drives: Iterable[Drive], facts: FactCollector
 ) -> None:
     """A pose and its commands. moving: hinges and slides."""
     name, qpos, ctrl = name_of(model, "key", key), model.key_qpos[key], model.key_ctrl[key]
     if model.njnt and int(model.jnt_type[0]) == 0:
         pose = pose_of(qpos[:3], qpos[3:7])
-        book.put("keyframe", name, {"base pose": (*pose.xyz, *pose.quat)})
+        facts.put("keyframe", name, {"base pose": (*pose.xyz, *pose.quat)})
     for joint in moving:
         value = float(qpos[int(model.jnt_qposadr[joint])])
-        book.put("keyframe", f"{name}/{name_of(model, 'joint', joint)}", {"position": value})
+        facts.put("keyframe", f"{name}/{name_of(model, 'joint', joint)}", {"position": value})
     for joint in range(model.njnt):
         if int(model.jnt_type[joint]) == BALL:
             address = int(model.jnt_qposadr[joint])
             turn = pose_of((0.0, 0.0, 0.0), qpos[address : address + 4]).quat
             subject = f"{name}/{name_of(model, 'joint', joint)}"
-            book.put("keyframe", subject, {"mjcf:orientation": turn})
+            facts.put("keyframe", subject, {"mjcf:orientation": turn})
     for drive in drives:
         subject = f"{name}/{drive.joint_name}"
-        book.put("keyframe", subject, {"target": float(ctrl[drive.ctrl_index])})
+        facts.put("keyframe", subject, {"target": float(ctrl[drive.ctrl_index])})
 
 
 def simulation_facts(option: Any) -> dict[str, Value]:  # Any: MuJoCo's MjOption

@@ -29,7 +29,7 @@ def read_yaml(path: Path) -> dict[str, Any]:  # Any: plain YAML, here and below
     import yaml
 
     try:
-        found = yaml.load(path.read_text(encoding="utf-8"), plain_loader())  # noqa: S506 - a safe loader
+        content = yaml.load(path.read_text(encoding="utf-8"), plain_loader())  # noqa: S506 - a safe loader
     except (yaml.YAMLError, UnicodeDecodeError, RecursionError) as error:
         mark = getattr(error, "problem_mark", None)
         where = Where(path.name, mark.line + 1 if mark else 0)
@@ -37,9 +37,9 @@ def read_yaml(path: Path) -> dict[str, Any]:  # Any: plain YAML, here and below
         raise UsageError(f"not readable as YAML: {problem}", where=where) from None
     except OSError as error:
         raise UsageError(f"cannot read `{path}`: {error.strerror}") from None
-    if not isinstance(found, dict):
+    if not isinstance(content, dict):
         raise UsageError(f"`{path.name}` holds no mapping")
-    return found
+    return content
 
 
 def leaves(value: object, path: str = "") -> Iterator[tuple[str, Value]]:

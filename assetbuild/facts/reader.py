@@ -91,11 +91,11 @@ class Reader(Check):
     @classmethod
     def values(cls, recipe: RecipeView) -> dict[str, Any] | None:  # Any: values of its fields
         """With the sections that it asks for."""
-        found = super().values(recipe)
+        values = super().values(recipe)
         return (
             None
-            if found is None
-            else found | {"options": stated_options(recipe, cls.recipe_sections)}
+            if values is None
+            else values | {"options": stated_options(recipe, cls.recipe_sections)}
         )
 
     def file(self, root: Path, robot: str) -> Path | None:
@@ -187,22 +187,22 @@ def asked_sections(
 ) -> tuple[str, ...]:
     """What a bundle keeps of its recipe: for its readers, and to be written again."""
     asked = {section for reader in readers for section in reader.recipe_sections}
-    told = {path for writer in writers for path in writer.recipe_fields.values()}
-    return tuple(sorted(asked | {path for path in told if path.partition(".")[0] not in asked}))
+    paths = {path for writer in writers for path in writer.recipe_fields.values()}
+    return tuple(sorted(asked | {path for path in paths if path.partition(".")[0] not in asked}))
 
 
 def stated_options(recipe: RecipeView, sections: tuple[str, ...]) -> dict[str, Any]:  # Any: JSON
     """Sections of a recipe as plain data; one that it cannot have is left out."""
-    found: dict[str, Any] = {}  # Any: as above
+    options: dict[str, Any] = {}  # Any: as above
     for section in sections:
         with suppress(KeyError):
             value = recipe.value(section)
-            found[section] = (
+            options[section] = (
                 value.model_dump(mode="json", by_alias=True)
                 if isinstance(value, BaseModel)
                 else value
             )
-    return found
+    return options
 
 
 # --- what a format goes without ------------------------------------------------------------------
@@ -254,16 +254,20 @@ def losses(
         subject = name.partition("/")[0] if kind == "keyframe" else name
         names.setdefault(kind, {})[subject] = None
         quantities.setdefault(kind, {})[quantity] = None
-    told = []
-    for kind, own in names.items():
-        counted = f"{len(own)} {kind}{'s' if len(own) > 1 else ''}" if any(own) else f"the {kind}"
+    parts = []
+    for kind, subjects in names.items():
+        counted = (
+            f"{len(subjects)} {kind}{'s' if len(subjects) > 1 else ''}"
+            if any(subjects)
+            else f"the {kind}"
+        )
         if kind not in lacks:
             counted = f"{_listed(quantities[kind])} of {counted}"
-        elif any(own):
-            counted = f"{counted} ({_listed(own)})"
-        told.append(counted)
-    data = {kind: len(own) for kind, own in names.items()}
-    text = f"{called} lacks {'; '.join(told)}"
+        elif any(subjects):
+            counted = f"{counted} ({_listed(subjects)})"
+        parts.append(counted)
+    data = {kind: len(subjects) for kind, subjects in names.items()}
+    text = f"{called} lacks {'; '.join(parts)}"
     yield LOST.named(form)("robot", text, severity=severity, data=data)
 
 

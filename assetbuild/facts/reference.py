@@ -130,33 +130,35 @@ class Reference:
 
 def robot_table(reference: Reference, *, merged: bool = True) -> Table:
     """Every fact of the robot. merged: of the bodies that are simulated, else of the links."""
-    book = FactCollector()
+    collector = FactCollector()
     tree = reference.tree if merged else reference.links
-    book.put("robot", "", {"base": tree.base, "base pose": pose_value(tree.X_world_root)})
+    collector.put("robot", "", {"base": tree.base, "base pose": pose_value(tree.X_world_root)})
     above = tree.joint_above
     for body in tree.bodies:
         joint = above.get(body.name)
         pose = {"pose": pose_value(joint.X_parent_joint)} if joint else {}
         parent: dict[str, Value] = {"parent": joint.parent if joint else ""}
-        book.put("body", body.name, parent | pose | inertial_facts(body.inertial))
+        collector.put("body", body.name, parent | pose | inertial_facts(body.inertial))
     for frame in tree.frames:
-        book.put("frame", frame.name, {"body": frame.body, "pose": pose_value(frame.X_body_frame)})
+        collector.put(
+            "frame", frame.name, {"body": frame.body, "pose": pose_value(frame.X_body_frame)}
+        )
     for joint in tree.joints:
-        book.put("joint", joint.name, joint_facts(joint))
+        collector.put("joint", joint.name, joint_facts(joint))
         if joint.kind in MOVING:
-            book.put("joint", joint.name, drive_facts(joint, reference.control))
+            collector.put("joint", joint.name, drive_facts(joint, reference.control))
     for name, (stiffness, rest) in springs_of(reference.control).items():
-        book.put("joint", name, {"stiffness": stiffness, "spring reference": rest})
+        collector.put("joint", name, {"stiffness": stiffness, "spring reference": rest})
     for loop in reference.control.loops:
-        book.put("loop", loop.name, loop_facts(loop))
-    _shapes(tree, reference, book)
+        collector.put("loop", loop.name, loop_facts(loop))
+    _shapes(tree, reference, collector)
     for first, second in filtered_pairs(tree, reference.shapes, reference.control):
-        book.put("pair", pair_name(first, second), {"filtered": True})
-    _senses(tree, reference.control, book)
+        collector.put("pair", pair_name(first, second), {"filtered": True})
+    _senses(tree, reference.control, collector)
     for key in reference.control.keyframes:
-        _keyframe(key, tree, book)
-    book.put("simulation", "", simulation_values(reference.control))
-    return book.table()
+        _keyframe(key, tree, collector)
+    collector.put("simulation", "", simulation_values(reference.control))
+    return collector.table()
 
 
 def simulation_values(control: Control) -> dict[str, Value]:
@@ -244,10 +246,10 @@ def drive_facts(joint: Joint, control: Control) -> dict[str, Value]:
 # --- shapes ---------------------------------------------------------------------------------
 
 
-def _shapes(tree: Tree, reference: Reference, book: FactCollector) -> None:
+def _shapes(tree: Tree, reference: Reference, collector: FactCollector) -> None:
     materials = {material.name: material for material in reference.shapes.materials}
     surfaces, pixels = dict(reference.assets.surfaces), dict(reference.assets.pixels)
-    own = dict(reference.control.contacts)
+    contacts = dict(reference.control.contacts)
     for shape in reference.shapes.shapes:
         body, pose = tree.shape_placement(shape)
         facts: dict[str, Value] = {"role": shape.role, "body": body}
@@ -258,8 +260,8 @@ def _shapes(tree: Tree, reference: Reference, book: FactCollector) -> None:
                 facts["material"], facts["rgba"] = material.name, tuple(material.rgba)
                 facts["texture"] = pixels.get(material.texture or "")
         else:
-            facts |= surface_facts(own.get(shape.name, reference.control.contact))
-        book.put("shape", shape.name, facts)
+            facts |= surface_facts(contacts.get(shape.name, reference.control.contact))
+        collector.put("shape", shape.name, facts)
 
 
 def geometry_facts(shape: Shape, pose: Pose, surfaces: Mapping[str, Surface]) -> dict[str, Value]:
@@ -308,11 +310,11 @@ def filtered_pairs(
     proof that it is MuJoCo's is the compiled model, which the reader of MJCF asks. of_links: the
     same of the links before merging, of which those of one body never touch.
     """
-    own = dict(control.contacts)
+    contacts = dict(control.contacts)
     solid: dict[str, list[Contact]] = {}
     for shape in shapes.of("collision"):
         name = shape.link if of_links else tree.placement(shape.link)[0]
-        solid.setdefault(name, []).append(own.get(shape.name, control.contact))
+        solid.setdefault(name, []).append(contacts.get(shape.name, control.contact))
     rule = ContactFilter.of(tree, shapes, control)
     excluded = {frozenset(pair) for pair in control.excludes}
     for first, second in itertools.combinations(sorted(solid), 2):
@@ -330,12 +332,12 @@ def filtered_pairs(
 # --- sensors, cameras, poses ----------------------------------------------------------------
 
 
-def _senses(tree: Tree, control: Control, book: FactCollector) -> None:
+def _senses(tree: Tree, control: Control, collector: FactCollector) -> None:
     for sensor in control.sensors:
-        book.put("sensor", sensor.name, sensor_facts(sensor))
+        collector.put("sensor", sensor.name, sensor_facts(sensor))
     for camera in control.cameras:
         body, pose = tree.placement(camera.link) if camera.link else ("", IDENTITY)
-        book.put(
+        collector.put(
             "camera",
             camera.name,
             {
@@ -360,8 +362,8 @@ def sensor_facts(sensor: Sensor) -> dict[str, Value]:
     }
 
 
-def _keyframe(key: Keyframe, tree: Tree, book: FactCollector) -> None:
+def _keyframe(key: Keyframe, tree: Tree, collector: FactCollector) -> None:
     if key.base is not None and tree.base == "floating":
-        book.put("keyframe", key.name, {"base pose": pose_value(key.base)})
+        collector.put("keyframe", key.name, {"base pose": pose_value(key.base)})
     for joint, value in key.joints:
-        book.put("keyframe", f"{key.name}/{joint}", {"position": value})
+        collector.put("keyframe", f"{key.name}/{joint}", {"position": value})

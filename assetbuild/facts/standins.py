@@ -40,9 +40,9 @@ def recorded(path: Path, calls: Sequence[str] = ()) -> Record:
         raise UsageError(f"cannot read `{path}`: {error.strerror}") from None
     except UnicodeDecodeError:
         raise UsageError(f"`{path}` is no UTF-8 text") from None
-    said = _run({"name": path.name, "text": text, "calls": calls})
+    output = _run({"name": path.name, "text": text, "calls": calls})
     try:
-        answer: Record = json.loads(said)
+        answer: Record = json.loads(output)
     except ValueError:
         reason = f"it crashed, or took more than {SECONDS:g} s or too much memory"
         raise UsageError(f"`{path.name}` cannot be executed: {reason}") from None
@@ -72,10 +72,10 @@ def _run(job: Record) -> bytes:
         ) as child:
             timer = threading.Timer(SECONDS, child.kill)
             timer.start()
-            said = child.stdout.read(MOST_BYTES) if child.stdout else b""
+            output = child.stdout.read(MOST_BYTES) if child.stdout else b""
             timer.cancel()
             child.kill()
-    return said
+    return output
 
 
 def _bare_environment() -> dict[str, str]:

@@ -52,7 +52,7 @@ class Surface:
 
     def facts(self) -> dict[str, Value]:
         """By the names of the vocabulary."""
-        found: dict[str, Value] = {
+        facts: dict[str, Value] = {
             "triangles": float(self.triangles),
             "area": (self.area,),
             "volume": (self.volume,),
@@ -60,8 +60,8 @@ class Surface:
             "corner moments": tuple(self.moments),
         }
         if self.uv:
-            found["texture corners"] = tuple(self.uv)
-        return found
+            facts["texture corners"] = tuple(self.uv)
+        return facts
 
 
 def measure(corners: ArrayLike, uv: ArrayLike | None = None, *, by_area: bool = False) -> Surface:

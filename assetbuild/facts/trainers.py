@@ -61,18 +61,18 @@ def own_names(table: object) -> Names:
 
 def matching(patterns: Iterable[str], names: Names) -> list[str]:
     """The robot's names that any of the patterns matches whole."""
-    found: dict[str, None] = {}
+    matches: dict[str, None] = {}
     for pattern in patterns:
         with suppress(re.error):  # anybody's file may hold what is no pattern
-            found |= {own: None for there, own in names.items() if re.fullmatch(pattern, there)}
-    return list(found)
+            matches |= {name: None for there, name in names.items() if re.fullmatch(pattern, there)}
+    return list(matches)
 
 
 def number_of(value: Any, joint: str) -> float | None:  # Any: JSON
     """A number for all joints, or that of the last pattern that matches this one."""
     if isinstance(value, dict):
-        own = [v for p, v in value.items() if p == joint or matching([p], {joint: joint})]
-        return number_of(own[-1], joint) if own and not isinstance(own[-1], dict) else None
+        values = [v for p, v in value.items() if p == joint or matching([p], {joint: joint})]
+        return number_of(values[-1], joint) if values and not isinstance(values[-1], dict) else None
     is_number = isinstance(value, int | float) and not isinstance(value, bool)
     return float(value) if is_number else None
 
@@ -86,29 +86,29 @@ def delay_s(steps: Sequence[float], timestep_s: float) -> tuple[float, ...]:
 
 
 def put_start(
-    start: Record, quat: Sequence[float], form: str, names: Names, book: FactCollector
+    start: Record, quat: Sequence[float], form: str, names: Names, facts: FactCollector
 ) -> None:
     """Where the root and the joints start, those that it does not name at 0. quat: w, x, y, z."""
     pose = (*start.get("pos", (0.0, 0.0, 0.0)), *quat)
     # PhysX refuses a quaternion of another length than 1, and comparing poses does not see it.
-    book.put("robot", "", {"start pose": pose, f"{form}:length of rot": math.hypot(*quat)})
+    facts.put("robot", "", {"start pose": pose, f"{form}:length of rot": math.hypot(*quat)})
     stated = {"start": "joint_pos", f"{form}:start velocity": "joint_vel"}
-    for there, own in names.items():
+    for there, joint in names.items():
         numbers = {key: number_of(start.get(field), there) for key, field in stated.items()}
-        book.put("joint", own, {key: number or 0.0 for key, number in numbers.items()})
+        facts.put("joint", joint, {key: number or 0.0 for key, number in numbers.items()})
 
 
 def put_expected_start(
-    reference: Reference, form: str, soft_limits: float, clearance_m: float, book: FactCollector
+    reference: Reference, form: str, soft_limits: float, clearance_m: float, facts: FactCollector
 ) -> None:
     """What `put_start` must find. clearance_m: how much higher the root is put."""
     start = start_of(reference.tree, reference.control)
     x, y, z, *turn = pose_value(start.base or reference.tree.X_world_root)
     pose: Value = (x, y, z + clearance_m, *turn)
-    book.put("robot", "", {"start pose": pose, f"{form}:length of rot": 1.0})
-    book.put("robot", "", {"soft limits": soft_limits})
+    facts.put("robot", "", {"start pose": pose, f"{form}:length of rot": 1.0})
+    facts.put("robot", "", {"soft limits": soft_limits})
     for joint, position in start.joints:
-        book.put("joint", joint, {"start": position, f"{form}:start velocity": 0.0})
+        facts.put("joint", joint, {"start": position, f"{form}:start velocity": 0.0})
 
 
 # --- event terms ------------------------------------------------------------------------------
@@ -119,7 +119,7 @@ def put_terms(
     known: Mapping[str, Term],
     bodies: Names,
     joints: Names,
-    book: FactCollector,
+    facts: FactCollector,
     groups: Sequence[Sequence[str]] = (),
 ) -> None:
     """What `EventTermCfg`s draw. groups: joints of each drive, which a term names by its place."""
@@ -128,18 +128,18 @@ def put_terms(
             continue
         function, params = class_of(stated.get("func")), table_of(stated.get("params"))
         entity = table_of(params.get("asset_cfg"))
-        said = {"mode": stated.get("mode"), "entity": entity.get(ARGUMENTS)}
-        said |= {key: entity[key] for key in ("geom_names",) if key in entity}
-        said |= dict(_leaves({key: item for key, item in params.items() if key != "asset_cfg"}))
+        values = {"mode": stated.get("mode"), "entity": entity.get(ARGUMENTS)}
+        values |= {key: entity[key] for key in ("geom_names",) if key in entity}
+        values |= dict(_leaves({key: item for key, item in params.items() if key != "asset_cfg"}))
         term = known.get(function, Term({}))
         for kind, name in _subjects(entity, bodies, joints, groups):
             for param, word in term.reads.items():
-                put_draw(book, kind, name, word, said.get(param))
+                put_draw(facts, kind, name, word, values.get(param))
             others = {"mode": "startup", "entity": ["robot"], **term.means}
-            for param in dict.fromkeys((*others, *said)):
-                if param not in term.reads and said.get(param) != others.get(param):
-                    stands = str(said.get(param, "missing"))
-                    book.put(kind, name, {f"drawn:{function} {param}": stands})
+            for param in dict.fromkeys((*others, *values)):
+                if param not in term.reads and values.get(param) != others.get(param):
+                    stands = str(values.get(param, "missing"))
+                    facts.put(kind, name, {f"drawn:{function} {param}": stands})
 
 
 def _leaves(table: Record) -> Iterator[tuple[str, Any]]:  # Any: JSON

@@ -49,34 +49,34 @@ holds where the recipe says nothing."""
 Options = Mapping[str, Any]  # Any: plain JSON
 
 
-def usd_table(own: Table, reference: Reference) -> Table:
-    """Everything that `<robot>.usda` says. own: the robot's facts that USD holds."""
+def usd_table(robot_facts: Table, reference: Reference) -> Table:
+    """Everything that `<robot>.usda` says. robot_facts: the robot's facts that USD holds."""
     options: Options = reference.options.get("usd") or {}
-    tree, control, book = reference.tree, reference.control, FactCollector()
-    book.facts |= own.facts
+    tree, control, collector = reference.tree, reference.control, FactCollector()
+    collector.facts |= robot_facts.facts
     solid: dict[str, list[Shape]] = {}
     for shape in reference.shapes.of("collision"):
         solid.setdefault(tree.placement(shape.link)[0], []).append(shape)
     stiff = limit_springs(tree, control)
-    book.put("robot", "", _root(reference))
+    collector.put("robot", "", _root(reference))
     root = ("robot", "") if tree.base == "fixed" else ("body", tree.root)
-    book.put(*root, _articulation(reference))
-    _bodies(reference, book)
-    _joints(reference, options, stiff, book)
+    collector.put(*root, _articulation(reference))
+    _bodies(reference, collector)
+    _joints(reference, options, stiff, collector)
     for loop in control.loops:  # a `connect` is a weld that leaves the turn free
         free: dict[str, Value] = {"usd:mjc:torqueScale": 0.0} if loop.kind == "connect" else {}
         softness: dict[str, Value] = {"usd:mjc:solref": loop.solref, "usd:mjc:solimp": loop.solimp}
-        book.put("loop", loop.name, softness | free)
+        collector.put("loop", loop.name, softness | free)
     for camera in control.cameras:
         width, height = camera.resolution
-        book.put("camera", camera.name, {"usd:aspect": width / height})
+        collector.put("camera", camera.name, {"usd:aspect": width / height})
     own_surfaces = dict(control.contacts)
     for shape in reference.shapes.of("collision"):
         surface = own_surfaces.get(shape.name, control.contact)
-        book.put("shape", shape.name, _collider(shape, surface))
+        collector.put("shape", shape.name, _collider(shape, surface))
     for a, b in _shape_pairs(reference, solid):
-        book.put("shape pair", pair_name(a, b), {"usd:filtered": True})
-    return book.table()
+        collector.put("shape pair", pair_name(a, b), {"usd:filtered": True})
+    return collector.table()
 
 
 # --- what PhysX is asked for
@@ -86,8 +86,8 @@ def solver_of(reference: Reference) -> dict[str, float]:
     """How PhysX solves: the light rods of loops need 16 velocity iterations, others 1."""
     stated = _stated(reference, "articulation")
     usual = 16 if reference.control.loops else 1
-    found = {key: stated.get(key, value) for key, (_, value) in SOLVER.items()}
-    return {key: float(usual if value is None else value) for key, value in found.items()}
+    options = {key: stated.get(key, value) for key, (_, value) in SOLVER.items()}
+    return {key: float(usual if value is None else value) for key, value in options.items()}
 
 
 def rigid_of(reference: Reference) -> dict[str, float]:
@@ -102,8 +102,8 @@ def touches_itself(reference: Reference) -> bool:
 
 
 def _stated(reference: Reference, section: str) -> Options:
-    found: Options = (reference.options.get("usd") or {}).get(section) or {}
-    return found
+    options: Options = (reference.options.get("usd") or {}).get(section) or {}
+    return options
 
 
 # --- root and bodies
@@ -136,7 +136,7 @@ def _articulation(reference: Reference) -> dict[str, Value]:
     }
 
 
-def _bodies(reference: Reference, book: FactCollector) -> None:
+def _bodies(reference: Reference, collector: FactCollector) -> None:
     light = weightless(reference.control)
     rigid = rigid_of(reference)
     rigid["max_angular_velocity"] /= DEGREE
@@ -144,10 +144,10 @@ def _bodies(reference: Reference, book: FactCollector) -> None:
     for body in reference.tree.bodies:
         if body.is_massless:  # PhysX would take a mass of 0 for none, and make one up
             for quantity in ("centre of mass", "inertia"):
-                book.facts.pop(Key("body", body.name, quantity), None)
-        book.put("body", body.name, words)
+                collector.facts.pop(Key("body", body.name, quantity), None)
+        collector.put("body", body.name, words)
         if body.name in light:
-            book.put("body", body.name, {"usd:physxRigidBody:disableGravity": True})
+            collector.put("body", body.name, {"usd:physxRigidBody:disableGravity": True})
 
 
 # --- joints
@@ -157,7 +157,7 @@ def _joints(
     reference: Reference,
     options: Options,
     stiff: Mapping[str, tuple[float, float]],
-    book: FactCollector,
+    collector: FactCollector,
 ) -> None:
     """stiff: (stiffness, damping) of the limits, by joint."""
     tree, control = reference.tree, reference.control
@@ -165,23 +165,23 @@ def _joints(
     springs = free_springs(control)
     for joint in tree.joints:
         name, row = joint.name, control.by_joint.get(joint.name)
-        book.put("joint", name, {"usd:child pose": pose_value(joint.X_parent_joint)})
+        collector.put("joint", name, {"usd:child pose": pose_value(joint.X_parent_joint)})
         if joint.kind in MOVING:
             drive_type = options.get("drive_type", "force")
             driven = _driven(row, starts[name], springs.get(name), drive_type)
             if "usd:drive type" in driven:
                 axis = "linear" if joint.kind == "prismatic" else "angular"
                 driven[f"usd:drive:{axis}:physics:targetVelocity"] = 0.0
-            book.put("joint", name, driven)
+            collector.put("joint", name, driven)
         if row and (law := explicit_law(row)):
             words = {f"usd:newton:{word}": value for word, value in law.items()}
-            book.put("actuator", name, {"usd:drives": (name,), **words})
+            collector.put("actuator", name, {"usd:drives": (name,), **words})
         if joint.mimic is not None:
-            _mimic(name, joint.mimic, tree, book, coupled=options.get("mimics", True))
+            _mimic(name, joint.mimic, tree, collector, coupled=options.get("mimics", True))
     for name, (stiffness, damping) in stiff.items():
         limit = dict(control.soft_limits).get(name)
         per_unit = 1.0 if tree.by_joint[name].kind == "prismatic" else DEGREE
-        book.put("joint", name, {
+        collector.put("joint", name, {
             "usd:newton:limitStiffness": stiffness * per_unit,
             "usd:newton:limitDamping": damping * per_unit,
             "usd:mjc:solreflimit": limit.solref if limit else SOLREF,
@@ -212,16 +212,16 @@ def _driven(
     return facts
 
 
-def _mimic(name: str, mimic: Mimic, tree: Tree, book: FactCollector, *, coupled: bool) -> None:
+def _mimic(name: str, mimic: Mimic, tree: Tree, collector: FactCollector, *, coupled: bool) -> None:
     """`mimics: false` couples none. Newton follows the joint at the head of a chain."""
     if not coupled:
         for quantity in mimic_facts(mimic):
-            book.facts.pop(Key("joint", name, quantity), None)
+            collector.facts.pop(Key("joint", name, quantity), None)
         return
     first = mimic_facts(leader_of(tree, mimic))
-    book.put("joint", name, {f"usd:newton:{quantity}": v for quantity, v in first.items()})
+    collector.put("joint", name, {f"usd:newton:{quantity}": v for quantity, v in first.items()})
     axes = ("usd:mimic axis", "usd:reference axis")
-    book.put("joint", name, dict.fromkeys(axes, "the joint's own"))
+    collector.put("joint", name, dict.fromkeys(axes, "the joint's own"))
 
 
 # --- shapes
@@ -246,14 +246,14 @@ def _shape_pairs(
     reference: Reference, solid: Mapping[str, list[Shape]]
 ) -> Iterator[tuple[str, str]]:
     """Single shapes whose masks never meet, of bodies that may touch otherwise."""
-    control, own = reference.control, dict(reference.control.contacts)
+    control, contacts = reference.control, dict(reference.control.contacts)
     pairs = filtered_pairs(reference.tree, reference.shapes, control)
     filtered = {frozenset(pair) for pair in pairs}
     for one, two in itertools.combinations(solid, 2):
         if frozenset((one, two)) in filtered:
             continue
         for a, b in itertools.product(solid[one], solid[two]):
-            first, second = (own.get(shape.name, control.contact) for shape in (a, b))
+            first, second = (contacts.get(shape.name, control.contact) for shape in (a, b))
             touch = all(s.mask or s.partners for s in (first, second))
             meet = first.mask & second.partners or second.mask & first.partners
             if touch and not meet:

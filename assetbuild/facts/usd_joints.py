@@ -89,14 +89,14 @@ class JointPrim:
         return "angular" if self.angular else "linear"
 
 
-def joint_facts(joints: Sequence[JointPrim], book: FactCollector) -> None:
+def joint_facts(joints: Sequence[JointPrim], collector: FactCollector) -> None:
     """Facts of all joints but those that hold the base; of those that close loops, as loops."""
     by_path = {joint.prim.path: joint for joint in joints}
     for joint in joints:
         if joint.holds_base:
             continue
         if joint.closes_loop:
-            book.put("loop", joint.prim.named("loop", book), _loop(joint))
+            collector.put("loop", joint.prim.named("loop", collector), _loop(joint))
             continue
         names = joint.names
         facts: dict[str, Value] = {
@@ -109,7 +109,7 @@ def joint_facts(joints: Sequence[JointPrim], book: FactCollector) -> None:
         if joint.kind in MOVING:
             facts |= _motion(joint) | _drive(joint) | _passive(joint)
             facts |= _mimic(joint, by_path)
-        book.put("joint", joint.prim.named("joint", book), facts)
+        collector.put("joint", joint.prim.named("joint", collector), facts)
 
 
 def _loop(joint: JointPrim) -> dict[str, Value]:
@@ -173,14 +173,14 @@ def _passive(joint: JointPrim) -> dict[str, Value]:
     engines = [name for name, schema in schemas.items() if joint.prim.has(schema)]
     facts: dict[str, Value] = {}
     for quantity, spellings in BRAKES.items():
-        said: dict[str, float | None] = {}
+        stated: dict[str, float | None] = {}
         for spelling in spellings:
             engine, _, word = spelling.partition(":")
             if engine in engines:
                 name = f"{engine}:{joint.word}:{word}" if engine == "physxJointAxis" else spelling
-                said[f"usd:{spelling}"] = joint.prim.number(name, unit=unit[quantity])
-        first = next(iter(said.values()), None)
-        facts |= {name: "none" if v is None else v for name, v in said.items() if v != first}
+                stated[f"usd:{spelling}"] = joint.prim.number(name, unit=unit[quantity])
+        first = next(iter(stated.values()), None)
+        facts |= {name: "none" if v is None else v for name, v in stated.items() if v != first}
         facts |= {} if first is None else {quantity: first}
     return facts
 
@@ -216,9 +216,9 @@ def _mimic(joint: JointPrim, by_path: dict[str, JointPrim]) -> dict[str, Value]:
     return facts | words
 
 
-def _agrees(found: str, token: str) -> str:
+def _agrees(axis: str, token: str) -> str:
     """Whether PhysX's name of an axis is the axis of the joint."""
-    return "the joint's own" if found == f"rot{token}" else f"{found} of a joint about {token}"
+    return "the joint's own" if axis == f"rot{token}" else f"{axis} of a joint about {token}"
 
 
 def _leader(paths: tuple[str, ...], by_path: dict[str, JointPrim]) -> str:

@@ -70,12 +70,12 @@ class Prim:
         """What the robot calls it: its displayName, else its own name."""
         return str(self.prim.GetMetadata("displayName") or self.prim.GetName())
 
-    def named(self, kind: str, book: FactCollector) -> str:
+    def named(self, kind: str, facts: FactCollector) -> str:
         """Its name, with its path where two of a kind share one; notes where it stands."""
         name = self.name
-        if book.places.get((kind, name), self.path) != self.path:
+        if facts.places.get((kind, name), self.path) != self.path:
             name = f"{name} ({self.path})"
-        book.place(kind, name, self.path)
+        facts.place(kind, name, self.path)
         return name
 
     def has(self, schema: str) -> bool:
@@ -123,7 +123,7 @@ class Prim:
 
     def words(self) -> dict[str, Value]:
         """All that it states for engines and nobody has asked for, in the file's own units."""
-        found: dict[str, Value] = {}
+        words: dict[str, Value] = {}
         for stated in self.prim.GetAuthoredAttributes():
             name = stated.GetName()
             is_read = (self.path, name) in self.asked
@@ -132,8 +132,8 @@ class Prim:
                 if isinstance(value, float) and abs(value) > UNLIMITED:
                     value = None
                 is_plain = isinstance(value, str) or not hasattr(value, "__iter__")
-                found[f"usd:{name}"] = plain_value(value if is_plain else list(value))
-        return found
+                words[f"usd:{name}"] = plain_value(value if is_plain else list(value))
+        return words
 
     def _acts(self, name: str) -> bool:
         """Whether the schema of an attribute is applied, such as `PhysxJointAxisAPI:angular`."""
@@ -212,7 +212,7 @@ def opened(path: Path) -> Iterator[Usd.Stage]:
         raise UsageError(f"`{path}` is not readable as USD: {error}") from None
 
 
-def units_of(stage: Usd.Stage, book: FactCollector) -> Units:
+def units_of(stage: Usd.Stage, facts: FactCollector) -> Units:
     """Units of a stage, noted with its up axis; UsageError where one is not positive."""
     units = Units(UsdGeom.GetStageMetersPerUnit(stage), UsdPhysics.GetStageKilogramsPerUnit(stage))
     if not (units.metre > 0.0 and units.kilogram > 0.0):
@@ -220,7 +220,7 @@ def units_of(stage: Usd.Stage, book: FactCollector) -> Units:
             f"its units are {units.metre:g} m and {units.kilogram:g} kg",
             hint="`metersPerUnit` and `kilogramsPerUnit` must be positive",
         )
-    book.put("robot", "", {
+    facts.put("robot", "", {
         "up axis": str(UsdGeom.GetStageUpAxis(stage)),
         "metres per unit": units.metre,
         "kilograms per unit": units.kilogram,

@@ -43,68 +43,70 @@ class Sorted:
 def read_robot(path: Path) -> Table:
     """The facts of the stage as it opens, its default variants selected."""
     with opened(path) as stage:
-        book = FactCollector()
+        collector = FactCollector()
         Prim.asked.clear()
-        places, found = Places(units_of(stage, book)), _sorted(stage)
-        names = {path: prim.named("body", book) for path, prim in found.bodies.items()}
-        joints = [JointPrim(prim, names, places) for prim in found.joints]
-        joint_facts(joints, book)
+        places, contents = Places(units_of(stage, collector)), _sorted(stage)
+        names = {path: prim.named("body", collector) for path, prim in contents.bodies.items()}
+        joints = [JointPrim(prim, names, places) for prim in contents.joints]
+        joint_facts(joints, collector)
         jointed = {joint.prim.path: joint.prim.name for joint in joints}
-        for prim in found.actuators:
+        for prim in contents.actuators:
             driven = tuple(jointed.get(path, path) for path in prim.targets("newton:targets"))
-            book.put("actuator", prim.named("actuator", book), {"usd:drives": driven})
-        _bodies(found.bodies, joints, names, places, book)
-        _frames(found, names, places, book)
-        for prim, body in found.cameras:
-            _camera(prim, found.bodies.get(body), names.get(body, ""), places, book)
+            collector.put("actuator", prim.named("actuator", collector), {"usd:drives": driven})
+        _bodies(contents.bodies, joints, names, places, collector)
+        _frames(contents, names, places, collector)
+        for prim, body in contents.cameras:
+            _camera(prim, contents.bodies.get(body), names.get(body, ""), places, collector)
         robot = Prim(stage.GetDefaultPrim())
-        _root(found, joints, names, places, book)
-        book.put("robot", "", {"usd:robot prim pose": pose_value(places.rigid(robot.prim)[0])})
-        colliders = read_shapes(found.shapes, names, places, book)
+        _root(contents, joints, names, places, collector)
+        collector.put("robot", "", {"usd:robot prim pose": pose_value(places.rigid(robot.prim)[0])})
+        colliders = read_shapes(contents.shapes, names, places, collector)
         apart = [frozenset(j.ends) for j in joints if len(j.ends) == 2 and not j.touching]
-        articulated = [prim.path for prim in found.roots if prim.path in found.bodies]
-        pair_facts(colliders, names, found.filters, apart, articulated, book)
-        _named_poses(robot, joints, book)
-        subjects = {path: subject for subject, path in book.places.items()}
-        for each in found.prims:
-            own = (subjects[path] for path in _upwards(each.prim, itself=True) if path in subjects)
-            book.put(*next(own, ("prim", each.path)), each.words())
-        return book.table()
+        articulated = [prim.path for prim in contents.roots if prim.path in contents.bodies]
+        pair_facts(colliders, names, contents.filters, apart, articulated, collector)
+        _named_poses(robot, joints, collector)
+        subjects = {path: subject for subject, path in collector.places.items()}
+        for each in contents.prims:
+            owners = (
+                subjects[path] for path in _upwards(each.prim, itself=True) if path in subjects
+            )
+            collector.put(*next(owners, ("prim", each.path)), each.words())
+        return collector.table()
 
 
 # --- sorting
 
 
 def _sorted(stage: Usd.Stage) -> Sorted:
-    found = Sorted()
+    contents = Sorted()
     for prim in Usd.PrimRange(stage.GetPseudoRoot(), Usd.TraverseInstanceProxies()):
         one = Prim(prim)
-        found.prims.append(one)
-        _sort(one, found)
+        contents.prims.append(one)
+        _sort(one, contents)
         if one.has(ROOT):
-            found.roots.append(one)
+            contents.roots.append(one)
         pairs = one.targets("physics:filteredPairs", "PhysicsFilteredPairsAPI")
-        found.filters += [(one.path, target) for target in pairs]
-    return found
+        contents.filters += [(one.path, target) for target in pairs]
+    return contents
 
 
-def _sort(one: Prim, found: Sorted) -> None:
+def _sort(one: Prim, contents: Sorted) -> None:
     """A body may be its own shape."""
     prim, parent = one.prim, str(one.prim.GetParent().GetPath())
-    body = next((path for path in _upwards(prim) if path in found.bodies), "")
+    body = next((path for path in _upwards(prim) if path in contents.bodies), "")
     if one.has("PhysicsRigidBodyAPI"):
-        found.bodies[one.path] = one
+        contents.bodies[one.path] = one
         body = one.path
     if prim.IsA(UsdPhysics.Joint):
-        found.joints.append(one)
+        contents.joints.append(one)
     elif prim.IsA(UsdGeom.Gprim):
-        found.shapes.append(_shape(one, body))
+        contents.shapes.append(_shape(one, body))
     elif one.type == "Camera":
-        found.cameras.append((one, body))
+        contents.cameras.append((one, body))
     elif one.type == "NewtonActuator":
-        found.actuators.append(one)
+        contents.actuators.append(one)
     elif one.type == "Xform" and parent == body and prim.GetName() not in GROUPS:
-        found.frames.append((one, body))
+        contents.frames.append((one, body))
 
 
 def _shape(one: Prim, body: str) -> ShapePrim:
@@ -132,7 +134,7 @@ def _bodies(
     joints: Sequence[JointPrim],
     names: Mapping[str, str],
     places: Places,
-    book: FactCollector,
+    collector: FactCollector,
 ) -> None:
     parents = {j.child: j.parent for j in joints if j.parent and j.child and not j.closes_loop}
     for path, prim in bodies.items():
@@ -141,7 +143,7 @@ def _bodies(
         if above in bodies:
             facts["pose"] = _within(places, prim, bodies[above])
         facts |= _mass(prim, places)
-        book.put("body", names[path], facts)
+        collector.put("body", names[path], facts)
 
 
 def _within(places: Places, prim: Prim, above: Prim) -> tuple[float, ...]:
@@ -166,20 +168,24 @@ def _mass(prim: Prim, places: Places) -> dict[str, Value]:
     return facts
 
 
-def _frames(found: Sorted, names: Mapping[str, str], places: Places, book: FactCollector) -> None:
-    for prim, body in found.frames:
-        pose = _within(places, prim, found.bodies[body])
-        book.put("frame", prim.named("frame", book), {"body": names[body], "pose": pose})
+def _frames(
+    contents: Sorted, names: Mapping[str, str], places: Places, collector: FactCollector
+) -> None:
+    for prim, body in contents.frames:
+        pose = _within(places, prim, contents.bodies[body])
+        collector.put("frame", prim.named("frame", collector), {"body": names[body], "pose": pose})
 
 
-def _camera(prim: Prim, above: Prim | None, body: str, places: Places, book: FactCollector) -> None:
+def _camera(
+    prim: Prim, above: Prim | None, body: str, places: Places, collector: FactCollector
+) -> None:
     """What it sees follows from the ratios of its apertures to its focal length."""
     pose = _within(places, prim, above) if above else pose_value(places.rigid(prim.prim)[0])
     length, tall, wide = (
         float(prim.prim.GetAttribute(name).Get()) or math.nan
         for name in ("focalLength", "verticalAperture", "horizontalAperture")
     )  # the schema has defaults of its own
-    book.put("camera", prim.named("camera", book), {
+    collector.put("camera", prim.named("camera", collector), {
         "body": body,
         "pose": pose,
         "field of view": 2.0 * math.atan(tall / (2.0 * length)),
@@ -191,11 +197,11 @@ def _camera(prim: Prim, above: Prim | None, body: str, places: Places, book: Fac
 
 
 def _root(
-    found: Sorted,
+    contents: Sorted,
     joints: Sequence[JointPrim],
     names: Mapping[str, str],
     places: Places,
-    book: FactCollector,
+    collector: FactCollector,
 ) -> None:
     """Whether the base is held, where, and what carries the articulation."""
     world = {joint.prim.path for joint in joints if not joint.parent}
@@ -203,7 +209,7 @@ def _root(
         "the joint with the world" if prim.path in world
         else f"body {names[prim.path]}" if prim.path in names
         else prim.path
-        for prim in found.roots
+        for prim in contents.roots
     ]  # fmt: skip
     held_bodies = [joint for joint in joints if joint.holds_base]
     facts: dict[str, Value] = {
@@ -211,20 +217,20 @@ def _root(
         "articulation root": ", ".join(roots),
     }
     children = {j.child for j in joints if j.parent and not j.closes_loop}
-    first = next((prim for path, prim in found.bodies.items() if path not in children), None)
+    first = next((prim for path, prim in contents.bodies.items() if path not in children), None)
     if first is not None:
         facts["base pose"] = pose_value(places.rigid(first.prim)[0])
     for joint in held_bodies:
-        book.place("robot", "", joint.prim.path)
+        collector.place("robot", "", joint.prim.path)
         facts["usd:world joint holds"] = names.get(joint.child, "")
         facts["usd:world joint pose"] = pose_value(joint.X_parent_child)
-    for prim in found.roots:
+    for prim in contents.roots:
         touching = prim.flag("physxArticulation:enabledSelfCollisions", "PhysxArticulationAPI")
         facts["self-collision"] = touching is not False  # PhysX's own default
-    book.put("robot", "", facts)
+    collector.put("robot", "", facts)
 
 
-def _named_poses(robot: Prim, joints: Sequence[JointPrim], book: FactCollector) -> None:
+def _named_poses(robot: Prim, joints: Sequence[JointPrim], collector: FactCollector) -> None:
     """Keyframes in rad and m, which Isaac Sim's robot schema has."""
     by_path = {joint.prim.path: joint for joint in joints}
     for path in robot.targets("isaac:robot:namedPoses", "IsaacRobotAPI"):
@@ -234,4 +240,4 @@ def _named_poses(robot: Prim, joints: Sequence[JointPrim], book: FactCollector) 
         for joint, value in zip(posed, values, strict=True):
             if joint is not None:
                 position = value * joint.units.length(joint.angular)
-                book.put("keyframe", f"{pose.name}/{joint.prim.name}", {"position": position})
+                collector.put("keyframe", f"{pose.name}/{joint.prim.name}", {"position": position})

@@ -52,14 +52,14 @@ class Collider:
 
 
 def read_shapes(
-    shapes: Sequence[ShapePrim], names: Mapping[str, str], places: Places, book: FactCollector
+    shapes: Sequence[ShapePrim], names: Mapping[str, str], places: Places, collector: FactCollector
 ) -> list[Collider]:
     """Facts of all shapes; the colliders among them."""
     meshes, looks, colliders = Meshes(places.units), Looks(), []
     alone = [s.holder.path for s in shapes if s.holder]
     for shape in shapes:
         prim, holder = shape.geometry, shape.holder
-        name = (holder or prim).named("shape", book)
+        name = (holder or prim).named("shape", collector)
         if holder and alone.count(holder.path) > 1:
             name = f"{name}/{prim.name}"
         role = "collision" if shape.collider else "visual"
@@ -71,7 +71,7 @@ def read_shapes(
             colliders.append(Collider(name, prim.path, shape.body, solid))
         else:
             facts |= looks.of(prim.prim)
-        book.put("shape", name, facts)
+        collector.put("shape", name, facts)
     return colliders
 
 
@@ -198,7 +198,7 @@ def pair_facts(
     filters: Iterable[tuple[str, str]],
     apart: Iterable[frozenset[str]],
     articulated: Collection[str],
-    book: FactCollector,
+    collector: FactCollector,
 ) -> None:
     """Pairs of bodies, and of single shapes, that never touch.
 
@@ -228,12 +228,12 @@ def pair_facts(
         kept = [frozenset(pair) in never for pair in pairs]
         if all(kept):
             named = pair_name(names.get(left, left), names.get(right, right))
-            book.put("pair", named, {"filtered": True})
+            collector.put("pair", named, {"filtered": True})
             continue
         for (a, b), is_apart in zip(pairs, kept, strict=True):
             if is_apart:
                 both = pair_name(colliders[a].name, colliders[b].name)
-                book.put("shape pair", both, {"usd:filtered": True})
+                collector.put("shape pair", both, {"usd:filtered": True})
 
 
 # --- meshes --------------------------------------------------------------------------------------
@@ -298,8 +298,8 @@ def _triangles(counts: Whole, *, flip: bool) -> Whole:
             [(s, s + i, s + i + 1) for s, n in zip(starts, counts, strict=True)
              for i in range(1, n - 1)], dtype=np.int64,
         ).reshape(-1, 3)  # fmt: skip
-    found: Whole = fans[:, ::-1] if flip else fans
-    return found
+    triangles: Whole = fans[:, ::-1] if flip else fans
+    return triangles
 
 
 def _texture_corners(prim: Usd.Prim, indices: Whole, where: Whole) -> Array | None:
@@ -315,5 +315,5 @@ def _texture_corners(prim: Usd.Prim, indices: Whole, where: Whole) -> Array | No
         flat = flat[:0]
     if where.size and where.max() >= len(flat):
         return np.zeros((0, 3, 2))
-    found: Array = flat[where]
-    return found
+    corners: Array = flat[where]
+    return corners

@@ -57,7 +57,7 @@ class MjcfSource(Check):
         if recipe.value("source.mjcf") is None:
             return None
         links, default = (recipe.value(f"collision.{key}") for key in ("links", "default"))
-        said = {
+        flags = {
             "actuators": bool(recipe.value("actuators")),
             "base": recipe.states("base"),
             "collision": any(
@@ -72,7 +72,7 @@ class MjcfSource(Check):
             "merge": "merge" in recipe.stated("fixed_joints"),
             "senses": any(map(recipe.states, ("feet", "imu", "sensors", "cameras"))),
         }
-        stated = {key for key, value in said.items() if value}
+        stated = {key for key, value in flags.items() if value}
         stated |= {f"keyframe {name}" for name in recipe.value("keyframes")}
         stated |= {*recipe.stated("simulation"), *recipe.stated("mjcf")}
         return {"robot": recipe.value("robot"), "stated": tuple(sorted(stated))}
@@ -213,14 +213,14 @@ def _with_our_names(source: Side, ours: Side) -> Facts:
         taken.add(new)
         names[old] = new
 
-    def said(value: Value) -> Value:
+    def renamed(value: Value) -> Value:
         if isinstance(value, tuple):
-            return tuple(said(one) for one in value)  # type: ignore[return-value] # alike
+            return tuple(renamed(one) for one in value)  # type: ignore[return-value] # alike
         kind, _, name = value.partition(" ") if isinstance(value, str) else ("", "", "")
         return f"{kind} {names[name]}" if kind == "site" and name in names else value
 
     return {
-        key._replace(name=names[key.name]) if key.kind == "frame" else key: said(value)
+        key._replace(name=names[key.name]) if key.kind == "frame" else key: renamed(value)
         for key, value in source.facts.items()
     }
 

@@ -75,8 +75,8 @@ class _InRoot(Bodies):
         parts: dict[str, list[Inertial]] = {}
         for body in range(1, self.model.nbody):
             mass, com = float(self.model.body_mass[body]), vec3(self.model.body_ipos[body])
-            own = Inertial(mass, com, tensor_of(inertia_of(self.model, body)))
-            moved = move_inertial(own, self.placed(body))
+            inertial = Inertial(mass, com, tensor_of(inertia_of(self.model, body)))
+            moved = move_inertial(inertial, self.placed(body))
             parts.setdefault(self.name(body), []).extend([moved] if mass else [])
         for name, some in parts.items():
             yield name, combine(some) if some else Inertial(0.0, (0.0,) * 3, (0.0,) * 6)

@@ -90,12 +90,12 @@ class Trials(mujoco.InMujoco):
     @classmethod
     def values(cls, recipe: RecipeView) -> dict[str, Any] | None:  # Any: values of its fields
         """The check `stand` sees the robot fall where the recipe asks for it."""
-        found = super().values(recipe)
-        if found is None:
+        values = super().values(recipe)
+        if values is None:
             return None
         inherited = recipe.value("source.mjcf") is not None and not recipe.value("actuators")
         alone = recipe.value("validate.stand") is None
-        return found | {"alone": alone, "inherited": inherited}
+        return values | {"alone": alone, "inherited": inherited}
 
     def run(self, files: Files) -> Iterator[Finding]:
         """Reads the robot and `mjcf/scene.xml`."""
@@ -156,10 +156,10 @@ class Trials(mujoco.InMujoco):
         figures["drives"] = [{"joint": joint, **a._asdict()} for joint, a in answers.items()]
         for joint, (asked, moved) in answers.items():
             if moved < min(self.dead, 0.2 * asked):
-                own = ", as in the source's own MJCF" if self.inherited else ""
+                origin = ", as in the source's own MJCF" if self.inherited else ""
                 yield rules.DEAD(
                     f"actuator {joint}",
-                    f"commanded to swing by {asked:.3g}, the joint moved by {moved:.3g}{own}",
+                    f"commanded to swing by {asked:.3g}, the joint moved by {moved:.3g}{origin}",
                     severity="warning" if self.inherited else "error",
                     data={"asked": asked, "moved": moved},
                 )
@@ -168,8 +168,8 @@ class Trials(mujoco.InMujoco):
         drift = experiments.energy_drift(model)
         figures["energy_drift"] = _or_unstable(drift)
         if not drift <= self.energy:
-            told = f"changed by {drift:.2%}" if math.isfinite(drift) else "went to infinity"
-            message = f"in one second of free motion the energy {told}"
+            change = f"changed by {drift:.2%}" if math.isfinite(drift) else "went to infinity"
+            message = f"in one second of free motion the energy {change}"
             yield rules.ENERGY("robot", message, data={"limit": self.energy})
         if not model.nu:
             return  # a free swing is judged by its energy; nothing holds it to a path
@@ -190,8 +190,8 @@ class Trials(mujoco.InMujoco):
             {"a": a, "b": b, "share_of_poses": share}
             for (a, b), share in list(pairs.items())[:SHOWN_PAIRS]
         ]
-        found = experiments.overlaps_at_home(model)
-        at_home = {pair: depth for pair, depth in found.items() if pair[0]}
+        overlaps = experiments.overlaps_at_home(model)
+        at_home = {pair: depth for pair, depth in overlaps.items() if pair[0]}
         for (a, b), share in pairs.items():
             if share >= self.always and at_home.get((a, b), 0.0) <= START_M:
                 yield rules.OVERLAP(
@@ -213,7 +213,7 @@ class Trials(mujoco.InMujoco):
                 )
         free = mujoco.stands_free(model)
         placed = model.nkey or not free  # where a free robot starts, a keyframe alone says
-        depths = {b: depth for (a, b), depth in found.items() if placed and not a}
+        depths = {b: depth for (a, b), depth in overlaps.items() if placed and not a}
         figures["in_floor"] = [{"body": body, "depth_m": depth} for body, depth in depths.items()]
         yield from (_in_floor(body, depth) for body, depth in depths.items() if depth >= DEEP_M)
         if free and not experiments.touches_floors(model):
@@ -255,10 +255,10 @@ class Trials(mujoco.InMujoco):
             message = f"dropped from {self.drop:g} m, the simulation went to infinity"
             yield rules.UNSTABLE("robot", message, data={"drop_m": self.drop})
             return
-        for rule, (value, limit, said) in self._restless(settled).items():
+        for rule, (value, limit, text) in self._restless(settled).items():
             yield rule(
                 "robot",
-                f"two seconds after a drop from {self.drop:g} m {said}",
+                f"two seconds after a drop from {self.drop:g} m {text}",
                 hint="a smaller `simulation.timestep`, the rotors' real armature, other gains, or "
                 "a pose that stands by itself",
                 severity="info" if falls else None,
@@ -267,7 +267,7 @@ class Trials(mujoco.InMujoco):
 
     def _restless(self, settled: Settled) -> Mapping[Rule, tuple[float, float, str]]:
         """(value, its limit, words) by rule of what is above its limit."""
-        found = {}
+        exceeded = {}
         for rule, value, limit, what, unit in (
             (rules.RESTLESS, settled.speed, self.speed, "its fastest joint moves at", "rad/s"),
             (
@@ -281,8 +281,8 @@ class Trials(mujoco.InMujoco):
         ):
             if value > limit:
                 shown = f"{1e3 * value:.3g} mm" if unit == "m" else f"{value:.3g} {unit}"
-                found[rule] = value, limit, f"{what} {shown}"
-        return found
+                exceeded[rule] = value, limit, f"{what} {shown}"
+        return exceeded
 
     def _left_alone(self, model: mujoco.Model, figures: dict[str, object]) -> Iterator[Finding]:
         """Nobody touches the robot at its first keyframe; its drives hold what they can."""
@@ -303,22 +303,22 @@ class Trials(mujoco.InMujoco):
 
     def _shaken(self, model: mujoco.Model, figures: dict[str, object]) -> Iterator[Finding]:
         """Does it bear what an untrained policy asks of it?"""
-        found = experiments.shake(model, self.action)
-        if found is None:
+        outcome = experiments.shake(model, self.action)
+        if outcome is None:
             return
-        unstable = found.seconds is not None
-        fastest = None if unstable else found.fastest
-        shown = {"seconds": found.seconds, "joint": found.joint, "fastest_joint": fastest}
+        unstable = outcome.seconds is not None
+        fastest = None if unstable else outcome.fastest
+        shown = {"seconds": outcome.seconds, "joint": outcome.joint, "fastest_joint": fastest}
         figures["shake"] = shown
         if not unstable:
             return
         yield rules.SHAKEN(
-            f"joint {found.joint}",
+            f"joint {outcome.joint}",
             "an untrained policy's random targets drive the simulation to infinity after "
-            f"{found.seconds:.2g} s, this joint foremost",
+            f"{outcome.seconds:.2g} s, this joint foremost",
             hint="a smaller `simulation.timestep`, the rotors' real armature, smaller kp, or an "
             "`effort` that is no placeholder",
-            data={"seconds": found.seconds},
+            data={"seconds": outcome.seconds},
         )
 
 

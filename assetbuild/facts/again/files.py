@@ -155,10 +155,10 @@ def picture_tree(path: Path) -> Node:
     try:
         with Image.open(path) as picture:
             pixels = np.array(picture.convert("RGBA") if picture.mode == "P" else picture)
-            said = {"mode": picture.mode, "size": picture.size, "pixels": pixels}
+            values = {"mode": picture.mode, "size": picture.size, "pixels": pixels}
     except (OSError, ValueError, SyntaxError) as error:
         raise NotParsedError(f"not readable as a picture: {error}") from None
-    parts = {name: Node(value) for name, value in said.items()}
+    parts = {name: Node(value) for name, value in values.items()}
     return Node(None, parts, 0, ("picture", path.name))
 
 

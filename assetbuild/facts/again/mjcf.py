@@ -94,12 +94,12 @@ def _walk(value: Any, path: str) -> Iterator[tuple[str, Any]]:  # Any: a structu
     for name in dir(value):
         if name.startswith("_") or any(word in name for word in PLACES):
             continue
-        found = getattr(value, name)
-        if isinstance(found, np.ndarray | int | float):
-            array = np.array(found)
+        field = getattr(value, name)
+        if isinstance(field, np.ndarray | int | float):
+            array = np.array(field)
             yield f"{path}{name}", of_one_sign(array) if name.endswith("quat") else array
-        elif not callable(found) and not isinstance(found, str | bytes):
-            yield from _walk(found, f"{path}{name}.")
+        elif not callable(field) and not isinstance(field, str | bytes):
+            yield from _walk(field, f"{path}{name}.")
 
 
 def _tree(model: Model, fields: Fields, wanted: Sequence[str]) -> Node:
@@ -113,13 +113,15 @@ def _tree(model: Model, fields: Fields, wanted: Sequence[str]) -> Node:
         names = subjects(model, prefix) if prefix in (*KINDS, "dof") else []
         if rest and fields[field].ndim and len(names) == len(fields[field]):
             for name, row in zip(names, fields[field], strict=True):
-                own = things[KINDS.get(prefix, "joint")][name]
-                own[f"{rest}{f'[{len(own)}]' if rest in own else ''}"] = Node(np.squeeze(row))
+                attributes = things[KINDS.get(prefix, "joint")][name]
+                attributes[f"{rest}{f'[{len(attributes)}]' if rest in attributes else ''}"] = Node(
+                    np.squeeze(row)
+                )
         else:
             owner, _, name = field.rpartition(".")
             others.setdefault(owner.partition(".")[0] or "model", {})[name] = Node(fields[field])
-    parts = {kind: Node(None, own, 0, (kind, "")) for kind, own in others.items()}
+    parts = {kind: Node(None, attributes, 0, (kind, "")) for kind, attributes in others.items()}
     for kind, named in things.items():
-        nodes = {n: Node(None, own, 0, (kind, n)) for n, own in named.items()}
+        nodes = {n: Node(None, attributes, 0, (kind, n)) for n, attributes in named.items()}
         parts[f"all of {kind}"] = Node(None, nodes, 0, (kind, ""), ordered=True)
     return Node(None, parts)

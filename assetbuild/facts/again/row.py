@@ -45,11 +45,11 @@ class NotParsedError(Exception):
 
 def groups(rows: Iterable[Row]) -> list[tuple[Row, ...]]:
     """Rows of the same kind, attribute and values together."""
-    found: dict[tuple[object, ...], list[Row]] = {}
+    grouped_rows: dict[tuple[object, ...], list[Row]] = {}
     for row in rows:
         same = (row.kind, row.attribute, repr(row.expected), repr(row.found))
-        found.setdefault(same, []).append(row)
-    return [tuple(some) for some in found.values()]
+        grouped_rows.setdefault(same, []).append(row)
+    return [tuple(some) for some in grouped_rows.values()]
 
 
 def row_findings(rows: Iterable[Row], form: str, file: str) -> Iterator[Finding]:

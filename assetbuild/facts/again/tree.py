@@ -64,9 +64,9 @@ class _Place:
         space = "" if key.startswith("[") or not self.path else " "
         return _Place(self.kind, self.name, f"{self.path}{space}{key}")
 
-    def row(self, expected: object, found: object, line: int, what: str = "") -> Row:
+    def row(self, expected: object, actual: object, line: int, what: str = "") -> Row:
         attribute = f"{self.path} {what}".strip() or "value"
-        return Row(self.kind, self.name, attribute, quoted(expected), quoted(found), line)
+        return Row(self.kind, self.name, attribute, quoted(expected), quoted(actual), line)
 
 
 def tree_rows(again: Node, there: Node) -> list[Row]:

@@ -47,12 +47,12 @@ def usd_rows(again: Path, there: Path, roots: tuple[str, ...]) -> list[Row]:
 def _placed(rows: list[Row], there: Path) -> list[Row]:
     """The same rows, each with its line if the layer is text."""
     lines = usda_lines(there.read_text("utf-8")) if there.suffix == ".usda" else {}
-    found = []
+    placed_rows = []
     for row in rows:
         stated = re.split(r"[ \[]", row.attribute)[0]
         line = lines.get(f"{row.name}.{stated}") or lines.get(row.name, 0)
-        found.append(replace(row, line=line))
-    return found
+        placed_rows.append(replace(row, line=line))
+    return placed_rows
 
 
 def _opened(path: Path) -> Sdf.Layer:
@@ -68,8 +68,8 @@ def _opened(path: Path) -> Sdf.Layer:
 def _not_parsed(error: object) -> NotParsedError:
     """USD's own message and line, without the place in its sources."""
     text = " ".join(str(error).split())
-    if found := _PLACE.search(text):
-        return NotParsedError(found[2], int(found[1]))
+    if match := _PLACE.search(text):
+        return NotParsedError(match[2], int(match[1]))
     return NotParsedError(text[-LONGEST:])
 
 
@@ -90,9 +90,9 @@ def _tree(layer: Sdf.Layer, stage: Usd.Stage | None = None) -> Node:
         parts[path] = {field: value for field, value in fields.items() if field != "default"}
         is_property = path.IsPropertyPath()
         key = str(path.name) if is_property else str(path)
-        own = fields["default"].value if "default" in fields else None
+        default = fields["default"].value if "default" in fields else None
         subject = None if is_property else ("prim", str(path))
-        above[key] = Node(own, parts[path], 0, subject)
+        above[key] = Node(default, parts[path], 0, subject)
     return Node(None, parts[Sdf.Path.emptyPath])
 
 
@@ -167,12 +167,12 @@ def _flattened(root: Path, choice: Choice) -> Node:
 
 def _without_instances(stage: Usd.Stage) -> list[str]:
     """Makes every instance a prim of its own; returns which they were."""
-    found: list[str] = []
+    paths: list[str] = []
     while instances := [prim for prim in stage.Traverse() if prim.IsInstance()]:
         for prim in instances:
-            found.append(str(prim.GetPath()))
+            paths.append(str(prim.GetPath()))
             prim.SetInstanceable(False)
-    return sorted(found)
+    return sorted(paths)
 
 
 # --- lines of a usda file ------------------------------------------------------------------------
@@ -186,7 +186,7 @@ _PROPERTY = re.compile(r"\s*(?:\w+ )*?(?:rel|[\w:]+(?:\[\])?) ([\w:]+)(?:\.\w+)?
 
 def usda_lines(text: str) -> dict[str, int]:
     """Path of a prim or property -> its line, from 1. Of properties the first line that has it."""
-    found: dict[str, int] = {}
+    lines: dict[str, int] = {}
     stack: list[str] = [""]
     coming, in_metadata = "", False
     for number, line in enumerate(text.splitlines(), start=1):
@@ -197,16 +197,16 @@ def usda_lines(text: str) -> dict[str, int]:
                 continue
         elif named := _named(line, stack[-1]):
             coming = named
-            found.setdefault(coming, number)
+            lines.setdefault(coming, number)
             in_metadata = words.endswith("(")
         elif stated := _PROPERTY.match(line):
-            found.setdefault(f"{stack[-1]}.{stated[1]}", number)
+            lines.setdefault(f"{stack[-1]}.{stated[1]}", number)
         if words.endswith("{"):
             stack.append(coming or stack[-1])
             coming = ""
         elif words.startswith("}") and len(stack) > 1:
             stack.pop()
-    return found
+    return lines
 
 
 def _named(line: str, here: str) -> str:

@@ -44,12 +44,12 @@ def sign(text: str, written: Written) -> str:
 def read_signed(bundle: Path) -> Signed | None:
     """None of a bundle that an earlier version built."""
     robot = json.loads((bundle / "report/robot.json").read_bytes())
-    said = robot.get(KEY)
-    if not isinstance(said, dict):
+    signature = robot.get(KEY)
+    if not isinstance(signature, dict):
         return None
-    parts = [said.get(name) for name in ("meshes", "writers")]
+    parts = [signature.get(name) for name in ("meshes", "writers")]
     meshes, writers = (part if isinstance(part, dict) else {} for part in parts)
-    return Signed(Written(meshes, writers), str(said.get("digest")), _digest(robot))
+    return Signed(Written(meshes, writers), str(signature.get("digest")), _digest(robot))
 
 
 def code_digest(modules: Mapping[str, str]) -> str:

@@ -58,29 +58,29 @@ class BareFacts(MjcfReader):
         """
         known = {shape.name for shape in reference.shapes.shapes}
 
-        def own(name: str) -> str:
-            found = RENAMED.fullmatch(name)
-            return found[1] if found and name not in known else name
+        def robot_name(name: str) -> str:
+            match = RENAMED.fullmatch(name)
+            return match[1] if match and name not in known else name
 
         facts: dict[Key, Value] = {}
         for key, value in super().found(path, reference).facts.items():
             if key.kind == "shape":
-                key = key._replace(name=own(key.name))
+                key = key._replace(name=robot_name(key.name))
             if key.kind == "sensor" and isinstance(value, str) and value.startswith("shape "):
-                value = f"shape {own(value.removeprefix('shape '))}"
+                value = f"shape {robot_name(value.removeprefix('shape '))}"
             facts[key] = value
         return Table(facts)
 
 
 def _sensors(reference: Reference, control: Control) -> Iterator[Sensor]:
     """The robot's own but for those that mjlab makes itself; those of its tasks."""
-    own = [
+    sensors = [
         sensor
         for sensor in control.sensors
         if sensor.kind != "contact" and sensor.at.kind not in ("actuator", "tendon")
     ]
-    yield from own
-    there = {sensor.name for sensor in own}
+    yield from sensors
+    there = {sensor.name for sensor in sensors}
     root = reference.tree.root
     at = Place("frame", str((reference.options.get("imu") or {}).get("link") or root))
     for name, kind in TASK_SENSORS.items():

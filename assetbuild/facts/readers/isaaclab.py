@@ -107,8 +107,8 @@ class IsaacLabReader(Reader):
 
     def file(self, root: Path, robot: str) -> Path | None:
         """The module for 2.x; the other lies beside it."""
-        found = sorted(root.glob("*_isaaclab_2.py"))
-        return found[0] if found else root / f"{robot}_isaaclab_2.py"
+        modules = sorted(root.glob("*_isaaclab_2.py"))
+        return modules[0] if modules else root / f"{robot}_isaaclab_2.py"
 
     def read(self, path: Path) -> Table:
         """The facts of both modules, by the names that they write out."""
@@ -119,7 +119,7 @@ class IsaacLabReader(Reader):
         tree = reference.tree
         there = joint_identifiers(tree)
         joints = {there[joint.name]: joint.name for joint in tree.moving_joints}
-        bodies = {usd: own for own, usd in body_identifiers(tree).items()}
+        bodies = {usd: body for body, usd in body_identifiers(tree).items()}
         return _both({n: _table(path, n, bodies, joints) for n in GENERATIONS})
 
     def expected(self, reference: Reference) -> Table:
@@ -147,25 +147,25 @@ def _both(tables: Mapping[Generation, Table]) -> Table:
 
 def _table(path: Path, generation: Generation, bodies: Names, joints: Names) -> Table:
     path = path.with_name(path.name.replace("_isaaclab_2", f"_isaaclab_{generation}"))
-    record, book = recorded(path), FactCollector()
+    record, facts = recorded(path), FactCollector()
     config = next(iter(configs_of(record, path).values()))
     start = table_of(config.get("init_state"))
     joints = joints or own_names(start.get("joint_pos"))
     simulation = table_of(record["SIMULATION_CFG"])
     timestep = simulation["dt"]
     steps = {"timestep": timestep, "decimation": simulation["render_interval"]}
-    book.put("simulation", "", {**steps, "gravity": tuple(simulation["gravity"])})
+    facts.put("simulation", "", {**steps, "gravity": tuple(simulation["gravity"])})
     newton = table_of(table_of(record.get("NEWTON_CFG")).get("solver_cfg"))
-    book.put("robot", "", {f"{FORM}:integrator": newton.get("integrator")})
-    put_start(start, quat_of(start, generation), FORM, joints, book)
-    book.put("robot", "", {"soft limits": config.get("soft_joint_pos_limit_factor")})
-    book.put("robot", "", dict(_spawn(table_of(config.get("spawn")))))
+    facts.put("robot", "", {f"{FORM}:integrator": newton.get("integrator")})
+    put_start(start, quat_of(start, generation), FORM, joints, facts)
+    facts.put("robot", "", {"soft limits": config.get("soft_joint_pos_limit_factor")})
+    facts.put("robot", "", dict(_spawn(table_of(config.get("spawn")))))
     for group, patterns in drives_of(config):
         for joint in matching(patterns, joints):
-            book.put("joint", joint, _drive(group, joint, generation, timestep))
-            book.place("joint", joint, f"{path.name}:{group.get(LINE)}")
-    put_terms(record.get("EventCfg"), TERMS, bodies, joints, book)
-    return book.plain_table()
+            facts.put("joint", joint, _drive(group, joint, generation, timestep))
+            facts.place("joint", joint, f"{path.name}:{group.get(LINE)}")
+    put_terms(record.get("EventCfg"), TERMS, bodies, joints, facts)
+    return facts.plain_table()
 
 
 def _spawn(spawn: Record) -> Iterator[tuple[str, Value]]:
@@ -185,8 +185,8 @@ def _drive(
     group: Record, joint: str, generation: Generation, timestep_s: float
 ) -> dict[str, Value]:
     """Quantities of one joint; what its group does not state the USD decides."""
-    effort, (own, *others) = LIMITS[generation, class_of(group) == IMPLICIT]
-    fields = FIELDS | {effort: "effort", own: "velocity"} | {o: f"{FORM}:{o}" for o in others}
+    effort, (velocity, *others) = LIMITS[generation, class_of(group) == IMPLICIT]
+    fields = FIELDS | {effort: "effort", velocity: "velocity"} | {o: f"{FORM}:{o}" for o in others}
     steps = (group.get("min_delay", 0), group.get("max_delay", 0))
     return drive_facts(group, joint, fields) | {"delay": delay_s(steps, timestep_s)}
 
@@ -196,15 +196,15 @@ def _drive(
 
 def _besides(reference: Reference, robot: str, generation: Generation) -> Table:
     """The start, the asset and its solver, drives in Isaac Lab's forms, and its materials."""
-    book, asked = FactCollector(), reference.options.get("isaaclab") or {}
+    facts, asked = FactCollector(), reference.options.get("isaaclab") or {}
     clearance = asked.get("clearance", CLEARANCE_M) if reference.tree.base == "floating" else 0.0
     soft = asked.get("soft_joint_pos_limit_factor", 1.0)
-    put_expected_start(reference, FORM, soft, clearance, book)
+    put_expected_start(reference, FORM, soft, clearance, facts)
     words = dict(_solving(reference, generation))
     asset = (f"/bundle/usd/{robot}.usda", asked.get("contact_sensors", True))
     words |= dict(zip(SPAWN, (*asset, "{'Physics': 'physics'}"), strict=True))
-    book.put("robot", "", {f"{FORM}:{name}": value for name, value in words.items()})
-    book.put("robot", "", {"self-collision": touches_itself(reference)})
+    facts.put("robot", "", {f"{FORM}:{name}": value for name, value in words.items()})
+    facts.put("robot", "", {"self-collision": touches_itself(reference)})
     timestep, springs = reference.control.simulation.timestep, free_springs(reference.control)
     for row in reference.control.actuators:
         if row.joint in springs:  # an implicit drive that aims at the spring's rest
@@ -212,14 +212,14 @@ def _besides(reference: Reference, robot: str, generation: Generation) -> Table:
         ranges = varied(reference, "joints", row.joint) or {}
         steps = ranges.get("delay", (0, 0)) if row.model == "ideal_pd" else (0, 0)
         delay: dict[str, Value] = {"delay": delay_s(steps, timestep)}
-        book.put("joint", row.joint, delay | _isaac_drive(row, generation))
+        facts.put("joint", row.joint, delay | _isaac_drive(row, generation))
     recipe, slide = reference.options.get("randomize") or {}, reference.control.contact.friction[0]
     if recipe.get("friction") is not None or recipe.get("restitution") is not None:
         friction = tuple(recipe.get("friction") or (slide, slide))
         words = {"surface friction": friction, "dynamic surface friction": friction}
         words["materials"] = (asked.get("friction_buckets", MATERIALS),)
-        book.put("robot", "", {f"drawn:{word}": value for word, value in words.items()})
-    return book.table()
+        facts.put("robot", "", {f"drawn:{word}": value for word, value in words.items()})
+    return facts.table()
 
 
 def _draws(row: Actuator | None, word: str) -> bool:

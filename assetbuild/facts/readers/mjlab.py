@@ -95,8 +95,8 @@ class MjlabReader(Reader):
 
     def file(self, root: Path, robot: str) -> Path | None:
         """The one module below `python/`."""
-        found = sorted((root / "python").glob("*_mjlab.py"))
-        return found[0] if found else root / "python" / f"{robot}_mjlab.py"
+        modules = sorted((root / "python").glob("*_mjlab.py"))
+        return modules[0] if modules else root / "python" / f"{robot}_mjlab.py"
 
     def read(self, path: Path) -> Table:
         """The facts of a module, by the names that it writes out."""
@@ -128,7 +128,7 @@ class MjlabReader(Reader):
 
 def _table(record: Record, bodies: Names, joints: Names, file: str) -> Table:
     """Of the velocity task where there is one, else of the robot alone."""
-    book, task = FactCollector(), record.get("velocity_flat_cfg()")
+    facts, task = FactCollector(), record.get("velocity_flat_cfg()")
     robot, terms = record["robot_cfg()"], record.get("randomize_events()")
     simulation = {name: record[name.upper()] for name in ("timestep", "decimation", "gravity")}
     scale = record["ACTION_SCALE"]
@@ -137,25 +137,25 @@ def _table(record: Record, bodies: Names, joints: Names, file: str) -> Table:
         scale, terms = task["actions"]["joint_pos"].get("scale"), task["events"]
         robot = task["scene"]["entities"]["robot"]
         gone = tuple(sorted(name for name, term in terms.items() if term is None))
-        book.put("robot", "", {f"{FORM}:without": gone})
+        facts.put("robot", "", {f"{FORM}:without": gone})
     stated = ("timestep", "decimation", "gravity", "cone", "impratio")
-    book.put("simulation", "", {n: simulation[n] for n in stated if simulation.get(n) is not None})
+    facts.put("simulation", "", {n: simulation[n] for n in stated if simulation.get(n) is not None})
     model = words_of(record[f"{class_of(robot.get('spec_fn'))}()"].get(ARGUMENTS))
-    book.put("robot", "", {f"{FORM}:model": model, f"{FORM}:root": record["ROOT_BODY"]})
+    facts.put("robot", "", {f"{FORM}:model": model, f"{FORM}:root": record["ROOT_BODY"]})
     start, body = robot["init_state"], robot["articulation"]
-    put_start(start, start.get("rot", (1.0, 0.0, 0.0, 0.0)), FORM, joints, book)
-    book.put("robot", "", {"soft limits": body.get("soft_joint_pos_limit_factor")})
+    put_start(start, start.get("rot", (1.0, 0.0, 0.0, 0.0)), FORM, joints, facts)
+    facts.put("robot", "", {"soft limits": body.get("soft_joint_pos_limit_factor")})
     groups = []
     for drive in body["actuators"]:
         groups.append(matching(words_of(drive.get("target_names_expr")), joints))
         for joint in groups[-1]:
-            book.put("joint", joint, _drive(drive, record["TIMESTEP"]))
-            book.place("joint", joint, f"{file}:{drive[LINE]}")
-    for there, own in joints.items():
+            facts.put("joint", joint, _drive(drive, record["TIMESTEP"]))
+            facts.place("joint", joint, f"{file}:{drive[LINE]}")
+    for there, joint in joints.items():
         if (number := number_of(scale, there)) is not None:
-            book.put("joint", own, {f"{FORM}:action scale": number})
-    put_terms(_with_densities(terms), TERMS, bodies, joints, book, groups)
-    return book.plain_table()
+            facts.put("joint", joint, {f"{FORM}:action scale": number})
+    put_terms(_with_densities(terms), TERMS, bodies, joints, facts, groups)
+    return facts.plain_table()
 
 
 def _drive(drive: Record, timestep_s: float) -> dict[str, Value]:
@@ -171,13 +171,13 @@ def _drive(drive: Record, timestep_s: float) -> dict[str, Value]:
 
 def _with_densities(terms: object) -> Record:
     """Event terms with factors of the mass, which grows by exp(2 alpha), in the place of alpha."""
-    found = dict(table_of(terms))
-    for name, term in found.items():
+    events = dict(table_of(terms))
+    for name, term in events.items():
         params = table_of(table_of(term).get("params"))
         if "alpha_range" in params:
             factors = [math.exp(2.0 * alpha) for alpha in params["alpha_range"]]
-            found[name] = term | {"params": params | {"alpha_range": factors}}
-    return found
+            events[name] = term | {"params": params | {"alpha_range": factors}}
+    return events
 
 
 # --- what the robot says ----------------------------------------------------------------------
@@ -185,26 +185,26 @@ def _with_densities(terms: object) -> Record:
 
 def _besides(reference: Reference, robot: str) -> Table:
     """The start, delays, actions, and the options of the velocity task."""
-    book, asked = FactCollector(), reference.options.get("mjlab") or {}
+    facts, asked = FactCollector(), reference.options.get("mjlab") or {}
     model = (f"/bundle/mjcf/{robot}_bare.xml",)
-    book.put("robot", "", {f"{FORM}:model": model, f"{FORM}:root": reference.tree.root})
-    put_expected_start(reference, FORM, asked.get("soft_joint_pos_limit_factor", 0.9), 0.0, book)
+    facts.put("robot", "", {f"{FORM}:model": model, f"{FORM}:root": reference.tree.root})
+    put_expected_start(reference, FORM, asked.get("soft_joint_pos_limit_factor", 0.9), 0.0, facts)
     action = {"effort_share": 0.25, "rad": 0.5, "m": 0.05} | (asked.get("action") or {})
     for row in reference.control.actuators:
         if row.model in STATED:
             steps = (varied(reference, "joints", row.joint) or {}).get("delay", (0, 0))
             delay = delay_s(steps, reference.control.simulation.timestep)
-            book.put("joint", row.joint, {"delay": delay})
+            facts.put("joint", row.joint, {"delay": delay})
             if row.kp and row.effort:
                 slides = reference.tree.by_joint[row.joint].kind == "prismatic"
                 most = action["m" if slides else "rad"]
                 scale = min(action["effort_share"] * row.effort / row.kp, most)
-                book.put("joint", row.joint, {f"{FORM}:action scale": scale})
+                facts.put("joint", row.joint, {f"{FORM}:action scale": scale})
     if _walks(reference):
-        book.put("robot", "", {f"{FORM}:without": tuple(_replaced(reference))})
+        facts.put("robot", "", {f"{FORM}:without": tuple(_replaced(reference))})
         solver = {"cone": asked.get("cone", "elliptic"), "impratio": asked.get("impratio", 10.0)}
-        book.put("simulation", "", solver)
-    return book.table()
+        facts.put("simulation", "", solver)
+    return facts.table()
 
 
 def _walks(reference: Reference) -> bool:

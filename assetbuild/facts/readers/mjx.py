@@ -26,10 +26,10 @@ class MjxFacts(MjcfReader):
 
     def robot_of(self, reference: Reference) -> Reference:
         """Only the links of `touching` collide; without self-collision only with the world."""
-        said = {**DEFAULTS, **(reference.options.get("mjx") or {})}
-        options = {**reference.options, "mjx": said}
-        touching, most = said.get("touching", ".*"), said.get("condim")
-        meets = bool(said.get("self_collision", False))
+        settings = {**DEFAULTS, **(reference.options.get("mjx") or {})}
+        options = {**reference.options, "mjx": settings}
+        touching, most = settings.get("touching", ".*"), settings.get("condim")
+        meets = bool(settings.get("self_collision", False))
         shapes, control = reference.shapes, reference.control
         gone = {s.name for s in shapes.of("collision") if not re.fullmatch(touching, s.link)}
         kept = tuple(shape for shape in shapes.shapes if shape.name not in gone)

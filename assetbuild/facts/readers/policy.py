@@ -47,29 +47,31 @@ class PolicyFacts(Reader):
 
     def read(self, path: Path) -> Table:
         """UsageError for what is no YAML; LookupError, TypeError or ValueError for another file."""
-        said, book = read_yaml(path), FactCollector()
-        names = said["joints"]
+        policy, collector = read_yaml(path), FactCollector()
+        names = policy["joints"]
         for column, quantity in COLUMNS.items():
-            for name, value in zip(names, said[column], strict=False):
-                book.put("joint", name, {quantity: value})
-        lengths = {f"policy:{column}": float(len(said[column])) for column in ("joints", *COLUMNS)}
-        book.put("lists", "", lengths)
-        for engine, order in said["orders"].items():
+            for name, value in zip(names, policy[column], strict=False):
+                collector.put("joint", name, {quantity: value})
+        lengths = {
+            f"policy:{column}": float(len(policy[column])) for column in ("joints", *COLUMNS)
+        }
+        collector.put("lists", "", lengths)
+        for engine, order in policy["orders"].items():
             for place, name in enumerate(order):
-                book.put("joint", name, {f"policy:{engine}": float(place)})
-        for engine, places in said["permutations"].items():
+                collector.put("joint", name, {f"policy:{engine}": float(place)})
+        for engine, places in policy["permutations"].items():
             for name, place in zip(names, places, strict=False):
-                book.put("joint", name, {f"policy:from {engine}": float(place)})
-        book.put("simulation", "", {key: said[key] for key in ("timestep", "decimation")})
-        book.put("robot", "", {"base": said["base"]["kind"]})
-        book.put(
-            "robot", "", {f"policy:base {word}": said["base"][word] for word in ("link", "imu")}
+                collector.put("joint", name, {f"policy:from {engine}": float(place)})
+        collector.put("simulation", "", {key: policy[key] for key in ("timestep", "decimation")})
+        collector.put("robot", "", {"base": policy["base"]["kind"]})
+        collector.put(
+            "robot", "", {f"policy:base {word}": policy["base"][word] for word in ("link", "imu")}
         )
-        return book.plain_table()
+        return collector.plain_table()
 
     def expected(self, reference: Reference) -> Table:
         """The drives of the joints that move, in every order."""
-        tree, book = reference.tree, FactCollector()
+        tree, collector = reference.tree, FactCollector()
         moving = [joint.name for joint in tree.moving_joints]
         start = dict(start_of(tree, reference.control).joints)
         for engine, order in _orders(reference, moving).items():
@@ -77,17 +79,17 @@ class PolicyFacts(Reader):
                 words: dict[str, Value] = {f"policy:{engine}": float(place)}
                 if len(order) == len(moving):
                     words[f"policy:from {engine}"] = float(place)
-                book.put("joint", name, words)
+                collector.put("joint", name, words)
         for name in moving:
-            book.put("joint", name, {"start": start[name]})
+            collector.put("joint", name, {"start": start[name]})
         count = float(len(moving))
-        book.put("lists", "", {f"policy:{column}": count for column in ("joints", *COLUMNS)})
+        collector.put("lists", "", {f"policy:{column}": count for column in ("joints", *COLUMNS)})
         imu = (reference.options.get("imu") or {}).get("link") or tree.root
-        book.put("robot", "", {"policy:base link": tree.root, "policy:base imu": imu})
+        collector.put("robot", "", {"policy:base link": tree.root, "policy:base imu": imu})
         facts = robot_table(reference).only(
             lambda key: self.holds(key) and (key.kind != "joint" or key.name in moving)
         )
-        return facts | book.table()
+        return facts | collector.table()
 
 
 def _orders(reference: Reference, moving: list[str]) -> dict[str, list[str]]:
@@ -101,7 +103,7 @@ def _orders(reference: Reference, moving: list[str]) -> dict[str, list[str]]:
 
 def _path(tree: Tree, joint: str) -> tuple[str, ...]:
     """Names of the joints from the root to this one, as USD spells them."""
-    above, found = tree.joint_above, [joint]
-    while (link := tree.by_joint[found[0]].parent) in above:
-        found.insert(0, above[link].name)
-    return tuple(re.sub("^(?=[0-9])", "_", re.sub("[^A-Za-z0-9_]", "_", name)) for name in found)
+    above, joints = tree.joint_above, [joint]
+    while (link := tree.by_joint[joints[0]].parent) in above:
+        joints.insert(0, above[link].name)
+    return tuple(re.sub("^(?=[0-9])", "_", re.sub("[^A-Za-z0-9_]", "_", name)) for name in joints)

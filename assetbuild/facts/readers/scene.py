@@ -35,14 +35,14 @@ class SceneFacts(Reader):
     def read(self, path: Path) -> Table:
         """The floor, other shapes of the world, and what the robot's own file says otherwise."""
         beside = f"{self.robot}{path.stem.removeprefix('scene')}.xml"  # `go1_mjx.xml`
-        own, scene = _compiled(path.with_name(beside)), _compiled(path)
-        before, after = compiled_facts(own).facts, compiled_facts(scene).facts
+        robot, scene = _compiled(path.with_name(beside)), _compiled(path)
+        before, after = compiled_facts(robot).facts, compiled_facts(scene).facts
         facts: dict[Key, Value] = {}
         for key in dict.fromkeys((*before, *after)):
             if before.get(key) != after.get(key):
                 word = key.quantity.removeprefix("mjcf:")
                 facts[key._replace(quantity=f"mjcf:{word}")] = after.get(key, "missing")
-        there = {own.geom(index).name for index in range(own.ngeom)}
+        there = {robot.geom(index).name for index in range(robot.ngeom)}
         planes = [index for index in floors(scene) if scene.geom(index).name not in there]
         for index in range(scene.ngeom):
             name = str(scene.geom(index).name)
@@ -57,13 +57,13 @@ class SceneFacts(Reader):
         if brings_floor(reference.tree, reference.control):
             return Table({})
         floor = floor_of(reference.tree, reference.control)
-        said: dict[str, Value] = {
+        values: dict[str, Value] = {
             "height": floor.height_m,
             "friction": floor.friction,
             "mjcf:normal": (0.0, 0.0, 1.0),
             "mjcf:masks": (1.0, 1.0),
         }
-        return Table({Key("floor", "", word): value for word, value in said.items()})
+        return Table({Key("floor", "", word): value for word, value in values.items()})
 
 
 class SceneMjxFacts(SceneFacts):
@@ -87,10 +87,10 @@ def _compiled(path: Path) -> Model:
 def _floor(model: Model, plane: int) -> dict[Key, Value]:
     """How wide its grid is drawn is no matter."""
     turn = rotation_of(tuple(float(v) for v in model.geom_quat[plane]))  # type: ignore[arg-type] # four
-    said: dict[str, Value] = {
+    values: dict[str, Value] = {
         "height": float(model.geom_pos[plane, 2]),
         "friction": plain(model.geom_friction[plane]),
         "mjcf:normal": tuple(turn[:, 2].tolist()),
         "mjcf:masks": (float(model.geom_contype[plane]), float(model.geom_conaffinity[plane])),
     }
-    return {Key("floor", "", word): value for word, value in said.items()}
+    return {Key("floor", "", word): value for word, value in values.items()}

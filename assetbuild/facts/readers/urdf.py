@@ -100,20 +100,20 @@ class UrdfFacts(Reader):
         """The links with their ratings; a capsule, which URDF lacks, in three pieces."""
         links = held_by_world(reference.links)
         reference = replace(reference, links=links)
-        stated, book = robot_table(reference, merged=False).only(self.holds), FactCollector()
+        stated, collector = robot_table(reference, merged=False).only(self.holds), FactCollector()
         follows = {each.joint: each.mimic for each in reference.control.loop_mimics}
         for joint in links.joints:
-            book.put("joint", joint.name, dict(_ratings(joint, reference.control)))
+            collector.put("joint", joint.name, dict(_ratings(joint, reference.control)))
             if joint.name in follows:
-                book.put("joint", joint.name, mimic_facts(follows[joint.name]))
+                collector.put("joint", joint.name, mimic_facts(follows[joint.name]))
         capsules = set()
         for shape in reference.shapes.shapes:
             if isinstance(shape.geometry, Capsule):
                 capsules.add(shape.name)
                 for name, facts in _pieces(shape, shape.geometry):
-                    book.put("shape", name, stated.of("shape", shape.name) | facts)
+                    collector.put("shape", name, stated.of("shape", shape.name) | facts)
         whole = stated.only(lambda key: key.kind != "shape" or key.name not in capsules)
-        return whole | book.table()
+        return whole | collector.table()
 
 
 def _ratings(joint: Joint, control: Control) -> Iterator[tuple[str, Value]]:
@@ -210,22 +210,22 @@ class UrdfFile:
         self._book.put("body", name, {"parent": "", **_inertial(link)})
         for role in ("visual", "collision"):
             for index, element in enumerate(link.iterchildren(role)):
-                said = f"{name}_{role}" + (f"_{index}" if index else "")
-                shape = self._unique("shape", element.get("name", said), element)
+                default_name = f"{name}_{role}" + (f"_{index}" if index else "")
+                shape = self._unique("shape", element.get("name", default_name), element)
                 self._book.put("shape", shape, {"role": role, "body": name})
                 self._book.put("shape", shape, self._shape(element))
 
     def _shape(self, element: _Element) -> dict[str, Value]:
         pose, facts = origin_of(element), dict[str, Value]()
         geometry = element.find("geometry")
-        for found in () if geometry is None else geometry.iterchildren("*"):
-            tag = str(found.tag)
+        for child in () if geometry is None else geometry.iterchildren("*"):
+            tag = str(child.tag)
             if tag in SIZES:
-                size = [number for name in SIZES[tag] for number in _numbers(found, name) or ()]
+                size = [number for name in SIZES[tag] for number in _numbers(child, name) or ()]
                 place = (*pose.xyz, *pose.quat)
                 facts |= {"geometry": tag, "size": tuple(size), "pose": place}
             elif tag == "mesh":
-                facts |= {"geometry": "mesh", **self._mesh(found, pose)}
+                facts |= {"geometry": "mesh", **self._mesh(child, pose)}
         worn = element.find("material")
         if worn is not None:
             name = worn.get("name", "")

@@ -61,32 +61,32 @@ class UsdSceneReader(Reader):
         from assetbuild.facts.usd_prims import Places, Prim, opened, units_of
 
         with opened(path) as stage:
-            book = FactCollector()
-            places = Places(units_of(stage, book))
+            facts = FactCollector()
+            places = Places(units_of(stage, facts))
             for each in Usd.PrimRange(stage.GetPseudoRoot(), Usd.TraverseInstanceProxies()):
                 prim = Prim(each)
                 if prim.type == "PhysicsScene":
-                    book.put("simulation", "", _simulation(prim, places))
+                    facts.put("simulation", "", _simulation(prim, places))
                 elif prim.type == "Plane":
-                    book.place("floor", "", prim.path)
-                    book.put("floor", "", _floor(prim, places))
+                    facts.place("floor", "", prim.path)
+                    facts.put("floor", "", _floor(prim, places))
                 elif prim.has("PhysicsRigidBodyAPI"):
                     pose, _ = places.rigid(each)
-                    name = prim.named("start", book)
-                    book.put("start", name, {"usd:initial pose": pose_value(pose)})
-            return book.table()
+                    name = prim.named("start", facts)
+                    facts.put("start", name, {"usd:initial pose": pose_value(pose)})
+            return facts.table()
 
     def expected(self, reference: Reference) -> Table:
         """Gravity and rate of the recipe, the robot in its initial pose on the floor."""
-        tree, control, book = reference.tree, reference.control, FactCollector()
-        book.put("robot", "", {
+        tree, control, facts = reference.tree, reference.control, FactCollector()
+        facts.put("robot", "", {
             "up axis": "Z", "metres per unit": 1.0, "kilograms per unit": 1.0,
         })  # fmt: skip
         simulation, ground = simulation_values(control), floor_of(tree, control)
         simulation["timestep"] = 1.0 / round(1.0 / control.simulation.timestep)  # whole steps per s
         held = {key: v for key, v in simulation.items() if f"simulation {key}" not in self.lacks}
-        book.put("simulation", "", held)
-        book.put("floor", "", {
+        facts.put("simulation", "", held)
+        facts.put("floor", "", {
             "height": ground.height_m,
             "friction": ground.friction,
             "usd:axis": "Z",
@@ -100,8 +100,8 @@ class UsdSceneReader(Reader):
             base = initial.base
             start = IDENTITY if base is None else Pose((0.0, 0.0, CLEARANCE_M)) @ base
         for body, pose in forward_kinematics(tree, dict(initial.joints)).items():
-            book.put("start", body, {"usd:initial pose": pose_value(start @ pose)})
-        return book.table()
+            facts.put("start", body, {"usd:initial pose": pose_value(start @ pose)})
+        return facts.table()
 
 
 def _simulation(prim: Prim, places: Places) -> dict[str, Value]:

@@ -33,34 +33,34 @@ class Xrdf(Reader):
 
     def read(self, path: Path) -> Table:
         """Places in the configuration space, limits and default positions, rad or m and s."""
-        said, book = read_yaml(path), FactCollector()
-        names = said["cspace"]["joint_names"]
+        xrdf, facts = read_yaml(path), FactCollector()
+        names = xrdf["cspace"]["joint_names"]
         for place, name in enumerate(names):
-            book.put("joint", name, {"xrdf:place": float(place)})
+            facts.put("joint", name, {"xrdf:place": float(place)})
         for word in LIMITS:
-            for name, limit in zip(names, said["cspace"].get(f"{word}_limits", ()), strict=False):
-                book.put("joint", name, {f"xrdf:{word}": limit})
-        for name, position in said["default_joint_positions"].items():
-            book.put("joint", name, {"xrdf:default": position})
-        return book.plain_table()
+            for name, limit in zip(names, xrdf["cspace"].get(f"{word}_limits", ()), strict=False):
+                facts.put("joint", name, {f"xrdf:{word}": limit})
+        for name, position in xrdf["default_joint_positions"].items():
+            facts.put("joint", name, {"xrdf:default": position})
+        return facts.plain_table()
 
     def expected(self, reference: Reference) -> Table:
         """From the section `xrdf` of the recipe; a joint that follows another has no place."""
-        said, book = reference.options.get("xrdf") or {}, FactCollector()
+        options, facts = reference.options.get("xrdf") or {}, FactCollector()
         pose = dict(start_of(reference.tree, reference.control).joints)
         leading = [joint.name for joint in reference.tree.moving_joints if joint.mimic is None]
         driven = {row.joint for row in reference.control.actuators if row.model != "passive"}
-        pattern = said.get("joints", ".*")
+        pattern = options.get("joints", ".*")
         planned = [name for name in leading if name in driven and re.fullmatch(pattern, name)]
         for name in leading:
-            book.put("joint", name, {"xrdf:default": pose[name]})
+            facts.put("joint", name, {"xrdf:default": pose[name]})
         for place, name in enumerate(planned):
-            book.put("joint", name, {"xrdf:place": float(place)})
+            facts.put("joint", name, {"xrdf:place": float(place)})
         for word in LIMITS:
-            asked = said.get(word)
+            asked = options.get(word)
             table = asked if isinstance(asked, Mapping) else {".*": asked}
             stated = {name: first_match(table, name) for name in planned}
             limits = {name: float(limit) for name, limit in stated.items() if limit is not None}
             for name, limit in limits.items() if len(limits) == len(planned) else ():
-                book.put("joint", name, {f"xrdf:{word}": limit})
-        return book.table()
+                facts.put("joint", name, {f"xrdf:{word}": limit})
+        return facts.table()
