@@ -169,7 +169,7 @@ def _led(tree: Tree, joint: Joint) -> Iterator[Finding]:
     leader, _, _ = leading(tree, joint)
     common = common_range(tree, leader)
     apart = common is not None and not has_room(leader, common)
-    said = f"no position of `{leader.name}` suits both: " if apart else ""
+    conflict = f"no position of `{leader.name}` suits both: " if apart else ""
     hint = "has the multiplier a wrong sign? correct the limits of one by `set_limits`"
     if not apart and common is not None:
         hint = f"`set_limits: {{joint: {leader.name}, lower: {common[0]:.4g}, "
@@ -178,8 +178,8 @@ def _led(tree: Tree, joint: Joint) -> Iterator[Finding]:
     yield MIMIC_LIMITS(
         f"joint {joint.name}",
         f"mimics `{joint.mimic.joint}` from {led[0]:.4g} to {led[1]:.4g} {unit}, but its limits "
-        f"are {lower:g} to {upper:g}: {said}PhysX blows up on the contradiction, MuJoCo holds both "
-        "back",
+        f"are {lower:g} to {upper:g}: {conflict}PhysX blows up on the contradiction, MuJoCo holds "
+        "both back",
         hint,
         data={"led_lower": led[0], "led_upper": led[1], "lower": lower, "upper": upper},
         blocks=apart,

@@ -46,8 +46,8 @@ class MergeFixedJoints(Step):
     def run(self, files: Files) -> Iterator[Finding]:
         """Raises RecipeError for a pattern that matches no link."""
         robot = RobotFiles(files.inputs)
-        links, said = robot.links, robot.source_control if self.keep_source else None
-        kept = self._kept(links) | frozenset(said.bodies if said else ())
+        links, control = robot.links, robot.source_control if self.keep_source else None
+        kept = self._kept(links) | frozenset(control.bodies if control else ())
         tree, facts = merge_fixed_joints(links, self.merge, kept, keep_root=self.keep_root)
         (files.outputs / "tree.json").write_bytes(encode(tree))
         for fact in facts:
@@ -68,11 +68,11 @@ class MergeFixedJoints(Step):
     def _kept(self, links: Tree) -> frozenset[str]:
         kept: set[str] = set()
         for pattern in self.keep_bodies:
-            found = {name for name in links.by_body if re.fullmatch(pattern, name)}
-            if not found:
+            matches = {name for name in links.by_body if re.fullmatch(pattern, name)}
+            if not matches:
                 message = f"fixed_joints.keep_bodies: no link matches `{pattern}`"
                 raise RecipeError(message, hint=did_you_mean(pattern, links.by_body))
-            kept |= found
+            kept |= matches
         return frozenset(kept)
 
 

@@ -265,7 +265,7 @@ class CollisionMethod(Step):
             "max_missing": (quality.missing, self.max_missing),
             "max_overcover": (quality.over, self.max_overcover),
         }
-        return {key: (found, most) for key, (found, most) in stated.items() if most is not None}
+        return {key: (value, most) for key, (value, most) in stated.items() if most is not None}
 
     def _usual(self, quality: Quality) -> dict[str, tuple[float, float]]:
         """Those of `excesses` whose limit is a preset's."""

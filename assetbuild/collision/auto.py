@@ -149,10 +149,10 @@ class Auto(LibraryMethod):
         dear = cuts is not None and FAR < best.badness < BLOCKED and not self._may_help(reference)
         findings: list[Finding] = []
         for rung in () if by_few or dear else (self._by_coacd, self._by_vhacd):
-            found, said = rung(reference, view)
-            findings += said
-            if found is not None and _rank(found) < _rank(best):
-                best = found
+            candidate, failures = rung(reference, view)
+            findings += failures
+            if candidate is not None and _rank(candidate) < _rank(best):
+                best = candidate
             if best.badness == 0.0:
                 break
         return Fitted(best.pieces, tuple(findings), best.how, best.quality)
@@ -184,9 +184,9 @@ class Auto(LibraryMethod):
         if share > TILTED:
             return cuts, drawn
         straight = _View(Reference(reference.mesh.mapped(axes.T)), axes)
-        own = self._by_cuts(reference, straight)
-        better = own is not None and (cuts is None or _fewest(own) < _fewest(cuts))
-        return (own, straight) if better else (cuts, drawn)
+        tilted_cuts = self._by_cuts(reference, straight)
+        better = tilted_cuts is not None and (cuts is None or _fewest(tilted_cuts) < _fewest(cuts))
+        return (tilted_cuts, straight) if better else (cuts, drawn)
 
     def _by_cuts(self, reference: Reference, view: _View) -> _Candidate | None:
         count = min(CUTS * self.max_hulls, 1024)
@@ -279,8 +279,8 @@ class Auto(LibraryMethod):
             else:
                 low = middle + 1
         for count in range(low, most):
-            if (found := member(count)).badness == 0.0:
-                return found
+            if (candidate := member(count)).badness == 0.0:
+                return candidate
         return best
 
     def within_caps(self, hull: TriangleMesh) -> ConvexPiece:
@@ -299,8 +299,8 @@ class Auto(LibraryMethod):
             return _Candidate((), _NOTHING, np.inf, how)
         quality = rough(reference, capped, samples)
         badness = sum(
-            max(0.0, found / most - 1.0) if most else float(found > 0.0)
-            for found, most in self.excesses(quality).values()
+            max(0.0, value / most - 1.0) if most else float(value > 0.0)
+            for value, most in self.excesses(quality).values()
         )
         badness += BLOCKED * sum(blocked_by(p, c) for c in self.closed_places for p in capped)
         return _Candidate(capped, quality, badness, how)

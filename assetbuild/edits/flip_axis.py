@@ -68,10 +68,10 @@ class FlipAxis(JointEdit):
         """q = offset + multiplier * q(other), with the signs of both as they are now."""
         if joint.mimic is None:
             return joint
-        own = -1.0 if re.fullmatch(self.joint, joint.name) else 1.0
+        sign = -1.0 if re.fullmatch(self.joint, joint.name) else 1.0
         other = -1.0 if re.fullmatch(self.joint, joint.mimic.joint) else 1.0
-        multiplier = own * other * joint.mimic.multiplier
-        offset = own * joint.mimic.offset + 0.0
+        multiplier = sign * other * joint.mimic.multiplier
+        offset = sign * joint.mimic.offset + 0.0
         return replace(joint, mimic=Mimic(joint.mimic.joint, multiplier, offset))
 
 

@@ -82,17 +82,17 @@ class InertiaFromGeometry(MassEdit):
         }
 
         def change(body: Body) -> tuple[Inertial, Finding]:
-            own = [shape for shape in shapes.of(self.from_) if shape.link == body.name]
-            if not own:
+            link_shapes = [shape for shape in shapes.of(self.from_) if shape.link == body.name]
+            if not link_shapes:
                 raise RecipeError(
                     f"inertia_from_geometry: link `{body.name}` has no {self.from_} geometry",
                     hint=f"try `from: {self._other()}`",
                 )
-            parts = [self._solid(shape, folder_of) for shape in own]
+            parts = [self._solid(shape, folder_of) for shape in link_shapes]
             volume = math.fsum(part.mass_kg for part in parts)
             density = self.density if self.density is not None else (self.mass or 0.0) / volume
             after = combine([_times(part, density) for part in parts])
-            return after, self._finding(body, after, volume, density, len(own))
+            return after, self._finding(body, after, volume, density, len(link_shapes))
 
         tree, findings = edit_inertials(tree, self.link, change)
         return Edited(tree, shapes, findings)

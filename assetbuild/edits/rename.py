@@ -88,11 +88,11 @@ def _new_names(kind: str, names: Iterable[str], rules: Mapping[str, str]) -> dic
 
 def _new_name(kind: str, name: str, rules: Mapping[str, str]) -> str:
     for pattern, replacement in rules.items():
-        found = re.fullmatch(pattern, name)
-        if found is None:
+        match = re.fullmatch(pattern, name)
+        if match is None:
             continue
         try:
-            new = found.expand(replacement)
+            new = match.expand(replacement)
         except (re.error, IndexError) as error:
             raise RecipeError(f"rename: `{replacement}` for {kind} `{name}`: {error}") from None
         if not new.strip():

@@ -169,10 +169,12 @@ def _visual_shapes(
     made = []
     for part in mesh.parts:
         asset = library.add(folder / "parts" / part.file, use.stem, part)
-        own = palette.of_part(part, folder / "parts")
-        if own and not use.named:
+        part_material = palette.of_part(part, folder / "parts")
+        if part_material and not use.named:
             palette.passed_over(shape)
-        material = own or palette.of_source(shape.material, uv=part.uv, mean=not use.named)
+        material = part_material or palette.of_source(
+            shape.material, uv=part.uv, mean=not use.named
+        )
         made.append(Shape("", shape.link, "visual", Mesh(asset), shape.X_link_shape, material))
     return made
 
@@ -286,7 +288,7 @@ class _Palette:
         png = self._pictures.get(material.texture or "")
         if mean and not uv and png is not None and png.is_file():
             pairs = zip(material.rgba, mean_colour(png.read_bytes()), strict=False)
-            r, g, b = (stated * own for stated, own in pairs)
+            r, g, b = (stated * average for stated, average in pairs)
             shown = replace(shown, rgba=(r, g, b, material.rgba[3]))
         return self._take(shown)
 
@@ -308,13 +310,13 @@ class _Palette:
     @property
     def findings(self) -> tuple[Finding, ...]:
         """Textures and materials of the source that are not shown, each once."""
-        own = list(dict.fromkeys(self._own))
-        if not own:
+        names = list(dict.fromkeys(self._own))
+        if not names:
             return tuple(self._told.values())
-        shown = ", ".join(f"`{name}`" for name in own[:4]) + (", ..." if len(own) > 4 else "")
-        message = f"the meshes of {len(own)} shapes bring materials of their own, which count "
+        shown = ", ".join(f"`{name}`" for name in names[:4]) + (", ..." if len(names) > 4 else "")
+        message = f"the meshes of {len(names)} shapes bring materials of their own, which count "
         message += f"instead of the URDF's: {shown}"
-        return (*self._told.values(), OWN_MATERIAL("robot", message, data={"shapes": len(own)}))
+        return (*self._told.values(), OWN_MATERIAL("robot", message, data={"shapes": len(names)}))
 
     def _texture(self, material: Material, uv: bool) -> str | None:
         if material.texture is None:

@@ -104,19 +104,19 @@ class DecimateMesh(Step):
             for part in record.parts
         ]
         yield from self._textured(parts)
-        found = self._search([part.mesh for part in parts])
-        if found is None:
+        attempt = self._search([part.mesh for part in parts])
+        if attempt is None:
             _pass_on(files)
             yield self._stopped(record.faces, record.faces, None)
             return
-        out = [MaterialPart(p.material, m) for p, m in zip(parts, found.meshes, strict=True)]
+        out = [MaterialPart(p.material, m) for p, m in zip(parts, attempt.meshes, strict=True)]
         write_converted(files.outputs, out)
         for picture in sorted({part.texture for part in record.parts if part.texture}):
             shutil.copyfile(files.inputs / "parts" / picture, files.outputs / "parts" / picture)
         reached = sum(len(part.mesh.faces) for part in out)
-        yield self._decimated(record.faces, reached, found)
+        yield self._decimated(record.faces, reached, attempt)
         if reached > self.max_faces:
-            yield self._stopped(record.faces, reached, found)
+            yield self._stopped(record.faces, reached, attempt)
 
     def _search(self, meshes: Sequence[TriangleMesh]) -> _Attempt | None:
         """The first goal, doubling, that keeps the shape; None when only the original does."""
@@ -148,23 +148,23 @@ class DecimateMesh(Step):
                 data={"parts": len(textured), "faces": faces},
             )
 
-    def _decimated(self, before: int, after: int, found: _Attempt) -> Finding:
-        p99 = 1e3 * found.distance.p99_m
+    def _decimated(self, before: int, after: int, attempt: _Attempt) -> Finding:
+        p99 = 1e3 * attempt.distance.p99_m
         return DECIMATED(
             self.subject,
             f"{before} -> {after} triangles; 99 % of the surface within {p99:.2g} mm, "
-            f"area x {found.area:.4f}",
+            f"area x {attempt.area:.4f}",
             data={
                 "from": before,
                 "to": after,
                 "p99_mm": round(p99, 4),
-                "max_mm": round(1e3 * found.distance.max_m, 4),
-                "mean_mm": round(1e3 * found.distance.mean_m, 4),
-                "area_ratio": round(found.area, 5),
+                "max_mm": round(1e3 * attempt.distance.max_m, 4),
+                "mean_mm": round(1e3 * attempt.distance.mean_m, 4),
+                "area_ratio": round(attempt.area, 5),
             },
         )
 
-    def _stopped(self, before: int, after: int, found: _Attempt | None) -> Finding:
+    def _stopped(self, before: int, after: int, attempt: _Attempt | None) -> Finding:
         kept = f"keeps its {after} triangles, above the goal of {self.max_faces}: fewer would "
         kept += "change its shape"
         less = (
@@ -178,7 +178,7 @@ class DecimateMesh(Step):
                 "from": before,
                 "to": after,
                 "goal": self.max_faces,
-                "area_ratio": None if found is None else round(found.area, 5),
+                "area_ratio": None if attempt is None else round(attempt.area, 5),
             },
         )
 

@@ -114,23 +114,23 @@ def _jobs_of(
     recipe: Recipe, folder: Path, link: str, links: Tree, shapes: SourceShapes
 ) -> list[Job]:
     rule = first_match(recipe.collision.links, link) or recipe.collision.default
-    own = _source_of(rule, link, shapes)
+    link_shapes = _source_of(rule, link, shapes)
     method = method_of(rule)
     if method is None or not isinstance(rule, ShapedRule):
-        return [Job(link, (shape,)) for shape in own] if rule.method == "keep" else []
-    if not own and method.step_name() != "explicit":
+        return [Job(link, (shape,)) for shape in link_shapes] if rule.method == "keep" else []
+    if not link_shapes and method.step_name() != "explicit":
         return []
     fields = _fields(rule, recipe)
     if "bones" in method.model_fields and fields.get("max_hulls", 1) > 1:
         fields["bones"] = _bones(links, link)
     if method.scope != "shape":
         files = _own_meshes(rule, fields, folder)
-        return [Job(link, own, method, fields, rule.keep_open, rule.regions, files)]
+        return [Job(link, link_shapes, method, fields, rule.keep_open, rule.regions, files)]
     return [
         Job(link, (shape,))
         if isinstance(shape.geometry, method.keeps)
         else Job(link, (shape,), method, fields, rule.keep_open, rule.regions)
-        for shape in own
+        for shape in link_shapes
     ]
 
 
@@ -140,17 +140,17 @@ def _own_meshes(
     folder: Path,  # Any: as Job.fields
 ) -> tuple[MeshFile, ...]:
     """The mesh files of a rule's pieces; in `fields` they become inputs, whatever their names."""
-    found: list[MeshFile] = []
+    meshes: list[MeshFile] = []
     for piece, data in zip(
         getattr(rule, "pieces", None) or (), fields.get("pieces", ()), strict=True
     ):
         if piece.file is None:
             continue
         mesh = MeshFile(str(file_of(piece.file, folder)), piece.scale or (1.0, 1.0, 1.0))
-        if mesh not in found:
-            found.append(mesh)
-        data |= {"file": f"own/{found.index(mesh)}", "scale": None}
-    return tuple(found)
+        if mesh not in meshes:
+            meshes.append(mesh)
+        data |= {"file": f"own/{meshes.index(mesh)}", "scale": None}
+    return tuple(meshes)
 
 
 def file_of(name: str, folder: Path) -> Path:
@@ -202,8 +202,8 @@ def _fields(rule: CollisionRule, recipe: Recipe) -> dict[str, Any]:  # Any: as J
     method = method_of(rule)
     keys = method.keys() if method else {}
     preset = method.preset(rule.preset or recipe.collision.preset) if method else {}
-    said = {k: v for k, v in rule.model_dump(include=set(keys)).items() if v is not None}
-    return dict(preset) | said
+    stated = {k: v for k, v in rule.model_dump(include=set(keys)).items() if v is not None}
+    return dict(preset) | stated
 
 
 # --- equal shapes ---------------------------------------------------------------------------
@@ -256,7 +256,7 @@ def equal_shapes(jobs: Sequence[Job], converted: Converted, p: Planner) -> Twins
 
 def _by_mesh(jobs: Sequence[Job], converted: Converted) -> dict[tuple[str, str], list[Job]]:
     """(label of the mesh, fields) -> the jobs with them, of those worth the comparison."""
-    found: dict[tuple[str, str], list[Job]] = {}
+    groups: dict[tuple[str, str], list[Job]] = {}
     for job in jobs:
         if job.method is None or job.method.step_name() not in DECOMPOSING:
             continue
@@ -265,8 +265,8 @@ def _by_mesh(jobs: Sequence[Job], converted: Converted) -> dict[tuple[str, str],
         if not isinstance(job.shapes[0].geometry, MeshFile):
             continue
         options = json.dumps([job.method.step_name(), job.fields], sort_keys=True, default=str)
-        found.setdefault((_mesh_node(job, converted).label, options), []).append(job)
-    return found
+        groups.setdefault((_mesh_node(job, converted).label, options), []).append(job)
+    return groups
 
 
 def _mesh_node(job: Job, converted: Converted) -> Node:

@@ -200,20 +200,20 @@ def _vote(
     shapes: SourceShapes,
     records: Mapping[str, ConvertedMesh],
 ) -> _Vote | None:
-    own = [
+    body_shapes = [
         shape
         for shape in shapes.shapes
         if shape.link == body.name
         and (not isinstance(shape.geometry, MeshFile) or shape.name in records)
     ]
-    doubted = [s for s in own if s.role == role and _says(s, records)]
+    doubted = [s for s in body_shapes if s.role == role and _says(s, records)]
     if not doubted:
         return None
     # One box for all parts of a role: collision is cut into other pieces than what is seen.
-    same = [s for s in own if s.role == role]
+    same = [s for s in body_shapes if s.role == role]
     boxes = [_around(same, records, other=other) for other in (False, True)]
     size = float(np.linalg.norm(boxes[0][1] - boxes[0][0]))
-    witnesses = [s for s in own if s.role != role and not _says(s, records)]
+    witnesses = [s for s in body_shapes if s.role != role and not _says(s, records)]
     misfits: dict[str, list[float]] = {}
     if witnesses:
         seen = _around(witnesses, records, other=False)
@@ -349,11 +349,11 @@ def _densities(
     tree: Tree, shapes: SourceShapes, volume: dict[str, float | None]
 ) -> dict[str, float]:
     """kg/m3 of the links with a mass whose visual volume is known."""
-    found = {}
+    densities = {}
     for body in tree.bodies:
-        own = [shape for shape in shapes.of("visual") if shape.link == body.name]
-        volumes = [volume.get(shape.name) for shape in own]
+        visuals = [shape for shape in shapes.of("visual") if shape.link == body.name]
+        volumes = [volume.get(shape.name) for shape in visuals]
         known = [value for value in volumes if value]
-        if body.inertial and body.inertial.mass_kg > 0.0 and own and len(known) == len(own):
-            found[body.name] = body.inertial.mass_kg / sum(known)
-    return found
+        if body.inertial and body.inertial.mass_kg > 0.0 and visuals and len(known) == len(visuals):
+            densities[body.name] = body.inertial.mass_kg / sum(known)
+    return densities

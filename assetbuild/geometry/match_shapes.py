@@ -47,7 +47,7 @@ class MatchShapes(Step):
 
     def run(self, files: Files) -> tuple[()]:
         """Compare each mesh with the first of every class before it."""
-        found: dict[str, dict[str, object]] = {}
+        matches: dict[str, dict[str, object]] = {}
         first: list[_Sampled] = []
         for name in self.folders:
             folder = files.inputs / name
@@ -56,10 +56,10 @@ class MatchShapes(Step):
             this = _Sampled.of(name, merged(parts))
             match = None if this is None else _match(this, first)
             if match is not None:
-                found[name] = match
+                matches[name] = match
             elif this is not None:
                 first.append(this)
-        text = json.dumps(found, indent=1, sort_keys=True)
+        text = json.dumps(matches, indent=1, sort_keys=True)
         (files.outputs / "matches.json").write_text(text + "\n", encoding="utf-8")
         return ()
 

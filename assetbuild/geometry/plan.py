@@ -288,13 +288,13 @@ def companions(files: Mapping[str, Ref], source: SourceFiles, p: Planner) -> Com
     second = source.present("library pictures", _all(pictures) - set(first))
     if second is None:
         return None
-    found = {**first, **second}
+    available = {**first, **second}
     return {
         mesh: {
-            posixpath.relpath(path, posixpath.dirname(mesh) or "."): found[path]
+            posixpath.relpath(path, posixpath.dirname(mesh) or "."): available[path]
             for name in names
             for path in (name, *pictures.get(name, ()))
-            if path in found
+            if path in available
         }
         for mesh, names in named.items()
     }

@@ -66,10 +66,10 @@ class Patience:
 
     def __call__(self, line: bytes) -> bool:
         """Whether this line of the log is where to stop."""
-        if found := TRIANGLES.search(line):
-            self._faces = int(found[1])
-        if found := WAITING.search(line):
-            self._left -= int(found[1]) + self._faces / FACES_PER_PART
+        if match := TRIANGLES.search(line):
+            self._faces = int(match[1])
+        if match := WAITING.search(line):
+            self._left -= int(match[1]) + self._faces / FACES_PER_PART
         return self._left < 0.0 or NOT_CLEAN in line
 
 

@@ -34,8 +34,8 @@ def companions_of(data: bytes, format: Naming) -> tuple[str, ...]:
 
     What leads to another machine, an absolute path or a `data:` address is not among them.
     """
-    found = (relative_name(name) for name in _stated(data, format))
-    return tuple(sorted({name for name in found if name is not None}))
+    names = (relative_name(name) for name in _stated(data, format))
+    return tuple(sorted({name for name in names if name is not None}))
 
 
 def relative_name(stated: str) -> str | None:

@@ -237,12 +237,12 @@ def _volumes_and_outside(
 
 def _covered(pieces: Sequence[ConvexPiece], points: Array) -> NDArray[np.bool_]:
     """(n,) which of points (n, 3) lie in one of the pieces."""
-    found = np.zeros(len(points), dtype=bool)
+    covered = np.zeros(len(points), dtype=bool)
     for piece in pieces:
         lower, upper = piece.surface().bounds
-        near = np.flatnonzero(~found & ((points >= lower) & (points <= upper)).all(axis=1))
-        found[near] = piece.distance(points[near]) <= 0.0
-    return found
+        near = np.flatnonzero(~covered & ((points >= lower) & (points <= upper)).all(axis=1))
+        covered[near] = piece.distance(points[near]) <= 0.0
+    return covered
 
 
 def outside(reference: Reference, points: Array) -> float:
@@ -253,14 +253,14 @@ def outside(reference: Reference, points: Array) -> float:
     """
     most = reference.surface.at_most(points)
     order = np.argsort(-most, kind="stable")
-    found, least = 0.0, CLOSE * reference.diagonal
+    farthest, least = 0.0, CLOSE * reference.diagonal
     start, count = 0, FIRST_LOOK
-    while start < len(order) and most[order[start]] > max(found, least):
+    while start < len(order) and most[order[start]] > max(farthest, least):
         some = points[order[start : start + count]]
         away = some[~reference.solid.contains(some)]
-        found = float(reference.surface.distance(away).max(initial=found))
+        farthest = float(reference.surface.distance(away).max(initial=farthest))
         start, count = start + count, 2 * count
-    return found if found > least else 0.0
+    return farthest if farthest > least else 0.0
 
 
 def _key(lower: Array, upper: Array) -> tuple[float, ...]:

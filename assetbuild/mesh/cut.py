@@ -134,11 +134,11 @@ class _Part:
 
     def cap(self, axis: int, place_m: float, *, above: bool) -> Array:
         """Points inside the mesh on one side of the plane, moved onto it from nearby."""
-        found = []
+        selected = []
         for points in (self.inner, self.kept):
             over = points[:, axis] - place_m
-            found.append(points[((over > 0.0) == above) & (np.abs(over) <= self.reach_m)])
-        moved = np.concatenate(found)
+            selected.append(points[((over > 0.0) == above) & (np.abs(over) <= self.reach_m)])
+        moved = np.concatenate(selected)
         moved[:, axis] = place_m
         return moved
 

@@ -97,8 +97,8 @@ def _root(data: bytes, subject: str) -> tuple[Any, list[Finding]]:
                 where=Where(subject, line),
                 hint="is the file cut off?",
             ) from error
-    said = f"the text is not quite XML and is read as other readers do: {', '.join(changes)}"
-    return root, [STRAY(subject, said, hint="save the file again")]
+    message = f"the text is not quite XML and is read as other readers do: {', '.join(changes)}"
+    return root, [STRAY(subject, message, hint="save the file again")]
 
 
 def _parsed(data: bytes) -> Any:
@@ -167,9 +167,9 @@ def _repeated(root: Any, subject: str) -> list[Finding]:
     names = [source.get("id") for source in _second(sources)]
     if not names:
         return []
-    said = f"{len(names)} ids of sources are used more than once, as `{names[0]}`"
+    problem = f"{len(names)} ids of sources are used more than once, as `{names[0]}`"
     hint = "nothing to do here, but some other readers mix such parts up"
-    message = f"{said}: each geometry takes its own"
+    message = f"{problem}: each geometry takes its own"
     return [REPEATED(subject, message, hint=hint, data={"ids": len(names)})]
 
 

@@ -233,13 +233,13 @@ def _tilted(along: Callable[[Array, Array, int], Fitted], axis: Array, search: A
         return volume_of(along(direction(tilt), search, 60)[0])
 
     simplex = np.array([[0.0, 0.0], [0.05, 0.0], [0.0, 0.05]])
-    found = minimize(
+    result = minimize(
         volume,
         np.zeros(2),
         method="Nelder-Mead",
         options={"maxiter": 40, "initial_simplex": simplex},
     )
-    return direction(found.x)
+    return direction(result.x)
 
 
 def _least_squares(start: Fitted, samples: Array) -> Fitted:
@@ -266,10 +266,10 @@ def _least_squares(start: Fitted, samples: Array) -> Fitted:
 
     bounds = [(-0.3, 0.3)] * 3 + [(-0.6, 0.6)] * 3 + [(-math.log(2.0), math.log(2.0))] * len(sizes)
     zero = np.zeros(len(bounds))
-    found = minimize(cost, zero, method="Powell", bounds=bounds, options={"maxiter": 6})
-    if not float(found.fun) < cost(zero):
+    result = minimize(cost, zero, method="Powell", bounds=bounds, options={"maxiter": 6})
+    if not float(result.fun) < cost(zero):
         return start
-    made, shift = body(np.asarray(found.x, dtype=np.float64))
+    made, shift = body(np.asarray(result.x, dtype=np.float64))
     return made, pose @ shift
 
 

@@ -177,9 +177,9 @@ def _best_for(
 
     Its axis is one of the candidates: all are turned together afterwards.
     """
-    own = Reference(part)
-    cloud = Cloud.of(own)
-    smallest = enclosing_each(own, kinds, bones, rough=True)
+    reference = Reference(part)
+    cloud = Cloud.of(reference)
+    smallest = enclosing_each(reference, kinds, bones, rough=True)
     fits = (
         (resized(type(primitive), factor * np.asarray(sizes_of(primitive))), pose)
         for primitive, pose in smallest
@@ -208,11 +208,11 @@ def _refined(fits: list[Fitted], cloud: Cloud, softness: float) -> list[Fitted]:
         )
         nearest = np.argmin(each, axis=0)
         here, by_distance = cloud.soft_score(each.min(axis=0), softness)
-        found = [
+        slopes = [
             by_distance[nearest == number] @ way.slope(x[a:b], nearest == number)
             for number, (way, a, b) in enumerate(zip(ways, ends, ends[1:], strict=False))
         ]
-        return here, np.concatenate(found)
+        return here, np.concatenate(slopes)
 
     bounds = [bound for way in ways for bound in way.bounds()]
     result = minimize(

@@ -47,8 +47,8 @@ def read_gltf(
     stray: list[Finding] = []
     whole = int.from_bytes(data[8:12], "little")
     if format == "glb" and data[:4] == b"glTF" and 12 < whole < len(data):
-        said = f"{len(data) - whole} bytes after the end of the file that its header states"
-        stray.append(STRAY(subject, f"{said} are left out", hint="save the file again"))
+        excess = f"{len(data) - whole} bytes after the end of the file that its header states"
+        stray.append(STRAY(subject, f"{excess} are left out", hint="save the file again"))
         data = data[:whole]
     try:
         scene: Any = trimesh.load_scene(
@@ -66,13 +66,13 @@ def read_gltf(
         raise
     except Exception as error:  # trimesh's reader raises many kinds on broken files
         lost = f"; `{files.missing[0]}` is not in the source" if files.missing else ""
-        told = f"{type(error).__name__}: {one_line(error)}"
-        raise StepError(f"{subject}: not readable as {format}: {told}{lost}") from error
+        reason = f"{type(error).__name__}: {one_line(error)}"
+        raise StepError(f"{subject}: not readable as {format}: {reason}{lost}") from error
     parts = group_by_material(part for part in placed if part is not None)
     kinds = {getattr(g, "visual", None) and g.visual.kind for g in scene.geometry.values()}
     colours = bool(kinds & {"vertex", "face"})
-    found = (*stray, *colours_finding(colours, subject))
-    return SourceMesh(parts, found, materials.pictures, up_axis="Y_UP")  # by definition
+    findings = (*stray, *colours_finding(colours, subject))
+    return SourceMesh(parts, findings, materials.pictures, up_axis="Y_UP")  # by definition
 
 
 def _header(data: bytes, format: Literal["glb", "gltf"]) -> Any:
@@ -106,11 +106,11 @@ class _Files(Mapping[str, bytes]):
         self.missing: list[str] = []
 
     def __getitem__(self, name: str) -> bytes:
-        found = self._files.get(relative_name(unquote(name)) or "")
-        if found is None:
+        content = self._files.get(relative_name(unquote(name)) or "")
+        if content is None:
             self.missing.append(name)
             raise KeyError(name)
-        return found
+        return content
 
     def __iter__(self) -> Iterator[str]:
         return iter(self._files)

@@ -131,12 +131,12 @@ def hull_planes(hull: TriangleMesh) -> Array:
 def beyond(planes: Array, points: Array) -> Array:
     """(n,) largest signed distance of each of points (n, 3) over planes (k, 4), m, in blocks."""
     rows = max(1, CHUNK // max(len(planes), 1))
-    found = np.empty(len(points))
+    distances = np.empty(len(points))
     for start in range(0, len(points), rows):
         over = points[start : start + rows] @ planes[:, :3].T
         over += planes[:, 3]
-        over.max(axis=1, out=found[start : start + rows])
-    return found
+        over.max(axis=1, out=distances[start : start + rows])
+    return distances
 
 
 def polygon_count(hull: TriangleMesh) -> int:

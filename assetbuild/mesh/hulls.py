@@ -32,10 +32,10 @@ def hull_or_points(mesh: TriangleMesh) -> TriangleMesh:
 def write_meshes(file: Path, meshes: Sequence[TriangleMesh]) -> None:
     """All meshes of a robot, or their hulls, in the order in which it names them."""
     tables = {key: [getattr(mesh, key) for mesh in meshes] for key in TABLES}
-    sizes = [[0 if table is None else len(table) for table in own] for own in tables.values()]
+    sizes = [[0 if table is None else len(table) for table in arrays] for arrays in tables.values()]
     joined: dict[str, Any] = {  # Any: `savez` has other keywords, too
-        key: np.concatenate([np.zeros((0, *TABLES[key])), *(t for t in own if t is not None)])
-        for key, own in tables.items()
+        key: np.concatenate([np.zeros((0, *TABLES[key])), *(t for t in arrays if t is not None)])
+        for key, arrays in tables.items()
     }
     joined["faces"] = joined["faces"].astype(np.int32)
     np.savez(file, sizes=np.array(sizes, dtype=np.int64), **joined)
@@ -57,13 +57,13 @@ def read_meshes(file: Path, shapes: Shapes, *, surface: bool = False) -> Mapping
 def hulls_by_body(robot: RobotFiles) -> Mapping[tuple[str, Role], list[TriangleMesh]]:
     """(body, role) -> the hull of each of its shapes in the body's frame, m."""
     hulls = read_meshes(robot.hulls, robot.shapes)
-    found: dict[tuple[str, Role], list[TriangleMesh]] = {}
+    by_body: dict[tuple[str, Role], list[TriangleMesh]] = {}
     for shape in robot.shapes.shapes:
         body, X_body_shape = robot.tree.shape_placement(shape)
         geometry = shape.geometry
         hull = hulls[geometry.mesh] if isinstance(geometry, Mesh) else tessellate(geometry)
-        found.setdefault((body, shape.role), []).append(hull.placed(X_body_shape))
-    return found
+        by_body.setdefault((body, shape.role), []).append(hull.placed(X_body_shape))
+    return by_body
 
 
 def common_hull(hulls: Sequence[TriangleMesh]) -> TriangleMesh:

@@ -64,24 +64,27 @@ def run_apart(
     result_out.close()
     os.close(said_out)
     try:
-        answer, said = _collect(result_in, said_in, limits, stop_when)
+        answer, output = _collect(result_in, said_in, limits, stop_when)
     finally:
         result_in.close()
         os.close(said_in)
         process.kill()
         process.join()
     if answer is None:
-        answer = _death(process.exitcode or 0, said, limits)
+        answer = _death(process.exitcode or 0, output, limits)
     if isinstance(answer, tuple):
         raise NativeError(*answer)
     return answer
 
 
 def _become_worker(
-    work: Callable[[], Iterable[TriangleMesh]], limits: NativeLimits, result: Connection, said: int
+    work: Callable[[], Iterable[TriangleMesh]],
+    limits: NativeLimits,
+    result: Connection,
+    output: int,
 ) -> None:
-    os.dup2(said, 1)
-    os.dup2(said, 2)
+    os.dup2(output, 1)
+    os.dup2(output, 2)
     for number in (signal.SIGTERM, signal.SIGINT, signal.SIGXCPU):
         signal.signal(number, signal.SIG_DFL)
     _set_limits(limits)
@@ -110,7 +113,7 @@ def _set_limits(limits: NativeLimits) -> None:
 
 def _collect(
     result: Connection,
-    said: int,
+    output: int,
     limits: NativeLimits,
     stop_when: Callable[[bytes], bool] | None,
 ) -> tuple[Answer | None, bytes]:
@@ -118,33 +121,33 @@ def _collect(
     deadline = time.monotonic() + WALL_PER_CPU * limits.cpu_s + WALL_EXTRA_S
     answer: Answer | None = None
     text, line = b"", b""
-    open_ends: list[Connection | int] = [result, said]
+    open_ends: list[Connection | int] = [result, output]
     while open_ends:
         ready = wait(open_ends, max(0.0, deadline - time.monotonic()))
         if not ready:
             return ("time", f"no end after {limits.cpu_s:g} s"), text
         if result in ready:
             open_ends.remove(result)
-            with suppress(EOFError, OSError):  # it died: `said` and its exit code tell why
+            with suppress(EOFError, OSError):  # it died: `output` and its exit code tell why
                 answer = result.recv()
-        if said in ready:
-            piece = os.read(said, CHUNK)
+        if output in ready:
+            piece = os.read(output, CHUNK)
             if not piece:
-                open_ends.remove(said)
+                open_ends.remove(output)
             text = (text + piece)[-4 * CHUNK :]
             *lines, line = (line + piece).split(b"\n")
             line = line[-CHUNK:]
-            for told in lines:
-                if stop_when is not None and stop_when(told):
-                    return ("stopped", told.decode(errors="replace")), text
+            for full_line in lines:
+                if stop_when is not None and stop_when(full_line):
+                    return ("stopped", full_line.decode(errors="replace")), text
     return answer, text
 
 
-def _death(exit_code: int, said: bytes, limits: NativeLimits) -> tuple[str, str]:
+def _death(exit_code: int, output: bytes, limits: NativeLimits) -> tuple[str, str]:
     """(cause, message) of a process that gave no answer. exit_code: minus the signal's number."""
-    words = said.decode(errors="replace").strip().splitlines()
+    words = output.decode(errors="replace").strip().splitlines()
     last = words[-1].strip()[:200] if words else ""
-    if b"MemoryError" in said or b"bad_alloc" in said:
+    if b"MemoryError" in output or b"bad_alloc" in output:
         return _too_large(limits)
     if exit_code == -signal.SIGXCPU:
         return "time", f"no end after {limits.cpu_s:g} CPU s"

@@ -64,9 +64,9 @@ def read_triangles(data: bytes, subject: str = "mesh") -> TriangleMesh:
 
     Raises StepError naming `subject` and the line where the text is not OBJ.
     """
-    own = _read_own(data)
-    if own is not None:
-        return own
+    piece = _read_own(data)
+    if piece is not None:
+        return piece
     obj = parse_obj(data, subject)
     meshes = [mesh for _, mesh in obj.parts]
     if len(meshes) == 1:
@@ -170,10 +170,10 @@ def parse_obj(data: bytes, subject: str) -> Obj:
         elif key in (b"l", b"p", b"curv", b"surf"):
             seen[key.decode()] = seen.get(key.decode(), 0) + 1
     read = [_table(tables[key], width, data, key, subject) for key, width in WIDTHS.items()]
-    found = {name: _surface(rows, read, subject) for name, rows in faces.items()}
+    surfaces = {name: _surface(rows, read, subject) for name, rows in faces.items()}
     has_colours = bool(tables[b"v"]) and len(tables[b"v"][0].split()) >= 6
-    lost = sorted({kind for _, missing in found.values() for kind in missing})
-    parts = tuple((name, mesh) for name, (mesh, _) in found.items())
+    lost = sorted({kind for _, missing in surfaces.values() for kind in missing})
+    parts = tuple((name, mesh) for name, (mesh, _) in surfaces.items())
     return Obj(read[0], parts, tuple(libraries), seen, has_colours, tuple(lost))
 
 
@@ -205,11 +205,11 @@ def _table(rows: Sequence[bytes], width: int, data: bytes, key: bytes, subject: 
     for number, row in enumerate(rows):
         try:
             # A texture coordinate may come alone (`vt u`): v is 0 then.
-            found = [float(word) for word in row.split()[:width]]
-            out[number, : len(found)] = found
+            coordinates = [float(word) for word in row.split()[:width]]
+            out[number, : len(coordinates)] = coordinates
         except ValueError:
-            found = []
-        if not found or (len(found) < width and key != b"vt"):
+            coordinates = []
+        if not coordinates or (len(coordinates) < width and key != b"vt"):
             line = _line_of(data, key, number)
             text = row.decode("utf-8", "replace")[:40]
             raise StepError(f"{subject}: line {line}: not {width} numbers: `{key.decode()} {text}`")

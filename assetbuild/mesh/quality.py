@@ -48,14 +48,14 @@ def _unit_points(count: int, seed: int) -> Array:
 
 def _directions() -> Numbers:
     """(3, 30) direction numbers; in the third dimension of the polynomial x^2 + x + 1."""
-    found: Numbers = np.ones((3, BITS), dtype=np.uint32)
-    found[2, 1] = 3
+    numbers: Numbers = np.ones((3, BITS), dtype=np.uint32)
+    numbers[2, 1] = 3
     for n in range(1, BITS):
-        found[1, n] = found[1, n - 1] ^ found[1, n - 1] << np.uint32(1)
+        numbers[1, n] = numbers[1, n - 1] ^ numbers[1, n - 1] << np.uint32(1)
     for n in range(2, BITS):
-        one, two = found[2, n - 1], found[2, n - 2]
-        found[2, n] = two ^ one << np.uint32(1) ^ two << np.uint32(2)
-    return found << BIT[::-1]
+        one, two = numbers[2, n - 1], numbers[2, n - 2]
+        numbers[2, n] = two ^ one << np.uint32(1) ^ two << np.uint32(2)
+    return numbers << BIT[::-1]
 
 
 SAMPLES = 6000
@@ -138,8 +138,8 @@ class NearestSurface:
             _, near = tree.query(points, k=tries)
             tried = owner[np.asarray(near).reshape(-1)]
             repeated = np.repeat(points, tries, axis=0)
-            found = point_triangle_distance(repeated, self._corners[tried])
-            nearest = np.minimum(nearest, found.reshape(-1, tries).min(axis=1))
+            distances = point_triangle_distance(repeated, self._corners[tried])
+            nearest = np.minimum(nearest, distances.reshape(-1, tries).min(axis=1))
         return nearest
 
 

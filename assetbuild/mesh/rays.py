@@ -215,8 +215,8 @@ def _ends(values: Array) -> Ends:
 
 def along(points: Array, axis: Array) -> Array:
     """(n,) coordinates of points (n, 3) on an axis; equal points get equal ones."""
-    found: Array = points[:, 0] * axis[0] + points[:, 1] * axis[1] + points[:, 2] * axis[2]
-    return found
+    coordinates: Array = points[:, 0] * axis[0] + points[:, 1] * axis[1] + points[:, 2] * axis[2]
+    return coordinates
 
 
 def _axes(direction: Array) -> tuple[Array, Array, Array]:
@@ -233,8 +233,8 @@ def _cell(values: Array, lower: float, size: float, side: int) -> Indices:
 
 def _within(counts: Indices) -> Indices:
     """0, 1, ... for each count in turn."""
-    found: Indices = np.arange(int(counts.sum())) - np.repeat(np.cumsum(counts) - counts, counts)
-    return found
+    indices: Indices = np.arange(int(counts.sum())) - np.repeat(np.cumsum(counts) - counts, counts)
+    return indices
 
 
 def grids(mesh: TriangleMesh, rows: int, reach: float) -> list[tuple[Array, Array]]:
@@ -248,13 +248,13 @@ def grids(mesh: TriangleMesh, rows: int, reach: float) -> list[tuple[Array, Arra
     principal = np.linalg.eigh(spread.T @ spread)[1].T
     across = (np.arange(rows) + 0.5) / rows * reach - reach / 2.0
     u, v = (side.ravel()[:, None] for side in np.meshgrid(across, across, indexing="ij"))
-    found = []
+    views = []
     for direction in np.concatenate([np.eye(3), principal]):
         first = np.cross(direction, np.eye(3)[int(np.argmin(np.abs(direction)))])
         first /= np.linalg.norm(first)
         origins = middle - reach * direction + u * first + v * np.cross(direction, first)
-        found.append((direction, origins))
-    return found
+        views.append((direction, origins))
+    return views
 
 
 def missed(origins: Array, view: Across) -> NDArray[np.bool_]:
@@ -295,7 +295,7 @@ def holes(seen: TriangleMesh, solid: TriangleMesh) -> list[Hole]:
     if reach == 0.0:
         return []
     area_m2 = (reach / GRID) ** 2
-    found = []
+    openings = []
     for direction, origins in grids(seen, GRID, reach):
         patches = _enclosed(missed(origins, Across(seen, direction)))
         if not patches:
@@ -304,8 +304,8 @@ def holes(seen: TriangleMesh, solid: TriangleMesh) -> list[Hole]:
         for rays in patches:
             left = float(missed(origins[rays], behind).mean())
             at = vec3(origins[rays].mean(axis=0) + reach * direction)
-            found.append(Hole(at, vec3(direction), len(rays) * area_m2, left))
-    return sorted(found, key=lambda hole: -hole.area_m2)
+            openings.append(Hole(at, vec3(direction), len(rays) * area_m2, left))
+    return sorted(openings, key=lambda hole: -hole.area_m2)
 
 
 def _enclosed(through: NDArray[np.bool_]) -> list[NDArray[np.int64]]:

@@ -133,17 +133,17 @@ def _refuse_unusable(parts: tuple[MaterialPart, ...], subject: str) -> None:
 
 def _read_obj(data: bytes, companions: Mapping[str, bytes], subject: str) -> SourceMesh:
     obj = parse_obj(data, subject)
-    found: dict[str, SurfaceMaterial] = {}
+    materials: dict[str, SurfaceMaterial] = {}
     missing = []
     for stated in obj.libraries:
         name = relative_name(stated) or stated
         if name in companions:
-            found.update(_materials_of(companions[name], posixpath.dirname(name)))
+            materials.update(_materials_of(companions[name], posixpath.dirname(name)))
         else:
             missing.append(stated)
     placed = []
     for material, mesh in obj.parts:
-        placed.append((found.get(material or "", SurfaceMaterial(name=material)), mesh))
+        placed.append((materials.get(material or "", SurfaceMaterial(name=material)), mesh))
     findings = _obj_findings(sorted(missing), obj, subject)
     coloured = colours_finding(obj.has_colours, subject)
     return SourceMesh(group_by_material(placed), (*findings, *coloured))
@@ -254,8 +254,8 @@ def read_stl(data: bytes, subject: str) -> tuple[TriangleMesh, tuple[Finding, ..
     stray = len(data) - expected
     if count >= 0 and 0 <= stray < RECORD.itemsize:
         corners = np.frombuffer(data, dtype=RECORD, offset=HEADER + 4, count=count)["corners"]
-        said = f"{stray} bytes after the last of {count} triangles are left out"
-        findings = (STRAY(subject, said, hint="save the file again"),) if stray else ()
+        message = f"{stray} bytes after the last of {count} triangles are left out"
+        findings = (STRAY(subject, message, hint="save the file again"),) if stray else ()
         return _soup(corners.astype(np.float64).reshape(-1, 3)), findings
     begin = data[:512].removeprefix(codecs.BOM_UTF8).lstrip().lower()
     if begin.startswith(b"solid") and b"facet" in data[:4096].lower():
@@ -277,12 +277,12 @@ def _read_text(data: bytes, subject: str) -> TriangleMesh:
         line = data.count(b"\n") + 1
         raise StepError(f"{subject}: cut off at line {line}: no `endsolid`")
     try:
-        found = [tuple(map(float, corner)) for corner in CORNER.findall(data)]
+        corners = [tuple(map(float, corner)) for corner in CORNER.findall(data)]
     except ValueError as error:
         raise StepError(f"{subject}: not a text STL: {error}") from error
-    if 3 * data.count(b"endfacet") != len(found):
-        raise StepError(f"{subject}: {data.count(b'endfacet')} facets, {len(found)} corners")
-    return _soup(np.array(found, dtype=np.float64).reshape(-1, 3))
+    if 3 * data.count(b"endfacet") != len(corners):
+        raise StepError(f"{subject}: {data.count(b'endfacet')} facets, {len(corners)} corners")
+    return _soup(np.array(corners, dtype=np.float64).reshape(-1, 3))
 
 
 def _soup(corners: np.ndarray[tuple[int, ...], np.dtype[np.float64]]) -> TriangleMesh:

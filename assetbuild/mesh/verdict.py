@@ -162,19 +162,19 @@ def _missed(
     if not over:
         return
     units = {"max_outside": (1e3, " mm")}
-    said = []
-    for key, (found, most) in over.items():
+    messages = []
+    for key, (reached, most) in over.items():
         factor, unit = units.get(key, (100.0, " %"))
-        said.append(
-            f"`{key}` is {factor * found:.3g}{unit}, above the limit of {factor * most:.3g}{unit}"
+        messages.append(
+            f"`{key}` is {factor * reached:.3g}{unit}, above the limit of {factor * most:.3g}{unit}"
         )
     mild = all(
-        key in usual and found <= GROSS.get(key, math.inf) * most
-        for key, (found, most) in over.items()
+        key in usual and reached <= GROSS.get(key, math.inf) * most
+        for key, (reached, most) in over.items()
     )
     yield TOLERANCE(
         subject,
-        "; ".join(said),
+        "; ".join(messages),
         severity="info" if mild else "warning",
         hint=_advice(set(over), quality, max_hulls),
         data={
@@ -212,14 +212,14 @@ def _places(
                     data={"probe": number + 1, "pieces": count},
                 )
             continue
-        found = outside_in(reference, pieces, place)
-        if found > place.max_outside:
+        distance = outside_in(reference, pieces, place)
+        if distance > place.max_outside:
             yield REGION(
                 subject,
-                f"collision sticks out by {1e3 * found:.3g} mm in a region, above the limit of "
+                f"collision sticks out by {1e3 * distance:.3g} mm in a region, above the limit of "
                 f"{1e3 * place.max_outside:.3g} mm",
                 hint="raise `max_hulls`, or the region's `max_outside`",
-                data={"found_m": round(found, 6), "allowed_m": place.max_outside},
+                data={"found_m": round(distance, 6), "allowed_m": place.max_outside},
             )
 
 

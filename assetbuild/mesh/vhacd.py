@@ -55,7 +55,7 @@ def _parts(
     # A flat list 3, a, b, c, 3, a, b, c, ...: an (n, 3) array is misread without an error.
     threes = np.full((len(mesh.faces), 1), 3, dtype=np.uint32)
     padded = np.hstack([threes, mesh.faces.astype(np.uint32)]).ravel()
-    found = vhacdx.compute_vhacd(
+    hulls = vhacdx.compute_vhacd(
         np.ascontiguousarray(mesh.vertices),
         padded,
         maxConvexHulls=max_hulls,
@@ -69,6 +69,6 @@ def _parts(
         minEdgeLength=options.min_edge,
         findBestPlane=options.best_plane,
     )
-    for vertices, faces in found:
+    for vertices, faces in hulls:
         triangles = np.asarray(faces, dtype=np.int64).reshape(-1, 3)
         yield TriangleMesh(np.asarray(vertices, dtype=np.float64).reshape(-1, 3), triangles)

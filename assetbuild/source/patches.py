@@ -46,17 +46,17 @@ def patch_keys(patches: Sequence[Patch], folder: Path, world: World) -> dict[str
 
 def passages(patches: Sequence[Patch], folder: Path, world: World) -> list[Passage]:
     """All of them in order. RecipeError for a diff that is none. folder: of the recipe."""
-    found: list[tuple[Key, PatchText]] = []
+    keyed_steps: list[tuple[Key, PatchText]] = []
     for index, patch in enumerate(patches):
         steps = [_of_text(patch)] if patch.diff is None else _of_diff(patch, folder, world)
-        found += ((("source", "patches", index), step) for step in steps)
-    return [Passage(key, number, step) for number, (key, step) in enumerate(found, start=1)]
+        keyed_steps += ((("source", "patches", index), step) for step in steps)
+    return [Passage(key, number, step) for number, (key, step) in enumerate(keyed_steps, start=1)]
 
 
-def patched(found: Sequence[Passage], texts: Mapping[str, Ref], p: Planner) -> dict[str, Ref]:
+def patched(patches: Sequence[Passage], texts: Mapping[str, Ref], p: Planner) -> dict[str, Ref]:
     """The texts by path, each behind its patches. KeyedError for a patch of no such text."""
     now = dict(texts)
-    for passage in found:
+    for passage in patches:
         step = passage.step
         if step.file not in now:
             message = f"`{step.file}` is no text that is read of the source"

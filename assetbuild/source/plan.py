@@ -149,12 +149,12 @@ def _included(path: str, ref: Ref, source: SourceFiles, p: Planner) -> dict[str,
         inputs = {f"tree/{name}": file for name, file in sorted({**texts, path: ref}.items())}
         step = p.add(f"list_includes {number}", ListIncludes(file=path), inputs)
         listed = p.ask(step["includes.json"])
-        found = source.present(f"includes {number}", json.loads(listed)) if listed else None
-        if found is None:
+        included = source.present(f"includes {number}", json.loads(listed)) if listed else None
+        if included is None:
             return None
-        if not found:
+        if not included:
             break
-        texts |= found
+        texts |= included
     return texts
 
 
@@ -220,11 +220,11 @@ def _read_mjcf(
     flat = p.add("flatten_mjcf", step, inputs)
     answer = p.ask(flat["meshes.json"])
     listed = json.loads(answer) if answer is not None else []
-    own = [entry for entry in listed if not entry["path"].startswith(FOLDER)]
-    files = source.meshes(own, description.path) if answer is not None else None
+    source_meshes = [entry for entry in listed if not entry["path"].startswith(FOLDER)]
+    files = source.meshes(source_meshes, description.path) if answer is not None else None
     if files is None:
         return None
-    made = (entry["path"] for entry in listed if entry not in own)
+    made = (entry["path"] for entry in listed if entry not in source_meshes)
     files = {**files, **{path: flat["inline/"] / path.removeprefix(FOLDER) for path in made}}
     given = {"source.xml": flat["source.xml"]}
     given |= {f"files/{path}": ref for path, ref in files.items()}

@@ -69,10 +69,10 @@ class Fetch(Step):
                     f"the lock pins `{self.filename}`",
                     hint="run `assetbuild lock` if the change is wanted",
                 )
-            found = digest_file(wheel)
-            if found != self.sha256:
+            digest = digest_file(wheel)
+            if digest != self.sha256:
                 raise LockError(
-                    f"{self.filename}: sha256 is {found}, the lock pins {self.sha256}",
+                    f"{self.filename}: sha256 is {digest}, the lock pins {self.sha256}",
                     hint="the index gives other bytes than when the lock was written; "
                     "run `assetbuild lock` only if you trust the change",
                 )
@@ -94,9 +94,11 @@ def downloaded_wheel(name: str, version: str, folder: Path, on_line: OnLine | No
     return wheels[0]
 
 
-def _environment(own: Mapping[str, str]) -> dict[str, str]:
+def _environment(environment: Mapping[str, str]) -> dict[str, str]:
     """The user's environment, so that index, proxy and certificate settings hold."""
-    kept = {key: value for key, value in own.items() if key not in ("PYTHONPATH", "PYTHONHOME")}
+    kept = {
+        key: value for key, value in environment.items() if key not in ("PYTHONPATH", "PYTHONHOME")
+    }
     return _DEFAULTS | kept | _FORCED
 
 
@@ -138,8 +140,8 @@ def _reason(wanted: str, lines: list[str]) -> AssetBuildError:
         return MachineError(f"{wanted}: no space left on the disk for the download")
     if _UNREACHABLE.search(text):
         # The innermost reason, as in `NewConnectionError("HTTPConnection(...): REASON")`.
-        found = re.findall(r"[>)]: ([^'\"]+)['\"]", text)
-        trouble = f": {found[-1].strip()[:200]}" if found else ""
+        reasons = re.findall(r"[>)]: ([^'\"]+)['\"]", text)
+        trouble = f": {reasons[-1].strip()[:200]}" if reasons else ""
         return MachineError(
             f"{wanted}: no package index could be reached{trouble}",
             hint="check the network, `pip config list` and the PIP_* variables",

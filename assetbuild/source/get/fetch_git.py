@@ -55,10 +55,10 @@ class FetchGit(Step):
         target = files.outputs / "archive"
         with TemporaryDirectory(prefix=".git-", dir=files.outputs) as folder:
             export_commit(self.url, self.commit, Path(folder), target)
-        found = tree_digest(target)
-        if found != self.sha256:
+        digest = tree_digest(target)
+        if digest != self.sha256:
             raise LockError(
-                f"{self.url}: commit {self.commit} has the digest {found}, "
+                f"{self.url}: commit {self.commit} has the digest {digest}, "
                 f"the lock pins {self.sha256}",
                 hint="run `assetbuild lock` only if you trust the change",
             )
@@ -131,21 +131,21 @@ def _git(words: list[str], folder: Path, url: str) -> str:
         raise MachineError(f"{url}: git took more than {SECONDS:g} s") from None
     if done.returncode == 0:
         return done.stdout
-    said = [line.strip() for line in done.stderr.splitlines() if line.strip()]
-    raise _reason(url, said)
+    lines = [line.strip() for line in done.stderr.splitlines() if line.strip()]
+    raise _reason(url, lines)
 
 
-def _reason(url: str, said: list[str]) -> MachineError | SourceError:
-    text = next((s for s in said if s.startswith(("fatal:", "error:"))), "; ".join(said[:2]))
+def _reason(url: str, lines: list[str]) -> MachineError | SourceError:
+    text = next((s for s in lines if s.startswith(("fatal:", "error:"))), "; ".join(lines[:2]))
     short = text.removeprefix("fatal: ").removeprefix("error: ")[:200]
     if "Could not resolve host" in text or "unable to access" in text or "Connection" in text:
         return MachineError(f"{url}: cannot be reached: {short}", hint="check the network")
     return SourceError(f"{url}: git says: {short}", hint="check `source.git` and `source.rev`")
 
 
-def _environment(own: Mapping[str, str]) -> dict[str, str]:
+def _environment(environment: Mapping[str, str]) -> dict[str, str]:
     """The user's, for proxies and keys, without any GIT_*; no configuration but ours."""
-    kept = {name: value for name, value in own.items() if not name.startswith("GIT_")}
+    kept = {name: value for name, value in environment.items() if not name.startswith("GIT_")}
     return kept | {
         "GIT_CONFIG_NOSYSTEM": "1",
         "GIT_CONFIG_GLOBAL": os.devnull,

@@ -43,7 +43,7 @@ class FetchUrl(Step):
         target = files.outputs / "archive"
         try:
             with _open(self.url) as answer:
-                found = _save(answer, target, self.url)
+                digest = _save(answer, target, self.url)
         except HTTPError as error:
             raise SourceError(f"{self.url}: the server says {error.code} {error.reason}") from None
         except (OSError, HTTPException, ValueError) as error:
@@ -51,10 +51,10 @@ class FetchUrl(Step):
             raise MachineError(
                 f"{self.url}: cannot be reached: {reason}", hint="check the network and the proxy"
             ) from None
-        if found != self.sha256:
+        if digest != self.sha256:
             target.unlink()
             raise SourceError(
-                f"{self.url}: sha256 is {found}, the recipe says {self.sha256}",
+                f"{self.url}: sha256 is {digest}, the recipe says {self.sha256}",
                 hint="the file has changed; change `source.sha256` only if you trust it",
             )
         yield from ()

@@ -156,17 +156,17 @@ class FolderFiles:
         self, folders: tuple[str, ...], suffixes: tuple[str, ...], but: tuple[str, ...] = ()
     ) -> dict[str, Ref] | None:
         """See `ArchiveFiles`. Links that lead out of the source, or nowhere, are not among them."""
-        found = {}
+        paths = {}
         for folder in folders:
             for path in self._world.below(self.root / folder, suffixes, but):
                 if self._is_inside(path):
-                    found[path.relative_to(self.root).as_posix()] = path
-        return {name: self._p.source(path) for name, path in sorted(found.items())}
+                    paths[path.relative_to(self.root).as_posix()] = path
+        return {name: self._p.source(path) for name, path in sorted(paths.items())}
 
     def present(self, what: str, paths: Collection[str]) -> dict[str, Ref] | None:
         """See `ArchiveFiles`. A link that leads out of the source is not there."""
-        found = ((path, self.root / path) for path in sorted(paths))
-        return {path: self._p.source(full) for path, full in found if self._is_inside(full)}
+        full_paths = ((path, self.root / path) for path in sorted(paths))
+        return {path: self._p.source(full) for path, full in full_paths if self._is_inside(full)}
 
     def _is_inside(self, path: Path) -> bool:
         return self._world.is_file(path) and self._holds(path)
@@ -177,10 +177,10 @@ class FolderFiles:
 
     def licenses(self) -> dict[str, Ref]:
         """See `ArchiveFiles`."""
-        found = {}
+        licenses = {}
         for folder in PurePosixPath(self._description).parents:
             for name in self._world.names(self.root / folder, starts=LICENSES):
                 path = posixpath.normpath(folder / name)
                 if self._world.is_file(self.root / path):
-                    found[path] = self._p.source(self.root / path)
-        return found
+                    licenses[path] = self._p.source(self.root / path)
+        return licenses

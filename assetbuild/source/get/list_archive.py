@@ -47,7 +47,7 @@ class ListArchive(Step):
 
 
 def _files_below(members: Members, root: str) -> list[tuple[str, int]]:
-    found: set[tuple[str, int]] = set()
+    files: set[tuple[str, int]] = set()
     for member in members:
         path = below(root, member.path)
         if path is None or member.kind == "folder":
@@ -55,19 +55,19 @@ def _files_below(members: Members, root: str) -> list[tuple[str, int]]:
         reason = why_unsafe(member.path)
         if reason:
             raise SourceError(f"archive: member `{printable(member.path)}` has {reason}")
-        found.add((path, member.size))
-    if not found:
+        files.add((path, member.size))
+    if not files:
         raise _no_root(members, root)
-    return sorted(found)
+    return sorted(files)
 
 
 def _licenses(members: Members) -> list[str]:
-    found = {
+    licenses = {
         member.path
         for member in members
         if member.kind == "file" and _LICENSE.fullmatch(member.path) and not why_unsafe(member.path)
     }
-    return sorted(found)
+    return sorted(licenses)
 
 
 def _no_root(members: Members, root: str) -> SourceError:

@@ -56,22 +56,22 @@ class Unpack(Step):
 def _wanted(stated: Members, root: str, members: tuple[str, ...]) -> dict[str, Member]:
     """The member behind each path; SourceError for what is missing, twice there, or unsafe."""
     asked = set(members)
-    found: dict[str, Member] = {}
+    by_path: dict[str, Member] = {}
     for member in stated:
         path = below(root, member.path)
         if path is None or path not in asked:
             continue
         _check_member(member)
-        if path in found:
+        if path in by_path:
             raise _bad(member, "is there twice")
-        found[path] = member
-    missing = sorted(asked - found.keys())
+        by_path[path] = member
+    missing = sorted(asked - by_path.keys())
     if missing:
         known = [p for m in stated if (p := below(root, m.path)) and m.kind == "file"]
         message = f"archive: no file `{printable(missing[0])}` below `{root}`"
         raise SourceError(message, hint=did_you_mean(missing[0], known))
-    _check_collisions(found)
-    return found
+    _check_collisions(by_path)
+    return by_path
 
 
 def _check_member(member: Member) -> None:
@@ -86,20 +86,20 @@ def _check_member(member: Member) -> None:
         )
 
 
-def _check_collisions(found: dict[str, Member]) -> None:
+def _check_collisions(members: dict[str, Member]) -> None:
     """Names that are one file on some disks, and files that other files need as a folder."""
     seen: dict[str, str] = {}
-    for path in sorted(found):
+    for path in sorted(members):
         same = _on_any_disk(path)
         if same in seen:
             other = printable(seen[same])
-            raise _bad(found[path], f"and `{other}` differ only in upper and lower case")
+            raise _bad(members[path], f"and `{other}` differ only in upper and lower case")
         seen[same] = path
-    for path in sorted(found):
+    for path in sorted(members):
         parts = _on_any_disk(path).split("/")
         for n in range(1, len(parts)):
             if "/".join(parts[:n]) in seen:
-                raise _bad(found[path], "lies below what is itself a file")
+                raise _bad(members[path], "lies below what is itself a file")
 
 
 def _on_any_disk(path: str) -> str:

@@ -100,12 +100,12 @@ def compile_source(root: _Element, files: Mapping[str, bytes]) -> Compiled:
     for path, content in files.items():
         refuse_pointer(content, where=Where(path))
     bare = plain(root)
-    full, said = _compiled(bare, _by_number(bare, files))
+    full, warnings = _compiled(bare, _by_number(bare, files))
     try:
         places, _ = _compiled(without_meshes(bare), {})
     except SourceError as error:
         raise own_fault(root, error.message) from None
-    return Compiled(root, full, places, said)
+    return Compiled(root, full, places, warnings)
 
 
 def _by_number(root: _Element, files: Mapping[str, bytes]) -> dict[str, bytes]:
@@ -126,12 +126,12 @@ def _compiled(root: _Element, files: Mapping[str, bytes]) -> tuple[Model, tuple[
         element.attrib.pop(AT, "")
     etree.indent(bare)
     text = etree.tostring(bare, encoding="unicode")
-    with caught_warnings() as said:
+    with caught_warnings() as warnings:
         try:
             model = mujoco.MjModel.from_xml_string(text, dict(files))
         except ValueError as error:
             raise _told(str(error), text, root) from None
-    return model, tuple(" ".join(line.split()) for line in said)
+    return model, tuple(" ".join(line.split()) for line in warnings)
 
 
 def _told(message: str, text: str, root: _Element) -> SourceError:
@@ -139,12 +139,12 @@ def _told(message: str, text: str, root: _Element) -> SourceError:
     from lxml import etree
 
     words = " ".join(message.removeprefix("XML Error: ").removeprefix("Error: ").split())
-    found = _LINE.search(words)
+    match = _LINE.search(words)
     where = where_of(root)
-    if found:
+    if match:
         lines = [int(element.sourceline or 0) for element in etree.fromstring(text).iter("*")]  # type: ignore[call-overload] # the stubs call it a literal
-        if int(found[1]) in lines:
-            where = where_of(list(root.iter("*"))[lines.index(int(found[1]))])
+        if int(match[1]) in lines:
+            where = where_of(list(root.iter("*"))[lines.index(int(match[1]))])
         words = _LINE.sub("", words)
     return SourceError(f"MuJoCo does not compile it: {words}", where=where)
 

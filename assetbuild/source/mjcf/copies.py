@@ -141,7 +141,7 @@ class _Lines:
 
     def _place(self, path: Path, name: str) -> str:
         """Where the element stands whose name is the longest that a copy's name contains."""
-        known = (own for place, own in self._named if place == path and own in name)
+        known = (original for place, original in self._named if place == path and original in name)
         return self._named.get((path, max(known, key=len, default="")), "")
 
 

@@ -47,7 +47,7 @@ class Drives:
 
 def read_drives(links: Links) -> Drives:
     """Every actuator of the source; joints without one are passive."""
-    found, model = Drives(), links.source.model
+    drives, model = Drives(), links.source.model
     driven: dict[str, Actuator] = {}
     moving = {joint.name: joint for joint in links.joints if joint.kind in MOVING}
     levers = [_lever(model, index) for index in range(len(model.actuator_trntype))]
@@ -59,7 +59,7 @@ def read_drives(links: Links) -> Drives:
             message = f"`user` of actuator `{name}` was left out ({where_of(element)})"
             hint = "it says nothing about the robot itself"
             lost = dropped("actuator", f"actuator {name}", message, hint, attributes=("user",))
-            found.findings.append(lost)
+            drives.findings.append(lost)
         joint, gear = levers[index]
         taken = _taken(model, index) if joint in moving and joints.count(joint) == 1 else None
         alone = int(model.actuator_trntype[index]) not in STRAIGHT
@@ -70,33 +70,33 @@ def read_drives(links: Links) -> Drives:
             driven[joint] = replace(taken, joint=joint, name=name)
         if taken is None or alone:
             owner = joint if taken else ""
-            found.mjcf_only.append(MjcfOnly("actuator", _whole(element, links, index), owner))
-            found.names.append((name, ""))
+            drives.mjcf_only.append(MjcfOnly("actuator", _whole(element, links, index), owner))
+            drives.names.append((name, ""))
             continue
         if model.actuator_actearly[index]:
             early = element_text("general", {"actearly": "true"})
-            found.mjcf_only.append(MjcfOnly("drive", early, joint))
+            drives.mjcf_only.append(MjcfOnly("drive", early, joint))
         if group := int(model.actuator_group[index]):
             text = element_text("general", {"group": str(group)})
-            found.mjcf_only.append(MjcfOnly("drive", text, joint))
-        found.names.append((name, joint))
+            drives.mjcf_only.append(MjcfOnly("drive", text, joint))
+        drives.names.append((name, joint))
         endless = moving[joint].kind == "continuous"
         if taken.model == "pd" and taken.ctrl is None and not endless:
             # It may be sent beyond the joint's range, where a target would clip it.
             unclipped = element_text("position", {"inheritrange": "0"})
-            found.mjcf_only.append(MjcfOnly("drive", unclipped, joint))
+            drives.mjcf_only.append(MjcfOnly("drive", unclipped, joint))
     for name, moved in moving.items():
-        own = driven.get(name, Actuator(name, "passive"))
+        actuator = driven.get(name, Actuator(name, "passive"))
         at = int(model.joint(name).id)
         clamp = _range(model.jnt_actfrclimited[at], model.jnt_actfrcrange[at])
-        limited, words_of_its_own = _clamped(own, clamp)
-        found.actuators.append(_of_joint(limited, moved, model))
+        limited, words_of_its_own = _clamped(actuator, clamp)
+        drives.actuators.append(_of_joint(limited, moved, model))
         if words_of_its_own:
             text = element_text("general", words_of_its_own)
-            found.mjcf_only.append(MjcfOnly("drive", text, name))
+            drives.mjcf_only.append(MjcfOnly("drive", text, name))
         if limited.effort is not None:
-            found.limits[name] = replace(moved.limits, effort=limited.effort)
-    return found
+            drives.limits[name] = replace(moved.limits, effort=limited.effort)
+    return drives
 
 
 def _clamped(
@@ -107,18 +107,18 @@ def _clamped(
     MuJoCo clips the force of the drive to its own range, and the sum on the joint to the joint's.
     """
     most = max(-clamp[0], clamp[1]) if clamp else math.inf
-    own = actuator.effort
-    if most == math.inf or (own is not None and own <= most):
+    effort = actuator.effort
+    if most == math.inf or (effort is not None and effort <= most):
         return actuator, {}
     limited = replace(actuator, effort=most)
     if actuator.model == "passive":
         return limited, {}
     word = "ctrl" if actuator.model == "motor" and actuator.ctrl is None else "force"
-    if own is None or actuator.model == "motor":
+    if effort is None or actuator.model == "motor":
         # Taken away from the element, and switched off where its class says it.
         return limited, {f"{word}range": "", f"{word}limited": "false"}
-    own /= abs(actuator.gear)
-    return limited, {"forcerange": words((-own, own))}
+    effort /= abs(actuator.gear)
+    return limited, {"forcerange": words((-effort, effort))}
 
 
 def _of_joint(actuator: Actuator, joint: Joint, model: Model) -> Actuator:
@@ -178,10 +178,10 @@ def _taken(model: Model, index: int) -> Actuator | None:
                 return Actuator("", "pd", kp=kp, kd=kd, effort=effort, ctrl=ctrl)
             if bias[:3] == [0.0, 0.0, -kp]:
                 return Actuator("", "velocity", kd=kp, effort=effort, ctrl=ctrl)
-    said: dict[str, Any] = {}  # Any: the tables' words are those of the model
+    attributes: dict[str, Any] = {}  # Any: the tables' words are those of the model
     for part, prm in (("dyn", dyn), ("gain", gain), ("bias", bias)):
-        said |= {f"{part}type": kinds[part], f"{part}prm": _trimmed(prm)}
-    general = General.model_construct(**said)
+        attributes |= {f"{part}type": kinds[part], f"{part}prm": _trimmed(prm)}
+    general = General.model_construct(**attributes)
     return Actuator("", "general", effort=effort, ctrl=ctrl, general=general)
 
 
@@ -260,39 +260,41 @@ def _whole(element: _Element, links: Links, index: int) -> str:
         hint = "use one of MuJoCo's own kinds"
         raise error_at(element, f"actuator `{element.get('name')}` of a plug-in", hint)
     beyond = any(kind not in KINDS[part] for part, kind in kinds.items()) or _extended(model, index)
-    said = {"name": str(element.get("name"))}
+    attributes = {"name": str(element.get("name"))}
     for ref in _REFS:
         if element.get(ref):
             name = str(element.get(ref))
-            said[ref] = links.sites.get(name, name) if "site" in ref else name
-    over = {said.get("joint") or said.get("jointinparent")}
+            attributes[ref] = links.sites.get(name, name) if "site" in ref else name
+    over = {attributes.get("joint") or attributes.get("jointinparent")}
     tendons = links.source.root.iterfind("tendon/fixed")
-    over |= {j.get("joint") for t in tendons if t.get("name") == said.get("tendon") for j in t}
+    over |= {
+        j.get("joint") for t in tendons if t.get("name") == attributes.get("tendon") for j in t
+    }
     if over & links.rest.keys() and (beyond or _depends_on_position(model, index, kinds)):
         hint = "give the joint no `ref`, and move its range and body instead"
-        raise error_at(element, f"actuator `{said['name']}` on a joint with `ref`", hint)
+        raise error_at(element, f"actuator `{attributes['name']}` on a joint with `ref`", hint)
     if beyond:
         stated = links.source.classes.attributes(element)  # in the source's own words
         plain = {key: value for key, value in stated.items() if key != "user"}
-        return element_text(str(element.tag), plain | said)
-    said |= {f"{part}type": kind for part, kind in kinds.items()}
+        return element_text(str(element.tag), plain | attributes)
+    attributes |= {f"{part}type": kind for part, kind in kinds.items()}
     for part in KINDS:
-        said[f"{part}prm"] = words(_trimmed(getattr(model, f"actuator_{part}prm")[index]))
-    said["gear"] = words(model.actuator_gear[index])
+        attributes[f"{part}prm"] = words(_trimmed(getattr(model, f"actuator_{part}prm")[index]))
+    attributes["gear"] = words(model.actuator_gear[index])
     if element.get("cranksite"):
-        said["cranklength"] = words((model.actuator_cranklength[index],))
-    if said["gaintype"] == "muscle":
-        said["lengthrange"] = words(model.actuator_lengthrange[index])
+        attributes["cranklength"] = words((model.actuator_cranklength[index],))
+    if attributes["gaintype"] == "muscle":
+        attributes["lengthrange"] = words(model.actuator_lengthrange[index])
     if int(model.actuator_group[index]):
-        said["group"] = str(int(model.actuator_group[index]))
+        attributes["group"] = str(int(model.actuator_group[index]))
     for kind in ("ctrl", "force", "act"):
         limited = bool(getattr(model, f"actuator_{kind}limited")[index])
-        said[f"{kind}limited"] = "true" if limited else "false"
+        attributes[f"{kind}limited"] = "true" if limited else "false"
         if limited:
-            said[f"{kind}range"] = words(getattr(model, f"actuator_{kind}range")[index])
+            attributes[f"{kind}range"] = words(getattr(model, f"actuator_{kind}range")[index])
     if model.actuator_actearly[index]:
-        said["actearly"] = "true"
-    return element_text("general", said)
+        attributes["actearly"] = "true"
+    return element_text("general", attributes)
 
 
 def _kinds(model: Model, index: int) -> dict[str, str]:

@@ -76,9 +76,9 @@ class FlattenMjcf(Step):
         findings = list(_without_sensors_of_plugins(root))
         _check_words(root, self.grammar)
         for tag, hint in REFUSED.items():
-            found = next(root.iter(tag), None)
-            if found is not None:
-                raise error_at(found, f"<{tag}> is not read", hint)
+            refused = next(root.iter(tag), None)
+            if refused is not None:
+                raise error_at(refused, f"<{tag}> is not read", hint)
         name_all(root)
         findings += cut_scenery(root, self.body)
         findings += write_inline(root, files.outputs / "inline")
@@ -138,22 +138,22 @@ def _resolved(root: _Element) -> _Element:
     if root.find("worldbody") is None:
         raise error_at(root, "an MJCF without <worldbody>", "is this the right file?")
     folder = folder_of(root)
-    said: dict[str, str] = {}
+    settings: dict[str, str] = {}
     for compiler in root.iterchildren("compiler"):
         for key in ("assetdir", "meshdir", "texturedir", "strippath"):
             if key in compiler.attrib:
-                said[key] = str(compiler.attrib.pop(key))
-    shared = said.get("assetdir", "")
+                settings[key] = str(compiler.attrib.pop(key))
+    shared = settings.get("assetdir", "")
     folders = {
-        "mesh": said.get("meshdir", shared),
-        "hfield": said.get("meshdir", shared),
-        "texture": said.get("texturedir", shared),
+        "mesh": settings.get("meshdir", shared),
+        "hfield": settings.get("meshdir", shared),
+        "texture": settings.get("texturedir", shared),
     }
     for asset in root.iterchildren("asset"):
         for element in asset.iterchildren(*folders):
             for key in [str(k) for k in element.attrib if str(k).startswith("file")]:
                 name = str(element.get(key))
-                if said.get("strippath") == "true":
+                if settings.get("strippath") == "true":
                     name = posixpath.basename(name)
                 if not element.get("name"):
                     element.set("name", posixpath.splitext(posixpath.basename(name))[0])
@@ -168,12 +168,12 @@ def _resolved(root: _Element) -> _Element:
 
 def _meshes(root: _Element) -> list[dict[str, object]]:
     """As `read_urdf` lists them: the first use of each mesh file, by path."""
-    found: dict[str, dict[str, object]] = {}
+    entries: dict[str, dict[str, object]] = {}
     for mesh in root.iterfind("asset/mesh"):
         path, where = str(mesh.get("file")), where_of(mesh)
         entry = {"path": path, "uri": path, "subject": f"mesh {mesh.get('name')}"}
-        found.setdefault(path, {**entry, "line": where.line, "file": where.file})
-    return [found[path] for path in sorted(found)]
+        entries.setdefault(path, {**entry, "line": where.line, "file": where.file})
+    return [entries[path] for path in sorted(entries)]
 
 
 def _source_map(root: _Element, main: str) -> dict[str, object]:
@@ -247,17 +247,17 @@ def _name_bodies(world: _Element) -> None:
 def _name_parts(world: _Element, classes: Classes) -> None:
     around = [(world, "world"), *((body, str(body.get("name"))) for body, _ in bodies(world))]
     for tags in (("joint", "freejoint"), ("geom",), ("site",), ("camera",), ("light",)):
-        found = [(part, name) for body, name in around for part in parts(body, *tags)]
-        taken = {str(part.get("name")) for part, _ in found if part.get("name")}
-        for part, body_name in found:
+        elements = [(part, name) for body, name in around for part in parts(body, *tags)]
+        taken = {str(part.get("name")) for part, _ in elements if part.get("name")}
+        for part, body_name in elements:
             if not part.get("name"):
                 suffix = _role(classes.attributes(part)) if part.tag == "geom" else tags[0]
                 part.set("name", free_name(f"{body_name}_{suffix}", taken))
 
 
-def _role(said: dict[str, str]) -> str:
+def _role(attributes: dict[str, str]) -> str:
     """Whether a geom's masks let it touch anything."""
-    masks = [said.get(key, "1").strip() for key in ("contype", "conaffinity")]
+    masks = [attributes.get(key, "1").strip() for key in ("contype", "conaffinity")]
     return "visual" if all(mask in ("0", "+0") for mask in masks) else "collision"
 
 
@@ -341,8 +341,8 @@ def _made(mesh: _Element, name: str) -> _Triangles:
     import mujoco
     from lxml import etree
 
-    said = {key: value for key, value in own_attributes(mesh).items() if key in WRITTEN}
-    alone = etree.tostring(etree.Element("mesh", {"name": "m", **said}), encoding="unicode")
+    attributes = {key: value for key, value in own_attributes(mesh).items() if key in WRITTEN}
+    alone = etree.tostring(etree.Element("mesh", {"name": "m", **attributes}), encoding="unicode")
     text = f"""<mujoco><asset>{alone}</asset>
       <worldbody><geom type="mesh" mesh="m" contype="0" conaffinity="0"/></worldbody></mujoco>"""
     try:

@@ -47,8 +47,8 @@ class ListIncludes(Step):
                 root = _parsed(path, tree, None)
                 for element in [*root.iter("include"), *root.iterfind("asset/model")]:
                     if element.get("file"):
-                        found = below(element, posixpath.dirname(main))
-                        waiting.append((found, main if element.tag == "include" else found))
+                        included = below(element, posixpath.dirname(main))
+                        waiting.append((included, main if element.tag == "include" else included))
             except SourceError:
                 continue
         (files.outputs / "includes.json").write_text(json.dumps(sorted(wanted)), encoding="ascii")

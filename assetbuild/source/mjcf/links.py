@@ -169,9 +169,9 @@ def _joints_to(
     for number, joint in enumerate(joints):
         if number:
             X = Pose(_minus(anchors[number], anchors[number - 1]))
-        own = str(model.joint(joint).name)
-        below = name if number == len(joints) - 1 else f"{name}_{own}"
-        made.append(_joint(links, own, above, below, X))
+        joint_name = str(model.joint(joint).name)
+        below = name if number == len(joints) - 1 else f"{name}_{joint_name}"
+        made.append(_joint(links, joint_name, above, below, X))
         above = below
     return made
 
@@ -280,14 +280,14 @@ def _touching_apart(links: Links) -> list[str]:
         one, other = str(pair.get("body1")), str(pair.get("body2"))
         passes.setdefault(one, set()).add(other)
         passes.setdefault(other, set()).add(one)
-    found = []
+    touching = []
     for name in [body.name for body in links.bodies if body.name in names]:
         top = name
         while top not in links.kept and top in above:
             top = above[top]
         if passes.get(name, set()) - {top} != passes.get(top, set()) - {name}:
-            found.append(name)
-    return [name for name in found if name not in links.kept]
+            touching.append(name)
+    return [name for name in touching if name not in links.kept]
 
 
 def tendon_rest(tendon: _Element, rest: Mapping[str, float]) -> float:
@@ -305,20 +305,20 @@ def _minus(a: Vec3, b: Vec3) -> Vec3:
 
 
 def coupling_of(
-    tag: str, model: Model, index: int, said: Mapping[str, str]
+    tag: str, model: Model, index: int, attributes: Mapping[str, str]
 ) -> tuple[str, Mimic] | None:
     """(follower, mimic) of an equality; None of one that is no mimic.
 
     q1 = c0 + c1 q2, counted from the joints' `ref`, as the Robot counts.
     """
-    if tag == "tendon" and (found := tendon_coupling(model, index)):
-        follower, leader = (str(model.joint(joint).name) for joint in found[:2])
-        return follower, Mimic(leader, *found[2:])
+    if tag == "tendon" and (coupling := tendon_coupling(model, index)):
+        follower, leader = (str(model.joint(joint).name) for joint in coupling[:2])
+        return follower, Mimic(leader, *coupling[2:])
     c = [float(v) for v in model.eq_data[index][:5]]
-    leader = said.get("joint2", "")
+    leader = attributes.get("joint2", "")
     if tag != "joint" or not leader or any(c[2:]) or c[1] == 0.0 or not model.eq_active0[index]:
         return None
-    return said.get("joint1", ""), Mimic(leader, c[1], c[0])
+    return attributes.get("joint1", ""), Mimic(leader, c[1], c[0])
 
 
 def coupled(joints: Sequence[Joint], follower: str, mimic: Mimic) -> list[Joint] | None:

@@ -26,12 +26,12 @@ def element_text(
     """An element with empty children, as text."""
     from lxml import etree
 
-    def plain(said: Mapping[str, str]) -> dict[str, str]:
-        return {key: " ".join(value.split()) for key, value in said.items()}
+    def plain(stated: Mapping[str, str]) -> dict[str, str]:
+        return {key: " ".join(value.split()) for key, value in stated.items()}
 
     element = etree.Element(tag, plain(attributes))
-    for child, said in children:
-        etree.SubElement(element, child, plain(said))
+    for child, child_attributes in children:
+        etree.SubElement(element, child, plain(child_attributes))
     return etree.tostring(element, encoding="unicode")
 
 
@@ -40,9 +40,9 @@ def keys(words: str) -> frozenset[str]:
     return frozenset(words.split())
 
 
-def leftover(said: Mapping[str, str], held: frozenset[str]) -> dict[str, str]:
+def leftover(attributes: Mapping[str, str], held: frozenset[str]) -> dict[str, str]:
     """What an element says beyond what the Robot holds."""
-    return {key: value for key, value in said.items() if key not in held and key != "class"}
+    return {key: value for key, value in attributes.items() if key not in held and key != "class"}
 
 
 def words(values: Iterable[float]) -> str:

@@ -161,20 +161,21 @@ _LENS = ("focal", "focalpixel", "sensorsize")
 
 def read_details(links: Links) -> tuple[list[Camera], list[MjcfOnly]]:
     """The cameras as the Robot has them, and the rest; in the order of the bodies."""
-    said, cameras, mjcf_only = links.source.classes.attributes, list[Camera](), [*_root(links)]
+    attributes = links.source.classes.attributes
+    cameras, mjcf_only = list[Camera](), [*_root(links)]
     for body, name in links.source.bodies:
         if name not in links.shift and name != WORLD:
             continue
-        if name != WORLD and (more := leftover(said(body), BODY)):
+        if name != WORLD and (more := leftover(attributes(body), BODY)):
             mjcf_only.append(MjcfOnly("body", attributes_of("body", more), name))
         for joint in parts(body, "joint"):
-            mjcf_only += _joint(links, str(joint.get("name")), said(joint))
+            mjcf_only += _joint(links, str(joint.get("name")), attributes(joint))
         for site in parts(body, "site"):
             mjcf_only += _site(links, site)
         for camera in parts(body, "camera"):
             mjcf_only += _camera(links, camera, name, cameras)
         for light in parts(body, "light"):
-            mjcf_only.append(_light(links, str(light.get("name")), said(light), name))
+            mjcf_only.append(_light(links, str(light.get("name")), attributes(light), name))
     return cameras, mjcf_only
 
 
@@ -194,19 +195,19 @@ def _root(links: Links) -> Iterator[MjcfOnly]:
             for key in ("damping", "armature", "frictionloss")
             if (value := getattr(model, f"dof_{key}")[first])
         }
-        own = {"name": links.free_joint, **brakes}
-        yield MjcfOnly("freejoint", attributes_of("freejoint", own))
+        attributes = {"name": links.free_joint, **brakes}
+        yield MjcfOnly("freejoint", attributes_of("freejoint", attributes))
 
 
-def _joint(links: Links, name: str, said: Mapping[str, str]) -> Iterator[MjcfOnly]:
+def _joint(links: Links, name: str, attributes: Mapping[str, str]) -> Iterator[MjcfOnly]:
     model, index = links.source.model, links.source.id_of("joint", name)
-    if said.get("type") == "free" or int(model.jnt_type[index]) == 0:
+    if attributes.get("type") == "free" or int(model.jnt_type[index]) == 0:
         return
     if int(model.jnt_type[index]) == BALL:
-        if more := _ball(links, index, said):
+        if more := _ball(links, index, attributes):
             yield MjcfOnly("joint", attributes_of("joint", more), name)
         return
-    more = leftover(said, JOINT)
+    more = leftover(attributes, JOINT)
     for key in ("damping", "frictionloss"):
         if len(more.get(key, "0").split()) == 1:  # more numbers are a polynomial
             more.pop(key, None)
@@ -223,10 +224,10 @@ def _joint(links: Links, name: str, said: Mapping[str, str]) -> Iterator[MjcfOnl
         yield MjcfOnly("joint", attributes_of("joint", more), name)
 
 
-def _ball(links: Links, index: int, said: Mapping[str, str]) -> dict[str, str]:
+def _ball(links: Links, index: int, attributes: Mapping[str, str]) -> dict[str, str]:
     """As compiled, but for polynomials, which stand as they are."""
     model, dof = links.source.model, int(links.source.model.jnt_dofadr[index])
-    more = leftover(said, JOINT | {"springref"})
+    more = leftover(attributes, JOINT | {"springref"})
     for key, value in (
         ("damping", model.dof_damping[dof]),
         ("frictionloss", model.dof_frictionloss[dof]),
@@ -239,22 +240,22 @@ def _ball(links: Links, index: int, said: Mapping[str, str]) -> dict[str, str]:
             del more[key]
     if model.jnt_limited[index]:
         more["range"] = words(model.jnt_range[index])
-    elif said.get("limited") == "false":
+    elif attributes.get("limited") == "false":
         more["limited"] = "false"
     return more
 
 
 def _site(links: Links, element: _Element) -> Iterator[MjcfOnly]:
-    site, said = str(element.get("name")), links.source.classes.attributes(element)
+    site, attributes = str(element.get("name")), links.source.classes.attributes(element)
     if site not in links.sites:
         return
-    if said.get("mesh"):
+    if attributes.get("mesh"):
         raise error_at(element, f"site `{site}`: a mesh is not read", "use a primitive")
-    more = leftover(said, SITE)
+    more = leftover(attributes, SITE)
     compiled = links.source.model.site(site)
     if more.pop("material", None):
         more["rgba"] = words(round(float(v), 7) for v in compiled.rgba)
-    if "size" in said or "fromto" in said:
+    if "size" in attributes or "fromto" in attributes:
         more["size"] = words(compiled.size)
     more.setdefault("group", "0")
     yield MjcfOnly("frame", attributes_of("site", more), links.sites[site])
@@ -263,20 +264,20 @@ def _site(links: Links, element: _Element) -> Iterator[MjcfOnly]:
 def _camera(
     links: Links, element: _Element, body: str, cameras: list[Camera]
 ) -> Iterator[MjcfOnly]:
-    name, said = str(element.get("name")), links.source.classes.attributes(element)
+    name, attributes = str(element.get("name")), links.source.classes.attributes(element)
     model, index = links.source.model, links.source.id_of("camera", name)
     mode = CAMERA_MODES[int(model.cam_mode[index])]
     pose = pose_at(model.cam_pos[index], model.cam_quat[index])
     width, height = (int(v) for v in model.cam_resolution[index])
-    more = leftover(said, CAMERA)
+    more = leftover(attributes, CAMERA)
     if mode.startswith("target"):
-        more |= {"mode": mode, "target": said.get("target", "")}
+        more |= {"mode": mode, "target": attributes.get("target", "")}
         mode = "fixed"
-    if any(key in said for key in _LENS):
+    if any(key in attributes for key in _LENS):
         more["fovy"] = ""  # the lens says it; MuJoCo refuses both
-    if "resolution" not in said:
+    if "resolution" not in attributes:
         more["resolution"] = ""
-    size = (width, height) if "resolution" in said else Camera("", None, IDENTITY).resolution
+    size = (width, height) if "resolution" in attributes else Camera("", None, IDENTITY).resolution
     at = body if body in links.shift else None
     pose = links.in_link(body, pose) if at else pose
     fovy = math.radians(float(model.cam_fovy[index]))
@@ -285,11 +286,11 @@ def _camera(
         yield MjcfOnly("camera", attributes_of("camera", more), name)
 
 
-def _light(links: Links, name: str, said: Mapping[str, str], body: str) -> MjcfOnly:
+def _light(links: Links, name: str, attributes: Mapping[str, str], body: str) -> MjcfOnly:
     model, index = links.source.model, links.source.id_of("light", name)
     pose = pose_at(model.light_pos[index], IDENTITY.quat)
     owner = body if body in links.shift else ""
     pose = links.in_link(body, pose) if owner else pose
-    more = leftover(said, LIGHT - {"target"}) | {"dir": words(model.light_dir[index])}
+    more = leftover(attributes, LIGHT - {"target"}) | {"dir": words(model.light_dir[index])}
     text = body_element("light", name, pose, more).replace(f' quat="{words(IDENTITY.quat)}"', "")
     return MjcfOnly("body", text, owner)

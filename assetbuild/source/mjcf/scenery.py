@@ -156,8 +156,8 @@ def _whole(top: _Element) -> list[_Element]:
 
 def _inside(top: _Element) -> _Names:
     """(kind, name) of a body and of all on it and below it."""
-    found = {("body", str(body.get("name"))) for body in _whole(top)}
-    return found.union(*(_objects(body, *OBJECTS) for body in _whole(top)))
+    names = {("body", str(body.get("name"))) for body in _whole(top)}
+    return names.union(*(_objects(body, *OBJECTS) for body in _whole(top)))
 
 
 def _objects(body: _Element, *tags: str) -> Iterator[_Name]:

@@ -85,14 +85,14 @@ def read_sections(links: Links, drives: Drives) -> Sections:
     """In the order in which MJCF has them."""
     source = links.source
     reader = _Reader(links, {name: joint for name, joint in drives.names if joint})
-    found = reader.found
-    found.simulation = Simulation.model_construct(
+    sections = reader.sections
+    sections.simulation = Simulation.model_construct(
         timestep=float(source.model.opt.timestep), gravity=_gravity(source.model)
     )
-    found.mjcf_only.append(_options(source.root, source.model))
+    sections.mjcf_only.append(_options(source.root, source.model))
     if int(source.model.narena) > USUAL_ARENA and source.root.find("size[@memory]") is not None:
         memory = {"memory": str(int(source.model.narena))}
-        found.mjcf_only.append(MjcfOnly("size", element_text("size", memory)))
+        sections.mjcf_only.append(MjcfOnly("size", element_text("size", memory)))
     for section, read in (
         ("contact", reader.contact),
         ("equality", reader.equality),
@@ -103,8 +103,8 @@ def read_sections(links: Links, drives: Drives) -> Sections:
             read(element, reader.translated(source.classes.attributes(element)))
     for element in source.root.iterfind("keyframe/key"):
         reader.keyframe(element)
-    found.findings += _not_read(source.root)
-    return found
+    sections.findings += _not_read(source.root)
+    return sections
 
 
 class _Reader:
@@ -115,31 +115,34 @@ class _Reader:
 
     def __init__(self, links: Links, driven: Mapping[str, str]) -> None:
         self.links, self.driven, self.model = links, driven, links.source.model
-        self.found = Sections(list(links.joints))
+        self.sections = Sections(list(links.joints))
 
-    def translated(self, said: Mapping[str, str]) -> dict[str, str]:
+    def translated(self, attributes: Mapping[str, str]) -> dict[str, str]:
         """Attributes with names of the Robot: a site may have another there."""
         sites = self.links.sites
-        return {k: sites.get(v, v) if _kind(k, said) == "site" else v for k, v in said.items()}
+        return {
+            k: sites.get(v, v) if _kind(k, attributes) == "site" else v
+            for k, v in attributes.items()
+        }
 
-    def _keep(self, place: str, element: _Element, said: Mapping[str, str]) -> None:
+    def _keep(self, place: str, element: _Element, attributes: Mapping[str, str]) -> None:
         """Leave it to MJCF, with its children."""
         children = ((str(c.tag), self.translated(own_attributes(c))) for c in element)
         named = {"name": str(element.get("name"))} if element.get("name") else {}
-        text = element_text(str(element.tag), named | dict(sorted(said.items())), children)
-        self.found.mjcf_only.append(MjcfOnly(place, text))
+        text = element_text(str(element.tag), named | dict(sorted(attributes.items())), children)
+        self.sections.mjcf_only.append(MjcfOnly(place, text))
 
-    def contact(self, element: _Element, said: Mapping[str, str]) -> None:
+    def contact(self, element: _Element, attributes: Mapping[str, str]) -> None:
         """A pair, or an exclude between bodies of the robot."""
-        if element.tag == "exclude" and WORLD not in (said["body1"], said["body2"]):
-            a, b = sorted((said["body1"], said["body2"]))
-            self.found.excludes.append((a, b))
+        if element.tag == "exclude" and WORLD not in (attributes["body1"], attributes["body2"]):
+            a, b = sorted((attributes["body1"], attributes["body2"]))
+            self.sections.excludes.append((a, b))
         else:
-            self._keep("contact", element, said)
+            self._keep("contact", element, attributes)
 
     # --- equalities and tendons ---------------------------------------------------------------
 
-    def equality(self, element: _Element, said: dict[str, str]) -> None:
+    def equality(self, element: _Element, attributes: dict[str, str]) -> None:
         """A coupled joint may be a mimic, and two bodies a loop; frames may have moved."""
         index = self.links.source.id_of("equality", str(element.get("name")))
         softness = (*self.model.eq_solref[index], *self.model.eq_solimp[index])
@@ -147,44 +150,46 @@ class _Reader:
         if not is_near or not all(map(math.isfinite, softness)):
             message = f"<{element.tag}> `{element.get('name')}` has a number that is not finite"
             raise error_at(element, f"{message}, or above {FAR:g}", "correct the number")
-        if element.tag in ("joint", "tendon") and self._mimic(element, said):
+        if element.tag in ("joint", "tendon") and self._mimic(element, attributes):
             return
-        if element.tag in ("connect", "weld") and self._loop(element, said):
+        if element.tag in ("connect", "weld") and self._loop(element, attributes):
             return
-        if element.tag == "connect" and "anchor" in said:
-            x, y, z = (float(word) for word in said["anchor"].split())
-            said["anchor"] = words(self.links.in_link(said["body1"], Pose((x, y, z))).xyz)
+        if element.tag == "connect" and "anchor" in attributes:
+            x, y, z = (float(word) for word in attributes["anchor"].split())
+            attributes["anchor"] = words(
+                self.links.in_link(attributes["body1"], Pose((x, y, z))).xyz
+            )
         if element.tag == "weld":
-            self._weld(element, said)
-        self._keep("equality", element, said)
+            self._weld(element, attributes)
+        self._keep("equality", element, attributes)
 
-    def _mimic(self, element: _Element, said: Mapping[str, str]) -> bool:
+    def _mimic(self, element: _Element, attributes: Mapping[str, str]) -> bool:
         """A linear coupling of two joints; its words that are no mimic's stay with it."""
         index = self.links.source.id_of("equality", str(element.get("name")))
-        coupling = coupling_of(str(element.tag), self.model, index, said)
-        joints = coupling and coupled(self.found.joints, *coupling)
+        coupling = coupling_of(str(element.tag), self.model, index, attributes)
+        joints = coupling and coupled(self.sections.joints, *coupling)
         if not coupling or not joints:
             return False
-        self.found.joints = joints
-        more = leftover(said, keys("joint1 joint2 tendon1 tendon2 polycoef active"))
+        self.sections.joints = joints
+        more = leftover(attributes, keys("joint1 joint2 tendon1 tendon2 polycoef active"))
         more["name"] = str(element.get("name"))
-        self.found.mjcf_only.append(MjcfOnly("mimic", element_text("joint", more), coupling[0]))
+        self.sections.mjcf_only.append(MjcfOnly("mimic", element_text("joint", more), coupling[0]))
         return True
 
-    def _loop(self, element: _Element, said: Mapping[str, str]) -> bool:
+    def _loop(self, element: _Element, attributes: Mapping[str, str]) -> bool:
         """Two bodies that are held together; False of one that is switched off, and of a tether."""
         links, model, name = self.links, self.model, str(element.get("name"))
         index = links.source.id_of("equality", name)
-        if not bool(model.eq_active0[index]) or leftover(said, LOOP_WORDS):
+        if not bool(model.eq_active0[index]) or leftover(attributes, LOOP_WORDS):
             return False
         ends = [self._loop_end(index, side) for side in (0, 1)]
         if None in ends:
-            self.found.findings.append(_tether(element))
+            self.sections.findings.append(_tether(element))
             return False
         a, b = (end for end in ends if end is not None)
         data = model.eq_data[index]
         kind: Literal["connect", "weld"] = "weld" if element.tag == "weld" else "connect"
-        self.found.loops.append(
+        self.sections.loops.append(
             Loop(
                 name,
                 kind,
@@ -221,19 +226,21 @@ class _Reader:
             return LoopEnd(links.root, links.mount.inverse() @ X)
         return LoopEnd(name, links.in_link(name, X))
 
-    def _weld(self, element: _Element, said: dict[str, str]) -> None:
+    def _weld(self, element: _Element, attributes: dict[str, str]) -> None:
         """State the relative pose of bodies whose frames have moved, as compiled."""
-        shifts = [self.links.shift.get(said.get(f"body{side}", ""), ORIGIN) for side in (1, 2)]
+        shifts = [
+            self.links.shift.get(attributes.get(f"body{side}", ""), ORIGIN) for side in (1, 2)
+        ]
         if not any(map(any, shifts)):
             return
         index = self.links.source.id_of("equality", str(element.get("name")))
         data = self.model.eq_data[index]
         one, two = (Pose(shift) for shift in shifts)
         X = one.inverse() @ pose_at(data[3:6], data[6:10]) @ two
-        said["relpose"] = words((*X.xyz, *X.quat))
-        said["anchor"] = words(two.inverse().apply(data[:3]))
+        attributes["relpose"] = words((*X.xyz, *X.quat))
+        attributes["anchor"] = words(two.inverse().apply(data[:3]))
 
-    def tendon(self, element: _Element, said: dict[str, str]) -> None:
+    def tendon(self, element: _Element, attributes: dict[str, str]) -> None:
         """As it is, without its material; its length counts from the `ref` of its joints."""
         index = self.links.source.id_of("tendon", str(element.get("name")))
         if rest := tendon_rest(element, self.links.rest):
@@ -241,55 +248,63 @@ class _Reader:
             hint = "subtract it from lengths of the source's controllers"
             data: Data = {"ref": rest}
             finding = JOINT_REF(f"tendon {element.get('name')}", message, hint, data=data)
-            self.found.findings.append(finding)
+            self.sections.findings.append(finding)
             ends = {
                 "range": self.model.tendon_range,
                 "springlength": self.model.tendon_lengthspring,
             }
             for key, values in ends.items():
-                if key in said or (key == "springlength" and "stiffness" in said):
-                    said[key] = words(float(v) - rest for v in values[index])
-        if said.pop("material", None):
+                if key in attributes or (key == "springlength" and "stiffness" in attributes):
+                    attributes[key] = words(float(v) - rest for v in values[index])
+        if attributes.pop("material", None):
             name = f"tendon {element.get('name')}"
             message = f"the material of {name} was left out ({where_of(element)})"
             lost = dropped("tendon material", name, message, "give the tendon an `rgba`")
-            self.found.findings.append(lost)
+            self.sections.findings.append(lost)
         if element.tag == "fixed":  # a class of tendons may say how the spatial ones are drawn
-            said.pop("width", None)
-            said.pop("rgba", None)
-        self._keep("tendon", element, said)
+            attributes.pop("width", None)
+            attributes.pop("rgba", None)
+        self._keep("tendon", element, attributes)
 
     # --- sensors ------------------------------------------------------------------------------
 
-    def sensor(self, element: _Element, said: Mapping[str, str]) -> None:
+    def sensor(self, element: _Element, attributes: Mapping[str, str]) -> None:
         """One of the Robot's, or MjcfOnly."""
-        sensor = self._as_sensor(element, said)
+        sensor = self._as_sensor(element, attributes)
         if sensor is None:
-            self._keep("sensor", element, said)
+            self._keep("sensor", element, attributes)
             return
-        self.found.sensors.append(sensor)
-        if self.found.mjcf_only and self.found.mjcf_only[-1].place == "sensor":
+        self.sections.sensors.append(sensor)
+        if self.sections.mjcf_only and self.sections.mjcf_only[-1].place == "sensor":
             message = f"sensors from `{element.get('name')}` on stand before those that only MJCF "
             message += "has: their places in `sensordata` differ from the source's"
-            self.found.findings.append(ORDER("robot", message, "ask for sensors by name"))
+            self.sections.findings.append(ORDER("robot", message, "ask for sensors by name"))
 
-    def _as_sensor(self, element: _Element, said: Mapping[str, str]) -> Sensor | None:
+    def _as_sensor(self, element: _Element, attributes: Mapping[str, str]) -> Sensor | None:
         """The sensor in the Robot's words; None when they do not say all of it."""
-        targets = [key for key in said if key in _PLACES and key not in ("xbody",)]
-        extra = set(said) - SENSOR - set(targets)
-        if extra or len(targets) + ("objname" in said) != 1 or element.tag in ("contact", "user"):
+        targets = [key for key in attributes if key in _PLACES and key not in ("xbody",)]
+        extra = set(attributes) - SENSOR - set(targets)
+        if (
+            extra
+            or len(targets) + ("objname" in attributes) != 1
+            or element.tag in ("contact", "user")
+        ):
             return None
         if targets == ["actuator"]:
-            joint = self.driven.get(said["actuator"], "")
+            joint = self.driven.get(attributes["actuator"], "")
             if not joint:
                 return None
             at = Place("actuator", joint)
         elif targets:
-            at = Place(_PLACES[targets[0]], said[targets[0]])
+            at = Place(_PLACES[targets[0]], attributes[targets[0]])
         else:
-            at = _place(said["objtype"], said["objname"])
-        relative = _place(said["reftype"], said["refname"]) if "refname" in said else None
-        cutoff, noise = float(said.get("cutoff", 0.0)), float(said.get("noise", 0.0))
+            at = _place(attributes["objtype"], attributes["objname"])
+        relative = (
+            _place(attributes["reftype"], attributes["refname"])
+            if "refname" in attributes
+            else None
+        )
+        cutoff, noise = float(attributes.get("cutoff", 0.0)), float(attributes.get("noise", 0.0))
         return Sensor(str(element.get("name")), str(element.tag), at, relative, cutoff, noise)
 
     # --- keyframes ----------------------------------------------------------------------------
@@ -311,23 +326,25 @@ class _Reader:
                 turns += [(joint.name, turn)] if turn != IDENTITY.quat else []
             elif joint.kind != "fixed":
                 values.append((joint.name, qpos[address] - links.rest.get(joint.name, 0.0)))
-        self.found.keyframes.append(Keyframe(name, tuple(values), base, tuple(turns)))
+        self.sections.keyframes.append(Keyframe(name, tuple(values), base, tuple(turns)))
         if element.get("ctrl"):
             ctrl = enumerate(model.key_ctrl[index])
             commands = tuple((str(model.actuator(i).name), float(value)) for i, value in ctrl)
-            self.found.ctrl.append((name, commands))
+            self.sections.ctrl.append((name, commands))
         lost = tuple(sorted(AT_REST & set(element.attrib)))
         if lost:
             names = ", ".join(f"`{key}`" for key in lost)
             message = f"{names} of keyframe `{name}` was left out: a keyframe of a robot is a pose "
             message += "at rest"
-            self.found.findings.append(dropped("key", f"keyframe {name}", message, attributes=lost))
+            self.sections.findings.append(
+                dropped("key", f"keyframe {name}", message, attributes=lost)
+            )
 
 
-def _kind(key: str, said: Mapping[str, str]) -> str:
+def _kind(key: str, attributes: Mapping[str, str]) -> str:
     """Kind of what an attribute names, or ""."""
     if key in ("objname", "refname"):
-        return said.get(key.replace("name", "type"), "").removeprefix("x")
+        return attributes.get(key.replace("name", "type"), "").removeprefix("x")
     return NAMES.get(key, "")
 
 
@@ -360,28 +377,28 @@ def _options(root: _Element, model: Model) -> MjcfOnly:
 
     Without the flag `gravity`: see `_gravity`.
     """
-    said: dict[str, str] = {}
+    attributes: dict[str, str] = {}
     flags: dict[str, str] = {}
     for option in root.iterchildren("option"):
-        said |= leftover(own_attributes(option), keys("timestep gravity"))
+        attributes |= leftover(own_attributes(option), keys("timestep gravity"))
         for flag in option.iterchildren("flag"):
             flags |= leftover(own_attributes(flag), keys("gravity"))
     integrators = ("Euler", "RK4", "implicit", "implicitfast")
     number = int(model.opt.integrator)
     if number < len(integrators):
-        said.setdefault("integrator", integrators[number])
-    said.setdefault("cone", ("pyramidal", "elliptic")[int(model.opt.cone)])
-    said.setdefault("impratio", words((model.opt.impratio,)))
-    said.setdefault("tolerance", words((model.opt.tolerance,)))
+        attributes.setdefault("integrator", integrators[number])
+    attributes.setdefault("cone", ("pyramidal", "elliptic")[int(model.opt.cone)])
+    attributes.setdefault("impratio", words((model.opt.impratio,)))
+    attributes.setdefault("tolerance", words((model.opt.tolerance,)))
     children = [("flag", dict(sorted(flags.items())))] if flags else ()
-    return MjcfOnly("option", element_text("option", dict(sorted(said.items())), children))
+    return MjcfOnly("option", element_text("option", dict(sorted(attributes.items())), children))
 
 
 def _not_read(root: _Element) -> Iterator[Finding]:
     for tag in NOT_READ:
-        found = root.findall(tag)
-        if found:
+        elements = root.findall(tag)
+        if elements:
             severity: Severity = "info" if tag in ("visual", "statistic", "size") else "warning"
-            message = f"<{tag}> was left out ({where_of(found[0])})"
+            message = f"<{tag}> was left out ({where_of(elements[0])})"
             hint = "it says nothing about the robot itself"
-            yield dropped(tag, "robot", message, hint, severity, count=len(found))
+            yield dropped(tag, "robot", message, hint, severity, count=len(elements))

@@ -91,8 +91,8 @@ class _Reader:
         self.drawn: set[str] = set()
 
     def read(self, geom: _Element, body: str) -> None:
-        name, said = str(geom.get("name")), self.classes.attributes(geom)
-        if said.get("type") == "hfield":
+        name, attributes = str(geom.get("name")), self.classes.attributes(geom)
+        if attributes.get("type") == "hfield":
             self.geoms.findings.append(_height_field(name, body))
             return
         index = self.source.id_of("geom", name)
@@ -100,42 +100,42 @@ class _Reader:
         role: Role = "collision" if touches else "visual"
         kind = int(self.full.geom_type[index])
         if kind not in (SPHERE, CAPSULE, CYLINDER, BOX, MESH):
-            self._only_mjcf(geom, said, body, index)
+            self._only_mjcf(geom, attributes, body, index)
             return
         geometry: SourceGeometry
         if kind == MESH:
             place = self.source.places.geom(name)
             X_link_geom = self.links.in_link(body, pose_at(place.pos, place.quat))
-            geometry, X_geom_mesh = self._mesh(geom, str(said["mesh"]))
+            geometry, X_geom_mesh = self._mesh(geom, str(attributes["mesh"]))
             X_link_geom = X_link_geom @ X_geom_mesh
         else:
             X_link_geom = self.links.in_link(body, self.source.pose_of("geom", name))
             geometry = _primitive(kind, vec3(self.full.geom_size[index]))
-        material = self._material(said, index) if role == "visual" else None
+        material = self._material(attributes, index) if role == "visual" else None
         self.geoms.shapes.append(SourceShape(name, body, role, geometry, X_link_geom, material))
         if touches:
             self.geoms.contacts[name] = contact_of(self.full, index)
-            if int(said.get("group", "0")) < 3:
+            if int(attributes.get("group", "0")) < 3:
                 self.drawn.add(name)
-        self._left_over(name, said, role, index)
+        self._left_over(name, attributes, role, index)
 
-    def _left_over(self, name: str, said: dict[str, str], role: str, index: int) -> None:
-        more = leftover(said, SAID)
-        if said.get("group", "0") != GROUPS[role]:
-            more["group"] = said.get("group", "0")
-        if role == "collision" and ("rgba" in said or "material" in said):
+    def _left_over(self, name: str, attributes: dict[str, str], role: str, index: int) -> None:
+        more = leftover(attributes, SAID)
+        if attributes.get("group", "0") != GROUPS[role]:
+            more["group"] = attributes.get("group", "0")
+        if role == "collision" and ("rgba" in attributes or "material" in attributes):
             more["rgba"] = words(self._colour(index))
         if more:
             self.geoms.mjcf_only.append(MjcfOnly("shape", attributes_of("geom", more), name))
 
-    def _only_mjcf(self, geom: _Element, said: dict[str, str], body: str, index: int) -> None:
+    def _only_mjcf(self, geom: _Element, attributes: dict[str, str], body: str, index: int) -> None:
         """A shape that only MJCF has, whole: ellipsoids, planes, signed distance fields."""
-        kind = said.get("type", "sphere")
+        kind = attributes.get("type", "sphere")
         if kind == "sdf":
             hint = "use a mesh or a primitive"
             raise error_at(geom, f"geom `{geom.get('name')}`: a {kind} of a mesh is not read", hint)
         pose = self.links.in_link(body, self.source.pose_of("geom", str(geom.get("name"))))
-        kept = leftover(said, PLACING | {"mesh", "fitscale"})  # of a fit: as compiled
+        kept = leftover(attributes, PLACING | {"mesh", "fitscale"})  # of a fit: as compiled
         if kept.pop("material", None):
             kept["rgba"] = words(self._colour(index))
         size = words(self.full.geom_size[index])
@@ -151,10 +151,10 @@ class _Reader:
         axes that is the mesh scaled by s, turned by Rᵀ and moved by -s Rᵀ p.
         """
         element = self.meshes[name]
-        said = self.classes.attributes(element)
-        scale = _numbers(said, "scale", (1.0, 1.0, 1.0))
-        p = _numbers(said, "refpos", (0.0, 0.0, 0.0))
-        w, x, y, z = _numbers(said, "refquat", (1.0, 0.0, 0.0, 0.0))
+        attributes = self.classes.attributes(element)
+        scale = _numbers(attributes, "scale", (1.0, 1.0, 1.0))
+        p = _numbers(attributes, "refpos", (0.0, 0.0, 0.0))
+        w, x, y, z = _numbers(attributes, "refquat", (1.0, 0.0, 0.0, 0.0))
         turn = normalised_quat((w, -x, -y, -z))
         uneven = len(set(scale)) > 1
         if uneven and turn != (1.0, 0.0, 0.0, 0.0):
@@ -162,7 +162,7 @@ class _Reader:
             hint += "`apply_transform`), and omit the three attributes"
             raise error_at(element, f"mesh `{name}`: turned, then scaled unevenly", hint)
         offset = rotation_of(turn) @ [-v * s for v, s in zip(p, scale, strict=True)]
-        if lost := tuple(sorted(set(said) & LOST_OF_MESH)):
+        if lost := tuple(sorted(set(attributes) & LOST_OF_MESH)):
             message = f"{', '.join(f'`{a}`' for a in lost)} of mesh `{element.get('name')}` was "
             message += f"left out ({where_of(element)})"
             hint = "our meshes are converted: their normals and hulls are made anew"
@@ -173,23 +173,23 @@ class _Reader:
 
     def _colour(self, index: int) -> tuple[float, float, float, float]:
         """As MuJoCo draws it: the geom's own colour unless that is the default."""
-        own, material = _rgba(self.full.geom_rgba[index]), int(self.full.geom_matid[index])
-        return own if material < 0 or own != DEFAULT_RGBA else _rgba(self.full.mat_rgba[material])
+        rgba, material = _rgba(self.full.geom_rgba[index]), int(self.full.geom_matid[index])
+        return rgba if material < 0 or rgba != DEFAULT_RGBA else _rgba(self.full.mat_rgba[material])
 
-    def _material(self, said: Mapping[str, str], index: int) -> str | None:
+    def _material(self, attributes: Mapping[str, str], index: int) -> str | None:
         """The material of a visual geom; a colour of its own makes one."""
-        colour, look = self._colour(index), self.looks.get(said.get("material", ""))
-        if look is None and "rgba" not in said:
+        colour, look = self._colour(index), self.looks.get(attributes.get("material", ""))
+        if look is None and "rgba" not in attributes:
             return None
         known = self._look(look, str(look.get("name"))) if look is not None else Material("rgba")
         if look is not None and known.rgba == colour:
             return known.name
         base = "_".join((known.name, *(f"{round(v * 255):d}" for v in colour)))
         for name in chain((base,), (f"{base}_{n}" for n in count(2))):
-            found = self.geoms.materials.get(name)
-            if found is None or found == replace(known, name=name, rgba=colour):
+            existing = self.geoms.materials.get(name)
+            if existing is None or existing == replace(known, name=name, rgba=colour):
                 break
-        if found is None:
+        if existing is None:
             self.geoms.materials[name] = replace(known, name=name, rgba=colour)
             stated = [
                 i for i in self.geoms.mjcf_only if (i.place, i.owner) == ("material", known.name)
@@ -200,12 +200,12 @@ class _Reader:
     def _look(self, look: _Element, name: str) -> Material:
         if name in self.geoms.materials:
             return self.geoms.materials[name]
-        said = self.classes.attributes(look)
-        more = leftover(said, keys("rgba texture"))
+        attributes = self.classes.attributes(look)
+        more = leftover(attributes, keys("rgba texture"))
         if more:
             only = MjcfOnly("material", attributes_of("material", more), name)
             self.geoms.mjcf_only.append(only)
-        picture = self.pictures.get(said.get("texture", ""))
+        picture = self.pictures.get(attributes.get("texture", ""))
         layers = look.find("layer")
         file = picture.get("file") if picture is not None else None
         if layers is not None or (picture is not None and file is None):
@@ -257,8 +257,10 @@ def _primitive(kind: int, size: Vec3) -> SourceGeometry:
     return Box((2 * size[0], 2 * size[1], 2 * size[2]))
 
 
-def _numbers(said: Mapping[str, str], key: str, default: tuple[float, ...]) -> tuple[float, ...]:
-    return tuple(float(word) for word in said[key].split()) if key in said else default
+def _numbers(
+    attributes: Mapping[str, str], key: str, default: tuple[float, ...]
+) -> tuple[float, ...]:
+    return tuple(float(word) for word in attributes[key].split()) if key in attributes else default
 
 
 def _scenery(geom: _Element, classes: Classes) -> Finding:

@@ -122,16 +122,19 @@ class Classes:
         while waiting:
             node, name, inherited = waiting.pop()
             name = node.get("class", name)
-            own = self._said.setdefault(name, {})
+            defaults = self._said.setdefault(name, {})
             for tag, attributes in inherited.items():
-                own[tag] = {**attributes, **own.get(tag, {})}
+                defaults[tag] = {**attributes, **defaults.get(tag, {})}
             for child in node.iterchildren("*"):
                 if child.tag != "default":
-                    own[str(child.tag)] = {**own.get(str(child.tag), {}), **own_attributes(child)}
+                    defaults[str(child.tag)] = {
+                        **defaults.get(str(child.tag), {}),
+                        **own_attributes(child),
+                    }
             for child in node.iterchildren("default"):
                 if not child.get("class"):
                     raise error_at(child, "a <default> inside another without a `class`")
-                waiting.append((child, "", own))
+                waiting.append((child, "", defaults))
 
     def attributes(self, element: _Element) -> dict[str, str]:
         """All that is said of an element, its classes included; without its name and class."""
@@ -143,9 +146,9 @@ class Classes:
         name = element.get("class") or _child_class(element)
         if name not in self._said:
             raise error_at(element, f"no default class `{name}`")
-        said = self._said[name].get(default_tag, {}) if default_tag else {}
+        defaults = self._said[name].get(default_tag, {}) if default_tag else {}
         stated = own_attributes(element).items()
-        return said | {key: value for key, value in stated if key not in ("class", "name")}
+        return defaults | {key: value for key, value in stated if key not in ("class", "name")}
 
 
 def _child_class(element: _Element) -> str:

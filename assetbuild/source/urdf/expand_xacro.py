@@ -139,13 +139,13 @@ class ExpandXacro(Step):
         )
 
     def _hint(self, answer: dict[str, Any]) -> str:  # Any: JSON
-        said = answer["error"]
-        if "$(find" in said:
-            near = did_you_mean(said.split("`")[-2], self.packages) if self.packages else ""
+        message = answer["error"]
+        if "$(find" in message:
+            near = did_you_mean(message.split("`")[-2], self.packages) if self.packages else ""
             return f"{near}; " * bool(near) + WHERE
-        if "declared packages" in said or "readable files" in said:
+        if "declared packages" in message or "readable files" in message:
             return f"{WHERE}; or is part of its name an argument? {GIVE}"
-        return GIVE if "Undefined substitution argument" in said else ""
+        return GIVE if "Undefined substitution argument" in message else ""
 
 
 def _start(path: Path) -> bytes:

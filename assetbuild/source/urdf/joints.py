@@ -75,7 +75,7 @@ def read_joint(
     if parent == child:
         raise node.error(f"parent and child are the same link `{child}`")
     axis, findings = _read_axis(node, kind)
-    limits, told = _read_limits(node, kind)
+    limits, limit_findings = _read_limits(node, kind)
     damping, friction = _read_dynamics(node)
     joint = Joint(
         name=name,
@@ -89,7 +89,7 @@ def read_joint(
         friction=friction,
         mimic=_read_mimic(node, name, joint_names),
     )
-    return joint, findings + told
+    return joint, findings + limit_findings
 
 
 def build_tree(

@@ -141,9 +141,9 @@ def read_shapes(root: Node, links: list[tuple[str, Node]], paths: Paths) -> Geom
         drafts.append((SourceShape(name, link, role, kind, X), worn))
         lines[f"shape {name}"] = element.line
     shapes = tuple(palette.paint(shape, name) for shape, name in drafts)
-    found = SourceShapes(shapes, tuple(palette.materials.values()))
+    source_shapes = SourceShapes(shapes, tuple(palette.materials.values()))
     meshes = tuple(uses[path] for path in sorted(uses))
-    return Geometries(found, meshes, tuple(palette.findings), lines | palette.lines)
+    return Geometries(source_shapes, meshes, tuple(palette.findings), lines | palette.lines)
 
 
 def _read_geometry(shape: Node, paths: Paths, uses: dict[str, FileUse]) -> SourceGeometry:
@@ -204,7 +204,7 @@ class _Palette:
             return name
         known = self.materials.get(look.name)
         if known is not None and known != look:
-            look = self._renamed(look, told=bool(name))
+            look = self._renamed(look, report=bool(name))
         if look.name not in self.materials:
             self._add(look, node)
         return look.name
@@ -245,11 +245,11 @@ class _Palette:
             )
         return (r, g, b, a)
 
-    def _renamed(self, look: Material, told: bool) -> Material:
+    def _renamed(self, look: Material, report: bool) -> Material:
         """The look under the next free name, or under the one that it already got."""
         others = (replace(look, name=f"{look.name}_{number}") for number in itertools.count(1))
         other = next(o for o in others if self.materials.get(o.name) in (None, o))
-        if told and other.name not in self.materials:
+        if report and other.name not in self.materials:
             self.findings.append(
                 MATERIAL_CONFLICT(
                     f"material {look.name}",

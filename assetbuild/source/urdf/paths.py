@@ -50,10 +50,10 @@ class Paths:
         `package://name/path`, `package:///name/path` or relative to the URDF's own folder.
         Whether the file exists is not asked here.
         """
-        kind, said, path = self._meaning(node)
+        kind, assumption, path = self._meaning(node)
         if kind:
             uri = node.text("filename").strip()
-            self.taken.setdefault(kind, []).append((said, uri, path, node.line))
+            self.taken.setdefault(kind, []).append((assumption, uri, path, node.line))
         return path
 
     def _meaning(self, node: Node) -> tuple[str, str, str]:
@@ -61,24 +61,24 @@ class Paths:
         uri = node.text("filename").strip()
         if "\\" in uri:
             raise node.error(f"{node.tag} filename `{uri}` has a backslash", "write `/` instead")
-        kind, said, path = self._followed(node, uri)
+        kind, assumption, path = self._followed(node, uri)
         normal = posixpath.normpath(path)
         if normal == ".." or normal.startswith(("../", "/")):
             hint = "choose a higher `source.root` in the recipe"
             raise node.error(f"{node.tag} filename `{uri}` leads out of the source", hint)
         if normal == "." or uri.endswith("/"):
             raise node.error(f"{node.tag} filename `{uri}` names a folder")
-        return kind, said, normal
+        return kind, assumption, normal
 
     def _followed(self, node: Node, uri: str) -> tuple[str, str, str]:
         """As `_meaning`, not normalised."""
-        found = _SCHEME.match(uri)
-        scheme = found[1] if found else ""
+        match = _SCHEME.match(uri)
+        scheme = match[1] if match else ""
         if scheme == "package":
             return "", "", self._in_package(node, uri, uri.removeprefix("package:"))
         if scheme == "model":
-            said = "`model://` was taken for `package://`"
-            return "model", said, self._in_package(node, uri, uri.removeprefix("model:"))
+            assumption = "`model://` was taken for `package://`"
+            return "model", assumption, self._in_package(node, uri, uri.removeprefix("model:"))
         if scheme not in ("", "file"):
             raise node.error(f"{node.tag} filename `{uri}`: `{scheme}:` cannot be followed", _HINT)
         path = uri.removeprefix("file:")
@@ -105,8 +105,8 @@ class Paths:
             )
             raise node.error(f"{node.tag} filename `{uri}` is absolute", f"{advice}; or {_HINT}")
         known = max(fitting, key=len)
-        said = f"`{known}` was taken for the folder `{self.absolute[known]}`"
-        return known, said, posixpath.join(self.absolute[known], path[len(known) + 1 :])
+        assumption = f"`{known}` was taken for the folder `{self.absolute[known]}`"
+        return known, assumption, posixpath.join(self.absolute[known], path[len(known) + 1 :])
 
     def _in_package(self, node: Node, uri: str, path: str) -> str:
         name, _, rest = path.lstrip("/").partition("/")
@@ -131,16 +131,16 @@ class Paths:
                 f"the collision mesh `{path}` is stated as missing, which only a visual can be"
             )
             raise mesh.error(message, hint)
-        said = f"its visual mesh `{path}` is missing (line {mesh.line}); nothing is drawn for it"
-        return MISSING(mesh.subject, said, hint=MISSING.remedy, data={"mesh": path})
+        message = f"its visual mesh `{path}` is missing (line {mesh.line}); nothing is drawn for it"
+        return MISSING(mesh.subject, message, hint=MISSING.remedy, data={"mesh": path})
 
     def findings(self) -> Iterator[Finding]:
         """One for each kind of name that not every reader would have followed."""
         for kind, taken in sorted(self.taken.items()):
-            said, uri, path, line = taken[0]
+            assumption, uri, path, line = taken[0]
             yield TAKEN(
                 "robot",
-                f"{said}, {len(taken)} times: first `{uri}` (line {line}) for `{path}`",
+                f"{assumption}, {len(taken)} times: first `{uri}` (line {line}) for `{path}`",
                 hint=TAKEN.remedy,
                 severity="warning" if kind.startswith("/") or kind == "file" else "info",
                 data={"uri": uri, "path": path, "count": len(taken)},

@@ -41,8 +41,8 @@ Version = tuple[int, int]
 def _version_of(node: Node) -> Version:
     """What <robot> states, tidy."""
     stated = node.element.getroottree().getroot().get("version")
-    found = re.fullmatch(r"\s*(\d{1,4})\.(\d{1,4})\s*", stated or "", re.ASCII)
-    return (int(found[1]), int(found[2])) if found else (1, 0)
+    match = re.fullmatch(r"\s*(\d{1,4})\.(\d{1,4})\s*", stated or "", re.ASCII)
+    return (int(match[1]), int(match[2])) if match else (1, 0)
 
 
 def tidy_version(root: Node) -> Iterator[Taken]:

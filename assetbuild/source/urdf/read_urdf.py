@@ -157,7 +157,7 @@ def _read_joints(root: Node, links: dict[str, Node]) -> tuple[list[Joint], list[
     nodes = root.all("joint")
     names = {str(node.get("name")) for node in nodes}
     read = [read_joint(name, node, names, links) for name, node in named(nodes)]
-    return [joint for joint, _ in read], [finding for _, told in read for finding in told]
+    return [joint for joint, _ in read], [finding for _, findings in read for finding in findings]
 
 
 def named_packages(urdf: bytes) -> dict[str, str]:
@@ -195,24 +195,24 @@ def _dropped(root: Node) -> Iterator[Finding]:
 
 def _listed(nodes: list[Node]) -> str:
     """Whose they are and what they say: `d` (mu1, gravity)."""
-    said = []
+    entries = []
     for node in nodes[:SHOWN]:
         named = (one.get("name") for one in (node.element, *node.element.iterancestors()))
         owner = node.get("reference") or next((name for name in named if name), "robot")
         words = [child.tag for child in node.all("*")]
         words = words or [str(key) for key in node.element.attrib if key not in _WHOSE]
-        said.append(f"`{owner}` ({', '.join(words[:SHOWN])})" if words else f"`{owner}`")
-    return ", ".join(said) + (", ..." if len(nodes) > SHOWN else "")
+        entries.append(f"`{owner}` ({', '.join(words[:SHOWN])})" if words else f"`{owner}`")
+    return ", ".join(entries) + (", ..." if len(nodes) > SHOWN else "")
 
 
 def _moves(node: Node) -> bool:
     """Whether Gazebo's words make the robot move otherwise: a spring, or no gravity."""
-    said = {child.tag: (child.element.text or "").strip().lower() for child in node.all("*")}
+    values = {child.tag: (child.element.text or "").strip().lower() for child in node.all("*")}
     if node.tag != "gazebo":
         return False
-    pulls = said.get("gravity", "true") not in ("false", "0")
-    pulls = pulls and said.get("turnGravityOff", "false") in ("false", "0")
-    return not pulls or "springStiffness" in said
+    pulls = values.get("gravity", "true") not in ("false", "0")
+    pulls = pulls and values.get("turnGravityOff", "false") in ("false", "0")
+    return not pulls or "springStiffness" in values
 
 
 def _strays(root: Node) -> Iterator[Finding]:

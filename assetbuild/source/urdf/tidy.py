@@ -174,21 +174,21 @@ def read_tidy(data: bytes, file: str) -> tuple[Node, list[Finding]]:
 
 def _walked(root: Node, row: Sloppy) -> Iterator[Finding]:
     """Mend all that a row is about."""
-    found: list[Taken] = []
+    fixes: list[Taken] = []
     for element in [one for path in row.where for one in root.element.findall(path)]:
         node = Node(element, root.file)
         around = [Node(one, root.file) for one in (element, *element.iterancestors())][:-1]
         if around:
             node = node.about(f"{around[-1].tag} {around[-1].get('name')}")
-        found += [(text, {"line": node.line, **data}) for text, data in row.mend(node)]
+        fixes += [(text, {"line": node.line, **data}) for text, data in row.mend(node)]
         if not row.summed:
             subject = node.subject or "robot"
-            yield from (row.rule(subject, text, row.rule.remedy, data=data) for text, data in found)
-            found.clear()
-    if found:
-        (first, data), times = found[0], f"{len(found)} times" if len(found) > 1 else "once"
+            yield from (row.rule(subject, text, row.rule.remedy, data=data) for text, data in fixes)
+            fixes.clear()
+    if fixes:
+        (first, data), times = fixes[0], f"{len(fixes)} times" if len(fixes) > 1 else "once"
         message = f"{row.summed}, {times} (line {data['line']}: `{first}`)"
-        counted = {"count": len(found), "line": data["line"]}
+        counted = {"count": len(fixes), "line": data["line"]}
         yield row.rule("robot", message, row.rule.remedy, data=counted)
 
 

@@ -38,11 +38,11 @@ class RefusedError(Exception):
 @dataclass
 class Guard:
     """The audit hook. tree: the folder of the declared files; used: those that were opened;
-    found: packages that `$(find)` was asked for."""
+    packages: those that `$(find)` was asked for."""
 
     tree: str
     used: set[str] = field(default_factory=set)
-    found: set[str] = field(default_factory=set)
+    packages: set[str] = field(default_factory=set)
     refused: list[str] = field(default_factory=list)
 
     def __call__(self, event: str, arguments: tuple[Any, ...]) -> None:  # Any: the event's own
@@ -106,7 +106,7 @@ def _run(job: dict[str, Any], guard: Guard) -> dict[str, object]:  # Any: JSON
     os.chdir(guard.tree)
     packages = {name: _joined(guard.tree, folder) for name, folder in job["packages"].items()}
     packages |= {name: _joined(guard.tree, f"{ABSENT}/{name}") for name in job["absent"]}
-    said = _prepare(packages, guard)
+    warnings = _prepare(packages, guard)
     confine([guard.tree, *_linked(guard.tree)])
     sys.addaudithook(guard)
     path = _joined(guard.tree, job["file"])
@@ -121,9 +121,13 @@ def _run(job: dict[str, Any], guard: Guard) -> dict[str, object]:  # Any: JSON
         return {"error": guard.refused[0]} | _stacks(guard)
     used = {
         "files": sorted(path for path in guard.used if os.path.isfile(path)),  # noqa: PTH113
-        "packages": sorted(guard.found),
+        "packages": sorted(guard.packages),
     }
-    return {"urdf": _portable(text, guard.tree, packages, job["file"]), "used": used, "said": said}
+    return {
+        "urdf": _portable(text, guard.tree, packages, job["file"]),
+        "used": used,
+        "said": warnings,
+    }
 
 
 def _joined(tree: str, folder: str) -> str:
@@ -157,7 +161,7 @@ def _prepare(packages: dict[str, str], guard: Guard) -> list[str]:
     def find(name: str) -> str:
         if name not in packages:
             guard.refuse(f"`$(find {name})`: no package named `{shown(name)}`")
-        guard.found.add(name)
+        guard.packages.add(name)
         return packages[name]
 
     substitution_args._eval_find = find
@@ -167,15 +171,15 @@ def _prepare(packages: dict[str, str], guard: Guard) -> list[str]:
         return defusedxml.minidom.parse(file, forbid_dtd=True)
 
     xml.dom.minidom.parse = parse  # type: ignore[assignment] # this process only
-    said: list[str] = []
+    warnings: list[str] = []
 
     def warning(*words: object, **_: object) -> None:
-        said.append(" ".join(map(str, words)))
+        warnings.append(" ".join(map(str, words)))
 
     xacro.warning = warning
     xacro.print_location = lambda: None
     _ = (encodings.cp1252, encodings.latin_1, encodings.utf_16, encodings.utf_32, glob)
-    return said
+    return warnings
 
 
 def _stacks(guard: Guard) -> dict[str, object]:

@@ -57,13 +57,13 @@ class Node:
 
     def all(self, tag: str) -> list[Node]:
         """The children with that tag, in file order."""
-        found = self.element.iterchildren(tag)
-        return [Node(child, self.file, self.subject) for child in found]
+        children = self.element.iterchildren(tag)
+        return [Node(child, self.file, self.subject) for child in children]
 
     def only(self, tag: str) -> Node | None:
         """The first child with that tag, or None; `tidy` has reported and removed the others."""
-        found = next(self.element.iterchildren(tag), None)
-        return None if found is None else Node(found, self.file, self.subject)
+        child = next(self.element.iterchildren(tag), None)
+        return None if child is None else Node(child, self.file, self.subject)
 
     def first(self) -> Node | None:
         """The first child of any tag, or None."""
@@ -71,10 +71,10 @@ class Node:
 
     def need(self, tag: str) -> Node:
         """The first child with that tag."""
-        found = self.only(tag)
-        if found is None:
+        child = self.only(tag)
+        if child is None:
             raise self.error(f"<{self.tag}> without <{tag}>", f"add the <{tag}> element")
-        return found
+        return child
 
     def added(self, tag: str) -> Node:
         """A new last child, on the line of its parent."""
@@ -96,14 +96,14 @@ class Node:
 
     def text(self, attribute: str) -> str:
         """The text of an attribute that must be there and not be blank."""
-        found = self.element.get(attribute)
-        if found is None:
+        value = self.element.get(attribute)
+        if value is None:
             known = [str(name) for name in self.element.attrib]
             hint = did_you_mean(attribute, known) if known else ""
             raise self.error(f"<{self.tag}> without `{attribute}`", hint)
-        if not found.strip():
+        if not value.strip():
             raise self.error(f"{self.tag} {attribute} is empty")
-        return found
+        return value
 
     def number(self, attribute: str, default: float | None = None) -> float:
         """A finite number; without the attribute the default, or an error when there is none."""
@@ -126,9 +126,9 @@ class Node:
         if len(words) != count:
             hint = _COMMAS if "," in text else ""
             hint = _EXPAND if _is_macro(text) else hint
-            found = " ".join(words)
+            joined = " ".join(words)
             message = f"{self.tag} {attribute} needs {count} numbers, found {len(words)}"
-            raise self.error(f"{message}: `{_cut(found)}`", hint)
+            raise self.error(f"{message}: `{_cut(joined)}`", hint)
         return tuple(self._number(attribute, word) for word in words)
 
     def not_negative(self, attribute: str) -> float | None:
@@ -229,14 +229,14 @@ def xml_version(data: bytes) -> str:
 
     `0.0` and `1` stand in many files of Bullet's, whose reader does not look.
     """
-    found = _VERSION.match(data)
-    return found[1].decode() if found else ""
+    match = _VERSION.match(data)
+    return match[1].decode() if match else ""
 
 
 def in_xml_1(data: bytes) -> bytes:
     """The same text as XML 1.0, where it states a version that does not exist."""
-    found = _VERSION.match(data)
-    return data[: found.start(1)] + b"1.0" + data[found.end(1) :] if found else data
+    match = _VERSION.match(data)
+    return data[: match.start(1)] + b"1.0" + data[match.end(1) :] if match else data
 
 
 def _not_xml(message: str, line: int, file: str) -> SourceError:
@@ -256,9 +256,9 @@ def _refuse_xacro(root: Node) -> None:
     """A xacro file is a program; its elements would be dropped as unknown, silently wrong."""
     undeclared = (e for e in root.element.iter("*") if str(e.tag).startswith("xacro:"))
     declared = (e for uri in XACRO for e in root.element.iter(f"{{{uri}}}*"))
-    for found in (next(declared, None), next(undeclared, None)):
-        if found is not None:
-            node = Node(found, root.file)
+    for element in (next(declared, None), next(undeclared, None)):
+        if element is not None:
+            node = Node(element, root.file)
             raise node.error(f"<{node.tag}> in a URDF", "this is a xacro file: expand it first")
 
 
@@ -300,15 +300,15 @@ def homeless(root: Node) -> dict[str, list[Node]]:
     Keys: `transmission`, `name of visual` for an attribute. Nothing below a homeless element
     is looked at; `strays` are not among them.
     """
-    found: dict[str, list[Node]] = {}
+    by_kind: dict[str, list[Node]] = {}
     for node, others in _housed(root):
         for name in node.element.attrib:
             if name not in _HOME[node.tag][0]:
-                found.setdefault(f"{_shown(str(name), None)} of {node.tag}", []).append(node)
+                by_kind.setdefault(f"{_shown(str(name), None)} of {node.tag}", []).append(node)
         for child in others:
             if child.tag not in _HOME:
-                found.setdefault(child.tag, []).append(child)
-    return dict(sorted(found.items()))
+                by_kind.setdefault(child.tag, []).append(child)
+    return dict(sorted(by_kind.items()))
 
 
 def strays(root: Node) -> list[Node]:
