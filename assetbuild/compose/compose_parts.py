@@ -83,11 +83,11 @@ class ComposeParts(Step):
         robot = RobotFiles(files.inputs / "base")
         tree, shapes = robot.links, robot.source_shapes
         lines = _lines(files.inputs / "base")
-        said: dict[str, PartControl] = {}
+        parts: dict[str, PartControl] = {}
         base = robot.source_control
         for part in self.parts:
-            own = RobotFiles(files.inputs / part.folder)
-            own_tree, own_shapes = own.links, own.source_shapes
+            part_robot = RobotFiles(files.inputs / part.folder)
+            own_tree, own_shapes = part_robot.links, part_robot.source_shapes
             tree = _mounted(tree, prefixed_tree(own_tree, part.prefix), part)
             named = prefixed_shapes(own_shapes, part.prefix)
             plate = _plate_shapes(part.prefix + PLATE, part.mount) if part.mount else ()
@@ -95,7 +95,7 @@ class ComposeParts(Step):
                 (*shapes.shapes, *named.shapes, *plate), shapes.materials + named.materials
             )
             lines["lines"] |= _prefixed_lines(files.inputs / part.folder, part.prefix)
-            control, place = own.source_control, IDENTITY
+            control, place = part_robot.source_control, IDENTITY
             left_out = part.left_out
             if control is not None:
                 words = PartControl(
@@ -107,14 +107,14 @@ class ComposeParts(Step):
                     own_tree.X_world_root,
                 )
                 place = words.pose_in_root.inverse()
-                said[part.prefix] = words
+                parts[part.prefix] = words
                 left_out += words.left_out(base)
                 yield from _told_scenery(words, part)
             yield _told(part, own_tree, place)
             yield from _told_left_out(part, left_out)
         if base is not None and not self.keeps:
             base = replace(base, bodies=())
-        whole, findings = _whole(base, {prefix: part.prefixed() for prefix, part in said.items()})
+        whole, findings = _whole(base, {prefix: part.prefixed() for prefix, part in parts.items()})
         _refuse_clashes(tree, shapes, whole)
         yield from findings
         (files.outputs / "links.json").write_bytes(encode(tree))
@@ -145,8 +145,8 @@ def _told_left_out(part: MountedPart, keys: tuple[str, ...]) -> Iterator[Finding
         )
 
 
-def _told_scenery(said: PartControl, part: MountedPart) -> Iterator[Finding]:
-    names = said.scenery()
+def _told_scenery(control: PartControl, part: MountedPart) -> Iterator[Finding]:
+    names = control.scenery()
     if names:
         listed = ", ".join(f"`{part.prefix}{name}`" for name in names)
         yield SCENERY(
@@ -228,12 +228,12 @@ def _plate_shapes(link: str, mount: Mount) -> tuple[SourceShape, SourceShape]:
     )
 
 
-def _refuse_clashes(tree: Tree, shapes: SourceShapes, said: SourceControl) -> None:
+def _refuse_clashes(tree: Tree, shapes: SourceShapes, source_control: SourceControl) -> None:
     named = [("link", body.name) for body in tree.bodies]
     named += [("link", frame.name) for frame in tree.frames]
     named += [("joint", joint.name) for joint in tree.joints]
     named += [("shape", shape.name) for shape in shapes.shapes]
-    for (kind, name), count in Counter((*named, *names_of(said))).items():
+    for (kind, name), count in Counter((*named, *names_of(source_control))).items():
         if count > 1:
             hint = "give the part another prefix, `as:`"
             raise RecipeError(f"two parts have a {kind} `{name}`", hint=hint)
@@ -260,11 +260,11 @@ def _told(part: MountedPart, tree: Tree, X_world_root: Pose) -> Finding:
 
 
 def _prefixed_lines(folder: Path, prefix: str) -> dict[str, int | str]:
-    own = _lines(folder)
-    file = own["file"]
+    source_map = _lines(folder)
+    file = source_map["file"]
     return {
         prefixed_subject(subject, prefix): line if isinstance(line, str) else f"{file}:{line}"
-        for subject, line in own["lines"].items()
+        for subject, line in source_map["lines"].items()
         if " " in subject  # the whole is not the part
     }
 

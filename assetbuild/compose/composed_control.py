@@ -55,7 +55,7 @@ class PartControl:
 
     prefix: str
     root: str
-    said: SourceControl
+    source_control: SourceControl
     keys: tuple[KeyOf, ...] = ()
     keeps: bool = False
     X_world_root: Pose = IDENTITY
@@ -63,7 +63,7 @@ class PartControl:
 
     def prefixed(self) -> SourceControl:
         """All of it about the names in the whole; what is the base's alone is left out."""
-        control, prefix = self.said.control, self.prefix
+        control, prefix = self.source_control.control, self.prefix
         return SourceControl(
             replace(
                 control,
@@ -76,7 +76,9 @@ class PartControl:
                 mjcf_only=tuple(self._items()),
                 loops=tuple(self._loop(loop) for loop in control.loops),
             ),
-            bodies=tuple(prefix + name for name in self.said.bodies) if self.keeps else (),
+            bodies=tuple(prefix + name for name in self.source_control.bodies)
+            if self.keeps
+            else (),
             ctrl=tuple(self._commands()),
         )
 
@@ -101,7 +103,7 @@ class PartControl:
         return replace(under(self.prefix, loop, "name"), a=a, b=b)
 
     def _items(self) -> Iterator[MjcfOnly]:
-        for item in self.said.control.mjcf_only:
+        for item in self.source_control.control.mjcf_only:
             if item.place in OF_THE_BASE:
                 continue
             element = ElementTree.fromstring(item.element)  # noqa: S314 # our own reader wrote it
@@ -135,11 +137,11 @@ class PartControl:
     @property
     def pose_in_root(self) -> Pose:
         """The pose of the part's own world in its root, which may stand anywhere in it."""
-        for item in self.said.control.mjcf_only:
+        for item in self.source_control.control.mjcf_only:
             if item.place == "root":
-                said = ElementTree.fromstring(item.element)  # noqa: S314 # our own reader's
-                xyz = _numbers(said.get("pos", "0 0 0"))
-                w, x, y, z = _numbers(said.get("quat", "1 0 0 0"))
+                element = ElementTree.fromstring(item.element)  # noqa: S314 # our own reader's
+                xyz = _numbers(element.get("pos", "0 0 0"))
+                w, x, y, z = _numbers(element.get("quat", "1 0 0 0"))
                 return Pose(vec3(xyz), normalised_quat((w, x, y, z))).inverse()
         return self.X_world_root.inverse()
 
@@ -152,26 +154,26 @@ class PartControl:
 
     def scenery(self) -> list[str]:
         """Names of cameras and lights in the part's own world."""
-        control = self.said.control
-        found = [camera.name for camera in control.cameras if camera.link is None]
+        control = self.source_control.control
+        names = [camera.name for camera in control.cameras if camera.link is None]
         for item in control.mjcf_only:
             if item.place == "body" and not item.owner:
-                said = ElementTree.fromstring(item.element)  # noqa: S314 # our own reader wrote it
-                found.append(said.get("name", ""))
-        return found
+                element = ElementTree.fromstring(item.element)  # noqa: S314 # our own reader wrote it
+                names.append(element.get("name", ""))
+        return names
 
     # --- poses --------------------------------------------------------------------------------
 
     def _commands(self) -> Iterator[tuple[str, tuple[tuple[str, float], ...]]]:
         """Yield each keyframe's commands in the whole, without joints that the recipe moves."""
-        joint_of = {a.name: a.joint for a in self.said.control.actuators if a.name}
-        said = dict(self.said.ctrl)
+        joint_of = {a.name: a.joint for a in self.source_control.control.actuators if a.name}
+        commands = dict(self.source_control.ctrl)
         for key in self.keys:
             yield (
                 key.name,
                 tuple(
                     (self.prefix + drive, value)
-                    for drive, value in said.get(key.source, ())
+                    for drive, value in commands.get(key.source, ())
                     if joint_of.get(drive) not in key.moved
                 ),
             )
@@ -179,14 +181,14 @@ class PartControl:
     def left_out(self, base: SourceControl | None) -> tuple[str, ...]:
         """Return the part's options that are neither the base's nor MuJoCo's defaults."""
         timestep = base.control.simulation.timestep if base else TIMESTEP_S
-        own, bases = _options(self.said), _options(base)
-        found = []
-        if self.said.control.simulation.timestep not in (timestep, TIMESTEP_S):
-            found.append("option timestep")
-        for key, value in own.items():
+        options, bases = _options(self.source_control), _options(base)
+        names = []
+        if self.source_control.control.simulation.timestep not in (timestep, TIMESTEP_S):
+            names.append("option timestep")
+        for key, value in options.items():
             if value not in (bases.get(key), _LIKE_MUJOCO.get(key)):
-                found.append(f"option {key}")
-        return tuple(found)
+                names.append(f"option {key}")
+        return tuple(names)
 
 
 def under(prefix: str, thing: Named, *keys: str) -> Named:
@@ -214,31 +216,31 @@ def joined(base: SourceControl | None, parts: Mapping[str, SourceControl]) -> So
     )
 
 
-def names_of(said: SourceControl) -> Iterator[tuple[str, str]]:
+def names_of(source_control: SourceControl) -> Iterator[tuple[str, str]]:
     """(kind, name) of all that has a name of its own beside links, joints and shapes."""
-    for actuator in said.control.actuators:
+    for actuator in source_control.control.actuators:
         if actuator.model != "passive" and actuator.name:
             yield "actuator", actuator.name
-    yield from (("sensor", sensor.name) for sensor in said.control.sensors)
-    yield from (("camera", camera.name) for camera in said.control.cameras)
-    yield from (("equality", loop.name) for loop in said.control.loops)
-    for item in said.control.mjcf_only:
+    yield from (("sensor", sensor.name) for sensor in source_control.control.sensors)
+    yield from (("camera", camera.name) for camera in source_control.control.cameras)
+    yield from (("equality", loop.name) for loop in source_control.control.loops)
+    for item in source_control.control.mjcf_only:
         element = ElementTree.fromstring(item.element)  # noqa: S314 # our own reader wrote it
         named = item.place in ("actuator", "sensor", "tendon", "equality") and element.get("name")
         if named and not item.owner:  # else it is the drive of its joint
             yield item.place, element.get("name", "")
 
 
-def _options(said: SourceControl | None) -> Mapping[str, str]:
+def _options(source_control: SourceControl | None) -> Mapping[str, str]:
     """Attributes of `<option>` and its flags."""
-    found: dict[str, str] = {}
-    for item in said.control.mjcf_only if said else ():
+    options: dict[str, str] = {}
+    for item in source_control.control.mjcf_only if source_control else ():
         if item.place == "option":
             element = ElementTree.fromstring(item.element)  # noqa: S314 # our own reader wrote it
-            found |= element.attrib
+            options |= element.attrib
             for flag in element:
-                found |= {f"flag {key}": value for key, value in flag.attrib.items()}
-    return found
+                options |= {f"flag {key}": value for key, value in flag.attrib.items()}
+    return options
 
 
 def _move(element: ElementTree.Element, X: Pose) -> None:

@@ -39,7 +39,7 @@ MASKS = Rule(
 @dataclass
 class _Side:
     prefix: str
-    said: SourceControl
+    source_control: SourceControl
     moved: int = 0
     """How many bits became others."""
     joined: int = 0
@@ -47,9 +47,9 @@ class _Side:
 
     def masks(self) -> set[Masks]:
         """Return the masks of all its shapes; shapes that are made anew get the common ones."""
-        control = self.said.control
-        found = {(c.mask, c.partners) for c in (control.contact, *(c for _, c in control.contacts))}
-        return found | {_of_geom(e) for e in _geoms(control.mjcf_only)}
+        control = self.source_control.control
+        masks = {(c.mask, c.partners) for c in (control.contact, *(c for _, c in control.contacts))}
+        return masks | {_of_geom(e) for e in _geoms(control.mjcf_only)}
 
     def change(self, function: Callable[[Masks], Masks]) -> None:
         """Other masks for all shapes."""
@@ -58,9 +58,9 @@ class _Side:
             mask, partners = function((contact.mask, contact.partners))
             return contact.model_copy(update={"mask": mask, "partners": partners})
 
-        control = self.said.control
-        self.said = replace(
-            self.said,
+        control = self.source_control.control
+        self.source_control = replace(
+            self.source_control,
             control=replace(
                 control,
                 contact=changed(control.contact),
@@ -74,7 +74,7 @@ def meeting_masks(
     sources: list[tuple[str, SourceControl]],
 ) -> tuple[list[SourceControl], list[Finding]]:
     """The sources, whose masks go together now. sources: by prefix, the base's "" first."""
-    sides = [_Side(prefix, said) for prefix, said in sources]
+    sides = [_Side(prefix, source) for prefix, source in sources]
     taken = FLOOR
     for side in sides:
         used = _used(side.masks())
@@ -94,7 +94,7 @@ def meeting_masks(
             for other in later:
                 other.change(partial(_with_bits, 0, bit))
                 other.joined += 1
-    return [side.said for side in sides], [_told(s) for s in sides if s.moved or s.joined]
+    return [side.source_control for side in sides], [_told(s) for s in sides if s.moved or s.joined]
 
 
 def _told(side: _Side) -> Finding:

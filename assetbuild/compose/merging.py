@@ -38,8 +38,8 @@ class Composed(LoadedRecipe):
         """The recipe of the part, where a row is the part's."""
         for length in range(len(key), 0, -1):
             if key[:length] in self.origins:
-                whose, own = self.origins[key[:length]]
-                return whose, (*own, *key[length:])
+                whose, part_key = self.origins[key[:length]]
+                return whose, (*part_key, *key[length:])
         return self, key
 
     @property
@@ -106,13 +106,13 @@ def left_out(recipe: Recipe, part: Recipe) -> tuple[str, ...]:
 
 def _by_pattern(rows: Iterable[Row[Value]], *, once: bool = False) -> dict[str, Row[Value]]:
     """The first of the rows about the same names; RecipeError for a second if `once`."""
-    found: dict[str, Row[Value]] = {}
+    by_pattern: dict[str, Row[Value]] = {}
     for row in rows:
-        first = found.setdefault(row.pattern, row)
+        first = by_pattern.setdefault(row.pattern, row)
         if once and first is not row:
             message = f"`{first.key[-1]}` matches joint `{row.names[0]}` too"
             raise row.whose.error(row.key, message, "narrow one of the two patterns")
-    return found
+    return by_pattern
 
 
 def _values(table: Table) -> Any:  # Any: as Table
@@ -122,12 +122,12 @@ def _values(table: Table) -> Any:  # Any: as Table
 
 
 def _origins(tables: Mapping[Key, Table]) -> dict[Key, tuple[LoadedRecipe, Key]]:
-    found: dict[Key, tuple[LoadedRecipe, Key]] = {}
+    origins: dict[Key, tuple[LoadedRecipe, Key]] = {}
     for key, table in tables.items():
         rows = table.items() if isinstance(table, Mapping) else enumerate(table)
         for at, row in rows:
-            found[(*key, at)] = row.whose, row.key
-    return found
+            origins[(*key, at)] = row.whose, row.key
+    return origins
 
 
 def _replaced(of: Any, values: Mapping[Key, Any]) -> Any:  # Any: a model, or a map of models
@@ -165,12 +165,14 @@ def _keep_bodies(members: Sequence[Member]) -> Iterator[Row[str]]:
 
 def _collision(members: Sequence[Member]) -> Iterator[Row[CollisionRule]]:
     for member in members:
-        own = member.recipe.collision
+        collision = member.recipe.collision
         folder = member.loaded.folder
-        rules = {p: _under(_found(rule, folder), own.preset) for p, rule in own.links.items()}
+        rules = {
+            p: _under(_found(rule, folder), collision.preset) for p, rule in collision.links.items()
+        }
         yield from rows_of(member, ("collision", "links"), rules)
         if member.part:
-            default = _under(_found(own.default, folder), own.preset)
+            default = _under(_found(collision.default, folder), collision.preset)
             yield _all_links(member, default, "collision", "default")
 
 
@@ -190,16 +192,16 @@ def _under(rule: CollisionRule, preset: str) -> CollisionRule:
 
 
 def _pairs(members: Sequence[Member]) -> dict[tuple[str, str], Row[tuple[str, str]]]:
-    found: dict[tuple[str, str], Row[tuple[str, str]]] = {}
+    pairs: dict[tuple[str, str], Row[tuple[str, str]]] = {}
     for member in members:
         for index, (a, b) in enumerate(member.recipe.collision.exclude.pairs):
             pair, key = (member.prefix + a, member.prefix + b), ("collision", "exclude", "pairs")
-            found.setdefault(pair, Row(pair, member.loaded, (*key, index)))
+            pairs.setdefault(pair, Row(pair, member.loaded, (*key, index)))
         for index, link in enumerate(member.part.exclude if member.part else ()):
             for other in member.tree.by_body:
                 pair, row = (link, member.prefix + other), (*member.row, "exclude", index)
-                found.setdefault(pair, Row(pair, members[0].loaded, row))
-    return found
+                pairs.setdefault(pair, Row(pair, members[0].loaded, row))
+    return pairs
 
 
 def _contact(members: Sequence[Member]) -> Iterator[Row[Surface]]:
@@ -212,11 +214,11 @@ def _contact(members: Sequence[Member]) -> Iterator[Row[Surface]]:
         whole = _surface_of(contact)
         if from_mjcf:
             whole = Surface(**whole.model_dump(include=contact.model_fields_set))
-        own = {
+        surfaces = {
             pattern: whole.model_copy(update=surface.model_dump(exclude_none=True))
             for pattern, surface in contact.links.items()
         }
-        yield from rows_of(part, key, own)
+        yield from rows_of(part, key, surfaces)
         if whole != (Surface() if from_mjcf else _surface_of(base.recipe.contact)):
             yield _all_links(part, whole, "contact")
 
@@ -227,10 +229,10 @@ def _surface_of(contact: Contact) -> Surface:
 
 def _feet(members: Sequence[Member]) -> Feet | None:
     """The soles of all; the base decides whether they have contact sensors, if it has feet."""
-    found = [(member, member.recipe.feet) for member in members if member.recipe.feet]
-    names = [n for m, feet in found for n in spoken_of(m, ("feet", "links"), feet.links)]
+    with_feet = [(member, member.recipe.feet) for member in members if member.recipe.feet]
+    names = [n for m, feet in with_feet for n in spoken_of(m, ("feet", "links"), feet.links)]
     links = listed(dict.fromkeys(names))
-    return found[0][1].model_copy(update={"links": links}) if found else None
+    return with_feet[0][1].model_copy(update={"links": links}) if with_feet else None
 
 
 # --- drives and poses -----------------------------------------------------------------------
@@ -265,8 +267,8 @@ def _keyframes(members: Sequence[Member]) -> dict[str, Keyframe]:
 def pose_rows(members: Sequence[Member], name: str) -> list[Row[float]]:
     """The joints of the whole in a keyframe: the base's, then each part's that it leaves alone."""
     base = members[0]
-    own = base.recipe.keyframes[name].joints if name in base.recipe.keyframes else {}
-    rows = list(rows_of(base, ("keyframes", name, "joints"), own, "joints"))
+    joints = base.recipe.keyframes[name].joints if name in base.recipe.keyframes else {}
+    rows = list(rows_of(base, ("keyframes", name, "joints"), joints, "joints"))
     taken = {joint for row in rows for joint in row.names}
     left = (row.without(taken) for part in base.reach for row in _part_pose(base, part, name))
     return rows + [row for row in left if row.names]
@@ -319,37 +321,37 @@ def _imu(members: Sequence[Member]) -> Imu | None:
 
 def _other_imus(members: Sequence[Member], whole: Imu | None) -> dict[str, Row[Sensor]]:
     """`<prefix>imu_ang_vel`, ...: the IMUs of parts beside the one that is the whole's."""
-    found = {}
+    sensors = {}
     for part in members[1:]:
         if (imu := part.recipe.imu) is None or (whole and whole.link == part.prefix + imu.link):
             continue
         for kind in imu.sensors:
             sensor = Sensor.model_validate({"kind": kind, "link": part.prefix + imu.link})
-            found[part.prefix + IMU_NAMES[kind]] = Row(sensor, part.loaded, ("imu",))
-    return found
+            sensors[part.prefix + IMU_NAMES[kind]] = Row(sensor, part.loaded, ("imu",))
+    return sensors
 
 
 def _placed(
     members: Sequence[Member], table: str, places: tuple[str, ...]
 ) -> dict[str, Row[Any]]:  # Any: sensors, cameras or motors
     """What all have by name; `places`: keys that name a link, a joint or another of them."""
-    found: dict[str, Row[Any]] = {}
+    placed: dict[str, Row[Any]] = {}
     for member in members:
         for name, entry in getattr(member.recipe, table).items():
             moved = {key: member.prefix + at for key in places if (at := getattr(entry, key))}
             row = Row(entry.model_copy(update=moved), member.loaded, (table, name))
-            found.setdefault(member.prefix + name, row)
-    return found
+            placed.setdefault(member.prefix + name, row)
+    return placed
 
 
 def _randomize(members: Sequence[Member]) -> dict[Key, Table]:
     """The ranges of all; friction and seed are the base's."""
     links, joints, payloads = list[Row[Any]](), list[Row[Any]](), list[Row[Any]]()
     for member in members:
-        if (own := member.recipe.randomize) is not None:
-            links += rows_of(member, ("randomize", "links"), own.links)
-            joints += rows_of(member, ("randomize", "joints"), own.joints, "joints")
-            for index, payload in enumerate(own.payloads):
+        if (ranges := member.recipe.randomize) is not None:
+            links += rows_of(member, ("randomize", "links"), ranges.links)
+            joints += rows_of(member, ("randomize", "joints"), ranges.joints, "joints")
+            for index, payload in enumerate(ranges.payloads):
                 moved = payload.model_copy(update={"link": member.prefix + payload.link})
                 payloads.append(Row(moved, member.loaded, ("randomize", "payloads", index)))
     return {

@@ -43,13 +43,13 @@ _WORDS: Mapping[Kind, str] = {"links": "link of the source", "joints": "moving j
 class Member:
     """The base or a part of a composite: its own recipe, and its tree in its own names.
 
-    said: by its MJCF, if it is one. part, row: of the parts, their rows of `compose` and the keys
-    of these. reach: of the base, the parts, of which its patterns may speak.
+    source_control: of its MJCF, if it is one. part, row: of the parts, their rows of `compose` and
+    the keys of these. reach: of the base, the parts, of which its patterns may speak.
     """
 
     loaded: LoadedRecipe
     tree: Tree
-    said: SourceControl | None = None
+    source_control: SourceControl | None = None
     part: Part | None = None
     row: Key = ()
     reach: tuple[Member, ...] = ()
@@ -80,7 +80,7 @@ class Member:
     def poses(self) -> dict[str, dict[str, float]]:
         """Values of the joints that mimic no other in each keyframe of its source, rad or m."""
         free = {joint.name for joint in self.tree.moving_joints if joint.mimic is None}
-        keys = self.said.control.keyframes if self.said else ()
+        keys = self.source_control.control.keyframes if self.source_control else ()
         return {key.name: {n: q for n, q in key.joints if n in free} for key in keys}
 
     def pose_key(self, name: str) -> tuple[str, bool] | None:
@@ -129,14 +129,14 @@ def spoken_of(member: Member, key: Key, pattern: str, kind: Kind = "links") -> t
 
     RecipeError: it speaks of nothing, or nobody can tell whether it means a part.
     """
-    own = member.names[kind]
-    found = [member.prefix + name for name in own if re.fullmatch(pattern, name)]
+    local_names = member.names[kind]
+    matches = [member.prefix + name for name in local_names if re.fullmatch(pattern, name)]
     for part in member.reach:
         names = [name for name in part.names[kind] if re.fullmatch(pattern, part.prefix + name)]
-        found += [part.prefix + n for n in names if _means(member, key, pattern, part, n)]
-    if not found:
+        matches += [part.prefix + n for n in names if _means(member, key, pattern, part, n)]
+    if not matches:
         raise _idle(member, key, pattern, kind)
-    return tuple(found)
+    return tuple(matches)
 
 
 def _means(base: Member, key: Key, pattern: str, part: Member, name: str) -> bool:

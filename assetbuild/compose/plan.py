@@ -87,9 +87,9 @@ def _members(
     rows = [None, *recipes[0].recipe.compose]
     known = [_known(ready, p) for ready in made]  # all questions are asked at once
     members = [
-        Member(recipe, *found, row, ("compose", index - 1))
-        for index, (recipe, row, found) in enumerate(zip(recipes, rows, known, strict=False))
-        if found is not None
+        Member(recipe, *answer, row, ("compose", index - 1))
+        for index, (recipe, row, answer) in enumerate(zip(recipes, rows, known, strict=False))
+        if answer is not None
     ]
     if len(members) < len(recipes):
         return None
@@ -99,18 +99,18 @@ def _members(
 def _known(ready: Ready, p: Planner) -> tuple[Tree, SourceControl | None] | None:
     """None while an answer is missing; both are asked for at once."""
     links = p.ask(ready.robot["links.json"])
-    said = p.ask(ready.read.control) if ready.read.control else b""
-    if links is None or said is None:
+    control = p.ask(ready.read.control) if ready.read.control else b""
+    if links is None or control is None:
         return None
-    return decode(Tree, links), decode(SourceControl, said) if said else None
+    return decode(Tree, links), decode(SourceControl, control) if control else None
 
 
 def _geometry(base: Ready, parts: Mapping[str, Ready]) -> Geometry | None:
     """The base's with those of the parts, by prefix; None while one is not known yet."""
-    found = [(prefix, ready.geometry) for prefix, ready in parts.items()]
-    if base.geometry is None or any(geometry is None for _, geometry in found):
+    geometries = [(prefix, ready.geometry) for prefix, ready in parts.items()]
+    if base.geometry is None or any(geometry is None for _, geometry in geometries):
         return None
-    for prefix, geometry in found:
+    for prefix, geometry in geometries:
         if geometry is not None:
             base.geometry.mount(geometry, partial(part_path, prefix))
     return base.geometry
@@ -168,8 +168,8 @@ def _part_on(part: Member, base: Recipe, poses: Mapping[str, Mapping[str, float]
         for name, (key, by_source) in used.items()
         if by_source
     )
-    own = dict.fromkeys((*part.recipe.keyframes, *part.poses))
-    idle = [f"keyframes.{name}" for name in own if name not in {key for key, _ in used.values()}]
+    names = dict.fromkeys((*part.recipe.keyframes, *part.poses))
+    idle = [f"keyframes.{name}" for name in names if name not in {key for key, _ in used.values()}]
     return MountedPart(
         folder=row.as_,
         prefix=row.as_,
@@ -183,7 +183,7 @@ def _part_on(part: Member, base: Recipe, poses: Mapping[str, Mapping[str, float]
 
 def _moved(part: Member, pose: Mapping[str, float], key: str) -> tuple[str, ...]:
     """Joints of the part that a keyframe of the whole puts elsewhere than its source's."""
-    own = part.poses[key].items()
-    found = [joint for joint, before in own if pose.get(part.prefix + joint, before) != before]
-    followers = [j for j in part.tree.moving_joints if j.mimic and j.mimic.joint in found]
-    return (*found, *(joint.name for joint in followers))
+    stated = part.poses[key].items()
+    joints = [joint for joint, before in stated if pose.get(part.prefix + joint, before) != before]
+    followers = [j for j in part.tree.moving_joints if j.mimic and j.mimic.joint in joints]
+    return (*joints, *(joint.name for joint in followers))

@@ -61,16 +61,16 @@ def read_bag(path: Path, file: str, columns: Sequence[str]) -> Iterator[Array]:
         except StepError:
             raise
         except Exception as error:  # whatever rosbags and its decoders make of a broken file
-            said = " ".join(str(error).split())[:200] or type(error).__name__
-            raise StepError(f"{file} cannot be read as a bag: {said}") from None
+            reason = " ".join(str(error).split())[:200] or type(error).__name__
+            raise StepError(f"{file} cannot be read as a bag: {reason}") from None
 
 
 def _column(file: str, name: str) -> _Column:
-    found = _FIELD.fullmatch(name)
-    if found is None:
+    match = _FIELD.fullmatch(name)
+    if match is None:
         hint = "write `/topic.field`, or `/topic.field[{joint}]` for a list"
         raise StepError(f"{file}: `{name}` is no field of a topic", hint=hint)
-    return _Column(name, found["topic"], tuple(found["path"].split(".")), found["place"])
+    return _Column(name, match["topic"], tuple(match["path"].split(".")), match["place"])
 
 
 def _rows(bag: Any, file: str, wanted: Sequence[_Column], clock: str) -> Iterator[Array]:
@@ -101,13 +101,13 @@ def _rows(bag: Any, file: str, wanted: Sequence[_Column], clock: str) -> Iterato
 
 
 def _value(file: str, message: Any, column: _Column) -> float:
-    found = message
+    value = message
     try:
         for part in column.path:
-            found = getattr(found, part)
+            value = getattr(value, part)
         if column.place is None:
-            return float(found)
-        return float(found[_place(message, column.place)])
+            return float(value)
+        return float(value[_place(message, column.place)])
     except (AttributeError, IndexError, TypeError, ValueError):
         raise StepError(
             f"{file}: a message of `{column.topic}` has no number `{column.name}`",

@@ -91,8 +91,8 @@ class Estimate:
     def moved_by(self, simulated: Array) -> Array:
         """(P,) how far a fit with this prediction instead would lie from this one."""
         pull = np.einsum("pnc,nc->p", self.effect, (self.simulated - simulated) / self.sigma**2)
-        found: Array = self.covariance @ pull
-        return found
+        shift: Array = self.covariance @ pull
+        return shift
 
 
 def estimate(problem: Problem) -> Estimate:
@@ -172,16 +172,16 @@ def _jacobian(problem: Problem, theta: Array, simulated: Array) -> Array:
         moved = theta.copy()
         moved[together] += problem.steps[together]
         vectors.append(moved)
-    found = np.zeros((len(theta), *simulated.shape))
+    jacobian = np.zeros((len(theta), *simulated.shape))
     if problem.sense is None:
         outcomes = problem.simulate(vectors)
     else:
         simulated, outcomes = problem.sense([theta])[0], problem.sense(vectors)
     for together, outcome in zip(rounds, outcomes, strict=True):
         for index in together:
-            own = sorted(problem.parts[index])
-            found[index][:, own] = (outcome - simulated)[:, own] / problem.steps[index]
-    return found
+            channels = sorted(problem.parts[index])
+            jacobian[index][:, channels] = (outcome - simulated)[:, channels] / problem.steps[index]
+    return jacobian
 
 
 def _is_stale(expected: Array, change: Array, sigma: Array, otherwise: float) -> bool:
@@ -195,10 +195,10 @@ def _correct(problem: Problem, jacobian: Array, step: Array, missing: Array) -> 
     """In place: the smallest change of the effects with which they predict this step's."""
     scaled = step * _size(problem, step) ** -2
     for channel in range(missing.shape[1]):
-        own = [p for p, part in enumerate(problem.parts) if channel in part]
-        length = float(step[own] @ scaled[own])
+        indices = [p for p, part in enumerate(problem.parts) if channel in part]
+        length = float(step[indices] @ scaled[indices])
         if length > 0.0:
-            jacobian[own, :, channel] += np.outer(scaled[own], missing[:, channel]) / length
+            jacobian[indices, :, channel] += np.outer(scaled[indices], missing[:, channel]) / length
 
 
 def _information(jacobian: Array, sigma: Array) -> Array:
@@ -274,8 +274,8 @@ def _walk(
 
 def _cost(problem: Problem, prediction: Array, sigma: Array) -> float:
     """The weighted squares of the residuals."""
-    found = float(np.sum(((problem.measured - prediction) / sigma) ** 2))
-    return found if np.isfinite(found) else np.inf
+    cost = float(np.sum(((problem.measured - prediction) / sigma) ** 2))
+    return cost if np.isfinite(cost) else np.inf
 
 
 def _judged(
@@ -317,6 +317,6 @@ def _scores(problem: Problem, jacobian: Array, simulated: Array, sigma: Array) -
     residual = (problem.measured - simulated) / sigma**2
     each = np.einsum("pnc,nc->np", jacobian, residual)
     numbers, at = np.unique(problem.blocks, return_inverse=True)
-    found = np.zeros((len(numbers), len(jacobian)))
-    np.add.at(found, at, each)
-    return found
+    scores = np.zeros((len(numbers), len(jacobian)))
+    np.add.at(scores, at, each)
+    return scores

@@ -218,7 +218,7 @@ class Touch:
 
         from assetbuild.simulators.mujoco import follow
 
-        found: set[int] = set()
+        joints: set[int] = set()
         seen: set[tuple[int, int]] = set()
         for pose in poses:
             self.data.qpos[self._at] = pose
@@ -228,9 +228,9 @@ class Touch:
             seen |= self._pairs() - self._always
         for a, b in seen:
             movers = self._movers(a) ^ self._movers(b)
-            found |= movers or self._movers(a) | self._movers(b)
+            joints |= movers or self._movers(a) | self._movers(b)
             self.last = f"{self.model.body(a).name} and {self.model.body(b).name} touch"
-        return found
+        return joints
 
     def _pairs(self) -> set[tuple[int, int]]:
         contacts = self.data.contact.geom[: self.data.ncon]
@@ -239,8 +239,8 @@ class Touch:
 
     def _movers(self, body: int) -> set[int]:
         """Numbers of the joints between a body and the root."""
-        found = set()
+        joints = set()
         while body > 0:
-            found |= {j for j, own in enumerate(self._bodies) if own == body}
+            joints |= {j for j, child in enumerate(self._bodies) if child == body}
             body = int(self.model.body_parentid[body])
-        return found
+        return joints

@@ -112,7 +112,7 @@ class FitLogs(Step):
     def _unknowns(self, tree: Tree, priors: Sequence[Drive]) -> list[Unknown]:
         """Those of tied joints once; a delay is common to the joints that ask for one."""
         wanted = dict(self.fit)
-        found, taken = [], set()
+        unknowns, taken = [], set()
         tied = [
             {j for j, name in enumerate(self.joints) if re.fullmatch(p, name)} for p in self.tied
         ]
@@ -122,10 +122,10 @@ class FitLogs(Step):
                 if (name, j) in taken:
                     continue
                 shares = range(len(self.joints)) if name == "delay" else sorted(mates)
-                own = tuple(k for k in shares if name in wanted.get(self.joints[k], ()))
-                taken |= {(name, k) for k in own}
-                found.append(Unknown(name, own, getattr(priors[j], name)))
-        return found
+                joints = tuple(k for k in shares if name in wanted.get(self.joints[k], ()))
+                taken |= {(name, k) for k in joints}
+                unknowns.append(Unknown(name, joints, getattr(priors[j], name)))
+        return unknowns
 
     def _parameters(self, tree: Tree, solution: Solution) -> Iterator[Parameter]:
         rows = zip(
@@ -243,7 +243,7 @@ def _predictions(plant: Plant, shown: Sequence[_Shown]) -> Iterator[Prediction]:
     }
     for j, joint in enumerate(plant.joints):
         values = {
-            name: 0.0 if found is None else short(float(found[j])) for name, found in rms.items()
+            name: 0.0 if errors is None else short(float(errors[j])) for name, errors in rms.items()
         }
         yield Prediction(joint, **values)
 

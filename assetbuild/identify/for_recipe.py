@@ -20,11 +20,11 @@ def _rows(fit: Fit, timestep_s: float) -> Iterator[str]:
     known = [p for p in fit.parameters if not p.refused]
     files = ", ".join(log.file for log in fit.logs)
     for joint in dict.fromkeys(name for p in known for name in p.joints):
-        own = [p for p in known if joint in p.joints]
-        for each in own:
+        parameters = [p for p in known if joint in p.joints]
+        for each in parameters:
             if not _has_range(each):
                 yield f"    # {each.name} of {joint}: the interval begins at 0"
-        ranges = {p.name: _range(p, timestep_s) for p in own if _has_range(p)}
+        ranges = {p.name: _range(p, timestep_s) for p in parameters if _has_range(p)}
         if ranges:
             ranges["source"] = f"95 % interval of {files}"
             keys = ", ".join(f"{key}: {json.dumps(value)}" for key, value in ranges.items())

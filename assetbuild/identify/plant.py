@@ -69,11 +69,11 @@ class Plant:
         model.actuator_ctrllimited[:] = 0
         model.actuator_forcelimited[:] = 1
         model.actuator_forcelimited[list(self.base.drive)] = 0
-        found = [model.joint(name) for name in joints]
-        self.dof = np.array([int(joint.dofadr[0]) for joint in found])
-        self.at = np.array([int(joint.qposadr[0]) for joint in found])
+        views = [model.joint(name) for name in joints]
+        self.dof = np.array([int(joint.dofadr[0]) for joint in views])
+        self.at = np.array([int(joint.qposadr[0]) for joint in views])
         drives = {int(model.actuator_trnid[a][0]): a for a in range(len(model.actuator_trntype))}
-        self.drive = np.array([drives[joint.id] for joint in found])
+        self.drive = np.array([drives[joint.id] for joint in views])
         self.rest = _rest(model, tree, control)
         self.moved = _moved(model, self.dof)
         self.inertia = self._inertia()
@@ -234,15 +234,15 @@ class Plant:
         model.dof_armature[:], model.dof_damping[:] = 0.0, 0.0
         data = mujoco.MjData(model)
         data.qpos[:] = self.rest
-        found = np.zeros_like(q)
+        torque = np.zeros_like(q)
         for n in range(len(q)):
             data.qpos[self.at], data.qvel[self.dof], data.qacc[self.dof] = q[n], v[n], a[n]
             if base is not None:
                 at, dof = list(self.base.at), list(self.base.dof)
                 data.qpos[at], data.qvel[dof], data.qacc[dof] = (part[n] for part in base)
             mujoco.mj_inverse(model, data)
-            found[n] = data.qfrc_inverse[self.dof]
-        return found
+            torque[n] = data.qfrc_inverse[self.dof]
+        return torque
 
 
 def _compiled(
@@ -256,8 +256,8 @@ def _compiled(
         driven = Actuator(joint.name, "pd", kp=1.0, effort=1.0)
         rows.append(driven if joint.name in joints else Actuator(joint.name, "passive"))
     opaque = tuple(item for item in control.mjcf_only if item.place in OF_JOINTS)
-    own = Control(actuators=tuple(rows), loops=control.loops)
-    xml = RobotXml("stand", Solver.of(MjcfOptions()), stand, Shapes(), own)
+    stand_control = Control(actuators=tuple(rows), loops=control.loops)
+    xml = RobotXml("stand", Solver.of(MjcfOptions()), stand, Shapes(), stand_control)
     root = robot_element(xml, opaque, bare=True)
     text = document(root, "")
     if moving:
@@ -292,12 +292,12 @@ def _moved(model: Any, dof: Array) -> tuple[frozenset[int], ...]:  # Any: as abo
             if not forks and address >= 0 and children[address] > 1:
                 return
 
-    found = [{numbers[d] for d in chain(int(a), False) if d in numbers} for a in dof]
+    affected = [{numbers[d] for d in chain(int(a), False) if d in numbers} for a in dof]
     for j, address in enumerate(dof):
         for d in chain(int(address), True):
             if d in numbers:
-                found[numbers[d]].add(j)
-    return tuple(map(frozenset, found))
+                affected[numbers[d]].add(j)
+    return tuple(map(frozenset, affected))
 
 
 def _delayed(target: Array, steps: float) -> Array:

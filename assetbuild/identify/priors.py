@@ -114,11 +114,11 @@ class UseFits(Step):
 def with_fit(rows: dict[str, Actuator], fit: Fit) -> dict[str, Actuator]:
     """The actuators by joint, with the parameters that the fit identified."""
     gains = {joint: {"kp": kp, "kd": kd} for joint, kp, kd in fit.recorded}
-    found = dict(rows)
+    fitted = dict(rows)
     files = ", ".join(f"{log.file} ({log.sha256[:12]})" for log in fit.logs)
     for parameter in fit.parameters:
         for joint in parameter.joints:
-            row = found[joint]
+            row = fitted[joint]
             if parameter.refused or parameter.name in row.measured or parameter.name == "delay":
                 continue
             value = parameter.value
@@ -127,5 +127,5 @@ def with_fit(rows: dict[str, Actuator], fit: Fit) -> dict[str, Actuator]:
                 value = getattr(row, parameter.name) * value / asked if asked else value
             changed = {parameter.name: value, "source": f"measured: {files}"}
             measured = (*row.measured, parameter.name)
-            found[joint] = replace(row, **changed, measured=measured)  # type: ignore[arg-type] # names of its fields
-    return found
+            fitted[joint] = replace(row, **changed, measured=measured)  # type: ignore[arg-type] # names of its fields
+    return fitted

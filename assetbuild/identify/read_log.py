@@ -109,20 +109,20 @@ class ReadLog(Step):
 
     def _names(self) -> list[str]:
         """The columns in the order of the table: time, then each kind with all joints."""
-        found = [self.columns.time]
+        columns = [self.columns.time]
         for kind in self._kinds:
             pattern = str(getattr(self.columns, kind))
-            found += [pattern.replace("{joint}", self.names.get(j, j)) for j in self.joints]
+            columns += [pattern.replace("{joint}", self.names.get(j, j)) for j in self.joints]
         turned, moved = self.columns.base_orientation, self.columns.base_position
-        found += [turned.replace("{axis}", axis) for axis in "wxyz"] if turned else []
-        found += [moved.replace("{axis}", axis) for axis in "xyz"] if moved else []
-        twice = {name for name in found if found.count(name) > 1}
+        columns += [turned.replace("{axis}", axis) for axis in "wxyz"] if turned else []
+        columns += [moved.replace("{axis}", axis) for axis in "xyz"] if moved else []
+        twice = {name for name in columns if columns.count(name) > 1}
         if twice:
             raise StepError(
                 f"{self.file}: column `{min(twice)}` would be read for several joints",
                 hint="`{joint}` in `columns` stands for the joint's name in the log",
             )
-        return found
+        return columns
 
     def _scale(self, tree: Tree, joint: str) -> float:
         """Radians in one unit of the log's angles; joints that slide are in metres."""
@@ -163,15 +163,15 @@ class ReadLog(Step):
         period = float(np.mean(whole)) if len(whole) else period
         gaps = np.flatnonzero(steps >= GAP * period)
         ends = [0, *(int(g) + 1 for g in gaps), len(time)]
-        found = [(a, b) for a, b in itertools.pairwise(ends) if (b - a) * period >= SHORTEST_S]
+        stretches = [(a, b) for a, b in itertools.pairwise(ends) if (b - a) * period >= SHORTEST_S]
         lost = float(np.sum(steps[gaps]))
-        if not found or lost > MOST_LOST * (time[-1] - time[0]):
+        if not stretches or lost > MOST_LOST * (time[-1] - time[0]):
             raise StepError(
                 f"{self.file}: samples are missing in {len(gaps)} places, {lost:.3g} s of "
                 f"{time[-1] - time[0]:.3g} s",
                 hint="record again; a logger that writes to disk in the control loop drops samples",
             )
-        return found, round(period, 9), lost
+        return stretches, round(period, 9), lost
 
     def _about_gaps(
         self, time: Array, stretches: list[tuple[int, int]], lost: float
@@ -200,8 +200,8 @@ def _uniform(time: Array, values: Array, period: float, *, held: bool) -> Array:
         areas = values * np.diff(ends)[:, None]
         area = np.concatenate([np.zeros((1, values.shape[1])), areas]).cumsum(axis=0)
         until = np.stack([np.interp(at, ends, column) for column in area.T], axis=1)
-        found: Array = np.diff(until, axis=0) / period
-        return found
+        means: Array = np.diff(until, axis=0) / period
+        return means
     return np.stack([np.interp(at, time, column) for column in values.T], axis=1)
 
 
@@ -239,8 +239,8 @@ def _correlations(a: Array, b: Array) -> Array:
     every = max(1, len(a) // 5000)
     a, b = a[::every] - a[::every].mean(axis=0), b[::every] - b[::every].mean(axis=0)
     spread = np.outer(np.linalg.norm(a, axis=0), np.linalg.norm(b, axis=0))
-    found: Array = (a.T @ b) / np.maximum(spread, 1e-12)
-    return found
+    correlations: Array = (a.T @ b) / np.maximum(spread, 1e-12)
+    return correlations
 
 
 def _swapped(joints: Sequence[str], position: Array, target: Array) -> Iterator[Suspicion]:

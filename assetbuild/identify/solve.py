@@ -97,27 +97,27 @@ def solve(
         )
     problem = _in_steps(plant, fine, records, guess, every)
     plant = plant.in_steps(fine)
-    found = estimate(problem)
-    if bool(np.any(found.sigma > MISSED * problem.noise)):  # the beginning may have misled it
+    fit = estimate(problem)
+    if bool(np.any(fit.sigma > MISSED * problem.noise)):  # the beginning may have misled it
         other = estimate(_in_steps(plant, fine, records, first, every))
-        found = min(found, other, key=lambda each: float(np.sum(np.log(each.sigma))))
-    floor = FLOOR * np.abs(found.theta)
+        fit = min(fit, other, key=lambda each: float(np.sum(np.log(each.sigma))))
+    floor = FLOOR * np.abs(fit.theta)
     if plant.simulator_step is None:
-        drives = with_values(priors, every, found.theta)
+        drives = with_values(priors, every, fit.theta)
         floor += [clock_error(unknown, drives, _has_torque(records)) for unknown in every]
         finer = make_problem(plant.in_steps(plant.longest_s / 2.0), records, guess, every)
-        floor += STEP_ERROR * np.abs(found.moved_by(finer.simulate([found.theta])[0]))
-    lacking = 0.0 * floor if effective else found.lacking
-    low = np.minimum(found.low - lacking, found.theta - floor)
-    high = np.maximum(found.high + lacking, found.theta + floor)
-    blame = [_missed(unknown, found, problem.noise) for unknown in every]
-    refused = _refusals(every, found, low, high, widest, blame)
+        floor += STEP_ERROR * np.abs(fit.moved_by(finer.simulate([fit.theta])[0]))
+    lacking = 0.0 * floor if effective else fit.lacking
+    low = np.minimum(fit.low - lacking, fit.theta - floor)
+    high = np.maximum(fit.high + lacking, fit.theta + floor)
+    blame = [_missed(unknown, fit, problem.noise) for unknown in every]
+    refused = _refusals(every, fit, low, high, widest, blame)
     values = [
         value if not why else unknown.prior
-        for unknown, value, why in zip(every, found.theta, refused, strict=True)
+        for unknown, value, why in zip(every, fit.theta, refused, strict=True)
     ]
     drives = with_values(priors, every, values)
-    return Solution(every, found, low, high, refused, tuple(drives))
+    return Solution(every, fit, low, high, refused, tuple(drives))
 
 
 def with_values(
@@ -152,7 +152,7 @@ def make_problem(
     measured = np.concatenate([thinned(_channels(r, has_torque), r) for r in records])
     blocks = np.concatenate([_blocks(r, n) for n, r in enumerate(records)])
     moved = [frozenset[int]().union(*(plant.moved[j] for j in u.joints)) for u in unknowns]
-    parts = tuple(own | {j + count for j in own if has_torque} for own in moved)
+    parts = tuple(joints | {j + count for j in joints if has_torque} for joints in moved)
     start = np.array([np.mean([getattr(guess[j], u.name) for j in u.joints]) for u in unknowns])
     steps = np.array(
         [_step(u, value, plant, guess, records) for u, value in zip(unknowns, start, strict=True)]
@@ -203,8 +203,8 @@ def _noise(record: Record, has_torque: bool) -> Array:
     share = 1.0 - 2.0 * cutoff_hz(rate) / rate
     count = max(1, int(len(fast) / (WINDOW_S * rate)))
     windows = np.stack([np.std(part, axis=0) for part in np.array_split(fast, count)])
-    found: Array = np.median(windows, axis=0) / np.sqrt(share * _every(record))
-    return found
+    noise: Array = np.median(windows, axis=0) / np.sqrt(share * _every(record))
+    return noise
 
 
 def _every(record: Record) -> int:
@@ -262,24 +262,24 @@ def clock_error(unknown: Unknown, drives: Sequence[Drive], has_torque: bool) -> 
 
     A torque that is sampled late looks like damping of the drive in place of the joint's.
     """
-    own = [drives[j] for j in unknown.joints]
+    affected = [drives[j] for j in unknown.joints]
     if unknown.name == "delay":
         return CLOCK_S
     if unknown.name == "armature":
-        return CLOCK_S * max(drive.kd + drive.damping for drive in own)
+        return CLOCK_S * max(drive.kd + drive.damping for drive in affected)
     if unknown.name in ("damping", "kd") and has_torque:
-        return 2.0 * CLOCK_S * max(drive.kp for drive in own)
+        return 2.0 * CLOCK_S * max(drive.kp for drive in affected)
     return 0.0
 
 
-def _missed(unknown: Unknown, found: Estimate, noise: Array) -> str:
+def _missed(unknown: Unknown, fit: Estimate, noise: Array) -> str:
     """By how much the model misses the log, in words; "" where the noise explains it."""
-    ratio = found.sigma / np.maximum(noise, 1e-12)
+    ratio = fit.sigma / np.maximum(noise, 1e-12)
     worst = max(unknown.joints, key=lambda j: float(ratio[j]))
-    if found.sigma[worst] < MISSED * noise[worst]:
+    if fit.sigma[worst] < MISSED * noise[worst]:
         return ""
     return (
-        f"; the model misses the log by {found.sigma[worst]:.2g}, {LACKS} "
+        f"; the model misses the log by {fit.sigma[worst]:.2g}, {LACKS} "
         f"(the noise is {noise[worst]:.2g})"
     )
 
@@ -295,17 +295,17 @@ def _slides_freely(unknown: Unknown, unknowns: Sequence[Unknown], low: Array) ->
 
 def _refusals(
     unknowns: Sequence[Unknown],
-    found: Estimate,
+    fit: Estimate,
     low: Array,
     high: Array,
     widest: float,
     blame: Sequence[str],
 ) -> tuple[str, ...]:
     """Why the data do not show each unknown; "" where they do. blame: what widens intervals."""
-    same = np.abs(found.correlation) > SAME
+    same = np.abs(fit.correlation) > SAME
     np.fill_diagonal(same, False)
     reasons = []
-    for i, (unknown, value) in enumerate(zip(unknowns, found.theta, strict=True)):
+    for i, (unknown, value) in enumerate(zip(unknowns, fit.theta, strict=True)):
         width = high[i] - low[i]
         others = [unknowns[int(k)].name for k in np.flatnonzero(same[i])]
         if not unknown.wanted:

@@ -108,7 +108,7 @@ def _guesses(
 
     light: without armature, which a regression takes for what a joint does that slips.
     """
-    found = []
+    guesses = []
     for j, (drive, names) in enumerate(zip(drives, wanted, strict=True)):
         if share is not None and "friction" in names:
             usual = [
@@ -118,8 +118,8 @@ def _guesses(
             names = names - {"friction"}
         if light and "armature" in names:
             drive, names = replace(drive, armature=0.0), names - {"armature"}
-        found.append(_guess(records, motions, j, drive, names))
-    return found
+        guesses.append(_guess(records, motions, j, drive, names))
+    return guesses
 
 
 def _errors(plant: Plant, records: Sequence[Record], tried: Sequence[Sequence[Drive]]) -> Array:
@@ -130,8 +130,8 @@ def _errors(plant: Plant, records: Sequence[Record], tried: Sequence[Sequence[Dr
         steps = plant.in_steps(plant.longest_for(drives))
         q, _ = steps.simulate(record, [drives])
         errors.append(np.sqrt(np.mean((q[0] - record.position) ** 2, axis=0)))
-    found: Array = np.nan_to_num(np.array(errors), nan=np.inf) + 1e-9
-    return found
+    rms: Array = np.nan_to_num(np.array(errors), nan=np.inf) + 1e-9
+    return rms
 
 
 def _common_lag(

@@ -33,9 +33,9 @@ def propose(
     description that no recipe can save.
     """
     if is_mjcf(file, read_small_file(file, shown_path(file), SourceError)):
-        found = find_mjcf(file)
-        path = out or Path(f"{recipe_name(found.robot.links.name)}.yaml")
-        return mjcf_recipe(found, path)
+        mjcf = find_mjcf(file)
+        path = out or Path(f"{recipe_name(mjcf.robot.links.name)}.yaml")
+        return mjcf_recipe(mjcf, path)
     source = mended(find_source(file, packages, args or {}))
     robot = look(source)
     anatomy = study(robot)

@@ -122,21 +122,21 @@ def study(robot: InspectedRobot) -> Anatomy:
 def roles(tree: Tree, anatomy: Anatomy) -> dict[str, Role]:
     """What each moving joint is part of, by the robot's anatomy, its names and its size."""
     legs = {joint.name for leg in anatomy.walks_on for joint in leg.joints}
-    found: dict[str, Role] = {}
+    role_of: dict[str, Role] = {}
     for joint in tree.moving_joints:
         called = _FINGER.fullmatch(joint.name) or _FINGER.fullmatch(joint.child)
         if joint.name in legs:
-            found[joint.name] = "leg"
+            role_of[joint.name] = "leg"
         elif joint.name in anatomy.turning:
-            found[joint.name] = anatomy.turning[joint.name].role
+            role_of[joint.name] = anatomy.turning[joint.name].role
         elif _is_small(tree, joint.child if called else limb_of(tree, joint)):
             # What hangs on a leg or a head is no finger: a rod, a spring, a toe, an antenna.
             above = chain_to(tree, joint.child)
             other = any(p.name in legs or _NO_HAND.fullmatch(p.child) for p in above)
-            found[joint.name] = "arm" if other and not called else "finger"
+            role_of[joint.name] = "arm" if other and not called else "finger"
         else:
-            found[joint.name] = "arm"
-    return found
+            role_of[joint.name] = "arm"
+    return role_of
 
 
 def limb_of(tree: Tree, joint: Joint) -> str:
@@ -208,7 +208,9 @@ def _called_legs(limbs: list[Leg]) -> tuple[Leg, ...]:
 def _alike(limbs: list[Leg], least: int) -> tuple[Leg, ...]:
     """Those of which there are at least so many with the same kinds of joints."""
     kinds = [tuple(joint.kind for joint in limb.joints) for limb in limbs]
-    return tuple(limb for limb, own in zip(limbs, kinds, strict=True) if kinds.count(own) >= least)
+    return tuple(
+        limb for limb, kind in zip(limbs, kinds, strict=True) if kinds.count(kind) >= least
+    )
 
 
 def _can_walk(limb: Leg, at_zero: Mapping[str, Pose] | None = None) -> bool:
@@ -375,8 +377,8 @@ def _doubt(root: str) -> str:
 
 def _sensors(links: Tree) -> dict[str, tuple[str, ...]]:
     """Frames that people look for, by kind."""
-    found = {
+    frames = {
         kind: tuple(name for name in links.by_body if re.fullmatch(pattern, name))
         for kind, pattern in SENSORS.items()
     }
-    return {kind: names for kind, names in found.items() if names}
+    return {kind: names for kind, names in frames.items() if names}

@@ -115,17 +115,17 @@ def _rules(robot: InspectedRobot, anatomy: Anatomy) -> Rules:
 def _flat(robot: InspectedRobot) -> Rules:
     """Links with a collision mesh that spans no volume, which no method can use."""
     role: Role = "collision" if robot.shapes.of("collision") else "visual"
-    found: Rules = {}
+    rules: Rules = {}
     for shape in robot.shapes.of(role):
         if isinstance(shape.geometry, MeshFile) and robot.is_flat(shape.geometry):
-            found[shape.link] = _instead(robot, shape.link, role)
-    return found
+            rules[shape.link] = _instead(robot, shape.link, role)
+    return rules
 
 
 def _instead(robot: InspectedRobot, link: str, role: Role) -> tuple[dict[str, str], str]:
     why = f"A {role} mesh of this link is flat and can be no collision shape: "
-    own = [shape for shape in robot.shapes.shapes if shape.link == link]
-    drawn = [shape for shape in own if shape.role == "visual"]
+    shapes = [shape for shape in robot.shapes.shapes if shape.link == link]
+    drawn = [shape for shape in shapes if shape.role == "visual"]
     flat = [isinstance(s.geometry, MeshFile) and robot.is_flat(s.geometry) for s in drawn]
     if role == "collision" and drawn and not any(flat):
         return {"method": "auto", "from": "visual"}, why + "what is drawn of it is taken."
@@ -139,9 +139,9 @@ def _ball_feet(robot: InspectedRobot, anatomy: Anatomy) -> list[str]:
     solid = robot.shapes.of("collision") or robot.shapes.of("visual")
     balls = []
     for leg in anatomy.legs:
-        own = [s for s in solid if s.link == leg.foot]
+        shapes = [s for s in solid if s.link == leg.foot]
         separate = not leg.rolls and (leg.foot != leg.tip or len(leg.joints) >= 4)
-        if own and separate and all(_is_ball(robot, shape) for shape in own):
+        if shapes and separate and all(_is_ball(robot, shape) for shape in shapes):
             balls.append(leg.foot)
     return balls
 
@@ -225,7 +225,7 @@ def put_own_pads(
     draft: Draft, robot: InspectedRobot, hand: Sequence[str], control: Control
 ) -> None:
     """The section `contact`, where no surface of the source says how it gives way."""
-    usual, stated = Contact(), [control.contact, *(own for _, own in control.contacts)]
+    usual, stated = Contact(), [control.contact, *(contact for _, contact in control.contacts)]
     if not any(getattr(one, key) != getattr(usual, key) for one in stated for key in SOFTNESS):
         put_pads(draft, robot, hand, control.simulation.timestep)
 

@@ -156,21 +156,21 @@ def drive_rows(
             groups[replace(kind, armature=armature.get(joint.name, 0.0))].append(joint)
     rows = []
     for kind, joints in groups.items():
-        for found in _classes(kind, [felt[joint.name] for joint in joints]):
-            inertia = max(one.inertia for one in found)
-            names = tuple(one.joint.name for one in found)
+        for alike in _classes(kind, [felt[joint.name] for joint in joints]):
+            inertia = max(one.inertia for one in alike)
+            names = tuple(one.joint.name for one in alike)
             row = replace(kind, joints=names, inertia=inertia)
-            rows.append(_driven(row, row.effort, found) if row.effort is not None else row)
+            rows.append(_driven(row, row.effort, alike) if row.effort is not None else row)
     return tuple(rows)
 
 
 def _classes(kind: DriveRow, felt: Sequence[_Felt]) -> list[list[_Felt]]:
     """Joints of one kind, parted by what they move; those of standing legs all move the robot."""
     legs, others = [one for one in felt if one.load], [one for one in felt if not one.load]
-    found = [legs] * bool(legs)
+    classes = [legs] * bool(legs)
     positions = kind.effort is not None and kind.role not in VELOCITY_DRIVEN
     if not positions or any(one.inertia <= 0.0 for one in others):
-        return [*found, others] if others else found
+        return [*classes, others] if others else classes
     alike: list[list[_Felt]] = []
     for one in sorted(others, key=lambda one: -one.inertia):
         last = alike[-1] if alike else []
@@ -180,8 +180,8 @@ def _classes(kind: DriveRow, felt: Sequence[_Felt]) -> list[list[_Felt]]:
         else:
             alike.append([one])
     if len(alike) > CLASSES:
-        return [*found, others]
-    return [*found, *([one for one in others if one in part] for part in alike)]
+        return [*classes, others]
+    return [*classes, *([one for one in others if one in part] for part in alike)]
 
 
 def _kind(joint: Joint, guess: Guess | None, part: Turning | None) -> DriveRow:
@@ -205,8 +205,8 @@ def _driven(row: DriveRow, effort: float, felt: Sequence[_Felt]) -> DriveRow:
         "friction": any((one.joint.friction or 0.0) > STUCK * effort for one in felt),
     }
     if "kd" in row.gains and not cannot_be_meant["damping"]:
-        own = min(one.joint.damping or 0.0 for one in felt)
-        row = replace(row, gains={**row.gains, "kd": _rounded(max(row.gains["kd"] - own, 0.0))})
+        damping = min(one.joint.damping or 0.0 for one in felt)
+        row = replace(row, gains={**row.gains, "kd": _rounded(max(row.gains["kd"] - damping, 0.0))})
     return replace(row, drops=tuple(word for word, bad in cannot_be_meant.items() if bad))
 
 
@@ -260,8 +260,8 @@ def _by_frequency(row: DriveRow, felt: Sequence[_Felt]) -> DriveRow:
     wanted = max((one.holding / SAG[row.unit] / one.inertia for one in moved), default=0.0)
     frequency = math.sqrt(wanted) / (2 * math.pi)
     frequency = _rounded(min(max(frequency, USUAL_HZ), FASTEST_HZ))
-    own = [(one.joint.damping or 0.0) / (4 * math.pi * one.inertia * frequency) for one in moved]
-    most = max(own, default=0.0)
+    ratios = [(one.joint.damping or 0.0) / (4 * math.pi * one.inertia * frequency) for one in moved]
+    most = max(ratios, default=0.0)
     ratio = 1.1 * most if most <= MOST_DAMPED else 1.0
     gains = {"frequency": frequency, "damping_ratio": _rounded(max(1.0, ratio))}
     return replace(row, gains=gains)
@@ -303,13 +303,13 @@ def _felt(
         torque = {}  # it would tip over: nothing is held
     if torque:
         torque = held_by(loops, robot, torque, [n for n in robot.joints if n not in passive])
-    found, inertias, tipping = {}, felt_inertia(loops, robot), _tipping(tree, robot, legs)
+    felt, inertias, tipping = {}, felt_inertia(loops, robot), _tipping(tree, robot, legs)
     for joint in tree.moving_joints:
         name, moved = joint.name, inertias.get(joint.name, 0.0)
         inertia = moved if math.isfinite(moved) else 0.0
         held, firm = abs(torque.get(name, 0.0)), firmness * tipping.get(name, 0.0)
-        found[name] = _Felt(joint, inertia, held, loads.get(name, 0.0), firm)
-    return found
+        felt[name] = _Felt(joint, inertia, held, loads.get(name, 0.0), firm)
+    return felt
 
 
 def _tipping(tree: Tree, robot: Dynamics, legs: tuple[Leg, ...]) -> dict[str, float]:
@@ -319,12 +319,12 @@ def _tipping(tree: Tree, robot: Dynamics, legs: tuple[Leg, ...]) -> dict[str, fl
     a robot stands as a table does.
     """
     weight, height = total_mass(tree) * GRAVITY, _com_height(tree, robot)
-    found = {}
+    stiffness = {}
     for leg in legs:
         for joint in leg.joints if len(legs) < TABLE else ():
             over = height - robot.motions[joint.child].pose.xyz[2]
-            found[joint.name] = weight * max(over, 0.0) / len(legs)
-    return found
+            stiffness[joint.name] = weight * max(over, 0.0) / len(legs)
+    return stiffness
 
 
 def _com_height(tree: Tree, robot: Dynamics) -> float:

@@ -222,13 +222,13 @@ class _Search:
         """From the pose of rest; from the best of other poses where a build takes none from there,
         and then with as many joints at rest as may be.
         """
-        found = self.from_pose(self.rest)
-        if not self._must_turn(found):
-            return found
+        from_rest = self.from_pose(self.rest)
+        if not self._must_turn(from_rest):
+            return from_rest
         start = min(others, key=lambda pose: math.fsum(self.objections(pose).values()))
         again = self.from_pose(start)
         if self._must_turn(again):
-            return found
+            return from_rest
         for joint in self.free:
             rested = {**again, joint.name: self.rest[joint.name]}
             again = again if self.objections(rested) else rested
@@ -241,45 +241,45 @@ class _Search:
 
     def objections(self, pose: JointValues) -> dict[str | Pair, float]:
         """Return the excess of each joint's load (HEAVY) and of each pair's depth (DEEP_M)."""
-        found: dict[str | Pair, float] = {}
+        excess: dict[str | Pair, float] = {}
         for name, load in _loads(self.tree, pose, self.free).items():
-            found[name] = load - HEAVY
+            excess[name] = load - HEAVY
         for pair, depth in self.depths(pose, False).items():
             if pair not in self.overlooked:
-                found[pair] = (depth - DEEP_M) / FULL_DEPTH_M
-        return {what: over for what, over in found.items() if over > 0.0}
+                excess[pair] = (depth - DEEP_M) / FULL_DEPTH_M
+        return {what: over for what, over in excess.items() if over > 0.0}
 
     def from_pose(self, pose: JointValues) -> dict[str, float]:
         """The pose after ROUNDS of turning what objects most."""
-        found, stuck = dict(pose), set[str | Pair]()
+        current, stuck = dict(pose), set[str | Pair]()
         for _ in range(ROUNDS):
-            over = {w: v for w, v in self.objections(found).items() if w not in stuck}
+            over = {w: v for w, v in self.objections(current).items() if w not in stuck}
             if not over:
                 break
             worst = max(over, key=lambda what: (over[what], str(what)))
-            better = self._turned(found, worst)
-            if better == found:
+            better = self._turned(current, worst)
+            if better == current:
                 stuck.add(worst)
-            found = better
-        return found
+            current = better
+        return current
 
     def _turned(self, now: JointValues, worst: str | Pair) -> dict[str, float]:
         """Joint after joint, from the tip inward, takes its best value: of a limb that is too heavy
         until it can be held. Where two bodies meet, the joint turns that frees them best.
         """
-        found, tries = dict(now), []
+        pose, tries = dict(now), []
         for mover in sorted(self._movers(worst), key=lambda j: -len(chain_to(self.tree, j.child))):
-            best, over = self._best(found, mover, worst)
+            best, over = self._best(pose, mover, worst)
             if isinstance(worst, str):
-                found[mover.name] = best
-                if worst not in self.objections(found):
+                pose[mover.name] = best
+                if worst not in self.objections(pose):
                     break
             else:
                 tries.append((over, mover.name, best))
         if tries:
             _, name, best = min(tries, key=lambda it: it[0])
-            found[name] = best
-        return found
+            pose[name] = best
+        return pose
 
     def _best(self, now: JointValues, mover: Joint, worst: str | Pair) -> tuple[float, float]:
         """The value of a joint that costs least, and what it costs."""
@@ -324,12 +324,12 @@ def relieved(
     deep = [_deep(depths, q, really=False) for q in (pose, *drawn[:FEW])]
     always = set.intersection(*deep)
     seeming = deep[0] - _deep(depths, pose, really=True) if deep[0] else set()
-    found = dict(pose)
+    lowered = dict(pose)
     for overlooked in (always | seeming, always):
-        found = _Search(tree, free, pose, depths, overlooked).best(drawn)
-        if not seeming & _deep(depths, found, really=True):
+        lowered = _Search(tree, free, pose, depths, overlooked).best(drawn)
+        if not seeming & _deep(depths, lowered, really=True):
             break
-    return found
+    return lowered
 
 
 def made_so(tree: Tree, depths: Depths, home: JointValues) -> dict[Pair, float]:

@@ -69,9 +69,9 @@ def stated_licence(root: Path, file: str) -> StatedLicence | None:
     for folder in folders_above(root, robot):
         for path in sorted(folder.iterdir()) if folder.is_dir() else ():
             if path.name.lower().startswith(NAMES) and (text := start_of(path, MOST_BYTES)):
-                found = _of_text(text)
-                if found:
-                    return found, found, path.name
+                licence = _of_text(text)
+                if licence:
+                    return licence, licence, path.name
         package = start_of(folder / "package.xml", MOST_BYTES)
         if package:
             stated = _of_package(package, robot.relative_to(folder).parts)
@@ -117,11 +117,11 @@ def _of_package(text: str, parts: tuple[str, ...]) -> StatedLicence | None:
 
     parts: of the description's path below the package.
     """
-    said = re.findall(r"(?:<!--((?:(?!-->).)*)-->\s*)?<license[^>]*>([^<]*)</license>", text, re.S)
+    tags = re.findall(r"(?:<!--((?:(?!-->).)*)-->\s*)?<license[^>]*>([^<]*)</license>", text, re.S)
     named = [
-        words for comment, words in said if set(parts[:-1]) & set(re.findall(r"[\w.-]+", comment))
+        words for comment, words in tags if set(parts[:-1]) & set(re.findall(r"[\w.-]+", comment))
     ]
-    chosen = list(dict.fromkeys(" ".join(words.split()) for words in named or [w for _, w in said]))
+    chosen = list(dict.fromkeys(" ".join(words.split()) for words in named or [w for _, w in tags]))
     if not chosen:
         return None
     name = SPELLINGS.get(chosen[0].lower(), "") if len(chosen) == 1 else ""
@@ -154,8 +154,8 @@ def stated_about(root: Path, file: str) -> dict[str, str]:
             "author": ", ".join(authors[:MOST_AUTHORS]) + others,
             "description": description if len(description) <= LONGEST else "",
         }
-        if found := {key: text for key, text in about.items() if text}:
-            return found
+        if stated := {key: text for key, text in about.items() if text}:
+            return stated
     return {}
 
 

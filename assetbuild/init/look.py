@@ -66,14 +66,14 @@ class InspectedRobot:
     @property
     def unranged(self) -> tuple[str, ...]:
         """Hinges that turn by themselves and state neither end of a range."""
-        found = []
+        names = []
         for finding in self.source_findings:
             missing, name = finding.data.get("missing", ()), finding.subject.partition(" ")[2]
             if finding.rule == LIMIT_OMITTED.id and isinstance(missing, tuple):
                 joint = self.links.by_joint.get(name)
                 if {"lower", "upper"} <= set(missing) and joint and joint.kind == "revolute":
-                    found += [name] * (joint.mimic is None)
-        return tuple(found)
+                    names += [name] * (joint.mimic is None)
+        return tuple(names)
 
     @property
     def floats(self) -> bool:
@@ -104,14 +104,14 @@ def look(source: UrdfSource) -> InspectedRobot:
     """Read. Raises SourceError with file and line, as a build would."""
     with scratch() as ports:
         ports.put("robot.urdf", source.data)
-        told = ports.run(source.reader())
+        findings = ports.run(source.reader())
         read = RobotFiles(ports.folder)
         planar = tuple(joint.name for joint in read.links.joints if joint.kind == "planar")
         links = split(read.links, frozenset(planar))
         tree, _ = merge_fixed_joints(links, True, ())
         shapes = read.source_shapes
         return InspectedRobot(
-            links, tree, shapes, source_findings=told, planar=planar, root=source.root
+            links, tree, shapes, source_findings=findings, planar=planar, root=source.root
         )
 
 
@@ -251,30 +251,30 @@ class Weighed:
     def by_body(self) -> dict[str, Extent]:
         """The same of merged bodies."""
         points: dict[str, list[Array]] = {}
-        unread = {link for link, own in self._clouds.items() if not own}
+        unread = {link for link, clouds in self._clouds.items() if not clouds}
         placed = {link: self.robot.tree.placement(link) for link in self._clouds}
         for link, extent in self.by_link.items():
             body, X_body_link = placed[link]
             points.setdefault(body, []).append(X_body_link.apply(extent.points))
         for link in unread:
             points.pop(placed[link][0], None)
-        return {body: extent_of(own) for body, own in points.items()}
+        return {body: extent_of(clouds) for body, clouds in points.items()}
 
     @cached_property
     def _clouds(self) -> dict[str, list[Array]]:
         """Points by link; none of a link with a shape that cannot be read."""
-        found: dict[str, list[Array | None]] = {}
+        clouds: dict[str, list[Array | None]] = {}
         for shape in self.robot.shapes.shapes:
             points = (
                 self._points_of(shape.geometry)
                 if isinstance(shape.geometry, MeshFile)
                 else tessellate(shape.geometry).vertices
             )
-            own = found.setdefault(shape.link, [])
-            own.append(None if points is None else shape.X_link_shape.apply(points))
+            arrays = clouds.setdefault(shape.link, [])
+            arrays.append(None if points is None else shape.X_link_shape.apply(points))
         return {
-            link: [] if any(p is None for p in own) else [p for p in own if p is not None]
-            for link, own in found.items()
+            link: [] if any(p is None for p in arrays) else [p for p in arrays if p is not None]
+            for link, arrays in clouds.items()
         }
 
     def _points_of(self, mesh: MeshFile) -> Array | None:

@@ -39,8 +39,8 @@ class FoundLoops:
     def drives(self, rows: tuple[DriveRow, ...]) -> tuple[DriveRow, ...]:
         """The drives, and one row for the joints that the loops move."""
         moved = tuple(sorted(self.passive))
-        own = DriveRow(moved, None, None, "rad", 0.0, role="loop")
-        return (*rows, own) if moved else rows
+        row = DriveRow(moved, None, None, "rad", 0.0, role="loop")
+        return (*rows, row) if moved else rows
 
     def closed(
         self, tree: Tree, pose: Mapping[str, float]
@@ -83,14 +83,14 @@ def find_loops(robot: InspectedRobot) -> FoundLoops:
         return FoundLoops(remarks=tuple(remarks))
     loops = resolve_loops(tree, rows)
     chain = {joint.name for loop in loops for joint in path_of(tree, loop)}
-    found = close(tree, loops, {}, chain)
-    if not found.closed:
+    solution = close(tree, loops, {}, chain)
+    if not solution.closed:
         names = some([row.name for row in rows])
-        remark = f"loops {names} stay open together, by {found.residual:.3g} m"
+        remark = f"loops {names} stay open together, by {solution.residual:.3g} m"
         return FoundLoops(remarks=(*remarks, remark))
     stated = {joint.name for joint in tree.moving_joints if joint.limits.effort} & chain
     motors = {name for name in chain if MOTOR.search(name)} or stated
-    robot_now = dynamics(tree, found.positions, {})
+    robot_now = dynamics(tree, solution.positions, {})
     chosen = coordinates(loops, robot_now, motors)
     free = {name for name in chain & set(robot_now.joints) if robot_now.column(name) in chosen}
     driven = (free & motors) or free
@@ -128,16 +128,16 @@ def _row(tree: Tree, stem: str, one: str, other: str) -> tuple[LoopRow | None, s
     """A weld where that leaves every joint of the loop a motion, else a connect; or why not."""
     why = ""
     for kind in ("weld", "connect"):
-        said = {"name": stem, "kind": kind, "a": {"link": one}, "b": {"link": other}}
-        row = LoopRow.model_validate(said)
+        keys = {"name": stem, "kind": kind, "a": {"link": one}, "b": {"link": other}}
+        row = LoopRow.model_validate(keys)
         try:
             loops = resolve_loops(tree, (row,))
         except RowError:
             return None, "no joint moves between them"
         chain = [joint.name for joint in path_of(tree, loops[0])]
-        found = close(tree, loops, {}, chain)
-        if not found.closed:
-            why = f"they come no nearer than {found.residual:.3g} m"
-        elif kind == "connect" or not locked_joints(tree, loops, found.positions, chain):
+        solution = close(tree, loops, {}, chain)
+        if not solution.closed:
+            why = f"they come no nearer than {solution.residual:.3g} m"
+        elif kind == "connect" or not locked_joints(tree, loops, solution.positions, chain):
             return row, ""
     return None, why

@@ -120,16 +120,16 @@ def _read(root: Path, name: str, bodies: tuple[str, ...] = ()) -> MjcfSource:
             ports.link(f"files/{mesh['path']}", path)
         ports.run(ReadMjcf())
         read = RobotFiles(ports.folder)
-        said = read.source_control or SourceControl()
+        stated = read.source_control or SourceControl()
         whole = InspectedRobot(read.links, read.links, read.source_shapes, root=root)
-        robot, built = (judge(whole, read.links.base, kept) for kept in ((), said.bodies))
+        robot, built = (judge(whole, read.links.base, kept) for kept in ((), stated.bodies))
         weak = _weak(built)
         if weak:
-            mended = next(_mended(built, said.bodies, weak), None)
+            mended = next(_mended(built, stated.bodies, weak), None)
             built, weak = (mended, weak) if mended else (built, ())
     called = robot_name(robot.links.name, root / name)
     robot = replace(robot, links=replace(robot.links, name=called))
-    return MjcfSource(root, name, robot, built, said.control, weak, bodies, newer)
+    return MjcfSource(root, name, robot, built, stated.control, weak, bodies, newer)
 
 
 def robot_name(stated: str, file: Path) -> str:
@@ -183,12 +183,12 @@ def _included(ports: Scratch, root: Path, name: str) -> bool:
     return bool(paths)
 
 
-def mjcf_recipe(found: MjcfSource, path: Path) -> Proposal:
+def mjcf_recipe(source: MjcfSource, path: Path) -> Proposal:
     """The whole recipe, as it will lie at `path`."""
-    robot, control = found.robot, found.control
+    robot, control = source.robot, source.control
     anatomy = replace(study(robot), doubt="")  # the source says its base
     idle = not _driven(control) and robot.tree.moving_joints
-    tuning = _tuned(found, anatomy) if idle else None
+    tuning = _tuned(source, anatomy) if idle else None
     unmended = tuning.unmended if tuning else ()
     hand = mjcf_hand(robot, anatomy, control, tuning)
     lost = lost_in_usd(control.mjcf_only)
@@ -196,29 +196,29 @@ def mjcf_recipe(found: MjcfSource, path: Path) -> Proposal:
     springs = joint_springs(control.mjcf_only) if tuning else no_drives(control)
     draft = Draft()
     put_head(draft, robot, anatomy, path, unmended)
-    put_source(draft, found.root, path, "mjcf", found.file)
-    if found.bodies:
-        why = f"or {some(found.bodies[1:])}: one recipe builds one robot"
-        draft.put(found.bodies[0], "source", "body", beside=why)
-    draft.note(*_taken(found), at=("taken",))
-    _put_solver(draft, found, anatomy, hand)
+    put_source(draft, source.root, path, "mjcf", source.file)
+    if source.bodies:
+        why = f"or {some(source.bodies[1:])}: one recipe builds one robot"
+        draft.put(source.bodies[0], "source", "body", beside=why)
+    draft.note(*_taken(source), at=("taken",))
+    _put_solver(draft, source, anatomy, hand)
     put_repairs(draft, robot, repairs(robot, usd=not (lost or springs)))
-    _put_merging(draft, found)
+    _put_merging(draft, source)
     _put_collision(draft, robot)
-    _put_drives(draft, found, tuning)
+    _put_drives(draft, source, tuning)
     if not control.keyframes:
-        put_home(draft, robot, anatomy, _pose(found, anatomy, tuning))
+        put_home(draft, robot, anatomy, _pose(source, anatomy, tuning))
     put_own_loops(draft, hand, control)
     put_own_pads(draft, robot, hand, control)
-    put_targets(draft, found.built, springs, lost)
-    trial = _stood(found, anatomy)
+    put_targets(draft, source.built, springs, lost)
+    trial = _stood(source, anatomy)
     put_validation(draft, robot, anatomy.legs, trial, hand)
     return Proposal(path, draft.text, unmended)
 
 
-def _tuned(found: MjcfSource, anatomy: Anatomy) -> Tuning:
+def _tuned(source: MjcfSource, anatomy: Anatomy) -> Tuning:
     """Drives for a source that has none, with its own rotors and at most its own time step."""
-    robot, control = found.robot, found.control
+    robot, control = source.robot, source.control
     rotors = {actuator.joint: actuator.armature for actuator in control.actuators}
     with staged(robot, soles_of(robot, anatomy), whole=False) as stage:
 
@@ -229,24 +229,24 @@ def _tuned(found: MjcfSource, anatomy: Anatomy) -> Tuning:
         return tune(robot.tree, anatomy, attempt, rotors, control.simulation.timestep)[0]
 
 
-def _pose(found: MjcfSource, anatomy: Anatomy, tuning: Tuning | None) -> Mapping[str, float]:
+def _pose(source: MjcfSource, anatomy: Anatomy, tuning: Tuning | None) -> Mapping[str, float]:
     """The pose in which the drives were tried; of a source with drives, one for its limits.
 
     Without the joints that loops move, which a build finds.
     """
-    pose = tuning.pose if tuning else home_pose(found.robot.tree, anatomy.legs)
-    tree, control = found.robot.tree, found.control
+    pose = tuning.pose if tuning else home_pose(source.robot.tree, anatomy.legs)
+    tree, control = source.robot.tree, source.control
     chain = {j.name for p in placed_loops(tree, control.loops) for j in path_of(tree, p)}
     driven = {row.joint for row in control.actuators if row.model != "passive"}
     return {name: q for name, q in pose.items() if name not in chain - driven}
 
 
-def _put_solver(draft: Draft, found: MjcfSource, anatomy: Anatomy, hand: Sequence[str]) -> None:
+def _put_solver(draft: Draft, source: MjcfSource, anatomy: Anatomy, hand: Sequence[str]) -> None:
     """Words that are refused without the key, and the cone of what grips or stands."""
-    if found.newer:
-        why = f"keeps {some(list(found.newer))}, which MuJoCo {OLDEST} does not know"
+    if source.newer:
+        why = f"keeps {some(list(source.newer))}, which MuJoCo {OLDEST} does not know"
         draft.put(float(NEWEST), "mjcf", "grammar", beside=why)
-    option = option_of(found.control)
+    option = option_of(source.control)
     if (hand or anatomy.walks_on) and 'cone="elliptic"' not in option:
         slips = "what a hand holds slips" if hand else "feet creep"
         draft.put("elliptic", "mjcf", "cone", beside=f"with the source's pyramidal cone, {slips}")
@@ -255,9 +255,9 @@ def _put_solver(draft: Draft, found: MjcfSource, anatomy: Anatomy, hand: Sequenc
         draft.put(1e-12, "mjcf", "tolerance", beside=why)
 
 
-def _taken(found: MjcfSource) -> Iterator[str]:
+def _taken(source: MjcfSource) -> Iterator[str]:
     """What the source says and the recipe therefore does not."""
-    control, tree = found.control, found.robot.tree
+    control, tree = source.control, source.robot.tree
     yield "What the MJCF says and this file does not repeat; a key here would win:"
     yield f"base: {tree.base}"
     yield f"simulation: {{timestep: {control.simulation.timestep:g}}}   # s"
@@ -268,12 +268,12 @@ def _taken(found: MjcfSource) -> Iterator[str]:
         yield f"its sensors: {some([sensor.name for sensor in control.sensors])}"
 
 
-def _put_merging(draft: Draft, found: MjcfSource) -> None:
+def _put_merging(draft: Draft, source: MjcfSource) -> None:
     """Bodies that cannot be simulated alone become one with what fixed joints hold to them."""
-    if found.weak:
-        why = f"{some(found.weak)} cannot be simulated alone: no mass, or no inertia"
-        kept = [joint.child for joint in found.built.tree.joints if joint.kind == "fixed"]
-        names = list(found.robot.links.by_body)
+    if source.weak:
+        why = f"{some(source.weak)} cannot be simulated alone: no mass, or no inertia"
+        kept = [joint.child for joint in source.built.tree.joints if joint.kind == "fixed"]
+        names = list(source.robot.links.by_body)
         more = {"keep_bodies": patterns_of(kept, names)} if kept else {}
         draft.put({"merge": True, **more}, "fixed_joints", above=[why])
 
@@ -294,21 +294,21 @@ def _driven(control: Control) -> list[str]:
     return driven + ["others"] * bool(others)
 
 
-def _put_drives(draft: Draft, found: MjcfSource, tuning: Tuning | None) -> None:
+def _put_drives(draft: Draft, source: MjcfSource, tuning: Tuning | None) -> None:
     """The source's drives by name, or a table for a source that has none."""
-    if driven := _driven(found.control):
-        own = f"Drives of the source: {some(driven)}"
-        draft.note(own, "An `actuators:` table here would replace them all.", at=("actuators",))
+    if driven := _driven(source.control):
+        line = f"Drives of the source: {some(driven)}"
+        draft.note(line, "An `actuators:` table here would replace them all.", at=("actuators",))
     if tuning is not None:
         draft.note(DRIVES, at=("actuators",))
         put_actuators(draft, tuning)
-        if tuning.timestep < found.control.simulation.timestep:
+        if tuning.timestep < source.control.simulation.timestep:
             draft.put(tuning.timestep, "simulation", "timestep")
 
 
-def _stood(found: MjcfSource, anatomy: Anatomy) -> Trial | None:
+def _stood(source: MjcfSource, anatomy: Anatomy) -> Trial | None:
     """Whether legs with drives stand; keyframes of the source are its own affair."""
-    robot, control, legs = found.robot, found.control, anatomy.legs
+    robot, control, legs = source.robot, source.control, anatomy.legs
     named = {key.name for key in control.keyframes}
     driven = {a.joint for a in control.actuators if a.model in ("pd", "general")}
     if not legs or not all(j.name in driven for leg in legs for j in leg.joints):

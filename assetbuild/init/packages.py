@@ -73,14 +73,14 @@ def package_folders(name: str, file: Path) -> Iterator[list[Path]]:
         if (folder / name).is_dir():
             yield [folder / name]
     for folder in _workspace(file):
-        if found := packages_below(folder).get(name):
-            yield list(found)
+        if candidates := packages_below(folder).get(name):
+            yield list(candidates)
 
 
 def find_package(name: str, file: Path) -> Path | None:
     """The one folder of a package; None where there is none, or it is not clear which."""
-    found = next(package_folders(name, file), [])
-    return Path(os.path.realpath(found[0])) if len(found) == 1 else None
+    folders = next(package_folders(name, file), [])
+    return Path(os.path.realpath(folders[0])) if len(folders) == 1 else None
 
 
 def _searched(name: str, inside: Uses, file: Path) -> Path:
@@ -126,9 +126,9 @@ def lacking(root: Path, path: str) -> tuple[str, str]:
     circles = [here, *(above for above in here.parents if above.is_relative_to(root))]
     for top in circles[:NEAR]:
         walked = ((at, one) for at, names in _walk(top) for one in names)
-        if found := [at / one for at, one in walked if one.lower() == name.lower()]:
-            others = f", and {len(found) - 1} more of that name" if len(found) > 1 else ""
-            return lack, f"is `{found[0].relative_to(root).as_posix()}` meant{others}?"
+        if files := [at / one for at, one in walked if one.lower() == name.lower()]:
+            others = f", and {len(files) - 1} more of that name" if len(files) > 1 else ""
+            return lack, f"is `{files[0].relative_to(root).as_posix()}` meant{others}?"
     return lack, ""
 
 
@@ -142,11 +142,11 @@ def _workspace(file: Path) -> list[Path]:
 @functools.lru_cache(maxsize=64)
 def packages_below(top: Path) -> Mapping[str, tuple[Path, ...]]:
     """Every package that a `package.xml` below a folder declares; nothing behind links."""
-    found: dict[str, tuple[Path, ...]] = {}
+    packages: dict[str, tuple[Path, ...]] = {}
     for here, names in _walk(top):
         if "package.xml" in names and (name := declared(here)):
-            found[name] = (*found.get(name, ()), here)
-    return found
+            packages[name] = (*packages.get(name, ()), here)
+    return packages
 
 
 def _walk(top: Path) -> Iterator[tuple[Path, list[str]]]:
@@ -162,8 +162,8 @@ def _walk(top: Path) -> Iterator[tuple[Path, list[str]]]:
 def declared(folder: Path) -> str | None:
     """The name in its package.xml."""
     manifest = folder / "package.xml"
-    found = _NAMED.search(start_of(manifest, 1 << 16)) if is_file(manifest) else None
-    return found and found[1]
+    match = _NAMED.search(start_of(manifest, 1 << 16)) if is_file(manifest) else None
+    return match and match[1]
 
 
 def start_of(path: Path, most: int) -> str:
@@ -281,11 +281,11 @@ def absolute_folders(uses: Uses, file: Path) -> dict[str, Path]:
     Found by the longest end of the name that is a file here. SourceError with the line where none
     is, or several files are.
     """
-    found: dict[str, Path] = {}
+    roots: dict[str, Path] = {}
     lost: Uses = []
     for uri, node in uses:
         path = absolute_path(uri)
-        if path is None or _is_known(path, found):
+        if path is None or _is_known(path, roots):
             continue
         hits = list(_hits(path, file))
         if not hits:
@@ -298,15 +298,15 @@ def absolute_folders(uses: Uses, file: Path) -> dict[str, Path]:
             raise node.error(f"`{uri}` may be {choices}", "remove the one that is not meant")
         # The same file may be reached from several folders above: the nearest says the least.
         near = min(count for count, here in hits if here == longest[0])
-        found[str(PurePosixPath(*PurePosixPath(path).parts[:-near]))] = longest[0].parents[near - 1]
+        roots[str(PurePosixPath(*PurePosixPath(path).parts[:-near]))] = longest[0].parents[near - 1]
     for path, node in lost:
-        if not any(path.startswith(f"{known}/") for known in found):
+        if not any(path.startswith(f"{known}/") for known in roots):
             raise node.error(
                 f"`{path}` is on the author's machine, and no folder above the URDF holds the end "
                 "of it",
                 "bring the file, or write `package://NAME/path` (and `--package NAME=FOLDER`)",
             )
-    return found
+    return roots
 
 
 def absolute_path(uri: str) -> str | None:
@@ -318,10 +318,10 @@ def absolute_path(uri: str) -> str | None:
     return None if match is None else os.path.normpath("/" + match[1].lstrip("/"))
 
 
-def _is_known(path: str, found: Mapping[str, Path]) -> bool:
+def _is_known(path: str, roots: Mapping[str, Path]) -> bool:
     """Whether a folder of the author's machine that is known already leads to a file here."""
-    begun = [of for of in found if path.startswith(f"{of}/")]
-    return any(is_file(found[of] / path[len(of) + 1 :]) for of in begun)
+    begun = [of for of in roots if path.startswith(f"{of}/")]
+    return any(is_file(roots[of] / path[len(of) + 1 :]) for of in begun)
 
 
 def _hits(path: str, file: Path) -> Iterator[tuple[int, Path]]:

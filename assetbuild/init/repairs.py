@@ -68,10 +68,10 @@ def repairs(robot: InspectedRobot, *, usd: bool = True) -> tuple[Repair, ...]:
     return (*_splits(robot), *_inertias(robot), *shares, *_limits(robot))
 
 
-def put_repairs(draft: Draft, robot: InspectedRobot, found: Sequence[Repair]) -> None:
+def put_repairs(draft: Draft, robot: InspectedRobot, needed: Sequence[Repair]) -> None:
     """The section `edits`; nothing where none is needed."""
     alike: dict[str, list[Repair]] = {}
-    for repair in found:
+    for repair in needed:
         alike.setdefault(f"{repair.edit} {inline(repair.keys)}", []).append(repair)
     draft.note(*EDITS * bool(alike), at=("edits",))
     for first, *others in alike.values():
@@ -82,7 +82,7 @@ def put_repairs(draft: Draft, robot: InspectedRobot, found: Sequence[Repair]) ->
         for number, pattern in enumerate(patterns_of(names, known)):
             edit = {first.edit: {first.kind: pattern, **first.keys}}
             draft.add(edit, "edits", above=lines if not number else ())
-    _note_locked(draft, robot, {repair.on for repair in found if repair.kind == "joint"})
+    _note_locked(draft, robot, {repair.on for repair in needed if repair.kind == "joint"})
 
 
 def _subject(finding: Finding) -> str:
@@ -97,8 +97,8 @@ def _inertias(robot: InspectedRobot) -> Iterator[Repair]:
     """One repair for each link that makes a body impossible or contradicts its shapes or twin."""
     broken = _broken_links(robot)
     wrong = Weighed(robot).wrong_links()
-    for link, found in broken.items():
-        wrong[link] = next((f for f in found if f.rule in _BROKEN), found[0])
+    for link, findings in broken.items():
+        wrong[link] = next((f for f in findings if f.rule in _BROKEN), findings[0])
     for link, finding in wrong.items():
         rules = {finding.rule for finding in broken.get(link, ())}
         if rules and not rules & _BROKEN and _is_near(robot, link):
@@ -124,15 +124,15 @@ def _broken_links(robot: InspectedRobot) -> dict[str, list[Finding]]:
         grave = finding.rule in _BROKEN and (finding.severity == "error" or _is_dummy(finding))
         if grave or finding.rule == "inertia.triangle":  # MuJoCo refuses small violations too
             bad[_subject(finding)] = finding
-    found: dict[str, list[Finding]] = {}
+    broken: dict[str, list[Finding]] = {}
     for finding in robot.link_findings:
         kind, _, name = finding.subject.partition(" ")
         if kind == "link" and finding.rule in {*_BROKEN, "inertia.triangle"}:
             body, _ = robot.tree.placement(name)
             if body in bad and _spoils(robot, name):
-                found.setdefault(name, []).append(finding)
-    explained = {robot.tree.placement(link)[0] for link in found}
-    return found | {body: [f] for body, f in bad.items() if body not in explained}
+                broken.setdefault(name, []).append(finding)
+    explained = {robot.tree.placement(link)[0] for link in broken}
+    return broken | {body: [f] for body, f in bad.items() if body not in explained}
 
 
 def _is_dummy(finding: Finding) -> bool:
@@ -201,8 +201,8 @@ def _shares(robot: InspectedRobot) -> Iterator[Repair]:
     )
     for finding in robot.link_findings:
         if finding.rule == "inertia.massless_intermediate_link":
-            found = "a massless link between two joints"
-            yield Repair(_subject(finding), "share_mass", {}, why, found)
+            message = "a massless link between two joints"
+            yield Repair(_subject(finding), "share_mass", {}, why, message)
 
 
 def _limits(robot: InspectedRobot) -> Iterator[Repair]:
@@ -314,16 +314,16 @@ def _convert(edit: Edit, robot: InspectedRobot, ports: Scratch) -> None:
         path = robot.root / shape.geometry.path
         if path.stat().st_size > LARGEST or path.suffix.lower() not in FORMATS:
             raise OSError(f"left to the build: {shape.geometry.path}")
-        with scratch() as own:
-            own.put("mesh", path.read_bytes())
+        with scratch() as mesh_ports:
+            mesh_ports.put("mesh", path.read_bytes())
             convert = ConvertMesh(
                 format=FORMATS[path.suffix.lower()],
                 scale=shape.geometry.scale,
                 up_axis="honour" if shape.geometry.path in robot.turned else "ignore",
                 subject=shape.name,
             )
-            own.run(convert)
+            mesh_ports.run(convert)
             folder = ports.folder / "mesh" / str(index)
             folder.mkdir(parents=True)
-            (own.folder / "parts").rename(folder / "parts")
-            (own.folder / "mesh.json").rename(folder / "mesh.json")
+            (mesh_ports.folder / "parts").rename(folder / "parts")
+            (mesh_ports.folder / "mesh.json").rename(folder / "mesh.json")

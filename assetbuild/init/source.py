@@ -149,10 +149,10 @@ def _of_type(source: UrdfSource, joint: Node, kind: str, because: str) -> Iterat
     """A patch of the joint's start tag; none where the text has no such tag, or several."""
     text, name = source.data.decode("utf-8", "replace"), re.escape(joint.get("name") or "")
     tag = rf"<joint\b(?=[^<>]*\sname\s*=\s*[\"']{name}[\"'])[^<>]*\stype\s*=\s*[\"'][^<>\"']*[\"']"
-    found = re.findall(tag, text)
-    if len(found) == 1 and text.count(found[0]) == 1:
-        new = re.sub(r"(\stype\s*=\s*)([\"'])[^\"']*\2", rf"\g<1>\g<2>{kind}\g<2>", found[0])
-        yield Patch(file=source.file, find=found[0], replace=new, because=because)
+    tags = re.findall(tag, text)
+    if len(tags) == 1 and text.count(tags[0]) == 1:
+        new = re.sub(r"(\stype\s*=\s*)([\"'])[^\"']*\2", rf"\g<1>\g<2>{kind}\g<2>", tags[0])
+        yield Patch(file=source.file, find=tags[0], replace=new, because=because)
 
 
 CASE = "upper and lower case and percent-encoding count: this is how the file is called"
@@ -209,26 +209,26 @@ def _cases(source: UrdfSource, meshes: Sequence[dict[str, str]]) -> Iterator[Pat
     """A patch for each mesh that is there under one other name: see `_other_case`."""
     for mesh in meshes:
         stated = PurePosixPath(mesh["path"])
-        own = None if is_file(source.root / stated) else _other_case(source.root, mesh["path"])
-        if own is not None:
-            said = mesh["uri"].split("/")
-            pairs = zip(reversed(stated.parts), reversed(said), strict=False)
+        actual = None if is_file(source.root / stated) else _other_case(source.root, mesh["path"])
+        if actual is not None:
+            uri_parts = mesh["uri"].split("/")
+            pairs = zip(reversed(stated.parts), reversed(uri_parts), strict=False)
             same = len(list(itertools.takewhile(lambda pair: pair[0] == pair[1], pairs)))
-            if same and own.parts[:-same] == stated.parts[:-same]:
-                named = "/".join((*said[:-same], *own.parts[-same:]))
+            if same and actual.parts[:-same] == stated.parts[:-same]:
+                named = "/".join((*uri_parts[:-same], *actual.parts[-same:]))
                 if source.key == "urdf":
                     yield from renamings(source.file, source.data, mesh["uri"], named, CASE)
 
 
 def _other_case(root: Path, path: str) -> PurePosixPath | None:
     """The one file of that name but for case and percent-encoding, below a root."""
-    found = [PurePosixPath()]
+    paths = [PurePosixPath()]
     for part in PurePosixPath(unquote(path)).parts:
-        found = [
+        paths = [
             here / entry.name
-            for here in found
+            for here in paths
             if (root / here).is_dir()
             for entry in (root / here).iterdir()
             if entry.name.lower() == part.lower()
         ]
-    return found[0] if len(found) == 1 else None
+    return paths[0] if len(paths) == 1 else None

@@ -119,8 +119,8 @@ def _of_its_like(
     like = [
         n for n in others if unit_of(tree.by_joint[n]) == unit and 0.5 < physics[n] / need < 2.0
     ]
-    found = min(like, key=lambda n: abs(math.log(physics[n] / need)), default=None)
-    return None if found is None else tree.by_joint[found].limits.effort
+    nearest = min(like, key=lambda n: abs(math.log(physics[n] / need)), default=None)
+    return None if nearest is None else tree.by_joint[nearest].limits.effort
 
 
 def with_efforts(tree: Tree, efforts: Mapping[str, float]) -> Tree:
@@ -162,13 +162,13 @@ def _placeholders(
     """Efforts that several joints state and one of them cannot have."""
     stated = {name: e for name in physics if (e := tree.by_joint[name].limits.effort)}
     counts = Counter(stated.values())
-    found = set()
+    efforts = set()
     for name, effort in stated.items():
         for_all = FEW < counts[effort] == len(stated)
         too_strong = effort > PLACEHOLDER * physics[name] and (effort >= ROUND or for_all)
         if too_strong or (for_all and over[name] > WEAK_POSES):
-            found.add(effort)
-    return found
+            efforts.add(effort)
+    return efforts
 
 
 def is_locked(joint: Joint) -> bool:
@@ -200,7 +200,7 @@ def stays_passive(tree: Tree, joint: Joint, anatomy: Anatomy) -> bool:
 def physical_efforts(tree: Tree, anatomy: Anatomy, parts: Mapping[str, Role]) -> dict[str, float]:
     """What each joint needs, by the formula of this module; N m or N."""
     gravity, inertia = worst_loads(tree), largest_inertias(tree)
-    weight, found = total_mass(tree) * GRAVITY, {}
+    weight, needs = total_mass(tree) * GRAVITY, {}
     turned = _turned(anatomy, weight)
     share = weight / max(1, len(anatomy.walks_on) // 2)
     # A leg that carries its share on half of the legs, half its length off its foot.
@@ -219,8 +219,8 @@ def physical_efforts(tree: Tree, anatomy: Anatomy, parts: Mapping[str, Role]) ->
             need = max(need, GRIP_N * (length_below(tree, joint.child) if unit == "rad" else 1.0))
         elif parts[name] == "leg":
             need = max(need, legs[name])
-        found[name] = max(need, WEAKEST[unit])
-    return _within_limbs(tree, found, parts)
+        needs[name] = max(need, WEAKEST[unit])
+    return _within_limbs(tree, needs, parts)
 
 
 def _turned(anatomy: Anatomy, weight: float) -> dict[str, float]:
@@ -235,18 +235,18 @@ def _turned(anatomy: Anatomy, weight: float) -> dict[str, float]:
 
 
 def _within_limbs(
-    tree: Tree, found: Mapping[str, float], parts: Mapping[str, Role]
+    tree: Tree, needs: Mapping[str, float], parts: Mapping[str, Role]
 ) -> dict[str, float]:
     """None but what turns without end is weaker than a share of the strongest of its limb."""
-    limbs = {n: (limb_of(tree, tree.by_joint[n]), unit_of(tree.by_joint[n])) for n in found}
+    limbs = {n: (limb_of(tree, tree.by_joint[n]), unit_of(tree.by_joint[n])) for n in needs}
     strongest: dict[tuple[str, str], float] = {}
-    for name, need in found.items():
+    for name, need in needs.items():
         strongest[limbs[name]] = max(need, strongest.get(limbs[name], 0.0))
     return {
         name: need
         if parts[name] in VELOCITY_DRIVEN
         else max(need, LEAST_SHARE * strongest[limbs[name]])
-        for name, need in found.items()
+        for name, need in needs.items()
     }
 
 
@@ -306,16 +306,16 @@ def gravity_loads(
     for joint in reversed(tree.joints):  # children come after their parents
         mass[joint.parent] += mass[joint.child]
         moment[joint.parent] = moment[joint.parent] + moment[joint.child]
-    found = {}
+    loads = {}
     for joint in joints:
         X = X_root[joint.child]
         axis = X.rotation @ np.asarray(joint.axis)
         if joint.kind == "prismatic":
-            found[joint.name] = abs(mass[joint.child] * GRAVITY * float(axis[2]))
+            loads[joint.name] = abs(mass[joint.child] * GRAVITY * float(axis[2]))
         else:
             arm = moment[joint.child] - mass[joint.child] * np.asarray(X.xyz)
-            found[joint.name] = abs(float(axis @ np.cross(arm, (0.0, 0.0, GRAVITY))))
-    return found
+            loads[joint.name] = abs(float(axis @ np.cross(arm, (0.0, 0.0, GRAVITY))))
+    return loads
 
 
 def worst_loads(tree: Tree) -> dict[str, float]:
@@ -334,7 +334,7 @@ def overloaded(tree: Tree) -> dict[str, float]:
 def _sampled_loads(tree: Tree) -> list[dict[str, float]]:
     """`gravity_loads` in the pose of zeros and in random ones."""
     joints = tree.moving_joints
-    found = []
+    samples = []
     for pose in sample_poses(joints, SAMPLES):
         loads = gravity_loads(tree, pose, joints)
         for joint in joints:
@@ -344,8 +344,8 @@ def _sampled_loads(tree: Tree) -> list[dict[str, float]]:
                 leader = tree.by_joint[leader.mimic.joint]
             if leader is not joint:
                 loads[leader.name] += factor * loads[joint.name]
-        found.append(loads)
-    return found
+        samples.append(loads)
+    return samples
 
 
 def sample_poses(joints: Sequence[Joint], count: int) -> list[dict[str, float]]:

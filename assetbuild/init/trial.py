@@ -116,17 +116,17 @@ class Stage:
         driven_by: the drives of a source that has its own, which are not judged here.
         """
         try:
-            said = list(self.ports.run(control))
+            findings = list(self.ports.run(control))
             made = RobotFiles(self.ports.folder).control
             if driven_by is not None:
                 made = replace(made, actuators=driven_by.actuators)
                 self.ports.put("control.json", encode(made))
             else:
-                said += self.ports.run(Gains(feet="|".join(map(re.escape, self.soles)) or None))
+                findings += self.ports.run(Gains(feet="|".join(map(re.escape, self.soles)) or None))
             model = self._compiled()
             if driven_by is None:
-                said += Trials().dangers(self._on_soles(model))
-            errors = tuple(finding for finding in said if finding.severity == "error")
+                findings += Trials().dangers(self._on_soles(model))
+            errors = tuple(finding for finding in findings if finding.severity == "error")
             if not self.soles:
                 return Trial(False, "has no shape on its feet to stand on", errors=errors)
             if not any(shape.link in self.soles for shape in self.shapes.shapes):
@@ -155,7 +155,7 @@ class Stage:
         model.geom_pos[mujoco.floors(model), 2] = 0.0
 
         def measured(pose: Mapping[str, float], really: bool) -> dict[Pair, float]:
-            found: dict[Pair, float] = {}
+            deepest: dict[Pair, float] = {}
             positions = with_mimics(tree, pose)
             for (one, other), depth in mujoco_trials.depths(model, positions).items():
                 if not one and not stands:
@@ -164,8 +164,8 @@ class Stage:
                     depth = min(depth, real.depth(one, other, positions))
                 bodies = real.body_of(one), real.body_of(other)
                 pair = min(bodies), max(bodies)
-                found[pair] = max(depth, found.get(pair, 0.0))
-            return found
+                deepest[pair] = max(depth, deepest.get(pair, 0.0))
+            return deepest
 
         return measured
 
@@ -214,8 +214,8 @@ class Stage:
             return Trial(False, f"{leans}, more than {JUDGE.max_tilt:g}")
         if self.whole:
             judge = JUDGE.model_copy(update={"feet": "|".join(map(re.escape, self.soles))})
-            said = judge.evaluate(stood, self.robot.tree, self.shapes)
-            error = next((finding for finding in said if finding.severity == "error"), None)
+            findings = judge.evaluate(stood, self.robot.tree, self.shapes)
+            error = next((finding for finding in findings if finding.severity == "error"), None)
             if error is not None:
                 return Trial(False, f"stands, but {error.subject}: {error.message}")
         sentence = str(outcome_figures(stood, JUDGE.fall)["sentence"])
@@ -296,8 +296,8 @@ def _laid_out(
 def _shapes_of(robot: InspectedRobot, links: Sequence[str]) -> Iterator[SourceShape]:
     """The collision shapes of each link; of one that has none, what is drawn of it."""
     for link in links:
-        own = [shape for shape in robot.shapes.shapes if shape.link == link]
-        yield from [s for s in own if s.role == "collision"] or own
+        shapes = [shape for shape in robot.shapes.shapes if shape.link == link]
+        yield from [s for s in shapes if s.role == "collision"] or shapes
 
 
 def _hull(points: Array, name: str, ports: Scratch) -> MeshAsset | None:

@@ -74,7 +74,7 @@ class Tuning:
         """The inertia of each joint's rotor, stated or guessed, kg m2 or kg."""
         alone = [joint for joint in self.tree.moving_joints if joint.mimic is None]
         guessed = {j.name: rotor_inertia(j) for j in alone if j.name not in self.loops.passive}
-        return guessed | {name: own for name, own in self.rotors.items() if own}
+        return guessed | {name: inertia for name, inertia in self.rotors.items() if inertia}
 
 
 def tune(
@@ -115,11 +115,11 @@ def _chosen(tuning: Tuning, step: float) -> Tuning:
     pose = home_pose(tree, legs, tuning.stance, tuning.depths)
     loops, closed = tuning.loops.closed(tree, pose)
     passive = tuning.loops.passive
-    said = (tuning.guesses, tuning.armature, loops, passive, turning, tuning.firmness)
-    drives = drive_rows(tree, closed, legs, *said)
+    arguments = (tuning.guesses, tuning.armature, loops, passive, turning, tuning.firmness)
+    drives = drive_rows(tree, closed, legs, *arguments)
     hops = any(row.outruns(STEP_S) for row in drives)
-    own = SHORT_STEP_S if hops or total_mass(tree) < LIGHT_KG else STEP_S
-    return replace(tuning, pose=pose, drives=drives, timestep=min(own, step))
+    needed = SHORT_STEP_S if hops or total_mass(tree) < LIGHT_KG else STEP_S
+    return replace(tuning, pose=pose, drives=drives, timestep=min(needed, step))
 
 
 # --- corrections ----------------------------------------------------------------------------
@@ -171,10 +171,10 @@ def _standing(tuning: Tuning, trial: Trial, attempt: Try) -> tuple[Tuning, Trial
     kept: list[str] = []
     failed = f"leans by {trial.lean:.2g} rad" if trial.stands else trial.sentence
     for remedy in REMEDIES if tuning.anatomy.legs else ():
-        found = remedy(now, seen)
-        if found is None:
+        change = remedy(now, seen)
+        if change is None:
             continue
-        what, again = found
+        what, again = change
         after = attempt(again)
         tried.append(f"{what} (it {after.sentence})")
         if after.is_fine and after.stands:

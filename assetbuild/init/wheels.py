@@ -105,16 +105,16 @@ def what_turns(robot: InspectedRobot) -> dict[str, Turning]:
     discs = [_disc(robot, at_zero, joint, free) for joint in free]
     ground = cache(lambda: _ground(robot, at_zero))
     wheels = _wheels(discs, ground)
-    found = {disc.joint.name: Turning("wheel", disc.radius) for disc in wheels}
-    found |= _followers(robot.tree, at_zero, wheels, discs)
-    others = [disc for disc in discs if disc.is_last and disc.joint.name not in found]
+    turning = {disc.joint.name: Turning("wheel", disc.radius) for disc in wheels}
+    turning |= _followers(robot.tree, at_zero, wheels, discs)
+    others = [disc for disc in discs if disc.is_last and disc.joint.name not in turning]
     rotors = _rotors(others, ground, rolls=len(wheels) > 1)
-    found |= {disc.joint.name: Turning("rotor", disc.radius) for disc in rotors}
+    turning |= {disc.joint.name: Turning("rotor", disc.radius) for disc in rotors}
     for disc in others:
         named = _SPINNER.fullmatch(disc.name) or (_WHEEL.fullmatch(disc.name) and disc.is_level)
-        if named and disc.joint.name not in found:
-            found[disc.joint.name] = Turning("spinner", disc.radius)
-    return {joint.name: found[joint.name] for joint in robot.tree.joints if joint.name in found}
+        if named and disc.joint.name not in turning:
+            turning[disc.joint.name] = Turning("spinner", disc.radius)
+    return {joint.name: turning[joint.name] for joint in robot.tree.joints if joint.name in turning}
 
 
 def turns_freely(robot: InspectedRobot, joint: Joint) -> bool:
@@ -135,11 +135,11 @@ def _wheels(discs: Sequence[_Disc], ground: Height) -> list[_Disc]:
     level = [disc for disc in discs if disc.is_level and disc.is_last]
     named = [disc for disc in level if _WHEEL.fullmatch(disc.name)]
     rolling = [d for d in level if d.roundness >= ROUND and _touches(d, ground)]
-    found = [disc for disc in rolling if disc in named or len(_like(disc, rolling)) > 1]
-    found += [d for d in named if d not in found and (not d.radius or _touches(d, ground))]
-    found += [d for d in named if d not in found and len(_like(d, [*found, *named])) > 1]
-    above = {disc.joint.child for disc in found}
-    return [disc for disc in found if disc.joint.parent not in above]
+    wheels = [disc for disc in rolling if disc in named or len(_like(disc, rolling)) > 1]
+    wheels += [d for d in named if d not in wheels and (not d.radius or _touches(d, ground))]
+    wheels += [d for d in named if d not in wheels and len(_like(d, [*wheels, *named])) > 1]
+    above = {disc.joint.child for disc in wheels}
+    return [disc for disc in wheels if disc.joint.parent not in above]
 
 
 def _touches(disc: _Disc, ground: Height) -> bool:
@@ -164,20 +164,20 @@ def _followers(
     named = [disc for disc in wheels if _CASTER.fullmatch(disc.name)]
     swivels = {disc.joint.name: _swivel(tree, at_zero, disc, wheels) for disc in wheels}
     steady = [d for d in wheels if d not in named and swivels[d.joint.name] is None]
-    found: dict[str, Turning] = {}
+    followers: dict[str, Turning] = {}
     for disc in wheels:
         swivel = swivels.get(disc.joint.name)
         trails = swivel is not None and _trail(at_zero, swivel, disc) > TRAIL * disc.radius
         follows = len(steady) > 1 and (trails or disc in named)
         if follows:
-            found[disc.joint.name] = Turning("caster", disc.radius)
+            followers[disc.joint.name] = Turning("caster", disc.radius)
         if swivel is not None:
-            found[swivel.name] = Turning("caster" if follows else "steering")
+            followers[swivel.name] = Turning("caster" if follows else "steering")
     carried = {body for bodies in below.values() for body in bodies}
     for disc in discs:
         if disc.joint.child in carried:
-            found[disc.joint.name] = Turning("caster", disc.radius)
-    return found
+            followers[disc.joint.name] = Turning("caster", disc.radius)
+    return followers
 
 
 def _swivel(
@@ -208,22 +208,22 @@ def _rotors(discs: Sequence[_Disc], ground: Height, *, rolls: bool) -> list[_Dis
     Several that are called so are believed; what rolls must call them so.
     """
     named = [disc for disc in discs if _ROTOR.fullmatch(disc.name)]
-    found = named if len(named) > 1 else []
+    rotors = named if len(named) > 1 else []
     upright = [d for d in discs if abs(d.axis[2]) >= UPRIGHT and d.off_axis <= BALANCED * d.radius]
     alike = [[o for o in upright if abs(o.radius - d.radius) <= ALIKE * d.radius] for d in upright]
     family = max(alike, key=len, default=[])
     if rolls or len(_apart(family)) < ROTORS or any(_touches(disc, ground) for disc in family):
-        return found
-    return [disc for disc in discs if disc in family or disc in found]
+        return rotors
+    return [disc for disc in discs if disc in family or disc in rotors]
 
 
 def _apart(discs: Sequence[_Disc]) -> list[_Disc]:
     """Without those that turn above or below another, seen from above."""
-    found: list[_Disc] = []
+    apart: list[_Disc] = []
     for disc in discs:
-        if all(math.dist(disc.centre[:2], other.centre[:2]) > disc.radius for other in found):
-            found.append(disc)
-    return found
+        if all(math.dist(disc.centre[:2], other.centre[:2]) > disc.radius for other in apart):
+            apart.append(disc)
+    return apart
 
 
 # --- shapes ---------------------------------------------------------------------------------
@@ -297,13 +297,13 @@ def _clouds(robot: InspectedRobot, body: str) -> Iterator[Array]:
     """(n, 3) m, in the frame of the body: all points that collide, then all that are drawn."""
     links = set(robot.links_of(body))
     for role in ("collision", "visual"):
-        found = []
+        clouds = []
         for shape in robot.shapes.of(role):
             if shape.link in links and (points := _points(robot, shape)) is not None:
                 X_body_link = robot.tree.placement(shape.link)[1]
-                found.append((X_body_link @ shape.X_link_shape).apply(points))
-        if found:
-            yield np.concatenate(found)
+                clouds.append((X_body_link @ shape.X_link_shape).apply(points))
+        if clouds:
+            yield np.concatenate(clouds)
 
 
 def _points(robot: InspectedRobot, shape: SourceShape) -> Array | None:
@@ -314,8 +314,8 @@ def _points(robot: InspectedRobot, shape: SourceShape) -> Array | None:
 
 def bodies_below(tree: Tree, body: str) -> list[str]:
     """The body and all that hangs on it, parents before children."""
-    found = [body]
+    bodies = [body]
     for joint in tree.joints:  # parents come first
-        if joint.parent in found:
-            found.append(joint.child)
-    return found
+        if joint.parent in bodies:
+            bodies.append(joint.child)
+    return bodies

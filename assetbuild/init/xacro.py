@@ -118,10 +118,10 @@ class _Attempt:
         """The package that the file lies in, where it includes from there by a relative name."""
         if "readable files" not in error.message and "declared packages" not in error.message:
             return False
-        found = next(((f, name) for f in above(self.file) if (name := declared(f))), None)
-        if found is None or found[0] in self.folders.values() or found[1] in self.folders:
+        package = next(((f, name) for f in above(self.file) if (name := declared(f))), None)
+        if package is None or package[0] in self.folders.values() or package[1] in self.folders:
             return False
-        self.folders[found[1]] = found[0]
+        self.folders[package[1]] = package[0]
         return True
 
 
@@ -158,7 +158,7 @@ def _defaults(files: list[Path]) -> dict[str, str]:
     """Every `<xacro:arg>` of the files that were read, in that order; "" without a default."""
     from defusedxml.ElementTree import parse
 
-    found: dict[str, str] = {}
+    defaults: dict[str, str] = {}
     for path in files:
         try:
             root = parse(path).getroot()
@@ -167,5 +167,5 @@ def _defaults(files: list[Path]) -> dict[str, str]:
         for element in root.iter() if root is not None else ():
             name = element.get("name")
             if str(element.tag).endswith("}arg") and "xacro" in str(element.tag) and name:
-                found.setdefault(name, element.get("default", ""))
-    return found
+                defaults.setdefault(name, element.get("default", ""))
+    return defaults

@@ -199,9 +199,9 @@ def _prepare(loaded: LoadedRecipe, lock: Lock | None, outline: Outline, p: Plann
 def _prepare_part(whole: LoadedRecipe, index: int, outline: Outline, p: Planner) -> Ready | None:
     """A part of a composite; its licences come with it."""
     part, prefix = whole.parts[index], whole.recipe.compose[index].as_
-    own = Outline()
-    ready = _prepare(part, part_lock(part), own, p.scoped(f"{prefix} "))
-    outline.licenses |= {f"{prefix}/{path}": ref for path, ref in own.licenses.items()}
+    part_outline = Outline()
+    ready = _prepare(part, part_lock(part), part_outline, p.scoped(f"{prefix} "))
+    outline.licenses |= {f"{prefix}/{path}": ref for path, ref in part_outline.licenses.items()}
     return ready
 
 
@@ -291,15 +291,15 @@ def _sources(recipe: Recipe, outline: Outline, read: Reading) -> dict[str, dict[
     "source": the URDF that it must equal: the source's; after edits and from an MJCF, the one
     that we wrote. "source_mjcf": the MJCF that it came from, unless edits changed it.
     """
-    found: dict[str, dict[str, Ref]] = {}
+    sources: dict[str, dict[str, Ref]] = {}
     written = outline.targets.get("urdf")
     if read.urdf is not None and not recipe.edits and not recipe.compose:
-        found["source"] = {"source.urdf": read.urdf}
+        sources["source"] = {"source.urdf": read.urdf}
     elif written is not None:
-        found["source"] = {"source.urdf": written["urdf/"] / f"{recipe.robot}.urdf"}
+        sources["source"] = {"source.urdf": written["urdf/"] / f"{recipe.robot}.urdf"}
     if read.mjcf and not recipe.edits and not recipe.compose:
-        found["source_mjcf"] = dict(read.mjcf)
-    return found
+        sources["source_mjcf"] = dict(read.mjcf)
+    return sources
 
 
 def _checks(

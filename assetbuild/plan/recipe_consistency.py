@@ -78,11 +78,11 @@ def check_against_robot(recipe: Recipe, links: Tree, tree: Tree, control: Contro
 
 def turned_meshes(patterns: Sequence[str], paths: Collection[str]) -> frozenset[str]:
     """The meshes whose up axis is honoured; a pattern that matches none is an error."""
-    found: set[str] = set()
+    meshes: set[str] = set()
     for index, pattern in enumerate(patterns):
         _must_match(("source", "honour_up_axis", index), pattern, sorted(paths), "mesh")
-        found |= {path for path in paths if re.fullmatch(pattern, path)}
-    return frozenset(found)
+        meshes |= {path for path in paths if re.fullmatch(pattern, path)}
+    return frozenset(meshes)
 
 
 def _must_match(key: Key, pattern: str, names: list[str], kind: str = "link") -> None:

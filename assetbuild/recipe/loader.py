@@ -113,8 +113,8 @@ class LoadedRecipe:
 
     def where(self, key: Key) -> Where:
         """The place of a key such as `("actuators", 2, "kp")`; of the nearest above if absent."""
-        recipe, own = self.origin(key)
-        return locate(recipe.tree, own)
+        recipe, part_key = self.origin(key)
+        return locate(recipe.tree, part_key)
 
     @property
     def by_prefix(self) -> Mapping[str, LoadedRecipe]:
@@ -128,8 +128,8 @@ class LoadedRecipe:
 
     def error(self, key: Key, message: str, hint: str = "") -> RecipeError:
         """An error about a key: its place, its path, what is wrong, the next move."""
-        _, own = self.origin(key)
-        return RecipeError(f"{shown(own)}: {message}", where=self.where(key), hint=hint)
+        _, part_key = self.origin(key)
+        return RecipeError(f"{shown(part_key)}: {message}", where=self.where(key), hint=hint)
 
     @contextmanager
     def placing(self) -> Iterator[None]:
@@ -148,9 +148,9 @@ class LoadedRecipe:
         if not isinstance(error, RowError):
             return error
         if isinstance(error, KeyedError):
-            return self.error(error.key, error.said, error.hint)
-        _, own = self.origin(error.key)
-        message = error.message.replace(shown(error.key[:2]), shown(own[:2]), 1)
+            return self.error(error.key, error.reason, error.hint)
+        _, part_key = self.origin(error.key)
+        message = error.message.replace(shown(error.key[:2]), shown(part_key[:2]), 1)
         return RecipeError(message, where=self.where(error.key), hint=error.hint)
 
 
@@ -188,9 +188,9 @@ def _load(
     _refuse_robot(data, file)
     root = parse(data, file, RecipeError)
     if not isinstance(root.value, dict):
-        found = described(root)
+        actual = described(root)
         hint = "a recipe begins with `schema: assetbuild/v1`"
-        raise RecipeError(f"expected a map at the top, found {found}", where=root.where, hint=hint)
+        raise RecipeError(f"expected a map at the top, found {actual}", where=root.where, hint=hint)
     absolute = Path(os.path.abspath(path))  # noqa: PTH100 # resolve() would follow links
     root = with_motor_file(root, absolute, world)
     names = variant_names(root)
@@ -283,14 +283,14 @@ def with_motor_file(root: Node, recipe: Path, world: World) -> Node:
     motors = parse(read_small_file(path, file, RecipeError, world), file, RecipeError)
     if not isinstance(motors.value, dict):
         hint = "a motor file is a map of motors: `go1_hip: {gear: 6, effort: 23.7}`"
-        found = described(motors)
-        raise RecipeError(f"expected a map, found {found}", where=motors.where, hint=hint)
-    own = entries.get("motors")
-    if own is None:
+        actual = described(motors)
+        raise RecipeError(f"expected a map, found {actual}", where=motors.where, hint=hint)
+    recipe_motors = entries.get("motors")
+    if recipe_motors is None:
         entries["motors"] = Entry(motors.where, motors)
-    elif isinstance(own.node.value, dict):
-        merged = Node(own.node.where, {**motors.value, **own.node.value})
-        entries["motors"] = Entry(own.where, merged)
+    elif isinstance(recipe_motors.node.value, dict):
+        merged = Node(recipe_motors.node.where, {**motors.value, **recipe_motors.node.value})
+        entries["motors"] = Entry(recipe_motors.where, merged)
     return Node(root.where, entries, cost=root.cost + motors.cost, height=root.height)
 
 

@@ -28,12 +28,12 @@ def known_keys(model: type[BaseModel], path: tuple[str | int, ...], choice: str 
 
     choice: only of the forms one of whose keys must be this word.
     """
-    found: list[str] = []
+    names: list[str] = []
     for schema in _at(model, path):
         keys = schema.get("properties", {})
         if not choice or any(value.get("const") == choice for value in keys.values()):
-            found += keys
-    return found
+            names += keys
+    return names
 
 
 def allowed_values(model: type[BaseModel], path: tuple[str | int, ...]) -> list[str]:

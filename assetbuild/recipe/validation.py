@@ -43,12 +43,12 @@ _BOUNDS = {
 class KeyedError(RowError):
     """An error about a key, from code that knows no lines; `placing` adds the place.
 
-    said: the message without the path of the key.
+    reason: the message without the path of the key.
     """
 
-    def __init__(self, key: Key, said: str, hint: str = "") -> None:
-        super().__init__(f"{shown(key)}: {said}", key=key, hint=hint)
-        self.said = said
+    def __init__(self, key: Key, reason: str, hint: str = "") -> None:
+        super().__init__(f"{shown(key)}: {reason}", key=key, hint=hint)
+        self.reason = reason
 
 
 @dataclass(frozen=True)
@@ -77,13 +77,13 @@ def validated(
     for name in misnamed:
         with wrong:
             raise error(name.message, where=locate(root, name.key), hint=name.hint)
-    found: list[Any] = []  # Any: pydantic's ErrorDetails, as in `_Place`
+    details: list[Any] = []  # Any: pydantic's ErrorDetails, as in `_Place`
     try:
         valid = model.model_validate(plain(root), strict=True)
     except ValidationError as problem:
-        found = list(problem.errors(include_url=False, include_input=False))
+        details = list(problem.errors(include_url=False, include_input=False))
     placed = sorted(
-        (_find(raw, root) for raw in found), key=lambda p: (p.where.line, p.where.column)
+        (_find(raw, root) for raw in details), key=lambda p: (p.where.line, p.where.column)
     )
     known = whole() if whole and placed else model  # importing every plug-in takes long
     problems = _distinct([_explained(place, known) for place in placed[:_EXPLAINED]])
@@ -163,9 +163,9 @@ def _find(raw: Any, root: Node) -> _Place:  # Any: as above
     return _Place(raw, key, node, locate(root, key) if at_key else node.where)
 
 
-def _in_file_order(found: _Place | _Problem) -> tuple[int, int, Key]:
-    key = tuple(str(part) for part in found.key)
-    return found.where.line, found.where.column, key
+def _in_file_order(problem: _Place | _Problem) -> tuple[int, int, Key]:
+    key = tuple(str(part) for part in problem.key)
+    return problem.where.line, problem.where.column, key
 
 
 def _explained(place: _Place, model: type[BaseModel]) -> _Problem:
@@ -202,7 +202,7 @@ def _follow(root: Node, loc: tuple[str | int, ...]) -> tuple[Key, Node]:
 def _sentence(
     raw: Any, kind: str, key: Key, node: Node, model: type[BaseModel]
 ) -> tuple[str, str]:  # Any: as above
-    found = described(node)
+    actual = described(node)
     if kind == "extra_forbidden":
         choice = _choice(raw["loc"])
         hint = did_you_mean(str(key[-1]), known_keys(model, key[:-1], choice))
@@ -212,18 +212,18 @@ def _sentence(
         *most, last = [f"`{value}`" for value in values] or ["another value"]
         expected = f"{', '.join(most)} or {last}" if most else last
         near = did_you_mean(node.text, values) if isinstance(node.value, str) else ""
-        return f"expected {expected}, found {found}", near if near.startswith("did") else ""
+        return f"expected {expected}, found {actual}", near if near.startswith("did") else ""
     if kind in _EXPECTED:
         hint = meaning(model, key)
         if kind == "string_type" and isinstance(node.value, int | float):
             hint = f'put it in quotes: "{node.text[:60]}"'
-        return f"expected {_EXPECTED[kind]}, found {found}", hint
+        return f"expected {_EXPECTED[kind]}, found {actual}", hint
     if kind in _BOUNDS:
         words, name = _BOUNDS[kind]
-        return f"must be {words} {raw['ctx'][name]:g}, found {found}", meaning(model, key)
+        return f"must be {words} {raw['ctx'][name]:g}, found {actual}", meaning(model, key)
     if kind == "string_pattern_mismatch":
         pattern = raw["ctx"]["pattern"]
-        return f"{found} does not fit `{pattern}`", meaning(model, key)
+        return f"{actual} does not fit `{pattern}`", meaning(model, key)
     return _said(raw), meaning(model, key) if key else ""
 
 
@@ -246,21 +246,21 @@ def _said(raw: Any) -> str:  # Any: as above
 def _distinct(problems: list[_Problem]) -> list[_Problem]:
     """One problem per place, in file order; of a union's complaints the one that went deepest."""
     reached = {problem.reach for problem in problems}
-    found: dict[Key, _Problem] = {}
+    by_key: dict[Key, _Problem] = {}
     for problem in problems:
         key = problem.reach
         deeper = any(other != key and other[: len(key)] == key for other in reached)
         if deeper and problem.message.startswith("expected"):
             continue
-        known = found.setdefault(key, problem)
+        known = by_key.setdefault(key, problem)
         if known is not problem and problem.message.startswith("expected "):
-            found[key] = _either(known, problem)
-    return sorted(found.values(), key=_in_file_order)
+            by_key[key] = _either(known, problem)
+    return sorted(by_key.values(), key=_in_file_order)
 
 
 def _either(a: _Problem, b: _Problem) -> _Problem:
-    expected, _, found = a.message.partition(", found")
+    expected, _, actual = a.message.partition(", found")
     other = b.message.partition(", found")[0].removeprefix("expected ")
     return _Problem(
-        a.key, a.where, f"{expected} or {other}, found{found}", a.hint or b.hint, a.reach
+        a.key, a.where, f"{expected} or {other}, found{actual}", a.hint or b.hint, a.reach
     )

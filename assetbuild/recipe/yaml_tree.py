@@ -166,8 +166,8 @@ class _Builder:
             message = f"not YAML: {problem.problem or problem.context}"
             raise self._error(message, where=place or Where(self._file)) from None
         except yaml.YAMLError as problem:
-            said = str(problem).strip().splitlines()
-            message = f"not YAML: {said[0] if said else 'unreadable'}"
+            lines = str(problem).strip().splitlines()
+            message = f"not YAML: {lines[0] if lines else 'unreadable'}"
             raise self._error(message, where=Where(self._file)) from None
 
     def _node(self, event: yaml.NodeEvent) -> None:

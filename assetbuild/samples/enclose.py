@@ -51,8 +51,8 @@ class Enclose(Step):
             inertial = body.inertial
             if inertial is None or inertial.mass_kg <= 0.0:
                 continue
-            own = [hulls.get((body.name, role), []) for role in get_args(Role)]
-            around = [hull.vertices for part in own for hull in part]
+            by_role = [hulls.get((body.name, role), []) for role in get_args(Role)]
+            around = [hull.vertices for part in by_role for hull in part]
             if not around:
                 rooms.append(Room(body.name, _homogeneous(inertial)))
                 continue

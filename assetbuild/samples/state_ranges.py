@@ -99,12 +99,12 @@ class StateRanges(Step):
         """Ranges of a drive on joints that have none in the actuator table."""
         idle: dict[str, list[str]] = {}
         names = [joint.name for joint in tree.moving_joints]
-        own = {joint.name for joint in tree.moving_joints if joint.mimic is None}
+        leaders = {joint.name for joint in tree.moving_joints if joint.mimic is None}
         for _, ranges, joints in first_match_groups(self.randomize.joints, names):
             for key in DRIVE:
                 if getattr(ranges, key) != (1.0, 1.0):
                     for joint in joints:
-                        if joint in own and not getattr(control.by_joint.get(joint), key, 0.0):
+                        if joint in leaders and not getattr(control.by_joint.get(joint), key, 0.0):
                             idle.setdefault(key, []).append(joint)
         if idle:
             kept = sum(item.place == "actuator" for item in control.mjcf_only)
@@ -161,16 +161,16 @@ class StateRanges(Step):
         return rows
 
     def _contact(self, control: Control) -> dict[str, Any]:
-        found: dict[str, Any] = {}
+        contact: dict[str, Any] = {}
         if self.randomize.friction is not None:
-            found["friction"] = {
+            contact["friction"] = {
                 "nominal": control.contact.friction[0],
                 "range": list(self.randomize.friction),
                 "source": self.randomize.friction_source or UNSTATED,
             }
         if self.randomize.restitution is not None:
-            found["restitution"] = {"nominal": 0.0, "range": list(self.randomize.restitution)}
-        return found
+            contact["restitution"] = {"nominal": 0.0, "range": list(self.randomize.restitution)}
+        return contact
 
     def _sources(self, tree: Tree) -> Iterator[Finding]:
         """One finding for all ranges that nobody gave a reason for."""

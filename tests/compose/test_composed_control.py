@@ -114,7 +114,7 @@ def test_options_that_are_not_taken_are_named(tmp_path: Path):
     said = part(read(text, tmp_path))
     keys = {"option timestep", "option integrator", "option density", "option flag contact"}
     assert set(said.left_out(None)) == keys
-    assert said.left_out(said.said) == ()
+    assert said.left_out(said.source_control) == ()
     assert said.pose_in_root == IDENTITY
 
 
