@@ -34,11 +34,11 @@ def _null_build(here: str, argv: list[str]) -> int | None:
     from assetbuild.engine.noop_build import check, record_file
 
     options = "\n".join((here, *argv))
-    found = check(record_file(cache_root(), options), options)
-    if found is None:
+    record = check(record_file(cache_root(), options), options)
+    if record is None:
         return None
-    sys.stdout.write(str(found["summary"]))
-    return int(str(found["exit_code"]))
+    sys.stdout.write(str(record["summary"]))
+    return int(str(record["exit_code"]))
 
 
 if __name__ == "__main__":

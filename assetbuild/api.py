@@ -112,7 +112,7 @@ def build(
     for error in outcome.errors:
         raise error
     if outcome.out is None or outcome.exit_code:
-        found = outcome.report.verdict.next_step if outcome.report else "a step failed"
+        reason = outcome.report.verdict.next_step if outcome.report else "a step failed"
         where = f"; its report lies in `{outcome.out}`" if outcome.out else ""
-        raise StepError(f"{recipe} did not pass its checks: {found}{where}")
+        raise StepError(f"{recipe} did not pass its checks: {reason}{where}")
     return load_bundle(outcome.out)

@@ -79,9 +79,9 @@ RENAMED: dict[str, tuple[str, ...]] = {old: (new,) for old, new in NEW_IDS.items
 
 def is_now(old: str, finding: Finding) -> bool:
     """Whether a finding says what the rule with the old id `old` said."""
-    said = f"{finding.rule} {finding.subject.partition(' ')[0]}"
+    text = f"{finding.rule} {finding.subject.partition(' ')[0]}"
     return any(
-        fnmatchcase(said, pattern if " " in pattern else f"{pattern} *")
+        fnmatchcase(text, pattern if " " in pattern else f"{pattern} *")
         for pattern in RENAMED.get(old, ())
     )
 
@@ -140,9 +140,9 @@ class Rule:
             raise ValueError(f"rule `{self.id}` does not declare the severity `{severity}`")
         if self.id.endswith("*"):
             raise ValueError(f"rule `{self.id}` has a part without a name: `named` gives it one")
-        told = {name: steady(value) for name, value in (data or {}).items()}
+        steady_data = {name: steady(value) for name, value in (data or {}).items()}
         stops, advice = self.blocks if blocks is None else blocks, hint or self.advice
-        return Finding(self.id, severity, subject, message, advice, where, told, stops)
+        return Finding(self.id, severity, subject, message, advice, where, steady_data, stops)
 
     @property
     def advice(self) -> str:

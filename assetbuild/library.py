@@ -15,8 +15,8 @@ INSTALLED = Path(__file__).with_name("_recipes")
 def robots() -> Mapping[str, Path]:
     """Name -> recipe, in the order of the names."""
     folder = INSTALLED if INSTALLED.is_dir() else Path(__file__).parents[1] / "recipes"
-    found = (path for path in sorted(folder.glob("*.yaml")) if ".lock" not in path.name)
-    return {path.stem: path for path in found}
+    paths = (path for path in sorted(folder.glob("*.yaml")) if ".lock" not in path.name)
+    return {path.stem: path for path in paths}
 
 
 def recipe(name: str) -> Path:
@@ -59,9 +59,9 @@ def _files(origin: Path, out: Path) -> Iterator[tuple[Path, Path]]:
     lock = origin.with_suffix(".lock.yaml")
     if lock.is_file():
         yield out.with_suffix(".lock.yaml"), lock
-    said = yaml.safe_load(origin.read_text(encoding="utf-8"))
-    parts = [part.get("recipe") for part in said.get("compose", [])]
-    for name in filter(None, [said["source"].get("path"), *parts]):
+    content = yaml.safe_load(origin.read_text(encoding="utf-8"))
+    parts = [part.get("recipe") for part in content.get("compose", [])]
+    for name in filter(None, [content["source"].get("path"), *parts]):
         beside = origin.parent / name
         if beside.suffix == ".yaml":
             yield from _files(beside, out.parent / name)

@@ -274,23 +274,23 @@ class Plugin(Step):
 
         A recipe that does not name the plug-in may lack its section: then the defaults hold.
         """
-        found: dict[str, Any] = {}  # Any: as above
+        values: dict[str, Any] = {}  # Any: as above
         robot = {"robot": "robot"} if "robot" in cls.model_fields else {}
         wholes = {field: path for path, field in cls.sections.items()}
         for field, path in {**robot, **cls.recipe_fields, **wholes}.items():
             with contextlib.suppress(KeyError):
-                found[field] = recipe.value(path)
+                values[field] = recipe.value(path)
         for field in wholes:
             optional = type(None) in get_args(cls.model_fields[field].annotation)
-            if found.get(field, 0) is None and not optional:
+            if values.get(field, 0) is None and not optional:
                 return None
         if cls.keys():
             with contextlib.suppress(KeyError):
-                own = recipe.value(cls.section)
-                if own is None:
+                section = recipe.value(cls.section)
+                if section is None:
                     return None
-                found |= {name: getattr(own, name) for name in cls.keys()}  # noqa: SIM118
-        return found
+                values |= {name: getattr(section, name) for name in cls.keys()}  # noqa: SIM118
+        return values
 
 
 class Target(Plugin):

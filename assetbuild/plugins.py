@@ -71,7 +71,7 @@ def load_plugin(kind: type[P], name: str) -> type[P]:
         raise MachineError(message, hint="uninstall one of them")
     whose = f"plug-in `{name}` ({group}) of {_distribution(point)}"
     try:
-        found = point.load()
+        loaded = point.load()
     except (
         Exception,
         SystemExit,
@@ -80,7 +80,7 @@ def load_plugin(kind: type[P], name: str) -> type[P]:
         raise MachineError(
             f"{whose} cannot be loaded: {reason}", hint="repair or uninstall it"
         ) from problem
-    plugin = _only(kind, found, whose) if isinstance(found, ModuleType) else found
+    plugin = _only(kind, loaded, whose) if isinstance(loaded, ModuleType) else loaded
     if not (isinstance(plugin, type) and issubclass(plugin, kind)):
         raise MachineError(f"{whose} is no {kind.__name__}", hint="repair or uninstall it")
     return plugin
@@ -88,8 +88,8 @@ def load_plugin(kind: type[P], name: str) -> type[P]:
 
 def foreign_modules() -> tuple[str, ...]:
     """Top-level modules of other distributions that hold plug-ins; none of them is imported."""
-    found = (point.module for point in _points() if point.group.startswith("assetbuild."))
-    return tuple(sorted({module.partition(".")[0] for module in found}))
+    modules = (point.module for point in _points() if point.group.startswith("assetbuild."))
+    return tuple(sorted({module.partition(".")[0] for module in modules}))
 
 
 def _group(kind: type[Step]) -> str:
@@ -105,16 +105,16 @@ def _own(group: str) -> tuple[str, ...]:
 
 def _files(group: str) -> Mapping[str, str]:
     """Plug-in -> the file that holds it beside others."""
-    found: Mapping[str, str] = getattr(
+    files: Mapping[str, str] = getattr(
         importlib.import_module(f"assetbuild.{group}"), "IN_FILE", {}
     )
-    return found
+    return files
 
 
 @functools.cache
 def _foreign(group: str) -> Mapping[str, tuple[EntryPoint, ...]]:
     """Entry points of other distributions, by name; a name of assetbuild's own is left out."""
-    found: dict[str, tuple[EntryPoint, ...]] = {}
+    points: dict[str, tuple[EntryPoint, ...]] = {}
     for point in _points():
         if point.group != f"assetbuild.{group}":
             continue
@@ -125,8 +125,8 @@ def _foreign(group: str) -> Mapping[str, tuple[EntryPoint, ...]]:
             )
             warnings.warn(message, PluginWarning, stacklevel=2)
         else:
-            found[point.name] = (*found.get(point.name, ()), point)
-    return found
+            points[point.name] = (*points.get(point.name, ()), point)
+    return points
 
 
 @functools.cache
@@ -142,16 +142,16 @@ def _distribution(point: EntryPoint) -> str:
 
 def _only(kind: type[P], module: ModuleType, whose: str, name: str = "") -> type[P]:
     """The one subclass of `kind` that a module defines. name: of a plug-in among several."""
-    own = [
+    classes = [
         value
         for value in vars(module).values()
         if isinstance(value, type) and value.__module__ == module.__name__
     ]
-    found = [value for value in own if issubclass(value, kind)]
+    subclasses = [value for value in classes if issubclass(value, kind)]
     if name:
-        found = [value for value in found if value.step_name() == name]
-    if len(found) != 1:
+        subclasses = [value for value in subclasses if value.step_name() == name]
+    if len(subclasses) != 1:
         raise MachineError(
-            f"{whose} must define exactly one {kind.__name__}, it defines {len(found)}"
+            f"{whose} must define exactly one {kind.__name__}, it defines {len(subclasses)}"
         )
-    return found[0]
+    return subclasses[0]

@@ -69,12 +69,12 @@ def _quantity(value: object, *, units: dict[str, float], expected: str) -> objec
     """`5 mm` in metres, `2 %` as 0.02; a plain number is in metres, or a share, already."""
     if not isinstance(value, str):
         return value
-    found = _QUANTITY.fullmatch(value)
+    match = _QUANTITY.fullmatch(value)
     try:
-        if found is None:
+        if match is None:
             raise ValueError
         # Divided where that is exact: `5 mm` is the same number as 0.005.
-        number, factor = float(found[1]), units[found[2]]
+        number, factor = float(match[1]), units[match[2]]
         return number / round(1.0 / factor)
     except (ValueError, KeyError):
         raise ValueError(f"expected {expected}, found `{value[:40]}`") from None

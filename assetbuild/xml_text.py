@@ -142,14 +142,14 @@ def _mended(data: bytes) -> tuple[bytes, list[Fault]]:
             line = data.count(b"\n", 0, at) + 1
             faults.append(Fault(kind, line, _line_of(data, line)))
 
-    def comment(found: re.Match[bytes]) -> bytes:
-        text = found[0]
+    def comment(match: re.Match[bytes]) -> bytes:
+        text = match[0]
         if not text.startswith(b"<!--"):
             return text
         if b"--" in text[4:-3] or text.endswith(b"--->"):
-            note("comment", found.start())
+            note("comment", match.start())
         if _foreign_at(text) is not None:
-            note("encoding", found.start())
+            note("encoding", match.start())
         return _blank(text)
 
     if data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
@@ -157,10 +157,10 @@ def _mended(data: bytes) -> tuple[bytes, list[Fault]]:
     text = _COMMENT.sub(comment, data)
     text = _without_declaration(text, note)
     # Both change the length, so the spaces come first: places in `data` and `text` are the same.
-    for found in _NO_SPACE.finditer(text):
-        note("space", found.start())
-    for found in _AMPERSAND.finditer(text):
-        note("ampersand", found.start())
+    for match in _NO_SPACE.finditer(text):
+        note("space", match.start())
+    for match in _AMPERSAND.finditer(text):
+        note("ampersand", match.start())
     text = _AMPERSAND.sub(b"&amp;", _NO_SPACE.sub(rb"\1 ", text))
     text, line = _up_to_the_end(text)
     if line:
@@ -200,11 +200,11 @@ def _without_declaration(text: bytes, note: Callable[[FaultKind, int], None]) ->
     """The text in UTF-8 with blanks in place of its XML declarations and byte order marks."""
     prologue = _PROLOGUE.match(text)
     end = prologue.end() if prologue else 0
-    found = list(_DECLARATION.finditer(text, 0, end))
+    declarations = list(_DECLARATION.finditer(text, 0, end))
     first = len(_BOM) if text.startswith(_BOM) else 0
-    for extra in [d for d in found if d.start() != first]:
+    for extra in [d for d in declarations if d.start() != first]:
         note("declaration", extra.start())
-    stated = _ENCODING.search(found[0][0]) if found else None
+    stated = _ENCODING.search(declarations[0][0]) if declarations else None
     name = stated[1].decode("latin-1").lower() if stated else "utf-8"
     head = _DECLARATION.sub(lambda d: _blank(d[0]), text[:end]).replace(_BOM, b"   ")
     text = head + text[end:]
@@ -215,7 +215,7 @@ def _without_declaration(text: bytes, note: Callable[[FaultKind, int], None]) ->
     foreign = _foreign_at(text)
     if foreign is None:
         if codec == "" or codec.startswith(("utf-16", "utf-32")):
-            note("encoding", found[0].start() if found else 0)
+            note("encoding", declarations[0].start() if declarations else 0)
             return text
         if codec in ("utf-8", "ascii"):
             return text

@@ -65,7 +65,7 @@ def _folder_removed() -> AssetBuildError | None:
 def _bug(error: Exception) -> AssetBuildError:
     """The sentence for what nobody foresaw; the traceback goes to a file, where there is room."""
     text = " ".join(str(error).split())[:300]
-    told = f"a bug in assetbuild: {type(error).__name__}{': ' + text if text else ''}"
+    message = f"a bug in assetbuild: {type(error).__name__}{': ' + text if text else ''}"
     try:
         with tempfile.NamedTemporaryFile(
             "w", encoding="utf-8", errors="replace", prefix="assetbuild-", suffix=".txt",
@@ -73,8 +73,8 @@ def _bug(error: Exception) -> AssetBuildError:
         ) as file:  # fmt: skip
             traceback.print_exception(error, file=file)
     except OSError:
-        return AssetBuildError(told, hint="please report it, with the command")
-    return AssetBuildError(told, hint=f"please report it, with the command and {file.name}")
+        return AssetBuildError(message, hint="please report it, with the command")
+    return AssetBuildError(message, hint=f"please report it, with the command and {file.name}")
 
 
 class Terminated(KeyboardInterrupt):
@@ -118,9 +118,9 @@ def _show_plugin_warnings() -> None:
 
 def print_error(error: AssetBuildError) -> None:
     """What, where, next move, of each error that was found; on stderr."""
-    found = error.each()
-    for each in found[:MOST_ERRORS]:
+    errors = error.each()
+    for each in errors[:MOST_ERRORS]:
         print(f"error: {each}", file=sys.stderr)
-    more = len(found[MOST_ERRORS:]) + error.uncounted
+    more = len(errors[MOST_ERRORS:]) + error.uncounted
     if more:
         print(f"and {more} more errors", file=sys.stderr)

@@ -189,10 +189,10 @@ def _simulated(scene: Path) -> dict[str, Any]:  # Any: JSON
     except subprocess.TimeoutExpired:
         raise StepError(f"the simulation took more than {SECONDS} s") from None
     if done.returncode != 0:
-        said = done.stderr.strip().splitlines() or ["no message"]
-        raise StepError(f"the simulation failed: {said[-1]}")
-    found: dict[str, Any] = json.loads(done.stdout.splitlines()[-1])
-    return found
+        lines = done.stderr.strip().splitlines() or ["no message"]
+        raise StepError(f"the simulation failed: {lines[-1]}")
+    result: dict[str, Any] = json.loads(done.stdout.splitlines()[-1])
+    return result
 
 
 def _write(rows: Sequence[Level], out: Path) -> frozenset[str]:

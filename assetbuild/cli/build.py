@@ -43,8 +43,8 @@ def requests_of(arguments: argparse.Namespace) -> list[Request]:
         raise UsageError("`-o` names one bundle, but several recipes were given")
     if arguments.sandbox:
         print("warning: `--sandbox` no longer has an effect; omit it", file=sys.stderr)
-    said = vars(arguments)
-    return [Request.of({**said, "recipe": recipe}) for recipe in arguments.recipes]
+    options = vars(arguments)
+    return [Request.of({**options, "recipe": recipe}) for recipe in arguments.recipes]
 
 
 def build_and_print(
@@ -107,8 +107,10 @@ def _remember(outcomes: Sequence[Outcome], world: World, began_ns: int) -> None:
     made: dict[str, str] = {}
     bundles = [outcome.out for outcome in done if outcome.out is not None]
     for bundle in bundles:
-        own = {name: digest_file(bundle / name) for name in OWN_FILES}
-        made |= {str(bundle / name): digest for name, digest in (manifest_of(bundle) | own).items()}
+        digests = {name: digest_file(bundle / name) for name in OWN_FILES}
+        made |= {
+            str(bundle / name): digest for name, digest in (manifest_of(bundle) | digests).items()
+        }
     options = "\n".join((os.getcwd(), *sys.argv[1:]))  # noqa: PTH109 # as `__main__` does
     with contextlib.suppress(OSError):
         noop_build.write(

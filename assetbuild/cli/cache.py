@@ -38,21 +38,21 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _stats(root: Path, *, as_json: bool) -> int:
-    found = stats(root)
+    store_stats = stats(root)
     if as_json:
-        print(json.dumps({"root": str(root), **asdict(found)}, indent=2, sort_keys=True))
+        print(json.dumps({"root": str(root), **asdict(store_stats)}, indent=2, sort_keys=True))
         return 0
-    print(f"{root}: {_shown(found.total_bytes)}")
-    print(f"  objects: {found.objects}, {_shown(found.object_bytes)}")
-    print(f"  results of steps: {found.actions}")
+    print(f"{root}: {_shown(store_stats.total_bytes)}")
+    print(f"  objects: {store_stats.objects}, {_shown(store_stats.object_bytes)}")
+    print(f"  results of steps: {store_stats.actions}")
     if homes := sorted((root / "environments").glob("*")):
         print(f"  trainers' environments, to delete by hand: {', '.join(map(str, homes))}")
-    if found.quarantined:
-        print(f"  corrupt objects, set aside: {found.quarantined}")
-    if found.oldest_use:
-        print(f"  oldest use: {time.strftime('%Y-%m-%d', time.localtime(found.oldest_use))}")
-    if found.live_builds:
-        print(f"  builds that run now: {found.live_builds}")
+    if store_stats.quarantined:
+        print(f"  corrupt objects, set aside: {store_stats.quarantined}")
+    if store_stats.oldest_use:
+        print(f"  oldest use: {time.strftime('%Y-%m-%d', time.localtime(store_stats.oldest_use))}")
+    if store_stats.live_builds:
+        print(f"  builds that run now: {store_stats.live_builds}")
     return 0
 
 
@@ -64,11 +64,11 @@ def _share(arguments: argparse.Namespace) -> int:
     remote = remote_cache(arguments.remote, faults.append, write=arguments.what == "push")
     if remote is None:
         raise UsageError("no cache is named", hint="say `--remote URL`, or set ASSETBUILD_REMOTE")
-    verb, said = (push, "sent") if arguments.what == "push" else (pull, "in the store")
+    verb, state = (push, "sent") if arguments.what == "push" else (pull, "in the store")
     for recipe in arguments.recipes:
         done, steps, whole = verb(recipe, arguments.variant, remote)
         more = "" if whole else ", and more that is known once these are built"
-        print(f"{recipe}: {done} of {steps} results {said}{more}")
+        print(f"{recipe}: {done} of {steps} results {state}{more}")
     for fault in faults:
         print(fault, file=sys.stderr)
     return 1 if faults else 0
@@ -104,14 +104,14 @@ def pull(recipe: Path, variant: str | None, remote: Remote) -> tuple[int, int, b
 
 
 def _check(store: Store) -> int:
-    found = check(store)
-    for digest in found.corrupt:
+    result = check(store)
+    for digest in result.corrupt:
         print(f"corrupt, set aside: {digest}")
     print(
-        f"{found.objects} objects verified, {len(found.corrupt)} corrupt; forgotten results: "
-        f"{found.torn} torn, {found.incomplete} without their files"
+        f"{result.objects} objects verified, {len(result.corrupt)} corrupt; forgotten results: "
+        f"{result.torn} torn, {result.incomplete} without their files"
     )
-    return 1 if found.corrupt or found.torn else 0  # without its files one is merely forgotten
+    return 1 if result.corrupt or result.torn else 0  # without its files one is merely forgotten
 
 
 def _gc(store: Store, max_bytes: int) -> int:

@@ -29,10 +29,10 @@ def run(arguments: argparse.Namespace) -> int:
             side or config_side(*(_config_of(name) or (Path(name), "")), known)
             for side, name in zip(sides, names, strict=True)
         )
-        found = changes(before, after)
+        diff = changes(before, after)
     write = diff_markdown if arguments.markdown else diff_text
-    print(write(before, after, found), end="")
-    return 1 if arguments.exit_code and found.rows else 0
+    print(write(before, after, diff), end="")
+    return 1 if arguments.exit_code and diff.rows else 0
 
 
 def _config_of(name: str) -> tuple[Path, str] | None:
@@ -85,8 +85,8 @@ def _checked_out(revision: str, inside: str, folder: Path) -> Path:
         cwd=top.stdout.strip() or None,
     )
     if packed.returncode != 0:
-        told = packed.stderr.decode("utf-8", "replace").strip().splitlines()
-        raise UsageError(f"git has no revision `{revision}`: {told[-1] if told else ''}")
+        lines = packed.stderr.decode("utf-8", "replace").strip().splitlines()
+        raise UsageError(f"git has no revision `{revision}`: {lines[-1] if lines else ''}")
     subprocess.run(["tar", "-x", "-C", str(tree)], input=packed.stdout, check=True)
     recipe = tree / inside
     if not recipe.is_file():

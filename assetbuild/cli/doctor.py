@@ -39,7 +39,7 @@ class Row:
 
     name: str
     level: Level
-    told: str
+    details: str
     fix: str = ""
 
 
@@ -47,7 +47,7 @@ def run(arguments: argparse.Namespace) -> int:
     """Print what was found; 1 when something that every build needs is broken."""
     rows = list(examine())
     for row in rows:
-        print(f"{row.level:8} {row.name:18} {row.told}")
+        print(f"{row.level:8} {row.name:18} {row.details}")
         if row.fix:
             print(f"{'':8} {'':18} -> {row.fix}")
     broken = sum(row.level == "broken" for row in rows)
@@ -82,8 +82,8 @@ def examine() -> Iterator[Row]:
 def _libraries() -> Iterator[Row]:
     versions = {name: _version(name) for name in CORE}
     if lacking := [name for name, version in versions.items() if not version]:
-        told = f"not installed: {', '.join(lacking)}"
-        yield Row("libraries", "broken", told, "pip install assetbuild")
+        details = f"not installed: {', '.join(lacking)}"
+        yield Row("libraries", "broken", details, "pip install assetbuild")
     else:
         yield Row("libraries", "ok", ", ".join(map(" ".join, versions.items())))
     if importlib.util.find_spec("pxr") and _version("usd-exchange"):
@@ -123,22 +123,22 @@ def _cache() -> Row:
     root = Path(cache_root())
     place = next(folder for folder in (root, *root.parents) if folder.exists())
     free = shutil.disk_usage(place).free / 1e9
-    told = f"{root}, {free:.1f} GB free"
+    details = f"{root}, {free:.1f} GB free"
     if not os.access(place, os.W_OK):
         fix = "set ASSETBUILD_CACHE to a folder that you may write to"
-        return Row("store", "missing", f"{told}, not writable: builds start from nothing", fix)
+        return Row("store", "missing", f"{details}, not writable: builds start from nothing", fix)
     if free < 2.0:
-        return Row("store", "missing", told, "assetbuild cache gc --max-size 1GB")
-    return Row("store", "ok", told)
+        return Row("store", "missing", details, "assetbuild cache gc --max-size 1GB")
+    return Row("store", "ok", details)
 
 
 def _confinement() -> Row:
     """Landlock holds xacro files; without it a private folder and an empty environment do."""
     from assetbuild.engine.confine import version
 
-    kernel, found = platform.release(), version()
-    if found:
-        return Row("Landlock", "ok", f"version {found}, kernel {kernel}: xacro is confined")
+    kernel, landlock = platform.release(), version()
+    if landlock:
+        return Row("Landlock", "ok", f"version {landlock}, kernel {kernel}: xacro is confined")
     fix = "Linux 5.13 or newer with Landlock; until then expand only xacro files that you trust"
     return Row("Landlock", "missing", f"not on this kernel ({kernel})", fix)
 
@@ -150,8 +150,8 @@ def _pictures() -> Iterator[Row]:
 
     kind = renderer(World())
     if kind == "none":
-        told = "no EGL and no OSMesa, or MUJOCO_GL=disable: reports have no pictures"
-        yield Row("pictures", "missing", told, APT)
+        details = "no EGL and no OSMesa, or MUJOCO_GL=disable: reports have no pictures"
+        yield Row("pictures", "missing", details, APT)
     else:
         yield _tried(kind)
     library = three_js()

@@ -47,7 +47,7 @@ def run(arguments: argparse.Namespace) -> int:
         fits = [decode(Fit, work.read(done, node["fit.json"])) for node in done.outline.fits]
         control = decode(Control, work.read(done, done.outline.robot["control.json"]))
     of_fits = [label for label in done.results if label.startswith(("read_log", "fit_logs"))]
-    print_findings([found for label in of_fits for found in done.results[label].findings])
+    print_findings([finding for label in of_fits for finding in done.results[label].findings])
     if arguments.json:
         print(json.dumps([asdict(fit) for fit in fits], indent=1))
     elif arguments.ranges:
@@ -185,10 +185,10 @@ def write_rows(loaded: LoadedRecipe, actuators: Sequence[Actuator]) -> int:
     count = 0
     rows = list(zip(loaded.recipe.actuators, spans, strict=True))
     for row, (first, last, indent) in reversed(rows):
-        own = [name for name in joints if re.fullmatch(row.joints, name)]
-        if not any(name in measured for name in own):
+        row_joints = [name for name in joints if re.fullmatch(row.joints, name)]
+        if not any(name in measured for name in row_joints):
             continue
-        written = list(_rows(row, own, measured))
+        written = list(_rows(row, row_joints, measured))
         count += sum("measured" in each for each in written)
         text = text[:first] + f"\n{indent}- ".join(_flow(e, indent) for e in written) + text[last:]
     half = loaded.path.with_name(f".{loaded.path.name}.new")
@@ -206,14 +206,14 @@ def _spans(text: str) -> list[tuple[int, int, str]]:
     root = yaml.compose(text, Loader=yaml.SafeLoader)
     for key, value in root.value if root is not None else ():
         if key.value == "actuators" and isinstance(value, yaml.SequenceNode):
-            found = []
+            spans = []
             for item in value.value:
                 first, last = item.start_mark.index, item.end_mark.index
                 last = first + len(_without_tail(text[first:last]))
                 line = text.rfind("\n", 0, first) + 1
                 before = text[line:first]
-                found.append((first, last, before[: len(before) - len(before.lstrip())]))
-            return found
+                spans.append((first, last, before[: len(before) - len(before.lstrip())]))
+            return spans
     return []
 
 
@@ -245,8 +245,8 @@ def _rows(
 def _numbers(actuator: Actuator, keys: dict[str, Any]) -> dict[str, Any]:  # Any: YAML
     for name in actuator.measured:
         keys.pop(INSTEAD.get(name, ""), None)
-    found = {name: float(f"{getattr(actuator, name):.6g}") for name in actuator.measured}
-    return {**found, "measured": list(actuator.measured), "source": actuator.source}
+    numbers = {name: float(f"{getattr(actuator, name):.6g}") for name in actuator.measured}
+    return {**numbers, "measured": list(actuator.measured), "source": actuator.source}
 
 
 def _flow(row: Mapping[str, Any], indent: str) -> str:  # Any: YAML
@@ -255,10 +255,10 @@ def _flow(row: Mapping[str, Any], indent: str) -> str:  # Any: YAML
     if "measured" not in row:
         return "{" + ", ".join(head) + "}"
     numbers = ", ".join(f"{name}: {row[name]!r}" for name in row["measured"])
-    own = [part for part in head if not part.startswith(("measured:", "source:"))]
+    entries = [part for part in head if not part.startswith(("measured:", "source:"))]
     names = ", ".join(row["measured"])
     return (
-        "{" + ", ".join(own) + f",\n{indent}   {numbers},\n{indent}   measured: [{names}],\n"
+        "{" + ", ".join(entries) + f",\n{indent}   {numbers},\n{indent}   measured: [{names}],\n"
         f"{indent}   source: {json.dumps(row['source'])}}}"
     )
 

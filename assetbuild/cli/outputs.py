@@ -35,26 +35,26 @@ class EventLog:
     def __init__(self, file: IO[str] | None) -> None:
         self._file = file
 
-    def write(self, event: str, **told: object) -> None:
+    def write(self, event: str, **details: object) -> None:
         """Add a line; readers may follow the file while the build runs."""
         if self._file is not None:
-            line = {"event": event, "at": round(time.time(), 3), **told}
+            line = {"event": event, "at": round(time.time(), 3), **details}
             self._file.write(json.dumps(line, sort_keys=True) + "\n")
             self._file.flush()
 
     def on_event(self, event: Event) -> None:
         """A step began or ended."""
-        told: dict[str, object] = {"done": event.done, "total": event.total}
+        details: dict[str, object] = {"done": event.done, "total": event.total}
         result = event.result
         if event.label:
-            told["step"] = event.label
+            details["step"] = event.label
         else:
-            told["whole"] = event.whole
+            details["whole"] = event.whole
         if result is not None:
-            told |= {"status": result.status, "seconds": result.seconds, "key": result.key}
-            told |= {"reason": result.reason, "outputs": dict(result.outputs or {})}
-            told["error"] = None if result.error is None else str(result.error)
-        self.write(event.kind, **told)
+            details |= {"status": result.status, "seconds": result.seconds, "key": result.key}
+            details |= {"reason": result.reason, "outputs": dict(result.outputs or {})}
+            details["error"] = None if result.error is None else str(result.error)
+        self.write(event.kind, **details)
 
     def on_outcome(self, outcome: Outcome) -> None:
         """A recipe is done."""
@@ -103,8 +103,8 @@ class Case(NamedTuple):
 def _add_suite(root: ElementTree.Element, name: str, cases: Sequence[Case]) -> None:
     kinds = Counter(case.kind for case in cases)
     counts = {"failures": kinds["failure"], "errors": kinds["error"], "skipped": kinds["skipped"]}
-    told = {key: str(count) for key, count in {"tests": len(cases), **counts}.items()}
-    suite = ElementTree.SubElement(root, "testsuite", {"name": name, **told})
+    attributes = {key: str(count) for key, count in {"tests": len(cases), **counts}.items()}
+    suite = ElementTree.SubElement(root, "testsuite", {"name": name, **attributes})
     for case in cases:
         names = {"classname": name, "name": _printable(case.name)}
         one = ElementTree.SubElement(suite, "testcase", names)
@@ -166,8 +166,8 @@ def step_summary(outcomes: Sequence[Outcome], error: AssetBuildError | None = No
     parts = ["\n".join(_overview(outcomes))] if outcomes else []
     parts += [markdown(outcome) for outcome in outcomes]
     if error is not None:
-        told = "\n\n".join(_code(str(each)) for each in error.each())
-        parts.append(f"### assetbuild: not built\n\n{told}\n")
+        messages = "\n\n".join(_code(str(each)) for each in error.each())
+        parts.append(f"### assetbuild: not built\n\n{messages}\n")
     return "\n".join(parts) + "\n"
 
 
@@ -182,10 +182,10 @@ def _overview(outcomes: Sequence[Outcome]) -> Iterator[str]:
             cells = (robot, "not built", "", str(len(outcome.errors)), "", *work)
         else:
             states = Counter(check.status for check in report.checks.values())
-            found = Counter(finding.severity for finding in report.findings)
+            counts = Counter(finding.severity for finding in report.findings)
             checks = f"{states['pass']} of {states['pass'] + states['fail']}"
             ready = "yes" if report.verdict.ready else "**no**"
-            cells = (robot, ready, checks, f"{found['error']}", f"{found['warning']}", *work)
+            cells = (robot, ready, checks, f"{counts['error']}", f"{counts['warning']}", *work)
         yield f"| {' | '.join(cells)} |"
     yield ""
 
@@ -194,8 +194,8 @@ def markdown(outcome: Outcome) -> str:
     """Verdict, checks and findings of one recipe."""
     report = outcome.report
     if report is None:
-        told = "\n".join(_code(str(error)) for error in outcome.errors)
-        return f"### {outcome.loaded.recipe.robot}: not built\n\n{told}\n"
+        messages = "\n".join(_code(str(error)) for error in outcome.errors)
+        return f"### {outcome.loaded.recipe.robot}: not built\n\n{messages}\n"
     return summary(report, *(f"- {difference}" for difference in outcome.differences))
 
 
@@ -217,16 +217,16 @@ def annotation_lines(outcomes: Sequence[Outcome], workspace: Path) -> list[str]:
         for error in outcome.errors:
             marks["error"].append(_mark("error", recipe, "", "assetbuild", str(error)))
         findings = () if outcome.report is None else outcome.report.findings
-        for found in worst_first(list(findings)):
-            if found.severity not in marks or is_consequence(found):
+        for finding in worst_first(list(findings)):
+            if finding.severity not in marks or is_consequence(finding):
                 continue
-            file, line = _place(outcome, found.where, workspace)
-            text = f"{found.subject}: {public_message(found)}"
-            if found.hint:
-                text += f"\nhint: {found.hint}"
+            file, line = _place(outcome, finding.where, workspace)
+            text = f"{finding.subject}: {public_message(finding)}"
+            if finding.hint:
+                text += f"\nhint: {finding.hint}"
             if file is None:
-                file, text = recipe, f"{found.where}: {text}" if found.where else text
-            marks[found.severity].append(_mark(found.severity, file, line, found.rule, text))
+                file, text = recipe, f"{finding.where}: {text}" if finding.where else text
+            marks[finding.severity].append(_mark(finding.severity, file, line, finding.rule, text))
     return [mark for level in LEVELS for mark in marks[level][:MOST_ANNOTATIONS]]
 
 
@@ -236,8 +236,8 @@ def _place(outcome: Outcome, where: str, workspace: Path) -> tuple[str | None, s
     source, folder = outcome.loaded.recipe.source, outcome.loaded.path.parent
     for base in (folder / (source.path or ""), folder, Path.cwd()):
         file = (base / source.root / name) if source.path else base / name
-        if name and file.is_file() and (found := _below(file, workspace)):
-            return found, line.partition(":")[0]
+        if name and file.is_file() and (path := _below(file, workspace)):
+            return path, line.partition(":")[0]
     return None, ""
 
 
@@ -250,8 +250,8 @@ def _below(file: Path, workspace: Path) -> str | None:
 
 def _mark(level: str, file: str | None, line: str, title: str, text: str) -> str:
     """`::error file=...,line=...::text`, with GitHub's own escapes."""
-    told = {"file": file or "", "line": line, "title": title}
-    properties = ",".join(f"{key}={_escaped(v, ':,')}" for key, v in told.items() if v)
+    parameters = {"file": file or "", "line": line, "title": title}
+    properties = ",".join(f"{key}={_escaped(v, ':,')}" for key, v in parameters.items() if v)
     return f"::{level} {properties}::{_escaped(text, '')}"
 
 

@@ -38,11 +38,11 @@ class Parser(argparse.ArgumentParser):
             if not word.startswith("-") or word == "-" or re.fullmatch(r"-[\d.]+(e-?\d+)?", word):
                 continue
             name = word.partition("=")[0] if word.startswith("--") else word[:2]
-            found = [o for o in self._option_string_actions if o.startswith(name)]
-            if not found:
+            options = [o for o in self._option_string_actions if o.startswith(name)]
+            if not options:
                 self._refuse_option(name)
-            if len(found) > 1 and name not in found:
-                self.refuse(f"`{name}` may be {_one_of(found)}", hint="write the option in full")
+            if len(options) > 1 and name not in options:
+                self.refuse(f"`{name}` may be {_one_of(options)}", hint="write the option in full")
 
     def _refuse_option(self, name: str) -> NoReturn:
         known = [option for option in self._option_string_actions if option.startswith("--")]
@@ -65,24 +65,24 @@ class Parser(argparse.ArgumentParser):
 
     def error(self, message: str) -> NoReturn:
         """The words of argparse as ours."""
-        about, _, said = message.removeprefix("argument ").partition(": ")
+        about, _, reason = message.removeprefix("argument ").partition(": ")
         name = about.rpartition("/")[2]
         if about == "the following arguments are required":
-            names = ", ".join(f"`{one.rpartition('/')[2]}`" for one in said.split(", "))
+            names = ", ".join(f"`{one.rpartition('/')[2]}`" for one in reason.split(", "))
             verbs = [choice for action in self._actions for choice in action.choices or ()]
             hint = f"one of {', '.join(verbs)}" if self._subparsers else ""
             self.refuse(f"`{self.prog}` needs {names}", hint=hint)
-        if not said or not message.startswith("argument "):
+        if not reason or not message.startswith("argument "):
             self.refuse(message)
-        if said.startswith("expected "):
-            said = "needs a value"
-        elif said.startswith("not allowed with argument "):
-            said = f"cannot stand beside `{said.rpartition(' ')[2].rpartition('/')[2]}`"
-        elif said.startswith("ignored explicit argument "):
-            said = "takes no value"
+        if reason.startswith("expected "):
+            reason = "needs a value"
+        elif reason.startswith("not allowed with argument "):
+            reason = f"cannot stand beside `{reason.rpartition(' ')[2].rpartition('/')[2]}`"
+        elif reason.startswith("ignored explicit argument "):
+            reason = "takes no value"
         else:
-            said = said.removeprefix("argument ")
-        self.refuse(f"`{name}` {said}")
+            reason = reason.removeprefix("argument ")
+        self.refuse(f"`{name}` {reason}")
 
     def refuse(self, message: str, hint: str = "") -> NoReturn:
         """The usage, the error, and exit code 2."""
@@ -147,8 +147,8 @@ def file_or_robot(text: str) -> Path:
     try:
         return recipe(text)
     except UsageError as error:
-        said = f"is no file, and {error.message}; {error.hint}"
-        raise argparse.ArgumentTypeError(said) from None
+        message = f"is no file, and {error.message}; {error.hint}"
+        raise argparse.ArgumentTypeError(message) from None
 
 
 def whole_number(least: int, most: int | None = None) -> Callable[[str], int]:
@@ -180,11 +180,11 @@ def seconds(text: str) -> float:
 
 def size_of_text(text: str) -> int:
     """Bytes of `5GB`, `500 MB`, `2GiB` or `1000`."""
-    found = re.fullmatch(r"(\d+(?:\.\d+)?)\s*([KMGT]?I?)B?", text.strip().upper())
-    if found is None or found[2] not in UNITS:
+    match = re.fullmatch(r"(\d+(?:\.\d+)?)\s*([KMGT]?I?)B?", text.strip().upper())
+    if match is None or match[2] not in UNITS:
         message = f"must be a size such as `500MB`, `5GB` or `2GiB`, not `{text}`"
         raise argparse.ArgumentTypeError(message)
-    return int(float(found[1]) * UNITS[found[2]])
+    return int(float(match[1]) * UNITS[match[2]])
 
 
 def named_path(text: str) -> tuple[str, Path]:

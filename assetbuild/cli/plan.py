@@ -73,11 +73,11 @@ def to_dot(graph: Graph) -> str:
 def explain_steps(arguments: argparse.Namespace) -> int:
     """Print the explanations; 0, or 2 for an unknown step."""
     step = arguments.step
-    found, whole = _explained(arguments.recipe, arguments.variant, step)
+    explanations, whole = _explained(arguments.recipe, arguments.variant, step)
     if arguments.json:
-        print(json.dumps([e.to_json() for e in found], indent=2, sort_keys=True))
+        print(json.dumps([e.to_json() for e in explanations], indent=2, sort_keys=True))
         return 0
-    for line in told_of_all(found) if step is None else [found[0].to_text()]:
+    for line in told_of_all(explanations) if step is None else [explanations[0].to_text()]:
         print(line)
     if not whole:
         print("the graph goes on once the stale steps are built", file=sys.stderr)
@@ -99,20 +99,20 @@ def _explained(
         return [explain(known.graph, look.session, label) for label in wanted], known.whole
 
 
-def told_of_all(found: Sequence[Explanation]) -> list[str]:
+def told_of_all(steps: Sequence[Explanation]) -> list[str]:
     """All steps; those that nothing has touched since they were first built are counted."""
-    touched = [one for one in found if one.state != "up to date" or not one.only_first]
-    left = len(found) - len(touched)
-    counted = [f"{left} of {len(found)} steps: untouched since their first build"] if left else []
+    touched = [one for one in steps if one.state != "up to date" or not one.only_first]
+    left = len(steps) - len(touched)
+    counted = [f"{left} of {len(steps)} steps: untouched since their first build"] if left else []
     return [*(one.to_text() for one in touched), *counted]
 
 
 def print_stale(recipe: Path, variant: str | None) -> int:
     """What a build would run, and why; nothing is run. 3 when something would run, else 0."""
-    found, whole = _explained(recipe, variant)
-    stale = [explanation for explanation in found if explanation.state != "up to date"]
+    explanations, whole = _explained(recipe, variant)
+    stale = [explanation for explanation in explanations if explanation.state != "up to date"]
     for explanation in stale:
         print(explanation.to_text())
     more = "" if whole else ", and what follows from them"
-    print(f"{given_as(recipe)}: {len(stale)} of {len(found)} steps would run{more}")
+    print(f"{given_as(recipe)}: {len(stale)} of {len(explanations)} steps would run{more}")
     return OutOfDateError.exit_code if stale or more else 0

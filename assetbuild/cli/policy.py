@@ -85,16 +85,18 @@ def _sentence(engine: str, run: Replay) -> str:
 
 def _plain(done: Replayed) -> dict[str, object]:
     """Data for other programs."""
-    told = done.diagnosis
+    diagnosis = done.diagnosis
     return {
         "runs": {engine: _figures(run) for engine, run in done.runs.items()},
-        "diagnosis": None if told is None else {"fault": told.said, "score": told.replay.score},
+        "diagnosis": None
+        if diagnosis is None
+        else {"fault": diagnosis.said, "score": diagnosis.replay.score},
     }
 
 
 def _figures(run: Replay) -> dict[str, object]:
-    told = {name: value for name, value in vars(run).items() if name != "moments"}
-    return told | {"verdict": run.verdict, "follows": run.follows}
+    figures = {name: value for name, value in vars(run).items() if name != "moments"}
+    return figures | {"verdict": run.verdict, "follows": run.follows}
 
 
 def _named(file: Path) -> str:

@@ -29,12 +29,14 @@ def run(arguments: argparse.Namespace) -> int:
     print(f"{report['robot']}: ready for training: {'yes' if verdict['ready'] else 'no'}")
     for part in ("formats", "physics"):  # bundles of older versions have neither
         if part in verdict:
-            status, said = verdict[part]["status"], verdict[part]["sentence"]
-            print(f"  {part}: {said if said.startswith(status) else f'{status}: {said}'}")
+            status, sentence = verdict[part]["status"], verdict[part]["sentence"]
+            print(
+                f"  {part}: {sentence if sentence.startswith(status) else f'{status}: {sentence}'}"
+            )
     for name, trainer in verdict.get("trainers", {}).items():
         figures = trainer["status"] != "not tried"
-        said = shown_figures(name, trainer["sentence"]) if figures else trainer["sentence"]
-        print(f"  trainers: {name}: {trainer['status']}: {said}")
+        sentence = shown_figures(name, trainer["sentence"]) if figures else trainer["sentence"]
+        print(f"  trainers: {name}: {trainer['status']}: {sentence}")
     for name, check in report["checks"].items():
         print(f"  {check['status']:4}  {name}  {check.get('note', '')}".rstrip())
     for line in every_finding_line([finding_from_json(raw) for raw in report["findings"]]):

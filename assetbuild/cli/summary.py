@@ -47,7 +47,7 @@ def shown_rows(verdict: Verdict, recipe: Path) -> tuple[tuple[str, str], ...]:
     rows = public_rows(verdict) if in_public() else verdict_rows(verdict)
     verb = "assetbuild smoke"
     named, given = f"{verb} {recipe.name} ", f"{verb} {given_as(recipe)} "
-    return tuple((part, said.replace(named, given)) for part, said in rows)
+    return tuple((part, sentence.replace(named, given)) for part, sentence in rows)
 
 
 def shown_seconds(label: str, seconds: float) -> str:
@@ -101,7 +101,7 @@ def summary_lines(outcome: Outcome, report: Report) -> list[str]:
         head.append(f"  blocked by {', '.join(report.verdict.blocked_by)}")
     head.append(f"  next: {shown_next_step(report)}")
     rows = shown_rows(report.verdict, outcome.loaded.path)
-    head += [f"  {part}: {said}" for part, said in rows]
+    head += [f"  {part}: {sentence}" for part, sentence in rows]
     head.append(f"  steps: {_steps(outcome)}")
     head += [f"  checks: {_checks(report)}", f"  findings: {_counts(report.findings)}"]
     tail = [f"  you had changed {path}: kept in {outcome.out}.edited/" for path in outcome.edited]
@@ -128,8 +128,8 @@ def _steps(outcome: Outcome) -> str:
     text = f"{len(ran)} ran, {cached} cached, {outcome.seconds:.1f} s"
     slow = sorted(ran, key=lambda result: -result.seconds)[:2]
     if slow and slow[0].seconds >= 2.0:
-        told = (f"{r.label} {shown_seconds(r.label, r.seconds)}".rstrip() for r in slow)
-        text += f" (longest: {', '.join(told)})"
+        longest = (f"{r.label} {shown_seconds(r.label, r.seconds)}".rstrip() for r in slow)
+        text += f" (longest: {', '.join(longest)})"
     return text
 
 
@@ -140,8 +140,8 @@ def _checks(report: Report) -> str:
 
 
 def _counts(findings: tuple[Finding, ...]) -> str:
-    found = [finding.severity for finding in findings]
-    return ", ".join(f"{found.count(severity)} {severity}" for severity in SEVERITIES)
+    severities = [finding.severity for finding in findings]
+    return ", ".join(f"{severities.count(severity)} {severity}" for severity in SEVERITIES)
 
 
 def finding_lines(findings: Sequence[Finding]) -> list[str]:

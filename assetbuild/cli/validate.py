@@ -23,15 +23,15 @@ def run(arguments: argparse.Namespace) -> int:
     with progress(arguments.path.stem) as shown:
         remote = remote_cache(arguments.remote, shown.say, write=arguments.cache_write)
         wish = Wish(not arguments.static, recipe_for, shown.on_event, remote)
-        found = validate(arguments.path, wish)
+        results = validate(arguments.path, wish)
     if arguments.json:
         rows = [
             {"file": one.file, "kind": one.kind, "findings": [f.to_json() for f in one.findings]}
-            for one in found
+            for one in results
         ]
         print(json.dumps(rows, indent=1, sort_keys=True))
-        return 1 if worst(found) else 0
-    for one in found:
+        return 1 if worst(results) else 0
+    for one in results:
         for finding in one.findings:
             print(f"{finding.severity} {finding.rule}: {finding.where or one.file}: "
                   f"{finding.subject}: {shown_message(finding)}")  # fmt: skip
@@ -40,4 +40,4 @@ def run(arguments: argparse.Namespace) -> int:
         errors = sum(f.severity == "error" for f in one.findings)
         warnings = sum(f.severity == "warning" for f in one.findings)
         print(f"{one.file}: {one.kind}, {errors} errors, {warnings} warnings")
-    return 1 if worst(found) else 0
+    return 1 if worst(results) else 0

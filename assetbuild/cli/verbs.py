@@ -40,13 +40,13 @@ class Option:
     """An argument as `add_argument` takes it. variable: of the environment, for its default."""
 
     names: tuple[str, ...]
-    said: Mapping[str, Any]  # Any: as argparse has it
+    settings: Mapping[str, Any]  # Any: as argparse has it
     variable: str = ""
 
     def add(self, parser: Any) -> None:  # Any: a parser or a group of one
         """Declare it."""
         default = {"default": os.environ.get(self.variable, "")} if self.variable else {}
-        parser.add_argument(*self.names, **self.said, **default)
+        parser.add_argument(*self.names, **self.settings, **default)
 
 
 @dataclass(frozen=True)
@@ -72,9 +72,9 @@ class Verb:
                 part.declare(below.add_parser(name, help=part.help))
 
 
-def option(*names: str, variable: str = "", **said: Any) -> Option:  # Any: as argparse has it
+def option(*names: str, variable: str = "", **settings: Any) -> Option:  # Any: as argparse has it
     """An argument of a verb."""
-    return Option(names, said, variable)
+    return Option(names, settings, variable)
 
 
 def switch(*names: str, help: str) -> Option:  # as argparse calls it
@@ -322,10 +322,10 @@ def make_parser() -> Parser:
 def runner(verb: str) -> Callable[[Namespace], int]:
     """The function of a verb; its module is imported now."""
     module, _, function = (VERBS[verb].run or f"{verb}:run").partition(":")
-    found: Callable[[Namespace], int] = getattr(
+    run: Callable[[Namespace], int] = getattr(
         importlib.import_module(f"assetbuild.cli.{module}"), function
     )
-    return found
+    return run
 
 
 def completion(arguments: argparse.Namespace) -> int:
@@ -348,8 +348,8 @@ def library(_: argparse.Namespace) -> int:
     """A line for each robot."""
     from assetbuild.library import robots, sentence
 
-    found = robots()
-    width = max(map(len, found))
-    for name, path in found.items():
+    recipes = robots()
+    width = max(map(len, recipes))
+    for name, path in recipes.items():
         print(f"{name:{width}}  {sentence(path)}")
     return 0

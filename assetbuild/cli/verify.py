@@ -28,16 +28,16 @@ STATEMENT, PREDICATE = "https://in-toto.io/Statement/v1", "https://slsa.dev/prov
 
 def against_manifest(bundle: Path, wanted: Mapping[str, str]) -> Iterator[str]:
     """Each file that is missing, added or changed."""
-    found = {
+    paths = {
         p.relative_to(bundle).as_posix()
         for p in bundle.rglob("*")
         if p.is_symlink() or not p.is_dir()
     }
-    for path in sorted(wanted.keys() - found):
+    for path in sorted(wanted.keys() - paths):
         yield f"missing: {path}"
-    for path in sorted(found - wanted.keys() - set(OWN_FILES)):
+    for path in sorted(paths - wanted.keys() - set(OWN_FILES)):
         yield f"not in the manifest: {path}"
-    for path in sorted(wanted.keys() & found):
+    for path in sorted(wanted.keys() & paths):
         if not (bundle / path).is_file() or (bundle / path).is_symlink():
             yield f"not a regular file: {path}"
         elif digest_file(bundle / path) != wanted[path]:

@@ -27,12 +27,12 @@ KEY_FORMAT = 2
 
 def key_parts(step: Step, inputs: Mapping[str, str], code: Code) -> Parts:
     """What decides the outputs of a step; `inputs`: name -> digest."""
-    fields, own = step.model_dump(mode="json"), code.of(type(step))
+    fields, step_code = step.model_dump(mode="json"), code.of(type(step))
     return {
         "format": KEY_FORMAT,
         "step": f"{type(step).__module__}:{type(step).__qualname__}",
-        "code": own.modules,
-        "libraries": own.libraries,
+        "code": step_code.modules,
+        "libraries": step_code.libraries,
         "python": PYTHON,
         "fields": fields,
         # A step may go through a mapping in its order, so the order is part of the key.

@@ -277,11 +277,11 @@ class Worker:
             if not select.select([self._end], [], [], seconds)[0]:
                 return False
             try:
-                said = self._end.recv(4096)
+                received = self._end.recv(4096)
             except ConnectionResetError:  # it died with a request that it had not read
                 return True
-            self._said += said
-            return not said
+            self._said += received
+            return not received
 
     def run(self, step: Step, job: Path) -> Ended | None:
         """Run one job; None when the worker died meanwhile."""

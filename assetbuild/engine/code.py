@@ -137,7 +137,7 @@ class Code:
             self._stamps.save()
 
     def _closure(self, start: str) -> StepCode:
-        own = start.partition(".")[0]
+        step_package = start.partition(".")[0]
         if self._packages.path(start) is None:
             raise MachineError(
                 f"the source of `{start}`, which defines a step, cannot be found",
@@ -152,7 +152,7 @@ class Code:
             if path is None:
                 continue
             files[name] = path
-            targets, tops = self._leads_to(name, own, self._file(name, path))
+            targets, tops = self._leads_to(name, step_package, self._file(name, path))
             libraries |= tops
             fresh = [target for target in targets if target not in seen]
             seen.update(fresh)
@@ -165,9 +165,9 @@ class Code:
             tuple(sorted(files.items())),
         )
 
-    def _leads_to(self, name: str, own: str, file: _File) -> tuple[list[str], set[str]]:
+    def _leads_to(self, name: str, step_package: str, file: _File) -> tuple[list[str], set[str]]:
         """Modules and files that a module leads to, and top-level modules of libraries."""
-        known = self._targets.get((name, own))
+        known = self._targets.get((name, step_package))
         if known is not None:
             return known
         targets: list[str] = []
@@ -179,41 +179,41 @@ class Code:
             top = module.partition("/")[0].partition(".")[0]
             if top in sys.stdlib_module_names:
                 continue
-            if not self._is_code(top, own):
+            if not self._is_code(top, step_package):
                 libraries.add(top)
                 continue
             targets.append(module)
             if member == MUST:
-                self._must_be(module, name, own)
+                self._must_be(module, name, step_package)
             elif member:
                 targets.append(f"{module}.{member}")
-        self._targets[name, own] = targets, libraries
+        self._targets[name, step_package] = targets, libraries
         return targets, libraries
 
-    def _must_be(self, target: str, name: str, own: str) -> None:
+    def _must_be(self, target: str, name: str, step_package: str) -> None:
         top = target.partition("/")[0].partition(".")[0]
-        if top in (PACKAGE, own) and self._packages.path(target) is None:
+        if top in (PACKAGE, step_package) and self._packages.path(target) is None:
             raise MachineError(
                 f"`{name}` names `{target}` in `BEYOND_IMPORTS`, which is not there",
                 hint="name a module, or a file beside it as `./page.css`",
             )
 
-    def _is_code(self, top: str, own: str) -> bool:
+    def _is_code(self, top: str, step_package: str) -> bool:
         """Is a top-level module part of what the step belongs to, rather than a library?
 
         What no distribution installs is code as well: anyone may edit it under its version.
         """
-        if top in (PACKAGE, own):
+        if top in (PACKAGE, step_package):
             return True
         owners = self._libraries.owners(top)
-        return not owners or not set(owners).isdisjoint(self._libraries.owners(own))
+        return not owners or not set(owners).isdisjoint(self._libraries.owners(step_package))
 
     def _file(self, name: str, path: str) -> _File:
         if (name, path) not in _FIRST_SEEN:
-            found = os.stat(path)  # noqa: PTH116 - on a hot path
-            text = self._stamps.find(f"{name} {path}", found, lambda: "\n".join(_read(name, path)))
+            status = os.stat(path)  # noqa: PTH116 - on a hot path
+            text = self._stamps.find(f"{name} {path}", status, lambda: "\n".join(_read(name, path)))
             digest, *imports = text.split("\n")
-            _FIRST_SEEN[name, path] = _File(signature_of(found), digest, tuple(imports))
+            _FIRST_SEEN[name, path] = _File(signature_of(status), digest, tuple(imports))
         return _FIRST_SEEN[name, path]
 
 
@@ -352,8 +352,8 @@ class _Reader:
             )
         here = self.package.replace(".", "/")
         for each in stated:
-            found = os.path.normpath(f"{here}/{each}") if "/" in each else each
-            self.imports.append(f"{found}:{MUST}")
+            name = os.path.normpath(f"{here}/{each}") if "/" in each else each
+            self.imports.append(f"{name}:{MUST}")
 
 
 def _counted(value: Any) -> list[Any]:  # Any: as `_Reader._list`

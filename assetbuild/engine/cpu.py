@@ -91,10 +91,10 @@ def cpu_class() -> CpuClass:
 @functools.cache
 def cpu_model() -> str:
     """Maker, family and model of this CPU, for steps that compute what no environment pins."""
-    found = cpuinfo()
+    fields = cpuinfo()
     names = ("vendor_id", "cpu family", "model", "CPU implementer", "CPU part")
-    said = [found[name] for name in names if name in found]
-    return " ".join(said) or platform.processor() or platform.machine()
+    values = [fields[name] for name in names if name in fields]
+    return " ".join(values) or platform.processor() or platform.machine()
 
 
 @functools.cache

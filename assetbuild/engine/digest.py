@@ -49,9 +49,9 @@ def digest_file(path: str | os.PathLike[str]) -> str:
     return state.hexdigest()
 
 
-def signature_of(found: os.stat_result) -> Signature:
+def signature_of(status: os.stat_result) -> Signature:
     """What identifies an unchanged file, from its `stat`."""
-    return (found.st_mtime_ns, found.st_ctime_ns, found.st_size, found.st_ino, found.st_dev)
+    return (status.st_mtime_ns, status.st_ctime_ns, status.st_size, status.st_ino, status.st_dev)
 
 
 def is_racy(signature: Signature, now_ns: int | None = None) -> bool:

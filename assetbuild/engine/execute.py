@@ -272,11 +272,11 @@ class _Schedule:
 
 def _reached(label: str, edges: Mapping[str, Sequence[str]]) -> dict[str, None]:
     """All nodes that edges lead to from this one, and so on; each once."""
-    found: dict[str, None] = {}
+    nodes: dict[str, None] = {}
     waiting = list(edges[label])
     while waiting:
         each = waiting.pop()
-        if each not in found:
-            found[each] = None
+        if each not in nodes:
+            nodes[each] = None
             waiting += edges[each]
-    return found
+    return nodes

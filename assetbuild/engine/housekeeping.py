@@ -61,10 +61,10 @@ def stats(root: Path) -> Stats:
     home = root / LAYOUT
     objects = [entry.stat() for entry in _files(home / "cas")]
     actions = [entry.stat() for entry in _files(home / "ac")]
-    uses = [found.st_ctime for found in [*actions, *objects]]
+    uses = [status.st_ctime for status in [*actions, *objects]]
     return Stats(
         objects=len(objects),
-        object_bytes=sum(found.st_size for found in objects),
+        object_bytes=sum(status.st_size for status in objects),
         actions=len(actions),
         quarantined=sum(1 for _ in _files(home / "quarantine")),
         total_bytes=total_bytes(home),
@@ -140,8 +140,8 @@ class _Choice:
         self.kept: set[str] = set()
         self.dropped: list[Path] = []
         self._left = max_bytes
-        found = {entry.name: entry.stat() for entry in _files(store.root / "cas")}
-        self._sizes = {name: each.st_size for name, each in found.items()}
+        statuses = {entry.name: entry.stat() for entry in _files(store.root / "cas")}
+        self._sizes = {name: each.st_size for name, each in statuses.items()}
         made: set[str] = set()
         actions = [(e.stat().st_ctime, e.stat().st_size, e.path) for e in _files(store.root / "ac")]
         for used, size, path in sorted(actions, reverse=True):
@@ -152,9 +152,9 @@ class _Choice:
                 continue  # a build that runs now is writing it
             if objects is None or not self._keep(objects, size, young=young):
                 self.dropped.append(Path(path))
-        sources = found.keys() - made
-        for name in sorted(sources, key=lambda n: (-found[n].st_ctime, n)):
-            self._keep({name}, 0, young=found[name].st_ctime >= protected_from)
+        sources = statuses.keys() - made
+        for name in sorted(sources, key=lambda n: (-statuses[n].st_ctime, n)):
+            self._keep({name}, 0, young=statuses[name].st_ctime >= protected_from)
 
     def _keep(self, objects: set[str], size: int, *, young: bool) -> bool:
         cost = size + sum(self._sizes.get(name, 0) for name in objects - self.kept)
@@ -176,9 +176,9 @@ def _objects_of(store: Store, key: str) -> set[str] | None:
 
 def _trim(home: Path, names: tuple[str, ...], allowed: int) -> None:
     """Remove the oldest files below these folders until they hold at most `allowed` bytes."""
-    found = [(e.stat().st_ctime, e.stat().st_size, e.path) for n in names for e in _files(home / n)]
-    size = sum(part[1] for part in found)
-    for _, part, path in sorted(found):
+    files = [(e.stat().st_ctime, e.stat().st_size, e.path) for n in names for e in _files(home / n)]
+    size = sum(part[1] for part in files)
+    for _, part, path in sorted(files):
         if size <= allowed:
             return
         Path(path).unlink(missing_ok=True)
@@ -187,12 +187,12 @@ def _trim(home: Path, names: tuple[str, ...], allowed: int) -> None:
 
 def _live(home: Path) -> list[float]:
     """When the builds that run now began."""
-    found = []
+    start_times = []
     for folder in (home / "tmp").glob("*"):
         with suppress(OSError):  # it ends just now
             began = [mark.stat().st_ctime for mark in folder.glob(f"{BEGAN}*")]
-            found += began if is_claimed(folder) else []
-    return found
+            start_times += began if is_claimed(folder) else []
+    return start_times
 
 
 def _files(folder: Path) -> Iterator[os.DirEntry[str]]:

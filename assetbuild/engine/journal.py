@@ -55,16 +55,16 @@ class Journal:
         """The part that a node belongs to, and its label there."""
         if "" in self._builds:
             return "", label
-        part, _, own = label.partition(":")
-        return part, own
+        part, _, part_label = label.partition(":")
+        return part, part_label
 
     def _noted(self, label: str) -> dict[str, Any]:  # Any: JSON
-        part, own = self._place(label)
-        return self._steps[part].get(own, {})
+        part, part_label = self._place(label)
+        return self._steps[part].get(part_label, {})
 
     def _note(self, label: str, entry: dict[str, Any]) -> None:  # Any: JSON
-        part, own = self._place(label)
-        self._steps[part][own] = entry
+        part, part_label = self._place(label)
+        self._steps[part][part_label] = entry
         self._changed.add(part)
 
     def log_path(self, label: str) -> Path:

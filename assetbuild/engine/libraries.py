@@ -70,7 +70,7 @@ class Libraries:
 
     def with_requirements(self, names: Iterable[str]) -> dict[str, str]:
         """Name -> version of these distributions, if installed, and of what they require."""
-        found: dict[str, str] = {}
+        versions: dict[str, str] = {}
         waiting = list(names)
         seen = set(waiting)
         while waiting:
@@ -79,14 +79,14 @@ class Libraries:
             name = _normal(name)
             if name not in self._folders:
                 continue
-            found[name] = self.version(name)
+            versions[name] = self.version(name)
             if label not in self._read.needs:
                 self._read.needs[label] = list(_requirements(self._folders[name], extra))
                 self.is_new = True
             fresh = [each for each in self._read.needs[label] if each not in seen]
             seen.update(fresh)
             waiting += fresh
-        return dict(sorted(found.items()))
+        return dict(sorted(versions.items()))
 
     def is_there(self, name: str) -> bool:
         """Whether a distribution is still installed in the version that it had."""
@@ -125,7 +125,7 @@ def _normal(name: str) -> str:
 
 def _metadata_folders() -> dict[str, Path]:
     """Normalised name of a distribution -> its metadata; the first on `sys.path` wins."""
-    found: dict[str, Path] = {}
+    folders: dict[str, Path] = {}
     for folder in dict.fromkeys(sys.path):
         try:
             names = sorted(os.listdir(folder or "."))  # noqa: PTH208 - names are enough
@@ -133,10 +133,10 @@ def _metadata_folders() -> dict[str, Path]:
             continue
         for name in names:
             if name.endswith(SUFFIXES):
-                found.setdefault(
+                folders.setdefault(
                     _normal(name.rpartition(".")[0].partition("-")[0]), Path(folder, name)
                 )
-    return found
+    return folders
 
 
 def _tops(folder: Path) -> set[str]:

@@ -44,8 +44,8 @@ def libc() -> str:
 
 def machine_text() -> str:
     """All of it on one line."""
-    found = cpuinfo()
-    return " ".join([os.uname().machine, libc(), *(found.get(name, "") for name in DECISIVE)])
+    fields = cpuinfo()
+    return " ".join([os.uname().machine, libc(), *(fields.get(name, "") for name in DECISIVE)])
 
 
 # pathlib is not loaded on the way of the null build:

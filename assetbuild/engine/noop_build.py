@@ -124,25 +124,25 @@ def lines_of(asked: Mapping[Question, str], began_ns: int) -> tuple[list[str], l
     A file that was asked for its bytes needs no line that says it is a file, or no link.
     """
     lines, changed = [], []
-    for question, said in asked.items():
+    for question, old_answer in asked.items():
         kind, subject, pattern = question
         line: str | None
         if kind == BYTES:
             mark = MADE if asked.get((LINK, subject, "")) == "" else ""
-            line = _file_line(subject, said, mark, began_ns - RACY_NS)
+            line = _file_line(subject, old_answer, mark, began_ns - RACY_NS)
         elif kind == NAMES:
             line = _names_line(
-                subject, pattern, digest_bytes(said.encode("utf-8", "surrogateescape"))
+                subject, pattern, digest_bytes(old_answer.encode("utf-8", "surrogateescape"))
             )
         elif (
-            said == ("file" if kind == KIND else "")
+            old_answer == ("file" if kind == KIND else "")
             and kind in (KIND, LINK)
             and ((BYTES, subject, "") in asked)
         ):
             continue
         else:
-            same = answer(question) == said
-            line = f"{kind}\t{_escape(subject)}\t{_escape(said)}" if same else None
+            same = answer(question) == old_answer
+            line = f"{kind}\t{_escape(subject)}\t{_escape(old_answer)}" if same else None
         if line is None:
             changed.append(subject)
         else:
@@ -177,19 +177,19 @@ def identity() -> str:
                     if entry.name != "__pycache__":
                         pending.append(entry.path)
                 else:
-                    found = entry.stat()
+                    status = entry.stat()
                     count += 1
-                    stamps += found.st_mtime_ns + found.st_ctime_ns
-                    sizes += found.st_size
+                    stamps += status.st_mtime_ns + status.st_ctime_ns
+                    sizes += status.st_size
     parts = [__version__, sys.version.split()[0], sys.prefix, sys.platform]
     parts += [machine_text()]
     parts += [str(count), str(stamps), str(sizes)]
     for folder in sorted({p for p in sys.path if p.endswith("-packages")}):
         try:
-            found = os.stat(folder)
+            status = os.stat(folder)
         except OSError:
             continue
-        parts.append(f"{folder}={found.st_mtime_ns}:{found.st_ino}")
+        parts.append(f"{folder}={status.st_mtime_ns}:{status.st_ino}")
     return _escape(" ".join(parts))
 
 
@@ -217,10 +217,10 @@ def _renewed(line: str) -> str | None:
     path = _unescape(name) if "\\" in name else name
     if len(kind) >= 64:
         try:
-            found = os.lstat(path) if kind[0] == MADE else os.stat(path)
+            status = os.lstat(path) if kind[0] == MADE else os.stat(path)
         except OSError:
             return None
-        return line if signature_text(found) == rest else _file_line(path, kind[-64:], kind[:-64])
+        return line if signature_text(status) == rest else _file_line(path, kind[-64:], kind[:-64])
     if kind == NAMES:
         stamp, pattern, digest = rest.split("\t")
         same = stamp != UNPROVEN and _folder_stamp(path) == stamp
@@ -239,14 +239,14 @@ def _file_line(
     trusted_before_ns: a file not touched since then needs no reading.
     """
     try:
-        found = os.lstat(path) if mark == MADE else os.stat(path)
+        status = os.lstat(path) if mark == MADE else os.stat(path)
         now = time.time_ns()
-        touched = max(found.st_mtime_ns, found.st_ctime_ns)
+        touched = max(status.st_mtime_ns, status.st_ctime_ns)
         trusted = trusted_before_ns is not None and touched < trusted_before_ns
-        if not stat.S_ISREG(found.st_mode) or (not trusted and digest_file(path) != digest):
+        if not stat.S_ISREG(status.st_mode) or (not trusted and digest_file(path) != digest):
             return None
         proven = touched < now - RACY_NS
-        return f"{mark}{digest}\t{_escape(path)}\t{signature_text(found) if proven else UNPROVEN}"
+        return f"{mark}{digest}\t{_escape(path)}\t{signature_text(status) if proven else UNPROVEN}"
     except (OSError, ValueError):
         return None
 

@@ -201,10 +201,10 @@ def how_it_ended(action: Action, ended: Ended, log: Path) -> str:
         tail = last_line(log)
         if _tells_of_memory(tail):
             return f"{name} ran over its memory limit of {limits.memory_mb} MB"
-        told = f": {tail}" if tail else ""
+        details = f": {tail}" if tail else ""
         if number == signal.SIGKILL:
-            told = " (by this machine, when memory runs out, or by hand)" + told
-        return f"{name} crashed with {signal.Signals(number).name}{told}"
+            details = " (by this machine, when memory runs out, or by hand)" + details
+        return f"{name} crashed with {signal.Signals(number).name}{details}"
     status = os.waitstatus_to_exitcode(ended.status)
     if status == NO_SPACE:
         return f"no space left on the disk of the store while {name} ran"

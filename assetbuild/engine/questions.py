@@ -50,19 +50,22 @@ def answer(question: Question) -> str:
     try:
         if kind == LINK:
             return os.readlink(subject)
-        found = os.stat(subject)
+        status = os.stat(subject)
     except (OSError, ValueError):  # what cannot be looked at is not there
         return ""
     if kind == STAMP:
-        return signature_text(found)
-    if stat.S_ISREG(found.st_mode):
+        return signature_text(status)
+    if stat.S_ISREG(status.st_mode):
         return "file"
-    return "folder" if stat.S_ISDIR(found.st_mode) else "other"
+    return "folder" if stat.S_ISDIR(status.st_mode) else "other"
 
 
-def signature_text(found: os.stat_result) -> str:
+def signature_text(status: os.stat_result) -> str:
     """What identifies an unchanged file, as text."""
-    return f"{found.st_mtime_ns} {found.st_ctime_ns} {found.st_size} {found.st_ino} {found.st_dev}"
+    return (
+        f"{status.st_mtime_ns} {status.st_ctime_ns} {status.st_size} "
+        f"{status.st_ino} {status.st_dev}"
+    )
 
 
 def pattern_of(
@@ -91,7 +94,7 @@ def names_text(folder: str, pattern: str) -> str:
     wanted, _, unwanted = pattern.removeprefix(DEEP).partition(BUT)
     first, _, last = wanted.partition("*")
     starts, ends, but = tuple(first.split("|")), tuple(last.split("|")), tuple(unwanted.split("|"))
-    found = []
+    names = []
     try:
         with os.scandir(folder) as entries:
             for entry in entries:
@@ -102,7 +105,7 @@ def names_text(folder: str, pattern: str) -> str:
                 if not is_folder and unwanted and (name[0] == "." or lower.endswith(but)):
                     continue
                 if (is_folder and deep) or (lower.startswith(starts) and lower.endswith(ends)):
-                    found.append(f"{name}/" if is_folder else name)
+                    names.append(f"{name}/" if is_folder else name)
     except (OSError, ValueError):
         return ""
-    return BETWEEN.join(sorted(found))
+    return BETWEEN.join(sorted(names))

@@ -87,15 +87,15 @@ def run_again(
         on_event=on_event,
         maker=_Again(graph, session, runner),
     )
-    found = []
+    differences = []
     for label, result in again.items():
         for difference in _differences(results[label], result, session.store):
-            found.append(difference)
+            differences.append(difference)
             for name, digest in (("first", difference.first), ("second", difference.second)):
                 if digest:
                     place = keep / label.replace("/", "_") / name / difference.file
                     session.store.restore(digest, place)
-    return tuple(found)
+    return tuple(differences)
 
 
 def _differences(first: NodeResult, second: NodeResult, store: Store) -> Iterator[Difference]:

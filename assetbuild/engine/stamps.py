@@ -42,13 +42,13 @@ class Stamps:
             self._old, self.notes = self._load()
         self._noted = self.notes
 
-    def find(self, name: str, found: os.stat_result, read: Callable[[], str]) -> str:
+    def find(self, name: str, status: os.stat_result, read: Callable[[], str]) -> str:
         """What `read` finds in the file with this `stat`, which comes first.
 
         An edit between stat and read then leaves a signature that no longer matches, never a fresh
         signature with an old text.
         """
-        signature = signature_of(found)
+        signature = signature_of(status)
         known = self._new.get(name) or self._old.get(name)
         if known is None or tuple(known[:5]) != signature:
             now = time.time_ns()
@@ -63,10 +63,10 @@ class Stamps:
     def digest(self, path: str | os.PathLike[str]) -> str:
         """SHA-256 of a file; OSError when it cannot be read, or is no regular file."""
         name = os.path.abspath(path)  # noqa: PTH100 - keeps symlinks
-        found = os.stat(name)  # noqa: PTH116 - on a hot path
-        if not stat.S_ISREG(found.st_mode):
+        status = os.stat(name)  # noqa: PTH116 - on a hot path
+        if not stat.S_ISREG(status.st_mode):
             raise OSError(f"not a regular file: {name}")
-        return self.find(name, found, lambda: digest_file(name))
+        return self.find(name, status, lambda: digest_file(name))
 
     def save(self) -> None:
         """Write what was learnt, beside what other builds learnt meanwhile; OSError passes."""

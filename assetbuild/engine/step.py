@@ -84,8 +84,8 @@ class Step(BaseModel):
     @classmethod
     def __pydantic_init_subclass__(cls, **_: object) -> None:
         """Pydantic would evaluate the class variables of all bases again for each class."""
-        own = cls.__annotations__
-        cls.__annotations__ = {n: a for n, a in own.items() if "ClassVar" not in str(a)}
+        hints = cls.__annotations__
+        cls.__annotations__ = {n: a for n, a in hints.items() if "ClassVar" not in str(a)}
 
     def run(self, files: Files) -> Iterable[Finding]:
         """Read `files.inputs`, write `files.outputs`, yield findings."""

@@ -170,12 +170,12 @@ class Store:
             signature = signature_of(path.stat())
             if self._verified.get(digest) == signature:
                 return path
-            found = digest_file(path)
+            file_digest = digest_file(path)
         except FileNotFoundError:
             raise LostObjectError(digest, "it is not there") from None
         except OSError as error:
             raise LostObjectError(digest, error.strerror or str(error)) from error
-        if found != digest:
+        if file_digest != digest:
             self._quarantine(digest)
         if not is_racy(signature):
             self._verified[digest] = signature
@@ -210,15 +210,15 @@ class Store:
         Those of folders come with all their members. LostObjectError when one of the outputs
         itself is missing; members may be.
         """
-        found: dict[str, int] = {}
+        sizes: dict[str, int] = {}
         for name, digest in outputs.items():
             try:
-                found[digest] = self._object(digest).stat().st_size
+                sizes[digest] = self._object(digest).stat().st_size
             except OSError as error:
                 raise LostObjectError(digest, error.strerror or str(error)) from None
             if name.endswith("/"):
-                found |= dict(self.tree(digest).values())
-        return found
+                sizes |= dict(self.tree(digest).values())
+        return sizes
 
     def restore(self, digest: str, dest: Path, out: Path | None = None) -> None:
         """Copy an object to `dest`, verified on the way; `dest` is replaced at once.
@@ -235,12 +235,12 @@ class Store:
                 dest.parent.mkdir(parents=True, exist_ok=True)
                 try:
                     with self._object(digest).open("rb", buffering=0) as source:
-                        found = _copy(source, beside)
+                        file_digest = _copy(source, beside)
                 except OSError as error:
                     if error.errno not in (errno.ENOENT, errno.ESTALE):
                         raise
                     raise LostObjectError(digest, "it is not there") from None
-                if found != digest:
+                if file_digest != digest:
                     self._quarantine(digest)
                 beside.replace(dest)
         finally:
@@ -343,13 +343,13 @@ def machine_error(error: OSError, place: Path, option: str = STORE_OPTION) -> Ma
 
 def files_below(folder: Path) -> list[Path]:
     """Every regular file below a folder, sorted; ValueError names anything else found there."""
-    found: list[Path] = []
+    files: list[Path] = []
     for path in folder.rglob("*"):
         if path.is_symlink() or not (path.is_file() or path.is_dir()):
             raise ValueError(f"`{path.relative_to(folder)}` is not a regular file")
         if path.is_file():
-            found.append(path)
-    return sorted(found)
+            files.append(path)
+    return sorted(files)
 
 
 def _is_digest(text: str) -> bool:

@@ -34,12 +34,12 @@ def step_to_json(step: Step) -> dict[str, object]:
 
 def step_from_json(raw: Mapping[str, Any]) -> Step:  # Any: JSON
     """Inverse of `step_to_json`; imports the step's module."""
-    found: Any = importlib.import_module(raw["module"])  # Any: module, then class
+    target: Any = importlib.import_module(raw["module"])  # Any: module, then class
     for name in raw["class"].split("."):
-        found = getattr(found, name)
-    if not (isinstance(found, type) and issubclass(found, Step)):
+        target = getattr(target, name)
+    if not (isinstance(target, type) and issubclass(target, Step)):
         raise TypeError(f"{raw['module']}.{raw['class']} is not a step")
-    return found.model_validate(raw["fields"])
+    return target.model_validate(raw["fields"])
 
 
 def error_to_json(error: AssetBuildError) -> dict[str, object]:
@@ -77,19 +77,19 @@ def perform(step: Step, files: Files, label: str) -> tuple[dict[str, object], st
     """
     try:
         findings = []
-        for found in step.run(files) or ():
-            if not isinstance(found, Finding):
-                raise TypeError(f"run() yielded {type(found).__name__}, not a Finding")
-            findings.append(found.to_json())
+        for finding in step.run(files) or ():
+            if not isinstance(finding, Finding):
+                raise TypeError(f"run() yielded {type(finding).__name__}, not a Finding")
+            findings.append(finding.to_json())
             canonical_json(findings[-1])  # TypeError on numpy scalars and the like, named by type
         return {"findings": findings}, ""
     except (Exception, SystemExit) as error:
         log = io.StringIO()
         traceback.print_exception(error, file=log)
-        told = error
-        if not isinstance(told, AssetBuildError):
-            told = error_of_exception(error, label, step.limits)
-        return {"error": error_to_json(told)}, log.getvalue()
+        failure = error
+        if not isinstance(failure, AssetBuildError):
+            failure = error_of_exception(error, label, step.limits)
+        return {"error": error_to_json(failure)}, log.getvalue()
 
 
 def error_of_exception(error: BaseException, label: str, limits: Limits) -> AssetBuildError:

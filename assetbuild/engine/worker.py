@@ -221,8 +221,8 @@ class Zygote:
     def reap(self) -> None:
         """Report the processes that ended, and end what they left behind."""
         for pid in list(self.running):
-            found, status, used = os.wait4(pid, os.WNOHANG)
-            if found == 0:
+            ended_pid, status, used = os.wait4(pid, os.WNOHANG)
+            if ended_pid == 0:
                 continue
             run = self.running.pop(pid)
             with suppress(OSError):

@@ -65,11 +65,11 @@ class World:
 
     def _ask(self, question: Question, how: Callable[[Question], str] = answer) -> str:
         known = self._whole.record
-        found = known.get(question)
-        if found is None:
-            found = known.setdefault(question, how(question))
-        self.record[question] = found
-        return found
+        reply = known.get(question)
+        if reply is None:
+            reply = known.setdefault(question, how(question))
+        self.record[question] = reply
+        return reply
 
     # -- bytes
 
@@ -171,8 +171,8 @@ class World:
         return self._names(folder, pattern_of(starts, ends))
 
     def _names(self, folder: Path, pattern: str) -> tuple[str, ...]:
-        said = self._ask((NAMES, str(folder.absolute()), pattern))
-        return tuple(said.split(BETWEEN)) if said else ()
+        reply = self._ask((NAMES, str(folder.absolute()), pattern))
+        return tuple(reply.split(BETWEEN)) if reply else ()
 
     def below(
         self, folder: Path, ends: tuple[str, ...], but: tuple[str, ...] = ()
@@ -195,17 +195,17 @@ class World:
 
     def variable(self, name: str) -> str | None:
         """An environment variable; None = not set."""
-        said = self._ask((VARIABLE, name, ""))
-        return said[1:] if said else None
+        reply = self._ask((VARIABLE, name, ""))
+        return reply[1:] if reply else None
 
     def has_module(self, name: str) -> bool:
         """Can Python import it? Nothing is imported to find out. name: without dots."""
-        found = importlib.util.find_spec(name)
-        if found is None:
+        spec = importlib.util.find_spec(name)
+        if spec is None:
             for folder in sys.path:
                 self.names(Path(folder), starts=(name.lower(),))
             return False
-        places = [found.origin] if found.origin else list(found.submodule_search_locations or ())
+        places = [spec.origin] if spec.origin else list(spec.submodule_search_locations or ())
         for place in places:
             self._kind(Path(place))
         return True
@@ -224,24 +224,24 @@ class World:
                     if self.is_file(points):
                         self.digest(points)
         for module in modules:
-            found = importlib.util.find_spec(module)
-            if found is None:
+            spec = importlib.util.find_spec(module)
+            if spec is None:
                 continue
-            if found.origin and not found.submodule_search_locations:
-                self.digest(Path(found.origin))
-            for folder in found.submodule_search_locations or ():
+            if spec.origin and not spec.submodule_search_locations:
+                self.digest(Path(spec.origin))
+            for folder in spec.submodule_search_locations or ():
                 for path in self.below(Path(folder), ()):
                     if self.is_file(path):
                         self.digest(path)
 
     def can_load(self, library: str) -> bool:
         """Does the loader find a shared library, such as `libEGL.so.1`?"""
-        own = self.variable("LD_LIBRARY_PATH") or ""
+        search_path = self.variable("LD_LIBRARY_PATH") or ""
         self._ask((STAMP, "/etc/ld.so.cache", ""))
         try:
             ctypes.CDLL(library)
         except OSError:
-            folders = [*filter(None, own.split(":")), *LOADER_FOLDERS, f"{sys.prefix}/lib"]
+            folders = [*filter(None, search_path.split(":")), *LOADER_FOLDERS, f"{sys.prefix}/lib"]
             for folder in folders:
                 self.names(Path(folder), starts=(library.lower(),))
             return False
@@ -262,7 +262,7 @@ def _loaded(library: str) -> list[str]:
 
 def files_in(record: Mapping[Question, str]) -> dict[str, str]:
     """Path -> SHA-256 of every file whose bytes a record holds."""
-    return {path: said for (kind, path, _), said in record.items() if kind == BYTES}
+    return {path: digest for (kind, path, _), digest in record.items() if kind == BYTES}
 
 
 def edited(source: Path) -> SourceError:

@@ -85,9 +85,9 @@ def prove_again(bundle: Path, robot: str, reference: Reference) -> Iterator[Find
         return
     if signed.stated != signed.computed:
         # Everything would differ from a robot that was edited: one finding says so.
-        said = {"attribute": "digest", "expected": signed.stated, "found": signed.computed}
+        data = {"attribute": "digest", "expected": signed.stated, "found": signed.computed}
         text = f"{ROBOT} was edited after the build: its digest is not the one that it states"
-        yield EQUAL.named("robot.digest")("robot", text, data=said, where=ROBOT)
+        yield EQUAL.named("robot.digest")("robot", text, data=data, where=ROBOT)
         return
     meshes = held_meshes(bundle, signed.written.meshes)
     with (
@@ -242,9 +242,9 @@ def _compared(path: str, bundle: Path, again: Again) -> Iterator[Finding]:
 
 def _not_parsed(error: NotParsedError, form: str, path: str) -> Finding:
     """Nothing can be compared with what is not of its kind any more; the parser names the line."""
-    said = {"attribute": "statement", "expected": "a file that parses", "found": error.message}
+    data = {"attribute": "statement", "expected": "a file that parses", "found": error.message}
     where = f"{path}:{error.line}" if error.line else path
-    return EQUAL.named(f"{form}.statement")(f"file {path}", error.message, data=said, where=where)
+    return EQUAL.named(f"{form}.statement")(f"file {path}", error.message, data=data, where=where)
 
 
 @contextmanager
@@ -270,8 +270,8 @@ def _stages(path: str, again: Again) -> tuple[Path, ...]:
     """The files of USD at the top of the folder that `path` lies in."""
     top = path.partition("/")[0]
     suffixes = (".usda", ".usdc", ".usd")
-    found = (Path(other) for other in again.writers if other.endswith(suffixes))
-    return tuple(again.folder / other for other in found if other.parent == Path(top))
+    paths = (Path(other) for other in again.writers if other.endswith(suffixes))
+    return tuple(again.folder / other for other in paths if other.parent == Path(top))
 
 
 LOOKS = (b"mtllib ", b"usemtl ")
@@ -293,9 +293,9 @@ def held_meshes(bundle: Path, wanted: Mapping[str, str]) -> dict[str, Held]:
     for path in sorted(path for path in bundle.rglob("*") if path.name in wanted):
         copies.setdefault(path.name, []).append(path)
     return {
-        name: _best(bundle, found, wanted[name])
-        for name, found in copies.items()
-        if found and all(path.is_file() for path in found)
+        name: _best(bundle, paths, wanted[name])
+        for name, paths in copies.items()
+        if paths and all(path.is_file() for path in paths)
     }
 
 
@@ -323,9 +323,9 @@ def edited_rows(file: str, data: bytes, assets: Assets) -> Iterator[Row]:
         return
     from assetbuild.facts.surface import pixels_of
 
-    expected, found = dict(assets.pixels).get(file, ""), pixels_of(data)
-    if expected != found:
-        yield Row("picture", file, "pixels", expected, found)
+    expected, actual = dict(assets.pixels).get(file, ""), pixels_of(data)
+    if expected != actual:
+        yield Row("picture", file, "pixels", expected, actual)
 
 
 def _mesh_rows(file: str, data: bytes, assets: Assets) -> Iterator[Row]:

@@ -32,14 +32,14 @@ class Answers:
     rows: tuple[tuple[str, frozenset[str]], ...] = ()
 
     def left_open(
-        self, found: Iterable[Finding], again: Iterable[Finding] | None
+        self, findings: Iterable[Finding], again: Iterable[Finding] | None
     ) -> Iterator[Finding]:
         """What a step says of the source, the answered part as information.
 
         again: what the same lint says of the edited robot, and which is reported besides.
         """
         left = None if again is None else {(finding.rule, finding.subject) for finding in again}
-        for finding in found:
+        for finding in findings:
             subject = finding.subject
             if left is not None and (finding.rule, self.renamed.get(subject, subject)) in left:
                 continue
@@ -49,7 +49,7 @@ class Answers:
     def _by(self, finding: Finding, *, gone: bool) -> tuple[str, ...]:
         """What of the recipe answers a finding; gone: the edited robot gives no cause for it."""
         if gone:
-            every = dict.fromkeys(name for own in self.edits.values() for name in own)
+            every = dict.fromkeys(name for names in self.edits.values() for name in names)
             return self.edits.get(finding.subject) or tuple(every)
         missing, joints = (finding.data.get(key, ()) for key in ("missing", "joint_names"))
         if not isinstance(missing, tuple) or not isinstance(joints, tuple) or not missing:
@@ -70,20 +70,22 @@ class Answers:
 
 def answers(recipe: Recipe, results: Mapping[str, NodeResult], prefix: str) -> Answers:
     """What a recipe's table and the edits in the results say. prefix: of its labels, `arm `."""
-    found = Answers(rows=tuple(_rows(recipe)))
+    recipe_answers = Answers(rows=tuple(_rows(recipe)))
     for label, result in results.items():
         edit = _EDIT.fullmatch(label.removeprefix(prefix)) if label.startswith(prefix) else None
         for finding in result.findings if edit else ():
             assert edit is not None  # noqa: S101 # the line above says so
             kind, _, _ = finding.subject.partition(" ")
             if "before" in finding.data and edit[1] == "rename":
-                found.renamed[f"{kind} {finding.data['before']}"] = finding.subject
-            own = (*found.edits.get(finding.subject, ()), edit[1])
-            found.edits[finding.subject] = tuple(dict.fromkeys(own))
+                recipe_answers.renamed[f"{kind} {finding.data['before']}"] = finding.subject
+            edits = (*recipe_answers.edits.get(finding.subject, ()), edit[1])
+            recipe_answers.edits[finding.subject] = tuple(dict.fromkeys(edits))
             given = finding.data.get("stated")
             names = given if isinstance(given, tuple) else ()
-            found.stated.setdefault(finding.subject, {}).update({str(n): edit[1] for n in names})
-    return found
+            recipe_answers.stated.setdefault(finding.subject, {}).update(
+                {str(n): edit[1] for n in names}
+            )
+    return recipe_answers
 
 
 def _rows(recipe: Recipe) -> Iterator[tuple[str, frozenset[str]]]:

@@ -216,14 +216,14 @@ def _build(
     return outcomes
 
 
-def _planned(job: _Job, say: Callable[[str], None], said: set[str], p: Planner) -> Outline:
+def _planned(job: _Job, say: Callable[[str], None], messages: set[str], p: Planner) -> Outline:
     """The plan of one recipe; says once what the robot is, as soon as it is read.
 
-    said: the messages of earlier rounds.
+    messages: of earlier rounds.
     """
     outline = plan(job.loaded, job.lock, p)
-    if outline.tree is not None and not said:
-        said.add(_robot_words(outline.tree))
+    if outline.tree is not None and not messages:
+        messages.add(_robot_words(outline.tree))
         say(f"{job.name}: {_robot_words(outline.tree)}")
     return outline
 

@@ -71,9 +71,9 @@ def bundle_files(
     recipe, built = loaded.recipe, _Built(done.outline, done.results, session)
     locks = [(recipe, lock), *((part.recipe, part_lock(part)) for part in loaded.parts)]
     pins = [(each, held.pin_of(each.source) if held else None) for each, held in locks]
-    told = [(each, dict(pin.model_dump()) if pin else {}) for each, pin in pins]
+    sources = [(each, dict(pin.model_dump()) if pin else {}) for each, pin in pins]
     tree, shapes, control = built.robot()
-    subject = Subject(recipe, told[0][1], tree, shapes, control, built.measured(), built.fits())
+    subject = Subject(recipe, sources[0][1], tree, shapes, control, built.measured(), built.fits())
     writers = (load_plugin(Target, name) for name in own_names(Target))
     sections = asked_sections((reader for _, reader in readers_of(recipe)), writers)
     reference = built.reference(stated_options(recipe, sections) | patterns(recipe))
@@ -83,7 +83,7 @@ def bundle_files(
         *built.licences(),
         *_report_files(subject, report, built, reference),
     ]
-    files += [notice(told), *built.others()]
+    files += [notice(sources), *built.others()]
     files.append(manifest(recipe.robot, files))
     materials = [
         *_libraries(done.graph, session),
@@ -223,15 +223,15 @@ class _Built:
 
     def hero(self) -> Iterator[BundleFile]:
         """The picture of the robot."""
-        found = self.images().get(HERO)
-        if found:
-            yield BundleFile(f"report/images/{HERO}", "report", *found)
+        image = self.images().get(HERO)
+        if image:
+            yield BundleFile(f"report/images/{HERO}", "report", *image)
 
     def thumbnail(self, robot: str) -> Iterator[BundleFile]:
         """The small picture where libraries of USD assets look for it."""
-        found = self.images().get(THUMBNAIL)
-        if found and "usd" in self.outline.targets:
-            yield BundleFile(f"usd/.thumbs/256x256/{robot}.usda.png", "usd", *found)
+        image = self.images().get(THUMBNAIL)
+        if image and "usd" in self.outline.targets:
+            yield BundleFile(f"usd/.thumbs/256x256/{robot}.usda.png", "usd", *image)
 
     def view(self) -> View | None:
         """The 3D view; None in a bundle without."""

@@ -105,17 +105,19 @@ def findings_of(loaded: LoadedRecipe, done: Settled[Outline]) -> list[Finding]:
     """What the steps say, under the names of the robot: a step knows neither mesh nor part."""
     findings: list[Finding] = []
     results = done.results
-    said = {"": answers(loaded.recipe, results, "")}
+    answers_by_prefix = {"": answers(loaded.recipe, results, "")}
     for prefix, part in loaded.by_prefix.items():
-        said[prefix] = answers(part.recipe, results, f"{prefix} ")
+        answers_by_prefix[prefix] = answers(part.recipe, results, f"{prefix} ")
     for label, result in results.items():
         if label != PICTURE_MODEL:  # the target `mjcf` says the same
             subject, again = done.outline.subjects.get(label), results.get(label + AGAIN)
             prefix = label.partition(" ")[0]
-            whose = said.get(prefix, said[""])
+            whose = answers_by_prefix.get(prefix, answers_by_prefix[""])
             left = whose.left_open(result.findings, again.findings if again else None)
-            own = left if whose is said[""] else _of_part(prefix, left)
-            findings += (replace(f, subject=subject) for f in own) if subject else own
+            step_findings = left if whose is answers_by_prefix[""] else _of_part(prefix, left)
+            findings += (
+                (replace(f, subject=subject) for f in step_findings) if subject else step_findings
+            )
     return findings
 
 
@@ -123,23 +125,23 @@ def _licences(loaded: LoadedRecipe, outline: Outline) -> Iterator[Finding]:
     """What the licences of the robot and of its parts ask; texts lie below each part's prefix."""
     parts = loaded.by_prefix
     prefixes = [path.partition("/")[0] for path in outline.licenses]
-    own = sum(prefix not in parts for prefix in prefixes)
-    yield from licence_findings(loaded.recipe.source.license, own)
+    robot_licences = sum(prefix not in parts for prefix in prefixes)
+    yield from licence_findings(loaded.recipe.source.license, robot_licences)
     for name, part in parts.items():
         for finding in licence_findings(part.recipe.source.license, prefixes.count(name)):
             message = f"part `{name}`: {finding.message}"
             yield replace(finding, subject="recipe compose", message=message)
 
 
-def _of_part(prefix: str, found: Iterable[Finding]) -> Iterator[Finding]:
+def _of_part(prefix: str, findings: Iterable[Finding]) -> Iterator[Finding]:
     """What a step says of a part by the part's own names, under the names of the whole."""
-    for finding in found:
+    for finding in findings:
         kind = finding.subject.partition(" ")[0]
         subject = "recipe compose"
         if kind not in ("recipe", "robot"):
             subject = prefixed_subject(finding.subject, prefix)
-        said = f"part `{prefix}`: {finding.message}" if kind == "robot" else finding.message
-        yield replace(finding, subject=subject, message=said)
+        message = f"part `{prefix}`: {finding.message}" if kind == "robot" else finding.message
+        yield replace(finding, subject=subject, message=message)
 
 
 # --- places ---------------------------------------------------------------------------------
@@ -196,12 +198,12 @@ def _where_of(loaded: LoadedRecipe, outline: Outline, label: str) -> Where | Non
             return loaded.where(("source", "sha256"))
         return place_of_pin(lock_path(loaded.path))
     for prefix, part in loaded.by_prefix.items():
-        own = label.removeprefix(f"{prefix} ")
-        if own != label and (
-            key := patch_keys(part.recipe.source.patches, part.folder, part.world).get(own)
+        part_label = label.removeprefix(f"{prefix} ")
+        if part_label != label and (
+            key := patch_keys(part.recipe.source.patches, part.folder, part.world).get(part_label)
         ):
             return part.where(key)
-        if own != label and own == "fetch":
+        if part_label != label and part_label == "fetch":
             return part.where(("source",))
     return None
 

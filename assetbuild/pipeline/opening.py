@@ -53,9 +53,9 @@ class Task:
     cache_write: bool = False
 
     @classmethod
-    def of(cls, said: Mapping[str, Any]) -> Self:  # Any: words of a command line
+    def of(cls, values: Mapping[str, Any]) -> Self:  # Any: words of a command line
         """What a command line says; what is no field is left."""
-        return cls(**{each.name: said[each.name] for each in fields(cls) if each.name in said})
+        return cls(**{each.name: values[each.name] for each in fields(cls) if each.name in values})
 
 
 @dataclass(frozen=True)
@@ -180,12 +180,12 @@ def moving_sources(*recipes: LoadedRecipe) -> list[tuple[LoadedRecipe, Source]]:
 
     recipes: one, or it and its variants.
     """
-    found: dict[str, tuple[LoadedRecipe, Source]] = {}
+    sources: dict[str, tuple[LoadedRecipe, Source]] = {}
     for loaded in recipes:
         for each in (loaded, *(part for part in loaded.parts if part.inline)):
             if (moving := each.recipe.source.moving) is not None:
-                found.setdefault(moving, (each, each.recipe.source))
-    return list(found.values())
+                sources.setdefault(moving, (each, each.recipe.source))
+    return list(sources.values())
 
 
 def write_pin(
@@ -199,17 +199,17 @@ def write_pin(
     variants: of the recipe, whose parts are pinned too. known: a lock whose pins stay where they
     agree, and those of parts that other variants have; None = all are resolved anew.
     """
-    own: Pin | GitPin | None = None
+    robot_pin: Pin | GitPin | None = None
     parts: list[Pin | GitPin] = []
     for each, source in moving_sources(loaded, *variants):
         pinned = known.pin_of(source) if known else None
         pinned = pinned or _resolved(each, source, say)
         if each is loaded:
-            own = pinned
+            robot_pin = pinned
         else:
             parts.append(pinned)
     parts += [pinned for pinned in (known.parts if known else ()) if pinned not in parts]
-    lock = Lock(schema="assetbuild-lock/v1", source=own, parts=tuple(parts))
+    lock = Lock(schema="assetbuild-lock/v1", source=robot_pin, parts=tuple(parts))
     path = lock_path(loaded.path)
     if write_lock(path, lock):
         loaded.world.wrote(path, lock_text(lock).encode())

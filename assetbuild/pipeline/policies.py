@@ -81,12 +81,12 @@ def replay_policy(path: Path, bundle: Path, wish: Wish, say: Say) -> Replayed:
         for engine in wish.engines:
             say(f"{engine}: {wish.seconds:g} s")
             runs[engine] = _run(policy, bot, network, engine, wish)
-        found, first = None, runs[wish.engines[0]]
+        diagnosis, first = None, runs[wish.engines[0]]
         is_poor = not first.follows or first.score < BEST - BETTER
         if wish.search and is_poor:
             say("looking for the fault")
-            found = _searched(policy, bot, network, wish, first.seconds if first.fell else 0.0)
-        return Replayed(policy, runs, found, is_poor and wish.search)
+            diagnosis = _searched(policy, bot, network, wish, first.seconds if first.fell else 0.0)
+        return Replayed(policy, runs, diagnosis, is_poor and wish.search)
 
 
 def draw_replays(done: Replayed, bundle: Path, wish: Wish, file: Path) -> None:
@@ -105,11 +105,11 @@ def draw_replays(done: Replayed, bundle: Path, wish: Wish, file: Path) -> None:
 
 def _moments(run: Replay, with_distance: bool) -> list[Moment]:
     start = run.moments[0].place
-    found = []
+    moments = []
     for seen in run.moments:
         walked = f"  {math.dist(seen.place[:2], start[:2]):.2f} m" if with_distance else ""
-        found.append(Moment(seen.place, seen.quat, seen.q, f"{seen.time:.1f} s{walked}"))
-    return found
+        moments.append(Moment(seen.place, seen.quat, seen.q, f"{seen.time:.1f} s{walked}"))
+    return moments
 
 
 def _run(policy: Policy, bot: Bot, network: Network, engine: str, wish: Wish) -> Replay:

@@ -109,14 +109,14 @@ def publish(
         out.parent.mkdir(parents=True, exist_ok=True)
         heal(out)
         check_replaceable(out)
-        found = set_aside(out, manifest) if manifest is not None else ()
+        paths = set_aside(out, manifest) if manifest is not None else ()
         _at("kept the user's files")
         _swap(staging, out)
     except OSError as error:
         raise machine_error(error, out.parent, OUT_OPTION) from error
     finally:
         release(staging)
-    return found
+    return paths
 
 
 def lies_there(out_dir: Path, wanted: Mapping[str, str], digest: Callable[[Path], str]) -> bool:

@@ -76,8 +76,8 @@ def model_of(root: Node) -> tuple[type[Recipe], list[Misnamed]]:
 
     No other plug-in is imported.
     """
-    said = _map(plain(root))
-    return _model(_named(said)), list(_misnamed(said))
+    content = _map(plain(root))
+    return _model(_named(content)), list(_misnamed(content))
 
 
 def collision_rule(**keys: object) -> CollisionRule:
@@ -104,20 +104,22 @@ Said = Mapping[str, Any]
 """A recipe as plain data, right or wrong. Any: YAML."""
 
 
-def _named(said: Said) -> _Named:
+def _named(content: Said) -> _Named:
     """The plug-ins that a recipe names, in whatever section; names that no plug-in has are left."""
-    targets = {str(name) for name in _list(said.get("targets"))} | set(said)
-    edits = {name for entry in _list(said.get("edits")) for name in _map(entry)}
-    methods = {"auto"} | {method for _, method in _methods(said)}
+    targets = {str(name) for name in _list(content.get("targets"))} | set(content)
+    edits = {name for entry in _list(content.get("edits")) for name in _map(entry)}
+    methods = {"auto"} | {method for _, method in _methods(content)}
     known = (plugin_names(Target), plugin_names(Edit), _method_names())
     pairs = zip((targets, edits, methods), known, strict=True)
-    found = [tuple(sorted(named & set(names))) for named, names in pairs]
-    return _Named(found[0], found[1], found[2], _named_checks(said), _named_readers(found[0]))
+    matches = [tuple(sorted(named & set(names))) for named, names in pairs]
+    return _Named(
+        matches[0], matches[1], matches[2], _named_checks(content), _named_readers(matches[0])
+    )
 
 
-def _named_checks(said: Said) -> tuple[str, ...]:
+def _named_checks(content: Said) -> tuple[str, ...]:
     """The foreign checks that a recipe asks for, by a key of `validate` or in one of its lists."""
-    validate = _map(said.get("validate"))
+    validate = _map(content.get("validate"))
     asked = set(validate) | {str(word) for key in LISTS for word in _list(validate.get(key))}
     named = asked & set(foreign_names(Check))
     if foreign_names(Check) and (unknown := asked - named - _own_words()):
@@ -143,11 +145,11 @@ def _named_readers(targets: Iterable[str]) -> tuple[str, ...]:
     foreign = set(targets) & set(foreign_names(Target))
     if not foreign:
         return ()
-    own = own_names(Reader)
+    built_in_names = own_names(Reader)
     return _names(
         (name, reader)
         for name, reader in usable_plugins(Reader)
-        if name not in own and foreign & set(reader.needs)
+        if name not in built_in_names and foreign & set(reader.needs)
     )
 
 
@@ -155,21 +157,21 @@ def _names(plugins: Iterable[tuple[str, object]]) -> tuple[str, ...]:
     return tuple(name for name, _ in plugins)
 
 
-def _misnamed(said: Said) -> Iterator[Misnamed]:
+def _misnamed(content: Said) -> Iterator[Misnamed]:
     """Targets, edits and collision methods that there are not."""
     names = plugin_names(Target)
-    for index, name in enumerate(_list(said.get("targets"))):
+    for index, name in enumerate(_list(content.get("targets"))):
         if isinstance(name, str) and name not in names:
             key: Key = ("targets", index)
             yield Misnamed(key, key, f"no target named `{name}`", did_you_mean(name, names))
     names = plugin_names(Edit)
-    for index, entry in enumerate(_list(said.get("edits"))):
+    for index, entry in enumerate(_list(content.get("edits"))):
         item: Key = ("edits", index)
         for name in set(_map(entry)) - set(names):
             hint = did_you_mean(name, names)
             yield Misnamed((*item, name), item, f"no edit named `{name}`", hint)
     names = _method_names()
-    for rule, name in _methods(said):
+    for rule, name in _methods(content):
         if name not in names:
             message = f"{'.'.join(rule)}: no collision method `{name}`"
             yield Misnamed((*rule, "method"), rule, message, did_you_mean(name, names))
@@ -180,9 +182,9 @@ def _method_names() -> tuple[str, ...]:
     return (*plugin_names(CollisionMethod), *BUILT_IN)
 
 
-def _methods(said: Said) -> Iterator[tuple[tuple[str, ...], str]]:
+def _methods(content: Said) -> Iterator[tuple[tuple[str, ...], str]]:
     """The collision rules that state a method, by their keys, and the method."""
-    collision = _map(said.get("collision"))
+    collision = _map(content.get("collision"))
     rules: dict[tuple[str, ...], object] = {("collision", "default"): collision.get("default")}
     rules |= {("collision", "links", p): rule for p, rule in _map(collision.get("links")).items()}
     for key, rule in rules.items():
@@ -317,8 +319,8 @@ def _rule(method: str) -> type[CollisionRule]:
         )
     plugin = load_plugin(CollisionMethod, method)
     keys: Fields = {key: (info.annotation, info) for key, info in plugin.keys().items()}
-    own = unstated(create_model(f"{name}Keys", __base__=Model, **keys))
-    optional: Fields = {key: (info.annotation, info) for key, info in own.model_fields.items()}
+    model = unstated(create_model(f"{name}Keys", __base__=Model, **keys))
+    optional: Fields = {key: (info.annotation, info) for key, info in model.model_fields.items()}
     return create_model(
         name, __base__=ShapedRule, __doc__=plugin.__doc__, method=(kind, what), **optional
     )

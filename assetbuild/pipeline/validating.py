@@ -87,33 +87,33 @@ def validate(path: Path, wish: Wish) -> list[Validated]:
 def _of_bundle(bundle: Path, wish: Wish) -> list[Validated]:
     files = _files(bundle)
     proved = _proved(bundle) if (bundle / "report/robot.json").exists() else {}
-    found = []
+    results = []
     for name in (file.relative_to(bundle).as_posix() for file in files):
-        one, own = _validated(bundle / name, name, wish), proved.pop(name, None)
-        findings = (*own.findings, *one.findings) if own else one.findings
-        found.append(replace(one, findings=findings))
-    return [*found, *proved.values()]
+        one, proof = _validated(bundle / name, name, wish), proved.pop(name, None)
+        findings = (*proof.findings, *one.findings) if proof else one.findings
+        results.append(replace(one, findings=findings))
+    return [*results, *proved.values()]
 
 
 def _proved(bundle: Path) -> dict[str, Validated]:
     """Every file of a bundle that says what the robot is, compared with the bundle's robot."""
     reference = Reference.of_bundle(bundle)
     robot = str(reference.options.get("robot") or _named(bundle))
-    found = {"report/robot.json": Validated("report/robot.json", "robot", ())}
+    files = {"report/robot.json": Validated("report/robot.json", "robot", ())}
     for form, reader, file in bundle_readers(bundle, robot, reference):
         name = file.relative_to(bundle).as_posix()
         proof = reader.prove(reference, file)
         placed = (finding if finding.where else finding.at(name) for finding in proof.findings)
-        found[name] = Validated(name, form, tuple(placed))
+        files[name] = Validated(name, form, tuple(placed))
     again: dict[str, list[Finding]] = {}
     for finding in prove_again(bundle, robot, reference):
         again.setdefault(finding.where.partition(":")[0], []).append(finding)
     for name, findings in again.items():
-        one, said = found.get(name, Validated(name, "file", ())), {each.rule for each in findings}
-        read = (finding for finding in one.findings if finding.rule not in said)  # without a line
-        found[name] = replace(one, findings=(*read, *findings))
+        one, rules = files.get(name, Validated(name, "file", ())), {each.rule for each in findings}
+        read = (finding for finding in one.findings if finding.rule not in rules)  # without a line
+        files[name] = replace(one, findings=(*read, *findings))
     lost = {finding.where: finding for finding in lost_files(bundle)}
-    return found | {name: Validated(name, "file", (finding,)) for name, finding in lost.items()}
+    return files | {name: Validated(name, "file", (finding,)) for name, finding in lost.items()}
 
 
 def lost_files(bundle: Path) -> Iterator[Finding]:
@@ -133,17 +133,17 @@ def _named(bundle: Path) -> str:
 
 def _files(folder: Path) -> list[Path]:
     """The robot's own files: scenes include them, payloads belong to the USD."""
-    found = [
+    files = [
         *sorted(p for p in (folder / "mjcf").glob("*.xml") if not p.stem.startswith("scene")),
         *sorted((folder / "urdf").glob("*.urdf")),
         *sorted((folder / "usd").glob("*.usda")),
     ]
-    if not found:
+    if not files:
         raise UsageError(
             f"`{folder}` is no bundle: no mjcf/*.xml, urdf/*.urdf or usd/*.usda in it",
             hint="give a bundle, or one MJCF, URDF or USD file",
         )
-    return found
+    return files
 
 
 def _validated(file: Path, name: str, wish: Wish) -> Validated:
@@ -229,13 +229,13 @@ def _try_urdf(file: Path, wish: Wish, read: Sequence[Finding]) -> list[Finding]:
         hint = error.hint or "`--static` only reads the file"
         message = f"not simulated: {error.message}"
         return [UNTRIED("robot", message, hint, severity="warning", where=where)]
-    said = {(finding.rule, finding.subject) for finding in read}
+    known = {(finding.rule, finding.subject) for finding in read}
     return [
         finding
         for finding in report.findings
         if finding.severity != "info"
         and not finding.subject.startswith("recipe ")  # nobody has written it
-        and (finding.rule, finding.subject) not in said
+        and (finding.rule, finding.subject) not in known
     ]
 
 

@@ -165,15 +165,15 @@ def provenance(
 
 def same_provenance(one: bytes, other: bytes) -> bool:
     """Whether two `provenance.json` tell of the same build, run at whatever time and place."""
-    told = _timeless(one)
-    return told is not None and told == _timeless(other)
+    content = _timeless(one)
+    return content is not None and content == _timeless(other)
 
 
 def _timeless(statement: bytes) -> object | None:
     """Without `runDetails.metadata`; None when it is no provenance."""
     try:
-        told: dict[str, Any] = json.loads(statement)  # Any: JSON
-        del told["predicate"]["runDetails"]["metadata"]
+        content: dict[str, Any] = json.loads(statement)  # Any: JSON
+        del content["predicate"]["runDetails"]["metadata"]
     except (ValueError, KeyError, TypeError, RecursionError):
         return None
-    return told
+    return content

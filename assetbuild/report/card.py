@@ -53,7 +53,7 @@ def _verdict(report: Report) -> str:
     ready = "yes" if report.verdict.ready else "no"
     blocked = ", ".join(f"`{rule}`" for rule in report.verdict.blocked_by)
     head = f"Ready for training: {ready}." + (f" Blocked by {blocked}." if blocked else "")
-    rows = [f"- {part}: {said}" for part, said in verdict_rows(report.verdict)]
+    rows = [f"- {part}: {sentence}" for part, sentence in verdict_rows(report.verdict)]
     return "\n".join([head, "", *rows])
 
 
@@ -285,10 +285,10 @@ def grade(control: Control, report: Report) -> tuple[str, tuple[Criterion, ...]]
 
 
 def _no_findings(report: Report, needed: str, what: str, families: tuple[str, ...]) -> Criterion:
-    found = [f for f in report.findings if f.severity != "info" and f.rule.startswith(families)]
+    findings = [f for f in report.findings if f.severity != "info" and f.rule.startswith(families)]
     waived = [f for f in report.findings if is_waived(f) and f.rule.startswith(families)]
-    rules = ", ".join(dict.fromkeys(f.rule for f in [*found, *waived]))
-    met = not found and not waived
+    rules = ", ".join(dict.fromkeys(f.rule for f in [*findings, *waived]))
+    met = not findings and not waived
     return Criterion(needed, what, met, "none of its rules warns" if met else f"not so: {rules}")
 
 

@@ -53,13 +53,13 @@ class Changes:
 def changes(before: Side, after: Side) -> Changes:
     """All that differs; subjects with the same change share a row."""
     facts, telling = _facts(before, after)
-    found = [*_verdict(before, after), *_findings(before, after), *facts]
-    found += _figures(before, after)
-    explained = frozenset(PAGES) if found else frozenset()
+    all_changes = [*_verdict(before, after), *_findings(before, after), *facts]
+    all_changes += _figures(before, after)
+    explained = frozenset(PAGES) if all_changes else frozenset()
     files, rewritten = _files(before, after, telling, explained)
-    found += files
+    all_changes += files
     merged: dict[tuple[object, ...], Change] = {}
-    for change in found:
+    for change in all_changes:
         key = (change.rank, change.quantity, change.before, change.after, change.note)
         known = merged.get(key, replace(change, subjects=(), forms=()))
         subjects = dict.fromkeys((*known.subjects, *change.subjects))
@@ -69,39 +69,39 @@ def changes(before: Side, after: Side) -> Changes:
     return Changes(tuple(rows), rewritten)
 
 
-def diff_text(before: Side, after: Side, found: Changes) -> str:
+def diff_text(before: Side, after: Side, diff: Changes) -> str:
     """For a terminal."""
-    lines = [f"{before.name} -> {after.name}: {counts(found)}"]
-    for change in found.rows:
+    lines = [f"{before.name} -> {after.name}: {counts(diff)}"]
+    for change in diff.rows:
         arrow = f"{change.before} -> {change.after}"
         subject = _named(change.subjects)
         lines.append(f"  {change.rank:8}  {subject}: {change.quantity}: {arrow}{_remarks(change)}")
     return "\n".join(lines) + "\n"
 
 
-def diff_markdown(before: Side, after: Side, found: Changes) -> str:
+def diff_markdown(before: Side, after: Side, diff: Changes) -> str:
     """For a pull request."""
     rows = [
         (c.rank, _named(c.subjects), c.quantity, c.before, c.after, _remarks(c).strip(" ()"))
-        for c in found.rows
+        for c in diff.rows
     ]
     listed = table("", ("", "of", "what", "before", "after", ""), rows, empty="No fact differs.")
-    title = f"### `{before.name}` -> `{after.name}`: {counts(found)}"
+    title = f"### `{before.name}` -> `{after.name}`: {counts(diff)}"
     return f"{title}\n\n{markdown_table(listed)}\n"
 
 
 def _remarks(change: Change) -> str:
-    said = [part for part in (change.note, ", ".join(change.forms)) if part]
-    return f" ({'; '.join(said)})" if said else ""
+    parts = [part for part in (change.note, ", ".join(change.forms)) if part]
+    return f" ({'; '.join(parts)})" if parts else ""
 
 
-def counts(found: Changes) -> str:
+def counts(diff: Changes) -> str:
     """`2 HIGH, 1 LOW`."""
-    ranks = [change.rank for change in found.rows]
-    told = ", ".join(f"{ranks.count(r)} {r}" for r in RANKS if r in ranks)
-    if told or not found.rewritten:
-        return told or "no difference"
-    files = len(found.rewritten)
+    ranks = [change.rank for change in diff.rows]
+    text = ", ".join(f"{ranks.count(r)} {r}" for r in RANKS if r in ranks)
+    if text or not diff.rewritten:
+        return text or "no difference"
+    files = len(diff.rewritten)
     return f"no fact differs; {files} file{'s are' if files > 1 else ' is'} written differently"
 
 
@@ -116,7 +116,7 @@ def _named(subjects: Sequence[str]) -> str:
 
 def _facts(before: Side, after: Side) -> tuple[list[Change], frozenset[str]]:
     """(changes, forms in which a fact differs)."""
-    found: list[Change] = []
+    fact_changes: list[Change] = []
     telling: set[str] = set()
     both = [form for form in before.forms if form in after.forms]
     # Where no form is common, a model's own is compared with a bundle's robot.
@@ -131,15 +131,17 @@ def _facts(before: Side, after: Side) -> tuple[list[Change], frozenset[str]]:
                 raise
             telling.add(one)
             text = error.message
-            found.append(Change("CRITICAL", (f"format {one}",), "can be read", "?", "no", text))
+            fact_changes.append(
+                Change("CRITICAL", (f"format {one}",), "can be read", "?", "no", text)
+            )
             continue
         telling |= {one} if differ else set()
         named = one if one == other else f"{one}, {other}"
-        found += [_change(item, named) for item in differ]
+        fact_changes += [_change(item, named) for item in differ]
     for form in sorted({*before.forms} ^ {*after.forms}) if both else ():
         gone = form in before.forms
-        found.append(Change("HIGH", (f"format {form}",), "exists", *_exists(gone)))
-    return found, frozenset(telling)
+        fact_changes.append(Change("HIGH", (f"format {form}",), "exists", *_exists(gone)))
+    return fact_changes, frozenset(telling)
 
 
 def _exists(gone: bool) -> tuple[str, str]:
@@ -195,8 +197,8 @@ def _tells(key: Key, table: Table) -> bool:
 def _counts(kind: str, quantity: str) -> bool:
     """Whether a quantity counts that a whole file never states: no joint of it mimics."""
     row = VOCABULARY.get((kind, quantity)) if kind in ("body", "joint") else None
-    told = _tells(Key(kind, "", quantity), Table({}))
-    return row is not None and row.rank == "CRITICAL" and told
+    has_meaning = _tells(Key(kind, "", quantity), Table({}))
+    return row is not None and row.rank == "CRITICAL" and has_meaning
 
 
 def _is_near(item: Difference) -> bool:
@@ -277,10 +279,10 @@ def _files(
     before: Side, after: Side, telling: frozenset[str], explained: frozenset[str]
 ) -> tuple[list[Change], tuple[str, ...]]:
     """(files whose bytes differ and no fact says why, files that say the same in other bytes)."""
-    found: list[Change] = []
+    file_changes: list[Change] = []
     rewritten: list[str] = []
     if before.folder is None or after.folder is None:
-        return found, ()
+        return file_changes, ()
     for path in sorted({*before.digests, *after.digests}):
         old, new = before.digests.get(path), after.digests.get(path)
         if old == new or path in DERIVED or path in explained:
@@ -290,20 +292,20 @@ def _files(
         if behind & telling:
             continue
         if old is None or new is None:
-            found.append(Change("LOW", (f"file {path}",), "exists", *_exists(new is None)))
+            file_changes.append(Change("LOW", (f"file {path}",), "exists", *_exists(new is None)))
             continue
         rows = [*_told(path, before.folder, after.folder, "MEDIUM" if behind else "LOW")]
         if not rows:
             rewritten.append(path)
-        found += rows[:SHOWN_LINES]
+        file_changes += rows[:SHOWN_LINES]
         if len(rows) > SHOWN_LINES:
             more = f"{len(rows) - SHOWN_LINES} more places"
-            found.append(Change("LOW", (f"file {path}",), "and", more, "differ"))
-    alone = not found and not rewritten and not telling
+            file_changes.append(Change("LOW", (f"file {path}",), "and", more, "differ"))
+    alone = not file_changes and not rewritten and not telling
     derived = [p for p in DERIVED if before.digests.get(p) != after.digests.get(p)]
     if alone and "manifest.json" in derived:
-        found += _told("manifest.json", before.folder, after.folder, "LOW")
-    return found, (*rewritten, *(derived if alone and not found else ()))
+        file_changes += _told("manifest.json", before.folder, after.folder, "LOW")
+    return file_changes, (*rewritten, *(derived if alone and not file_changes else ()))
 
 
 def _told(path: str, before: Path, after: Path, rank: Rank) -> Iterator[Change]:
@@ -319,6 +321,6 @@ def _told(path: str, before: Path, after: Path, rank: Rank) -> Iterator[Change]:
         old, new = shown(first.expected), shown(first.found)
         if old == new:
             old, new = shown(first.expected, digits=17), shown(first.found, digits=17)
-        own = (row.subject if row.kind != "file" else "" for row in same)
-        subjects = dict.fromkeys(subject or f"file {path}" for subject in own)
+        names = (row.subject if row.kind != "file" else "" for row in same)
+        subjects = dict.fromkeys(subject or f"file {path}" for subject in names)
         yield Change(rank, tuple(subjects), first.attribute, old, new, path)

@@ -70,8 +70,8 @@ def make_report(
     commands: trainer -> the command with which it tries the bundle.
     """
     placed = [f if f.where else f.at(locate(f.subject)) for f in _once(findings)]
-    told = [f.at(locate(f.subject)) for f in (*_unused(placed, waivers), *_renamed(waivers))]
-    final = worst_first(_traced([_waived(f, waivers) for f in placed]) + told)
+    remarks = [f.at(locate(f.subject)) for f in (*_unused(placed, waivers), *_renamed(waivers))]
+    final = worst_first(_traced([_waived(f, waivers) for f in placed]) + remarks)
     return Report(robot, judge(final, checks, commands), tuple(final), checks)
 
 
@@ -121,14 +121,14 @@ def _waived(finding: Finding, waivers: Mapping[str, Waiver]) -> Finding:
 
 
 def _unused(findings: Sequence[Finding], waivers: Mapping[str, Waiver]) -> list[Finding]:
-    found = {finding.rule for finding in findings}
+    rules = {finding.rule for finding in findings}
     hint = "remove it, or check its spelling"
     return [
         UNUSED(
             f"recipe rules.{rule}", f"the recipe changes rule `{rule}`, which found nothing", hint
         )
         for rule in waivers
-        if rule not in found and rule not in RENAMED
+        if rule not in rules and rule not in RENAMED
     ]
 
 

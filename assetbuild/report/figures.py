@@ -35,9 +35,9 @@ def sentence(name: str, check: CheckResult) -> str:
 
 def _equal(file: str, figures: Figures) -> str:
     facts, differ, unread = (int(figures.get(key) or 0) for key in ("facts", "differ", "unread"))
-    said = "match the robot" if not differ else f"compared with the robot: {differ} differ"
+    result = "match the robot" if not differ else f"compared with the robot: {differ} differ"
     tail = f"; {unread} were not understood" if unread else ""
-    return f"{facts:,} values of the {file} {said}{tail}"
+    return f"{facts:,} values of the {file} {result}{tail}"
 
 
 def _plain(figures: Figures) -> str:
@@ -75,34 +75,34 @@ def _oracle(f: Figures) -> str:
 
 
 def _full_effort(f: Figures) -> str:
-    said = []
+    parts = []
     for kind, what in (("limits", "past a limit"), ("couplings", "from where it is held")):
         held = f["mjcf"].get(kind, {})  # none, where the MJCF does not load
         for motion, unit in (("turn", "rad"), ("slide", "m")):
             error = held[motion]["error"] if motion in held else None
             if error is not None:
-                said.append(f"`{held[motion]['joint']}` {error:.2g} {unit} {what}")
-    return f"full effort pushes at most {', '.join(said)}" if said else "nothing to push"
+                parts.append(f"`{held[motion]['joint']}` {error:.2g} {unit} {what}")
+    return f"full effort pushes at most {', '.join(parts)}" if parts else "nothing to push"
 
 
 def _grip(f: Figures) -> str:
-    said = []
+    parts = []
     for file, hands in f.items():
         rows = [row for hand in hands.values() if isinstance(hand, list) for row in hand]
         held = [row for row in rows if row["held"]]
         worst = max((float(row["slip_m"]) for row in held), default=0.0)
-        said.append(f"{file}: holds {len(held)} of {len(rows)} objects, slip {_length(worst)}")
-    return "; ".join(said)
+        parts.append(f"{file}: holds {len(held)} of {len(rows)} objects, slip {_length(worst)}")
+    return "; ".join(parts)
 
 
 def _slope(f: Figures) -> str:
-    said = [
+    parts = [
         f"{file}: creeps at {1e3 * float(row['speed_m_s']):.2g} mm/s below the angle of friction"
         if "speed_m_s" in row
         else f"{file}: {row['skipped']}"
         for file, row in f.items()
     ]
-    return "; ".join(said)
+    return "; ".join(parts)
 
 
 def _mass(f: Figures) -> str:

@@ -132,9 +132,9 @@ def _sorted_out(findings: Sequence[Finding]) -> dict[str, list[Box]]:
 
 def _by_rule(findings: Iterator[Finding]) -> list[Box]:
     """One box for each rule, in order of the worst."""
-    found = list(findings)
-    order = list(dict.fromkeys((f.severity, f.rule) for f in found))
-    ordered = sorted(found, key=lambda f: order.index((f.severity, f.rule)))
+    all_findings = list(findings)
+    order = list(dict.fromkeys((f.severity, f.rule) for f in all_findings))
+    ordered = sorted(all_findings, key=lambda f: order.index((f.severity, f.rule)))
     grouped = groupby(ordered, key=lambda f: (f.severity, f.rule))
     return [(severity, rule, list(same)) for (severity, rule), same in grouped]
 
@@ -164,8 +164,8 @@ def _grouped(checks: Mapping[str, CheckResult]) -> list[tuple[str, str, list[obj
     left = dict(sorted(checks.items()))
     groups: list[tuple[str, str, list[object]]] = []
     for key, title, beginnings in GROUPS:
-        own = [name for start in beginnings for name in left if name.startswith(start)]
-        groups.append((key, title, [(name, left.pop(name)) for name in dict.fromkeys(own)]))
+        names = [name for start in beginnings for name in left if name.startswith(start)]
+        groups.append((key, title, [(name, left.pop(name)) for name in dict.fromkeys(names)]))
     return [*groups, ("checks", "Other checks", list(left.items()))]
 
 

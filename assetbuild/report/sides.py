@@ -80,13 +80,13 @@ def bundle_side(bundle: Path, name: str = "") -> Side:
         covers = tuple(path for path in digests if reader.covers(path, robot))
         forms[form] = Form(read, Precision(EXACT), reader.holds, covers)
     try:
-        found = {(f["rule"], f["subject"]): f["severity"] for f in report["findings"]}
+        severities = {(f["rule"], f["subject"]): f["severity"] for f in report["findings"]}
         ready = bool(report["verdict"]["ready"])
         held = leaves({name: check.get("figures") for name, check in report["checks"].items()})
         figures = {p: v for p, v in held if isinstance(v, float) and math.isfinite(v)}
     except (KeyError, TypeError, AttributeError) as error:
         raise UsageError(f"`{bundle}` has no readable report: {error}") from None
-    return Side(name or str(bundle), forms, bundle, digests, ready, found, figures)
+    return Side(name or str(bundle), forms, bundle, digests, ready, severities, figures)
 
 
 def bundle_readers(
@@ -149,13 +149,13 @@ def foreign_side(path: Path) -> Side:
     suffix = path.suffix.lower()
     if suffix == ".json":
         measured, simulator = readings(path)
-        told = {(key.kind, key.quantity) for key in measured.facts}  # it measures some facts only
+        facts = {(key.kind, key.quantity) for key in measured.facts}  # it measures some facts only
         return _model(
             f"{path} ({simulator})",
             "readings",
             measured,
             precision=Precision(FLOAT32),
-            holds=lambda key: (key.kind, key.quantity) in told,
+            holds=lambda key: (key.kind, key.quantity) in facts,
         )
     try:
         text = path.read_bytes() if suffix in (".xml", ".urdf", ".mjcf") else b""

@@ -20,18 +20,18 @@ def summary(report: Report, *lines: str) -> str:
     lines: what to say in between.
     """
     ready = "ready for training" if report.verdict.ready else "not ready for training"
-    told = [f"### {report.robot}: {ready}", "", *lines]
-    told += ["", *(f"- {part}: {markdown_cell(v)}" for part, v in public_rows(report.verdict))]
-    told += [f"- checks: {', '.join(_checks(report))}"]
-    found = [f for f in worst_first(list(report.findings)) if f.severity != "info"]
-    if found:
-        told += ["", "| | rule | subject | finding |", "| --- | --- | --- | --- |"]
-    for finding in found[:SHOWN_FINDINGS]:
+    parts = [f"### {report.robot}: {ready}", "", *lines]
+    parts += ["", *(f"- {part}: {markdown_cell(v)}" for part, v in public_rows(report.verdict))]
+    parts += [f"- checks: {', '.join(_checks(report))}"]
+    findings = [f for f in worst_first(list(report.findings)) if f.severity != "info"]
+    if findings:
+        parts += ["", "| | rule | subject | finding |", "| --- | --- | --- | --- |"]
+    for finding in findings[:SHOWN_FINDINGS]:
         cells = (finding.severity, finding.rule, finding.subject, public_message(finding))
-        told.append(f"| {' | '.join(markdown_cell(cell) for cell in cells)} |")
-    if len(found) > SHOWN_FINDINGS:
-        told += ["", f"and {len(found) - SHOWN_FINDINGS} more in the report"]
-    return "\n".join(told) + "\n"
+        parts.append(f"| {' | '.join(markdown_cell(cell) for cell in cells)} |")
+    if len(findings) > SHOWN_FINDINGS:
+        parts += ["", f"and {len(findings) - SHOWN_FINDINGS} more in the report"]
+    return "\n".join(parts) + "\n"
 
 
 def _checks(report: Report) -> list[str]:
@@ -40,12 +40,12 @@ def _checks(report: Report) -> list[str]:
         status: [name for name, check in sorted(report.checks.items()) if check.status == status]
         for status in ("pass", "fail", "skip")
     }
-    told = [f"{len(by_status['pass'])} passed"]
+    parts = [f"{len(by_status['pass'])} passed"]
     for status, words in (("fail", "failed"), ("skip", "not run")):
         names = by_status[status]
         if names:
-            told.append(f"{len(names)} {words} ({', '.join(f'`{name}`' for name in names)})")
-    return told
+            parts.append(f"{len(names)} {words} ({', '.join(f'`{name}`' for name in names)})")
+    return parts
 
 
 def public_rows(verdict: Verdict) -> tuple[tuple[str, str], ...]:
@@ -69,8 +69,8 @@ def markdown_cell(text: str) -> str:
     """Text in a table: no markup of its own but code, no new row, no new column."""
     plain = " ".join(text.split())
     parts = plain.split("`") if plain.count("`") % 2 == 0 else [plain]
-    told = [part if i % 2 else _literal(part) for i, part in enumerate(parts)]
-    return "`".join(told).replace("|", "\\|")
+    escaped = [part if i % 2 else _literal(part) for i, part in enumerate(parts)]
+    return "`".join(escaped).replace("|", "\\|")
 
 
 def _literal(text: str) -> str:

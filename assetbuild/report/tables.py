@@ -28,9 +28,9 @@ class Table:
 
 
 def _all_numbers(values: Iterable[object]) -> bool:
-    told = [value for value in values if value not in (None, "")]
-    numbers = (isinstance(v, int | float) and not isinstance(v, bool) for v in told)
-    return bool(told) and all(numbers)
+    stated = [value for value in values if value not in (None, "")]
+    numbers = (isinstance(v, int | float) and not isinstance(v, bool) for v in stated)
+    return bool(stated) and all(numbers)
 
 
 def table(

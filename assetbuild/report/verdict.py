@@ -236,7 +236,7 @@ def _trainer(name: str, command: str, checks: Mapping[str, CheckResult]) -> Trai
     check = checks.get(TRAINER_CHECKS + name)
     if check is None or check.status == "skip":
         return Trainer("not tried", f"`{command}` tries it", command)
-    said = str(check.figures.get("summary") or check.figures.get("failure") or "")
+    sentence = str(check.figures.get("summary") or check.figures.get("failure") or "")
     if check.status == "pass":
-        return Trainer("yes", said or "it took the bundle", command)
-    return Trainer("failed", said or "see the findings `smoke.*`", command)
+        return Trainer("yes", sentence or "it took the bundle", command)
+    return Trainer("failed", sentence or "see the findings `smoke.*`", command)

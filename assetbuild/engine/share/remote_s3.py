@@ -62,10 +62,10 @@ class S3Place:
 
     def save(self, name: str, size: int, dest: Path) -> bool:
         """Write a body of exactly `size` bytes to a file; False when the bucket has not all."""
-        found = self._size(name)
-        if found is None or found < size:
+        stored_size = self._size(name)
+        if stored_size is None or stored_size < size:
             return False
-        if found > size:
+        if stored_size > size:
             raise ValueError("an object has not the size of its entry")
         with dest.open("wb") as file:
             for start in range(0, size, PART):
@@ -77,8 +77,8 @@ class S3Place:
 
     def has(self, name: str, size: int | None = None) -> bool:
         """Is it in the bucket already, of this size if one is given?"""
-        found = self._size(name)
-        return found is not None and size in (None, found)
+        stored_size = self._size(name)
+        return stored_size is not None and size in (None, stored_size)
 
     def put(self, name: str, body: bytes | Path) -> None:
         """Upload bytes or a file; a large one in parts, which appear together."""
