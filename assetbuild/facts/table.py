@@ -111,7 +111,13 @@ class Table:
 
 
 class FactCollector:
-    """Collects facts while a reader walks a file: `facts.put("joint", name, armature=0.01)`."""
+    """Collects facts while a reader walks a file.
+
+    >>> facts = FactCollector()
+    >>> facts.put("joint", "hip", {"armature": 0.01})
+    >>> facts.table().of("joint", "hip")
+    {'armature': 0.01}
+    """
 
     def __init__(self) -> None:
         self.facts: dict[Key, Value] = {}

@@ -71,6 +71,11 @@ def _in_usd(name: str) -> str:
 
 
 def permutation(names: Sequence[str], of: Sequence[str]) -> tuple[int, ...]:
-    """Where each of the names stands in another order: `[values[i] for i in permutation]`."""
+    """Where each of the names stands in another order.
+
+    >>> values = ("of knee", "of hip")
+    >>> [values[place] for place in permutation(("hip", "knee"), of=("knee", "hip"))]
+    ['of hip', 'of knee']
+    """
     places = {name: place for place, name in enumerate(of)}
     return tuple(places[name] for name in names)

@@ -15,7 +15,12 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True)
 class Pose:
-    """Position in metres and unit quaternion wxyz."""
+    """Position in metres and unit quaternion wxyz.
+
+    >>> X_world_arm, X_arm_hand = Pose((1.0, 0.0, 0.0)), Pose((0.0, 2.0, 0.0))
+    >>> (X_world_arm @ X_arm_hand).xyz
+    (1.0, 2.0, 0.0)
+    """
 
     xyz: Vec3 = (0.0, 0.0, 0.0)
     quat: Quat = (1.0, 0.0, 0.0, 0.0)
