@@ -291,6 +291,7 @@ def draw(scene: Path, folder: Path, renderer: str, *, explained: bool = False) -
 
     In a process of its own.
     """
+    need(renderer)
     stage = Stage(loaded(scene))
 
     def work() -> tuple[()]:
@@ -308,10 +309,14 @@ def draw(scene: Path, folder: Path, renderer: str, *, explained: bool = False) -
     drawing(renderer, work)
 
 
-def drawing(renderer: str, work: Callable[[], tuple[()]]) -> None:
-    """Draw in a process of its own. StepError where nothing can be drawn."""
+def need(renderer: str) -> None:
+    """StepError where nothing can be drawn."""
     if renderer == "none":
         raise StepError("no OpenGL without a window (EGL or OSMesa) here, or `MUJOCO_GL` says so")
+
+
+def drawing(renderer: str, work: Callable[[], tuple[()]]) -> None:
+    """Draw in a process of its own. StepError where a driver fails."""
     try:
         run_apart(work, DRAWING)
     except NativeError as error:

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from assetbuild.rendering.render import Stage, directions, drawing, fitted, loaded, write
+from assetbuild.rendering.render import Stage, directions, drawing, fitted, loaded, need, write
 from assetbuild.rendering.studio import BACKGROUND, Pixels, Shot, Studio, studio
 from assetbuild.robot.pose import Array
 from assetbuild.simulators import mujoco
@@ -43,6 +43,7 @@ def draw_strip(
     scene: Path, rows: Mapping[str, Sequence[Moment]], file: Path, renderer: str
 ) -> None:
     """Write a PNG of moments, a row for each name. The camera goes along. StepError."""
+    need(renderer)
     stage = Stage(loaded(scene))
     size, radius = (FINER * ACROSS, FINER * ACROSS), ROOM * stage.size
     start = np.array(stage.data.xpos[1])
