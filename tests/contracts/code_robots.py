@@ -69,6 +69,13 @@ identify:
     columns: {time: t, position: "q_{joint}", target: "u_{joint}"}
     fit: [damping]
 """
+ROD = """schema: assetbuild/v1
+robot: rod
+source: {path: ., urdf: rod.urdf, license: MIT}
+base: fixed
+actuators: []
+targets: [urdf]
+"""
 MJCF = """<mujoco><asset><mesh file="../lump.stl"/></asset><worldbody><body name="pole" pos="0 0 1">
   <joint name="swing" range="-60 60"/><geom type="mesh" mesh="lump" mass="1"/>
 </body></worldbody><actuator><position joint="swing" kp="4"/></actuator></mujoco>
@@ -85,7 +92,7 @@ def swinging() -> str:
 
 
 def write_robots(folder: Path) -> list[Path]:
-    """Write three robots, one from an archive, one from a xacro, one from an MJCF; the recipes."""
+    """Write the robots and give their recipes: from an archive, a xacro, an MJCF, a plain URDF."""
     lump = trimesh.creation.icosphere(subdivisions=3, radius=0.05)
     lump.vertices[:, 0] += 0.05 * np.abs(lump.vertices[:, 1] / 0.05)  # not convex
     lump.export(folder / "lump.stl")
@@ -120,9 +127,10 @@ def write_robots(folder: Path) -> list[Path]:
     with zipfile.ZipFile(folder / "arm.zip", "w") as archive:
         for name in ("arm.urdf", "lump.stl", "tile.obj", "tile.mtl", "skin.png"):
             archive.write(folder / name, name)
-    texts = {"arm.yaml": ARM, "cart.yaml": CART, "pole.yaml": POLE}
+    texts = {"arm.yaml": ARM, "cart.yaml": CART, "pole.yaml": POLE, "rod.yaml": ROD}
+    texts["rod.urdf"] = robot(link("rod", inertial()), name="rod")
     texts |= {"post.xacro": XACRO, "xml/pole.xml": MJCF, "pole.csv": swinging()}
     (folder / "xml").mkdir()
     for name, text in texts.items():
         (folder / name).write_text(text)
-    return [folder / "arm.yaml", folder / "cart.yaml", folder / "pole.yaml"]
+    return [folder / f"{name}.yaml" for name in ("arm", "cart", "pole", "rod")]

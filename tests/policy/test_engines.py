@@ -57,7 +57,7 @@ def test_the_engine_is_asked_how_it_counts(
     assert run_step(step, bot.bundle, tmp_path / "first") == []
     contract = bot.bundle / "policy/robot_contract.yaml"
     said = yaml.safe_load(contract.read_text())
-    said["orders"][step.order] = said["orders"]["urdf"]
+    said["orders"][step.order] = [*said["orders"]["urdf"]]
     contract.write_text(yaml.safe_dump(said, sort_keys=False))
     found = run_step(step, bot.bundle, tmp_path / "second")
     assert [f.rule for f in found] == ["policy.engine_order"]
