@@ -13,10 +13,12 @@ line up in the source map of the day.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import warnings
+from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, field, replace
 from fnmatch import fnmatchcase
 from math import floor, isfinite, log10
+from types import ModuleType
 from typing import Literal, TypeVar, get_args
 
 T = TypeVar("T")
@@ -75,6 +77,19 @@ NEW_IDS: Mapping[str, str] = {
 """Ids of version 0.1 -> today's. Whoever reads a recipe need not import these rules."""
 RENAMED: dict[str, tuple[str, ...]] = {old: (new,) for old, new in NEW_IDS.items()}
 """Also `was` of all rules that have been declared so far."""
+
+
+def moved(old: str, module: ModuleType) -> Callable[[str], object]:
+    """The `__getattr__` of a module by its old name: it warns, and gives what the new one has."""
+
+    def get(name: str) -> object:
+        if name.startswith("__"):  # what Python itself asks of a module
+            raise AttributeError(name)
+        message = f"import `{name}` from `{module.__name__}`: `{old}` is its old name"
+        warnings.warn(message, FutureWarning, stacklevel=2)
+        return getattr(module, name)
+
+    return get
 
 
 def is_now(old: str, finding: Finding) -> bool:

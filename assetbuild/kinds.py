@@ -2,15 +2,7 @@
 
 from __future__ import annotations
 
-import warnings
-
 from assetbuild import plugin_types
+from assetbuild.findings import moved
 
-
-def __getattr__(name: str) -> object:
-    warnings.warn(
-        f"import `{name}` from `assetbuild.plugin_types`: `assetbuild.kinds` is its old name",
-        FutureWarning,
-        stacklevel=2,
-    )
-    return getattr(plugin_types, name)
+__getattr__ = moved("assetbuild.kinds", plugin_types)

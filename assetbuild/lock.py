@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import json
-import re
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Annotated, Literal
@@ -172,9 +171,6 @@ def _agree(source: Source, pin: Pin | GitPin) -> bool:
     if isinstance(pin, GitPin):
         return (source.git, source.rev) == (pin.git, pin.rev)
     name, _, version = (source.pypi or "").partition("==")
-    return _normal(name) == _normal(pin.name) and version == pin.version
+    from packaging.utils import canonicalize_name  # for a source from PyPI alone
 
-
-def _normal(name: str) -> str:
-    """The name of a distribution as PEP 503 compares it."""
-    return re.sub(r"[-_.]+", "-", name).lower()
+    return canonicalize_name(name) == canonicalize_name(pin.name) and version == pin.version

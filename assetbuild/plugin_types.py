@@ -372,7 +372,7 @@ def lacking(requires: Mapping[str, str], world: World) -> str:
 
 
 NOISE = 1e-9
-"""Of a figure without a limit: a thousandth of this is nothing."""
+"""A figure without a limit is rounded to a thousandth of this."""
 
 
 def write_figures(

@@ -2,15 +2,7 @@
 
 from __future__ import annotations
 
-import warnings
-
 from assetbuild import recipe_types
+from assetbuild.findings import moved
 
-
-def __getattr__(name: str) -> object:
-    warnings.warn(
-        f"import `{name}` from `assetbuild.recipe_types`: `assetbuild.quantities` is its old name",
-        FutureWarning,
-        stacklevel=2,
-    )
-    return getattr(recipe_types, name)
+__getattr__ = moved("assetbuild.quantities", recipe_types)

@@ -51,7 +51,6 @@ class NewtonOrders(OrdersCheck, NewtonCheck):
     """Does Newton count the joints of `usd/<robot>.usda` as the policy's contract says?"""
 
     own_name = "newton_orders"
-    needs: ClassVar[tuple[str, ...]] = OrdersCheck.needs
     order: ClassVar[str] = "newton"
 
 

@@ -65,7 +65,6 @@ class PhysxOrders(OrdersCheck, PhysxCheck):
     """Does PhysX, and so Isaac Lab, count the joints as the policy's contract says?"""
 
     own_name = "physx_orders"
-    needs: ClassVar[tuple[str, ...]] = OrdersCheck.needs
     order: ClassVar[str] = "isaaclab"
 
 

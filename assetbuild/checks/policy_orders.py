@@ -8,7 +8,7 @@ from typing import ClassVar
 from assetbuild.engine.step import Files
 from assetbuild.findings import Finding
 from assetbuild.plugin_types import write_figures
-from assetbuild.policy.counting import known_joints, order_findings
+from assetbuild.policy.counting import known_joints, order_findings, read_contract
 from assetbuild.simulators import mujoco
 from assetbuild.simulators.mujoco.drives import read_drives
 
@@ -28,6 +28,7 @@ class PolicyOrders(mujoco.InMujoco):
         counted = list(mujoco.joints(model))
         drives = [drive.joint_name for drive in read_drives(model)]
         alike = drives == [name for name in counted if name in drives]
-        there = known_joints(files.inputs / "policy", counted)
+        contract = read_contract(files.inputs / "policy")
+        there = known_joints(contract, counted)
         write_figures(files, {"joints": len(there), "drives_as_joints": alike})
-        yield from order_findings(files.inputs / "policy", "mujoco", counted)
+        yield from order_findings(contract, "mujoco", counted)

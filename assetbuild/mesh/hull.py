@@ -21,7 +21,7 @@ CHUNK = 500_000
 FLAT = 1e-7
 """Points whose smallest extent is below this share of the largest span no volume."""
 SURELY_SOLID = 1e-10
-"""Of the squares of these extents: far above FLAT, so nothing needs to be known more exactly."""
+"""From this ratio of the squared extents on, points are far from flat: no SVD is needed."""
 
 
 def convex_hull(

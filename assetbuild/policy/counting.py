@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -14,6 +14,7 @@ from assetbuild.plugin_types import write_figures
 from assetbuild.robot.files import RobotFiles
 from assetbuild.simulators.experiments import SimulatorCheck, drop
 
+Contract = Mapping[str, Any]  # Any: YAML
 WRONG = Rule(
     "policy.engine_order",
     "error",
@@ -38,22 +39,22 @@ class OrdersCheck(SimulatorCheck):
         if done.motion is None:
             raise StepError(f"{self.engine} does not take the USD: {done.failure}")
         write_figures(files, {"joints": len(done.motion.joints)})
-        yield from order_findings(files.inputs / "policy", self.order, list(done.motion.joints))
+        contract = read_contract(files.inputs / "policy")
+        yield from order_findings(contract, self.order, list(done.motion.joints))
 
 
-def known_joints(folder: Path, counted: Sequence[str]) -> list[str]:
-    """Those that the contract in `policy/` has as well: joints that are split have other names."""
-    known = set(_contract(folder)["joints"])
-    return [name for name in counted if name in known]
+def known_joints(contract: Contract, counted: Sequence[str]) -> list[str]:
+    """Those that the contract has as well: joints that are split have other names."""
+    return [name for name in counted if name in contract["joints"]]
 
 
-def order_findings(folder: Path, engine: str, counted: Sequence[str]) -> Iterator[Finding]:
+def order_findings(contract: Contract, engine: str, counted: Sequence[str]) -> Iterator[Finding]:
     """The first place at which an engine's order and the contract's are not the same.
 
     engine: as the contract calls it; counted: names of joints as that engine has them.
     """
-    there = known_joints(folder, counted)
-    stated = [name for name in _contract(folder)["orders"][engine] if name in there]
+    there = known_joints(contract, counted)
+    stated = [name for name in contract["orders"][engine] if name in there]
     for place, (one, other) in enumerate(zip(stated, there, strict=True)):
         if one != other:
             text = f"{engine} has `{other}` at place {place}, where the contract has `{one}`"
@@ -61,5 +62,6 @@ def order_findings(folder: Path, engine: str, counted: Sequence[str]) -> Iterato
             return
 
 
-def _contract(folder: Path) -> Any:  # Any: YAML
+def read_contract(folder: Path) -> Contract:
+    """The contract in the folder `policy/`."""
     return read_yaml(next(iter(sorted(folder.glob("*_contract.yaml")))))

@@ -8,40 +8,32 @@ from contextlib import suppress
 from pathlib import Path
 
 import jinja2
-from jinja2.bccache import Bucket, BytecodeCache
+from jinja2.bccache import Bucket, FileSystemBytecodeCache
 
-from assetbuild.engine.digest import digest_bytes, digest_file, replace_file
-
-DIGEST = 64
-"""Characters at the begin of a file: the digest of the others."""
+from assetbuild.engine.digest import digest_bytes, digest_file
 
 
-class Compiled(BytecodeCache):
-    """One file for each template; jinja2 knows by its text whether it is the same template.
+class Compiled(FileSystemBytecodeCache):
+    """jinja2's own cache, but that no file of it and no full disk can end a build.
 
     settings: the module that makes the environment, which decides as well what a template becomes.
     """
 
     def __init__(self, folder: Path, settings: Path) -> None:
-        self.folder = folder
-        self.settings = digest_bytes(f"{jinja2.__version__} {digest_file(settings)}".encode())
+        makes = digest_bytes(f"{jinja2.__version__} {digest_file(settings)}".encode())[:16]
+        super().__init__(str(folder), f"{sys.implementation.cache_tag}-{makes}-%s.jinja")
 
     def load_bytecode(self, bucket: Bucket) -> None:
-        """What an earlier process made of the template, if it is whole."""
-        with suppress(OSError):
-            data = self._file(bucket).read_bytes()
-            digest, code = data[:DIGEST], data[DIGEST:]
-            if digest == digest_bytes(code).encode():
-                bucket.bytecode_from_string(code)
+        """What an earlier process made of the template; a torn file is none."""
+        try:
+            super().load_bytecode(bucket)
+        except Exception:  # of `pickle`, which raises what it likes
+            bucket.reset()
 
     def dump_bytecode(self, bucket: Bucket) -> None:
         """Keep it, unless Python keeps no bytecode here."""
-        if sys.dont_write_bytecode or not os.access(self.folder.parent, os.W_OK):
-            return
-        code = bucket.bytecode_to_string()
-        with suppress(OSError):
-            replace_file(self._file(bucket), digest_bytes(code).encode() + code)
-
-    def _file(self, bucket: Bucket) -> Path:
-        name = digest_bytes(f"{self.settings} {bucket.key}".encode())[:16]
-        return self.folder / f"{sys.implementation.cache_tag}-{name}.jinja"
+        folder = Path(self.directory)
+        if not sys.dont_write_bytecode and os.access(folder.parent, os.W_OK):
+            with suppress(OSError):
+                folder.mkdir(exist_ok=True)
+                super().dump_bytecode(bucket)

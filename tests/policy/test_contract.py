@@ -29,7 +29,7 @@ from assetbuild.targets.policy import Policy, PolicyOptions
 
 PARTS = ("hip", "thigh", "calf")
 ISAAC = [f"{leg}_{part}_joint" for part in PARTS for leg in ("FL", "FR", "RL", "RR")]
-"""As PhysX counts, though the tree has FR before FL."""
+"""PhysX counts in this order, although the tree has FR before FL."""
 
 
 def test_isaac_lab_takes_all_hips_first_then_all_thighs():

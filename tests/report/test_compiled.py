@@ -16,7 +16,7 @@ def python_keeps_bytecode(monkeypatch: pytest.MonkeyPatch):
 
 
 def rendered(folder: Path, text: str) -> str:
-    """By an environment of its own, as a new process has it. Its settings are this file."""
+    """What a new environment makes of it, as a new process would; this file is its settings."""
     (folder / "page.html").write_text(text)
     cache = Compiled(folder / "__pycache__", Path(__file__))
     loader = jinja2.FileSystemLoader(folder)

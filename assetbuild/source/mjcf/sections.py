@@ -117,32 +117,29 @@ class _Reader:
         self.links, self.driven, self.model = links, driven, links.source.model
         self.sections = Sections(list(links.joints))
 
-    def translated(self, attributes: Mapping[str, str]) -> dict[str, str]:
+    def translated(self, stated: Mapping[str, str]) -> dict[str, str]:
         """Attributes with names of the Robot: a site may have another there."""
         sites = self.links.sites
-        return {
-            k: sites.get(v, v) if _kind(k, attributes) == "site" else v
-            for k, v in attributes.items()
-        }
+        return {k: sites.get(v, v) if _kind(k, stated) == "site" else v for k, v in stated.items()}
 
-    def _keep(self, place: str, element: _Element, attributes: Mapping[str, str]) -> None:
+    def _keep(self, place: str, element: _Element, stated: Mapping[str, str]) -> None:
         """Leave it to MJCF, with its children."""
         children = ((str(c.tag), self.translated(own_attributes(c))) for c in element)
         named = {"name": str(element.get("name"))} if element.get("name") else {}
-        text = element_text(str(element.tag), named | dict(sorted(attributes.items())), children)
+        text = element_text(str(element.tag), named | dict(sorted(stated.items())), children)
         self.sections.mjcf_only.append(MjcfOnly(place, text))
 
-    def contact(self, element: _Element, attributes: Mapping[str, str]) -> None:
+    def contact(self, element: _Element, stated: Mapping[str, str]) -> None:
         """A pair, or an exclude between bodies of the robot."""
-        if element.tag == "exclude" and WORLD not in (attributes["body1"], attributes["body2"]):
-            a, b = sorted((attributes["body1"], attributes["body2"]))
+        if element.tag == "exclude" and WORLD not in (stated["body1"], stated["body2"]):
+            a, b = sorted((stated["body1"], stated["body2"]))
             self.sections.excludes.append((a, b))
         else:
-            self._keep("contact", element, attributes)
+            self._keep("contact", element, stated)
 
     # --- equalities and tendons ---------------------------------------------------------------
 
-    def equality(self, element: _Element, attributes: dict[str, str]) -> None:
+    def equality(self, element: _Element, stated: dict[str, str]) -> None:
         """A coupled joint may be a mimic, and two bodies a loop; frames may have moved."""
         index = self.links.source.id_of("equality", str(element.get("name")))
         softness = (*self.model.eq_solref[index], *self.model.eq_solimp[index])
@@ -150,37 +147,35 @@ class _Reader:
         if not is_near or not all(map(math.isfinite, softness)):
             message = f"<{element.tag}> `{element.get('name')}` has a number that is not finite"
             raise error_at(element, f"{message}, or above {FAR:g}", "correct the number")
-        if element.tag in ("joint", "tendon") and self._mimic(element, attributes):
+        if element.tag in ("joint", "tendon") and self._mimic(element, stated):
             return
-        if element.tag in ("connect", "weld") and self._loop(element, attributes):
+        if element.tag in ("connect", "weld") and self._loop(element, stated):
             return
-        if element.tag == "connect" and "anchor" in attributes:
-            x, y, z = (float(word) for word in attributes["anchor"].split())
-            attributes["anchor"] = words(
-                self.links.in_link(attributes["body1"], Pose((x, y, z))).xyz
-            )
+        if element.tag == "connect" and "anchor" in stated:
+            x, y, z = (float(word) for word in stated["anchor"].split())
+            stated["anchor"] = words(self.links.in_link(stated["body1"], Pose((x, y, z))).xyz)
         if element.tag == "weld":
-            self._weld(element, attributes)
-        self._keep("equality", element, attributes)
+            self._weld(element, stated)
+        self._keep("equality", element, stated)
 
-    def _mimic(self, element: _Element, attributes: Mapping[str, str]) -> bool:
+    def _mimic(self, element: _Element, stated: Mapping[str, str]) -> bool:
         """A linear coupling of two joints; its words that are no mimic's stay with it."""
         index = self.links.source.id_of("equality", str(element.get("name")))
-        coupling = coupling_of(str(element.tag), self.model, index, attributes)
+        coupling = coupling_of(str(element.tag), self.model, index, stated)
         joints = coupling and coupled(self.sections.joints, *coupling)
         if not coupling or not joints:
             return False
         self.sections.joints = joints
-        more = leftover(attributes, keys("joint1 joint2 tendon1 tendon2 polycoef active"))
+        more = leftover(stated, keys("joint1 joint2 tendon1 tendon2 polycoef active"))
         more["name"] = str(element.get("name"))
         self.sections.mjcf_only.append(MjcfOnly("mimic", element_text("joint", more), coupling[0]))
         return True
 
-    def _loop(self, element: _Element, attributes: Mapping[str, str]) -> bool:
+    def _loop(self, element: _Element, stated: Mapping[str, str]) -> bool:
         """Two bodies that are held together; False of one that is switched off, and of a tether."""
         links, model, name = self.links, self.model, str(element.get("name"))
         index = links.source.id_of("equality", name)
-        if not bool(model.eq_active0[index]) or leftover(attributes, LOOP_WORDS):
+        if not bool(model.eq_active0[index]) or leftover(stated, LOOP_WORDS):
             return False
         ends = [self._loop_end(index, side) for side in (0, 1)]
         if None in ends:
@@ -226,21 +221,19 @@ class _Reader:
             return LoopEnd(links.root, links.mount.inverse() @ X)
         return LoopEnd(name, links.in_link(name, X))
 
-    def _weld(self, element: _Element, attributes: dict[str, str]) -> None:
+    def _weld(self, element: _Element, stated: dict[str, str]) -> None:
         """State the relative pose of bodies whose frames have moved, as compiled."""
-        shifts = [
-            self.links.shift.get(attributes.get(f"body{side}", ""), ORIGIN) for side in (1, 2)
-        ]
+        shifts = [self.links.shift.get(stated.get(f"body{side}", ""), ORIGIN) for side in (1, 2)]
         if not any(map(any, shifts)):
             return
         index = self.links.source.id_of("equality", str(element.get("name")))
         data = self.model.eq_data[index]
         one, two = (Pose(shift) for shift in shifts)
         X = one.inverse() @ pose_at(data[3:6], data[6:10]) @ two
-        attributes["relpose"] = words((*X.xyz, *X.quat))
-        attributes["anchor"] = words(two.inverse().apply(data[:3]))
+        stated["relpose"] = words((*X.xyz, *X.quat))
+        stated["anchor"] = words(two.inverse().apply(data[:3]))
 
-    def tendon(self, element: _Element, attributes: dict[str, str]) -> None:
+    def tendon(self, element: _Element, stated: dict[str, str]) -> None:
         """As it is, without its material; its length counts from the `ref` of its joints."""
         index = self.links.source.id_of("tendon", str(element.get("name")))
         if rest := tendon_rest(element, self.links.rest):
@@ -254,25 +247,25 @@ class _Reader:
                 "springlength": self.model.tendon_lengthspring,
             }
             for key, values in ends.items():
-                if key in attributes or (key == "springlength" and "stiffness" in attributes):
-                    attributes[key] = words(float(v) - rest for v in values[index])
-        if attributes.pop("material", None):
+                if key in stated or (key == "springlength" and "stiffness" in stated):
+                    stated[key] = words(float(v) - rest for v in values[index])
+        if stated.pop("material", None):
             name = f"tendon {element.get('name')}"
             message = f"the material of {name} was left out ({where_of(element)})"
             lost = dropped("tendon material", name, message, "give the tendon an `rgba`")
             self.sections.findings.append(lost)
         if element.tag == "fixed":  # a class of tendons may say how the spatial ones are drawn
-            attributes.pop("width", None)
-            attributes.pop("rgba", None)
-        self._keep("tendon", element, attributes)
+            stated.pop("width", None)
+            stated.pop("rgba", None)
+        self._keep("tendon", element, stated)
 
     # --- sensors ------------------------------------------------------------------------------
 
-    def sensor(self, element: _Element, attributes: Mapping[str, str]) -> None:
+    def sensor(self, element: _Element, stated: Mapping[str, str]) -> None:
         """One of the Robot's, or MjcfOnly."""
-        sensor = self._as_sensor(element, attributes)
+        sensor = self._as_sensor(element, stated)
         if sensor is None:
-            self._keep("sensor", element, attributes)
+            self._keep("sensor", element, stated)
             return
         self.sections.sensors.append(sensor)
         if self.sections.mjcf_only and self.sections.mjcf_only[-1].place == "sensor":
@@ -280,31 +273,23 @@ class _Reader:
             message += "has: their places in `sensordata` differ from the source's"
             self.sections.findings.append(ORDER("robot", message, "ask for sensors by name"))
 
-    def _as_sensor(self, element: _Element, attributes: Mapping[str, str]) -> Sensor | None:
+    def _as_sensor(self, element: _Element, stated: Mapping[str, str]) -> Sensor | None:
         """The sensor in the Robot's words; None when they do not say all of it."""
-        targets = [key for key in attributes if key in _PLACES and key not in ("xbody",)]
-        extra = set(attributes) - SENSOR - set(targets)
-        if (
-            extra
-            or len(targets) + ("objname" in attributes) != 1
-            or element.tag in ("contact", "user")
-        ):
+        targets = [key for key in stated if key in _PLACES and key not in ("xbody",)]
+        extra = set(stated) - SENSOR - set(targets)
+        if extra or len(targets) + ("objname" in stated) != 1 or element.tag in ("contact", "user"):
             return None
         if targets == ["actuator"]:
-            joint = self.driven.get(attributes["actuator"], "")
+            joint = self.driven.get(stated["actuator"], "")
             if not joint:
                 return None
             at = Place("actuator", joint)
         elif targets:
-            at = Place(_PLACES[targets[0]], attributes[targets[0]])
+            at = Place(_PLACES[targets[0]], stated[targets[0]])
         else:
-            at = _place(attributes["objtype"], attributes["objname"])
-        relative = (
-            _place(attributes["reftype"], attributes["refname"])
-            if "refname" in attributes
-            else None
-        )
-        cutoff, noise = float(attributes.get("cutoff", 0.0)), float(attributes.get("noise", 0.0))
+            at = _place(stated["objtype"], stated["objname"])
+        relative = _place(stated["reftype"], stated["refname"]) if "refname" in stated else None
+        cutoff, noise = float(stated.get("cutoff", 0.0)), float(stated.get("noise", 0.0))
         return Sensor(str(element.get("name")), str(element.tag), at, relative, cutoff, noise)
 
     # --- keyframes ----------------------------------------------------------------------------
@@ -341,10 +326,10 @@ class _Reader:
             )
 
 
-def _kind(key: str, attributes: Mapping[str, str]) -> str:
+def _kind(key: str, stated: Mapping[str, str]) -> str:
     """Kind of what an attribute names, or ""."""
     if key in ("objname", "refname"):
-        return attributes.get(key.replace("name", "type"), "").removeprefix("x")
+        return stated.get(key.replace("name", "type"), "").removeprefix("x")
     return NAMES.get(key, "")
 
 
@@ -377,21 +362,21 @@ def _options(root: _Element, model: Model) -> MjcfOnly:
 
     Without the flag `gravity`: see `_gravity`.
     """
-    attributes: dict[str, str] = {}
+    stated: dict[str, str] = {}
     flags: dict[str, str] = {}
     for option in root.iterchildren("option"):
-        attributes |= leftover(own_attributes(option), keys("timestep gravity"))
+        stated |= leftover(own_attributes(option), keys("timestep gravity"))
         for flag in option.iterchildren("flag"):
             flags |= leftover(own_attributes(flag), keys("gravity"))
     integrators = ("Euler", "RK4", "implicit", "implicitfast")
     number = int(model.opt.integrator)
     if number < len(integrators):
-        attributes.setdefault("integrator", integrators[number])
-    attributes.setdefault("cone", ("pyramidal", "elliptic")[int(model.opt.cone)])
-    attributes.setdefault("impratio", words((model.opt.impratio,)))
-    attributes.setdefault("tolerance", words((model.opt.tolerance,)))
+        stated.setdefault("integrator", integrators[number])
+    stated.setdefault("cone", ("pyramidal", "elliptic")[int(model.opt.cone)])
+    stated.setdefault("impratio", words((model.opt.impratio,)))
+    stated.setdefault("tolerance", words((model.opt.tolerance,)))
     children = [("flag", dict(sorted(flags.items())))] if flags else ()
-    return MjcfOnly("option", element_text("option", dict(sorted(attributes.items())), children))
+    return MjcfOnly("option", element_text("option", dict(sorted(stated.items())), children))
 
 
 def _not_read(root: _Element) -> Iterator[Finding]:
