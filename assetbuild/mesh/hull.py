@@ -151,21 +151,13 @@ def polygon_count(hull: TriangleMesh) -> int:
     left, right = order[0::2] // 3, order[1::2] // 3
     cosine = np.einsum("ij,ij->i", normal[left], normal[right])
     flat = (cosine > np.cos(COPLANAR)) | ~(solid[left] & solid[right])
-    return _count_groups(len(hull.faces), left[flat], right[flat])
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import connected_components
 
-
-def _count_groups(items: int, left: Indices, right: Indices) -> int:
-    """How many groups are left of so many items when left[i] and right[i] are in one."""
-    parent = list(range(items))
-
-    def root(item: int) -> int:
-        while parent[item] != item:
-            parent[item] = item = parent[parent[item]]
-        return item
-
-    for one, other in zip(left.tolist(), right.tolist(), strict=True):
-        parent[root(one)] = root(other)
-    return sum(number == above for number, above in enumerate(parent))
+    faces = len(hull.faces)
+    joined = coo_array((np.ones(int(flat.sum())), (left[flat], right[flat])), shape=(faces, faces))
+    count, _ = connected_components(joined, directed=False)
+    return int(count)
 
 
 def _normals(hull: TriangleMesh) -> tuple[Array, NDArray[np.bool_]]:

@@ -81,10 +81,10 @@ def _become_worker(
     work: Callable[[], Iterable[TriangleMesh]],
     limits: NativeLimits,
     result: Connection,
-    output: int,
+    output_end: int,
 ) -> None:
-    os.dup2(output, 1)
-    os.dup2(output, 2)
+    os.dup2(output_end, 1)
+    os.dup2(output_end, 2)
     for number in (signal.SIGTERM, signal.SIGINT, signal.SIGXCPU):
         signal.signal(number, signal.SIG_DFL)
     _set_limits(limits)
@@ -113,7 +113,7 @@ def _set_limits(limits: NativeLimits) -> None:
 
 def _collect(
     result: Connection,
-    output: int,
+    output_end: int,
     limits: NativeLimits,
     stop_when: Callable[[bytes], bool] | None,
 ) -> tuple[Answer | None, bytes]:
@@ -121,19 +121,19 @@ def _collect(
     deadline = time.monotonic() + WALL_PER_CPU * limits.cpu_s + WALL_EXTRA_S
     answer: Answer | None = None
     text, line = b"", b""
-    open_ends: list[Connection | int] = [result, output]
+    open_ends: list[Connection | int] = [result, output_end]
     while open_ends:
         ready = wait(open_ends, max(0.0, deadline - time.monotonic()))
         if not ready:
             return ("time", f"no end after {limits.cpu_s:g} s"), text
         if result in ready:
             open_ends.remove(result)
-            with suppress(EOFError, OSError):  # it died: `output` and its exit code tell why
+            with suppress(EOFError, OSError):  # it died: `output_end` and its exit code tell why
                 answer = result.recv()
-        if output in ready:
-            piece = os.read(output, CHUNK)
+        if output_end in ready:
+            piece = os.read(output_end, CHUNK)
             if not piece:
-                open_ends.remove(output)
+                open_ends.remove(output_end)
             text = (text + piece)[-4 * CHUNK :]
             *lines, line = (line + piece).split(b"\n")
             line = line[-CHUNK:]
