@@ -60,7 +60,7 @@ def gripper() -> TinyRobot:
         Actuator("b_joint", "passive", damping=0.4),
     )
     home = Keyframe("home", (("lift", 0.03), ("a_joint", 0.5), ("b_joint", -0.5)))
-    pads = Contact(friction=(1.5, 0.02, 0.01), mask=2, partners=2)
+    pads = Contact(friction=(1.5, 0.02, 0.01), contype=2, conaffinity=2)
     control = Control(rows, (home,), (("a", "b"), ("base", "slide")), contacts=(("a_pad", pads),))
     return TinyRobot(tree, tree, Shapes(tuple(shapes), materials, assets), control, {
         "tile.obj": TILE, "block.obj": box_obj((0.02, 0.04, 0.06)), "wood.png": picture(),

@@ -160,7 +160,7 @@ def fitted(
         "fit": tuple((joint, names) for joint in JOINTS),
         "hold_out": 0.2,
         "gravity": (0.0, 0.0, -9.81),
-        "widest": 0.1,
+        "max_relative_interval": 0.1,
     }
     findings = run_step(FitLogs(**values | keys), inputs, folder / "out")
     return decode_file(Fit, folder / "out/fit.json"), findings

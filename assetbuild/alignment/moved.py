@@ -91,7 +91,7 @@ def fall_rows(both: Compared, asked: Experiment, ours: Motion, theirs: Motion) -
             f"{two.drop_m:.6g} m of {two.expected_m:.6g}",
             max(one.relative_error, two.relative_error),
             both.fall.tolerance,
-            both.fall.broken,
+            both.fall.error_limit,
             "of the drop",
         )
 
@@ -111,7 +111,7 @@ def sine_rows(both: Compared, asked: Experiment, ours: Motion, theirs: Motion) -
         if swing <= 0.0:
             continue
         warn = wish.tolerance if is_pure else wish.tolerance_as_is
-        row = _sine_row(both, asked.name, asked.sine, joint, ours, theirs, (warn, wish.broken))
+        row = _sine_row(both, asked.name, asked.sine, joint, ours, theirs, (warn, wish.error_limit))
         if joint in soft and row.verdict in OFF:
             firm = replace(asked, setting=replace(asked.setting, hard=True))
             hard = hard or both.mujoco(firm).motion

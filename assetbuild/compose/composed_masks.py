@@ -1,8 +1,8 @@
 """Contact masks of several MJCFs in one: each means what it did, and the parts meet each other.
 
-MuJoCo lets two shapes touch when the mask of one meets the partners of the other. Which bits a
-source uses for what is its own business, but for the first: that of the floor, and of whatever
-else in a world says nothing of masks. So
+MuJoCo lets two shapes touch when the contype of one meets the conaffinity of the other. Which
+bits a source uses for what is its own business, but for the first: that of the floor, and of
+whatever else in a world says nothing of masks. So
 
 - within a part the same pairs touch as before: bits that two sources use are told apart;
 - to each part the others are things of the world: shapes that the floor touches touch one another.
@@ -48,15 +48,17 @@ class _Side:
     def masks(self) -> set[Masks]:
         """Return the masks of all its shapes; shapes that are made anew get the common ones."""
         control = self.source_control.control
-        masks = {(c.mask, c.partners) for c in (control.contact, *(c for _, c in control.contacts))}
+        masks = {
+            (c.contype, c.conaffinity) for c in (control.contact, *(c for _, c in control.contacts))
+        }
         return masks | {_of_geom(e) for e in _geoms(control.mjcf_only)}
 
     def change(self, function: Callable[[Masks], Masks]) -> None:
         """Other masks for all shapes."""
 
         def changed(contact: Contact) -> Contact:
-            mask, partners = function((contact.mask, contact.partners))
-            return contact.model_copy(update={"mask": mask, "partners": partners})
+            contype, conaffinity = function((contact.contype, contact.conaffinity))
+            return contact.model_copy(update={"contype": contype, "conaffinity": conaffinity})
 
         control = self.source_control.control
         self.source_control = replace(
@@ -131,8 +133,8 @@ def _meets_floor(masks: Masks) -> bool:
 
 def _used(masks: set[Masks]) -> int:
     used = 0
-    for mask, partners in masks:
-        used |= mask | partners
+    for contype, conaffinity in masks:
+        used |= contype | conaffinity
     return used
 
 
@@ -145,19 +147,19 @@ def _free(taken: int, prefix: str) -> int:
     if free is None:
         raise RecipeError(
             f"the contact masks of the parts need more than {BITS} bits, at `{prefix or 'base'}`",
-            hint="state `contact: {mask: .., partners: ..}` in the parts' recipes",
+            hint="state `contact: {contype: .., conaffinity: ..}` in the parts' recipes",
         )
     return free
 
 
 def _moved(bits: Mapping[int, int], masks: Masks) -> Masks:
-    mask, partners = (sum(bits.get(bit, bit) for bit in _bits(word)) for word in masks)
-    return mask, partners
+    contype, conaffinity = (sum(bits.get(bit, bit) for bit in _bits(word)) for word in masks)
+    return contype, conaffinity
 
 
-def _with_bits(mask: int, partners: int, masks: Masks) -> Masks:
+def _with_bits(contype: int, conaffinity: int, masks: Masks) -> Masks:
     """More bits for what the floor touches."""
-    return (masks[0] | mask, masks[1] | partners) if _meets_floor(masks) else masks
+    return (masks[0] | contype, masks[1] | conaffinity) if _meets_floor(masks) else masks
 
 
 # --- geoms that only MJCF has ---------------------------------------------------------------

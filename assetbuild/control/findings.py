@@ -218,7 +218,7 @@ def contact_findings(shapes: Shapes, control: Control) -> Iterator[Finding]:
     links: dict[float, dict[str, None]] = {}
     for shape in shapes.of("collision"):
         surface = contacts.get(shape.name, control.contact)
-        touches = surface.mask or surface.partners
+        touches = surface.contype or surface.conaffinity
         if touches and surface.condim > 1 and not SLIDING[0] <= surface.friction[0] <= SLIDING[1]:
             links.setdefault(surface.friction[0], {})[shape.link] = None
     for friction, link_names in links.items():

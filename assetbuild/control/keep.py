@@ -50,7 +50,7 @@ class KeepPose(Step):
 
 
 def _masks(contact: Contact) -> Contact:
-    return Contact(mask=contact.mask, partners=contact.partners)
+    return Contact(contype=contact.contype, conaffinity=contact.conaffinity)
 
 
 LOOP_MIMIC = Rule(

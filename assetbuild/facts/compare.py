@@ -46,7 +46,7 @@ _WAS = {
         "mjcf",
         {
             "actuator": "model missing", "com": "centre_of_mass", "ctrl": "command_range",
-            "contact": "friction condim priority solref solimp mask partners",
+            "contact": "friction condim priority solref solimp contype conaffinity",
             "count": "missing extra filtered", "gains": "kp kd drive_parameters",
             "limits": "lower upper", "option": "timestep gravity", "total_mass": "mass",
         },

@@ -303,7 +303,7 @@ def _surfaces_of(shapes: Shapes, control: Control) -> Iterator[tuple[str, dict[s
     contacts, common = dict(control.contacts), control.contact
     for shape in shapes.of("collision"):
         contact = contacts.get(shape.name, common)
-        if contact.mask or contact.partners:
+        if contact.contype or contact.conaffinity:
             facts = surface_facts(contact)
             wanted = HELD_BY_NEWTON["shape"] - (set() if contact.gap else {"gap"})
             yield shape.name, {word: facts[word] for word in sorted(wanted)}

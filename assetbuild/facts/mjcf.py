@@ -188,7 +188,7 @@ class MjcfReader(Reader):
         opaque, unseen = opaque_of(reference), set[str]()
         for name in () if self.visuals else table.names("shape"):
             shape = table.of("shape", name)
-            if not shape.get("mask") and not shape.get("partners"):
+            if not shape.get("contype") and not shape.get("conaffinity"):
                 unseen.add(name)
         return table.only(
             lambda key: (

@@ -106,10 +106,10 @@ def _shapes(reference: Reference, facts: dict[Key, Value]) -> None:
     for shape in reference.shapes.shapes:
         surface = contacts.get(shape.name, reference.control.contact)
         if shape.role == "visual":
-            facts |= {Key("shape", shape.name, q): 0.0 for q in ("mask", "partners")}
+            facts |= {Key("shape", shape.name, q): 0.0 for q in ("contype", "conaffinity")}
             if not pictures.get(shape.material or "", "").lower().endswith(".png"):
                 facts.pop(Key("shape", shape.name, "texture"), None)
-        elif surface.mask or surface.partners:
+        elif surface.contype or surface.conaffinity:
             touching.add(tree.placement(shape.link)[0])
         else:
             for quantity in ("friction", "condim", "priority", "solref", "solimp", "margin", "gap"):

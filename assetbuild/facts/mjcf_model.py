@@ -276,14 +276,14 @@ def _geom(bodies: Bodies, geom: int, meshes: Meshes) -> dict[str, Value]:
         "role": role,
         "body": bodies.name(body),
         "geometry": kind,
-        "mask": float(model.geom_contype[geom]),
-        "partners": float(model.geom_conaffinity[geom]),
+        "contype": float(model.geom_contype[geom]),
+        "conaffinity": float(model.geom_conaffinity[geom]),
     }
     if kind == "mesh":
         facts |= meshes.of(int(model.geom_dataid[geom])).moved(pose).facts()
     else:
         facts |= {"size": _size(kind, model.geom_size[geom]), "pose": (*pose.xyz, *pose.quat)}
-    if facts["mask"] or facts["partners"]:
+    if facts["contype"] or facts["conaffinity"]:
         facts |= contact_facts(model, geom)
     material = int(model.geom_matid[geom])
     rgba = numbers(np.float32(model.geom_rgba[geom]))

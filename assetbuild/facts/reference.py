@@ -99,7 +99,7 @@ class Reference:
         """Read `report/robot.json`; UsageError where it is missing or not readable."""
         file = bundle / "report" / "robot.json"
         try:
-            raw = json.loads(file.read_bytes())
+            raw = json.loads(file.read_bytes(), object_hook=_with_new_keys)
             parts = {name: json.dumps(raw[name]).encode() for name in raw if name != "options"}
             read = cls(
                 decode(Tree, parts["links"]), decode(Tree, parts["tree"]),
@@ -126,6 +126,14 @@ class Reference:
         for loop in self.control.loops:
             for end in loop.ends:
                 self.tree.by_body[end.body]
+
+
+def _with_new_keys(plain: dict[str, Any]) -> dict[str, Any]:
+    """The surfaces in a bundle of version 0.1, which had other names for two keys of MuJoCo's."""
+    if "condim" not in plain or "mask" not in plain:
+        return plain
+    names = {"mask": "contype", "partners": "conaffinity"}
+    return {names.get(key, key): value for key, value in plain.items()}
 
 
 def robot_table(reference: Reference, *, merged: bool = True) -> Table:
@@ -295,8 +303,8 @@ def surface_facts(contact: Contact) -> dict[str, Value]:
         "solimp": tuple(contact.solimp or SOLIMP),
         "margin": contact.margin,
         "gap": contact.gap,
-        "mask": float(contact.mask),
-        "partners": float(contact.partners),
+        "contype": float(contact.contype),
+        "conaffinity": float(contact.conaffinity),
     }
 
 
@@ -320,7 +328,7 @@ def filtered_pairs(
     for first, second in itertools.combinations(sorted(solid), 2):
         bodies = [tree.placement(name)[0] for name in (first, second)]
         meets = any(
-            one.mask & two.partners or two.mask & one.partners
+            one.contype & two.conaffinity or two.contype & one.conaffinity
             for one in solid[first]
             for two in solid[second]
         )

@@ -230,7 +230,7 @@ def _mimic(name: str, mimic: Mimic, tree: Tree, collector: FactCollector, *, cou
 def _collider(shape: Shape, surface: Contact) -> dict[str, Value]:
     """Meshes are their hulls; the larger friction of two surfaces acts, as in MuJoCo."""
     facts: dict[str, Value] = {
-        "collides": bool(surface.mask or surface.partners),
+        "collides": bool(surface.contype or surface.conaffinity),
         "usd:dynamicFriction": surface.friction[0],
         "usd:frictionCombineMode": "max",
     }
@@ -254,7 +254,7 @@ def _shape_pairs(
             continue
         for a, b in itertools.product(solid[one], solid[two]):
             first, second = (contacts.get(shape.name, control.contact) for shape in (a, b))
-            touch = all(s.mask or s.partners for s in (first, second))
-            meet = first.mask & second.partners or second.mask & first.partners
+            touch = all(s.contype or s.conaffinity for s in (first, second))
+            meet = first.contype & second.conaffinity or second.contype & first.conaffinity
             if touch and not meet:
                 yield a.name, b.name

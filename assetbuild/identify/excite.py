@@ -70,7 +70,7 @@ class Excite(Step):
     joints: tuple[str, ...]
     fit: tuple[tuple[str, tuple[str, ...]], ...]
     gravity: tuple[float, float, float]
-    widest: float
+    max_relative_interval: float
     seconds: float = 60.0
     rate_hz: float = 200.0
     file: str
@@ -182,7 +182,7 @@ class Excite(Step):
                 "joint": self.joints[unknown.joints[0]] if len(unknown.joints) == 1 else "all",
                 "prior": short(unknown.prior),
                 "half_width": short(half),
-                "shown_from": short(2.0 * half / self.widest),
+                "shown_from": short(2.0 * half / self.max_relative_interval),
                 "confounded": bool(same),
             }
 

@@ -72,10 +72,10 @@ class FitLogs(Step):
     digests: tuple[str, ...]
     fit: tuple[tuple[str, tuple[str, ...]], ...]
     """(joint, parameters) to fit."""
-    tied: tuple[str, ...] = ()
+    shared: tuple[str, ...] = ()
     hold_out: float
     gravity: tuple[float, float, float]
-    widest: float
+    max_relative_interval: float
     effective: bool = False
     simulator_step: float | None = None
     moving: bool = False
@@ -95,7 +95,9 @@ class FitLogs(Step):
         cut = [int(len(record.position) * (1.0 - self.hold_out)) for record in whole]
         fitted = [record.until(n) for record, n in zip(whole, cut, strict=True)]
         unknowns = self._unknowns(tree, priors)
-        solution = solve(plant, fitted, priors, unknowns, self.widest, self.effective)
+        solution = solve(
+            plant, fitted, priors, unknowns, self.max_relative_interval, self.effective
+        )
         parameters = tuple(self._parameters(tree, solution))
         shown = [_shown(plant, *both, priors, solution) for both in zip(whole, cut, strict=True)]
         fit = Fit(
@@ -110,14 +112,14 @@ class FitLogs(Step):
         yield from _findings(fit)
 
     def _unknowns(self, tree: Tree, priors: Sequence[Drive]) -> list[Unknown]:
-        """Those of tied joints once; a delay is common to the joints that ask for one."""
+        """Those of shared joints once; a delay is common to the joints that ask for one."""
         wanted = dict(self.fit)
         unknowns, taken = [], set()
-        tied = [
-            {j for j, name in enumerate(self.joints) if re.fullmatch(p, name)} for p in self.tied
+        shared = [
+            {j for j, name in enumerate(self.joints) if re.fullmatch(p, name)} for p in self.shared
         ]
         for j, joint in enumerate(self.joints):
-            mates = {j}.union(*(group for group in tied if j in group))
+            mates = {j}.union(*(group for group in shared if j in group))
             for name in wanted.get(joint, ()):
                 if (name, j) in taken:
                     continue

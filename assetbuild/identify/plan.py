@@ -55,7 +55,7 @@ def identify(
             taken[joint] = number
         fit = _fit(folder, number, entry, joints, merged, control, p)
         fits.append(fit)
-        if entry.use:
+        if entry.apply:
             used[f"fits/{len(used)}.json"] = fit["fit.json"]
     if used:
         step = UseFits(fits=len(used))
@@ -89,7 +89,7 @@ def excite(
         joints=joints,
         fit=tuple((joint, tuple(by_joint(entry.fit, joint) or ())) for joint in joints),
         gravity=entry.gravity,
-        widest=entry.widest,
+        max_relative_interval=entry.max_relative_interval,
         seconds=seconds,
         # A floating robot hangs in a stand; a fixed one stands on its table.
         file="scene.xml" if tree.base == "fixed" else f"{recipe.robot}.xml",
@@ -109,7 +109,7 @@ def _joints(number: int, entry: Identify, tree: Tree) -> tuple[str, ...]:
         if name not in joints:
             message = f"`{name}` is no joint that `{entry.joints}` matches"
             raise KeyedError((*key, "names", name), message, did_you_mean(name, joints))
-    patterns = [("tied", pattern) for pattern in entry.tied]
+    patterns = [("shared", pattern) for pattern in entry.shared]
     patterns += [("fit", pattern) for pattern in entry.fit] if isinstance(entry.fit, dict) else []
     for what, pattern in patterns:
         if not any(re.fullmatch(pattern, name) for name in joints):
@@ -167,10 +167,10 @@ def _fit(
         logs=tuple(log.file for log in entry.logs),
         digests=tuple(digests),
         fit=tuple((joint, tuple(names)) for joint, names in wanted),
-        tied=entry.tied,
+        shared=entry.shared,
         hold_out=entry.hold_out,
         gravity=entry.gravity,
-        widest=entry.widest,
+        max_relative_interval=entry.max_relative_interval,
         effective=entry.values == "effective",
         simulator_step=entry.simulator_step,
         moving=entry.base == "measured",

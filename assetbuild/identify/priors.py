@@ -77,7 +77,7 @@ USED = Rule(
     "identify.used",
     "info",
     "parameters of the actuator table come from logs of the real robot",
-    "nothing; `use: false` builds with the priors",
+    "nothing; `apply: false` builds with the priors",
 )
 
 

@@ -45,7 +45,7 @@ SAME = 0.99
 
 @dataclass(frozen=True)
 class Unknown:
-    """A parameter of one or more tied joints, by their numbers. prior: of the table."""
+    """A parameter of one or more joints that share it, by their numbers. prior: of the table."""
 
     name: str
     joints: tuple[int, ...]
@@ -75,10 +75,13 @@ def solve(
     records: Sequence[Record],
     priors: Sequence[Drive],
     unknowns: Sequence[Unknown],
-    widest: float,
+    max_relative_interval: float,
     effective: bool = False,
 ) -> Solution:
-    """Fit the unknowns to the records. widest, effective: see `Identify.widest`, `.values`."""
+    """Fit the unknowns to the records.
+
+    max_relative_interval: as in `Identify`. effective: whether its `values` are.
+    """
     offsets = [Unknown("offset", (j,), 0.0, wanted=False) for j in range(len(priors))]
     if _has_torque(records):
         offsets.append(Unknown("lag", tuple(range(len(priors))), 0.0, wanted=False))
@@ -111,7 +114,7 @@ def solve(
     low = np.minimum(fit.low - lacking, fit.theta - floor)
     high = np.maximum(fit.high + lacking, fit.theta + floor)
     blame = [_missed(unknown, fit, problem.noise) for unknown in every]
-    refused = _refusals(every, fit, low, high, widest, blame)
+    refused = _refusals(every, fit, low, high, max_relative_interval, blame)
     values = [
         value if not why else unknown.prior
         for unknown, value, why in zip(every, fit.theta, refused, strict=True)
@@ -298,7 +301,7 @@ def _refusals(
     fit: Estimate,
     low: Array,
     high: Array,
-    widest: float,
+    max_relative_interval: float,
     blame: Sequence[str],
 ) -> tuple[str, ...]:
     """Why the data do not show each unknown; "" where they do. blame: what widens intervals."""
@@ -316,10 +319,10 @@ def _refusals(
             reasons.append("")
         elif value <= 0.0:
             reasons.append(f"the best value is 0, at most {high[i]:.3g}{blame[i]}")
-        elif width > widest * value:
+        elif width > max_relative_interval * value:
             reasons.append(
                 f"its interval is {width / value:.0%} of its value, above the limit of "
-                f"{widest:.0%}{blame[i]}"
+                f"{max_relative_interval:.0%}{blame[i]}"
             )
         elif unknown.name in BESIDE_FRICTION and _slides_freely(unknown, unknowns, low):
             reasons.append(

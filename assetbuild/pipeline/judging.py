@@ -103,7 +103,7 @@ def _commands(loaded: LoadedRecipe) -> dict[str, str]:
 
 def findings_of(loaded: LoadedRecipe, done: Settled[Outline]) -> list[Finding]:
     """What the steps say, under the names of the robot: a step knows neither mesh nor part."""
-    findings: list[Finding] = []
+    findings = [one for each in (loaded, *loaded.parts) for one in each.renamed]
     results = done.results
     answers_by_prefix = {"": answers(loaded.recipe, results, "")}
     for prefix, part in loaded.by_prefix.items():

@@ -12,8 +12,10 @@ from pathlib import Path
 
 from assetbuild.engine.world import World
 from assetbuild.errors import AssetBuildError, Gather, RecipeError, Where, did_you_mean
+from assetbuild.findings import Finding
 from assetbuild.lfs import refuse_pointer
 from assetbuild.recipe.models import Recipe
+from assetbuild.recipe.renamed_keys import with_new_keys
 from assetbuild.recipe.validation import Key, KeyedError, Misnamed, locate, shown, validated
 from assetbuild.recipe.yaml_tree import MAX_BYTES, MAX_COST, Entry, Node, described, parse
 from assetbuild.robot.actuator_table import RowError
@@ -88,7 +90,8 @@ class LoadedRecipe:
     """A valid recipe, the place of each of its keys, and the world it was read from.
 
     path: absolute. file: the name for people, relative to the working folder when below it.
-    variant: the one that was applied, or None. world: what was asked to read it.
+    variant: the one that was applied, or None. world: what was asked to read it. renamed: what is
+    said of keys that are stated by an old name.
     parts: the recipes that `compose` names, in its order; those of a `source` are made of this one
     and `inline`.
     """
@@ -99,6 +102,7 @@ class LoadedRecipe:
     variant: str | None
     tree: Node = field(repr=False)
     world: World = field(repr=False, compare=False)
+    renamed: tuple[Finding, ...] = ()
     parts: tuple[LoadedRecipe, ...] = ()
     inline: bool = False
 
@@ -192,7 +196,7 @@ def _load(
         hint = "a recipe begins with `schema: assetbuild/v1`"
         raise RecipeError(f"expected a map at the top, found {actual}", where=root.where, hint=hint)
     absolute = Path(os.path.abspath(path))  # noqa: PTH100 # resolve() would follow links
-    root = with_motor_file(root, absolute, world)
+    root, renamed = with_new_keys(with_motor_file(root, absolute, world))
     names = variant_names(root)
     if root.cost * (1 + len(names)) > MAX_COST:
         message = f"too large: {root.cost} values times {len(names)} variants"
@@ -205,7 +209,7 @@ def _load(
             checked[name] = check(tree), tree
     wrong.stop()
     recipe, tree = checked[variant]
-    return LoadedRecipe(recipe, absolute, file, variant, tree, world)
+    return LoadedRecipe(recipe, absolute, file, variant, tree, world, renamed)
 
 
 def _refuse_robot(data: bytes, file: str) -> None:
@@ -266,7 +270,7 @@ def _inline_part(loaded: LoadedRecipe, index: int) -> LoadedRecipe:
     assert isinstance(entries, dict)  # noqa: S101 # it is a valid recipe
     rows = entries["compose"].node.value
     assert isinstance(rows, tuple | list)  # noqa: S101 # as above
-    return replace(loaded, recipe=recipe, tree=rows[index], parts=(), inline=True)
+    return replace(loaded, recipe=recipe, tree=rows[index], renamed=(), parts=(), inline=True)
 
 
 def with_motor_file(root: Node, recipe: Path, world: World) -> Node:

@@ -181,7 +181,7 @@ def _model(name: str, form: str, table: Table, **how: Any) -> Side:  # Any: of F
 NOT_IN_URDF = (
     "base", "base pose", "model", "kp", "kd", "armature", "command range", "drive name", "keyframe",
     "simulation", "sensor", "camera", "pair", "friction", "condim", "priority", "solref", "solimp",
-    "margin", "gap", "mask", "partners", "shape",
+    "margin", "gap", "contype", "conaffinity", "shape",
 )  # fmt: skip
 """What a URDF does not say, and what a URDF alone does not show: its meshes as files."""
 

@@ -10,7 +10,7 @@ from assetbuild.recipe_types import Model, NonNegative, Pattern, Real, unstated
 
 
 class Contact(Model):
-    """A surface. Two shapes may touch when one's mask meets the other's partners."""
+    """A surface. Two shapes may touch when one's contype meets the other's conaffinity."""
 
     friction: tuple[NonNegative, NonNegative, NonNegative] = Field(
         (1.0, 0.005, 0.0001), description="sliding, torsional (m), rolling (m)"
@@ -34,14 +34,14 @@ class Contact(Model):
     )
     margin: NonNegative = Field(0.0, description="contacts exist from this distance, m")
     gap: NonNegative = Field(0.0, description="part of the margin without force, m")
-    mask: int = Field(
+    contype: int = Field(
         1,
         ge=0,
         lt=2**31,
-        description="MuJoCo's contype: bits; two shapes may touch when one's mask meets the "
-        "other's partners",
+        description="MuJoCo's contype: bits; two shapes may touch when one's contype meets the "
+        "other's conaffinity",
     )
-    partners: int = Field(1, ge=0, lt=2**31, description="MuJoCo's conaffinity: bits")
+    conaffinity: int = Field(1, ge=0, lt=2**31, description="MuJoCo's conaffinity: bits")
 
     @model_validator(mode="after")
     def _signs(self) -> Self:

@@ -99,7 +99,7 @@ class Identify(Model):
         ("armature", "damping", "friction", "delay"),
         description="parameters to fit, of all the joints or for each pattern of joints",
     )
-    tied: tuple[Pattern, ...] = Field(
+    shared: tuple[Pattern, ...] = Field(
         (), max_length=64, description="joints that share their values, such as left and right"
     )
     hold_out: Annotated[float, Field(ge=0.0, le=0.5)] = Field(
@@ -113,7 +113,7 @@ class Identify(Model):
     gravity: tuple[Real, Real, Real] = Field(
         (0.0, 0.0, -9.81), description="while recording, in the axes of the root, m/s2"
     )
-    widest: Positive = Field(
+    max_relative_interval: Positive = Field(
         0.1,
         description="a parameter with a 95 % interval wider than this share of its value is "
         "refused and keeps its prior",
@@ -129,7 +129,7 @@ class Identify(Model):
         description="s; the timestep of the simulator that made the logs, if no real robot did: "
         "its error of integration is then part of the fit",
     )
-    use: bool = Field(True, description="false: fit and report, but build with the priors")
+    apply: bool = Field(True, description="false: fit and report, but build with the priors")
 
     @model_validator(mode="after")
     def _base_has_columns(self) -> Identify:
@@ -173,8 +173,9 @@ class LogUsed:
 
 @dataclass(frozen=True)
 class Parameter:
-    """One parameter of one or more tied joints. low, high: 95 % interval; prior: None = none.
+    """One parameter of one or more joints that share it.
 
+    low, high: 95 % interval. prior: None = none.
     refused: why the data do not show it; "" = identified.
     """
 
@@ -190,7 +191,7 @@ class Parameter:
     @property
     def label(self) -> str:
         """`friction of FR_hip_joint`."""
-        more = f" and {len(self.joints) - 1} tied" if len(self.joints) > 1 else ""
+        more = f" and {len(self.joints) - 1} that share it" if len(self.joints) > 1 else ""
         return f"{self.name} of {self.joints[0]}{more}"
 
 

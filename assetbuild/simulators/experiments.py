@@ -45,7 +45,7 @@ class Swing(Model):
     tolerance_as_is: Positive = Field(
         0.05, description="the same with contacts, friction and limits, warning"
     )
-    broken: Positive = Field(0.2, description="of the swing, either way, error")
+    error_limit: Positive = Field(0.2, description="of the swing, either way, error")
 
 
 # --- questions ----------------------------------------------------------------------------------

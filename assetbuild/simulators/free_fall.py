@@ -24,7 +24,7 @@ class Fall(Model):
     tolerance: Positive = Field(
         0.003, description="relative, against the integrator's formula, warning"
     )
-    broken: Positive = Field(0.05, description="the same, error")
+    error_limit: Positive = Field(0.05, description="the same, error")
 
 
 @dataclass(frozen=True)
@@ -103,7 +103,7 @@ class FreeFallCheck(SimulatorCheck):
                 "robot",
                 f"fell {fall.drop_m:.6g} m and {fall.sideways_m:.3g} m sideways in "
                 f"{fall.seconds:g} s, expected {fall.expected_m:.6g} m",
-                severity="error" if error > self.wish.broken * fall.expected_m else "warning",
+                severity="error" if error > self.wish.error_limit * fall.expected_m else "warning",
                 hint="is a part fixed to the world, damped, or free of gravity?",
                 data={
                     "drop_m": fall.drop_m,

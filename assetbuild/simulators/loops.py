@@ -41,7 +41,7 @@ OPENS = Rule(
     "loop.opens",
     ("warning", "error"),
     "a loop opens by more than `validate.loops.gap` while the driven joints swing (an error above "
-    "`validate.loops.broken`, or where the simulation goes to infinity)",
+    "`validate.loops.error_limit`, or where the simulation goes to infinity)",
     "for MuJoCo and Newton a smaller timestep or a firmer loop: one of the recipe takes the place "
     "of the MJCF's of its name, firm by default; for PhysX more "
     "`usd.articulation.solver_position_iterations`",
@@ -60,7 +60,7 @@ class LoopSwing(Model):
     frequency: Positive = Field(0.5, description="Hz")
     seconds: Positive = Field(3.0, description="s; the first third is left out")
     gap: Positive = Field(1e-4, description="m or rad: how far a loop may open, warning")
-    broken: Positive = Field(5e-3, description="the same, error")
+    error_limit: Positive = Field(5e-3, description="the same, error")
 
 
 def trial(tree: Tree, control: Control, wish: LoopSwing) -> Experiment:
@@ -223,6 +223,6 @@ class LoopCheck(SimulatorCheck):
                 yield OPENS(
                     f"loop {name}",
                     message,
-                    severity="error" if size > self.wish.broken else "warning",
+                    severity="error" if size > self.wish.error_limit else "warning",
                     data={"open": size if math.isfinite(size) else None, "limit": self.wish.gap},
                 )

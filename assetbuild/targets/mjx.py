@@ -149,8 +149,8 @@ class Mjx(Target):
 
     def _cheap(self, contact: Contact) -> Contact:
         least = min(contact.condim, self.options.condim or contact.condim)
-        mask = contact.mask if self.options.self_collision else 0
-        return contact.model_copy(update={"condim": least, "mask": mask})
+        contype = contact.contype if self.options.self_collision else 0
+        return contact.model_copy(update={"condim": least, "contype": contype})
 
     def _explain_condim(self, control: Control) -> Iterator[Finding]:
         most = max(

@@ -98,7 +98,7 @@ def written(place: Path, logs: list[dict[str, Any]]) -> Path:
         "logs": names,
         "recorded": {"kp": kp, "kd": kd},
         "values": "effective",
-        "widest": 3,
+        "max_relative_interval": 3,
         "fit": ["armature", "friction", "kp", "kd", "delay"],
     }
     recipe = place / "pendulum.yaml"

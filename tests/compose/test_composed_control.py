@@ -175,12 +175,12 @@ def test_a_part_that_floats_alone_is_held_and_its_place_in_its_world_told(tmp_pa
 
 
 def source(*masks: tuple[int, int]) -> SourceControl:
-    contacts = [(f"s{n}", Contact(mask=m, partners=p)) for n, (m, p) in enumerate(masks)]
+    contacts = [(f"s{n}", Contact(contype=m, conaffinity=p)) for n, (m, p) in enumerate(masks)]
     return SourceControl(Control(contact=contacts[0][1], contacts=tuple(contacts)))
 
 
 def masks_of(said: SourceControl) -> list[tuple[int, int]]:
-    return [(contact.mask, contact.partners) for _, contact in said.control.contacts]
+    return [(contact.contype, contact.conaffinity) for _, contact in said.control.contacts]
 
 
 ODD = [

@@ -38,8 +38,8 @@ OTHER: dict[str, Any] = {
     "contact.solref": (0.01, 0.9),
     "contact.solimp": (0.8, 0.9, 0.002, 0.4, 3.0),
     "contact.priority": 3,
-    "contact.mask": 5,
-    "contact.partners": 3,
+    "contact.contype": 5,
+    "contact.conaffinity": 3,
 }
 """Values that a rule of thumb would not find."""
 
@@ -136,7 +136,7 @@ UNSAID = {
 """Numbers that say nothing of a plain PD drive."""
 ELSEWHERE = {
     "bare joint": "mjlab's configuration drives the joints",
-    "mjx shape mask": "its pairs are listed",
+    "mjx shape contype": "its pairs are listed",
     "mjlab joint velocity": "mjlab's PD drives have no limit of speed",
 }
 """Format and row -> why its reader, which holds the row of other robots, says nothing here."""

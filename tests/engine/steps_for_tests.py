@@ -152,7 +152,7 @@ class Meet(Step):
     number: int
     company: int
     folder: str
-    patience_s: float = 20.0
+    patience_s: float = 300.0
 
     def run(self, files: Files) -> Iterable[Finding]:
         place = Path(self.folder)

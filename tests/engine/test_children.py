@@ -249,7 +249,7 @@ def test_declared_memory_bounds_what_runs_at_once(
     for number in range(2):
         planner.add(
             str(number),
-            Big(number=number, company=2, folder=str(place), patience_s=0.5 + 9 * together),
+            Big(number=number, company=2, folder=str(place), patience_s=300.0 if together else 0.5),
         )
     planner.add("small", Mix())
     results = execute(planner.graph(), session, jobs=3, memory_mb=memory_mb)

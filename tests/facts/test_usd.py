@@ -78,7 +78,7 @@ def test_a_spring_is_the_drive_of_a_joint_that_has_no_other(tmp_path: Path) -> N
 
 def test_neighbours_whose_masks_never_meet_are_told_apart_by_their_joint(tmp_path: Path) -> None:
     robot = gripper()
-    never = Contact(mask=2, partners=1)
+    never = Contact(contype=2, conaffinity=1)
     control = replace(robot.control, contact=never, contacts=(), excludes=())
     assert check(replace(robot, control=control), tmp_path) == []
 
@@ -92,8 +92,8 @@ def test_every_random_tree_is_equal(robot: TinyRobot) -> None:
 
 def test_identifiers_options_and_masks_are_equal(tmp_path: Path) -> None:
     robot = tiny_quadruped()
-    none = Contact(friction=(0.8, 0.02, 0.01), mask=0, partners=0)
-    foot = Contact(friction=(1.2, 0.02, 0.01), mask=2, partners=4)
+    none = Contact(friction=(0.8, 0.02, 0.01), contype=0, conaffinity=0)
+    foot = Contact(friction=(1.2, 0.02, 0.01), contype=2, conaffinity=4)
     contacts = (("trunk_collision", none), ("FR_foot_collision", foot))
     joints = tuple(replace(j, name=f"{j.name}.1") for j in robot.tree.joints)
     rows = tuple(replace(a, joint=f"{a.joint}.1", effort=None, velocity=None)

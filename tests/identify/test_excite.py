@@ -34,7 +34,7 @@ def excited(folder, wall=2.0, **keys):
         "joints": JOINTS,
         "fit": tuple((joint, ("armature", "damping", "friction", "kd")) for joint in JOINTS),
         "gravity": (0.0, 0.0, -9.81),
-        "widest": 0.1,
+        "max_relative_interval": 0.1,
         "seconds": 20.0,
         "file": "scene.xml",
     }

@@ -117,10 +117,10 @@ def test_what_the_logs_contradict_or_predict_no_better_is_told(
     assert [finding.rule for finding in _findings(fit)] == rules
 
 
-def test_tied_joints_have_one_value(tmp_path):
+def test_joints_that_share_a_value_have_one_value(tmp_path):
     target, position, _ = two_links(6.0)
     names = tuple((joint, ("friction",)) for joint in JOINTS)
-    fit, _ = fitted(tmp_path, target, position, fit=names, tied=(".*",))
+    fit, _ = fitted(tmp_path, target, position, fit=names, shared=(".*",))
     (both,) = fit.parameters
     assert both.joints == JOINTS and both.value > 0.0
 

@@ -264,7 +264,7 @@ def _is_stated(key: Key, facts: Facts, stated: frozenset[str]) -> bool:
 
 def _reasons(kind: str, name: str, quantity: str, facts: Facts) -> Iterator[str]:
     """Words of `stated` that would explain it."""
-    touches = facts.get(Key(kind, name, "mask")) or facts.get(Key(kind, name, "partners"))
+    touches = facts.get(Key(kind, name, "contype")) or facts.get(Key(kind, name, "conaffinity"))
     command = kind == "keyframe" and quantity in ("target", "mjcf:command")
     watched = str(facts.get(Key(kind, name, "object"), "")).startswith("actuator ")
     if (

@@ -75,7 +75,7 @@ class Trials(mujoco.InMujoco):
     timestep: Positive = Field(
         0.02, description="rad or m: difference to a quarter of the timestep, warning"
     )
-    dead: Positive = Field(
+    min_response: Positive = Field(
         0.01, description="rad or m: a joint that moves less when its drive is commanded, error"
     )
     poses: int = Field(200, ge=1, le=100_000, description="random poses for self-collision")
@@ -114,7 +114,7 @@ class Trials(mujoco.InMujoco):
     def _limits(self) -> dict[str, float]:
         """Name of a figure -> what it is compared with."""
         return {
-            **dict.fromkeys(("asked", "moved"), self.dead),
+            **dict.fromkeys(("asked", "moved"), self.min_response),
             "energy_drift": self.energy,
             "timestep_error": self.timestep,
             "share_of_poses": self.always,
@@ -155,7 +155,7 @@ class Trials(mujoco.InMujoco):
         answers = experiments.answers(model)
         figures["drives"] = [{"joint": joint, **a._asdict()} for joint, a in answers.items()]
         for joint, (asked, moved) in answers.items():
-            if moved < min(self.dead, 0.2 * asked):
+            if moved < min(self.min_response, 0.2 * asked):
                 origin = ", as in the source's own MJCF" if self.inherited else ""
                 yield rules.DEAD(
                     f"actuator {joint}",

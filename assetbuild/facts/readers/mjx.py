@@ -36,7 +36,7 @@ class MjxFacts(MjcfReader):
 
         def cheap(contact: Contact) -> Contact:
             changed = {"condim": min(contact.condim, most or contact.condim)}
-            return contact.model_copy(update=changed if meets else changed | {"mask": 0})
+            return contact.model_copy(update=changed if meets else changed | {"contype": 0})
 
         sensors = tuple(s for s in control.sensors if s.at.kind != "shape" or s.at.name not in gone)
         only = tuple(

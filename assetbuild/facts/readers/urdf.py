@@ -52,8 +52,8 @@ LACKS: Mapping[str, str] = {
     **{
         f"shape {name}": _CONTACT
         for name in (
-            "friction", "condim", "priority", "solref", "solimp", "margin", "gap", "mask",
-            "partners", "collides", "restitution",
+            "friction", "condim", "priority", "solref", "solimp", "margin", "gap", "contype",
+            "conaffinity", "collides", "restitution",
         )
     },
     "loop": "URDF has trees alone; the finding `urdf.loop` says so",

@@ -237,8 +237,8 @@ def contact_of(model: Model, index: int) -> Contact:
         solimp=(a, b, c, d, e) if (a, b, c, d, e) != (0.9, 0.95, 0.001, 0.5, 2.0) else None,
         margin=float(model.geom_margin[index]),
         gap=float(model.geom_gap[index]),
-        mask=int(model.geom_contype[index]),
-        partners=int(model.geom_conaffinity[index]),
+        contype=int(model.geom_contype[index]),
+        conaffinity=int(model.geom_conaffinity[index]),
     )
 
 

@@ -31,18 +31,10 @@ from assetbuild.targets.mjcf.classes import (
 from assetbuild.targets.mjcf.xml import element, number, numbers, pose_attributes
 
 _PLACE = frozenset({"pos", "quat"})
-_SURFACE: Mapping[str, str] = {
-    "mask": "contype",
-    "partners": "conaffinity",
-    "condim": "condim",
-    "priority": "priority",
-    "friction": "friction",
-    "solref": "solref",
-    "solimp": "solimp",
-    "margin": "margin",
-    "gap": "gap",
-}
-"""Attribute in MJCF by field of `Contact`, in Menagerie's order."""
+_SURFACE = (
+    "contype", "conaffinity", "condim", "priority", "friction", "solref", "solimp", "margin", "gap",
+)  # fmt: skip
+"""Fields of `Contact` are called as in MJCF; in Menagerie's order."""
 _SURFACE_DEFAULTS: Mapping[str, str] = {"solref": "0.02 1", "solimp": "0.9 0.95 0.001 0.5 2"}
 
 
@@ -137,8 +129,8 @@ def _geometry(shape: Shape) -> tuple[str, str | None]:
 def _surface(contact: Contact, above: Contact) -> dict[str, str]:
     """What differs from the class above."""
     return {
-        attribute: _SURFACE_DEFAULTS.get(name, "") if value is None else numbers(_listed(value))
-        for name, attribute in _SURFACE.items()
+        name: _SURFACE_DEFAULTS.get(name, "") if value is None else numbers(_listed(value))
+        for name in _SURFACE
         if (value := getattr(contact, name)) != getattr(above, name)
     }
 

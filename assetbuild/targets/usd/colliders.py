@@ -173,7 +173,7 @@ def touching_neighbours(names: PrimPaths, shapes: Shapes, control: Control) -> s
 
 def _meet(one: Contact, two: Contact) -> bool:
     """Whether MuJoCo's bits let two shapes touch."""
-    return bool(one.mask & two.partners or two.mask & one.partners)
+    return bool(one.contype & two.conaffinity or two.contype & one.conaffinity)
 
 
 def _filter(stage: Usd.Stage, path: str, others: list[str]) -> None:
@@ -191,17 +191,17 @@ def apply_masks(stage: Usd.Stage, names: PrimPaths, shapes: Shapes, control: Con
     surfaces = [
         (shape, contacts.get(shape.name, control.contact)) for shape in shapes.of("collision")
     ]
-    if all(s.mask == s.partners == 1 for _, s in surfaces):
+    if all(s.contype == s.conaffinity == 1 for _, s in surfaces):
         return
     for index, (shape, surface) in enumerate(surfaces):
-        if not surface.mask and not surface.partners:
+        if not surface.contype and not surface.conaffinity:
             prim = stage.OverridePrim(names.shape(shape))
             UsdPhysics.CollisionAPI(prim).CreateCollisionEnabledAttr(False)
             continue
         apart = [
             names.shape(other)
             for other, theirs in surfaces[index + 1 :]
-            if (theirs.mask or theirs.partners)
+            if (theirs.contype or theirs.conaffinity)
             and not _meet(surface, theirs)
             and names.tree.placement(shape.link)[0] != names.tree.placement(other.link)[0]
         ]

@@ -205,7 +205,7 @@ def _ignored(links: list[str], robot: RobotFiles) -> dict[str, list[str]]:
         bodies = tree.placement(one)[0], tree.placement(other)[0]
         excluded = tuple(sorted(bodies)) in control.excludes
         meets = any(
-            a.mask & b.partners or b.mask & a.partners
+            a.contype & b.conaffinity or b.contype & a.conaffinity
             for a in contacts[one]
             for b in contacts[other]
         )
