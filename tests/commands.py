@@ -15,14 +15,12 @@ import os
 import pkgutil
 import select
 import shlex
-import shutil
 import signal
 import subprocess
 import sys
 import tempfile
 import time
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from functools import cache
 from pathlib import Path
 from typing import NoReturn
@@ -102,16 +100,23 @@ class Forker:
 
 def serve() -> None:
     """Import the program, then fork a process per line of standard input."""
+    sys.path.insert(0, str(Path(__file__).parent))
+    from workers import Ready, all_steps, kind_of
+
+    sys.path.pop(0)
     from assetbuild import checks, cli, targets
+    from assetbuild.engine.children import Children
 
     importlib.import_module("assetbuild.pipeline")
     for room in (cli, checks, targets):
         for module in pkgutil.iter_modules(room.__path__, f"{room.__name__}."):
             importlib.import_module(module.name)
-    steps = _steps()
+    steps = all_steps()
     _read_the_code_of_steps(steps)
-    folder = Path(tempfile.mkdtemp(prefix="workers-"))
-    _have_workers_ready(steps, folder)
+    workers = Ready()
+    for kind in map(kind_of, steps):
+        workers.door(kind)
+    Children.door = lambda self, kind: workers.door(kind)
     gc.freeze()  # so that the end of a fork does not touch, and copy, all of it
     answers = os.dup(1)
     for line in iter(sys.stdin.buffer.readline, b""):
@@ -122,18 +127,7 @@ def serve() -> None:
         os.write(answers, f"{pid}\n".encode())
         status = os.waitpid(pid, 0)[1]
         os.write(answers, f"{os.waitstatus_to_exitcode(status)}\n".encode())
-    shutil.rmtree(folder, ignore_errors=True)
-
-
-def _steps() -> list[type]:
-    from assetbuild.engine.step import Step
-
-    found, waiting = [], [Step]
-    while waiting:
-        fresh = waiting.pop().__subclasses__()
-        found += fresh
-        waiting += fresh
-    return found
+    workers.close()
 
 
 def _read_the_code_of_steps(steps: list[type]) -> None:
@@ -143,32 +137,6 @@ def _read_the_code_of_steps(steps: list[type]) -> None:
     code = Code()
     for step in steps:
         code.of(step)
-
-
-def _have_workers_ready(steps: list[type], folder: Path) -> None:
-    """A process per kind of steps that has imported what they need: workers are forks of it."""
-    from assetbuild.engine.children import Children, Kind, Origin, fork_worker
-
-    modules: dict[Kind, set[str]] = {}
-    for step in steps:
-        kind = Kind(step.preload, max(1, step.limits.cpus), step.network)
-        modules.setdefault(kind, set()).add(step.__module__)
-    origin = Origin(_made(folder / "origin"))
-    ready = {
-        kind: fork_worker(
-            origin.door, replace(kind, preload=(*kind.preload, *sorted(names))),
-            _made(folder / str(number)),
-        )
-        for number, (kind, names) in enumerate(modules.items())
-    }  # fmt: skip
-    for worker in ready.values():
-        worker.wait_for_start()
-    Children.door = lambda self, kind: ready[kind].door if kind in ready else origin.door
-
-
-def _made(folder: Path) -> Path:
-    folder.mkdir()
-    return folder
 
 
 def _become(job: dict[str, list[str]]) -> NoReturn:

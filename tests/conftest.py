@@ -13,6 +13,7 @@ from pathlib import Path
 
 import pytest
 from hypothesis import HealthCheck, settings
+from workers import fork_from_ready_workers
 
 from assetbuild.engine.machine import cache_root
 
@@ -44,6 +45,15 @@ UNPACKED = (
 def pytest_configure(config: pytest.Config) -> None:
     """Load the number of random examples: few while somebody waits, more with `-m slow`."""
     settings.load_profile("ci" if config.getoption("markexpr") == "slow" else "quick")
+
+
+@pytest.fixture(autouse=True)
+def builds_fork_ready_workers(
+    request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Where a module is not about the process that forks them."""
+    if not request.node.get_closest_marker("own_workers"):
+        fork_from_ready_workers(monkeypatch)
 
 
 @pytest.fixture(scope="module")

@@ -34,6 +34,8 @@ from assetbuild.engine.processes import Processes
 from assetbuild.engine.session import Session
 from assetbuild.errors import MachineError, SourceError, StepError, Where
 
+pytestmark = pytest.mark.own_workers
+
 
 @pytest.mark.parametrize(
     ("how", "message"),

@@ -23,6 +23,8 @@ from assetbuild.engine.machine import cpuinfo
 from assetbuild.engine.session import Session
 from assetbuild.engine.store import Store
 
+pytestmark = pytest.mark.own_workers
+
 V3 = "avx avx2 fma bmi1 bmi2 f16c abm movbe ssse3 sse4_1 sse4_2 popcnt"
 CODE = Code()
 IS_V3 = cpu_class().name == "v3"

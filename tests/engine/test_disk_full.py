@@ -25,6 +25,8 @@ from assetbuild.engine.store import Store, machine_error
 from assetbuild.errors import AssetBuildError, MachineError
 from assetbuild.pipeline.publish import discard, new_staging, publish
 
+pytestmark = pytest.mark.own_workers
+
 LEGS = Path(__file__).parents[1] / "robots/four_legs.urdf"
 
 

@@ -13,6 +13,8 @@ from pathlib import Path
 import pytest
 from builds_for_tests import is_alive
 
+pytestmark = pytest.mark.own_workers
+
 PROGRAM = """
 import json, sys
 from pathlib import Path
