@@ -89,8 +89,9 @@ class World:
         return digest
 
     def saw(self, path: Path, data: bytes) -> None:
-        """A file was read just now, and these were its bytes."""
-        self._ask((BYTES, str(path.absolute()), ""), lambda _: digest_bytes(data))
+        """A file was read just now, and these were its bytes; it may be a step's input, too."""
+        place = path.absolute()
+        self._files[self._ask((BYTES, str(place), ""), lambda _: digest_bytes(data))] = place
 
     def wrote(self, path: Path, data: bytes) -> None:
         """This build itself wrote a file: what was answered about it before holds no longer."""
@@ -175,21 +176,25 @@ class World:
         return tuple(reply.split(BETWEEN)) if reply else ()
 
     def below(
-        self, folder: Path, ends: tuple[str, ...], but: tuple[str, ...] = ()
+        self,
+        folder: Path,
+        ends: tuple[str, ...],
+        but: tuple[str, ...] = (),
+        passed: Callable[[Path], bool] = lambda _: False,
     ) -> Iterator[Path]:
         """Files and links below a folder whose names end so; not in hidden folders, no link.
 
-        but: see `pattern_of`.
+        but: see `pattern_of`. passed: of a folder, whether to pass it by.
         """
         pending = [folder]
         pattern = pattern_of((), ends, deep=True, but=but)
         while pending:
             here = pending.pop()
             for name in self._names(here, pattern):
-                if name.endswith("/"):
-                    pending.append(here / name)
-                else:
+                if not name.endswith("/"):
                     yield here / name
+                elif not passed(here / name):
+                    pending.append(here / name)
 
     # -- the machine
 

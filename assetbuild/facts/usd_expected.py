@@ -29,6 +29,8 @@ from assetbuild.robot.shapes import Mesh, Shape
 HULL_LIMIT = "usd:physxConvexHullCollision:hullVertexLimit"
 HULL_VERTICES = 64.0
 """Most vertices of a convex hull that PhysX collides on a GPU."""
+WORLD_JOINT = "root_joint"
+"""The prim of the joint that holds a fixed base."""
 DEGREE = math.pi / 180.0
 """rad; what engines alone know stands in the file's own units."""
 SOLVER = {
@@ -113,6 +115,7 @@ def _root(reference: Reference) -> dict[str, Value]:
     """The articulation is on the root body of a floating base, else on what holds the base."""
     tree = reference.tree
     fixed = tree.base == "fixed"
+    joints: Value = (*((WORLD_JOINT,) if fixed else ()), *tree.by_joint)
     held: dict[str, Value] = {
         "usd:world joint holds": tree.root,
         "usd:world joint pose": pose_value(tree.X_world_root),
@@ -124,8 +127,17 @@ def _root(reference: Reference) -> dict[str, Value]:
         "articulation root": "the joint with the world" if fixed else f"body {tree.root}",
         "usd:robot prim pose": pose_value(tree.X_world_root if fixed else IDENTITY),
         "self-collision": touches_itself(reference),
+        "usd:isaac:robotLinks": tuple(_links_and_sites(tree)),
+        **({"usd:isaac:robotJoints": joints} if joints else {}),
         **(held if fixed else {}),
     }
+
+
+def _links_and_sites(tree: Tree) -> Iterator[str]:
+    """Each body, followed by the frames on it."""
+    for body in tree.bodies:
+        yield body.name
+        yield from (frame.name for frame in tree.frames if frame.body == body.name)
 
 
 def _articulation(reference: Reference) -> dict[str, Value]:

@@ -23,6 +23,8 @@ from assetbuild.robot.inertia import rotate_tensor
 GROUPS = ("visuals", "collisions")
 """Groups of shapes below a body, which are no frames."""
 ROOT = "PhysicsArticulationRootAPI"
+LISTS = {"robotLinks": "isaac:nameOverride", "robotJoints": "isaac:NameOverride"}
+"""Lists of Isaac Sim's robot schema -> what says a name that is no identifier."""
 
 
 @dataclass
@@ -65,6 +67,7 @@ def read_robot(path: Path) -> Table:
         articulated = [prim.path for prim in contents.roots if prim.path in contents.bodies]
         pair_facts(colliders, names, contents.filters, apart, articulated, collector)
         _named_poses(robot, joints, collector)
+        collector.put("robot", "", _listed(robot))
         subjects = {path: subject for subject, path in collector.places.items()}
         for each in contents.prims:
             owners = (
@@ -241,3 +244,18 @@ def _named_poses(robot: Prim, joints: Sequence[JointPrim], collector: FactCollec
             if joint is not None:
                 position = value * joint.units.length(joint.angular)
                 collector.put("keyframe", f"{pose.name}/{joint.prim.name}", {"position": position})
+
+
+def _listed(robot: Prim) -> dict[str, Value]:
+    """Names of links, sites and joints in the order in which Isaac Sim's tools show them."""
+    stage, lists = robot.prim.GetStage(), dict[str, Value]()
+    for word, override in LISTS.items():
+        paths = robot.targets(f"isaac:physics:{word}", "IsaacRobotAPI")
+        prims = [Prim(prim) for path in paths if (prim := stage.GetPrimAtPath(path))]
+        if prims:
+            lists[f"usd:isaac:{word}"] = tuple(
+                prim.name if prim.has("IsaacSiteAPI")
+                else prim.text(override) or str(prim.prim.GetName())
+                for prim in prims
+            )  # fmt: skip
+    return lists

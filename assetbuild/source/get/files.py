@@ -17,6 +17,8 @@ from assetbuild.source.get.unpack import Unpack
 
 MESHES = "unpack meshes"
 """The one label of unpacking that is not light: see `pipeline.check`."""
+BUNDLE_FILES = ("manifest.json", "provenance.json")
+"""A folder that holds these is a bundle, and no part of a robot's source."""
 LICENSES = ("license", "licence", "copying")
 """How the names of licence texts begin, in whatever case."""
 
@@ -158,10 +160,15 @@ class FolderFiles:
         """See `ArchiveFiles`. Links that lead out of the source, or nowhere, are not among them."""
         paths = {}
         for folder in folders:
-            for path in self._world.below(self.root / folder, suffixes, but):
+            for path in self._world.below(self.root / folder, suffixes, but, self._is_built):
                 if self._is_inside(path):
                     paths[path.relative_to(self.root).as_posix()] = path
         return {name: self._p.source(path) for name, path in sorted(paths.items())}
+
+    def _is_built(self, folder: Path) -> bool:
+        """Whether a build left it there: a bundle, or what it set aside of one."""
+        bundle = all(self._world.is_file(folder / name) for name in BUNDLE_FILES)
+        return bundle or folder.name.endswith(".edited")
 
     def present(self, what: str, paths: Collection[str]) -> dict[str, Ref] | None:
         """See `ArchiveFiles`. A link that leads out of the source is not there."""

@@ -33,8 +33,10 @@ NOT_INCLUDED = (
     ".h5", ".pkl", ".pt", ".pth", ".onnx", ".bin", ".so", ".a", ".o", ".dll", ".exe", ".pyc",
     ".whl", ".jar", ".ttf",
     ".md", ".rst", ".html", ".ipynb", ".py", ".c", ".cc", ".cpp", ".h", ".hpp", ".rviz",
+    ".run.json",
 )  # fmt: skip
-"""Endings of meshes, pictures, archives, code and pages; a xacro may include every other file."""
+"""Endings of meshes, pictures, archives, code, pages and run logs of builds; a xacro may include
+every other file."""
 MOST_FILES = 20_000
 """Files that one xacro may choose from: the packages of a robot, not a disk."""
 
