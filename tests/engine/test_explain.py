@@ -15,7 +15,6 @@ from assetbuild.engine.cpu import platform_tag
 from assetbuild.engine.execute import execute
 from assetbuild.engine.explain import Change, changes_between, explain
 from assetbuild.engine.graph import Graph, joined
-from assetbuild.engine.journal import Journal
 from assetbuild.engine.planner import Planner
 from assetbuild.engine.processes import Processes
 from assetbuild.engine.rebuild import run_again
@@ -163,19 +162,6 @@ def test_another_step_under_the_same_label_is_named(session):
     planner.add("it", MixInChild())
     changes = explain(planner.graph(), session, "it").changes
     assert str(changes[0]) == "step: steps_for_tests:Write -> steps_for_tests:MixInChild"
-
-
-def test_what_many_steps_share_is_written_once(tmp_path):
-    one, many = Journal(tmp_path / "one", {"": "b"}), Journal(tmp_path / "many", {"": "b"})
-    one.saw("step 0", PARTS)
-    for number in range(100):
-        many.saw(f"step {number}", PARTS)
-    one.save()
-    many.save()
-    (small,), (large,) = ((tmp_path / name / "journal").iterdir() for name in ("one", "many"))
-    own = len(json.dumps({**PARTS, "code": 0, "libraries": 0})) + 50
-    assert large.stat().st_size < small.stat().st_size + 99 * own
-    assert Journal(tmp_path / "many", {"": "b"}).parts("step 99") == PARTS
 
 
 def again(graph: Graph, session: Session, results, keep: Path, **options):

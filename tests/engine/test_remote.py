@@ -89,8 +89,7 @@ def test_an_object_is_sent_once(tmp_path, robot, server, sent):
 
 FAULTS = (
     "500", "wrong_bytes", "short", "huge_length", "endless", "slow", "slow_headers", "redirect",
-    "redirect_to_file", "garbage", "hang_up", "cas_wrong_bytes", "cas_huge_length", "cas_endless",
-    "cas_slow",
+    "redirect_to_file", "garbage", "hang_up", "cas_wrong_bytes", "cas_endless",
 )  # fmt: skip
 
 

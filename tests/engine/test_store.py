@@ -9,7 +9,6 @@ import os
 import pickle
 import subprocess
 import sys
-import threading
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -127,21 +126,6 @@ def test_a_torn_or_swapped_action_is_unknown(store: Store):
     other.parent.mkdir()
     other.write_bytes(whole)
     assert store.action("b" * 64) is None
-
-
-def test_many_threads_may_put_the_same_object(store: Store):
-    digests: list[str] = []
-    threads = [
-        threading.Thread(target=lambda: digests.append(store.put_bytes(b"same" * 10000)))
-        for _ in range(8)
-    ]
-    for thread in threads:
-        thread.start()
-    for thread in threads:
-        thread.join()
-    assert len(set(digests)) == 1
-    assert len(digests) == 8
-    assert store.read(digests[0]) == b"same" * 10000
 
 
 def test_no_space_names_the_disk(store: Store, monkeypatch: pytest.MonkeyPatch):
