@@ -165,6 +165,11 @@ def test_plug_ins_that_there_are_not_are_told_with_all_other_mistakes(refused):
     ]
 
 
+def test_a_misspelt_key_is_not_missing_as_well(refused):
+    error = refused(GOOD.replace("robot:", "robto:"))
+    assert (error.message, error.also) == ("robto: unknown key", ())
+
+
 @pytest.mark.parametrize("text", ["- a\n- b\n", "just text\n", "12\n"])
 def test_a_recipe_is_a_map(refused, text):
     assert "expected a map at the top" in refused(text).message
