@@ -175,6 +175,16 @@ def test_an_object_that_another_machine_removes_while_it_is_read_is_lost(store, 
             store.restore(digest, tmp_path / "out")
 
 
+def test_a_step_reads_what_the_one_before_it_wrote():
+    with scratch() as ports:
+        ports.put("parts/a", b"a")
+        (first,) = ports.run(Mix())
+        assert ports.read("out") == first.message.encode()
+        (second,) = ports.run(Mix())
+        assert second.message != first.message
+    assert not ports.folder.exists()
+
+
 def test_a_file_of_the_user_is_read_where_it_lies_and_left_there(tmp_path: Path):
     (tmp_path / "a.xacro").write_bytes(b"robot")
     with scratch() as ports:
