@@ -227,22 +227,6 @@ def test_requirements_of_a_library_are_followed(package, tmp_path, requires, of_
     assert package.look().libraries.keys() == {"meshlib", "yard"} | expected
 
 
-class Refusing:
-    """A finder that fails for one name."""
-
-    @staticmethod
-    def find_spec(name: str, path: object = None, target: object = None) -> None:
-        if name == "refused":
-            raise ImportError(name)
-
-
-def test_a_library_whose_finder_fails_counts_for_nothing(package, monkeypatch):
-    monkeypatch.setattr(sys, "meta_path", [Refusing, *sys.meta_path])
-    package.write("weigh.py", STEP.format(body="import refused"))
-    assert package.look().libraries == {}
-    assert package.modules() == {"weigh"}
-
-
 def test_tools_of_a_plug_in_for_an_older_assetbuild_still_count(package):
     old = PLAIN.replace("    outputs", '    version = "2"\n    tools = ("scipy",)\n    outputs')
     package.write("weigh.py", old)
