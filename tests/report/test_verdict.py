@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from assetbuild.findings import Finding, Rule, finding_from_json
+from assetbuild.report.document import make_report
 from assetbuild.report.verdict import (
     NOT_RUN,
     CheckResult,
@@ -49,6 +50,10 @@ def test_formats_that_differ_are_counted_by_the_rules_of_their_findings():
     formats = verdict(differs("equal.mjx.mass"), differs("equal.usd.kp")).formats
     assert (formats.status, formats.differences) == ("differ", 2)
     assert formats.sentence == "2 findings of the equality checks (mjx, usd)"
+
+
+def test_a_waived_difference_is_a_difference():
+    assert verdict(differs("equal.usd.kp", "info")).formats.status == "differ"
 
 
 def test_targets_without_a_check_that_compares_them_are_named():
@@ -135,3 +140,16 @@ def test_a_check_that_nobody_asked_for_is_only_named():
     assert judged.ready
     assert judged.not_tried == {"oracle": "needs `pinocchio`"}
     assert lines(judged)[-1] == "checks: not run: `oracle`: needs `pinocchio`"
+
+
+def test_the_report_holds_each_part_with_its_status_and_sentence():
+    checks = {"stand": CheckResult("fail", {"stood": FALLS})}
+    fell = Finding("stand.fall", "error", "robot", "fell")
+    told = make_report("r", [fell], checks, {}, lambda _: "", COMMANDS).to_json()["verdict"]
+    assert isinstance(told, dict)
+    assert {"ready", "blocked_by", "next_step"} < told.keys()
+    assert (told["ready"], told["blocked_by"]) == (False, ["stand.fall"])
+    assert told["physics"]["status"] == "falls"
+    assert told["physics"]["height_after_m"] == 0.16
+    assert told["formats"]["status"] == "agree"
+    assert told["trainers"]["newton"]["status"] == "not tried"
