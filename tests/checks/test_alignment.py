@@ -5,7 +5,7 @@ from __future__ import annotations
 import importlib.util
 import json
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -28,11 +28,10 @@ from assetbuild.alignment.touching import Pairs, touching_in_usd, touching_row
 from assetbuild.checks._physx import OFF, Alignment
 from assetbuild.facts.readers.usd import UsdReader
 from assetbuild.findings import Finding
-from assetbuild.pipeline.recipes import whole_model
 from assetbuild.report.summary import WITHHELD, public_message
 from assetbuild.robot.model import Tree
 from assetbuild.simulators import mujoco
-from assetbuild.simulators.experiments import Experiment, Motion, Outcome, Swing, load
+from assetbuild.simulators.experiments import Motion, Outcome, Swing, load
 from assetbuild.simulators.free_fall import Fall
 
 Spoil = Callable[[Usd.Stage], object]
@@ -90,16 +89,6 @@ def test_mjcf_that_does_not_load_is_skipped(tmp_path: Path) -> None:
     assert "skipped" in json.loads((tmp_path / "out/figures.json").read_text())
 
 
-def test_runs_that_physx_loses_are_errors(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    def perform(_: Alignment, __: Path, asked: Sequence[Experiment]) -> dict[str, Outcome]:
-        return {each.name: LOST for each in asked}
-
-    monkeypatch.setattr(Alignment, "perform", perform)
-    found = [f for f in check(tiny_quadruped(), tmp_path) if f.rule == "alignment.physx.run"]
-    assert found[1].message == f"no comparison of `fall`: {LOST.failure}"
-    assert {public_message(finding) for finding in found} == {WITHHELD}
-
-
 def standing(height: float, tilt: float) -> Motion:
     """A root that ends at a height (m), tilted about y (rad)."""
     root, turn = np.zeros((2, 3)), np.zeros((2, 4))
@@ -125,65 +114,57 @@ def test_heights_are_compared_only_of_what_stands() -> None:
     assert verdict(standing(0.2, 0.6), fallen) == "told"
 
 
-def test_rows_are_judged_by_two_limits() -> None:
-    row = Row("kp", "HIGH", "joint a", 1.0, 1.0, 0.0, 0.1, 0.2)
-    verdicts = [replace(row, off=off).verdict for off in (0.0, 0.15, 0.3, math.nan, None)]
-    assert verdicts == ["ok", "warning", "error", "error", "told"]
+ROW = Row("kp", "HIGH", "joint a", 1.0, 1.0, 0.0, 0.1, 0.2)
+
+
+def test_rows_are_judged_by_two_limits_and_a_reason_makes_an_error_a_warning() -> None:
+    for off, verdict, known in (
+        (0.0, "ok", "ok"),
+        (0.15, "warning", "warning"),
+        (0.3, "error", "warning"),
+        (math.nan, "error", "warning"),
+        (None, "told", "told"),
+    ):
+        row = replace(ROW, off=off)
+        assert (row.verdict, replace(row, because="soft").verdict) == (verdict, known)
+    assert replace(ROW, because="soft").shown("PhysX")["because"] == "soft"
 
 
 def test_a_kind_of_row_is_one_finding_about_its_worst() -> None:
-    row = Row("kp", "HIGH", "joint a", 1.0, 1.0, 0.0, 0.1, 0.2)
-    rows = [
-        row,
-        replace(row, subject="joint b", off=0.3),
-        replace(row, subject="joint c", off=0.15),
-    ]
-    (found,) = findings_of(rows, OFF, "PhysX")
-    assert (found.rule, found.subject, found.severity) == (
-        "alignment.physx.kp",
-        "joint b",
-        "error",
-    )
-    assert found.data["rows"] == 2
-
-
-def test_recipe_decides() -> None:
-    base = {"schema": "assetbuild/v1", "robot": "r", "source": {"path": ".", "urdf": "r.urdf"}}
-    both = {"simulators": ["physx", "mujoco"], "sine": None}
-    asked = whole_model().model_validate(base | {"validate": both})
-    assert Alignment.configure(asked) == Alignment(robot="r", sine=None)
-    one = whole_model().model_validate(base | {"validate": {"simulators": ["physx"]}})
-    assert Alignment.configure(one) is None
+    """A row without a reason weighs more than a larger one with a reason."""
+    worse, known = replace(ROW, subject="joint b", off=0.3), replace(ROW, off=0.4, because="soft")
+    (found,) = findings_of([known, ROW, worse, replace(ROW, off=0.15)], OFF, "PhysX")
+    assert (found.rule, found.severity) == ("alignment.physx.kp", "error")
+    assert (found.subject, found.data["rows"]) == ("joint b", 3)
 
 
 def in_usd(inputs: Path, tree: Tree) -> Pairs:
     return touching_in_usd(UsdReader(robot="robot").read(inputs / "usd/robot.usda"), tree)
 
 
-@pytest.mark.parametrize("does", ["nothing", "forgets a pair", "filters one too many", "none"])
+FILTERS = "/robot/FL_foot.physics:filteredPairs"
+TOUCHES: dict[str, tuple[Spoil, str]] = {
+    "nothing": (lambda stage: None, "ok"),
+    "forgets a pair": (lambda stage: stage.GetRelationshipAtPath(FILTERS).SetTargets([]), "error"),
+    "filters one too many": (
+        lambda stage: stage.GetRelationshipAtPath(FILTERS).AddTarget("/robot/FR_foot"), "error"),
+    "none": (
+        lambda stage: stage.GetPrimAtPath("/robot/trunk").GetAttribute(
+            "physxArticulation:enabledSelfCollisions").Set(False), "error"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("does", TOUCHES)
 def test_a_touch_that_one_engine_alone_has_is_an_error(tmp_path: Path, does: str) -> None:
+    spoil, verdict = TOUCHES[does]
     robot = kept_feet()
     inputs = models(tmp_path, robot)
-
-    def spoil(stage: Usd.Stage) -> None:
-        filters = stage.GetRelationshipAtPath("/robot/FL_foot.physics:filteredPairs")
-        assert filters.GetTargets() == ["/robot/FL_thigh"]
-        if does == "forgets a pair":
-            filters.SetTargets([])
-        elif does == "filters one too many":
-            filters.AddTarget("/robot/FR_foot")
-        elif does == "none":
-            root = stage.GetPrimAtPath("/robot/trunk")
-            root.GetAttribute("physxArticulation:enabledSelfCollisions").Set(False)
-
     spoil_stage(inputs / "usd/robot.usda", spoil)
     model = mujoco.load(inputs / "mjcf/robot.xml").model
     row = touching_row(model, in_usd(inputs, robot.tree), robot.tree, "PhysX")
-    assert row.verdict == ("ok" if does == "nothing" else "error")
-    if does == "forgets a pair":
-        assert "`FL_foot` and `FL_thigh`" in str(row.theirs)
-    if does == "filters one too many":
-        assert "`FL_foot` and `FR_foot`" in str(row.mujoco)
+    assert row.verdict == verdict
+    assert (does == "forgets a pair") == ("`FL_foot` and `FL_thigh`" in str(row.theirs))
+    assert (does == "filters one too many") == ("`FL_foot` and `FR_foot`" in str(row.mujoco))
 
 
 def test_that_physx_has_no_contacts_of_a_joint_is_a_warning(tmp_path: Path) -> None:

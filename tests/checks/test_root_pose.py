@@ -9,14 +9,13 @@ import mujoco
 import numpy as np
 import pytest
 from pxr import Gf, Usd
-from tiny import TinyRobot, check_inputs, pendulum, run_step, tiny_quadruped
+from tiny import TinyRobot, check_inputs, pendulum, run_step, spoil_stage
 
 from assetbuild.checks.urdf_kinematics import UrdfKinematics
 from assetbuild.findings import Finding
 from assetbuild.robot.dynamics import dynamics
 from assetbuild.robot.pose import IDENTITY, Pose, normalised_quat
 from assetbuild.robot.tree import held_by_world
-from assetbuild.simulators.experiments import Experiment, Setting
 from assetbuild.targets.mjcf import Mjcf
 from assetbuild.targets.urdf import Urdf
 from assetbuild.targets.usd import Usd as UsdTarget
@@ -84,50 +83,23 @@ def test_a_robot_in_the_origin_gets_no_world_and_names_never_clash() -> None:
 # --- in PhysX -----------------------------------------------------------------------------------
 
 
-def read_back(robot: TinyRobot, folder: Path, place: Pose | None = None) -> list[Finding]:
+def read_back(robot: TinyRobot, folder: Path, place: Pose = ON_THE_WALL) -> list[Finding]:
     """place: written over the robot's own prim."""
     pytest.importorskip("ovphysx", reason="needs the extra `physx`")
     from assetbuild.checks.physx_readback import PhysxReadback
 
-    inputs = check_inputs(folder, robot, UsdTarget(robot="robot"), "usd")
-    if place is not None:
-        stage = Usd.Stage.Open(str(inputs / "usd/robot.usda"))
+    def move(stage: Usd.Stage) -> None:
         prim = stage.GetPrimAtPath("/robot")
         prim.GetAttribute("xformOp:translate").Set(Gf.Vec3d(*place.xyz))
         prim.GetAttribute("xformOp:orient").Set(Gf.Quatd(*place.quat))
-        stage.Save()
-        del stage
+
+    inputs = check_inputs(folder, robot, UsdTarget(robot="robot"), "usd")
+    spoil_stage(inputs / "usd/robot.usda", move)
     return run_step(PhysxReadback(robot="robot", seconds=0.1), inputs, folder / "out")
 
 
-def test_physx_holds_it_where_it_stands(tmp_path: Path) -> None:
-    assert read_back(hung(), tmp_path) == []
-
-
 def test_a_root_lost_in_physx_is_found(tmp_path: Path) -> None:
-    (found,) = read_back(hung(), tmp_path, IDENTITY)
+    assert read_back(hung(), tmp_path / "same") == []
+    (found,) = read_back(hung(), tmp_path / "lost", IDENTITY)
     assert (found.rule, found.severity) == ("equal.physx.base_pose", "error")
     assert found.data["found"] == (0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0)
-
-
-def test_physx_and_mujoco_fall_alike_from_the_wall(tmp_path: Path) -> None:
-    """The drop of 0.2 s from rest, beside the motion of a robot whose pose was lost: none."""
-    pytest.importorskip("ovphysx", reason="needs the extra `physx`")
-    from assetbuild.simulators import physx
-
-    inputs = check_inputs(tmp_path, hung(), UsdTarget(robot="robot"), "usd")
-    setting = Setting(0.001, (0.0, 0.0, -9.81), contacts=False)
-    fall = Experiment("fall", setting, steps=200, every=200)
-    done = physx.perform(inputs / "usd/robot.usda", (fall,))["fall"]
-    assert done.motion is not None
-    other = check_inputs(tmp_path / "m", hung(), Mjcf(robot="robot"), "mjcf")
-    model = mujoco.MjModel.from_xml_path(str(other / "mjcf/robot.xml"))
-    model.opt.timestep = 0.001
-    data = mujoco.MjData(model)
-    mujoco.mj_step(model, data, 200)
-    assert abs(data.qpos[0]) > 0.3
-    assert done.motion.joints["swing_joint"][-1] == pytest.approx(data.qpos[0], rel=0.01)
-
-
-def test_a_floating_robot_has_no_place_of_its_own() -> None:
-    assert tiny_quadruped().tree.X_world_root == IDENTITY
