@@ -17,7 +17,6 @@ from tiny import (
     check_inputs,
     examples,
     four_bar,
-    pendulum,
     robots,
     run_step,
     spoil_stage,
@@ -298,13 +297,6 @@ def test_what_is_said_of_whole_prims_is_compared(
     assert (f"equal.usd.{rule}", subject) in rules(check(tiny_quadruped(), tmp_path, spoil))
 
 
-def test_a_file_that_is_no_usd_is_unreadable(tmp_path: Path) -> None:
-    inputs = check_inputs(tmp_path, pendulum(), UsdTarget(robot="robot"), "usd")
-    (inputs / "usd/robot.usda").write_text("not usd")
-    findings = run_step(UsdReader(robot="robot"), inputs, tmp_path / "out")
-    assert [f.rule for f in findings] == ["equal.unreadable"]
-
-
 def test_a_layer_that_is_no_usd_is_one_finding(tmp_path: Path) -> None:
     """With the prim and the line, in USD's own words."""
     inputs = check_inputs(tmp_path, tiny_quadruped(), UsdTarget(robot="robot"), "usd")
@@ -313,6 +305,9 @@ def test_a_layer_that_is_no_usd_is_one_finding(tmp_path: Path) -> None:
     (found,) = run_step(UsdReader(robot="robot"), inputs, tmp_path / "out")
     assert found.rule == "equal.unreadable"
     assert "payloads/base.usda:" in found.message and "</robot/trunk>" in found.message
+    Usd.Stage.CreateNew(str(tmp_path / "none.usda")).Save()
+    with pytest.raises(UsageError, match="no default prim"):
+        UsdReader(robot="none").read(tmp_path / "none.usda")
 
 
 # --- anybody's USD
@@ -357,13 +352,6 @@ def test_any_stage_is_read_in_metres_and_kilograms(tmp_path: Path) -> None:
     assert joint["lower"] is None
     assert joint["usd:child pose"] == pytest.approx((0, 0, 0.5, 1, 0, 0, 0))
     assert table.of("shape", "shape")["size"] == pytest.approx((0.1, 0.1, 0.1))
-
-
-def test_a_stage_without_a_default_prim_is_refused(tmp_path: Path) -> None:
-    path = tmp_path / "none.usda"
-    Usd.Stage.CreateNew(str(path)).Save()
-    with pytest.raises(UsageError, match="no default prim"):
-        UsdReader(robot="none").read(path)
 
 
 def test_a_body_that_is_its_own_shape_is_both(tmp_path: Path) -> None:
