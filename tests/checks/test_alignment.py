@@ -5,34 +5,52 @@ from __future__ import annotations
 import importlib.util
 import json
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 from pxr import Usd, UsdPhysics
 from tiny import (
     TinyRobot,
+    box_inertial,
+    four_bar,
     kept_feet,
     models,
+    pendulum,
     run_step,
     spoil_stage,
     tiny_quadruped,
     write_robot_ports,
 )
 
+from assetbuild.alignment.asked import SAMPLE_S, experiments_of, into_stop
 from assetbuild.alignment.moved import Compared, FloorLimits, stand_rows
 from assetbuild.alignment.row import Row, findings_of
 from assetbuild.alignment.touching import Pairs, touching_in_usd, touching_row
+from assetbuild.checks._newton import NEWTON_OFF, NewtonAlignment
 from assetbuild.checks._physx import OFF, Alignment
+from assetbuild.engine.world import World
 from assetbuild.facts.readers.usd import UsdReader
 from assetbuild.findings import Finding
 from assetbuild.report.summary import WITHHELD, public_message
-from assetbuild.robot.model import Tree
-from assetbuild.simulators import mujoco
-from assetbuild.simulators.experiments import Motion, Outcome, Swing, load
+from assetbuild.robot.model import Actuator, Body, Control, Joint, Limits, Simulation, Tree
+from assetbuild.simulators import mujoco, newton
+from assetbuild.simulators.experiments import (
+    Experiment,
+    Motion,
+    Outcome,
+    Setting,
+    Sine,
+    Swing,
+    load,
+    swing,
+)
 from assetbuild.simulators.free_fall import Fall
+from assetbuild.simulators.mujoco.motion import perform
+from assetbuild.targets.mjcf import Mjcf
 
 Spoil = Callable[[Usd.Stage], object]
 LOST = Outcome(None, None, "it lost its numbers (NaN) after 0.1 s")
@@ -178,3 +196,184 @@ def test_that_physx_has_no_contacts_of_a_joint_is_a_warning(tmp_path: Path) -> N
     model = mujoco.load(inputs / "mjcf/robot.xml").model
     row = touching_row(model, in_usd(inputs, tree), tree, "PhysX")
     assert (row.verdict, row.off) == ("warning", 4.0)
+
+
+# --- In Newton, and how joints answer ---
+
+
+needs_newton = pytest.mark.skipif(
+    newton.HOME.python(World()) is None, reason="needs `assetbuild smoke --consumer newton` once"
+)
+
+
+def motion(joint: str, angle: np.ndarray) -> Motion:
+    time = 0.01 * np.arange(len(angle))
+    still = np.zeros((len(time), 3))
+    return Motion(time, {joint: angle}, still, np.ones((len(time), 4)), still)
+
+
+def past_upper(coarse: float, fine: float) -> Row:
+    """The row of a pendulum that runs so much further past its limit than in MuJoCo, rad.
+
+    fine: in shorter steps.
+    """
+    tree = pendulum().tree
+    (joint,) = tree.moving_joints
+    drive = Actuator(joint.name, "pd", kp=20.0, kd=0.2)
+    asked = experiments_of(tree, Control((drive,), ()), Swing())
+    sine = asked["past_upper"].sine
+    assert sine is not None and joint.limits.upper is not None
+    assert sine.target(joint.name, 0.25) > joint.limits.upper > sine.middle[joint.name]
+
+    def moved(past: float) -> Outcome:
+        return Outcome(None, motion(joint.name, np.array([0.0, joint.limits.upper + past])))
+
+    theirs = {"past_upper": moved(0.03 + coarse), "past_upper_fine": moved(0.03 + fine)}
+    limits, wish = FloorLimits(), Swing()
+    both = Compared(tree, Control(), wish, Fall(), limits, 1, lambda _: moved(0.03), asked, theirs)
+    (row,) = both.rows()
+    return row
+
+
+@pytest.mark.parametrize(("further", "verdict"), [(0.005, "ok"), (0.02, "warning"), (0.3, "error")])
+def test_a_limit_that_gives_way_further_than_mujocos_is_a_row(further: float, verdict: str):
+    row = past_upper(further, further)
+    assert (row.name, row.verdict) == ("past_upper", verdict)
+    found = [finding.rule for finding in findings_of([row], NEWTON_OFF, "Newton")]
+    assert found == ([] if verdict == "ok" else ["alignment.newton.past_upper"])
+
+
+def test_a_limit_that_gives_way_in_long_steps_alone_names_the_integrator():
+    named = past_upper(0.2, 0.001)
+    assert named.verdict == "warning" and "integrators part" in named.because
+    assert "`simulation.timestep`" in named.advice
+    same = past_upper(0.2, 0.15)
+    assert same.verdict == "error" and not same.because
+
+
+def test_a_run_that_newton_refuses_or_loses_is_an_error(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    still = motion("j", np.zeros(3))
+    lost = Outcome(None, replace(still, root=np.full((3, 3), np.nan)))
+
+    def perform(_: NewtonAlignment, __: Path, asked: Sequence[Experiment]) -> dict[str, Outcome]:
+        refused = Outcome(None, None, "it refuses the stage")
+        return {each.name: refused if each.name == "load" else lost for each in asked}
+
+    monkeypatch.setattr(NewtonAlignment, "perform", perform)
+    found, _ = check_newton(tmp_path)
+    runs = {f.message.split("`")[1]: f for f in found if f.rule == "alignment.newton.run"}
+    assert {"load", "fall", "sine", "stand"} < runs.keys()
+    assert runs["load"].message == "no comparison of `load`: it refuses the stage"
+
+
+def test_joints_of_a_loop_stay_where_it_is_closed_while_others_run_into_their_limits():
+    bar = four_bar()
+    flag = Joint("flag_joint", "revolute", bar.tree.root, "flag", limits=Limits(-0.5, 0.7))
+    bodies = (*bar.tree.bodies, replace(bar.tree.bodies[-1], name="flag"))
+    tree = replace(bar.tree, bodies=bodies, joints=(*bar.tree.joints, flag))
+    rows = (*bar.control.actuators, Actuator("flag_joint", "pd", kp=20.0, kd=0.2))
+    home = {joint.name: 0.1 for joint in bar.tree.moving_joints}
+    sine = into_stop(tree, replace(bar.control, actuators=rows), home, "upper")
+    assert sine is not None
+    assert {name for name, width in sine.swing.items() if width} == {"flag_joint"}
+    assert {sine.middle[name] for name in home} == {0.1}
+    assert into_stop(bar.tree, bar.control, home, "upper") is None
+    assert into_stop(pendulum().tree, Control((), ()), {}, "lower") is None, "no drive"
+
+
+def check_newton(folder: Path) -> tuple[list[Finding], list[dict[str, Any]]]:
+    inputs = models(folder, tiny_quadruped())
+    short = Swing(frequency=4.0, seconds=0.75)
+    step = NewtonAlignment(robot="robot", environment="newton", sine=short)
+    found = run_step(step, inputs, folder / "out")
+    return found, json.loads((folder / "out/figures.json").read_text())["rows"]
+
+
+@needs_newton
+@pytest.mark.slow  # eight experiments in two engines
+def test_newton_moves_the_quadruped_as_mujoco_does(tmp_path: Path):
+    found, rows = check_newton(tmp_path)
+    assert found == []
+    assert {row["verdict"] for row in rows} == {"ok"}
+    judged = {row["row"] for row in rows}
+    assert {"self_collision", "free_fall", "sine", "sine_as_is"} < judged
+    assert {"past_lower", "past_upper", "stand_height", "landing_s"} < judged
+    assert max(row["off"] for row in rows if row["row"] in ("sine", "past_upper")) < 1e-4
+
+
+# --- how joints answer ---------------------------------------------------------------------------
+
+
+WRIST = Actuator("swing_joint", "pd", kp=20.0, kd=0.2, friction=1.0, effort=30.0)
+SINE = Sine({"swing_joint": 0.0}, {"swing_joint": 0.3}, 1.0, 3.0)
+WISH = Swing.model_validate({})
+STEP = 0.005
+
+
+def row_beside(angle: np.ndarray, folder: Path, drive: Actuator = WRIST) -> Row:
+    """The row of a wrist of 1e-3 kg m2 beside another engine's motion, sampled at 1 ms."""
+    robot = pendulum()
+    wrist = Body("arm", box_inertial(0.2, (0.02, 0.02, 0.2), (0.0, 0.0, 0.0)))
+    tree = replace(robot.tree, bodies=(robot.tree.bodies[0], wrist))
+    weightless = Simulation(timestep=STEP, gravity=(0.0, 0.0, 0.0))
+    control = Control((drive,), (), simulation=weightless)
+    robot = replace(robot, tree=tree, links=tree, control=control)
+    run_step(Mjcf(robot="r"), write_robot_ports(folder / "in", robot), folder / "out")
+    time = 1e-3 * np.arange(len(angle))
+    still = np.zeros((len(time), 3))
+    theirs = Motion(time, {"swing_joint": angle}, still, np.ones((len(time), 4)), still)
+    asked = swing("sine_as_is", Setting(STEP, weightless.gravity), SINE, SAMPLE_S)
+    both = Compared(
+        tree,
+        control,
+        WISH,
+        Fall(),
+        FloorLimits(),
+        1,
+        lambda one: perform(folder / "out/mjcf", "r", (one,))[one.name],
+        {asked.name: asked},
+        {asked.name: Outcome(None, theirs)},
+    )
+    (row,) = both.rows()
+    return row
+
+
+def by_coulomb() -> np.ndarray:
+    """Without inertia: kd dq/dt = kp (target - q) less the friction, and none below it."""
+    dt, angle, out = 1e-4, 0.0, []
+    for step in range(30001):
+        if step % 10 == 0:
+            out.append(angle)
+        torque = WRIST.kp * (SINE.target("swing_joint", step * dt) - angle)
+        angle += dt * np.sign(torque) * max(abs(torque) - WRIST.friction, 0.0) / WRIST.kd
+    return np.array(out)
+
+
+STICKS, SLOW = np.zeros(3001), replace(WRIST, friction=0.0, velocity=0.5)
+FRICTIONLESS, QUICK = replace(WRIST, friction=0.0), replace(SLOW, velocity=5.0)
+
+
+@pytest.mark.parametrize(
+    ("angle", "drive", "verdict", "because"),
+    [
+        (by_coulomb(), WRIST, "warning", "soft"),
+        (STICKS, WRIST, "error", ""),
+        (by_coulomb(), FRICTIONLESS, "warning", ""),
+        # 0.3 rad at 1 Hz is 1.9 rad/s; an engine that keeps to 0.5 rad/s lags behind.
+        (STICKS, SLOW, "warning", "MuJoCo has no limit of speed: `swing_joint` moves at"),
+        (STICKS, QUICK, "error", ""),
+    ],
+    ids=["friction that holds", "sticks", "no friction", "limited speed", "quick enough"],
+)
+def test_a_row_is_excused_by_what_only_one_engine_does(
+    angle: np.ndarray, drive: Actuator, verdict: str, because: str, tmp_path: Path
+):
+    row = row_beside(angle, tmp_path, drive)
+    assert row.off is not None and row.off > 0.05
+    assert (row.verdict, bool(row.because)) == (verdict, bool(because))
+    assert because in row.because
+    (finding,) = findings_of([row], NEWTON_OFF, "PhysX")
+    assert finding.severity == verdict and because in finding.message
+    assert (drive is SLOW) == ("validate.sine.frequency" in finding.hint)

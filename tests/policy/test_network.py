@@ -23,18 +23,18 @@ def test_it_answers_what_the_graph_says(tmp_path: Path):
             assert network.act(seen) == pytest.approx(seen @ gain)
 
 
+def vector(name: str, size: int = 2, kind: int = TensorProto.FLOAT) -> onnx.ValueInfoProto:
+    return helper.make_tensor_value_info(name, kind, [1, size])
+
+
 def test_a_recurrent_network_remembers_until_it_is_reset(tmp_path: Path):
     """h_out = h_in + obs, actions = h_out."""
-    rows = {name: helper.make_tensor_value_info(name, TensorProto.FLOAT, [1, 2])
-            for name in ("obs", "h_in", "actions", "h_out")}  # fmt: skip
     nodes = [
         helper.make_node("Add", ["obs", "h_in"], ["h_out"]),
         helper.make_node("Identity", ["h_out"], ["actions"]),
     ]
-    graph = helper.make_graph(
-        nodes, "policy", [rows["obs"], rows["h_in"]], [rows["actions"], rows["h_out"]]
-    )
-    save(tmp_path / "policy.onnx", graph)
+    into, out = [vector("obs"), vector("h_in")], [vector("actions"), vector("h_out")]
+    save(tmp_path / "policy.onnx", helper.make_graph(nodes, "policy", into, out))
     with Network(tmp_path / "policy.onnx") as network:
         one = np.ones(2)
         assert [network.act(one)[0] for _ in range(3)] == [1.0, 2.0, 3.0]
@@ -42,24 +42,13 @@ def test_a_recurrent_network_remembers_until_it_is_reset(tmp_path: Path):
         assert network.act(one)[0] == 1.0
 
 
-def test_metadata_come_as_they_stand(tmp_path: Path):
-    row = helper.make_tensor_value_info("x", TensorProto.FLOAT, [1, 2])
-    out = helper.make_tensor_value_info("y", TensorProto.FLOAT, [1, 2])
-    graph = helper.make_graph([helper.make_node("Identity", ["x"], ["y"])], "p", [row], [out])
-    save(tmp_path / "policy.onnx", graph, {"joint_names": "a,b"})
-    with Network(tmp_path / "policy.onnx") as network:
-        assert network.metadata == {"joint_names": "a,b"}
-
-
 def garbage(path: Path) -> None:
     path.write_bytes(b"\x08\x07 this is no network")
 
 
 def strange_operator(path: Path) -> None:
-    row = helper.make_tensor_value_info("x", TensorProto.FLOAT, [1, 2])
-    out = helper.make_tensor_value_info("y", TensorProto.FLOAT, [1, 2])
     node = helper.make_node("Evil", ["x"], ["y"], domain="com.stranger")
-    graph = helper.make_graph([node], "p", [row], [out])
+    graph = helper.make_graph([node], "p", [vector("x")], [vector("y")])
     model = helper.make_model(
         graph, opset_imports=[helper.make_opsetid("", 13), helper.make_opsetid("com.stranger", 1)]
     )
@@ -67,32 +56,26 @@ def strange_operator(path: Path) -> None:
 
 
 def circle(path: Path) -> None:
-    row = helper.make_tensor_value_info("x", TensorProto.FLOAT, [1, 2])
-    out = helper.make_tensor_value_info("y", TensorProto.FLOAT, [1, 2])
     nodes = [helper.make_node("Add", ["x", "z"], ["y"]), helper.make_node("Neg", ["y"], ["z"])]
-    save(path, helper.make_graph(nodes, "p", [row], [out]))
+    save(path, helper.make_graph(nodes, "p", [vector("x")], [vector("y")]))
 
 
 def data_elsewhere(path: Path) -> None:
     """Weights that it wants to read from a file outside of its own folder."""
-    secret = path.parent.parent / "secret.bin"
-    secret.write_bytes(b"\0" * 24)
+    (path.parent.parent / "secret.bin").write_bytes(b"\0" * 24)
     weights = TensorProto(name="W", data_type=TensorProto.FLOAT, dims=[3, 2])
     weights.data_location = TensorProto.EXTERNAL
     weights.external_data.add(key="location", value="../secret.bin")
-    row = helper.make_tensor_value_info("x", TensorProto.FLOAT, [1, 3])
-    out = helper.make_tensor_value_info("y", TensorProto.FLOAT, [1, 2])
     node = helper.make_node("MatMul", ["x", "W"], ["y"])
-    graph = helper.make_graph([node], "p", [row], [out], [weights])
+    graph = helper.make_graph([node], "p", [vector("x", 3)], [vector("y")], [weights])
     model = helper.make_model(graph, opset_imports=[helper.make_opsetid("", 13)])
     model.ir_version = 8
     path.write_bytes(model.SerializeToString())
 
 
 def whole_numbers(path: Path) -> None:
-    row = helper.make_tensor_value_info("x", TensorProto.INT64, [1, 2])
-    out = helper.make_tensor_value_info("y", TensorProto.INT64, [1, 2])
-    save(path, helper.make_graph([helper.make_node("Identity", ["x"], ["y"])], "p", [row], [out]))
+    ends = [vector("x", 2, TensorProto.INT64)], [vector("y", 2, TensorProto.INT64)]
+    save(path, helper.make_graph([helper.make_node("Identity", ["x"], ["y"])], "p", *ends))
 
 
 @pytest.mark.parametrize(

@@ -45,18 +45,9 @@ def test_actions_of_nothing_stand(bot: Bot, tmp_path: Path):
     assert run.verdict == "stands" and done.follows and not done.searched
     assert run.tilt < 0.05 and math.hypot(*run.moved) < 0.02
     assert run.saturated == 0.0 and run.slip is not None and run.slip < 0.01
-
-
-def test_two_runs_are_the_same(bot: Bot, tmp_path: Path):
-    runs = [replayed(bot, tmp_path / f"p{n}", lambda said: None).runs["mujoco"] for n in (1, 2)]
-    assert runs[0] == runs[1]
-
-
-def test_what_stands_does_not_follow_a_command(bot: Bot, tmp_path: Path):
-    wish = Wish(command=(0.5, 0.0, 0.0), seconds=2.0, search=False)
-    done = replayed(bot, tmp_path / "p", lambda said: None, wish)
-    assert done.runs["mujoco"].verdict == "stays up and does not follow the command"
-    assert not done.follows and done.diagnosis is None
+    assert replayed(bot, tmp_path / "q", lambda said: None).runs["mujoco"] == run, "each time"
+    with pytest.raises(UsageError, match="cannot write"):
+        draw_replays(done, bot.bundle, STAND, tmp_path)
 
 
 def other_order(said: dict[str, Any]) -> None:
@@ -80,12 +71,6 @@ def test_a_picture_has_a_row_for_each_engine_and_six_moments(bot: Bot, tmp_path:
     dark = [np.nonzero(column[: column.shape[0] * 9 // 10] < 200)[0] for column in columns]
     assert all(rows.size for rows in dark)
     assert dark[-1].min() > dark[0].min() + 5  # it sank
-
-
-def test_a_picture_that_cannot_be_written_is_one_sentence(bot: Bot, tmp_path: Path):
-    done = replayed(bot, tmp_path / "p", lambda said: None)
-    with pytest.raises(UsageError, match="cannot write"):
-        draw_replays(done, bot.bundle, STAND, tmp_path)
 
 
 @pytest.mark.parametrize(
@@ -120,18 +105,23 @@ def test_the_command_line_says_it_in_words_and_as_data(bot: Bot, tmp_path: Path,
     assert "policy.timestep" in {row["rule"] for row in json.loads(capsys.readouterr().out)}
 
 
-def test_an_unknown_observation_is_refused_by_name(bot: Bot, tmp_path: Path, capsys):
-    said = deployed(bot)
-    said["observations"]["height_scan"] = {"params": {}, "scale": [1.0]}
-    folder = str(write_policy(tmp_path / "p", said))
+@pytest.mark.parametrize(
+    ("spoil", "said"),
+    [
+        (lambda said: said.update(step_dt=0.0133), "acts every 13.3 ms"),
+        (lambda said: said["observations"].update(height_scan={"params": {}, "scale": [1.0]}),
+         "`height_scan`"),
+    ],
+    ids=["a rhythm that the simulation does not meet", "an observation that nobody knows"],
+)  # fmt: skip
+def test_what_cannot_be_replayed_is_refused(
+    spoil: Callable[[dict[str, Any]], object], said: str, bot: Bot, tmp_path: Path, capsys
+):
+    stated = deployed(bot)
+    spoil(stated)
+    folder = str(write_policy(tmp_path / "p", stated))
     assert main(["policy", "replay", folder, str(bot.bundle)]) == 2
-    assert "`height_scan`" in capsys.readouterr().err
-
-
-def test_a_rhythm_that_the_simulation_does_not_meet_is_refused(bot: Bot, tmp_path: Path, capsys):
-    folder = str(write_policy(tmp_path / "p", deployed(bot) | {"step_dt": 0.0133}))
-    assert main(["policy", "replay", folder, str(bot.bundle)]) == 2
-    assert "acts every 13.3 ms" in capsys.readouterr().err
+    assert said in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("engine", ["newton", "physx"])

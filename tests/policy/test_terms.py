@@ -32,31 +32,27 @@ def policy(*terms: Term, **more: object) -> Policy:
     return Policy(Path("p"), "test", None, JOINTS, JOINTS, zero, zero, zero, terms, 0.02, **more)
 
 
-def test_gravity_is_seen_in_the_base_s_frame():
-    """A base that is pitched nose down by a quarter turn has gravity ahead of it."""
-    state = seen(quat=(HALF, 0.0, HALF, 0.0))
-    assert FUNCTIONS["projected_gravity"](
-        now(state), Term("g", "projected_gravity")
-    ) == pytest.approx(np.array((1.0, 0.0, 0.0)))
+AN_IMU = (np.diag((-1.0, -1.0, 1.0)), np.array((0.0, 0.0, 2.0)))
+"""Half a turn about z, and where it sits, m."""
+VALUES = {
+    # A base that is pitched nose down by a quarter turn has gravity ahead of it.
+    "gravity": (
+        Term("g", "projected_gravity"), now(seen(quat=(HALF, 0.0, HALF, 0.0))), (1.0, 0.0, 0.0)),
+    # v = v0 + w x p, then turned into its frame.
+    "an IMU": (
+        Term("v", "imu_lin_vel"), now(seen(), AN_IMU), (-(1.0 + 0.4), -(2.0 - 0.2), 3.0)),
+    "from the default pose": (
+        Term("q", "joint_pos_rel", ("b", "a")), now(seen()), (-0.5, 0.0)),
+    "in the term's order": (Term("q", "joint_pos", ("b", "a")), now(seen()), (-1.0, 0.5)),
+    "a phase": (
+        Term("p", "gait_phase", params={"period": 0.8}), now(seen(time=0.2)), (1.0, 0.0)),
+}  # fmt: skip
 
 
-def test_an_imu_moves_with_the_base_s_turning():
-    """v = v0 + w x p, then turned into its frame: here by half a turn about z."""
-    turn, place = np.diag((-1.0, -1.0, 1.0)), np.array((0.0, 0.0, 2.0))
-    told = FUNCTIONS["imu_lin_vel"](now(seen(), (turn, place)), Term("v", "imu_lin_vel"))
-    assert told == pytest.approx(np.array((-(1.0 + 0.4), -(2.0 - 0.2), 3.0)))
-
-
-def test_joints_count_from_the_default_pose_and_in_the_term_s_order():
-    term = Term("q", "joint_pos_rel", ("b", "a"))
-    assert FUNCTIONS["joint_pos_rel"](now(seen()), term) == pytest.approx(np.array((-0.5, 0.0)))
-    term = Term("q", "joint_pos", ("b", "a"))
-    assert FUNCTIONS["joint_pos"](now(seen()), term) == pytest.approx(np.array((-1.0, 0.5)))
-
-
-def test_a_phase_turns_once_in_its_period():
-    term = Term("p", "gait_phase", params={"period": 0.8})
-    assert FUNCTIONS["gait_phase"](now(seen(time=0.2)), term) == pytest.approx(np.array((1.0, 0.0)))
+@pytest.mark.parametrize("what", VALUES)
+def test_a_term_is_what_its_formula_says(what: str):
+    term, at, expected = VALUES[what]
+    assert FUNCTIONS[term.function](at, term) == pytest.approx(np.array(expected))
 
 
 def test_it_clips_before_it_scales_unless_the_file_says_otherwise():
@@ -71,9 +67,6 @@ def test_histories_begin_full_and_have_the_oldest_first():
     observer = Observer(policy(*terms))
     assert observer.look(now(seen())).tolist() == [0.5, 0.5, 0.5, -1.0, 1.0, -1.0, 1.0]
     assert observer.look(now(seen(q=1.0))).tolist()[:3] == [0.5, 0.5, 1.5]
-
-
-def test_histories_step_by_step():
     terms = Term("q", "joint_pos", ("a",), history=2), Term("a", "last_action", history=2)
     observer = Observer(policy(*terms, by_time=True))
     observer.look(now(seen()))
