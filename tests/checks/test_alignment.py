@@ -30,7 +30,8 @@ from assetbuild.alignment.asked import SAMPLE_S, experiments_of, into_stop
 from assetbuild.alignment.moved import Compared, FloorLimits, stand_rows
 from assetbuild.alignment.row import Row, findings_of
 from assetbuild.alignment.touching import Pairs, touching_in_usd, touching_row
-from assetbuild.checks._newton import NEWTON_OFF, NewtonAlignment
+from assetbuild.checks._newton import OFF as NEWTON_OFF
+from assetbuild.checks._newton import NewtonAlignment
 from assetbuild.checks._physx import OFF, Alignment
 from assetbuild.engine.world import World
 from assetbuild.facts.readers.usd import UsdReader
