@@ -252,21 +252,29 @@ def test_a_limit_that_gives_way_in_long_steps_alone_names_the_integrator():
     assert same.verdict == "error" and not same.because
 
 
-def test_a_run_that_newton_refuses_or_loses_is_an_error(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+@pytest.mark.parametrize(
+    ("step", "rule"),
+    [
+        (NewtonAlignment(robot="robot", environment="newton"), "alignment.newton.run"),
+        (Alignment(robot="robot"), "alignment.physx.run"),
+    ],
+    ids=["newton", "physx"],
+)
+def test_a_run_that_an_engine_refuses_or_loses_is_an_error(
+    step: NewtonAlignment | Alignment, rule: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ):
-    still = motion("j", np.zeros(3))
-    lost = Outcome(None, replace(still, root=np.full((3, 3), np.nan)))
+    lost = replace(motion("j", np.zeros(3)), root=np.full((3, 3), np.nan))
+    refused = Outcome(None, None, "it refuses the stage")
 
-    def perform(_: NewtonAlignment, __: Path, asked: Sequence[Experiment]) -> dict[str, Outcome]:
-        refused = Outcome(None, None, "it refuses the stage")
-        return {each.name: refused if each.name == "load" else lost for each in asked}
+    def perform(_: object, __: Path, asked: Sequence[Experiment]) -> dict[str, Outcome]:
+        return {e.name: refused if e.name == "load" else Outcome(None, lost) for e in asked}
 
-    monkeypatch.setattr(NewtonAlignment, "perform", perform)
-    found, _ = check_newton(tmp_path)
-    runs = {f.message.split("`")[1]: f for f in found if f.rule == "alignment.newton.run"}
+    monkeypatch.setattr(type(step), "perform", perform)
+    found = run_step(step, models(tmp_path, tiny_quadruped()), tmp_path / "out")
+    runs = {f.message.split("`")[1]: f for f in found if f.rule == rule}
     assert {"load", "fall", "sine", "stand"} < runs.keys()
     assert runs["load"].message == "no comparison of `load`: it refuses the stage"
+    assert (public_message(runs["load"]) == WITHHELD) == (rule == "alignment.physx.run")
 
 
 def test_joints_of_a_loop_stay_where_it_is_closed_while_others_run_into_their_limits():

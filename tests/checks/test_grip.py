@@ -78,8 +78,8 @@ BLOCK = {'pos="0 0 -.005"/>': 'pos="0 0 -.005"/><geom type="box" size=".02 .05 .
 @pytest.mark.parametrize(
     ("changed", "keyframes", "severity", "said"),
     [
-        (TURNING, None, "info", "hand"),
-        (BLOCK, None, "warning", "no object fits"),
+        (TURNING, None, "info", "no drive alone closes"),
+        pytest.param(BLOCK, None, "warning", "no object fits", marks=pytest.mark.slow),
         ({}, ("open", "fist"), "warning", "no keyframe `open`"),
     ],
     ids=["no hand", "no room", "no keyframe"],

@@ -123,7 +123,7 @@ DOG = tiny_quadruped()
         (with_shapes(DOG, TAIL), {}, {("stand.contact", "error", "link trunk")}),
         # Without a pattern anything may touch, and the lowest point counts.
         (DOG, {"feet": None}, set()),
-        (with_base(DOG, 0.05), {"feet": None}, {("stand.sole_gap", "error", "robot")}),
+        (with_base(DOG, 0.05), {"feet": None}, {("stand.sole_gap", "error", "link FL_foot")}),
         (DOG, {"max_drift": 1e-6, "max_tilt": 1e-6},
          {("stand.drift", "warning", "robot"), ("stand.tilt", "warning", "robot")}),
     ],

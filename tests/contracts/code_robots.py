@@ -56,9 +56,9 @@ CART = """schema: assetbuild/v1
 robot: cart
 source:
   path: .
-  xacro: post.xacro
+  xacro: post/post.xacro
   args: {tip: tray}
-  packages: {cart_parts: parts}
+  packages: {cart_parts: post/parts}
   license: MIT
 edits: [split_joint: {joint: slip}]
 compose: [{recipe: pole.yaml, as: left_, at: {link: post, xyz: [0, 0, 0.2]}}]
@@ -143,10 +143,10 @@ def write_robots(folder: Path) -> list[Path]:
     rod = link("rod", inertial(), shape("visual", mesh("tile.obj")))
     texts |= {"rod.urdf": robot(rod, name="rod"), "LICENSE": "MIT"}
     texts["motors.yaml"] = "hip: {rotor_inertia: 1.0e-4, gear: 6, effort: 30, velocity: 20}\n"
-    texts |= {"post.xacro": XACRO, "parts/body.xacro": PART}
+    texts |= {"post/post.xacro": XACRO, "post/parts/body.xacro": PART}
     texts |= {"xml/pole.xml": MJCF, "pole.csv": swinging()}
-    for name in ("xml", "parts"):
-        (folder / name).mkdir()
+    for name in ("xml", "post/parts"):
+        (folder / name).mkdir(parents=True)
     for name, text in texts.items():
         (folder / name).write_text(text)
     return [folder / f"{name}.yaml" for name in ("arm", "cart", "pole", "rod")]
