@@ -32,6 +32,7 @@ from assetbuild.facts.readers.bare import BareFacts
 from assetbuild.facts.readers.mjcf import MjcfFacts
 from assetbuild.facts.readers.mjx import MjxFacts
 from assetbuild.facts.readers.scene import SceneFacts
+from assetbuild.facts.table import pair_name, pair_of
 from assetbuild.findings import Finding
 from assetbuild.geometry.measure_assets import MeasureAssets
 from assetbuild.pipeline.recipes import whole_model
@@ -98,6 +99,14 @@ def test_bodies_with_spaces_in_their_names_make_pairs_of_two(tmp_path: Path) -> 
 
     tree, shapes, control = (renamed(part) for part in (robot.tree, robot.shapes, robot.control))
     assert check(replace(robot, tree=tree, shapes=shapes, control=control), tmp_path) == []
+
+
+def test_a_pair_is_not_taken_for_another_whose_names_are_cut_elsewhere() -> None:
+    pairs = [("a b", "c"), ("a", "b c"), ("a", "c"), ('"a', "b"), ("", "a\\ b")]
+    assert len({pair_name(*pair) for pair in pairs}) == len(pairs)
+    for one, other in pairs:
+        names = pair_of(pair_name(one, other)), pair_of(pair_name(other, one))
+        assert names == (tuple(sorted((one, other))),) * 2
 
 
 HIP, CALF = "joint FR_hip_joint", "joint FR_calf_joint"

@@ -133,6 +133,23 @@ def test_what_nobody_edited_is_the_robot(
     assert proof.compared > 60
 
 
+def test_a_bundle_s_robot_and_the_module_alone_say_the_same(tmp_path: Path):
+    """Of patterns the first wins; a module that is gone is one error."""
+    one = mjlab(quadruped("velocity"), tmp_path)
+    (tmp_path / "report").mkdir()
+    (tmp_path / "report/robot.json").write_text(one.reference.to_json())
+    assert one.reader.prove(Reference.of_bundle(tmp_path), one.file).findings == ()
+    alone, beside = (
+        {key: value for key, value in table.facts.items() if key.kind == "joint"}
+        for table in (one.reader.read(one.file), mjlab(quadruped("velocity"), tmp_path / "plain",
+                                                       None).prove().found)
+    )  # fmt: skip
+    armature = Key("joint", "FR_calf_joint", "armature")
+    assert alone[armature] == beside[armature] == 0.02
+    one.file.unlink()
+    assert [finding.rule for finding in one.prove().findings] == ["equal.unreadable"]
+
+
 def test_drives_without_a_limit_or_a_form_in_a_trainer_are_what_they_are(tmp_path: Path):
     for make in (mjlab, isaaclab):
         proof = make(odd_drives(tiny_quadruped()), tmp_path / make.__name__, None).prove()

@@ -31,6 +31,7 @@ from assetbuild.facts.surface import pixel_digest
 from assetbuild.findings import Finding
 from assetbuild.geometry.measure_assets import MeasureAssets
 from assetbuild.robot.codec import decode, encode
+from assetbuild.robot.shapes import Capsule, Shape
 from assetbuild.targets.mjcf import Mjcf
 from assetbuild.targets.urdf import Urdf
 
@@ -66,8 +67,11 @@ def edited(robot: TinyRobot, folder: Path, *edits: tuple[str, str], file: str = 
 
 
 def test_what_we_write_is_the_robot(tmp_path: Path):
-    """Robots of other joints and without meshes are in the contracts of all readers."""
-    assert proved(written(gripper(), tmp_path / "in")) == []
+    """Meshes, a texture, a ball without length; other joints are in the contracts of readers."""
+    robot = gripper()
+    ball = Shape("ball", "b", "visual", Capsule(0.1, 0.0), material="red")
+    shapes = replace(robot.shapes, shapes=(*robot.shapes.shapes, ball))
+    assert proved(written(replace(robot, shapes=shapes), tmp_path / "in")) == []
     assert '"facts": 0' not in (tmp_path / "out/figures.json").read_text()
 
 

@@ -272,6 +272,9 @@ def test_a_layer_that_is_no_usd_is_one_finding(tmp_path: Path) -> None:
     (found,) = run_step(UsdReader(robot="robot"), inputs, tmp_path / "out")
     assert found.rule == "equal.unreadable"
     assert "payloads/base.usda:" in found.message and "</robot/trunk>" in found.message
+    (inputs / "usd/robot.usda").write_text("not usd")
+    (found,) = run_step(UsdReader(robot="robot"), inputs, tmp_path / "out")
+    assert found.rule == "equal.unreadable"
     Usd.Stage.CreateNew(str(tmp_path / "none.usda")).Save()
     with pytest.raises(UsageError, match="no default prim"):
         UsdReader(robot="none").read(tmp_path / "none.usda")
