@@ -10,11 +10,12 @@ import numpy as np
 import pytest
 from tiny import TinyRobot, box_inertial, box_obj, pendulum, run_step, write_robot_ports
 
-from assetbuild.checks.coverage import Coverage
+from assetbuild.checks.coverage import Coverage, _length
 from assetbuild.checks.mass import Mass
 from assetbuild.findings import Finding
 from assetbuild.mesh.obj import obj_bytes
 from assetbuild.mesh.primitives import tessellate
+from assetbuild.mesh.solid import distance_to
 from assetbuild.mesh.triangles import merged
 from assetbuild.robot.inertia import rotate_tensor
 from assetbuild.robot.model import Inertial
@@ -198,3 +199,15 @@ def test_a_notch_and_a_hole_left_open_are_no_holes_filled(tmp_path: Path):
     ring = frame_of_bars((*SIDES, TOP, BOTTOM))
     beside = covered(Box(SIDES[0][0]), SIDES[0][1], tmp_path / "b", ring)
     assert [f.rule for f in beside if f.rule == "coverage.hole"] == []
+
+
+def test_points_in_one_plane_are_as_far_as_their_box():
+    flat = np.array([[0.0, 0.0, 0.0], [2.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
+    points = np.array([[1.0, 0.5, 0.3], [5.0, 0.5, 4.0], [1.0, 0.5, 0.0]])
+    assert distance_to(flat, Pose())(points) == pytest.approx([0.3, 5.0, 0.0])
+
+
+def test_a_length_is_told_in_the_unit_of_its_size():
+    """A collision mesh in millimetres lay `2e+03 mm` off."""
+    lengths = (0.0274, 0.345, 0.9994, 2.03, 1350.0)
+    assert [_length(v) for v in lengths] == ["27.4 mm", "345 mm", "999 mm", "2.03 m", "1350 m"]
