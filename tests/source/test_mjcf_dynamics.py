@@ -91,11 +91,6 @@ def test_a_narrower_limit_of_the_drive_itself_stays_the_effort(tmp_path: Path):
     same_motion(text, done.xml)
 
 
-def test_a_range_that_is_switched_off_limits_nothing(tmp_path: Path):
-    done = written(arm(f'{SEVEN} actuatorfrclimited="false"', OPEN), tmp_path)
-    assert drive_of(done).effort is None
-
-
 def test_an_uneven_range_is_exact_in_mjcf_and_reported_for_the_other_formats(tmp_path: Path):
     text = arm('actuatorfrcrange="-7 3"', OPEN)
     done = written(text, tmp_path)
@@ -168,14 +163,6 @@ def test_a_gear_is_folded_into_what_acts_on_the_joint(
     assert row.model == model
     for name, value in said.items():
         assert getattr(row, name) == (value if value is None else pytest.approx(value)), name
-
-
-def test_a_folded_servo_without_its_gear_moves_as_the_geared_one(tmp_path: Path):
-    text = arm("", SERVO.format(6))
-    row = drive_of(written(text, tmp_path))
-    folded = f'<position name="j" joint="j" kp="{row.kp}" kv="{row.kd}" forcerange="-24 24"/>'
-    (tmp_path / "folded.xml").write_text(arm("", folded))
-    same_motion(text, tmp_path / "folded.xml", scale=1 / 6)
 
 
 @pytest.mark.parametrize("drive", [SERVO, WHEEL])

@@ -163,14 +163,6 @@ def test_the_linkage_moves_as_in_the_source(equality: str, tmp_path: Path):
         np.testing.assert_allclose(other.qpos, one.qpos, rtol=1e-6, atol=1e-11)
 
 
-def test_an_anchor_is_a_point_of_both_bodies(tmp_path: Path):
-    loop = the_loop(built(BY_ANCHOR, tmp_path))
-    assert (loop.a.body, loop.b.body) == ("coupler", "rocker")
-    # The frame of the coupler's link stands in its joint.
-    np.testing.assert_allclose(loop.a.X_body_end.xyz, (0.199, 0.0, 0.03), atol=1e-12)
-    np.testing.assert_allclose(loop.b.X_body_end.xyz, (0.03, 0.0, 0.13), atol=1e-12)
-
-
 def test_what_is_held_to_the_world_of_a_fixed_robot_is_held_to_its_root(tmp_path: Path):
     text = '<connect name="pin" body1="coupler" anchor="0.2 0 0.03"/>'
     loop = the_loop(built(text, tmp_path))
