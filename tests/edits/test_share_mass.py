@@ -15,7 +15,6 @@ from assetbuild.edits.split_joint import SplitJoint
 from assetbuild.engine.step import Files
 from assetbuild.errors import RecipeError
 from assetbuild.findings import Finding
-from assetbuild.robot.inertia import least_second_moment
 from assetbuild.robot.model import Body, Control, Joint, JointKind, Limits, Tree
 from assetbuild.robot.pose import Pose, normalised_quat, vec3
 from assetbuild.robot.shapes import Shapes, SourceShapes
@@ -149,25 +148,6 @@ def test_mass_matrix_and_forces_are_the_same(tmp_path: Path):
     assert all(body.inertial for body in after.bodies)
     for a, b in zip(dynamics(tree, tmp_path / "a"), dynamics(after, tmp_path / "b"), strict=True):
         assert b == pytest.approx(a, rel=1e-8, abs=1e-9)
-
-
-def test_nothing_is_gained_and_the_tensor_stays_possible():
-    tree = hip()
-    after, (finding,) = shared(tree)
-    before_kg = sum(b.inertial.mass_kg for b in tree.bodies if b.inertial)
-    assert sum(b.inertial.mass_kg for b in after.bodies if b.inertial) == pytest.approx(before_kg)
-    leg = after.by_body["leg"].inertial
-    assert leg is not None
-    assert least_second_moment(leg.inertia_com_kg_m2) > 0.0
-    assert finding.rule == "edit.share_mass"
-    assert finding.data["before_kg"] == 2.0
-    assert finding.data["after_kg"] == pytest.approx(leg.mass_kg)
-
-
-def test_one_link_of_two():
-    after, _ = shared(hip(), "yaw")
-    assert after.by_body["yaw"].inertial
-    assert after.by_body["roll"].inertial is None
 
 
 @pytest.mark.parametrize("kind", ["revolute", "prismatic"])
