@@ -140,12 +140,6 @@ def test_what_it_has_not(episode, column, said):
         read_columns(episode, episode.name, ("timestamp", column), None, 1.0)
 
 
-def test_a_broken_file(episode):
-    episode.write_bytes(episode.read_bytes()[:100])
-    with pytest.raises(StepError, match="is not a Parquet file"):
-        read_columns(episode, episode.name, COLUMNS_OF_PARQUET, None, 1.0)
-
-
 @pytest.fixture
 def data_set(tmp_path):
     """Version 3: two episodes of 3 s in one file, each with its own clock; an info.json."""

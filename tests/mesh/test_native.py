@@ -5,6 +5,8 @@ from __future__ import annotations
 import faulthandler
 import os
 import signal
+import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -128,3 +130,17 @@ def test_a_shrunken_part_grows_back_onto_the_surface():
     assert signed_volume(grown) == pytest.approx(1.0)
     (left,) = grown_to([small], UNIT.vertices, reach=0.01)
     assert signed_volume(left) == pytest.approx(0.9**3)
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="counts children in /proc")
+def test_no_process_is_left_behind():
+    before = children()
+    with pytest.raises(NativeError):
+        run_apart(crash, LIMITS)
+    assert children() == before
+
+
+def children() -> set[str]:
+    """Process ids of this process's children, those that nobody has waited for among them."""
+    tasks = Path("/proc/self/task").glob("*/children")
+    return {pid for task in tasks for pid in task.read_text().split()}

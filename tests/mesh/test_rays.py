@@ -121,3 +121,29 @@ def test_the_points_are_those_of_scipy(count, seed):
     lower, upper = np.array([-1.0, 0.0, 2.0]), np.array([1.0, 0.5, 7.0])
     theirs = qmc.Sobol(3, scramble=True, rng=np.random.default_rng(seed)).random(count)
     assert np.array_equal(sobol(count, lower, upper, seed), lower + theirs * (upper - lower))
+
+
+def test_a_few_rays_strike_what_they_strike_among_many():
+    """Few rays look at the triangles near them alone: the same strikes, number by number."""
+    ball = tessellate(Sphere(0.5))
+    while len(ball.faces) < 5000:
+        ball = split(ball)
+    rng = np.random.default_rng(3)
+    origins = np.column_stack(
+        [rng.uniform(-0.6, 0.6, (len(ball.faces), 2)), np.full(len(ball.faces), 2.0)]
+    )
+    origins[:3, :2] = ball.vertices[:3, :2]  # and through corners
+    view = Across(ball, np.array([0.2, 0.1, -1.0]))
+    many, few = view.strike(origins), view.strike(origins[:40])
+    first = many.ray < 40
+    for name in ("ray", "depth", "front"):
+        assert np.array_equal(getattr(many, name)[first], getattr(few, name))
+
+
+def split(mesh: TriangleMesh) -> TriangleMesh:
+    """Four triangles for each."""
+    a, b, c = np.moveaxis(mesh.corners, 1, 0)
+    ab, bc, ca = (a + b) / 2.0, (b + c) / 2.0, (c + a) / 2.0
+    corners = [(a, ab, ca), (ab, b, bc), (ca, bc, c), (ab, bc, ca)]
+    points = np.concatenate([np.stack(three, axis=1) for three in corners]).reshape(-1, 3)
+    return TriangleMesh(points, np.arange(len(points)).reshape(-1, 3))
