@@ -96,13 +96,6 @@ def test_a_place_that_is_no_link_is_refused(tmp_path):
     assert "trunk" in str(caught.value)
 
 
-def test_findings_about_a_part_name_its_own_file(tmp_path):
-    _, _, lines, _ = composed(tmp_path, ARM)
-    root = pendulum().links.root
-    assert lines["lines"][f"link arm_{root}"] == "arm.urdf:7"
-    assert lines["lines"]["link trunk"] == 7
-
-
 def read(urdf: Path, folder: Path, base: str) -> Tree:
     folder.mkdir(parents=True)
     (folder / "robot.urdf").write_bytes(urdf.read_bytes())

@@ -145,23 +145,10 @@ def test_a_mesh_touches_with_its_lowest_vertex(run):
     assert control.keyframes[0].base.xyz[2] == pytest.approx(2.0, abs=1e-12)
 
 
-def test_only_collision_geometry_counts(run):
-    low = Shape("v", "trunk", "visual", Sphere(5.0))
-    shapes = Shapes((low, *feet().shapes))
-    control, _ = run(quadruped(), shapes, recipe(keyframes={"home": {}}))
-    assert control.keyframes[0].base.xyz[2] == pytest.approx(0.213 + 0.22 + 0.02)
-
-
 def test_without_collision_geometry_there_is_no_ground_and_it_is_said(run):
     control, findings = run(quadruped(), Shapes(), recipe(keyframes={"home": {}}))
     assert findings["keyframe.no_ground"].severity == "warning"
     assert control.keyframes[0].base == Pose()
-
-
-def test_a_given_base_is_taken_as_it_is(run):
-    said = recipe(keyframes={"home": {"base": (0.1, 0.2, 0.3)}})
-    control, _ = run(quadruped(), feet(), said)
-    assert control.keyframes[0].base == Pose((0.1, 0.2, 0.3))
 
 
 def test_a_fixed_base_stays_and_a_given_height_is_reported(run):
@@ -215,17 +202,6 @@ def test_degrees_in_a_keyframe_are_told_with_the_radians(run):
     assert "keyframe.turns" not in run(with_calf_limits(None, None), feet(), once)[1]
 
 
-def test_a_joint_that_no_pattern_names_may_be_outside_at_zero(run):
-    _, findings = run(with_calf_limits(-2.8, -0.8), feet(), recipe(keyframes={"home": {}}))
-    assert "so it is 0" in findings["keyframe.limits"].hint
-
-
-def test_a_value_on_the_limit_is_inside(run):
-    said = recipe(keyframes={"home": {"joints": {"FL_calf_joint": -2.8}}})
-    _, findings = run(with_calf_limits(-2.8, -0.8), feet(), said)
-    assert findings == {}
-
-
 def gripper() -> Tree:
     limits = Limits(0.0, 0.05, effort=1.0)
     left = Joint("left", "prismatic", "palm", "l", axis=(0.0, 1.0, 0.0), limits=limits)
@@ -262,11 +238,6 @@ def test_a_pattern_that_matches_nothing_or_twice_is_an_error_with_its_key(joints
     assert said in error.message
 
 
-def test_a_mimic_joint_cannot_be_posed():
-    error = refused(gripper(), recipe(keyframes={"open": {"joints": {"right": 0.01}}}))
-    assert "mimic others" in error.message
-
-
 def test_adjacent_bodies_and_pairs_of_links_are_excluded(run):
     pairs = [["trunk", "FL_foot"], ["FR_calf", "FL_foot"]]
     said = recipe(collision={"exclude": {"pairs": tuple(map(tuple, pairs))}})
@@ -277,12 +248,6 @@ def test_adjacent_bodies_and_pairs_of_links_are_excluded(run):
     assert ("FL_calf", "FR_calf") in control.excludes
     assert len(control.excludes) == 8 + 2
     assert list(control.excludes) == sorted(control.excludes)
-
-
-def test_without_adjacent_only_pairs_remain(run):
-    said = recipe(collision={"exclude": {"adjacent": False, "pairs": (("trunk", "FL_foot"),)}})
-    control, _ = run(quadruped(), feet(), said)
-    assert control.excludes == (("FL_calf", "trunk"),)
 
 
 def test_a_pair_that_fixed_joints_made_one_body_is_reported(run):
@@ -297,30 +262,12 @@ def test_an_unknown_link_in_a_pair_is_an_error_with_its_key():
     assert error.hint == "did you mean `FL_foot`?"
 
 
-def test_gains_come_from_the_table(run):
-    control, _ = run(quadruped(), feet(), recipe())
-    assert {a.kp for a in control.actuators} == {80.0}
-    assert {a.effort for a in control.actuators} == {20.0}
-    assert len(control.actuators) == 8
-
-
 def test_without_a_table_all_is_passive_and_it_is_said(run):
     control, findings = run(quadruped(), feet(), recipe(actuators=()))
     assert {a.model for a in control.actuators} == {"passive"}
     assert findings["actuator.none"].data == {"joints": 8}
     assert findings["actuator.none"].severity == "warning"
     assert "`actuators: []`" in findings["actuator.none"].hint
-
-
-def test_a_table_of_passive_rows_drives_nothing_and_it_is_said(run):
-    """What `init` writes where the source states no effort."""
-    _, findings = run(
-        quadruped(), feet(), recipe(actuators=({"joints": ".*", "model": "passive"},))
-    )
-    assert (findings["actuator.none"].severity, findings["actuator.none"].data) == (
-        "warning",
-        {"joints": 8},
-    )
 
 
 @pytest.mark.parametrize(

@@ -9,18 +9,17 @@ from pathlib import Path
 import mujoco
 import pytest
 from mjcfs import Reading, Written, hard_arm, read, write
-from tiny import TinyRobot, pendulum, run_step, tiny_quadruped, write_robot_ports
+from tiny import TinyRobot, pendulum, run_step, tiny_quadruped
 
 from assetbuild.control.keep import KeepRatings
 from assetbuild.control.only_mjcf import wider_excludes
 from assetbuild.robot.codec import decode, encode
-from assetbuild.robot.model import Body, Contact, Control, Joint, MjcfOnly, Tree
+from assetbuild.robot.model import Body, Contact, Control, Joint, Tree
 from assetbuild.robot.pose import IDENTITY
 from assetbuild.robot.shapes import Shape, Shapes, SourceShapes, Sphere
 from assetbuild.robot.sides import Side
 from assetbuild.robot.softness import CouplingError, LimitError, softened
 from assetbuild.robot.tree import merge_fixed_joints
-from assetbuild.targets.urdf import Urdf
 
 PAIR = '<mujoco><option timestep="0.003"/><worldbody><body name="a"><geom name="ga" size=".1" friction="2 0.1 0.1" group="3"/><body name="b" pos="0 0 1"><joint name="j" armature="0.2" damping="0.5"/><geom name="gb" size=".1" group="3"/><body name="c"><geom name="gc" size=".1" group="3"/></body></body></body></worldbody><contact><exclude body1="a" body2="c"/></contact><actuator><position name="p" joint="j" kp="5"/></actuator><sensor><actuatorfrc name="f" actuator="p"/></sensor><keyframe><key name="home" qpos="0.5"/></keyframe></mujoco>'  # noqa: E501 # one robot per line
 
@@ -66,11 +65,6 @@ def test_a_table_of_drives_replaces_them_all_but_leaves_the_armature(tmp_path: P
     assert (drive.kp, drive.armature, drive.damping) == (9.0, 0.2, 0.5)
     drive = made(tmp_path / "2", actuators=[{**row, "armature": 0.1}]).control.by_joint["j"]
     assert drive.armature == 0.1
-
-
-def test_a_rule_for_links_changes_the_surface_of_the_source(tmp_path: Path):
-    control = made(tmp_path, contact={"links": {"a": {"condim": 1}}}).control
-    assert dict(control.contacts)["ga"] == Contact(friction=(2.0, 0.1, 0.1), condim=1)
 
 
 def test_another_cone_than_the_sources_brings_its_own_impratio(tmp_path: Path):
@@ -165,7 +159,6 @@ def test_what_no_longer_touches_is_reported(
 
 
 LIMITS, COUPLINGS = LimitError.model_validate({}), CouplingError.model_validate({})
-SAID = MjcfOnly("joint", '<joint solreflimit="0.03 1"/>', "swing_joint")
 
 
 def strong(effort: float = 500.0) -> TinyRobot:
@@ -191,12 +184,6 @@ def test_an_mjcf_keeps_its_limits_unless_the_recipe_states_a_wish() -> None:
     assert limits_of(strong(), Side(from_mjcf=True, stated=("limits",))) == ("swing_joint",)
 
 
-def test_softness_that_the_source_states_wins() -> None:
-    robot = strong()
-    said = replace(robot.control, mjcf_only=(SAID,))
-    assert limits_of(robot, Side(from_mjcf=True, stated=("limits",)), said) == ()
-
-
 def kept(folder: Path, control: Control) -> bytes:
     (folder / "inputs").mkdir(parents=True)
     (folder / "inputs/control.json").write_bytes(encode(control))
@@ -220,16 +207,3 @@ def test_gains_keyframes_and_contacts_change_nothing(tmp_path: Path, name: str):
 def test_each_rating_is_kept(tmp_path: Path, name: str):
     control = tiny_quadruped().control
     assert kept(tmp_path / "a", control) != kept(tmp_path / "b", changed(control, **{name: 1.25}))
-
-
-def test_the_urdf_is_the_same_from_ratings_as_from_all_control_data(tmp_path: Path):
-    robot = tiny_quadruped()
-    texts = []
-    for name in ("all", "ratings"):
-        folder = write_robot_ports(tmp_path / name, robot)
-        if name == "ratings":
-            (folder / "ratings.json").write_bytes(kept(tmp_path / "kept", robot.control))
-        run_step(Urdf(robot="it"), folder, tmp_path / f"{name}-out")
-        texts.append((tmp_path / f"{name}-out/urdf/it.urdf").read_bytes())
-    assert texts[0] == texts[1]
-    assert b"effort" in texts[0]
