@@ -63,11 +63,6 @@ def test_joints_of_a_hand_get_a_frequency_each_and_its_impossible_dampers_go(tmp
     assert "armature: 0.0025, damping: 0, friction: 0}" in text
 
 
-def test_dampers_that_can_be_meant_stay(tmp_path: Path):
-    _, rows = rows_of(arm(tmp_path, [(2.0, 0.2), (1.0, 0.2)], damping=0.1, friction=0.1))
-    assert [row.drops for row in rows] == [()] * len(rows)
-
-
 def test_one_pair_of_gains_holds_the_arm_and_neither_rings_nor_creeps(tmp_path: Path):
     pose, (row,) = rows_of(arm(tmp_path, [(4.0, 0.2)], effort=60.0))
     assert pose == {"j0": 0.0}
@@ -120,13 +115,3 @@ def test_a_leg_whose_drive_outruns_the_step_is_told():
     assert not row.outruns(0.002)
     assert not replace(row, standing=0.1).outruns(0.005)
     assert not replace(row, standing=0.0).outruns(0.005), "no leg"
-
-
-def test_links_that_only_an_edit_gives_a_mass_get_gains_for_that_mass(tmp_path: Path):
-    """The two balls of 0.01 kg that the edits make, each 0.2 m further out."""
-    robot = arm(tmp_path, [(0.0, 0.2), (0.0, 0.2)], effort=0.1)
-    source = find_source(tmp_path / "arm.urdf", {})
-    text = urdf_recipe(robot, study(robot), source, tmp_path / "a").text
-    assert "set_inertia" in text
-    assert "\n# arm: 0.02 kg" in text
-    assert "moves 0.000" in text

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from assetbuild.init.draft import Draft
-from assetbuild.init.licence import put_licence, stated_about, stated_licence
+from assetbuild.init.licence import put_licence, stated_about
 
 MIT = "MIT License\n\nPermission is hereby granted, free of charge, to any person obtaining a copy"
 
@@ -49,16 +49,6 @@ def test_words_that_name_no_one_licence_are_quoted_and_not_claimed(robot: Path, 
     (robot / "package.xml").write_text(f"<package><license>{said}</license></package>")
     assert said in lines(robot)
     assert not any(line.strip().startswith("license:") for line in lines(robot).splitlines())
-
-
-def test_of_several_licences_the_one_behind_the_robots_own_folder_counts(robot: Path):
-    text = "<license>MIT</license><!-- for: - arm\n - leg --> <license>Apache-2.0</license>"
-    (robot / "package.xml").write_text(f"<package>{text}</package>")
-    stated = stated_licence(robot, "arm/urdf/arm.urdf")
-    assert stated is not None and stated[0] == "Apache-2.0"
-    (robot / "package.xml").write_text(f"<package>{text.replace('arm', 'hand')}</package>")
-    stated = stated_licence(robot, "arm/urdf/arm.urdf")
-    assert stated is not None and stated[0] == "", "MIT or Apache-2.0? nobody knows"
 
 
 def test_a_source_that_states_none_gets_no_placeholder_to_uncomment(robot: Path):

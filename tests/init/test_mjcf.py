@@ -9,7 +9,6 @@ from hands import COUPLED, PINCHER, robot
 from mjcfs import ROBOTS, TET
 
 from assetbuild.cli.check import check
-from assetbuild.errors import SourceError
 from assetbuild.init import propose, write
 from assetbuild.init.mjcf import robot_name
 from assetbuild.pipeline.recipes import load_recipe
@@ -52,13 +51,6 @@ def test_meshes_beside_the_folder_of_the_mjcf_are_found(tmp_path: Path):
     write(propose(tmp_path / "robot/xml/leg.xml", out, {}), force=True)
     source = load_recipe(out).recipe.source
     assert (source.path, source.mjcf) == ("robot", "xml/leg.xml")
-
-
-def test_a_missing_mesh_is_named_with_its_line(tmp_path: Path):
-    (tmp_path / "xml").mkdir()
-    (tmp_path / "xml/leg.xml").write_text(LEG)
-    with pytest.raises(SourceError, match=r"no file `meshes/a\.obj`"):
-        propose(tmp_path / "xml/leg.xml", None, {})
 
 
 def test_files_that_it_includes_from_a_parent_folder_are_found(tmp_path: Path):
@@ -179,13 +171,6 @@ def test_a_foot_that_touches_on_its_own_is_not_proposed_as_usd(tmp_path: Path):
     assert "foot has no mass, and is excluded from other pairs than shank" in text
 
 
-def test_a_base_without_inertia_is_merged_with_what_it_carries(tmp_path: Path):
-    base = '<body name="base"><inertial pos="0 0 0" mass="10" diaginertia="0 0 0"/>'
-    arm = '<body name="arm"><joint name="j"/><geom size=".1"/></body>'
-    _, text = proposed(tmp_path, f'{base}<body name="mount"><geom size=".1"/>{arm}</body></body>')
-    assert "fixed_joints: {merge: true}" in text
-
-
 def test_a_root_without_mass_and_marks_without_inertia_are_merged_at_once(tmp_path: Path):
     """onshape-to-robot marks a foot by a body of 1e-9 kg."""
     mark = '<body name="mark"><inertial pos="0 0 0" mass="1e-9" diaginertia="0 0 0"/></body>'
@@ -194,15 +179,6 @@ def test_a_root_without_mass_and_marks_without_inertia_are_merged_at_once(tmp_pa
     targets, text = proposed(tmp_path, f'<body name="root"><freejoint/>{trunk}</body>')
     assert targets == ("urdf", "mjcf", "usd")
     assert "# root, mark cannot be simulated alone" in text
-
-
-def test_a_foot_without_inertia_is_merged_with_its_shank(tmp_path: Path):
-    foot = '<body name="foot"><inertial pos="0 0 0" mass=".02" diaginertia="0 0 0"/>'
-    foot += '<geom size=".03"/></body>'
-    shank = f'<body name="shank" pos="0 0 -.3"><joint name="knee"/><geom size=".1"/>{foot}</body>'
-    _, text = proposed(tmp_path, f'<body name="trunk"><freejoint/><geom size=".1"/>{shank}</body>')
-    assert "# foot cannot be simulated alone" in text
-    assert "fixed_joints: {merge: true}" in text
 
 
 def test_a_robot_without_a_usd_shares_no_mass(tmp_path: Path):
@@ -219,14 +195,6 @@ def test_a_robot_without_a_usd_shares_no_mass(tmp_path: Path):
         text = out.read_text()
         assert ("share_mass" in text) == shares
         assert ("targets: [urdf, mjcf, usd]" in text) == shares
-
-
-def test_springs_beside_guessed_drives_are_not_proposed_as_usd(tmp_path: Path):
-    arm = '<body name="a"><joint name="j" axis="0 1 0" stiffness="3" range="-1 1"/>'
-    base = f'<body name="b"><geom size=".1"/>{arm}<geom size=".1"/></body></body>'
-    targets, text = proposed(tmp_path, base)
-    assert "actuators:" in text
-    assert targets == ("urdf", "mjcf")
 
 
 @pytest.mark.parametrize(

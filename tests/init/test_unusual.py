@@ -21,7 +21,6 @@ from assetbuild.recipe.models import Recipe
 
 INERTIAL = urdfs.inertial(xyz="0 0 0.01")
 BOX = urdfs.shape("visual", urdfs.box())
-HIT = urdfs.shape("collision", '<sphere radius="0.1"/>')
 LIMIT = '<limit lower="-1" upper="1" effort="10" velocity="5"/>'
 TRIANGLE = (
     b"one triangle".ljust(80)
@@ -194,27 +193,6 @@ def test_what_cannot_be_is_one_clear_error(name: str, tmp_path: Path):
     (tmp_path / "t.stl").write_bytes(TRIANGLE)
     with pytest.raises(SourceError, match=says):
         propose(tmp_path / "r.urdf", None, {})
-
-
-def test_a_biped_whose_heels_hang_on_springs_floats(tmp_path: Path):
-    """A joint without effort at the heel is no branch of the leg (Cassie)."""
-    parts = [link("pelvis")]
-    for side, y in (("left", 0.1), ("right", -0.1)):
-        above = "pelvis"
-        for name, xyz in (("hip", f"0 {y} 0"), ("knee", "0 0 -0.3"), ("tarsus", "0 0 -0.3")):
-            parts += [link(f"{side}_{name}"), hinge(above, f"{side}_{name}", xyz, 10.0)]
-            above = f"{side}_{name}"
-        parts += [link(f"{side}_heel"), hinge(above, f"{side}_heel", "-0.05 0 0", 0.0)]
-        parts += [
-            link(f"{side}_foot", INERTIAL + BOX + HIT),
-            hinge(above, f"{side}_foot", "0 0 -0.3", 10.0),
-        ]
-    assert initialised(robot(*parts), tmp_path).base == "floating"
-
-
-def hinge(parent: str, child: str, xyz: str, effort: float) -> str:
-    limit = f'<limit lower="-1" upper="1" effort="{effort}" velocity="5"/>'
-    return urdfs.joint(f"{child}_joint", parent, child, content=limit, xyz=xyz)
 
 
 def _walker(*, last: str, down: float, names: tuple[str, str], limbs: int = 4) -> str:
