@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import os
 import shutil
-import time
 from pathlib import Path
 
 import numpy as np
@@ -18,12 +16,11 @@ from assetbuild.collision.coacd import CoAcd
 from assetbuild.collision.hull import Hull
 from assetbuild.collision.vhacd import VHacd
 from assetbuild.geometry.convert_mesh import write_converted
-from assetbuild.mesh import coacd
-from assetbuild.mesh.coacd import CoAcdOptions, Patience
+from assetbuild.mesh.coacd import Patience
 from assetbuild.mesh.cover import union_of
 from assetbuild.mesh.cut import cut_parts
 from assetbuild.mesh.material import MaterialPart, SurfaceMaterial
-from assetbuild.mesh.native import NativeError, NativeLimits
+from assetbuild.mesh.native import NativeError
 from assetbuild.mesh.obj import read_triangles
 from assetbuild.mesh.primitives import tessellate
 from assetbuild.mesh.solid import ConvexPiece
@@ -208,32 +205,6 @@ def test_coacd_is_given_up_by_the_parts_and_faces_that_its_log_tells():
     assert heard(23, [1, 2, 4, 8, 4], faces=800) == 3 + 4  # before the last round
     assert heard(100, [1, 2, 4], faces=80_000) == 3 + 0
     assert Patience(100)(b"[i] Mesh Manifoldness: false")
-
-
-@pytest.mark.parametrize("most", [100, 10], ids=["enough", "too little"])
-def test_a_slower_processor_comes_to_the_same_pieces(monkeypatch, most):
-    def outcome(rest: float) -> str | int:
-        def parts(*_, **__):
-            for line in log_of([1, 2, 4, 8], faces=800):
-                os.write(1, line + b"\n")
-                end = time.process_time() + rest
-                while time.process_time() < end:
-                    pass
-            yield L_SHAPE
-
-        monkeypatch.setattr(coacd, "_parts", parts)
-        limits, options = NativeLimits(cpu_s=60.0), CoAcdOptions()
-        try:
-            made = coacd.coacd_parts(
-                L_SHAPE, options, max_hulls=None, max_vertices=64, limits=limits,
-                patience=Patience(most),
-            )  # fmt: skip
-        except NativeError as error:
-            return str(error)
-        return len(made)
-
-    quick, slow = outcome(0.0), outcome(0.05)
-    assert quick == slow == (1 if most == 100 else "[i] iter 3 ---- waiting pool: 8")
 
 
 @pytest.mark.usefixtures("uncut")

@@ -179,23 +179,6 @@ def test_the_volume_of_a_ball_fitted_by_a_box_is_not_the_enclosing_box(tmp_path)
     assert findings["collision.gap"].data["iou"] >= math.pi / 6 - 0.02
 
 
-def two_bars() -> TriangleMesh:
-    """A T of two boxes, as one solid: 0.4 x 0.1 x 0.1 m on a post of 0.1 x 0.1 x 0.3 m."""
-    pieces = [
-        ConvexPiece(Box((0.4, 0.1, 0.1)), Pose((0.0, 0.0, 0.2))),
-        ConvexPiece(Box((0.1, 0.1, 0.3)), Pose((0.0, 0.0, 0.0))),
-    ]
-    return union_of(pieces)[1]
-
-
-@pytest.mark.slow
-def test_two_boxes_are_found_in_a_t(tmp_path):
-    method = FitPrimitive(sources=MESH, max_hulls=3, shape="box")
-    pieces, _, findings, _ = fit(tmp_path, method, two_bars())
-    assert len(pieces) == 2
-    assert findings["collision.gap"].data["iou"] > 0.9
-
-
 @pytest.mark.slow
 def test_a_shin_is_a_capsule_and_its_foot_a_sphere(tmp_path):
     foot = ConvexPiece(Sphere(0.023), Pose((0.0, 0.0, -0.21)))

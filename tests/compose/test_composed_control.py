@@ -78,15 +78,6 @@ def test_a_floating_part_that_is_held_to_the_world_is_refused(tmp_path: Path, lo
     assert caught.value.hint
 
 
-def test_what_is_held_to_the_world_of_a_fixed_part_is_held_to_its_root(tmp_path: Path):
-    text = HEAD + '<body name="a" pos="0 0 1"><geom size=".1"/><body name="b"><joint name="j"/>'
-    text += '<geom size=".1"/></body></body></worldbody><equality>'
-    text += '<connect name="pin" body1="b" anchor=".1 0 0"/></equality></mujoco>'
-    (loop,) = part(read(text, tmp_path)).prefixed().control.loops
-    assert (loop.name, loop.a.body, loop.b.body) == ("p_pin", "p_b", "p_a")
-    assert loop.b.X_body_end.xyz == pytest.approx((0.1, 0.0, 0.0))
-
-
 def test_options_that_are_not_taken_are_named(tmp_path: Path):
     text = (
         '<mujoco><option timestep="0.01" integrator="RK4" density="1.2"><flag contact="disable"/>'

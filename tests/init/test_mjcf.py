@@ -42,17 +42,6 @@ def test_a_robot_that_is_called_like_a_file_of_the_bundle_is_called_like_its_fol
     assert load_recipe(out).recipe.robot == "one_leg"
 
 
-def test_meshes_beside_the_folder_of_the_mjcf_are_found(tmp_path: Path):
-    (tmp_path / "robot/xml").mkdir(parents=True)
-    (tmp_path / "robot/meshes").mkdir()
-    (tmp_path / "robot/xml/leg.xml").write_text(LEG)
-    (tmp_path / "robot/meshes/a.obj").write_text(TET)
-    out = tmp_path / "leg.yaml"
-    write(propose(tmp_path / "robot/xml/leg.xml", out, {}), force=True)
-    source = load_recipe(out).recipe.source
-    assert (source.path, source.mjcf) == ("robot", "xml/leg.xml")
-
-
 def test_files_that_it_includes_from_a_parent_folder_are_found(tmp_path: Path):
     scene = '<mujoco><include file="../leg.xml"/></mujoco>'
     (tmp_path / "robot/cell").mkdir(parents=True)
@@ -218,11 +207,6 @@ def test_a_scene_is_called_like_the_robot_in_it(
         text = '<mujoco><include file="floor.xml"/><include file="hexapod.xml"/></mujoco>'
         (tmp_path / file).write_text(text)
     assert robot_name(stated, tmp_path / file) == called
-
-
-def test_a_scene_without_a_name_is_called_like_its_folder(tmp_path: Path):
-    (tmp_path / "acme_arm").mkdir()
-    assert robot_name("scene", tmp_path / "acme_arm" / "scene.xml") == "acme_arm"
 
 
 def test_a_gripper_without_contacts_of_its_own_gets_ones_that_hold(tmp_path: Path):

@@ -158,25 +158,6 @@ def test_a_cart_that_a_planar_joint_moves_over_its_root_does_not_float_as_well(t
     assert rolling.base == "floating"
 
 
-@pytest.mark.parametrize("x", [0.0, 0.1], ids=["meet", "pass by"])
-def test_massless_links_share_mass(x: float, tmp_path: Path):
-    last = joint("k", "between", "end", x=x).replace('"0 0 1"', '"0 1 0"')
-    third = joint("l", "end", "tip").replace('"0 0 1"', '"1 0 0"')
-    second = link("between", "")
-    text = robot(
-        link("base"),
-        second,
-        link("end", ""),
-        link("tip"),
-        joint("j", "base", "between"),
-        last.replace("0.2", "0"),
-        third.replace("0.2", str(x)),
-    )
-    recipe = initialised(text, tmp_path)
-    assert "usd" in recipe.targets
-    assert recipe.edits
-
-
 REFUSED = {
     "absent meshes": (robot(link("a", mesh("x.stl")), link("b", mesh("y.stl")), joint("j", "a", "b")), r"r\.urdf:3: link a: no file `x.stl` \(and 1 more: `y.stl`\)"),
     "a mesh of no format": (robot(link("a", mesh("t"))), "of no known format"),

@@ -16,15 +16,14 @@ from assetbuild.mesh.cover import (
     rough,
     union_of,
 )
-from assetbuild.mesh.cut import DIRECTIONS, cut_parts, tips
-from assetbuild.mesh.hull import convex_hull
+from assetbuild.mesh.cut import cut_parts
 from assetbuild.mesh.merge import hulls_of
 from assetbuild.mesh.primitives import tessellate
 from assetbuild.mesh.solid import ConvexPiece
 from assetbuild.mesh.triangles import TriangleMesh, cleaned, signed_volume
 from assetbuild.mesh.verdict import Probe, outside_in, verdict
 from assetbuild.robot.pose import Pose
-from assetbuild.robot.shapes import Box, Sphere
+from assetbuild.robot.shapes import Box
 
 UNIT = tessellate(Box((1.0, 1.0, 1.0)))
 
@@ -59,10 +58,10 @@ def test_half_a_box_covers_half_of_it_exactly():
     assert quality.max_m == pytest.approx(0.5, abs=0.02)  # from the far face to the cut
 
 
-@pytest.mark.parametrize("mesh", [portal()[0], open_box(), tessellate(Sphere(0.4))])
+@pytest.mark.parametrize("mesh", [portal()[0], open_box()])
 def test_the_farthest_point_outside_is_that_of_a_look_at_all_points(mesh):
     reference = Reference(mesh)
-    for seed in range(5):
+    for seed in range(2):
         points = np.random.default_rng(seed).normal(scale=0.6, size=(3000, 3))
         away = points[~reference.solid.contains(points)]
         most = reference.surface.at_most(points)
@@ -205,13 +204,3 @@ def test_more_parts_cover_less_that_is_outside():
     assert over[0] > 0.5
     assert over[0] >= over[1] > over[2]  # one cut through a ring gains nothing
     assert over[2] == pytest.approx(0.0, abs=0.01)
-
-
-def test_tips_stand_for_the_hull():
-    ball = tessellate(Sphere(1.0)).vertices
-    many = np.concatenate([ball * scale for scale in np.linspace(0.1, 1.0, 12)])
-    assert len(tips(many)) <= DIRECTIONS < len(many)
-    whole, some = (signed_volume(convex_hull(points)) for points in (many, tips(many)))
-    assert some == pytest.approx(whole, rel=5e-3)
-    assert tips(ball[:10]) is not None
-    assert len(tips(ball[:10])) == 10

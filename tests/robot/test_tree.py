@@ -202,17 +202,6 @@ def _reordered(tree: Tree) -> Tree:
     return replace(tree, bodies=tuple(tree.by_body[n] for n in links), joints=joints)
 
 
-def test_a_chain_of_fixed_joints_is_one_body_with_composed_frames():
-    tree = chain(("fixed", ASKEW), ("fixed", ASKEW), ("continuous", ASKEW))
-    merged, facts = merge_fixed_joints(tree, True, ())
-    assert [b.name for b in merged.bodies] == ["b0", "b3"]
-    assert facts == (Merged("b0", ("b1", "b2")),)
-    assert merged.placement("b2") == ("b0", ASKEW @ ASKEW)
-    assert merged.joints[0] == replace(
-        tree.joints[2], parent="b0", X_parent_joint=ASKEW @ ASKEW @ ASKEW
-    )
-
-
 def test_a_kept_link_stays_on_its_fixed_joint_and_takes_what_hangs_below():
     tree = chain(("fixed", ASKEW), ("fixed", ASKEW), ("fixed", ASKEW))
     merged, _ = merge_fixed_joints(tree, True, {"b2"})
@@ -242,14 +231,6 @@ def test_a_fixed_base_stays_where_the_source_mounts_it():
     askew = chain(("fixed", ASKEW), base="fixed", root=None)
     assert merge_fixed_joints(level, True, ())[0].root == "b1"
     assert merge_fixed_joints(askew, True, ())[0].root == "b0"
-
-
-def test_robots_without_a_moving_joint_work():
-    alone = Tree("one", "fixed", (Body("b0"),), ())
-    assert merge_fixed_joints(alone, True, ()) == (alone, ())
-    rigid, _ = merge_fixed_joints(chain(("fixed", ASKEW), base="fixed"), True, ())
-    assert (len(rigid.bodies), rigid.joints) == (1, ())
-    assert forward_kinematics(rigid, {}) == {"b0": IDENTITY}
 
 
 def test_joints_turn_and_slide_about_their_axis():

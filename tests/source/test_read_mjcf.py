@@ -352,15 +352,6 @@ def test_an_attached_model_keeps_its_units_names_files_and_lines(tmp_path: Path)
     assert reading.lines["link l_palm"] == "arm/parts/hand.xml:2"
 
 
-def test_models_with_classes_of_one_name_are_attached_without_a_prefix(tmp_path: Path):
-    sized = '<default><default class="c"><geom size="{}"/></default></default>'
-    child = f'<mujoco>{sized.format(".3")}<worldbody><body name="palm" childclass="c"><geom/></body></worldbody></mujoco>'
-    head = sized.format(".1") + '<asset><model name="h" file="hand.xml"/></asset>'
-    body = '<body name="arm" childclass="c"><geom/><frame><attach model="h" body="palm" prefix=""/></frame></body>'
-    reading = read(robot(body, head=head), tmp_path, hand_xml=child)
-    assert [s.geometry.radius for s in reading.shapes.shapes] == [0.1, 0.3]  # type: ignore[union-attr] # spheres
-
-
 PLUGIN = '<extension><plugin plugin="mujoco.sensor.touch_grid"/></extension>'
 
 
@@ -390,12 +381,6 @@ def test_copies_without_end_are_refused(tmp_path: Path):
 PULLED = """\
 <site name="anchor" pos="0 0 2"/><body name="a"{0}>{1}<geom size=".1"/><site name="s"/></body>"""
 PULLING = '<tendon><spatial name="t"><site site="anchor"/><site site="s"/></spatial></tendon><actuator><muscle name="m" tendon="t" lengthrange="1 2"/></actuator><sensor><tendonpos name="p" tendon="t"/></sensor>'
-
-
-def test_a_tendon_to_the_world_makes_the_world_the_root(tmp_path: Path):
-    reading = read(robot(PULLED.format("", ""), PULLING), tmp_path)
-    assert reading.links.root == "world"
-    assert {i.place for i in reading.control.mjcf_only} >= {"tendon", "actuator"}
 
 
 def test_what_acts_through_a_lost_tendon_is_lost_too(tmp_path: Path):
