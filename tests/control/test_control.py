@@ -12,7 +12,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import tiny
+from urdfs import read
 
+from assetbuild.body.merge_fixed_joints import MergeFixedJoints
 from assetbuild.control.ground import half_height
 from assetbuild.control.plan import control_step
 from assetbuild.engine.step import Files
@@ -30,7 +33,6 @@ from assetbuild.robot.shapes import (
     MeshAsset,
     Shape,
     Shapes,
-    SourceShapes,
     Sphere,
 )
 
@@ -179,15 +181,9 @@ def test_values_outside_the_limits_are_errors_with_numbers(run):
 
 def with_calf_limits(lower: float | None, upper: float | None) -> Tree:
     tree = quadruped()
-    joints = [
-        Joint(
-            j.name, j.kind, j.parent, j.child, j.X_parent_joint, j.axis, Limits(lower, upper, 9.0)
-        )
-        if j.name == "FL_calf_joint"
-        else j
-        for j in tree.joints
-    ]
-    return Tree(tree.name, tree.base, tree.bodies, tuple(joints), tree.frames)
+    limits = Limits(lower, upper, 9.0)
+    joints = (replace(j, limits=limits) if j.name == "FL_calf_joint" else j for j in tree.joints)
+    return replace(tree, joints=tuple(joints))
 
 
 def test_degrees_in_a_keyframe_are_told_with_the_radians(run):
@@ -343,8 +339,7 @@ def test_a_guessed_row_is_a_warning_that_names_its_joints(run):
 def test_a_source_s_limit_of_zero_is_reported(run):
     tree = with_calf_limits(-3.0, 3.0)
     joints = [replace(j, limits=Limits(-3, 3, 9.0, 0.0)) for j in tree.joints]
-    tree = Tree(tree.name, tree.base, tree.bodies, tuple(joints), tree.frames)
-    _, findings = run(tree, feet(), recipe())
+    _, findings = run(replace(tree, joints=tuple(joints)), feet(), recipe())
     assert findings["actuator.zero_limit"].data == {"velocity": 0.0}
 
 
@@ -356,13 +351,9 @@ def test_what_a_row_states_over_the_source_is_told(tmp_path: Path):
         drive | {"joints": ".*_thigh_joint", "damping": 0.0, "friction": 0.2, "effort": 30.0},
         drive | {"joints": ".*_calf_joint", "damping": 0.01, "velocity": "unlimited"},
     ]
-    inputs = {"tree.json": encode(replace(tree, joints=joints)), "shapes.json": encode(feet())}
-    (tmp_path / "out").mkdir(exist_ok=True)
-    (tmp_path / "in").mkdir(exist_ok=True)
-    for name, data in inputs.items():
-        (tmp_path / "in" / name).write_bytes(data)
-    step = control_step(recipe(actuators=rows))
-    findings = list(step.run(Files(tmp_path / "in", tmp_path / "out")))
+    for name, said in (("tree", replace(tree, joints=joints)), ("shapes", feet())):
+        (tmp_path / f"{name}.json").write_bytes(encode(said))
+    findings = tiny.run_step(control_step(recipe(actuators=rows)), tmp_path, tmp_path / "out")
     told = {(f.subject, f.message.split(": ", 1)[1]) for f in findings if "overr" in f.rule}
     assert told == {
         ("recipe actuators.0", "damping 0 in place of the source's 0.01 (4 joints)"),
@@ -373,19 +364,11 @@ def test_what_a_row_states_over_the_source_is_told(tmp_path: Path):
 
 def test_the_real_go1_stands_on_its_soles_by_pinocchio_on_the_source(run, go1_root, tmp_path):
     pin = pytest.importorskip("pinocchio", reason="needs the extra `oracle`")
-    from assetbuild.body.merge_fixed_joints import MergeFixedJoints
-    from assetbuild.source.urdf.read_urdf import ReadUrdf
-
     urdf = go1_root / "robots/go1_description/urdf/go1.urdf"
-    ports = Files(tmp_path / "ports", tmp_path / "ports")
-    ports.inputs.mkdir()
-    (ports.inputs / "robot.urdf").write_bytes(urdf.read_bytes())
-    packages = {"example-robot-data": "."}
-    read = ReadUrdf(file="robots/go1_description/urdf/go1.urdf", base="floating", packages=packages)
-    for step in (read, MergeFixedJoints(merge=True, keep_bodies=())):
-        list(step.run(ports))
-    tree = decode(Tree, (ports.outputs / "tree.json").read_bytes())
-    shapes = decode(SourceShapes, (ports.outputs / "shapes.json").read_bytes())
+    ports, packages = tmp_path / "ports", {"example-robot-data": "."}
+    shapes = read(urdf.read_text(), ports, base="floating", packages=packages).shapes
+    tiny.run_step(MergeFixedJoints(merge=True), ports, ports)
+    tree = decode(Tree, (ports / "tree.json").read_bytes())
     feet = (s for s in shapes.of("collision") if s.link.endswith("_foot"))
     soles = tuple(Shape(**vars(foot)) for foot in feet)
 

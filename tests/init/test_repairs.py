@@ -248,21 +248,9 @@ def test_crossed_limits_change_places(tmp_path: Path):
 def test_a_robot_of_which_no_mass_is_known_is_said_to_be_not_ready(
     stated: tuple[str, ...], unknown: bool, tmp_path: Path
 ):
-    known = (
-        '<inertial><mass value="1"/><inertia ixx=".01" iyy=".01" izz=".01" ixy="0" ixz="0" '
-        'iyz="0"/></inertial>'
-    )
-    box = '<collision><geometry><box size=".1 .1 .1"/></geometry></collision>'
-    links = "".join(
-        f'<link name="{name}">{known if name in stated else ""}{box}</link>'
-        for name in ("base", "arm", "hand")
-    )
-    joints = "".join(
-        f'<joint name="to_{below}" type="revolute"><parent link="{above}"/><child link="{below}"/>'
-        '<origin xyz=".3 0 0"/><axis xyz="0 0 1"/>'
-        '<limit lower="-1" upper="1" effort="9" velocity="1"/></joint>'
-        for above, below in (("base", "arm"), ("arm", "hand"))
-    )
-    (tmp_path / "n.urdf").write_text(f'<robot name="n">{links}{joints}</robot>')
+    names, solid = ("base", "arm", "hand"), shape("collision", box())
+    links = [link(name, inertial() if name in stated else "", solid) for name in names]
+    joints = [joint("to_arm", "base", "arm"), joint("to_hand", "arm", "hand", xyz="0.3 0 0")]
+    (tmp_path / "n.urdf").write_text(robot(*links, *joints))
     found = propose(tmp_path / "n.urdf", tmp_path / "n.yaml", {}).unmended
     assert any("masses" in sentence for sentence in found) is unknown
