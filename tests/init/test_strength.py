@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
+import urdfs
 import yaml
 
 from assetbuild.init import Proposal, propose
@@ -28,21 +29,20 @@ class Segment:
 
 def chain(folder: Path, segments: Sequence[Segment], root: str = "world") -> Proposal:
     """What `init` proposes for a chain that stands on a bolted root."""
-    text, above, height = [f'<robot name="chain"><link name="{root}"/>'], root, 0.0
+    parts, above, height = [urdfs.link(root, "")], root, 0.0
     for index, part in enumerate(segments):
         name = part.name or f"segment_{index}"
         across = part.mass * part.length**2 / 12
-        text.append(
-            f'<link name="{name}"><inertial><origin xyz="0 0 {part.length / 2}"/>'
-            f'<mass value="{part.mass}"/><inertia ixx="{across}" iyy="{across}" izz="{across / 9}" '
-            'ixy="0" ixz="0" iyz="0"/></inertial></link>'
-            f'<joint name="{name}_joint" type="revolute"><parent link="{above}"/>'
-            f'<child link="{name}"/><origin xyz="0 0 {height}"/><axis xyz="{part.axis}"/>'
-            f'<limit lower="-3.1" upper="3.1" velocity="3" {part.effort}/></joint>'
-        )
+        moments = urdfs.tensor(across, across, across / 9)
+        limit = f'<limit lower="-3.1" upper="3.1" velocity="3" {part.effort}/>'
+        place = {"xyz": f"0 0 {height}", "axis": part.axis}
+        parts += [
+            urdfs.link(name, urdfs.inertial(part.mass, moments, f"0 0 {part.length / 2}")),
+            urdfs.joint(f"{name}_joint", above, name, content=limit, **place),
+        ]
         above, height = name, part.length
     path = folder / "chain.urdf"
-    path.write_text("\n".join([*text, "</robot>"]))
+    path.write_text(urdfs.robot(*parts, name="chain"))
     return propose(path, folder / "chain.yaml", {})
 
 
