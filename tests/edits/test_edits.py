@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from tiny import as_source, box_inertial, box_obj, run_step, tiny_quadruped
+from tiny import as_source, box_inertial, box_obj, pendulum, run_step, tiny_quadruped
 
 from assetbuild.errors import RecipeError
 from assetbuild.geometry.convert_mesh import ConvertMesh
@@ -290,3 +290,12 @@ def test_perturb_axis_leaves_a_slanted_axis_alone(tmp_path):
     made, _, (finding,) = edited(tmp_path, "edit.perturb_axis", tree, joint="j")
     assert made.joints[0].axis == (0.6, 0.0, 0.8)
     assert "left as it is" in finding.message
+
+
+def test_a_wheel_with_limits_is_no_wheel(tmp_path):
+    links = pendulum().links
+    wheel = replace(links, joints=tuple(replace(j, kind="continuous") for j in links.joints[:1]))
+    wheel = replace(wheel, bodies=links.bodies[:2])
+    name = wheel.joints[0].name
+    done, _, _ = edited(tmp_path, "edit.set_limits", wheel, joint=name, lower=-1.0, upper=1.0)
+    assert done.joints[0].kind == "revolute"
