@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shutil
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -260,3 +261,9 @@ def test_a_false_match_is_found_out_and_decomposed_on_its_own(tmp_path):
     _, findings = fit(tmp_path, Auto(sources=MESH, like=like, **TIGHT), GRIPPER)
     assert findings["collision.gap"].data["method"] != "reused from an equal shape"
     assert findings["collision.gap"].data["iou"] > 0.9
+
+
+def test_a_region_may_be_tighter_than_the_rest(tmp_path):
+    region = replace(GAP, max_outside=0.01)
+    _, findings = fit(tmp_path, Hull(sources=MESH, probes=(region,)), GRIPPER)
+    assert findings["collision.region"].data["found_m"] == pytest.approx(0.3, abs=0.05)

@@ -36,34 +36,59 @@ def edits_for(urdf: str, folder: Path) -> list[dict[str, dict[str, object]]]:
     return [edit.model_dump(by_alias=True, exclude_unset=True) for edit in edits]
 
 
-def test_a_tensor_beyond_the_triangle_is_balanced(tmp_path: Path):
-    flat = inertial(1.0, tensor(0.01, 0.01, 0.03))
-    assert edits_for(chain(flat, inertial(1.0), flat), tmp_path) == [
-        {"balance_inertia": {"link": "link[02]"}}
-    ]
+ZEROS, DUMMY = tensor(0.0, 0.0, 0.0), tensor(1e-6, 1e-6, 1e-6)
+FLAT = inertial(1.0, tensor(0.01, 0.01, 0.03))
+SEEN, SOLID = shape("visual", box()), shape("collision", box())
+WATER = {"ixx": 7.14e-07, "iyy": 7.14e-07, "izz": 7.14e-07}
+"""10 g of water: a ball of 1.337 cm, 0.4 m r² = 7.145e-7 kg m²."""
 
 
-def test_a_broken_tensor_is_computed_from_the_shapes(tmp_path: Path):
-    zeros = inertial(1.5, tensor(0.0, 0.0, 0.0))
-    seen, solid = zeros + shape("visual", box()), zeros + shape("collision", box())
-    assert edits_for(chain(seen, solid), tmp_path) == [
-        {"inertia_from_geometry": {"link": "link0", "mass": 1.5, "open": "hull"}},
-        {
-            "inertia_from_geometry": {
-                "link": "link1", "mass": 1.5, "from": "collision", "open": "hull"
-            }
-        },
-    ]  # fmt: skip
+def from_shapes(link: str, mass: float, **more: object) -> dict[str, dict[str, object]]:
+    return {"inertia_from_geometry": {"link": link, "mass": mass, "open": "hull", **more}}
 
 
-def test_a_hinge_without_a_range_turns_without_end(tmp_path: Path):
-    """urdfdom locks it at 0; one whose range is 0 by its own words stays locked."""
-    free, held = '<limit effort="9" velocity="3"/>', '<limit lower="0" upper="0" effort="9"/>'
-    assert edits_for(chain(inertial(1.0), limits=free), tmp_path) == [
-        {"set_limits": {"joint": "joint0", "unlimited": True}}
-    ]
-    assert "Equal limits" not in (tmp_path / "bot.yaml").read_text()
-    assert edits_for(chain(inertial(1.0), limits=held), tmp_path) == []
+def limits(words: str) -> str:
+    """One sound link on a hinge with these limits."""
+    return chain(inertial(1.0), limits=f"<limit {words}/>")
+
+
+# A robot | the edits that heal it.
+HEALED = {
+    "a sound one": (chain(inertial(1.0)), []),
+    "tensors beyond the triangle": (
+        chain(FLAT, inertial(1.0), FLAT), [{"balance_inertia": {"link": "link[02]"}}]),
+    "tensors of zeros": (
+        chain(inertial(1.5, ZEROS) + SEEN, inertial(1.5, ZEROS) + SOLID),
+        [from_shapes("link0", 1.5), from_shapes("link1", 1.5, **{"from": "collision"})]),
+    # A ball of 0.7 mm radius: a touch of it ends in NaN in PhysX.
+    "a dummy that is positive": (
+        chain(inertial(5.0, DUMMY) + SEEN), [from_shapes("link0", 5.0)]),
+    "a dense link": (chain(inertial(5.0, tensor(1e-3, 1e-3, 1e-3)) + SEEN), []),
+    # 1 kg m2 on 2 kg in a box of 10 cm is 67 times m r².
+    "a placeholder without a twin": (
+        chain(inertial(1.0), inertial(2.0, tensor(1, 1, 1)) + SEEN), [from_shapes("link1", 2.0)]),
+    "no shape at all": (
+        chain(""),
+        [{"set_inertia": {"link": "link0", "guessed": True, "mass": 0.01, "inertia": WATER}}]),
+    "a link between joints": (chain("", inertial(1.0)), [{"share_mass": {"link": "link0"}}]),
+    # urdfdom locks a hinge without a range at 0; one that says 0 itself stays locked.
+    "a hinge without a range": (
+        limits('effort="9" velocity="3"'),
+        [{"set_limits": {"joint": "joint0", "unlimited": True}}]),
+    "a locked hinge": (limits('lower="0" upper="0" effort="9"'), []),
+    "hinges whose limits are all zero": (
+        limits('lower="0" upper="0" effort="0" velocity="0"'),
+        [{"set_limits": {"joint": "joint0", "unlimited": True}}]),
+    "crossed limits": (
+        limits('lower="1" upper="-0.5" effort="9" velocity="5"'),
+        [{"set_limits": {"joint": "joint0", "lower": -0.5, "upper": 1.0}}]),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("case", HEALED)
+def test_what_is_broken_gets_the_edit_that_heals_it(case: str, tmp_path: Path):
+    text, edits = HEALED[case]
+    assert edits_for(text, tmp_path) == edits
 
 
 def test_a_turned_mesh_is_tried_as_it_is_turned(tmp_path: Path):
@@ -83,15 +108,6 @@ def test_a_turned_mesh_is_tried_as_it_is_turned(tmp_path: Path):
     with staged(whole, ["link0"]) as stage:
         (hull,) = stage.overlaps.meshes.values()
     assert hull.vertices.max(axis=0) == pytest.approx((0.05, 0.05, 1.0))
-
-
-def test_a_dummy_that_is_positive_is_computed_too(tmp_path: Path):
-    """5 kg in 1e-6 kg m2 are a ball of 0.7 mm radius: a touch of it ends in NaN in PhysX."""
-    dummy = inertial(5.0, tensor(1e-6, 1e-6, 1e-6)) + shape("visual", box())
-    (edit,) = edits_for(chain(dummy), tmp_path)
-    assert edit["inertia_from_geometry"]["mass"] == 5.0
-    dense = inertial(5.0, tensor(1e-3, 1e-3, 1e-3)) + shape("visual", box())
-    assert edits_for(chain(dense), tmp_path) == []
 
 
 MIMIC = "<mimic joint='joint0' multiplier='{}' offset='{}'/>"
@@ -167,13 +183,6 @@ def test_twins_within_a_factor_of_three_are_left_alone(tmp_path: Path):
     assert edits_for(hips(tensor(0.0009, 0.001, 0.0009)), tmp_path) == []
 
 
-def test_a_placeholder_without_a_twin_is_computed_from_the_shapes(tmp_path: Path):
-    """1 kg m2 on 2 kg in a box of 10 cm is 67 times m r²."""
-    wrong = inertial(2.0, tensor(1, 1, 1)) + shape("visual", box())
-    (edit,) = edits_for(chain(inertial(1.0), wrong), tmp_path)
-    assert edit == {"inertia_from_geometry": {"link": "link1", "mass": 2.0, "open": "hull"}}
-
-
 def test_a_frame_without_shapes_that_spoils_its_body_becomes_a_ball(tmp_path: Path):
     """1 g of water is a ball of 6.2 mm, and 2/5 m r² of it is 1.54e-8 kg m2."""
     parts = [
@@ -210,18 +219,6 @@ def test_a_flat_picture_has_no_volume_to_weigh(tmp_path: Path):
     assert edit["set_inertia"]["mass"] == 0.01
 
 
-def test_without_any_shape_it_becomes_a_ball(tmp_path: Path):
-    """10 g of water: 1.337 cm, 0.4 m r^2 = 7.145e-7 kg m2."""
-    (edit,) = edits_for(chain(""), tmp_path)
-    moments = {"ixx": 7.14e-07, "iyy": 7.14e-07, "izz": 7.14e-07}
-    ball = {"link": "link0", "guessed": True, "mass": 0.01, "inertia": moments}
-    assert edit == {"set_inertia": ball}
-
-
-def test_links_between_joints_get_a_share(tmp_path: Path):
-    assert edits_for(chain("", inertial(1.0)), tmp_path) == [{"share_mass": {"link": "link0"}}]
-
-
 def test_a_base_on_slides_whose_weight_comes_by_a_fixed_joint_shares_that(tmp_path: Path):
     """The edit comes before merging, and takes the mass of what will be merged."""
     cart = chain("", "").replace(
@@ -232,14 +229,6 @@ def test_a_base_on_slides_whose_weight_comes_by_a_fixed_joint_shares_that(tmp_pa
     (edit,) = edits_for(cart.replace('"revolute"', '"prismatic"'), tmp_path)
     assert "share_mass" in str(edit)
     assert load_recipe(tmp_path / "bot.yaml").recipe.targets == ("urdf", "mjcf", "usd")
-
-
-def test_crossed_limits_change_places(tmp_path: Path):
-    edits = edits_for(
-        chain(inertial(1.0), limits='<limit lower="1" upper="-0.5" effort="9" velocity="5"/>'),
-        tmp_path,
-    )
-    assert edits == [{"set_limits": {"joint": "joint0", "lower": -0.5, "upper": 1.0}}]
 
 
 @pytest.mark.parametrize(
