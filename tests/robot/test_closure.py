@@ -88,6 +88,7 @@ def test_a_weld_of_coupler_and_rocker_locks_the_crank():
         "weld", "weld", replace(loop.a, X_body_end=Pose(loop.a.X_body_end.xyz, turn)), loop.b
     )
     assert locked_joints(robot.tree, (weld,), q, ("crank_joint",)) == ("crank_joint",)
+    assert locked_joints(robot.tree, (loop,), q, ("crank_joint",)) == (), "at a point it may turn"
 
 
 def test_a_crank_at_its_dead_centre_is_not_locked():
