@@ -270,3 +270,10 @@ def test_a_mesh_of_the_users_that_is_open_is_told(tmp_path):
 def test_a_flat_mesh_of_the_users_is_refused(tmp_path):
     with pytest.raises(StepError, match="piece 1: flat"):
         own_mesh(tmp_path, BOX.select(np.flatnonzero((BOX.corners[:, :, 2] > 0.0).all(axis=1))))
+
+
+def test_a_capped_hull_has_exactly_the_asked_vertices(tmp_path):
+    ball = tessellate(Sphere(0.5))
+    _, (hull,), _, _ = fit(tmp_path, Hull(sources=MESH, max_vertices=20), ball)
+    assert len(hull.vertices) == 20
+    assert hull.is_closed

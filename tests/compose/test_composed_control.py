@@ -204,3 +204,14 @@ def test_sources_that_need_more_bits_than_there_are_are_refused():
     full = [(1 << bit, 1 << bit) for bit in range(31)]
     with pytest.raises(RecipeError, match="more than 31 bits"):
         meeting_masks([("", source(*full)), ("arm_", source((2, 2)))])
+
+
+def test_names_of_drives_sensors_and_cameras_are_prefixed(tmp_path: Path):
+    arm = hard_arm(tmp_path)
+    after = part(arm).prefixed().control
+    assert [a.joint for a in after.actuators] == [f"p_{a.joint}" for a in arm.control.actuators]
+    for old, new in zip(arm.control.sensors, after.sensors, strict=True):
+        assert (new.name, new.kind) == (f"p_{old.name}", old.kind)
+        assert new.at.name == (f"p_{old.at.name}" if old.at.name else "")
+    for old, new in zip(arm.control.cameras, after.cameras, strict=True):
+        assert (new.name, new.link) == (f"p_{old.name}", f"p_{old.link or arm.links.root}")

@@ -383,3 +383,27 @@ def test_the_real_go1_stands_on_its_soles_by_pinocchio_on_the_source(run, go1_ro
     assert len(soles) == 4
     assert control.keyframes[0].base.xyz[2] == pytest.approx(0.02 - min(heights), abs=1e-12)
     assert findings == {}
+
+
+def test_only_collision_geometry_counts(run):
+    low = Shape("v", "trunk", "visual", Sphere(5.0))
+    shapes = Shapes((low, *feet().shapes))
+    control, _ = run(quadruped(), shapes, recipe(keyframes={"home": {}}))
+    assert control.keyframes[0].base.xyz[2] == pytest.approx(0.213 + 0.22 + 0.02)
+
+
+def test_a_given_base_is_taken_as_it_is(run):
+    said = recipe(keyframes={"home": {"base": (0.1, 0.2, 0.3)}})
+    control, _ = run(quadruped(), feet(), said)
+    assert control.keyframes[0].base == Pose((0.1, 0.2, 0.3))
+
+
+def test_a_mimic_joint_cannot_be_posed():
+    error = refused(gripper(), recipe(keyframes={"open": {"joints": {"right": 0.01}}}))
+    assert "mimic others" in error.message
+
+
+def test_without_adjacent_only_pairs_remain(run):
+    said = recipe(collision={"exclude": {"adjacent": False, "pairs": (("trunk", "FL_foot"),)}})
+    control, _ = run(quadruped(), feet(), said)
+    assert control.excludes == (("FL_calf", "trunk"),)

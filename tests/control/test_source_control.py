@@ -14,7 +14,7 @@ from tiny import TinyRobot, pendulum, run_step, tiny_quadruped
 from assetbuild.control.keep import KeepRatings
 from assetbuild.control.only_mjcf import wider_excludes
 from assetbuild.robot.codec import decode, encode
-from assetbuild.robot.model import Body, Contact, Control, Joint, Tree
+from assetbuild.robot.model import Body, Contact, Control, Joint, MjcfOnly, Tree
 from assetbuild.robot.pose import IDENTITY
 from assetbuild.robot.shapes import Shape, Shapes, SourceShapes, Sphere
 from assetbuild.robot.sides import Side
@@ -207,3 +207,12 @@ def test_gains_keyframes_and_contacts_change_nothing(tmp_path: Path, name: str):
 def test_each_rating_is_kept(tmp_path: Path, name: str):
     control = tiny_quadruped().control
     assert kept(tmp_path / "a", control) != kept(tmp_path / "b", changed(control, **{name: 1.25}))
+
+
+SAID = MjcfOnly("joint", '<joint solreflimit="0.03 1"/>', "swing_joint")
+
+
+def test_softness_that_the_source_states_wins() -> None:
+    robot = strong()
+    said = replace(robot.control, mjcf_only=(SAID,))
+    assert limits_of(robot, Side(from_mjcf=True, stated=("limits",)), said) == ()

@@ -134,3 +134,7 @@ def test_a_mirrored_bracket_is_found_with_its_mirror_and_shift(tmp_path):
     assert found["shapes/1"]["like"] == "shapes/0"
     assert found["shapes/1"]["signs"] == [-1.0, 1.0, 1.0]
     assert found["shapes/1"]["shift"] == pytest.approx([0.0, 0.0, 3.0], abs=1e-9)
+
+
+def test_another_size_is_another_shape(tmp_path):
+    assert matches(tmp_path, bracket(1.0), bracket(1.0).scaled((1.05,) * 3)) == {}

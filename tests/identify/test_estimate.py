@@ -197,3 +197,9 @@ def test_jitter_leaves_what_is_identified_right(tmp_path, share):
         if each.name != "delay":
             assert each.value == pytest.approx(truth(each), rel=0.05), each
             assert each.low <= truth(each) <= each.high, each
+
+
+def test_a_bound_holds():
+    problem = line(white)
+    bounded = Problem(**{**vars(problem), "lower": np.array([0.0, 0.0])})
+    assert estimate(bounded).theta[1] == 0.0

@@ -17,13 +17,14 @@ from assetbuild.mesh.cover import (
     union_of,
 )
 from assetbuild.mesh.cut import cut_parts
+from assetbuild.mesh.hull import convex_hull, polygon_count
 from assetbuild.mesh.merge import hulls_of
 from assetbuild.mesh.primitives import tessellate
 from assetbuild.mesh.solid import ConvexPiece
 from assetbuild.mesh.triangles import TriangleMesh, cleaned, signed_volume
 from assetbuild.mesh.verdict import Probe, outside_in, verdict
 from assetbuild.robot.pose import Pose
-from assetbuild.robot.shapes import Box
+from assetbuild.robot.shapes import Box, Sphere
 
 UNIT = tessellate(Box((1.0, 1.0, 1.0)))
 
@@ -204,3 +205,12 @@ def test_more_parts_cover_less_that_is_outside():
     assert over[0] > 0.5
     assert over[0] >= over[1] > over[2]  # one cut through a ring gains nothing
     assert over[2] == pytest.approx(0.0, abs=0.01)
+
+
+def test_a_ball_counts_its_polygons_and_keeps_the_cap():
+    ball = tessellate(Sphere(0.5)).vertices
+    hull = convex_hull(ball, max_vertices=64, max_polygons=64)
+    assert polygon_count(hull) <= 64
+    assert 30 <= len(hull.vertices) <= 64
+    assert polygon_count(UNIT) == 6
+    assert len(convex_hull(UNIT.vertices, max_vertices=64, max_polygons=64).vertices) == 8

@@ -247,3 +247,16 @@ def test_stray_bytes_beside_the_geometry_are_left_out_and_said(change):
 def test_what_readers_take_differently_is_refused(data, says):
     with pytest.raises(StepError, match=says):
         read_mesh(data, "dae", subject="meshes/bad.dae")
+
+
+def test_x_up_lets_x_point_up():
+    turned = read_mesh(dae(up="X_UP", unit="1"), "dae", up_axis="honour")
+    lower, upper = merged([p.mesh for p in turned.parts]).bounds
+    assert (lower[2], upper[2]) == pytest.approx((6.0, 11.0))
+
+
+def test_a_dae_without_any_material_is_fine():
+    bare = dae().replace(b' material="s1"', b"").replace(b' material="s2"', b"")
+    (part,) = read_mesh(bare, "dae").parts
+    assert part.material == SurfaceMaterial()
+    assert len(part.mesh.faces) == 24

@@ -127,3 +127,10 @@ def volume_of(triangles: np.ndarray) -> float:
     """(k, 3, 3) m; m3."""
     a, b, c = np.moveaxis(np.asarray(triangles, dtype=float), 1, 0)
     return float(np.einsum("ij,ij->", a, np.cross(b, c))) / 6.0
+
+
+def test_negative_indices_count_back_in_each_table_for_itself():
+    text = b"v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nf -3/-1 -2/-1 -1/-1\nvt 1 1\nv 5 5 5\n"
+    ((_, mesh),) = parse_obj(text, "mesh").parts
+    assert mesh.faces.tolist() == [[0, 1, 2]]
+    assert mesh.uv.tolist() == [[[0, 0]] * 3]

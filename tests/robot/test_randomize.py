@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from assetbuild.robot.inertia import pseudo_inertia
+from assetbuild.robot.inertia import combine, principal_moments, pseudo_inertia
 from assetbuild.robot.model import Inertial
 from assetbuild.robot.randomize import (
     DoesNotFitError,
@@ -14,6 +14,7 @@ from assetbuild.robot.randomize import (
     bounding_ellipsoid,
     deform,
     draw,
+    homogeneous_box,
     inconsistent,
 )
 
@@ -133,3 +134,14 @@ def test_an_ellipsoid_grows_just_enough_for_a_heavy_rim():
     assert np.trace(pseudo_inertia(wide) @ room().quadric()) < 0
     assert np.trace(pseudo_inertia(wide) @ grown.quadric()) == pytest.approx(0, abs=1e-9)
     assert room().grown_to_hold(box()) == room()
+
+
+def test_a_payload_is_added_as_the_box_that_it_is():
+    load = homogeneous_box(3.0, (0.1, 0.1, 0.1), (0.0, 0.0, 0.1))
+    together = combine([box(at=(0.0, 0.0, 0.0)), load])
+    assert together.mass_kg == pytest.approx(9.0)
+    assert together.com_m == pytest.approx((0, 0, 0.1 / 3))
+    apart = 6.0 * (0.1 / 3) ** 2 + 3.0 * (0.2 / 3) ** 2
+    xx = 6.0 / 12 * (0.2**2 + 0.1**2) + 3.0 / 12 * (0.1**2 + 0.1**2) + apart
+    assert together.inertia_com_kg_m2[0] == pytest.approx(xx)
+    assert principal_moments(together.inertia_com_kg_m2)[0] > 0

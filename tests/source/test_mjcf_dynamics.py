@@ -198,3 +198,8 @@ def test_a_joint_without_stiffness_has_no_spring(joint: str, tmp_path: Path):
     done = written(arm(joint, OPEN), tmp_path)
     rules = {f.rule for f in (*done.findings, *usd_findings(done))}
     assert not rules & {"mjcf.spring", "usd.spring"}
+
+
+def test_a_range_that_is_switched_off_limits_nothing(tmp_path: Path):
+    done = written(arm(f'{SEVEN} actuatorfrclimited="false"', OPEN), tmp_path)
+    assert drive_of(done).effort is None
