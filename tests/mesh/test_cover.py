@@ -16,13 +16,13 @@ from assetbuild.mesh.cover import (
     rough,
     union_of,
 )
-from assetbuild.mesh.cut import cut_parts
+from assetbuild.mesh.cut import DIRECTIONS, cut_parts, tips
 from assetbuild.mesh.hull import convex_hull, polygon_count
 from assetbuild.mesh.merge import hulls_of
 from assetbuild.mesh.primitives import tessellate
 from assetbuild.mesh.solid import ConvexPiece
 from assetbuild.mesh.triangles import TriangleMesh, cleaned, signed_volume
-from assetbuild.mesh.verdict import Probe, outside_in, verdict
+from assetbuild.mesh.verdict import Probe, blocked_by, outside_in, verdict
 from assetbuild.robot.pose import Pose
 from assetbuild.robot.shapes import Box, Sphere
 
@@ -214,3 +214,23 @@ def test_a_ball_counts_its_polygons_and_keeps_the_cap():
     assert 30 <= len(hull.vertices) <= 64
     assert polygon_count(UNIT) == 6
     assert len(convex_hull(UNIT.vertices, max_vertices=64, max_polygons=64).vertices) == 8
+
+
+def test_a_probe_in_the_portal_tells_who_closes_it():
+    mesh, pieces = portal()
+    hull = ConvexPiece(convex_hull(mesh.vertices))
+    bar = Probe((0.0, -2.0, 1.0), (0.0, 2.0, 1.0), 0.4)
+    thick = Probe((0.0, -2.0, 1.0), (0.0, 2.0, 1.0), 0.6)
+    assert blocked_by(hull, bar)
+    assert not any(blocked_by(piece, bar) for piece in pieces)
+    assert any(blocked_by(piece, thick) for piece in pieces)
+
+
+def test_tips_stand_for_the_hull():
+    ball = tessellate(Sphere(1.0)).vertices
+    many = np.concatenate([ball * scale for scale in np.linspace(0.1, 1.0, 12)])
+    assert len(tips(many)) <= DIRECTIONS < len(many)
+    whole, some = (signed_volume(convex_hull(points)) for points in (many, tips(many)))
+    assert some == pytest.approx(whole, rel=5e-3)
+    assert tips(ball[:10]) is not None
+    assert len(tips(ball[:10])) == 10

@@ -19,7 +19,8 @@ from assetbuild.mesh.primitives import (
     sizes_of,
     tessellate,
 )
-from assetbuild.mesh.triangles import TriangleMesh, signed_volume
+from assetbuild.mesh.triangles import TriangleMesh, signed_volume, solid_moments
+from assetbuild.robot.pose import Pose
 from assetbuild.robot.shapes import Box, Capsule, Cylinder, MeshAsset, Primitive, Shapes, Sphere
 
 
@@ -148,3 +149,10 @@ def test_the_score_of_a_union_slopes_as_it_changes():
     direction = rng.normal(0.0, 1.0, 5120)
     there, back = (cloud.soft_score(distance + s * STEP * direction, 0.02)[0] for s in (1, -1))
     assert slope @ direction == pytest.approx((there - back) / (2 * STEP), rel=1e-5)
+
+
+def test_the_hull_of_two_apart_holds_what_is_between() -> None:
+    cube = tessellate(Box((1.0, 1.0, 1.0)))
+    both = common_hull([cube, cube.placed(Pose((2.0, 0.0, 0.0)))])
+    assert solid_moments(both)[0] == pytest.approx(3.0)
+    assert common_hull([cube]) is cube

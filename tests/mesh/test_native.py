@@ -144,3 +144,8 @@ def children() -> set[str]:
     """Process ids of this process's children, those that nobody has waited for among them."""
     tasks = Path("/proc/self/task").glob("*/children")
     return {pid for task in tasks for pid in task.read_text().split()}
+
+
+def test_parts_that_nothing_joins_are_merged_in_the_end():
+    far = [UNIT, UNIT.mapped(np.eye(3), (10.0, 0.0, 0.0))]
+    assert [len(parts) for parts in merge_steps(far)] == [2, 1]

@@ -170,3 +170,8 @@ def _normals(mesh: TriangleMesh) -> np.ndarray:
     a, b, c = np.moveaxis(mesh.corners, 1, 0)
     n = np.cross(b - a, c - a)
     return n / np.linalg.norm(n, axis=1)[:, None]
+
+
+def test_scale_zero_is_refused():
+    with pytest.raises(ValueError, match="zero"):
+        box().scaled((1.0, 0.0, 1.0))
