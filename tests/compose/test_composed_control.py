@@ -215,3 +215,11 @@ def test_names_of_drives_sensors_and_cameras_are_prefixed(tmp_path: Path):
         assert new.at.name == (f"p_{old.at.name}" if old.at.name else "")
     for old, new in zip(arm.control.cameras, after.cameras, strict=True):
         assert (new.name, new.link) == (f"p_{old.name}", f"p_{old.link or arm.links.root}")
+
+
+def test_where_the_world_is_the_root_it_is_the_root_of_the_part(tmp_path: Path):
+    text = HEAD + '<body name="b"><joint name="j"/><geom size=".1"/></body></worldbody>'
+    text += '<equality><weld name="w" body1="b"/></equality></mujoco>'
+    made = part(read(text, tmp_path)).prefixed()
+    (weld,) = made.control.loops
+    assert (weld.kind, weld.a.body, weld.b.body) == ("weld", "p_b", "p_world")

@@ -192,6 +192,8 @@ def test_degrees_in_a_keyframe_are_told_with_the_radians(run):
     said = recipe(keyframes={"home": {"joints": {"FL_calf_joint": -90}}})
     _, findings = run(with_calf_limits(-2.8, -0.8), feet(), said)
     assert findings["keyframe.limits"].hint.endswith("-90 degrees are -1.571")
+    _, findings = run(with_calf_limits(-2.8, -0.8), feet(), recipe(keyframes={"home": {}}))
+    assert "no pattern of the keyframe matches it, so it is 0" in findings["keyframe.limits"].hint
     _, findings = run(with_calf_limits(None, None), feet(), said)
     finding = findings["keyframe.turns"]
     assert (finding.severity, finding.subject) == ("warning", "joint FL_calf_joint")
@@ -263,12 +265,14 @@ def test_an_unknown_link_in_a_pair_is_an_error_with_its_key():
     assert error.hint == "did you mean `FL_foot`?"
 
 
-def test_without_a_table_all_is_passive_and_it_is_said(run):
-    control, findings = run(quadruped(), feet(), recipe(actuators=()))
+@pytest.mark.parametrize("rows", [(), ({"joints": ".*", "model": "passive"},)])
+def test_where_all_is_passive_it_is_said(run, rows):
+    """Without a table, and by what `init` writes where the source states no effort."""
+    control, findings = run(quadruped(), feet(), recipe(actuators=rows))
     assert {a.model for a in control.actuators} == {"passive"}
-    assert findings["actuator.none"].data == {"joints": 8}
-    assert findings["actuator.none"].severity == "warning"
-    assert "`actuators: []`" in findings["actuator.none"].hint
+    found = findings["actuator.none"]
+    assert (found.severity, found.data) == ("warning", {"joints": 8})
+    assert "`actuators: []`" in found.hint
 
 
 @pytest.mark.parametrize(

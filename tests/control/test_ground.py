@@ -205,3 +205,8 @@ def test_an_optical_frame_looks_along_z():
     said = recipe(cameras={"a": {"link": "trunk", "optical": True}}).cameras
     (camera,) = placed_cameras(TREE, said)
     assert camera.X_link_camera.rotation[:, 2] == pytest.approx((0.0, 0.0, -1.0))
+
+
+def test_a_pattern_of_surfaces_without_a_shape():
+    with pytest.raises(RowError, match="matches no link with a collision shape"):
+        contacts(feet(), recipe(contact={"links": {"trunk": {"condim": 1}}}).contact)
