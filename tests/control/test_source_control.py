@@ -9,7 +9,7 @@ from pathlib import Path
 import mujoco
 import pytest
 from mjcfs import Reading, Written, hard_arm, read, write
-from tiny import TinyRobot, pendulum, run_step, tiny_quadruped
+from tiny import TinyRobot, pendulum, run_step, tiny_quadruped, write_robot_ports
 
 from assetbuild.control.keep import KeepRatings
 from assetbuild.control.only_mjcf import wider_excludes
@@ -20,6 +20,7 @@ from assetbuild.robot.shapes import Shape, Shapes, SourceShapes, Sphere
 from assetbuild.robot.sides import Side
 from assetbuild.robot.softness import CouplingError, LimitError, softened
 from assetbuild.robot.tree import merge_fixed_joints
+from assetbuild.targets.urdf import Urdf
 
 PAIR = '<mujoco><option timestep="0.003"/><worldbody><body name="a"><geom name="ga" size=".1" friction="2 0.1 0.1" group="3"/><body name="b" pos="0 0 1"><joint name="j" armature="0.2" damping="0.5"/><geom name="gb" size=".1" group="3"/><body name="c"><geom name="gc" size=".1" group="3"/></body></body></body></worldbody><contact><exclude body1="a" body2="c"/></contact><actuator><position name="p" joint="j" kp="5"/></actuator><sensor><actuatorfrc name="f" actuator="p"/></sensor><keyframe><key name="home" qpos="0.5"/></keyframe></mujoco>'  # noqa: E501 # one robot per line
 
@@ -216,3 +217,16 @@ def test_softness_that_the_source_states_wins() -> None:
     robot = strong()
     said = replace(robot.control, mjcf_only=(SAID,))
     assert limits_of(robot, Side(from_mjcf=True, stated=("limits",)), said) == ()
+
+
+def test_the_urdf_is_the_same_from_ratings_as_from_all_control_data(tmp_path: Path):
+    robot = tiny_quadruped()
+    texts = []
+    for name in ("all", "ratings"):
+        folder = write_robot_ports(tmp_path / name, robot)
+        if name == "ratings":
+            (folder / "ratings.json").write_bytes(kept(tmp_path / "kept", robot.control))
+        run_step(Urdf(robot="it"), folder, tmp_path / f"{name}-out")
+        texts.append((tmp_path / f"{name}-out/urdf/it.urdf").read_bytes())
+    assert texts[0] == texts[1]
+    assert b"effort" in texts[0]
