@@ -179,3 +179,21 @@ def test_a_primitive_of_one_mesh_is_shared_by_all_links_that_turn_it(tmp_path):
     assert left.step().bones == ((0.0, 0.08, 0.0),)
     assert (left.label, right.label) == ("primitive left", "primitive right")
     assert not left.per_link
+
+
+def test_a_rule_may_have_a_preset_of_its_own(tmp_path):
+    _, _, arm = jobs(tmp_path, "  links: {arm: {preset: manipulation}}\n")
+    assert arm.step().max_overcover == 0.2
+
+
+def test_explicit_pieces_need_no_geometry_in_the_source(tmp_path):
+    rule = "{method: explicit, from: collision, pieces: [{type: sphere, radius: 1}]}"
+    text = f"  links:\n    arm: {rule}\n"
+    *_, arm = jobs(tmp_path, text)
+    assert arm.step().pieces[0].radius == 1.0
+
+
+def test_a_place_to_keep_open_is_searched_on_its_own(tmp_path):
+    text = "  links: {arm: {keep_open: [{from: [0, 0, 0], radius: 1 mm}]}}\n"
+    all_jobs = jobs(tmp_path, text)
+    assert equal_shapes(all_jobs, Answers(MIRRORED).converted, Answers(MIRRORED)) == {}

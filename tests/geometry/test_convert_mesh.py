@@ -287,3 +287,11 @@ def test_what_is_no_picture_is_told_and_leaves_no_file(
     made = tmp_path / "out/texture/texture.png"
     assert made.is_file() is not bool(rules)
     assert rules or Image.open(made).size == (8, 4)
+
+
+def test_a_texture_without_coordinates_is_told(tmp_path):
+    bare = TRIANGLE.replace(b"1/1 2/2 3/1", b"1 2 3")
+    files = {"a.mtl": b"newmtl m\nmap_Kd w.png\n", "w.png": png()}
+    record, _, findings, _ = convert_with(tmp_path, bare, files, format="obj")
+    assert record.parts[0].texture is None
+    assert "no texture coordinates" in findings[0].message
