@@ -282,3 +282,13 @@ def test_feet_that_cannot_be_bodies_of_their_own_are_not_proposed_as_such(
         (tmp_path / "dog.urdf").write_text(text.replace("7.5e-06", moment))
         recipe = propose(tmp_path / "dog.urdf", tmp_path / "dog.yaml", {}).text
         assert ("foot_bodies:" in recipe) == proposed
+
+
+def test_an_antenna_on_a_head_is_no_finger(tmp_path: Path):
+    def roles_below(name: str) -> dict[str, str]:
+        ends = [body(end, mass=0.02) + spin(end, name, "0 0 0.1") for end in ("left", "right")]
+        _, found = seen(tmp_path, TRUNK, body(name), spin(name, "trunk", "0 0 0.2"), *ends)
+        return found
+
+    assert roles_below("head")["left"] == "arm"
+    assert roles_below("plate")["left"] == "finger"

@@ -110,3 +110,13 @@ def test_a_leg_whose_drive_outruns_the_step_is_told():
     assert not row.outruns(0.002)
     assert not replace(row, standing=0.1).outruns(0.005)
     assert not replace(row, standing=0.0).outruns(0.005), "no leg"
+
+
+def test_links_that_only_an_edit_gives_a_mass_get_gains_for_that_mass(tmp_path: Path):
+    """The two balls of 0.01 kg that the edits make, each 0.2 m further out."""
+    robot = arm(tmp_path, [(0.0, 0.2), (0.0, 0.2)], effort=0.1)
+    source = find_source(tmp_path / "arm.urdf", {})
+    text = urdf_recipe(robot, study(robot), source, tmp_path / "a").text
+    assert "set_inertia" in text
+    assert "\n# arm: 0.02 kg" in text
+    assert "moves 0.000" in text

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from assetbuild.init.draft import Draft
-from assetbuild.init.licence import put_licence, stated_about
+from assetbuild.init.licence import put_licence, stated_about, stated_licence
 
 MIT = "MIT License\n\nPermission is hereby granted, free of charge, to any person obtaining a copy"
 
@@ -90,3 +90,13 @@ def test_author_and_description_are_those_of_the_package(tmp_path: Path):
 )
 def test_what_a_template_has_left_is_nothing(tmp_path: Path, left: str):
     assert about(tmp_path, f"<package>{left}</package>") == {}
+
+
+def test_of_several_licences_the_one_behind_the_robots_own_folder_counts(robot: Path):
+    text = "<license>MIT</license><!-- for: - arm\n - leg --> <license>Apache-2.0</license>"
+    (robot / "package.xml").write_text(f"<package>{text}</package>")
+    stated = stated_licence(robot, "arm/urdf/arm.urdf")
+    assert stated is not None and stated[0] == "Apache-2.0"
+    (robot / "package.xml").write_text(f"<package>{text.replace('arm', 'hand')}</package>")
+    stated = stated_licence(robot, "arm/urdf/arm.urdf")
+    assert stated is not None and stated[0] == "", "MIT or Apache-2.0? nobody knows"

@@ -142,3 +142,19 @@ def test_an_effort_that_cannot_hold_most_poses_is_guessed_and_home_stays(
     assert row_of(proposal, "segment_1_joint").get("guessed", False) is guessed
     assert ("of random poses" in proposal.text) is guessed
     assert proposal.unmended == ()
+
+
+def test_a_weak_drive_of_a_heavy_body_is_no_switch(tmp_path: Path):
+    """About the vertical, where no weight is held: all of its 20 N m at 0.03 rad or more."""
+    rods = [Segment(500.0, 1.0, 'effort="20"', "0 0 1"), Segment(50.0, 1.0, 'effort="2000"')]
+    row = row_of(chain(tmp_path, rods), "segment_0_joint")
+    assert 20.0 / float(str(row["kp"])) == pytest.approx(0.03, rel=0.05)
+
+
+def test_one_effort_for_all_that_cannot_hold_the_robot_is_a_placeholder_too(tmp_path: Path):
+    """100 N m on each of five joints, of which the first two need 1,400 and 600 to hold still."""
+    heavy = [Segment(150.0, 1.0, 'effort="100"'), Segment(100.0, 1.0, 'effort="100"')]
+    tip = Segment(1.0, 0.1, 'effort="100"')
+    sideways = [Segment(1.0, 0.1, 'effort="100"', "1 0 0"), *heavy, tip, tip]
+    proposal = chain(tmp_path, sideways)
+    assert proposal.unmended == ()

@@ -128,3 +128,7 @@ def test_bodies_inside_each_other_that_throw_a_robot_over_are_excluded_and_told(
     assert "[LF_thigh, RF_thigh]" in text
     assert "# LF_thigh in RF_thigh: " in text
     assert "  stand: {keyframe: home" in text
+
+
+def test_soles_without_a_shape_cannot_be_tried(robots: Path):
+    assert tried(robots, soles=("imu_link",)).stands is None

@@ -109,3 +109,11 @@ def test_a_urdf_that_only_declares_the_namespace_is_none(robots: Path, tmp_path:
     text = (robots / "four_legs.urdf").read_text()
     (tmp_path / "dog.urdf").write_text(text.replace("<robot ", f"<robot {NAMESPACE} ", 1))
     assert "  urdf: dog.urdf" in propose(tmp_path / "dog.urdf", tmp_path / "dog.yaml", {}).text
+
+
+def test_a_urdf_that_defines_its_macro_is_a_xacro(robots: Path, tmp_path: Path):
+    macro = "<xacro:macro name='tip'><link name='tip'/></xacro:macro><xacro:tip/></robot>"
+    text = (robots / "four_legs.urdf").read_text().replace("</robot>", macro)
+    (tmp_path / "dog.urdf").write_text(text.replace("<robot ", f"<robot {NAMESPACE} ", 1))
+    with pytest.raises(SourceError, match="tip"):  # no joint holds it
+        propose(tmp_path / "dog.urdf", tmp_path / "dog.yaml", {})
