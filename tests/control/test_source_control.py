@@ -230,3 +230,8 @@ def test_the_urdf_is_the_same_from_ratings_as_from_all_control_data(tmp_path: Pa
         texts.append((tmp_path / f"{name}-out/urdf/it.urdf").read_bytes())
     assert texts[0] == texts[1]
     assert b"effort" in texts[0]
+
+
+def test_a_rule_for_links_changes_the_surface_of_the_source(tmp_path: Path):
+    control = made(tmp_path, contact={"links": {"a": {"condim": 1}}}).control
+    assert dict(control.contacts)["ga"] == Contact(friction=(2.0, 0.1, 0.1), condim=1)

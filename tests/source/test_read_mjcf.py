@@ -365,3 +365,18 @@ def test_what_acts_through_a_lost_tendon_is_lost_too(tmp_path: Path):
     told = [f.message.split(" was")[0] for f in reading.findings if f.rule == "mjcf.dropped"]
     assert told == ["<spatial> `t`", "<muscle> `m`", "<tendonpos> `p`"]
     assert not {i.place for i in reading.control.mjcf_only} & {"tendon", "actuator"}
+
+
+def test_models_with_classes_of_one_name_are_attached_without_a_prefix(tmp_path: Path):
+    sized = '<default><default class="c"><geom size="{}"/></default></default>'
+    child = f'<mujoco>{sized.format(".3")}<worldbody><body name="palm" childclass="c"><geom/></body></worldbody></mujoco>'
+    head = sized.format(".1") + '<asset><model name="h" file="hand.xml"/></asset>'
+    body = '<body name="arm" childclass="c"><geom/><frame><attach model="h" body="palm" prefix=""/></frame></body>'
+    reading = read(robot(body, head=head), tmp_path, hand_xml=child)
+    assert [s.geometry.radius for s in reading.shapes.shapes] == [0.1, 0.3]  # type: ignore[union-attr] # spheres
+
+
+def test_a_tendon_to_the_world_makes_the_world_the_root(tmp_path: Path):
+    reading = read(robot(PULLED.format("", ""), PULLING), tmp_path)
+    assert reading.links.root == "world"
+    assert {i.place for i in reading.control.mjcf_only} >= {"tendon", "actuator"}
