@@ -16,7 +16,7 @@ from tiny import run_step
 from assetbuild.findings import Finding
 from assetbuild.identify.fit_logs import FitLogs
 from assetbuild.robot.codec import decode_file, encode
-from assetbuild.robot.identify import Fit
+from assetbuild.robot.identify import Fit, Parameter
 from assetbuild.robot.model import Actuator, Body, Control, Inertial, Joint, Limits, Tree
 from assetbuild.robot.pose import Pose
 
@@ -47,6 +47,28 @@ TWO_LINKS_URDF = """<robot name="arm"><link name="base"/>
 JOINTS = ("shoulder", "elbow")
 ARMATURE, DAMPING, FRICTION = (0.02, 0.01), (0.3, 0.15), (0.4, 0.2)
 KP, KD, DELAY_S, RATE_HZ = 30.0, 1.0, 0.004, 250.0
+
+
+HIDDEN = {
+    "armature": ARMATURE, "damping": DAMPING, "friction": FRICTION,
+    "kp": (KP, KP), "kd": (KD, KD), "delay": (DELAY_S, DELAY_S),
+}  # fmt: skip
+
+
+def text_of_two_links(
+    dt: float = 0.0002,
+    *,
+    friction: tuple[float, float] = FRICTION,
+    kp: float = KP,
+    kd: float = KD,
+) -> str:
+    """The arm with the parameters above. dt: s."""
+    return TWO_LINKS.format(dt=dt, a=ARMATURE, d=DAMPING, f=friction, kp=kp, kd=kd)
+
+
+def truth(parameter: Parameter) -> float:
+    """The hidden value of what was fitted."""
+    return HIDDEN[parameter.name][JOINTS.index(parameter.joints[0])]
 
 
 def chirps(seconds: float, joints: int = 2, rate: float = RATE_HZ) -> np.ndarray:
@@ -86,9 +108,9 @@ def recorded(
 
 def two_links(seconds: float, **how: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Target, position and torque of the arm with the parameters above."""
-    text = TWO_LINKS.format(dt=0.0002, a=ARMATURE, d=DAMPING, f=FRICTION, kp=KP, kd=KD)
     target = chirps(seconds)
-    position, torque = recorded(mujoco.MjModel.from_xml_string(text), target, **how)
+    model = mujoco.MjModel.from_xml_string(text_of_two_links())
+    position, torque = recorded(model, target, **how)
     return target, position, torque
 
 

@@ -7,6 +7,8 @@ import shutil
 from dataclasses import dataclass
 from pathlib import Path
 
+import mujoco
+import numpy as np
 from tiny import run_step
 
 from assetbuild.body.merge_fixed_joints import MergeFixedJoints
@@ -188,3 +190,29 @@ def _inputs(folder: Path, files: dict[str, Path]) -> Path:
         place.parent.mkdir(parents=True, exist_ok=True)
         shutil.copytree(path, place) if path.is_dir() else shutil.copyfile(path, place)
     return inputs
+
+
+def same_motion(
+    source: str | mujoco.MjModel, result: Path, *, span: float = 1.0, keyframe: bool = False
+) -> None:
+    """200 steps under random commands. span: of the commands; keyframe: from the first one."""
+    a = mujoco.MjModel.from_xml_string(source) if isinstance(source, str) else source
+    b = mujoco.MjModel.from_xml_path(str(result))
+    b.opt.timestep = a.opt.timestep
+    one, other = mujoco.MjData(a), mujoco.MjData(b)
+    if keyframe:
+        mujoco.mj_resetDataKeyframe(a, one, 0)
+        mujoco.mj_resetDataKeyframe(b, other, 0)
+    names = [a.actuator(i).name for i in range(len(a.actuator_trntype))]
+    drives = [b.actuator(name).id for name in names]
+    if len(names) < a.nu:  # one of them takes several commands
+        drives = list(range(a.nu))
+    random, start = np.random.default_rng(1), one.qpos.copy()
+    for _ in range(200):
+        one.ctrl[:] = random.uniform(-span, span, a.nu)
+        other.ctrl[drives] = one.ctrl
+        mujoco.mj_step(a, one)
+        mujoco.mj_step(b, other)
+        np.testing.assert_allclose(other.qpos, one.qpos, rtol=1e-6, atol=1e-9)
+        np.testing.assert_allclose(other.qvel, one.qvel, rtol=1e-6, atol=1e-7)
+    assert np.abs(one.qpos - start).max() > 1e-3

@@ -23,11 +23,8 @@ def test_a_rule_makes_a_finding_of_its_usual_severity():
     assert made == expected
 
 
-def test_a_call_may_state_another_declared_severity():
+def test_a_call_may_state_another_declared_severity_and_no_other():
     assert SAG("robot", "sank", severity="error").severity == "error"
-
-
-def test_a_severity_that_was_not_declared_is_refused():
     with pytest.raises(ValueError, match=r"`stand\.sag` does not declare the severity `info`"):
         SAG("robot", "sank", severity="info")
 

@@ -239,35 +239,17 @@ def kept_feet() -> TinyRobot:
 
 
 def _leg_joints(leg: str, front: float, left: float) -> list[Joint]:
-    thigh_limits, calf_limits = Limits(-0.7, 4.5, 24.0, 30.0), Limits(-2.8, -0.9, 36.0, 20.0)
+    hip, thigh, calf = (f"{leg}_{part}" for part in ("hip", "thigh", "calf"))
+    x, y = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0)
+    at_trunk, at_hip = Pose((front * 0.18, left * 0.05, 0.0)), Pose((0.0, left * 0.08, 0.0))
+    rows = (
+        ("trunk", hip, at_trunk, x, Limits(-0.86, 0.86, 24.0, 30.0)),
+        (hip, thigh, at_hip, y, Limits(-0.7, 4.5, 24.0, 30.0)),
+        (thigh, calf, Pose((0.0, 0.0, -SEGMENT_M)), y, Limits(-2.8, -0.9, 36.0, 20.0)),
+    )
     return [
-        Joint(
-            f"{leg}_hip_joint",
-            "revolute",
-            "trunk",
-            f"{leg}_hip",
-            Pose((front * 0.18, left * 0.05, 0.0)),
-            (1.0, 0.0, 0.0),
-            Limits(-0.86, 0.86, 24.0, 30.0),
-        ),
-        Joint(
-            f"{leg}_thigh_joint",
-            "revolute",
-            f"{leg}_hip",
-            f"{leg}_thigh",
-            Pose((0.0, left * 0.08, 0.0)),
-            (0.0, 1.0, 0.0),
-            thigh_limits,
-        ),
-        Joint(
-            f"{leg}_calf_joint",
-            "revolute",
-            f"{leg}_thigh",
-            f"{leg}_calf",
-            Pose((0.0, 0.0, -SEGMENT_M)),
-            (0.0, 1.0, 0.0),
-            calf_limits,
-        ),
+        Joint(f"{child}_joint", "revolute", parent, child, X_parent_joint, axis, limits)
+        for parent, child, X_parent_joint, axis, limits in rows
     ]
 
 

@@ -1,7 +1,24 @@
-"""URDF texts: a robot of links and joints in as few words as a test needs."""
+"""URDF texts: a robot of links and joints in as few words as a test needs, and what is read."""
 
 from __future__ import annotations
 
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+from tiny import run_step
+
+from assetbuild.errors import SourceError
+from assetbuild.findings import Finding
+from assetbuild.robot.codec import decode
+from assetbuild.robot.model import Base, Tree
+from assetbuild.robot.shapes import SourceShapes
+from assetbuild.source.urdf.read_urdf import ReadUrdf
+
+FILE = "pkg/urdf/robot.urdf"
+PACKAGES = {"robot_pkg": "pkg"}
 LIMIT = '<limit lower="-1" upper="1" effort="9" velocity="5"/>'
 
 
@@ -57,3 +74,51 @@ def joint(
 
 def robot(*parts: str, name: str = "r") -> str:
     return f'<robot name="{name}">\n{"".join(parts)}</robot>\n'
+
+
+@dataclass
+class Reading:
+    """What the reader wrote. source: the tidy text that checks read."""
+
+    tree: Tree
+    shapes: SourceShapes
+    meshes: list[dict[str, object]]
+    lines: dict[str, int]
+    findings: list[Finding]
+    source: str
+
+    def rules(self) -> list[str]:
+        return [finding.rule for finding in self.findings]
+
+    def told(self, rule: str) -> Finding:
+        (found,) = (f for f in self.findings if f.rule == rule)
+        return found
+
+
+def read(
+    text: str | bytes,
+    folder: Path,
+    *,
+    base: Base = "fixed",
+    file: str = FILE,
+    packages: Mapping[str, str] = PACKAGES,
+) -> Reading:
+    """A URDF through the reader; what it wrote stays in `folder`."""
+    folder.mkdir(parents=True, exist_ok=True)
+    (folder / "robot.urdf").write_bytes(text.encode() if isinstance(text, str) else text)
+    findings = run_step(ReadUrdf(file=file, base=base, packages=dict(packages)), folder, folder)
+    return Reading(
+        decode(Tree, (folder / "links.json").read_bytes()),
+        decode(SourceShapes, (folder / "shapes.json").read_bytes()),
+        json.loads((folder / "meshes.json").read_text()),
+        json.loads((folder / "source_map.json").read_text())["lines"],
+        findings,
+        (folder / "source.urdf").read_text(),
+    )
+
+
+def refused(text: str | bytes, folder: Path) -> str:
+    """The error of a URDF that cannot be read."""
+    with pytest.raises(SourceError) as caught:
+        read(text, folder)
+    return str(caught.value)

@@ -1,11 +1,8 @@
-"""The first build of a robot, step by step: `python -m tests.benchmarks.cold go1 g1 panda`.
+"""The first build of a robot by kind of step: `python -m tests.benchmarks.cold go1 g1 panda`.
 
 Each robot is built once for its downloads, then several times from an empty store that holds
-nothing else. Prints a table of the build in the middle: what each step took of the processor and by
-the clock, what imports took of that, and whether the step is on the critical path, which is the
-chain of steps, each reading the one before, that needs the processor longest. Then a gain is
-changed in the recipe, several times. The last table is the budget: CPU seconds by kind of step.
-`--together` builds all robots as one graph as well.
+nothing else; the build in the middle counts. Then a gain is changed in the recipe, several times.
+The last table is the budget: CPU seconds by kind of step.
 """
 
 from __future__ import annotations
@@ -28,8 +25,6 @@ from typing import Any
 ROOT = Path(__file__).parents[2]
 OURS = ("ASSETBUILD_", "PYTHONDONTWRITEBYTECODE")
 """Variables that the builds do not see: bytecode is warm, as after the first build anywhere."""
-LEAST_S = 0.1
-"""Steps that take the processor less are one row."""
 WORTH_S = 0.5
 """Kinds of steps that take the processor less are one row of the budget."""
 
@@ -91,51 +86,6 @@ def steps_of(recipe: Path) -> dict[str, dict[str, Any]]:  # Any: JSON
     return {label: step for label, step in log["steps"].items() if step["status"] == "ran"}
 
 
-def critical(recipe: Path, store: Path, cpu: dict[str, float]) -> list[str]:
-    """The chain of steps that takes the processor longest."""
-    command = [sys.executable, "-m", "assetbuild", "plan", str(recipe), "--format", "json"]
-    environment = os.environ | {"ASSETBUILD_CACHE": str(store), "PYTHONPATH": str(ROOT)}
-    nodes = json.loads(subprocess.check_output(command, env=environment))["nodes"]
-    chains: dict[str, list[str]] = {}
-    for node in nodes:  # each after all that it reads
-        makers = {ref.partition(":")[0] for ref in node["inputs"].values()} & set(chains)
-        before = max((chains[maker] for maker in makers), key=lambda c: _sum(c, cpu), default=[])
-        chains[node["label"]] = [*before, node["label"]]
-    return max(chains.values(), key=lambda chain: _sum(chain, cpu))
-
-
-def _sum(chain: list[str], cpu: dict[str, float]) -> float:
-    return sum(cpu.get(label, 0.0) for label in chain)
-
-
-def table(built: Built, recipe: Path, store: Path) -> str:
-    """A row for each step that counts, for each worker, and for the process that builds."""
-    steps = steps_of(recipe)
-    cpu = {label: step["child_cpu_seconds"] for label, step in steps.items()}
-    imports = {label: spent for kind, label, spent in built.notes if kind == "step"}
-    path = critical(recipe, store, cpu)
-    rows = [
-        (f"{label} | {step['seconds']:.1f}", cpu[label], imports.get(label, 0.0), label in path)
-        for label, step in steps.items()
-        if cpu[label] >= LEAST_S or label in path
-    ]
-    small = [label for label in steps if cpu[label] < LEAST_S and label not in path]
-    spent = _sum(small, cpu), _sum(small, imports)
-    rows.append((f"{len(small)} steps of less than {LEAST_S} s | ", *spent, False))
-    workers = [(label, spent) for kind, label, spent in built.notes if kind == "worker"]
-    rows += [
-        (f"worker: {label or 'no modules'} | ", spent, spent, False) for label, spent in workers
-    ]
-    rest = built.cpu - sum(cpu.values()) - sum(spent for _, spent in workers)
-    rows.append(("the process that builds | ", rest, 0.0, False))
-    lines = [
-        f"| {name} | {spent:.2f} | {imported:.2f} | {'yes' if on_path else ''} |"
-        for name, spent, imported, on_path in sorted(rows, key=lambda row: -row[1])
-    ]
-    head = "| step | wall s | CPU s | imports s | critical |\n| --- | --- | --- | --- | --- |"
-    return "\n".join([head, *lines, f"critical path: {_sum(path, cpu):.1f} CPU s"])
-
-
 def kinds(built: Built, recipe: Path) -> dict[str, float]:
     """CPU seconds by kind of step, of all workers' imports, and of the process that builds."""
     found: dict[str, float] = defaultdict(float)
@@ -179,7 +129,6 @@ def main() -> int:
     parser.add_argument("robots", nargs="+", help="names in recipes/")
     parser.add_argument("--times", type=int, default=5, help="builds of each, and changed gains")
     parser.add_argument("--jobs", type=int, default=0, help="steps at once; 0: as `build` does")
-    parser.add_argument("--together", action="store_true", help="all as one graph, too")
     arguments = parser.parse_args()
     jobs = ("-j", str(arguments.jobs)) if arguments.jobs else ()
     with tempfile.TemporaryDirectory(prefix="assetbuild-cold-") as name:
@@ -189,21 +138,17 @@ def main() -> int:
         build(recipes, folder, warm)
         budgets: dict[str, dict[str, float]] = {}
         print("| from nothing | wall s | CPU s | peak MB |\n| --- | --- | --- | --- |")
-        for some in [[recipe] for recipe in recipes] + [recipes] * arguments.together:
+        for recipe in recipes:
             runs = []
             for number in range(arguments.times):
                 store = only_downloads(warm, folder / f"store-{number}")
-                runs.append((build(some, folder, store, *jobs), store))
+                runs.append((build([recipe], folder, store, *jobs), store))
             middle, store = sorted(runs, key=lambda run: run[0].cpu)[len(runs) // 2]
-            print(middle.row(" ".join(recipe.stem for recipe in some)), flush=True)
-            if len(some) == 1:
-                print(table(middle, some[0], store))
-                budgets[some[0].stem] = kinds(middle, some[0])
-                gains = gain_changed(some[0], folder, store, arguments.times)
-                cpu, wall = (
-                    statistics.median(getattr(g, n) for g in gains) for n in ("cpu", "wall")
-                )
-                print(f"a gain changed: {cpu:.2f} CPU s, {wall:.2f} s by the clock", flush=True)
+            print(middle.row(recipe.stem), flush=True)
+            budgets[recipe.stem] = kinds(middle, recipe)
+            gains = gain_changed(recipe, folder, store, arguments.times)
+            cpu, wall = (statistics.median(getattr(g, n) for g in gains) for n in ("cpu", "wall"))
+            print(f"a gain changed: {cpu:.2f} CPU s, {wall:.2f} s by the clock", flush=True)
         print(budget(budgets))
     return 0
 

@@ -1,18 +1,13 @@
-"""The full and the mjx model of built robots: pairs, speed, and whether MJX and Warp step them.
+"""The full and the mjx model of built robots: pairs and speed; `cone` runs MJX and Warp.
 
-    python -m tests.benchmarks.mjx [--engines PYTHON] BUNDLE...
+    python -m tests.benchmarks.mjx BUNDLE...
 
 Speed is MuJoCo's own on one core, of processor time: standing at the first keyframe under the
-drives, and falling over without them; full and mjx take turns, the best of five counts. With
-PYTHON, an interpreter of an environment with mujoco-mjx and mujoco-warp, both engines make 100
-steps from the keyframe (a minute or two each: they compile first).
+drives, and falling over without them; full and mjx take turns, the best of five counts.
 """
 
 from __future__ import annotations
 
-import argparse
-import json
-import subprocess
 import sys
 import time
 from collections.abc import Sequence
@@ -27,27 +22,15 @@ STEPS = 1000
 TURNS = 5
 LIFT_M = 0.1
 TILT = (0.95, 0.2, 0.2, 0.1)
-ENGINES = ("mjx", "warp")
 
 
 def main() -> None:
-    """Prints one table for pairs and speed, one for the engines."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("bundles", nargs="+", type=Path)
-    parser.add_argument("--engines", help="a Python with mujoco-mjx and mujoco-warp")
-    asked = parser.parse_args()
-    scenes = [(path.name, *_scenes(path)) for path in asked.bundles]
+    """Print a row for each robot."""
+    scenes = [(name, *_scenes(Path(name))) for name in sys.argv[1:]]
     print("| robot | pairs full | pairs mjx | fast on Warp | rows at home | stand | fall |")
     print("| --- | --- | --- | --- | --- | --- | --- |")
     for name, full, small in scenes:
         print(_row(name, full, small), flush=True)
-    if asked.engines is None:
-        return
-    print("\n| robot | engine | finite | largest motion | first step | 99 steps |")
-    print("| --- | --- | --- | --- | --- | --- |")
-    for name, _, small in scenes:
-        for engine in ENGINES:
-            print(_engine_row(name, engine, small, asked.engines), flush=True)
 
 
 def _scenes(bundle: Path) -> tuple[Path, Path]:
@@ -110,24 +93,6 @@ def _speeds(models: Sequence[mujoco.MjModel], *, falls: bool) -> str:
             if not np.isfinite(data.qpos).all():
                 return "diverged"
     return " / ".join(f"{rate / 1e3:.1f}k" for rate in best)
-
-
-def _engine_row(name: str, engine: str, scene: Path, python: str) -> str:
-    child = Path(__file__).with_name("mjx_engines.py")
-    done = subprocess.run(
-        [python, str(child), engine, str(scene)], capture_output=True, text=True, check=False
-    )
-    lines = done.stdout.strip().splitlines()
-    if done.returncode or not lines:
-        last = (done.stderr.strip().splitlines() or ["no word"])[-1]
-        return f"| {name} | {engine} | failed: {last} | | | |"
-    found = json.loads(lines[-1])
-    if "refused" in found:
-        return f"| {name} | {engine} | refused: {found['refused']} | | | |"
-    return (
-        f"| {name} | {engine} | {'yes' if found['finite'] else 'NO'} | {found['moved']:.3g} "
-        f"| {found['first_s']} s | {found['others_s']} s |"
-    )
 
 
 if __name__ == "__main__":

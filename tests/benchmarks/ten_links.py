@@ -9,23 +9,57 @@ parameters but for 64 vertices, and is ended after 60 CPU seconds.
 from __future__ import annotations
 
 import os
+import shutil
 import sys
+import tempfile
 from collections.abc import Callable, Sequence
 from pathlib import Path
-
-sys.path.insert(0, str(Path(__file__).parent))
-
-from links import LINKS, load_link
 
 from assetbuild.collision import PlacedSource
 from assetbuild.collision.auto import PRESETS, Auto
 from assetbuild.collision.hull import Hull
+from assetbuild.engine.step import Files
+from assetbuild.geometry.convert_mesh import ConvertMesh
 from assetbuild.mesh.coacd import CoAcdOptions, coacd_parts
 from assetbuild.mesh.cover import Reference, measure
 from assetbuild.mesh.native import NativeError, NativeLimits
+from assetbuild.mesh.obj import read_triangles
 from assetbuild.mesh.solid import ConvexPiece
-from assetbuild.mesh.triangles import TriangleMesh
+from assetbuild.mesh.triangles import TriangleMesh, cleaned, merged
 from assetbuild.mesh.vhacd import VHacdOptions, vhacd_parts
+from assetbuild.plugin_types import ConvertedMesh
+from assetbuild.robot.codec import decode
+
+LINKS = {
+    "ur5_base": "ur_description/meshes/ur5/collision/base.stl",
+    "ur5_forearm": "ur_description/meshes/ur5/collision/forearm.stl",
+    "panda_finger": "panda_description/meshes/visual/finger.dae",
+    "panda_hand": "panda_description/meshes/visual/hand.dae",
+    "go1_thigh": "go1_description/meshes/thigh.dae",
+    "go1_calf": "go1_description/meshes/calf.dae",
+    "go1_hip": "go1_description/meshes/hip.dae",
+    "go1_trunk": "go1_description/meshes/trunk.dae",
+    "g1_knee": "g1_description/meshes/left_knee_link.STL",
+    "g1_torso": "g1_description/meshes/torso_link_rev_1_0.STL",
+}
+
+
+def robots_root() -> Path:
+    """The package's `robots` folder."""
+    return Path(os.environ["ASSETBUILD_TEST_DATA"]) / "example-robot-data/robots"
+
+
+def load_link(name: str) -> TriangleMesh:
+    """The link's mesh as `convert_mesh` writes it, welded, m."""
+    source = robots_root() / LINKS[name]
+    with tempfile.TemporaryDirectory() as inputs, tempfile.TemporaryDirectory() as made:
+        shutil.copyfile(source, Path(inputs) / "mesh")
+        step = ConvertMesh(format=source.suffix.lower().lstrip("."))
+        list(step.run(Files(Path(inputs), Path(made))))
+        record = decode(ConvertedMesh, (Path(made) / "mesh.json").read_bytes())
+        files = [Path(made) / "parts" / part.file for part in record.parts]
+        return cleaned(merged([read_triangles(f.read_bytes(), name) for f in files]))
+
 
 SOURCE = (PlacedSource("mesh"),)
 LIMITS = NativeLimits(cpu_s=60.0, memory_mb=4096)

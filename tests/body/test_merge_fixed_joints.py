@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import math
-import xml.etree.ElementTree as ET
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 from tiny import TinyRobot, ball_inertial, box_inertial, run_step, tiny_quadruped, write_robot_ports
+from urdfs import read
 
 from assetbuild.body.measure_bodies import center_of_mass, ellipsoid, principal
 from assetbuild.body.merge_fixed_joints import MergeFixedJoints
@@ -19,20 +19,11 @@ from assetbuild.robot.codec import decode
 from assetbuild.robot.inertia import total_mass
 from assetbuild.robot.model import Body, Joint, Keyframe, Tree
 from assetbuild.robot.pose import Pose, rotation_of
-from assetbuild.source.urdf.read_urdf import ReadUrdf
 
 
 def merge(folder: Path, step: MergeFixedJoints) -> tuple[Tree, list[Finding]]:
     findings = run_step(step, folder, folder)
     return decode(Tree, (folder / "tree.json").read_bytes()), findings
-
-
-def read(path: Path, folder: Path, base: str = "floating") -> Path:
-    folder.mkdir(parents=True, exist_ok=True)
-    (folder / "robot.urdf").write_bytes(path.read_bytes())
-    packages = {"example-robot-data": "."}
-    run_step(ReadUrdf(file="a/b/c/x.urdf", base=base, packages=packages), folder, folder)  # type: ignore[arg-type] # a literal
-    return folder
 
 
 @pytest.fixture
@@ -69,8 +60,8 @@ def test_a_pattern_must_match_a_whole_name_of_a_link(quadruped: Path):
 
 
 def test_a_placeholder_root_is_told(robots: Path, tmp_path: Path):
-    folder = read(robots / "placeholder_root.urdf", tmp_path)
-    tree, findings = merge(folder, MergeFixedJoints())
+    read((robots / "placeholder_root.urdf").read_text(), tmp_path, base="floating")
+    tree, findings = merge(tmp_path, MergeFixedJoints())
     assert [b.name for b in tree.bodies] == ["trunk", "arm"]
     assert (findings[0].rule, findings[0].subject) == ("merge.placeholder_root", "link base")
     assert findings[0].data == {"body": "trunk", "mass_kg": 1e-6}
@@ -78,35 +69,23 @@ def test_a_placeholder_root_is_told(robots: Path, tmp_path: Path):
 
 def test_the_root_of_an_mjcf_stays_the_root_whatever_it_weighs(robots: Path, tmp_path: Path):
     """Its keyframes say where its own frame stands."""
-    folder = read(robots / "placeholder_root.urdf", tmp_path)
-    tree, findings = merge(folder, MergeFixedJoints(keep_root=True))
+    read((robots / "placeholder_root.urdf").read_text(), tmp_path, base="floating")
+    tree, findings = merge(tmp_path, MergeFixedJoints(keep_root=True))
     assert [b.name for b in tree.bodies] == ["base", "arm"]
     assert [f.rule for f in findings] == ["merge.fixed_joints"]
 
 
-def test_go1_becomes_thirteen_bodies_with_all_its_mass(go1_root: Path, tmp_path: Path):
-    path = go1_root / "robots/go1_description/urdf/go1.urdf"
-    tree, findings = merge(read(path, tmp_path), MergeFixedJoints())
-    xml = ET.parse(path).getroot()  # noqa: S314 # the real robot, which we trust here
-    total = sum(float(m.get("value", "nan")) for m in xml.iter("mass"))
-    assert sum(b.inertial.mass_kg for b in tree.bodies if b.inertial) == pytest.approx(
-        total, rel=1e-12
-    )
-    assert len(tree.bodies) == 13
-    assert len(tree.moving_joints) == 12
-    assert len(tree.frames) == len(xml.findall("link")) - 13
-    assert tree.root == "trunk"
-    assert tree.placement("base")[0] == "trunk"
-    assert [f.rule for f in findings] == ["merge.placeholder_root", "merge.fixed_joints"]
-
-
-def test_go1s_mass_is_pinocchios(go1_root: Path, tmp_path: Path):
+def test_go1_becomes_thirteen_bodies_with_pinocchios_mass(go1_root: Path, tmp_path: Path):
     pinocchio = pytest.importorskip("pinocchio", reason="needs the extra `oracle`")
-    path = go1_root / "robots/go1_description/urdf/go1.urdf"
-    tree, _ = merge(read(path, tmp_path), MergeFixedJoints())
-    model = pinocchio.buildModelFromXML(path.read_text(), pinocchio.JointModelFreeFlyer())
-    ours = sum(b.inertial.mass_kg for b in tree.bodies if b.inertial)
-    assert ours == pytest.approx(pinocchio.computeTotalMass(model), rel=1e-12)
+    text = (go1_root / "robots/go1_description/urdf/go1.urdf").read_text()
+    links = read(text, tmp_path, base="floating", packages={"example-robot-data": "."}).tree
+    tree, findings = merge(tmp_path, MergeFixedJoints())
+    model = pinocchio.buildModelFromXML(text, pinocchio.JointModelFreeFlyer())
+    assert total_mass(tree) == pytest.approx(pinocchio.computeTotalMass(model), rel=1e-12)
+    assert (len(tree.bodies), len(tree.moving_joints)) == (13, 12)
+    assert len(tree.frames) == len(links.bodies) - 13
+    assert (tree.root, tree.placement("base")[0]) == ("trunk", "trunk")
+    assert [f.rule for f in findings] == ["merge.placeholder_root", "merge.fixed_joints"]
 
 
 def test_the_centre_of_mass_is_the_mean_weighed_by_mass():

@@ -49,26 +49,22 @@ def test_quadruped_falls_as_the_integrator_must(
     assert run_step(check(robot="robot"), inputs, tmp_path / "out") == []
 
 
-@pytest.mark.parametrize(
-    ("spoil", "severity"),
-    [
-        (
-            {
-                '<freejoint name="floating_base_joint"/>': "",
-                "<keyframe>": "<!--",
-                "</keyframe>": "-->",
-            },
-            "error",
-        ),
-        ({'<body name="trunk"': '<body name="trunk" gravcomp="0.5"'}, "error"),
-        ({'<body name="FR_calf"': '<body name="FR_calf" gravcomp="0.5"'}, "warning"),
-        ({"</mujoco>": ""}, "error"),
-    ],
-    ids=["welded to the world", "half weightless", "one calf half weightless", "does not load"],
-)
-def test_what_does_not_fall_freely_in_mujoco_is_found(
-    tmp_path: Path, spoil: dict[str, str], severity: str
-) -> None:
+WELDED = {
+    '<freejoint name="floating_base_joint"/>': "",
+    "<keyframe>": "<!--",
+    "</keyframe>": "-->",
+}
+MUJOCO = {
+    "welded to the world": (WELDED, "error"),
+    "half weightless": ({'<body name="trunk"': '<body name="trunk" gravcomp="0.5"'}, "error"),
+    "one calf": ({'<body name="FR_calf"': '<body name="FR_calf" gravcomp="0.5"'}, "warning"),
+    "does not load": ({"</mujoco>": ""}, "error"),
+}
+
+
+@pytest.mark.parametrize("what", MUJOCO)
+def test_what_does_not_fall_freely_in_mujoco_is_found(tmp_path: Path, what: str) -> None:
+    spoil, severity = MUJOCO[what]
     inputs = built(tiny_quadruped(), tmp_path, FreeFall)
     path = inputs / "mjcf/robot.xml"
     for old, new in spoil.items():

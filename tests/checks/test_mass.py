@@ -1,4 +1,4 @@
-"""Masses, centres and axes against the geometry: each slip has a robot that makes it."""
+"""Masses and collision against the geometry: each slip has a robot, a simplification is none."""
 
 from __future__ import annotations
 
@@ -10,12 +10,17 @@ import numpy as np
 import pytest
 from tiny import TinyRobot, box_inertial, box_obj, pendulum, run_step, write_robot_ports
 
+from assetbuild.checks.coverage import Coverage, _length
 from assetbuild.checks.mass import Mass
 from assetbuild.findings import Finding
+from assetbuild.mesh.obj import obj_bytes
+from assetbuild.mesh.primitives import tessellate
+from assetbuild.mesh.solid import distance_to
+from assetbuild.mesh.triangles import merged
 from assetbuild.robot.inertia import rotate_tensor
 from assetbuild.robot.model import Inertial
-from assetbuild.robot.pose import Pose, normalised_quat
-from assetbuild.robot.shapes import Box, Mesh, MeshAsset, Shape, Shapes
+from assetbuild.robot.pose import Pose, Vec3, normalised_quat
+from assetbuild.robot.shapes import Box, Capsule, Geometry, Mesh, MeshAsset, Shape, Shapes
 
 SIZE = (0.05, 0.04, 0.4)
 WEIGHT = 0.05 * 0.04 * 0.4 * 1000.0
@@ -31,91 +36,77 @@ def robot(inertial: Inertial = SOUND, role: str = "visual") -> TinyRobot:
     return replace(base, tree=replace(base.tree, bodies=bodies), shapes=shapes, meshes={})
 
 
-def told(made: TinyRobot, folder: Path, **fields: object) -> list[Finding]:
+def weighed(made: TinyRobot, folder: Path, **fields: object) -> list[Finding]:
     inputs = write_robot_ports(folder / "in", made)
     return run_step(Mass(**fields), inputs, folder / "out")
 
 
-def rules(found: list[Finding]) -> list[str]:
+def rules_of(found: list[Finding]) -> list[str]:
     return [finding.rule for finding in found]
 
 
 @pytest.mark.parametrize("role", ["visual", "collision"])
 def test_a_bar_of_water_is_sound(role: str, tmp_path: Path):
-    assert told(robot(role=role), tmp_path) == []
+    assert weighed(robot(role=role), tmp_path) == []
     (row,) = json.loads((tmp_path / "out/figures.json").read_text())["bodies"]
     assert row["density_kg_m3"] == pytest.approx(1000.0)
     assert row["long_axes_apart_rad"] == pytest.approx(0.0, abs=1e-6)
-
-
-def test_a_mesh_counts_as_its_hull(tmp_path: Path):
-    made = robot()
-    asset = MeshAsset("bar-1", "bar-1.obj", 8, 12)
-    shape = replace(made.shapes.shapes[0], geometry=Mesh("bar-1"))
-    made = replace(made, shapes=Shapes((shape,), (), (asset,)), meshes={"bar-1.obj": box_obj(SIZE)})
-    assert told(made, tmp_path) == []
 
 
 @pytest.mark.parametrize("factor", [10.0, 0.02])
 def test_a_mass_with_a_slipped_point_is_told(factor: float, tmp_path: Path):
     tensor = tuple(v * factor for v in SOUND.inertia_com_kg_m2)
     wrong = Inertial(WEIGHT * factor, SOUND.com_m, tensor)
-    assert rules(told(robot(wrong), tmp_path)) == ["mass.density"]
+    assert rules_of(weighed(robot(wrong), tmp_path)) == ["mass.density"]
 
 
 def test_a_tensor_in_other_axes_is_told(tmp_path: Path):
     quarter = normalised_quat((1.0, 1.0, 0.0, 0.0))
     turned = replace(SOUND, inertia_com_kg_m2=rotate_tensor(SOUND.inertia_com_kg_m2, quarter))
-    found = told(robot(turned), tmp_path)
-    assert rules(found) == ["mass.axes"]
+    found = weighed(robot(turned), tmp_path)
+    assert rules_of(found) == ["mass.axes"]
     assert found[0].data["angle_rad"] == pytest.approx(np.pi / 2)
 
 
 def test_a_centre_outside_of_the_part_is_told(tmp_path: Path):
-    found = told(robot(replace(SOUND, com_m=(0.0, 0.3, 0.0))), tmp_path)
-    assert rules(found) == ["mass.center"]
+    found = weighed(robot(replace(SOUND, com_m=(0.0, 0.3, 0.0))), tmp_path)
+    assert rules_of(found) == ["mass.center"]
     assert found[0].data["outside_m"] == pytest.approx(0.28)
 
 
 def test_the_total_is_compared_with_the_datasheet(tmp_path: Path):
     total = sum(b.inertial.mass_kg for b in robot().tree.bodies if b.inertial)
-    assert told(robot(), tmp_path / "a", total_kg=1.02 * total) == []
-    (near,) = told(robot(), tmp_path / "b", total_kg=1.1 * total)
-    (far,) = told(robot(), tmp_path / "c", total_kg=2.0 * total)
+    assert weighed(robot(), tmp_path / "a", total_kg=1.02 * total) == []
+    (near,) = weighed(robot(), tmp_path / "b", total_kg=1.1 * total)
+    (far,) = weighed(robot(), tmp_path / "c", total_kg=2.0 * total)
     assert (near.rule, near.severity) == ("mass.total", "warning")
     assert (far.rule, far.severity) == ("mass.total", "error")
 
 
 def test_a_ball_has_no_long_direction_and_a_screw_is_too_small_to_judge(tmp_path: Path):
     flat = Inertial(WEIGHT, (0.0, 0.0, 0.0), (1e-3, 1e-3, 1e-3, 0.0, 0.0, 0.0))
-    assert "mass.axes" not in rules(told(robot(flat), tmp_path / "a"))
+    assert "mass.axes" not in rules_of(weighed(robot(flat), tmp_path / "a"))
     tiny = replace(SOUND, mass_kg=5e-3, com_m=(5.0, 0.0, 0.0))
-    assert told(robot(tiny), tmp_path / "b") == []
-
-
-def test_a_placed_shape_counts_where_it_is(tmp_path: Path):
-    made = robot(replace(SOUND, com_m=(1.0, 0.0, 0.0)))
-    shape = replace(made.shapes.shapes[0], X_link_shape=Pose((1.0, 0.0, 0.0)))
-    assert told(replace(made, shapes=Shapes((shape,))), tmp_path) == []
+    assert weighed(robot(tiny), tmp_path / "b") == []
 
 
 def test_a_hand_of_a_hundred_tonnes_and_a_shoulder_of_175_m_are_errors(tmp_path: Path):
     """A density taken for a mesh in millimetres; a mesh in millimetres read in metres."""
     heavy = robot(replace(SOUND, mass_kg=264277.0))
-    made = {finding.rule: finding for finding in told(heavy, tmp_path / "heavy")}
+    made = {finding.rule: finding for finding in weighed(heavy, tmp_path / "heavy")}
     assert made["mass.absurd"].severity == "error"
     assert "264277" in made["mass.absurd"].message or "2.643e+05" in made["mass.absurd"].message
     long = robot()
     shape = replace(long.shapes.shapes[0], geometry=Box((0.05, 0.04, 175.0)))
-    found = told(replace(long, shapes=Shapes((shape,))), tmp_path / "long")
+    found = weighed(replace(long, shapes=Shapes((shape,))), tmp_path / "long")
     assert [f.severity for f in found if f.rule == "mass.size"] == ["error"]
 
 
 def test_a_bolted_root_may_be_a_hall(tmp_path: Path):
     made = robot()
     hall = Shape("hall", made.tree.root, "visual", Box((90.0, 60.0, 12.0)))
-    found = told(replace(made, shapes=Shapes((*made.shapes.shapes, hall))), tmp_path)
-    assert "mass.size" not in rules(found)
+    found = weighed(replace(made, shapes=Shapes((*made.shapes.shapes, hall))), tmp_path)
+    assert "mass.size" not in rules_of(found)
 
 
 @pytest.mark.parametrize(
@@ -130,7 +121,93 @@ def test_a_robot_of_no_matter_is_an_error(mass_kg: float, says: str, tmp_path: P
         for b in made.tree.bodies
     ]
     made = replace(made, tree=replace(made.tree, bodies=tuple(bodies)))
-    (found,) = (finding for finding in told(made, tmp_path) if finding.rule == "mass.absurd")
+    (found,) = (finding for finding in weighed(made, tmp_path) if finding.rule == "mass.absurd")
     assert says in found.message
     assert (found.rule, found.severity, found.subject) == ("mass.absurd", "error", "robot")
     assert found.data["volume_m3"] == pytest.approx(8e-4)
+
+
+# --- Collision beside visual geometry: a shift is told, a simplification is not ---
+
+
+BAR = (0.05, 0.04, 0.3)
+
+
+def covered(
+    collision: Geometry, at: tuple[float, float, float], folder: Path, obj: bytes = box_obj(BAR)
+) -> list[Finding]:
+    robot: TinyRobot = pendulum()
+    link = robot.tree.bodies[-1].name
+    asset = MeshAsset("bar-1", "bar-1.obj", 8, 12)
+    shapes = Shapes(
+        (
+            Shape("v", link, "visual", Mesh("bar-1")),
+            Shape("c", link, "collision", collision, Pose(at)),
+        ),
+        (),
+        (asset,),
+    )
+    robot = replace(robot, shapes=shapes, meshes={"bar-1.obj": obj})
+    return run_step(Coverage(), write_robot_ports(folder / "in", robot), folder / "out")
+
+
+def test_a_box_in_its_place_is_quiet_and_exact(tmp_path: Path):
+    assert covered(Box(BAR), (0.0, 0.0, 0.0), tmp_path) == []
+    (row,) = json.loads((tmp_path / "out/figures.json").read_text())["bodies"]
+    assert row["sticks_out_mm"] == pytest.approx(0.0, abs=1e-6)
+
+
+@pytest.mark.parametrize("collision", [Box(BAR), Mesh("bar-1")])
+def test_three_centimetres_are_told_with_their_direction(collision: Geometry, tmp_path: Path):
+    (finding,) = covered(collision, (0.0, -0.03, 0.0), tmp_path)
+    assert finding.rule == "coverage.shift"
+    assert finding.data["shift_m"] == pytest.approx((0.0, -0.03, 0.0), abs=1e-9)
+    assert " y " in finding.message
+    (row,) = json.loads((tmp_path / "out/figures.json").read_text())["bodies"]
+    assert row["sticks_out_mm"] == pytest.approx(30.0)
+
+
+def test_a_shorter_and_a_thicker_shape_are_simplifications(tmp_path: Path):
+    assert covered(Capsule(0.02, 0.2), (0.0, 0.0, 0.0), tmp_path / "a") == []
+    assert covered(Box((0.1, 0.1, 0.35)), (0.0, 0.0, 0.0), tmp_path / "b") == []
+    assert covered(Box((0.05, 0.04, 0.1)), (0.0, 0.0, 0.1), tmp_path / "c") == []
+
+
+def frame_of_bars(parts: tuple[tuple[Vec3, Vec3], ...]) -> bytes:
+    """An OBJ of boxes: (size, middle) each, m."""
+    boxes = [tessellate(Box(size)).placed(Pose(at)) for size, at in parts]
+    return obj_bytes(merged(boxes))
+
+
+SIDES = (((0.02, 0.02, 0.2), (-0.06, 0.0, 0.0)), ((0.02, 0.02, 0.2), (0.06, 0.0, 0.0)))
+TOP: tuple[Vec3, Vec3] = ((0.14, 0.02, 0.02), (0.0, 0.0, 0.09))
+BOTTOM: tuple[Vec3, Vec3] = ((0.14, 0.02, 0.02), (0.0, 0.0, -0.09))
+
+
+def test_a_hull_that_fills_a_hole_is_told_with_its_size_and_place(tmp_path: Path):
+    ring = frame_of_bars((*SIDES, TOP, BOTTOM))
+    (finding,) = covered(Mesh("bar-1"), (0.0, 0.0, 0.0), tmp_path, ring)
+    assert (finding.rule, finding.severity) == ("coverage.hole", "info")
+    assert finding.data["area_m2"] == pytest.approx(0.10 * 0.16, rel=0.1)  # inside of the bars
+    assert finding.data["middle_m"] == pytest.approx((0.0, 0.0, 0.0), abs=5e-3)
+    assert np.abs(finding.data["direction"]) == pytest.approx((0.0, 1.0, 0.0), abs=1e-9)
+
+
+def test_a_notch_and_a_hole_left_open_are_no_holes_filled(tmp_path: Path):
+    notch = frame_of_bars((*SIDES, TOP))
+    assert covered(Mesh("bar-1"), (0.0, 0.0, 0.0), tmp_path / "a", notch) == []
+    ring = frame_of_bars((*SIDES, TOP, BOTTOM))
+    beside = covered(Box(SIDES[0][0]), SIDES[0][1], tmp_path / "b", ring)
+    assert [f.rule for f in beside if f.rule == "coverage.hole"] == []
+
+
+def test_points_in_one_plane_are_as_far_as_their_box():
+    flat = np.array([[0.0, 0.0, 0.0], [2.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
+    points = np.array([[1.0, 0.5, 0.3], [5.0, 0.5, 4.0], [1.0, 0.5, 0.0]])
+    assert distance_to(flat, Pose())(points) == pytest.approx([0.3, 5.0, 0.0])
+
+
+def test_a_length_is_told_in_the_unit_of_its_size():
+    """A collision mesh in millimetres lay `2e+03 mm` off."""
+    lengths = (0.0274, 0.345, 0.9994, 2.03, 1350.0)
+    assert [_length(v) for v in lengths] == ["27.4 mm", "345 mm", "999 mm", "2.03 m", "1350 m"]

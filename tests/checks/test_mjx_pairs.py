@@ -48,12 +48,6 @@ def test_with_self_collision_a_cylinder_and_a_box_are_refused(tmp_path: Path) ->
     assert "mjx.pair" in {f.rule for f in findings}
 
 
-def test_a_model_that_mujoco_refuses_has_no_pairs(tmp_path: Path) -> None:
-    (tmp_path / "mjx").mkdir()
-    (tmp_path / "mjx/scene_mjx.xml").write_text("<mujoco>")
-    assert [f.rule for f in run_step(MjxPairs(), tmp_path, tmp_path / "out")] == ["mjx.load"]
-
-
 def test_a_margin_on_a_mesh_is_refused(tmp_path: Path) -> None:
     robot = tiny_quadruped()
     shapes = tuple(
@@ -71,6 +65,9 @@ def test_a_solver_that_mjx_lacks_is_refused(tmp_path: Path) -> None:
     model.opt.solver = mujoco.mjtSolver.mjSOL_PGS
     model.opt.integrator = mujoco.mjtIntegrator.mjINT_IMPLICIT
     assert [f.rule for f in judge(model)] == ["mjx.option", "mjx.option"]
+    (inputs / "mjx").mkdir()
+    (inputs / "mjx/scene_mjx.xml").write_text("<mujoco>")
+    assert [f.rule for f in run_step(MjxPairs(), inputs, tmp_path / "out")] == ["mjx.load"]
 
 
 def test_the_pairs_are_those_that_mujoco_finds_in_a_heap(tmp_path: Path) -> None:
@@ -102,8 +99,3 @@ def test_the_tables_are_those_of_the_engines() -> None:
             if (a, b) != (1, 1) and a != b != 1:
                 assert known == wanted, (KINDS[a], KINDS[b])
     assert {kinds for kinds in FAST_ON_WARP if "mesh" in kinds} == {("plane", "mesh")}
-
-
-def test_links_that_are_not_named_touch_nothing(tmp_path: Path) -> None:
-    _, figures = checked(tiny_quadruped(), tmp_path, touching=".*_foot")
-    assert figures["by_kinds"] == {"plane-sphere": 4}

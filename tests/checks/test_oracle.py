@@ -132,23 +132,6 @@ def _mass_everywhere(text: str) -> str:
     return text.replace('<link name="thumb"/>', f'<link name="thumb">{inertial}</link>')
 
 
-def test_a_joint_that_cannot_be_compared_is_told(tmp_path: Path):
-    text = (
-        '<robot name="r"><link name="a"/><link name="b"/><joint name="j" type="planar">'
-        '<parent link="a"/><child link="b"/></joint></robot>'
-    )
-    folder = robot_folder(text, tmp_path, "fixed")
-    (finding,) = run_step(Oracle(robot="bot"), folder, folder)
-    assert (finding.rule, finding.severity) == ("oracle.unsupported", "info")
-
-
-def test_a_source_that_pinocchio_refuses_is_told(robots: Path, tmp_path: Path):
-    folder = robot_folder((robots / "placeholder_root.urdf").read_bytes(), tmp_path)
-    (folder / "source.urdf").write_text("<robot/>")
-    (finding,) = run_step(Oracle(robot="bot"), folder, folder)
-    assert (finding.rule, finding.severity) == ("oracle.unreadable", "warning")
-
-
 ON_THE_WALL = """<robot name="r">
   <link name="plate"/>
   <link name="arm"><inertial><origin xyz="0.1 0 0.2"/><mass value="2"/>
@@ -158,27 +141,37 @@ ON_THE_WALL = """<robot name="r">
 </robot>"""
 
 
-def test_a_limit_that_states_no_effort_keeps_nothing_from_being_compared(tmp_path: Path):
-    """As in the URDF of many an MJCF; urdfdom refuses such a file."""
-    folder = robot_folder(ON_THE_WALL, tmp_path, "fixed")
+HARDLY_TURNED = """<link name="eye"/><joint name="eye_mount" type="fixed"><parent link="plate"/>
+  <child link="eye"/><origin xyz="0 0.4 0" rpy="1e-7 0 0"/></joint></robot>"""
+
+
+def speck(kind: str) -> str:
+    """Armature of 0.2 kg m² is 1e12 times what the link itself has."""
+    text = ON_THE_WALL.replace("revolute", kind).replace('xyz="0.1 0 0.2"', 'xyz="0 0 0"')
+    text = text.replace('value="2"', 'value="1e-12"').replace('"0.02"', '"1e-14"')
+    return text.replace('"0.01"', '"1e-14"')
+
+
+@pytest.mark.parametrize(
+    "text",
+    [ON_THE_WALL.replace("</robot>", HARDLY_TURNED), speck("revolute"), speck("prismatic")],
+    ids=["a frame hardly turned", "a speck that turns", "a speck that slides"],
+)
+def test_small_numbers_and_limits_without_effort_are_compared(text: str, tmp_path: Path):
+    """Many an MJCF's URDF states no effort; urdfdom refuses such a file."""
+    folder = robot_folder(text, tmp_path, "fixed")
     assert by_target(folder) == []
     assert figures(folder)["nv"] == 1
 
 
-def test_a_frame_that_is_hardly_turned_is_compared_as_it_is_stated(tmp_path: Path):
-    nearly = """<link name="eye"/><joint name="eye_mount" type="fixed"><parent link="plate"/>
-      <child link="eye"/><origin xyz="0 0.4 0" rpy="1e-7 0 0"/></joint></robot>"""
-    folder = robot_folder(ON_THE_WALL.replace("</robot>", nearly), tmp_path, "fixed")
-    assert by_target(folder) == []
-
-
-@pytest.mark.parametrize("kind", ["revolute", "prismatic"])
-def test_a_speck_behind_a_large_rotor_is_compared_to_its_last_digit(kind: str, tmp_path: Path):
-    """Armature of 0.2 kg m² is 1e12 times what the link itself has."""
-    hinge = ON_THE_WALL.replace("revolute", kind).replace('xyz="0.1 0 0.2"', 'xyz="0 0 0"')
-    speck = hinge.replace('value="2"', 'value="1e-12"').replace('"0.02"', '"1e-14"')
-    folder = robot_folder(speck.replace('"0.01"', '"1e-14"'), tmp_path, "fixed")
-    assert by_target(folder) == []
+def test_what_cannot_be_compared_is_told(robots: Path, tmp_path: Path):
+    planar = robot_folder(ON_THE_WALL.replace("revolute", "planar"), tmp_path / "a", "fixed")
+    (finding,) = run_step(Oracle(robot="bot"), planar, planar)
+    assert (finding.rule, finding.severity) == ("oracle.unsupported", "info")
+    folder = robot_folder((robots / "placeholder_root.urdf").read_bytes(), tmp_path / "b")
+    (folder / "source.urdf").write_text("<robot/>")
+    (finding,) = run_step(Oracle(robot="bot"), folder, folder)
+    assert (finding.rule, finding.severity) == ("oracle.unreadable", "warning")
 
 
 def test_an_mjcf_that_hangs_elsewhere_is_another_robot_unless_the_urdf_says_so(tmp_path: Path):

@@ -57,15 +57,11 @@ def test_what_cannot_be_replayed_is_one_error(tmp_path: Path):
         checked(tmp_path, lambda said: said["observations"].pop("base_ang_vel"))
 
 
-def test_its_files_are_inputs_of_the_step():
+def test_its_files_are_inputs_of_the_step_and_two_of_one_name_are_refused():
     step = PolicyCheck(robot="robot", files=("a/policy.onnx", "deploy.yaml"))
     assert {port: path for port, (_, path) in step.own_files().items()} == {
         "own_policy/policy.onnx": "a/policy.onnx",
         "own_policy/deploy.yaml": "deploy.yaml",
     }
-
-
-def test_two_files_of_one_name_are_refused():
-    step = PolicyCheck(robot="robot", files=("a/policy.onnx", "b/policy.onnx"))
     with pytest.raises(RowError, match=r"`policy\.onnx` is named twice"):
-        step.own_files()
+        PolicyCheck(robot="robot", files=("a/policy.onnx", "b/policy.onnx")).own_files()

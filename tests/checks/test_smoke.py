@@ -6,6 +6,7 @@ import math
 import os
 import re
 import shutil
+import sys
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -35,7 +36,6 @@ from assetbuild.cli.smoke import environments_to_make
 from assetbuild.engine.world import World
 from assetbuild.findings import Finding
 from assetbuild.pipeline.recipes import whole_model
-from assetbuild.recipe.models import Recipe
 from assetbuild.robot.model import Contact
 from assetbuild.robot.ranges import Randomize
 from assetbuild.simulators import newton
@@ -73,12 +73,9 @@ BAD = {
 }
 
 
-def test_a_good_answer_says_nothing() -> None:
+def test_a_good_answer_says_nothing_and_the_verdict_quotes_it() -> None:
     assert list(evaluate(GOOD, BOUNDS)) == []
     assert list(evaluate({**GOOD, "effort_share": 1.09}, BOUNDS, effort_factor=1.1)) == []
-
-
-def test_the_verdict_quotes_what_mjlab_saw() -> None:
     assert _shown(GOOD)["summary"] == (
         "0 of 8 robots fell under zero actions, the root went from 0.300 m to 0.280 m; "
         "then trained for 2 iterations on a CPU"
@@ -90,18 +87,14 @@ def test_each_fault_has_its_rule(rule: str) -> None:
     assert [finding.rule for finding in evaluate({**GOOD, **BAD[rule]}, BOUNDS)] == [rule]
 
 
-def recipe(**keys: Any) -> Recipe:
+def test_nobody_is_asked_whom_the_recipe_does_not_name() -> None:
     source = {"path": ".", "urdf": "r.urdf"}
     base = {"schema": "assetbuild/v1", "robot": "r", "source": source}
-    return whole_model().model_validate(base | keys)
-
-
-def test_nobody_is_asked_whom_the_recipe_does_not_name() -> None:
-    assert SmokeMjlab.configure(recipe()) is None
+    assert SmokeMjlab.configure(whole_model().model_validate(base)) is None
     ranges = {"joints": {".*": {"effort": [0.9, 1.2]}}}
-    step = SmokeMjlab.configure(recipe(validate={"smoke": ["mjlab"]}, randomize=ranges))
-    assert step is not None
-    assert step.effort_factor == 1.2
+    asked = {"validate": {"smoke": ["mjlab"]}, "randomize": ranges}
+    step = SmokeMjlab.configure(whole_model().model_validate(base | asked))
+    assert step is not None and step.effort_factor == 1.2
 
 
 def test_an_environment_is_named_by_its_pins_and_counts_when_whole(
@@ -116,6 +109,8 @@ def test_an_environment_is_named_by_its_pins_and_counts_when_whole(
     assert one.python(World()) is None, "half made"
     (one.folder / MADE).touch()
     assert one.python(World()) is not None
+    (line,) = environments_to_make(["mjlab"])
+    assert "3.4 GB to download" in line and str(tmp_path) in line
 
 
 @pytest.mark.parametrize(
@@ -127,7 +122,6 @@ def test_an_environment_is_named_by_its_pins_and_counts_when_whole(
     ],
 )
 def test_a_consumer_that_fails_says_why(tmp_path: Path, text: str, why: str) -> None:
-    import sys
 
     program = tmp_path / "child.py"
     program.write_text(text)
@@ -174,14 +168,6 @@ def test_a_mistyped_recipe_is_found_before_anything_is_downloaded(
     monkeypatch.setattr(Environment, "make", download)
     assert main(["smoke", str(tmp_path / "none.yaml"), "--consumer", "mjlab"]) == 2
     assert "there is no such file" in capsys.readouterr().err
-
-
-def test_what_is_downloaded_is_named_with_its_size_and_place(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setenv("ASSETBUILD_CACHE", str(tmp_path))
-    (line,) = environments_to_make(["mjlab"])
-    assert "3.4 GB to download" in line and str(tmp_path) in line
 
 
 # --- Newton --------------------------------------------------------------------------------------

@@ -34,13 +34,6 @@ READ = {
 }
 DEGREES = 57.29577951308232
 Spoil = Callable[[dict[tuple[str, str, str], Any]], object]
-real = [
-    pytest.mark.slow,
-    pytest.mark.skipif(
-        SmokeIsaacLab.home.python(World()) is None,
-        reason="needs `assetbuild smoke RECIPE --consumer isaaclab` once, with Python 3.12 at hand",
-    ),
-]
 
 
 def readings(robot: TinyRobot, spoil: Spoil = lambda facts: None) -> dict[str, Any]:
@@ -65,9 +58,22 @@ def found(robot: TinyRobot, spoil: Spoil = lambda facts: None) -> list[Finding]:
     return list(evaluate(answer, robot.tree, robot.control, bounds, "newton"))
 
 
-@pytest.mark.parametrize("robot", [tiny_quadruped(), pendulum()], ids=["floating", "fixed"])
-def test_the_robot_itself_is_no_finding(robot: TinyRobot) -> None:
-    assert found(robot) == []
+def loose() -> TinyRobot:
+    """A pendulum with a spring and without a drive."""
+    robot = pendulum()
+    spring = MjcfOnly("joint", '<joint stiffness="0.5"/>', HINGE)
+    return replace(robot, control=replace(robot.control, actuators=(), mjcf_only=(spring,)))
+
+
+HINGE = pendulum().tree.moving_joints[0].name
+
+
+def test_the_robot_itself_is_no_finding() -> None:
+    """The stiffness of a joint without a drive is that of its spring."""
+    assert found(tiny_quadruped()) == found(pendulum()) == []
+    assert found(loose(), lambda facts: facts.update({("joint", HINGE, "kp"): 0.5})) == []
+    (told,) = found(loose(), times(("joint", HINGE, "damping"), 1.0))
+    assert told.rule == "equal.isaaclab_newton.kp"
 
 
 def test_the_summary_tells_readings_from_motion() -> None:
@@ -76,18 +82,6 @@ def test_the_summary_tells_readings_from_motion() -> None:
     answer = readings(tiny_quadruped())
     assert summed_up(answer, wrong)[1] == "1 difference"
     assert summed_up(answer, sinks)[1] == "0 differences and `smoke.height`"
-
-
-def test_a_spring_is_the_stiffness_of_a_joint_without_a_drive() -> None:
-    robot = pendulum()
-    hinge = robot.tree.moving_joints[0].name
-    spring = MjcfOnly("joint", '<joint stiffness="0.5"/>', hinge)
-    loose = replace(robot.control, actuators=(), mjcf_only=(spring,))
-    sprung = replace(robot, control=loose)
-    held: Spoil = lambda facts: facts.update({("joint", hinge, "kp"): 0.5})  # noqa: E731
-    assert found(sprung, held) == []
-    (told,) = found(sprung, times(("joint", hinge, "damping"), 1.0))
-    assert told.rule == "equal.isaaclab_newton.kp"
 
 
 def times(key: tuple[str, str, str], factor: float) -> Spoil:
@@ -103,30 +97,21 @@ def without(kind: str, name: str) -> Spoil:
 
 
 KNEE = "FR_calf_joint"
+KP, HIGH, FELL = ("joint", KNEE, "kp"), ("robot", "", HEIGHT), ("robot", "", FALL)
+NAN = float("nan")
+EQUAL = "equal.isaaclab_newton"
 SPOILT: dict[str, tuple[Spoil, tuple[str, str]]] = {
-    "gain in degrees": (
-        times(("joint", KNEE, "kp"), DEGREES),
-        ("equal.isaaclab_newton.kp", f"joint {KNEE}"),
-    ),
-    "no gain": (
-        lambda facts: facts.pop(("joint", KNEE, "kp")),
-        ("equal.isaaclab_newton.kp", f"joint {KNEE}"),
-    ),
-    "no joint": (without("joint", KNEE), ("equal.isaaclab_newton.missing", f"joint {KNEE}")),
+    "gain in degrees": (times(KP, DEGREES), (f"{EQUAL}.kp", f"joint {KNEE}")),
+    "no gain": (lambda facts: facts.pop(KP), (f"{EQUAL}.kp", f"joint {KNEE}")),
+    "no joint": (without("joint", KNEE), (f"{EQUAL}.missing", f"joint {KNEE}")),
     "one body more": (
         lambda facts: facts.update({("body", "ghost", "mass"): 1.0}),
-        ("equal.isaaclab_newton.extra", "body ghost"),
+        (f"{EQUAL}.extra", "body ghost"),
     ),
-    "weaker gravity": (times(("robot", "", FALL), 0.9), ("smoke.fall", "robot")),
-    "knees that give": (times(("robot", "", HEIGHT), 0.5), ("smoke.height", "robot")),
-    "thrown out of the world": (
-        times(("robot", "", HEIGHT), float("nan")),
-        ("smoke.finite", "robot"),
-    ),
-    "no number": (
-        times(("body", "FR_calf", "mass"), float("nan")),
-        ("equal.isaaclab_newton.mass", "body FR_calf"),
-    ),
+    "weaker gravity": (times(FELL, 0.9), ("smoke.fall", "robot")),
+    "knees that give": (times(HIGH, 0.5), ("smoke.height", "robot")),
+    "thrown out of the world": (times(HIGH, NAN), ("smoke.finite", "robot")),
+    "no number": (times(("body", "FR_calf", "mass"), NAN), (f"{EQUAL}.mass", "body FR_calf")),
 }
 
 
@@ -184,18 +169,18 @@ def asked(folder: Path, spoil: Callable[[Usd.Stage], object]) -> set[tuple[str, 
     return {(f.rule, f.subject) for f in run_step(step, inputs, folder / "out")}
 
 
-@pytest.mark.parametrize("_", [pytest.param("", marks=real, id="isaaclab")])
-def test_isaac_lab_holds_drives_of_every_model(_: str, tmp_path: Path) -> None:
-    assert asked(tmp_path, lambda stage: None) == set()
-
-
-@pytest.mark.parametrize("_", [pytest.param("", marks=real, id="isaaclab")])
-def test_isaac_lab_tells_a_heavier_calf(_: str, tmp_path: Path) -> None:
+@pytest.mark.slow
+@pytest.mark.skipif(
+    SmokeIsaacLab.home.python(World()) is None,
+    reason="needs `assetbuild smoke RECIPE --consumer isaaclab` once, with Python 3.12 at hand",
+)
+def test_isaac_lab_holds_drives_of_every_model_and_tells_a_heavier_calf(tmp_path: Path) -> None:
     def spoil(stage: Usd.Stage) -> None:
         mass = stage.GetAttributeAtPath("/robot/FR_calf.physics:mass")
         mass.Set(mass.Get() * 1.5)
 
+    assert asked(tmp_path / "same", lambda stage: None) == set()
     assert {
         ("equal.isaaclab_newton.mass", "body FR_calf"),
         ("equal.isaaclab_physx.mass", "body FR_calf"),
-    } <= asked(tmp_path, spoil)
+    } <= asked(tmp_path / "heavy", spoil)

@@ -105,35 +105,35 @@ def test_a_start_off_the_floor_is_found_in_millimetres(
     assert all(f.severity == severity and said in f.message for f in starts)
 
 
-def test_a_foot_of_several_links_stands_on_the_lowest_of_them(tmp_path: Path) -> None:
-    robot = tiny_quadruped()
-    shoes = [
-        Shape(f"{leg}_shoe", f"{leg}_calf", "collision", Box((0.02, 0.02, 0.02)))
-        for leg in ("FR", "FL", "RR", "RL")
-    ]
-    robot = replace(robot, shapes=replace(robot.shapes, shapes=(*robot.shapes.shapes, *shoes)))
-    assert check(robot, tmp_path, feet=".*_(foot|calf)") == []
+def with_shapes(robot: TinyRobot, *more: Shape) -> TinyRobot:
+    return replace(robot, shapes=replace(robot.shapes, shapes=(*robot.shapes.shapes, *more)))
 
 
-def test_what_is_no_foot_may_not_touch_the_floor(tmp_path: Path) -> None:
-    robot = tiny_quadruped()
-    tail = Shape("tail", "trunk", "collision", Box((0.02, 0.02, 0.6)), Pose((-0.3, 0.0, 0.0)))
-    robot = replace(robot, shapes=replace(robot.shapes, shapes=(*robot.shapes.shapes, tail)))
-    found = check(robot, tmp_path)
-    assert ("stand.contact", "error", "link trunk") in {
-        (f.rule, f.severity, f.subject) for f in found
-    }
+SHOES = [Shape(f"{leg}_shoe", f"{leg}_calf", "collision", Box((0.02, 0.02, 0.02)))
+         for leg in ("FR", "FL", "RR", "RL")]  # fmt: skip
+TAIL = Shape("tail", "trunk", "collision", Box((0.02, 0.02, 0.6)), Pose((-0.3, 0.0, 0.0)))
+DOG = tiny_quadruped()
 
 
-def test_without_a_pattern_anything_may_touch_and_the_lowest_point_counts(tmp_path: Path) -> None:
-    assert check(tiny_quadruped(), tmp_path / "a", feet=None) == []
-    found = check(with_base(tiny_quadruped(), 0.05), tmp_path / "b", feet=None)
-    assert sum(f.rule == "stand.sole_gap" for f in found) == 1
-
-
-def test_drift_and_tilt_have_their_own_limits(tmp_path: Path) -> None:
-    found = check(tiny_quadruped(), tmp_path, max_drift=1e-6, max_tilt=1e-6)
-    assert rules(found) == {("stand.drift", "warning"), ("stand.tilt", "warning")}
+@pytest.mark.parametrize(
+    ("robot", "fields", "found"),
+    [
+        # A foot of several links stands on the lowest of them.
+        (with_shapes(DOG, *SHOES), {"feet": ".*_(foot|calf)"}, set()),
+        (with_shapes(DOG, TAIL), {}, {("stand.contact", "error", "link trunk")}),
+        # Without a pattern anything may touch, and the lowest point counts.
+        (DOG, {"feet": None}, set()),
+        (with_base(DOG, 0.05), {"feet": None}, {("stand.sole_gap", "error", "link FL_foot")}),
+        (DOG, {"max_drift": 1e-6, "max_tilt": 1e-6},
+         {("stand.drift", "warning", "robot"), ("stand.tilt", "warning", "robot")}),
+    ],
+    ids=["feet of two links", "a tail", "no feet", "no feet, lifted", "own limits"],
+)  # fmt: skip
+def test_what_may_touch_and_how_far_it_may_move_is_the_recipe_s(
+    robot: TinyRobot, fields: dict[str, object], found: set[tuple[str, str, str]], tmp_path: Path
+) -> None:
+    said = {(f.rule, f.severity, f.subject) for f in check(robot, tmp_path, **fields)}
+    assert said == found if not found else found <= said
 
 
 def test_a_fixed_robot_whose_drive_lets_go_falls(tmp_path: Path) -> None:

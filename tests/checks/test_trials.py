@@ -11,7 +11,7 @@ from typing import Any
 
 import mujoco
 import pytest
-from tiny import TinyRobot, pendulum, run_step, tiny_quadruped, write_robot_ports
+from tiny import TinyRobot, run_step, tiny_quadruped, write_robot_ports
 
 from assetbuild.checks.trials import Trials
 from assetbuild.findings import Finding
@@ -124,10 +124,6 @@ def test_a_file_with_hundreds_of_joints_is_not_simulated():
     assert rules(list(Trials().examine(model, {}))) == {"trials.large"}
 
 
-def test_a_robot_without_damping_does_not_come_to_rest(tmp_path: Path):
-    assert "trials.rest" in rules(tried(drives(kd=0.0, damping=0.0, friction=0.0), tmp_path))
-
-
 def test_drives_that_outrun_the_timestep_do_not_rest(tmp_path: Path):
     """Damping of 5 N m s/rad on legs of some grams, without rotors: at 5 ms the robot hops on."""
     light = drives(kp=100.0, kd=5.0, armature=0.0, friction=0.0, effort=60.0)
@@ -221,12 +217,6 @@ def test_a_robot_that_starts_in_the_floor_is_not_ready(
         assert finding.data["depth_m"] == pytest.approx(depth, abs=2e-4)
 
 
-def test_what_is_bolted_to_the_floor_may_reach_into_it(tmp_path: Path):
-    """A base that does not move touches nothing; the arm on it does."""
-    found = [f for f in tried(pendulum(), tmp_path) if f.rule == "trials.floor"]
-    assert all(f.subject != "link base" for f in found)
-
-
 def test_a_floating_robot_without_collision_is_not_ready(tmp_path: Path):
     bare = replace(QUADRUPED, shapes=Shapes(QUADRUPED.shapes.of("visual")))
     (found,) = [f for f in tried(bare, tmp_path) if f.rule == "trials.nothing_touches"]
@@ -275,8 +265,8 @@ def all_pairs(links: int) -> str:
 
 @pytest.mark.parametrize(
     ("text", "fits"),
-    [(crowd(20, 3), False), (crowd(20, 5), False), (crowd(20, 3, all_pairs(20)), True)],
-    ids=["many", "more", "excluded"],
+    [(crowd(20, 3), False), (crowd(20, 3, all_pairs(20)), True)],
+    ids=["many", "excluded"],
 )
 def test_contacts_that_fill_the_memory_of_mujoco_are_a_finding(text: str, fits: bool):
     """Each pair of boxes that touch has 4 contacts; b and b + 1 are parent and child."""

@@ -18,15 +18,11 @@ from assetbuild.targets.usd import Usd as UsdTarget
 Spoil = Callable[[Usd.Stage], object]
 
 
-def spoilt(robot: TinyRobot, folder: Path, spoil: Spoil) -> Path:
-    """Inputs of a check after `spoil` has edited the main file's own layer."""
+def check(robot: TinyRobot, folder: Path, spoil: Spoil = lambda _: None) -> list[Finding]:
+    """Of the asset after `spoil` has edited the main file's own layer."""
     inputs = check_inputs(folder, robot, UsdTarget(robot="robot"), "usd")
     spoil_stage(inputs / "usd/robot.usda", spoil)
-    return inputs
-
-
-def check(robot: TinyRobot, folder: Path, spoil: Spoil = lambda _: None) -> list[Finding]:
-    return run_step(UsdValid(robot="robot"), spoilt(robot, folder, spoil), folder / "out")
+    return run_step(UsdValid(robot="robot"), inputs, folder / "out")
 
 
 def rules(findings: list[Finding]) -> set[str]:
@@ -37,15 +33,6 @@ def rules(findings: list[Finding]) -> set[str]:
 @pytest.mark.parametrize("robot", [tiny_quadruped(), pendulum()])
 def test_what_we_write_is_valid(robot: TinyRobot, tmp_path: Path) -> None:
     assert check(robot, tmp_path) == []
-
-
-def test_missing_layer_is_caught(tmp_path: Path) -> None:
-    inputs = check_inputs(tmp_path, tiny_quadruped(), UsdTarget(robot="robot"), "usd")
-    (inputs / "usd/payloads/geometries.usdc").unlink()
-    findings = run_step(UsdValid(robot="robot"), inputs, tmp_path / "out")
-    unresolved, *_ = findings
-    assert (unresolved.rule, unresolved.severity) == ("usd.unresolved", "error")
-    assert "geometries.usdc" in unresolved.message
 
 
 def test_absolute_reference_is_caught_even_where_it_still_resolves(tmp_path: Path) -> None:
@@ -61,6 +48,16 @@ def test_absolute_reference_is_caught_even_where_it_still_resolves(tmp_path: Pat
     assert rules(findings) == {"usd.unresolved"}
 
 
+def test_a_missing_layer_and_a_main_file_that_is_no_usd_are_caught(tmp_path: Path) -> None:
+    inputs = check_inputs(tmp_path, tiny_quadruped(), UsdTarget(robot="robot"), "usd")
+    (inputs / "usd/payloads/geometries.usdc").unlink()
+    unresolved, *_ = run_step(UsdValid(robot="robot"), inputs, tmp_path / "out")
+    assert (unresolved.rule, unresolved.severity) == ("usd.unresolved", "error")
+    assert "geometries.usdc" in unresolved.message
+    (inputs / "usd/robot.usda").write_text("#usda 1.0\ndef Xform {{{")
+    assert rules(run_step(UsdValid(robot="robot"), inputs, tmp_path)) == {"usd.unreadable"}
+
+
 def test_an_extent_that_hides_a_shape_is_caught(tmp_path: Path) -> None:
     """Twice as wide as the shape: renderers would still draw it, others lose it."""
 
@@ -72,13 +69,6 @@ def test_an_extent_that_hides_a_shape_is_caught(tmp_path: Path) -> None:
 
     findings = check(tiny_quadruped(), tmp_path, spoil)
     assert rules(findings) == {"usd.extent"} and "off by" in findings[0].message
-
-
-def test_main_file_that_is_no_usd_is_caught(tmp_path: Path) -> None:
-    inputs = check_inputs(tmp_path, pendulum(), UsdTarget(robot="robot"), "usd")
-    (inputs / "usd/robot.usda").write_text("#usda 1.0\ndef Xform {{{")
-    findings = run_step(UsdValid(robot="robot"), inputs, tmp_path / "out")
-    assert rules(findings) == {"usd.unreadable"}
 
 
 def test_what_the_validators_of_usd_say_is_passed_on(tmp_path: Path) -> None:

@@ -53,16 +53,6 @@ def with_mesh(legs: Legs, data: bytes | None) -> None:
     legs.urdf.write_text(legs.urdf.read_text().replace("</inertial>", shown, 1))
 
 
-def test_a_misspelt_key(built: Legs):
-    built.edit("\nactuators:", "\nacutators:")
-    refused(built, 2, "legs.yaml:", "acutators", "did you mean `actuators`?")
-
-
-def test_a_joint_pattern_that_matches_nothing(built: Legs):
-    built.edit('{joints: ".*"', '{joints: ".*_knee_joint"')
-    refused(built, 2, "legs.yaml:", "hint: ", "_calf_joint")
-
-
 def test_a_missing_mesh(built: Legs):
     with_mesh(built, None)
     refused(built, 2, "four_legs.urdf:4", "trunk.stl", "hint: ")
@@ -71,16 +61,6 @@ def test_a_missing_mesh(built: Legs):
 def test_a_cut_off_mesh(built: Legs):
     with_mesh(built, stl(np.arange(18.0).reshape(2, 3, 3))[:-20])
     refused(built, 1, "trunk.stl", "hint: ")
-
-
-def test_a_nan_in_an_inertia(built: Legs):
-    built.urdf.write_text(built.urdf.read_text().replace('ixx="0.025"', 'ixx="nan"'))
-    refused(built, 2, "four_legs.urdf:4", "trunk", "ixx", "nan", "hint: ")
-
-
-def test_a_cut_off_description(built: Legs):
-    built.urdf.write_bytes(built.urdf.read_bytes()[:2000])
-    refused(built, 2, "four_legs.urdf:", "hint: ")
 
 
 def test_no_such_recipe(legs: Legs):

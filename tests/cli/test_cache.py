@@ -50,12 +50,6 @@ def test_without_a_store_there_is_nothing_to_do(tmp_path: Path):
     assert not (tmp_path / "none").exists()
 
 
-def test_a_wrong_size_is_explained(tmp_path: Path):
-    done = run(tmp_path, "gc", "--max-size", "huge")
-    assert done.returncode == 2
-    assert "a size such as `500MB`, `5GB` or `2GiB`, not `huge`" in done.stderr
-
-
 def test_a_build_without_a_store_warns_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     (tmp_path / "file").touch()
     roots: list[Path] = []

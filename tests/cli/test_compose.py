@@ -151,12 +151,6 @@ def test_two_arms_on_a_cart_are_one_robot(built):
     assert "cart" in (built / "build/cart/NOTICE").read_text()
 
 
-def test_a_composite_is_checked_before_anything_is_built(folder):
-    done = run(folder, "check", "cart.yaml")
-    assert done.returncode == 0, done.stderr
-    assert "Traceback" not in done.stderr
-
-
 @pytest.mark.slow
 def test_a_change_of_the_part_is_a_change_of_the_whole(warm):
     folder = warm
@@ -171,40 +165,27 @@ def test_a_change_of_the_part_is_a_change_of_the_whole(warm):
 
 
 @pytest.mark.parametrize(
-    ("old", "new", "message"),
+    ("file", "old", "new", "message"),
     [
-        ("link: slide", "link: slid", "did you mean `slide`"),
-        ("as: right_", "as: left_", "begins with that of another part"),
-        ("recipe: arm.yaml", "recipe: legs.yaml", "there is no such file"),
-        ("recipe: arm.yaml", "recipe: arn.yaml", "did you mean `arm.yaml`"),
-        ("recipe: arm.yaml", "recipe: cart.yaml", "is this recipe itself"),
-        ("home: {joint1: -0.5}", "home: {wrist: -0.5}", "matches no joint"),
+        ("cart", "link: slide", "link: slid", "did you mean `slide`"),
+        ("cart", "as: right_", "as: left_", "begins with that of another part"),
+        ("cart", "recipe: arm.yaml", "recipe: arn.yaml", "did you mean `arm.yaml`"),
+        ("cart", "recipe: arm.yaml", "recipe: cart.yaml", "is this recipe itself"),
+        ("cart", "home: {joint1: -0.5}", "home: {wrist: -0.5}", "matches no joint"),
+        ("arm", "kd: 5", "kd: 5, motor: m", "arm.yaml:5:46: actuators[0]: no motor named `left_m`"),
+        ("arm", '".*"', "wrist", "arm.yaml:5:6: actuators[0].joints: pattern `wrist` matches no"),
+        ("arm", "joint1: 0.3", "elbow: 0.3", "pattern `elbow` matches no moving joint"),
     ],
 )
-def test_what_does_not_fit_is_told_with_its_line(folder, old, new, message):
-    text = (folder / "cart.yaml").read_text()
-    (folder / "cart.yaml").write_text(text.replace(old, new, 1))
-    done = run(folder, "build", "cart.yaml")
-    assert done.returncode == 2, done.stdout + done.stderr
-    assert message in done.stderr and "cart.yaml:" in done.stderr
-    assert "Traceback" not in done.stderr
-
-
-@pytest.mark.parametrize(
-    ("old", "new", "message"),
-    [
-        ("kd: 5", "kd: 5, motor: m", "arm.yaml:5:46: actuators[0]: no motor named `left_m`"),
-        ('".*"', "wrist", "arm.yaml:5:6: actuators[0].joints: pattern `wrist` matches no moving"),
-        ("joint1: 0.3", "elbow: 0.3", "pattern `elbow` matches no moving joint"),
-    ],
-)
-def test_an_error_of_a_part_has_its_line_in_the_parts_recipe(folder, old, new, message):
-    text = (folder / "arm.yaml").read_text()
-    (folder / "arm.yaml").write_text(text.replace(old, new, 1))
+def test_what_does_not_fit_is_told_with_its_line_in_its_own_recipe(folder, file, old, new, message):
+    assert run(folder, "check", "cart.yaml").returncode == 0
+    recipe = folder / f"{file}.yaml"
+    recipe.write_text(recipe.read_text().replace(old, new, 1))
     done = run(folder, "check", "cart.yaml")
     assert done.returncode == 2, done.stdout + done.stderr
-    assert "error: arm.yaml:" in done.stderr
+    assert f"error: {file}.yaml:" in done.stderr
     assert message in done.stderr
+    assert "Traceback" not in done.stderr
 
 
 @pytest.mark.slow

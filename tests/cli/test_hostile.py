@@ -38,24 +38,6 @@ def picture_bomb() -> bytes:
 CORNERS = np.arange(18.0).reshape(2, 3, 3)
 OBJ = b"mtllib a.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nusemtl m\nf 1/1 2/1 3/1\n"
 CASES: dict[str, tuple[dict[str, bytes], int, str]] = {
-    "a lying face count": (
-        {
-            "r.urdf": URDF.format(mesh="m.stl").encode(),
-            "m.stl": stl(CORNERS, count=4_000_000_000),
-        },
-        1,
-        "m.stl: the header promises 4000000000 faces",
-    ),
-    "vertices that are no numbers": (
-        {"r.urdf": URDF.format(mesh="m.stl").encode(), "m.stl": stl(CORNERS * np.nan)},
-        1,
-        "m.stl: vertex 0 is not a finite number",
-    ),
-    "entities in a mesh": (
-        {"r.urdf": URDF.format(mesh="m.dae").encode(), "m.dae": f"{BOMB}<x>&e9;</x>".encode()},
-        1,
-        "m.dae: declares XML entities",
-    ),
     "entities in a description": (
         {"r.urdf": f'{BOMB}<robot name="&e9;"/>'.encode()},
         2,
@@ -158,18 +140,10 @@ def test_every_broken_mesh_is_named_at_once(tiny: Workplace):
     assert not (tiny.folder / "build").exists()
 
 
-@pytest.mark.parametrize(
-    ("body", "says"),
-    [
-        ('<xacro:macro name="m"><xacro:m/></xacro:macro><xacro:m/>', "uses itself without end"),
-        ('<xacro:include filename="../secret.xacro"/>', "secret.xacro"),
-        ('<link name="$(env HOME)"/>', "HOME"),
-    ],
-    ids=["itself", "a file outside", "the environment"],
-)
-def test_a_xacro_that_looks_around_is_one_error(tiny: Workplace, body: str, says: str):
+def test_a_xacro_that_includes_a_file_outside_is_one_error(tiny: Workplace):
     (tiny.folder / "robot").mkdir(parents=True)
     head = '<robot name="r" xmlns:xacro="http://www.ros.org/wiki/xacro">'
     (tiny.folder / "secret.xacro").write_text(f'{head}<link name="secret"/></robot>')
-    (tiny.folder / "robot/r.xacro").write_text(f"{head}{body}</robot>")
-    refused(tiny, 2, says, "robot", "xacro: r.xacro")
+    include = '<xacro:include filename="../secret.xacro"/>'
+    (tiny.folder / "robot/r.xacro").write_text(f"{head}{include}</robot>")
+    refused(tiny, 2, "secret.xacro", "robot", "xacro: r.xacro")

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import shutil
 
 import pytest
 from defusedxml.ElementTree import parse
@@ -77,36 +76,24 @@ def test_a_rule_waived_by_the_name_it_had_before_is_named_anew(legs: Legs):
     assert "is called `equal.urdf.mass`" in told[0]["message"]
 
 
-ROBOTS = {
-    "legs.xacro": (LEGS.read_text(), "a xacro file"),
-    "robot.xml": ("<?xml version='1.0'?>\n<!-- a robot -->\n<mujoco model='m'/>", "an MJCF"),
-    "urdf.yaml": (LEGS.read_text(), "a URDF"),
-}
-
-
-@pytest.mark.parametrize("verb", ["build", "lock", "plan"])
-def test_a_robot_in_the_place_of_a_recipe_leads_to_init(legs: Legs, verb: str):
-    shutil.copyfile(LEGS, legs.folder / "legs.urdf")
-    done = legs.run(verb, "legs.urdf")
-    assert done.returncode == 2
-    assert done.stderr == (
-        "error: legs.urdf: this is a URDF, not a recipe\n"
-        "hint: write a recipe for it: `assetbuild init legs.urdf`\n"
-    )
-
-
-@pytest.mark.parametrize("name", ROBOTS)
-def test_each_kind_of_robot_is_told_by_its_content(legs: Legs, name: str):
-    text, kind = ROBOTS[name]
+@pytest.mark.parametrize(
+    ("verb", "name", "text", "kind"),
+    [
+        ("build", "legs.urdf", LEGS.read_text(), "a URDF"),
+        ("lock", "legs.urdf", LEGS.read_text(), "a URDF"),
+        ("plan", "legs.xacro", LEGS.read_text(), "a xacro file"),
+        ("build", "robot.xml", "<?xml version='1.0'?>\n<!-- a robot -->\n<mujoco/>", "an MJCF"),
+        ("build", "page.yaml", "<html></html>", ""),
+    ],
+)
+def test_a_robot_in_the_place_of_a_recipe_leads_to_init(legs: Legs, verb, name, text, kind):
     (legs.folder / name).write_text(text)
-    done = legs.run("build", name)
+    done = legs.run(verb, name)
     assert done.returncode == 2
-    assert f"{name}: this is {kind}, not a recipe" in done.stderr
-    assert f"`assetbuild init {name}`" in done.stderr
-
-
-def test_xml_that_is_no_robot_is_not_taken_for_one(legs: Legs):
-    (legs.folder / "page.yaml").write_text("<html></html>")
-    done = legs.run("build", "page.yaml")
-    assert done.returncode == 2
-    assert "init" not in done.stderr
+    if kind:
+        assert done.stderr == (
+            f"error: {name}: this is {kind}, not a recipe\n"
+            f"hint: write a recipe for it: `assetbuild init {name}`\n"
+        )
+    else:
+        assert "init" not in done.stderr

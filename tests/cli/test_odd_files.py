@@ -50,15 +50,12 @@ def whole(warm_legs: Legs) -> Legs:
     return legs
 
 
-def test_the_recipe_builds_with_plain_files(whole: Legs):
-    done = whole.build()
-    assert done.returncode == 0, done.stderr
-
-
 @pytest.mark.parametrize(
     ("name", "kind"),
-    [("robot/four_legs.urdf", kind) for kind in ODD]
-    + [
+    [
+        ("robot/four_legs.urdf", "a pipe"),
+        ("robot/four_legs.urdf", "a folder"),
+        ("robot/four_legs.urdf", "a link to nothing"),
         ("legs.yaml", "a pipe"),
         ("motors.yaml", "a device"),
         ("robot/foot.stl", "a link to itself"),
@@ -140,7 +137,7 @@ def _can_mount(folder: Path) -> bool:
     return subprocess.run(tried, capture_output=True).returncode == 0
 
 
-@pytest.mark.parametrize("kilobytes", [16, 48, 96])
+@pytest.mark.parametrize("kilobytes", [16, 96])
 def test_a_small_disk_that_fills_up_is_one_error(warm_legs: Legs, tmp_path: Path, kilobytes: int):
     disk = tmp_path / "disk"
     disk.mkdir()

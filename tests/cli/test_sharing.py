@@ -51,13 +51,6 @@ def test_without_an_address_it_is_a_wrong_command(tmp_path: Path):
     assert new_legs(tmp_path / "a").run("cache", "push", "legs.yaml").returncode == 2
 
 
-@pytest.mark.parametrize("verb", ["watch", "validate"])
-def test_every_verb_that_builds_shares(verb: str, tmp_path: Path):
-    text = new_legs(tmp_path / "a").run(verb, "--help").stdout
-    assert "--remote URL" in text
-    assert "--cache-write" in text
-
-
 @pytest.mark.slow
 def test_samples_are_shared(tmp_path: Path, warm_legs: Legs, server):
     ranges = '\nrandomize: {links: {".*": {density: [0.8, 1.2]}}}\n'

@@ -60,6 +60,12 @@ def test_bash_completes_verbs_and_options(line: str, expected: str, capsys):
     assert expected in done.stdout.split(), done.stderr
 
 
+def test_other_shells_have_a_script_that_knows_the_verbs(capsys):
+    for shell in ("zsh", "fish", "tcsh"):
+        assert main(["completion", shell]) == 0
+        assert "validate" in capsys.readouterr().out
+
+
 def test_diff_of_what_is_not_there_is_a_usage_error(capsys):
     assert main(["diff", "no_such", "no_such"]) == 2
     assert "there is no `no_such`" in capsys.readouterr().err
@@ -96,12 +102,6 @@ def test_check_names_what_each_warning_is_about(legs: Legs):
     legs.urdf.write_text(heavy)
     done = legs.run("check", "legs.yaml")
     assert f": link {name}: " in done.stdout
-
-
-@pytest.mark.parametrize("shell", ["zsh", "fish", "tcsh"])
-def test_other_shells_have_a_script_that_knows_the_verbs(shell: str, capsys):
-    assert main(["completion", shell]) == 0
-    assert "validate" in capsys.readouterr().out
 
 
 def test_two_recipes_are_one_graph_and_share_their_steps(warm_legs: Legs):

@@ -103,10 +103,3 @@ def test_ctrl_c_while_it_builds_is_an_interrupted_build(legs: Legs, watching: Wa
     watching.until(lambda line: ": [1/" in line)
     watching.process.send_signal(signal.SIGINT)
     assert watching.process.wait(20) == 130
-
-
-@pytest.mark.slow
-def test_sigterm_ends_it(watching_what_is_built: Watching):
-    watching_what_is_built.waits()
-    watching_what_is_built.process.send_signal(signal.SIGTERM)
-    assert watching_what_is_built.process.wait(10) == 143

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from functools import partial
 from pathlib import Path
 
 import manifold3d
@@ -12,8 +10,12 @@ import pytest
 from scipy.spatial import ConvexHull
 from tiny import run_step
 
-from assetbuild.collision import PlacedSource
+from assetbuild.collision import CollisionMethod, PlacedSource
 from assetbuild.collision.auto import PRESETS, Auto
+from assetbuild.collision.coacd import CoAcd
+from assetbuild.collision.hull import Hull
+from assetbuild.collision.primitive import FitPrimitive
+from assetbuild.collision.vhacd import VHacd
 from assetbuild.errors import StepError
 from assetbuild.geometry.convert_mesh import write_converted
 from assetbuild.mesh.material import MaterialPart, SurfaceMaterial
@@ -105,23 +107,8 @@ WORKS: dict[str, TriangleMesh] = {
 }
 
 
-MANY = "327,000 faces"
-CASES: dict[str, Callable[[], TriangleMesh]] = {
-    **{name: partial(dict.__getitem__, kind, name) for kind in (STOPS, WORKS) for name in kind},
-    MANY: partial(rippled, 327_000),
-}
-
-
-def attempt(tmp_path: Path, bad: TriangleMesh, cpu_limit: float = 3.0):
-    """(pieces, findings); the file itself is bad, past what the converter would have refused."""
-    folder = tmp_path / "in/shapes/0"
-    folder.mkdir(parents=True)
-    write_converted(folder, [MaterialPart(SurfaceMaterial(), BOX)])
-    record = folder / "mesh.json"
-    record.write_bytes(record.read_bytes().replace(b"0.npz", b"0.obj"))
-    text = obj_bytes(bad) if len(bad.faces) else b""
-    (folder / "parts/0.obj").write_bytes(text)
-    method = Auto(
+def auto(cpu_limit: float = 3.0) -> Auto:
+    return Auto(
         sources=(PlacedSource("shapes/0"),),
         subject="bad",
         max_outside=0.05,
@@ -131,14 +118,32 @@ def attempt(tmp_path: Path, bad: TriangleMesh, cpu_limit: float = 3.0):
         vhacd=VHacdOptions(resolution=20_000),
         cpu_limit=cpu_limit,
     )
+
+
+def attempt(tmp_path: Path, bad: TriangleMesh, method: CollisionMethod):
+    """(pieces, findings); the file itself is bad, past what the converter would have refused."""
+    folder = tmp_path / "in/shapes/0"
+    folder.mkdir(parents=True)
+    write_converted(folder, [MaterialPart(SurfaceMaterial(), BOX)])
+    record = folder / "mesh.json"
+    record.write_bytes(record.read_bytes().replace(b"0.npz", b"0.obj"))
+    text = obj_bytes(bad) if len(bad.faces) else b""
+    (folder / "parts/0.obj").write_bytes(text)
     findings = run_step(method, tmp_path / "in", tmp_path / "out")
     return decode(Pieces, (tmp_path / "out/pieces.json").read_bytes()).pieces, findings
 
 
-@pytest.mark.parametrize("name", STOPS)
-def test_a_mesh_without_a_volume_is_one_clear_error(tmp_path, name):
+METHODS = [kind(sources=(PlacedSource("shapes/0"),), subject="bad")
+           for kind in (Hull, VHacd, CoAcd, FitPrimitive)]  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("name", "method"),
+    [*((name, auto()) for name in STOPS), *(("not a number", method) for method in METHODS)],
+)
+def test_a_mesh_without_a_volume_is_one_clear_error(tmp_path, name, method):
     with pytest.raises((StepError, ValueError)) as caught:
-        attempt(tmp_path, STOPS[name])
+        attempt(tmp_path, STOPS[name], method)
     assert isinstance(caught.value, StepError), caught.value
     assert str(caught.value).startswith(("bad", "0.obj"))
 
@@ -151,7 +156,7 @@ SLOW = ("soup", "torus", "six balls apart", "overlapping boxes")
     "name", [pytest.param(n, marks=pytest.mark.slow) if n in SLOW else n for n in WORKS]
 )
 def test_a_strange_mesh_still_gets_collision_geometry(tmp_path, name):
-    pieces, findings = attempt(tmp_path, WORKS[name])
+    pieces, findings = attempt(tmp_path, WORKS[name], auto())
     assert 1 <= len(pieces) <= 8
     gap = next(f for f in findings if f.rule == "collision.gap")
     assert gap.data["max_vertices"] <= 64
@@ -160,7 +165,7 @@ def test_a_strange_mesh_still_gets_collision_geometry(tmp_path, name):
 
 @pytest.mark.slow
 def test_three_hundred_thousand_faces_stay_within_the_limits(tmp_path):
-    pieces, _ = attempt(tmp_path, CASES[MANY](), cpu_limit=20.0)
+    pieces, _ = attempt(tmp_path, rippled(327_000), auto(cpu_limit=20.0))
     assert 1 <= len(pieces) <= 8
 
 

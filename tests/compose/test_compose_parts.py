@@ -9,16 +9,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 from tiny import TinyRobot, pendulum, run_step, tiny_quadruped, write_source_ports
+from urdfs import read
 
 from assetbuild.compose.compose_parts import ComposeParts, MountedPart
 from assetbuild.errors import RecipeError
 from assetbuild.robot.codec import decode
-from assetbuild.robot.model import Tree
+from assetbuild.robot.model import Base, Tree
 from assetbuild.robot.pose import Pose, quat_of_rpy
 from assetbuild.robot.sections import At, Mount
 from assetbuild.robot.shapes import SourceShapes
 from assetbuild.robot.tree import forward_kinematics, sample_positions
-from assetbuild.source.urdf.read_urdf import ReadUrdf
 
 AT = At(link="trunk", xyz=(0.1, 0.0, 0.2), rpy=(0.3, -0.2, 1.0))
 ARM = MountedPart(folder="arm_", prefix="arm_", at=AT)
@@ -96,27 +96,17 @@ def test_a_place_that_is_no_link_is_refused(tmp_path):
     assert "trunk" in str(caught.value)
 
 
-def test_findings_about_a_part_name_its_own_file(tmp_path):
-    _, _, lines, _ = composed(tmp_path, ARM)
-    root = pendulum().links.root
-    assert lines["lines"][f"link arm_{root}"] == "arm.urdf:7"
-    assert lines["lines"]["link trunk"] == 7
-
-
-def read(urdf: Path, folder: Path, base: str) -> Tree:
-    folder.mkdir(parents=True)
-    (folder / "robot.urdf").write_bytes(urdf.read_bytes())
-    step = ReadUrdf(file="a/b/c.urdf", base=base, packages={"example-robot-data": "."})  # type: ignore[arg-type] # a literal
-    run_step(step, folder, folder)
-    return decode(Tree, (folder / "links.json").read_bytes())
-
-
 def test_b1_with_z1_is_the_robot_that_somebody_merged_by_hand(tmp_path, go1_root):
     """Against example-robot-data's own b1-z1.urdf: every link, joint and pose."""
     folder = go1_root / "robots"
-    by_hand = read(folder / "b1_description/urdf/b1-z1.urdf", tmp_path / "hand", "floating")
-    read(folder / "b1_description/urdf/b1.urdf", tmp_path / "base", "floating")
-    read(folder / "z1_description/urdf/z1.urdf", tmp_path / "arm_", "fixed")
+
+    def robot(name: str, to: str, base: Base = "floating") -> Tree:
+        text = (folder / name).read_text()
+        return read(text, tmp_path / to, base=base, packages={"example-robot-data": "."}).tree
+
+    by_hand = robot("b1_description/urdf/b1-z1.urdf", "hand")
+    robot("b1_description/urdf/b1.urdf", "base")
+    robot("z1_description/urdf/z1.urdf", "arm_", "fixed")
     place = MountedPart(folder="arm_", prefix="arm_", at=At(link="trunk", xyz=(0.35, 0, 0.09)))
     run_step(ComposeParts(parts=(place,)), tmp_path, tmp_path / "out")
     ours = decode(Tree, (tmp_path / "out/links.json").read_bytes())

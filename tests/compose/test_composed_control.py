@@ -56,17 +56,6 @@ def test_every_reference_of_a_hard_robot_follows_its_name(tmp_path: Path):
                     assert value not in known or value == "world", (old.tag, key, value)
 
 
-def test_names_of_drives_sensors_and_cameras_are_prefixed(tmp_path: Path):
-    arm = hard_arm(tmp_path)
-    after = part(arm).prefixed().control
-    assert [a.joint for a in after.actuators] == [f"p_{a.joint}" for a in arm.control.actuators]
-    for old, new in zip(arm.control.sensors, after.sensors, strict=True):
-        assert (new.name, new.kind) == (f"p_{old.name}", old.kind)
-        assert new.at.name == (f"p_{old.at.name}" if old.at.name else "")
-    for old, new in zip(arm.control.cameras, after.cameras, strict=True):
-        assert (new.name, new.link) == (f"p_{old.name}", f"p_{old.link or arm.links.root}")
-
-
 def test_commands_of_joints_that_the_recipe_moves_are_left_out(tmp_path: Path):
     text = HEAD + (
         '<body name="b"><joint name="j"/><geom size=".1"/><body name="c"><joint name="k"/>'
@@ -87,23 +76,6 @@ def test_a_floating_part_that_is_held_to_the_world_is_refused(tmp_path: Path, lo
     with pytest.raises(RecipeError, match="to the world") as caught:
         part(read(text, tmp_path)).prefixed()
     assert caught.value.hint
-
-
-def test_what_is_held_to_the_world_of_a_fixed_part_is_held_to_its_root(tmp_path: Path):
-    text = HEAD + '<body name="a" pos="0 0 1"><geom size=".1"/><body name="b"><joint name="j"/>'
-    text += '<geom size=".1"/></body></body></worldbody><equality>'
-    text += '<connect name="pin" body1="b" anchor=".1 0 0"/></equality></mujoco>'
-    (loop,) = part(read(text, tmp_path)).prefixed().control.loops
-    assert (loop.name, loop.a.body, loop.b.body) == ("p_pin", "p_b", "p_a")
-    assert loop.b.X_body_end.xyz == pytest.approx((0.1, 0.0, 0.0))
-
-
-def test_where_the_world_is_the_root_it_is_the_root_of_the_part(tmp_path: Path):
-    text = HEAD + '<body name="b"><joint name="j"/><geom size=".1"/></body></worldbody>'
-    text += '<equality><weld name="w" body1="b"/></equality></mujoco>'
-    made = part(read(text, tmp_path)).prefixed()
-    (weld,) = made.control.loops
-    assert (weld.kind, weld.a.body, weld.b.body) == ("weld", "p_b", "p_world")
 
 
 def test_options_that_are_not_taken_are_named(tmp_path: Path):
@@ -232,3 +204,22 @@ def test_sources_that_need_more_bits_than_there_are_are_refused():
     full = [(1 << bit, 1 << bit) for bit in range(31)]
     with pytest.raises(RecipeError, match="more than 31 bits"):
         meeting_masks([("", source(*full)), ("arm_", source((2, 2)))])
+
+
+def test_names_of_drives_sensors_and_cameras_are_prefixed(tmp_path: Path):
+    arm = hard_arm(tmp_path)
+    after = part(arm).prefixed().control
+    assert [a.joint for a in after.actuators] == [f"p_{a.joint}" for a in arm.control.actuators]
+    for old, new in zip(arm.control.sensors, after.sensors, strict=True):
+        assert (new.name, new.kind) == (f"p_{old.name}", old.kind)
+        assert new.at.name == (f"p_{old.at.name}" if old.at.name else "")
+    for old, new in zip(arm.control.cameras, after.cameras, strict=True):
+        assert (new.name, new.link) == (f"p_{old.name}", f"p_{old.link or arm.links.root}")
+
+
+def test_where_the_world_is_the_root_it_is_the_root_of_the_part(tmp_path: Path):
+    text = HEAD + '<body name="b"><joint name="j"/><geom size=".1"/></body></worldbody>'
+    text += '<equality><weld name="w" body1="b"/></equality></mujoco>'
+    made = part(read(text, tmp_path)).prefixed()
+    (weld,) = made.control.loops
+    assert (weld.kind, weld.a.body, weld.b.body) == ("weld", "p_b", "p_world")

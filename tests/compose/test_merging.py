@@ -37,13 +37,6 @@ def gains(made: Recipe) -> dict[str, list[float | None]]:
     return {j: [r.kp for r in made.actuators if re.fullmatch(r.joints, j)] for j in joints}
 
 
-def test_each_robot_keeps_its_own_rows_however_wide_their_patterns():
-    rows = {"actuators": [{"joints": ".*", "kp": 80}]}
-    made = merged(rows, {"actuators": [{"joints": "(?i)JOINT.*", "kp": 20}]})
-    arm = {"arm_joint1": [20], "arm_joint2": [20]}
-    assert gains(made) == {joint: [80] for joint in DOG.joints} | arm
-
-
 def test_a_row_of_the_base_that_names_joints_of_a_part_wins_over_the_part():
     made = merged(
         {
@@ -57,15 +50,6 @@ def test_a_row_of_the_base_that_names_joints_of_a_part_wins_over_the_part():
     assert gains(made)["tail"] == gains(made)["arm_joint1"] == [33]
     assert gains(made)["arm_joint2"] == [20]
     assert len(made.actuators) == 3, "a row stays one row, however many names it has"
-
-
-def test_a_row_of_a_part_whose_joints_the_base_has_taken_is_gone():
-    rows = [{"joints": "joint1", "kp": 20}, {"joints": "joint2", "kp": 21}]
-    made = merged(
-        {"actuators": [{"joints": ".*", "kp": 1}, {"joints": "arm_joint1", "kp": 33}]},
-        {"actuators": rows},
-    )
-    assert [row.kp for row in made.actuators] == [1, 33, 21]
 
 
 def test_motors_come_with_the_part_and_keep_their_family():
@@ -97,15 +81,6 @@ def test_home_is_of_all_parts():
     assert value("arm_joint1") == [0.5]
     assert value("arm_joint2") == [1.5]
     assert value("tail") == []
-
-
-def test_a_pose_of_the_base_wins_for_the_joints_of_a_part_that_it_names():
-    made = merged(
-        {"keyframes": {"home": {"joints": {"tail|arm_joint1": 0.1}}}},
-        {"keyframes": {"home": {"joints": {".*": 0.5}}}},
-        home={"joint1": 1.5},
-    )
-    assert made.keyframes["home"].joints == {"tail|arm_joint1": 0.1, "arm_joint2": 0.5}
 
 
 def test_two_patterns_for_the_same_joints_are_an_error_at_the_second():
@@ -182,14 +157,6 @@ def test_ranges_of_a_part_are_about_the_part():
     assert {n: row and row.com for n, row in shift.items()} == {"trunk": 0.02, "arm_hand": 0.001}
     assert made.randomize.payloads[0].link == "arm_hand"
     assert made.randomize.friction == (0.4, 1)
-
-
-def test_ranges_that_nobody_states_are_not_there():
-    assert merged({}, {"randomize": {"friction": [0.4, 1]}}).randomize is None
-    joints = {"randomize": {"joints": {".*": {"kp": [0.9, 1.1]}}}}
-    made = merged({}, joints).randomize
-    assert made is not None
-    assert list(made.joints) == ["arm_joint1|arm_joint2"]
 
 
 def test_what_only_one_can_decide_is_named():

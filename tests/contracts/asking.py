@@ -1,6 +1,6 @@
-"""Build a recipe and print what this process asked the world that the build's record lacks.
+"""Build recipes and print what this process asked the world that the builds' record lacks.
 
-A program of its own: `python asking.py RECIPE OUT`. Audit hooks tell of opened files and listed
+A program of its own: `python asking.py OUT RECIPE...`. Audit hooks tell of opened files and listed
 folders; `stat`, `readlink` and the environment tell nobody, so they are wrapped before anything
 of assetbuild is imported.
 """
@@ -24,7 +24,7 @@ asked: set[tuple[str, str, str]] = set()
 """(what was done, path or variable, which function of assetbuild did it)."""
 
 
-def main(recipe: Path, out: Path) -> None:
+def main(out: Path, recipes: list[Path]) -> None:
     """Build, and print what the record lacks as JSON."""
     sys.addaudithook(_hear)
     for name in WRAPPED:
@@ -42,14 +42,12 @@ def main(recipe: Path, out: Path) -> None:
     from assetbuild.pipeline.building import Request, build_all
 
     world = World()
-    request = Request(recipe, out=out, jobs=2, fail_on="never")
-    (outcome,) = build_all([request], lambda _: None, lambda _: None, world)
-    lacking = sorted(_lacking(world.record, out))
+    requests = [Request(r, out=out / r.stem, jobs=2, fail_on="never") for r in recipes]
+    outcomes = build_all(requests, lambda _: None, lambda _: None, world)
     result = {
-        "errors": [str(error) for error in outcome.errors],
-        "whole": outcome.report is not None,
-        "lacking": lacking,
-        "asked": sorted({subject for _, subject, _ in asked}),
+        "errors": [str(error) for outcome in outcomes for error in outcome.errors],
+        "whole": all(outcome.report is not None for outcome in outcomes),
+        "lacking": sorted(_lacking(world.record, out)),
         "recorded": [list(question) for question in world.record],
     }
     sys.stdout.write(json.dumps(result))
@@ -75,8 +73,7 @@ def _is_ours(path: str, out: Path) -> bool:
 
     places = [*sys.path, sys.prefix, sys.base_prefix, os.environ["ASSETBUILD_CACHE"]]
     places += [str(Path(assetbuild.__file__).parent), "/proc", "/dev/null", "/sys"]
-    hidden = str(out.parent / f".{out.name}")
-    if out.is_relative_to(path) or path.startswith((str(out), hidden)):
+    if out.is_relative_to(path) or path.startswith(str(out)):
         return True
     return any(place and f"{path}/".startswith(f"{place.rstrip('/')}/") for place in places)
 
@@ -119,4 +116,4 @@ def _note(how: str, subject: str) -> None:
 
 
 if __name__ == "__main__":
-    main(Path(sys.argv[1]), Path(sys.argv[2]))
+    main(Path(sys.argv[1]), [Path(word) for word in sys.argv[2:]])

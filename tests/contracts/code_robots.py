@@ -39,17 +39,27 @@ contact: {{friction: [0.8, 0.02, 0.01], condim: 3}}
 targets: [urdf, mjcf, mjx, usd, mjlab, isaaclab]
 validate: {{free_fall: {{}}, stand: {{keyframe: home, seconds: 0.2}}, sine: {{}}}}
 """
-XACRO = f"""<robot name="post" xmlns:xacro="http://www.ros.org/wiki/xacro">
+XACRO = """<robot name="post" xmlns:xacro="http://www.ros.org/wiki/xacro">
+  <xacro:arg name="tip" default="hand"/>
+  <xacro:include filename="$(find cart_parts)/*.xacro"/>
+  <xacro:body name="post"/><xacro:body name="$(arg tip)"/>
+  <joint name="slip" type="planar"><parent link="post"/><child link="$(arg tip)"/>
+    <axis xyz="0 0 1"/></joint>
+</robot>
+"""
+PART = f"""<robot xmlns:xacro="http://www.ros.org/wiki/xacro">
   <xacro:macro name="body" params="name"><link name="${{name}}"><inertial><mass value="2"/>
     {SOUND}</inertial></link></xacro:macro>
-  <xacro:body name="post"/><xacro:body name="tray"/>
-  <joint name="slip" type="planar"><parent link="post"/><child link="tray"/>
-    <axis xyz="0 0 1"/></joint>
 </robot>
 """
 CART = """schema: assetbuild/v1
 robot: cart
-source: {path: ., xacro: post.xacro, license: MIT}
+source:
+  path: .
+  xacro: post/post.xacro
+  args: {tip: tray}
+  packages: {cart_parts: post/parts}
+  license: MIT
 edits: [split_joint: {joint: slip}]
 compose: [{recipe: pole.yaml, as: left_, at: {link: post, xyz: [0, 0, 0.2]}}]
 targets: [mjcf]
@@ -73,6 +83,7 @@ ROD = """schema: assetbuild/v1
 robot: rod
 source: {path: ., urdf: rod.urdf, license: MIT}
 base: fixed
+motor_file: motors.yaml
 actuators: []
 targets: [urdf]
 """
@@ -96,7 +107,8 @@ def write_robots(folder: Path) -> list[Path]:
     lump = trimesh.creation.icosphere(subdivisions=3, radius=0.05)
     lump.vertices[:, 0] += 0.05 * np.abs(lump.vertices[:, 1] / 0.05)  # not convex
     lump.export(folder / "lump.stl")
-    Image.new("RGB", (4, 4), (200, 10, 10)).save(folder / "skin.png")
+    Image.new("RGB", (4, 4), (200, 10, 10)).save(folder / "red.png")
+    (folder / "skin.png").symlink_to("red.png")
     (folder / "tile.obj").write_text(
         "mtllib tile.mtl\nusemtl skin\n" + "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\n"
         "vt 0 0\nvt 1 0\nvt 0 1\nf 1/1 3/3 2/2\nf 1/1 2/2 4/3\nf 1/1 4/2 3/3\nf 2/1 3/2 4/3\n"
@@ -128,9 +140,13 @@ def write_robots(folder: Path) -> list[Path]:
         for name in ("arm.urdf", "lump.stl", "tile.obj", "tile.mtl", "skin.png"):
             archive.write(folder / name, name)
     texts = {"arm.yaml": ARM, "cart.yaml": CART, "pole.yaml": POLE, "rod.yaml": ROD}
-    texts["rod.urdf"] = robot(link("rod", inertial()), name="rod")
-    texts |= {"post.xacro": XACRO, "xml/pole.xml": MJCF, "pole.csv": swinging()}
-    (folder / "xml").mkdir()
+    rod = link("rod", inertial(), shape("visual", mesh("tile.obj")))
+    texts |= {"rod.urdf": robot(rod, name="rod"), "LICENSE": "MIT"}
+    texts["motors.yaml"] = "hip: {rotor_inertia: 1.0e-4, gear: 6, effort: 30, velocity: 20}\n"
+    texts |= {"post/post.xacro": XACRO, "post/parts/body.xacro": PART}
+    texts |= {"xml/pole.xml": MJCF, "pole.csv": swinging()}
+    for name in ("xml", "post/parts"):
+        (folder / name).mkdir(parents=True)
     for name, text in texts.items():
         (folder / name).write_text(text)
     return [folder / f"{name}.yaml" for name in ("arm", "cart", "pole", "rod")]

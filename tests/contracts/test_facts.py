@@ -7,6 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from gripper import gripper
 from tiny import (
     TinyRobot,
     check_inputs,
@@ -127,6 +128,7 @@ def odd() -> dict[str, TinyRobot]:
         "quadruped": dog,
         "pendulum": arm,
         "loop": four_bar("connect"),
+        "gripper": gripper(),
         "all models": with_drives(dog, "pd", "velocity", "ideal_pd", "dc_motor", "motor"),
         "slide": on(replace(swing, kind="prismatic", X_parent_joint=tilt, axis=skew)),
         "continuous": on(replace(swing, kind="continuous", limits=Limits(effort=5.0), axis=skew)),
@@ -150,8 +152,8 @@ def odd() -> dict[str, TinyRobot]:
 
 
 ODD = odd()
-AT_ONCE = {"quadruped", "loop", "all models", "slide", "planar", "odd names", "kept body", "hung",
-           "mimic chain", "turned home", "cameras"}  # fmt: skip
+AT_ONCE = {"gripper", "quadruped", "loop", "all models", "slide", "planar", "odd names",
+           "kept body", "hung", "mimic chain", "turned home", "cameras"}  # fmt: skip
 """Those that between them have everything; the others are slow, as there are many."""
 CASES = [case if case in AT_ONCE else pytest.param(case, marks=pytest.mark.slow) for case in ODD]
 

@@ -23,17 +23,13 @@ KINDS = (Target, Check, Edit, CollisionMethod)
 
 
 def test_what_each_is_told_are_keys_of_the_recipe():
+    """And their sections stand at the top or below `validate`."""
     for kind, name in PLUGINS:
         plugin = load_plugin(kind, name)
         for field, path in plugin.recipe_fields.items():
             *above, key = path.split(".")
             assert field in plugin.model_fields, (name, field)
             assert key in known_keys(whole_model(), tuple(above)), (name, path)
-
-
-def test_their_sections_stand_at_the_top_or_below_validate():
-    for kind, name in PLUGINS:
-        plugin = load_plugin(kind, name)
         paths = [*plugin.sections, *([plugin.section] if plugin.keys() else [])]
         allowed = r"validate(\.\w+)?" if kind is Check else r"\w+"
         assert all(re.fullmatch(allowed, path) for path in paths), (name, paths)
@@ -45,15 +41,6 @@ def test_the_name_of_each_is_its_file_s():
         plugin = load_plugin(kind, name)
         assert plugin.step_name() == name
         assert inspect.getdoc(plugin), name
-
-
-def test_a_plug_in_that_a_recipe_does_not_name_has_its_defaults():
-    recipe = whole_model().model_validate(
-        {"schema": "assetbuild/v1", "robot": "r", "source": {"path": ".", "urdf": "r.urdf"}}
-    )
-    for name in plugin_names(Target):
-        target = load_plugin(Target, name).configure(recipe)
-        assert target.robot == "r"
 
 
 def test_the_table_of_files_with_several_checks_names_every_one_of_them():

@@ -60,12 +60,6 @@ def test_joints_without_a_value_are_moved_until_the_loop_closes(tmp_path: Path):
     assert "loop.home" in rules and "actuator.tuned" not in rules
 
 
-def test_bodies_that_a_loop_joins_do_not_collide(tmp_path: Path):
-    inputs = write_robot_ports(tmp_path / "in", four_bar())
-    run_step(step(loop()), inputs, tmp_path)
-    assert ("coupler", "rocker") in decode_file(Control, tmp_path / "control.json").excludes
-
-
 def test_a_frequency_acts_on_all_that_the_crank_moves_through_its_loop(tmp_path: Path):
     inputs = write_robot_ports(tmp_path / "in", four_bar())
     (inputs / "control.json").unlink()

@@ -12,7 +12,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import tiny
+from urdfs import read
 
+from assetbuild.body.merge_fixed_joints import MergeFixedJoints
 from assetbuild.control.ground import half_height
 from assetbuild.control.plan import control_step
 from assetbuild.engine.step import Files
@@ -30,7 +33,6 @@ from assetbuild.robot.shapes import (
     MeshAsset,
     Shape,
     Shapes,
-    SourceShapes,
     Sphere,
 )
 
@@ -93,7 +95,9 @@ HOME = {".*_thigh_joint": 0.8, ".*_calf_joint": -1.6}
 
 
 def test_soles_touch_the_ground_by_the_formula_of_a_two_link_leg(run):
-    control, findings = run(quadruped(), feet(), recipe(keyframes={"home": {"joints": HOME}}))
+    seen = Shape("v", "trunk", "visual", Sphere(5.0))  # only collision geometry counts
+    shapes = Shapes((seen, *feet().shapes))
+    control, findings = run(quadruped(), shapes, recipe(keyframes={"home": {"joints": HOME}}))
     (home,) = control.keyframes
     expected = 0.213 * math.cos(0.8) + 0.22 * math.cos(0.8 - 1.6) + 0.02
     assert home.base.xyz == pytest.approx((0.0, 0.0, expected), abs=1e-12)
@@ -145,23 +149,10 @@ def test_a_mesh_touches_with_its_lowest_vertex(run):
     assert control.keyframes[0].base.xyz[2] == pytest.approx(2.0, abs=1e-12)
 
 
-def test_only_collision_geometry_counts(run):
-    low = Shape("v", "trunk", "visual", Sphere(5.0))
-    shapes = Shapes((low, *feet().shapes))
-    control, _ = run(quadruped(), shapes, recipe(keyframes={"home": {}}))
-    assert control.keyframes[0].base.xyz[2] == pytest.approx(0.213 + 0.22 + 0.02)
-
-
 def test_without_collision_geometry_there_is_no_ground_and_it_is_said(run):
     control, findings = run(quadruped(), Shapes(), recipe(keyframes={"home": {}}))
     assert findings["keyframe.no_ground"].severity == "warning"
     assert control.keyframes[0].base == Pose()
-
-
-def test_a_given_base_is_taken_as_it_is(run):
-    said = recipe(keyframes={"home": {"base": (0.1, 0.2, 0.3)}})
-    control, _ = run(quadruped(), feet(), said)
-    assert control.keyframes[0].base == Pose((0.1, 0.2, 0.3))
 
 
 def test_a_fixed_base_stays_and_a_given_height_is_reported(run):
@@ -192,38 +183,23 @@ def test_values_outside_the_limits_are_errors_with_numbers(run):
 
 def with_calf_limits(lower: float | None, upper: float | None) -> Tree:
     tree = quadruped()
-    joints = [
-        Joint(
-            j.name, j.kind, j.parent, j.child, j.X_parent_joint, j.axis, Limits(lower, upper, 9.0)
-        )
-        if j.name == "FL_calf_joint"
-        else j
-        for j in tree.joints
-    ]
-    return Tree(tree.name, tree.base, tree.bodies, tuple(joints), tree.frames)
+    limits = Limits(lower, upper, 9.0)
+    joints = (replace(j, limits=limits) if j.name == "FL_calf_joint" else j for j in tree.joints)
+    return replace(tree, joints=tuple(joints))
 
 
 def test_degrees_in_a_keyframe_are_told_with_the_radians(run):
     said = recipe(keyframes={"home": {"joints": {"FL_calf_joint": -90}}})
     _, findings = run(with_calf_limits(-2.8, -0.8), feet(), said)
     assert findings["keyframe.limits"].hint.endswith("-90 degrees are -1.571")
+    _, findings = run(with_calf_limits(-2.8, -0.8), feet(), recipe(keyframes={"home": {}}))
+    assert "no pattern of the keyframe matches it, so it is 0" in findings["keyframe.limits"].hint
     _, findings = run(with_calf_limits(None, None), feet(), said)
     finding = findings["keyframe.turns"]
     assert (finding.severity, finding.subject) == ("warning", "joint FL_calf_joint")
     assert "14.3 turns" in finding.message and "-1.571" in finding.hint
     once = recipe(keyframes={"home": {"joints": {"FL_calf_joint": 6.28}}})
     assert "keyframe.turns" not in run(with_calf_limits(None, None), feet(), once)[1]
-
-
-def test_a_joint_that_no_pattern_names_may_be_outside_at_zero(run):
-    _, findings = run(with_calf_limits(-2.8, -0.8), feet(), recipe(keyframes={"home": {}}))
-    assert "so it is 0" in findings["keyframe.limits"].hint
-
-
-def test_a_value_on_the_limit_is_inside(run):
-    said = recipe(keyframes={"home": {"joints": {"FL_calf_joint": -2.8}}})
-    _, findings = run(with_calf_limits(-2.8, -0.8), feet(), said)
-    assert findings == {}
 
 
 def gripper() -> Tree:
@@ -250,21 +226,17 @@ def test_mimic_joints_follow_and_are_checked_too(run):
 
 
 @pytest.mark.parametrize(
-    ("joints", "key", "said"),
+    ("tree", "joints", "key", "said"),
     [
-        ({".*_kalf_joint": 1.0}, ".*_kalf_joint", "matches no moving joint"),
-        ({"FL_.*": 1.0, ".*_calf_joint": 2.0}, ".*_calf_joint", "`FL_calf_joint` is matched by"),
+        (quadruped(), {".*_kalf": 1.0}, ".*_kalf", "matches no moving joint"),
+        (quadruped(), {"FL_.*": 1, ".*_calf_.*": 2}, ".*_calf_.*", "`FL_calf_joint` is matched by"),
+        (gripper(), {"right": 0.01}, "right", "mimic others"),
     ],
 )
-def test_a_pattern_that_matches_nothing_or_twice_is_an_error_with_its_key(joints, key, said):
-    error = refused(quadruped(), recipe(keyframes={"home": {"joints": joints}}))
+def test_a_pattern_of_no_joint_two_or_a_follower_is_an_error_with_its_key(tree, joints, key, said):
+    error = refused(tree, recipe(keyframes={"home": {"joints": joints}}))
     assert error.key == ("keyframes", "home", "joints", key)
     assert said in error.message
-
-
-def test_a_mimic_joint_cannot_be_posed():
-    error = refused(gripper(), recipe(keyframes={"open": {"joints": {"right": 0.01}}}))
-    assert "mimic others" in error.message
 
 
 def test_adjacent_bodies_and_pairs_of_links_are_excluded(run):
@@ -277,12 +249,8 @@ def test_adjacent_bodies_and_pairs_of_links_are_excluded(run):
     assert ("FL_calf", "FR_calf") in control.excludes
     assert len(control.excludes) == 8 + 2
     assert list(control.excludes) == sorted(control.excludes)
-
-
-def test_without_adjacent_only_pairs_remain(run):
     said = recipe(collision={"exclude": {"adjacent": False, "pairs": (("trunk", "FL_foot"),)}})
-    control, _ = run(quadruped(), feet(), said)
-    assert control.excludes == (("FL_calf", "trunk"),)
+    assert run(quadruped(), feet(), said)[0].excludes == (("FL_calf", "trunk"),)
 
 
 def test_a_pair_that_fixed_joints_made_one_body_is_reported(run):
@@ -297,30 +265,14 @@ def test_an_unknown_link_in_a_pair_is_an_error_with_its_key():
     assert error.hint == "did you mean `FL_foot`?"
 
 
-def test_gains_come_from_the_table(run):
-    control, _ = run(quadruped(), feet(), recipe())
-    assert {a.kp for a in control.actuators} == {80.0}
-    assert {a.effort for a in control.actuators} == {20.0}
-    assert len(control.actuators) == 8
-
-
-def test_without_a_table_all_is_passive_and_it_is_said(run):
-    control, findings = run(quadruped(), feet(), recipe(actuators=()))
+@pytest.mark.parametrize("rows", [(), ({"joints": ".*", "model": "passive"},)])
+def test_where_all_is_passive_it_is_said(run, rows):
+    """Without a table, and by what `init` writes where the source states no effort."""
+    control, findings = run(quadruped(), feet(), recipe(actuators=rows))
     assert {a.model for a in control.actuators} == {"passive"}
-    assert findings["actuator.none"].data == {"joints": 8}
-    assert findings["actuator.none"].severity == "warning"
-    assert "`actuators: []`" in findings["actuator.none"].hint
-
-
-def test_a_table_of_passive_rows_drives_nothing_and_it_is_said(run):
-    """What `init` writes where the source states no effort."""
-    _, findings = run(
-        quadruped(), feet(), recipe(actuators=({"joints": ".*", "model": "passive"},))
-    )
-    assert (findings["actuator.none"].severity, findings["actuator.none"].data) == (
-        "warning",
-        {"joints": 8},
-    )
+    found = findings["actuator.none"]
+    assert (found.severity, found.data) == ("warning", {"joints": 8})
+    assert "`actuators: []`" in found.hint
 
 
 @pytest.mark.parametrize(
@@ -396,8 +348,7 @@ def test_a_guessed_row_is_a_warning_that_names_its_joints(run):
 def test_a_source_s_limit_of_zero_is_reported(run):
     tree = with_calf_limits(-3.0, 3.0)
     joints = [replace(j, limits=Limits(-3, 3, 9.0, 0.0)) for j in tree.joints]
-    tree = Tree(tree.name, tree.base, tree.bodies, tuple(joints), tree.frames)
-    _, findings = run(tree, feet(), recipe())
+    _, findings = run(replace(tree, joints=tuple(joints)), feet(), recipe())
     assert findings["actuator.zero_limit"].data == {"velocity": 0.0}
 
 
@@ -409,13 +360,9 @@ def test_what_a_row_states_over_the_source_is_told(tmp_path: Path):
         drive | {"joints": ".*_thigh_joint", "damping": 0.0, "friction": 0.2, "effort": 30.0},
         drive | {"joints": ".*_calf_joint", "damping": 0.01, "velocity": "unlimited"},
     ]
-    inputs = {"tree.json": encode(replace(tree, joints=joints)), "shapes.json": encode(feet())}
-    (tmp_path / "out").mkdir(exist_ok=True)
-    (tmp_path / "in").mkdir(exist_ok=True)
-    for name, data in inputs.items():
-        (tmp_path / "in" / name).write_bytes(data)
-    step = control_step(recipe(actuators=rows))
-    findings = list(step.run(Files(tmp_path / "in", tmp_path / "out")))
+    for name, said in (("tree", replace(tree, joints=joints)), ("shapes", feet())):
+        (tmp_path / f"{name}.json").write_bytes(encode(said))
+    findings = tiny.run_step(control_step(recipe(actuators=rows)), tmp_path, tmp_path / "out")
     told = {(f.subject, f.message.split(": ", 1)[1]) for f in findings if "overr" in f.rule}
     assert told == {
         ("recipe actuators.0", "damping 0 in place of the source's 0.01 (4 joints)"),
@@ -426,19 +373,11 @@ def test_what_a_row_states_over_the_source_is_told(tmp_path: Path):
 
 def test_the_real_go1_stands_on_its_soles_by_pinocchio_on_the_source(run, go1_root, tmp_path):
     pin = pytest.importorskip("pinocchio", reason="needs the extra `oracle`")
-    from assetbuild.body.merge_fixed_joints import MergeFixedJoints
-    from assetbuild.source.urdf.read_urdf import ReadUrdf
-
     urdf = go1_root / "robots/go1_description/urdf/go1.urdf"
-    ports = Files(tmp_path / "ports", tmp_path / "ports")
-    ports.inputs.mkdir()
-    (ports.inputs / "robot.urdf").write_bytes(urdf.read_bytes())
-    packages = {"example-robot-data": "."}
-    read = ReadUrdf(file="robots/go1_description/urdf/go1.urdf", base="floating", packages=packages)
-    for step in (read, MergeFixedJoints(merge=True, keep_bodies=())):
-        list(step.run(ports))
-    tree = decode(Tree, (ports.outputs / "tree.json").read_bytes())
-    shapes = decode(SourceShapes, (ports.outputs / "shapes.json").read_bytes())
+    ports, packages = tmp_path / "ports", {"example-robot-data": "."}
+    shapes = read(urdf.read_text(), ports, base="floating", packages=packages).shapes
+    tiny.run_step(MergeFixedJoints(merge=True), ports, ports)
+    tree = decode(Tree, (ports / "tree.json").read_bytes())
     feet = (s for s in shapes.of("collision") if s.link.endswith("_foot"))
     soles = tuple(Shape(**vars(foot)) for foot in feet)
 
@@ -453,3 +392,9 @@ def test_the_real_go1_stands_on_its_soles_by_pinocchio_on_the_source(run, go1_ro
     assert len(soles) == 4
     assert control.keyframes[0].base.xyz[2] == pytest.approx(0.02 - min(heights), abs=1e-12)
     assert findings == {}
+
+
+def test_a_given_base_is_taken_as_it_is(run):
+    said = recipe(keyframes={"home": {"base": (0.1, 0.2, 0.3)}})
+    control, _ = run(quadruped(), feet(), said)
+    assert control.keyframes[0].base == Pose((0.1, 0.2, 0.3))

@@ -161,10 +161,6 @@ def test_what_always_and_what_never_touches_is_found(tmp_path):
     assert finding.data == {"pairs": 6, "always": len(always), "never": len(never)}
 
 
-def test_the_same_pairs_again(tmp_path):
-    assert pairs(tmp_path, 20, "a")[:2] == pairs(tmp_path, 20, "b")[:2]
-
-
 TREE = quadruped()
 
 
@@ -205,12 +201,12 @@ def test_a_link_or_joint_that_is_not_there(message: str):
     assert message in caught.value.message
 
 
-def test_a_pattern_of_surfaces_without_a_shape():
-    with pytest.raises(RowError, match="matches no link with a collision shape"):
-        contacts(feet(), recipe(contact={"links": {"trunk": {"condim": 1}}}).contact)
-
-
 def test_an_optical_frame_looks_along_z():
     said = recipe(cameras={"a": {"link": "trunk", "optical": True}}).cameras
     (camera,) = placed_cameras(TREE, said)
     assert camera.X_link_camera.rotation[:, 2] == pytest.approx((0.0, 0.0, -1.0))
+
+
+def test_a_pattern_of_surfaces_without_a_shape():
+    with pytest.raises(RowError, match="matches no link with a collision shape"):
+        contacts(feet(), recipe(contact={"links": {"trunk": {"condim": 1}}}).contact)

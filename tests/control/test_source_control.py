@@ -68,11 +68,6 @@ def test_a_table_of_drives_replaces_them_all_but_leaves_the_armature(tmp_path: P
     assert drive.armature == 0.1
 
 
-def test_a_rule_for_links_changes_the_surface_of_the_source(tmp_path: Path):
-    control = made(tmp_path, contact={"links": {"a": {"condim": 1}}}).control
-    assert dict(control.contacts)["ga"] == Contact(friction=(2.0, 0.1, 0.1), condim=1)
-
-
 def test_another_cone_than_the_sources_brings_its_own_impratio(tmp_path: Path):
     """MuJoCo's default of 1, which nobody states, would let what an elliptic cone holds slip."""
     stated = PAIR.replace("timestep", 'impratio="3" timestep')
@@ -165,7 +160,6 @@ def test_what_no_longer_touches_is_reported(
 
 
 LIMITS, COUPLINGS = LimitError.model_validate({}), CouplingError.model_validate({})
-SAID = MjcfOnly("joint", '<joint solreflimit="0.03 1"/>', "swing_joint")
 
 
 def strong(effort: float = 500.0) -> TinyRobot:
@@ -189,12 +183,6 @@ def test_a_strong_motor_gets_stiffer_limits_and_a_weak_one_keeps_mujocos() -> No
 def test_an_mjcf_keeps_its_limits_unless_the_recipe_states_a_wish() -> None:
     assert limits_of(strong(), Side(from_mjcf=True)) == ()
     assert limits_of(strong(), Side(from_mjcf=True, stated=("limits",))) == ("swing_joint",)
-
-
-def test_softness_that_the_source_states_wins() -> None:
-    robot = strong()
-    said = replace(robot.control, mjcf_only=(SAID,))
-    assert limits_of(robot, Side(from_mjcf=True, stated=("limits",)), said) == ()
 
 
 def kept(folder: Path, control: Control) -> bytes:
@@ -222,6 +210,15 @@ def test_each_rating_is_kept(tmp_path: Path, name: str):
     assert kept(tmp_path / "a", control) != kept(tmp_path / "b", changed(control, **{name: 1.25}))
 
 
+SAID = MjcfOnly("joint", '<joint solreflimit="0.03 1"/>', "swing_joint")
+
+
+def test_softness_that_the_source_states_wins() -> None:
+    robot = strong()
+    said = replace(robot.control, mjcf_only=(SAID,))
+    assert limits_of(robot, Side(from_mjcf=True, stated=("limits",)), said) == ()
+
+
 def test_the_urdf_is_the_same_from_ratings_as_from_all_control_data(tmp_path: Path):
     robot = tiny_quadruped()
     texts = []
@@ -233,3 +230,8 @@ def test_the_urdf_is_the_same_from_ratings_as_from_all_control_data(tmp_path: Pa
         texts.append((tmp_path / f"{name}-out/urdf/it.urdf").read_bytes())
     assert texts[0] == texts[1]
     assert b"effort" in texts[0]
+
+
+def test_a_rule_for_links_changes_the_surface_of_the_source(tmp_path: Path):
+    control = made(tmp_path, contact={"links": {"a": {"condim": 1}}}).control
+    assert dict(control.contacts)["ga"] == Contact(friction=(2.0, 0.1, 0.1), condim=1)

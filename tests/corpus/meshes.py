@@ -1,36 +1,15 @@
-"""Every mesh file below some folders, read by us and by assimp.
-
-    PYTHONPATH=tests python -m corpus.meshes FOLDER...
-
-Prints each file that one of the two refuses or on which they differ, and a count; exits with 1 if
-they differ on any.
-"""
+"""A mesh file, read by us and by assimp."""
 
 from __future__ import annotations
 
-import sys
-from collections import Counter
 from pathlib import Path
-from typing import get_args
 
 import numpy as np
 
 from assetbuild.errors import StepError
 from assetbuild.mesh.companions import companions_of, format_of
-from assetbuild.mesh.read import Format, read_mesh
+from assetbuild.mesh.read import read_mesh
 from corpus.assimp import Measured, measured, polygons_measured
-
-
-def main(folders: list[str]) -> int:
-    counts: Counter[str] = Counter()
-    for path in sorted(p for folder in folders for p in Path(folder).rglob("*") if p.is_file()):
-        if format_of(path.name) in get_args(Format):
-            outcome, words = compared(path)
-            counts[outcome] += 1
-            if words:
-                print(f"{outcome}: {path}: {words}", flush=True)
-    print(", ".join(f"{count} {outcome}" for outcome, count in counts.most_common()))
-    return 1 if counts["differs"] else 0
 
 
 def compared(path: Path) -> tuple[str, str]:
@@ -59,7 +38,3 @@ def _or_error(read, path: Path) -> tuple[Measured | None, str]:
         return read(path), ""
     except (StepError, ValueError) as error:
         return None, str(error).splitlines()[0]
-
-
-if __name__ == "__main__":
-    sys.exit(main(sys.argv[1:]))

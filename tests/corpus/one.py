@@ -20,7 +20,6 @@ from pathlib import Path
 if __name__ == "__main__":
     sys.path.insert(0, str(Path(__file__).parents[1]))
 
-from corpus.counts import counts_in, counts_out
 from corpus.find import resolved
 from corpus.judge import evaluate
 from corpus.lists import Robot
@@ -31,7 +30,6 @@ SECONDS = 300
 """For `init` and `build` together."""
 MEMORY_BYTES = 8 << 30
 """Of data, for each process that they start."""
-KINDS = ("kinematics", "mass_matrix", "gravity")
 
 
 def one(
@@ -154,61 +152,55 @@ def reported(folder: Path, code: int) -> dict[str, object]:
         "result": "ready" if said["verdict"]["ready"] else "not ready",
         "bundle": bundle.name,
         "findings": dict(Counter(f["severity"] for f in findings)),
+        "edits": dict(Counter(f["rule"][5:] for f in findings if f["rule"].startswith("edit."))),
+        "lost": sorted({f["subject"] for f in findings if f["rule"].startswith("count.")}),
     }
-    if not said["verdict"]["ready"] and not errors:
+    if errors:
+        first, rules = errors[0], ", ".join(sorted({e["rule"] for e in errors}))
+        note = f"{len(errors)} errors ({rules}): {first['subject']}: {first['message']}"
+        row |= {"cause": first["rule"], "note": note[:300], "where": first["where"]}
+    elif not said["verdict"]["ready"]:
         row["cause"] = ", ".join(said["verdict"]["blocked_by"])
         row["note"] = said["verdict"]["next_step"][:300]
-    if errors:
-        first = errors[0]
-        rules = ", ".join(sorted({e["rule"] for e in errors}))
-        row["cause"] = first["rule"]
-        row["note"] = f"{len(errors)} errors ({rules}): {first['subject']}: {first['message']}"[
-            :300
-        ]
-        row["where"] = first["where"]
-    row |= compared(said["checks"])
-    row["edits"] = dict(Counter(f["rule"][5:] for f in findings if f["rule"].startswith("edit.")))
-    row["lost"] = sorted({f["subject"] for f in findings if f["rule"].startswith("count.")})
-    return row | counts_out(bundle)
+    return row | driven(bundle)
 
 
-def compared(checks: dict[str, dict]) -> dict[str, object]:
-    """Relative errors against a URDF in pinocchio, or how much of an MJCF was compared."""
-    figures = checks.get("oracle", {}).get("figures", {})
-    errors = {kind: figures.get(f"{kind}_error") for kind in KINDS}
-    same = checks.get("mjcf_source", {}).get("figures", {})
-    return {"errors": errors, "compared": same.get("compared", {})}
+def driven(bundle: Path) -> dict[str, object]:
+    """Actuators and joints of the MJCF, as MuJoCo compiles it."""
+    import mujoco
 
-
-# --- others ---------------------------------------------------------------------------------
+    (path,) = [p for p in (bundle / "mjcf").glob("*.xml") if p.name != "scene.xml"]
+    try:
+        model = mujoco.MjModel.from_xml_path(str(path))
+    except ValueError as error:
+        return {"note": f"MuJoCo: {error}"[:200]}
+    moving = sum(kind != mujoco.mjtJoint.mjJNT_FREE for kind in model.jnt_type)
+    return {"actuators": int(model.nu), "joints": int(moving)}
 
 
 def compared_with_source(robot: Robot, folder: Path, row: dict) -> dict[str, object]:
-    """What others say: counts of the source, the rule that it breaks, and the judges."""
+    """What others say: the rule that the source breaks, and the judges."""
     packages = packages_in(robot.root)
     try:
         source = description(robot, folder, packages)
     except XacroError as error:
         return left_out(row, f"readers: xacro: {error}")
-    more: dict[str, object] = {}
-    try:
-        more |= counts_in(source, robot.root)
-    except Exception as error:  # it is the source that may be anything
-        more["uncounted"] = f"{type(error).__name__}: {error}"[:120]
-    more["breaks"] = broken(source)
+    breaks = broken(source)
     if row["result"] != "ready":
-        return more | (left_out(row, str(more["breaks"])) if more["breaks"] else {})
+        return {"breaks": breaks} | (left_out(row, breaks) if breaks else {})
     edited = bool(set(row["edits"]) - {"merge"})
-    bundle = folder / str(row["bundle"])
 
     def find(uri: str) -> Path | None:
         return resolved(uri, robot.file, robot.root, packages)
 
     try:
-        more["judge"] = evaluate(source, bundle, find, edited=edited)
+        judge = evaluate(source, folder / str(row["bundle"]), find, edited=edited)
     except Exception as error:  # a judge that fails is no acquittal: its name stands in the table
-        more["judge"] = f"not judged: {type(error).__name__}: {error}"[:200]
-    return more
+        judge = f"not judged: {type(error).__name__}: {error}"[:200]
+    return {"breaks": breaks, "judge": judge}
+
+
+# --- others ---------------------------------------------------------------------------------
 
 
 def left_out(row: dict, rule: str) -> dict[str, object]:

@@ -17,7 +17,7 @@ from xml.etree.ElementTree import Element, ParseError, fromstring
 import numpy as np
 
 RULES = {
-    "file": "a mesh that the description names is not there (said by the search for robots)",
+    "file": "a mesh that the description names is not there (said by the runner)",
     "readers": "neither pinocchio nor yourdfpy reads a link in the URDF; xacro does not expand the "
     "xacro; MuJoCo does not compile the MJCF",
     "tree": "links and joints are not one tree: a joint names a link that is not there, a link has "

@@ -7,8 +7,7 @@ from pathlib import Path
 import pytest
 
 from corpus.lists import Robot
-from corpus.one import KINDS, one
-from corpus.table import mass_error
+from corpus.one import one
 
 ROBOTS = {
     "quadruped_description/urdf/quadruped.urdf": "locked knees, meshes beside the URDF",
@@ -23,14 +22,4 @@ def test_init_and_build(name: str, go1_root: Path, tmp_path: Path, monkeypatch: 
         pytest.skip(f"no {name} in {go1_root}: name the unpacked package in ASSETBUILD_TEST_DATA")
     monkeypatch.setenv("ASSETBUILD_CACHE", str(tmp_path / "cache"))
     row = one(Robot(name, go1_root / "robots" / name, go1_root), tmp_path)
-    assert row["result"] == "ready", row["note"]
-    error = mass_error(row)
-    assert error is not None
-    assert error < 1e-12
-    for kind in KINDS:
-        assert row["errors"][kind] < 1e-9  # type: ignore[index] # data of a report
-    assert row["visual_out"] >= row["visual_in"]  # type: ignore[operator] # as above
-    assert row["lost"] == []
-    assert row["textures_out"] == row["textures_in"]
-    # Without collision in the source, each visual gives some; a mesh may become several pieces.
-    assert row["collision_out"] >= (row["collision_in"] or row["visual_in"])  # type: ignore[operator] # as above
+    assert (row["result"], row["judge"], row["lost"]) == ("ready", "equal", []), row["note"]

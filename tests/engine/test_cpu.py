@@ -3,14 +3,9 @@
 from __future__ import annotations
 
 import json
-import os
 import platform
-import shutil
-import subprocess
-import sys
 from pathlib import Path
 
-import kernels_for_tests
 import pytest
 from builds_for_tests import one
 from kernels_for_tests import Kernels
@@ -19,7 +14,6 @@ from assetbuild.engine import cpu
 from assetbuild.engine.actions import key_parts
 from assetbuild.engine.code import Code
 from assetbuild.engine.cpu import UNKNOWN, X86_CLASSES, cpu_class, platform_tag, x86_class
-from assetbuild.engine.machine import cpuinfo
 from assetbuild.engine.session import Session
 from assetbuild.engine.store import Store
 
@@ -30,9 +24,12 @@ CODE = Code()
 IS_V3 = cpu_class().name == "v3"
 USERS = (
     {"OPENBLAS_CORETYPE": "SkylakeX", "NPY_ENABLE_CPU_FEATURES": "X86_V3"},
-    {"OPENBLAS_CORETYPE": "Prescott", "OPENBLAS_NUM_THREADS": "7"},
-    {"NPY_DISABLE_CPU_FEATURES": "X86_V3 X86_V4 AVX512_ICL"},
-    {"GLIBC_TUNABLES": "glibc.cpu.hwcaps=-AVX2,-FMA"},
+    {
+        "OPENBLAS_CORETYPE": "Prescott",
+        "OPENBLAS_NUM_THREADS": "7",
+        "NPY_DISABLE_CPU_FEATURES": "X86_V3 X86_V4 AVX512_ICL",
+        "GLIBC_TUNABLES": "glibc.cpu.hwcaps=-AVX2,-FMA",
+    },
 )
 """What users set, knowingly or not."""
 
@@ -106,33 +103,6 @@ def test_only_a_step_that_cannot_be_pinned_has_the_model_in_its_key(monkeypatch)
     assert pinned["platform"] == platform_tag()
     monkeypatch.setattr(Kernels, "cpu_bound", True)
     assert key_parts(Kernels(), {}, CODE)["platform"] == f"{platform_tag()} {cpu.cpu_model()}"
-
-
-@pytest.mark.slow
-@pytest.mark.skipif(platform.machine() != "x86_64", reason="emulates other x86 CPUs")
-@pytest.mark.skipif(not shutil.which("qemu-x86_64"), reason="needs qemu-x86_64 (qemu-user)")
-@pytest.mark.skipif(not IS_V3, reason="this CPU lacks AVX2 or FMA")
-@pytest.mark.parametrize("model", ["Haswell", "Skylake-Client", "EPYC-Rome", "max"])
-def test_an_emulated_cpu_of_another_maker_computes_the_same(model):
-    """Without the pins it computes other bytes than this CPU where this one has AVX-512."""
-    bare = {"PATH": os.environ["PATH"], "OPENBLAS_NUM_THREADS": "1"}
-    pinned = bare | cpu_class().environment
-    expected = numbers_of([sys.executable], pinned)
-    emulated = ["qemu-x86_64", "-cpu", model, sys.executable]
-    assert numbers_of(emulated, pinned) == expected
-    if "avx512f" in cpuinfo()["flags"].split():
-        assert numbers_of([sys.executable], bare) != expected
-
-
-def numbers_of(program: list[str], environment: dict[str, str]) -> dict[str, str]:
-    done = subprocess.run(
-        [*program, kernels_for_tests.__file__],
-        env=environment | {"PYTHONPATH": os.pathsep.join(p for p in sys.path if p)},
-        capture_output=True,
-        text=True,
-        check=True,
-    )
-    return json.loads(done.stdout)
 
 
 def test_a_machine_that_nothing_is_known_of_pins_nothing(monkeypatch):

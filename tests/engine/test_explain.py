@@ -7,8 +7,7 @@ import zlib
 from pathlib import Path
 
 import pytest
-from builds_for_tests import chain
-from steps_for_tests import Count, Irreproducible, Mix, MixInChild, MixInParent, Split, Write, flip
+from steps_for_tests import Count, Irreproducible, Mix, MixInChild, Split, Write, flip
 
 from assetbuild.engine.actions import key_of, key_parts
 from assetbuild.engine.code import PYTHON, Code
@@ -16,7 +15,6 @@ from assetbuild.engine.cpu import platform_tag
 from assetbuild.engine.execute import execute
 from assetbuild.engine.explain import Change, changes_between, explain
 from assetbuild.engine.graph import Graph, joined
-from assetbuild.engine.journal import Journal
 from assetbuild.engine.planner import Planner
 from assetbuild.engine.processes import Processes
 from assetbuild.engine.rebuild import run_again
@@ -90,10 +88,6 @@ def test_every_part_of_a_key_changes_the_key_and_is_explained(part):
     assert changes_between(PARTS, new)
 
 
-def test_equal_parts_have_equal_keys():
-    assert key_of(key_parts(Actuators(limits_n_m={}), dict(PARTS["inputs"]), CODE)) == key_of(PARTS)
-
-
 def graph(session: Session, salt: int = 0) -> Graph:
     planner = Planner(session)
     first = planner.add("first", Mix(salt=salt))
@@ -150,25 +144,6 @@ def test_a_lost_output_is_the_reason(tmp_path):
         assert execute(graph(session), session)["second"].reason == str(told.changes[0])
 
 
-def test_an_emptied_action_cache_is_the_reason(tmp_path):
-    with Session(Store(tmp_path / "store")) as session:
-        execute(graph(session), session)
-        for path in (session.store.root / "ac").rglob("*.json"):
-            path.unlink()
-    with Session(Store(tmp_path / "store")) as session:
-        assert execute(graph(session), session)["first"].reason == (
-            "the store does not hold its result"
-        )
-
-
-def test_another_build_has_a_journal_of_its_own(tmp_path):
-    for build in ("go1.yaml", "go2.yaml"):
-        with Session(Store(tmp_path / "store"), build=build) as session:
-            execute(graph(session, len(build)), session)
-    with Session(Store(tmp_path / "store"), build="third.yaml") as session:
-        assert execute(graph(session, 77), session)["first"].reason == "first build"
-
-
 @pytest.mark.parametrize("text", ["", "{", "[]", '{"format": 1}', '{"format": 1, "build": "x"}'])
 def test_an_unreadable_journal_counts_as_empty(tmp_path, text):
     with Session(Store(tmp_path / "store"), build="x") as session:
@@ -189,30 +164,9 @@ def test_another_step_under_the_same_label_is_named(session):
     assert str(changes[0]) == "step: steps_for_tests:Write -> steps_for_tests:MixInChild"
 
 
-def test_what_many_steps_share_is_written_once(tmp_path):
-    one, many = Journal(tmp_path / "one", {"": "b"}), Journal(tmp_path / "many", {"": "b"})
-    one.saw("step 0", PARTS)
-    for number in range(100):
-        many.saw(f"step {number}", PARTS)
-    one.save()
-    many.save()
-    (small,), (large,) = ((tmp_path / name / "journal").iterdir() for name in ("one", "many"))
-    own = len(json.dumps({**PARTS, "code": 0, "libraries": 0})) + 50
-    assert large.stat().st_size < small.stat().st_size + 99 * own
-    assert Journal(tmp_path / "many", {"": "b"}).parts("step 99") == PARTS
-
-
 def again(graph: Graph, session: Session, results, keep: Path, **options):
     with Processes(session) as runner:
         return run_again(graph, session, results, runner, keep, **options)
-
-
-@pytest.mark.parametrize("kind", [MixInParent, MixInChild])
-def test_steps_that_give_the_same_bytes_pass(session, tmp_path, source, kind):
-    graph = chain(session, source, kind)
-    results = execute(graph, session)
-    assert again(graph, session, results, tmp_path / "keep") == ()
-    assert not (tmp_path / "keep").exists()
 
 
 def test_every_step_runs_a_second_time_on_the_inputs_of_the_first(session, tmp_path, source):

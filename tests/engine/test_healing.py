@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-import sys
-import threading
 from pathlib import Path
 
 import pytest
-from builds_for_tests import chain, one
+from builds_for_tests import chain
 from steps_for_tests import (
     Edit,
     Mix,
-    MixInChild,
     MixInParent,
     flip,
 )
@@ -21,7 +18,7 @@ from assetbuild.engine.graph import Graph
 from assetbuild.engine.planner import Planner
 from assetbuild.engine.session import Session
 from assetbuild.engine.store import LostObjectError, Store
-from assetbuild.errors import MachineError, SourceError
+from assetbuild.errors import SourceError
 
 
 @pytest.mark.parametrize(("label", "fault"), [("first", "flip"), ("third", "delete")])
@@ -123,43 +120,6 @@ def _lost_once(session: Session, digest: str):
         return real(wanted)
 
     return lost
-
-
-def test_a_full_disk_fails_the_step_that_meets_it(session, monkeypatch):
-    def full(*args: object, **kwargs: object) -> str:
-        raise MachineError("no space left on the disk")
-
-    monkeypatch.setattr(session.store, "put_file", full)
-    error = one(session, Mix()).error
-    assert isinstance(error, MachineError)
-
-
-def test_two_builds_at_once_share_a_store(tmp_path, source):
-    def build(results: list[object]) -> None:
-        with Session(Store(tmp_path / "store")) as session:
-            done = execute(chain(session, source, MixInChild), session, jobs=1)
-            results.append([r.outputs for r in done.values()])
-
-    found: list[object] = []
-    threads = [threading.Thread(target=build, args=(found,)) for _ in range(3)]
-    for thread in threads:
-        thread.start()
-    for thread in threads:
-        thread.join()
-    assert len(found) == 3
-    assert found[0] == found[1] == found[2]
-
-
-def test_the_engine_loads_nothing_heavy():
-    program = (
-        "import sys, assetbuild.engine.execute, assetbuild.engine.explain, "
-        "assetbuild.pipeline.publish; print(sorted(set(sys.modules) & "
-        "{'numpy', 'networkx', 'mujoco', 'pxr', 'trimesh', 'yaml'}))"
-    )
-    import subprocess
-
-    out = subprocess.run([sys.executable, "-c", program], capture_output=True, check=True)
-    assert out.stdout.strip() == b"[]"
 
 
 def graph_of(session: Session, source: Path) -> Graph:

@@ -75,10 +75,6 @@ def robot(tmp_path: Path) -> Path:
     return source
 
 
-def objects(data: Path) -> list[Path]:
-    return [p for p in data.rglob("*") if p.is_file() and "cas" in p.relative_to(data).parts[0]]
-
-
 def test_the_second_machine_builds_nothing(tmp_path: Path, robot: Path, server):
     url, _ = server
     first = Machine(tmp_path / "a", url, write=True, key="k")
@@ -88,23 +84,3 @@ def test_the_second_machine_builds_nothing(tmp_path: Path, robot: Path, server):
     assert [r.status for r in results.values()] == ["cached"] * 15
     assert [r.outputs for r in results.values()] == [r.outputs for r in gold.values()]
     assert (first.warnings, second.warnings) == ([], [])
-
-
-@pytest.mark.parametrize("how", ["gone", "cut"])
-def test_what_somebody_removes_below_the_server_costs_nothing_but_time(
-    tmp_path: Path, robot: Path, server, how: str
-):
-    url, data = server
-    gold = Machine(tmp_path / "a", url, write=True).build(robot, width=12)
-    found = objects(data)
-    assert len(found) >= 12
-    for path in found[::2]:
-        if how == "gone":
-            path.unlink()
-        else:
-            path.chmod(0o600)
-            path.write_bytes(path.read_bytes()[:-1])
-    for name in "bc":
-        machine = Machine(tmp_path / name, url, write=True)
-        results = machine.build(robot, width=12)
-        assert [r.outputs for r in results.values()] == [r.outputs for r in gold.values()]

@@ -18,7 +18,7 @@ from assetbuild.engine.execute import execute
 from assetbuild.engine.planner import Planner
 from assetbuild.engine.session import Session
 
-BUILDS, ROUNDS = 8, 4
+BUILDS, ROUNDS = 8, 2
 
 PROGRAM = """
 import json, sys, time

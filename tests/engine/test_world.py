@@ -62,14 +62,9 @@ def test_parts_record_what_each_asked(folder: Path):
     assert len(files_in(world.record)) == 2
 
 
-def test_a_file_that_cannot_be_read_is_an_error_of_the_source(folder: Path):
-    with pytest.raises(SourceError, match=r"cannot read `.*absent`: No such file"):
-        World().digest(folder / "absent")
-
-
-def test_a_file_that_could_not_be_read_is_waited_for(folder: Path):
+def test_a_file_that_cannot_be_read_is_an_error_of_the_source_and_is_waited_for(folder: Path):
     world = World()
-    with pytest.raises(SourceError):
+    with pytest.raises(SourceError, match=r"cannot read `.*absent`: No such file"):
         world.digest(folder / "absent")
     lines, changed = noop_build.lines_of(world.record, time.time_ns())
     assert not changed
@@ -98,14 +93,11 @@ def test_links_lead_where_the_kernel_says(folder: Path, path: str):
     assert plain.resolve() == (folder / path).resolve()
 
 
-def test_a_circle_of_links_ends(folder: Path):
+def test_a_path_keeps_its_links_so_that_they_are_asked_for_again_and_a_circle_ends(folder: Path):
     world = World()
+    assert world.plain(folder / "source/r.urdf") == folder / "source/r.urdf"
     assert world.real(folder / "robot/circle.xacro").is_relative_to(folder)
     assert not world.is_file(folder / "robot/circle.xacro")
-
-
-def test_a_path_keeps_its_links_so_that_they_are_asked_for_again(folder: Path):
-    assert World().plain(folder / "source/r.urdf") == folder / "source/r.urdf"
 
 
 def test_below_are_files_and_links_but_nothing_hidden_and_nothing_behind_links(folder: Path):

@@ -133,20 +133,21 @@ def test_what_nobody_edited_is_the_robot(
     assert proof.compared > 60
 
 
-def test_a_bundles_robot_keeps_the_order_of_patterns_of_which_the_first_wins(tmp_path: Path):
+def test_a_bundle_s_robot_and_the_module_alone_say_the_same(tmp_path: Path):
+    """Of patterns the first wins; a module that is gone is one error."""
     one = mjlab(quadruped("velocity"), tmp_path)
     (tmp_path / "report").mkdir()
     (tmp_path / "report/robot.json").write_text(one.reference.to_json())
-    read = Reference.of_bundle(tmp_path)
-    assert one.reader.prove(read, one.file).findings == ()
-
-
-def test_the_module_alone_says_the_same_as_beside_its_robot(tmp_path: Path):
-    one = mjlab(quadruped("velocity"), tmp_path, None)
-    alone, beside = one.reader.read(one.file), one.prove().found
-    joints = {key: value for key, value in alone.facts.items() if key.kind == "joint"}
-    assert joints == {key: value for key, value in beside.facts.items() if key.kind == "joint"}
-    assert joints[Key("joint", "FR_calf_joint", "armature")] == 0.02
+    assert one.reader.prove(Reference.of_bundle(tmp_path), one.file).findings == ()
+    alone, beside = (
+        {key: value for key, value in table.facts.items() if key.kind == "joint"}
+        for table in (one.reader.read(one.file), mjlab(quadruped("velocity"), tmp_path / "plain",
+                                                       None).prove().found)
+    )  # fmt: skip
+    armature = Key("joint", "FR_calf_joint", "armature")
+    assert alone[armature] == beside[armature] == 0.02
+    one.file.unlink()
+    assert [finding.rule for finding in one.prove().findings] == ["equal.unreadable"]
 
 
 def test_drives_without_a_limit_or_a_form_in_a_trainer_are_what_they_are(tmp_path: Path):
@@ -256,12 +257,6 @@ def test_a_value_of_any_form_is_a_finding(other: str, tmp_path: Path):
     for field in ("stiffness=", "pos=", "joint_pos=", "dt=", "actuators=", "spawn="):
         one.file.write_text(re.sub(rf"\b{field}", f"{field}{other} if True else ", whole))
         assert one.prove().findings, field
-
-
-def test_a_module_that_is_gone_is_one_error(tmp_path: Path):
-    one = isaaclab(tiny_quadruped(), tmp_path)
-    one.file.with_name("robot_1_isaaclab_3.py").unlink()
-    assert [finding.rule for finding in one.prove().findings] == ["equal.unreadable"]
 
 
 # --- anybody's configuration ------------------------------------------------------------------

@@ -2,33 +2,38 @@
 
 from __future__ import annotations
 
-import io
+import json
 from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from gripper import gripper, picture
 from hypothesis import HealthCheck, given, settings
 from PIL import Image
 from tiny import (
     TinyRobot,
-    box_obj,
+    check_inputs,
     examples,
-    pendulum,
-    robots,
     run_step,
     tiny_quadruped,
     write_robot_ports,
 )
+from tiny import (
+    robots as random_robots,
+)
 
 from assetbuild.errors import UsageError
+from assetbuild.facts.compare import FLOAT32, Precision, differences
+from assetbuild.facts.readers.mjcf import MjcfFacts
 from assetbuild.facts.readers.urdf import UrdfFacts
+from assetbuild.facts.reference import Assets, Reference
+from assetbuild.facts.surface import pixel_digest
 from assetbuild.findings import Finding
 from assetbuild.geometry.measure_assets import MeasureAssets
-from assetbuild.robot.pose import Pose, normalised_quat
-from assetbuild.robot.shapes import Capsule, Material, Mesh, Shape, Shapes
+from assetbuild.robot.codec import decode, encode
+from assetbuild.robot.shapes import Capsule, Shape
+from assetbuild.targets.mjcf import Mjcf
 from assetbuild.targets.urdf import Urdf
-
-TURNED = Pose((0.1, -0.2, 0.3), normalised_quat((0.5, 0.1, -0.7, 0.2)))
 
 
 def written(robot: TinyRobot, folder: Path) -> Path:
@@ -58,79 +63,43 @@ def edited(robot: TinyRobot, folder: Path, *edits: tuple[str, str], file: str = 
     return ports
 
 
-# --- robots -------------------------------------------------------------------------------------
-
-
-def picture(colour: str) -> bytes:
-    held = io.BytesIO()
-    Image.new("RGB", (2, 2), colour).save(held, "PNG")
-    return held.getvalue()
-
-
-def textured() -> TinyRobot:
-    """One mesh that is seen with two textures, a ball without length, a material nobody wears."""
-    robot = tiny_quadruped()
-    lines = box_obj((0.4, 0.2, 0.1)).decode().splitlines()
-    corners = [line for line in lines if line.startswith("v")]
-    faces = [
-        " ".join(f"{n}/{n}/{n}" if n != "f" else n for n in line.split()) for line in lines[8:]
-    ]
-    uv = [f"vt {n / 8!r} {n / 16!r}" for n in range(8)]
-    normals = [f"vn {n / 8!r} 0.6 -0.8" for n in range(8)]
-    mesh = "\n".join([*corners, *uv, *normals, *faces, ""]).encode()
-    shapes = Shapes(
-        (
-            Shape("a", "trunk", "visual", Mesh("trunk_box"), material="wood"),
-            Shape("b", "imu", "visual", Mesh("trunk_box"), TURNED, "stone"),
-            Shape("c", "trunk", "collision", Mesh("trunk_box"), TURNED),
-            Shape("ball", "FR_foot", "visual", Capsule(0.1, 0.0), TURNED, "plain"),
-            Shape("bare", "FR_hip", "visual", Capsule(0.1, 0.2), TURNED),
-        ),
-        (
-            Material("wood", (1.0, 0.9, 0.8, 1.0), "wood.png"),
-            Material("stone", (1.0, 1.0, 1.0, 0.5), "stone.png"),
-            Material("plain", (0.1, 0.2, 0.3, 1.0)),
-            Material("unworn", (0.3, 0.2, 0.1, 1.0), "wood.png"),
-        ),
-        robot.shapes.meshes,
-    )
-    pictures = {"wood.png": picture("brown"), "stone.png": picture("grey")}
-    return replace(robot, shapes=shapes, meshes={"trunk_box.obj": mesh, **pictures})
-
-
 # --- what we write ------------------------------------------------------------------------------
 
 
 def test_what_we_write_is_the_robot(tmp_path: Path):
-    """Robots of other joints and without meshes are in the contracts of all readers."""
-    assert proved(written(textured(), tmp_path / "in")) == []
+    """Meshes, a texture, a ball without length; other joints are in the contracts of readers."""
+    robot = gripper()
+    ball = Shape("ball", "b", "visual", Capsule(0.1, 0.0), material="red")
+    shapes = replace(robot.shapes, shapes=(*robot.shapes.shapes, ball))
+    assert proved(written(replace(robot, shapes=shapes), tmp_path / "in")) == []
     assert '"facts": 0' not in (tmp_path / "out/figures.json").read_text()
 
 
 @settings(max_examples=examples(60), suppress_health_check=[HealthCheck.function_scoped_fixture])
-@given(robot=robots())
+@given(robot=random_robots())
 def test_any_robot_reads_back(robot: TinyRobot, tmp_path_factory: pytest.TempPathFactory):
     tree = replace(robot.links, frames=())
     folder = tmp_path_factory.mktemp("any")
     assert proved(written(replace(robot, links=tree, tree=tree), folder / "in")) == []
 
 
-def test_a_source_s_effort_stays_where_the_drive_has_no_limit(tmp_path: Path):
-    robot = pendulum()
-    free = replace(robot.control.actuators[0], effort=None, velocity=None)
-    robot = replace(robot, control=replace(robot.control, actuators=(free,)))
-    ports = written(robot, tmp_path / "in")
-    assert 'effort="5.0" velocity="10.0"' in (ports / "urdf/bot.urdf").read_text()
-    assert proved(ports) == []
-
-
 def test_a_picture_that_nothing_can_read_is_the_same_picture(tmp_path: Path):
-    robot = textured()
-    robot = replace(robot, meshes={**robot.meshes, "stone.png": b"no picture"})
+    robot = gripper()
+    robot = replace(robot, meshes={**robot.meshes, "wood.png": b"no picture"})
     ports = written(robot, tmp_path / "in")
     assert proved(ports) == []
-    (ports / "urdf/meshes/stone.png").write_bytes(picture("grey"))
+    (ports / "urdf/meshes/wood.png").write_bytes(picture())
     assert "equal.urdf.texture" in {f.rule for f in proved(ports)}
+
+
+@pytest.mark.parametrize(
+    ("quantity", "old", "new"),
+    [("texture_corners", "vt 2 0", "vt 2.1 0"), ("mean_corner", "v 0 0 0", "v 0 0 0.0001")],
+)
+def test_one_other_number_of_a_mesh_is_found(quantity: str, old: str, new: str, tmp_path: Path):
+    findings = proved(edited(gripper(), tmp_path / "in", (old, new), file="meshes/tile.obj"))
+    named = {(f.rule, s) for f in findings for s in (f.subject, *f.data.get("subjects", ()))}
+    assert (f"equal.urdf.{quantity}", "shape skin") in named
 
 
 # --- planted faults -----------------------------------------------------------------------------
@@ -161,24 +130,6 @@ def test_a_fault_is_named_with_subject_and_quantity(fault: str, tmp_path: Path):
 
 
 @pytest.mark.parametrize(
-    ("file", "subject", "quantity", "old", "new"),
-    [
-        ("meshes/trunk_box_2.obj", "shape b", "texture_corners", "vt 0.125", "vt 0.25"),
-        ("meshes/trunk_box.obj", "shape a", "mean_corner", "v -0.2", "v -0.21"),
-        ("bot.urdf", "shape a", "texture", "meshes/wood.png", "meshes/stone.png"),
-    ],
-)  # fmt: skip
-def test_textures_and_meshes_are_compared(
-    file: str, subject: str, quantity: str, old: str, new: str, tmp_path: Path
-):
-    findings = proved(edited(textured(), tmp_path / "in", (old, new), file=file))
-    rule = f"equal.urdf.{quantity}"
-    told = {(f.rule, f.subject) for f in findings}
-    others = {(f.rule, s) for f in findings for s in f.data.get("subjects", ())}  # type: ignore[union-attr] # a tuple
-    assert (rule, subject) in told | others
-
-
-@pytest.mark.parametrize(
     ("old", "new", "message"),
     [
         ("</robot>", "", "not readable as XML"),
@@ -189,8 +140,42 @@ def test_a_file_that_is_no_urdf_is_one_error(old: str, new: str, message: str, t
     (found,) = proved(edited(tiny_quadruped(), tmp_path / "in", (old, new)))
     assert found.rule == "equal.unreadable"
     assert message in found.message
-
-
-def test_a_file_that_is_not_there_is_one_error(tmp_path: Path):
     with pytest.raises(UsageError, match="cannot read"):
         UrdfFacts(robot="x").read(tmp_path / "no.urdf")
+
+
+def test_the_same_pixels_are_the_same_picture(tmp_path: Path):
+    red = Image.new("RGB", (3, 2), (200, 10, 10))
+    stored = {
+        "plain.png": red, "opaque.png": red.convert("RGBA"), "palette.png": red.quantize(4),
+        "other.bmp": red,
+    }  # fmt: skip
+    for name, stored_as in stored.items():
+        stored_as.save(tmp_path / name)
+    assert len({pixel_digest(tmp_path / name) for name in stored}) == 1
+
+
+# --- copies of the robot's own files -------------------------------------------------------------
+
+
+def test_a_copy_says_what_a_full_reading_says(tmp_path: Path) -> None:
+    inputs = written(gripper(), tmp_path / "in")
+    reference = Reference.of_ports(inputs, {})
+    unknown = replace(reference, assets=replace(reference.assets, files=()))
+    reader, file = UrdfFacts(robot="bot"), inputs / "urdf/bot.urdf"
+    known, read = (reader.found(file, one) for one in (reference, unknown))
+    assert reference.assets.files
+    assert differences(read, known, Precision(FLOAT32)) == []
+    stated = json.loads(reference.to_json())["assets"]
+    assert stated["files"] == [], "a bundle states no bytes, so its files are read"
+
+
+def test_mujoco_reads_every_file_of_the_full_model(tmp_path: Path) -> None:
+    """What it makes of a file is compared with what the build measured, whatever its bytes are."""
+    inputs = check_inputs(tmp_path, gripper(), Mjcf(robot="robot"), "mjcf")
+    file = inputs / "assets.json"
+    assets = decode(Assets, file.read_bytes())
+    doubled = tuple((name, replace(own, area=2.0 * own.area)) for name, own in assets.surfaces)
+    file.write_bytes(encode(replace(assets, surfaces=doubled, pixels=(("wood.png", "0" * 16),))))
+    found = {f.rule for f in run_step(MjcfFacts(robot="robot"), inputs, tmp_path / "out")}
+    assert {"equal.mjcf.area", "equal.mjcf.texture"} <= found

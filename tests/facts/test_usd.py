@@ -26,11 +26,15 @@ from tiny import (
 )
 
 from assetbuild.errors import UsageError
+from assetbuild.facts.reader import Reader
 from assetbuild.facts.readers.usd import UsdReader, ignored_words
+from assetbuild.facts.readers.usd_scene import UsdSceneReader
 from assetbuild.findings import Finding
 from assetbuild.robot.model import (
     Contact,
+    Simulation,
 )
+from assetbuild.robot.pose import Pose, normalised_quat
 from assetbuild.simulators.usd_options import UsdOptions
 from assetbuild.targets.usd import Usd as UsdTarget
 
@@ -44,12 +48,13 @@ def check(
     spoil: Spoil | None = None,
     options: UsdOptions | None = None,
     layer: str = "robot.usda",
+    reads: type[Reader] = UsdReader,
 ) -> list[Finding]:
     options = options or UsdOptions()
     inputs = check_inputs(folder, robot, UsdTarget(robot="robot", options=options), "usd")
     if spoil is not None:
         spoil_stage(inputs / "usd" / layer, spoil)
-    reader = UsdReader(robot="robot", options={"usd": options.model_dump(mode="json")})
+    reader = reads(robot="robot", options={"usd": options.model_dump(mode="json")})
     return run_step(reader, inputs, folder / "out")
 
 
@@ -121,32 +126,53 @@ def times(factor: float) -> Callable[[object], object]:
     return lambda value: value * factor  # type: ignore[operator] # a number or a vector
 
 
+ATTRIBUTES = [
+    ("mass", "body FR_hip", "/robot/FR_hip.physics:mass", times(1.000001)),
+    ("inertia", "body trunk", "/robot/trunk.physics:principalAxes",
+     lambda _: Gf.Quatf(0.9, 0.1, 0.2, 0.3)),
+    ("kp", "joint FR_hip_joint", f"{HIP}.drive:angular:physics:stiffness", times(57.3)),
+    ("drive_type", "joint FR_hip_joint", f"{HIP}.drive:angular:physics:type",
+     lambda _: "acceleration"),
+    ("start", "joint FR_thigh_joint",
+     f"{JOINTS}/FR_thigh_joint.state:angular:physics:position", times(-1.0)),
+    ("upper", "joint FR_hip_joint", f"{HIP}.physics:upperLimit", times(1.000001)),
+    ("armature", "joint FR_hip_joint", f"{HIP}.physxJointAxis:angular:armature", times(100.0)),
+    ("limitstiffness", "joint FR_hip_joint", f"{HIP}.newton:limitStiffness", times(57.3)),
+    ("condim", "shape FR_foot_collision", f"{FOOT}.mjc:condim", lambda _: 6),
+    ("anchor", "joint FR_hip_joint", f"{HIP}.physics:localPos1", lambda _: Gf.Vec3f(0, 0, 0.01)),
+    ("pose", "body FR_calf", "/robot/FR_calf.xformOp:translate", times(1.01)),
+    ("size", "shape FR_foot_collision", f"{FOOT}.radius", times(10.0)),
+    ("solverpositioniterationcount", "body trunk",
+     "/robot/trunk.physxArticulation:solverPositionIterationCount", lambda _: 4),
+    ("friction", "shape FR_foot_collision",
+     "/robot/PhysicsMaterials/contact.physics:staticFriction", times(0.1)),
+]  # fmt: skip
+FOLLOWS, TILE, LOOP = f"{JOINTS}/b_joint", "/Geometries/tile/mesh", "/robot/Loops/coupler_loop"
+OF_A_GRIPPER = [
+    ("mimic_multiplier", "joint b_joint", f"{FOLLOWS}.physxMimicJoint:rotX:gearing", times(-1.0)),
+    ("reference_axis", "joint b_joint", f"{FOLLOWS}.physxMimicJoint:rotX:referenceJointAxis",
+     lambda _: "rotY"),
+    ("mimic_multiplier", "joint b_joint", f"{FOLLOWS}.newton:mimicCoef1", times(-1.0)),
+    ("texture_corners", "shape skin", f"{TILE}.primvars:st",
+     lambda v: [(1.5 * uv[0], uv[1]) for uv in v]),
+    ("triangles", "shape skin", f"{TILE}.faceVertexIndices", lambda v: [0, 0, 9, *list(v)[3:]]),
+    ("volume", "shape skin", f"{TILE}.faceVertexIndices", lambda v: [v[1], v[0], *list(v)[2:]]),
+]  # fmt: skip
+OF_A_LOOP = [
+    ("end_a", "loop coupler_loop", f"{LOOP}.physics:localPos0", times(1.01)),
+    ("missing", "loop coupler_loop", f"{LOOP}.physics:excludeFromArticulation", lambda _: False),
+    ("solimp", "loop coupler_loop", f"{LOOP}.mjc:solimp", lambda _: [0.1, 0.95, 0.001, 0.5, 2.0]),
+]
+
+
 @pytest.mark.parametrize(
-    ("rule", "subject", "attribute", "change"),
-    [
-        ("mass", "body FR_hip", "/robot/FR_hip.physics:mass", times(1.000001)),
-        ("inertia", "body trunk", "/robot/trunk.physics:principalAxes",
-         lambda _: Gf.Quatf(0.9, 0.1, 0.2, 0.3)),
-        ("kp", "joint FR_hip_joint", f"{HIP}.drive:angular:physics:stiffness", times(57.3)),
-        ("drive_type", "joint FR_hip_joint", f"{HIP}.drive:angular:physics:type",
-         lambda _: "acceleration"),
-        ("start", "joint FR_thigh_joint",
-         f"{JOINTS}/FR_thigh_joint.state:angular:physics:position", times(-1.0)),
-        ("upper", "joint FR_hip_joint", f"{HIP}.physics:upperLimit", times(1.000001)),
-        ("armature", "joint FR_hip_joint", f"{HIP}.physxJointAxis:angular:armature", times(100.0)),
-        ("limitstiffness", "joint FR_hip_joint", f"{HIP}.newton:limitStiffness", times(57.3)),
-        ("condim", "shape FR_foot_collision", f"{FOOT}.mjc:condim", lambda _: 6),
-        ("anchor", "joint FR_hip_joint", f"{HIP}.physics:localPos1",
-         lambda _: Gf.Vec3f(0, 0, 0.01)),
-        ("pose", "body FR_calf", "/robot/FR_calf.xformOp:translate", times(1.01)),
-        ("size", "shape FR_foot_collision", f"{FOOT}.radius", times(10.0)),
-        ("solverpositioniterationcount", "body trunk",
-         "/robot/trunk.physxArticulation:solverPositionIterationCount", lambda _: 4),
-        ("friction", "shape FR_foot_collision",
-         "/robot/PhysicsMaterials/contact.physics:staticFriction", times(0.1)),
-    ],
-)  # fmt: skip
+    ("robot", "rule", "subject", "attribute", "change"),
+    [(tiny_quadruped(), *row) for row in ATTRIBUTES]
+    + [(gripper(), *row) for row in OF_A_GRIPPER]
+    + [(four_bar("weld"), *row) for row in OF_A_LOOP],
+)
 def test_a_changed_attribute_is_named_with_both_values(
+    robot: TinyRobot,
     rule: str,
     subject: str,
     attribute: str,
@@ -158,50 +184,14 @@ def test_a_changed_attribute_is_named_with_both_values(
         assert found, attribute
         assert found.Set(change(found.Get()))
 
-    findings = check(tiny_quadruped(), tmp_path, spoil)
+    layer = "payloads/geometries.usdc" if attribute.startswith(TILE) else "robot.usda"
+    findings = check(robot, tmp_path, spoil, layer=layer)
     ours = [f for f in findings if f.rule == f"equal.usd.{rule}"]
     assert any(subject in {f.subject, *f.data.get("subjects", ())} for f in ours)
-    assert all({"expected", "found"} <= set(f.data) for f in ours)
+    assert rule == "missing" or all({"expected", "found"} <= set(f.data) for f in ours)
 
 
 # --- one thing, many attributes
-
-
-@pytest.mark.parametrize(
-    ("rule", "attribute", "change"),
-    [
-        ("mimic_multiplier", "physxMimicJoint:rotX:gearing", times(-1.0)),
-        ("reference_axis", "physxMimicJoint:rotX:referenceJointAxis", lambda _: "rotY"),
-        ("mimic_multiplier", "newton:mimicCoef1", times(-1.0)),
-    ],
-)
-def test_a_mimic_joint_that_follows_otherwise_is_found(
-    rule: str, attribute: str, change: Callable[[object], object], tmp_path: Path
-) -> None:
-    def spoil(stage: Usd.Stage) -> None:
-        found = stage.GetAttributeAtPath(f"{JOINTS}/b_joint.{attribute}")
-        found.Set(change(found.Get()))
-
-    assert rules(check(gripper(), tmp_path, spoil)) == {(f"equal.usd.{rule}", "joint b_joint")}
-
-
-@pytest.mark.parametrize(
-    ("rule", "attribute", "change"),
-    [
-        ("texture_corners", "primvars:st", lambda v: [(1.5 * uv[0], uv[1]) for uv in v]),
-        ("triangles", "faceVertexIndices", lambda v: [0, 0, 9, *list(v)[3:]]),
-        ("volume", "faceVertexIndices", lambda v: [v[1], v[0], *list(v)[2:]]),
-    ],
-)
-def test_a_changed_mesh_is_found(
-    rule: str, attribute: str, change: Callable[[object], object], tmp_path: Path
-) -> None:
-    def spoil(stage: Usd.Stage) -> None:
-        found = stage.GetAttributeAtPath(f"/Geometries/tile/mesh.{attribute}")
-        assert found.Set(change(found.Get()))
-
-    findings = check(gripper(), tmp_path, spoil, layer="payloads/geometries.usdc")
-    assert (f"equal.usd.{rule}", "shape skin") in rules(findings)
 
 
 def test_one_material_for_all_is_found(tmp_path: Path) -> None:
@@ -216,30 +206,6 @@ def test_one_material_for_all_is_found(tmp_path: Path) -> None:
     assert {("equal.usd.friction", "shape a_pad"), ("equal.usd.rgba", "shape b_skin"),
             ("equal.usd.dynamicfriction", "shape a_pad"), ("equal.usd.texture", "shape b_skin"),
             ("equal.usd.material", "shape b_skin")} <= found  # fmt: skip
-
-
-@pytest.mark.parametrize(
-    ("rule", "attribute", "change"),
-    [
-        ("end_a", "physics:localPos0", times(1.01)),
-        ("type", "physics:excludeFromArticulation", lambda _: False),
-        ("solimp", "mjc:solimp", lambda _: [0.1, 0.95, 0.001, 0.5, 2.0]),
-    ],
-)
-def test_a_changed_loop_is_found(
-    rule: str, attribute: str, change: Callable[[object], object], tmp_path: Path
-) -> None:
-    robot = four_bar("weld")
-    assert check(robot, tmp_path / "untouched") == []
-    (loop,) = (loop.name for loop in robot.control.loops)
-
-    def spoil(stage: Usd.Stage) -> None:
-        found = stage.GetAttributeAtPath(f"/robot/Loops/{loop}.{attribute}")
-        assert found.Set(change(found.Get()))
-
-    found = rules(check(robot, tmp_path / "spoilt", spoil))
-    lost = ("equal.usd.missing", f"loop {loop}")
-    assert lost in found if rule == "type" else (f"equal.usd.{rule}", f"loop {loop}") in found
 
 
 def test_a_word_of_an_engine_that_nobody_reads_is_told(tmp_path: Path) -> None:
@@ -298,13 +264,6 @@ def test_what_is_said_of_whole_prims_is_compared(
     assert (f"equal.usd.{rule}", subject) in rules(check(tiny_quadruped(), tmp_path, spoil))
 
 
-def test_a_file_that_is_no_usd_is_unreadable(tmp_path: Path) -> None:
-    inputs = check_inputs(tmp_path, pendulum(), UsdTarget(robot="robot"), "usd")
-    (inputs / "usd/robot.usda").write_text("not usd")
-    findings = run_step(UsdReader(robot="robot"), inputs, tmp_path / "out")
-    assert [f.rule for f in findings] == ["equal.unreadable"]
-
-
 def test_a_layer_that_is_no_usd_is_one_finding(tmp_path: Path) -> None:
     """With the prim and the line, in USD's own words."""
     inputs = check_inputs(tmp_path, tiny_quadruped(), UsdTarget(robot="robot"), "usd")
@@ -313,6 +272,12 @@ def test_a_layer_that_is_no_usd_is_one_finding(tmp_path: Path) -> None:
     (found,) = run_step(UsdReader(robot="robot"), inputs, tmp_path / "out")
     assert found.rule == "equal.unreadable"
     assert "payloads/base.usda:" in found.message and "</robot/trunk>" in found.message
+    (inputs / "usd/robot.usda").write_text("not usd")
+    (found,) = run_step(UsdReader(robot="robot"), inputs, tmp_path / "out")
+    assert found.rule == "equal.unreadable"
+    Usd.Stage.CreateNew(str(tmp_path / "none.usda")).Save()
+    with pytest.raises(UsageError, match="no default prim"):
+        UsdReader(robot="none").read(tmp_path / "none.usda")
 
 
 # --- anybody's USD
@@ -359,13 +324,6 @@ def test_any_stage_is_read_in_metres_and_kilograms(tmp_path: Path) -> None:
     assert table.of("shape", "shape")["size"] == pytest.approx((0.1, 0.1, 0.1))
 
 
-def test_a_stage_without_a_default_prim_is_refused(tmp_path: Path) -> None:
-    path = tmp_path / "none.usda"
-    Usd.Stage.CreateNew(str(path)).Save()
-    with pytest.raises(UsageError, match="no default prim"):
-        UsdReader(robot="none").read(path)
-
-
 def test_a_body_that_is_its_own_shape_is_both(tmp_path: Path) -> None:
     path = tmp_path / "ball.usda"
     stage = Usd.Stage.CreateNew(str(path))
@@ -377,3 +335,64 @@ def test_a_body_that_is_its_own_shape_is_both(tmp_path: Path) -> None:
     table = UsdReader(robot="r").read(path)
     assert table.names("body") == table.names("shape") == ("ball",)
     assert table.of("shape", "ball")["size"] == (0.01,)  # a stage without units is in centimetres
+
+
+# --- The scene: the floor, gravity, the rate, and where the robot starts ---
+
+
+Spoil = Callable[[Usd.Stage], object]
+
+
+def test_untouched_scenes_are_equal(tmp_path: Path) -> None:
+    hung = pendulum()
+    place = Pose((0.5, -0.2, 1.5), normalised_quat((1.0, 0.0, 1.0, 0.0)))
+    hung = replace(hung, tree=replace(hung.tree, X_world_root=place))
+    moon = tiny_quadruped()
+    simulation = Simulation(gravity=(0.0, 0.3, -1.6), timestep=0.003)
+    feet = (("FR_foot_collision", Contact(friction=(0.5, 0.01, 0.02))),)
+    moon = replace(moon, control=replace(moon.control, simulation=simulation, contacts=feet))
+    for i, robot in enumerate((tiny_quadruped(), pendulum(), hung, moon)):
+        assert check(robot, tmp_path / str(i), reads=UsdSceneReader) == []
+
+
+@pytest.mark.parametrize("name", ["physics", "floor", "PhysicsMaterials"])
+def test_a_robot_may_be_called_like_a_part_of_the_scene(name: str, tmp_path: Path) -> None:
+    inputs = check_inputs(tmp_path, tiny_quadruped(), UsdTarget(robot=name), "usd")
+    assert run_step(UsdSceneReader(robot=name), inputs, tmp_path / "out") == []
+
+
+def set_to(path: str, value: object) -> Spoil:
+    def spoil(stage: Usd.Stage) -> None:
+        assert stage.GetAttributeAtPath(path).Set(value)
+
+    return spoil
+
+
+@pytest.mark.parametrize(
+    ("rule", "subject", "spoil"),
+    [
+        ("gravity", "simulation", set_to("/World/physics.physics:gravityMagnitude", 9.0)),
+        ("gravity", "simulation",
+         set_to("/World/physics.physics:gravityDirection", Gf.Vec3f(0, 0, 1))),
+        ("timestep", "simulation", set_to("/World/physics.physxScene:timeStepsPerSecond", 100)),
+        ("friction", "floor", set_to(
+            "/World/PhysicsMaterials/floor.physics:staticFriction", 0.1)),
+        ("height", "floor", lambda s: UsdGeom.Xformable(
+            s.GetPrimAtPath("/World/floor")).AddTranslateOp().Set((0.0, 0.0, 0.1))),
+        ("collides", "floor", lambda s: s.GetPrimAtPath("/World/floor").RemoveAPI(
+            UsdPhysics.CollisionAPI)),
+        ("friction", "floor", lambda s: s.GetRelationshipAtPath(
+            "/World/floor.material:binding:physics").SetTargets([])),
+        ("initial_pose", "start FR_calf",
+         set_to("/World/robot/FR_calf.xformOp:translate", Gf.Vec3d(0, 0, 1))),
+        ("restitution", "floor", set_to(
+            "/World/PhysicsMaterials/floor.physics:restitution", 0.5)),
+        ("frictioncombinemode", "floor", set_to(
+            "/World/PhysicsMaterials/floor.physxMaterial:frictionCombineMode", "min")),
+    ],
+)  # fmt: skip
+def test_what_changed_is_named(rule: str, subject: str, spoil: Spoil, tmp_path: Path) -> None:
+    findings = check(tiny_quadruped(), tmp_path, spoil, layer="scene.usda", reads=UsdSceneReader)
+    named = [f for f in findings if f.rule == f"equal.usd_scene.{rule}"]
+    assert subject in {f.subject for f in named}
+    assert all({"expected", "found"} <= set(f.data) for f in named)

@@ -106,15 +106,6 @@ def test_pieces_are_placed_in_the_frame_of_their_shape(tmp_path: Path):
     assert shapes.meshes[0].convex
 
 
-def test_a_primitive_of_the_source_is_kept_as_it_is(tmp_path: Path):
-    source = SourceShapes((SourceShape("s", "trunk", "collision", Box((1.0, 2.0, 3.0)), RAISED),))
-    use = CollisionUse(link="trunk", shape="s")
-    shapes, _ = assembled(tmp_path, source, Assemble(visuals=(), collisions=(use,)))
-    assert shapes.shapes == (
-        Shape("trunk_collision", "trunk", "collision", Box((1.0, 2.0, 3.0)), RAISED),
-    )
-
-
 def test_links_that_hit_nothing_are_told(tmp_path: Path):
     shapes = tuple(SourceShape(n, n, "collision", Sphere(0.1)) for n in ("foot", "rotor"))
     (tmp_path / "in").mkdir()

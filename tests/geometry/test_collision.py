@@ -57,11 +57,6 @@ def test_the_preset_fills_what_a_rule_of_auto_leaves_open(tmp_path):
     assert (step.max_outside, step.max_missing, step.max_hulls) == (0.001, 0.02, 32)
 
 
-def test_a_rule_may_have_a_preset_of_its_own(tmp_path):
-    _, _, arm = jobs(tmp_path, "  links: {arm: {preset: manipulation}}\n")
-    assert arm.step().max_overcover == 0.2
-
-
 def test_other_methods_are_judged_by_what_the_rule_states_alone(tmp_path):
     (base, _, arm) = jobs(tmp_path, "  links: {arm: {method: hull, max_missing: 3 %}}\n")
     step = arm.step()
@@ -85,13 +80,6 @@ def test_several_primitives_know_the_bones_of_their_link(tmp_path):
     assert base.step().bones == ((0.0, 0.0, 0.3),)
     one = jobs(tmp_path, "  default: {method: primitive}\n")[0]
     assert one.step().bones == ()
-
-
-def test_explicit_pieces_need_no_geometry_in_the_source(tmp_path):
-    rule = "{method: explicit, from: collision, pieces: [{type: sphere, radius: 1}]}"
-    text = f"  links:\n    arm: {rule}\n"
-    *_, arm = jobs(tmp_path, text)
-    assert arm.step().pieces[0].radius == 1.0
 
 
 def test_a_file_of_the_users_is_an_input_whose_name_is_not_in_the_key(tmp_path):
@@ -168,12 +156,6 @@ def test_other_tolerances_share_no_result(tmp_path):
     assert equal_shapes(all_jobs, Answers(MIRRORED).converted, Answers(MIRRORED)) == {}
 
 
-def test_a_place_to_keep_open_is_searched_on_its_own(tmp_path):
-    text = "  links: {arm: {keep_open: [{from: [0, 0, 0], radius: 1 mm}]}}\n"
-    all_jobs = jobs(tmp_path, text)
-    assert equal_shapes(all_jobs, Answers(MIRRORED).converted, Answers(MIRRORED)) == {}
-
-
 def test_a_primitive_of_one_mesh_is_shared_by_all_links_that_turn_it(tmp_path):
     recipe = loaded(tmp_path, "  default: {method: primitive, max_hulls: 2}\n")
     turned = Pose((0.1, 0.0, 0.0), quat_of_rpy(math.pi, 0.0, 0.0))
@@ -197,3 +179,21 @@ def test_a_primitive_of_one_mesh_is_shared_by_all_links_that_turn_it(tmp_path):
     assert left.step().bones == ((0.0, 0.08, 0.0),)
     assert (left.label, right.label) == ("primitive left", "primitive right")
     assert not left.per_link
+
+
+def test_a_rule_may_have_a_preset_of_its_own(tmp_path):
+    _, _, arm = jobs(tmp_path, "  links: {arm: {preset: manipulation}}\n")
+    assert arm.step().max_overcover == 0.2
+
+
+def test_explicit_pieces_need_no_geometry_in_the_source(tmp_path):
+    rule = "{method: explicit, from: collision, pieces: [{type: sphere, radius: 1}]}"
+    text = f"  links:\n    arm: {rule}\n"
+    *_, arm = jobs(tmp_path, text)
+    assert arm.step().pieces[0].radius == 1.0
+
+
+def test_a_place_to_keep_open_is_searched_on_its_own(tmp_path):
+    text = "  links: {arm: {keep_open: [{from: [0, 0, 0], radius: 1 mm}]}}\n"
+    all_jobs = jobs(tmp_path, text)
+    assert equal_shapes(all_jobs, Answers(MIRRORED).converted, Answers(MIRRORED)) == {}

@@ -5,7 +5,6 @@ from __future__ import annotations
 import io
 import json
 import shutil
-import tarfile
 from pathlib import Path
 
 import mujoco
@@ -209,16 +208,6 @@ def test_a_pattern_of_turned_meshes_that_matches_none_is_an_error_of_the_recipe(
     recipe.write_text(text)
     with pytest.raises(RecipeError, match=r"`meshes/tyle.\*` matches no mesh"):
         check(recipe)
-
-
-def test_an_archive_gives_the_same_textures(tmp_path: Path, bundle: Path):
-    with tarfile.open(tmp_path / "robot.tar", "w") as archive:
-        archive.add(bundle.parent / "robot", ".")
-    recipe = tmp_path / "r.yaml"
-    recipe.write_text(RECIPE.format(source="path: robot.tar"))
-    names = {path.name for path in (bundle / "mjcf/assets").iterdir()}
-    _, out, _ = built(recipe)
-    assert {path.name for path in (out / "mjcf/assets").iterdir()} == names
 
 
 MJCF = """<mujoco><compiler meshdir="meshes" texturedir="pictures"/><asset>

@@ -89,15 +89,6 @@ def test_parts_follow_the_first_use_of_their_material(tmp_path):
     assert set(files) == {"0.npz", "1.npz", "2.npz", "mesh.json"}
 
 
-def test_materials_of_no_known_look_make_no_parts(tmp_path):
-    data = b"mtllib gone.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\n" + b"".join(
-        b"usemtl %s\nf %s\n" % pair
-        for pair in [(b"b", b"1 3 2"), (b"a", b"1 2 4"), (b"b", b"1 4 3"), (b"c", b"2 3 4")]
-    )
-    record, _, _, _ = convert(tmp_path, data, format="obj")
-    assert [(part.faces, part.rgba) for part in record.parts] == [(4, None)]
-
-
 TRIANGLE = (
     b"mtllib ./a.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 9\nvt 0 0\nvt 1 0\nusemtl m\n"
     b"f 1/1 2/2 3/1\nf 1/1 2/1 4/1\n"
@@ -192,14 +183,6 @@ def test_a_picture_of_sixteen_bits_keeps_its_tone(tmp_path):
     assert picture.getpixel((0, 0)) == (128,) * 3  # 0x80FF of 0xFFFF is 128.49 of 255
 
 
-def test_a_texture_without_coordinates_is_told(tmp_path):
-    bare = TRIANGLE.replace(b"1/1 2/2 3/1", b"1 2 3")
-    files = {"a.mtl": b"newmtl m\nmap_Kd w.png\n", "w.png": png()}
-    record, _, findings, _ = convert_with(tmp_path, bare, files, format="obj")
-    assert record.parts[0].texture is None
-    assert "no texture coordinates" in findings[0].message
-
-
 def test_a_texture_bomb_is_refused_before_it_is_decoded(tmp_path):
     width = struct.pack(">I", 30_000)
     bomb = png().replace(struct.pack(">II", 2, 2), width + width, 1)
@@ -250,18 +233,6 @@ def test_each_mesh_of_go1_arrives_whole(tmp_path, go1_root, name):
     material = record.parts[0].material
     expected = {"depthCamera": "材质", "trunk": None, "hip": "Material.029"}
     assert material == expected.get(name, material)
-
-
-def test_more_faces_than_mujoco_reads_from_an_stl_arrive(tmp_path):
-    """Its reader of STL stops at 200,000, so what we write is an OBJ."""
-    side = 405
-    x, y = np.meshgrid(np.arange(side + 1), np.arange(side + 1), indexing="ij")
-    points = np.stack([x, y, np.zeros_like(x)], axis=-1).astype(float)
-    a, b, c, d = points[:-1, :-1], points[1:, :-1], points[1:, 1:], points[:-1, 1:]
-    faces = np.concatenate([np.stack([a, b, c], axis=2), np.stack([a, c, d], axis=2)])
-    record, mesh, _, _ = convert(tmp_path, stl(faces.reshape(-1, 3, 3) * 0.001), format="stl")
-    assert record.faces == len(mesh.faces) == 2 * side * side == 328_050
-    assert record.area_m2 == pytest.approx((0.001 * side) ** 2)
 
 
 ONE = np.array([[[0.0, 0.0, 0.0], [2.0, 0.0, 0.0], [0.0, 1.0, 0.0]]])
@@ -316,3 +287,11 @@ def test_what_is_no_picture_is_told_and_leaves_no_file(
     made = tmp_path / "out/texture/texture.png"
     assert made.is_file() is not bool(rules)
     assert rules or Image.open(made).size == (8, 4)
+
+
+def test_a_texture_without_coordinates_is_told(tmp_path):
+    bare = TRIANGLE.replace(b"1/1 2/2 3/1", b"1 2 3")
+    files = {"a.mtl": b"newmtl m\nmap_Kd w.png\n", "w.png": png()}
+    record, _, findings, _ = convert_with(tmp_path, bare, files, format="obj")
+    assert record.parts[0].texture is None
+    assert "no texture coordinates" in findings[0].message

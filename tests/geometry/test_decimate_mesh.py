@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from tiny import run_step
 
-from assetbuild.geometry.convert_mesh import ConvertMesh, write_converted
+from assetbuild.geometry.convert_mesh import write_converted
 from assetbuild.geometry.decimate_mesh import DecimateMesh
 from assetbuild.geometry.match_shapes import MatchShapes
 from assetbuild.mesh.cover import union_of
@@ -108,31 +108,6 @@ def test_a_textured_part_is_left_alone_and_named(tmp_path):
     assert files["parts/0.npz"] == array_bytes(textured)
 
 
-def test_the_same_bytes_twice(tmp_path):
-    assert (
-        decimate(tmp_path, [part(BALL)], 500, "a")[2]
-        == decimate(tmp_path, [part(BALL)], 500, "b")[2]
-    )
-
-
-@pytest.mark.slow
-def test_the_trunk_of_go1_keeps_its_shape(tmp_path, go1_root):
-    converted = tmp_path / "converted"
-    (tmp_path / "source").mkdir()
-    converted.mkdir()
-    path = go1_root / "robots/go1_description/meshes/trunk.dae"
-    (tmp_path / "source/mesh").symlink_to(path)
-    run_step(ConvertMesh(format="dae"), tmp_path / "source", converted)
-    outputs = tmp_path / "out"
-    outputs.mkdir()
-    findings = {f.rule: f for f in run_step(DecimateMesh(max_faces=20000), converted, outputs)}
-    data = findings["visual.decimated"].data
-    assert data["from"] == 351394
-    assert data["to"] < 40000
-    assert data["area_ratio"] == pytest.approx(1.0, abs=0.01)
-    assert data["p99_mm"] < 1.5
-
-
 def bracket(sign: float) -> TriangleMesh:
     """Three boxes that are no mirror image of themselves; sign -1 mirrors x.
 
@@ -159,12 +134,6 @@ def test_a_mirrored_bracket_is_found_with_its_mirror_and_shift(tmp_path):
     assert found["shapes/1"]["like"] == "shapes/0"
     assert found["shapes/1"]["signs"] == [-1.0, 1.0, 1.0]
     assert found["shapes/1"]["shift"] == pytest.approx([0.0, 0.0, 3.0], abs=1e-9)
-
-
-def test_the_same_bracket_elsewhere_is_not_mirrored(tmp_path):
-    found = matches(tmp_path, bracket(1.0), bracket(1.0).mapped(np.eye(3), (1.0, 2.0, 3.0)))
-    assert found["shapes/1"]["signs"] == [1.0, 1.0, 1.0]
-    assert found["shapes/1"]["shift"] == pytest.approx([1.0, 2.0, 3.0], abs=1e-9)
 
 
 def test_another_size_is_another_shape(tmp_path):

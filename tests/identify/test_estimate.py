@@ -6,20 +6,16 @@ import mujoco
 import numpy as np
 import pytest
 from logs import (
-    ARMATURE,
-    DAMPING,
     DELAY_S,
-    FRICTION,
     JOINTS,
-    KD,
-    KP,
     RATE_HZ,
-    TWO_LINKS,
     arm,
     chirps,
     columns_of,
     fitted,
     recorded,
+    text_of_two_links,
+    truth,
     write_csv,
 )
 from tiny import run_step
@@ -89,12 +85,6 @@ def test_two_parameters_that_do_the_same_are_correlated_and_have_wide_intervals(
     assert found.high[0] - found.low[0] < 0.05
 
 
-def test_a_bound_holds():
-    problem = line(white)
-    bounded = Problem(**{**vars(problem), "lower": np.array([0.0, 0.0])})
-    assert estimate(bounded).theta[1] == 0.0
-
-
 def test_parameters_of_disjoint_parts_share_a_simulation():
     asked = []
 
@@ -131,7 +121,7 @@ DOWN = (0.0, 0.0, -9.81)
 @pytest.mark.parametrize(("kp", "kd"), [(30.0, 1.0), (500.0, 50.0)])
 def test_the_start_predicts_the_log(kp, kd):
     """kp times the error of the stiff one is six times its effort; kd takes nearly all away."""
-    text = TWO_LINKS.format(dt=0.0002, a=ARMATURE, d=DAMPING, f=FRICTION, kp=kp, kd=kd)
+    text = text_of_two_links(kp=kp, kd=kd)
     target = chirps(6.0)
     position, torque = recorded(mujoco.MjModel.from_xml_string(text), target, delay=0.0)
     assert np.abs(torque).max() < 50.0
@@ -147,7 +137,6 @@ def test_the_start_predicts_the_log(kp, kd):
 
 
 DT = 0.0002
-HIDDEN = {"armature": ARMATURE, "damping": DAMPING, "friction": FRICTION}
 
 
 def jittered(seconds, share, seed=3):
@@ -155,7 +144,7 @@ def jittered(seconds, share, seed=3):
     target, random = chirps(seconds), np.random.default_rng(seed)
     late = random.uniform(0.0, share / RATE_HZ, len(target))
     steps = np.round((np.arange(len(target)) / RATE_HZ + late) / DT).astype(int)
-    text = TWO_LINKS.format(dt=DT, a=ARMATURE, d=DAMPING, f=FRICTION, kp=KP, kd=KD)
+    text = text_of_two_links(DT)
     model = mujoco.MjModel.from_xml_string(text)
     data, delay = mujoco.MjData(model), round(DELAY_S / DT)
     data.qpos[:] = target[0]
@@ -206,6 +195,11 @@ def test_jitter_leaves_what_is_identified_right(tmp_path, share):
     assert len(called) >= 5
     for each in called:
         if each.name != "delay":
-            true = HIDDEN[each.name][JOINTS.index(each.joints[0])]
-            assert each.value == pytest.approx(true, rel=0.05), each
-            assert each.low <= true <= each.high, each
+            assert each.value == pytest.approx(truth(each), rel=0.05), each
+            assert each.low <= truth(each) <= each.high, each
+
+
+def test_a_bound_holds():
+    problem = line(white)
+    bounded = Problem(**{**vars(problem), "lower": np.array([0.0, 0.0])})
+    assert estimate(bounded).theta[1] == 0.0

@@ -4,34 +4,19 @@ import mujoco
 import numpy as np
 import pytest
 from logs import (
-    ARMATURE,
-    DAMPING,
-    DELAY_S,
-    FRICTION,
     JOINTS,
-    KD,
-    KP,
     RATE_HZ,
-    TWO_LINKS,
     chirps,
     fitted,
     recorded,
+    text_of_two_links,
+    truth,
     two_links,
 )
 
 from assetbuild.identify import solve
 from assetbuild.identify.fit_logs import _findings
 from assetbuild.robot.identify import Fit, Parameter, Prediction
-
-HIDDEN = {"armature": ARMATURE, "damping": DAMPING, "friction": FRICTION}
-
-
-def truth(parameter):
-    if parameter.name == "delay":
-        return DELAY_S
-    return {"kp": (KP, KP), "kd": (KD, KD), **HIDDEN}[parameter.name][
-        JOINTS.index(parameter.joints[0])
-    ]
 
 
 @pytest.mark.slow
@@ -85,10 +70,7 @@ def test_drive_damping_and_joint_damping_are_one_without_a_torque(tmp_path):
 
 
 def test_a_joint_at_rest_shows_nothing(tmp_path):
-    import mujoco
-    from logs import TWO_LINKS, recorded
-
-    text = TWO_LINKS.format(dt=0.0005, a=ARMATURE, d=DAMPING, f=FRICTION, kp=KP, kd=KD)
+    text = text_of_two_links(0.0005)
     target = chirps(6.0)
     target[:, 1] = 0.3
     position, _ = recorded(mujoco.MjModel.from_xml_string(text), target)
@@ -117,19 +99,10 @@ def test_what_the_logs_contradict_or_predict_no_better_is_told(
     assert [finding.rule for finding in _findings(fit)] == rules
 
 
-def test_joints_that_share_a_value_have_one_value(tmp_path):
-    target, position, _ = two_links(6.0)
-    names = tuple((joint, ("friction",)) for joint in JOINTS)
-    fit, _ = fitted(tmp_path, target, position, fit=names, shared=(".*",))
-    (both,) = fit.parameters
-    assert both.joints == JOINTS and both.value > 0.0
-
-
 @pytest.mark.slow
 def test_joints_that_no_log_holds_stay_and_change_nothing(tmp_path):
     """The elbow is bolted at 0 in the recording and is not in the log."""
-    text = TWO_LINKS.format(dt=0.0002, a=ARMATURE, d=DAMPING, f=FRICTION, kp=KP, kd=KD)
-    spec = mujoco.MjSpec.from_string(text)
+    spec = mujoco.MjSpec.from_string(text_of_two_links())
     spec.delete(spec.joint("elbow"))
     spec.delete(spec.actuators[1])
     target = chirps(12.0, joints=1)
@@ -158,10 +131,18 @@ def test_a_log_that_the_model_cannot_follow_says_by_how_much(tmp_path):
 
 @pytest.mark.slow
 def test_a_joint_whose_friction_seems_to_be_0_is_not_believed(tmp_path):
-    text = TWO_LINKS.format(dt=0.0002, a=ARMATURE, d=DAMPING, f=(0.4, 0.0), kp=KP, kd=KD)
+    text = text_of_two_links(friction=(0.4, 0.0))
     target = chirps(12.0)
     position, _ = recorded(mujoco.MjModel.from_xml_string(text), target)
     fit, _ = fitted(tmp_path / "with", target, position)
     of_elbow = {p.name: p for p in fit.parameters if p.joints == ("elbow",)}
     assert "the best friction of the joint is 0" in of_elbow["damping"].refused
     assert of_elbow["friction"].refused and of_elbow["armature"].refused
+
+
+def test_joints_that_share_a_value_have_one_value(tmp_path):
+    target, position, _ = two_links(6.0)
+    names = tuple((joint, ("friction",)) for joint in JOINTS)
+    fit, _ = fitted(tmp_path, target, position, fit=names, shared=(".*",))
+    (both,) = fit.parameters
+    assert both.joints == JOINTS and both.value > 0.0

@@ -42,10 +42,6 @@ def test_an_interval_down_to_zero_is_no_factor(text):
     assert "# friction of joint_0.0: the interval begins at 0" in text and "friction:" not in text
 
 
-def test_nothing_identified_is_nothing_to_draw():
-    assert as_ranges([Fit((LOG,), (), (), (), 1.0)], timestep_s=0.002) == ""
-
-
 @pytest.mark.parametrize(("refused", "damping", "identified"), [("", 0.3, 2), ("noise", 0.1, 1)])
 def test_what_the_logs_show_is_used_and_counted(
     refused: str, damping: float, identified: int, tmp_path: Path

@@ -5,7 +5,7 @@ import sys
 
 import numpy as np
 import pytest
-from logs import JOINTS, RATE_HZ, chirps, columns_of, write_csv
+from logs import JOINTS, RATE_HZ, arm, chirps, columns_of, write_csv
 from tiny import run_step
 
 from assetbuild.errors import StepError
@@ -13,17 +13,6 @@ from assetbuild.identify.fit_logs import read_records
 from assetbuild.identify.read_log import ReadLog
 from assetbuild.robot.codec import encode
 from assetbuild.robot.identify import Columns
-from assetbuild.robot.model import Body, Joint, Limits, Tree
-
-
-def arm():
-    limits = Limits(-2.0, 2.0, 50.0, 20.0)
-    bodies = tuple(Body(name) for name in ("base", "upper", "lower"))
-    joints = (
-        Joint("shoulder", "revolute", "base", "upper", limits=limits),
-        Joint("elbow", "revolute", "upper", "lower", limits=limits),
-    )
-    return Tree("arm", "fixed", bodies, joints)
 
 
 @pytest.fixture
@@ -64,59 +53,65 @@ def test_degrees_are_converted_when_they_are_stated(tmp_path, good):
     assert record.target[:, 1] == pytest.approx(good["target_elbow"], abs=1e-5)
 
 
-def test_degrees_that_nobody_stated(tmp_path, good):
-    degrees = {k: v if k == "time" else np.degrees(v) for k, v in good.items()}
-    assert "angle_unit: deg" in refused(tmp_path, degrees)
+def all_but_time(log, change):
+    return {name: v if name == "time" else change(v) for name, v in log.items()}
 
 
-def test_ticks_that_nobody_stated(tmp_path, good):
-    ticks = {k: v if k == "time" else 2048 + v * 4096 / 6.283 for k, v in good.items()}
-    assert "encoder ticks" in refused(tmp_path, ticks)
+def with_elbow(log, change):
+    return log | {"position_elbow": change(log["position_elbow"])}
 
 
-def test_a_wrong_sign(tmp_path, good):
-    good["position_elbow"] = -good["position_elbow"]
-    assert "`elbow` moves against its command" in refused(tmp_path, good)
+def beyond_its_limits(log):
+    both = ("position_elbow", "target_elbow")
+    return {name: v * 0.2 - 2.4 if name in both else v for name, v in log.items()}
 
 
-def test_the_sign_of_a_joint_with_uneven_limits(tmp_path, good):
-    for name in ("position_elbow", "target_elbow"):
-        good[name] = good[name] * 0.2 - 2.4
-    assert "outside of its limits" in refused(tmp_path, good)
+def swapped(log):
+    elbow, shoulder = log["position_elbow"], log["position_shoulder"]
+    return log | {"position_elbow": shoulder, "position_shoulder": elbow}
 
 
-def test_swapped_columns(tmp_path, good):
-    good["position_elbow"], good["position_shoulder"] = (
-        good["position_shoulder"],
-        good["position_elbow"],
-    )
-    assert "two columns are swapped" in refused(tmp_path, good)
+def with_clock(log, change):
+    return log | {"time": change(log["time"], np.arange(len(log["time"])))}
 
 
-def test_a_joint_that_never_moves(tmp_path, good):
-    good["position_elbow"] = np.full(len(good["time"]), 0.3)
-    assert "`elbow` never moves" in refused(tmp_path, good)
+def of_another_robot(log):
+    return {name.replace("shoulder", "hip"): values for name, values in log.items()}
 
 
-def test_numbers_that_are_none(tmp_path, good):
-    good["position_elbow"][700] = np.nan
-    assert "`position_elbow` is not a number in row 701" in refused(tmp_path, good)
+def without_half_of_its_rows(log):
+    keep = np.flatnonzero(np.arange(len(log["time"])) % 50 < 25)
+    return {name: values[keep] for name, values in log.items()}
 
 
-def test_a_clock_that_goes_back(tmp_path, good):
-    good["time"][800:] -= 1.0
-    assert "the time goes back by" in refused(tmp_path, good)
+# What has become of a good log | words of the error.
+SPOILED = {
+    "degrees that nobody stated": (
+        lambda log: all_but_time(log, np.degrees), "angle_unit: deg"),
+    "ticks that nobody stated": (
+        lambda log: all_but_time(log, lambda v: 2048 + v * 4096 / 6.283), "encoder ticks"),
+    "a wrong sign": (
+        lambda log: with_elbow(log, lambda q: -q), "`elbow` moves against its command"),
+    "beyond the limits": (beyond_its_limits, "outside of its limits"),
+    "swapped columns": (swapped, "two columns are swapped"),
+    "a joint that never moves": (
+        lambda log: with_elbow(log, lambda q: 0 * q + 0.3), "`elbow` never moves"),
+    "a number that is none": (
+        lambda log: with_elbow(log, lambda q: np.where(np.arange(len(q)) == 700, np.nan, q)),
+        "`position_elbow` is not a number in row 701"),
+    "a clock that goes back": (
+        lambda log: with_clock(log, lambda t, row: t - (row >= 800)), "the time goes back by"),
+    "milliseconds that nobody stated": (
+        lambda log: with_clock(log, lambda t, _: 1000.0 * t), "check `time_unit`"),
+    "a file of another robot": (of_another_robot, "has no column `position_shoulder`"),
+    "many dropped samples": (without_half_of_its_rows, "samples are missing"),
+}  # fmt: skip
 
 
-def test_milliseconds_that_nobody_stated(tmp_path, good):
-    good["time"] *= 1000.0
-    assert "check `time_unit`" in refused(tmp_path, good)
-
-
-def test_a_file_of_another_robot(tmp_path, good):
-    other = {name.replace("shoulder", "hip"): values for name, values in good.items()}
-    text = refused(tmp_path, other)
-    assert "has no column `position_shoulder`" in text and "`position_hip`" in text
+@pytest.mark.parametrize("case", SPOILED)
+def test_a_log_that_cannot_be_what_the_recipe_says_is_refused(case, tmp_path, good):
+    spoil, words = SPOILED[case]
+    assert words in refused(tmp_path, spoil(good))
 
 
 def test_a_few_dropped_samples_cut_the_log_in_two(tmp_path, good):
@@ -124,11 +119,6 @@ def test_a_few_dropped_samples_cut_the_log_in_two(tmp_path, good):
     findings, out = read(tmp_path, cut)
     assert [finding.rule for finding in findings] == ["identify.dropped"]
     assert len(read_records(out / "record.npz")) == 2
-
-
-def test_many_dropped_samples(tmp_path, good):
-    keep = np.flatnonzero(np.arange(len(good["time"])) % 50 < 25)
-    assert "samples are missing" in refused(tmp_path, {k: v[keep] for k, v in good.items()})
 
 
 def test_a_log_without_end_is_refused_after_so_many_rows(tmp_path, good, monkeypatch):

@@ -140,12 +140,6 @@ def test_what_it_has_not(episode, column, said):
         read_columns(episode, episode.name, ("timestamp", column), None, 1.0)
 
 
-def test_a_broken_file(episode):
-    episode.write_bytes(episode.read_bytes()[:100])
-    with pytest.raises(StepError, match="is not a Parquet file"):
-        read_columns(episode, episode.name, COLUMNS_OF_PARQUET, None, 1.0)
-
-
 @pytest.fixture
 def data_set(tmp_path):
     """Version 3: two episodes of 3 s in one file, each with its own clock; an info.json."""
@@ -205,3 +199,9 @@ def test_what_a_data_set_has_not(data_set, tmp_path, keys, said):
 def test_an_info_that_is_none():
     with pytest.raises(StepError, match="no readable `features`"):
         element_names(b"[]", "file-000.parquet")
+
+
+def test_a_broken_file(episode):
+    episode.write_bytes(episode.read_bytes()[:100])
+    with pytest.raises(StepError, match="is not a Parquet file"):
+        read_columns(episode, episode.name, COLUMNS_OF_PARQUET, None, 1.0)

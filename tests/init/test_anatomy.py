@@ -131,15 +131,6 @@ def test_a_swivel_with_trail_beside_wheels_is_a_caster(
     assert (found["fork"], found["wheel_follower"]) == (swivel, end)
 
 
-def test_casters_stay_passive_and_wheels_are_driven_whatever_they_state(tmp_path: Path):
-    _, rows = proposed(
-        tmp_path, TRUNK, WHEELS, caster(0.02, ENDLESS).replace("follower", "wheel_c")
-    )
-    models = {name: row["model"] for name, row in rows.items()}
-    assert set(models.values()) == {"velocity", "passive"}
-    assert rows["(port|starboard)_j"]["model"] == "velocity"
-
-
 def test_rollers_of_an_omnidirectional_wheel_are_not_driven(tmp_path: Path):
     rollers = "".join(
         body(f"r{i}", '<sphere radius="0.006"/>') + spin(f"r{i}", "port", place, "1 0 0")
@@ -283,16 +274,6 @@ def test_a_spring_at_the_heel_of_a_leg_is_no_finger(tmp_path: Path):
     assert found["gripper"] == "finger"
 
 
-def test_an_antenna_on_a_head_is_no_finger(tmp_path: Path):
-    def roles_below(name: str) -> dict[str, str]:
-        ends = [body(end, mass=0.02) + spin(end, name, "0 0 0.1") for end in ("left", "right")]
-        _, found = seen(tmp_path, TRUNK, body(name), spin(name, "trunk", "0 0 0.2"), *ends)
-        return found
-
-    assert roles_below("head")["left"] == "arm"
-    assert roles_below("plate")["left"] == "finger"
-
-
 def test_feet_that_cannot_be_bodies_of_their_own_are_not_proposed_as_such(
     robots: Path, tmp_path: Path
 ):
@@ -301,3 +282,13 @@ def test_feet_that_cannot_be_bodies_of_their_own_are_not_proposed_as_such(
         (tmp_path / "dog.urdf").write_text(text.replace("7.5e-06", moment))
         recipe = propose(tmp_path / "dog.urdf", tmp_path / "dog.yaml", {}).text
         assert ("foot_bodies:" in recipe) == proposed
+
+
+def test_an_antenna_on_a_head_is_no_finger(tmp_path: Path):
+    def roles_below(name: str) -> dict[str, str]:
+        ends = [body(end, mass=0.02) + spin(end, name, "0 0 0.1") for end in ("left", "right")]
+        _, found = seen(tmp_path, TRUNK, body(name), spin(name, "trunk", "0 0 0.2"), *ends)
+        return found
+
+    assert roles_below("head")["left"] == "arm"
+    assert roles_below("plate")["left"] == "finger"

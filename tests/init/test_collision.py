@@ -8,34 +8,22 @@ from typing import Any
 import pytest
 import trimesh
 import yaml
+from urdfs import box, inertial, joint, link, mesh, robot, shape
 
 from assetbuild.init import propose
 
 FLAT = trimesh.Trimesh(
     [[0, 0, 0], [0.1, 0, 0], [0.1, 0.1, 0], [0, 0.1, 0]], [[0, 1, 2], [0, 2, 3]], process=False
 )
-INERTIAL = (
-    '<inertial><mass value="1"/><inertia ixx="0.01" iyy="0.01" izz="0.01" ixy="0" ixz="0" '
-    'iyz="0"/></inertial>'
-)
-
-
-def shape(role: str, geometry: str, height: float = 0.0) -> str:
-    return f'<{role}><origin xyz="0 0 {height}"/><geometry>{geometry}</geometry></{role}>'
-
-
-PLATE, BOX = '<mesh filename="plate.stl"/>', '<box size="0.1 0.1 0.1"/>'
+PLATE, BOX = mesh("plate.stl"), box()
 
 
 def rules_of(folder: Path, *shapes: str) -> dict[str, dict[str, str]]:
     """`collision.links` of an arm whose last link has these shapes."""
     FLAT.export(folder / "plate.stl")
-    (folder / "arm.urdf").write_text(
-        f'<robot name="arm"><link name="world">{shape("collision", BOX)}</link>'
-        f'<link name="tip">{INERTIAL}{"".join(shapes)}</link>'
-        '<joint name="j" type="revolute"><parent link="world"/><child link="tip"/>'
-        '<axis xyz="0 0 1"/><limit lower="-1" upper="1" effort="5" velocity="3"/></joint></robot>'
-    )
+    turns = joint("j", "world", "tip", axis="0 0 1")
+    links = link("world", shape("collision", BOX)), link("tip", inertial(), *shapes)
+    (folder / "arm.urdf").write_text(robot(*links, turns))
     text = propose(folder / "arm.urdf", folder / "arm.yaml", {}).text
     return dict(yaml.safe_load(text)["collision"].get("links", {}))
 
@@ -43,12 +31,12 @@ def rules_of(folder: Path, *shapes: str) -> dict[str, dict[str, str]]:
 @pytest.mark.parametrize(
     ("shapes", "rule"),
     [
-        ([("visual", BOX, 0.0), ("collision", PLATE, 0.0)], {"method": "auto", "from": "visual"}),
-        ([("visual", PLATE, 0.0), ("collision", PLATE, 0.0)], {"method": "none"}),
+        ([("visual", BOX), ("collision", PLATE)], {"method": "auto", "from": "visual"}),
+        ([("visual", PLATE), ("collision", PLATE)], {"method": "none"}),
     ],
 )
 def test_a_flat_mesh_is_no_collision_shape(
-    shapes: list[tuple[str, str, float]], rule: dict[str, str], tmp_path: Path
+    shapes: list[tuple[str, str]], rule: dict[str, str], tmp_path: Path
 ):
     assert rules_of(tmp_path, *(shape(*one) for one in shapes)) == {"tip": rule}
 

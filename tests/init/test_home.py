@@ -10,6 +10,7 @@ from pathlib import Path
 
 import mujoco
 import pytest
+import urdfs
 import yaml
 
 from assetbuild.init import propose
@@ -17,34 +18,24 @@ from assetbuild.init import propose
 LIMIT_M = 0.005
 
 
-def link(name: str, mass: float, shape: str, at: str = "0 0 0") -> str:
+def link(name: str, mass: float, geometry: str, at: str = "0 0 0") -> str:
     """A link of one solid shape."""
-    inertia = f'ixx="{mass * 0.01}" iyy="{mass * 0.01}" izz="{mass * 0.01}"'
-    return (
-        f'<link name="{name}"><inertial><origin xyz="{at}"/><mass value="{mass}"/>'
-        f'<inertia {inertia} ixy="0" ixz="0" iyz="0"/></inertial><collision><origin xyz="{at}"/>'
-        f"<geometry>{shape}</geometry></collision></link>"
-    )
+    moment = mass * 0.01
+    solid = urdfs.inertial(mass, urdfs.tensor(moment, moment, moment), at)
+    return urdfs.link(name, solid, urdfs.shape("collision", geometry, at))
 
 
 def joint(
     name: str, above: str, below: str, at: str, axis: str = "0 1 0", effort: float = 90
 ) -> str:
     """A hinge of nearly half a turn to both sides."""
-    return (
-        f'<joint name="{name}" type="revolute"><parent link="{above}"/><child link="{below}"/>'
-        f'<origin xyz="{at}"/><axis xyz="{axis}"/>'
-        f'<limit lower="-3" upper="3" effort="{effort}" velocity="9"/></joint>'
-    )
+    limit = f'<limit lower="-3" upper="3" effort="{effort}" velocity="9"/>'
+    return urdfs.joint(name, above, below, content=limit, xyz=at, axis=axis)
 
 
 BALL, ROD = '<sphere radius="0.05"/>', '<box size="0.04 0.04 0.3"/>'
 LONG = '<box size="0.4 0.04 0.04"/>'
-POST = (
-    '<link name="world"/>'
-    + '<joint name="fix" type="fixed"><parent link="world"/>'
-    + ('<child link="post"/></joint>')
-)
+POST = urdfs.link("world", "") + urdfs.joint("fix", "world", "post", "fixed", "", xyz="0 0 0")
 
 
 def arm(side: str, y: float, z: float, reach: str = "0.4 0 0", turned: str = "0 0 1") -> str:

@@ -90,12 +90,6 @@ def test_the_table_has_a_row_per_limit_and_a_guess_where_effort_is_missing(
     assert arm.keyframes["home"].joints == {"elbow": 1.5}
 
 
-def test_what_may_be_meant_is_answered_in_a_comment(robots: Path, tmp_path: Path):
-    initialised(robots / "odd_arm.urdf", tmp_path / "arm.yaml")
-    lines = (tmp_path / "arm.yaml").read_text().splitlines()
-    assert any("set_limits" in line and "hinge" in line and line[0] == "#" for line in lines)
-
-
 # --- files ----------------------------------------------------------------------------------
 
 
@@ -179,17 +173,6 @@ def test_meshes_are_turned_where_the_mass_says_so(tmp_path: Path, height: float 
     )
     loaded = initialised(tmp_path / "r.urdf", tmp_path / "r.yaml")
     assert loaded.recipe.source.honour_up_axis == ((".*",) if height else ())
-
-
-def test_an_existing_recipe_is_kept_unless_forced(robots: Path, tmp_path: Path):
-    mine = tmp_path / "mine.yaml"
-    mine.write_text("# my work\n")
-    proposal = propose(robots / "four_legs.urdf", mine, {})
-    with pytest.raises(UsageError, match="exists"):
-        write(proposal, force=False)
-    assert mine.read_text() == "# my work\n"
-    write(proposal, force=True)
-    assert load_recipe(mine).recipe.robot == "four_legs"
 
 
 def test_the_schema_that_the_first_line_names_lies_beside_the_recipe(robots: Path, tmp_path: Path):

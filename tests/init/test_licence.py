@@ -51,16 +51,6 @@ def test_words_that_name_no_one_licence_are_quoted_and_not_claimed(robot: Path, 
     assert not any(line.strip().startswith("license:") for line in lines(robot).splitlines())
 
 
-def test_of_several_licences_the_one_behind_the_robots_own_folder_counts(robot: Path):
-    text = "<license>MIT</license><!-- for: - arm\n - leg --> <license>Apache-2.0</license>"
-    (robot / "package.xml").write_text(f"<package>{text}</package>")
-    stated = stated_licence(robot, "arm/urdf/arm.urdf")
-    assert stated is not None and stated[0] == "Apache-2.0"
-    (robot / "package.xml").write_text(f"<package>{text.replace('arm', 'hand')}</package>")
-    stated = stated_licence(robot, "arm/urdf/arm.urdf")
-    assert stated is not None and stated[0] == "", "MIT or Apache-2.0? nobody knows"
-
-
 def test_a_source_that_states_none_gets_no_placeholder_to_uncomment(robot: Path):
     assert "MIT" not in lines(robot)
     assert "no file of the source states one" in lines(robot)
@@ -100,3 +90,13 @@ def test_author_and_description_are_those_of_the_package(tmp_path: Path):
 )
 def test_what_a_template_has_left_is_nothing(tmp_path: Path, left: str):
     assert about(tmp_path, f"<package>{left}</package>") == {}
+
+
+def test_of_several_licences_the_one_behind_the_robots_own_folder_counts(robot: Path):
+    text = "<license>MIT</license><!-- for: - arm\n - leg --> <license>Apache-2.0</license>"
+    (robot / "package.xml").write_text(f"<package>{text}</package>")
+    stated = stated_licence(robot, "arm/urdf/arm.urdf")
+    assert stated is not None and stated[0] == "Apache-2.0"
+    (robot / "package.xml").write_text(f"<package>{text.replace('arm', 'hand')}</package>")
+    stated = stated_licence(robot, "arm/urdf/arm.urdf")
+    assert stated is not None and stated[0] == "", "MIT or Apache-2.0? nobody knows"

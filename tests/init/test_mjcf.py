@@ -9,18 +9,23 @@ from hands import COUPLED, PINCHER, robot
 from mjcfs import ROBOTS, TET
 
 from assetbuild.cli.check import check
-from assetbuild.errors import SourceError
 from assetbuild.init import propose, write
 from assetbuild.init.mjcf import robot_name
 from assetbuild.pipeline.recipes import load_recipe
+from assetbuild.recipe.models import Recipe
 
 LEG = '<mujoco model="one leg"><compiler meshdir="../meshes"/><asset><mesh file="a.obj"/></asset><worldbody><body name="trunk"><freejoint/><geom size=".1"/><geom type="mesh" mesh="a" contype="0" conaffinity="0"/></body></worldbody></mujoco>'  # noqa: E501 # one robot per line
 
 
+def initialised(file: Path, folder: Path) -> tuple[Recipe, str]:
+    """The recipe that `init` writes into `folder`, read again, and its text."""
+    out = folder / "recipe.yaml"
+    write(propose(file, out, {}), force=True)
+    return load_recipe(out).recipe, out.read_text()
+
+
 def test_the_recipe_says_what_it_takes_from_the_source(tmp_path: Path):
-    out = tmp_path / "arm.yaml"
-    write(propose(ROBOTS / "hard_arm.xml", out, {}), force=True)
-    recipe, text = load_recipe(out).recipe, out.read_text()
+    recipe, text = initialised(ROBOTS / "hard_arm.xml", tmp_path)
     assert recipe.source.mjcf == "hard_arm.xml"
     assert recipe.collision.default.method == "keep"
     assert "base" not in recipe.model_fields_set, "the source says it"
@@ -38,27 +43,8 @@ def test_a_robot_that_is_called_like_a_file_of_the_bundle_is_called_like_its_fol
     (folder / "a.obj").write_text(TET)
     text = LEG.replace('"one leg"', f'"{name}"').replace("../meshes", ".")
     (folder / "scene.xml").write_text(text)
-    out = tmp_path / "leg.yaml"
-    write(propose(folder / "scene.xml", out, {}), force=True)
-    assert load_recipe(out).recipe.robot == "one_leg"
-
-
-def test_meshes_beside_the_folder_of_the_mjcf_are_found(tmp_path: Path):
-    (tmp_path / "robot/xml").mkdir(parents=True)
-    (tmp_path / "robot/meshes").mkdir()
-    (tmp_path / "robot/xml/leg.xml").write_text(LEG)
-    (tmp_path / "robot/meshes/a.obj").write_text(TET)
-    out = tmp_path / "leg.yaml"
-    write(propose(tmp_path / "robot/xml/leg.xml", out, {}), force=True)
-    source = load_recipe(out).recipe.source
-    assert (source.path, source.mjcf) == ("robot", "xml/leg.xml")
-
-
-def test_a_missing_mesh_is_named_with_its_line(tmp_path: Path):
-    (tmp_path / "xml").mkdir()
-    (tmp_path / "xml/leg.xml").write_text(LEG)
-    with pytest.raises(SourceError, match=r"no file `meshes/a\.obj`"):
-        propose(tmp_path / "xml/leg.xml", None, {})
+    recipe, _ = initialised(folder / "scene.xml", tmp_path)
+    assert recipe.robot == "one_leg"
 
 
 def test_files_that_it_includes_from_a_parent_folder_are_found(tmp_path: Path):
@@ -67,11 +53,10 @@ def test_files_that_it_includes_from_a_parent_folder_are_found(tmp_path: Path):
     (tmp_path / "robot/cell/scene.xml").write_text(scene)
     (tmp_path / "robot/leg.xml").write_text(LEG.replace("../meshes", ".."))
     (tmp_path / "robot/a.obj").write_text(TET)
-    out = tmp_path / "leg.yaml"
-    write(propose(tmp_path / "robot/cell/scene.xml", out, {}), force=True)
-    source = load_recipe(out).recipe.source
+    recipe, _ = initialised(tmp_path / "robot/cell/scene.xml", tmp_path)
+    source = recipe.source
     assert (source.path, source.mjcf) == ("robot", "cell/scene.xml")
-    assert not [f.rule for f in check(out) if f.severity == "error"]
+    assert not [f.rule for f in check(tmp_path / "recipe.yaml") if f.severity == "error"]
 
 
 LIMB = '<geom size=".1"/><body><joint/><geom size=".1"/></body>'
@@ -80,10 +65,9 @@ LIMB = '<geom size=".1"/><body><joint/><geom size=".1"/></body>'
 def test_of_several_robots_in_one_world_the_first_is_proposed(tmp_path: Path):
     ant = f'<body name="ant"><freejoint/>{LIMB}</body><body name="bee"><freejoint/>{LIMB}</body>'
     (tmp_path / "two.xml").write_text(f"<mujoco><worldbody>{ant}</worldbody></mujoco>")
-    out = tmp_path / "two.yaml"
-    write(propose(tmp_path / "two.xml", out, {}), force=True)
-    assert load_recipe(out).recipe.source.body == "ant"
-    assert "# or bee: one recipe builds one robot" in out.read_text()
+    recipe, text = initialised(tmp_path / "two.xml", tmp_path)
+    assert recipe.source.body == "ant"
+    assert "# or bee: one recipe builds one robot" in text
 
 
 FINGER = '<mujoco model="finger"><option timestep="0.002"/><worldbody><body name="palm"><geom size=".04" mass=".3"/><body name="near" pos="0 0 .05"><joint name="knuckle" axis="0 1 0" range="0 90" armature="0.0003"/><geom size=".01" mass=".02"/></body></body></worldbody></mujoco>'  # noqa: E501 # one robot per line
@@ -92,11 +76,10 @@ FINGER = '<mujoco model="finger"><option timestep="0.002"/><worldbody><body name
 def test_a_source_that_drives_nothing_gets_guessed_drives_with_its_own_rotors(tmp_path: Path):
     """A robot that nothing drives is never ready; mjlab's are driven from Python."""
     (tmp_path / "finger.xml").write_text(FINGER)
-    out = tmp_path / "finger.yaml"
-    write(propose(tmp_path / "finger.xml", out, {}), force=True)
-    (row,) = load_recipe(out).recipe.actuators
+    recipe, text = initialised(tmp_path / "finger.xml", tmp_path)
+    (row,) = recipe.actuators
     assert (row.joints, row.model, row.guessed, row.armature) == ("knuckle", "pd", True, 0.0003)
-    assert "The source drives no joint" in out.read_text()
+    assert "The source drives no joint" in text
 
 
 def test_a_shank_without_a_foot_of_its_own_ends_at_its_ball(tmp_path: Path):
@@ -139,11 +122,10 @@ def test_springs_are_proposed_as_usd_where_nothing_else_drives_the_joint(
         f'<actuator><position joint="{"j" if driven else "k"}" kp="50" kv="2" '
         'forcerange="-9 9"/></actuator></mujoco>'
     )
-    out = tmp_path / "s.yaml"
-    write(propose(tmp_path / "s.xml", out, {}), force=True)
-    targets = load_recipe(out).recipe.targets
+    recipe, text = initialised(tmp_path / "s.xml", tmp_path)
+    targets = recipe.targets
     assert targets == (("urdf", "mjcf") if driven else ("urdf", "mjcf", "usd"))
-    assert ("it cannot hold the springs of j" in out.read_text()) == driven
+    assert ("it cannot hold the springs of j" in text) == driven
 
 
 def proposed(tmp_path: Path, bodies: str, more: str = "") -> tuple[tuple[str, ...], str]:
@@ -151,9 +133,8 @@ def proposed(tmp_path: Path, bodies: str, more: str = "") -> tuple[tuple[str, ..
     (tmp_path / "r.xml").write_text(
         f'<mujoco model="r"><worldbody>{bodies}</worldbody>{more}</mujoco>'
     )
-    out = tmp_path / "r.yaml"
-    write(propose(tmp_path / "r.xml", out, {}), force=True)
-    return load_recipe(out).recipe.targets, out.read_text()
+    recipe, text = initialised(tmp_path / "r.xml", tmp_path)
+    return recipe.targets, text
 
 
 def test_a_root_that_weighs_by_a_fixed_body_alone_becomes_one_with_it(tmp_path: Path):
@@ -179,13 +160,6 @@ def test_a_foot_that_touches_on_its_own_is_not_proposed_as_usd(tmp_path: Path):
     assert "foot has no mass, and is excluded from other pairs than shank" in text
 
 
-def test_a_base_without_inertia_is_merged_with_what_it_carries(tmp_path: Path):
-    base = '<body name="base"><inertial pos="0 0 0" mass="10" diaginertia="0 0 0"/>'
-    arm = '<body name="arm"><joint name="j"/><geom size=".1"/></body>'
-    _, text = proposed(tmp_path, f'{base}<body name="mount"><geom size=".1"/>{arm}</body></body>')
-    assert "fixed_joints: {merge: true}" in text
-
-
 def test_a_root_without_mass_and_marks_without_inertia_are_merged_at_once(tmp_path: Path):
     """onshape-to-robot marks a foot by a body of 1e-9 kg."""
     mark = '<body name="mark"><inertial pos="0 0 0" mass="1e-9" diaginertia="0 0 0"/></body>'
@@ -194,15 +168,6 @@ def test_a_root_without_mass_and_marks_without_inertia_are_merged_at_once(tmp_pa
     targets, text = proposed(tmp_path, f'<body name="root"><freejoint/>{trunk}</body>')
     assert targets == ("urdf", "mjcf", "usd")
     assert "# root, mark cannot be simulated alone" in text
-
-
-def test_a_foot_without_inertia_is_merged_with_its_shank(tmp_path: Path):
-    foot = '<body name="foot"><inertial pos="0 0 0" mass=".02" diaginertia="0 0 0"/>'
-    foot += '<geom size=".03"/></body>'
-    shank = f'<body name="shank" pos="0 0 -.3"><joint name="knee"/><geom size=".1"/>{foot}</body>'
-    _, text = proposed(tmp_path, f'<body name="trunk"><freejoint/><geom size=".1"/>{shank}</body>')
-    assert "# foot cannot be simulated alone" in text
-    assert "fixed_joints: {merge: true}" in text
 
 
 def test_a_robot_without_a_usd_shares_no_mass(tmp_path: Path):
@@ -214,19 +179,9 @@ def test_a_robot_without_a_usd_shares_no_mass(tmp_path: Path):
             f'<geom size=".1"/><body name="fin" pos=".2 0 0">{joints}<geom size=".1"/></body>'
             "</body></worldbody></mujoco>"
         )
-        out = tmp_path / "fin.yaml"
-        write(propose(tmp_path / "fin.xml", out, {}), force=True)
-        text = out.read_text()
+        _, text = initialised(tmp_path / "fin.xml", tmp_path)
         assert ("share_mass" in text) == shares
         assert ("targets: [urdf, mjcf, usd]" in text) == shares
-
-
-def test_springs_beside_guessed_drives_are_not_proposed_as_usd(tmp_path: Path):
-    arm = '<body name="a"><joint name="j" axis="0 1 0" stiffness="3" range="-1 1"/>'
-    base = f'<body name="b"><geom size=".1"/>{arm}<geom size=".1"/></body></body>'
-    targets, text = proposed(tmp_path, base)
-    assert "actuators:" in text
-    assert targets == ("urdf", "mjcf")
 
 
 @pytest.mark.parametrize(
@@ -252,11 +207,6 @@ def test_a_scene_is_called_like_the_robot_in_it(
     assert robot_name(stated, tmp_path / file) == called
 
 
-def test_a_scene_without_a_name_is_called_like_its_folder(tmp_path: Path):
-    (tmp_path / "acme_arm").mkdir()
-    assert robot_name("scene", tmp_path / "acme_arm" / "scene.xml") == "acme_arm"
-
-
 def test_a_gripper_without_contacts_of_its_own_gets_ones_that_hold(tmp_path: Path):
     """What the source says itself stays: a cone, or how a pad gives way."""
     source = robot(PINCHER, ["left"], tmp_path, COUPLED)
@@ -270,9 +220,7 @@ def test_a_gripper_without_contacts_of_its_own_gets_ones_that_hold(tmp_path: Pat
         (bare[: bare.index("<actuator>")] + "</mujoco>", "elliptic", True),
     ):
         source.write_text(said)
-        out = tmp_path / "recipe.yaml"
-        write(propose(source, out, {}), force=True)
-        recipe = load_recipe(out).recipe
+        recipe, _ = initialised(source, tmp_path)
         assert recipe.validate_.grip is not None
         assert recipe.mjcf.cone == cone
         assert bool(recipe.contact.links) == pads
@@ -287,9 +235,8 @@ def test_a_loop_of_a_hand_whose_impedance_nobody_states_is_stated_firmer(
     """What the source says of it, its time constant, stays."""
     held = f"<connect body1='left' body2='palm' anchor='0 0 0' {stated}/></equality>"
     source = robot(PINCHER, ["left"], tmp_path, COUPLED.replace("</equality>", held))
-    out = tmp_path / "recipe.yaml"
-    write(propose(source, out, {}), force=True)
-    loops = load_recipe(out).recipe.loops
+    recipe, _ = initialised(source, tmp_path)
+    loops = recipe.loops
     assert [(row.name, row.solref, row.solimp[0]) for row in loops] == (
         [("left_connect", (0.005, 1.0), 0.999)] if firm else []
     )

@@ -44,11 +44,6 @@ def proposed(folder: Path, file: str) -> dict:
     return yaml.safe_load(out.read_text())["source"]
 
 
-def built(folder: Path, file: str) -> tuple[dict, list[Finding]]:
-    """(`source` of the recipe that `init` writes, findings of its `check`)."""
-    return proposed(folder, file), check(folder / "arm.yaml")
-
-
 def said(findings: list[Finding], rule: str) -> Finding:
     return next(finding for finding in findings if finding.rule == rule)
 
@@ -58,80 +53,179 @@ def _own_cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("ASSETBUILD_CACHE", str(tmp_path / "cache"))
 
 
-# --- relative and absolute names ------------------------------------------------------------
-
-
-@pytest.mark.parametrize(
-    ("name", "start"), [("meshes/a.obj", "."), ("arm/meshes/a.obj", ".")], ids=["package", "assets"]
-)
-def test_a_name_may_start_from_a_folder_above(tmp_path: Path, name: str, start: str):
-    lay(tmp_path, {"arm/urdf/arm.urdf": arm(name), "arm/meshes/a.obj": OBJ})
-    source, findings = built(tmp_path, "arm/urdf/arm.urdf")
-    assert source["relative_to"] == start  # of the lowest folder that holds all
-    assert "taken to start at `.`, 1 times" in said(findings, "urdf.path").message
-
-
-def test_a_file_beside_the_urdf_wins_over_one_above(tmp_path: Path):
-    files = {"arm/urdf/meshes/a.obj": OBJ, "arm/meshes/a.obj": OTHER}
-    lay(tmp_path, {"arm/urdf/arm.urdf": arm("meshes/a.obj")} | files)
-    assert "relative_to" not in proposed(tmp_path, "arm/urdf/arm.urdf")
-
-
-def test_two_folders_with_other_bytes_are_refused(tmp_path: Path):
-    files = {"arm/meshes/a.obj": OBJ, "meshes/a.obj": OTHER}
-    lay(tmp_path, {"arm/urdf/arm.urdf": arm("meshes/a.obj")} | files)
-    with pytest.raises(SourceError, match=r"`meshes/a\.obj` is two files"):
-        proposed(tmp_path, "arm/urdf/arm.urdf")
-
-
-@pytest.mark.parametrize("scheme", ["", "file://"])
-def test_a_path_of_the_author_is_found_by_its_end(tmp_path: Path, scheme: str):
-    name = f"{scheme}/home/me/ws/arm/meshes/a.obj"
-    lay(tmp_path, {"arm/urdf/arm.urdf": arm(name), "arm/meshes/a.obj": OBJ})
-    source, findings = built(tmp_path, "arm/urdf/arm.urdf")
-    assert source["absolute"] == {"/home/me/ws/arm": "."}
-    found = said(findings, "urdf.path")
-    assert found.severity == "warning"
-    assert found.data["path"] == "meshes/a.obj"
-
-
-def test_a_path_of_the_author_into_another_package_is_found(tmp_path: Path):
-    name = "file:///opt/ros/share/parts/meshes/a.obj"
-    files = {"lib/parts_v2/package.xml": "<name>parts</name>", "lib/parts_v2/meshes/a.obj": OBJ}
-    lay(tmp_path, {"arm/urdf/arm.urdf": arm(name)} | files)
-    source = proposed(tmp_path, "arm/urdf/arm.urdf")
-    assert source["absolute"] == {"/opt/ros/share/parts": "lib/parts_v2"}
-
-
-def test_the_name_of_a_file_alone_proves_nothing(tmp_path: Path):
-    lay(tmp_path, {"arm/arm.urdf": arm("/home/me/a.obj"), "arm/a.obj": OBJ})
-    with pytest.raises(SourceError, match="on the author"):
-        proposed(tmp_path, "arm/arm.urdf")
-
-
-# --- packages -------------------------------------------------------------------------------
-
-
-def test_a_package_is_known_by_the_name_that_it_declares(tmp_path: Path):
-    files = {"lib/one/package.xml": "<name>shapes</name>", "lib/one/a.obj": OBJ}
-    lay(tmp_path, {"bot/urdf/arm.urdf": arm("package://shapes/a.obj")} | files)
-    assert proposed(tmp_path, "bot/urdf/arm.urdf")["packages"] == {"shapes": "lib/one"}
-
-
-def test_two_packages_of_one_name_are_a_choice(tmp_path: Path):
-    files = {f"lib/{n}/package.xml": "<name>shapes</name>" for n in ("one", "two")}
-    files |= {f"lib/{n}/a.obj": OBJ for n in ("one", "two")}
-    lay(tmp_path, {"bot/urdf/arm.urdf": arm("package://shapes/a.obj")} | files)
-    with pytest.raises(SourceError, match="2 folders are package `shapes`") as raised:
-        proposed(tmp_path, "bot/urdf/arm.urdf")
-    assert raised.value.hint.count("--package shapes=") == 2
-
-
 def xacro(body: str) -> str:
     return f"<robot name='arm' {XACRO}>{body}</robot>"
 
 
 BODY = link("a") + link("b") + joint("j", "a", "b")
+SHAPES = {"lib/one/package.xml": "<name>shapes</name>", "lib/one/a.obj": OBJ}
+PARTS = {"lib/parts_v2/package.xml": "<name>parts</name>", "lib/parts_v2/meshes/a.obj": OBJ}
+COMPUTED = (
+    "<xacro:arg name='of' default='parts'/><xacro:property name='v' value='$(arg of)'/>"
+    "<xacro:include filename='$(find ${v})/b.xacro'/>"
+)
+CHAIN = {
+    "lib/x/package.xml": "<name>parts</name>",
+    "lib/x/b.xacro": xacro("<xacro:include filename='$(find ${v}_more)/c.xacro'/>"),
+    "lib/y/package.xml": "<name>parts_more</name>",
+    "lib/y/c.xacro": xacro(BODY),
+}
+
+
+def drawn(scheme: str) -> str:
+    """A xacro with a mesh of its own package behind a scheme."""
+    shown = shape("visual", mesh(f"{scheme}$(find arm)/a.obj"))
+    return xacro(link("a", inertial(), shown) + link("b") + joint("j", "a", "b"))
+
+
+# The robot's file, its text, other files | keys of `source` with their values; None: no such key.
+FOUND = {
+    "a name that starts from the package": (
+        "arm/urdf/arm.urdf", arm("meshes/a.obj"), {"arm/meshes/a.obj": OBJ},
+        {"relative_to": "."},  # of the lowest folder that holds all
+    ),
+    "a name that starts from the folder above the package": (
+        "arm/urdf/arm.urdf", arm("arm/meshes/a.obj"), {"arm/meshes/a.obj": OBJ},
+        {"relative_to": "."},
+    ),
+    "a file beside the URDF wins over one above": (
+        "arm/urdf/arm.urdf", arm("meshes/a.obj"),
+        {"arm/urdf/meshes/a.obj": OBJ, "arm/meshes/a.obj": OTHER}, {"relative_to": None},
+    ),
+    "a path of the author": (
+        "arm/urdf/arm.urdf", arm("/home/me/ws/arm/meshes/a.obj"), {"arm/meshes/a.obj": OBJ},
+        {"absolute": {"/home/me/ws/arm": "."}},
+    ),
+    "a path of the author as a URI": (
+        "arm/urdf/arm.urdf", arm("file:///home/me/ws/arm/meshes/a.obj"),
+        {"arm/meshes/a.obj": OBJ}, {"absolute": {"/home/me/ws/arm": "."}},
+    ),
+    "a path of the author into another package": (
+        "arm/urdf/arm.urdf", arm("file:///opt/ros/share/parts/meshes/a.obj"), PARTS,
+        {"absolute": {"/opt/ros/share/parts": "lib/parts_v2"}},
+    ),
+    "a package by the name that it declares": (
+        "bot/urdf/arm.urdf", arm("package://shapes/a.obj"), SHAPES,
+        {"packages": {"shapes": "lib/one"}},
+    ),
+    "computed names of packages": (
+        "arm/arm.xacro", xacro(COMPUTED), CHAIN,
+        {"packages": {"parts": "lib/x", "parts_more": "lib/y"}},
+    ),
+    "a found package without a scheme": (
+        "arm/urdf/arm.xacro", drawn(""), {"arm/a.obj": OBJ}, {"packages": {"arm": "."}},
+    ),
+    "a found package behind a scheme": (
+        "arm/urdf/arm.xacro", drawn("file:///"), {"arm/a.obj": OBJ}, {"packages": {"arm": "."}},
+    ),
+    "a found package behind `package:`": (
+        "arm/urdf/arm.xacro", drawn("package://"), {"arm/a.obj": OBJ}, {"packages": {"arm": "."}},
+    ),
+    "an include of the xacro's own package": (
+        "arm/robots/arm.xacro", xacro("<xacro:include filename='../urdf/b.xacro'/>"),
+        {"arm/package.xml": "<name>arm</name>", "arm/urdf/b.xacro": xacro(BODY)},
+        {"packages": {"arm": "."}},
+    ),
+    "a package of which nothing is read": (
+        "arm/arm.xacro",
+        xacro(BODY + "<gazebo><plugin><p>$(find arm_control)/c.yaml</p></plugin></gazebo>"), {},
+        {"missing": {"packages": ["arm_control"]}},
+    ),
+    "a missing visual": (
+        "arm.urdf", arm("a.obj", "none.obj"), {"a.obj": OBJ},
+        {"missing": {"visuals": ["none.obj"]}},
+    ),
+    "two slashes start from the URDF": (
+        "arm.urdf", arm("file://meshes/cad/a.obj"), {"meshes/cad/a.obj": OBJ},
+        {"absolute": None, "patches": None, "missing": None},
+    ),
+    "two slashes and the file alone": (
+        "arm.urdf", arm("file://a.obj"), {"a.obj": OBJ},
+        {"absolute": None, "patches": None, "missing": None},
+    ),
+}  # fmt: skip
+# What `check` reports of it: rule, words of its message.
+REPORTED = {
+    "a name that starts from the package": ("urdf.path", "taken to start at `.`, 1 times"),
+    "a path of the author": ("urdf.path", "meshes/a.obj"),
+    "a package of which nothing is read": ("xacro.package_missing", "arm_control"),
+    "a missing visual": ("urdf.visual.missing", "none.obj"),
+}
+
+
+@pytest.mark.parametrize("case", FOUND)
+def test_files_that_lie_elsewhere_are_found(case: str, tmp_path: Path):
+    file, text, files, expected = FOUND[case]
+    lay(tmp_path, {file: text} | files)
+    source = proposed(tmp_path, file)
+    assert {key: source.get(key) for key in expected} == expected
+    if case in REPORTED:
+        rule, words = REPORTED[case]
+        assert words in said(check(tmp_path / "arm.yaml"), rule).message
+
+
+PACKAGE = "<package><name>rob</name></package>"
+TWO_PACKAGES = {f"lib/{n}/package.xml": "<name>shapes</name>" for n in ("one", "two")} | {
+    f"lib/{n}/a.obj": OBJ for n in ("one", "two")
+}
+ROB = {"rob/package.xml": PACKAGE, "rob/meshes/visual/b.obj": OBJ}
+
+
+def solid(name: str) -> str:
+    return arm(name, role="collision")
+
+
+# The robot's file, its text, other files | words of the error and of its hint.
+LOST = {
+    "two files of one name": (
+        "arm/urdf/arm.urdf", arm("meshes/a.obj"),
+        {"arm/meshes/a.obj": OBJ, "meshes/a.obj": OTHER}, ("`meshes/a.obj` is two files",),
+    ),
+    "the name of a file alone, which proves nothing": (
+        "arm/arm.urdf", arm("/home/me/a.obj"), {"arm/a.obj": OBJ}, ("on the author",),
+    ),
+    "two packages of one name": (
+        "bot/urdf/arm.urdf", arm("package://shapes/a.obj"), TWO_PACKAGES,
+        ("2 folders are package `shapes`", "lib/one", "lib/two", "--package shapes="),
+    ),
+    "a package of which something is read": (
+        "arm/arm.xacro", xacro(BODY + "<xacro:include filename='$(find parts)/b.xacro'/>"), {},
+        ("`$(find parts)`: no package", "`--package` of `init`"),
+    ),
+    "a missing collision mesh": (
+        "arm.urdf", arm("a.obj", "none.obj", role="collision"), {"a.obj": OBJ},
+        ("no file `none.obj`",),
+    ),
+    "a robot of which no mesh is there": ("arm.urdf", arm("none.obj"), {}, ("no file `none.obj`",)),
+    "a folder": (
+        "rob/arm.urdf", solid("package://rob/mesh%20dir/a.obj"), ROB,
+        ("package `rob` is `", "which holds no folder `mesh%20dir`"),
+    ),
+    "a file": (
+        "rob/arm.urdf", solid("package://rob/meshes/a.obj"), ROB,
+        ("which holds no file `a.obj` in `meshes`",),
+    ),
+    "a file of a sister folder": (
+        "rob/arm.urdf", solid("package://rob/meshes/collision/b.obj"), ROB,
+        ("no folder `collision` in `meshes`", "is `meshes/visual/b.obj` meant?"),
+    ),
+    "a package": (
+        "rob/arm.urdf", solid("package://bob/meshes/a.obj"), ROB,
+        ("no folder above", "the package `bob`"),
+    ),
+    "a package to find": (
+        "rob/arm.urdf", solid("$(find bob)/a.obj"), ROB, ("holds the package `bob`",),
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("case", LOST)
+def test_what_is_there_and_what_is_not_is_said(case: str, tmp_path: Path):
+    file, text, files, words = LOST[case]
+    lay(tmp_path, {file: text} | files)
+    with pytest.raises(SourceError) as caught:
+        proposed(tmp_path, file)
+    assert [word for word in words if word not in str(caught.value)] == []
 
 
 @pytest.mark.parametrize("ending", ["gazebo", "XACRO", ""])
@@ -143,80 +237,7 @@ def test_a_xacro_may_include_a_file_of_any_ending(tmp_path: Path, ending: str):
         proposed(tmp_path, "arm/arm.xacro")
 
 
-def test_names_of_packages_may_be_computed(tmp_path: Path):
-    body = (
-        "<xacro:arg name='of' default='parts'/><xacro:property name='v' value='$(arg of)'/>"
-        "<xacro:include filename='$(find ${v})/b.xacro'/>"
-    )
-    inner = xacro("<xacro:include filename='$(find ${v}_more)/c.xacro'/>")
-    files = {"lib/x/package.xml": "<name>parts</name>", "lib/x/b.xacro": inner}
-    files |= {"lib/y/package.xml": "<name>parts_more</name>", "lib/y/c.xacro": xacro(BODY)}
-    lay(tmp_path, {"arm/arm.xacro": xacro(body)} | files)
-    source = proposed(tmp_path, "arm/arm.xacro")
-    assert source["packages"] == {"parts": "lib/x", "parts_more": "lib/y"}
-
-
-@pytest.mark.parametrize("scheme", ["", "file:///", "package://"])
-def test_a_found_package_is_one_behind_any_scheme(tmp_path: Path, scheme: str):
-    shown = shape("visual", mesh(f"{scheme}$(find arm)/a.obj"))
-    body = link("a", inertial(), shown) + link("b") + joint("j", "a", "b")
-    lay(tmp_path, {"arm/urdf/arm.xacro": xacro(body), "arm/a.obj": OBJ})
-    source = proposed(tmp_path, "arm/urdf/arm.xacro")
-    assert source["packages"] == {"arm": "."}
-
-
-def test_a_xacro_may_include_from_its_own_package(tmp_path: Path):
-    files = {"arm/package.xml": "<name>arm</name>", "arm/urdf/b.xacro": xacro(BODY)}
-    main = xacro("<xacro:include filename='../urdf/b.xacro'/>")
-    lay(tmp_path, {"arm/robots/arm.xacro": main} | files)
-    source = proposed(tmp_path, "arm/robots/arm.xacro")
-    assert source["packages"] == {"arm": "."}
-
-
-def test_a_package_of_which_nothing_is_read_may_be_missing(tmp_path: Path):
-    body = BODY + "<gazebo><plugin><p>$(find arm_control)/c.yaml</p></plugin></gazebo>"
-    lay(tmp_path, {"arm/arm.xacro": xacro(body)})
-    source, findings = built(tmp_path, "arm/arm.xacro")
-    assert source["missing"] == {"packages": ["arm_control"]}
-    assert said(findings, "xacro.package_missing").data["package"] == "arm_control"
-
-
-def test_a_package_of_which_something_is_read_may_not(tmp_path: Path):
-    body = BODY + "<xacro:include filename='$(find parts)/b.xacro'/>"
-    lay(tmp_path, {"arm/arm.xacro": xacro(body)})
-    with pytest.raises(SourceError, match=r"`\$\(find parts\)`: no package") as raised:
-        proposed(tmp_path, "arm/arm.xacro")
-    assert "`--package` of `init`" in raised.value.hint
-
-
-# --- what is missing, and what is called otherwise ------------------------------------------
-
-
-def test_a_missing_visual_is_left_out_by_name(tmp_path: Path):
-    lay(tmp_path, {"arm.urdf": arm("a.obj", "none.obj"), "a.obj": OBJ})
-    source, findings = built(tmp_path, "arm.urdf")
-    assert source["missing"] == {"visuals": ["none.obj"]}
-    found = said(findings, "urdf.visual.missing")
-    assert (found.severity, found.subject) == ("warning", "link a")
-
-
-def test_a_missing_collision_mesh_is_refused(tmp_path: Path):
-    lay(tmp_path, {"arm.urdf": arm("a.obj", "none.obj", role="collision"), "a.obj": OBJ})
-    with pytest.raises(SourceError, match=r"no file `none\.obj`"):
-        proposed(tmp_path, "arm.urdf")
-
-
-def test_a_robot_of_which_no_mesh_is_there_is_refused(tmp_path: Path):
-    lay(tmp_path, {"arm.urdf": arm("none.obj")})
-    with pytest.raises(SourceError, match=r"no file `none\.obj`"):
-        proposed(tmp_path, "arm.urdf")
-
-
-@pytest.mark.parametrize("name", ["file://meshes/cad/a.obj", "file://a.obj"])
-def test_two_slashes_start_from_the_urdf(tmp_path: Path, name: str):
-    lay(tmp_path, {"arm.urdf": arm(name), name.removeprefix("file://"): OBJ})
-    source = proposed(tmp_path, "arm.urdf")
-    assert not {"absolute", "patches", "missing"} & source.keys()
+# --- names that are patched -----------------------------------------------------------------
 
 
 def test_names_of_no_package_start_from_the_urdf(tmp_path: Path):
@@ -230,62 +251,30 @@ def test_names_of_no_package_start_from_the_urdf(tmp_path: Path):
 @pytest.mark.parametrize("name", ["meshes/A.OBJ", "Meshes/a.obj", "meshes\\a.obj"])
 def test_a_name_that_only_windows_would_find_is_patched(tmp_path: Path, name: str):
     lay(tmp_path, {"arm.urdf": arm(name, name), "meshes/a.obj": OBJ})
-    source, findings = built(tmp_path, "arm.urdf")
-    (patch,) = source["patches"]
-    assert patch["find"] == f'"{name}"'
-    assert patch["replace"] == '"meshes/a.obj"'
+    (patch,) = proposed(tmp_path, "arm.urdf")["patches"]
+    assert (patch["find"], patch["replace"]) == (f'"{name}"', '"meshes/a.obj"')
     assert patch["times"] == 2
-    assert said(findings, "source.patch").data["file"] == "arm.urdf"
+    assert said(check(tmp_path / "arm.yaml"), "source.patch").data["file"] == "arm.urdf"
 
 
-# --- percent-encoded names, `$(find ...)`, and what is not there --------------------------------
-
-PACKAGE = "<package><name>rob</name></package>"
-FOUND = {
-    "encoded": ("package://rob/mesh%20dir/Part%20A.obj", "rob/mesh dir/Part A.obj"),
-    "encoded and relative": ("../K%C3%B6rper.obj", "rob/K\u00f6rper.obj"),
-    "find": ("file://$(find rob)/meshes/a.obj", "rob/meshes/a.obj"),
-    "find without a scheme": ("$(find rob)/meshes/a.obj", "rob/meshes/a.obj"),
-    "find of a neighbour": ("file://$( find  looks )/a.obj", "looks/a.obj"),
+ENCODED = {
+    "package://rob/mesh%20dir/Part%20A.obj": "rob/mesh dir/Part A.obj",
+    "../K%C3%B6rper.obj": "rob/K\u00f6rper.obj",
+    "file://$(find rob)/meshes/a.obj": "rob/meshes/a.obj",
+    "$(find rob)/meshes/a.obj": "rob/meshes/a.obj",
+    "file://$( find  looks )/a.obj": "looks/a.obj",
 }
 
 
 @pytest.mark.parametrize("role", ["visual", "collision"])
 def test_names_of_the_web_and_of_ros_are_found_and_said(role: str, tmp_path: Path):
-    uris = [uri for uri, _ in FOUND.values()]
-    files = {"rob/package.xml": PACKAGE, "rob/urdf/arm.urdf": arm(*uris, role=role)}
-    files |= {path: OBJ for _, path in FOUND.values()}
-    looks = "<package><name>looks</name></package>"
-    source, found = built(lay(tmp_path, files | {"looks/package.xml": looks}), "rob/urdf/arm.urdf")
+    files = {"rob/package.xml": PACKAGE, "rob/urdf/arm.urdf": arm(*ENCODED, role=role)}
+    files |= dict.fromkeys(ENCODED.values(), OBJ)
+    lay(tmp_path, files | {"looks/package.xml": "<package><name>looks</name></package>"})
+    source = proposed(tmp_path, "rob/urdf/arm.urdf")
     assert "missing" not in source
-    assert {patch["find"][1:-1] for patch in source["patches"]} == set(uris)
-    assert said(found, "source.patch").severity == "info"
-
-
-LACKING = {
-    "a folder": (
-        "package://rob/mesh%20dir/a.obj",
-        ("package `rob` is `", "which holds no folder `mesh%20dir`"),
-    ),
-    "a file": ("package://rob/meshes/a.obj", ("which holds no file `a.obj` in `meshes`",)),
-    "a file of a sister folder": (
-        "package://rob/meshes/collision/b.obj",
-        ("no folder `collision` in `meshes`", "is `meshes/visual/b.obj` meant?"),
-    ),
-    "a package": ("package://bob/meshes/a.obj", ("no folder above", "the package `bob`")),
-    "a package to find": ("$(find bob)/a.obj", ("holds the package `bob`",)),
-}  # fmt: skip
-
-
-@pytest.mark.parametrize("what", LACKING)
-def test_what_is_there_and_what_is_not_is_said(what: str, tmp_path: Path):
-    uri, words = LACKING[what]
-    files = {"rob/package.xml": PACKAGE, "rob/arm.urdf": arm(uri, role="collision")}
-    folder = lay(tmp_path, files | {"rob/meshes/visual/b.obj": OBJ})
-    with pytest.raises(SourceError) as caught:
-        proposed(folder, "rob/arm.urdf")
-    for one in words:
-        assert one in str(caught.value)
+    assert {patch["find"][1:-1] for patch in source["patches"]} == set(ENCODED)
+    assert said(check(tmp_path / "arm.yaml"), "source.patch").severity == "info"
 
 
 def test_a_visual_mesh_in_a_sister_folder_is_named_beside_what_is_missing(tmp_path: Path):

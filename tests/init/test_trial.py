@@ -16,7 +16,6 @@ from assetbuild.init.look import InspectedRobot, judge, look
 from assetbuild.init.sections import put_validation
 from assetbuild.init.source import find_source
 from assetbuild.init.trial import Trial, staged, tables
-from assetbuild.init.tune import tune
 from assetbuild.pipeline.recipes import load_recipe
 
 DOG = "four_legs.urdf"
@@ -47,21 +46,6 @@ def test_a_dog_with_proper_gains_stands(robots: Path):
 def test_a_dog_whose_drives_are_too_weak_falls(robots: Path):
     trial = tried(robots, weaker=100.0)
     assert (trial.stands, trial.sentence) == (False, "falls within 2 s")
-
-
-def test_soles_without_a_shape_cannot_be_tried(robots: Path):
-    assert tried(robots, soles=("imu_link",)).stands is None
-
-
-def test_every_driven_joint_has_the_rotor_that_its_effort_needs_or_the_sources_own(robots: Path):
-    robot = look(find_source(robots / DOG, {}))
-    tree = judge(robot, "floating").tree
-    first, *others = (joint for joint in tree.moving_joints if joint.mimic is None)
-    own = {first.name: 0.5}
-    tuning, _ = tune(tree, study(robot), lambda _: Trial(True, "stands"), own)
-    assert tuning.armature[first.name] == 0.5
-    for joint in others:
-        assert tuning.armature[joint.name] == pytest.approx(joint.limits.effort / 6000, rel=0.05)
 
 
 def asked(robot: InspectedRobot, trial: Trial, legs: int) -> list[str]:
@@ -127,10 +111,6 @@ def test_a_dog_that_is_folded_at_zero_stands_up_at_home(robots: Path, tmp_path: 
     assert "it stands for 2 s: base height 0.3" in text
 
 
-def test_an_arm_is_not_asked_to_stand(robots: Path, tmp_path: Path):
-    assert "stand:" not in propose(robots / "odd_arm.urdf", tmp_path / "arm.yaml", {}).text
-
-
 BOARD = (
     '<collision><origin xyz="-0.2 -0.16 -0.1"/><geometry><box size="0.5 0.5 0.08"/></geometry>'
     "</collision></link>"
@@ -148,3 +128,7 @@ def test_bodies_inside_each_other_that_throw_a_robot_over_are_excluded_and_told(
     assert "[LF_thigh, RF_thigh]" in text
     assert "# LF_thigh in RF_thigh: " in text
     assert "  stand: {keyframe: home" in text
+
+
+def test_soles_without_a_shape_cannot_be_tried(robots: Path):
+    assert tried(robots, soles=("imu_link",)).stands is None

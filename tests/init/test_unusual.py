@@ -21,7 +21,6 @@ from assetbuild.recipe.models import Recipe
 
 INERTIAL = urdfs.inertial(xyz="0 0 0.01")
 BOX = urdfs.shape("visual", urdfs.box())
-HIT = urdfs.shape("collision", '<sphere radius="0.1"/>')
 LIMIT = '<limit lower="-1" upper="1" effort="10" velocity="5"/>'
 TRIANGLE = (
     b"one triangle".ljust(80)
@@ -159,25 +158,6 @@ def test_a_cart_that_a_planar_joint_moves_over_its_root_does_not_float_as_well(t
     assert rolling.base == "floating"
 
 
-@pytest.mark.parametrize("x", [0.0, 0.1], ids=["meet", "pass by"])
-def test_massless_links_share_mass(x: float, tmp_path: Path):
-    last = joint("k", "between", "end", x=x).replace('"0 0 1"', '"0 1 0"')
-    third = joint("l", "end", "tip").replace('"0 0 1"', '"1 0 0"')
-    second = link("between", "")
-    text = robot(
-        link("base"),
-        second,
-        link("end", ""),
-        link("tip"),
-        joint("j", "base", "between"),
-        last.replace("0.2", "0"),
-        third.replace("0.2", str(x)),
-    )
-    recipe = initialised(text, tmp_path)
-    assert "usd" in recipe.targets
-    assert recipe.edits
-
-
 REFUSED = {
     "absent meshes": (robot(link("a", mesh("x.stl")), link("b", mesh("y.stl")), joint("j", "a", "b")), r"r\.urdf:3: link a: no file `x.stl` \(and 1 more: `y.stl`\)"),
     "a mesh of no format": (robot(link("a", mesh("t"))), "of no known format"),
@@ -194,27 +174,6 @@ def test_what_cannot_be_is_one_clear_error(name: str, tmp_path: Path):
     (tmp_path / "t.stl").write_bytes(TRIANGLE)
     with pytest.raises(SourceError, match=says):
         propose(tmp_path / "r.urdf", None, {})
-
-
-def test_a_biped_whose_heels_hang_on_springs_floats(tmp_path: Path):
-    """A joint without effort at the heel is no branch of the leg (Cassie)."""
-    parts = [link("pelvis")]
-    for side, y in (("left", 0.1), ("right", -0.1)):
-        above = "pelvis"
-        for name, xyz in (("hip", f"0 {y} 0"), ("knee", "0 0 -0.3"), ("tarsus", "0 0 -0.3")):
-            parts += [link(f"{side}_{name}"), hinge(above, f"{side}_{name}", xyz, 10.0)]
-            above = f"{side}_{name}"
-        parts += [link(f"{side}_heel"), hinge(above, f"{side}_heel", "-0.05 0 0", 0.0)]
-        parts += [
-            link(f"{side}_foot", INERTIAL + BOX + HIT),
-            hinge(above, f"{side}_foot", "0 0 -0.3", 10.0),
-        ]
-    assert initialised(robot(*parts), tmp_path).base == "floating"
-
-
-def hinge(parent: str, child: str, xyz: str, effort: float) -> str:
-    limit = f'<limit lower="-1" upper="1" effort="{effort}" velocity="5"/>'
-    return urdfs.joint(f"{child}_joint", parent, child, content=limit, xyz=xyz)
 
 
 def _walker(*, last: str, down: float, names: tuple[str, str], limbs: int = 4) -> str:

@@ -104,20 +104,6 @@ def test_work_that_ends_before_it_is_heard_is_stopped_all_the_same():
     assert heard == [b"iter 1: 20", b"iter 2: 40"]
 
 
-@pytest.mark.skipif(sys.platform != "linux", reason="counts children in /proc")
-def test_no_process_is_left_behind():
-    before = children()
-    with pytest.raises(NativeError):
-        run_apart(crash, LIMITS)
-    assert children() == before
-
-
-def children() -> set[str]:
-    """Process ids of this process's children, those that nobody has waited for among them."""
-    tasks = Path("/proc/self/task").glob("*/children")
-    return {pid for task in tasks for pid in task.read_text().split()}
-
-
 def octants() -> list[TriangleMesh]:
     half = UNIT.scaled((0.5, 0.5, 0.5))
     return [
@@ -138,14 +124,28 @@ def test_eight_octants_merge_into_the_box_that_they_are():
         assert all(np.abs(points).max() <= 0.5 + 1e-12 for points in parts)
 
 
-def test_parts_that_nothing_joins_are_merged_in_the_end():
-    far = [UNIT, UNIT.mapped(np.eye(3), (10.0, 0.0, 0.0))]
-    assert [len(parts) for parts in merge_steps(far)] == [2, 1]
-
-
 def test_a_shrunken_part_grows_back_onto_the_surface():
     small = UNIT.scaled((0.9, 0.9, 0.9))
     (grown,) = grown_to([small], UNIT.vertices, reach=0.1)
     assert signed_volume(grown) == pytest.approx(1.0)
     (left,) = grown_to([small], UNIT.vertices, reach=0.01)
     assert signed_volume(left) == pytest.approx(0.9**3)
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="counts children in /proc")
+def test_no_process_is_left_behind():
+    before = children()
+    with pytest.raises(NativeError):
+        run_apart(crash, LIMITS)
+    assert children() == before
+
+
+def children() -> set[str]:
+    """Process ids of this process's children, those that nobody has waited for among them."""
+    tasks = Path("/proc/self/task").glob("*/children")
+    return {pid for task in tasks for pid in task.read_text().split()}
+
+
+def test_parts_that_nothing_joins_are_merged_in_the_end():
+    far = [UNIT, UNIT.mapped(np.eye(3), (10.0, 0.0, 0.0))]
+    assert [len(parts) for parts in merge_steps(far)] == [2, 1]

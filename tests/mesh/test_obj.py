@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-import io
-
 import mujoco
 import numpy as np
 import pytest
-import trimesh
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as npst
@@ -41,20 +38,6 @@ def test_texture_and_normals_survive_per_corner(with_uv, with_normals):
     for name in ("vertices", "faces", "uv", "normals"):
         assert np.array_equal(getattr(read, name), getattr(mesh, name)), name
     assert obj_bytes(read) == data
-
-
-def test_the_quick_and_the_careful_reader_agree():
-    rng = np.random.default_rng(1)
-    mesh = TriangleMesh(rng.random((4, 3)), TRIANGLES, None, rng.random((2, 3, 3)))
-    data = obj_bytes(mesh)
-    careful = read_triangles(b"# a comment makes it somebody else's\n" + data)
-    assert obj_bytes(careful) == data
-
-
-def test_trimesh_reads_what_we_write():
-    mesh = TriangleMesh(np.random.default_rng(3).random((4, 3)), TRIANGLES)
-    other = trimesh.load(io.BytesIO(obj_bytes(mesh)), file_type="obj", process=False)
-    assert np.allclose(other.triangles, mesh.corners)
 
 
 def test_foreign_text_polygons_negative_indices_comments_and_materials():
@@ -123,13 +106,6 @@ def test_text_that_other_readers_take_is_taken(text, skipped, lost):
     assert (obj.skipped, obj.lost) == (skipped, lost)
 
 
-def test_negative_indices_count_back_in_each_table_for_itself():
-    text = b"v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nf -3/-1 -2/-1 -1/-1\nvt 1 1\nv 5 5 5\n"
-    ((_, mesh),) = parse_obj(text, "mesh").parts
-    assert mesh.faces.tolist() == [[0, 1, 2]]
-    assert mesh.uv.tolist() == [[[0, 0]] * 3]
-
-
 @pytest.mark.parametrize("corner", range(8))
 def test_skew_quads_are_cut_as_mujoco_cuts_them(corner: int):
     box = np.array([[x, y, z] for x in (0.0, 1.0) for y in (0.0, 2.0) for z in (0.0, 3.0)])
@@ -151,3 +127,18 @@ def volume_of(triangles: np.ndarray) -> float:
     """(k, 3, 3) m; m3."""
     a, b, c = np.moveaxis(np.asarray(triangles, dtype=float), 1, 0)
     return float(np.einsum("ij,ij->", a, np.cross(b, c))) / 6.0
+
+
+def test_negative_indices_count_back_in_each_table_for_itself():
+    text = b"v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nf -3/-1 -2/-1 -1/-1\nvt 1 1\nv 5 5 5\n"
+    ((_, mesh),) = parse_obj(text, "mesh").parts
+    assert mesh.faces.tolist() == [[0, 1, 2]]
+    assert mesh.uv.tolist() == [[[0, 0]] * 3]
+
+
+def test_the_quick_and_the_careful_reader_agree():
+    rng = np.random.default_rng(1)
+    mesh = TriangleMesh(rng.random((4, 3)), TRIANGLES, None, rng.random((2, 3, 3)))
+    data = obj_bytes(mesh)
+    careful = read_triangles(b"# a comment makes it somebody else's\n" + data)
+    assert obj_bytes(careful) == data

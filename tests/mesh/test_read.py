@@ -47,12 +47,6 @@ def test_a_text_stl_in_capitals_or_with_a_byte_order_mark_is_read(change):
     assert part.mesh.corners == pytest.approx(BOX.corners)
 
 
-def test_a_text_stl_is_text():
-    text = trimesh.Trimesh(BOX.vertices, BOX.faces, process=False).export(file_type="stl_ascii")
-    (part,) = read_mesh(text.encode(), "stl").parts
-    assert part.mesh.corners == pytest.approx(BOX.corners)
-
-
 @pytest.mark.parametrize(
     ("data", "says"),
     [
@@ -189,13 +183,6 @@ def test_a_gltf_reads_its_companions_and_nothing_else():
     assert source.pictures == {}  # told as lost
     with pytest.raises(StepError, match=r"gltf_buffer_0.bin` is not in the source"):
         read_mesh(text, "gltf")
-
-
-def test_a_glb_keeps_the_normals_that_it_states_and_makes_up_none():
-    bare = read_mesh(textured_box().export(file_type="glb", include_normals=False), "glb")
-    stated = read_mesh(textured_box().export(file_type="glb", include_normals=True), "glb")
-    assert bare.parts[0].mesh.normals is None
-    assert stated.parts[0].mesh.normals is not None
 
 
 def glb_with(change) -> bytes:

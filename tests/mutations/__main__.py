@@ -63,20 +63,13 @@ def table(results: Sequence[Result]) -> str:
     rows = [f"| format | {' | '.join(COLUMNS)} |", f"|---|{'---|' * len(COLUMNS)}"]
     for form in FORMATS:
         own = [one for one in results if form_of(one.mutation.file) == form]
-        if not own:
-            continue
         tried = [one.verdict for one in own if one.verdict]
-        figures = (
-            str(len(own)),
-            str(sum(one.fate == "refused" for one in own)),
-            str(sum(one.fate == "same" for one in own)),
-            str(len(tried)),
-            share(sum(v.validate == "found" for v in tried), len(tried)),
-            share(sum(v.validate == "vague" for v in tried), len(tried)),
-            share(sum(v.diff == "found" for v in tried), len(tried)),
-            share(sum(v.diff == "vague" for v in tried), len(tried)),
-        )
-        rows.append(f"| {form} | {' | '.join(figures)} |")
+        counts = [len(own), *(sum(one.fate == fate for one in own) for fate in ("refused", "same"))]
+        judges = [verdict for judge in ("validate", "diff") for verdict in (
+            share(sum(getattr(one, judge) == word for one in tried), len(tried))
+            for word in ("found", "vague"))]  # fmt: skip
+        if own:
+            rows.append(f"| {form} | {' | '.join([*map(str, [*counts, len(tried)]), *judges])} |")
     return "\n".join(rows)
 
 
@@ -88,38 +81,20 @@ def share(part: int, whole: int) -> str:
 def missed(results: Sequence[Result]) -> str:
     """What `validate` or `diff` did not find, by format and attribute, the most frequent first."""
     groups: dict[tuple[str, str], list[Result]] = {}
-    tried: dict[tuple[str, str], int] = {}
     for one in results:
-        name = (form_of(one.mutation.file), one.mutation.attribute)
-        if one.verdict is not None:
-            tried[name] = tried.get(name, 0) + 1
-            if (one.verdict.validate, one.verdict.diff) != ("found", "found"):
-                groups.setdefault(name, []).append(one)
-    lines: list[str] = []
-    for form in FORMATS:
-        own = sorted(
-            ((n, some) for n, some in groups.items() if n[0] == form), key=lambda row: -len(row[1])
+        if one.verdict and (one.verdict.validate, one.verdict.diff) != ("found", "found"):
+            name = (form_of(one.mutation.file), one.mutation.attribute)
+            groups.setdefault(name, []).append(one)
+    lines = ["", "not found:"] if groups else []
+    for (form, name), some in sorted(groups.items(), key=lambda row: -len(row[1])):
+        first = some[0].verdict
+        assert first is not None
+        said = f" [{first.said[0][:160]}]" if first.said else ""
+        lines.append(
+            f"- {form} `{name}`: {len(some)}, validate {first.validate}, diff {first.diff}; "
+            f"e.g. {some[0].mutation}{said}"
         )
-        if own:
-            lines += ["", f"## {form}: not found", ""]
-        for name, some in own:
-            how = dict.fromkeys(f"{one.mutation.what}" for one in some)
-            lines.append(
-                f"- `{name[1]}`: {len(some)} of {tried[name]} ({', '.join(how)}), "
-                f"{'; '.join(sorted({_judges(one) for one in some}))}; e.g. {some[0].mutation}"
-                + _said(some[0])
-            )
     return "\n".join(lines)
-
-
-def _judges(one: Result) -> str:
-    assert one.verdict is not None
-    return f"validate {one.verdict.validate}, diff {one.verdict.diff}"
-
-
-def _said(one: Result) -> str:
-    assert one.verdict is not None
-    return f" [{one.verdict.said[0][:160]}]" if one.verdict.said else ""
 
 
 def false_alarms(bundle: Path) -> int:

@@ -15,8 +15,6 @@ from tests.mutations.run import Result, sample, try_all
 
 OWN = tuple(form for form in FORMATS if form not in ("dr", "xrdf", "policy"))
 """The formats of a bundle without `randomize`, planners and policies."""
-EACH = 6
-"""Mutations of each format that the default run plants."""
 FOUND = 0.8
 """Share of so small a sample that must be found; the goal, 0.95 and 1, is that of large ones."""
 ARM = """\
@@ -50,12 +48,8 @@ def test_every_file_of_every_format_has_mutations(legs: Path):
     found = mutations(legs, FORMATS, 0)
     assert {one.file for one in found} == set(files_of(legs))
     assert {form_of(one.file) for one in found} == set(OWN)
-
-
-def test_the_same_seed_draws_the_same_mutations(legs: Path):
-    drawn = sample(legs, ("urdf", "python"), 3, 20)
-    assert drawn == sample(legs, ("urdf", "python"), 3, 20)
-    assert drawn != sample(legs, ("urdf", "python"), 4, 20)
+    assert found == mutations(legs, FORMATS, 0), "the same seed draws the same"
+    assert sample(legs, ("urdf",), 3, 20) != sample(legs, ("urdf",), 4, 20)
 
 
 def test_a_mutation_changes_one_place_of_one_file(copy: Path):
@@ -86,9 +80,21 @@ def shares(results: list[Result]) -> tuple[float, float, list[str]]:
     return sum(found) / len(tried), sum(told) / len(tried), missed
 
 
+@pytest.fixture(scope="module")
+def arm(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Prismatic and mimic joints, meshes as colliders, a texture, a kept body."""
+    folder = tmp_path_factory.mktemp("arm")
+    write_arm(folder / "robot")
+    return built(folder, ARM)
+
+
 @pytest.mark.slow
-def test_validate_and_diff_find_single_changes(legs: Path):
-    validate, diff, missed = shares(list(try_all(legs, sample(legs, OWN, 0, EACH), 1)))
+@pytest.mark.parametrize(("robot", "count"), [("legs", 4), ("arm", 3)])
+def test_validate_and_diff_find_single_changes(
+    robot: str, count: int, request: pytest.FixtureRequest
+):
+    bundle: Path = request.getfixturevalue(robot)
+    validate, diff, missed = shares(list(try_all(bundle, sample(bundle, FORMATS, 0, count), 1)))
     assert validate >= FOUND, missed
     assert diff >= FOUND, missed
 
@@ -101,13 +107,3 @@ def alarms(bundle: Path) -> dict[tuple[str, str], list[str]]:
 @pytest.mark.slow
 def test_all_files_that_are_written_anew_are_the_same_robot(legs: Path):
     assert alarms(legs) == {}
-
-
-@pytest.mark.slow
-def test_single_changes_of_an_arm_with_meshes_and_a_mimic_joint(tmp_path: Path):
-    """Prismatic and mimic joints, meshes as colliders, a texture, a kept body."""
-    write_arm(tmp_path / "robot")
-    bundle = built(tmp_path, ARM)
-    validate, diff, missed = shares(list(try_all(bundle, sample(bundle, FORMATS, 0, 4), 1)))
-    assert validate >= FOUND, missed
-    assert diff >= FOUND, missed

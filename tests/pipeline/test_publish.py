@@ -68,14 +68,11 @@ def out(tmp_path: Path) -> Path:
     return tmp_path / "build" / "go1"
 
 
-def test_the_first_bundle_appears(out: Path):
+def test_a_bundle_appears_and_is_replaced_whole(out: Path, way: str):
+    out.mkdir(parents=True)  # an empty folder may be taken
     make(out, "one")
     assert content(out)["mjcf/go1.xml"] == "one mjcf/go1.xml"
-    assert names_in(out.parent) == ["go1"]
-
-
-def test_a_bundle_is_replaced_whole(out: Path, way: str):
-    make(out, "one")
+    assert make(out, "one again", manifest(out)) == ()
     (out / "stale.txt").write_text("of the old bundle")
     make(out, "two")
     assert set(content(out).values()) == {
@@ -109,12 +106,6 @@ def manifest_of_two(out: Path) -> dict[str, str]:
     return {n: digest_bytes(f"two {n}".encode()) for n in ("mjcf/go1.xml", "urdf/go1.urdf")}
 
 
-def test_an_untouched_bundle_leaves_nothing_aside(out: Path):
-    make(out, "one")
-    assert make(out, "two", manifest(out)) == ()
-    assert not out.with_name("go1.edited").exists()
-
-
 def test_a_folder_that_is_no_bundle_is_refused_and_stays(out: Path):
     out.mkdir(parents=True)
     (out / "thesis.tex").write_text("years of work")
@@ -125,12 +116,6 @@ def test_a_folder_that_is_no_bundle_is_refused_and_stays(out: Path):
     with pytest.raises(UsageError):
         publish(staging, out)
     assert content(out) == {"thesis.tex": "years of work"}
-
-
-def test_an_empty_folder_may_be_taken(out: Path):
-    out.mkdir(parents=True)
-    make(out, "one")
-    assert content(out)
 
 
 def test_a_file_in_the_way_is_refused(out: Path):

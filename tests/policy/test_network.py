@@ -1,7 +1,8 @@
-"""A network is a stranger's file: it runs in a process of its own, or is refused by name."""
+"""What a policy sees, and the network that acts on it: a stranger's file in its own process."""
 
 from __future__ import annotations
 
+import math
 import os
 from pathlib import Path
 
@@ -13,6 +14,8 @@ from policies import save, write_network
 
 from assetbuild.errors import MachineError, UsageError
 from assetbuild.policy.network import LARGEST_BYTES, Network
+from assetbuild.policy.stated import Policy, Term
+from assetbuild.policy.terms import FUNCTIONS, Now, Observer, Seen, width
 
 
 def test_it_answers_what_the_graph_says(tmp_path: Path):
@@ -23,18 +26,18 @@ def test_it_answers_what_the_graph_says(tmp_path: Path):
             assert network.act(seen) == pytest.approx(seen @ gain)
 
 
+def vector(name: str, size: int = 2, kind: int = TensorProto.FLOAT) -> onnx.ValueInfoProto:
+    return helper.make_tensor_value_info(name, kind, [1, size])
+
+
 def test_a_recurrent_network_remembers_until_it_is_reset(tmp_path: Path):
     """h_out = h_in + obs, actions = h_out."""
-    rows = {name: helper.make_tensor_value_info(name, TensorProto.FLOAT, [1, 2])
-            for name in ("obs", "h_in", "actions", "h_out")}  # fmt: skip
     nodes = [
         helper.make_node("Add", ["obs", "h_in"], ["h_out"]),
         helper.make_node("Identity", ["h_out"], ["actions"]),
     ]
-    graph = helper.make_graph(
-        nodes, "policy", [rows["obs"], rows["h_in"]], [rows["actions"], rows["h_out"]]
-    )
-    save(tmp_path / "policy.onnx", graph)
+    into, out = [vector("obs"), vector("h_in")], [vector("actions"), vector("h_out")]
+    save(tmp_path / "policy.onnx", helper.make_graph(nodes, "policy", into, out))
     with Network(tmp_path / "policy.onnx") as network:
         one = np.ones(2)
         assert [network.act(one)[0] for _ in range(3)] == [1.0, 2.0, 3.0]
@@ -42,24 +45,13 @@ def test_a_recurrent_network_remembers_until_it_is_reset(tmp_path: Path):
         assert network.act(one)[0] == 1.0
 
 
-def test_metadata_come_as_they_stand(tmp_path: Path):
-    row = helper.make_tensor_value_info("x", TensorProto.FLOAT, [1, 2])
-    out = helper.make_tensor_value_info("y", TensorProto.FLOAT, [1, 2])
-    graph = helper.make_graph([helper.make_node("Identity", ["x"], ["y"])], "p", [row], [out])
-    save(tmp_path / "policy.onnx", graph, {"joint_names": "a,b"})
-    with Network(tmp_path / "policy.onnx") as network:
-        assert network.metadata == {"joint_names": "a,b"}
-
-
 def garbage(path: Path) -> None:
     path.write_bytes(b"\x08\x07 this is no network")
 
 
 def strange_operator(path: Path) -> None:
-    row = helper.make_tensor_value_info("x", TensorProto.FLOAT, [1, 2])
-    out = helper.make_tensor_value_info("y", TensorProto.FLOAT, [1, 2])
     node = helper.make_node("Evil", ["x"], ["y"], domain="com.stranger")
-    graph = helper.make_graph([node], "p", [row], [out])
+    graph = helper.make_graph([node], "p", [vector("x")], [vector("y")])
     model = helper.make_model(
         graph, opset_imports=[helper.make_opsetid("", 13), helper.make_opsetid("com.stranger", 1)]
     )
@@ -67,32 +59,26 @@ def strange_operator(path: Path) -> None:
 
 
 def circle(path: Path) -> None:
-    row = helper.make_tensor_value_info("x", TensorProto.FLOAT, [1, 2])
-    out = helper.make_tensor_value_info("y", TensorProto.FLOAT, [1, 2])
     nodes = [helper.make_node("Add", ["x", "z"], ["y"]), helper.make_node("Neg", ["y"], ["z"])]
-    save(path, helper.make_graph(nodes, "p", [row], [out]))
+    save(path, helper.make_graph(nodes, "p", [vector("x")], [vector("y")]))
 
 
 def data_elsewhere(path: Path) -> None:
     """Weights that it wants to read from a file outside of its own folder."""
-    secret = path.parent.parent / "secret.bin"
-    secret.write_bytes(b"\0" * 24)
+    (path.parent.parent / "secret.bin").write_bytes(b"\0" * 24)
     weights = TensorProto(name="W", data_type=TensorProto.FLOAT, dims=[3, 2])
     weights.data_location = TensorProto.EXTERNAL
     weights.external_data.add(key="location", value="../secret.bin")
-    row = helper.make_tensor_value_info("x", TensorProto.FLOAT, [1, 3])
-    out = helper.make_tensor_value_info("y", TensorProto.FLOAT, [1, 2])
     node = helper.make_node("MatMul", ["x", "W"], ["y"])
-    graph = helper.make_graph([node], "p", [row], [out], [weights])
+    graph = helper.make_graph([node], "p", [vector("x", 3)], [vector("y")], [weights])
     model = helper.make_model(graph, opset_imports=[helper.make_opsetid("", 13)])
     model.ir_version = 8
     path.write_bytes(model.SerializeToString())
 
 
 def whole_numbers(path: Path) -> None:
-    row = helper.make_tensor_value_info("x", TensorProto.INT64, [1, 2])
-    out = helper.make_tensor_value_info("y", TensorProto.INT64, [1, 2])
-    save(path, helper.make_graph([helper.make_node("Identity", ["x"], ["y"])], "p", [row], [out]))
+    ends = [vector("x", 2, TensorProto.INT64)], [vector("y", 2, TensorProto.INT64)]
+    save(path, helper.make_graph([helper.make_node("Identity", ["x"], ["y"])], "p", *ends))
 
 
 @pytest.mark.parametrize(
@@ -125,3 +111,76 @@ def test_a_network_that_dies_says_so(tmp_path: Path):
         network.close()
         with pytest.raises(UsageError, match="does not answer"):
             network.act(np.zeros(3))
+
+
+# --- What a policy sees, against formulas ---
+
+
+JOINTS = ("a", "b")
+HALF = math.sqrt(0.5)
+
+
+def seen(time: float = 0.0, q: float = 0.0, quat: tuple[float, ...] = (1.0, 0.0, 0.0, 0.0)) -> Seen:
+    return Seen(
+        time, np.zeros(3), np.array(quat), np.array((1.0, 2.0, 3.0)), np.array((0.1, 0.2, 0.3)),
+        {"a": 0.5 + q, "b": -1.0}, {"a": 4.0, "b": 5.0},
+    )  # fmt: skip
+
+
+def now(state: Seen, imu: tuple[np.ndarray, np.ndarray] | None = None) -> Now:
+    at = imu or (np.eye(3), np.zeros(3))
+    return Now(state, np.array((7.0, 8.0, 9.0)), np.array((-1.0, 1.0)), {"a": 0.5, "b": -0.5}, at)
+
+
+def policy(*terms: Term, **more: object) -> Policy:
+    zero = dict.fromkeys(JOINTS, 0.0)
+    return Policy(Path("p"), "test", None, JOINTS, JOINTS, zero, zero, zero, terms, 0.02, **more)
+
+
+AN_IMU = (np.diag((-1.0, -1.0, 1.0)), np.array((0.0, 0.0, 2.0)))
+"""Half a turn about z, and where it sits, m."""
+VALUES = {
+    # A base that is pitched nose down by a quarter turn has gravity ahead of it.
+    "gravity": (
+        Term("g", "projected_gravity"), now(seen(quat=(HALF, 0.0, HALF, 0.0))), (1.0, 0.0, 0.0)),
+    # v = v0 + w x p, then turned into its frame.
+    "an IMU": (
+        Term("v", "imu_lin_vel"), now(seen(), AN_IMU), (-(1.0 + 0.4), -(2.0 - 0.2), 3.0)),
+    "from the default pose": (
+        Term("q", "joint_pos_rel", ("b", "a")), now(seen()), (-0.5, 0.0)),
+    "in the term's order": (Term("q", "joint_pos", ("b", "a")), now(seen()), (-1.0, 0.5)),
+    "a phase": (
+        Term("p", "gait_phase", params={"period": 0.8}), now(seen(time=0.2)), (1.0, 0.0)),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("what", VALUES)
+def test_a_term_is_what_its_formula_says(what: str):
+    term, at, expected = VALUES[what]
+    assert FUNCTIONS[term.function](at, term) == pytest.approx(np.array(expected))
+
+
+def test_it_clips_before_it_scales_unless_the_file_says_otherwise():
+    term = Term("c", "velocity_commands", scale=(2.0, 1.0, 1.0), clip=(-8.0, 8.0))
+    assert Observer(policy(term)).look(now(seen())) == pytest.approx(np.array((14.0, 8.0, 8.0)))
+    first = Observer(policy(term, scale_first=True))
+    assert first.look(now(seen())) == pytest.approx(np.array((8.0, 8.0, 8.0)))
+
+
+def test_histories_begin_full_and_have_the_oldest_first():
+    terms = Term("q", "joint_pos", ("a",), history=3), Term("a", "last_action", history=2)
+    observer = Observer(policy(*terms))
+    assert observer.look(now(seen())).tolist() == [0.5, 0.5, 0.5, -1.0, 1.0, -1.0, 1.0]
+    assert observer.look(now(seen(q=1.0))).tolist()[:3] == [0.5, 0.5, 1.5]
+    terms = Term("q", "joint_pos", ("a",), history=2), Term("a", "last_action", history=2)
+    observer = Observer(policy(*terms, by_time=True))
+    observer.look(now(seen()))
+    assert observer.look(now(seen(q=1.0))).tolist() == [0.5, -1.0, 1.0, 1.5, -1.0, 1.0]
+
+
+@pytest.mark.parametrize("function", FUNCTIONS)
+def test_a_term_has_as_many_numbers_as_it_says(function: str):
+    joints = JOINTS if function.startswith("joint_") else ()
+    term = Term("t", function, joints, params={"period": 1.0})
+    told = policy(term)
+    assert len(Observer(told).look(now(seen()))) == width(term, told)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import shutil
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -11,16 +12,23 @@ from typing import Any
 
 import numpy as np
 import pytest
+import yaml
 from PIL import Image
 from policies import bundle_of, deployed, write_policy
+from tiny import check_inputs, run_step, tiny_quadruped, write_robot_ports
 
+from assetbuild.checks._newton import NewtonOrders
+from assetbuild.checks._physx import PhysxOrders
 from assetbuild.cli import main
 from assetbuild.engine.world import World
 from assetbuild.errors import UsageError
 from assetbuild.pipeline.policies import Replayed, Wish, draw_replays, replay_policy
+from assetbuild.policy.counting import OrdersCheck
 from assetbuild.policy.in_stages import unavailable_reason
 from assetbuild.policy.robot import Bot
 from assetbuild.rendering.plan import renderer
+from assetbuild.simulators.newton import HOME
+from assetbuild.targets.usd import Usd
 
 STAND = Wish(command=(0.0, 0.0, 0.0), seconds=2.0)
 
@@ -45,18 +53,9 @@ def test_actions_of_nothing_stand(bot: Bot, tmp_path: Path):
     assert run.verdict == "stands" and done.follows and not done.searched
     assert run.tilt < 0.05 and math.hypot(*run.moved) < 0.02
     assert run.saturated == 0.0 and run.slip is not None and run.slip < 0.01
-
-
-def test_two_runs_are_the_same(bot: Bot, tmp_path: Path):
-    runs = [replayed(bot, tmp_path / f"p{n}", lambda said: None).runs["mujoco"] for n in (1, 2)]
-    assert runs[0] == runs[1]
-
-
-def test_what_stands_does_not_follow_a_command(bot: Bot, tmp_path: Path):
-    wish = Wish(command=(0.5, 0.0, 0.0), seconds=2.0, search=False)
-    done = replayed(bot, tmp_path / "p", lambda said: None, wish)
-    assert done.runs["mujoco"].verdict == "stays up and does not follow the command"
-    assert not done.follows and done.diagnosis is None
+    assert replayed(bot, tmp_path / "q", lambda said: None).runs["mujoco"] == run, "each time"
+    with pytest.raises(UsageError, match="cannot write"):
+        draw_replays(done, bot.bundle, STAND, tmp_path)
 
 
 def other_order(said: dict[str, Any]) -> None:
@@ -80,12 +79,6 @@ def test_a_picture_has_a_row_for_each_engine_and_six_moments(bot: Bot, tmp_path:
     dark = [np.nonzero(column[: column.shape[0] * 9 // 10] < 200)[0] for column in columns]
     assert all(rows.size for rows in dark)
     assert dark[-1].min() > dark[0].min() + 5  # it sank
-
-
-def test_a_picture_that_cannot_be_written_is_one_sentence(bot: Bot, tmp_path: Path):
-    done = replayed(bot, tmp_path / "p", lambda said: None)
-    with pytest.raises(UsageError, match="cannot write"):
-        draw_replays(done, bot.bundle, STAND, tmp_path)
 
 
 @pytest.mark.parametrize(
@@ -120,18 +113,23 @@ def test_the_command_line_says_it_in_words_and_as_data(bot: Bot, tmp_path: Path,
     assert "policy.timestep" in {row["rule"] for row in json.loads(capsys.readouterr().out)}
 
 
-def test_an_unknown_observation_is_refused_by_name(bot: Bot, tmp_path: Path, capsys):
-    said = deployed(bot)
-    said["observations"]["height_scan"] = {"params": {}, "scale": [1.0]}
-    folder = str(write_policy(tmp_path / "p", said))
+@pytest.mark.parametrize(
+    ("spoil", "said"),
+    [
+        (lambda said: said.update(step_dt=0.0133), "acts every 13.3 ms"),
+        (lambda said: said["observations"].update(height_scan={"params": {}, "scale": [1.0]}),
+         "`height_scan`"),
+    ],
+    ids=["a rhythm that the simulation does not meet", "an observation that nobody knows"],
+)  # fmt: skip
+def test_what_cannot_be_replayed_is_refused(
+    spoil: Callable[[dict[str, Any]], object], said: str, bot: Bot, tmp_path: Path, capsys
+):
+    stated = deployed(bot)
+    spoil(stated)
+    folder = str(write_policy(tmp_path / "p", stated))
     assert main(["policy", "replay", folder, str(bot.bundle)]) == 2
-    assert "`height_scan`" in capsys.readouterr().err
-
-
-def test_a_rhythm_that_the_simulation_does_not_meet_is_refused(bot: Bot, tmp_path: Path, capsys):
-    folder = str(write_policy(tmp_path / "p", deployed(bot) | {"step_dt": 0.0133}))
-    assert main(["policy", "replay", folder, str(bot.bundle)]) == 2
-    assert "acts every 13.3 ms" in capsys.readouterr().err
+    assert said in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("engine", ["newton", "physx"])
@@ -145,3 +143,38 @@ def test_an_engine_that_is_not_there_is_named_with_the_way_to_get_it(
     assert main(["policy", "replay", folder, str(bot.bundle), "--engine", engine]) == 1
     assert f"get {engine}" in capsys.readouterr().err
     assert isinstance(unavailable_reason(engine), str)
+
+
+# --- In other engines, where they are installed ---
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("engine", "check"), [("newton", NewtonOrders), ("physx", PhysxOrders)], ids=["newton", "physx"]
+)
+def test_a_policy_stands_there_too_and_the_engine_is_asked_how_it_counts(
+    engine: str, check: type[OrdersCheck], tmp_path: Path
+):
+    if reason := unavailable_reason(engine):
+        pytest.skip(f"{engine}: {reason}")
+    robot = tiny_quadruped()
+    bot = bundle_of(tmp_path, robot)
+    usd = check_inputs(tmp_path / "stage", robot, Usd(robot="robot"), "usd")
+    shutil.copytree(usd / "usd", bot.bundle / "usd", symlinks=False)
+    wish = Wish(("mujoco", engine), (0.0, 0.0, 0.0), 2.0)
+    policy = write_policy(tmp_path / "p", deployed(bot))
+    runs = replay_policy(policy, bot.bundle, wish, lambda line: None).runs
+    assert runs[engine].verdict == "stands"
+    assert runs[engine].height == pytest.approx(runs["mujoco"].height, abs=0.01)
+
+    write_robot_ports(bot.bundle, robot)
+    own = {"environment": HOME.folder.name} if engine == "newton" else {}
+    step = check(robot="robot", **own)
+    contract = bot.bundle / "policy/robot_contract.yaml"
+    said = yaml.safe_load(contract.read_text())
+    order = said["orders"][step.order]
+    order[-1], order[-2] = order[-2], order[-1]
+    contract.write_text(yaml.safe_dump(said, sort_keys=False))
+    (found,) = run_step(step, bot.bundle, tmp_path / "second")
+    assert found.rule == "policy.engine_order"
+    assert f"{step.order} has `{order[-1]}` at place 10" in found.message, "the others are right"

@@ -19,10 +19,6 @@ def test_the_schema_is_json_with_the_keys_of_the_file():
     assert schema["additionalProperties"] is False
 
 
-def test_the_schema_is_the_same_each_time():
-    assert schema_text() == schema_text()
-
-
 def test_every_key_has_a_meaning():
     for name, model in json.loads(schema_text())["$defs"].items():
         assert model.get("description"), name
@@ -58,8 +54,3 @@ def test_another_unit_is_an_error_that_shows_a_right_one(written):
         collision_rule(max_outside=written)
     message = str(caught.value)
     assert "`5 mm`" in message or "greater than or equal to 0" in message or "finite" in message
-
-
-def test_more_missing_than_there_is_cannot_be_asked_for():
-    with pytest.raises(ValidationError):
-        collision_rule(max_missing="120 %")

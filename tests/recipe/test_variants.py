@@ -46,12 +46,6 @@ def load(tmp_path, monkeypatch):
     return load_text
 
 
-def test_without_a_variant_the_base_is_untouched(load):
-    recipe = load(BASE).recipe
-    assert recipe.targets == ("urdf", "mjcf")
-    assert recipe.simulation.timestep == 0.005
-
-
 def test_maps_are_merged_and_lists_replaced(load):
     recipe = load(BASE, "train").recipe
     assert recipe.simulation.timestep == 0.002
@@ -80,31 +74,21 @@ def test_a_patched_value_stands_in_the_variant_and_the_rest_in_the_base(load):
     assert "shape: sphere" in lines[loaded.where(("collision", "links", "foot")).line - 1]
 
 
-def test_a_mistake_in_a_variant_points_into_the_variant_even_when_nobody_asked(load):
+@pytest.mark.parametrize(
+    ("old", "new", "variant", "place", "said", "hint"),
+    [
+        ("", "", "trian", "", "no variant named `trian`", "did you mean `train`?"),
+        (BASE[BASE.index("variants:") :], "", "train", "", "", "no `variants`"),
+        ("    targets: [mjcf]", "    variants: {}", None, "17:5", "cannot change `variants`", ""),
+        ("timestep: 0.002", "timestpe: 0.002", None, "16:18", "", "did you mean `timestep`?"),
+    ],
+    ids=["unknown", "none at all", "variants in a variant", "a mistake though nobody asked"],
+)
+def test_a_wrong_variant_is_one_error(load, old, new, variant, place, said, hint):
     with pytest.raises(RecipeError) as caught:
-        load(BASE.replace("timestep: 0.002", "timestpe: 0.002"))
-    assert str(caught.value.where) == "r.yaml:16:18"
-    assert caught.value.hint == "did you mean `timestep`?"
-
-
-def test_an_unknown_variant_is_named_with_the_nearest(load):
-    with pytest.raises(RecipeError) as caught:
-        load(BASE, "trian")
-    assert caught.value.message == "no variant named `trian`"
-    assert caught.value.hint == "did you mean `train`?"
-
-
-def test_a_recipe_without_variants_says_so(load):
-    with pytest.raises(RecipeError) as caught:
-        load(BASE[: BASE.index("variants:")], "train")
-    assert "no `variants`" in caught.value.hint
-
-
-def test_a_variant_cannot_hold_variants(load):
-    with pytest.raises(RecipeError) as caught:
-        load(BASE.replace("    targets: [mjcf]", "    variants: {}"))
-    assert "cannot change `variants`" in caught.value.message
-    assert caught.value.where.line == 17
+        load(BASE.replace(old, new) if old else BASE, variant)
+    assert str(caught.value.where).endswith(place)
+    assert said in caught.value.message and hint in caught.value.hint
 
 
 def test_many_variants_of_a_large_recipe_are_refused_before_they_cost_time(load):

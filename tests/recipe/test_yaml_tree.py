@@ -69,66 +69,38 @@ def test_infinity_and_nan_are_numbers_that_the_models_refuse():
     assert math.isnan(read("[.nan]")[0])
 
 
-def test_duplicate_keys_name_both_lines():
-    error = refused("a: 1\nb: 2\n'a': 3\n")
-    assert str(error.where) == "r.yaml:3:1"
-    assert "duplicate key `a`" in error.message
-    assert "line 1" in error.hint
-
-
-@pytest.mark.parametrize("tag", ["!!python/object/apply:os.system [x]", "!!binary aGk=", "!x 1"])
-def test_tags_that_make_objects_are_refused(tag):
-    error = refused(f"a: {tag}\n")
-    assert "tag" in error.message
-    assert str(error.where) == "r.yaml:1:4"
-
-
-def test_a_tag_that_lies_is_refused():
-    assert "not what its tag says" in refused("a: !!int hello").message
-
-
 def test_an_alias_shares_its_anchor():
     assert read("a: &x {k: [1, 2]}\nb: *x\n") == {"a": {"k": (1, 2)}, "b": {"k": (1, 2)}}
 
 
-def test_an_alias_inside_what_it_names_is_refused():
-    assert "inside what it names" in refused("a: &x [1, *x]").message
-
-
-def test_an_unknown_alias_is_refused_with_its_place():
-    error = refused("a: 1\nb: *nope\n")
-    assert error.where.line == 2
-
-
-def test_merge_keys_are_refused_by_name():
-    error = refused("a: &x {k: 1}\nb:\n  <<: *x\n")
-    assert "merge keys" in error.message
-    assert str(error.where) == "r.yaml:3:3"
-
-
 @pytest.mark.parametrize(
-    ("text", "said"),
+    ("text", "place", "said", "hint"),
     [
-        ("", "empty"),
-        ("# only a comment\n", "empty"),
-        (b"a: \xff\n", "UTF-8"),
-        ("a: 1\n---\nb: 2\n", "second document"),
-        ("a: [1, 2\nb: 3\n", "not YAML"),
-        ("a: \x07\n", "not YAML"),
-        ("? [a, b]\n: 1\n", "key must be plain text"),
-        ("\tkey: 1\n", "not YAML"),
-        ("@x: 1", "not YAML"),
-        ("{? : 1}", "a key is missing"),
+        ("", "", "empty", ""),
+        ("# only a comment\n", "", "empty", ""),
+        (b"a: 1\nbc: \xff\n", "2:5", "UTF-8", ""),
+        ("a: 1\n---\nb: 2\n", "", "second document", ""),
+        ("a: [1, 2\nb: 3\n", "", "not YAML", ""),
+        ("a: \x07\n", "", "not YAML", ""),
+        ("\tkey: 1\n", "", "not YAML", ""),
+        ("@x: 1", "", "not YAML", ""),
+        ("? [a, b]\n: 1\n", "", "key must be plain text", ""),
+        ("{? : 1}", "", "a key is missing", ""),
+        ("a: 1\nb: 2\n'a': 3\n", "3:1", "duplicate key `a`", "line 1"),
+        ("a: !!python/object/apply:os.system [x]\n", "1:4", "tag", ""),
+        ("a: !!binary aGk=\n", "1:4", "tag", ""),
+        ("a: !x 1\n", "1:4", "tag", ""),
+        ("a: !!int hello", "", "not what its tag says", ""),
+        ("a: &x [1, *x]", "", "inside what it names", ""),
+        ("a: 1\nb: *nope\n", "2:4", "", ""),
+        ("a: &x {k: 1}\nb:\n  <<: *x\n", "3:3", "merge keys", ""),
     ],
 )
-def test_text_that_is_no_recipe_is_one_clear_error(text, said):
+def test_text_that_is_no_recipe_is_one_clear_error(text, place, said, hint):
     error = refused(text)
-    assert said in error.message
     assert error.where.file == "r.yaml"
-
-
-def test_wrong_bytes_are_located():
-    assert str(refused(b"a: 1\nbc: \xff\n").where) == "r.yaml:2:5"
+    assert str(error.where).endswith(place)
+    assert said in error.message and hint in error.hint
 
 
 def test_aliases_cannot_nest_deeper_than_text_can():

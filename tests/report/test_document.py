@@ -8,9 +8,7 @@ from dataclasses import replace
 
 from tiny import tiny_quadruped
 
-from assetbuild.checks import urdf_kinematics
-from assetbuild.facts import compare
-from assetbuild.findings import RENAMED, Finding
+from assetbuild.findings import Finding
 from assetbuild.recipe.models import Waiver
 from assetbuild.report.bundle import BundleFile, manifest, media_type, provenance
 from assetbuild.report.card import card_tables, grade, model_card
@@ -25,15 +23,6 @@ RADIUS = Finding("inertia.radius", "warning", "link calf", "0.6 m")
 
 def nowhere(subject: str) -> str:
     return {"link calf": "robot.urdf:17"}.get(subject, "")
-
-
-def test_an_error_blocks_training_and_names_the_next_step_with_its_line():
-    report = make_report("r", [RADIUS, TRIANGLE], {}, {}, nowhere)
-    assert not report.verdict.ready
-    assert report.verdict.blocked_by == ("inertia.triangle",)
-    assert report.verdict.next_step == "robot.urdf:17: link calf: check the CoM"
-    assert [finding.rule for finding in report.findings] == ["inertia.triangle", "inertia.radius"]
-    assert fails(report, "error")
 
 
 def test_what_a_check_could_not_work_on_never_hides_why():
@@ -62,12 +51,6 @@ def test_a_waiver_for_a_rule_that_found_nothing_is_told():
     assert [finding.rule for finding in report.findings] == ["rules.unused"]
 
 
-def test_the_old_names_stand_beside_the_new_ones():
-    for rule in (compare.EQUAL, urdf_kinematics.DIFFERS):
-        assert rule.was
-        assert rule.was.keys() <= RENAMED.keys()
-
-
 def test_a_waiver_under_an_old_name_works_and_names_the_new_one():
     off = Finding("equal.physx.kd", "error", "joint hip", "kd is 3 in PhysX, 4 in the robot")
     waivers = {"physx.gains": Waiver(severity="info", because="measured on the robot")}
@@ -78,12 +61,6 @@ def test_a_waiver_under_an_old_name_works_and_names_the_new_one():
     assert report.findings[1].subject == "recipe rules.physx.gains"
     said = "rule `physx.gains` is called `equal.physx.kp`, `equal.physx.kd` now"
     assert report.findings[1].message == said
-
-
-def test_a_waiver_under_an_old_name_that_finds_nothing_is_told_once():
-    waivers = {"urdf.reload.kinematics": Waiver(severity="info", because="known")}
-    report = make_report("r", [], {}, waivers, nowhere)
-    assert [finding.rule for finding in report.findings] == ["rules.renamed"]
 
 
 def test_an_old_name_about_joints_leaves_bodies_alone():

@@ -7,8 +7,6 @@ from dataclasses import replace
 from html import unescape
 from html.parser import HTMLParser
 
-from tiny import tiny_quadruped
-
 from assetbuild.findings import Finding
 from assetbuild.recipe.models import Waiver
 from assetbuild.report.document import make_report
@@ -100,11 +98,6 @@ def test_a_failed_check_is_open_and_a_passed_one_closed():
     assert '<details class="check">' in page(checks={"x": CheckResult("pass", {"a": 1})})
 
 
-def test_without_the_library_there_is_no_view():
-    assert "viewer-geometry" not in page(view=View("{}", ""))
-    assert "viewer-geometry" not in page(view=None)
-
-
 def test_the_first_screen_has_the_hero_and_the_lines_that_load_the_bundle():
     text = page()
     head = unescape(text.partition('id="findings"')[0])
@@ -140,15 +133,6 @@ def test_every_check_of_a_bundle_has_a_sentence():
     assert said == "usd: creeps at 0.5 mm/s below the angle of friction"
     trained = CheckResult("pass", {"fell": 0, "summary": "0 of 8 robots fell"})
     assert sentence("smoke_mjlab", trained) == "0 of 8 robots fell"
-
-
-def test_the_view_knows_every_joint_and_keyframe():
-    text = page()
-    robot = tiny_quadruped()
-    for joint in robot.tree.moving_joints:
-        assert f'"name":"{joint.name}"' in text
-    for keyframe in robot.control.keyframes:
-        assert f'"name":"{keyframe.name}"' in text
 
 
 class Tags(HTMLParser):

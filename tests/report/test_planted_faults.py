@@ -186,12 +186,3 @@ def test_each_fault_is_found_by_a_named_check_and_seen_in_the_report(fault, tmp_
     named = [f for f in found if f.rule.startswith(rules)]
     assert named, [(f.rule, f.message) for f in found]
     assert all(f"<code>{f.rule}</code>" in page for f in named)
-
-
-def test_swapped_limits_are_told_with_their_numbers(tmp_path: Path):
-    found, page = checked(limits_swapped(sound()), tmp_path)
-    message = "its range is -0.9 to 0.4 rad, but as the mirror image of `FL_hip_joint` it would be "
-    (told,) = [f for f in found if f.rule == "mirror.limits"]
-    assert told.message.startswith(message + "-0.4 to 0.9 rad")
-    assert (told.data["lower"], told.data["upper_of_other"]) == (-0.9, 0.4)
-    assert "as the mirror image of" in page

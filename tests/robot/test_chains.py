@@ -18,7 +18,6 @@ from tiny import (
     ball_inertial,
     box_inertial,
     examples,
-    kept_feet,
     robots,
     run_step,
     tiny_quadruped,
@@ -88,12 +87,6 @@ def built(robot: TinyRobot, folder: Path) -> mujoco.MjModel:
     return mujoco.MjModel.from_xml_path(str(inputs / "mjcf/hip.xml"))
 
 
-def test_several_joints_stand_on_one_body(tmp_path: Path):
-    model = built(hip(), tmp_path)
-    assert [model.body(i).name for i in range(model.nbody)] == ["world", "trunk", "leg", "foot"]
-    assert [model.joint(i).name for i in range(model.njnt)][1:] == ["j0", "j1", "j2", "ankle"]
-
-
 def test_they_move_as_the_robot_does(tmp_path: Path):
     """MuJoCo's kinematics against the product of the tree's own transforms."""
     robot = hip()
@@ -144,17 +137,6 @@ def test_only_massless_links_that_carry_nothing_are_between():
     assert chains_of(stated) == chains_of(tree)
 
 
-def test_a_link_with_two_joints_below_is_not_between():
-    tree = hip().tree
-    other = Joint("j9", "revolute", "between2", "hand", axis=(0.0, 0.0, 1.0), limits=LIMITS)
-    forked = replace(
-        tree,
-        bodies=(*tree.bodies, Body("hand", ball_inertial(0.1, 0.1))),
-        joints=(*tree.joints, other),
-    )
-    assert chains_of(forked) == []
-
-
 def test_more_than_six_degrees_of_freedom_stay_as_they_are():
     assert chains_of(hip(("revolute",) * 7).tree) == []
     assert chains_of(hip(("planar", "planar", "revolute")).tree) == []
@@ -201,15 +183,6 @@ def test_random_robots_touch_themselves_as_in_mujoco(robot: TinyRobot, filters: 
     with tempfile.TemporaryDirectory() as folder:
         expected = passes_in_mujoco(robot, Path(folder))
     assert set(passing_pairs(robot.tree, robot.shapes, robot.control)) == expected
-
-
-def test_a_foot_welded_to_the_shin_passes_through_the_thigh() -> None:
-    robot = kept_feet()
-    rule = ContactFilter.of(robot.tree, robot.shapes, robot.control)
-    assert rule.passes("FL_foot", "FL_calf")
-    assert rule.passes("FL_foot", "FL_thigh")
-    assert not rule.passes("FL_foot", "FL_hip")
-    assert not rule.passes("FL_foot", "FR_foot")
 
 
 @pytest.mark.parametrize(("base", "passes"), [("floating", True), ("fixed", False)])

@@ -37,11 +37,6 @@ def test_a_chain_of_mimics_follows_to_its_end():
     assert with_mimics(tree, {"a": 0.25}) == {"c": 0.0, "b": -0.25, "a": 0.25}
 
 
-def test_what_is_not_named_is_zero_and_an_offset_still_counts():
-    tree = gripper(("a", None), ("b", Mimic("a", 3.0, 0.1)))
-    assert with_mimics(tree, {"b": 9.0}) == {"a": 0.0, "b": 0.1}
-
-
 def test_a_circle_is_refused():
     with pytest.raises(ValueError, match="a -> b -> a"):
         with_mimics(gripper(("a", Mimic("b")), ("b", Mimic("a"))), {})

@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
-import json
+import shutil
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
-from tiny import run_step, tiny_quadruped, write_robot_ports
+from tiny import pendulum, run_step, tiny_quadruped, write_robot_ports
 
 from assetbuild.robot.actuators import RowError
 from assetbuild.robot.codec import decode, encode
 from assetbuild.robot.inertia import pseudo_inertia
-from assetbuild.robot.model import Actuator, Body, Control, Inertial, MjcfOnly, Tree
+from assetbuild.robot.model import Actuator, Control, MjcfOnly, Tree
 from assetbuild.robot.randomize import Rooms, Samples
 from assetbuild.robot.ranges import Randomize
 from assetbuild.samples.apply_sample import ApplySample
@@ -29,23 +29,29 @@ WIDE = {
 }
 
 
+@pytest.fixture(scope="module")
+def enclosed(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The ports of the quadruped, with the room of each of its bodies."""
+    folder = write_robot_ports(tmp_path_factory.mktemp("enclosed"), tiny_quadruped())
+    run_step(Enclose(), folder, folder)
+    return folder
+
+
 @pytest.fixture
-def ports(tmp_path: Path) -> Path:
-    write_robot_ports(tmp_path, tiny_quadruped())
-    return tmp_path
+def ports(enclosed: Path, tmp_path: Path) -> Path:
+    return shutil.copytree(enclosed, tmp_path / "ports")
 
 
 def drawn(ports: Path, randomize: dict, keep: int = 4, judge: int = 100) -> Samples:
-    run_step(Enclose(), ports, ports)
     step = DrawSamples(randomize=Randomize.model_validate(randomize), keep=keep, judge=judge)
     run_step(step, ports, ports)
     return decode(Samples, (ports / "samples.json").read_bytes())
 
 
 @pytest.fixture(scope="module")
-def widely(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Samples]:
+def widely(enclosed: Path, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Samples]:
     """The ports of the quadruped after four robots were drawn from `WIDE`, and those robots."""
-    folder = write_robot_ports(tmp_path_factory.mktemp("widely"), tiny_quadruped())
+    folder = shutil.copytree(enclosed, tmp_path_factory.mktemp("widely") / "ports")
     return folder, drawn(folder, WIDE)
 
 
@@ -57,14 +63,6 @@ def test_every_drawn_body_has_room_in_its_geometry(widely):
         for body in sample.bodies:
             quadric = rooms[body.body].quadric()
             assert np.trace(pseudo_inertia(body.inertial) @ quadric) >= -1e-12
-
-
-def test_the_statistics_count_no_inconsistent_draw(widely):
-    statistics = json.loads((widely[0] / "statistics.json").read_text())
-    assert statistics["draws"] == 100
-    for body in statistics["bodies"]:
-        assert body["inconsistent"] == 0
-        assert sum(body["mass_kg"]["histogram"]) == 100
 
 
 @pytest.mark.slow
@@ -101,20 +99,19 @@ def test_a_payload_adds_its_whole_mass_to_the_body_that_carries_it(ports):
     assert samples.samples[0].payloads_kg == (2.0,)
 
 
-def test_a_body_whose_inertia_is_too_large_for_its_shape_is_told(ports):
-    """Known bad: the trunk's inertia in g m2 instead of kg m2."""
-    tree = decode(Tree, (ports / "tree.json").read_bytes())
-    trunk = tree.bodies[0].inertial
-    huge = Inertial(trunk.mass_kg, trunk.com_m, tuple(1000 * v for v in trunk.inertia_com_kg_m2))
-    bodies = (Body(tree.bodies[0].name, huge), *tree.bodies[1:])
-    (ports / "tree.json").write_bytes(encode(replace(tree, bodies=bodies)))
-    findings = run_step(Enclose(), ports, ports)
-    told = [f for f in findings if f.rule == "randomize.room"]
-    assert f"link {tree.bodies[0].name}" in [f.subject for f in told]
+def test_a_body_whose_inertia_is_too_large_for_its_shape_is_told(tmp_path):
+    """Known bad: the arm's inertia in g m2 instead of kg m2."""
+    robot = pendulum()
+    base, arm = robot.tree.bodies
+    tensor = tuple(1000 * v for v in arm.inertial.inertia_com_kg_m2)
+    huge = replace(arm, inertial=replace(arm.inertial, inertia_com_kg_m2=tensor))
+    tree = replace(robot.tree, bodies=(base, huge))
+    ports = write_robot_ports(tmp_path, replace(robot, tree=tree))
+    told = [f.subject for f in run_step(Enclose(), ports, ports) if f.rule == "randomize.room"]
+    assert told == ["link arm"]
 
 
 def test_ranges_that_mostly_lead_out_of_the_link_are_told(ports):
-    run_step(Enclose(), ports, ports)
     ranges = Randomize.model_validate({"links": {"trunk": {"density": [1, 1], "com": 0.2}}})
     findings = run_step(DrawSamples(randomize=ranges, keep=1, judge=100), ports, ports)
     assert {f.rule for f in findings} == {"randomize.acceptance"}

@@ -134,11 +134,3 @@ def test_a_missing_pip_is_named(monkeypatch, tmp_path):
     monkeypatch.setattr(fetch.sys, "executable", str(fake))
     with pytest.raises(MachineError, match="pip is not installed"):
         resolve("tiny-robots", "1.2.0")
-
-
-def test_the_user_s_pip_settings_hold_and_ours_only_fill_gaps():
-    environment = fetch._environment({"PIP_RETRIES": "9", "HOME": "/h", "PYTHONPATH": "x"})
-    assert environment["PIP_RETRIES"] == "9"
-    assert environment["HOME"] == "/h"
-    assert environment["PIP_TIMEOUT"] == "15"
-    assert "PYTHONPATH" not in environment

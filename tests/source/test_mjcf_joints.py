@@ -8,7 +8,7 @@ from pathlib import Path
 import mujoco
 import numpy as np
 import pytest
-from mjcfs import Written, read, write
+from mjcfs import Written, read, same_motion, write
 from tiny import TinyRobot, box_inertial, run_step, write_robot_ports
 
 from assetbuild.checks.gains import Gains
@@ -52,22 +52,9 @@ def source(joint: str = 'damping=".2" armature=".01" frictionloss=".05" stiffnes
 
 
 def test_it_moves_as_in_the_source(tmp_path: Path):
-    """200 steps under random commands, from the keyframe."""
     text = source()
     done = write(read(text, tmp_path / "read"), tmp_path / "out")
-    a = mujoco.MjModel.from_xml_string(text)
-    b = mujoco.MjModel.from_xml_path(str(done.xml))
-    one, other = mujoco.MjData(a), mujoco.MjData(b)
-    mujoco.mj_resetDataKeyframe(a, one, 0)
-    mujoco.mj_resetDataKeyframe(b, other, 0)
-    random = np.random.default_rng(1)
-    drives = [b.actuator(a.actuator(i).name).id for i in range(a.nu)]
-    for _ in range(200):
-        one.ctrl[:] = random.uniform(-1.0, 1.0, a.nu)
-        other.ctrl[drives] = one.ctrl
-        mujoco.mj_step(a, one)
-        mujoco.mj_step(b, other)
-    np.testing.assert_allclose(other.qpos, one.qpos, rtol=1e-6, atol=1e-9)
+    same_motion(text, done.xml, keyframe=True)
     assert run_step(MjcfSource(robot="robot"), done.inputs, tmp_path / "compared") == []
 
 
@@ -152,23 +139,8 @@ def the_loop(done: Written) -> Loop:
 def test_the_linkage_moves_as_in_the_source(equality: str, tmp_path: Path):
     done = built(equality, tmp_path)
     assert the_loop(done).name == "pin"
-    a = mujoco.MjModel.from_xml_string(four_bar(equality))
-    b = mujoco.MjModel.from_xml_path(str(done.xml))
-    assert b.neq == 1
-    one, other, random = mujoco.MjData(a), mujoco.MjData(b), np.random.default_rng(1)
-    for _ in range(200):
-        one.ctrl[:] = other.ctrl[:] = random.uniform(-1.0, 1.0, 1)
-        mujoco.mj_step(a, one)
-        mujoco.mj_step(b, other)
-        np.testing.assert_allclose(other.qpos, one.qpos, rtol=1e-6, atol=1e-11)
-
-
-def test_an_anchor_is_a_point_of_both_bodies(tmp_path: Path):
-    loop = the_loop(built(BY_ANCHOR, tmp_path))
-    assert (loop.a.body, loop.b.body) == ("coupler", "rocker")
-    # The frame of the coupler's link stands in its joint.
-    np.testing.assert_allclose(loop.a.X_body_end.xyz, (0.199, 0.0, 0.03), atol=1e-12)
-    np.testing.assert_allclose(loop.b.X_body_end.xyz, (0.03, 0.0, 0.13), atol=1e-12)
+    same_motion(four_bar(equality), done.xml)
+    assert mujoco.MjModel.from_xml_path(str(done.xml)).neq == 1
 
 
 def test_what_is_held_to_the_world_of_a_fixed_robot_is_held_to_its_root(tmp_path: Path):

@@ -13,7 +13,6 @@ from tiny import run_step
 from assetbuild.checks.mjcf_source import MjcfSource
 from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.model import Actuator, Mimic
-from assetbuild.simulators.mujoco.drives import read_drives
 from assetbuild.simulators.usd_options import UsdOptions
 from assetbuild.targets.usd.unsupported import unsupported
 
@@ -196,24 +195,3 @@ def test_a_pose_of_the_recipe_is_held_by_the_mjcf_s_own_command(on: str, tmp_pat
     for _ in range(2000):
         mujoco.mj_step(model, data)
     assert data.joint("l").qpos[0] == pytest.approx(0.4, abs=1e-3)
-
-
-def test_a_row_of_the_recipe_takes_its_place(tmp_path: Path):
-    rows = [{"joints": "l", "model": "pd", "kp": 50, "kd": 1, "effort": 20}]
-    rows += [{"joints": "r", "model": "passive"}]
-    done = written(hand(), tmp_path, actuators=rows)
-    assert row(done).kp == 50.0
-    (drive,) = read_drives(mujoco.MjModel.from_xml_path(str(done.xml)))
-    assert (drive.joint_name, drive.kp) == ("l", 50.0)
-    assert "tendon=" not in done.xml.read_text()
-
-
-def test_simulators_see_it_as_the_drive_of_the_leading_joint(tmp_path: Path):
-    done = written(hand(), tmp_path)
-    (drive,) = read_drives(mujoco.MjModel.from_xml_path(str(done.xml)))
-    assert (drive.joint_name, drive.kp, drive.kd, drive.torque[1]) == (
-        "l",
-        80.0,
-        6.0,
-        9.0,
-    )

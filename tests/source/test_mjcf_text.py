@@ -9,14 +9,12 @@ from pathlib import Path
 
 import mujoco
 import pytest
-from mjcfs import TET, read, write
+from mjcfs import TET, read, same_motion, write
 from tiny import run_step
 
 from assetbuild.checks.mjcf_source import MjcfSource
 from assetbuild.cli import main
 from assetbuild.errors import SourceError
-from assetbuild.facts.mjcf_grammar import newer_words_of
-from assetbuild.source.mjcf.text import path_of
 
 FINGER = """<body name="f" pos=".1 0 0"><joint name="j" axis="0 1 0" range="-1 1" limited="true"/>
   <geom name="g" size=".02"/><site name="s" pos="0 0 .05"/></body>"""
@@ -88,13 +86,6 @@ def test_an_attached_hand_brings_its_tendon(tmp_path: Path):
     assert [joint.name for joint in reading.links.moving_joints] == ["a", "l_j"]
 
 
-def test_an_element_keeps_its_own_line_beside_one_of_that_name_elsewhere(tmp_path: Path):
-    text = model(HUB.format("\n" + RING), "\n\n" + COUPLED)
-    lines = read(text, tmp_path).lines
-    assert lines["joint j1"] == 2
-    assert lines["equality j1"] == 5
-
-
 MESHED = """<default><default class="v"><geom type="mesh" mesh="tet"/></default>{}</default>
   <asset><mesh name="tet" file="tet.obj"/></asset>"""
 
@@ -113,15 +104,6 @@ def test_what_a_tendon_runs_over_has_no_class_of_shapes(main: str, tmp_path: Pat
     reading = read(model(body, rest, MESHED.format(main)), tmp_path, tet_obj=TET)
     (tendon,) = [i.element for i in reading.control.mjcf_only if i.place == "tendon"]
     assert '<geom geom="drum"' in tendon
-
-
-def test_places_are_those_of_the_schema():
-    from lxml import etree
-
-    root = etree.fromstring(model(HUB.format(f"<frame>{RING}</frame>"), FIXED, CLASSES))
-    places = {path_of(element)[1:] for element in root.iter("joint")}
-    body, tendon = ("(world)body", "joint"), ("tendon", "fixed", "joint")
-    assert places == {body, tendon, ("default", "joint")}
 
 
 # --- whose fault it is ------------------------------------------------------------------------
@@ -170,32 +152,13 @@ def test_a_newer_word_is_refused_with_its_place_and_the_key_that_keeps_it(
     assert "mjcf: {grammar: 4.0}" in caught.value.hint
 
 
-def same_motion(one: mujoco.MjModel, other: mujoco.MjModel) -> None:
-    a, b = mujoco.MjData(one), mujoco.MjData(other)
-    for step in range(200):
-        a.ctrl[:] = b.ctrl[:] = (step % 7) / 3.0 - 1.0
-        mujoco.mj_step(one, a)
-        mujoco.mj_step(other, b)
-    assert abs(a.qpos).max() > 1e-3
-    assert b.qpos == pytest.approx(a.qpos, rel=1e-9)
-
-
 @pytest.mark.parametrize(
     "text", [*NEWER.values(), *(arm(drive=drive) for drive in KNOWN)], ids=[*NEWER, *"123"]
 )
 def test_what_is_kept_moves_as_in_the_source(text: str, tmp_path: Path):
     done = write(read(text, tmp_path / "read", grammar=4.0), tmp_path / "out")
     assert run_step(MjcfSource(robot="robot"), done.inputs, tmp_path / "check") == []
-    source, ours = mujoco.MjModel.from_xml_string(text), mujoco.MjModel.from_xml_path(str(done.xml))
-    ours.opt.timestep = source.opt.timestep
-    same_motion(source, ours)
-
-
-@pytest.mark.parametrize("drive", KNOWN)
-def test_what_3_11_knows_needs_no_key(drive: str, tmp_path: Path):
-    assert newer_words_of(arm(drive=drive)) == ()
-    done = write(read(arm(drive=drive), tmp_path / "read"), tmp_path / "out")
-    assert "mjcf.motion" in {finding.rule for finding in done.findings}
+    same_motion(text, done.xml)
 
 
 def test_init_writes_the_key_where_it_is_needed(tmp_path: Path):
@@ -216,3 +179,10 @@ def test_a_grammar_that_is_none_is_refused(tmp_path: Path, capsys: pytest.Captur
     recipe.write_text(recipe.read_text() + "\nmjcf: {grammar: 3.5}\n")
     assert main(["check", str(recipe)]) == 2
     assert "3.11 and 4.0" in capsys.readouterr().err
+
+
+def test_an_element_keeps_its_own_line_beside_one_of_that_name_elsewhere(tmp_path: Path):
+    text = model(HUB.format("\n" + RING), "\n\n" + COUPLED)
+    lines = read(text, tmp_path).lines
+    assert lines["joint j1"] == 2
+    assert lines["equality j1"] == 5

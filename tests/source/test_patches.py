@@ -99,14 +99,6 @@ def test_includes_of_a_xacro_and_of_an_mjcf_are_patched(tmp_path: Path):
     check(recipe(tmp_path, files, patch, main="mjcf: r.xml"))
 
 
-def test_a_mesh_in_other_letters_is_named(tmp_path: Path):
-    shown = '<visual><geometry><mesh filename="meshes/a.obj"/></geometry></visual>'
-    text = bad("1").replace("</link>", f"{shown}</link>", 1)
-    with pytest.raises(SourceError, match=r"no file `meshes/a\.obj`") as raised:
-        check(recipe(tmp_path, {"src/r.urdf": text, "src/meshes/A.obj": "v 0 0 0"}))
-    assert raised.value.hint == "did you mean `meshes/A.obj`?"
-
-
 def test_line_ends_of_a_passage_follow_the_file(tmp_path: Path):
     (tmp_path / "in").mkdir()
     (tmp_path / "in/text").write_bytes(b"one\r\ntwo\r\n")

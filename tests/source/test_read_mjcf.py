@@ -8,14 +8,12 @@ import math
 from pathlib import Path
 
 import mujoco
-import numpy as np
 import pytest
 from mjcfs import TET, Reading, hard_arm, read
 
 from assetbuild.errors import SourceError
 from assetbuild.robot.model import Contact, Limits, Mimic, Place, Sensor
-from assetbuild.robot.pose import Pose, rotation_of
-from assetbuild.robot.shapes import Capsule, MeshFile
+from assetbuild.robot.pose import Pose
 from assetbuild.robot.tree import forward_kinematics
 
 
@@ -77,33 +75,6 @@ def test_positions_count_from_ref_and_degrees_become_radians(arm: Reading):
     )
 
 
-def test_frames_and_angles_are_those_of_the_file(arm: Reading):
-    """upper stands at (0.3, 0, 0) turned by 90 degrees: lower is 0.1 further along its x."""
-    poses = forward_kinematics(arm.links, {})
-    in_upper = poses["upper_origin"].inverse() @ poses["lower"]
-    assert in_upper.xyz == pytest.approx((0.3, 0.1, 0.0), abs=1e-15)
-    tip = poses["upper_origin"].inverse() @ poses["tip"]
-    assert tip.apply([1.0, 0.0, 0.0]) == pytest.approx([0.3, 1.0, 0.0])
-
-
-def test_a_full_inertia_is_taken_by_its_own_numbers(arm: Reading):
-    inertial = arm.links.by_body["lower"].inertial
-    assert inertial is not None
-    assert inertial.inertia_com_kg_m2 == (0.01, 0.012, 0.009, 0.001, 0.0005, -0.0004)
-
-
-def test_inertia_from_geoms_is_that_of_the_solid(tmp_path: Path):
-    reading = read(
-        robot('<body name="a"><geom type="box" size=".1 .2 .3" density="1000"/></body>'), tmp_path
-    )
-    inertial = reading.links.by_body["a"].inertial
-    assert inertial is not None
-    mass = 0.2 * 0.4 * 0.6 * 1000
-    assert inertial.mass_kg == pytest.approx(mass, rel=1e-15)
-    xx = mass / 12 * (0.4**2 + 0.6**2)
-    assert inertial.inertia_com_kg_m2[0] == pytest.approx(xx, rel=1e-14)
-
-
 @pytest.mark.skipif(mujoco.__version__.startswith("3."), reason="a warning of MuJoCo 4")
 def test_what_mujoco_warns_about_is_passed_on(tmp_path: Path):
     ball, head = '<body name="a"><geom size=".1"/></body>', '<compiler settotalmass="9"/>'
@@ -158,28 +129,6 @@ def test_a_site_named_like_a_body_is_renamed_aloud(arm: Reading):
 # --- shapes and surfaces --------------------------------------------------------------------
 
 
-def test_geoms_that_touch_are_collision_the_others_visual(arm: Reading):
-    assert [s.name for s in arm.shapes.of("visual")] == ["base_visual"]
-    names = [s.name for s in arm.shapes.of("collision")]
-    assert names == [
-        "base_collision",
-        "beam",
-        "knob",
-        "tube",
-        "ball",
-        "follower_collision",
-        "welded_collision",
-    ]
-
-
-def test_a_capsule_from_end_to_end_has_its_length(arm: Reading):
-    beam = next(s for s in arm.shapes.shapes if s.name == "beam")
-    assert isinstance(beam.geometry, Capsule)
-    assert (beam.geometry.radius, beam.geometry.length) == pytest.approx((0.03, 0.3))
-    ends = beam.X_link_shape.apply([[0, 0, 0.15], [0, 0, -0.15]])
-    assert sorted(ends[:, 0]) == pytest.approx([-0.05, 0.25]), "counted from the joint at 0.05"
-
-
 def test_surfaces_are_those_of_the_classes(arm: Reading):
     contacts = dict(arm.control.contacts)
     rubber = Contact(friction=(0.9, 0.01, 0.001), condim=4)
@@ -211,47 +160,7 @@ def test_a_shape_that_only_mjcf_has_stays_whole(arm: Reading):
     assert not any(shape.name == "egg" for shape in arm.shapes.shapes)
 
 
-def test_a_turned_and_moved_mesh_lands_where_mujoco_puts_it(tmp_path: Path):
-    """MuJoCo's documentation: refpos is subtracted, refquat undone, then the scale applied."""
-    import mujoco
-
-    head = '<asset><mesh name="m" file="tet.obj" scale="0.1 0.1 0.1" refpos="0.1 0.2 0.3" refquat="1 0.3 0.2 0.1"/></asset>'
-    text = robot(
-        '<body name="a"><geom name="g" type="mesh" mesh="m" pos="1 2 3" euler="10 20 30"/></body>',
-        head=head,
-    )
-    reading = read(text, tmp_path, tet_obj=TET)
-    shape = reading.shapes.shapes[0]
-    assert isinstance(shape.geometry, MeshFile)
-    vertices = np.array([[0, 0, 0], [1, 0, 0], [0, 2, 0], [0, 0, 3]]) * shape.geometry.scale
-    model = mujoco.MjModel.from_xml_string(text, {"tet.obj": TET.encode()})
-    turn = np.zeros(9)
-    mujoco.mju_quat2Mat(turn, model.geom_quat[0])
-    expected = model.mesh_vert @ turn.reshape(3, 3).T + model.geom_pos[0]
-    found = shape.X_link_shape.apply(vertices)
-    assert found == pytest.approx(expected, abs=1e-6), "MuJoCo keeps vertices as float32"
-
-
-def test_an_unevenly_scaled_mesh_keeps_its_scale(tmp_path: Path):
-    head = '<asset><mesh file="tet.obj" scale="1 -2 3" refpos="1 1 1"/></asset>'
-    text = robot('<body name="a"><geom type="mesh" mesh="tet"/></body>', head=head)
-    shape = read(text, tmp_path, tet_obj=TET).shapes.shapes[0]
-    assert shape.geometry == MeshFile("arm/tet.obj", (1.0, -2.0, 3.0))
-    assert shape.X_link_shape.xyz == pytest.approx((-1.0, 2.0, -3.0))
-
-
 # --- drives, sensors, couplings -------------------------------------------------------------
-
-
-def test_drives_are_the_robots_where_it_has_the_words(arm: Reading):
-    drives = arm.control.by_joint
-    assert (drives["elbow"].model, drives["elbow"].kp, drives["elbow"].kd) == ("pd", 50.0, 2.0)
-    assert (drives["elbow"].effort, drives["elbow"].name) == (20.0, "pull")
-    assert (drives["twist"].model, drives["twist"].kd) == ("velocity", 3.0)
-    assert (drives["shoulder"].model, drives["shoulder"].gear) == ("motor", 30.0)
-    assert drives["shoulder"].effort == 30.0
-    assert {d.armature for d in drives.values()} == {0.01}
-    assert arm.links.by_joint["elbow"].limits.effort == 20.0
 
 
 @pytest.mark.parametrize(
@@ -307,24 +216,7 @@ def test_excludes_and_cameras(arm: Reading):
     assert next(c for c in arm.control.cameras if c.name == "world_cam").link is None
 
 
-def test_limits_of_unlimited_joints_are_not_invented(tmp_path: Path):
-    joint = read(robot(ARM), tmp_path).links.by_joint["j"]
-    assert (joint.kind, joint.limits) == ("continuous", Limits())
-
-
 # --- includes, lines, refusals --------------------------------------------------------------
-
-
-def test_lines_are_those_of_the_files(arm: Reading):
-    from mjcfs import ROBOTS
-
-    text = (ROBOTS / "hard_arm.xml").read_text().splitlines()
-    for subject, needle in {
-        "link lower": 'name="lower"',
-        "joint slide": 'name="slide"',
-        "shape beam": 'name="beam"',
-    }.items():
-        assert needle in text[int(arm.lines[subject]) - 1]
 
 
 def test_an_included_body_is_found_in_its_own_file(tmp_path: Path):
@@ -367,19 +259,6 @@ def test_what_is_left_out_is_told(arm: Reading):
 # --- files and scenes -----------------------------------------------------------------------
 
 
-def test_meshes_of_one_file_name_in_two_folders_are_two(tmp_path: Path):
-    head = (
-        '<asset><mesh name="l" file="left/hand.obj"/><mesh name="r" file="right/hand.obj"/></asset>'
-    )
-    body = '<body name="a"><geom name="l" type="mesh" mesh="l"/><geom name="r" type="mesh" mesh="r"/></body>'
-    far = TET.replace("v 0 0 3", "v 0 0 9")
-    reading = read(robot(body, head=head), tmp_path, left__hand_obj=TET, right__hand_obj=far)
-    paths = [s.geometry.path for s in reading.shapes.shapes if isinstance(s.geometry, MeshFile)]
-    assert paths == ["arm/left/hand.obj", "arm/right/hand.obj"]
-    mass = reading.links.by_body["a"].inertial
-    assert mass is not None and mass.mass_kg == pytest.approx(4000.0), "1 m3 and 3 m3 of water"
-
-
 def test_a_skin_is_left_out_without_its_file(tmp_path: Path):
     more = '<deformable><skin name="s" file="absent.skn"/></deformable>'
     assert "mjcf.dropped" in read(robot(ARM, more), tmp_path).rules()
@@ -419,14 +298,6 @@ def test_the_recipe_chooses_among_several_robots_in_one_world(tmp_path: Path):
         read(text, tmp_path / "3", body="bea")
 
 
-def test_two_arms_on_the_ground_stay_one_robot_beside_a_free_object(tmp_path: Path):
-    arm = '<body name="{0}"><geom size=".1"/><body name="{0}2"><joint name="{0}"/><geom size=".1"/></body></body>'
-    text = robot(
-        arm.format("l") + '<body name="o"><freejoint/><geom size=".1"/></body>' + arm.format("r")
-    )
-    assert [b.name for b in read(text, tmp_path).links.bodies] == ["world", "l", "l2", "r", "r2"]
-
-
 def test_one_mass_for_a_whole_scene_is_refused_where_a_part_of_it_goes(tmp_path: Path):
     head = '<compiler settotalmass="9"/>'
     assert "`settotalmass` spreads" in refused(robot(SCENE, ACTING, head), tmp_path)
@@ -456,15 +327,6 @@ def test_an_attached_model_keeps_its_units_names_files_and_lines(tmp_path: Path)
     assert (joint.limits, joint.X_parent_joint.xyz) == (Limits(-1.0, 1.0), (0.0, 0.0, 1.0))
     assert [m["path"] for m in reading.meshes] == ["arm/parts/m/t.obj"]
     assert reading.lines["link l_palm"] == "arm/parts/hand.xml:2"
-
-
-def test_models_with_classes_of_one_name_are_attached_without_a_prefix(tmp_path: Path):
-    sized = '<default><default class="c"><geom size="{}"/></default></default>'
-    child = f'<mujoco>{sized.format(".3")}<worldbody><body name="palm" childclass="c"><geom/></body></worldbody></mujoco>'
-    head = sized.format(".1") + '<asset><model name="h" file="hand.xml"/></asset>'
-    body = '<body name="arm" childclass="c"><geom/><frame><attach model="h" body="palm" prefix=""/></frame></body>'
-    reading = read(robot(body, head=head), tmp_path, hand_xml=child)
-    assert [s.geometry.radius for s in reading.shapes.shapes] == [0.1, 0.3]  # type: ignore[union-attr] # spheres
 
 
 PLUGIN = '<extension><plugin plugin="mujoco.sensor.touch_grid"/></extension>'
@@ -498,12 +360,6 @@ PULLED = """\
 PULLING = '<tendon><spatial name="t"><site site="anchor"/><site site="s"/></spatial></tendon><actuator><muscle name="m" tendon="t" lengthrange="1 2"/></actuator><sensor><tendonpos name="p" tendon="t"/></sensor>'
 
 
-def test_a_tendon_to_the_world_makes_the_world_the_root(tmp_path: Path):
-    reading = read(robot(PULLED.format("", ""), PULLING), tmp_path)
-    assert reading.links.root == "world"
-    assert {i.place for i in reading.control.mjcf_only} >= {"tendon", "actuator"}
-
-
 def test_what_acts_through_a_lost_tendon_is_lost_too(tmp_path: Path):
     reading = read(robot(PULLED.format("", "<freejoint/>"), PULLING), tmp_path)
     told = [f.message.split(" was")[0] for f in reading.findings if f.rule == "mjcf.dropped"]
@@ -511,41 +367,16 @@ def test_what_acts_through_a_lost_tendon_is_lost_too(tmp_path: Path):
     assert not {i.place for i in reading.control.mjcf_only} & {"tendon", "actuator"}
 
 
-POINTS = 'vertex="0 0 0 1 0 0 0 2 0 0 0 3"'
-INLINE = {
-    "with faces": f'{POINTS} face="0 2 1 0 1 3 0 3 2 1 2 3"',
-    "the hull of its points": POINTS,
-    "made by MuJoCo": 'builtin="wedge" params="3 3 90 30 .1" inertia="convex"',
-    "turned and scaled": f'{POINTS} scale="2 2 2" refpos=".1 .2 .3" refquat="1 .3 .2 .1"',
-}
+def test_models_with_classes_of_one_name_are_attached_without_a_prefix(tmp_path: Path):
+    sized = '<default><default class="c"><geom size="{}"/></default></default>'
+    child = f'<mujoco>{sized.format(".3")}<worldbody><body name="palm" childclass="c"><geom/></body></worldbody></mujoco>'
+    head = sized.format(".1") + '<asset><model name="h" file="hand.xml"/></asset>'
+    body = '<body name="arm" childclass="c"><geom/><frame><attach model="h" body="palm" prefix=""/></frame></body>'
+    reading = read(robot(body, head=head), tmp_path, hand_xml=child)
+    assert [s.geometry.radius for s in reading.shapes.shapes] == [0.1, 0.3]  # type: ignore[union-attr] # spheres
 
 
-@pytest.mark.parametrize("what", INLINE)
-def test_a_mesh_in_the_text_becomes_a_file(what: str, tmp_path: Path):
-    text = robot(
-        '<body name="a"><geom type="mesh" mesh="m"/></body>',
-        head=f'<asset><mesh name="m" {INLINE[what]}/></asset>',
-    )
-    reading, model = read(text, tmp_path), mujoco.MjModel.from_xml_string(text)
-    assert [mesh["path"] for mesh in reading.meshes] == ["(inline)/0.obj"]
-    inertial = reading.links.by_body["a"].inertial
-    assert inertial is not None
-    assert inertial.mass_kg == pytest.approx(model.body_mass[1], rel=1e-6)
-    assert inertial.com_m == pytest.approx(model.body_ipos[1], abs=1e-6)
-    shape = reading.shapes.shapes[0]
-    points = [
-        [float(word) for word in line.split()[1:]]
-        for line in (reading.files / "(inline)/0.obj").read_text().splitlines()
-        if line.startswith("v ")
-    ]
-    assert isinstance(shape.geometry, MeshFile)
-    ours = np.array([shape.X_link_shape.apply(np.array(p) * shape.geometry.scale) for p in points])
-    turn = rotation_of(tuple(model.geom_quat[0]))
-    theirs = model.mesh_vert @ turn.T + model.geom_pos[0]
-    assert np.sort(ours, axis=0) == pytest.approx(np.sort(theirs, axis=0), abs=1e-6)
-
-
-def test_points_that_are_no_mesh_are_refused_with_their_line(tmp_path: Path):
-    for number, said in enumerate(('vertex="0 1"', f'{POINTS} face="0 1 9"', "")):
-        head = f'<asset>\n<mesh name="m" {said}/></asset>'
-        assert "robot.xml:2: mesh `m`" in refused(robot(ARM, head=head), tmp_path / str(number))
+def test_a_tendon_to_the_world_makes_the_world_the_root(tmp_path: Path):
+    reading = read(robot(PULLED.format("", ""), PULLING), tmp_path)
+    assert reading.links.root == "world"
+    assert {i.place for i in reading.control.mjcf_only} >= {"tendon", "actuator"}

@@ -4,64 +4,14 @@
 
 from __future__ import annotations
 
-import json
 import math
-import re
-import xml.etree.ElementTree as ET
-from dataclasses import dataclass
 from pathlib import Path
 
-import numpy as np
 import pytest
-from tiny import run_step
+from urdfs import FILE, Reading, read, refused
 
-from assetbuild.errors import SourceError
-from assetbuild.findings import Finding
-from assetbuild.robot.codec import decode
-from assetbuild.robot.model import Limits, Mimic, Tree
-from assetbuild.robot.shapes import Box, Capsule, Cylinder, MeshFile, SourceShapes, Sphere
-from assetbuild.source.urdf.read_urdf import ReadUrdf
-
-FILE = "pkg/urdf/robot.urdf"
-PACKAGES = {"robot_pkg": "pkg"}
-
-
-@dataclass
-class Reading:
-    tree: Tree
-    shapes: SourceShapes
-    meshes: list[dict[str, object]]
-    lines: dict[str, int]
-    findings: list[Finding]
-    folder: Path
-
-    def rules(self) -> list[str]:
-        return [finding.rule for finding in self.findings]
-
-
-def read(
-    text: str | bytes, tmp_path: Path, *, packages: dict[str, str] | None = None, name: str = "a"
-) -> Reading:
-    inputs, outputs = tmp_path / f"{name}_in", tmp_path / f"{name}_out"
-    inputs.mkdir()
-    data = text.encode() if isinstance(text, str) else text
-    (inputs / "robot.urdf").write_bytes(data)
-    step = ReadUrdf(file=FILE, base="fixed", packages=PACKAGES if packages is None else packages)
-    findings = run_step(step, inputs, outputs)
-    return Reading(
-        decode(Tree, (outputs / "links.json").read_bytes()),
-        decode(SourceShapes, (outputs / "shapes.json").read_bytes()),
-        json.loads((outputs / "meshes.json").read_text()),
-        json.loads((outputs / "source_map.json").read_text())["lines"],
-        findings,
-        outputs,
-    )
-
-
-def refused(text: str | bytes, tmp_path: Path, **options: dict[str, str]) -> str:
-    with pytest.raises(SourceError) as caught:
-        read(text, tmp_path, **options)
-    return str(caught.value)
+from assetbuild.robot.model import Limits, Mimic
+from assetbuild.robot.shapes import Box, Capsule, Cylinder, MeshFile, Sphere
 
 
 @pytest.fixture
@@ -149,18 +99,6 @@ def test_the_source_map_knows_the_lines(every_kind: Reading, robots: Path):
         assert needle in text[every_kind.lines[subject] - 1], subject
 
 
-def test_comments_and_formatting_change_only_the_lines(robots: Path, tmp_path: Path):
-    text = (robots / "every_kind.urdf").read_text()
-    noisy = text.replace("<link", "<!-- a comment -->\n\n   <link").replace(
-        ' radius="0.1"', '\n radius = "0.1"'
-    )
-    plain, other = read(text, tmp_path), read(noisy, tmp_path, name="b")
-    for name in ("links.json", "shapes.json"):
-        assert (plain.folder / name).read_bytes() == (other.folder / name).read_bytes()
-    assert plain.findings == other.findings
-    assert other.lines["joint slide"] > plain.lines["joint slide"]
-
-
 def test_inertia_given_in_turned_axes_is_read_into_link_axes(robots: Path, tmp_path: Path):
     reading = read((robots / "inertia_rotated_origin.urdf").read_bytes(), tmp_path)
     inertial = reading.tree.bodies[0].inertial
@@ -177,8 +115,8 @@ def test_a_version_of_xml_that_does_not_exist_is_told(version: str, tmp_path: Pa
     reading = read(f'<?xml version="{version}" encoding="utf-8"?>\n{body}', tmp_path)
     assert reading.rules() == ["urdf.xml_version"]
     assert reading.lines["link a"] == 2
-    assert (reading.folder / "source.urdf").read_bytes().startswith(b"<robot")
-    assert read(f'<?xml version="1.0"?>\n{body}', tmp_path, name="b").rules() == []
+    assert reading.source.startswith("<robot")
+    assert read(f'<?xml version="1.0"?>\n{body}', tmp_path / "b").rules() == []
 
 
 def test_numbers_without_a_rotation_keep_every_bit(tmp_path: Path):
@@ -246,6 +184,8 @@ BAD = {
     "negative damping": (_arm(_joint('<dynamics damping="-1"/>', "continuous")), 3, "dynamics damping is -1.0"),
     "mimics nobody": (_arm(_joint('<mimic joint="x"/>', "continuous")), 3, "mimic joint `x` does not exist"),
     "mimics nobody, and what to write": (_arm(_joint('<mimic joint="x"/>', "continuous")), 3, "patches: [{file: URDF, find: '<mimic ...>'"),
+    "followers in a row": (_arm(_joint('<mimic joint="k"/>', "continuous") + '<joint name="k" type="continuous"><parent link="b"/><child link="c"/><mimic joint="j"/></joint>', '<link name="a"/><link name="b"/><link name="c"/>'), 3, "follow one another: `j` -> `k` -> `j`"),
+    "xacro": ('<robot name="r" xmlns:xacro="http://www.ros.org/wiki/xacro">\n<xacro:property name="a" value="1"/><link name="a"/></robot>', 2, "<xacro:property> in a URDF"),
     "mimics itself": (_arm(_joint('<mimic joint="j"/>', "continuous")), 3, "cannot mimic itself"),
     "negative box": (_shape('<box size="1 1 -1"/>'), 2, "every edge must be positive"),
     "negative radius": (_shape('<sphere radius="-1"/>'), 2, "sphere radius is -1.0"),
@@ -299,23 +239,6 @@ def test_too_many_bytes_are_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPa
     assert "of URDF; at most" in refused(_robot(" " * 101), tmp_path)
 
 
-def test_a_xacro_file_is_named_as_such(tmp_path: Path):
-    text = (
-        '<robot name="r" xmlns:xacro="http://www.ros.org/wiki/xacro">\n'
-        '<xacro:property name="a" value="1"/><link name="a"/></robot>'
-    )
-    said = refused(text, tmp_path)
-    assert said.startswith(f"{FILE}:2: <xacro:property> in a URDF")
-
-
-def test_mimic_joints_that_follow_one_another_are_refused(tmp_path: Path):
-    links = "".join(f'<link name="{name}"/>' for name in "abc")
-    joints = _joint('<mimic joint="k"/>', "continuous") + (
-        '<joint name="k" type="continuous"><parent link="b"/><child link="c"/><mimic joint="j"/></joint>'
-    )
-    assert "follow one another: `j` -> `k` -> `j`" in refused(_arm(joints, links), tmp_path)
-
-
 # --- what is told and goes on -------------------------------------------------------------------
 
 
@@ -352,7 +275,7 @@ def test_limits_left_out_are_told(tmp_path: Path):
     assert reading.findings[0].data["missing"] == ("lower", "effort", "velocity")
     assert reading.rules() == ["urdf.limit.omitted"]
     whole = '<limit lower="0" upper="1" effort="2" velocity="3"/>'
-    assert read(_arm(_joint(whole, "revolute")), tmp_path, name="b").rules() == []
+    assert read(_arm(_joint(whole, "revolute")), tmp_path / "b").rules() == []
 
 
 @pytest.mark.parametrize(
@@ -390,44 +313,4 @@ def test_a_follower_of_a_fixed_joint_is_locked(tmp_path: Path):
     assert "joint.mimic_fixed" in {finding.rule for finding in done.findings}
 
 
-def test_package_root_may_be_the_source_root(tmp_path: Path):
-    text = _shape('<mesh filename="package:///whole/x/../a.stl"/>')
-    assert read(text, tmp_path, packages={"whole": "."}).meshes[0]["path"] == "a.stl"
-
-
-def test_names_beyond_ascii_survive(tmp_path: Path):
-    reading = read(_robot('<link name="材质 &lt;&amp;&gt;"/>'), tmp_path)
-    assert reading.tree.root == "材质 <&>"
-
-
 # --- the real robot -----------------------------------------------------------------------------
-
-
-def test_go1_is_read_whole(go1_root: Path, tmp_path: Path):
-    path = go1_root / "robots/go1_description/urdf/go1.urdf"
-    inputs, outputs = tmp_path / "in", tmp_path / "out"
-    inputs.mkdir()
-    (inputs / "robot.urdf").write_bytes(path.read_bytes())
-    step = ReadUrdf(
-        file="robots/go1_description/urdf/go1.urdf",
-        base="floating",
-        packages={"example-robot-data": "."},
-    )
-    findings = run_step(step, inputs, outputs)
-    tree = decode(Tree, (outputs / "links.json").read_bytes())
-    shapes = decode(SourceShapes, (outputs / "shapes.json").read_bytes())
-    xml = ET.parse(path).getroot()  # noqa: S314 # the real robot, which we trust here
-    masses = [float(m) for m in re.findall(r'<mass value="([^"]+)"', path.read_text())]
-    assert sum(b.inertial.mass_kg for b in tree.bodies if b.inertial) == pytest.approx(sum(masses))
-    assert sum(masses) == pytest.approx(13.1005, abs=1e-4)
-    assert len(tree.bodies) == len(xml.findall("link"))
-    assert len(tree.joints) == len(xml.findall("joint"))
-    assert len(tree.moving_joints) == 12
-    assert len(shapes.of("visual")) == len(xml.findall("link/visual"))
-    assert len(shapes.of("collision")) == len(xml.findall("link/collision"))
-    meshes = [m["path"] for m in json.loads((outputs / "meshes.json").read_text())]
-    assert len(meshes) == 7
-    assert all((go1_root / mesh).is_file() for mesh in meshes)
-    told = {f.data["element"]: f.data["count"] for f in findings}
-    assert told == {"gazebo": 5, "transmission": 12}
-    assert not np.isnan([j.limits.upper for j in tree.moving_joints]).any()

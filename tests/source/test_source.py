@@ -123,19 +123,6 @@ def test_an_archive_is_read_without_unpacking_it_by_hand(tmp_path, name):
     assert "inertia.triangle link tip" in rules(findings)
 
 
-def test_a_xacro_in_an_archive_finds_its_includes(tmp_path):
-    with tarfile.open(tmp_path / "r.tar", "w") as tar:
-        for name, text in {"arm/r.xacro": XACRO, "arm/parts/tip.xacro": TIP}.items():
-            info = tarfile.TarInfo(name)
-            info.size = len(text)
-            tar.addfile(info, io.BytesIO(text.encode()))
-        link = tarfile.TarInfo("arm/other.yaml")  # nobody asks for it, so nobody minds
-        link.type, link.linkname = tarfile.SYMTYPE, "/etc/hostname"
-        tar.addfile(link)
-    source = "path: r.tar, xacro: arm/r.xacro, args: {mass: 1.5}, packages: {arm: arm}"
-    assert "inertia.triangle link tip" in rules(check(recipe(tmp_path, source)))
-
-
 @pytest.mark.parametrize("kind", [tarfile.SYMTYPE, tarfile.LNKTYPE, tarfile.FIFOTYPE])
 def test_a_tar_member_that_is_no_file_is_refused(tmp_path, kind):
     with tarfile.open(tmp_path / "r.tar", "w") as tar:
@@ -307,3 +294,16 @@ def test_a_file_from_the_web_must_have_its_digest(tmp_path, server):
     assert "404" in error.message
     (error,) = fetched(recipe(tmp_path, other.replace("r.zip", "away.zip")))[1]
     assert "sends us on to" in error.message
+
+
+def test_a_xacro_in_an_archive_finds_its_includes(tmp_path):
+    with tarfile.open(tmp_path / "r.tar", "w") as tar:
+        for name, text in {"arm/r.xacro": XACRO, "arm/parts/tip.xacro": TIP}.items():
+            info = tarfile.TarInfo(name)
+            info.size = len(text)
+            tar.addfile(info, io.BytesIO(text.encode()))
+        link = tarfile.TarInfo("arm/other.yaml")  # nobody asks for it, so nobody minds
+        link.type, link.linkname = tarfile.SYMTYPE, "/etc/hostname"
+        tar.addfile(link)
+    source = "path: r.tar, xacro: arm/r.xacro, args: {mass: 1.5}, packages: {arm: arm}"
+    assert "inertia.triangle link tip" in rules(check(recipe(tmp_path, source)))

@@ -7,23 +7,17 @@ from __future__ import annotations
 import io
 import math
 import re
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 import pytest
 from lxml import etree
-from tiny import run_step
+from urdfs import FILE, Reading, read, refused
 
 from assetbuild.errors import SourceError
-from assetbuild.findings import Finding
-from assetbuild.robot.codec import decode
-from assetbuild.robot.model import Base, Tree
 from assetbuild.robot.pose import rotation_of
-from assetbuild.robot.shapes import MeshFile, SourceShapes, Sphere
-from assetbuild.source.urdf.read_urdf import ReadUrdf
+from assetbuild.robot.shapes import MeshFile, Sphere
 
-FILE = "robot.urdf"
 TENSOR = '<inertia ixx="0.01" ixy="0.001" ixz="0" iyy="0.02" iyz="0" izz="0.025"/>'
 INERTIAL = f'<inertial><origin xyz="0.1 0 0"/><mass value="2"/>{TENSOR}</inertial>'
 OTHER = '<inertial><mass value="5"/><inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/></inertial>'
@@ -32,37 +26,6 @@ LIMIT = '<limit lower="-1" upper="1" effort="9" velocity="5"/>'
 AXIS = '<axis xyz="0 0 1"/>'
 BOX = '<geometry><box size="0.1 0.2 0.3"/></geometry>'
 QUARTER = 'quat_xyzw="0 0 0.7071067811865476 0.7071067811865476"'
-
-
-@dataclass
-class Read:
-    tree: Tree
-    shapes: SourceShapes
-    findings: list[Finding]
-    source: str
-
-    def told(self, rule: str) -> Finding:
-        (found,) = (f for f in self.findings if f.rule == rule)
-        return found
-
-
-def read(data: str | bytes, tmp_path: Path, base: Base = "fixed") -> Read:
-    inputs, outputs = tmp_path / "in", tmp_path / "out"
-    inputs.mkdir()
-    (inputs / FILE).write_bytes(data.encode() if isinstance(data, str) else data)
-    findings = run_step(ReadUrdf(file=FILE, base=base, packages={}), inputs, outputs)
-    return Read(
-        decode(Tree, (outputs / "links.json").read_bytes()),
-        decode(SourceShapes, (outputs / "shapes.json").read_bytes()),
-        findings,
-        (outputs / "source.urdf").read_text(),
-    )
-
-
-def refused(text: str, tmp_path: Path) -> str:
-    with pytest.raises(SourceError) as caught:
-        read(text, tmp_path)
-    return str(caught.value)
 
 
 def robot(
@@ -209,7 +172,7 @@ def test_what_readers_take_alike_is_taken_like_that(case: str, tmp_path: Path):
     the_source_that_checks_read_is_tidy(found)
 
 
-def the_source_that_checks_read_is_tidy(found: Read) -> None:
+def the_source_that_checks_read_is_tidy(found: Reading) -> None:
     """pinocchio finds the same masses in it, whether or not it read the original."""
     assert etree.fromstring(found.source).tag == "robot"
     stated = found.source
@@ -222,17 +185,11 @@ def the_source_that_checks_read_is_tidy(found: Read) -> None:
     assert np.allclose(pose, np.column_stack([rotation_of(joint.quat), joint.xyz]), atol=1e-12)
 
 
-def test_what_is_left_out_leaves_the_names_of_its_neighbours(tmp_path: Path):
-    nothing = '<collision><geometry><box size="0 0 0"/></geometry></collision>'
-    found = read(robot(INERTIAL + nothing + f"<collision>{BOX}</collision>"), tmp_path)
-    assert [shape.name for shape in found.shapes.shapes] == ["arm_collision_1"]
-
-
 def test_one_number_scales_all_axes_and_three_colours_are_opaque(tmp_path: Path):
     look = '<material name="a"><color rgba="1 0 0.5"/></material>'
     mesh = '<collision><geometry><mesh filename="a.stl" scale="0.001"/></geometry></collision>'
     found = read(robot(visual(look) + mesh), tmp_path).shapes
-    assert found.shapes[1].geometry == MeshFile("a.stl", (0.001, 0.001, 0.001))
+    assert found.shapes[1].geometry == MeshFile("pkg/urdf/a.stl", (0.001, 0.001, 0.001))
     assert found.materials[0].rgba == (1.0, 0.0, 0.5, 1.0)
 
 

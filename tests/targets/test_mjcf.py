@@ -31,20 +31,14 @@ from assetbuild.robot.model import (
     Inertial,
     Joint,
     Limits,
+    MjcfOnly,
     Tree,
 )
 from assetbuild.robot.pose import Pose
 from assetbuild.robot.shapes import Material, Mesh, MeshAsset, Shape, Shapes
-from assetbuild.robot.tree import forward_kinematics
 from assetbuild.targets.mjcf import Mjcf
 from assetbuild.targets.mjcf.inertia import principal_inertia
 from assetbuild.targets.mjcf.xml import number
-
-
-@pytest.fixture
-def quadruped(tmp_path: Path) -> Path:
-    """The folder `mjcf/` of the tiny quadruped."""
-    return write_mjcf(tiny_quadruped(), tmp_path)
 
 
 def write_mjcf(robot: TinyRobot, folder: Path, name: str = "robot") -> Path:
@@ -60,20 +54,17 @@ def emit(robot: TinyRobot, folder: Path, name: str = "robot") -> list[Finding]:
 # --- what MuJoCo reads ----------------------------------------------------------------------
 
 
-def test_visuals_are_in_group_2_and_touch_nothing_and_collisions_in_group_3(
-    quadruped: Path,
+def test_visuals_are_in_group_2_and_collisions_in_group_3_with_the_recipe_s_friction(
+    tmp_path: Path,
 ) -> None:
-    model = mujoco.MjModel.from_xml_path(str(quadruped / "robot.xml"))
+    """Friction acts in the scene though MuJoCo's default floor is rougher."""
+    folder = write_mjcf(tiny_quadruped(), tmp_path)
+    model = mujoco.MjModel.from_xml_path(str(folder / "robot.xml"))
     for index in range(model.ngeom):
         visual = model.geom(index).name.endswith("_visual")
         assert model.geom_group[index] == (2 if visual else 3)
         assert model.geom_contype[index] == model.geom_conaffinity[index] == (0 if visual else 1)
-
-
-def test_friction_of_the_recipe_acts_in_the_scene_though_the_default_floor_is_rougher(
-    quadruped: Path,
-) -> None:
-    model = mujoco.MjModel.from_xml_path(str(quadruped / "scene.xml"))
+    model = mujoco.MjModel.from_xml_path(str(folder / "scene.xml"))
     data = mujoco.MjData(model)
     mujoco.mj_resetDataKeyframe(model, data, 0)
     data.qpos[2] -= 0.001
@@ -111,28 +102,6 @@ def test_only_pairs_that_mujoco_does_not_filter_are_excluded(tmp_path: Path) -> 
     bolted = replace(floating, tree=replace(robot.tree, base="fixed"))
     text = (write_mjcf(bolted, tmp_path / "b") / "robot.xml").read_text()
     assert text.count("<exclude ") == 5
-
-
-def test_a_floating_robot_on_a_test_stand_does_not_touch_itself(tmp_path: Path) -> None:
-    """MuJoCo filters parent and child, but not children of the world, such as a pinned trunk."""
-    spec = mujoco.MjSpec.from_file(str(write_mjcf(tiny_quadruped(), tmp_path) / "robot.xml"))
-    for hip in ("FR_hip", "FL_hip"):  # grown into the trunk
-        spec.body(hip).add_geom(type=mujoco.mjtGeom.mjGEOM_SPHERE, size=[0.15, 0, 0])
-    spec.delete(spec.joint("floating_base_joint"))
-    for key in list(spec.keys):
-        spec.delete(key)
-    pinned = spec.compile()
-    data = mujoco.MjData(pinned)
-    mujoco.mj_forward(pinned, data)
-    trunk = pinned.body("trunk").id
-    touching = {pinned.geom_bodyid[geom] for contact in data.contact for geom in contact.geom}
-    assert trunk not in touching
-    for exclude in list(spec.excludes):
-        spec.delete(exclude)
-    bad = spec.compile()
-    data = mujoco.MjData(bad)
-    mujoco.mj_forward(bad, data)
-    assert trunk in {bad.geom_bodyid[geom] for contact in data.contact for geom in contact.geom}
 
 
 # --- principal axes -------------------------------------------------------------------------
@@ -208,34 +177,42 @@ def test_planar_joint_moves_across_its_normal_and_turns_about_it(tmp_path: Path)
     assert np.allclose(np.cross(model.jnt_axis[0], model.jnt_axis[1]), (1, 0, 0))
 
 
-def test_floating_joint_below_the_root_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(StepError, match="swing_joint: MJCF allows a floating joint on the root"):
-        emit(joint_to("floating", limits=Limits()), tmp_path)
+@pytest.mark.parametrize(
+    ("robot", "name", "said"),
+    [
+        (joint_to("floating", limits=Limits()), "robot",
+         "swing_joint: MJCF allows a floating joint on the root"),
+        (joint_to("revolute", limits=Limits(1.0, None)), "robot", "only one of lower and upper"),
+        (pendulum(), "scene", "no room beside"),
+    ],
+    ids=["a floating joint", "half a limit", "a robot called scene"],
+)  # fmt: skip
+def test_what_mjcf_has_no_form_for_is_refused(
+    robot: TinyRobot, name: str, said: str, tmp_path: Path
+) -> None:
+    with pytest.raises(StepError, match=said):
+        emit(robot, tmp_path, name)
 
 
-def test_half_a_limit_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(StepError, match="only one of lower and upper"):
-        emit(joint_to("revolute", limits=Limits(1.0, None)), tmp_path)
-
-
-def test_body_called_world_gets_another_name_and_a_finding(tmp_path: Path) -> None:
+def test_body_called_world_is_renamed_in_all_that_names_it(tmp_path: Path) -> None:
     robot = pendulum()
     tree = replace(
         robot.tree,
         bodies=(Body("world"), robot.tree.bodies[1]),
         joints=(replace(robot.tree.joints[0], parent="world"),),
     )
-    found = emit(replace(robot, tree=tree), tmp_path)
-    assert [(f.rule, f.subject) for f in found if f.rule == "mjcf.reserved_name"] == [
-        ("mjcf.reserved_name", "link world")
-    ]
+    item = MjcfOnly("contact", '<exclude name="no" body1="world" body2="arm"/>')
+    control = replace(robot.control, mjcf_only=(item,))
+    found = emit(replace(robot, tree=tree, control=control), tmp_path)
+    assert [f.subject for f in found if f.rule == "mjcf.reserved_name"] == ["link world"]
     model = mujoco.MjModel.from_xml_path(str(tmp_path / "out/mjcf/robot.xml"))
-    assert model.body(1).name == "world_body"
+    assert (model.body(1).name, model.nexclude) == ("world_body", 1)
 
 
-def test_texture_is_copied_and_a_missing_one_is_said(tmp_path: Path) -> None:
+def test_texture_is_copied_with_its_transparency_and_a_missing_one_is_said(tmp_path: Path) -> None:
+    """MuJoCo reads three channels of a picture unless its file says four."""
     picture = BytesIO()
-    Image.new("RGB", (2, 2), (255, 0, 0)).save(picture, "PNG")
+    Image.new("RGBA", (2, 2), (255, 0, 0, 40)).save(picture, "PNG")
     skin = (Material("good", texture="skin.png"), Material("lost", texture="lost.png"))
     shapes = Shapes(
         tuple(Shape(m.name, "arm", "visual", Mesh("box"), material=m.name) for m in skin),
@@ -247,21 +224,6 @@ def test_texture_is_copied_and_a_missing_one_is_said(tmp_path: Path) -> None:
     assert [f.severity for f in found if f.rule == "mjcf.texture"] == ["warning"]
     model = mujoco.MjModel.from_xml_path(str(tmp_path / "out/mjcf/robot.xml"))
     assert (model.ntex, model.nmat) == (1, 2)
-
-
-def test_a_picture_with_transparent_parts_keeps_them(tmp_path: Path) -> None:
-    """MuJoCo reads three channels of a picture unless its file says four."""
-    picture = BytesIO()
-    Image.new("RGBA", (2, 2), (255, 0, 0, 40)).save(picture, "PNG")
-    skin = (Material("leaf", texture="leaf.png"),)
-    shapes = Shapes(
-        (Shape("leaf", "arm", "visual", Mesh("box"), material="leaf"),),
-        skin,
-        (MeshAsset("box", "box.obj", 8, 12),),
-    )
-    meshes = {"box.obj": tiny_quadruped().meshes["trunk_box.obj"], "leaf.png": picture.getvalue()}
-    emit(replace(pendulum(), shapes=shapes, meshes=meshes), tmp_path)
-    model = mujoco.MjModel.from_xml_path(str(tmp_path / "out/mjcf/robot.xml"))
     assert model.tex_data.tolist() == [255, 0, 0, 40] * 4
 
 
@@ -275,11 +237,6 @@ def test_long_chain_needs_no_recursion(tmp_path: Path) -> None:
     tree = Tree("chain", "fixed", bodies, joints, (Frame("tip", f"b{count - 1}", Pose()),))
     text = (write_mjcf(TinyRobot(tree, tree), tmp_path) / "robot.xml").read_text()
     assert text.count("<body ") == count
-
-
-def test_robot_called_scene_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(StepError, match="no room beside"):
-        emit(pendulum(), tmp_path, "scene")
 
 
 LOAD_IN_ANOTHER = """
@@ -317,16 +274,11 @@ def test_the_floor_is_under_a_robot_that_hangs_and_at_0_under_one_that_stands(
     tmp_path: Path,
 ) -> None:
     arm = pendulum()
-    tips = np.array([X.xyz for X in forward_kinematics(arm.tree, {}).values()])
-    model = mujoco.MjModel.from_xml_path(str(write_mjcf(arm, tmp_path / "a") / "scene.xml"))
-    below = tips[:, 2].min() < -0.01
-    assert (model.geom("floor").pos[2] < tips[:, 2].min()) == below
     hand = replace(arm.tree, frames=(Frame("tip", arm.tree.root, Pose((0.0, 0.0, -0.2))),))
-    model = mujoco.MjModel.from_xml_path(
-        str(write_mjcf(replace(arm, tree=hand), tmp_path / "b") / "scene.xml")
-    )
-    assert model.geom("floor").pos[2] < -0.2
-    dog = mujoco.MjModel.from_xml_path(
-        str(write_mjcf(tiny_quadruped(), tmp_path / "c") / "scene.xml")
-    )
-    assert dog.geom("floor").pos[2] == 0.0
+    robots = {"arm": arm, "hand": replace(arm, tree=hand), "dog": tiny_quadruped()}
+    height = {}
+    for name, robot in robots.items():
+        scene = write_mjcf(robot, tmp_path / name) / "scene.xml"
+        height[name] = mujoco.MjModel.from_xml_path(str(scene)).geom("floor").pos[2]
+    assert height["arm"] == height["dog"] == 0.0
+    assert height["hand"] < -0.2

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import re
-import xml.etree.ElementTree as ET
 from dataclasses import replace
 from pathlib import Path
 
@@ -32,7 +31,7 @@ from assetbuild.findings import Finding
 from assetbuild.robot.codec import decode
 from assetbuild.robot.model import Actuator, JointKind, Keyframe, Limits, LoopEnd, Tree
 from assetbuild.robot.pose import Pose
-from assetbuild.robot.shapes import Material, Shapes, SourceShapes
+from assetbuild.robot.shapes import SourceShapes
 from assetbuild.source.urdf.read_urdf import ReadUrdf
 from assetbuild.targets.urdf import Urdf
 
@@ -52,10 +51,6 @@ def read_back(folder: Path, base: str = "floating") -> tuple[Tree, SourceShapes]
         assert (folder / mesh["path"]).is_file()
     tree = decode(Tree, (outputs / "links.json").read_bytes())
     return tree, decode(SourceShapes, (outputs / "shapes.json").read_bytes())
-
-
-def xml(folder: Path) -> ET.Element:
-    return ET.parse(folder / "bot.urdf").getroot()  # noqa: S314 # our own file
 
 
 @settings(max_examples=examples(20), suppress_health_check=[HealthCheck.function_scoped_fixture])
@@ -120,17 +115,6 @@ def test_a_urdf_that_urdfdom_refuses_is_an_error(attribute: str, tmp_path: Path)
     (finding,) = run_step(UrdfLoads(robot="bot"), inputs, tmp_path / "bad")
     assert (finding.rule, finding.severity) == ("urdf.refused", "error")
     assert f"limit has no {attribute}" in finding.message
-
-
-def test_any_name_is_escaped(tmp_path: Path):
-    robot = pendulum()
-    odd = "a<b>&\"c' 材质"
-    links = replace(robot.links, name=odd)
-    shapes = Shapes(materials=(Material(odd),))
-    folder, _ = emit(replace(robot, links=links, shapes=shapes), tmp_path)
-    assert xml(folder).get("name") == odd
-    tree, read = read_back(folder, "fixed")
-    assert (tree.name, read.materials[0].name) == (odd, odd)
 
 
 # --- loops as mimic joints -----------------------------------------------------------------------

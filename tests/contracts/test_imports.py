@@ -1,0 +1,105 @@
+"""No imports in circles; a step knows no recipe, and its worker loads no more than it needs.
+
+import-linter's contract speaks of packages and modules side by side; this one also sees a package's
+own `__init__`, late imports and those for types alone.
+"""
+
+from __future__ import annotations
+
+import inspect
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import grimp
+import networkx
+import pytest
+
+from assetbuild.collision import CollisionMethod
+from assetbuild.engine.children import SHARED, Kind, environment
+from assetbuild.engine.code import Code
+from assetbuild.engine.step import Step
+from assetbuild.facts.reader import Reader
+from assetbuild.plugin_types import Check, Target
+from assetbuild.plugins import load_plugin, own_names
+from assetbuild.simulators.consumers import ConsumerCheck
+from docs.site.pages.rules import package_modules
+
+
+@pytest.fixture(scope="module")
+def graph() -> grimp.ImportGraph:
+    return grimp.build_graph("assetbuild", cache_dir=None)
+
+
+def test_no_modules_import_one_another_in_a_circle(graph: grimp.ImportGraph):
+    imports = networkx.DiGraph(
+        (module, found)
+        for module in graph.modules
+        for found in graph.find_modules_directly_imported_by(module)
+    )
+    circles = networkx.strongly_connected_components(imports)
+    assert [sorted(circle) for circle in circles if len(circle) > 1] == []
+
+
+NUMERIC = {"coacd", "fast-simplification", "manifold3d", "mujoco", "networkx", "numpy"}
+NUMERIC |= {"pillow", "pin", "pycollada", "scipy", "trimesh", "usd-core", "vhacdx", "yourdfpy"}
+
+
+def classes() -> set[type[Step]]:
+    """All steps of the package."""
+    values = (value for module in package_modules() for value in vars(module).values())
+    return {v for v in values if inspect.isclass(v) and issubclass(v, Step)} - {Step}
+
+
+def test_what_a_step_imports_reaches_no_recipe(graph: grimp.ImportGraph):
+    recipe = {name for name in graph.modules if name.startswith("assetbuild.recipe.")}
+    steps = {step.__module__ for step in classes()}
+    assert {step for step in steps if graph.find_upstream_modules(step) & recipe} == set()
+
+
+def test_a_step_that_computes_runs_in_a_child_with_pinned_kernels():
+    """A trainer's figures come from a process of its own, mostly of a GPU."""
+    code = Code()
+    here = {step for step in classes() if step.in_parent and not issubclass(step, ConsumerCheck)}
+    assert here  # at least those that fetch
+    assert {s.__name__: sorted(NUMERIC & code.of(s).libraries.keys()) for s in here} == {
+        step.__name__: [] for step in here
+    }
+
+
+HEAVY = {"mujoco", "pxr", "trimesh", "scipy", "coacd", "vhacdx", "manifold3d", "yourdfpy", "glfw",
+         "pinocchio", "networkx", "OpenGL", "PIL", "collada", "jinja2", "rich", "yaml",
+         "fast_simplification", "torch", "matplotlib"}  # fmt: skip
+LOADED = (
+    "import importlib, json, sys\n"
+    "[importlib.import_module(name) for name in sys.argv[1:]]\n"
+    "print(json.dumps(sorted({name.partition('.')[0] for name in sys.modules})))\n"
+)
+
+
+def kinds() -> list[tuple[Kind, list[type[Step]]]]:
+    """Each kind of worker with the plug-ins that ask for it."""
+    found: dict[Kind, list[type[Step]]] = {}
+    for group in (Check, Reader, Target, CollisionMethod):
+        for name in own_names(group):
+            step = load_plugin(group, name)
+            kind = Kind(step.preload, max(1, step.limits.cpus), step.network)
+            found.setdefault(kind, []).append(step)
+    return list(found.items())
+
+
+@pytest.mark.parametrize(("kind", "steps"), kinds(), ids=lambda each: str(each)[:40])
+def test_a_worker_has_no_heavy_library_that_its_steps_do_not_name(
+    kind: Kind, steps: list[type[Step]], tmp_path: Path
+):
+    modules = [*SHARED, *kind.preload, *sorted({step.__module__ for step in steps})]
+    made = subprocess.run(
+        [sys.executable, "-c", LOADED, *modules],
+        env=environment(kind, tmp_path) | {"PYTHONPATH": os.pathsep.join(sys.path)},
+        capture_output=True,
+        check=True,
+    )
+    named = {module.partition(".")[0] for module in kind.preload}
+    assert HEAVY & set(json.loads(made.stdout)) <= named
