@@ -159,3 +159,20 @@ def test_pictures_come_back_when_the_variable_goes_that_forbade_them(
     assert not is_null()
     if renderer(World()) != "none":
         assert list(warm_legs.bundle.glob("report/images/*.png"))
+
+
+def test_a_xacro_beside_its_recipe_is_built_and_its_bundle_is_no_part_of_it(
+    legs: Legs, tmp_path_factory: pytest.TempPathFactory
+):
+    """Whatever lies in the folder could be included: the recipe, too, but not what is built."""
+    (legs.folder / "parts").mkdir()
+    (legs.folder / "parts/arm.xacro").write_text(PART.format(name="arm"))
+    (legs.folder / "r.xacro").write_text(WHOLE)
+    legs.recipe.write_text(
+        "schema: assetbuild/v1\nrobot: legs\nsource: {path: ., xacro: r.xacro, license: MIT}\n"
+        "actuators: []\ntargets: [urdf]\n"
+    )
+    elsewhere = str(tmp_path_factory.mktemp("store"))
+    assert legs.build(ASSETBUILD_CACHE=elsewhere).returncode == 0
+    assert legs.build(ASSETBUILD_CACHE=elsewhere).returncode == 0
+    assert set(legs.steps().values()) == {"cached"}

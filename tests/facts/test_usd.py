@@ -11,7 +11,7 @@ from tempfile import TemporaryDirectory
 import pytest
 from gripper import gripper
 from hypothesis import given, settings
-from pxr import Gf, Usd, UsdGeom, UsdPhysics
+from pxr import Gf, Sdf, Usd, UsdGeom, UsdPhysics
 from tiny import (
     TinyRobot,
     check_inputs,
@@ -256,6 +256,10 @@ def test_an_axis_that_points_the_other_way_is_found(tmp_path: Path) -> None:
             "Physics").SetVariantSelection("none")),
         ("base", "robot", lambda s: UsdPhysics.FixedJoint.Define(
             s, "/robot/Joints/root_joint").CreateBody1Rel().SetTargets(["/robot/trunk"])),
+        ("robotlinks", "robot", lambda s: s.GetDefaultPrim().GetRelationship(
+            "isaac:physics:robotLinks").RemoveTarget("/robot/FR_hip")),
+        ("robotlinks", "robot", lambda s: s.GetPrimAtPath("/robot/FR_hip").CreateAttribute(
+            "isaac:nameOverride", Sdf.ValueTypeNames.String).Set("FL_hip")),
     ],
 )  # fmt: skip
 def test_what_is_said_of_whole_prims_is_compared(
