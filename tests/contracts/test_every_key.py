@@ -209,7 +209,7 @@ def plain(
 @pytest.mark.slow
 @pytest.mark.parametrize("key", STATED)
 def test_another_value_changes_something(key: str, plain: dict[str, tuple[Path, Built]]):
-    effects = [_effect(robot, path, *plain[robot]) for robot, path in STATED[key][:3]]
+    effects = (_effect(robot, path, *plain[robot]) for robot, path in STATED[key])
     assert any(effects), f"`{key}` changes nothing"
 
 
