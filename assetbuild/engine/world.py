@@ -91,7 +91,8 @@ class World:
     def saw(self, path: Path, data: bytes) -> None:
         """A file was read just now, and these were its bytes; it may be a step's input, too."""
         place = path.absolute()
-        self._files[self._ask((BYTES, str(place), ""), lambda _: digest_bytes(data))] = place
+        digest = self._ask((BYTES, str(place), ""), lambda _: digest_bytes(data))
+        self._files[digest] = place
 
     def wrote(self, path: Path, data: bytes) -> None:
         """This build itself wrote a file: what was answered about it before holds no longer."""
