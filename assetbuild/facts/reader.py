@@ -26,13 +26,6 @@ UNREADABLE = Rule(
     "a file of the bundle cannot be read back",
     "if nobody edited the bundle, this is a bug: please report it",
 )
-UNREAD = Rule(
-    "equal.unread",
-    "error",
-    "a file says something that has no meaning known here, so nothing proves it right",
-    "if nobody edited the bundle, this is a bug: please report it",
-)
-
 
 BROKEN = (ValueError, TypeError, LookupError, ArithmeticError, AttributeError, RuntimeError)
 """What a reader runs into where a file is not of its format at all."""
@@ -146,11 +139,6 @@ class Reader(Check):
             return _unreadable(UNREADABLE("robot", text))
         different = differences(expected, known, self.exactness)
         findings = [*equality_findings(different, self.format_id, self.display_name, known.places)]
-        for item in known.unread:
-            data = {"attribute": item.attribute, "expected": None, "found": item.text}
-            place = f"{item.attribute} is {item.text} in {self.display_name}"
-            text = f"{place}; nothing in the robot says so"
-            findings.append(UNREAD(item.where, text, data=data))
         compared = len(dict.fromkeys((*expected.facts, *known.facts)))
         return Proof(known, tuple(different), tuple(findings), compared)
 
@@ -165,12 +153,7 @@ class Reader(Check):
             write_figures(files, {"facts": 0})
             return
         proof = self.prove(reference, path)
-        figures = {
-            "facts": proof.compared,
-            "differ": len(proof.differences),
-            "unread": len(proof.found.unread),
-        }
-        write_figures(files, figures)
+        write_figures(files, {"facts": proof.compared, "differ": len(proof.differences)})
         yield from proof.findings
         all_facts = robot_table(reference)
         yield from losses(

@@ -308,32 +308,28 @@ def surface_facts(contact: Contact) -> dict[str, Value]:
     }
 
 
-def filtered_pairs(
-    tree: Tree, shapes: Shapes, control: Control, *, of_links: bool = False
-) -> Iterator[tuple[str, str]]:
+def filtered_pairs(tree: Tree, shapes: Shapes, control: Control) -> Iterator[tuple[str, str]]:
     """Pairs of bodies (sorted) that both may touch something, and never each other.
 
     They are excluded by the recipe, or by MuJoCo's own rule, which every format must follow, or
     their masks never meet. `robot.contact_filter` defines that rule for readers and writers; the
-    proof that it is MuJoCo's is the compiled model, which the reader of MJCF asks. of_links: the
-    same of the links before merging, of which those of one body never touch.
+    proof that it is MuJoCo's is the compiled model, which the reader of MJCF asks.
     """
     contacts = dict(control.contacts)
     solid: dict[str, list[Contact]] = {}
     for shape in shapes.of("collision"):
-        name = shape.link if of_links else tree.placement(shape.link)[0]
+        name = tree.placement(shape.link)[0]
         solid.setdefault(name, []).append(contacts.get(shape.name, control.contact))
     rule = ContactFilter.of(tree, shapes, control)
     excluded = {frozenset(pair) for pair in control.excludes}
     for first, second in itertools.combinations(sorted(solid), 2):
-        bodies = [tree.placement(name)[0] for name in (first, second)]
         meets = any(
             one.contype & two.conaffinity or two.contype & one.conaffinity
             for one in solid[first]
             for two in solid[second]
         )
-        together = bodies[0] == bodies[1] or frozenset(bodies) in excluded
-        if together or rule.passes(*bodies) or not meets:
+        is_excluded = frozenset((first, second)) in excluded
+        if is_excluded or rule.passes(first, second) or not meets:
             yield first, second
 
 

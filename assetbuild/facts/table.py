@@ -65,27 +65,13 @@ def pair_of(name: str) -> tuple[str, str]:
 
 
 @dataclass(frozen=True)
-class Unread:
-    """An attribute that a reader met and knows no meaning of.
-
-    where: the element or prim, with file and line where known; text: its value as it stands there.
-    """
-
-    where: str
-    attribute: str
-    text: str
-
-
-@dataclass(frozen=True)
 class Table:
     """Facts by key, in the order in which they were read.
 
     places: `file:line` or path of a prim by (kind, name), where the reader knows it.
-    unread: what the reader found and did not understand.
     """
 
     facts: Mapping[Key, Value]
-    unread: tuple[Unread, ...] = ()
     places: Mapping[tuple[str, str], str] = field(default_factory=dict)
 
     def names(self, kind: str) -> tuple[str, ...]:
@@ -99,15 +85,11 @@ class Table:
     def only(self, holds: Callable[[Key], bool]) -> Table:
         """The table without the facts that do not satisfy a condition."""
         kept = {key: value for key, value in self.facts.items() if holds(key)}
-        return Table(kept, self.unread, self.places)
+        return Table(kept, self.places)
 
     def __or__(self, other: Table) -> Table:
         """Both tables; of facts that both have, the other's."""
-        return Table(
-            {**self.facts, **other.facts},
-            (*self.unread, *other.unread),
-            {**self.places, **other.places},
-        )
+        return Table({**self.facts, **other.facts}, {**self.places, **other.places})
 
 
 class FactCollector:
@@ -121,7 +103,6 @@ class FactCollector:
 
     def __init__(self) -> None:
         self.facts: dict[Key, Value] = {}
-        self.unread: list[Unread] = []
         self.places: dict[tuple[str, str], str] = {}
 
     def put(self, kind: str, name: str, facts: Mapping[str, Value]) -> None:
@@ -133,15 +114,11 @@ class FactCollector:
         """Notes where a subject stands."""
         self.places[kind, name] = where
 
-    def skip(self, where: str, attribute: str, value: object) -> None:
-        """Notes an attribute without a known meaning."""
-        self.unread.append(Unread(where, attribute, str(value)[:200]))
-
     def plain_table(self) -> Table:
         """All that was noted, of a file that may state anything."""
         facts = {key: plain_value(value) for key, value in self.facts.items()}
-        return Table(facts, tuple(self.unread), dict(self.places))
+        return Table(facts, dict(self.places))
 
     def table(self) -> Table:
         """All that was noted."""
-        return Table(dict(self.facts), tuple(self.unread), dict(self.places))
+        return Table(dict(self.facts), dict(self.places))

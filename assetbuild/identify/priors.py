@@ -69,7 +69,6 @@ class KeepPrior(Step):
         return replace(plain, general=None, motor="", source="", name="", gear=1.0)
 
 
-PLAIN = ("armature", "damping", "friction", "effort")
 SCALED = ("kp", "kd")
 """Gains: the drive gives this multiple of what it was asked for while recording."""
 

@@ -38,8 +38,6 @@ ROUNDS = 8
 WEAK = ("gains.torque", "trials.dead")
 """Rules that a stronger drive satisfies."""
 STRONGER = 2.0
-DAMPED = 1.25
-"""Times the damping ratio that was refused."""
 BALANCED_M = 0.003
 """Nearer to the middle of its feet the centre of mass is not brought."""
 

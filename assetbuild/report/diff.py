@@ -160,7 +160,7 @@ def _compared(before: Form, after: Form, *, same: bool) -> list[Difference]:
     old, new = before.read(), after.read()
     precision = before.precision.coarser(after.precision)
     if same:
-        return [*differences(old, new, precision), *_unread(old, new)]
+        return differences(old, new, precision)
 
     def said(key: Key) -> bool:
         return not key.is_foreign and before.holds(key) and after.holds(key)
@@ -177,15 +177,6 @@ def _compared(before: Form, after: Form, *, same: bool) -> list[Difference]:
         and not _is_near(item)
         and (item.what != "value" or (_tells(item.key, old) and _tells(item.key, new)))
     ]
-
-
-def _unread(old: Table, new: Table) -> Iterator[Difference]:
-    """What no reader has a meaning for, and one side alone has or has otherwise."""
-    before, after = ({(u.where, u.attribute): u.text for u in t.unread} for t in (old, new))
-    for where, attribute in dict.fromkeys((*before, *after)):
-        sides = before.get((where, attribute)), after.get((where, attribute))
-        if sides[0] != sides[1]:
-            yield Difference(Key("place", where, attribute), *sides)
 
 
 def _tells(key: Key, table: Table) -> bool:

@@ -34,10 +34,9 @@ def sentence(name: str, check: CheckResult) -> str:
 
 
 def _equal(file: str, figures: Figures) -> str:
-    facts, differ, unread = (int(figures.get(key) or 0) for key in ("facts", "differ", "unread"))
+    facts, differ = (int(figures.get(key) or 0) for key in ("facts", "differ"))
     result = "match the robot" if not differ else f"compared with the robot: {differ} differ"
-    tail = f"; {unread} were not understood" if unread else ""
-    return f"{facts:,} values of the {file} {result}{tail}"
+    return f"{facts:,} values of the {file} {result}"
 
 
 def _plain(figures: Figures) -> str:

@@ -114,7 +114,7 @@ def test_each_check_is_a_sentence_with_its_number_and_limit():
     figures = {"kinematics_error": 1.10576e-15, "gravity_error": 0.0, "poses": 50}
     shown = page(checks={"oracle": CheckResult("pass", figures)})
     assert "in 50 poses: largest relative error 1.1e-15, limit 1e-9" in shown
-    equal = CheckResult("pass", {"facts": 2560, "differ": 0, "unread": 0})
+    equal = CheckResult("pass", {"facts": 2560, "differ": 0})
     assert sentence("usd_equal", equal) == "2,560 values of the USD match the robot"
     mass = CheckResult("pass", {"total_kg": 13.100529, "datasheet_kg": None, "bodies": [{}, {}]})
     assert sentence("mass", mass) == "13.1 kg in 2 bodies"

@@ -11,21 +11,17 @@ from assetbuild.source.get.fetch import OnLine, downloaded_wheel
 from assetbuild.source.get.fetch_git import COMMIT, commit_of, export_commit, tree_digest
 
 
-def resolve(
-    name: str, version: str, *, on_line: OnLine | None = None, keep: Path | None = None
-) -> Pin:
+def resolve(name: str, version: str, *, on_line: OnLine | None = None) -> Pin:
     """Download a wheel to learn its file name, digest and size: what the lock pins.
 
-    on_line: gets pip's own lines while it works ("Downloading ... (131.1 MB)"). keep: a file to
-    leave the wheel in, so that nobody has to download it again. Errors as `Fetch.run`.
+    on_line: gets pip's own lines while it works ("Downloading ... (131.1 MB)"). Errors as
+    `Fetch.run`.
     """
-    with TemporaryDirectory(prefix=".fetch-", dir=keep.parent if keep else None) as folder:
+    with TemporaryDirectory(prefix=".fetch-") as folder:
         wheel = downloaded_wheel(name, version, Path(folder), on_line)
         size = wheel.stat().st_size
-        pin = Pin(pypi=f"{name}=={version}", file=wheel.name, sha256=digest_file(wheel), size=size)
-        if keep is not None:
-            wheel.replace(keep)
-    return pin
+        digest = digest_file(wheel)
+        return Pin(pypi=f"{name}=={version}", file=wheel.name, sha256=digest, size=size)
 
 
 def resolve_git(git: str, rev: str, url: str) -> GitPin:

@@ -16,9 +16,8 @@ A robot is a table of facts. Every format is read back into the same table, and 
 two tables is what `build` reports as `equal.<format>.<quantity>`, and what `validate` and `diff`
 report. The tables below list every quantity, and for each format `=` where it is compared, or the
 number of the reason why the format cannot hold it. What a format says beyond these quantities is
-compared as a word of its own (`mjcf:solmix`, `usd:approximation`). What a reader does not know is
-an error (`equal.unread`), except in a USD. `physx` and `newton` are what these simulators hold once
-they have loaded the files.
+compared as a word of its own (`mjcf:solmix`, `usd:approximation`). `physx` and `newton` are what
+these simulators hold once they have loaded the files.
 
 Tolerances are relative: 1e-9, and 2e-7 where a format keeps float32.
 """
