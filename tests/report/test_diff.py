@@ -15,7 +15,6 @@ from tiny import TinyRobot, run_step, tiny_quadruped, with_mimic, write_robot_po
 
 from assetbuild.errors import UsageError
 from assetbuild.facts.reference import Reference, robot_table
-from assetbuild.facts.table import Unread
 from assetbuild.report.diff import Changes, changes, counts, diff_markdown, diff_text
 from assetbuild.report.sides import Form, Side, bundle_side, foreign_side
 from assetbuild.simulators.usd_options import UsdOptions
@@ -175,13 +174,6 @@ def test_a_comment_is_a_file_written_differently(bundle: Path):
     found = edited(bundle, "mjcf/tiny.xml", "<!-- ", "<!-- indeed: ")
     assert (found.rows, found.rewritten) == ((), ("mjcf/tiny.xml",))
     assert counts(found) == "no fact differs; 1 file is written differently"
-
-
-def test_what_no_reader_has_a_meaning_for_is_told(side: Callable[..., Side]):
-    table = side().forms["robot"].read()
-    winged = replace(table, unread=(Unread("link trunk", "wings", "2"),))
-    (change,) = changes(side(), replace(side(), forms={"robot": Form(lambda: winged)})).rows
-    assert (change.subjects, change.quantity) == (("place link trunk",), "wings")
 
 
 def test_a_page_that_no_fact_explains_is_told_by_its_lines(bundle: Path):
