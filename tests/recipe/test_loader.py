@@ -127,6 +127,8 @@ def test_an_aliased_key_is_known_by_the_name_people_write(refused):
         ("  default: {method: hull}", "  default: [hull]", "7:3", "a map, found a list", ""),
         ("assetbuild/v1", "assetbuild/v2", "1:9", "`assetbuild/v1`", "`assetbuild/v1`"),
         ("  home:", "  ho me:", "17:3", "not a valid name", ""),
+        ("collision:", "targets: [urdf, mjcf, urdf]\ncollision:", "6:1", "named twice: urdf", ""),
+        ("collision:", "mjcf: {grammar: 5}\ncollision:", "6:17", "of MuJoCo 3.11 and 4.0", ""),
     ],
 )
 def test_each_mistake_has_its_place_and_its_words(refused, old, new, place, said, hint):
