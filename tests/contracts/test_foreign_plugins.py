@@ -139,7 +139,7 @@ def test_the_page_of_the_how_to_builds_a_robot_and_an_edit_of_its_code_is_no_nul
     done = run(site, "validate", "out", "--static")
     assert "mass is 5 kg in the SDF, 4 kg in the robot" in done.stdout
     assert "equal.sdf.mass" in done.stdout
-    assert "equal.unread" in done.stdout
+    assert "equal.sdf.wind" in done.stdout
 
 
 def test_its_keys_are_checked_and_described_like_all_others(site: Path):

@@ -35,17 +35,15 @@ class SdfFacts(Reader):
         return root / f"{robot}.sdf"
 
     def read(self, path: Path) -> Table:
-        """Masses by link; all other elements are unread."""
-        book = FactCollector()
+        """Masses by link; every other element is a word of SDF."""
+        facts = FactCollector()
         for element in ElementTree.parse(path).getroot().iter():
             if element.tag == "link":
                 mass = float(element.findtext("inertial/mass") or "nan")
-                book.put("body", str(element.get("name")), {"mass": mass})
-            elif element.tag == "static":
-                book.put("robot", "", {"sdf:static": element.text or ""})
+                facts.put("body", str(element.get("name")), {"mass": mass})
             elif element.tag not in ("sdf", "model", "inertial", "mass"):
-                book.skip(element.tag, "text", element.text)
-        return book.table()
+                facts.put("robot", "", {f"sdf:{element.tag}": element.text or "empty"})
+        return facts.table()
 
     def expected(self, reference: Reference) -> Table:
         """The robot's masses, and the recipe's `sdf`."""
