@@ -40,7 +40,13 @@ def _renamed(
     return new_ids | {f"{old}.{kind}": (f"equal.{form}.* {kind}",) for kind in kinds}
 
 
+_MASKS = {"mask": "contype", "partners": "conaffinity"}
 _WAS = {
+    **{
+        old: new
+        for form in ("bare", "mjcf", "mjx", "source")
+        for old, new in _renamed(f"equal.{form}", form, _MASKS).items()
+    },
     **_renamed(
         "equal.mjcf",
         "mjcf",
@@ -80,7 +86,7 @@ _WAS = {
     }),
     "smoke.reading": ("equal.newton.*",),
 }  # fmt: skip
-"""The rules of version 0.1, in which every check had names of its own."""
+"""The rules of version 0.1, in which every check had names of its own, and masks others."""
 
 EQUAL = Rule(
     "equal.*",

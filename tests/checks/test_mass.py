@@ -127,7 +127,7 @@ def test_a_robot_of_no_matter_is_an_error(mass_kg: float, says: str, tmp_path: P
     assert found.data["volume_m3"] == pytest.approx(8e-4)
 
 
-# --- Collision beside visual geometry: a shift is told, a simplification is not ---
+# --- Collision against visual geometry: a shift is reported, a simplification is not ---
 
 
 BAR = (0.05, 0.04, 0.3)

@@ -19,7 +19,7 @@ Spoil = Callable[[Usd.Stage], object]
 
 
 def check(robot: TinyRobot, folder: Path, spoil: Spoil = lambda _: None) -> list[Finding]:
-    """Of the asset after `spoil` has edited the main file's own layer."""
+    """What is said about the asset after `spoil` has edited the layer of its main file."""
     inputs = check_inputs(folder, robot, UsdTarget(robot="robot"), "usd")
     spoil_stage(inputs / "usd/robot.usda", spoil)
     return run_step(UsdValid(robot="robot"), inputs, folder / "out")

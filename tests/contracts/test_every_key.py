@@ -63,7 +63,7 @@ ELSEWHERE = {
     "xrdf": "tests/targets/test_xrdf.py, tests/facts/test_xrdf.py: its spheres take long",
 }
 IN_THE_CARD = ("source", "friction_source", "measured", "guessed")
-"""Where a number comes from: `model_card.md` says it, tests/report."""
+"""Where a number comes from: `model_card.md` states it, which tests/report checks."""
 OTHER: dict[str, Any] = json.loads((HERE / "other.json").read_text())
 """Values that a rule of thumb would not find."""
 

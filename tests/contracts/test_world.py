@@ -15,7 +15,7 @@ from .code_robots import write_robots
 
 @pytest.mark.slow
 def test_all_that_cold_builds_looked_at_stands_in_their_record(tmp_path: Path):
-    """Of a xacro on which an MJCF is mounted, of that MJCF, and of a URDF, with an empty store."""
+    """Three robots, built from nothing: a xacro that carries an MJCF, that MJCF, and a URDF."""
     folder = tmp_path / "mine"
     for made in (folder, tmp_path / "out"):
         made.mkdir()

@@ -134,7 +134,7 @@ def test_what_nobody_edited_is_the_robot(
 
 
 def test_a_bundle_s_robot_and_the_module_alone_say_the_same(tmp_path: Path):
-    """Of patterns the first wins; a module that is gone is one error."""
+    """The first pattern that matches wins; a missing module is one error."""
     one = mjlab(quadruped("velocity"), tmp_path)
     (tmp_path / "report").mkdir()
     (tmp_path / "report/robot.json").write_text(one.reference.to_json())
