@@ -51,7 +51,7 @@ def pytest_configure(config: pytest.Config) -> None:
 def builds_fork_ready_workers(
     request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Where a module is not about the process that forks them."""
+    """Unless the tests of a module are about the process that forks workers."""
     if not request.node.get_closest_marker("own_workers"):
         fork_from_ready_workers(monkeypatch)
 
