@@ -384,17 +384,20 @@ def write_figures(
     thousandth of that. Others have six digits. So the report is the same on every CPU.
     Raises ValueError for a number that is not finite: what was not measured is None.
     """
-    shown = _shown(figures, limits or {}, None)
+    shown = _rounded_figures(figures, limits or {}, None)
     text = json.dumps(shown, sort_keys=True, indent=1, allow_nan=False)
     (files.outputs / "figures.json").write_text(text + "\n", encoding="utf-8")
 
 
-def _shown(value: object, limits: Mapping[str, float], limit: float | None) -> object:
+def _rounded_figures(value: object, limits: Mapping[str, float], limit: float | None) -> object:
     """limit: of the nearest named figure around it."""
     if isinstance(value, float):
         return rounded(value, limit) if limit else float(f"{rounded(value, NOISE):.6g}")
     if isinstance(value, Mapping):
-        return {key: _shown(each, limits, limits.get(key, limit)) for key, each in value.items()}
+        return {
+            key: _rounded_figures(each, limits, limits.get(key, limit))
+            for key, each in value.items()
+        }
     if isinstance(value, list | tuple):
-        return [_shown(each, limits, limit) for each in value]
+        return [_rounded_figures(each, limits, limit) for each in value]
     return value

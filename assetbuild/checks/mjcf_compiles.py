@@ -192,13 +192,13 @@ def _classes(roots: list[Xml], spec: Any) -> Iterator[Finding]:  # Any: MjSpec
         if not (related or stated or of_drive == of_joint) and any(of_drive) and any(of_joint):
             yield FOREIGN_CLASS(
                 f"actuator {drive.name or drive.target}",
-                f"class `{mine}` is for joints of range {_shown(of_drive)}, but joint "
-                f"`{joint.name}` has class `{theirs}` with {_shown(of_joint)}",
+                f"class `{mine}` is for joints of range {_ends_text(of_drive)}, but joint "
+                f"`{joint.name}` has class `{theirs}` with {_ends_text(of_joint)}",
                 hint=f'class="{theirs}" is probably meant',
             )
 
 
-def _shown(ends: tuple[float, ...]) -> str:
+def _ends_text(ends: tuple[float, ...]) -> str:
     return " ".join(f"{end:g}" for end in ends)
 
 

@@ -82,7 +82,9 @@ class PhysxReadback(physx.PhysxCheck):
                 "mass_kg": _finite(sum(link["mass"][0] for link in held["bodies"].values())),
                 "finite_alone": alone.finite,
                 "finite_on_floor": moved.finite,
-                "joints": {name: _shown(table.of("joint", name)) for name in held["joints"]},
+                "joints": {
+                    name: _joint_figures(table.of("joint", name)) for name in held["joints"]
+                },
             },
         )
         expected = physx_expected(robot, drive_type=self.drive_type, mimics=self.mimics)
@@ -127,7 +129,7 @@ def _finite(value: float) -> float | None:
     return value if math.isfinite(value) else None
 
 
-def _shown(joint: Mapping[str, Value]) -> dict[str, float | None]:
+def _joint_figures(joint: Mapping[str, Value]) -> dict[str, float | None]:
     """The numbers of a joint."""
     numbers = {name: value for name, value in joint.items() if isinstance(value, float | None)}
     return {name: None if v is None else _finite(v) for name, v in numbers.items()}

@@ -82,11 +82,11 @@ class SmokeMjlab(ConsumerCheck):
                 hint="the message is mjlab's; `<bundle>/python/*_mjlab.py` is what it read",
             )
             return
-        write_figures(files, _shown(answer))
+        write_figures(files, _rounded_figures(answer))
         yield from evaluate(answer, self.bounds, self.effort_factor)
 
 
-def _shown(answer: Mapping[str, Any]) -> dict[str, object]:  # Any: the child's JSON
+def _rounded_figures(answer: Mapping[str, Any]) -> dict[str, object]:  # Any: the child's JSON
     """Rounded, so that the last bits of a machine's sums are not in the report."""
     kept = ("envs", "fell", "finite", "walks", "gpu", "iterations", "weights_finite")
     figures: dict[str, object] = {name: answer[name] for name in kept}

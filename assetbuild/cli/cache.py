@@ -42,8 +42,8 @@ def _stats(root: Path, *, as_json: bool) -> int:
     if as_json:
         print(json.dumps({"root": str(root), **asdict(store_stats)}, indent=2, sort_keys=True))
         return 0
-    print(f"{root}: {_shown(store_stats.total_bytes)}")
-    print(f"  objects: {store_stats.objects}, {_shown(store_stats.object_bytes)}")
+    print(f"{root}: {_size_text(store_stats.total_bytes)}")
+    print(f"  objects: {store_stats.objects}, {_size_text(store_stats.object_bytes)}")
     print(f"  results of steps: {store_stats.actions}")
     if homes := sorted((root / "environments").glob("*")):
         print(f"  trainers' environments, to delete by hand: {', '.join(map(str, homes))}")
@@ -117,7 +117,7 @@ def _check(store: Store) -> int:
 def _gc(store: Store, max_bytes: int) -> int:
     done = collect(store, max_bytes)
     print(
-        f"{_shown(done.before)} -> {_shown(done.after)}: "
+        f"{_size_text(done.before)} -> {_size_text(done.after)}: "
         f"{done.actions} results and {done.objects} objects removed"
     )
     if done.after > max_bytes:
@@ -125,7 +125,7 @@ def _gc(store: Store, max_bytes: int) -> int:
     return 0
 
 
-def _shown(size: int) -> str:
+def _size_text(size: int) -> str:
     value, unit = float(size), "bytes"
     for unit in ("bytes", "kB", "MB", "GB"):
         if value < 1000 or unit == "GB":

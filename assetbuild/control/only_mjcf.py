@@ -14,7 +14,7 @@ from assetbuild.robot.mjcf_only import (
     joint_springs,
     lost_motion,
     parsed,
-    shown,
+    spring_list,
 )
 from assetbuild.robot.model import Actuator, Keyframe, MjcfOnly, Tree
 from assetbuild.robot.shapes import Shapes
@@ -93,8 +93,8 @@ def explain_opaque(items: tuple[MjcfOnly, ...]) -> Iterator[Finding]:
         yield SPRING(
             "robot",
             f"{len(springs)} joints have springs of the stiffness in N m/rad or N/m: "
-            f"{shown(springs)}; the URDF is written without them, so these joints move otherwise "
-            "there; in the USD a spring is the drive of its joint where it has no other",
+            f"{spring_list(springs)}; the URDF is written without them, so these joints move "
+            "otherwise there; in the USD a spring is the drive of its joint where it has no other",
             "command no targets to these joints in PhysX and Newton, whose drives rest where the "
             "springs do",
             data={joint: spring.text for joint, spring in springs.items()},

@@ -54,7 +54,8 @@ class FlipAxis(JointEdit):
             new = replace(old, lower=_negative(old.upper), upper=_negative(old.lower))
         finding = FLIP_AXIS(
             f"joint {joint.name}",
-            f"axis {_shown(joint.axis)} -> {_shown(axis)}, limits {_range(old)} -> {_range(new)}",
+            f"axis {_axis_text(joint.axis)} -> {_axis_text(axis)}, "
+            f"limits {_range(old)} -> {_range(new)}",
             data={
                 "before": joint.axis,
                 "after": axis,
@@ -79,7 +80,7 @@ def _negative(value: float | None) -> float | None:
     return None if value is None else 0.0 - value
 
 
-def _shown(axis: tuple[float, float, float]) -> str:
+def _axis_text(axis: tuple[float, float, float]) -> str:
     return "(" + ", ".join(f"{value:g}" for value in axis) + ")"
 
 

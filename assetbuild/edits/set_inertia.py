@@ -49,7 +49,7 @@ class SetInertia(MassEdit):
         finding = SET_INERTIA(
             f"link {body.name}",
             f"mass {old.mass_kg:.6g} -> {mass:.6g} kg; "
-            f"ixx iyy izz {_shown(old.inertia_com_kg_m2)} -> {_shown(tensor)} kg m2",
+            f"ixx iyy izz {_moments_text(old.inertia_com_kg_m2)} -> {_moments_text(tensor)} kg m2",
             data={
                 "before_kg": old.mass_kg,
                 "after_kg": mass,
@@ -63,5 +63,5 @@ class SetInertia(MassEdit):
         return Inertial(mass, com, tensor), finding
 
 
-def _shown(tensor: Tensor) -> str:
+def _moments_text(tensor: Tensor) -> str:
     return " ".join(f"{value:.4g}" for value in tensor[:3])

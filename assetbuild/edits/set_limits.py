@@ -62,7 +62,9 @@ class SetLimits(JointEdit):
                     f"set_limits: joint `{joint.name}` is continuous: give both `lower` and `upper`"
                 )
             kind = "revolute"
-        changes = [f"{n} {_shown(getattr(old, n))} -> {value:.6g}" for n, value in given.items()]
+        changes = [
+            f"{n} {_limit_text(getattr(old, n))} -> {value:.6g}" for n, value in given.items()
+        ]
         if kind != joint.kind:
             changes.append(f"{joint.kind} -> {kind}")
         data: dict[str, Scalar | tuple[Scalar, ...]] = {
@@ -74,5 +76,5 @@ class SetLimits(JointEdit):
         return replace(joint, kind=kind, limits=new), finding
 
 
-def _shown(value: float | None) -> str:
+def _limit_text(value: float | None) -> str:
     return "-" if value is None else f"{value:.6g}"

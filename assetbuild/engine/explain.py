@@ -58,7 +58,7 @@ class Change:
                 return f"{name} is gone"
             digests = f" ({str(self.old)[:8]} -> {str(self.new)[:8]})"
             return f"{name} changed{digests if self.part == 'input' else ''}"
-        return f"{name}: {_shown(self.old)} -> {_shown(self.new)}"
+        return f"{name}: {_value_text(self.old)} -> {_value_text(self.new)}"
 
     def to_json(self) -> dict[str, object]:
         """Plain data: part, name, old, new, text."""
@@ -114,7 +114,7 @@ def _collect(value: object, path: str, leaves: dict[str, object]) -> None:
         leaves[path] = value
 
 
-def _shown(value: object) -> str:
+def _value_text(value: object) -> str:
     if value is None:
         return "nothing"
     text = value if isinstance(value, str) else json.dumps(value, ensure_ascii=False)

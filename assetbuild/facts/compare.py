@@ -320,9 +320,9 @@ def _sentence(one: Difference, subject: str, model: str) -> str:
     if one.what == "extra":
         return f"{subject} has it, {model} does not"
     unit = one.quantity.unit if one.quantity else ""
-    before, after = shown(one.before, unit), shown(one.after, unit)
+    before, after = value_text(one.before, unit), value_text(one.after, unit)
     if before == after:
-        before, after = shown(one.before, unit, 17), shown(one.after, unit, 17)
+        before, after = value_text(one.before, unit, 17), value_text(one.after, unit, 17)
     return f"{one.key.quantity} is {after} in {subject}, {before} in {model}"
 
 
@@ -341,7 +341,7 @@ def slug(text: str) -> str:
     return "_".join(text.lower().replace("-", "_").split())
 
 
-def shown(value: Value, unit: str = "", digits: int = 6) -> str:
+def value_text(value: Value, unit: str = "", digits: int = 6) -> str:
     """A value for people."""
     if value is None:
         return "not stated"

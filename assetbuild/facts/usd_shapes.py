@@ -141,10 +141,10 @@ class Looks:
             return {}
         path = str(material.GetPath())
         if path not in self.materials:
-            self.materials[path] = self._shown(material)
+            self.materials[path] = self._material_facts(material)
         return self.materials[path]
 
-    def _shown(self, material: UsdShade.Material) -> dict[str, Value]:
+    def _material_facts(self, material: UsdShade.Material) -> dict[str, Value]:
         """Nothing of a material whose output leads to no shader: a viewer draws it grey."""
         if not material.ComputeSurfaceSource()[0]:
             return {}

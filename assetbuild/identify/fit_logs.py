@@ -99,11 +99,13 @@ class FitLogs(Step):
             plant, fitted, priors, unknowns, self.max_relative_interval, self.effective
         )
         parameters = tuple(self._parameters(tree, solution))
-        shown = [_shown(plant, *both, priors, solution) for both in zip(whole, cut, strict=True)]
+        replayed = [
+            _replayed(plant, *both, priors, solution) for both in zip(whole, cut, strict=True)
+        ]
         fit = Fit(
             logs=tuple(self._used(files.inputs)),
             parameters=parameters,
-            predictions=tuple(_predictions(plant, shown)),
+            predictions=tuple(_predictions(plant, replayed)),
             related=tuple(_related(parameters, solution)),
             condition=short(solution.estimate.condition),
             recorded=tuple((row.joint, row.kp, row.kd) for row in prior.actuators),
@@ -210,7 +212,7 @@ def _related(parameters: Sequence[Parameter], solution: Solution) -> Iterator[Re
 
 
 @dataclass(frozen=True)
-class _Shown:
+class _Replayed:
     """A record from a calm moment on. cut: samples fitted. before, after: (N, J), simulated."""
 
     record: Record
@@ -219,22 +221,22 @@ class _Shown:
     after: Array
 
 
-def _shown(
+def _replayed(
     plant: Plant, record: Record, cut: int, priors: Sequence[Drive], solution: Solution
-) -> _Shown:
+) -> _Replayed:
     """Both parts in one go, as the priors and the fit predict them."""
     calm = record.from_rest()
     # The constant torques of the fit stand in no table.
     pairs = zip(priors, solution.drives, strict=True)
     before = [replace(prior, offset=drive.offset) for prior, drive in pairs]
     q, _ = plant.simulate(calm, [before, solution.drives])
-    return _Shown(calm, max(0, cut - (len(record.position) - len(calm.position))), q[0], q[1])
+    return _Replayed(calm, max(0, cut - (len(record.position) - len(calm.position))), q[0], q[1])
 
 
-def _predictions(plant: Plant, shown: Sequence[_Shown]) -> Iterator[Prediction]:
+def _predictions(plant: Plant, replayed: Sequence[_Replayed]) -> Iterator[Prediction]:
     """The RMS of each joint."""
     squares: dict[str, list[Array]] = {"fitted": [], "before": [], "after": []}
-    for each in shown:
+    for each in replayed:
         before, after = (each.before - each.record.position, each.after - each.record.position)
         squares["fitted"].append(after[each.record.lead : each.cut] ** 2)
         squares["before"].append(before[each.cut :] ** 2)

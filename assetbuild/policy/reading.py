@@ -85,7 +85,7 @@ class Said:
         """A number."""
         value = self.values.get(key, default)
         if isinstance(value, bool) or not isinstance(value, int | float):
-            raise self.wrong(key, f"expected a number, found {_shown(value)}")
+            raise self.wrong(key, f"expected a number, found {_quoted(value)}")
         return float(value)
 
     def numbers(self, key: str, count: int, default: float | None = None) -> tuple[float, ...]:
@@ -95,7 +95,7 @@ class Said:
         if isinstance(value, int | float) and not isinstance(value, bool):
             return (float(value),) * count
         if not isinstance(value, list) or not all(isinstance(v, int | float) for v in value):
-            raise self.wrong(key, f"expected {count} numbers, found {_shown(value)}")
+            raise self.wrong(key, f"expected {count} numbers, found {_quoted(value)}")
         if len(value) != count:
             raise self.wrong(key, f"expected {count} numbers, found {len(value)}")
         return tuple(map(float, value))
@@ -115,7 +115,7 @@ def places(mapping: Said, key: str, names: Sequence[str]) -> tuple[str, ...]:
         return tuple(names)
     for place in value:
         if isinstance(place, bool) or not isinstance(place, int) or not 0 <= place < len(names):
-            raise mapping.wrong(key, f"{_shown(place)} is no place among {len(names)} joints")
+            raise mapping.wrong(key, f"{_quoted(place)} is no place among {len(names)} joints")
     if len(set(value)) < len(value):
         raise mapping.wrong(key, "it names one place twice")
     return tuple(names[place] for place in value)
@@ -130,5 +130,5 @@ def numbers_of(mapping: Said) -> dict[str, float]:
     }
 
 
-def _shown(value: object) -> str:
+def _quoted(value: object) -> str:
     return f"`{str(value)[:60]}`"

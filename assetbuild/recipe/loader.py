@@ -16,7 +16,7 @@ from assetbuild.findings import Finding
 from assetbuild.lfs import refuse_pointer
 from assetbuild.recipe.models import Recipe
 from assetbuild.recipe.renamed_keys import with_new_keys
-from assetbuild.recipe.validation import Key, KeyedError, Misnamed, locate, shown, validated
+from assetbuild.recipe.validation import Key, KeyedError, Misnamed, key_text, locate, validated
 from assetbuild.recipe.yaml_tree import MAX_BYTES, MAX_COST, Entry, Node, described, parse
 from assetbuild.robot.actuator_table import RowError
 
@@ -133,7 +133,7 @@ class LoadedRecipe:
     def error(self, key: Key, message: str, hint: str = "") -> RecipeError:
         """An error about a key: its place, its path, what is wrong, the next move."""
         _, part_key = self.origin(key)
-        return RecipeError(f"{shown(part_key)}: {message}", where=self.where(key), hint=hint)
+        return RecipeError(f"{key_text(part_key)}: {message}", where=self.where(key), hint=hint)
 
     @contextmanager
     def placing(self) -> Iterator[None]:
@@ -154,7 +154,7 @@ class LoadedRecipe:
         if isinstance(error, KeyedError):
             return self.error(error.key, error.reason, error.hint)
         _, part_key = self.origin(error.key)
-        message = error.message.replace(shown(error.key[:2]), shown(part_key[:2]), 1)
+        message = error.message.replace(key_text(error.key[:2]), key_text(part_key[:2]), 1)
         return RecipeError(message, where=self.where(error.key), hint=error.hint)
 
 

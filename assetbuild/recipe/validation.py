@@ -47,7 +47,7 @@ class KeyedError(RowError):
     """
 
     def __init__(self, key: Key, reason: str, hint: str = "") -> None:
-        super().__init__(f"{shown(key)}: {reason}", key=key, hint=hint)
+        super().__init__(f"{key_text(key)}: {reason}", key=key, hint=hint)
         self.reason = reason
 
 
@@ -88,7 +88,7 @@ def validated(
     known = whole() if whole and placed else model  # importing every plug-in takes long
     problems = _distinct([_explained(place, known) for place in placed[:_EXPLAINED]])
     for one in _telling(problems, misnamed):
-        message = f"{shown(one.key)}: {one.message}" if one.key else one.message
+        message = f"{key_text(one.key)}: {one.message}" if one.key else one.message
         with wrong:
             raise error(message, where=one.where, hint=one.hint)
     wrong.stop(uncounted=len(placed[_EXPLAINED:]))
@@ -122,7 +122,7 @@ def locate(root: Node, key: Key) -> Where:
     return where
 
 
-def shown(key: Key) -> str:
+def key_text(key: Key) -> str:
     """A key path as people write it: `actuators[2].kp`, `collision.links[".*_foot"].method`."""
     text = ""
     for part in key:

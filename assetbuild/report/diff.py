@@ -12,7 +12,7 @@ import numpy as np
 from assetbuild.errors import UsageError
 from assetbuild.facts.again.files import rows_of
 from assetbuild.facts.again.row import NotParsedError, groups
-from assetbuild.facts.compare import Difference, Precision, differences, shown
+from assetbuild.facts.compare import Difference, Precision, differences, value_text
 from assetbuild.facts.table import Key, Table
 from assetbuild.facts.vocabulary import RANKS, VOCABULARY, Rank, Required
 from assetbuild.report.sides import DERIVED, ROBOT, Form, Side
@@ -210,9 +210,9 @@ def _change(item: Difference, form: str) -> Change:
         return Change(item.rank, (subject,), "exists", *_exists(item.what == "missing"), "", forms)
     unit = item.quantity.unit if item.quantity else ""
     rank, note = judge(item)
-    old, new = shown(item.before, unit), shown(item.after, unit)
+    old, new = value_text(item.before, unit), value_text(item.after, unit)
     if old == new:
-        old, new = shown(item.before, unit, 17), shown(item.after, unit, 17)
+        old, new = value_text(item.before, unit, 17), value_text(item.after, unit, 17)
     return Change(rank, (subject,), item.key.quantity, old, new, note, forms)
 
 
@@ -309,9 +309,9 @@ def _told(path: str, before: Path, after: Path, rank: Rank) -> Iterator[Change]:
         return
     for same in groups(rows):
         first = same[0]
-        old, new = shown(first.expected), shown(first.found)
+        old, new = value_text(first.expected), value_text(first.found)
         if old == new:
-            old, new = shown(first.expected, digits=17), shown(first.found, digits=17)
+            old, new = value_text(first.expected, digits=17), value_text(first.found, digits=17)
         names = (row.subject if row.kind != "file" else "" for row in same)
         subjects = dict.fromkeys(subject or f"file {path}" for subject in names)
         yield Change(rank, tuple(subjects), first.attribute, old, new, path)

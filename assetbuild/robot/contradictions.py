@@ -115,8 +115,12 @@ def _of_twins(pair: Apart) -> Finding:
         message += f"its mirror twin `{right.name}` {right.mass:.4g} kg"
         factor = pair.mass_factor
     else:
-        message = f"its principal moments {_shown(wrong)} are {pair.inertia_factor:.3g} times "
-        message += f"or more apart from those of its mirror twin `{right.name}`, {_shown(right)}"
+        message = (
+            f"its principal moments {_moments_text(wrong)} are {pair.inertia_factor:.3g} times "
+        )
+        message += (
+            f"or more apart from those of its mirror twin `{right.name}`, {_moments_text(right)}"
+        )
         factor = pair.inertia_factor
     doubt = "" if pair.sure else "; the source does not show which of the two is wrong"
     return TWIN(
@@ -127,7 +131,7 @@ def _of_twins(pair: Apart) -> Finding:
     )
 
 
-def _shown(part: Part) -> str:
+def _moments_text(part: Part) -> str:
     return f"({', '.join(f'{v:.3g}' for v in _moments(part))}) kg m²"
 
 

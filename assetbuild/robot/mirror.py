@@ -184,12 +184,12 @@ def _limits(left: Motion, right: Motion, sign: float, tolerance: float) -> Findi
         if left.limits == right.limits:
             return None
         one, other = (left, right) if left.limits is None else (right, left)
-        message = f"`{one.name}` has no limits, but `{other.name}` has {_shown(other)}"
+        message = f"`{one.name}` has no limits, but `{other.name}` has {_range_text(other)}"
     else:
         wanted = _turned(left.limits, sign)
         if _apart(wanted, right.limits) <= tolerance:
             return None
-        message = f"its range is {_shown(right)}, but as the mirror image of `{left.name}` it "
+        message = f"its range is {_range_text(right)}, but as the mirror image of `{left.name}` it "
         message += f"would be {wanted[0]:g} to {wanted[1]:g} {right.unit}"
         slip = _apart(_turned(wanted, -1.0), right.limits) <= tolerance
     if slip:
@@ -256,7 +256,7 @@ def _apart(a: tuple[float, float], b: tuple[float, float]) -> float:
     return max(abs(a[0] - b[0]), abs(a[1] - b[1]))
 
 
-def _shown(joint: Motion) -> str:
+def _range_text(joint: Motion) -> str:
     low, high = joint.limits or (-np.inf, np.inf)
     return f"{low:g} to {high:g} {joint.unit}"
 

@@ -74,7 +74,7 @@ def no_drives(control: Control) -> dict[str, str]:
     return reasons
 
 
-def shown(springs: Mapping[str, Spring]) -> str:
+def spring_list(springs: Mapping[str, Spring]) -> str:
     """`knee` (30), `ankle` (5), ..."""
     names = [f"`{joint}` ({spring.text})" for joint, spring in springs.items()]
     return ", ".join(names[:4]) + (", ..." if len(names) > 4 else "")

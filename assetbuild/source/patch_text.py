@@ -40,7 +40,7 @@ class PatchText(Step):
         if count != self.times:
             raise SourceError(
                 f"`find` occurs {_often(count)} in `{self.file}`, not {_often(self.times)}: "
-                f"`{_shown(self.find)}`",
+                f"`{_shortened(self.find)}`",
                 hint=_ADVICE_MANY if count else _ADVICE_NONE,
             )
         if len(data) + count * (len(replace) - len(find)) > LONGEST:
@@ -49,7 +49,8 @@ class PatchText(Step):
         line = data[: data.index(find)].count(b"\n") + 1
         yield PATCHED(
             "recipe source.patches",
-            f"{self.file}:{line}: `{_shown(self.find)}` was replaced by `{_shown(self.replace)}`"
+            f"{self.file}:{line}: `{_shortened(self.find)}` was replaced by "
+            f"`{_shortened(self.replace)}`"
             f"{f' {count} times' if count > 1 else ''}: {self.because}",
             data={"file": self.file, "line": line, "because": self.because, "times": count},
         )
@@ -63,7 +64,7 @@ def _often(count: int) -> str:
     return {0: "nowhere", 1: "once"}.get(count, f"{count} times")
 
 
-def _shown(text: str) -> str:
+def _shortened(text: str) -> str:
     """One line of at most `SHOWN` characters."""
     line = " ".join(text.split())
     return line if len(line) <= SHOWN else f"{line[: SHOWN - 3]}..."

@@ -28,7 +28,7 @@ from tiny import (
 )
 
 import assetbuild
-from assetbuild.checks.smoke_mjlab import SmokeMjlab, _shown, evaluate
+from assetbuild.checks.smoke_mjlab import SmokeMjlab, _rounded_figures, evaluate
 from assetbuild.checks.smoke_newton import SmokeNewton, run_of
 from assetbuild.checks.smoke_newton import evaluate as judged_newton
 from assetbuild.cli import main
@@ -76,7 +76,7 @@ BAD = {
 def test_a_good_answer_says_nothing_and_the_verdict_quotes_it() -> None:
     assert list(evaluate(GOOD, BOUNDS)) == []
     assert list(evaluate({**GOOD, "effort_share": 1.09}, BOUNDS, effort_factor=1.1)) == []
-    assert _shown(GOOD)["summary"] == (
+    assert _rounded_figures(GOOD)["summary"] == (
         "0 of 8 robots fell under zero actions, the root went from 0.300 m to 0.280 m; "
         "then trained for 2 iterations on a CPU"
     )

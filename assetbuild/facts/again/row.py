@@ -6,7 +6,7 @@ import re
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
-from assetbuild.facts.compare import EQUAL, plain_data, shown, slug, so_for
+from assetbuild.facts.compare import EQUAL, plain_data, slug, so_for, value_text
 from assetbuild.facts.table import Value
 from assetbuild.findings import Finding, Scalar
 
@@ -75,10 +75,11 @@ def _sentence(row: Row, file: str) -> str:
     *path, last = row.attribute.split()
     thing = " ".join(path) or "it"
     if last == "missing":
-        return f"{file} lacks {thing}: {shown(row.expected)}"
+        return f"{file} lacks {thing}: {value_text(row.expected)}"
     if last == "extra":
-        return f"{file} has {thing}, its writer does not write it: {shown(row.found)}"
-    return f"{row.attribute} is {shown(row.found)} in {file}, {shown(row.expected)} by the robot"
+        return f"{file} has {thing}, its writer does not write it: {value_text(row.found)}"
+    found, expected = value_text(row.found), value_text(row.expected)
+    return f"{row.attribute} is {found} in {file}, {expected} by the robot"
 
 
 def _short(attribute: str) -> str:

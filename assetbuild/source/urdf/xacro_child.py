@@ -54,17 +54,21 @@ class Guard:
         elif event in LISTING:
             path = arguments[0]
             if isinstance(path, int) or not self.inside(os.fsdecode(path or ".")):
-                self.refuse(f"lists the folder `{shown(path)}`, which is not below the packages")
+                self.refuse(
+                    f"lists the folder `{printable(path)}`, which is not below the packages"
+                )
         elif event.startswith(REFUSED):
             self.refuse(f"wants to use `{event}`, which no robot description needs")
 
     def opened(self, path: str, flags: int) -> None:
         """Reading below the tree is fine; a file that is not there says so itself."""
         if flags & READING:
-            self.refuse(f"wants to write the file `{shown(path)}`")
+            self.refuse(f"wants to write the file `{printable(path)}`")
         inside = self.inside(path)
         if not inside:
-            self.refuse(f"wants to read `{shown(path)}`, which is outside the declared packages")
+            self.refuse(
+                f"wants to read `{printable(path)}`, which is outside the declared packages"
+            )
         self.used.add(str(inside))
 
     def inside(self, path: str) -> str:
@@ -80,7 +84,7 @@ class Guard:
         raise RefusedError(what)
 
 
-def shown(path: object) -> str:
+def printable(path: object) -> str:
     """A path for a message: short and printable."""
     text = str(path)
     return (text if text.isprintable() else ascii(text))[:200]
@@ -160,7 +164,7 @@ def _prepare(packages: dict[str, str], guard: Guard) -> list[str]:
 
     def find(name: str) -> str:
         if name not in packages:
-            guard.refuse(f"`$(find {name})`: no package named `{shown(name)}`")
+            guard.refuse(f"`$(find {name})`: no package named `{printable(name)}`")
         guard.packages.add(name)
         return packages[name]
 
@@ -208,7 +212,7 @@ def _told(error: Exception, guard: Guard, packages: dict[str, str]) -> dict[str,
     if isinstance(cause, RecursionError):
         return {"error": "a macro, property or include uses itself without end", "line": line}
     if isinstance(cause, FileNotFoundError):
-        path = guard.inside(str(cause.filename)) or shown(cause.filename)
+        path = guard.inside(str(cause.filename)) or printable(cause.filename)
         if path.startswith(f"{ABSENT}/"):
             _, name, inside = path.split("/", 2)
             wants = f"wants to read `{inside}` of the package `{name}`, which is stated as missing"

@@ -38,7 +38,7 @@ class Node:
     @property
     def tag(self) -> str:
         """Its name, with the prefix if it has one (`xacro:macro`)."""
-        return _shown(str(self.element.tag), self.element.prefix)
+        return _prefixed(str(self.element.tag), self.element.prefix)
 
     @property
     def line(self) -> int:
@@ -304,7 +304,7 @@ def homeless(root: Node) -> dict[str, list[Node]]:
     for node, others in _housed(root):
         for name in node.element.attrib:
             if name not in _HOME[node.tag][0]:
-                by_kind.setdefault(f"{_shown(str(name), None)} of {node.tag}", []).append(node)
+                by_kind.setdefault(f"{_prefixed(str(name), None)} of {node.tag}", []).append(node)
         for child in others:
             if child.tag not in _HOME:
                 by_kind.setdefault(child.tag, []).append(child)
@@ -327,7 +327,7 @@ def _housed(root: Node) -> Iterator[tuple[Node, list[Node]]]:
         stack += [child for child in inside if child.tag in children][::-1]
 
 
-def _shown(tag: str, prefix: str | None) -> str:
+def _prefixed(tag: str, prefix: str | None) -> str:
     local = tag.rpartition("}")[2]
     return f"{prefix}:{local}" if prefix else local
 
