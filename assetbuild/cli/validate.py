@@ -37,7 +37,8 @@ def run(arguments: argparse.Namespace) -> int:
                   f"{finding.subject}: {shown_message(finding)}")  # fmt: skip
             if finding.hint and finding.severity != "info":
                 print(f"  hint: {finding.hint}")
-        errors = sum(f.severity == "error" for f in one.findings)
-        warnings = sum(f.severity == "warning" for f in one.findings)
-        print(f"{one.file}: {one.kind}, {errors} errors, {warnings} warnings")
+        severities = [finding.severity for finding in one.findings]
+        numbers = [(word, severities.count(word)) for word in ("error", "warning")]
+        counts = ", ".join(f"{n} {word}{'' if n == 1 else 's'}" for word, n in numbers)
+        print(f"{one.file}: {one.kind}, {counts}")
     return 1 if worst(results) else 0
