@@ -45,6 +45,12 @@ EXTENT = Rule(
     "a shape states another extent than it has, so that viewers and renderers lose sight of it",
     "if nobody edited the bundle, this is a bug: please report it",
 )
+UNDEFINED = Rule(
+    "usd.undefined",
+    "error",
+    "a layer adds to a prim that no layer defines, so that nobody reads it",
+    "if nobody edited the bundle, this is a bug: please report it",
+)
 ROUNDING_M = 1e-5
 """float32 of the corners of a large shape."""
 
@@ -68,10 +74,11 @@ class UsdValid(Check):
             main = folder / f"{self.robot}.usda"
             size = sum(p.stat().st_size for p in folder.rglob("*") if p.is_file())
             write_figures(files, {"bytes": size})
-            yield from _references(main, folder)
-            yield from lint_file(main)
-            for stage in (main, folder / "scene.usda"):
-                yield from _extents(stage) if stage.is_file() else ()
+            found = [*_references(main, folder), *lint_file(main)]
+            yield from found
+            sound = all(finding.severity != "error" for finding in found)
+            for path in (main, folder / "scene.usda") if sound else ():
+                yield from _prims(path) if path.is_file() else ()
 
 
 def lint_file(path: Path) -> Iterator[Finding]:
@@ -86,14 +93,29 @@ def lint_file(path: Path) -> Iterator[Finding]:
     yield from _validation(stage)
 
 
-def _extents(path: Path) -> Iterator[Finding]:
-    """What each shape states, beside what USD computes of it."""
+def _prims(path: Path) -> Iterator[Finding]:
+    """What prims state, beside what USD computes of them; prims that no layer defines."""
     from pxr import Tf, Usd, UsdGeom
 
     try:
         stage = Usd.Stage.Open(str(path))
     except Tf.ErrorException:
-        return  # `usd.unreadable` says so
+        return  # the scene's reader says so
+    for prim in stage.TraverseAll():
+        if not prim.IsDefined():
+            yield UNDEFINED(f"prim {prim.GetPath()}", f"`{path.name}` speaks of it alone")
+    yield from _extents(stage)
+    robot = UsdGeom.ModelAPI(stage.GetDefaultPrim())
+    purposes = UsdGeom.Imageable.GetOrderedPurposeTokens()
+    cache = UsdGeom.BBoxCache(Usd.TimeCode.Default(), purposes)
+    if path.name != "scene.usda" and robot.GetExtentsHint() != robot.ComputeExtentsHint(cache):
+        yield EXTENT(f"prim {robot.GetPath()}", "its `extentsHint` is not that of its shapes")
+
+
+def _extents(stage: Usd.Stage) -> Iterator[Finding]:
+    """What each shape states, beside what USD computes of it."""
+    from pxr import Usd, UsdGeom
+
     for prim in Usd.PrimRange(stage.GetPseudoRoot(), Usd.TraverseInstanceProxies()):
         shape = UsdGeom.Boundable(prim)
         if not shape or not shape.GetExtentAttr().HasAuthoredValue():

@@ -31,6 +31,8 @@ HULL_VERTICES = 64.0
 """Most vertices of a convex hull that PhysX collides on a GPU."""
 WORLD_JOINT = "root_joint"
 """The prim of the joint that holds a fixed base."""
+DEPTHS_M = (0.01, 1000.0)
+"""Nearest and farthest that a camera sees."""
 DEGREE = math.pi / 180.0
 """rad; what engines alone know stands in the file's own units."""
 SOLVER = {
@@ -71,8 +73,11 @@ def usd_table(robot_facts: Table, reference: Reference) -> Table:
         collector.put("loop", loop.name, softness | free)
     for camera in control.cameras:
         width, height = camera.resolution
-        collector.put("camera", camera.name, {"usd:aspect": width / height})
+        collector.put("camera", camera.name, {"usd:aspect": width / height, "usd:depths": DEPTHS_M})
     own_surfaces = dict(control.contacts)
+    for shape in reference.shapes.shapes:
+        instanced = shape.role == "visual" and options.get("instanceable", True)
+        collector.put("shape", shape.name, _drawn(shape, instanced=instanced))
     for shape in reference.shapes.of("collision"):
         surface = own_surfaces.get(shape.name, control.contact)
         collector.put("shape", shape.name, _collider(shape, surface))
@@ -127,6 +132,10 @@ def _root(reference: Reference) -> dict[str, Value]:
         "articulation root": "the joint with the world" if fixed else f"body {tree.root}",
         "usd:robot prim pose": pose_value(tree.X_world_root if fixed else IDENTITY),
         "self-collision": touches_itself(reference),
+        "usd:isaac:robotType": (reference.options.get("usd") or {}).get("robot_type"),
+        "usd:kind": "component",
+        "usd:mass": sum(body.inertial.mass_kg for body in tree.bodies if body.inertial),
+        "usd:rigid_body_count": len(tree.bodies),
         "usd:isaac:robotLinks": tuple(_links_and_sites(tree)),
         **({"usd:isaac:robotJoints": joints} if joints else {}),
         **(held if fixed else {}),
@@ -237,6 +246,15 @@ def _mimic(name: str, mimic: Mimic, tree: Tree, collector: FactCollector, *, cou
 
 
 # --- shapes
+
+
+def _drawn(shape: Shape, *, instanced: bool) -> dict[str, Value]:
+    """Colliders are guides; meshes are seen from both sides, as MuJoCo shows them."""
+    facts: dict[str, Value] = {"usd:purpose": "guide" if shape.role == "collision" else "default"}
+    if isinstance(shape.geometry, Mesh):
+        facts |= {"usd:instanced": instanced, "usd:doubleSided": "True"}
+        facts["usd:subdivisionScheme"] = "none"
+    return facts
 
 
 def _collider(shape: Shape, surface: Contact) -> dict[str, Value]:

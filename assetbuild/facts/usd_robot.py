@@ -23,8 +23,12 @@ from assetbuild.robot.inertia import rotate_tensor
 GROUPS = ("visuals", "collisions")
 """Groups of shapes below a body, which are no frames."""
 ROOT = "PhysicsArticulationRootAPI"
-LISTS = {"robotLinks": "isaac:nameOverride", "robotJoints": "isaac:NameOverride"}
-"""Lists of Isaac Sim's robot schema -> what says a name that is no identifier."""
+LISTS = {
+    "robotLinks": ("isaac:nameOverride", {"IsaacLinkAPI", "IsaacSiteAPI"}),
+    "robotJoints": ("isaac:NameOverride", {"IsaacJointAPI"}),
+}
+"""Lists of Isaac Sim's robot schema -> what says a name that is no identifier, and the schemas of
+which each member has one."""
 
 
 @dataclass
@@ -193,6 +197,7 @@ def _camera(
         "pose": pose,
         "field of view": 2.0 * math.atan(tall / (2.0 * length)),
         "usd:aspect": wide / tall,
+        "usd:depths": prim.numbers("clippingRange", unit=places.units.metre),
     })  # fmt: skip
 
 
@@ -247,11 +252,18 @@ def _named_poses(robot: Prim, joints: Sequence[JointPrim], collector: FactCollec
 
 
 def _listed(robot: Prim) -> dict[str, Value]:
-    """Names of links, sites and joints in the order in which Isaac Sim's tools show them."""
+    """Names of links, sites and joints in the order in which Isaac Sim's tools show them, what kind
+    of robot it is, and what it is to libraries of assets."""
     stage, lists = robot.prim.GetStage(), dict[str, Value]()
-    for word, override in LISTS.items():
+    metadata = stage.GetRootLayer().customLayerData.get("SimReady_Metadata", {})
+    lists["usd:isaac:robotType"] = robot.text("isaac:robotType", "IsaacRobotAPI")
+    lists["usd:kind"] = Usd.ModelAPI(robot.prim).GetKind()
+    for word in ("mass", "rigid_body_count"):
+        lists[f"usd:{word}"] = metadata.get(word)
+    for word, (override, schemas) in LISTS.items():
         paths = robot.targets(f"isaac:physics:{word}", "IsaacRobotAPI")
-        prims = [Prim(prim) for path in paths if (prim := stage.GetPrimAtPath(path))]
+        there = [Prim(prim) for path in paths if (prim := stage.GetPrimAtPath(path))]
+        prims = [prim for prim in there if prim.applied & schemas]
         if prims:
             lists[f"usd:isaac:{word}"] = tuple(
                 prim.name if prim.has("IsaacSiteAPI")

@@ -64,7 +64,7 @@ def read_shapes(
             name = f"{name}/{prim.name}"
         role = "collision" if shape.collider else "visual"
         facts: dict[str, Value] = {"role": role, "body": names.get(shape.body, "")}
-        facts |= _geometry(shape, places, meshes)
+        facts |= _geometry(shape, places, meshes) | _drawn(prim)
         if shape.collider:
             solid = shape.collider.flag("physics:collisionEnabled") is not False
             facts |= {"collides": solid} | surface_of(prim.prim) | _contact(shape.collider)
@@ -73,6 +73,15 @@ def read_shapes(
             facts |= looks.of(prim.prim)
         collector.put("shape", name, facts)
     return colliders
+
+
+def _drawn(prim: Prim) -> dict[str, Value]:
+    """Who sees it, and of a mesh how it is drawn."""
+    facts: dict[str, Value] = {"usd:purpose": UsdGeom.Imageable(prim.prim).ComputePurpose()}
+    if prim.type == "Mesh":
+        facts["usd:instanced"] = prim.prim.IsInstanceProxy()
+        facts |= {f"usd:{word}": prim.text(word) for word in ("doubleSided", "subdivisionScheme")}
+    return facts
 
 
 def _contact(prim: Prim) -> dict[str, Value]:

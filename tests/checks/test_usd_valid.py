@@ -71,6 +71,21 @@ def test_an_extent_that_hides_a_shape_is_caught(tmp_path: Path) -> None:
     assert rules(findings) == {"usd.extent"} and "off by" in findings[0].message
 
 
+@pytest.mark.parametrize(
+    ("spoil", "rule", "words"),
+    [
+        (lambda stage: stage.OverridePrim("/robot/Joints/no_joint"), "usd.undefined", "no_joint"),
+        (lambda stage: stage.GetDefaultPrim().GetAttribute("extentsHint").Clear(),
+         "usd.extent", "Hint"),
+    ],
+)  # fmt: skip
+def test_prims_that_nobody_defines_and_bounds_that_are_not_stated_are_caught(
+    spoil: Spoil, rule: str, words: str, tmp_path: Path
+) -> None:
+    findings = check(tiny_quadruped(), tmp_path, spoil)
+    assert rules(findings) == {rule} and words in findings[0].subject + findings[0].message
+
+
 def test_what_the_validators_of_usd_say_is_passed_on(tmp_path: Path) -> None:
     def spoil(stage: Usd.Stage) -> None:
         scaled = stage.GetPrimAtPath("/robot/FR_calf")

@@ -48,8 +48,7 @@ class UsdSceneReader(Reader):
 
     def file(self, root: Path, robot: str) -> Path | None:
         """`scene.usda`; a robot of that name has none."""
-        path = root / "scene.usda"
-        return path if path.exists() and robot != "scene" else None
+        return root / "scene.usda" if robot != "scene" else None
 
     def read(self, path: Path) -> Table:
         """The facts of the scene; a prim that refers to another file is the robot.
@@ -70,6 +69,8 @@ class UsdSceneReader(Reader):
                 elif prim.type == "Plane":
                     facts.place("floor", "", prim.path)
                     facts.put("floor", "", _floor(prim, places))
+                elif prim.type == "DomeLight":
+                    facts.put("light", "", {"usd:intensity": prim.number("inputs:intensity")})
                 elif prim.has("PhysicsRigidBodyAPI"):
                     pose, _ = places.rigid(each)
                     name = prim.named("start", facts)
@@ -90,11 +91,13 @@ class UsdSceneReader(Reader):
             "height": ground.height_m,
             "friction": ground.friction,
             "usd:axis": "Z",
+            "usd:size": (20.0, 20.0),
             "usd:collides": True,
             "usd:dynamicFriction": ground.friction[0],
             "usd:frictionCombineMode": "max",  # the rougher of two surfaces decides, as in MuJoCo
             "restitution": 0.0,
         })  # fmt: skip
+        facts.put("light", "", {"usd:intensity": 1000.0})
         start, initial = tree.X_world_root, start_of(tree, control)
         if tree.base == "floating":
             base = initial.base
@@ -123,6 +126,9 @@ def _floor(prim: Prim, places: Places) -> dict[str, Value]:
         "height": pose.xyz[2],
         "friction": None,
         "usd:axis": prim.text("axis") or "Z",
+        "usd:size": tuple(
+            prim.number(side, unit=places.units.metre) or 0.0 for side in ("width", "length")
+        ),
         "usd:collides": solid and prim.flag("physics:collisionEnabled") is not False,
     }
     return facts | surface_of(prim.prim)
