@@ -140,6 +140,9 @@ IN_A_GRIPPER = [
     ("mjx", "iterations", "simulation", r' iterations="20"', ' iterations="40"'),
     ("bare", "mass", "body base", r' mass="1"', ' mass="3"'),
     ("scene", "friction", "floor", r' friction="[^"]*"', ' friction="3 0 0"'),
+    ("scene", "centre", "view", r'center="[^"]*"', 'center="0 0 9"'),
+    ("scene", "extent", "view", r' extent="[^"]*"', ' extent="9"'),
+    ("scene", "lights", "view", r"<light [^>]*/>", ""),
     ("scene", "timestep", "simulation", r"<statistic", '<option timestep="0.1"/><statistic'),
 ]  # fmt: skip
 

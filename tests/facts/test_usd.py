@@ -142,6 +142,7 @@ ATTRIBUTES = [
     ("anchor", "joint FR_hip_joint", f"{HIP}.physics:localPos1", lambda _: Gf.Vec3f(0, 0, 0.01)),
     ("pose", "body FR_calf", "/robot/FR_calf.xformOp:translate", times(1.01)),
     ("size", "shape FR_foot_collision", f"{FOOT}.radius", times(10.0)),
+    ("purpose", "shape FR_foot_collision", f"{FOOT}.purpose", lambda _: "render"),
     ("solverpositioniterationcount", "body trunk",
      "/robot/trunk.physxArticulation:solverPositionIterationCount", lambda _: 4),
     ("friction", "shape FR_foot_collision",
@@ -155,6 +156,8 @@ OF_A_GRIPPER = [
     ("mimic_multiplier", "joint b_joint", f"{FOLLOWS}.newton:mimicCoef1", times(-1.0)),
     ("texture_corners", "shape skin", f"{TILE}.primvars:st",
      lambda v: [(1.5 * uv[0], uv[1]) for uv in v]),
+    ("doublesided", "shape skin", f"{TILE}.doubleSided", lambda _: False),
+    ("subdivisionscheme", "shape skin", f"{TILE}.subdivisionScheme", lambda _: "catmullClark"),
     ("triangles", "shape skin", f"{TILE}.faceVertexIndices", lambda v: [0, 0, 9, *list(v)[3:]]),
     ("volume", "shape skin", f"{TILE}.faceVertexIndices", lambda v: [v[1], v[0], *list(v)[2:]]),
 ]  # fmt: skip
@@ -192,6 +195,21 @@ def test_a_changed_attribute_is_named_with_both_values(
 
 
 # --- one thing, many attributes
+
+
+def test_what_libraries_and_tools_read_is_found(tmp_path: Path) -> None:
+    def spoil(stage: Usd.Stage) -> None:
+        robot = stage.GetDefaultPrim()
+        Usd.ModelAPI(robot).SetKind("assembly")
+        stage.GetRootLayer().customLayerData = {"SimReady_Metadata": {"mass": 1.0}}
+        robot.CreateAttribute("isaac:robotType", Sdf.ValueTypeNames.Token).Set("Humanoid")
+        stage.GetPrimAtPath(HIP).RemoveAppliedSchema("IsaacJointAPI")
+        stage.GetPrimAtPath("/robot/trunk/visuals/trunk_visual").SetInstanceable(False)
+
+    found = rules(check(tiny_quadruped(), tmp_path, spoil))
+    words = ("kind", "mass", "rigid_body_count", "robottype", "robotjoints")
+    assert {(f"equal.usd.{word}", "robot") for word in words} <= found
+    assert ("equal.usd.instanced", "shape trunk_visual") in found
 
 
 def test_one_material_for_all_is_found(tmp_path: Path) -> None:
@@ -389,6 +407,8 @@ def set_to(path: str, value: object) -> Spoil:
             "/World/floor.material:binding:physics").SetTargets([])),
         ("initial_pose", "start FR_calf",
          set_to("/World/robot/FR_calf.xformOp:translate", Gf.Vec3d(0, 0, 1))),
+        ("intensity", "light", set_to("/World/light.inputs:intensity", 1.0)),
+        ("size", "floor", set_to("/World/floor.width", 1.0)),
         ("restitution", "floor", set_to(
             "/World/PhysicsMaterials/floor.physics:restitution", 0.5)),
         ("frictioncombinemode", "floor", set_to(

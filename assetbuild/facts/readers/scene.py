@@ -6,6 +6,8 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import ClassVar
 
+import numpy as np
+
 from assetbuild.errors import StepError, UsageError
 from assetbuild.facts.mjcf import compiled_facts
 from assetbuild.facts.mjcf_fields import plain
@@ -13,9 +15,11 @@ from assetbuild.facts.reader import Reader
 from assetbuild.facts.reference import Reference
 from assetbuild.facts.table import Key, Table, Value
 from assetbuild.facts.vocabulary import VOCABULARY
-from assetbuild.robot.floor import brings_floor, floor_of
+from assetbuild.robot.floor import brings_floor, floor_of, starting_origins
 from assetbuild.robot.pose import rotation_of
 from assetbuild.simulators.mujoco import Model, floors, load
+
+SMALLEST_VIEW_M = 0.5
 
 
 class SceneFacts(Reader):
@@ -50,12 +54,26 @@ class SceneFacts(Reader):
                 facts[Key("shape", name, "mjcf:type")] = plain(scene.geom_type[index])
         for index in planes[:1]:
             facts |= _floor(scene, index)
-        return Table(facts)
+        values: dict[str, Value] = {
+            "centre": plain(scene.stat.center),
+            "extent": float(scene.stat.extent),
+            "lights": float(scene.nlight - robot.nlight),
+        }
+        return Table(facts | {Key("view", "", f"mjcf:{word}"): v for word, v in values.items()})
 
     def expected(self, reference: Reference) -> Table:
-        """The floor below the robot, where the source's own MJCF brings none."""
+        """A view of the robot, and the floor below it where its own MJCF brings none."""
+        origins = starting_origins(reference.tree, reference.control)
+        size = max(SMALLEST_VIEW_M, float(np.linalg.norm(np.ptp(origins, axis=0))))
+        middle = np.round((origins.max(axis=0) + origins.min(axis=0)) / 2.0, 2)
+        view: dict[str, Value] = {
+            "centre": tuple(middle.tolist()),
+            "extent": round(size, 2),
+            "lights": 1.0,
+        }
+        facts = {Key("view", "", f"mjcf:{word}"): value for word, value in view.items()}
         if brings_floor(reference.tree, reference.control):
-            return Table({})
+            return Table(facts)
         floor = floor_of(reference.tree, reference.control)
         values: dict[str, Value] = {
             "height": floor.height_m,
@@ -63,7 +81,7 @@ class SceneFacts(Reader):
             "mjcf:normal": (0.0, 0.0, 1.0),
             "mjcf:masks": (1.0, 1.0),
         }
-        return Table({Key("floor", "", word): value for word, value in values.items()})
+        return Table(facts | {Key("floor", "", word): value for word, value in values.items()})
 
 
 class SceneMjxFacts(SceneFacts):
