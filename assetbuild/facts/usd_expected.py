@@ -31,6 +31,8 @@ HULL_VERTICES = 64.0
 """Most vertices of a convex hull that PhysX collides on a GPU."""
 WORLD_JOINT = "root_joint"
 """The prim of the joint that holds a fixed base."""
+ENGINES = "physxJointAxis, physxJoint, newton"
+"""Whose words say what brakes a joint."""
 DEPTHS_M = (0.01, 1000.0)
 """Nearest and farthest that a camera sees."""
 DEGREE = math.pi / 180.0
@@ -193,7 +195,7 @@ def _joints(
             if "usd:drive type" in driven:
                 axis = "linear" if joint.kind == "prismatic" else "angular"
                 driven[f"usd:drive:{axis}:physics:targetVelocity"] = 0.0
-            collector.put("joint", name, driven)
+            collector.put("joint", name, driven | {"usd:engines": ENGINES})
         if row and (law := explicit_law(row)):
             words = {f"usd:newton:{word}": value for word, value in law.items()}
             collector.put("actuator", name, {"usd:drives": (name,), **words})

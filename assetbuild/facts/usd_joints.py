@@ -171,7 +171,7 @@ def _passive(joint: JointPrim) -> dict[str, Value]:
         "newton": "NewtonJointAPI",
     }
     engines = [name for name, schema in schemas.items() if joint.prim.has(schema)]
-    facts: dict[str, Value] = {}
+    facts: dict[str, Value] = {"usd:engines": ", ".join(engines)} if engines else {}
     for quantity, spellings in BRAKES.items():
         stated: dict[str, float | None] = {}
         for spelling in spellings:

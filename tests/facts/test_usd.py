@@ -204,12 +204,14 @@ def test_what_libraries_and_tools_read_is_found(tmp_path: Path) -> None:
         stage.GetRootLayer().customLayerData = {"SimReady_Metadata": {"mass": 1.0}}
         robot.CreateAttribute("isaac:robotType", Sdf.ValueTypeNames.Token).Set("Humanoid")
         stage.GetPrimAtPath(HIP).RemoveAppliedSchema("IsaacJointAPI")
+        stage.GetPrimAtPath(HIP).RemoveAppliedSchema("PhysxJointAPI")
         stage.GetPrimAtPath("/robot/trunk/visuals/trunk_visual").SetInstanceable(False)
 
     found = rules(check(tiny_quadruped(), tmp_path, spoil))
     words = ("kind", "mass", "rigid_body_count", "robottype", "robotjoints")
     assert {(f"equal.usd.{word}", "robot") for word in words} <= found
-    assert ("equal.usd.instanced", "shape trunk_visual") in found
+    instanced = ("equal.usd.instanced", "shape trunk_visual")
+    assert {instanced, ("equal.usd.engines", "joint FR_hip_joint")} <= found
 
 
 def test_one_material_for_all_is_found(tmp_path: Path) -> None:
