@@ -42,7 +42,7 @@ VALIDATION_SKIPPED = Rule(
 EXTENT = Rule(
     "usd.extent",
     "error",
-    "a shape states another extent than it has, so that viewers and renderers lose sight of it",
+    "a shape or the robot states no bounds, or others than it has: viewers lose sight of it",
     "if nobody edited the bundle, this is a bug: please report it",
 )
 UNDEFINED = Rule(
@@ -118,7 +118,10 @@ def _extents(stage: Usd.Stage) -> Iterator[Finding]:
 
     for prim in Usd.PrimRange(stage.GetPseudoRoot(), Usd.TraverseInstanceProxies()):
         shape = UsdGeom.Boundable(prim)
-        if not shape or not shape.GetExtentAttr().HasAuthoredValue():
+        if not shape or not prim.IsA(UsdGeom.Gprim):
+            continue
+        if not shape.GetExtentAttr().HasAuthoredValue():
+            yield EXTENT(f"prim {prim.GetPath()}", "states no extent")
             continue
         stated = shape.GetExtentAttr().Get()
         real = UsdGeom.Boundable.ComputeExtentFromPlugins(shape, Usd.TimeCode.Default())

@@ -255,7 +255,7 @@ def _drawn(shape: Shape, *, instanced: bool) -> dict[str, Value]:
     facts: dict[str, Value] = {"usd:purpose": "guide" if shape.role == "collision" else "default"}
     if isinstance(shape.geometry, Mesh):
         facts |= {"usd:instanced": instanced, "usd:doubleSided": "True"}
-        facts["usd:subdivisionScheme"] = "none"
+        facts |= {"usd:subdivisionScheme": "none", "usd:normals": True}
     return facts
 
 

@@ -81,7 +81,18 @@ def _drawn(prim: Prim) -> dict[str, Value]:
     if prim.type == "Mesh":
         facts["usd:instanced"] = prim.prim.IsInstanceProxy()
         facts |= {f"usd:{word}": prim.text(word) for word in ("doubleSided", "subdivisionScheme")}
+        facts["usd:normals"] = _fitting_normals(UsdGeom.Mesh(prim.prim))
     return facts
+
+
+def _fitting_normals(mesh: UsdGeom.Mesh) -> bool:
+    """Whether there is one for each face, corner or point, as their interpolation says."""
+    counts = {
+        UsdGeom.Tokens.uniform: len(mesh.GetFaceVertexCountsAttr().Get() or ()),
+        UsdGeom.Tokens.faceVarying: len(mesh.GetFaceVertexIndicesAttr().Get() or ()),
+        UsdGeom.Tokens.vertex: len(mesh.GetPointsAttr().Get() or ()),
+    }
+    return len(mesh.GetNormalsAttr().Get() or ()) == counts.get(mesh.GetNormalsInterpolation())
 
 
 def _contact(prim: Prim) -> dict[str, Value]:

@@ -158,6 +158,7 @@ OF_A_GRIPPER = [
      lambda v: [(1.5 * uv[0], uv[1]) for uv in v]),
     ("doublesided", "shape skin", f"{TILE}.doubleSided", lambda _: False),
     ("subdivisionscheme", "shape skin", f"{TILE}.subdivisionScheme", lambda _: "catmullClark"),
+    ("normals", "shape skin", f"{TILE}.normals", lambda v: list(v)[1:]),
     ("triangles", "shape skin", f"{TILE}.faceVertexIndices", lambda v: [0, 0, 9, *list(v)[3:]]),
     ("volume", "shape skin", f"{TILE}.faceVertexIndices", lambda v: [v[1], v[0], *list(v)[2:]]),
 ]  # fmt: skip
