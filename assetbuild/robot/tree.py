@@ -17,6 +17,8 @@ from assetbuild.robot.pose import IDENTITY, Pose, normalised_quat, vec3
 
 PLACEHOLDER_KG = 1e-5
 """A root link lighter than this only names a place; no simulator can move it."""
+TILT = 1e-3
+"""Between two upward axes that are one, rad: angles of 3.1416 are rounded."""
 
 
 @dataclass(frozen=True)
@@ -145,7 +147,8 @@ def merge_fixed_joints(
 
     A body is named after its topmost link and keeps that link's frame; a root link without mass
     (`PLACEHOLDER_KG`) hands both to the heaviest link merged into it, unless that would move a
-    fixed base off the place where the source mounts it. The other links become frames.
+    fixed base off the place where the source mounts it, or lay a floating one on its side. The
+    other links become frames.
     keep_root: it keeps them, as in MJCF, whose keyframes say where the root's own frame stands.
     keep_bodies: links that stay bodies of their own on their fixed joint. Exact: only poses that
     are not the identity change a number.
@@ -200,8 +203,12 @@ def _name_giver(tree: Tree, members: list[str]) -> str:
     heaviest = max(members, key=lambda link: masses[link])  # the first of equals
     if masses[heaviest] < PLACEHOLDER_KG:
         return first
-    mounted = tree.base == "fixed" and _poses_from(first, tree, members)[heaviest] != IDENTITY
-    return first if mounted else heaviest
+    X_first_heaviest = _poses_from(first, tree, members)[heaviest]
+    if tree.base == "floating":
+        stays = math.dist(X_first_heaviest.rotation[:, 2], (0.0, 0.0, 1.0)) < TILT
+    else:
+        stays = X_first_heaviest == IDENTITY
+    return heaviest if stays else first
 
 
 def _poses_from(origin: str, tree: Tree, members: list[str]) -> dict[str, Pose]:

@@ -30,7 +30,7 @@ BY_HAND = """
       <inertial pos="0.01 0 0.02" mass="3" diaginertia="0.03 0.04 0.05"/>
       <body name="arm" pos="0 0 0.5">
         <joint name="swing" axis="0 1 0" armature="0.3" damping="1" frictionloss="1"/>
-        <inertial pos="0 0 -0.2" mass="1" diaginertia="0.02 0.02 0.001"/>
+        <inertial pos="0.1 0 -0.2" mass="1" diaginertia="0.02 0.02 0.001"/>
         <site name="tip" pos="0 0 -0.4"/>
       </body>
     </body>

@@ -109,6 +109,7 @@ def test_a_zero_quaternion_is_refused():
 
 BRICK = box_inertial(2.0, (0.1, 0.2, 0.3))
 ASKEW = Pose((0.1, -0.2, 0.3), quat_of_rpy(0.4, -0.5, 0.6))
+TURNED = Pose(ASKEW.xyz, quat_of_rpy(0.0, 0.0, 3.1416))
 
 
 def source(robot: TinyRobot) -> Tree:
@@ -212,12 +213,12 @@ def test_a_kept_link_stays_on_its_fixed_joint_and_takes_what_hangs_below():
 
 @pytest.mark.parametrize("root", [None, Inertial(1e-6, (0.0,) * 3, (1e-6,) * 6)])
 def test_a_placeholder_root_gives_name_and_frame_to_the_heaviest_link(root: Inertial | None):
-    tree = chain(("fixed", ASKEW), ("continuous", ASKEW), root=root)
+    tree = chain(("fixed", TURNED), ("continuous", ASKEW), root=root)
     merged, facts = merge_fixed_joints(tree, True, ())
     assert merged.root == "b1"
     assert facts == (Merged("b1", ("b0",), placeholder="b0"),)
     assert merged.joints[0] == tree.joints[1], "what hung on the heavy link keeps every bit"
-    there_and_back = merged.placement("b0")[1] @ ASKEW
+    there_and_back = merged.placement("b0")[1] @ TURNED
     assert np.abs(there_and_back.matrix() - np.eye(4)).max() < 1e-15
 
 
@@ -231,6 +232,13 @@ def test_a_fixed_base_stays_where_the_source_mounts_it():
     askew = chain(("fixed", ASKEW), base="fixed", root=None)
     assert merge_fixed_joints(level, True, ())[0].root == "b1"
     assert merge_fixed_joints(askew, True, ())[0].root == "b0"
+
+
+@pytest.mark.parametrize("rpy", [(np.pi / 2, np.pi / 2, 0.0), (np.pi, 0.0, 0.0), (0.0, 0.1, 0.0)])
+def test_a_floating_base_stays_upright_as_its_placeholder_says(rpy: Vec3):
+    """CAD frames have other axes; a `base_footprint` says which way is up."""
+    on_its_side = chain(("fixed", Pose((0.0, 0.0, 0.2), quat_of_rpy(*rpy))), root=None)
+    assert merge_fixed_joints(on_its_side, True, ())[0].root == "b0"
 
 
 def test_joints_turn_and_slide_about_their_axis():
