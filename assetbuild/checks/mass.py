@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from pydantic import Field
@@ -21,7 +22,7 @@ from assetbuild.findings import Finding, Rule
 from assetbuild.mesh import MESH_MODULES
 from assetbuild.mesh.hulls import common_hull, extent_of, hulls_by_body
 from assetbuild.mesh.triangles import TriangleMesh, solid_moments
-from assetbuild.plugin_types import Check, write_figures
+from assetbuild.plugin_types import Check, RecipeView, write_figures
 from assetbuild.recipe_types import Positive
 from assetbuild.robot.contradictions import Extent, contradictions
 from assetbuild.robot.files import RobotFiles
@@ -132,11 +133,21 @@ class Mass(Check):
     )
     max_angle: float = math.radians(50.0)
     """Between the long axes of body and hull."""
+    lacks_visuals: bool = False
+    """Whether the source names meshes that it does not bring: no hull shows how large those are."""
+
+    @classmethod
+    def values(cls, recipe: RecipeView) -> dict[str, Any] | None:  # Any: values of its fields
+        """As its section says, and whether visual meshes are missing."""
+        values = super().values(recipe)
+        missing = recipe.value("source.missing.visuals")
+        return None if values is None else values | {"lacks_visuals": bool(missing)}
 
     def run(self, files: Files) -> Iterator[Finding]:
         """Reads tree, shapes and hulls."""
         robot = RobotFiles(files.inputs)
-        tree, hulls = robot.tree, hulls_by_body(robot)
+        tree, unknown = robot.tree, _half_seen(robot) if self.lacks_visuals else set[str]()
+        hulls = {key: made for key, made in hulls_by_body(robot).items() if key[0] not in unknown}
         every = {b.name: made for b in tree.bodies if (made := _filled(b, hulls)) is not None}
         total = math.fsum(b.inertial.mass_kg for b in tree.bodies if b.inertial)
         bodies = {name: row for name, row in every.items() if row.mass_kg >= SMALLEST_KG}
@@ -267,6 +278,13 @@ def _of_no_matter(tree: Tree, bodies: Mapping[str, Filled]) -> Iterator[Finding]
 def _loose_bodies(tree: Tree) -> list[Body]:
     """Return all bodies but the bolted root, which many files give no mass or a whole hall."""
     return [b for b in tree.bodies if tree.base == "floating" or b.name != tree.root]
+
+
+def _half_seen(robot: RobotFiles) -> set[str]:
+    """Bodies with a link that collides and is not drawn."""
+    drawn = {shape.link for shape in robot.shapes.of("visual")}
+    undrawn = {shape.link for shape in robot.shapes.of("collision")} - drawn
+    return {robot.tree.placement(link)[0] for link in undrawn}
 
 
 def _filled(body: Body, hulls: Hulls) -> Filled | None:

@@ -18,7 +18,7 @@ from assetbuild.mesh.primitives import tessellate
 from assetbuild.mesh.solid import distance_to
 from assetbuild.mesh.triangles import merged
 from assetbuild.robot.inertia import rotate_tensor
-from assetbuild.robot.model import Inertial
+from assetbuild.robot.model import Frame, Inertial
 from assetbuild.robot.pose import Pose, Vec3, normalised_quat
 from assetbuild.robot.shapes import Box, Capsule, Geometry, Mesh, MeshAsset, Shape, Shapes
 
@@ -51,6 +51,18 @@ def test_a_bar_of_water_is_sound(role: str, tmp_path: Path):
     (row,) = json.loads((tmp_path / "out/figures.json").read_text())["bodies"]
     assert row["density_kg_m3"] == pytest.approx(1000.0)
     assert row["long_axes_apart_rad"] == pytest.approx(0.0, abs=1e-6)
+
+
+def test_a_body_whose_mesh_the_source_lacks_is_not_judged_by_the_rest(tmp_path: Path):
+    """A trunk of 7 kg in a hull of 1e-6 litres: of it, only the box of its IMU was drawn."""
+    made = robot()
+    link = made.tree.bodies[-1].name
+    chip = Shape("chip", "imu", "visual", Box((0.01, 0.01, 0.01)))
+    shapes = Shapes((Shape("bar", link, "collision", Box(SIZE)), chip))
+    tree = replace(made.tree, frames=(Frame("imu", link, Pose()),))
+    made = replace(made, tree=tree, shapes=shapes)
+    assert "mass.density" in rules_of(weighed(made, tmp_path / "whole"))
+    assert weighed(made, tmp_path / "lacking", lacks_visuals=True) == []
 
 
 @pytest.mark.parametrize("factor", [10.0, 0.02])
