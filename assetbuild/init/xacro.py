@@ -23,7 +23,13 @@ from assetbuild.init.packages import (
     find_package,
 )
 from assetbuild.source.get.files import left_out
-from assetbuild.source.urdf.expand_xacro import MOST_FILES, NOT_INCLUDED, WHERE, ExpandXacro
+from assetbuild.source.urdf.expand_xacro import (
+    ARGUMENT,
+    MOST_FILES,
+    NOT_INCLUDED,
+    WHERE,
+    ExpandXacro,
+)
 
 MOST_TRIES = 60
 """Packages that are asked for, one after another."""
@@ -88,7 +94,10 @@ class _Attempt:
         with scratch() as ports:
             for path in tree:
                 ports.link(f"tree/{path.relative_to(root)}", path)
-            ports.run(step)
+            for finding in ports.run(step):
+                if finding.rule == ARGUMENT.id:
+                    name = finding.data["argument"]
+                    raise SourceError(f"--arg {name}: {finding.message}", hint=finding.hint)
             urdf = ports.read("robot.urdf")
             used = json.loads(ports.read("used.json"))
         text, files = urdf.decode("utf-8"), [root / name for name in used["files"]]

@@ -83,6 +83,12 @@ def test_a_package_that_is_not_found_says_how_to_name_it(packages: Path):
     assert "`--package` of `init`" in raised.value.hint
 
 
+def test_an_argument_that_the_robot_does_not_have_is_refused(packages: Path):
+    with pytest.raises(SourceError, match="--arg efort: ") as raised:
+        initialised(packages, efort="30")
+    assert raised.value.hint == "did you mean `effort`?"
+
+
 def test_an_argument_without_a_default_is_asked_for(packages: Path):
     main_file = packages / "ws/bot/urdf/bot.urdf.xacro"
     main_file.write_text(MAIN.replace("name='bot'", "name='$(arg model)'"))

@@ -80,6 +80,15 @@ def test_what_xacro_warns_about_is_passed_on_once(name: str, warns: bool, tmp_pa
     assert [finding.rule for finding in findings] == ["xacro.warning"] * warns
 
 
+@pytest.mark.parametrize(
+    ("name", "known"), [("hand", True), ("used", True), ("hnad", False), ("link", False)]
+)
+def test_an_argument_that_nothing_takes_is_told(name: str, known: bool, tmp_path):
+    body = '<xacro:arg name="hand" default="1"/><xacro:if value="0">$(arg used)</xacro:if>'
+    _, _, findings = expand(tmp_path, {"pkg/r.xacro": robot(body)}, args={name: "0"})
+    assert [finding.rule for finding in findings] == ["xacro.argument"] * (not known)
+
+
 def test_paths_of_the_machine_come_out_as_packages(tmp_path):
     body = (
         '<mesh filename="file://$(find pkg)/a.stl"/><mesh filename="$(find pkg)/b.stl"/>'
@@ -106,7 +115,7 @@ def test_a_file_outside_is_refused_and_named(tmp_path, body):
     outside = tmp_path / "secret.yaml"
     outside.write_text(CANARY)
     text = refusal(tmp_path, body.format(path=outside, name="secret.yaml"))
-    assert text.startswith("pkg/r.xacro: ")
+    assert text.startswith("pkg/r.xacro:1: ")
     assert "secret.yaml" in text
     assert "outside the declared packages" in text
 
@@ -170,6 +179,11 @@ def test_mistakes_name_file_line_and_the_next_move(tmp_path):
     text = refusal(tmp_path, '<xacro:include filename="$(find pkq)/m.xacro"/>')
     assert "no package named `pkq`" in text
     assert "hint: known: `pkg`" in text
+    assert text.startswith("pkg/r.xacro:1: ")
+    other = {"pkg/urdf/arm.trans": robot("")}
+    text = refusal(tmp_path, '\n<xacro:include filename="$(find pkg)/urdf/Arm.trans"/>', **other)
+    assert text.startswith("pkg/r.xacro:2: no file `pkg/urdf/Arm.trans`")
+    assert "hint: did you mean `pkg/urdf/arm.trans`?" in text
     assert "source.args" in refusal(tmp_path, '<link name="$(arg nobody)"/>')
     yaml = {"pkg/y.yaml": "a: 1\nb: [\n"}
     body = "<link name=\"${xacro.load_yaml('y.yaml')}\"/>"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -13,7 +14,7 @@ from typing import Any, ClassVar
 from pydantic import Field
 
 from assetbuild.engine.step import Files, Limits, Step
-from assetbuild.errors import SourceError, Where, did_you_mean
+from assetbuild.errors import SourceError, Where, did_you_mean, nearest
 from assetbuild.findings import Finding, Rule
 from assetbuild.lfs import refuse_pointer
 
@@ -46,6 +47,12 @@ ABSENT = Rule(
     "the xacro file asks for a package that the recipe states as missing, and reads nothing of it",
     "nothing, if only what is left out (plugins of Gazebo, controllers) names it",
 )
+ARGUMENT = Rule(
+    "xacro.argument",
+    "warning",
+    "the recipe gives the xacro file an argument that it neither declares nor uses",
+    "correct its name in `source.args`",
+)
 WARNING = Rule(
     "xacro.warning",
     "info",
@@ -53,6 +60,10 @@ WARNING = Rule(
     "read the warning",
 )
 
+
+_QUOTED = re.compile("`([^`]+)`")
+_DECLARED = re.compile(r"<(?:xacro:)?arg\s[^>]*?name\s*=\s*[\"']([^\"']+)")
+_USED = re.compile(r"\$\(arg\s+([^\s)]+)\)")
 
 WHERE = "say where the package is: `source.packages` of the recipe, `--package` of `init`"
 GIVE = "give it: `source.args` of the recipe, `--arg` of `init`"
@@ -81,11 +92,12 @@ class ExpandXacro(Step):
 
     def run(self, files: Files) -> Iterator[Finding]:
         """Expand; each of xacro's warnings is reported once."""
-        answer = self._expanded(files.inputs / "tree")
+        tree = files.inputs / "tree"
+        answer = self._expanded(tree)
         if "error" in answer:
-            error = self._error(answer)
+            error = self._error(answer, tree)
             if error.where is not None:
-                refuse_pointer(_start(files.inputs / "tree" / error.where.file), where=error.where)
+                refuse_pointer(_start(tree / error.where.file), where=error.where)
             raise error
         (files.outputs / "robot.urdf").write_text(answer["urdf"], encoding="utf-8")
         used = json.dumps(answer["used"], indent=1)
@@ -97,8 +109,21 @@ class ExpandXacro(Step):
                 hint="if its files matter, add the package to the source",
                 data={"package": name},
             )
+        yield from self._unknown_arguments(tree, answer["used"]["files"])
         for text in dict.fromkeys(answer["said"]):
             yield WARNING("robot", f"xacro: {text}")
+
+    def _unknown_arguments(self, tree: Path, used: list[str]) -> Iterator[Finding]:
+        text = "\n".join((tree / name).read_text("utf-8", "replace") for name in used)
+        named = {*_DECLARED.findall(text), *_USED.findall(text)}
+        for name in self.args:
+            if name not in named and not any("$" in other for other in named):
+                yield ARGUMENT(
+                    "recipe source.args",
+                    f"no `<xacro:arg>` is called `{name}`: its value changes nothing",
+                    hint=did_you_mean(name, named),
+                    data={"argument": name},
+                )
 
     def _expanded(self, tree: Path) -> dict[str, Any]:  # Any: JSON of the child
         job = {
@@ -130,24 +155,35 @@ class ExpandXacro(Step):
         answer: dict[str, Any] = json.loads(child.stdout)  # Any: JSON
         return answer
 
-    def _error(self, answer: dict[str, Any]) -> SourceError:  # Any: JSON
+    def _error(self, answer: dict[str, Any], tree: Path) -> SourceError:  # Any: JSON
         stack = answer.get("files") or [self.file]
         file = answer.get("file") or stack[-1]
         macros = answer.get("macros") or []
         within = f" (in macro `{macros[-1]}`)" if macros else ""
-        message = f"{answer['error']}{within}"
-        return SourceError(
-            message, where=Where(file, answer.get("line", 0)), hint=self._hint(answer)
-        )
+        asked = _QUOTED.search(answer["error"])
+        line = answer.get("line") or (_line_of(asked[1], tree / file) if asked else 0)
+        hint = self._hint(answer, tree, asked[1] if asked else "")
+        return SourceError(f"{answer['error']}{within}", where=Where(file, line), hint=hint)
 
-    def _hint(self, answer: dict[str, Any]) -> str:  # Any: JSON
+    def _hint(self, answer: dict[str, Any], tree: Path, asked: str) -> str:  # Any: JSON
         message = answer["error"]
         if "$(find" in message:
             near = did_you_mean(message.split("`")[-2], self.packages) if self.packages else ""
             return f"{near}; " * bool(near) + WHERE
         if "declared packages" in message or "readable files" in message:
+            there = (path.relative_to(tree).as_posix() for path in tree.rglob("*"))
+            meant = nearest(asked, there)
+            if meant is not None:
+                return f"did you mean `{meant}`? correct the file, or state `source.patches`"
             return f"{WHERE}; or is part of its name an argument? {GIVE}"
         return GIVE if "Undefined substitution argument" in message else ""
+
+
+def _line_of(asked: str, file: Path) -> int:
+    """The first line of a file that names what was asked for; 0 where it is computed."""
+    lines = file.read_bytes().splitlines() if file.is_file() else []
+    word = asked.rpartition("/")[2].encode()
+    return next((n for n, line in enumerate(lines, 1) if word in line), 0)
 
 
 def _start(path: Path) -> bytes:
