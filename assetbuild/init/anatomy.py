@@ -34,8 +34,8 @@ SENSORS: Mapping[str, str] = {
 
 _FOOT = re.compile(r"(?i).*(foot|feet|sole|toe|ankle_roll).*")
 _ARM = re.compile(r"(?i).*(arm|shoulder|elbow|wrist|hand|grip|finger|thumb|nub).*")
-_LEG = re.compile(r"(?i).*(leg|foot|hip|knee|ankle|thigh|calf|shank).*")
-_SHANK = re.compile(r"(?i).*(shank|shin|calf|thigh|leg|knee).*")
+_LEG = re.compile(r"(?i).*(leg|foot|hip|knee|ankle|thigh|calf|shank|coxa|femur|tibia).*")
+_SHANK = re.compile(r"(?i).*(shank|shin|calf|thigh|leg|knee|femur|tibia).*")
 _FINGER = re.compile(r"(?i).*(finger|thumb|grip|palm|knuckle|digit|pinky|pinkie|phalan|hand).*")
 _NO_HAND = re.compile(rf"{_LEG.pattern}|.*(head|neck|antenna|tail).*")
 _FLYING = re.compile(r"(?i).*(propeller|flying|drone|copter|quadrotor|hector|iris).*")

@@ -196,6 +196,7 @@ def _walker(*, last: str, down: float, names: tuple[str, str], limbs: int = 4) -
         ("continuous", 0.3, ("thigh", "shank"), "floating"),  # MIT's Mini Cheetah
         ("continuous", 0.3, ("thigh", "roll"), "fixed"),
         ("revolute", 0.0, ("upper_leg", "lower_leg"), "floating"),  # Laikago lies on its side
+        ("revolute", 0.0, ("femur", "tibia"), "floating"),  # as the words of hexapods have it
         ("revolute", 0.0, ("upper_arm", "fore_arm"), "fixed"),
     ],
 )
