@@ -7,6 +7,7 @@ one is a word of the format, in SI units, where it says otherwise.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 
 import numpy as np
@@ -24,8 +25,8 @@ TYPES = {
     "PhysicsJoint": "free",
 }
 MOVING = ("rotary", "linear")
-UNLIMITED = 1e6
-"""rad or m: from here on a limit limits nothing; PhysX couples two angles only within limits."""
+COUPLED = math.radians(1e8)
+"""Stands for no limit of a hinge: PhysX couples two angles only within limits."""
 AXES = {"X": (1.0, 0.0, 0.0), "Y": (0.0, 1.0, 0.0), "Z": (0.0, 0.0, 1.0)}
 BRAKES: Mapping[str, tuple[str, ...]] = {
     "armature": ("physxJointAxis:armature", "physxJoint:armature", "newton:armature"),
@@ -140,7 +141,8 @@ def _motion(joint: JointPrim) -> dict[str, Value]:
 
 
 def _limit(stated: float | None) -> float | None:
-    return None if stated is None or abs(stated) >= UNLIMITED else stated
+    is_none = stated is None or math.isclose(abs(stated), COUPLED, rel_tol=1e-6)
+    return None if is_none else stated
 
 
 def _drive(joint: JointPrim) -> dict[str, Value]:

@@ -81,6 +81,16 @@ def test_a_spring_is_the_drive_of_a_joint_that_has_no_other(tmp_path: Path) -> N
 # --- nothing changed
 
 
+@pytest.mark.parametrize("end", [1e6, 5e6])
+def test_a_range_that_means_none_is_the_stated_one(end: float, tmp_path: Path) -> None:
+    """Wheels of public URDFs are hinges of +-1e6 rad."""
+    robot = pendulum()
+    limits = replace(robot.tree.joints[0].limits, lower=-end, upper=end)
+    joints = (replace(robot.tree.joints[0], limits=limits),)
+    tree = replace(robot.tree, joints=joints)
+    assert check(replace(robot, tree=tree, links=tree), tmp_path) == []
+
+
 def test_neighbours_whose_masks_never_meet_are_told_apart_by_their_joint(tmp_path: Path) -> None:
     robot = gripper()
     never = Contact(contype=2, conaffinity=1)
