@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shutil
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 
@@ -33,26 +32,32 @@ def sentence(path: Path) -> str:
     return path.read_text(encoding="utf-8").splitlines()[1].removeprefix("# ")
 
 
-def copy(name: str, out: Path) -> None:
+def text(origin: Path, out: Path) -> str:
+    """The text of a recipe of the library as it reads in `out`."""
+    text = origin.read_text(encoding="utf-8").replace("../docs/reference/", "")
+    return text.replace(f"recipes/{origin.name}", str(out))
+
+
+def copy(name: str, out: Path, *, force: bool = False) -> None:
     """Write a robot's recipe as `out`, with its lock and what it names beside it.
 
-    UsageError where one of these files exists.
+    UsageError where `out` or a file of other content is in the way, unless `force` replaces it.
     """
-    files = dict(_files(recipe(name), out))
-    for path in files:
-        if path.exists():
-            raise UsageError(f"`{path}` exists", hint="name another file: `-o FOLDER/robot.yaml`")
-    out.parent.mkdir(parents=True, exist_ok=True)
-    for path, origin in files.items():
-        if origin.is_dir():
-            shutil.copytree(origin, path)
-        else:
-            text = origin.read_text(encoding="utf-8").replace("../docs/reference/", "")
-            path.write_text(text.replace(f"recipes/{origin.name}", str(path)), encoding="utf-8")
+    files = {path: text(origin, path) for path, origin in _files(recipe(name), out)}
+    for path, content in files.items():
+        if not force and path.exists() and (path == out or path.read_text("utf-8") != content):
+            hint = "name another file: `-o FOLDER/robot.yaml`, or replace it: `--force`"
+            raise UsageError(f"`{path}` exists", hint=hint)
+    for path, content in files.items():
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(content, encoding="utf-8")
 
 
 def _files(origin: Path, out: Path) -> Iterator[tuple[Path, Path]]:
-    """(copy, original) of a recipe, its lock, and of sources and parts that it names beside it."""
+    """(copy, original) of a recipe, its lock, and of sources and parts that name files beside it.
+
+    Parts of variants count: a recipe is checked whole.
+    """
     import yaml
 
     yield out, origin
@@ -60,10 +65,11 @@ def _files(origin: Path, out: Path) -> Iterator[tuple[Path, Path]]:
     if lock.is_file():
         yield out.with_suffix(".lock.yaml"), lock
     content = yaml.safe_load(origin.read_text(encoding="utf-8"))
-    parts = [part.get("recipe") for part in content.get("compose", [])]
-    for name in filter(None, [content["source"].get("path"), *parts]):
+    variants = content.get("variants", {}).values()
+    parts = [part for one in [content, *variants] for part in one.get("compose", [])]
+    for name in filter(None, [content["source"].get("path"), *(p.get("recipe") for p in parts)]):
         beside = origin.parent / name
         if beside.suffix == ".yaml":
             yield from _files(beside, out.parent / name)
-        elif beside.is_dir():
-            yield out.parent / name, beside
+        for path in filter(Path.is_file, beside.rglob("*")):
+            yield out.parent / name / path.relative_to(beside), path

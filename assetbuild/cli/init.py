@@ -6,9 +6,9 @@ import argparse
 import sys
 from pathlib import Path
 
+from assetbuild import library
 from assetbuild.errors import UsageError
 from assetbuild.init import propose, write
-from assetbuild.library import copy
 from assetbuild.pipeline.recipes import schema_text
 from assetbuild.recipe.loader import shown_path
 
@@ -20,11 +20,15 @@ def run(arguments: argparse.Namespace) -> int:
     """Write the recipe; says what to do next."""
     if (arguments.robot is None) == (arguments.origin is None):
         raise UsageError("`init` takes a robot's file, or `--from NAME`")
-    if arguments.origin is not None:
-        path = arguments.out or Path(f"{arguments.origin}.yaml")
-        copy(arguments.origin, path)
-        return _written(path, str(path))
     printed = str(arguments.out) == "-"
+    if arguments.origin is not None:
+        path = Path(f"{arguments.origin}.yaml")
+        if printed:
+            print(library.text(library.recipe(arguments.origin), path), end="")
+            return 0
+        path = arguments.out or path
+        library.copy(arguments.origin, path, force=arguments.force)
+        return _written(path, str(path))
     out = None if printed else arguments.out
     proposal = propose(arguments.robot, out, dict(arguments.package), dict(arguments.arg))
     for problem in proposal.unmended:

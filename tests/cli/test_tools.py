@@ -176,8 +176,31 @@ def test_a_copied_recipe_is_whole_and_replaces_nothing(
     assert "# assetbuild build rover.yaml" in Path("rover.yaml").read_text()
     assert main(["init", "--from", "z1"]) == 2
     assert "`z1.yaml` exists" in capsys.readouterr().err
+    assert main(["init", "--from", "rover", "-o", "cart.yaml"]) == 0  # what it names is there
+    Path("z1.yaml").write_text("mine")
+    assert main(["init", "--from", "rover", "-o", "other.yaml"]) == 2
+    assert not Path("other.yaml").exists()
+    assert main(["init", "--from", "z1", "--force"]) == 0
+    assert Path("z1.yaml").read_text() != "mine"
     assert main(["init", "--from", "z2"]) == 2
     assert main(["init"]) == 2
+
+
+def test_a_copied_recipe_brings_the_parts_of_its_variants(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    monkeypatch.chdir(tmp_path)
+    assert main(["init", "--from", "go2"]) == 0
+    assert main(["check", "go2.yaml"]) == 0
+
+
+def test_a_copied_recipe_is_printed_on_request(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+):
+    monkeypatch.chdir(tmp_path)
+    assert main(["init", "--from", "z1", "-o", "-"]) == 0
+    assert "# assetbuild build z1.yaml" in capsys.readouterr().out
+    assert not list(tmp_path.iterdir())
 
 
 def test_what_another_beats_in_both_is_not_on_the_front():
