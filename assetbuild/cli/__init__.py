@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import io
 import signal
 import sys
@@ -14,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from assetbuild.cli.verbs import VERBS, make_parser, runner
-from assetbuild.errors import AssetBuildError
+from assetbuild.errors import AssetBuildError, MachineError
 
 __all__ = ["VERBS", "Terminated", "main", "make_parser", "print_error"]
 MOST_ERRORS = 20
@@ -46,7 +47,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         sys.stderr.close()
         return 1
     except Exception as error:  # the last resort: a user gets a sentence
-        print_error(_folder_removed() or _bug(error))
+        print_error(_folder_removed() or _refused(error) or _bug(error))
         return 1
 
 
@@ -60,6 +61,19 @@ def _folder_removed() -> AssetBuildError | None:
             hint="start it again in a folder that stays; what is finished is in the store",
         )
     return None
+
+
+REFUSALS = {
+    errno.EACCES, errno.EPERM, errno.EROFS, errno.ENOSPC, errno.EDQUOT,
+    errno.EEXIST, errno.ENOTDIR, errno.EISDIR, errno.ENAMETOOLONG,
+}  # fmt: skip
+"""What the system says of a file or folder that a user named and that cannot be written."""
+
+
+def _refused(error: Exception) -> AssetBuildError | None:
+    if not isinstance(error, OSError) or error.errno not in REFUSALS or not error.filename:
+        return None
+    return MachineError(f"cannot write `{error.filename}`: {error.strerror}")
 
 
 def _bug(error: Exception) -> AssetBuildError:
