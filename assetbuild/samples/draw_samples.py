@@ -98,9 +98,9 @@ class DrawSamples(Step):
             try:
                 yield name, draw(body.inertial, ranges, count, seed, name, rooms[name])
             except DoesNotFitError as error:
-                raise StepError(
-                    str(error), hint="narrow `com`, `stretch` or `shear` in `randomize.links`"
-                ) from None
+                hint = "check its inertia and the scale of its meshes, or narrow `com` (10 mm if "
+                hint += "none is stated), `stretch` or `shear` in `randomize.links`"
+                raise StepError(str(error), hint=hint) from None
 
     def _sample(self, tree: Tree, draws: Mapping[str, Draws], index: int) -> Sample:
         payloads = tuple(

@@ -136,6 +136,15 @@ def test_an_ellipsoid_grows_just_enough_for_a_heavy_rim():
     assert room().grown_to_hold(box()) == room()
 
 
+def test_a_room_that_had_to_grow_holds_its_matter_at_every_density():
+    """A flat plate with the inertia of something larger: its room holds it without a margin."""
+    plate = [(x, y, z) for x in (-0.05, 0.05) for y in (-0.05, 0.05) for z in (-0.01, 0.01)]
+    wide = Inertial(5.0, (0.0, 0.0, 0.0), (0.02, 0.02, 0.02, 0.0, 0.0, 0.0))
+    grown = bounding_ellipsoid(np.array(plate)).grown_to_hold(wide)
+    denser = InertialRanges(density=(0.9, 1.1))
+    assert draw(wide, denser, 100, 0, "plate", grown).acceptance == 1.0
+
+
 def test_a_payload_is_added_as_the_box_that_it_is():
     load = homogeneous_box(3.0, (0.1, 0.1, 0.1), (0.0, 0.0, 0.1))
     together = combine([box(at=(0.0, 0.0, 0.0)), load])
