@@ -20,10 +20,13 @@ from assetbuild.robot.sides import Side, moving_by_source
 VISIBLE_M = 1e-3
 """m or rad: a loop that a source's keyframe leaves open by more is a warning."""
 
+ROUGHLY = 0.1
+"""rad or m: so far from its stated value a joint that nothing drives may close the loops."""
+
 SOLVED = Rule(
     "loop.home",
     "info",
-    "joints that a keyframe does not state were moved until the loops close",
+    "joints that a keyframe does not state, or states roughly, were moved until the loops close",
     "state their values in the keyframe, where you want the other way in which the loops close",
 )
 OPEN = Rule(
@@ -101,7 +104,8 @@ def closed_pose(
 
     stated: joints whose value the keyframe states; rows: the recipe's row by the name of a loop,
     for the place of an error; last: joints that move only if the others do not suffice, the latest
-    first. Raises RowError with the gap that is left.
+    first. Stated joints but the first of `last` may be rough: which way the loops close is said by
+    rounded values. Raises RowError with the gap that is left.
     """
     whole, start = hinged(tree), positions_of(tree, pose)
     chain = {joint.name for loop in loops for joint in path_of(whole, loop)}
@@ -111,6 +115,9 @@ def closed_pose(
         solution = close(whole, loops, start, unknown)
         if solution.closed:
             return _posed(tree, pose, solution.positions)
+    rough, near = chain & set(stated), close(whole, loops, start, chain.difference(*last[:1]))
+    if near.closed and all(abs(near.positions[joint] - start[joint]) < ROUGHLY for joint in rough):
+        return _posed(tree, pose, near.positions)
     raise _cannot_close(whole, loops, replace(pose, joints=tuple(start.items())), solution, rows)
 
 

@@ -60,6 +60,22 @@ def test_joints_without_a_value_are_moved_until_the_loop_closes(tmp_path: Path):
     assert "loop.home" in rules and "actuator.tuned" not in rules
 
 
+def test_the_way_in_which_a_loop_closes_is_said_by_rounded_values(tmp_path: Path):
+    inputs = write_robot_ports(tmp_path / "in", four_bar())
+    (inputs / "control.json").unlink()
+    run_step(step(loop()), inputs, tmp_path)
+    (home,) = decode_file(Control, tmp_path / "control.json").keyframes
+    rough = {name: round(q, 2) for name, q in home.joints} | {"crank_joint": 0.3}
+    findings = run_step(step(loop(), home=rough), inputs, tmp_path)
+    (again,) = decode_file(Control, tmp_path / "control.json").keyframes
+    assert dict(again.joints) == pytest.approx(dict(home.joints), abs=1e-8)
+    assert "loop.home" in {finding.rule for finding in findings}
+    one_is_enough = step(loop(), home={k: rough[k] for k in ("crank_joint", "rocker_joint")})
+    one_is_enough.check(four_bar().tree)
+    rough["rocker_joint"] += 0.3
+    assert "stays open" in refused(step(loop(), home=rough)).message
+
+
 def test_a_frequency_acts_on_all_that_the_crank_moves_through_its_loop(tmp_path: Path):
     inputs = write_robot_ports(tmp_path / "in", four_bar())
     (inputs / "control.json").unlink()
