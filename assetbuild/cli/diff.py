@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import posixpath
 import shutil
 import subprocess
 import sys
@@ -76,13 +77,16 @@ def _checked_out(revision: str, inside: str, folder: Path) -> Path:
     git = shutil.which("git")
     if git is None or revision.startswith("-"):
         raise UsageError(f"`{revision}:{inside}` needs git and a revision")
-    top = subprocess.run([git, "rev-parse", "--show-toplevel"], capture_output=True, text=True)
+    words = [git, "rev-parse", "--show-toplevel", "--show-prefix"]
+    top, _, prefix = subprocess.run(words, capture_output=True, text=True).stdout.partition("\n")
+    if inside.startswith(("./", "../")):  # as git reads them: from here
+        inside = posixpath.normpath(posixpath.join(prefix.strip(), inside))
     tree = folder / "revision"
     tree.mkdir(parents=True)
     packed = subprocess.run(
         [git, "archive", "--format=tar", revision],
         capture_output=True,
-        cwd=top.stdout.strip() or None,
+        cwd=top or None,
     )
     if packed.returncode != 0:
         lines = packed.stderr.decode("utf-8", "replace").strip().splitlines()

@@ -11,8 +11,10 @@ import pytest
 
 from assetbuild.cli import main
 from assetbuild.cli.bench import front
+from assetbuild.cli.diff import _checked_out
 from assetbuild.cli.doctor import examine
 from assetbuild.cli.parser import file_or_robot
+from assetbuild.errors import UsageError
 from assetbuild.library import robots
 
 from .conftest import Legs
@@ -209,3 +211,20 @@ def test_what_another_beats_in_both_is_not_on_the_front():
     points = {"hull": (4e4, 0.5), "good": (2e4, 0.9), "bad": (1.5e4, 0.8), "slow": (5e3, 0.9)}
     assert front(points) == {"hull", "good"}
     assert front({"a": (1.0, 1.0), "b": (1.0, 1.0)}) == {"a", "b"}
+
+
+def test_a_recipe_of_a_revision_is_named_as_git_names_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    """From the top folder, or with `./` and `../` from where the user stands."""
+    (tmp_path / "recipes").mkdir()
+    (tmp_path / "top.yaml").touch()
+    (tmp_path / "recipes/arm.yaml").touch()
+    for words in (["init", "-q"], ["add", "."], ["commit", "-qm", "one"]):
+        git = ["git", "-c", "user.name=a", "-c", "user.email=a@example.org"]
+        subprocess.run([*git, *words], cwd=tmp_path, check=True)
+    monkeypatch.chdir(tmp_path / "recipes")
+    for number, name in enumerate(("recipes/arm.yaml", "./arm.yaml", "../top.yaml", "top.yaml")):
+        assert _checked_out("HEAD", name, tmp_path / str(number)).name == name.split("/")[-1]
+    with pytest.raises(UsageError, match=r"no `recipes/top\.yaml`"):
+        _checked_out("HEAD", "./top.yaml", tmp_path / "other")
