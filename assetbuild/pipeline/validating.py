@@ -4,18 +4,19 @@ from __future__ import annotations
 
 import json
 import tempfile
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 from assetbuild.engine.actions import SharedCache
+from assetbuild.engine.digest import digest_file
 from assetbuild.engine.execute import Listener
 from assetbuild.engine.scratch import scratch
 from assetbuild.engine.world import World
 from assetbuild.errors import AssetBuildError, SourceError, UsageError
 from assetbuild.facts.reference import Reference
 from assetbuild.findings import Finding, Rule, worst_first
-from assetbuild.pipeline.again import prove_again
+from assetbuild.pipeline.again import ROBOT, prove_again
 from assetbuild.pipeline.judging import evaluate
 from assetbuild.pipeline.opening import Opened, open_session
 from assetbuild.pipeline.recipes import collision_rule, load_recipe
@@ -44,7 +45,12 @@ KINDS = {
 }
 LARGEST_MB = 64
 
-LOST = Rule("equal.lost", "error", "a file of the bundle is missing", "build the bundle again")
+LOST = Rule(
+    "equal.lost",
+    "error",
+    "a file of the bundle is missing, or was edited where nothing installed reads it",
+    "build the bundle again, with the package of its plug-in installed",
+)
 UNREADABLE = Rule("urdf.unreadable", "error", "`validate` cannot read the file", "read the message")
 
 
@@ -112,15 +118,22 @@ def _proved(bundle: Path) -> dict[str, Validated]:
         one, rules = files.get(name, Validated(name, "file", ())), {each.rule for each in findings}
         read = (finding for finding in one.findings if finding.rule not in rules)  # without a line
         files[name] = replace(one, findings=(*read, *findings))
-    lost = {finding.where: finding for finding in lost_files(bundle)}
+    unproven = {f.subject.removeprefix("target ") for f in again.get(ROBOT, ())}
+    lost = {finding.where: finding for finding in lost_files(bundle, unproven, files)}
     return files | {name: Validated(name, "file", (finding,)) for name, finding in lost.items()}
 
 
-def lost_files(bundle: Path) -> Iterator[Finding]:
-    """One for each file that the manifest lists and the bundle does not hold."""
-    for name in manifest_of(bundle):
+def lost_files(
+    bundle: Path, unproven: Collection[str] = (), read: Collection[str] = ()
+) -> Iterator[Finding]:
+    """One for each file that the manifest lists and the bundle does not hold, and for each edited
+    one that nobody reads. unproven: targets that did not write again; read: files."""
+    for name, digest in manifest_of(bundle).items():
+        unread = name.partition("/")[0] in unproven and name not in read
         if not (bundle / name).is_file():
             yield LOST("robot", "the manifest lists it, and it is not there", where=name)
+        elif unread and digest_file(bundle / name) != digest:
+            yield LOST("robot", "it was edited, and nothing here writes or reads it", where=name)
 
 
 def _named(bundle: Path) -> str:

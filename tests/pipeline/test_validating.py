@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from assetbuild.engine.digest import digest_bytes
 from assetbuild.pipeline.validating import GRAVITY, TIMESTEP_S, _fell, lost_files, tried
 from assetbuild.simulators.experiments import Motion, Outcome, Setting
 
@@ -19,6 +20,17 @@ def test_a_file_that_the_manifest_lists_must_be_there(tmp_path: Path):
     (tmp_path / "NOTICE").touch()
     lost = [(finding.rule, finding.where) for finding in lost_files(tmp_path)]
     assert lost == [("equal.lost", "mjcf/legs.xml")]
+
+
+def test_an_edited_file_of_a_plug_in_that_is_not_installed_is_told(tmp_path: Path):
+    files = {name: digest_bytes(b"") for name in ("sdf/crate.sdf", "mjcf/crate.xml", "sdf/same")}
+    rows = [{"path": name, "sha256": digest} for name, digest in files.items()]
+    (tmp_path / "manifest.json").write_text(json.dumps({"files": rows}))
+    for name in files:
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        (tmp_path / name).write_text("" if name == "sdf/same" else "edited")
+    (edited,) = lost_files(tmp_path, {"sdf", "mjcf"}, {"mjcf/crate.xml"})
+    assert (edited.where, "was edited" in edited.message) == ("sdf/crate.sdf", True)
 
 
 SECONDS = 0.5
