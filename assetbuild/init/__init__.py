@@ -18,6 +18,18 @@ from assetbuild.init.sections import recipe_name, urdf_recipe
 from assetbuild.init.source import find_source, mended
 from assetbuild.recipe.loader import read_small_file, shown_path
 
+DESCRIPTIONS = (".urdf", ".urdf.xacro")
+OTHERS = {
+    (".zip", ".gz", ".tgz", ".tar", ".bz2", ".xz"): "unpack it and name the file in it; its recipe "
+    "may then say `source: {path: ARCHIVE, root: FOLDER}`",
+    (".stl", ".obj", ".dae", ".ply", ".glb", ".gltf", ".step", ".stp"): "a mesh states no joints "
+    "and no masses: name the description that refers to it",
+    (".usd", ".usda", ".usdc", ".usdz"): "a USD is written, not read: start from the description "
+    "that it was made of; `assetbuild validate` and `diff` read a USD",
+    (".sdf", ".world"): "convert it to URDF first",
+}
+"""Endings of files that hold no description which `init` reads, and what to do."""
+
 
 def propose(
     file: Path,
@@ -32,6 +44,7 @@ def propose(
     upwards from the file. args: of a xacro file. Raises SourceError with file and line for a
     description that no recipe can save.
     """
+    _refuse_what_is_no_description(file)
     if is_mjcf(file, read_small_file(file, shown_path(file), SourceError)):
         mjcf = find_mjcf(file)
         path = out or Path(f"{recipe_name(mjcf.robot.links.name)}.yaml")
@@ -42,6 +55,21 @@ def propose(
     robot = judge(robot, anatomy.base)
     path = out or Path(f"{recipe_name(robot.links.name)}.yaml")
     return urdf_recipe(robot, anatomy, source, path)
+
+
+def _refuse_what_is_no_description(file: Path) -> None:
+    """SourceError that names the way on from a folder, an archive, a mesh or an address."""
+    wanted = "a .urdf, .xacro or .xml file"
+    if file.is_dir():
+        below = sorted(p for ending in DESCRIPTIONS for p in file.rglob(f"*{ending}"))
+        names = ", ".join(f"`{shown_path(path)}`" for path in below[:3])
+        more = f" and {len(below) - 3} more" if len(below) > 3 else ""
+        hint = f"name one of its files: {names}{more}" if below else f"name {wanted}"
+        raise SourceError("this is a folder", where=Where(shown_path(file)), hint=hint)
+    hint = next((hint for words, hint in OTHERS.items() if file.name.lower().endswith(words)), "")
+    if hint or str(file).startswith(("http:", "https:", "git@")):
+        hint = hint or f"clone or download it, then name {wanted}"
+        raise SourceError(f"`init` reads {wanted}", where=Where(shown_path(file)), hint=hint)
 
 
 def write(proposal: Proposal, *, force: bool) -> None:

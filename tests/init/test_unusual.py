@@ -167,6 +167,19 @@ REFUSED = {
 }  # fmt: skip
 
 
+@pytest.mark.parametrize(
+    ("name", "hint"),
+    [(".", "r.urdf"), ("robot.tar.gz", "unpack"), ("hand.STL", "the description"),
+     ("robot.usda", "validate"), ("https://example.org/r", "clone")],
+)  # fmt: skip
+def test_what_is_no_description_is_refused_with_the_way_on(name: str, hint: str, tmp_path: Path):
+    (tmp_path / "r.urdf").touch()
+    path = Path(name) if ":" in name else tmp_path / name
+    with pytest.raises(SourceError) as caught:
+        propose(path, None, {})
+    assert hint in caught.value.hint
+
+
 @pytest.mark.parametrize("name", REFUSED)
 def test_what_cannot_be_is_one_clear_error(name: str, tmp_path: Path):
     text, says = REFUSED[name]
