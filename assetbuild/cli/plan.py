@@ -72,7 +72,7 @@ def to_dot(graph: Graph) -> str:
 
 def explain_steps(arguments: argparse.Namespace) -> int:
     """Print the explanations; 0, or 2 for an unknown step."""
-    step = arguments.step
+    step = arguments.step and _step_of(arguments.step)
     explanations, whole = _explained(arguments.recipe, arguments.variant, step)
     if arguments.json:
         print(json.dumps([e.to_json() for e in explanations], indent=2, sort_keys=True))
@@ -82,6 +82,17 @@ def explain_steps(arguments: argparse.Namespace) -> int:
     if not whole:
         print("the graph goes on once the stale steps are built", file=sys.stderr)
     return 0
+
+
+def _step_of(named: str) -> str:
+    """The target that wrote a file of a bundle; all else is the name of a step."""
+    file = Path(named)
+    bundle = next((above for above in file.parents if (above / "manifest.json").is_file()), None)
+    if bundle is None or not file.is_file():
+        return named
+    name = file.relative_to(bundle).as_posix()
+    rows = json.loads((bundle / "manifest.json").read_bytes())["files"]
+    return next((str(row["role"]) for row in rows if row["path"] == name), named)
 
 
 def _explained(
@@ -94,7 +105,9 @@ def _explained(
         known = look.known()
         labels = list(known.graph.nodes)
         if step is not None and step not in labels:
-            raise UsageError(f"no step `{step}`", hint=did_you_mean(step, labels))
+            later = "the graph goes on once its stale steps are built: `assetbuild build` it first"
+            hint = did_you_mean(step, labels) if known.whole else later
+            raise UsageError(f"no step `{step}`", hint=hint)
         wanted = labels if step is None else [step]
         return [explain(known.graph, look.session, label) for label in wanted], known.whole
 
