@@ -111,8 +111,8 @@ def test_two_recipes_are_one_graph_and_share_their_steps(warm_legs: Legs):
     other.write_text(warm_legs.recipe.read_text().replace("robot: legs", "robot: other", 1))
     done = warm_legs.build("other.yaml", "-j2")
     assert done.returncode == 0, done.stdout + done.stderr
-    told = warm_legs.run("explain", "legs.yaml", "build/legs/mjcf/legs.xml").stdout
-    assert told.startswith("mjcf: up to date"), told
+    asked = warm_legs.run("explain", "legs.yaml", "build/legs/urdf/legs.urdf")
+    assert asked.stdout.startswith("urdf: up to date"), asked
     bundles = [warm_legs.folder / "build" / name for name in ("legs", "other")]
     for bundle in bundles:
         steps = json.loads(bundle.with_name(f"{bundle.name}.run.json").read_text())["steps"]
