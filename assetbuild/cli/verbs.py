@@ -188,7 +188,7 @@ VERBS: Mapping[str, Verb] = {
     "explain": verb(
         "explain why steps ran or would run, by the part of the key that changed",
         RECIPE,
-        option("step", nargs="?", metavar="STEP", help="its label, or a file of the bundle; default: all"),
+        option("step", nargs="?", metavar="STEP", help="or a file of the bundle; default: all"),
         VARIANT,
         switch("--json", help="print data"),
         run="plan:explain_steps",
