@@ -96,8 +96,9 @@ def _of_bundle(bundle: Path, wish: Wish) -> list[Validated]:
     results = []
     for name in (file.relative_to(bundle).as_posix() for file in files):
         one, proof = _validated(bundle / name, name, wish), proved.pop(name, None)
-        findings = (*proof.findings, *one.findings) if proof else one.findings
-        results.append(replace(one, findings=findings))
+        # What else there is to say of the robot, its build has said.
+        wrong = tuple(each for each in one.findings if each.severity == "error" or not proof)
+        results.append(replace(one, findings=(*proof.findings, *wrong) if proof else wrong))
     return [*results, *proved.values()]
 
 
