@@ -65,9 +65,9 @@ class SceneFacts(Reader):
         """A view of the robot, and the floor below it where its own MJCF brings none."""
         origins = starting_origins(reference.tree, reference.control)
         size = max(SMALLEST_VIEW_M, float(np.linalg.norm(np.ptp(origins, axis=0))))
-        middle = np.round((origins.max(axis=0) + origins.min(axis=0)) / 2.0, 2)
+        middle = (origins.min(axis=0) + origins.max(axis=0)) / 2.0
         view: dict[str, Value] = {
-            "centre": tuple(middle.tolist()),
+            "centre": tuple(round(value, 2) for value in middle.tolist()),
             "extent": round(size, 2),
             "lights": 1.0,
         }
