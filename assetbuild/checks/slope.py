@@ -18,7 +18,8 @@ CREEP = Rule(
     "slope.creep",
     "warning",
     "a standing robot slides in MuJoCo on a slope below the angle of friction",
-    "`cone: elliptic`, a larger `impratio` or more `iterations`, in `mjcf` or `mjx`",
+    "`cone: elliptic`, a larger `impratio` or more `iterations`, in `mjcf` or `mjx`; where these "
+    "are set, a pose that its drives hold: feet below the hips, a larger kp",
 )
 
 

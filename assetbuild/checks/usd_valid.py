@@ -45,6 +45,20 @@ EXTENT = Rule(
     "a shape or the robot states no bounds, or others than it has: viewers lose sight of it",
     "if nobody edited the bundle, this is a bug: please report it",
 )
+VARIANT = Rule(
+    "usd.variant_engines",
+    "error",
+    "a variant of `Physics` speaks to other engines than its name says",
+    "if nobody edited the bundle, this is a bug: please report it",
+)
+ENGINES = {
+    "none": set[str](),
+    "physics": {"Physics", "Physx", "Newton", "Mjc"},
+    "physx": {"Physics", "Physx"},
+    "newton": {"Physics", "Newton", "Mjc"},
+    "mujoco": {"Physics", "Newton", "Mjc"},
+}
+"""How the schemas of a variant begin."""
 UNDEFINED = Rule(
     "usd.undefined",
     "error",
@@ -105,11 +119,26 @@ def _prims(path: Path) -> Iterator[Finding]:
         if not prim.IsDefined():
             yield UNDEFINED(f"prim {prim.GetPath()}", f"`{path.name}` speaks of it alone")
     yield from _extents(stage)
+    yield from _engines(stage)
     robot = UsdGeom.ModelAPI(stage.GetDefaultPrim())
     purposes = UsdGeom.Imageable.GetOrderedPurposeTokens()
     cache = UsdGeom.BBoxCache(Usd.TimeCode.Default(), purposes)
     if path.name != "scene.usda" and robot.GetExtentsHint() != robot.ComputeExtentsHint(cache):
         yield EXTENT(f"prim {robot.GetPath()}", "its `extentsHint` is not that of its shapes")
+
+
+def _engines(stage: Usd.Stage) -> Iterator[Finding]:
+    """Schemas of engines in each variant of `Physics`."""
+    root = stage.GetDefaultPrim()
+    stage.SetEditTarget(stage.GetSessionLayer())
+    for variant, expected in ENGINES.items() if root.HasVariantSets() else ():
+        root.GetVariantSet("Physics").SetVariantSelection(variant)
+        types = [prim.GetPrimTypeInfo() for prim in stage.Traverse()]
+        schemas = {name for each in types for name in each.GetAppliedAPISchemas()}
+        there = {engine for engine in ENGINES["physics"] for s in schemas if s.startswith(engine)}
+        if there - expected or expected - there - {"Mjc"}:  # which speaks of contacts and limits
+            text = f"its variant `{variant}` has schemas of {sorted(there)}, not {sorted(expected)}"
+            yield VARIANT(f"prim {root.GetPath()}", text, data={"variant": variant})
 
 
 def _extents(stage: Usd.Stage) -> Iterator[Finding]:

@@ -77,6 +77,8 @@ def test_an_extent_that_hides_a_shape_is_caught(tmp_path: Path) -> None:
         (lambda stage: stage.OverridePrim("/robot/Joints/no_joint"), "usd.undefined", "no_joint"),
         (lambda stage: stage.GetPrimAtPath("/robot/trunk/collisions").GetChildren()[0].GetAttribute(
             "extent").Block(), "usd.extent", "states no extent"),
+        (lambda stage: stage.GetDefaultPrim().AddAppliedSchema("NewtonSceneAPI"),
+         "usd.variant_engines", "`none` has schemas of ['Newton']"),
         (lambda stage: stage.GetDefaultPrim().GetAttribute("extentsHint").Clear(),
          "usd.extent", "Hint"),
     ],
