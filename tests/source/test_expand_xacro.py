@@ -89,6 +89,15 @@ def test_an_argument_that_nothing_takes_is_told(name: str, known: bool, tmp_path
     assert [finding.rule for finding in findings] == ["xacro.argument"] * (not known)
 
 
+def test_an_unknown_macro_or_name_is_told_where_it_stands(tmp_path):
+    assert refusal(tmp_path, "\n<xacro:nothing/>").startswith("pkg/r.xacro:2: ")
+    part = robot('\n\n<xacro:macro name="good" params=""><link name="${foo}"/></xacro:macro>')
+    body = '<xacro:include filename="part.xacro"/><xacro:good/>'
+    with pytest.raises(SourceError) as caught:
+        expand(tmp_path, {"pkg/r.xacro": robot(body), "pkg/part.xacro": part})
+    assert str(caught.value.where) == "pkg/part.xacro:3"
+
+
 def test_paths_of_the_machine_come_out_as_packages(tmp_path):
     body = (
         '<mesh filename="file://$(find pkg)/a.stl"/><mesh filename="$(find pkg)/b.stl"/>'

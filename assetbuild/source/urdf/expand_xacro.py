@@ -61,7 +61,8 @@ WARNING = Rule(
 )
 
 
-_QUOTED = re.compile("`([^`]+)`")
+_ASKED = re.compile(r"`([^`]+)`|unknown macro name: (\S+)|evaluating expression '(.+?)'")
+"""What an error of xacro is about."""
 _DECLARED = re.compile(r"<(?:xacro:)?arg\s[^>]*?name\s*=\s*[\"']([^\"']+)")
 _USED = re.compile(r"\$\(arg\s+([^\s)]+)\)")
 
@@ -160,10 +161,15 @@ class ExpandXacro(Step):
         file = answer.get("file") or stack[-1]
         macros = answer.get("macros") or []
         within = f" (in macro `{macros[-1]}`)" if macros else ""
-        asked = _QUOTED.search(answer["error"])
-        line = answer.get("line") or (_line_of(asked[1], tree / file) if asked else 0)
-        hint = self._hint(answer, tree, asked[1] if asked else "")
-        return SourceError(f"{answer['error']}{within}", where=Where(file, line), hint=hint)
+        found = _ASKED.search(answer["error"])
+        asked = next(filter(None, found.groups())) if found else ""
+        where = Where(file, answer.get("line", 0))
+        for name in (file, *answer.get("read", ())) if asked and not where.line else ():
+            if line := _line_of(asked, tree / name):
+                where = Where(name, line)
+                break
+        hint = self._hint(answer, tree, asked)
+        return SourceError(f"{answer['error']}{within}", where=where, hint=hint)
 
     def _hint(self, answer: dict[str, Any], tree: Path, asked: str) -> str:  # Any: JSON
         message = answer["error"]

@@ -123,10 +123,7 @@ def _run(job: dict[str, Any], guard: Guard) -> dict[str, object]:  # Any: JSON
         return _told(error, guard, packages) | _stacks(guard)
     if guard.refused:  # and excused by xacro, as in an optional include
         return {"error": guard.refused[0]} | _stacks(guard)
-    used = {
-        "files": sorted(path for path in guard.used if os.path.isfile(path)),  # noqa: PTH113
-        "packages": sorted(guard.packages),
-    }
+    used = {"files": _read_by(guard), "packages": sorted(guard.packages)}
     return {
         "urdf": _portable(text, guard.tree, packages, job["file"]),
         "used": used,
@@ -192,7 +189,11 @@ def _stacks(guard: Guard) -> dict[str, object]:
 
     files = [guard.inside(str(file)) for file in xacro.filestack or [] if file]
     macros = [macro.body.getAttribute("name") for macro in xacro.macrostack or []]
-    return {"files": [file for file in files if file], "macros": macros}
+    return {"files": [file for file in files if file], "macros": macros, "read": _read_by(guard)}
+
+
+def _read_by(guard: Guard) -> list[str]:
+    return sorted(path for path in guard.used if os.path.isfile(path))  # noqa: PTH113
 
 
 def _told(error: Exception, guard: Guard, packages: dict[str, str]) -> dict[str, object]:
