@@ -92,7 +92,7 @@ class UsdValid(Check):
             yield from found
             sound = all(finding.severity != "error" for finding in found)
             for path in (main, folder / "scene.usda") if sound else ():
-                yield from _prims(path) if path.is_file() else ()
+                yield from _prims(path, whole=path == main) if path.is_file() else ()
 
 
 def lint_file(path: Path) -> Iterator[Finding]:
@@ -107,9 +107,12 @@ def lint_file(path: Path) -> Iterator[Finding]:
     yield from _validation(stage)
 
 
-def _prims(path: Path) -> Iterator[Finding]:
-    """What prims state, beside what USD computes of them; prims that no layer defines."""
-    from pxr import Tf, Usd, UsdGeom
+def _prims(path: Path, *, whole: bool) -> Iterator[Finding]:
+    """What prims state, beside what USD computes of them; prims that no layer defines.
+
+    whole: the asset itself, which states its bounds and has variants.
+    """
+    from pxr import Tf, Usd
 
     try:
         stage = Usd.Stage.Open(str(path))
@@ -119,12 +122,23 @@ def _prims(path: Path) -> Iterator[Finding]:
         if not prim.IsDefined():
             yield UNDEFINED(f"prim {prim.GetPath()}", f"`{path.name}` speaks of it alone")
     yield from _extents(stage)
-    yield from _engines(stage)
+    if whole:
+        yield from _bounds(stage)
+        yield from _engines(stage)
+
+
+def _bounds(stage: Usd.Stage) -> Iterator[Finding]:
+    """Those of the asset, by which viewers frame it and libraries list it."""
+    from pxr import Usd, UsdGeom
+
     robot = UsdGeom.ModelAPI(stage.GetDefaultPrim())
     purposes = UsdGeom.Imageable.GetOrderedPurposeTokens()
     cache = UsdGeom.BBoxCache(Usd.TimeCode.Default(), purposes)
-    if path.name != "scene.usda" and robot.GetExtentsHint() != robot.ComputeExtentsHint(cache):
+    if robot.GetExtentsHint() != robot.ComputeExtentsHint(cache):
         yield EXTENT(f"prim {robot.GetPath()}", "its `extentsHint` is not that of its shapes")
+    metadata = stage.GetRootLayer().customLayerData.get("SimReady_Metadata", {})
+    if robot.GetExtentsHint() and "asset_extents" not in metadata:
+        yield EXTENT(f"prim {robot.GetPath()}", "the asset's metadata lack `asset_extents`")
 
 
 def _engines(stage: Usd.Stage) -> Iterator[Finding]:

@@ -79,6 +79,8 @@ def test_an_extent_that_hides_a_shape_is_caught(tmp_path: Path) -> None:
             "extent").Block(), "usd.extent", "states no extent"),
         (lambda stage: stage.GetDefaultPrim().AddAppliedSchema("NewtonSceneAPI"),
          "usd.variant_engines", "`none` has schemas of ['Newton']"),
+        (lambda stage: stage.GetRootLayer().__setattr__("customLayerData", {}),
+         "usd.extent", "asset_extents"),
         (lambda stage: stage.GetDefaultPrim().GetAttribute("extentsHint").Clear(),
          "usd.extent", "Hint"),
     ],
