@@ -138,7 +138,7 @@ class Mass(Check):
 
     @classmethod
     def values(cls, recipe: RecipeView) -> dict[str, Any] | None:  # Any: values of its fields
-        """As its section says, and whether visual meshes are missing."""
+        """Also notes whether the source lacks visual meshes."""
         values = super().values(recipe)
         missing = recipe.value("source.missing.visuals")
         return None if values is None else values | {"lacks_visuals": bool(missing)}
