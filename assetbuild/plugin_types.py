@@ -394,10 +394,7 @@ def _rounded_figures(value: object, limits: Mapping[str, float], limit: float | 
     if isinstance(value, float):
         return rounded(value, limit) if limit else float(f"{rounded(value, NOISE):.6g}")
     if isinstance(value, Mapping):
-        return {
-            key: _rounded_figures(each, limits, limits.get(key, limit))
-            for key, each in value.items()
-        }
+        return {k: _rounded_figures(v, limits, limits.get(k, limit)) for k, v in value.items()}
     if isinstance(value, list | tuple):
         return [_rounded_figures(each, limits, limit) for each in value]
     return value

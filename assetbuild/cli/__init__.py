@@ -67,13 +67,13 @@ REFUSALS = {
     errno.EACCES, errno.EPERM, errno.EROFS, errno.ENOSPC, errno.EDQUOT,
     errno.EEXIST, errno.ENOTDIR, errno.EISDIR, errno.ENAMETOOLONG,
 }  # fmt: skip
-"""What the system says of a file or folder that a user named and that cannot be written."""
+"""What the system says of a file or folder that it does not give."""
 
 
 def _refused(error: Exception) -> AssetBuildError | None:
     if not isinstance(error, OSError) or error.errno not in REFUSALS or not error.filename:
         return None
-    return MachineError(f"cannot write `{error.filename}`: {error.strerror}")
+    return MachineError(f"cannot read or write `{error.filename}`: {error.strerror}")
 
 
 def _bug(error: Exception) -> AssetBuildError:

@@ -14,6 +14,7 @@ from assetbuild.engine.graph import Graph
 from assetbuild.errors import OutOfDateError, UsageError, did_you_mean
 from assetbuild.pipeline.opening import opened
 from assetbuild.pipeline.recipes import load_recipe
+from assetbuild.report.bundle import roles_of
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -90,9 +91,7 @@ def _step_of(named: str) -> str:
     bundle = next((above for above in file.parents if (above / "manifest.json").is_file()), None)
     if bundle is None or not file.is_file():
         return named
-    name = file.relative_to(bundle).as_posix()
-    rows = json.loads((bundle / "manifest.json").read_bytes())["files"]
-    return next((str(row["role"]) for row in rows if row["path"] == name), named)
+    return roles_of(bundle).get(file.relative_to(bundle).as_posix(), named)
 
 
 def _explained(

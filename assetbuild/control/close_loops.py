@@ -115,7 +115,8 @@ def closed_pose(
         solution = close(whole, loops, start, unknown)
         if solution.closed:
             return _posed(tree, pose, solution.positions)
-    rough, near = chain & set(stated), close(whole, loops, start, chain.difference(*last[:1]))
+    near = close(whole, loops, start, chain.difference(*last[:1]))
+    rough = chain & set(stated)
     if near.closed and all(abs(near.positions[joint] - start[joint]) < ROUGHLY for joint in rough):
         return _posed(tree, pose, near.positions)
     raise _cannot_close(whole, loops, replace(pose, joints=tuple(start.items())), solution, rows)

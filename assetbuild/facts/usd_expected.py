@@ -22,6 +22,7 @@ from assetbuild.facts.derived import (
 )
 from assetbuild.facts.reference import Reference, filtered_pairs, mimic_facts, pose_value
 from assetbuild.facts.table import FactCollector, Key, Table, Value, pair_name
+from assetbuild.robot.inertia import total_mass
 from assetbuild.robot.model import MOVING, Actuator, Contact, Mimic, Tree
 from assetbuild.robot.pose import IDENTITY
 from assetbuild.robot.shapes import Mesh, Shape
@@ -136,7 +137,7 @@ def _root(reference: Reference) -> dict[str, Value]:
         "self-collision": touches_itself(reference),
         "usd:isaac:robotType": (reference.options.get("usd") or {}).get("robot_type"),
         "usd:kind": "component",
-        "usd:mass": sum(body.inertial.mass_kg for body in tree.bodies if body.inertial),
+        "usd:mass": total_mass(tree),
         "usd:rigid_body_count": len(tree.bodies),
         "usd:isaac:robotLinks": tuple(_links_and_sites(tree)),
         **({"usd:isaac:robotJoints": joints} if joints else {}),
@@ -254,7 +255,7 @@ def _drawn(shape: Shape, *, instanced: bool) -> dict[str, Value]:
     """Colliders are guides; meshes are seen from both sides, as MuJoCo shows them."""
     facts: dict[str, Value] = {"usd:purpose": "guide" if shape.role == "collision" else "default"}
     if isinstance(shape.geometry, Mesh):
-        facts |= {"usd:instanced": instanced, "usd:doubleSided": "True"}
+        facts |= {"usd:instanced": instanced, "usd:doubleSided": True}
         facts |= {"usd:subdivisionScheme": "none", "usd:normals": True}
     return facts
 

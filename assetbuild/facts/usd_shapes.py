@@ -80,7 +80,8 @@ def _drawn(prim: Prim) -> dict[str, Value]:
     facts: dict[str, Value] = {"usd:purpose": UsdGeom.Imageable(prim.prim).ComputePurpose()}
     if prim.type == "Mesh":
         facts["usd:instanced"] = prim.prim.IsInstanceProxy()
-        facts |= {f"usd:{word}": prim.text(word) for word in ("doubleSided", "subdivisionScheme")}
+        facts["usd:doubleSided"] = prim.flag("doubleSided")
+        facts["usd:subdivisionScheme"] = prim.text("subdivisionScheme")
         facts["usd:normals"] = _fitting_normals(UsdGeom.Mesh(prim.prim))
     return facts
 

@@ -6,6 +6,7 @@ beside it, and a build never guesses.
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -19,7 +20,9 @@ from assetbuild.init.source import find_source, mended
 from assetbuild.recipe.loader import read_small_file, shown_path
 
 DESCRIPTIONS = (".urdf", ".urdf.xacro")
-OTHERS = {
+MOST_LOOKED_AT = 20_000
+"""Files below a folder among which descriptions are looked for: it may be a whole disk."""
+NO_DESCRIPTIONS = {
     (".zip", ".gz", ".tgz", ".tar", ".bz2", ".xz"): "unpack it and name the file in it; its recipe "
     "may then say `source: {path: ARCHIVE, root: FOLDER}`",
     (".stl", ".obj", ".dae", ".ply", ".glb", ".gltf", ".step", ".stp"): "a mesh states no joints "
@@ -61,12 +64,15 @@ def _refuse_what_is_no_description(file: Path) -> None:
     """SourceError that names the way on from a folder, an archive, a mesh or an address."""
     wanted = "a .urdf, .xacro or .xml file"
     if file.is_dir():
-        below = sorted(p for ending in DESCRIPTIONS for p in file.rglob(f"*{ending}"))
+        looked_at = itertools.islice(file.rglob("*"), MOST_LOOKED_AT)
+        below = sorted(path for path in looked_at if path.name.endswith(DESCRIPTIONS))
         names = ", ".join(f"`{shown_path(path)}`" for path in below[:3])
         more = f" and {len(below) - 3} more" if len(below) > 3 else ""
         hint = f"name one of its files: {names}{more}" if below else f"name {wanted}"
         raise SourceError("this is a folder", where=Where(shown_path(file)), hint=hint)
-    hint = next((hint for words, hint in OTHERS.items() if file.name.lower().endswith(words)), "")
+    hint = next(
+        (hint for words, hint in NO_DESCRIPTIONS.items() if file.name.lower().endswith(words)), ""
+    )
     if hint or str(file).startswith(("http:", "https:", "git@")):
         hint = hint or f"clone or download it, then name {wanted}"
         raise SourceError(f"`init` reads {wanted}", where=Where(shown_path(file)), hint=hint)

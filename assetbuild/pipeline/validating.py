@@ -120,20 +120,18 @@ def _proved(bundle: Path) -> dict[str, Validated]:
         read = (finding for finding in one.findings if finding.rule not in rules)  # without a line
         files[name] = replace(one, findings=(*read, *findings))
     unproven = {f.subject.removeprefix("target ") for f in again.get(ROBOT, ())}
-    lost = {finding.where: finding for finding in lost_files(bundle, unproven, files)}
+    unread = unproven - {name.partition("/")[0] for name in files}
+    lost = {finding.where: finding for finding in lost_files(bundle, unread)}
     return files | {name: Validated(name, "file", (finding,)) for name, finding in lost.items()}
 
 
-def lost_files(
-    bundle: Path, unproven: Collection[str] = (), read: Collection[str] = ()
-) -> Iterator[Finding]:
+def lost_files(bundle: Path, unread: Collection[str] = ()) -> Iterator[Finding]:
     """One for each file that the manifest lists and the bundle does not hold, and for each edited
-    one that nobody reads. unproven: targets that did not write again; read: files."""
+    one in a folder of `unread`, which nothing here writes or reads."""
     for name, digest in manifest_of(bundle).items():
-        unread = name.partition("/")[0] in unproven and name not in read
         if not (bundle / name).is_file():
             yield LOST("robot", "the manifest lists it, and it is not there", where=name)
-        elif unread and digest_file(bundle / name) != digest:
+        elif name.partition("/")[0] in unread and digest_file(bundle / name) != digest:
             yield LOST("robot", "it was edited, and nothing here writes or reads it", where=name)
 
 

@@ -85,9 +85,18 @@ def manifest(robot: str, files: Iterable[BundleFile]) -> BundleFile:
 
 def manifest_of(bundle: Path) -> dict[str, str]:
     """Path -> SHA-256 as the manifest says. UsageError when it is no bundle."""
+    return _listed(bundle, "sha256")
+
+
+def roles_of(bundle: Path) -> dict[str, str]:
+    """Path -> role: the target that wrote the file, or what it is for. UsageError as above."""
+    return _listed(bundle, "role")
+
+
+def _listed(bundle: Path, word: str) -> dict[str, str]:
     try:
         manifest = json.loads((bundle / "manifest.json").read_bytes())
-        return {str(row["path"]): str(row["sha256"]) for row in manifest["files"]}
+        return {str(row["path"]): str(row[word]) for row in manifest["files"]}
     except (FileNotFoundError, NotADirectoryError):
         raise UsageError(f"`{bundle}` has no manifest.json, so it is no bundle") from None
     except (ValueError, KeyError, TypeError, AttributeError, RecursionError, OSError) as error:

@@ -187,7 +187,7 @@ def test_a_copied_recipe_is_whole_and_replaces_nothing(
     assert main(["init", "--from", "z1", "--force"]) == 0
     assert Path("z1.yaml").read_text() != "mine"
     assert main(["init", "--from", "z1", "-o", "z1.yaml/x.yaml"]) == 1
-    assert "cannot write `z1.yaml`: File exists" in capsys.readouterr().err
+    assert "cannot read or write `z1.yaml`: File exists" in capsys.readouterr().err
     assert main(["init", "--from", "z2"]) == 2
     assert main(["init"]) == 2
 

@@ -29,7 +29,7 @@ def test_an_edited_file_of_a_plug_in_that_is_not_installed_is_told(tmp_path: Pat
     for name in files:
         (tmp_path / name).parent.mkdir(exist_ok=True)
         (tmp_path / name).write_text("" if name == "sdf/same" else "edited")
-    (edited,) = lost_files(tmp_path, {"sdf", "mjcf"}, {"mjcf/crate.xml"})
+    (edited,) = lost_files(tmp_path, {"sdf"})
     assert (edited.where, "was edited" in edited.message) == ("sdf/crate.sdf", True)
 
 

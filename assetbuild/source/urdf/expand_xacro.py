@@ -110,7 +110,8 @@ class ExpandXacro(Step):
                 hint="if its files matter, add the package to the source",
                 data={"package": name},
             )
-        yield from self._unknown_arguments(tree, answer["used"]["files"])
+        if self.args:
+            yield from self._unknown_arguments(tree, answer["used"]["files"])
         for text in dict.fromkeys(answer["said"]):
             yield WARNING("robot", f"xacro: {text}")
 
