@@ -110,6 +110,13 @@ class Reference:
         return cloud[inside], float(np.prod(upper - lower)) / FILLING
 
     @cached_property
+    def inside(self) -> tuple[Array, float]:
+        """(points (n, 3) evenly inside the mesh, the volume that they fill in m3)."""
+        lower, upper = self.room
+        cloud, inside = self._shares(lower, upper)
+        return cloud[inside], float(np.prod(upper - lower) * inside.mean())
+
+    @cached_property
     def exact(self) -> Manifold | None:
         """The mesh as a solid of manifold3d; None when it is not one."""
         import manifold3d
@@ -127,8 +134,7 @@ class Reference:
         """m3; sampled unless the mesh is a solid."""
         if self.exact is not None:
             return float(self.exact.volume())
-        lower, upper = self.room
-        return float(self._shares(lower, upper)[1].mean() * np.prod(upper - lower))
+        return self.inside[1]
 
     @cached_property
     def convexity(self) -> float:

@@ -12,9 +12,10 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 
 import numpy as np
 
-from assetbuild.mesh.cover import Reference
+from assetbuild.mesh.cover import POINTS, Reference
+from assetbuild.mesh.cut import tips
 from assetbuild.mesh.hull import convex_hull
-from assetbuild.mesh.primitives import resized, signed_distance, sizes_of, volume_of
+from assetbuild.mesh.primitives import Fitted, Movable, resized, volume_of
 from assetbuild.mesh.quality import sobol, surface_samples
 from assetbuild.mesh.solid import ConvexPiece
 from assetbuild.mesh.triangles import TriangleMesh, unit_vectors
@@ -25,15 +26,11 @@ KINDS: tuple[type[Primitive], ...] = (Sphere, Capsule, Box, Cylinder)
 """From simple to costly in contact: of two equally good fits the earlier one is taken."""
 AS_GOOD = 0.01
 """Scores closer than this, the sampling error, are equal."""
-POINTS = 8192
-"""Sobol points, a power of two: a share of the volume is known to about 0.005."""
 SAMPLES = 1000
 SEARCHED = 64
 """Hull vertices of the search over axes; the chosen axis is fitted to all of them."""
 FACETS = 20
 FIBONACCI = 24
-
-Fitted = tuple[Primitive, Pose]
 
 
 def best_primitive(reference: Reference, kinds: Sequence[type[Primitive]] = KINDS) -> Fitted:
@@ -65,7 +62,7 @@ def enclosing_each(
     rough: for a start only, about SEARCHED vertices and along the very directions.
     """
     points = reference.hull.vertices
-    search = convex_hull(points, max_vertices=SEARCHED)
+    search = convex_hull(tips(points), max_vertices=SEARCHED)
     more = np.asarray(more_axes, dtype=np.float64).reshape(-1, 3)
     axes = np.concatenate([_candidate_axes(reference.mesh, search), unit_vectors(more)])
     for kind in kinds:
@@ -86,15 +83,13 @@ def first_best(fits: Iterable[Fitted], score: Callable[[Fitted], float]) -> Fitt
 
 
 class _Score:
-    """over + 2 under of a primitive against a mesh, on one seeded cloud of points."""
+    """over + 2 under of a primitive against a mesh, on one cloud of points."""
 
     def __init__(self, reference: Reference) -> None:
-        lower, upper = reference.mesh.bounds
-        cloud = sobol(POINTS, lower, upper)
-        self._inside = cloud[reference.solid.contains(cloud)]
+        self._inside, self._volume = reference.inside
         if not len(self._inside):  # thinner than the points are apart
-            self._inside = cloud
-        self._volume = float(np.prod(upper - lower)) * len(self._inside) / POINTS
+            lower, upper = reference.room
+            self._inside, self._volume = sobol(POINTS, lower, upper), float(np.prod(upper - lower))
 
     def of(self, fitted: Fitted) -> float:
         """The score; 0 is a perfect cover."""
@@ -131,16 +126,16 @@ def _smallest_ball(points: Array, steps: int = 400) -> tuple[Array, float]:
     Badoiu and Clarkson (2003): the centre walks to the farthest point by 1 / (i + 1). It starts
     from the middle of the bounds, which is exact for bodies with mirror symmetry.
     """
-    start = (points.min(axis=0) + points.max(axis=0)) / 2.0
-    centre = start
-    best, best_radius = start, float(np.linalg.norm(points - start, axis=1).max())
+    centre = best = (points.min(axis=0) + points.max(axis=0)) / 2.0
+    least = math.inf
     for i in range(1, steps):
-        distance = np.linalg.norm(points - centre, axis=1)
-        farthest = int(np.argmax(distance))
-        if distance[farthest] < best_radius * (1.0 - 1e-9):
-            best, best_radius = centre, float(distance[farthest])
+        away = points - centre
+        squared = np.einsum("ij,ij->i", away, away)
+        farthest = int(np.argmax(squared))
+        if squared[farthest] < least * (1.0 - 2e-9):
+            best, least = centre, float(squared[farthest])
         centre = centre + (points[farthest] - centre) / (i + 1)
-    return best, best_radius
+    return best, math.sqrt(least)
 
 
 def _frame_of(axis: Array) -> Array:
@@ -245,41 +240,29 @@ def _tilted(along: Callable[[Array, Array, int], Fitted], axis: Array, search: A
 def _least_squares(start: Fitted, samples: Array) -> Fitted:
     """The fit that is nearest to the surface samples, from `start` and never far from it.
 
-    Minimises mean |d| + RMS(d) / 2 over the signed distances d, by Powell within bounds: shifts of
-    0.3 diagonals, turns of 0.6 rad, sizes by a factor of 2 (unbounded, a box once ran away).
+    Minimises mean |d| + RMS(d) / 2 over the signed distances d, by L-BFGS-B within BOUNDS
+    (unbounded, a box once ran away).
     """
     from scipy.optimize import minimize
 
-    primitive, pose = start
     scale = float(np.linalg.norm(np.ptp(samples, axis=0)))
-    local = pose.inverse().apply(samples)
-    sizes = np.maximum(np.asarray(sizes_of(primitive)), 1e-3 * scale)
+    movable = Movable(start, samples, scale)
+    everywhere = np.ones(len(samples), dtype=bool)
 
-    def body(x: Array) -> Fitted:
-        shift = Pose(vec3(x[:3] * scale), turned_by(x[3:6]))
-        return resized(type(primitive), sizes * np.exp(x[6:])), shift
+    def cost(x: Array) -> tuple[float, Array]:
+        distance = movable.distance(x)
+        rms = math.sqrt(float((distance**2).mean()))
+        by_distance = (np.sign(distance) + 0.5 * distance / max(rms, 1e-12)) / len(distance)
+        slope = by_distance @ movable.slope(x, everywhere)
+        return (float(np.abs(distance).mean()) + 0.5 * rms) / scale, slope / scale
 
-    def cost(x: Array) -> float:
-        made, shift = body(x)
-        distance = signed_distance(made, (local - np.asarray(shift.xyz)) @ shift.rotation)
-        return float(np.abs(distance).mean() + 0.5 * math.sqrt(float((distance**2).mean()))) / scale
-
-    bounds = [(-0.3, 0.3)] * 3 + [(-0.6, 0.6)] * 3 + [(-math.log(2.0), math.log(2.0))] * len(sizes)
-    zero = np.zeros(len(bounds))
-    result = minimize(cost, zero, method="Powell", bounds=bounds, options={"maxiter": 6})
-    if not float(result.fun) < cost(zero):
+    zero = np.zeros(movable.count)
+    result = minimize(
+        cost, zero, jac=True, method="L-BFGS-B", bounds=movable.bounds(), options={"maxiter": 100}
+    )
+    if not float(result.fun) < cost(zero)[0]:
         return start
-    made, shift = body(np.asarray(result.x, dtype=np.float64))
-    return made, pose @ shift
-
-
-def turned_by(vector: Array) -> tuple[float, float, float, float]:
-    """Quaternion of a rotation vector, rad."""
-    angle = float(np.linalg.norm(vector))
-    if angle < 1e-12:
-        return (1.0, 0.0, 0.0, 0.0)
-    x, y, z = vec3(np.sin(angle / 2.0) * vector / angle)
-    return (math.cos(angle / 2.0), x, y, z)
+    return movable.body(np.asarray(result.x, dtype=np.float64))
 
 
 def tidy(fitted: Fitted) -> Fitted:

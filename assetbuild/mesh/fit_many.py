@@ -16,26 +16,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from assetbuild.mesh.cover import Reference
-from assetbuild.mesh.fit import (
-    AS_GOOD,
-    Fitted,
-    enclosing_each,
-    first_best,
-    tidy,
-    turned_by,
-)
-from assetbuild.mesh.primitives import (
-    distance_slopes,
-    resized,
-    signed_distance,
-    sizes_of,
-    volume_of,
-)
+from assetbuild.mesh.fit import AS_GOOD, enclosing_each, first_best, tidy
+from assetbuild.mesh.primitives import Fitted, Movable, resized, sizes_of, volume_of
 from assetbuild.mesh.quality import sobol, surface_samples
 from assetbuild.mesh.solid import ConvexPiece
 from assetbuild.mesh.triangles import TriangleMesh
-from assetbuild.robot.pose import Array, Pose, Vec3, vec3
-from assetbuild.robot.shapes import Capsule, Cylinder, Primitive, Sphere
+from assetbuild.robot.pose import Array, Vec3
+from assetbuild.robot.shapes import Capsule, Primitive, Sphere
 
 POINTS = 4096
 """Sobol points that the union is fitted to: a share is known to 0.008."""
@@ -53,8 +40,6 @@ SHRUNK = (1.0, 0.95, 0.9, 0.85, 0.8)
 """Sizes / those of the enclosing body that are tried for a part on its own."""
 STUBBY = 2.0
 """Length / radius of a capsule, its caps left out, up to which a sphere is tried in its place."""
-BOUNDS = (0.15, 0.5, math.log(1.8))
-"""How far the refinement may go: shift in diagonals, turn in rad, size by a factor of 1.8."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -192,14 +177,14 @@ def _best_for(
 
 
 def _refined(fits: list[Fitted], cloud: Cloud, softness: float) -> list[Fitted]:
-    """The union that covers best, by L-BFGS-B within BOUNDS of `fits`.
+    """The union that covers best, by L-BFGS-B and not far from `fits`.
 
     Occupancy is a sigmoid of the signed distance / softness, so that the score has a slope.
     Each point's distance, and so its slope, is that of the nearest primitive.
     """
     from scipy.optimize import minimize
 
-    ways = [_Way(fitted, cloud) for fitted in fits]
+    ways = [Movable(fitted, cloud.points, cloud.size) for fitted in fits]
     ends = np.cumsum([0, *(way.count for way in ways)])
 
     def slope(x: Array) -> tuple[float, Array]:
@@ -223,57 +208,3 @@ def _refined(fits: list[Fitted], cloud: Cloud, softness: float) -> list[Fitted]:
     made = [way.body(x[a:b]) for way, a, b in zip(ways, ends, ends[1:], strict=False)]
     before = cloud.score(_union(fits, cloud.points))
     return made if cloud.score(_union(made, cloud.points)) <= before else fits
-
-
-TURN = 1e-6
-"""rad; of the slope of a rotation."""
-
-
-class _Way:
-    """How one primitive may change: shift / size, turn, logarithms of its sizes; 0 = as it is."""
-
-    def __init__(self, fitted: Fitted, cloud: Cloud) -> None:
-        self._primitive, self._pose = fitted
-        self._scale = cloud.size
-        self._points = self._pose.inverse().apply(cloud.points)
-        self._sizes = np.maximum(np.asarray(sizes_of(self._primitive)), 1e-3 * cloud.size)
-        self.count = 6 + len(self._sizes)
-
-    def body(self, x: Array) -> Fitted:
-        """The primitive at x (count,)."""
-        primitive, shift = self._changed(x)
-        return primitive, self._pose @ shift
-
-    def _changed(self, x: Array) -> Fitted:
-        shift = Pose(vec3(x[:3] * self._scale), turned_by(x[3:6]))
-        return resized(type(self._primitive), self._sizes * np.exp(x[6:])), shift
-
-    def distance(self, x: Array) -> Array:
-        """(n,) signed distances of the cloud's points."""
-        primitive, shift = self._changed(x)
-        return signed_distance(primitive, shift.inverse().apply(self._points))
-
-    def slope(self, x: Array, which: NDArray[np.bool_]) -> Array:
-        """(m, count) slopes of the distances of some of the points."""
-        primitive, shift = self._changed(x)
-        rotation, from_middle = shift.rotation, self._points[which] - np.asarray(shift.xyz)
-        by_point, by_size = distance_slopes(primitive, from_middle @ rotation)
-        turns = [
-            (turned_rotation(x[3:6] + step) - turned_rotation(x[3:6] - step)) / (2.0 * TURN)
-            for step in TURN * np.eye(3)
-        ]
-        by_turn = [np.einsum("ij,ij->i", by_point, from_middle @ turn) for turn in turns]
-        sizes = by_size * np.asarray(sizes_of(primitive))
-        return np.column_stack([-self._scale * by_point @ rotation.T, *by_turn, sizes])
-
-    def bounds(self) -> list[tuple[float, float]]:
-        """Return least and most of each variable; a capsule may lose its whole length."""
-        shift, turn, size = BOUNDS
-        longest = 2.0 * size if isinstance(self._primitive, Capsule | Cylinder) else size
-        sizes = [(-size, size)] * (len(self._sizes) - 1) + [(-longest, size)]
-        return [(-shift, shift)] * 3 + [(-turn, turn)] * 3 + sizes
-
-
-def turned_rotation(vector: Array) -> Array:
-    """(3, 3) rotation by a rotation vector, rad."""
-    return Pose(quat=turned_by(vector)).rotation

@@ -1,4 +1,4 @@
-"""Boxes, spheres, cylinders and capsules: distance, volume, triangles."""
+"""Boxes, spheres, cylinders and capsules: distance, volume, triangles, small changes."""
 
 from __future__ import annotations
 
@@ -8,15 +8,18 @@ from collections.abc import Sequence
 from dataclasses import astuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from assetbuild.mesh.hull import convex_hull
 from assetbuild.mesh.triangles import TriangleMesh, unit_vectors
-from assetbuild.robot.pose import Array, vec3
+from assetbuild.robot.pose import Array, Pose, vec3
 from assetbuild.robot.shapes import Box, Capsule, Cylinder, Primitive, Sphere
 
 BY_NAME: dict[str, type[Primitive]] = {
     kind.__name__: kind for kind in (Box, Sphere, Cylinder, Capsule)
 }
+Fitted = tuple[Primitive, Pose]
+"""A primitive, and X_frame_primitive."""
 SEGMENTS = 64
 """Corners of a tessellated circle: the polygon misses 0.12 % of the radius."""
 
@@ -113,3 +116,73 @@ def tessellate(primitive: Primitive) -> TriangleMesh:
     ]
     # Rounding keeps the poles, 64 equal points but for noise of 1e-18, one vertex.
     return convex_hull(np.round(np.concatenate(points), 15))
+
+
+# --- one that changes ---
+
+BOUNDS = (0.15, 0.5, math.log(1.8))
+"""How far it may change: shift in diagonals, turn in rad, size by a factor of 1.8."""
+TURN = 1e-6
+"""rad; of the slope of a rotation."""
+
+
+class Movable:
+    """How one primitive may change: shift / scale, turn, logarithms of its sizes; 0 = as it is.
+
+    points: (n, 3) whose distances from it are asked for, m; scale: m, of what it stands for.
+    """
+
+    def __init__(self, fitted: Fitted, points: Array, scale: float) -> None:
+        self._primitive, self._pose = fitted
+        self._scale = scale
+        self._points = self._pose.inverse().apply(points)
+        self._sizes = np.maximum(np.asarray(sizes_of(self._primitive)), 1e-3 * scale)
+        self.count = 6 + len(self._sizes)
+
+    def body(self, x: Array) -> Fitted:
+        """The primitive at x (count,)."""
+        primitive, shift = self._changed(x)
+        return primitive, self._pose @ shift
+
+    def _changed(self, x: Array) -> Fitted:
+        shift = Pose(vec3(x[:3] * self._scale), _turned_by(x[3:6]))
+        return resized(type(self._primitive), self._sizes * np.exp(x[6:])), shift
+
+    def distance(self, x: Array) -> Array:
+        """(n,) signed distances of the points."""
+        primitive, shift = self._changed(x)
+        return signed_distance(primitive, shift.inverse().apply(self._points))
+
+    def slope(self, x: Array, which: NDArray[np.bool_]) -> Array:
+        """(m, count) slopes of the distances of some of the points."""
+        primitive, shift = self._changed(x)
+        rotation, from_middle = shift.rotation, self._points[which] - np.asarray(shift.xyz)
+        by_point, by_size = distance_slopes(primitive, from_middle @ rotation)
+        turns = [
+            (_turned_rotation(x[3:6] + step) - _turned_rotation(x[3:6] - step)) / (2.0 * TURN)
+            for step in TURN * np.eye(3)
+        ]
+        by_turn = [np.einsum("ij,ij->i", by_point, from_middle @ turn) for turn in turns]
+        sizes = by_size * np.asarray(sizes_of(primitive))
+        return np.column_stack([-self._scale * by_point @ rotation.T, *by_turn, sizes])
+
+    def bounds(self) -> list[tuple[float, float]]:
+        """Return least and most of each variable; a capsule may lose its whole length."""
+        shift, turn, size = BOUNDS
+        longest = 2.0 * size if isinstance(self._primitive, Capsule | Cylinder) else size
+        sizes = [(-size, size)] * (len(self._sizes) - 1) + [(-longest, size)]
+        return [(-shift, shift)] * 3 + [(-turn, turn)] * 3 + sizes
+
+
+def _turned_rotation(vector: Array) -> Array:
+    """(3, 3) rotation by a rotation vector, rad."""
+    return Pose(quat=_turned_by(vector)).rotation
+
+
+def _turned_by(vector: Array) -> tuple[float, float, float, float]:
+    """Quaternion of a rotation vector, rad."""
+    angle = float(np.linalg.norm(vector))
+    if angle < 1e-12:
+        return (1.0, 0.0, 0.0, 0.0)
+    x, y, z = vec3(np.sin(angle / 2.0) * vector / angle)
+    return (math.cos(angle / 2.0), x, y, z)

@@ -23,7 +23,7 @@ from assetbuild.geometry.convert_mesh import ConvertMesh
 from assetbuild.mesh.coacd import CoAcdOptions, coacd_parts
 from assetbuild.mesh.cover import Reference, measure
 from assetbuild.mesh.native import NativeError, NativeLimits
-from assetbuild.mesh.obj import read_triangles
+from assetbuild.mesh.obj import read_part
 from assetbuild.mesh.solid import ConvexPiece
 from assetbuild.mesh.triangles import TriangleMesh, cleaned, merged
 from assetbuild.mesh.vhacd import VHacdOptions, vhacd_parts
@@ -58,7 +58,7 @@ def load_link(name: str) -> TriangleMesh:
         list(step.run(Files(Path(inputs), Path(made))))
         record = decode(ConvertedMesh, (Path(made) / "mesh.json").read_bytes())
         files = [Path(made) / "parts" / part.file for part in record.parts]
-        return cleaned(merged([read_triangles(f.read_bytes(), name) for f in files]))
+        return cleaned(merged([read_part(f, name) for f in files]))
 
 
 SOURCE = (PlacedSource("mesh"),)
