@@ -41,7 +41,7 @@ MARGIN = 1.1
 """How much larger the frame is than what is shown."""
 OF_A_MESH = 1500
 """Vertices of each mesh that the camera is fitted to, evenly chosen."""
-HERO_SAMPLES = 3
+HERO_SAMPLES = 2
 """Frames behind the first picture: each with the lamp a little elsewhere."""
 VISUAL, COLLISION = 2, 3
 """Groups of geoms."""
