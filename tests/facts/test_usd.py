@@ -26,15 +26,11 @@ from tiny import (
 )
 
 from assetbuild.errors import UsageError
-from assetbuild.facts.reader import Reader
 from assetbuild.facts.readers.usd import UsdReader, ignored_words
-from assetbuild.facts.readers.usd_scene import UsdSceneReader
 from assetbuild.findings import Finding
 from assetbuild.robot.model import (
     Contact,
-    Simulation,
 )
-from assetbuild.robot.pose import Pose, normalised_quat
 from assetbuild.simulators.usd_options import UsdOptions
 from assetbuild.targets.usd import Usd as UsdTarget
 
@@ -48,13 +44,12 @@ def check(
     spoil: Spoil | None = None,
     options: UsdOptions | None = None,
     layer: str = "robot.usda",
-    reads: type[Reader] = UsdReader,
 ) -> list[Finding]:
     options = options or UsdOptions()
     inputs = check_inputs(folder, robot, UsdTarget(robot="robot", options=options), "usd")
     if spoil is not None:
         spoil_stage(inputs / "usd" / layer, spoil)
-    reader = reads(robot="robot", options={"usd": options.model_dump(mode="json")})
+    reader = UsdReader(robot="robot", options={"usd": options.model_dump(mode="json")})
     return run_step(reader, inputs, folder / "out")
 
 
@@ -370,66 +365,3 @@ def test_a_body_that_is_its_own_shape_is_both(tmp_path: Path) -> None:
     table = UsdReader(robot="r").read(path)
     assert table.names("body") == table.names("shape") == ("ball",)
     assert table.of("shape", "ball")["size"] == (0.01,)  # a stage without units is in centimetres
-
-
-# --- The scene: the floor, gravity, the rate, and where the robot starts ---
-
-
-Spoil = Callable[[Usd.Stage], object]
-
-
-def test_untouched_scenes_are_equal(tmp_path: Path) -> None:
-    hung = pendulum()
-    place = Pose((0.5, -0.2, 1.5), normalised_quat((1.0, 0.0, 1.0, 0.0)))
-    hung = replace(hung, tree=replace(hung.tree, X_world_root=place))
-    moon = tiny_quadruped()
-    simulation = Simulation(gravity=(0.0, 0.3, -1.6), timestep=0.003)
-    feet = (("FR_foot_collision", Contact(friction=(0.5, 0.01, 0.02))),)
-    moon = replace(moon, control=replace(moon.control, simulation=simulation, contacts=feet))
-    for i, robot in enumerate((tiny_quadruped(), pendulum(), hung, moon)):
-        assert check(robot, tmp_path / str(i), reads=UsdSceneReader) == []
-
-
-@pytest.mark.parametrize("name", ["physics", "floor", "PhysicsMaterials"])
-def test_a_robot_may_be_called_like_a_part_of_the_scene(name: str, tmp_path: Path) -> None:
-    inputs = check_inputs(tmp_path, tiny_quadruped(), UsdTarget(robot=name), "usd")
-    assert run_step(UsdSceneReader(robot=name), inputs, tmp_path / "out") == []
-
-
-def set_to(path: str, value: object) -> Spoil:
-    def spoil(stage: Usd.Stage) -> None:
-        assert stage.GetAttributeAtPath(path).Set(value)
-
-    return spoil
-
-
-@pytest.mark.parametrize(
-    ("rule", "subject", "spoil"),
-    [
-        ("gravity", "simulation", set_to("/World/physics.physics:gravityMagnitude", 9.0)),
-        ("gravity", "simulation",
-         set_to("/World/physics.physics:gravityDirection", Gf.Vec3f(0, 0, 1))),
-        ("timestep", "simulation", set_to("/World/physics.physxScene:timeStepsPerSecond", 100)),
-        ("friction", "floor", set_to(
-            "/World/PhysicsMaterials/floor.physics:staticFriction", 0.1)),
-        ("height", "floor", lambda s: UsdGeom.Xformable(
-            s.GetPrimAtPath("/World/floor")).AddTranslateOp().Set((0.0, 0.0, 0.1))),
-        ("collides", "floor", lambda s: s.GetPrimAtPath("/World/floor").RemoveAPI(
-            UsdPhysics.CollisionAPI)),
-        ("friction", "floor", lambda s: s.GetRelationshipAtPath(
-            "/World/floor.material:binding:physics").SetTargets([])),
-        ("initial_pose", "start FR_calf",
-         set_to("/World/robot/FR_calf.xformOp:translate", Gf.Vec3d(0, 0, 1))),
-        ("intensity", "light", set_to("/World/light.inputs:intensity", 1.0)),
-        ("size", "floor", set_to("/World/floor.width", 1.0)),
-        ("restitution", "floor", set_to(
-            "/World/PhysicsMaterials/floor.physics:restitution", 0.5)),
-        ("frictioncombinemode", "floor", set_to(
-            "/World/PhysicsMaterials/floor.physxMaterial:frictionCombineMode", "min")),
-    ],
-)  # fmt: skip
-def test_what_changed_is_named(rule: str, subject: str, spoil: Spoil, tmp_path: Path) -> None:
-    findings = check(tiny_quadruped(), tmp_path, spoil, layer="scene.usda", reads=UsdSceneReader)
-    named = [f for f in findings if f.rule == f"equal.usd_scene.{rule}"]
-    assert subject in {f.subject for f in named}
-    assert all({"expected", "found"} <= set(f.data) for f in named)
