@@ -197,13 +197,14 @@ def commands_of(
     joint_of = {a.name: a.joint for a in source.control.actuators if a.name}
     before = {key.name: dict(key.joints) for key in source.control.keyframes}
     stated = dict(source.ctrl)
+    resting = stated.pop("", ())
     drives = [i for i in source.control.mjcf_only if i.place == "actuator" and i.owner]
     drives = [item for item in drives if not replaces(item.owner)]
     for key in keyframes:
         now, was = dict(key.joints), before.get(key.name, {})
         holding = (_holding(item, source.control.by_joint[item.owner], now) for item in drives)
         commands = dict(filter(None, holding))
-        for actuator, value in stated.get(key.name, ()):
+        for actuator, value in stated.get(key.name, () if key.name in before else resting):
             joint = joint_of.get(actuator)
             if joint is None:
                 if has_table(actuator):

@@ -85,7 +85,7 @@ def join(
     bodies = _Bodies(tree, findings)
     contact, contacts = _contacts(control.contact, source, shapes, stated, findings)
     keyframes = joined_keyframes(control.keyframes, source_control.keyframes, tree, stated.poses)
-    actuators = _actuators(control, source_control, stated)
+    actuators = _actuators(control, source_control, stated, tree)
     now = {actuator.joint: actuator for actuator in actuators}
     kept = _kept(source_control, bodies, shapes, stated, findings)
     mjcf_only = tuple(of_same_effort(kept, source_control.by_joint, now))
@@ -118,9 +118,12 @@ def _by_name(recipe: tuple[T, ...], source: Sequence[T]) -> tuple[T, ...]:
 
 
 def _actuators(
-    control: Control, source_control: Control, stated: StatedControl
+    control: Control, source_control: Control, stated: StatedControl, tree: Tree
 ) -> tuple[Actuator, ...]:
-    """One for each moving joint in tree order; a row without armature leaves the source's."""
+    """One for each moving joint in tree order; a row without armature leaves the source's.
+
+    A joint's effort limit is that of its drive as it was read; it differs where an edit sets it.
+    """
     rows = stated.rows
     silent = [row.joints for row in rows if row.armature is None and row.motor is None]
 
@@ -128,7 +131,9 @@ def _actuators(
         name = actuator.joint
         before = source_control.by_joint.get(name)
         if not stated.replaces(name):
-            return before or Actuator(name, "passive")
+            kept = before or Actuator(name, "passive")
+            effort = tree.by_joint[name].limits.effort
+            return replace(kept, effort=effort) if effort else kept
         mute = any(re.fullmatch(pattern, name) for pattern in silent)
         unmatched = not any(re.fullmatch(row.joints, name) for row in rows)
         if before is None or not (mute or unmatched):

@@ -37,6 +37,8 @@ _ARM = re.compile(r"(?i).*(arm|shoulder|elbow|wrist|hand|grip|finger|thumb|nub).
 _LEG = re.compile(r"(?i).*(leg|foot|hip|knee|ankle|thigh|calf|shank|coxa|femur|tibia).*")
 _SHANK = re.compile(r"(?i).*(shank|shin|calf|thigh|leg|knee|femur|tibia).*")
 _FINGER = re.compile(r"(?i).*(finger|thumb|grip|palm|knuckle|digit|pinky|pinkie|phalan|hand).*")
+_PRESSES = re.compile(r"(?i).*(finger|thumb|grip|knuckle|digit|pink|phalan|jaw|claw|pinch|clamp).*")
+"""A part that holds things against its palm, where it is the only one."""
 _NO_HAND = re.compile(rf"{_LEG.pattern}|.*(head|neck|antenna|tail).*")
 _FLYING = re.compile(r"(?i).*(propeller|flying|drone|copter|quadrotor|hector|iris).*")
 _WORLD = ("world", "map", "odom", "universe")
@@ -124,7 +126,7 @@ def roles(tree: Tree, anatomy: Anatomy) -> dict[str, Role]:
     legs = {joint.name for leg in anatomy.walks_on for joint in leg.joints}
     role_of: dict[str, Role] = {}
     for joint in tree.moving_joints:
-        called = _FINGER.fullmatch(joint.name) or _FINGER.fullmatch(joint.child)
+        called = _FINGER.fullmatch(f"{joint.name} {joint.child}")
         if joint.name in legs:
             role_of[joint.name] = "leg"
         elif joint.name in anatomy.turning:
@@ -136,7 +138,22 @@ def roles(tree: Tree, anatomy: Anatomy) -> dict[str, Role]:
             role_of[joint.name] = "arm" if other and not called else "finger"
         else:
             role_of[joint.name] = "arm"
-    return role_of
+    return role_of | dict.fromkeys(_alone(tree, role_of), "arm")
+
+
+def _alone(tree: Tree, role_of: Mapping[str, Role]) -> Iterator[str]:
+    """Joints of what looks like a finger but has no other to press against, nor a finger's name."""
+    at_palm: dict[str, list[Joint]] = {}
+    palm_of: dict[str, str] = {}
+    for joint in tree.moving_joints:  # parents first
+        if role_of[joint.name] == "finger":
+            palm = palm_of[joint.child] = palm_of.get(joint.parent, joint.parent)
+            at_palm.setdefault(palm, []).append(joint)
+    for joints in at_palm.values():
+        held = {joint.parent for joint in joints}
+        ends = [joint for joint in joints if joint.child not in held]
+        if len(ends) < 2 and not any(_PRESSES.fullmatch(f"{j.name} {j.child}") for j in joints):
+            yield from (joint.name for joint in joints)
 
 
 def limb_of(tree: Tree, joint: Joint) -> str:

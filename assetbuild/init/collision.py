@@ -209,11 +209,13 @@ def put_pads(draft: Draft, robot: InspectedRobot, hand: Sequence[str], timestep:
 def mjcf_hand(
     robot: InspectedRobot, anatomy: Anatomy, control: Control, tuning: Tuning | None
 ) -> list[str]:
-    """The links of the hand, as `hand_of` finds them; a tendon's actuator may drive any joint."""
+    """Links of the hand that collide, see `hand_of`; a tendon's actuator may drive any joint."""
     driven = {row.joint for row in control.actuators if row.model != "passive"} | driven_by(tuning)
     if any(item.place == "actuator" and not item.owner for item in control.mjcf_only):
         driven = {joint.name for joint in robot.tree.moving_joints}
-    return hand_of(robot, anatomy, robot.tree, driven)
+    return [
+        link for link in hand_of(robot, anatomy, robot.tree, driven) if link in robot.solid_links
+    ]
 
 
 def option_of(control: Control) -> str:

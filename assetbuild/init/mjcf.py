@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import os
 import re
 from collections.abc import Collection, Iterator, Mapping, Sequence
@@ -34,12 +35,13 @@ from assetbuild.init.sections import (
     put_targets,
     put_validation,
 )
+from assetbuild.init.strength import bounds
 from assetbuild.init.trial import Trial, staged, tables
 from assetbuild.init.tune import Tuning, tune
 from assetbuild.robot.files import RobotFiles, SourceControl
 from assetbuild.robot.loops import path_of
 from assetbuild.robot.mjcf_only import joint_springs, lost_in_usd, no_drives
-from assetbuild.robot.model import Control
+from assetbuild.robot.model import Control, Joint, Tree
 from assetbuild.source.mjcf.flatten_mjcf import FOLDER, FlattenMjcf
 from assetbuild.source.mjcf.includes import ListIncludes
 from assetbuild.source.mjcf.opaque import keys
@@ -207,7 +209,8 @@ def mjcf_recipe(source: MjcfSource, path: Path) -> Proposal:
     _put_collision(draft, robot)
     _put_drives(draft, source, tuning)
     if not control.keyframes:
-        put_home(draft, robot, anatomy, _pose(source, anatomy, tuning))
+        commanded = replace(robot, tree=_commanded(robot.tree, control))
+        put_home(draft, commanded, anatomy, _pose(source, anatomy, tuning))
     put_own_loops(draft, hand, control)
     put_own_pads(draft, robot, hand, control)
     put_targets(draft, source.built, springs, lost)
@@ -234,11 +237,26 @@ def _pose(source: MjcfSource, anatomy: Anatomy, tuning: Tuning | None) -> Mappin
 
     Without the joints that loops move, which a build finds.
     """
-    pose = tuning.pose if tuning else home_pose(source.robot.tree, anatomy.legs)
     tree, control = source.robot.tree, source.control
+    pose = tuning.pose if tuning else home_pose(_commanded(tree, control), anatomy.legs)
     chain = {j.name for p in placed_loops(tree, control.loops) for j in path_of(tree, p)}
     driven = {row.joint for row in control.actuators if row.model != "passive"}
     return {name: q for name, q in pose.items() if name not in chain - driven}
+
+
+def _commanded(tree: Tree, control: Control) -> Tree:
+    """The tree with joints as narrow as the commands that their position drives take."""
+    taken = {row.joint: row.ctrl for row in control.actuators if row.model == "pd" and row.ctrl}
+
+    def narrowed(joint: Joint) -> Joint:
+        (low, high), (lower, upper) = taken.get(joint.name, (-math.inf, math.inf)), bounds(joint)
+        if max(low, lower) >= min(high, upper) or (low <= lower and upper <= high):
+            return joint
+        kind = "revolute" if joint.kind == "continuous" else joint.kind
+        limits = replace(joint.limits, lower=max(low, lower), upper=min(high, upper))
+        return replace(joint, kind=kind, limits=limits)
+
+    return replace(tree, joints=tuple(map(narrowed, tree.joints)))
 
 
 def _put_solver(draft: Draft, source: MjcfSource, anatomy: Anatomy, hand: Sequence[str]) -> None:

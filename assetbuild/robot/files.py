@@ -21,7 +21,8 @@ class SourceControl:
     control: in the names of the source's links and shapes, before merging and assembling;
         each moving joint has an actuator, passive where the source drives it otherwise.
     bodies: links that are bodies of the source with mass; the others only name places.
-    ctrl: (keyframe, command by actuator) where the source states any.
+    ctrl: (keyframe, command by actuator) where the source states any; under "" those at rest in the
+        zero pose, of actuators that drive no joint.
     surfaces: of a composite, by the prefix of each part, the surface that most of its shapes
         have; `control.contact` is the base's.
     """

@@ -25,6 +25,8 @@ KINDS = {
 """MuJoCo's words for `dyntype`, `gaintype` and `biastype` of a law that a <general> can state."""
 ALONE = frozenset({"muscle", "user"})
 """Kinds that MJCF alone has the words for."""
+STEADY = frozenset({"none", "filter", "filterexact"})
+"""Kinds of `dyntype` whose state becomes the command."""
 STRAIGHT = (0, 1)
 """Transmissions to a joint, which are the same for a hinge and a slide: MuJoCo's `joint` and
 `jointinparent`."""
@@ -36,11 +38,13 @@ class Drives:
     """actuators: one for each moving joint, in the order of the joints.
 
     names: of the actuators, in the order of the source, with the joint that the Robot drives or "".
+    resting: (actuator, command that leaves the robot alone at zero) of those that drive no joint.
     """
 
     actuators: list[Actuator] = field(default_factory=list)
     mjcf_only: list[MjcfOnly] = field(default_factory=list)
     names: list[tuple[str, str]] = field(default_factory=list)
+    resting: list[tuple[str, float]] = field(default_factory=list)
     limits: dict[str, Limits] = field(default_factory=dict)
     findings: list[Finding] = field(default_factory=list)
 
@@ -72,6 +76,8 @@ def read_drives(links: Links) -> Drives:
             owner = joint if taken else ""
             drives.mjcf_only.append(MjcfOnly("actuator", _whole(element, links, index), owner))
             drives.names.append((name, ""))
+            if not owner:
+                drives.resting.append((name, _resting(model, index)))
             continue
         if model.actuator_actearly[index]:
             early = element_text("general", {"actearly": "true"})
@@ -295,6 +301,17 @@ def _whole(element: _Element, links: Links, index: int) -> str:
     if model.actuator_actearly[index]:
         attributes["actearly"] = "true"
     return element_text("general", attributes)
+
+
+def _resting(model: Model, index: int) -> float:
+    """The command of an actuator, within its range, that pulls with no force at the zero pose."""
+    kinds, gain = _kinds(model, index), float(model.actuator_gainprm[index][0])
+    command = 0.0
+    if kinds["gain"] == "fixed" and kinds["bias"] == "affine" and kinds["dyn"] in STEADY and gain:
+        constant, stiff = (float(value) for value in model.actuator_biasprm[index][:2])
+        command = 0.0 - (constant + stiff * float(model.actuator_length0[index])) / gain
+    limits = _range(model.actuator_ctrllimited[index], model.actuator_ctrlrange[index])
+    return min(max(command, limits[0]), limits[1]) if limits else command
 
 
 def _kinds(model: Model, index: int) -> dict[str, str]:

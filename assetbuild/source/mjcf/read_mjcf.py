@@ -116,16 +116,22 @@ def _tree(name: str, links: Links, drives: Drives) -> Tree:
 def _commands(
     sections: Sections, drives: Drives, links: Links
 ) -> tuple[tuple[str, tuple[tuple[str, float], ...]], ...]:
-    """Return each keyframe's commands by actuator; position drives count from the joint's `ref`."""
+    """Return each keyframe's commands by actuator; position drives count from the joint's `ref`.
+
+    Under "" those of a keyframe that the source does not have.
+    """
     by_joint = {actuator.joint: actuator for actuator in drives.actuators}
     rest = {
         name: links.rest.get(joint, 0.0) * by_joint[joint].gear
         for name, joint in drives.names
         if joint and by_joint[joint].model == "pd"
     }
-    return tuple(
+    stated = [
         (key, tuple((name, value - rest.get(name, 0.0)) for name, value in values))
         for key, values in sections.ctrl
+    ]
+    return (
+        (*stated, ("", tuple(drives.resting))) if any(v for _, v in drives.resting) else (*stated,)
     )
 
 
