@@ -279,9 +279,10 @@ def _judge_strength(
 
 
 def _inherited(frequencies: Sequence[float]) -> Finding:
+    drives = "1 drive keeps" if len(frequencies) == 1 else f"{len(frequencies)} drives keep"
     return INHERITED(
         "robot",
-        f"{len(frequencies)} drives keep the gains of the source's MJCF ({min(frequencies):.3g} to "
+        f"{drives} the gains of the source's MJCF ({min(frequencies):.3g} to "
         f"{max(frequencies):.3g} Hz at this pose): such files are often tuned for a viewer",
         data={"joints": len(frequencies)},
     )

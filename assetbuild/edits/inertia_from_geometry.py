@@ -115,7 +115,7 @@ class InertiaFromGeometry(MassEdit):
                 raise RecipeError(
                     f"inertia_from_geometry: the mesh of `{shape.name}` is open, "
                     "so it has no volume",
-                    hint="`open: hull` takes its convex hull; or use `from: collision`",
+                    hint=f"`open: hull` takes its convex hull; or use `from: {self._other()}`",
                 )
             try:
                 mesh = convex_hull(mesh.vertices, subject=shape.name)

@@ -108,7 +108,7 @@ class Reference:
             )  # fmt: skip
             read.look_up_names()
             return read
-        except FileNotFoundError:
+        except (FileNotFoundError, NotADirectoryError):
             raise UsageError(
                 f"`{bundle}` is no bundle of this version: it has no report/robot.json",
                 hint="build it again, or give the MJCF, URDF or USD in it",

@@ -19,6 +19,8 @@ from assetbuild.robot.pose import Array
 
 FALLEN_RAD = 1.0
 """Tilt of the base against the vertical from which on it has fallen."""
+UPRIGHT_RAD = 0.5
+"""Tilt up to which it does what it was asked to do."""
 FALLEN_SHARE = 0.5
 """Share of its first height, likewise."""
 FOLLOWS, STILL = 0.35, 0.1
@@ -85,7 +87,8 @@ class Replay:
     @property
     def follows(self) -> bool:
         """Whether it did what it was asked to do."""
-        return not self.fell and self.error <= STILL + FOLLOWS * math.hypot(*self.command)
+        is_near = self.error <= STILL + FOLLOWS * math.hypot(*self.command)
+        return not self.fell and self.tilt <= UPRIGHT_RAD and is_near
 
     @property
     def score(self) -> float:
@@ -98,6 +101,8 @@ class Replay:
         """In words."""
         if self.fell:
             return f"falls after {self.seconds:.2f} s"
+        if self.tilt > UPRIGHT_RAD:
+            return "stays up, and tilts far"
         if not self.follows:
             return "stays up and does not follow the command"
         return "walks" if math.hypot(*self.command) > STILL else "stands"

@@ -49,6 +49,15 @@ def test_quadruped_falls_as_the_integrator_must(
     assert run_step(check(robot="robot"), inputs, tmp_path / "out") == []
 
 
+def test_a_robot_in_air_falls_as_one_in_none(tmp_path: Path) -> None:
+    inputs = built(tiny_quadruped(), tmp_path, FreeFall)
+    file = inputs / "mjcf/robot.xml"
+    text = file.read_text().replace("<option ", '<option density="50" viscosity="0.1" ', 1)
+    assert "density" in text
+    file.write_text(text)
+    assert run_step(FreeFall(robot="robot"), inputs, tmp_path / "out") == []
+
+
 WELDED = {
     '<freejoint name="floating_base_joint"/>': "",
     "<keyframe>": "<!--",

@@ -75,6 +75,27 @@ def test_a_vertex_that_moved_is_a_difference_among_thin_triangles(tmp_path: Path
     assert {"equal.source.area", "equal.source.mean_corner"} <= rules
 
 
+EVEN = """v 1 0 0\nv -1 0 0\nv 0 1 0\nv 0 -1 0\nv 0 0 1\nv 0 0 -1
+f 1 3 5\nf 3 2 5\nf 2 4 5\nf 4 1 5\nf 3 1 6\nf 2 3 6\nf 4 2 6\nf 1 4 6\n"""
+"""An octahedron about its origin."""
+
+
+@pytest.mark.parametrize(("moved_m", "is_found"), [(1e-9, False), (1e-4, True)])
+def test_rounding_of_a_mesh_about_its_origin_is_no_difference(
+    moved_m: float, is_found: bool, tmp_path: Path
+):
+    """Its mean corner is nearly 0: what may differ is a share of the mesh's size, not of that."""
+    text = FLOATING.replace('refpos=".1 .2 .3" refquat="1 .3 .2 .1"', "")
+    written = built(text, tmp_path, EVEN)
+    (mesh,) = (written.xml.parent / "assets").glob("*.obj")
+    lines = mesh.read_text().splitlines()
+    at = next(i for i, line in enumerate(lines) if line.startswith("v "))
+    x, y, z = map(float, lines[at].split()[1:])
+    lines[at] = f"v {x!r} {y + moved_m!r} {z!r}"
+    mesh.write_text("\n".join(lines) + "\n")
+    assert bool(compared(written)) == is_found
+
+
 def test_a_geom_that_states_the_grey_of_mujoco_is_no_difference(tmp_path: Path):
     text = """<mujoco><worldbody><body name="a"><geom size=".1"/><geom name="g" size=".2"
     rgba=".5 .5 .5 1" contype="0" conaffinity="0" group="2"/></body></worldbody></mujoco>"""

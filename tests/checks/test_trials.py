@@ -17,7 +17,7 @@ from assetbuild.checks.trials import Trials
 from assetbuild.findings import Finding
 from assetbuild.pipeline.recipes import whole_model
 from assetbuild.robot.shapes import Box, Shapes
-from assetbuild.simulators.mujoco.trials import support
+from assetbuild.simulators.mujoco.trials import energy_drift, support
 from assetbuild.targets.mjcf import Mjcf
 
 QUADRUPED = tiny_quadruped()
@@ -274,3 +274,15 @@ def test_contacts_that_fill_the_memory_of_mujoco_are_a_finding(text: str, fits: 
     found = rules(list(Trials(poses=2).examine(mujoco.MjModel.from_xml_string(text), figures)))
     assert ("trials.memory" in found) is not fits
     assert ("in_floor" in figures) is fits
+
+
+MEDIUM = """<mujoco><option density="1000" viscosity="1"/><worldbody><body><freejoint/>
+<geom size=".1"/><site name="a" pos=".1 0 0"/><body pos=".2 0 0"><joint axis="0 1 0"/>
+<site name="b"/>
+<geom type="capsule" fromto="0 0 0 .2 0 0" size=".02"/></body></body></worldbody><tendon>
+<spatial stiffness="300" damping="2" frictionloss="1"><site site="a"/><site site="b"/></spatial>
+</tendon></mujoco>"""
+
+
+def test_springs_of_tendons_and_a_medium_are_no_loss_of_energy():
+    assert energy_drift(mujoco.MjModel.from_xml_string(MEDIUM)) < 1e-2

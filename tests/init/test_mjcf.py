@@ -240,3 +240,34 @@ def test_a_loop_of_a_hand_whose_impedance_nobody_states_is_stated_firmer(
     assert [(row.name, row.solref, row.solimp[0]) for row in loops] == (
         [("left_connect", (0.005, 1.0), 0.999)] if firm else []
     )
+
+
+LONE = """<mujoco><compiler angle="radian"/><worldbody><body name="torso"><geom size=".1" mass="9"/>
+<body name="{name}" pos="0 0 .1"><joint name="{joint}" range="0 1.5"/><geom size=".02" mass=".1"/>
+</body></body></worldbody><actuator><position joint="{joint}" kp="5" kv=".5" ctrlrange=".25 1.25"/>
+</actuator></mujoco>"""
+
+
+@pytest.mark.parametrize(
+    ("name", "joint", "is_hand"),
+    [("left_hand", "elbow_yaw", False), ("arm", "lift", False), ("moving_jaw", "jaw", True)],
+)
+def test_a_lone_limb_is_no_hand_unless_it_is_called_like_one_that_presses(
+    name: str, joint: str, is_hand: bool, tmp_path: Path
+):
+    """It starts where its drive can hold it: 0 is no command of it."""
+    (tmp_path / "lone.xml").write_text(LONE.format(name=name, joint=joint))
+    recipe, _ = initialised(tmp_path / "lone.xml", tmp_path)
+    assert bool(recipe.contact.links) == is_hand
+    assert (recipe.validate_.grip is not None) == is_hand
+    assert recipe.keyframes["home"].joints == {joint: 0.75}
+
+
+def test_a_hand_of_which_nothing_collides_gets_no_surfaces(tmp_path: Path):
+    seen = LONE.format(name="jaw", joint="jaw").replace(
+        'mass=".1"', 'mass=".1" contype="0" conaffinity="0"'
+    )
+    (tmp_path / "seen.xml").write_text(seen)
+    recipe, _ = initialised(tmp_path / "seen.xml", tmp_path)
+    assert "jaw" not in str(recipe.contact.links)
+    assert not [f.rule for f in check(tmp_path / "recipe.yaml") if f.severity == "error"]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import mujoco
@@ -11,6 +12,8 @@ from mjcfs import Written, read, write
 from tiny import run_step
 
 from assetbuild.checks.mjcf_source import MjcfSource
+from assetbuild.edits.set_limits import SetLimits
+from assetbuild.robot.codec import encode
 from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.model import Actuator, Mimic
 from assetbuild.simulators.usd_options import UsdOptions
@@ -195,3 +198,32 @@ def test_a_pose_of_the_recipe_is_held_by_the_mjcf_s_own_command(on: str, tmp_pat
     for _ in range(2000):
         mujoco.mj_step(model, data)
     assert data.joint("l").qpos[0] == pytest.approx(0.4, abs=1e-3)
+
+
+def test_an_effort_that_an_edit_sets_is_that_of_the_source_s_drive(tmp_path: Path):
+    servo = '<position joint="l" kp="20" kv="1" forcerange="-30 30"/>'
+    reading = read(hand(servo), tmp_path / "read")
+    edit = SetLimits.model_validate({"joint": "[lr]", "effort": 5})
+    edited = tuple(edit.change(joint)[0] for joint in reading.links.joints)
+    (reading.read / "links.json").write_bytes(encode(replace(reading.links, joints=edited)))
+    done = write(reading, tmp_path / "out")
+    model = mujoco.MjModel.from_xml_path(str(done.xml))
+    assert model.actuator_forcerange[0].tolist() == [-5.0, 5.0]
+
+
+def test_a_cable_holds_still_in_a_pose_of_which_the_source_says_nothing(tmp_path: Path):
+    """Its command is the length that it has there, not 0, which would pull at it."""
+    cable = "<spatial name='cable'><site site='a'/><site site='b'/></spatial></tendon>"
+    pull = '<position name="pull" tendon="cable" kp="900" kv="9" ctrlrange="0.03 0.5"/>'
+    text = hand(pull).replace("</tendon>", cable).replace("<geom", "<site name='b'/><geom", 1)
+    text = text.replace(
+        '<geom type="capsule"', '<site name="a" pos="0 0 .2"/><geom type="capsule"', 1
+    )
+    pose = {"home": {"joints": {}}}
+    done = write(read(text, tmp_path / "read"), tmp_path / "out", keyframes=pose)
+    model = mujoco.MjModel.from_xml_path(str(done.xml))
+    data = mujoco.MjData(model)
+    mujoco.mj_resetDataKeyframe(model, data, 0)
+    mujoco.mj_forward(model, data)
+    assert data.ctrl[0] == pytest.approx(float(data.ten_length[1])) and data.ctrl[0] > 0.03
+    assert data.actuator_force[0] == pytest.approx(0.0, abs=1e-6)

@@ -186,3 +186,12 @@ def test_an_element_keeps_its_own_line_beside_one_of_that_name_elsewhere(tmp_pat
     lines = read(text, tmp_path).lines
     assert lines["joint j1"] == 2
     assert lines["equality j1"] == 5
+
+
+@pytest.mark.parametrize("masks", ['contype="0" conaffinity="0"', 'contype="0"'])
+def test_a_shape_that_only_a_pair_holds_on_the_floor_is_an_error(masks: str, tmp_path: Path):
+    text = f"""<mujoco><worldbody><geom name="ground" type="plane" size="1 1 1"/>
+    <body name="base" pos="0 0 .1"><freejoint/><geom name="hull" size=".1" {masks}/></body>
+    </worldbody><contact><pair geom1="ground" geom2="hull"/></contact></mujoco>"""
+    found = [f for f in read(text, tmp_path).findings if f.rule == "mjcf.no_floor"]
+    assert [f.data["shapes"] for f in found] == ([("hull",)] if "aff" in masks else [])

@@ -174,7 +174,8 @@ SURFACE = frozenset({"friction", "condim", "priority", "solref", "solimp", "marg
                      "mjcf:solmix"})  # fmt: skip
 MESH = frozenset({"area", "volume", "mean corner", "corner moments"})
 LOOKS = frozenset({"texture", "texture corners", "triangles"})
-"""Pictures are no input of this check; how many triangles keep an area depends on rounding."""
+"""Not compared: pictures are no input of this check; how many triangles keep an area depends on
+rounding, and tells how precise the area is."""
 OPTIONS = {"ls_iterations": "line search iterations"}
 """Key of a recipe -> quantity, where they differ."""
 
@@ -183,7 +184,8 @@ def compare(before: Table, after: Table, *, rough: bool) -> list[Difference]:
     """Everything that differs. rough: see `ROUGH`."""
     by = {**EXACT, "length": 1e-6} | ({"tensor": ROUGH, "vector": ROUGH} if rough else {})
     poses = {("shape", "pose"): SNAPPED, ("frame", "pose"): SNAPPED}
-    return differences(before, after, Precision(by, {**MESHES.by_quantity, **poses}))
+    found = differences(before, after, Precision(by, {**MESHES.by_quantity, **poses}))
+    return [difference for difference in found if difference.key.quantity not in LOOKS]
 
 
 def tables(source: Side, ours: Side, stated: frozenset[str]) -> tuple[Table, Table]:
@@ -252,10 +254,8 @@ def _are_neighbours(pair: str, side: Side) -> bool:
 
 
 def _is_stated(key: Key, facts: Facts, stated: frozenset[str]) -> bool:
-    """Whether the recipe says it, or nobody need."""
+    """Whether the recipe says it."""
     kind, name, quantity = key
-    if quantity in LOOKS:
-        return True
     if kind == "simulation":
         names = {OPTIONS.get(word, word) for word in stated}
         return quantity.removeprefix("mjcf:") in names

@@ -31,8 +31,8 @@ LARGEST_DOFS = 300
 ALONE_S, ALONE_FALL = 2.0, 0.5
 """How long nobody touches the robot, and what counts as a fall then: as in the check `stand`."""
 ON_POINTS = (
-    "it stands on points or edges that span no area: only a controller that balances it keeps it "
-    "up, or wider feet"
+    "where it starts, it stands on points or edges that span no area: only a controller that "
+    "balances it keeps it up, or wider feet"
 )
 DEEP_M = 0.001
 """Two bodies may overlap by this at the start: hulls are a little rounder than meshes."""

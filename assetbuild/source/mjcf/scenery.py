@@ -32,6 +32,12 @@ SCENERY = Rule(
     "a body of the source's world is no part of the robot and was left out",
     "name the robot's body by `source.body`; make one body of what belongs together",
 )
+NO_FLOOR = Rule(
+    "mjcf.no_floor",
+    "error",
+    "a shape touches the floor by a <pair> of the source alone, and nothing of the bundle does so",
+    "give the geom `contype` and `conaffinity` by `patches`; a rule of the recipe waives it",
+)
 OBJECTS = ("joint", "freejoint", "geom", "site", "camera", "light")
 NAMES: Mapping[str, str] = {
     **{f"{kind}{n}": kind for kind in ("body", "joint", "geom", "site") for n in ("", "1", "2")},
@@ -75,10 +81,16 @@ def cut_scenery(root: _Element, chosen: str | None) -> Iterator[Finding]:
         lost |= set(_objects(world, "site", "geom"))
     if gone:
         _refuse_total_mass(root)
+    floors = {str(geom.get("name")) for geom in parts(world, "geom") if _is_ground(geom, root)}
+    sinking: list[_Element] = []
     for element, missing in _cut(root, gone, lost):
-        what = f"<{element.tag}> `{element.get('name')}`"
+        ends = [str(element.get(f"geom{side}")) for side in (1, 2)]
+        what = f"<{element.tag}> `{element.get('name') or ' and '.join(ends)}`"
+        if element.tag == "pair" and missing in floors:
+            sinking += [g for g in of_bodies(root, "geom") if g.get("name") in ends]
         message = f"{what} was left out ({where_of(element)}): `{missing}` is not part of the robot"
         yield dropped(str(element.tag), "robot", message, severity="warning")
+    yield from _unheld(sinking, root)
     for top in gone:
         mocap = top.get("mocap") == "true"
         yield SCENERY(
@@ -87,6 +99,30 @@ def cut_scenery(root: _Element, chosen: str | None) -> Iterator[Finding]:
             f"({where_of(top)}): it is no part of the robot",
             f"`source: {{body: {top.get('name')}}}` in the recipe would build it instead",
             data={"mocap": mocap, "kept": tuple(kept)},
+        )
+
+
+def _is_ground(geom: _Element, root: _Element) -> bool:
+    return Classes(root).attributes(geom).get("type") in ("plane", "hfield")
+
+
+def _unheld(geoms: Iterable[_Element], root: _Element) -> Iterator[Finding]:
+    """One finding for the geoms whose masks let them touch nothing."""
+    classes = Classes(root)
+    masks = ("contype", "conaffinity")
+    names = [
+        str(geom.get("name"))
+        for geom in geoms
+        if all(classes.attributes(geom).get(mask, "1").strip() == "0" for mask in masks)
+    ]
+    if names:
+        yield NO_FLOOR(
+            "robot",
+            f"{', '.join(names[:8])} touched the floor of the source by <pair>s alone, which went "
+            f"with that floor: in the bundle the robot sinks through any ground",
+            'give these geoms `contype="1" conaffinity="1"` by `patches`, and exclude what they '
+            "must not touch",
+            data={"shapes": tuple(names)},
         )
 
 
