@@ -113,6 +113,12 @@ GRAMMAR = Rule(
     "a word that MuJoCo 3.11 (mjlab) does not know",
     "use the older spelling",
 )
+MALFORMED = Rule(
+    "lint.malformed",
+    "warning",
+    "no well-formed XML: MuJoCo reads it, and other readers refuse it",
+    "remove what follows the last element, and characters that are none",
+)
 ABSOLUTE_PATH = Rule(
     "lint.absolute_path",
     "warning",
@@ -132,7 +138,11 @@ FOREIGN_CLASS = Rule(
 
 def lint_text(path: Path) -> Iterator[Finding]:
     """All that the text alone can show. path: of a file that MuJoCo compiles."""
-    roots = list(_with_includes(path))
+    try:
+        roots = list(_with_includes(path))
+    except etree.XMLSyntaxError as error:
+        yield MALFORMED("robot", f"MuJoCo reads it, but it is not well-formed XML: {error}")
+        return
     for root in roots:
         for element in root.iter("*"):
             yield from _element(element)

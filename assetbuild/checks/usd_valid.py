@@ -100,11 +100,11 @@ def lint_file(path: Path) -> Iterator[Finding]:
     from pxr import Tf, Usd
 
     try:
-        stage = Usd.Stage.Open(str(path))
-    except Tf.ErrorException:
-        yield UNREADABLE("robot", f"`{path.name}` cannot be opened as USD")
-        return
-    yield from _validation(stage)
+        yield from _validation(Usd.Stage.Open(str(path)))
+    except Tf.ErrorException as error:
+        reasons = " ".join(dict.fromkeys(str(each.commentary) for each in error.args))
+        why = " ".join(reasons.replace(f"{path.parent}/", "").split())[:300]
+        yield UNREADABLE("robot", f"`{path.name}` cannot be read as USD: {why}")
 
 
 def _prims(path: Path, *, whole: bool) -> Iterator[Finding]:

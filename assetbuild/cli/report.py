@@ -6,7 +6,9 @@ import argparse
 import json
 import sys
 import webbrowser
+from collections.abc import Iterator, Mapping
 from pathlib import Path
+from typing import Any
 
 from assetbuild.cli.summary import every_finding_line, shown_figures
 from assetbuild.engine.world import World
@@ -25,22 +27,11 @@ def run(arguments: argparse.Namespace) -> int:
         raise UsageError(f"no `{path}`", hint="give a folder that `build` wrote") from None
     except ValueError as error:
         raise UsageError(f"{path}: not a report: {error}") from None
-    verdict = report["verdict"]
-    print(f"{report['robot']}: ready for training: {'yes' if verdict['ready'] else 'no'}")
-    for part in ("formats", "physics"):  # bundles of older versions have neither
-        if part in verdict:
-            status, sentence = verdict[part]["status"], verdict[part]["sentence"]
-            print(
-                f"  {part}: {sentence if sentence.startswith(status) else f'{status}: {sentence}'}"
-            )
-    for name, trainer in verdict.get("trainers", {}).items():
-        figures = trainer["status"] != "not tried"
-        sentence = shown_figures(name, trainer["sentence"]) if figures else trainer["sentence"]
-        print(f"  trainers: {name}: {trainer['status']}: {sentence}")
-    for name, check in report["checks"].items():
-        print(f"  {check['status']:4}  {name}  {check.get('note', '')}".rstrip())
-    for line in every_finding_line([finding_from_json(raw) for raw in report["findings"]]):
-        print(line)
+    try:
+        lines = list(_lines(report))
+    except (KeyError, TypeError, AttributeError) as error:
+        raise UsageError(f"{path}: not a report: {error!r}") from None
+    print("\n".join(lines))
     if arguments.pictures:
         scene = arguments.bundle / "mjcf" / "scene.xml"
         if not scene.is_file():
@@ -51,4 +42,22 @@ def run(arguments: argparse.Namespace) -> int:
         page = (arguments.bundle / "report" / "index.html").resolve()
         if not webbrowser.open(page.as_uri()):
             print(f"no browser found; open {page}", file=sys.stderr)
-    return 0 if verdict["ready"] else 1
+    return 0 if report["verdict"]["ready"] else 1
+
+
+def _lines(report: Mapping[str, Any]) -> Iterator[str]:  # Any: JSON
+    """The verdict, then the checks, then the findings."""
+    verdict = report["verdict"]
+    yield f"{report['robot']}: ready for training: {'yes' if verdict['ready'] else 'no'}"
+    for part in ("formats", "physics"):  # bundles of older versions have neither
+        if part in verdict:
+            status, sentence = verdict[part]["status"], verdict[part]["sentence"]
+            shown = sentence if sentence.startswith(status) else f"{status}: {sentence}"
+            yield f"  {part}: {shown}"
+    for name, trainer in verdict.get("trainers", {}).items():
+        figures = trainer["status"] != "not tried"
+        sentence = shown_figures(name, trainer["sentence"]) if figures else trainer["sentence"]
+        yield f"  trainers: {name}: {trainer['status']}: {sentence}"
+    for name, check in report["checks"].items():
+        yield f"  {check['status']:4}  {name}  {check.get('note', '')}".rstrip()
+    yield from every_finding_line([finding_from_json(raw) for raw in report["findings"]])

@@ -170,7 +170,7 @@ class MjcfReader(Reader):
                 return compiled_facts(spec.compile(), opaque)
             except ValueError as error:
                 text = " ".join(str(error).replace(f"{path.parent}/", "").split())
-                raise UsageError(f"MuJoCo refuses it: {text}") from None
+                raise UsageError(f"MuJoCo refuses `{path}`: {text}") from None
 
     def expected(self, reference: Reference) -> Table:
         """The robot that this form holds, and its solver."""

@@ -269,7 +269,8 @@ def _findings(fit: Fit) -> Iterator[Finding]:
             data={"parameter": each.name, "low": each.low, "high": each.high},
         )
         outside = each.prior is not None and not each.low <= each.prior <= each.high
-        if outside and "together" not in each.refused:
+        # A model that lacks something puts what it lacks into the numbers that it has.
+        if outside and LACKS not in each.refused and "together" not in each.refused:
             yield PRIOR_OUTSIDE(
                 f"joint {each.joints[0]}",
                 f"{each.label} keeps its prior {each.prior:.4g} {each.unit}, but the logs allow "

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from assetbuild.errors import StepError
 from assetbuild.identify.record import (
     OF_JOINTS,
     Drive,
@@ -37,6 +38,8 @@ CHUNK = 4000
 """Steps that are simulated at once, so that memory is bounded."""
 AT_ONCE = 16
 """Variants that are simulated together, for the same reason."""
+UNEVEN = 0.02
+"""Share by which a period may miss a whole number of steps: clocks of logs are not exact."""
 HELD, HELD_RAD_S = 1e3, 100.0
 """Joints that no log holds: their armature, in largest inertias of the others; of their spring."""
 
@@ -141,7 +144,7 @@ class Plant:
         if self.simulator_step is None:
             stride = math.ceil(record.period_s / self.longest_s - 1e-6)
         else:
-            stride = max(1, round(record.period_s / self.simulator_step))
+            stride = _whole_steps(record, self.simulator_step)
         dt = record.period_s / stride
         models = [self.changed(drives, dt) for drives in variants]
         lead, (q0, v0) = record.lead, record.begin()
@@ -328,3 +331,15 @@ def _torque(
             one[:, j] = np.interp(n - late, n, record.target[:, j])
     force: Array = np.clip(offset + kp * (u - q) - kd * v, -effort, effort)
     return force
+
+
+def _whole_steps(record: Record, step_s: float) -> int:
+    """Steps of the simulator between two samples. StepError where they do not fit."""
+    steps = record.period_s / step_s
+    if round(steps) < 1 or abs(steps - round(steps)) > UNEVEN * round(steps):
+        raise StepError(
+            f"`simulator_step` {step_s:g} s does not go into the {record.period_s:g} s between the "
+            "samples of a log",
+            hint="state the step with which the simulator ran; leave it out for a real robot",
+        )
+    return round(steps)

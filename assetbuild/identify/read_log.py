@@ -165,6 +165,11 @@ class ReadLog(Step):
         ends = [0, *(int(g) + 1 for g in gaps), len(time)]
         stretches = [(a, b) for a, b in itertools.pairwise(ends) if (b - a) * period >= SHORTEST_S]
         lost = float(np.sum(steps[gaps]))
+        if (time[-1] - time[0]) < SHORTEST_S:
+            raise StepError(
+                f"{self.file}: {time[-1] - time[0]:.3g} s long, at least {SHORTEST_S:g} s are used",
+                hint="record longer; check `time_unit` and `interval`",
+            )
         if not stretches or lost > MOST_LOST * (time[-1] - time[0]):
             raise StepError(
                 f"{self.file}: samples are missing in {len(gaps)} places, {lost:.3g} s of "

@@ -102,6 +102,7 @@ def _csv(path: Path, file: str, columns: Sequence[str]) -> Iterator[Array]:
         places = [names.index(name) for name in columns]
         number = 1
         for chunk in _pieces(lines, file):
+            _refuse_wide(chunk, comma, len(names), f"{file}:", number + 1)
             try:
                 piece = np.loadtxt(chunk, delimiter=comma, usecols=places, ndmin=2, comments=None)
             except ValueError:
@@ -124,6 +125,15 @@ def _pieces(lines: TextIO, file: str) -> Iterator[list[str]]:
             yield whole.split("\n")
     if rest.strip():
         yield [rest]
+
+
+def _refuse_wide(chunk: Sequence[str], comma: str, most: int, where: str, first: int) -> None:
+    """StepError for a line with more cells than the header: which of them is too many?"""
+    for number, line in enumerate(chunk, first):
+        if line.rstrip().rstrip(comma).count(comma) >= most and '"' not in line:
+            raise StepError(
+                f"{where}{number}: {line.count(comma) + 1} cells, but the header names {most}"
+            )
 
 
 def _slowly(

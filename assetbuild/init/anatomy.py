@@ -143,8 +143,7 @@ def roles(tree: Tree, anatomy: Anatomy) -> dict[str, Role]:
 
 def _alone(tree: Tree, role_of: Mapping[str, Role]) -> Iterator[str]:
     """Joints of what looks like a finger but has no other to press against, nor a finger's name."""
-    at_palm: dict[str, list[Joint]] = {}
-    palm_of: dict[str, str] = {}
+    at_palm, palm_of = dict[str, list[Joint]](), dict[str, str]()
     for joint in tree.moving_joints:  # parents first
         if role_of[joint.name] == "finger":
             palm = palm_of[joint.child] = palm_of.get(joint.parent, joint.parent)

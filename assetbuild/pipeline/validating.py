@@ -13,7 +13,7 @@ from assetbuild.engine.digest import digest_file
 from assetbuild.engine.execute import Listener
 from assetbuild.engine.scratch import scratch
 from assetbuild.engine.world import World
-from assetbuild.errors import AssetBuildError, SourceError, UsageError
+from assetbuild.errors import AssetBuildError, SourceError, StepError, UsageError
 from assetbuild.facts.reference import Reference
 from assetbuild.findings import Finding, Rule, worst_first
 from assetbuild.pipeline.again import ROBOT, prove_again
@@ -174,7 +174,7 @@ def _validated(file: Path, name: str, wish: Wish) -> Validated:
 
 
 def _mjcf(file: Path) -> Iterator[Finding]:
-    from assetbuild.checks.mjcf_compiles import lint_file
+    from assetbuild.checks.mjcf_compiles import LOAD, lint_file
     from assetbuild.checks.mjx_pairs import judge
     from assetbuild.checks.trials import Trials
     from assetbuild.simulators.mujoco import load
@@ -188,7 +188,13 @@ def _mjcf(file: Path) -> Iterator[Finding]:
     elif not file.stem.endswith("_bare"):
         scene = file.parent / "scene.xml"  # a bundle's own: the robot on a floor
         ours = file.parent.name == "mjcf" and scene.is_file()
-        yield from Trials().examine(load(scene if ours else file, visuals=False).model, {})
+        tried = scene if ours else file
+        try:
+            model = load(tried, visuals=False).model
+        except StepError as error:
+            yield LOAD("robot", f"MuJoCo refuses {tried.name}: {error.message}")
+            return
+        yield from Trials().examine(model, {})
 
 
 def _usd(file: Path) -> Iterator[Finding]:

@@ -70,10 +70,10 @@ class ActuatorRow(Model):
     kp: NonNegative | None = Field(None, description="N m/rad or N/m")
     kd: NonNegative | None = Field(None, description="of the drive, N m s/rad or N s/m")
     frequency: Positive | None = Field(
-        None, description="instead of kp: natural frequency of the joint, Hz"
+        None, le=1e6, description="instead of kp: natural frequency of the joint, Hz"
     )
     damping_ratio: NonNegative | None = Field(
-        None, description="instead of kd: of drive and joint together; 1 = critical"
+        None, le=1e6, description="instead of kd: of drive and joint together; 1 = critical"
     )
     inertia: Literal["home", "armature"] = Field(
         "home",

@@ -135,3 +135,35 @@ def test_a_usd_that_is_none(tmp_path: Path, capsys: pytest.CaptureFixture[str]) 
     code, said = ran(capsys, tmp_path / "a.usda")
     assert (code, "usd.unreadable" in said) == (1, True)
     assert "trials.not_simulated" in said
+    (tmp_path / "b.usda").write_text("#usda 1.0\n( subLayers = [@a.usda@] )\n")
+    code, said = ran(capsys, tmp_path / "b.usda")
+    assert (code, "usd.unreadable" in said) == (1, True)
+
+
+@pytest.mark.parametrize("more", ["<mujoco/>", "\0"])
+def test_what_mujoco_reads_and_nobody_else_is_told(
+    more: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "arm.xml").write_text(ARM.format("") + more)
+    code, said = ran(capsys, tmp_path / "arm.xml", "--static")
+    assert (code, "lint.malformed" in said) == (0, True)
+
+
+@pytest.mark.parametrize("option", ['<option timestep="0"/>', '<option gravity="0 0 nan"/>'])
+def test_numbers_that_simulate_nothing_are_an_error(
+    option: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "arm.xml").write_text(ARM.format(option))
+    code, said = ran(capsys, tmp_path / "arm.xml")
+    assert (code, "error mjcf.load" in said) == (1, True)
+
+
+def test_a_report_that_is_none_is_a_wrong_input(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "report").mkdir()
+    report = {"robot": "r", "verdict": {"ready": True}, "checks": {"a": {}}, "findings": []}
+    (tmp_path / "report/report.json").write_text(json.dumps(report))
+    assert main(["report", str(tmp_path)]) == 2
+    said = capsys.readouterr()
+    assert "not a report: KeyError('status')" in said.err and not said.out

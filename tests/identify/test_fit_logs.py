@@ -14,8 +14,12 @@ from logs import (
     two_links,
 )
 
+from assetbuild.errors import StepError
 from assetbuild.identify import solve
 from assetbuild.identify.fit_logs import _findings
+from assetbuild.identify.plant import _whole_steps
+from assetbuild.identify.record import Record
+from assetbuild.identify.solve import LACKS
 from assetbuild.robot.identify import Fit, Parameter, Prediction
 
 
@@ -85,6 +89,7 @@ def test_a_joint_at_rest_shows_nothing(tmp_path):
         (0.3, "", 0.5, []),
         (0.3, "too much noise", 0.5, ["identify.refused"]),
         (0.6, "too much noise", 0.5, ["identify.refused", "identify.prior"]),
+        (0.6, f"the model misses the log by 0.1, so it {LACKS}", 0.5, ["identify.refused"]),
         (0.6, "together with kd", 0.5, ["identify.refused"]),
         (0.3, "", 1.04, []),
         (0.3, "", 1.06, ["identify.worse"]),
@@ -146,3 +151,13 @@ def test_joints_that_share_a_value_have_one_value(tmp_path):
     fit, _ = fitted(tmp_path, target, position, fit=names, shared=(".*",))
     (both,) = fit.parameters
     assert both.joints == JOINTS and both.value > 0.0
+
+
+@pytest.mark.parametrize(("step_s", "steps"), [(0.001, 5), (0.005, 1), (0.003, 0), (0.5, 0)])
+def test_the_steps_of_a_simulator_fill_the_time_between_samples(step_s: float, steps: int):
+    record = Record(0.005, np.zeros((9, 1)), np.zeros((9, 1)))
+    if steps:
+        assert _whole_steps(record, step_s) == steps
+        return
+    with pytest.raises(StepError, match=r"does not go into the 0\.005 s"):
+        _whole_steps(record, step_s)

@@ -11,6 +11,7 @@ from tiny import run_step
 from assetbuild.errors import StepError
 from assetbuild.identify.fit_logs import read_records
 from assetbuild.identify.read_log import ReadLog
+from assetbuild.identify.table import _csv
 from assetbuild.robot.codec import encode
 from assetbuild.robot.identify import Columns
 
@@ -104,6 +105,9 @@ SPOILED = {
     "milliseconds that nobody stated": (
         lambda log: with_clock(log, lambda t, _: 1000.0 * t), "check `time_unit`"),
     "a file of another robot": (of_another_robot, "has no column `position_shoulder`"),
+    "a second of it": (
+        lambda log: {name: values[: int(RATE_HZ)] for name, values in log.items()},
+        "at least 2 s are used"),
     "many dropped samples": (without_half_of_its_rows, "samples are missing"),
 }  # fmt: skip
 
@@ -134,6 +138,16 @@ def test_an_interval_is_all_that_is_read(tmp_path, good):
     _, out = read(tmp_path, good, interval=(1.0, 4.0))
     (record,) = read_records(out / "record.npz")
     assert len(record.position) == pytest.approx(3 * RATE_HZ, abs=1)
+
+
+def test_a_row_that_is_wider_than_the_header_is_refused_with_its_line(tmp_path):
+    """A comma at the end of a line is none too many."""
+    path = tmp_path / "log.csv"
+    path.write_text("time,a\n0,1,\n1,2\n")
+    assert np.concatenate(list(_csv(path, "log.csv", ("a",)))).tolist() == [[1.0], [2.0]]
+    path.write_text("time,a\n0,1\n1,2,3\n")
+    with pytest.raises(StepError, match=r"log.csv:3: 3 cells, but the header names 2"):
+        list(_csv(path, "log.csv", ("a",)))
 
 
 def test_two_joints_need_two_columns(tmp_path, good):

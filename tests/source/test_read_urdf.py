@@ -173,6 +173,8 @@ BAD = {
     "loop": (_arm(_joint() + "\n" + '<joint name="k" type="fixed"><parent link="b"/><child link="a"/></joint>'), 4, "close a loop: `a` -> `b` -> `a`"),
     "nan inertia": (_mass('<mass value="1"/>', 'ixx="nan" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"'), 2, "link a: inertia ixx is `nan`"),
     "infinite": (_mass('<mass value="1e999"/>'), 2, "mass value is `1e999`, not a finite number"),
+    "a number of no robot": (_mass('<mass value="1e300"/>'), 2, "mass value is 1e+300: of no robot"),
+    "next to nothing": (_mass('<mass value="1e-300"/>'), 2, "mass value is 1e-300: of no robot"),
     "python number": (_mass('<mass value="1_0"/>'), 2, "mass value is `1_0`"),
     "xacro number": (_mass('<mass value="${m}"/>'), 2, "hint: expand the xacro file first"),
     "negative mass": (_mass('<mass value="-1"/>'), 2, "mass is -1.0 kg"),

@@ -99,7 +99,7 @@ def _compiled(path: Path) -> Model:
     try:
         return load(path, visuals=False).model
     except StepError as error:
-        raise UsageError(f"MuJoCo refuses it: {error.message}") from None
+        raise UsageError(f"MuJoCo refuses `{path}`: {error.message}") from None
 
 
 def _floor(model: Model, plane: int) -> dict[Key, Value]:

@@ -61,6 +61,10 @@ class InMujoco(Check):
     engines: ClassVar[tuple[str, ...]] = ("mujoco",)
 
 
+LEAST_STEP_S = 1e-6
+"""Shorter steps, and none, are mistakes: a second would take a million of them."""
+
+
 class ArenaFullError(StepError):
     """MuJoCo's own memory, `<size memory>`, does not hold the contacts and constraints of a state.
 
@@ -123,14 +127,13 @@ def load(
                 model = spec.compile()
         except ValueError as error:
             raise StepError(_without_folder(str(error), path)) from None
+    if any("NaN" in text for text in messages) or model.opt.timestep < LEAST_STEP_S:
+        raise StepError(f"a number in it is NaN, or its timestep of {model.opt.timestep:g} s")
     return Loaded(model, tuple(_without_folder(text, path) for text in messages))
 
 
 def _without_folder(text: str, path: Path) -> str:
-    """No absolute path: the same message wherever the file lies; in one line.
-
-    Without what MuJoCo adds about the visual shapes that we asked it to leave out.
-    """
+    """In one line without absolute paths, nor what it adds about visual shapes that we left out."""
     text = re.sub(r"The visual elements of the spec were discarded[^.]*\.", "", text)
     plain = text.replace(f"{path.parent.resolve()}/", "").replace(f"{path.parent}/", "")
     return " ".join(plain.split())

@@ -24,7 +24,9 @@ from assetbuild.source.mjcf.text import (
     WORLD,
     Classes,
     bodies,
+    error_at,
     of_bodies,
+    own_attributes,
     own_fault,
     remove,
     where_of,
@@ -100,7 +102,12 @@ def compile_source(root: _Element, files: Mapping[str, bytes]) -> Compiled:
     for path, content in files.items():
         refuse_pointer(content, where=Where(path))
     bare = plain(root)
-    full, warnings = _compiled(bare, _by_number(bare, files))
+    try:
+        full, warnings = _compiled(bare, _by_number(bare, files))
+    except SourceError as error:
+        raise _without_number(root) or error from None
+    if any("NaN" in text for text in warnings):
+        raise _without_number(root) or error_at(root, "a number in it is NaN")
     try:
         places, _ = _compiled(without_meshes(bare), {})
     except SourceError as error:
@@ -132,6 +139,15 @@ def _compiled(root: _Element, files: Mapping[str, bytes]) -> tuple[Model, tuple[
         except ValueError as error:
             raise _told(str(error), text, root) from None
     return model, tuple(" ".join(line.split()) for line in warnings)
+
+
+def _without_number(root: _Element) -> SourceError | None:
+    """The first attribute that says NaN; names may be called so."""
+    for element in root.iter("*"):
+        for key, value in own_attributes(element).items():
+            if "name" not in key and "nan" in value.lower().split():
+                return error_at(element, f"<{element.tag}> `{key}` is `{value}`: not a number")
+    return None
 
 
 def _told(message: str, text: str, root: _Element) -> SourceError:

@@ -20,6 +20,7 @@ from assetbuild.robot.model import (
     Simulation,
 )
 from assetbuild.robot.pose import IDENTITY, Pose, Vec3, vec3
+from assetbuild.simulators.mujoco import LEAST_STEP_S
 from assetbuild.source.mjcf.compiled import Model, pose_at
 from assetbuild.source.mjcf.drives import Drives
 from assetbuild.source.mjcf.links import FREE, JOINT_REF, Links, coupled, coupling_of, tendon_rest
@@ -86,8 +87,16 @@ def read_sections(links: Links, drives: Drives) -> Sections:
     source = links.source
     reader = _Reader(links, {name: joint for name, joint in drives.names if joint})
     sections = reader.sections
+    timestep = float(source.model.opt.timestep)
+    if not LEAST_STEP_S <= timestep <= 1.0:
+        at = source.root.find("option[@timestep]")
+        raise error_at(
+            source.root if at is None else at,
+            f"a timestep of {timestep:g} s simulates nothing",
+            "robots take 0.0005 to 0.01 s",
+        )
     sections.simulation = Simulation.model_construct(
-        timestep=float(source.model.opt.timestep), gravity=_gravity(source.model)
+        timestep=timestep, gravity=_gravity(source.model)
     )
     sections.mjcf_only.append(_options(source.root, source.model))
     if int(source.model.narena) > USUAL_ARENA and source.root.find("size[@memory]") is not None:

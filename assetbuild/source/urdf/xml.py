@@ -149,12 +149,20 @@ class Node:
     def _number(self, attribute: str, word: str) -> float:
         value = float(word) if _NUMBER.fullmatch(word) else math.nan
         if math.isfinite(value):
+            is_nothing = self.tag == "mass" and 0.0 < value < LEAST_KG
+            if is_nothing or (self.tag not in UNBOUNDED and abs(value) > MOST):
+                raise self.error(f"{self.tag} {attribute} is {value!r}: of no robot", _POWER)
             return value
         hint = "give a decimal number, such as 0.0123"
         hint = _COMMAS if "," in word else _EXPAND if _is_macro(word) else hint
         raise self.error(f"{self.tag} {attribute} is `{_cut(word)}`, not a finite number", hint)
 
 
+UNBOUNDED = frozenset({"limit", "dynamics", "safety_controller"})
+"""Some exporters write the largest number there is where they mean none."""
+LEAST_KG, MOST = 1e-100, 1e15
+"""Powers and quotients of what a robot is like must be numbers."""
+_POWER = "check its power of ten"
 _EXPAND = "expand the xacro file first"
 _COMMAS = (
     "a comma may separate numbers or start decimals: write blanks between and `.` for decimals"
