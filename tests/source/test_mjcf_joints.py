@@ -178,7 +178,7 @@ def test_a_constraint_that_is_switched_off_closes_nothing(tmp_path: Path):
     ],
 )
 def test_a_number_that_is_none_is_refused_with_its_line(equality: str, tmp_path: Path):
-    with pytest.raises(SourceError, match="not finite, or above 10000|not a number") as refused:
+    with pytest.raises(SourceError, match=r"not finite, or above 10000|not a number") as refused:
         built(equality, tmp_path)
     assert refused.value.where is not None and refused.value.where.line == 14
 
