@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Literal
+from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
@@ -69,11 +69,11 @@ class ActuatorRow(Model):
     )
     kp: NonNegative | None = Field(None, description="N m/rad or N/m")
     kd: NonNegative | None = Field(None, description="of the drive, N m s/rad or N s/m")
-    frequency: Positive | None = Field(
-        None, le=1e6, description="instead of kp: natural frequency of the joint, Hz"
+    frequency: Annotated[float, Field(gt=0, le=1e6)] | None = Field(
+        None, description="instead of kp: natural frequency of the joint, Hz"
     )
-    damping_ratio: NonNegative | None = Field(
-        None, le=1e6, description="instead of kd: of drive and joint together; 1 = critical"
+    damping_ratio: Annotated[float, Field(ge=0, le=1e6)] | None = Field(
+        None, description="instead of kd: of drive and joint together; 1 = critical"
     )
     inertia: Literal["home", "armature"] = Field(
         "home",
