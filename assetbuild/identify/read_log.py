@@ -218,6 +218,8 @@ STILL = 0.01
 """A joint whose command moves by so much (rad or m, standard deviation) should move as well."""
 MOVES = 0.02
 """Share of the command's motion that a joint follows at least, unless it stands still."""
+LAGS_S = (0.01, 0.03, 0.1)
+"""So far behind its command a position may be, s."""
 FOLLOWS = 0.6
 """Correlation of position and command from which the one follows the other."""
 
@@ -233,6 +235,7 @@ def suspicions(
     position, target = values["position"], values["target"]
     yield from _swapped(joints, position, target)
     yield from _against(joints, position, target)
+    yield from _ahead(time, position, target)
     yield from _still(joints, position, target)
     yield from _outside(tree, joints, position)
     if "velocity" in values:
@@ -272,6 +275,24 @@ def _against(joints: Sequence[str], position: Array, target: Array) -> Iterator[
                 "position or of its command is wrong",
                 "turn the sign of the column in the log",
             )
+
+
+def _ahead(time: Array, position: Array, target: Array) -> Iterator[Suspicion]:
+    """Every joint that moves is where its command comes to be only later."""
+    moving = (np.std(target, axis=0) > STILL) & (np.std(position, axis=0) > STILL)
+    a, b = position[:, moving], target[:, moving]
+    lags = {max(1, round(lag_s / float(np.median(np.diff(time))))) for lag_s in LAGS_S}
+
+    def left(after: Array, before: Array) -> Array:
+        """What the earlier of two leaves open of the later one's motion, at the best lag."""
+        open_ = [1.0 - np.diag(_correlations(after[n:], before[:-n])) ** 2 for n in sorted(lags)]
+        return np.asarray(np.min(open_, axis=0))
+
+    if moving.any() and len(time) > 2 * max(lags) and (left(b, a) < 0.5 * left(a, b)).all():
+        yield (
+            "the commands follow the positions: the columns of position and command are exchanged",
+            "correct `columns`, `position` and `target`",
+        )
 
 
 def _still(joints: Sequence[str], position: Array, target: Array) -> Iterator[Suspicion]:

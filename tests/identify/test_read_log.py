@@ -85,6 +85,11 @@ def without_half_of_its_rows(log):
     return {name: values[keep] for name, values in log.items()}
 
 
+EXCHANGED = {
+    f"{a}_{joint}": f"{b}_{joint}"
+    for joint in JOINTS
+    for a, b in (("position", "target"), ("target", "position"))
+}
 # What has become of a good log | words of the error.
 SPOILED = {
     "degrees that nobody stated": (
@@ -95,6 +100,9 @@ SPOILED = {
         lambda log: with_elbow(log, lambda q: -q), "`elbow` moves against its command"),
     "beyond the limits": (beyond_its_limits, "outside of its limits"),
     "swapped columns": (swapped, "two columns are swapped"),
+    "position and command exchanged": (
+        lambda log: {name: log[EXCHANGED.get(name, name)] for name in log},
+        "the columns of position and command are exchanged"),
     "a joint that never moves": (
         lambda log: with_elbow(log, lambda q: 0 * q + 0.3), "`elbow` never moves"),
     "a number that is none": (
