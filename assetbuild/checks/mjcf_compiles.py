@@ -6,6 +6,7 @@ The lints need the compiled model too, so they run here: compiling is what costs
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Iterator
 from pathlib import Path, PurePosixPath, PureWindowsPath
 from typing import Any
@@ -88,6 +89,9 @@ def said_by_mujoco(name: str, loaded: Loaded) -> Iterator[Finding]:
 
 def lint_file(path: Path) -> Iterator[Finding]:
     """Everything that can be said about one MJCF file, foreign or our own."""
+    if pipe := next(_pipes(path), None):
+        yield LOAD("robot", f"`{pipe}`, which {path.name} names, is no file that can be read")
+        return
     try:
         loaded = load(path)
     except StepError as error:
@@ -97,6 +101,16 @@ def lint_file(path: Path) -> Iterator[Finding]:
     yield from lint_text(path)
     yield from lint_model(loaded.model)
     yield from mirror_findings(twins(parts_of(loaded.model)), Tolerances())
+
+
+def _pipes(path: Path) -> Iterator[str]:
+    """What the text names as a file and is a pipe or a device, whose content may never end."""
+    text = path.read_text(encoding="utf-8", errors="replace")
+    folders = {"", *re.findall(r'(?:mesh|texture|asset)dir="([^"]+)"', text)}
+    for name in dict.fromkeys(re.findall(r'file\w*="([^"]+)"', text)):
+        for place in (path.parent / folder / name for folder in folders):
+            if place.exists() and not place.is_file() and not place.is_dir():
+                yield name
 
 
 # --- what the text says that no compiled model shows any more ------------------------------------

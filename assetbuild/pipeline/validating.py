@@ -159,6 +159,8 @@ def _files(folder: Path) -> list[Path]:
 
 
 def _validated(file: Path, name: str, wish: Wish) -> Validated:
+    if not file.is_file():  # to read a pipe would never end
+        raise UsageError(f"{name}: not a file that can be read")
     if file.stat().st_size > LARGEST_MB << 20:
         raise UsageError(f"{name}: larger than {LARGEST_MB} MB")
     kind = KINDS.get(file.suffix.lower())

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib.util
 import json
+import os
 from pathlib import Path
 
 import pytest
@@ -167,3 +168,14 @@ def test_a_report_that_is_none_is_a_wrong_input(
     assert main(["report", str(tmp_path)]) == 2
     said = capsys.readouterr()
     assert "not a report: KeyError('status')" in said.err and not said.out
+
+
+@pytest.mark.parametrize("pipe", ["arm.xml", "meshes/a.obj"])
+def test_a_pipe_is_not_read(pipe: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    mesh = '<compiler meshdir="meshes"/><asset><mesh file="a.obj"/></asset>'
+    (tmp_path / "meshes").mkdir()
+    os.mkfifo(tmp_path / pipe)
+    if pipe != "arm.xml":
+        (tmp_path / "arm.xml").write_text(ARM.format(mesh))
+    code, said = ran(capsys, tmp_path / "arm.xml")
+    assert (code, "`a.obj`, which arm.xml names" in said) in ((2, False), (1, True))
