@@ -34,7 +34,7 @@ SENSORS: Mapping[str, str] = {
 
 _FOOT = re.compile(r"(?i).*(foot|feet|sole|toe|ankle_roll).*")
 _ARM = re.compile(r"(?i).*(arm|shoulder|elbow|wrist|hand|grip|finger|thumb|nub).*")
-_LEG = re.compile(r"(?i).*(leg|foot|hip|knee|ankle|thigh|calf|shank|coxa|femur|tibia).*")
+_LEG = re.compile(r"(?i).*(leg|foot|toe|hip|knee|ankle|thigh|calf|shank|coxa|femur|tibia).*")
 _SHANK = re.compile(r"(?i).*(shank|shin|calf|thigh|leg|knee|femur|tibia).*")
 _FINGER = re.compile(r"(?i).*(finger|thumb|grip|palm|knuckle|digit|pinky|pinkie|phalan|hand).*")
 _PRESSES = re.compile(r"(?i).*(finger|thumb|grip|knuckle|digit|pink|phalan|jaw|claw|pinch|clamp).*")

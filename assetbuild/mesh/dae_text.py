@@ -111,7 +111,7 @@ def _parsed(data: bytes) -> Any:
 def _mended(data: bytes) -> tuple[bytes, list[str]]:
     """The text without what only people read, and what was changed; geometry stays as it is."""
     changes = []
-    end = data.rfind(b"</COLLADA>") + len(b"</COLLADA>")
+    end = data.find(b"</COLLADA>") + len(b"</COLLADA>")
     if end >= len(b"</COLLADA>") and data[end:].strip():
         data = data[:end]
         changes.append("bytes after the end are left out")

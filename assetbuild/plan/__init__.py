@@ -186,6 +186,7 @@ def _prepare(loaded: LoadedRecipe, lock: Lock | None, outline: Outline, p: Plann
         outline.expanded = description.ref if recipe.source.xacro else None
         geometry = _geometry(recipe.source.honour_up_axis, source, description, read, p)
         if geometry is not None:
+            outline.subjects = geometry.subjects
             lint_density(read.robot, geometry, p)
         edited = apply_edits(recipe.edits, read.robot, geometry, p)
         if edited is None:

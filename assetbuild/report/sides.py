@@ -6,7 +6,7 @@ import functools
 import json
 import math
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -197,6 +197,8 @@ def _merged_urdf(path: Path) -> Table:
         packages = named_packages(path.read_bytes())
         ports.run(ReadUrdf(file=path.name, base="floating", packages=packages))
         links = RobotFiles(ports.folder).links
+    if links.root == "world":  # what is fixed to the world is merged into it
+        links = replace(links, base="fixed")
     tree = merge_fixed_joints(links, True, ())[0]
     reference = Reference(links, tree, Shapes(), Control(), Assets(), {})
     return robot_table(reference)

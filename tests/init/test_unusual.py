@@ -208,6 +208,7 @@ def _walker(*, last: str, down: float, names: tuple[str, str], limbs: int = 4) -
         ("revolute", 0.3, ("thigh", "shank"), "floating"),
         ("continuous", 0.3, ("thigh", "shank"), "floating"),  # MIT's Mini Cheetah
         ("continuous", 0.3, ("thigh", "roll"), "fixed"),
+        ("continuous", 0.3, ("thigh", "toe_roll"), "floating"),  # Digit
         ("revolute", 0.0, ("upper_leg", "lower_leg"), "floating"),  # Laikago lies on its side
         ("revolute", 0.0, ("femur", "tibia"), "floating"),  # as the words of hexapods have it
         ("revolute", 0.0, ("upper_arm", "fore_arm"), "fixed"),

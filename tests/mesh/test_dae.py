@@ -217,11 +217,19 @@ def test_a_skin_counts_where_its_skeleton_holds_it_where_it_lies():
     [
         lambda data: data + b"\0\0\0",
         lambda data: data + b"<more/>",
+        lambda data: data + b"\0\0a></scene></COLLADA>",
         lambda data: b"\n " + data,
         lambda data: data.replace(b"<created>", b"<title>M\xfcller &amp; Co</title><created>"),
         lambda data: data.replace(b"<created>", b"<title>M\x01ller & Co</title><created>"),
     ],
-    ids=["zeros at the end", "more at the end", "blanks first", "Windows-1252", "control"],
+    ids=[
+        "zeros at the end",
+        "more at the end",
+        "another end",
+        "blanks first",
+        "Windows-1252",
+        "control",
+    ],
 )
 def test_stray_bytes_beside_the_geometry_are_left_out_and_said(change):
     source = read_mesh(change(one_cube()), "dae")

@@ -12,6 +12,7 @@ from typing import Any
 
 import pytest
 from tiny import TinyRobot, run_step, tiny_quadruped, with_mimic, write_robot_ports
+from urdfs import inertial, joint, link, robot
 
 from assetbuild.errors import UsageError
 from assetbuild.facts.reference import Reference, robot_table
@@ -232,3 +233,12 @@ def test_what_is_no_model_is_refused_with_a_hint(content: str, tmp_path: Path):
         foreign_side(file)
     with pytest.raises(UsageError):
         bundle_side(tmp_path)
+
+
+def test_what_is_fixed_to_the_world_is_part_of_it_as_in_a_build(tmp_path: Path):
+    held = joint("held", "world", "base", "fixed", xyz="0 0 0.1")
+    text = robot(link("world", ""), link("base", inertial()), link("tip", inertial()), held,
+                 joint("j", "base", "tip"))  # fmt: skip
+    (tmp_path / "arm.urdf").write_text(text)
+    (form,) = foreign_side(tmp_path / "arm.urdf").forms.values()
+    assert form.read().of("body", "world")["mass"] == 1.0
