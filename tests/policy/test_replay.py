@@ -25,6 +25,7 @@ from assetbuild.errors import UsageError
 from assetbuild.pipeline.policies import Replayed, Wish, draw_replays, replay_policy
 from assetbuild.policy.counting import OrdersCheck
 from assetbuild.policy.in_stages import unavailable_reason
+from assetbuild.policy.replay import Replay
 from assetbuild.policy.robot import Bot
 from assetbuild.rendering.plan import renderer
 from assetbuild.simulators.newton import HOME
@@ -56,6 +57,13 @@ def test_actions_of_nothing_stand(bot: Bot, tmp_path: Path):
     assert replayed(bot, tmp_path / "q", lambda said: None).runs["mujoco"] == run, "each time"
     with pytest.raises(UsageError, match="cannot write"):
         draw_replays(done, bot.bundle, STAND, tmp_path)
+
+
+@pytest.mark.parametrize(("tilt", "verdict"), [(0.2, "stands"), (0.7, "stays up, and tilts far")])
+def test_what_leans_far_does_not_stand(tilt: float, verdict: str):
+    still = (0.0, 0.0, 0.0)
+    run = Replay(still, 1.0, 1.0, (0.0, 0.0), still, tilt, 0.3, None, None)
+    assert run.verdict == verdict and run.follows == (verdict == "stands")
 
 
 def other_order(said: dict[str, Any]) -> None:
