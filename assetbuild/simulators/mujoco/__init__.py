@@ -128,7 +128,8 @@ def load(
         except ValueError as error:
             raise StepError(_without_folder(str(error), path)) from None
     if any("NaN" in text for text in messages) or model.opt.timestep < LEAST_STEP_S:
-        raise StepError(f"a number in it is NaN, or its timestep of {model.opt.timestep:g} s")
+        why = f"a number in it is NaN, or its timestep of {model.opt.timestep:g} s is too short"
+        raise StepError(why)
     return Loaded(model, tuple(_without_folder(text, path) for text in messages))
 
 

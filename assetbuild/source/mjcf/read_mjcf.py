@@ -126,13 +126,12 @@ def _commands(
         for name, joint in drives.names
         if joint and by_joint[joint].model == "pd"
     }
-    stated = [
+    stated = tuple(
         (key, tuple((name, value - rest.get(name, 0.0)) for name, value in values))
         for key, values in sections.ctrl
-    ]
-    return (
-        (*stated, ("", tuple(drives.resting))) if any(v for _, v in drives.resting) else (*stated,)
     )
+    moved = any(value for _, value in drives.resting)
+    return (*stated, ("", tuple(drives.resting))) if moved else stated
 
 
 def _common(geoms: Geoms) -> Contact:

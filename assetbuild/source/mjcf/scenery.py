@@ -81,7 +81,7 @@ def cut_scenery(root: _Element, chosen: str | None) -> Iterator[Finding]:
         lost |= set(_objects(world, "site", "geom"))
     if gone:
         _refuse_total_mass(root)
-    floors = {str(geom.get("name")) for geom in parts(world, "geom") if _is_ground(geom, root)}
+    floors = set(_grounds(world, Classes(root)))
     sinking: list[_Element] = []
     for element, missing in _cut(root, gone, lost):
         ends = [str(element.get(f"geom{side}")) for side in (1, 2)]
@@ -102,8 +102,11 @@ def cut_scenery(root: _Element, chosen: str | None) -> Iterator[Finding]:
         )
 
 
-def _is_ground(geom: _Element, root: _Element) -> bool:
-    return Classes(root).attributes(geom).get("type") in ("plane", "hfield")
+def _grounds(world: _Element, classes: Classes) -> Iterator[str]:
+    """Names of what robots stand on."""
+    for geom in parts(world, "geom"):
+        if classes.attributes(geom).get("type") in ("plane", "hfield"):
+            yield str(geom.get("name"))
 
 
 def _unheld(geoms: Iterable[_Element], root: _Element) -> Iterator[Finding]:
@@ -119,7 +122,7 @@ def _unheld(geoms: Iterable[_Element], root: _Element) -> Iterator[Finding]:
         yield NO_FLOOR(
             "robot",
             f"{', '.join(names[:8])} touched the floor of the source by <pair>s alone, which went "
-            f"with that floor: in the bundle the robot sinks through any ground",
+            "with that floor: in the bundle the robot sinks through any ground",
             'give these geoms `contype="1" conaffinity="1"` by `patches`, and exclude what they '
             "must not touch",
             data={"shapes": tuple(names)},
