@@ -44,7 +44,7 @@ def read_columns(
     if file.endswith(PARQUET):
         pieces = _parquet(path, file, columns, elements, episode)
     elif episode is not None:
-        raise StepError(f"{file}: an `episode` is chosen of a Parquet file", hint="remove the key")
+        raise StepError(f"{file}: only a Parquet file has an `episode`", hint="remove the key")
     else:
         pieces = (read_bag if file.endswith(BAGS) else _csv)(path, file, columns)
     kept, count, row = [], 0, 0

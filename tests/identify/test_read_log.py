@@ -159,7 +159,7 @@ def test_a_row_that_is_wider_than_the_header_is_refused_with_its_line(tmp_path):
 
 
 def test_an_episode_of_what_has_none_is_refused(tmp_path, good):
-    assert "`episode` is chosen of a Parquet file" in refused(tmp_path, good, episode=3)
+    assert "only a Parquet file has an `episode`" in refused(tmp_path, good, episode=3)
 
 
 def test_two_joints_need_two_columns(tmp_path, good):

@@ -151,7 +151,7 @@ class Node:
         if math.isfinite(value):
             is_nothing = self.tag == "mass" and 0.0 < value < LEAST_KG
             if is_nothing or (self.tag not in UNBOUNDED and abs(value) > MOST):
-                raise self.error(f"{self.tag} {attribute} is {value!r}: of no robot", _POWER)
+                raise self.error(f"{self.tag} {attribute} is {value!r}, which no robot has", _POWER)
             return value
         hint = "give a decimal number, such as 0.0123"
         hint = _COMMAS if "," in word else _EXPAND if _is_macro(word) else hint
