@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import Any
 
 from assetbuild.cli.progress import progress
-from assetbuild.cli.summary import print_findings
 from assetbuild.engine.graph import Node, Ref
 from assetbuild.engine.planner import Planner, Settled
 from assetbuild.errors import RecipeError
@@ -22,7 +21,6 @@ from assetbuild.plugins import load_plugin
 from assetbuild.report.bundle import BundleFile, json_text, manifest
 from assetbuild.samples.apply_sample import ApplySample
 from assetbuild.samples.draw_samples import DrawSamples
-from assetbuild.samples.enclose import Enclose
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -37,8 +35,6 @@ def run(arguments: argparse.Namespace) -> int:
         done = work.made(lambda p: plan_samples(work, *wanted, p))
         files = list(_files(robot, work, done))
         publish_bundle([*files, manifest(robot, files)], out, work.session)
-    for label in ("enclose", "draw_samples"):
-        print_findings(done.results[label].findings)
     statistics = next(file for file in files if file.path == "statistics.json")
     _print_table(json.loads(statistics.content or b""))
     print(f"{arguments.count} robots in {out}")
@@ -51,11 +47,10 @@ def _print_table(statistics: dict[str, Any]) -> None:  # Any: JSON
         return
     wide = max(len(name) for name in ("body", *(row["body"] for row in rows)))
     print(f"{statistics['draws']:,} draws")
-    print(f"{'body':{wide}} {'mass, kg':>19} {'kept':>6} {'bad':>4}")
+    print(f"{'body':{wide}} {'mass, kg':>19} {'bad':>4}")
     for row in rows:
         spread = f"{row['mass_kg']['least']:.4g}..{row['mass_kg']['most']:.4g}"
-        kept, bad = row["acceptance"], row["inconsistent"]
-        print(f"{row['body']:{wide}} {spread:>19} {kept:6.1%} {bad:4d}")
+        print(f"{row['body']:{wide}} {spread:>19} {row['inconsistent']:4d}")
 
 
 Samples = tuple[Node, list[Node]] | None
@@ -78,7 +73,7 @@ def _files(robot: str, work: Opened, done: Settled[Samples]) -> Iterator[BundleF
 
 
 def plan_samples(work: Opened, keep: int, judge: int, seed: int | None, p: Planner) -> Samples:
-    """The robot, its rooms, the draws, one MJCF for each. RecipeError without `randomize`.
+    """The robot, the draws, one MJCF for each. RecipeError without `randomize`.
 
     keep: MJCF files; judge: draws for the statistics; seed: None = the recipe's.
     """
@@ -95,11 +90,8 @@ def plan_samples(work: Opened, keep: int, judge: int, seed: int | None, p: Plann
         return None
     if seed is not None:
         randomize = randomize.model_copy(update={"seed": seed})
-    ports = ("tree.json", "shapes.json", "hulls.npz")
-    rooms = p.add("enclose", Enclose(), {port: robot[port] for port in ports})
-    inputs = {"tree.json": robot["tree.json"], "rooms.json": rooms["rooms.json"]}
     step = DrawSamples(randomize=randomize, keep=keep, judge=judge)
-    draws = p.add("draw_samples", step, inputs)
+    draws = p.add("draw_samples", step, {"tree.json": robot["tree.json"]})
     return draws, [_variant(work, index, draws, robot, p) for index in range(keep)]
 
 

@@ -5,16 +5,11 @@ and made denser. With the pseudo-inertia J (4, 4) about the centre of mass that 
 an upper triangular U = exp(α) [[A, t], [0, 1]], and every J' of an admissible body is reached:
 Rucker and Wensing, "Smooth parameterization of rigid-body inertia", 2022. Since J' belongs to
 deformed matter, it is positive definite whenever J is; no draw can break the triangle inequality.
-
-Whether that matter also fits into the link is a second question, asked of the ellipsoid around
-the link's geometry: tr(J Q) >= 0 exactly when some density inside it has these mass properties
-(Wensing, Kim and Slotine, 2018). Draws that fail it are drawn again.
 """
 
 from __future__ import annotations
 
 import hashlib
-import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -22,12 +17,6 @@ import numpy as np
 from assetbuild.robot.inertia import matrix_of, pseudo_inertia, tensor_of
 from assetbuild.robot.model import Inertial
 from assetbuild.robot.pose import Array, Vec3, vec3
-
-MOST_POINTS = 200
-"""Most corners of a body that are taken to find the ellipsoid around all of them."""
-TOLERANCE = 0.01
-MOST_ROUNDS = 200
-"""A draw that fits in none of so many attempts: the ranges do not fit the link."""
 
 
 @dataclass(frozen=True)
@@ -43,51 +32,6 @@ class InertialRanges:
     com_m: Vec3 = (0.0, 0.0, 0.0)
     stretch: float = 0.0
     shear: float = 0.0
-
-
-@dataclass(frozen=True)
-class Ellipsoid:
-    """All x with (x - centre)ᵀ shape (x - centre) <= 1. shape: (3, 3), rows of tuples, 1/m²."""
-
-    centre: Vec3
-    shape: tuple[Vec3, Vec3, Vec3]
-
-    def quadric(self) -> Array:
-        """Q (4, 4) with [x 1] Q [x 1]ᵀ >= 0 exactly inside."""
-        shape, centre = np.asarray(self.shape), np.asarray(self.centre)
-        q = np.empty((4, 4))
-        q[:3, :3] = -shape
-        q[:3, 3] = q[3, :3] = shape @ centre
-        q[3, 3] = 1.0 - centre @ shape @ centre
-        return q
-
-    def grown_to_hold(self, inertial: Inertial) -> Ellipsoid:
-        """The smallest copy of the same form and centre in which these properties are possible.
-
-        The ellipsoid itself when they already are.
-        """
-        room = float(np.trace(pseudo_inertia(inertial) @ self.quadric()))
-        if room >= 0.0 or inertial.mass_kg <= 0.0:
-            return self
-        # tr(J Q) = m - ∫ρ (x-c)ᵀ E (x-c): scaling E by s turns it into m - s (m - room).
-        scale = inertial.mass_kg / (inertial.mass_kg - room)
-        a, b, c = (vec3(row) for row in np.asarray(self.shape) * scale)
-        return Ellipsoid(self.centre, (a, b, c))
-
-
-@dataclass(frozen=True)
-class Room:
-    """The ellipsoid that must be able to hold the matter of a body, in the body's frame."""
-
-    body: str
-    ellipsoid: Ellipsoid
-
-
-@dataclass(frozen=True)
-class Rooms:
-    """The room of every body with mass."""
-
-    rooms: tuple[Room, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -133,54 +77,17 @@ class Samples:
     samples: tuple[Sample, ...] = ()
 
 
-@dataclass(frozen=True)
-class Draws:
-    """Draws for one body. inertials: (n, 10) rows of mass, com (3), inertia_com (6).
+def draw(inertial: Inertial, ranges: InertialRanges, count: int, seed: int, name: str) -> Array:
+    """(count, 10) rows of mass, com (3), inertia about it (6): draws for one body.
 
-    tried: draws made for each one kept, (n,); 1 = the first one fitted.
+    The i-th is the same whatever `count` and the other bodies are.
     """
-
-    rows: Array
-    tried: Array
-
-    def inertial(self, index: int) -> Inertial:
-        """One of them."""
-        row = self.rows[index]
-        return Inertial(float(row[0]), vec3(row[1:4]), tensor_of(matrix_of(row[4:])))
-
-    @property
-    def acceptance(self) -> float:
-        """Share of all draws that fitted into the link."""
-        return len(self.tried) / float(self.tried.sum())
+    return _rows_of(deform(inertial, ranges, unit_draws(seed, f"link/{name}", count)))
 
 
-class DoesNotFitError(ValueError):
-    """The ranges lead out of the link in (nearly) every draw."""
-
-
-def draw(
-    inertial: Inertial, ranges: InertialRanges, count: int, seed: int, name: str, room: Ellipsoid
-) -> Draws:
-    """`count` draws for one body; the i-th is the same whatever `count` and the other bodies are.
-
-    room: the ellipsoid that must be able to hold the matter. Raises DoesNotFitError.
-    """
-    quadric = room.quadric()
-    rows, tried = np.empty((count, 10)), np.zeros(count)
-    open_ = np.arange(count)
-    for attempt in range(1, MOST_ROUNDS + 1):
-        unit = unit_draws(seed, name, attempt, count)[open_]
-        changed = deform(inertial, ranges, unit)
-        # A room that had to grow holds the matter exactly: rounding decides nothing.
-        fits = np.einsum("nij,ji->n", changed, quadric) >= -1e-9 * changed[:, 3, 3]
-        rows[open_[fits]] = _rows_of(changed[fits])
-        tried[open_] = attempt
-        open_ = open_[~fits]
-        if not len(open_):
-            return Draws(rows, tried)
-    raise DoesNotFitError(
-        f"{len(open_)} of {count} draws for `{name}` left the link in all {MOST_ROUNDS} attempts"
-    )
+def inertial_of(row: Array) -> Inertial:
+    """The mass properties that a row of `draw` holds."""
+    return Inertial(float(row[0]), vec3(row[1:4]), tensor_of(matrix_of(row[4:])))
 
 
 def deform(inertial: Inertial, ranges: InertialRanges, unit: Array) -> Array:
@@ -213,77 +120,6 @@ def homogeneous_box(mass_kg: float, size_m: Vec3, at_m: Vec3) -> Inertial:
     return Inertial(mass_kg, at_m, (xx, yy, zz, 0.0, 0.0, 0.0))
 
 
-def bounding_ellipsoid(points: Array) -> Ellipsoid:
-    """An ellipsoid around `points` (n, 3) whose axes exceed the least one's by TOLERANCE, about.
-
-    Khachiyan's algorithm with away steps (Todd and Yildirim, 2007); give it the vertices of the
-    hull. What has no thickness gets 1e-4 of its extent. Raises ValueError without a point.
-    """
-    if not len(points):
-        raise ValueError("no point to enclose")
-    round_points, middle, basis = _rounded(np.asarray(points, dtype=np.float64))
-    core = _spread_out(round_points, MOST_POINTS)
-    weight = _enclosing_weights(core)
-    centre = weight @ core
-    offset = core - centre
-    shape = np.linalg.inv(offset.T @ (offset * weight[:, None])) / 3.0
-    # What the tolerance and the choice of points left outside is taken in.
-    offset = round_points - centre
-    shape /= max(1.0, float(np.einsum("ni,ij,nj->n", offset, shape, offset).max()))
-    back = np.linalg.inv(basis)
-    a, b, c = (vec3(row) for row in back.T @ shape @ back)
-    return Ellipsoid(vec3(middle + basis @ centre), (a, b, c))
-
-
-def _spread_out(points: Array, count: int) -> Array:
-    """At most `count` of the points, each the farthest from those before it."""
-    if len(points) <= count:
-        return points
-    chosen = [int(np.argmax((points**2).sum(axis=1)))]
-    apart = np.full(len(points), np.inf)
-    while len(chosen) < count:
-        apart = np.minimum(apart, ((points - points[chosen[-1]]) ** 2).sum(axis=1))
-        chosen.append(int(np.argmax(apart)))
-    return np.asarray(points[chosen])
-
-
-def _rounded(points: Array) -> tuple[Array, Array, Array]:
-    """Points of extent 1 in each direction, and (middle, basis) with x = middle + basis y."""
-    middle = points.mean(axis=0)
-    _, spread, axes = np.linalg.svd(points - middle, full_matrices=True)
-    extent = float(np.ptp(points, axis=0).max()) or 1e-3
-    lengths = np.zeros(3)
-    lengths[: len(spread)] = spread / np.sqrt(len(points))
-    flat = lengths < 1e-4 * extent
-    lengths[flat] = 1e-4 * extent
-    round_points = (points - middle) @ axes.T / lengths
-    for axis in np.flatnonzero(flat):
-        step = np.eye(3)[axis]
-        round_points = np.vstack([round_points + step, round_points - step])
-    return round_points, middle, axes.T * lengths
-
-
-def _enclosing_weights(points: Array) -> Array:
-    """Weights (n,) whose second moments give the least ellipsoid."""
-    count = len(points)
-    lifted = np.hstack([points, np.ones((count, 1))])
-    weight = np.full(count, 1.0 / count)
-    for _ in range(1_000):
-        moment = (lifted * weight[:, None]).T @ lifted
-        reach = ((lifted @ np.linalg.inv(moment)) * lifted).sum(axis=1)
-        far = int(np.argmax(reach))
-        near = int(np.argmin(np.where(weight > 0.0, reach, math.inf)))
-        if reach[far] <= 4.0 * (1.0 + TOLERANCE) and reach[near] >= 4.0 * (1.0 - TOLERANCE):
-            break
-        index = far if reach[far] - 4.0 >= 4.0 - reach[near] else near
-        least = -weight[index] / (1.0 - weight[index]) if weight[index] < 1.0 else 0.0
-        rise = reach[index] - 1.0
-        step = max((reach[index] - 4.0) / (4.0 * rise), least) if rise > 0.0 else least
-        weight *= 1.0 - step
-        weight[index] += step
-    return weight
-
-
 def inconsistent(rows: Array) -> Array:
     """Which of (n, 10) draws no matter could have: mass or a second moment of mass <= 0, (n,)."""
     moments = np.linalg.eigvalsh(matrix_of(rows[:, 4:]))
@@ -291,9 +127,9 @@ def inconsistent(rows: Array) -> Array:
     return np.asarray((rows[:, 0] <= 0.0) | (least <= 0.0))
 
 
-def unit_draws(seed: int, name: str, attempt: int, count: int, width: int = 10) -> Array:
+def unit_draws(seed: int, name: str, count: int, width: int = 10) -> Array:
     """(count, width) in -1..1; row i does not depend on `count`, nor one name on another."""
-    digest = hashlib.sha256(f"{seed}/{name}/{attempt}".encode()).digest()
+    digest = hashlib.sha256(f"{seed}/{name}".encode()).digest()
     generator = np.random.Generator(np.random.PCG64(int.from_bytes(digest[:16], "little")))
     return np.asarray(generator.uniform(-1.0, 1.0, (count, width)))
 

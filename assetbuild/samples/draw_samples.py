@@ -1,33 +1,29 @@
-"""Robots that could exist: the recipe's ranges drawn, and the draws judged."""
+"""Robots that could exist: the recipe's ranges drawn, and what the draws are like."""
 
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 
 import numpy as np
 
 from assetbuild.engine.step import Files, Step
-from assetbuild.errors import StepError
-from assetbuild.findings import Finding, Rule
-from assetbuild.robot.codec import decode_file, encode
+from assetbuild.findings import Finding
+from assetbuild.robot.codec import encode
 from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.inertia import combine, matrix_of, move_inertial
 from assetbuild.robot.model import Body, Inertial, Tree
 from assetbuild.robot.pose import Array
 from assetbuild.robot.randomize import (
     BodySample,
-    DoesNotFitError,
-    Draws,
-    Ellipsoid,
     InertialRanges,
     JointSample,
-    Rooms,
     Sample,
     Samples,
     draw,
     homogeneous_box,
     inconsistent,
+    inertial_of,
     unit_draws,
 )
 from assetbuild.robot.ranges import (
@@ -38,19 +34,9 @@ from assetbuild.robot.ranges import (
     per_axis,
 )
 
-WASTEFUL = 0.5
-"""Share of draws that fit into the link, below which the ranges are reported as too wide."""
-
-ACCEPTANCE = Rule(
-    "randomize.acceptance",
-    "warning",
-    "more than half of the draws for a body leave its geometry",
-    "narrow the ranges",
-)
-
 
 class DrawSamples(Step):
-    """`tree.json`, `rooms.json` -> `samples.json`, `statistics.json`."""
+    """`tree.json` -> `samples.json`, `statistics.json`."""
 
     outputs = ("samples.json", "statistics.json")
 
@@ -60,56 +46,40 @@ class DrawSamples(Step):
     judge: int = 10_000
     """Samples to draw for the statistics; the kept ones are the first of them."""
 
-    def run(self, files: Files) -> Iterator[Finding]:
-        """Raises StepError where the ranges lead out of a link."""
+    def run(self, files: Files) -> Iterable[Finding]:
+        """Body by body, then each robot."""
         tree = RobotFiles(files.inputs).tree
-        rooms = {
-            room.body: room.ellipsoid
-            for room in decode_file(Rooms, files.inputs / "rooms.json").rooms
-        }
-        draws = dict(self._draws(tree, rooms))
+        draws = dict(self._draws(tree))
         samples = tuple(self._sample(tree, draws, index) for index in range(self.keep))
         (files.outputs / "samples.json").write_bytes(encode(Samples(samples)))
         rows = [_statistics(tree.by_body[name], drawn) for name, drawn in draws.items()]
         text = json.dumps({"draws": self._count, "bodies": rows}, sort_keys=True, indent=1)
         (files.outputs / "statistics.json").write_text(text + "\n", encoding="utf-8")
-        for name, drawn in draws.items():
-            if drawn.acceptance < WASTEFUL:
-                yield ACCEPTANCE(
-                    f"link {name}",
-                    f"only {drawn.acceptance:.0%} of the draws are matter inside the link: "
-                    "what is kept is no longer uniform",
-                    hint="narrow `com`, `stretch` or `shear` for it in `randomize.links`",
-                    data={"acceptance": round(drawn.acceptance, 4)},
-                )
+        return ()
 
     @property
     def _count(self) -> int:
         return max(self.keep, self.judge)
 
-    def _draws(self, tree: Tree, rooms: Mapping[str, Ellipsoid]) -> Iterator[tuple[str, Draws]]:
-        count, seed = self._count, self.randomize.seed
+    def _draws(self, tree: Tree) -> Iterator[tuple[str, Array]]:
         for name, body in tree.by_body.items():
             matter = first_match(self.randomize.links, name)
-            if matter is None or body.inertial is None or name not in rooms:
+            if matter is None or body.inertial is None or body.inertial.mass_kg <= 0.0:
                 continue
             com, stretch, shear = per_axis(matter.com), matter.stretch, matter.shear
             ranges = InertialRanges(matter.density, com, stretch, shear)
-            try:
-                yield name, draw(body.inertial, ranges, count, seed, name, rooms[name])
-            except DoesNotFitError as error:
-                hint = "check its inertia and the scale of its meshes, or narrow `com` (10 mm if "
-                hint += "none is stated), `stretch` or `shear` in `randomize.links`"
-                raise StepError(str(error), hint=hint) from None
+            yield name, draw(body.inertial, ranges, self._count, self.randomize.seed, name)
 
-    def _sample(self, tree: Tree, draws: Mapping[str, Draws], index: int) -> Sample:
+    def _sample(self, tree: Tree, draws: Mapping[str, Array], index: int) -> Sample:
         payloads = tuple(
             self._between(f"payload/{number}", payload.mass, index)
             for number, payload in enumerate(self.randomize.payloads)
         )
         bodies = []
         for body in tree.bodies:
-            inertial = draws[body.name].inertial(index) if body.name in draws else body.inertial
+            inertial = body.inertial
+            if body.name in draws:
+                inertial = inertial_of(draws[body.name][index])
             for payload, mass in zip(self.randomize.payloads, payloads, strict=True):
                 inertial = _loaded(tree, body.name, inertial, payload, mass)
             if inertial is not None and inertial != body.inertial:
@@ -142,7 +112,7 @@ class DrawSamples(Step):
         return _scaled(pair, self._unit(name, index, 1)[0])
 
     def _unit(self, name: str, index: int, width: int) -> list[float]:
-        row = unit_draws(self.randomize.seed, name, 0, index + 1, width)[index]
+        row = unit_draws(self.randomize.seed, name, index + 1, width)[index]
         return [float(value) for value in row]
 
 
@@ -162,10 +132,9 @@ def _loaded(
     return combine([inertial, box]) if inertial else box
 
 
-def _statistics(body: Body, drawn: Draws) -> dict[str, object]:
+def _statistics(body: Body, rows: Array) -> dict[str, object]:
     """What the draws of one body are like."""
     assert body.inertial is not None  # noqa: S101 # only bodies with mass are drawn
-    rows = drawn.rows
     return {
         "body": body.name,
         "mass_kg": _spread(rows[:, 0]),
@@ -174,7 +143,6 @@ def _statistics(body: Body, drawn: Draws) -> dict[str, object]:
             np.asarray(np.linalg.eigvalsh(matrix_of(rows[:, 4:])))[:, 2]
         ),
         "inconsistent": int(inconsistent(rows).sum()),
-        "acceptance": drawn.acceptance,
     }
 
 
