@@ -323,7 +323,6 @@ def parts_of(model: mujoco.Model) -> tuple[Part, ...]:
                 tuple(
                     _motion(model, joint, root.T @ np.array(data.xaxis[joint])) for joint in joints
                 ),
-                mujoco.name_of(model, "body", int(model.body_parentid[index])),
             )
         )
     return tuple(parts)

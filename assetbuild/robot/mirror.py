@@ -11,7 +11,7 @@ warning: a range or a pose with the other side's sign, a mass or a gain twice th
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 
 import numpy as np
 from pydantic import Field
@@ -33,9 +33,8 @@ LIMITS = Rule(
 )
 AXES = Rule(
     "mirror.axes",
-    ("info", "warning"),
-    "an axis is not the mirror image of its twin's (a warning when it alone of its limb points the "
-    "other way, against left and right or front and rear)",
+    "info",
+    "an axis is not the mirror image of its twin's",
     "`flip_axis`, or correct the source, if it is a mistake",
 )
 HOME = Rule(
@@ -94,19 +93,6 @@ class Tolerances(Model):
 
 def mirror_findings(twins: Twins, allowed: Tolerances) -> Iterator[Finding]:
     """All that two twins differ in by more than allowed, right against left."""
-    reported: set[str] = set()
-    for finding in _of_twins(twins, allowed):
-        reported.add(finding.subject.removeprefix("joint "))
-        yield finding
-    sideways = odd_axes(twins.pairs, twins.flip, allowed.axis, strictly=True)
-    along = odd_axes(twins.behind, twins.flip_along, allowed.axis, strictly=False)
-    for (one, other), others in (*sideways, *along):
-        if not reported & {one.name, other.name}:
-            reported |= {one.name, other.name}
-            yield _odd(one, other, others)
-
-
-def _of_twins(twins: Twins, allowed: Tolerances) -> Iterator[Finding]:
     for left, right in twins.pairs:
         if left.mass > 0.0 and right.mass > 0.0:
             yield from _masses(left, right, twins.flip, allowed)
@@ -164,18 +150,6 @@ def _motions(left: Motion, right: Motion, flip: Array, allowed: Tolerances) -> I
     if finding is None or finding.severity != "warning":
         yield from _home(left, right, sign, allowed.home)
     # A joint that counts the wrong way has the wrong pose too, and one finding is enough.
-
-
-def _odd(one: Motion, other: Motion, others: int) -> Finding:
-    """A joint that counts the other way, though its range and pose fit."""
-    x, y, z = (f"{v:.3g}" for v in other.axis + 0.0)
-    message = (
-        f"its axis ({x}, {y}, {z}) in the root's frame has the sense opposite to that of "
-        f"`{one.name}`, while those of the other {others} joints of the limb agree"
-    )
-    hint = "the two joints use opposite sign conventions: "
-    hint += f"`flip_axis: {{joint: {other.name}}}` reverses its axis, range and poses"
-    return _finding(AXES, "joint", one, other, message, hint, {"others": others}, slip=True)
 
 
 def _limits(left: Motion, right: Motion, sign: float, tolerance: float) -> Finding | None:
@@ -265,66 +239,6 @@ def _value(value: float | None) -> str:
     return "unlimited" if value is None else f"{value:g}"
 
 
-# --- axes that count the other way ------------------------------------------------------------
-
-LEAST = 3
-"""Joints of a limb: of two that differ nobody can say which is wrong."""
-Pair = tuple[Part, Part]
-Joints = tuple[Motion, Motion]
-
-
-def odd_axes(
-    pairs: Sequence[Pair], flip: Array, tolerance: float, *, strictly: bool
-) -> Iterator[tuple[Joints, int]]:
-    """Each joint that is alone in its limb, with its twin, and how many others agree.
-
-    Twins have the same axes in the robot's frame, or mirrored ones; in some legs all are turned
-    round. A limb follows one of the three. A single joint that does not is a slip: its range and
-    poses may be turned round with it, but commands and observations have the wrong sign.
-
-    strictly: only a joint that follows neither convention; a hand may follow another one than its
-    arm.
-    pairs: twins; flip: (3, 3) mirror image; tolerance: rad, of axes that are compared at all.
-    """
-    for limb in _limbs(pairs):
-        joints = [
-            (one, other)
-            for left, right in limb
-            if len(left.joints) == len(right.joints)
-            for one, other in zip(left.joints, right.joints, strict=True)
-            if one.turns == other.turns and _aligned(one, other, flip, tolerance)
-        ]
-        alike = [_cosine(one.axis, other.axis) > 0.0 for one, other in joints]
-        mirrored = [_cosine(image(one, flip), other.axis) > 0.0 for one, other in joints]
-        kept = max(alike, mirrored, [not one for one in alike], key=sum)  # the first of equals
-        if len(joints) >= LEAST and kept.count(False) == 1:
-            odd = kept.index(False)
-            if not strictly or not (alike[odd] or mirrored[odd]):
-                yield joints[odd], len(joints) - 1
-
-
 def image(joint: Motion, flip: Array) -> Array:
     """(3,) the axis of the mirror image: a turn is a pseudo-vector."""
     return np.asarray((-1.0 if joint.turns else 1.0) * (flip @ joint.axis))
-
-
-def _limbs(pairs: Sequence[Pair]) -> list[list[Pair]]:
-    """Twins that hang together, parents first."""
-    limb_of: dict[str, list[Pair]] = {}
-    limbs: list[list[Pair]] = []
-    for pair in pairs:
-        limb = limb_of.get(pair[0].parent)
-        if limb is None:
-            limbs.append(limb := [])
-        limb.append(pair)
-        limb_of[pair[0].name] = limb
-    return limbs
-
-
-def _aligned(one: Motion, other: Motion, flip: Array, tolerance: float) -> bool:
-    """Whether the axes are parallel to each other's mirror image, whichever way they point."""
-    return float(np.arccos(abs(_cosine(image(one, flip), other.axis)))) <= tolerance
-
-
-def _cosine(a: Array, b: Array) -> float:
-    return float(np.clip(a @ b, -1.0, 1.0))

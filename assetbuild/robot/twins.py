@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Collection, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -22,15 +22,6 @@ SIDES = (
 )
 """How names say left and right: `left`, `l_hip`, `FL`, `LF`, `LHip`. The group is the side: `RL` is
 rear left."""
-FRONT = (
-    (re.compile(r"front"), ("rear", "back", "hind")),
-    (re.compile(r"Front"), ("Rear", "Back", "Hind")),
-    (re.compile(r"(?<![A-Za-z])F(?=[LR](?![a-z]))"), ("R", "B", "H")),
-    (re.compile(r"(?<![A-Za-z])f(?=[lr](?![a-z]))"), ("r", "b", "h")),
-    (re.compile(r"(?<![A-Za-z])([LR])F(?![a-z])"), (r"\1R", r"\1B", r"\1H")),
-    (re.compile(r"(?<![A-Za-z])([lr])f(?![a-z])"), (r"\1r", r"\1b", r"\1h")),
-)
-"""How names of legs say front, and what they say of the rear."""
 OTHER = {"left": "right", "right": "left", "l": "r", "r": "l"}
 DRIVE = ("kp", "kd", "damping", "friction", "armature", "effort", "velocity")
 """What of an `Actuator` is compared; a joint that nothing drives yet has the last two."""
@@ -73,7 +64,6 @@ class Part:
     com: Array = field(default_factory=lambda: np.zeros(3))
     inertia: Array = field(default_factory=lambda: np.zeros((3, 3)))
     joints: tuple[Motion, ...] = ()
-    parent: str = ""
 
 
 def parts_of(tree: Tree, control: Control) -> tuple[Part, ...]:
@@ -90,8 +80,7 @@ def parts_of(tree: Tree, control: Control) -> tuple[Part, ...]:
             if joint is not None and moving
             else ()
         )
-        part = _part(body, poses[body.name], motions)
-        parts.append(replace(part, parent=joint.parent if joint is not None else ""))
+        parts.append(_part(body, poses[body.name], motions))
     return tuple(parts)
 
 
@@ -131,27 +120,16 @@ def _motion(
 
 @dataclass(frozen=True)
 class Twins:
-    """Pairs of parts (left, right), and the axis of the root that points to the side.
-
-    behind: pairs (front, rear) of the legs of one side.
-    """
+    """Pairs of parts (left, right), and the axis of the root that points to the side."""
 
     pairs: tuple[tuple[Part, Part], ...]
     axis: int
-    behind: tuple[tuple[Part, Part], ...] = ()
 
     @property
     def flip(self) -> Array:
         """(3, 3) mirror image."""
         flip = np.eye(3)
         flip[self.axis, self.axis] = -1.0
-        return flip
-
-    @property
-    def flip_along(self) -> Array:
-        """(3, 3) mirror image of front and rear."""
-        flip, along = np.eye(3), 1 if self.axis == 0 else 0
-        flip[along, along] = -1.0
         return flip
 
 
@@ -168,8 +146,7 @@ def twins(parts: Sequence[Part], tolerance_m: float = PLACE_M) -> Twins:
         )
         for axis in PLANES
     ]
-    best = max(candidates, key=lambda one: len(one.pairs))  # the first of equals
-    return replace(best, behind=tuple(_behind(parts)))
+    return max(candidates, key=lambda one: len(one.pairs))  # the first of equals
 
 
 def is_opposite(p: Array, q: Array, axis: int, tolerance_m: float = PLACE_M) -> bool:
@@ -191,15 +168,6 @@ def _named(parts: Sequence[Part]) -> list[tuple[Part, Part]]:
         if right is not None and right is not left:
             pairs.append((left, right))
     return pairs
-
-
-def _behind(parts: Sequence[Part]) -> Iterator[tuple[Part, Part]]:
-    bodies = {part.name: part for part in parts}
-    for front in parts:
-        names = {pattern.sub(to, front.name, count=1) for pattern, others in FRONT for to in others}
-        rear = [bodies[name] for name in sorted(names - {front.name}) if name in bodies]
-        if len(rear) == 1:
-            yield front, rear[0]
 
 
 def other_side(name: str, known: Collection[str]) -> str:

@@ -7,7 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from tiny import run_step, tiny_quadruped
+from tiny import run_step
 from urdfs import read
 
 from assetbuild.body.merge_fixed_joints import MergeFixedJoints
@@ -157,66 +157,6 @@ def test_sides_are_known_by_many_names(left: str, right: str):
 def test_parts_that_are_not_opposite_are_no_twins():
     beside = ((0.1, 0.2, 0.0), (0.1, 0.1, 0.0))
     assert told(pair((Y, MINUS_Y), places=beside)) == []
-
-
-def turned_round(*names: str) -> list[Finding]:
-    """A quadruped whose joints of these names count the other way, ranges and poses too."""
-    robot = tiny_quadruped()
-    joints = tuple(
-        replace(
-            joint,
-            axis=tuple(0.0 - v for v in joint.axis),
-            limits=replace(joint.limits, lower=-joint.limits.upper, upper=-joint.limits.lower),
-        )
-        if joint.name in names
-        else joint
-        for joint in robot.tree.joints
-    )
-    keys = tuple(
-        replace(key, joints=tuple((n, -q if n in names else q) for n, q in key.joints))
-        for key in robot.control.keyframes
-    )
-    control = replace(robot.control, keyframes=keys)
-    return told(replace(robot.tree, joints=joints), control)
-
-
-@pytest.mark.parametrize(
-    ("names", "joint", "other"),
-    [
-        (["FR_calf"], "FR_calf", "FL_calf"),
-        (["RL_thigh"], "RR_thigh", "RL_thigh"),
-        (["FL_calf", "FR_calf"], "RR_calf", "FR_calf"),  # left and right agree
-        (["FR_hip"], "RR_hip", "FR_hip"),  # as good as mirrored, but not like the leg behind it
-    ],
-)
-def test_a_joint_that_alone_of_its_leg_counts_the_other_way_is_a_slip(names, joint, other):
-    found = turned_round(*(f"{name}_joint" for name in names))
-    assert set(rules(found)) == {("mirror.axes", "warning")}
-    assert found[0].subject == f"joint {joint}_joint"
-    assert f"`{other}_joint`" in found[0].message
-
-
-@pytest.mark.parametrize("legs", [(), ("FR", "RR"), ("RL", "RR"), ("FL", "FR", "RL", "RR")])
-def test_whole_legs_that_count_the_other_way_are_a_convention(legs):
-    parts = ("hip", "thigh", "calf")
-    assert turned_round(*(f"{leg}_{part}_joint" for leg in legs for part in parts)) == []
-
-
-def test_a_hand_may_have_another_convention_than_its_arm():
-    """As TALOS has: both grippers close by the same command, the arms have equal axes."""
-    joints = []
-    for side, y in (("left", 0.2), ("right", -0.2)):
-        parent = "base"
-        for name, axis in (("shoulder", Y), ("elbow", Y), ("wrist", Y), ("grip", X)):
-            turned = MINUS_X if (side, name) == ("right", "grip") else axis
-            place = (0.0, y, 0.0) if parent == "base" else (0.1, 0.0, 0.0)
-            child = f"{side}_{name}_link"
-            joint = f"{side}_{name}"
-            limits = Limits(*BENDS)
-            joints.append(Joint(joint, "revolute", parent, child, Pose(place), turned, limits))
-            parent = child
-    bodies = (Body("base"), *(Body(joint.child) for joint in joints))
-    assert told(Tree("arms", "floating", bodies, tuple(joints))) == []
 
 
 # --- robots that people use -----------------------------------------------------------------
