@@ -86,7 +86,7 @@ DENSE = Rule(
 MASS_SMALL = Rule(
     "inertia.mass_small",
     ("warning", "info"),
-    "a moving body weighs less than 1 g (info in the source, and of the links of `split_joint`)",
+    "a moving body weighs less than 1 g (info in the source, and where an edit gave it that mass)",
     "merge it, or give its real mass",
 )
 
@@ -100,7 +100,7 @@ def inertia_findings(
 ) -> Iterator[Finding]:
     """Findings on all bodies of a tree, none graver than `worst`.
 
-    made: links that `split_joint` put between joints, which are meant to weigh little.
+    made: links that were massless or not there before the edits, which are meant to weigh little.
 
     What a fixed joint carries may lack mass: before merging it is a frame in all but name and
     nothing is said, afterwards it was kept as a body and some engines would invent a mass. So may
@@ -129,7 +129,7 @@ def inertia_findings(
             for finding in _Judged(subject, body.inertial, bounds, worst).findings():
                 kept = _of_this(finding, moves=body.name in driven, shows=body.name in shaped)
                 if kept:
-                    yield _of_split(kept) if body.name in made else kept
+                    yield _of_edit(kept) if body.name in made else kept
 
 
 def _of_this(finding: Finding, *, moves: bool, shows: bool) -> Finding | None:
@@ -146,10 +146,10 @@ def _of_this(finding: Finding, *, moves: bool, shows: bool) -> Finding | None:
     return finding if finding.rule != MASS_SMALL.id else None
 
 
-def _of_split(finding: Finding) -> Finding:
+def _of_edit(finding: Finding) -> Finding:
     if finding.rule != MASS_SMALL.id:
         return finding
-    message = f"{finding.message}: `split_joint` made the link, and another edit gave it this mass"
+    message = f"{finding.message}: an edit gave the link this mass"
     return replace(finding, severity="info", message=message, hint="")
 
 
@@ -167,7 +167,7 @@ def _between(subject: str, chain: Chain) -> Finding:
         subject,
         f"a massless link between the joints of `{chain.body}` ({', '.join(joints)}): "
         "exact in URDF and MJCF, but PhysX wants mass on every body",
-        "the edit `share_mass` moves some mass here that no motion can tell",
+        "the edit `share_mass` moves a little mass here",
         data={"joints": joints, "body": chain.body},
     )
 

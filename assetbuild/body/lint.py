@@ -229,7 +229,7 @@ EMPTY = Rule(
 class LintBodies(Step):
     """`tree.json`, `shapes.json` -> findings only, by the same rules as `lint_links`.
 
-    `source_links.json`, where it is there, tells the links that `split_joint` has made.
+    `source_links.json`, where it is there, tells the links to which edits give a mass.
     """
 
     own_name = "lint_bodies"

@@ -157,9 +157,10 @@ def between(joint: Joint) -> tuple[str, ...]:
 
 
 def made_links(source: Tree) -> frozenset[str]:
-    """Names of the links that splits of all joints of several coordinates would add."""
+    """Links to which edits give a mass: massless ones, and those that splits would add."""
     split_ones = [joint for joint in source.joints if joint.kind in ROWS]
-    return frozenset(name for joint in split_ones for name in between(joint)) - {*source.by_body}
+    added = {name for joint in split_ones for name in between(joint)} - {*source.by_body}
+    return frozenset(added | {body.name for body in source.bodies if is_massless(body)})
 
 
 def angles_of(turn: Quat) -> tuple[float, float, float]:
