@@ -14,6 +14,7 @@ from assetbuild.robot.dynamics import motions
 from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.initial import initial_pose
 from assetbuild.robot.loops import by_constraint, path_of
+from assetbuild.robot.mimic import leading
 from assetbuild.robot.model import (
     MOVING,
     Actuator,
@@ -118,7 +119,7 @@ def _of_loop(
 ) -> list[LoopMimic] | str:
     """One mimic for each joint of the loop that does not lead, or why there is none."""
     driven = {row.joint for row in control.actuators if row.model != "passive"}
-    leaders = sorted({_leader(tree, joint) for joint in path} & driven)
+    leaders = sorted({leading(tree, joint)[0].name for joint in path} & driven)
     if odd := [joint for joint in path if joint.kind not in MOVING]:
         return f"joint `{odd[0].name}` is {odd[0].kind}: `split_joint` makes hinges of it"
     if len(leaders) != 1:
@@ -142,13 +143,6 @@ def _of_loop(
         off = float(np.abs(start + slope * q - asked).max())
         made.append(LoopMimic(name, follower, Mimic(leader, slope, start), off, ends))
     return made
-
-
-def _leader(tree: Tree, joint: Joint) -> str:
-    """The joint that a joint follows in the end, itself where it mimics none."""
-    while joint.mimic is not None:
-        joint = tree.by_joint[joint.mimic.joint]
-    return joint.name
 
 
 def _are_led(

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from assetbuild.robot.inertia import matrix_of
-from assetbuild.robot.mimic import with_mimics
+from assetbuild.robot.mimic import leading, with_mimics
 from assetbuild.robot.model import Tree
 from assetbuild.robot.pose import Array, Pose
 from assetbuild.robot.shapes import Shapes, Sphere
@@ -124,10 +124,7 @@ def leader_gains(tree: Tree, leaders: Sequence[str]) -> dict[str, Array]:
     """Return dq of each moving joint over d of the leaders' coordinates, in tree order."""
     gains: dict[str, Array] = {}
     for joint in tree.moving_joints:
-        factor, leader = 1.0, joint
-        while leader.mimic is not None:
-            factor *= leader.mimic.multiplier
-            leader = tree.by_joint[leader.mimic.joint]
+        leader, factor, _ = leading(tree, joint)
         row = np.zeros(len(leaders))
         row[leaders.index(leader.name)] = factor
         gains[joint.name] = row

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import replace
 
-from assetbuild.robot.model import Joint, Mimic, Tree
+from assetbuild.robot.model import Joint, Tree
 
 
 def with_mimics(tree: Tree, q: Mapping[str, float]) -> dict[str, float]:
@@ -22,13 +22,11 @@ def led_range(tree: Tree, joint: Joint) -> tuple[float, float] | None:
 
     None = it mimics nothing, or a leader without limits.
     """
-    if joint.mimic is None:
+    leader, factor, offset = leading(tree, joint)
+    lower, upper = leader.limits.lower, leader.limits.upper
+    if joint.mimic is None or lower is None or upper is None or leader.kind == "continuous":
         return None
-    leader = tree.by_joint[joint.mimic.joint]
-    limits = led_range(tree, leader) or (leader.limits.lower, leader.limits.upper)
-    if None in limits or (leader.kind == "continuous" and leader.mimic is None):
-        return None
-    ends = [joint.mimic.offset + joint.mimic.multiplier * v for v in limits if v is not None]
+    ends = offset + factor * lower, offset + factor * upper
     return min(ends), max(ends)
 
 
@@ -82,12 +80,3 @@ def _value(tree: Tree, joint: Joint, q: Mapping[str, float], seen: tuple[str, ..
 def without_mimics(tree: Tree) -> Tree:
     """The tree with every joint free to move by itself, as MuJoCo counts inertia."""
     return replace(tree, joints=tuple(replace(joint, mimic=None) for joint in tree.joints))
-
-
-def first_leader(tree: Tree, mimic: Mimic) -> Mimic:
-    """The same motion, led by the joint that follows none: Newton takes no chain of mimics."""
-    above = tree.by_joint[mimic.joint].mimic
-    if above is None:
-        return mimic
-    offset = mimic.offset + mimic.multiplier * above.offset
-    return first_leader(tree, Mimic(above.joint, mimic.multiplier * above.multiplier, offset))

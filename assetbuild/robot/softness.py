@@ -20,7 +20,7 @@ from pydantic import Field
 
 from assetbuild.recipe_types import Model, Positive
 from assetbuild.robot.dynamics import dynamics
-from assetbuild.robot.mimic import first_leader, has_range, without_mimics
+from assetbuild.robot.mimic import has_range, leading, without_mimics
 from assetbuild.robot.model import Control, Joint, Softness, Tree
 from assetbuild.robot.sides import Side, side_of
 
@@ -111,9 +111,8 @@ def limit_springs(tree: Tree, control: Control) -> dict[str, tuple[float, float]
     inertia = dynamics(tree, {}, armature).effective_inertia
     by_joint, springs = dict(control.soft_limits), {}
     for joint in tree.moving_joints:
-        leader = first_leader(tree, joint.mimic) if joint.mimic is not None else None
-        moved = leader.multiplier**2 if leader is not None else 1.0
-        reflected = inertia[leader.joint if leader else joint.name] / moved if moved else math.inf
+        leader, gear, _ = leading(tree, joint)
+        reflected = inertia[leader.name] / gear**2 if gear else math.inf
         if 0.0 < reflected < math.inf:
             soft = by_joint.get(joint.name, USUAL)
             time, inverse = soft.solref[0], reflected / (1.0 - soft.solimp[1])
@@ -146,13 +145,10 @@ def error_at_rest(soft: Softness, force: float, inertia: float, timestep: float)
 
 def effort_at(tree: Tree, control: Control, joint: Joint) -> float:
     """The largest effort of a joint, of a follower what its leader brings there; 0: unknown."""
-    leader, gear = joint.name, 1.0
-    if joint.mimic is not None:
-        first = first_leader(tree, joint.mimic)
-        leader, gear = first.joint, abs(first.multiplier)
-    row, limits = control.by_joint.get(leader), tree.by_joint[leader].limits
-    effort = (row.effort if row is not None else None) or limits.effort or 0.0
-    return effort / gear if gear else 0.0
+    leader, gear, _ = leading(tree, joint)
+    row = control.by_joint.get(leader.name)
+    effort = (row.effort if row is not None else None) or leader.limits.effort or 0.0
+    return effort / abs(gear) if gear else 0.0
 
 
 def _held(

@@ -14,7 +14,7 @@ from pxr import Gf, Usd, UsdGeom, UsdPhysics
 
 from assetbuild.errors import StepError
 from assetbuild.robot.initial import initial_pose
-from assetbuild.robot.mimic import first_leader
+from assetbuild.robot.mimic import leading
 from assetbuild.robot.mjcf_only import Spring, as_drives
 from assetbuild.robot.model import MOVING, Actuator, Control, Joint, Softness
 from assetbuild.robot.pose import IDENTITY, Pose, Quat, Vec3, quat_between, quat_multiply
@@ -256,20 +256,19 @@ def _apply_mimic(prim: Usd.Prim, names: PrimPaths, joint: Joint) -> None:
     """
     assert joint.mimic is not None  # noqa: S101 # the caller has looked
     leader = names.tree.by_joint[joint.mimic.joint]
-    offset, multiplier = coordinate(joint, joint.mimic.offset), joint.mimic.multiplier
     units = coordinate(joint, 1.0) / coordinate(leader, 1.0)
     instance_name = f"rot{joint_axis(joint.axis)[0]}"
     prefix = f"physxMimicJoint:{instance_name}"
     physx: dict[str, float | str] = {
-        "gearing": -multiplier * units,
-        "offset": -offset,
+        "gearing": -joint.mimic.multiplier * units,
+        "offset": -coordinate(joint, joint.mimic.offset),
         "referenceJointAxis": f"rot{joint_axis(leader.axis)[0]}",
     }
     apply_foreign(prim, f"PhysxMimicJointAPI:{instance_name}", prefix, physx)
-    first = first_leader(names.tree, joint.mimic)
-    newton = {"mimicCoef0": coordinate(joint, first.offset), "mimicCoef1": first.multiplier}
+    first, factor, offset = leading(names.tree, joint)  # Newton takes no chain of mimics
+    newton = {"mimicCoef0": coordinate(joint, offset), "mimicCoef1": factor}
     apply_foreign(prim, "NewtonMimicAPI", "newton", newton)
-    leaders = {f"{prefix}:referenceJoint": leader.name, "newton:mimicJoint": first.joint}
+    leaders = {f"{prefix}:referenceJoint": leader.name, "newton:mimicJoint": first.name}
     for relation, name in leaders.items():
         prim.CreateRelationship(relation, custom=False).SetTargets([names.joint(name)])
 
