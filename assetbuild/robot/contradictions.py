@@ -10,10 +10,8 @@ hand whose links were never weighed.
 from __future__ import annotations
 
 import math
-from collections import Counter
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from itertools import product
 
 import numpy as np
 
@@ -24,7 +22,7 @@ from assetbuild.robot.mimic import without_mimics
 from assetbuild.robot.model import Control, Inertial, Joint, Tree
 from assetbuild.robot.pose import Array
 from assetbuild.robot.tree import forward_kinematics
-from assetbuild.robot.twins import PLANES, Part, is_opposite, parts_of, twins
+from assetbuild.robot.twins import Part, parts_of, twins
 
 FACTOR = 3.0
 """From here on a value is contradicted. So much of a body may be undrawn: its reach is then 1.7
@@ -83,7 +81,6 @@ class Apart:
 
     wrong: Part
     right: Part
-    axis: int
     mass_factor: float
     inertia_factor: float
     sure: bool
@@ -205,7 +202,7 @@ def _turns(joint: Joint, rotation: Array) -> list[Array]:
 def twins_apart(tree: Tree, extents: Mapping[str, Extent]) -> Iterator[Apart]:
     """Twins of one shape whose masses or principal moments differ by more than `FACTOR`."""
     beyond = beyond_reach(tree, extents)
-    for left, right, axis in alike(tree, extents):
+    for left, right in alike(tree, extents):
         masses = sorted((left.mass, right.mass))
         if not masses[0] > 0.0:
             continue
@@ -215,40 +212,16 @@ def twins_apart(tree: Tree, extents: Mapping[str, Extent]) -> Iterator[Apart]:
         blame = [_blame(part, extents.get(part.name), beyond) for part in (left, right)]
         sure = blame[0][:2] != blame[1][:2] or abs(blame[0][2] - blame[1][2]) > SURE
         wrong, other = (left, right) if blame[0] > blame[1] else (right, left)
-        yield Apart(wrong, other, axis, masses[1] / masses[0], factor, sure)
+        yield Apart(wrong, other, masses[1] / masses[0], factor, sure)
 
 
-def alike(tree: Tree, extents: Mapping[str, Extent]) -> Iterator[tuple[Part, Part, int]]:
-    """Pairs at mirrored places of one shape, or named left and right where neither has a shape."""
-    parts = parts_of(tree, Control())
-    named = twins(parts)
-    known = {part.name for pair in named.pairs for part in pair}
-    for left, right in named.pairs:
+def alike(tree: Tree, extents: Mapping[str, Extent]) -> Iterator[tuple[Part, Part]]:
+    """Left and right parts of one shape, or where neither has a shape."""
+    for left, right in twins(parts_of(tree, Control())).pairs:
         one, other = extents.get(left.name), extents.get(right.name)
         bare = one is None and other is None
         if bare or (one is not None and other is not None and one.is_like(other)):
-            yield left, right, named.axis
-    left_over = [part for part in parts if part.name not in known and part.name in extents]
-    planes = (named.axis,) if named.pairs else PLANES
-    by_axis = {axis: _placed_alike(left_over, extents, axis) for axis in planes}
-    axis = max(by_axis, key=lambda axis: len(by_axis[axis]))
-    yield from ((left, right, axis) for left, right in by_axis[axis])
-
-
-def _placed_alike(
-    parts: list[Part], extents: Mapping[str, Extent], axis: int
-) -> list[tuple[Part, Part]]:
-    """Each with the only part of its shape at its mirrored place."""
-    pairs = [
-        (one, other)
-        for one, other in product(parts, parts)
-        if one.place[axis] > 0.0
-        and one is not other
-        and is_opposite(one.place, other.place, axis)
-        and extents[one.name].is_like(extents[other.name])
-    ]
-    times = Counter(part.name for pair in pairs for part in pair)
-    return [pair for pair in pairs if all(times[part.name] == 1 for part in pair)]
+            yield left, right
 
 
 def _blame(

@@ -148,8 +148,4 @@ def _statistics(body: Body, rows: Array) -> dict[str, object]:
 
 def _spread(values: Array) -> dict[str, object]:
     low, middle, high = (float(v) for v in np.quantile(values, (0.0, 0.5, 1.0)))
-    least = 1e-9 * max(abs(low), abs(high), 1e-9)  # draws without any spread are one bar
-    edges = (low, high) if high - low > least else (low - least, high + least)
-    counts, _ = np.histogram(values, bins=40, range=edges)
-    histogram = [int(n) for n in counts]
-    return {"least": low, "median": middle, "most": high, "histogram": histogram}
+    return {"least": low, "median": middle, "most": high}
