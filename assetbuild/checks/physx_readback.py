@@ -3,16 +3,13 @@
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
-from pathlib import Path
 from typing import ClassVar
 
 import numpy as np
 
 from assetbuild.engine.step import Files
-from assetbuild.errors import StepError
 from assetbuild.facts.compare import differences, equality_findings
 from assetbuild.facts.held import PHYSX, Held, physx_expected, physx_table
 from assetbuild.facts.reader import Reader
@@ -22,15 +19,9 @@ from assetbuild.findings import Finding, Rule
 from assetbuild.plugin_types import write_figures
 from assetbuild.robot.initial import initial_pose
 from assetbuild.robot.model import Control, Tree
-from assetbuild.simulators import mujoco, physx
+from assetbuild.simulators import physx
 from assetbuild.simulators.experiments import Experiment, Outcome, Setting, standing
-from assetbuild.simulators.mujoco import trials as mujoco_trials
 from assetbuild.simulators.physx import couplings as physx_couplings
-
-NO_CAUSE = (
-    "no bodies lie in one another where it starts: a tiny inertia? a start outside of limits?"
-)
-PAIRS_SHOWN = 8
 
 START = Rule(
     "physx.start",
@@ -44,7 +35,6 @@ DRIFT = Rule("physx.drift", "error", "a fixed base moved", "report it: this is a
 class PhysxReadback(physx.PhysxCheck):
     """`usd/<robot>.usda` in PhysX: bodies, joints, gains, limits; then 5 s on a floor."""
 
-    also: ClassVar[tuple[str, ...]] = ("mjcf",)
     reads: ClassVar[tuple[str, ...]] = Reader.reads
     recipe_fields: ClassVar[Mapping[str, str]] = {
         "drive_type": "usd.drive_type",
@@ -92,22 +82,7 @@ class PhysxReadback(physx.PhysxCheck):
         for experiment, where in zip(
             experiments[1:], ("as the asset starts, without a floor", "on a floor"), strict=True
         ):
-            outcome = outcomes[experiment.name]
-            yield from _judge_motion(tree, outcome, where)
-            if not outcome.finite:
-                overlaps = self._overlaps(files.inputs)
-                hint = overlap_hint(overlaps) or speed_hint(tree, control)
-                yield _not_finite(where, outcome, hint, len(overlaps))
-
-    def _overlaps(self, inputs: Path) -> Mapping[tuple[str, str], float]:
-        """Depth (m) by pair of bodies in the initial pose, as MuJoCo sees it, where it does."""
-        path = inputs / "mjcf" / f"{self.robot}.xml"
-        if not path.is_file():
-            return {}
-        try:
-            return mujoco_trials.overlaps_at_home(mujoco.load(path, visuals=False).model)
-        except StepError:  # `mjcf.load` says so
-            return {}
+            yield from _judge_motion(tree, outcomes[experiment.name], where)
 
 
 def _experiments(tree: Tree, control: Control, seconds: float) -> tuple[Experiment, ...]:
@@ -154,51 +129,11 @@ def _differing(held: Held, table: Table, expected: Table) -> Iterator[Finding]:
             )
 
 
-def _not_finite(where: str, outcome: Outcome, hint: str, overlaps: int) -> Finding:
-    return physx.NOT_FINITE(
-        "robot",
-        f"{where}: {outcome.failure or 'its state is not finite'}",
-        hint=hint or NO_CAUSE,
-        data={"overlaps": overlaps},
-    )
-
-
-def overlap_hint(overlaps: Mapping[tuple[str, str], float]) -> str:
-    """The exclude to write for bodies that lie in one another at the start; "" without any.
-
-    overlaps: depth (m) by pair of bodies, the deepest first.
-    """
-    if not overlaps:
-        return ""
-    pairs = list(overlaps)[:PAIRS_SHOWN]
-    listed = ", ".join(f"[{a}, {b}]" for a, b in pairs)
-    depths = ", ".join(f"{1e3 * overlaps[pair]:.3g}" for pair in pairs)
-    more = f"; {len(overlaps) - len(pairs)} more pairs less deep" if overlaps.keys() - pairs else ""
-    return (
-        f"bodies lie in one another where it starts ({depths} mm): "
-        f"`collision.exclude.pairs: [{listed}]`{more}, or smaller shapes"
-    )
-
-
-def speed_hint(tree: Tree, control: Control) -> str:
-    """The row to write for joints that mimic others and have limits of speed of their own.
-
-    PhysX brakes such a joint and pulls it along its leader in the same step; where both weigh next
-    to nothing, the two pulls may grow without end.
-    """
-    fast = {actuator.joint for actuator in control.actuators if actuator.velocity is not None}
-    names = [j.name for j in tree.moving_joints if j.mimic is not None and j.name in fast]
-    row = f'{{joints: "{"|".join(map(re.escape, names))}", model: passive, velocity: unlimited}}'
-    return (
-        f"the speed limits of {len(names)} joints that mimic others may be it, whose leaders limit "
-        f"them already: add the row `{row}` to `actuators`"
-    ) if names else ""  # fmt: skip
-
-
 def _judge_motion(tree: Tree, outcome: Outcome, where: str) -> Iterator[Finding]:
     if not outcome.finite:
-        return  # `physx.finite`
-    if outcome.motion is not None and tree.base == "fixed":
+        failure = outcome.failure or "its state is not finite"
+        yield physx.NOT_FINITE("robot", f"{where}: {failure}")
+    elif outcome.motion is not None and tree.base == "fixed":
         drift = float(np.abs(outcome.motion.root - outcome.motion.root[0]).max())
         if drift > 0.0:
             yield DRIFT(

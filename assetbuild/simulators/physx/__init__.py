@@ -34,7 +34,8 @@ NOT_FINITE = Rule(
     "physx.finite",
     "error",
     "the simulation crashed, hung or went to infinity within 5 s",
-    "look for overlaps, tiny inertias and starts outside the limits",
+    "look for bodies inside one another (`trials.overlap`), tiny inertias, starts outside the "
+    "limits, and speed limits of joints that mimic others (`velocity: unlimited`)",
 )
 ARTICULATION = Rule(
     "physx.articulation",
