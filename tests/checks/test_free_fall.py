@@ -11,8 +11,8 @@ import pytest
 from pxr import Sdf, Usd, UsdPhysics
 from tiny import TinyRobot, check_inputs, pendulum, run_step, tiny_quadruped
 
+from assetbuild.checks._mujoco import FreeFall
 from assetbuild.checks._physx import PhysxFreeFall
-from assetbuild.checks.free_fall import FreeFall
 from assetbuild.findings import Finding
 from assetbuild.robot.model import Simulation
 from assetbuild.targets.mjcf import Mjcf
@@ -105,8 +105,9 @@ def test_drag_and_a_weld_in_physx_are_found(
     assert rules(found) == [("physx.free_fall", severity)]
 
 
-def test_a_fixed_base_is_not_dropped_and_mujocos_check_says_so(tmp_path: Path) -> None:
+def test_a_fixed_base_is_not_dropped_and_the_figures_say_so(tmp_path: Path) -> None:
     inputs = built(pendulum(), tmp_path, FreeFall)
-    found = run_step(FreeFall(robot="robot"), inputs, tmp_path / "mujoco")
-    assert rules(found) == [("free_fall.fixed_base", "info")]
-    assert run_step(PhysxFreeFall(robot="robot"), inputs, tmp_path / "physx") == []
+    for check in (FreeFall, PhysxFreeFall):
+        assert run_step(check(robot="robot"), inputs, tmp_path / "out") == []
+        figures = json.loads((tmp_path / "out/figures.json").read_text())
+        assert figures == {"skipped": "fixed base"}

@@ -11,9 +11,9 @@ import pytest
 from hands import COUPLED, PINCHER, robot
 from tiny import TinyRobot, box_inertial, models, run_step
 
+from assetbuild.checks._mujoco import Gripping
 from assetbuild.checks._newton import NewtonGripping
 from assetbuild.checks._physx import PhysxGripping
-from assetbuild.checks.grip import Gripping
 from assetbuild.engine.world import World
 from assetbuild.findings import Finding
 from assetbuild.robot.model import Actuator, Body, Control, Joint, Keyframe, Limits, Mimic, Tree

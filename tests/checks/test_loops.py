@@ -23,10 +23,10 @@ from tiny import (
     write_robot_ports,
 )
 
+from assetbuild.checks._mujoco import Loops
 from assetbuild.checks._newton import NewtonLoops
 from assetbuild.checks._physx import PhysxLoops
 from assetbuild.checks.full_effort import FullEffort
-from assetbuild.checks.loops import Loops
 from assetbuild.findings import Finding
 from assetbuild.robot.closure import close
 from assetbuild.robot.model import Keyframe

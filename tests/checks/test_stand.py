@@ -13,9 +13,9 @@ import pytest
 from pxr import Usd, UsdPhysics
 from tiny import TinyRobot, check_inputs, models, pendulum, run_step, spoil_stage, tiny_quadruped
 
+from assetbuild.checks._mujoco import Slope
 from assetbuild.checks._newton import NewtonSlope
 from assetbuild.checks._physx import PhysxSlope
-from assetbuild.checks.slope import Slope
 from assetbuild.checks.stand import Stand
 from assetbuild.engine.world import World
 from assetbuild.findings import Finding

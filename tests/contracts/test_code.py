@@ -67,7 +67,6 @@ for file in job["runs"]:
 """
 """Runs each step in a process of its own, which has loaded nothing but the engine before."""
 ELSEWHERE = {
-    "assetbuild.checks.grip": "only where a recipe asks for it: see its own tests",
     "assetbuild.checks.policy": "only where a recipe names a policy: see its own tests",
     "assetbuild.checks._newton": "needs the trainer",
     "assetbuild.checks._physx": "needs PhysX",

@@ -22,7 +22,7 @@ from tiny import (
     write_robot_ports,
 )
 
-from assetbuild.checks.loops import Loops
+from assetbuild.checks._mujoco import Loops
 from assetbuild.edits.share_mass import ShareMass
 from assetbuild.edits.split_joint import SplitJoint
 from assetbuild.engine.step import Files

@@ -1,0 +1,109 @@
+"""The questions that MuJoCo is asked as other simulators are: one class each, with its rules.
+
+What MuJoCo alone is asked has files of its own: `stand`, `trials`, `full_effort`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import ClassVar
+
+from assetbuild.engine.step import Limits
+from assetbuild.findings import Rule
+from assetbuild.robot.files import RobotFiles
+from assetbuild.simulators import mujoco
+from assetbuild.simulators.free_fall import FreeFallCheck
+from assetbuild.simulators.gripping import GripCheck
+from assetbuild.simulators.loops import LoopCheck
+from assetbuild.simulators.mujoco.drives import servoed
+from assetbuild.simulators.mujoco.grip import Grip, Try, grip
+from assetbuild.simulators.mujoco.hands import Hand
+from assetbuild.simulators.mujoco.motion import MujocoCheck
+from assetbuild.simulators.mujoco.slope import Creep, creep
+from assetbuild.simulators.slopes import SlopeCheck
+
+WRONG_DROP = Rule(
+    "free_fall.drop",
+    ("warning", "error"),
+    "the robot does not fall by g/2 t (t + dt) (an error above 5 %)",
+    "check whether a part is fixed to the world",
+)
+CREEP = Rule(
+    "slope.creep",
+    "warning",
+    "a standing robot slides in MuJoCo on a slope below the angle of friction",
+    "`cone: elliptic`, a larger `impratio` or more `iterations`, in `mjcf` or `mjx`; where these "
+    "are set, a pose that its drives hold: feet below the hips, a larger kp",
+)
+NO_HAND = Rule(
+    "grip.hand",
+    ("info", "warning"),
+    "no drive alone closes anything (information), or no object fits into it",
+    "name the keyframes of the open and the closed hand: "
+    "`validate: {grip: {keyframes: [open, closed]}}`",
+)
+LOST = Rule(
+    "grip.lost",
+    "warning",
+    "a gripper loses an object in MuJoCo, or lets it slip",
+    "contacts of the fingers that are stiffer and resist turning (`contact.links`: `condim: 4, "
+    "priority: 1, solref: [0.004, 1]`), "
+    "`cone: elliptic`, the rotors' armature, firmer `loops` of linkages, more effort",
+)
+
+
+class FreeFall(FreeFallCheck, MujocoCheck):
+    """Compares the drop of the centre of mass in MuJoCo with g/2 t (t + dt)."""
+
+    own_name = "free_fall"
+    wrong: ClassVar[Rule] = WRONG_DROP
+    rounding: ClassVar[float] = 1e-9
+
+
+class Loops(LoopCheck, MujocoCheck):
+    """Swings the driven joints of `mjcf/<robot>.xml`, its base held, and measures every gap."""
+
+    own_name = "loops"
+
+
+class Slope(SlopeCheck, MujocoCheck):
+    """In the full model and the mjx file."""
+
+    own_name = "slope"
+    needs: ClassVar[tuple[str, ...]] = ("mjcf",)
+    also: ClassVar[tuple[str, ...]] = ("mjx",)
+    reads: ClassVar[tuple[str, ...]] = ("control.json",)
+    creeps: ClassVar[Rule] = CREEP
+
+    def scenes(
+        self, inputs: Path, figures: dict[str, object]
+    ) -> Iterator[tuple[str, str, mujoco.Model]]:
+        """`mjcf/scene.xml` and, where it is built, `mjx/scene_mjx.xml`."""
+        for target, path, model in mujoco.full_and_mjx_models(inputs, "scene", figures):
+            yield target, path.name, model
+
+    def creep(self, inputs: Path, model: mujoco.Model, robot: RobotFiles) -> Creep | str:
+        """In MuJoCo, whose ground tilts while the robot stands on it."""
+        return creep(servoed(model, robot.control), self.wish.share, self.wish.speed)
+
+
+class Gripping(GripCheck, MujocoCheck):
+    """In the full model and in the mjx file; with the forces of both sides in N."""
+
+    own_name = "grip"
+    also: ClassVar[tuple[str, ...]] = ("mjx",)
+    limits: ClassVar[Limits] = Limits(wall_s=1200.0)  # of two hands, on a busy machine
+    lost: ClassVar[Rule] = LOST
+    no_hand: ClassVar[Rule | None] = NO_HAND
+
+    def models(self, inputs: Path) -> Iterator[tuple[str, str, Path]]:
+        """`mjcf/<robot>.xml` and, where it is built, `mjx/<robot>_mjx.xml`."""
+        for target, path in mujoco.full_and_mjx(inputs, self.robot):
+            yield target, path.name, path
+
+    def grips(
+        self, inputs: Path, model: mujoco.Model, hand: Hand, tries: Sequence[Try]
+    ) -> Sequence[Grip]:
+        """In MuJoCo."""
+        return [grip(model, hand, place, mass) for place, mass in tries]
