@@ -13,13 +13,10 @@ from tiny import TinyRobot, box_inertial, box_obj, pendulum, run_step, write_rob
 from assetbuild.checks.coverage import Coverage, _length
 from assetbuild.checks.mass import Mass
 from assetbuild.findings import Finding
-from assetbuild.mesh.obj import obj_bytes
-from assetbuild.mesh.primitives import tessellate
 from assetbuild.mesh.solid import distance_to
-from assetbuild.mesh.triangles import merged
 from assetbuild.robot.inertia import rotate_tensor
 from assetbuild.robot.model import Frame, Inertial
-from assetbuild.robot.pose import Pose, Vec3, normalised_quat
+from assetbuild.robot.pose import Pose, normalised_quat
 from assetbuild.robot.shapes import Box, Capsule, Geometry, Mesh, MeshAsset, Shape, Shapes
 
 SIZE = (0.05, 0.04, 0.4)
@@ -183,34 +180,6 @@ def test_a_shorter_and_a_thicker_shape_are_simplifications(tmp_path: Path):
     assert covered(Capsule(0.02, 0.2), (0.0, 0.0, 0.0), tmp_path / "a") == []
     assert covered(Box((0.1, 0.1, 0.35)), (0.0, 0.0, 0.0), tmp_path / "b") == []
     assert covered(Box((0.05, 0.04, 0.1)), (0.0, 0.0, 0.1), tmp_path / "c") == []
-
-
-def frame_of_bars(parts: tuple[tuple[Vec3, Vec3], ...]) -> bytes:
-    """An OBJ of boxes: (size, middle) each, m."""
-    boxes = [tessellate(Box(size)).placed(Pose(at)) for size, at in parts]
-    return obj_bytes(merged(boxes))
-
-
-SIDES = (((0.02, 0.02, 0.2), (-0.06, 0.0, 0.0)), ((0.02, 0.02, 0.2), (0.06, 0.0, 0.0)))
-TOP: tuple[Vec3, Vec3] = ((0.14, 0.02, 0.02), (0.0, 0.0, 0.09))
-BOTTOM: tuple[Vec3, Vec3] = ((0.14, 0.02, 0.02), (0.0, 0.0, -0.09))
-
-
-def test_a_hull_that_fills_a_hole_is_told_with_its_size_and_place(tmp_path: Path):
-    ring = frame_of_bars((*SIDES, TOP, BOTTOM))
-    (finding,) = covered(Mesh("bar-1"), (0.0, 0.0, 0.0), tmp_path, ring)
-    assert (finding.rule, finding.severity) == ("coverage.hole", "info")
-    assert finding.data["area_m2"] == pytest.approx(0.10 * 0.16, rel=0.1)  # inside of the bars
-    assert finding.data["middle_m"] == pytest.approx((0.0, 0.0, 0.0), abs=5e-3)
-    assert np.abs(finding.data["direction"]) == pytest.approx((0.0, 1.0, 0.0), abs=1e-9)
-
-
-def test_a_notch_and_a_hole_left_open_are_no_holes_filled(tmp_path: Path):
-    notch = frame_of_bars((*SIDES, TOP))
-    assert covered(Mesh("bar-1"), (0.0, 0.0, 0.0), tmp_path / "a", notch) == []
-    ring = frame_of_bars((*SIDES, TOP, BOTTOM))
-    beside = covered(Box(SIDES[0][0]), SIDES[0][1], tmp_path / "b", ring)
-    assert [f.rule for f in beside if f.rule == "coverage.hole"] == []
 
 
 def test_points_in_one_plane_are_as_far_as_their_box():
