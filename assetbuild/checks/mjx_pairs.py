@@ -51,12 +51,6 @@ MARGIN = Rule(
     "a mesh has a contact margin, which MJX refuses",
     "leave `contact.margin` at 0",
 )
-SLOW_PAIR = Rule(
-    "mjx.slow_pair",
-    "info",
-    "mujoco_warp solves these pairs by its general routine",
-    "spheres and capsules are fast",
-)
 OPTION = Rule("mjx.option", "error", "MJX does not have this option", "change it under `mjx`")
 
 
@@ -101,7 +95,7 @@ def pairs(model: mujoco.Model) -> dict[Kinds, list[Pair]]:
 
 
 def judge(model: mujoco.Model) -> Iterator[Finding]:
-    """What MJX would refuse, and what is slow on mujoco_warp."""
+    """What MJX would refuse."""
     by_kinds = pairs(model)
     for a, b in sorted(by_kinds.keys() & NOT_IN_MJX):
         one, other = (mujoco.name_of(model, "geom", geom) for geom in by_kinds[a, b][0])
@@ -124,20 +118,6 @@ def judge(model: mujoco.Model) -> Iterator[Finding]:
             f"MJX takes no margin on a mesh: {len(margins)} pairs have one",
             hint="leave `contact.margin` at 0, or use a primitive",
             data={"pairs": len(margins)},
-        )
-    slow = [
-        (len(by_kinds[kinds]), *kinds)
-        for kinds in by_kinds
-        if kinds not in NOT_IN_MJX | FAST_ON_WARP
-    ]
-    if slow:
-        total = sum(count for count, _, _ in slow)
-        shown = ", ".join(f"{count} {a}-{b}" for count, a, b in slow)
-        yield SLOW_PAIR(
-            "robot",
-            f"mujoco_warp takes its general routine for {total} pairs: {shown}",
-            hint="spheres and capsules have a closed form with planes and boxes",
-            data={"pairs": total},
         )
     for what in _lacking(model):
         message = f"MJX does not do this: {what}"

@@ -39,8 +39,8 @@ def test_with_self_collision_a_cylinder_and_a_box_are_refused(tmp_path: Path) ->
     loose = replace(robot, control=control)
     # Hips are cylinders on the trunk's box, but parent and child never touch: so no error yet.
     findings, figures = checked(loose, tmp_path / "a", self_collision=True)
-    assert [f.rule for f in findings] == ["mjx.slow_pair"]
-    assert figures["pairs"] > 17
+    assert findings == []
+    assert figures["pairs"] > figures["fast_on_warp"] >= 17
     box = Box((0.02, 0.02, 0.12))
     shapes = tuple(replace(s, geometry=box) if "calf" in s.name else s for s in loose.shapes.shapes)
     boxes = replace(loose, shapes=replace(loose.shapes, shapes=shapes))
