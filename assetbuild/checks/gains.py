@@ -18,7 +18,7 @@ from assetbuild.engine.step import Files
 from assetbuild.findings import Data, Finding, Rule
 from assetbuild.plugin_types import Check, RecipeView, write_figures
 from assetbuild.recipe_types import Positive
-from assetbuild.robot.closure import felt_inertia, reflected_range
+from assetbuild.robot.closure import felt_inertia
 from assetbuild.robot.dynamics import dynamics, holding_torques, soles
 from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.initial import initial_pose
@@ -149,7 +149,6 @@ class Gains(Check):
             torque = {}  # it would not stand, so no joint can be said to hold anything
         closed = bool(control.loops) and not any(joint.kind == "ball" for joint in tree.joints)
         inertia = felt_inertia(control.loops if closed else (), robot)
-        reflected = reflected_range(tree, control, home) if closed else {}
         joints: dict[str, Effective] = {}
         for name in robot.joints:
             actuator = control.by_joint.get(name)
@@ -163,8 +162,6 @@ class Gains(Check):
             "unbalanced": left_over,
             "joints": {name: asdict(one) for name, one in joints.items()},
         }
-        if closed:
-            figures["reflected"] = {name: asdict(felt) for name, felt in reflected.items()}
         limits = {"unbalanced": UNBALANCED, "load": self.torque, "sag": self.sag, "holding": 0.1}
         write_figures(files, figures, limits)
         for name, one in joints.items():
@@ -172,15 +169,6 @@ class Gains(Check):
             yield from _judge_strength(actuator, one, slides, self.torque, self.sag)
             yield from self._judge_stability(one, timestep, name)
             yield from self._judge_damping(actuator, one)
-            if name in reflected and (one.margin is None or one.margin >= self.margin):
-                felt = reflected[name]
-                place, unit = ("m", "kg") if slides else ("rad", "kg m²")
-                where = (
-                    f" with the joint at {felt.at_least:.3g} {place}, where its loops leave it "
-                    f"an inertia of {felt.least:.3g} {unit}"
-                )
-                least = self._effective(actuator, felt.least, None, timestep)
-                yield from self._judge_stability(least, timestep, name, where)
         if self.inherited and joints:
             yield _inherited([one.frequency_hz for one in joints.values()])
 
@@ -212,15 +200,13 @@ class Gains(Check):
             per_tenth_rad=kp * SMALL_ERROR_RAD,
         )
 
-    def _judge_stability(
-        self, one: Effective, timestep: float, joint: str, where: str = ""
-    ) -> Iterator[Finding]:
+    def _judge_stability(self, one: Effective, timestep: float, joint: str) -> Iterator[Finding]:
         if one.margin is not None and one.margin < self.margin:
             diverges = one.margin <= 1.0
             yield UNSTABLE(
                 f"actuator {joint}",
                 f"{'diverges' if diverges else 'is close to diverging'} at a timestep of "
-                f"{timestep:g} s{where}: {one.margin:.3g} times its gains are the limit",
+                f"{timestep:g} s: {one.margin:.3g} times its gains are the limit",
                 severity="error" if diverges else "warning",
                 data={"margin": one.margin, "kp_dt2_over_I": one.stiffness},
             )

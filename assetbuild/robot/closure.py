@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from assetbuild.robot.dynamics import Dynamics, Motion, dynamics, motions
+from assetbuild.robot.dynamics import Dynamics, Motion, motions
 from assetbuild.robot.loops import path_of
 from assetbuild.robot.mimic import with_mimics
 from assetbuild.robot.model import Control, Joint, Loop, Tree
@@ -248,16 +248,6 @@ REACH = {True: 0.1, False: 1.5}
 """m of a slide, rad of a hinge: no farther from the first pose, within the limits."""
 
 
-@dataclass(frozen=True)
-class Reflected:
-    """The least and the most that one joint feels, kg m2 or kg, and its position at each."""
-
-    least: float
-    at_least: float
-    most: float
-    at_most: float
-
-
 def felt_inertia(loops: Sequence[Loop], robot: Dynamics) -> dict[str, float]:
     """The inertia that each joint feels, kg m2 or kg; infinite where the loops lock the joint."""
     if not loops:
@@ -287,34 +277,6 @@ def held_by(
     rows = basis[[robot.joints.index(name) for name in driven]]
     torques = np.linalg.lstsq(rows.T, work, rcond=None)[0]
     return dict(zip(driven, map(float, torques), strict=True))
-
-
-def reflected_range(
-    tree: Tree, control: Control, home: Mapping[str, float]
-) -> dict[str, Reflected]:
-    """Of each driven joint of the loops, while it alone moves away from `home`.
-
-    It changes manyfold near a dead centre, so gains that suit one pose may not suit another.
-
-    The undriven joints of the loops follow. The range ends at the joint's limits, and where the
-    loops do not close any more. Poses in which they lock the joint are left out.
-    """
-    armature = {row.joint: row.armature for row in control.actuators}
-    driven = {row.joint for row in control.actuators if row.model != "passive"}
-    chain = {joint.name: joint for loop in control.loops for joint in path_of(tree, loop)}
-    ranges = {}
-    for name in chain.keys() & driven:
-        felt = {}
-        for pose in poses_along(tree, control, home, chain[name], chain.keys() - driven):
-            robot = dynamics(tree, pose, armature)
-            here = felt_inertia(control.loops, robot)[name]
-            if np.isfinite(here):
-                felt[pose[name]] = here
-        if not felt:
-            continue
-        least, most = min(felt, key=felt.__getitem__), max(felt, key=felt.__getitem__)
-        ranges[name] = Reflected(felt[least], least, felt[most], most)
-    return dict(sorted(ranges.items()))
 
 
 def poses_along(

@@ -18,7 +18,6 @@ from assetbuild.robot.closure import (
     gaps,
     held_by,
     locked_joints,
-    reflected_range,
 )
 from assetbuild.robot.dynamics import dynamics, holding_torques, motions
 from assetbuild.robot.initial import initial_pose
@@ -181,14 +180,3 @@ def test_the_gains_that_init_proposes_fit_what_the_drive_moves_with_its_loop_clo
     assert row.joints == (DRIVEN,)
     assert row.inertia == pytest.approx(closed)
     assert abs(row.inertia / open_one.inertia - 1.0) > 0.1
-
-
-def test_the_range_holds_the_first_pose_and_ends_where_the_loop_opens():
-    home = posed(0.3)
-    found = reflected_range(BAR.tree, BAR.control, home)[DRIVEN]
-    here = felt_inertia(BAR.control.loops, dynamics(BAR.tree, home, {}))[DRIVEN]
-    assert found.least <= here * (1 + 1e-9) and here * (1 - 1e-9) <= found.most
-    assert found.most > 1.05 * found.least
-    assert close(
-        BAR.tree, BAR.control.loops, home | {DRIVEN: found.at_least}, FREE_OF_REFLECTED
-    ).closed
