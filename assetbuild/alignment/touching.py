@@ -1,12 +1,10 @@
-"""Which bodies of the robot may touch one another in MuJoCo, and which in another engine."""
+"""Which bodies of the robot may touch one another in MuJoCo, and which in Newton's solver."""
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Iterable
 
 from assetbuild.alignment.row import Row
-from assetbuild.facts.table import Key, Table, pair_name
 from assetbuild.robot.model import Tree
 from assetbuild.simulators import mujoco
 from assetbuild.simulators.mujoco.pairs import explicit_pairs, touching_geoms
@@ -16,30 +14,19 @@ Pairs = set[frozenset[str]]
 """A pair of bodies, by name."""
 
 
-def touching_in_usd(held: Table, tree: Tree) -> Pairs:
-    """Pairs of bodies that may touch in PhysX, by what the USD says; bodies of a joint never do."""
-    if held.facts.get(Key("robot", "", "self-collision")) is False:
-        return set()
-    shapes = [held.of("shape", name) for name in held.names("shape")]
-    solid = sorted({str(shape["body"]) for shape in shapes if shape.get("collides")})
-    pairs = itertools.combinations(solid, 2)
-    met = {frozenset(p) for p in pairs if Key("pair", pair_name(*p), "filtered") not in held.facts}
-    return met - {frozenset((joint.parent, joint.child)) for joint in tree.joints}
-
-
 def touching_in_mujoco(model: mujoco.Model, tree: Tree) -> Pairs:
     """Pairs of bodies that may touch by masks, excludes and MuJoCo's own filter, or by `<pair>`."""
     pairs = (*touching_geoms(model), *explicit_pairs(model))
     return _named(model, pairs, tree)
 
 
-def touching_row(model: mujoco.Model, theirs: Pairs, tree: Tree, engine: str) -> Row:
+def touching_row(model: mujoco.Model, newton: mujoco.Model, tree: Tree) -> Row:
     """Off: number of pairs of bodies that may touch in one engine alone.
 
-    A contact that only one engine has is an error, but for those that PhysX and Newton cannot have:
-    between the two bodies of a joint, and where an MJCF asks for it by a `<pair>`.
+    A contact that only one engine has is an error, but for those that Newton cannot have: between
+    the two bodies of a joint, and where an MJCF asks for it by a `<pair>`.
     """
-    ours = touching_in_mujoco(model, tree)
+    ours, theirs = (touching_in_mujoco(each, tree) for each in (model, newton))
     asked = _named(model, explicit_pairs(model), tree)
     jointed = {frozenset((joint.parent, joint.child)) for joint in tree.joints}
     here, there = ours - theirs, theirs - ours
@@ -54,7 +41,7 @@ def touching_row(model: mujoco.Model, theirs: Pairs, tree: Tree, engine: str) ->
         0.0,
         0.5,
         "pairs",
-        because=f"{engine} has no contacts between the bodies of a joint, nor `<pair>`"
+        because="Newton has no contacts between the bodies of a joint, nor `<pair>`"
         if impossible
         else "",
         advice="`collision.exclude.adjacent: true` lets both engines ignore them",

@@ -6,15 +6,17 @@ default of its solver. Whether Newton holds the robot at all is the check `smoke
 
 from __future__ import annotations
 
-from pathlib import Path
+from collections.abc import Iterator
 from typing import ClassVar
 
 from assetbuild.alignment.check import AlignmentCheck
-from assetbuild.alignment.touching import Pairs, touching_in_mujoco
+from assetbuild.alignment.row import Row
+from assetbuild.alignment.touching import touching_row
 from assetbuild.facts.held import Held, HeldModel
 from assetbuild.findings import Rule
 from assetbuild.policy.counting import OrdersCheck
 from assetbuild.robot.model import Tree
+from assetbuild.simulators import mujoco
 from assetbuild.simulators.loops import LoopCheck
 from assetbuild.simulators.newton import NewtonCheck
 from assetbuild.simulators.slopes import SlopeCheck
@@ -81,6 +83,6 @@ class NewtonAlignment(AlignmentCheck, NewtonCheck):
     off: ClassVar[Rule] = OFF
     failed: ClassVar[Rule] = FAILED_RUN
 
-    def touching(self, inputs: Path, held: Held, tree: Tree) -> Pairs:
-        """Newton's solver is MuJoCo's."""
-        return touching_in_mujoco(HeldModel(held), tree)
+    def held_rows(self, model: mujoco.Model, held: Held, tree: Tree) -> Iterator[Row]:
+        """Newton's solver is MuJoCo's, so its masks say what may touch."""
+        yield touching_row(model, HeldModel(held), tree)

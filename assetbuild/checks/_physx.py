@@ -6,16 +6,11 @@ Whether PhysX holds the robot at all is the check `physx_readback`.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from pathlib import Path
 from typing import ClassVar
 
 from assetbuild.alignment.check import AlignmentCheck
-from assetbuild.alignment.touching import Pairs, touching_in_usd
-from assetbuild.facts.held import Held
-from assetbuild.facts.readers.usd import UsdReader
 from assetbuild.findings import Rule
 from assetbuild.policy.counting import OrdersCheck
-from assetbuild.robot.model import Tree
 from assetbuild.simulators.free_fall import FreeFallCheck
 from assetbuild.simulators.loops import LoopCheck
 from assetbuild.simulators.physx import FREE_FALL, ITERATIONS, PhysxCheck
@@ -89,7 +84,7 @@ class PhysxGripping(StageGripping, PhysxCheck):
 
 
 class Alignment(AlignmentCheck, PhysxCheck):
-    """`mjcf/` in MuJoCo and `usd/` in PhysX: how they fall, follow, stand, land, and touch."""
+    """`mjcf/` in MuJoCo and `usd/` in PhysX: how they fall, follow, stand and land."""
 
     own_name = "alignment"
     usual_s = 60.0
@@ -100,8 +95,3 @@ class Alignment(AlignmentCheck, PhysxCheck):
 
     iterations: int = 8
     """Position iterations of PhysX's solver."""
-
-    def touching(self, inputs: Path, held: Held, tree: Tree) -> Pairs:
-        """Pairs by the USD's filters, because PhysX does not report which pairs it tests."""
-        usd = UsdReader(robot=self.robot).read(inputs / f"usd/{self.robot}.usda")
-        return touching_in_usd(usd, tree)

@@ -9,6 +9,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
+from xml.etree import ElementTree
 
 import numpy as np
 import pytest
@@ -29,15 +30,14 @@ from tiny import (
 from assetbuild.alignment.asked import SAMPLE_S, experiments_of, into_stop
 from assetbuild.alignment.moved import Compared, FloorLimits, stand_rows
 from assetbuild.alignment.row import Row, findings_of
-from assetbuild.alignment.touching import Pairs, touching_in_usd, touching_row
+from assetbuild.alignment.touching import touching_row
 from assetbuild.checks._newton import OFF as NEWTON_OFF
 from assetbuild.checks._newton import NewtonAlignment
 from assetbuild.checks._physx import OFF, Alignment
 from assetbuild.engine.world import World
-from assetbuild.facts.readers.usd import UsdReader
 from assetbuild.findings import Finding
 from assetbuild.report.summary import WITHHELD, public_message
-from assetbuild.robot.model import Actuator, Body, Control, Joint, Limits, Simulation, Tree
+from assetbuild.robot.model import Actuator, Body, Control, Joint, Limits, Simulation
 from assetbuild.simulators import mujoco, newton
 from assetbuild.simulators.experiments import (
     Experiment,
@@ -157,46 +157,49 @@ def test_a_kind_of_row_is_one_finding_about_its_worst() -> None:
     assert (found.subject, found.data["rows"]) == ("joint b", 3)
 
 
-def in_usd(inputs: Path, tree: Tree) -> Pairs:
-    return touching_in_usd(UsdReader(robot="robot").read(inputs / "usd/robot.usda"), tree)
+def excluding(path: Path, *pairs: tuple[str, str]) -> Path:
+    """The MJCF with these pairs excluded instead of its own."""
+    root = ElementTree.fromstring(path.read_text())  # noqa: S314 # ours
+    for contact in root.findall("contact"):
+        root.remove(contact)
+    contact = ElementTree.SubElement(root, "contact")
+    for one, other in pairs:
+        ElementTree.SubElement(contact, "exclude", body1=one, body2=other)
+    changed = path.with_stem(f"{len(pairs)}_excluded")
+    changed.write_text(ElementTree.tostring(root, "unicode"))
+    return changed
 
 
-FILTERS = "/robot/FL_foot.physics:filteredPairs"
-TOUCHES: dict[str, tuple[Spoil, str]] = {
-    "nothing": (lambda stage: None, "ok"),
-    "forgets a pair": (lambda stage: stage.GetRelationshipAtPath(FILTERS).SetTargets([]), "error"),
-    "filters one too many": (
-        lambda stage: stage.GetRelationshipAtPath(FILTERS).AddTarget("/robot/FR_foot"), "error"),
-    "none": (
-        lambda stage: stage.GetPrimAtPath("/robot/trunk").GetAttribute(
-            "physxArticulation:enabledSelfCollisions").Set(False), "error"),
-}  # fmt: skip
-
-
-@pytest.mark.parametrize("does", TOUCHES)
-def test_a_touch_that_one_engine_alone_has_is_an_error(tmp_path: Path, does: str) -> None:
-    spoil, verdict = TOUCHES[does]
+@pytest.mark.parametrize(
+    ("here", "there", "verdict", "alone"),
+    [
+        ((), (), "ok", ""),
+        ((("FL_foot", "FR_foot"),), (), "error", "theirs"),
+        ((), (("FL_foot", "FR_foot"),), "error", "mujoco"),
+        ((), (("trunk", "FL_hip"),), "warning", "mujoco"),
+    ],
+    ids=["alike", "Newton forgets a pair", "filters one too many", "has none in a joint"],
+)
+def test_a_touch_that_one_engine_alone_has_is_an_error_but_in_a_joint(
+    tmp_path: Path,
+    here: Sequence[tuple[str, str]],
+    there: Sequence[tuple[str, str]],
+    verdict: str,
+    alone: str,
+) -> None:
+    """MuJoCo has contacts of a joint where a body's parent is bolted to the world."""
     robot = kept_feet()
-    inputs = models(tmp_path, robot)
-    spoil_stage(inputs / "usd/robot.usda", spoil)
-    model = mujoco.load(inputs / "mjcf/robot.xml").model
-    row = touching_row(model, in_usd(inputs, robot.tree), robot.tree, "PhysX")
+    tree = replace(robot.tree, base="fixed")
+    keys = tuple(replace(key, base=None) for key in robot.control.keyframes)
+    bolted = replace(robot, tree=tree, links=replace(robot.links, base="fixed"),
+                     control=replace(robot.control, keyframes=keys))  # fmt: skip
+    path = models(tmp_path, bolted) / "mjcf/robot.xml"
+    one, other = (mujoco.load(excluding(path, *pairs)).model for pairs in (here, there))
+    row = touching_row(one, other, tree)
     assert row.verdict == verdict
-    assert (does == "forgets a pair") == ("`FL_foot` and `FL_thigh`" in str(row.theirs))
-    assert (does == "filters one too many") == ("`FL_foot` and `FR_foot`" in str(row.mujoco))
-
-
-def test_that_physx_has_no_contacts_of_a_joint_is_a_warning(tmp_path: Path) -> None:
-    """MuJoCo has: a body collides with a parent that is bolted to the world."""
-    robot = tiny_quadruped()
-    tree, keys = replace(robot.tree, base="fixed"), robot.control.keyframes
-    control = replace(robot.control, excludes=(), keyframes=tuple(
-        replace(key, base=None) for key in keys))  # fmt: skip
-    bolted = replace(robot, tree=tree, links=replace(robot.links, base="fixed"), control=control)
-    inputs = models(tmp_path, bolted)
-    model = mujoco.load(inputs / "mjcf/robot.xml").model
-    row = touching_row(model, in_usd(inputs, tree), tree, "PhysX")
-    assert (row.verdict, row.off) == ("warning", 4.0)
+    assert alone == "".join(
+        side for side in ("mujoco", "theirs") if "alone" in str(getattr(row, side))
+    )
 
 
 # --- In Newton, and how joints answer ---
