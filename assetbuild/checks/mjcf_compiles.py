@@ -5,13 +5,11 @@ The lints need the compiled model too, so they run here: compiling is what costs
 
 from __future__ import annotations
 
-import math
 import re
 from collections.abc import Iterator
 from pathlib import Path, PurePosixPath, PureWindowsPath
 from typing import Any
 
-import numpy as np
 from lxml import etree
 
 from assetbuild.engine.step import Files
@@ -19,12 +17,10 @@ from assetbuild.errors import StepError
 from assetbuild.facts.mjcf_grammar import OLDEST, newer_words
 from assetbuild.findings import Finding, Rule
 from assetbuild.plugin_types import Check, write_figures
-from assetbuild.robot.mirror import Tolerances, mirror_findings
 from assetbuild.robot.pose import Array
-from assetbuild.robot.twins import Motion, Part, twins
 from assetbuild.simulators import mujoco
 from assetbuild.simulators.mujoco import Loaded, load, mj
-from assetbuild.simulators.mujoco.drives import Drive, drives_of, read_drives
+from assetbuild.simulators.mujoco.drives import Drive, read_drives
 
 LOAD = Rule("mjcf.load", "error", "MuJoCo refuses the file", "read the findings on the description")
 WARNING = Rule(
@@ -100,7 +96,6 @@ def lint_file(path: Path) -> Iterator[Finding]:
     yield from said_by_mujoco(path.name, loaded)
     yield from lint_text(path)
     yield from lint_model(loaded.model)
-    yield from mirror_findings(twins(parts_of(loaded.model)), Tolerances())
 
 
 def _pipes(path: Path) -> Iterator[str]:
@@ -296,56 +291,3 @@ def _target(
             hint="give the keyframe a `ctrl` that equals its positions",
             data={"keyframe": key, "target": target, "position": at},
         )
-
-
-# --- left and right -------------------------------------------------------------------------
-
-
-def parts_of(model: mujoco.Model) -> tuple[Part, ...]:
-    """Bodies and joints at qpos0 in the frame of the first body, as `robot.mirror` compares."""
-    if model.nbody < 3:
-        return ()
-    data = mujoco.mj.MjData(model)
-    mujoco.mj.mj_kinematics(model, data)
-    root, origin = np.array(data.xmat[1]).reshape(3, 3), np.array(data.xpos[1])
-    parts = []
-    for index in range(1, model.nbody):
-        turn = root.T @ np.array(data.ximat[index]).reshape(3, 3)
-        first, count = int(model.body_jntadr[index]), int(model.body_jntnum[index])
-        joints = [j for j in range(first, first + count) if int(model.jnt_type[j]) >= 2]
-        parts.append(
-            Part(
-                mujoco.name_of(model, "body", index),
-                root.T @ (np.array(data.xpos[index]) - origin),
-                float(model.body_mass[index]),
-                root.T @ (np.array(data.xipos[index]) - origin),
-                turn @ np.diag(model.body_inertia[index]) @ turn.T,
-                tuple(
-                    _motion(model, joint, root.T @ np.array(data.xaxis[joint])) for joint in joints
-                ),
-            )
-        )
-    return tuple(parts)
-
-
-def _motion(model: mujoco.Model, joint: int, axis: Array) -> Motion:
-    joint_drives = drives_of(model, joint)
-    dof, at = int(model.jnt_dofadr[joint]), int(model.jnt_qposadr[joint])
-    values: dict[str, float | None] = {
-        "damping": float(np.ravel(model.dof_damping[dof])[0]),
-        "friction": float(model.dof_frictionloss[dof]),
-        "armature": float(model.dof_armature[dof]),
-    }
-    if joint_drives.drives:
-        values["gain"] = joint_drives.kp or sum(drive.gain for drive in joint_drives.drives)
-        values["effort limit"] = joint_drives.effort if math.isfinite(joint_drives.effort) else None
-    low, high = (float(v) for v in model.jnt_range[joint])
-    key = mujoco.initial_key(model)
-    return Motion(
-        mujoco.name_of(model, "joint", joint),
-        int(model.jnt_type[joint]) == 3,
-        axis,
-        (low, high) if model.jnt_limited[joint] else None,
-        None if key is None else float(model.key_qpos[key, at]),
-        values,
-    )
