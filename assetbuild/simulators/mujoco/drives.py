@@ -94,16 +94,6 @@ class JointDrives:
     torque: Range
 
     @property
-    def kp(self) -> float:
-        """N m/rad or N/m."""
-        return sum((drive.kp for drive in self.drives), 0.0)
-
-    @property
-    def kd(self) -> float:
-        """N m s/rad or N s/m."""
-        return sum((drive.kd for drive in self.drives), 0.0)
-
-    @property
     def effort(self) -> float:
         """The larger torque of both directions, N m or N; infinite where nothing limits it."""
         return max(-self.torque[0], self.torque[1])
