@@ -232,9 +232,8 @@ def test_another_number_in_the_model_is_an_error(
 
 
 def test_what_newton_refuses_or_adds_names_the_key_that_helps(reading: dict[str, Any]):
-    for said, hint in (("by base 10: 'pgs'", "`mjcf: {solver: Newton}`"), ("A + B >= C", "single")):
-        (found,) = told("mjcf", Outcome(None, None, f"ValueError: {said}"))
-        assert (found.rule, hint in found.hint) == ("smoke.failed", True)
+    (found,) = told("mjcf", Outcome(None, None, "ValueError: by base 10: 'pgs'"))
+    assert found.rule == "smoke.failed" and "`mjcf: {solver: Newton}`" in found.hint
     heavy = np.array(reading["body_inertia"])
     heavy[2] += 1e-6
     (found,) = told("mjcf", Outcome(reading | {"body_inertia": heavy.tolist()}, None))
