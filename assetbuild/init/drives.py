@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections import defaultdict
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 
@@ -20,10 +20,9 @@ from assetbuild.checks.gains import Gains
 from assetbuild.init.anatomy import Leg
 from assetbuild.init.strength import GRAVITY, Guess, is_locked, unit_of
 from assetbuild.init.wheels import VELOCITY_DRIVEN, Turning
-from assetbuild.robot.closure import felt_inertia, held_by
 from assetbuild.robot.dynamics import Dynamics, dynamics, holding_torques
 from assetbuild.robot.inertia import total_mass
-from assetbuild.robot.model import Joint, Loop, Tree
+from assetbuild.robot.model import Joint, Tree
 from assetbuild.robot.pose import Array
 
 FULL_ERROR = {"rad": 0.3, "m": 0.02}
@@ -134,24 +133,20 @@ def drive_rows(
     legs: tuple[Leg, ...],
     guesses: Mapping[str, Guess] = MappingProxyType({}),
     armature: Mapping[str, float] = MappingProxyType({}),
-    loops: Sequence[Loop] = (),
-    passive: Collection[str] = (),
     turning: Mapping[str, Turning] = MappingProxyType({}),
     firmness: float = FIRM,
 ) -> tuple[DriveRow, ...]:
     """Joints grouped by kind, effort and velocity, with gains; mimic joints need no row.
-
-    loops: closed in the pose; passive: joints that they move, which get no row.
 
     guesses: of the efforts that the source does not state; the tree has them. Such joints are
     grouped by what they are part of.
     armature: of rotors, by joint, kg m2 or kg. turning: what turns without end, by joint.
     firmness: of two legs, times what keeps the robot from tipping over.
     """
-    felt = _felt(tree, pose, legs, armature, loops, passive, firmness)
+    felt = _felt(tree, pose, legs, armature, firmness)
     groups: dict[DriveRow, list[Joint]] = defaultdict(list)
     for joint in tree.moving_joints:
-        if joint.mimic is None and joint.name not in passive:
+        if joint.mimic is None:
             kind = _kind(joint, guesses.get(joint.name), turning.get(joint.name))
             groups[replace(kind, armature=armature.get(joint.name, 0.0))].append(joint)
     rows = []
@@ -281,8 +276,6 @@ def _felt(
     pose: Mapping[str, float],
     legs: tuple[Leg, ...],
     armature: Mapping[str, float],
-    loops: Sequence[Loop],
-    passive: Collection[str],
     firmness: float,
 ) -> dict[str, _Felt]:
     """By joint, from the mass matrix at home; the feet carry the robot, where it has any.
@@ -301,9 +294,7 @@ def _felt(
     torque, left_over = holding_torques(robot, feet)
     if tree.base == "floating" and left_over > 0.05:
         torque = {}  # it would tip over: nothing is held
-    if torque:
-        torque = held_by(loops, robot, torque, [n for n in robot.joints if n not in passive])
-    felt, inertias, tipping = {}, felt_inertia(loops, robot), _tipping(tree, robot, legs)
+    felt, inertias, tipping = {}, robot.effective_inertia, _tipping(tree, robot, legs)
     for joint in tree.moving_joints:
         name, moved = joint.name, inertias.get(joint.name, 0.0)
         inertia = moved if math.isfinite(moved) else 0.0

@@ -29,10 +29,10 @@ from assetbuild.init.drives import (
     STEP_S,
     DriveRow,
 )
-from assetbuild.init.home import DEEP_M, Pair, made_so, nothing_deep
+from assetbuild.init.home import DEEP_M, Pair, made_so
 from assetbuild.init.licence import put_source
 from assetbuild.init.look import InspectedRobot, Weighed, usual_targets
-from assetbuild.init.loops import NO_LOOPS, FoundLoops, find_loops
+from assetbuild.init.loops import note_loops
 from assetbuild.init.packages import lacking
 from assetbuild.init.repairs import guessed_masses, mended, put_repairs, repairs, unmended
 from assetbuild.init.source import UrdfSource
@@ -92,27 +92,21 @@ def urdf_recipe(
     edits, turn = repairs(robot), turned(robot)
     whole = mended(replace(robot, turned=turn), edits)
     tree = whole.tree
-    soles, loops = soles_of(whole, anatomy), find_loops(whole)
+    soles = soles_of(whole, anatomy)
     exclude = Exclude(adjacent=True, pairs=tuple(compound_pairs(robot.tree, anatomy.size_m)))
     with staged(whole, soles) as stage:
 
         def attempt(tuning: Tuning) -> Trial:
-            drives, pose = loops.drives(tuning.drives), loops.pose(tuning.pose)
             step = {"timestep": tuning.timestep}
-            return stage.attempt(tables(tree, drives, pose, step, loops.rows, exclude))
+            return stage.attempt(tables(tree, tuning.drives, tuning.pose, step, exclude))
 
-        depths = stage.depths(exclude) if not loops.rows else nothing_deep
-        tuning, trial = tune(tree, anatomy, attempt, loops=loops, depths=depths)
+        depths = stage.depths(exclude)
+        tuning, trial = tune(tree, anatomy, attempt, depths=depths)
         left = {p: d for p, d in depths(tuning.pose, True).items() if d > DEEP_M}
         inside = made_so(tree, depths, tuning.pose)
     unknown = [f"{f.message} ({f.hint})" for f in invented(whole.links, guessed_masses(edits))]
     unrepaired = (*_locked(tree), *unmended(robot), *unknown, *Weighed(whole).unmended())
-    tuning = replace(
-        tuning,
-        drives=loops.drives(tuning.drives),
-        pose=loops.pose(tuning.pose),
-        unmended=(*unrepaired, *tuning.unmended),
-    )
+    tuning = replace(tuning, unmended=(*unrepaired, *tuning.unmended))
     draft = Draft()
     put_head(draft, whole, anatomy, path, tuning.unmended)
     _put_source(draft, source, path)
@@ -120,11 +114,11 @@ def urdf_recipe(
     draft.put(anatomy.base, "base", beside=plain(anatomy.base_reason, 200))
     _put_fixed_joints(draft, robot)
     put_repairs(draft, robot, edits)
-    loops.put(draft)
+    note_loops(draft, robot.links)
     draft.put(20000, "visual", "max_faces", beside="finer meshes are thinned, each with a finding")
     put_collision(draft, robot, anatomy, trial.overlaps, inside)
     put_actuators(draft, tuning)
-    put_home(draft, robot, anatomy, tuning.pose, loops)
+    put_home(draft, robot, anatomy, tuning.pose)
     _note_left(draft, left, {*trial.overlaps, *inside})
     _put_simulation(draft, whole, anatomy, tuning, trial)
     _put_variants(draft, robot, anatomy)
@@ -238,8 +232,6 @@ def _described(row: DriveRow) -> str:
     count = "1 joint" if len(row.joints) == 1 else f"{len(row.joints)} joints"
     if row.locked:
         return f"{count} locked by equal limits: a drive would move nothing"
-    if row.role == "loop":
-        return f"{count} that the loops move"
     if row.role == "caster":
         return f"{count} of casters, which follow where the wheels go"
     if row.effort is None:
@@ -252,15 +244,11 @@ def _described(row: DriveRow) -> str:
 
 
 def put_home(
-    draft: Draft,
-    robot: InspectedRobot,
-    anatomy: Anatomy,
-    pose: Mapping[str, float],
-    loops: FoundLoops = NO_LOOPS,
+    draft: Draft, robot: InspectedRobot, anatomy: Anatomy, pose: Mapping[str, float]
 ) -> None:
     """The keyframe `home`."""
     tree, keys = robot.tree, ("keyframes", "home", "joints")
-    if not pose and tree.base == "fixed" and not loops.rows:
+    if not pose and tree.base == "fixed":
         return
     legged = {joint.name for leg in anatomy.legs for joint in leg.joints}
     shown = {n: v for n, v in pose.items() if v != 0.0 or (n in legged and any(pose.values()))}
@@ -268,8 +256,7 @@ def put_home(
         below = "the lowest collision point touches z = 0"
         draft.put("on_ground", "keyframes", "home", "base", beside=below)
     if not shown:
-        how = "from where a build closes the loops" if loops.rows else "which the limits allow"
-        draft.put({}, *keys, beside=f"all joints at 0, {how}")
+        draft.put({}, *keys, beside="all joints at 0, which the limits allow")
         return
     lines = ["each foot below its hip, all at one height"] * bool(legged & shown.keys())
     others = [name for name in pose if name not in legged]

@@ -38,7 +38,6 @@ from assetbuild.robot.actuators import RowError
 from assetbuild.robot.codec import encode
 from assetbuild.robot.contact import Exclude
 from assetbuild.robot.files import RobotFiles
-from assetbuild.robot.loops import LoopRow
 from assetbuild.robot.mimic import with_mimics
 from assetbuild.robot.model import Control, Tree
 from assetbuild.robot.pose import Array, Pose
@@ -241,7 +240,6 @@ def tables(
     drives: Sequence[DriveRow],
     pose: Mapping[str, float],
     simulation: Mapping[str, object],
-    loops: tuple[LoopRow, ...] = (),
     exclude: Exclude = ADJACENT,
 ) -> ControlStep:
     """The step that a build of the recipe would run, with a row for each drive's pattern."""
@@ -257,7 +255,6 @@ def tables(
         rows=tuple(rows),
         keyframes={"home": home},
         simulation=Simulation.model_validate(simulation),
-        loops=loops,
         exclude=exclude,
     )
 

@@ -19,7 +19,6 @@ from assetbuild.findings import Finding
 from assetbuild.init.anatomy import Anatomy
 from assetbuild.init.drives import FIRM, FIRMER, STEP_S, TABLE, DriveRow, drive_rows
 from assetbuild.init.home import UPRIGHT, Depths, Stance, home_pose, nothing_deep
-from assetbuild.init.loops import NO_LOOPS, FoundLoops
 from assetbuild.init.strength import (
     Guess,
     rotor_inertia,
@@ -49,8 +48,7 @@ class Tuning:
     """A choice of drives, and what made it. tree: with the guessed efforts.
 
     notes: what was corrected and why; unmended: what could not be, each with the edit that mends
-    it. rotors: inertias that the source states, by joint, kg m2 or kg. loops: the joints that they
-    move have no drive.
+    it. rotors: inertias that the source states, by joint, kg m2 or kg.
     """
 
     tree: Tree
@@ -62,7 +60,6 @@ class Tuning:
     rotors: Mapping[str, float]
     notes: tuple[str, ...] = ()
     unmended: tuple[str, ...] = ()
-    loops: FoundLoops = NO_LOOPS
     stance: Stance = UPRIGHT
     firmness: float = FIRM
     depths: Depths = nothing_deep
@@ -71,7 +68,7 @@ class Tuning:
     def armature(self) -> dict[str, float]:
         """The inertia of each joint's rotor, stated or guessed, kg m2 or kg."""
         alone = [joint for joint in self.tree.moving_joints if joint.mimic is None]
-        guessed = {j.name: rotor_inertia(j) for j in alone if j.name not in self.loops.passive}
+        guessed = {j.name: rotor_inertia(j) for j in alone}
         return guessed | {name: inertia for name, inertia in self.rotors.items() if inertia}
 
 
@@ -81,7 +78,6 @@ def tune(
     attempt: Try,
     rotors: Mapping[str, float] = MappingProxyType({}),
     longest_step: float = STEP_S,
-    loops: FoundLoops = NO_LOOPS,
     depths: Depths = nothing_deep,
 ) -> tuple[Tuning, Trial]:
     """The first choice of drives that the trial has nothing against, else the last.
@@ -90,7 +86,7 @@ def tune(
     longest_step: s.
     """
     strong, guesses = strengthened(tree, anatomy)
-    start = Tuning(strong, anatomy, {}, (), 0.0, guesses, rotors, loops=loops, depths=depths)
+    start = Tuning(strong, anatomy, {}, (), 0.0, guesses, rotors, depths=depths)
     tuning = _chosen(start, longest_step)
     trial = attempt(tuning)
     for _ in range(ROUNDS):
@@ -111,10 +107,8 @@ def _chosen(tuning: Tuning, step: float) -> Tuning:
     """The same with pose, drives and time step chosen anew; step: no longer than this, s."""
     tree, legs, turning = tuning.tree, tuning.anatomy.legs, tuning.anatomy.turning
     pose = home_pose(tree, legs, tuning.stance, tuning.depths)
-    loops, closed = tuning.loops.closed(tree, pose)
-    passive = tuning.loops.passive
-    arguments = (tuning.guesses, tuning.armature, loops, passive, turning, tuning.firmness)
-    drives = drive_rows(tree, closed, legs, *arguments)
+    arguments = (tuning.guesses, tuning.armature, turning, tuning.firmness)
+    drives = drive_rows(tree, pose, legs, *arguments)
     hops = any(row.outruns(STEP_S) for row in drives)
     needed = SHORT_STEP_S if hops or total_mass(tree) < LIGHT_KG else STEP_S
     return replace(tuning, pose=pose, drives=drives, timestep=min(needed, step))

@@ -263,22 +263,6 @@ def felt_inertia(loops: Sequence[Loop], robot: Dynamics) -> dict[str, float]:
     return inertias
 
 
-def held_by(
-    loops: Sequence[Loop], robot: Dynamics, torque: Mapping[str, float], driven: Sequence[str]
-) -> dict[str, float]:
-    """Torques of the driven joints that hold what those of all joints hold, N m or N.
-
-    Both do the same work in every motion that keeps the loops closed; the smallest such torques.
-    """
-    if not loops:
-        return dict(torque)
-    basis = free_motions(loops, robot.motions)[robot.free :]
-    work = basis.T @ np.array([torque.get(name, 0.0) for name in robot.joints])
-    rows = basis[[robot.joints.index(name) for name in driven]]
-    torques = np.linalg.lstsq(rows.T, work, rcond=None)[0]
-    return dict(zip(driven, map(float, torques), strict=True))
-
-
 def poses_along(
     tree: Tree, control: Control, home: Mapping[str, float], joint: Joint, free: set[str]
 ) -> Iterator[dict[str, float]]:

@@ -9,17 +9,15 @@ import numpy as np
 import pytest
 from tiny import COUPLER_M, CRANK_M, GROUND_M, ROCKER_M, four_bar
 
-from assetbuild.init.drives import drive_rows
 from assetbuild.robot.closure import (
     close,
     constraint_jacobian,
     coordinates,
     felt_inertia,
     gaps,
-    held_by,
     locked_joints,
 )
-from assetbuild.robot.dynamics import dynamics, holding_torques, motions
+from assetbuild.robot.dynamics import dynamics, motions
 from assetbuild.robot.initial import initial_pose
 from assetbuild.robot.loops import LoopRow, resolve_loops
 from assetbuild.robot.model import Body, Joint, Loop, LoopEnd
@@ -67,7 +65,6 @@ def test_the_jacobian_is_the_slope_of_the_gap(kind: str):
     # The coupler's end is turned so that a weld is closed here as well.
     loop = replace(loop, kind=kind, a=replace(loop.a, X_body_end=Pose(loop.a.X_body_end.xyz, turn)))
     from assetbuild.robot.closure import gap
-    from assetbuild.robot.tree import forward_kinematics
 
     assert gaps(robot.tree, (loop,), q)[loop.name] < 1e-8
     jacobian = constraint_jacobian((loop,), motions(robot.tree, q).bodies)
@@ -153,30 +150,3 @@ def test_the_inertia_is_twice_the_kinetic_energy_at_one_radian_per_second(angle:
         speeds[robot.column(name)] = (after[name] - before[name]) / (2.0 * step)
     energy = 0.5 * float(speeds @ robot.mass @ speeds)
     assert felt_inertia(BAR.control.loops, robot)[DRIVEN] == pytest.approx(2.0 * energy, rel=1e-6)
-
-
-@pytest.mark.parametrize("angle", [0.3, 0.9])
-def test_the_drive_alone_holds_what_gravity_does_along_the_closed_path(angle: float):
-    def height(pose: dict[str, float]) -> float:
-        """m kg: the sum of each body's mass and the height of its centre."""
-        placed = forward_kinematics(BAR.tree, pose)
-        heavy = [body for body in BAR.tree.bodies if body.inertial is not None]
-        centres = [placed[body.name].apply(body.inertial.com_m)[2] for body in heavy]
-        return sum(b.inertial.mass_kg * z for b, z in zip(heavy, centres, strict=True))
-
-    step = 1e-5
-    slope = (height(posed(angle + step)) - height(posed(angle - step))) / (2.0 * step)
-    robot = dynamics(BAR.tree, posed(angle), {})
-    torques, _ = holding_torques(robot, [])
-    found = held_by(BAR.control.loops, robot, torques, [DRIVEN])
-    assert found == {DRIVEN: pytest.approx(9.81 * slope, rel=1e-6)}
-
-
-def test_the_gains_that_init_proposes_fit_what_the_drive_moves_with_its_loop_closed():
-    home = posed(0.9)
-    (row,) = drive_rows(BAR.tree, home, (), loops=BAR.control.loops, passive=FREE_OF_REFLECTED)
-    closed = felt_inertia(BAR.control.loops, dynamics(BAR.tree, home, {}))[DRIVEN]
-    (open_one,) = (r for r in drive_rows(BAR.tree, home, ()) if DRIVEN in r.joints)
-    assert row.joints == (DRIVEN,)
-    assert row.inertia == pytest.approx(closed)
-    assert abs(row.inertia / open_one.inertia - 1.0) > 0.1
