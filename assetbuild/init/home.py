@@ -125,8 +125,8 @@ def _planted(
 
     A straight leg's foot stays below where it was drawn.
 
-    Least squares on the foot's position (and, with an ankle to turn it by, its tilt), with a weak
-    pull to the bent knee it starts from; SciPy's bounded trust region method.
+    Least squares on the foot's position (and, with an ankle to turn it by, how it was drawn), with
+    a weak pull to the bent knee it starts from; SciPy's bounded trust region method.
     """
     from scipy.optimize import least_squares
 
@@ -155,9 +155,9 @@ def _planted(
 
     def residual(q: Array) -> Array:
         now = foot(q)
-        tilt = now.rotation[2] - straight.rotation[2] if flat else np.zeros(3)
+        turn = np.ravel(now.rotation - straight.rotation) if flat else np.zeros(0)
         miss = 10.0 * (np.asarray(now.xyz) - target)
-        return np.concatenate([miss, 2.0 * tilt, 0.02 * (q - start)])
+        return np.concatenate([miss, 2.0 * turn, 0.02 * (q - start)])
 
     solved = least_squares(residual, start, bounds=(lower - 1e-9, upper + 1e-9)).x
     return dict(zip(names, map(float, solved), strict=True))
