@@ -25,7 +25,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from assetbuild.init.anatomy import Anatomy, Role, chain_to, length_below, limb_of, roles
-from assetbuild.init.wheels import VELOCITY_DRIVEN
+from assetbuild.init.wheels import VELOCITY_DRIVEN, bodies_below
 from assetbuild.robot.dynamics import dynamics
 from assetbuild.robot.inertia import total_mass
 from assetbuild.robot.mimic import with_mimics
@@ -97,30 +97,13 @@ def strengthened(tree: Tree, anatomy: Anatomy) -> tuple[Tree, dict[str, Guess]]:
         name: _unknown(tree.by_joint[name], physics[name], over.get(name, 0.0), meaningless)
         for name in physics
     }
-    stated = [name for name in physics if not why[name]]
     for name, reason in why.items():
         joint = tree.by_joint[name]
         if reason and not is_locked(joint) and not stays_passive(tree, joint, anatomy):
-            alike = [n for n in stated if parts[n] == parts[name]]
-            effort = _of_its_like(tree, physics, name, alike)
-            if effort is not None:
-                reason = f"{reason} here and {effort:g} for its like"
-            guesses[name] = Guess(effort or rounded_up(physics[name]), reason, parts[name])
+            effort = rounded_up(physics[name])
+            if effort != joint.limits.effort:
+                guesses[name] = Guess(effort, reason, parts[name])
     return with_efforts(tree, {name: guess.effort for name, guess in guesses.items()}), guesses
-
-
-def _of_its_like(
-    tree: Tree, physics: Mapping[str, float], name: str, others: Iterable[str]
-) -> float | None:
-    """The effort that the source states of the joint that needs about as much: one motor suits
-    both where what they need differs by less than a factor of two.
-    """
-    unit, need = unit_of(tree.by_joint[name]), physics[name]
-    like = [
-        n for n in others if unit_of(tree.by_joint[n]) == unit and 0.5 < physics[n] / need < 2.0
-    ]
-    nearest = min(like, key=lambda n: abs(math.log(physics[n] / need)), default=None)
-    return None if nearest is None else tree.by_joint[nearest].limits.effort
 
 
 def with_efforts(tree: Tree, efforts: Mapping[str, float]) -> Tree:
@@ -220,7 +203,23 @@ def physical_efforts(tree: Tree, anatomy: Anatomy, parts: Mapping[str, Role]) ->
         elif parts[name] == "leg":
             need = max(need, legs[name])
         needs[name] = max(need, WEAKEST[unit])
-    return _within_limbs(tree, needs, parts)
+    return _within_limbs(tree, _mirrored(tree, needs, parts), parts)
+
+
+def _mirrored(
+    tree: Tree, needs: Mapping[str, float], parts: Mapping[str, Role]
+) -> dict[str, float]:
+    """The most that any joint needs of those that carry the same at the same place of a limb."""
+    places = {}
+    for name in needs:
+        joint = tree.by_joint[name]
+        masses = [
+            i.mass_kg for b in bodies_below(tree, joint.child) if (i := tree.by_body[b].inertial)
+        ]
+        depth = len(chain_to(tree, joint.child))
+        places[name] = (parts[name], unit_of(joint), depth, f"{math.fsum(masses):.3g}")
+    most = {place: max(needs[n] for n in needs if places[n] == place) for place in places.values()}
+    return {name: most[place] for name, place in places.items()}
 
 
 def _turned(anatomy: Anatomy, weight: float) -> dict[str, float]:

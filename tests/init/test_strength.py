@@ -92,13 +92,25 @@ def test_a_wrist_that_moves_nothing_gets_a_share_of_its_arm_and_the_rotor_that_c
     )
 
 
-def test_a_joint_takes_the_effort_that_the_source_states_of_its_like(tmp_path: Path):
-    """A shoulder of two axes a hand apart: one states 77 N m, the other 0."""
-    shoulder = [Segment(0.05, 0.02, 'effort="77"'), Segment(2.0, 0.6, 'effort="0"')]
-    proposal = chain(tmp_path, shoulder)
-    row = row_of(proposal, "segment_1_joint")
-    assert (row["effort"], row["guessed"]) == (77.0, True)
-    assert "an effort of 0 here and 77 for its like" in proposal.text
+def test_mirrored_arms_get_the_same_guesses_and_none_is_the_rejected_effort(tmp_path: Path):
+    """Two arms whose placeholder of 10 N m holds nothing; one shoulder turns half as far."""
+    parts = [urdfs.link("world", "")]
+    for side, y, most in (("left", 0.3, 3.0), ("right", -0.3, 1.4)):
+        above, place = "world", f"0 {y} 1"
+        for part, mass in (("upper", 3.0), ("lower", 2.0)):
+            name = f"{side}_{part}"
+            limit = f'<limit lower="{-most}" upper="{most}" velocity="3" effort="10"/>'
+            moments = urdfs.tensor(0.02, 0.02, 0.002)
+            parts += [
+                urdfs.link(name, urdfs.inertial(mass, moments, "0 0 -0.2")),
+                urdfs.joint(f"{name}_joint", above, name, content=limit, xyz=place, axis="0 1 0"),
+            ]
+            above, place = name, "0 0 -0.4"
+    (tmp_path / "arms.urdf").write_text(urdfs.robot(*parts, name="arms"))
+    proposal = propose(tmp_path / "arms.urdf", tmp_path / "arms.yaml", {})
+    for part in ("upper", "lower"):
+        left, right = (row_of(proposal, f"{side}_{part}_joint") for side in ("left", "right"))
+        assert left.get("effort") == right.get("effort") != 10.0
 
 
 def test_a_large_arm_is_accelerated_at_its_end_like_a_small_one(tmp_path: Path):
