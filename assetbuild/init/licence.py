@@ -1,8 +1,4 @@
-"""What the source states of itself: its licence, who made it and what the robot is.
-
-The licence stands in a LICENSE beside the robot or in a package.xml, the rest in the package.xml
-nearest to it.
-"""
+"""The licence of the source: as a LICENSE beside the robot or a package.xml states it."""
 
 from __future__ import annotations
 
@@ -10,7 +6,6 @@ import os
 import re
 from collections.abc import Iterator
 from pathlib import Path
-from xml.etree.ElementTree import Element, ParseError
 
 from assetbuild.init.draft import Draft
 from assetbuild.init.packages import start_of
@@ -51,13 +46,11 @@ the words; the file.
 
 
 def put_source(draft: Draft, root: Path, recipe: Path, key: str, file: str) -> None:
-    """The sections `source` and `about` of a recipe that will lie at `recipe`."""
+    """The section `source` of a recipe that will lie at `recipe`."""
     relative = os.path.relpath(root, os.path.realpath(recipe.parent))
     draft.put(Path(relative).as_posix(), "source", "path", beside="relative to this file")
     draft.put(file, "source", key)
     put_licence(draft, root, file)
-    if about := stated_about(root, file):
-        draft.put(about, "about", beside="as package.xml says")
 
 
 def stated_licence(root: Path, file: str) -> StatedLicence | None:
@@ -73,10 +66,8 @@ def stated_licence(root: Path, file: str) -> StatedLicence | None:
                 if licence:
                     return licence, licence, path.name
         package = start_of(folder / "package.xml", MOST_BYTES)
-        if package:
-            stated = _of_package(package, robot.relative_to(folder).parts)
-            if stated:
-                return stated
+        if package and (stated := _of_package(package)):
+            return stated
     return None
 
 
@@ -112,54 +103,11 @@ def _of_text(text: str) -> str:
     return next((name for words, name in TEXTS if re.search(words, plain)), "")
 
 
-def _of_package(text: str, parts: tuple[str, ...]) -> StatedLicence | None:
-    """What package.xml states; of several, the one behind a comment that names the robot's folder.
-
-    parts: of the description's path below the package.
-    """
-    tags = re.findall(r"(?:<!--((?:(?!-->).)*)-->\s*)?<license[^>]*>([^<]*)</license>", text, re.S)
-    named = [
-        words for comment, words in tags if set(parts[:-1]) & set(re.findall(r"[\w.-]+", comment))
-    ]
-    chosen = list(dict.fromkeys(" ".join(words.split()) for words in named or [w for _, w in tags]))
+def _of_package(text: str) -> StatedLicence | None:
+    """What package.xml states; of several licences nobody knows which is the robot's."""
+    tags = re.findall(r"<license[^>]*>([^<]*)</license>", text)
+    chosen = list(dict.fromkeys(" ".join(words.split()) for words in tags))
     if not chosen:
         return None
     name = SPELLINGS.get(chosen[0].lower(), "") if len(chosen) == 1 else ""
     return name, ", ".join(chosen), "package.xml"
-
-
-_TEMPLATE = re.compile(r"\bTODO\b|^(The )?[\w-]+ package\.?$|^$", re.I)
-"""What a generator of packages has written, and nobody since."""
-LONGEST = 200
-"""Characters of a description that is taken."""
-MOST_AUTHORS = 6
-
-
-def stated_about(root: Path, file: str) -> dict[str, str]:
-    """`author` and `description` of the nearest package.xml that states one of them.
-
-    root: of the source; file: the description, below it.
-    """
-    from defusedxml.ElementTree import fromstring
-
-    for folder in folders_above(root, root / file):
-        try:
-            package = fromstring(start_of(folder / "package.xml", MOST_BYTES) or "<none/>")
-        except (ParseError, ValueError):
-            continue
-        authors = [*dict.fromkeys(filter(None, map(_plain, package.findall("author"))))]
-        description = _plain(package.find("description"))
-        others = " and others" if authors[MOST_AUTHORS:] else ""
-        about = {
-            "author": ", ".join(authors[:MOST_AUTHORS]) + others,
-            "description": description if len(description) <= LONGEST else "",
-        }
-        if stated := {key: text for key, text in about.items() if text}:
-            return stated
-    return {}
-
-
-def _plain(element: Element | None) -> str:
-    """Its text in one line; "" for what stands for nothing."""
-    text = "" if element is None else " ".join("".join(element.itertext()).split())
-    return "" if _TEMPLATE.search(text) or not text.isprintable() else text

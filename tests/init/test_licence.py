@@ -1,4 +1,4 @@
-"""`init` states the licence and the makers that the source's own files state, and no others."""
+"""`init` states the licence that the source's own files state, and no other."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from assetbuild.init.draft import Draft
-from assetbuild.init.licence import put_licence, stated_about, stated_licence
+from assetbuild.init.licence import put_licence, stated_licence
 
 MIT = "MIT License\n\nPermission is hereby granted, free of charge, to any person obtaining a copy"
 
@@ -56,47 +56,8 @@ def test_a_source_that_states_none_gets_no_placeholder_to_uncomment(robot: Path)
     assert "no file of the source states one" in lines(robot)
 
 
-SAID = """<package><name>arm</name>
-  <!-- <author>Nobody</author> -->
-  <description>The <b>Arm 3</b>, with six
-    joints &amp; a gripper</description>
-  <author email="a@b.c">Ada B</author><author>Café Robotics</author><author>Ada B</author>
-</package>"""
-
-
-def about(folder: Path, package: str) -> dict[str, str]:
-    (folder / ".git").mkdir()
-    (folder / "arm/urdf").mkdir(parents=True)
-    (folder / "arm/package.xml").write_text(package)
-    return stated_about(folder, "arm/urdf/arm.urdf")
-
-
-def test_author_and_description_are_those_of_the_package(tmp_path: Path):
-    assert about(tmp_path, SAID) == {
-        "author": "Ada B, Café Robotics",
-        "description": "The Arm 3, with six joints & a gripper",
-    }
-
-
-@pytest.mark.parametrize(
-    "left",
-    [
-        "<author>TODO</author><description>TODO: Package description</description>",
-        "<description>The arm_description package</description>",
-        "<author> </author>",
-        "<description>" + "word " * 100 + "</description>",
-        "",
-    ],
-)
-def test_what_a_template_has_left_is_nothing(tmp_path: Path, left: str):
-    assert about(tmp_path, f"<package>{left}</package>") == {}
-
-
-def test_of_several_licences_the_one_behind_the_robots_own_folder_counts(robot: Path):
-    text = "<license>MIT</license><!-- for: - arm\n - leg --> <license>Apache-2.0</license>"
+def test_of_several_licences_none_is_claimed(robot: Path):
+    text = "<license>MIT</license><license>Apache-2.0</license>"
     (robot / "package.xml").write_text(f"<package>{text}</package>")
-    stated = stated_licence(robot, "arm/urdf/arm.urdf")
-    assert stated is not None and stated[0] == "Apache-2.0"
-    (robot / "package.xml").write_text(f"<package>{text.replace('arm', 'hand')}</package>")
     stated = stated_licence(robot, "arm/urdf/arm.urdf")
     assert stated is not None and stated[0] == "", "MIT or Apache-2.0? nobody knows"
