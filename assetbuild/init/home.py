@@ -62,12 +62,12 @@ that lie in each other in all of them are made so."""
 
 JointValues = Mapping[str, float]
 Pair = tuple[str, str]
-Depths = Callable[[JointValues, bool], Mapping[Pair, float]]
-"""Joint values -> how deep two bodies lie in each other, or "" (the floor) and one; m. Of their
-hulls, which is quick, or (True) of their meshes where the hulls are deep."""
+Depths = Callable[[JointValues], Mapping[Pair, float]]
+"""Joint values -> how deep the hulls of two bodies lie in each other, or "" (the floor) and one; m.
+"""
 
 
-def nothing_deep(pose: JointValues, really: bool) -> Mapping[Pair, float]:
+def nothing_deep(pose: JointValues) -> Mapping[Pair, float]:
     """Return no overlap: the robot's shapes are not known."""
     return {}
 
@@ -244,7 +244,7 @@ class _Search:
         excess: dict[str | Pair, float] = {}
         for name, load in _loads(self.tree, pose, self.free).items():
             excess[name] = load - HEAVY
-        for pair, depth in self.depths(pose, False).items():
+        for pair, depth in self.depths(pose).items():
             if pair not in self.overlooked:
                 excess[pair] = (depth - DEEP_M) / FULL_DEPTH_M
         return {what: over for what, over in excess.items() if over > 0.0}
@@ -315,58 +315,31 @@ def relieved(
 ) -> dict[str, float]:
     """The pose with overloaded limbs lowered and none in another; legs stay as they stand.
 
-    Bodies that lie in each other in every pose do so by their shape; those whose meshes do not are
-    overlooked as long as that is so.
+    Bodies that lie in each other in every pose do so by their shape and are overlooked.
     """
     standing = {joint.name for leg in legs for joint in chain_to(tree, leg.tip)}
     free = [j for j in tree.moving_joints if j.mimic is None and j.name not in standing]
     drawn = [{**pose, **other} for other in sample_poses(free, STARTS)[1:]]
-    deep = [_deep(depths, q, really=False) for q in (pose, *drawn[:FEW])]
-    always = set.intersection(*deep)
-    seeming = deep[0] - _deep(depths, pose, really=True) if deep[0] else set()
-    lowered = dict(pose)
-    for overlooked in (always | seeming, always):
-        lowered = _Search(tree, free, pose, depths, overlooked).best(drawn)
-        if not seeming & _deep(depths, lowered, really=True):
-            break
-    return lowered
+    always = set.intersection(*(_deep(depths, q) for q in (pose, *drawn[:FEW])))
+    return _Search(tree, free, pose, depths, always).best(drawn)
 
 
 def made_so(tree: Tree, depths: Depths, home: JointValues) -> dict[Pair, float]:
     """Bodies that lie in each other at home and in random poses alike, and how deep at home, m.
 
-    Their meshes do, as the two halves of a gas spring; or their hulls, of the parts of a linkage
-    that one joint moves, as the bars of a finger. No pose frees them.
+    As the two halves of a gas spring or the bars of a finger do. No pose frees them.
     """
-    deep = _always(tree, depths, home)
+    deep = {pair: depth for pair, depth in depths(home).items() if depth > DEEP_M and all(pair)}
     free = [joint for joint in tree.moving_joints if joint.mimic is None]
     for pose in sample_poses(free, STARTS)[1:]:
         if deep:
-            now = _always(tree, depths, pose)
+            now = _deep(depths, pose)
             deep = {pair: depth for pair, depth in deep.items() if pair in now}
     return deep
 
 
-def _always(tree: Tree, depths: Depths, pose: JointValues) -> dict[Pair, float]:
-    hulls = {pair: d for pair, d in depths(pose, False).items() if d > DEEP_M and all(pair)}
-    real = depths(pose, True) if hulls else {}
-    return {
-        pair: depth
-        for pair, depth in hulls.items()
-        if real.get(pair, 0.0) > DEEP_M or _is_linkage(tree, *pair)
-    }
-
-
-def _is_linkage(tree: Tree, one: str, other: str) -> bool:
-    """Whether one coordinate says how two bodies lie to each other."""
-    between = {j.name: j for j in (*chain_to(tree, one), *chain_to(tree, other))}
-    both = {j.name for j in chain_to(tree, one)} & {j.name for j in chain_to(tree, other)}
-    moving = [j for name, j in between.items() if name not in both and j.kind != "fixed"]
-    return len({j.mimic.joint if j.mimic else j.name for j in moving}) == 1
-
-
-def _deep(depths: Depths, pose: JointValues, *, really: bool) -> set[Pair]:
-    return {pair for pair, depth in depths(pose, really).items() if depth > DEEP_M}
+def _deep(depths: Depths, pose: JointValues) -> set[Pair]:
+    return {pair for pair, depth in depths(pose).items() if depth > DEEP_M}
 
 
 def _values(joint: Joint, now: float, fine: bool) -> list[float]:

@@ -102,7 +102,7 @@ def urdf_recipe(
 
         depths = stage.depths(exclude)
         tuning, trial = tune(tree, anatomy, attempt, depths=depths)
-        left = {p: d for p, d in depths(tuning.pose, True).items() if d > DEEP_M}
+        left = {p: d for p, d in depths(tuning.pose).items() if d > DEEP_M}
         inside = made_so(tree, depths, tuning.pose)
     unknown = [f"{f.message} ({f.hint})" for f in invented(whole.links, guessed_masses(edits))]
     unrepaired = (*_locked(tree), *unmended(robot), *unknown, *Weighed(whole).unmended())

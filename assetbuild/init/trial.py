@@ -10,9 +10,6 @@ import re
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
-from functools import cached_property
-
-import numpy as np
 
 from assetbuild.checks.gains import Gains
 from assetbuild.checks.stand import Stand as StandCheck
@@ -24,15 +21,11 @@ from assetbuild.errors import AssetBuildError, StepError
 from assetbuild.findings import Finding
 from assetbuild.init.draft import patterns_of
 from assetbuild.init.drives import DriveRow
-from assetbuild.init.home import DEEP_M, Depths, Pair, nothing_deep
+from assetbuild.init.home import Depths, Pair, nothing_deep
 from assetbuild.init.look import InspectedRobot, mesh_of, scaled_points
 from assetbuild.mesh.hull import convex_hull
 from assetbuild.mesh.obj import obj_bytes
-from assetbuild.mesh.primitives import tessellate
-from assetbuild.mesh.quality import NearestSurface, surface_samples
 from assetbuild.mesh.read import UpAxis
-from assetbuild.mesh.solid import Solid
-from assetbuild.mesh.triangles import TriangleMesh, merged
 from assetbuild.robot.actuator_table import ActuatorRow
 from assetbuild.robot.actuators import RowError
 from assetbuild.robot.codec import encode
@@ -40,10 +33,9 @@ from assetbuild.robot.contact import Exclude
 from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.mimic import with_mimics
 from assetbuild.robot.model import Control, Tree
-from assetbuild.robot.pose import Array, Pose
+from assetbuild.robot.pose import Array
 from assetbuild.robot.sections import Keyframe, Simulation
 from assetbuild.robot.shapes import Geometry, Mesh, MeshAsset, MeshFile, Shape, Shapes, SourceShape
-from assetbuild.robot.tree import forward_kinematics
 from assetbuild.simulators import mujoco
 from assetbuild.simulators.mujoco import trials as mujoco_trials
 from assetbuild.simulators.mujoco.drives import servoed
@@ -105,7 +97,6 @@ class Stage:
     robot: InspectedRobot
     soles: Sequence[str]
     shapes: Shapes
-    overlaps: Overlaps
     ports: Scratch
     whole: bool
 
@@ -148,25 +139,26 @@ class Stage:
             model = self._compiled()
         except AssetBuildError:  # what only the build can read, it judges
             return nothing_deep
-        tree, real = self.robot.tree, self.overlaps
+        tree = self.robot.tree
         ground = Ground(tree, self.shapes, self.ports.folder / "meshes")
         stands = tree.base == "fixed" and stands_on_zero(ground)
         model.geom_pos[mujoco.floors(model), 2] = 0.0
 
-        def measured(pose: Mapping[str, float], really: bool) -> dict[Pair, float]:
-            deepest: dict[Pair, float] = {}
-            positions = with_mimics(tree, pose)
-            for (one, other), depth in mujoco_trials.depths(model, positions).items():
-                if not one and not stands:
-                    continue
-                if really and one and depth > DEEP_M:
-                    depth = min(depth, real.depth(one, other, positions))
-                bodies = real.body_of(one), real.body_of(other)
-                pair = min(bodies), max(bodies)
-                deepest[pair] = max(depth, deepest.get(pair, 0.0))
-            return deepest
+        def measured(pose: Mapping[str, float]) -> dict[Pair, float]:
+            between = mujoco_trials.depths(model, with_mimics(tree, pose))
+            return self._deepest({pair: d for pair, d in between.items() if stands or pair[0]})
 
         return measured
+
+    def _deepest(self, depths: Mapping[Pair, float]) -> dict[Pair, float]:
+        """The largest depth of each two bodies, by those of two shapes; "" is the floor."""
+        shapes = self.shapes.shapes
+        bodies = {shape.name: self.robot.tree.placement(shape.link)[0] for shape in shapes}
+        deepest: dict[Pair, float] = {}
+        for pair, depth in depths.items():
+            one, other = sorted(bodies[shape] if shape else "" for shape in pair)
+            deepest[one, other] = max(depth, deepest.get((one, other), 0.0))
+        return deepest
 
     def _compiled(self) -> mujoco.Model:
         self.ports.run(Mjcf(robot="robot"))
@@ -187,11 +179,8 @@ class Stage:
         """
         scene = model if self.whole else self._on_soles(model)
         stood = stand(servoed(scene, made), "home", JUDGE.seconds)
-        deep: dict[tuple[str, str], float] = {}
-        for pair, depth in stood.overlapping.items():
-            a, b = sorted(map(self.overlaps.body_of, pair))
-            if depth > JUDGE.sole:
-                deep[a, b] = max(depth, deep.get((a, b), 0.0))
+        found = self._deepest(stood.overlapping)
+        deep = {pair: depth for pair, depth in found.items() if depth > JUDGE.sole}
         if deep and self.whole and not _is_upright(stood):
             without = Exclude(adjacent=True, pairs=(*control.exclude.pairs, *deep))
             list(self.ports.run(control.model_copy(update={"exclude": without})))
@@ -230,9 +219,7 @@ def staged(robot: InspectedRobot, soles: Sequence[str], *, whole: bool = True) -
     """Lay the robot out. soles: source links."""
     links = sorted(robot.solid_links | set(soles))
     with scratch() as ports:
-        shapes, meshes = _laid_out(robot, links, ports)
-        real = Overlaps(robot.tree, {shape.name: shape for shape in shapes.shapes}, meshes)
-        yield Stage(robot, soles, shapes, real, ports, whole)
+        yield Stage(robot, soles, _laid_out(robot, links, ports), ports, whole)
 
 
 def tables(
@@ -259,15 +246,10 @@ def tables(
     )
 
 
-def _laid_out(
-    robot: InspectedRobot, links: Sequence[str], ports: Scratch
-) -> tuple[Shapes, dict[str, TriangleMesh]]:
-    """The robot as a build has it, with a hull or primitive for each shape of these links.
-
-    Besides the meshes that the hulls are of, by the shape's name.
-    """
+def _laid_out(robot: InspectedRobot, links: Sequence[str], ports: Scratch) -> Shapes:
+    """The robot as a build has it, with a hull or primitive for each shape of these links."""
     (ports.folder / "meshes").mkdir()
-    shapes, assets, meshes = [], [], {}
+    shapes, assets = [], []
     for index, shape in enumerate(_shapes_of(robot, links)):
         name, source = f"shape_{index}", shape.geometry
         geometry: Geometry
@@ -275,10 +257,8 @@ def _laid_out(
             up_axis: UpAxis = "honour" if source.path in robot.turned else "ignore"
             read = mesh_of(robot.root, source, up_axis)
             asset = _hull(scaled_points(read, source), name, ports) if read else None
-            if read is None or asset is None:
+            if asset is None:
                 continue
-            whole = merged([part.mesh for part in read.parts])
-            meshes[name] = TriangleMesh(whole.vertices * np.array(source.scale), whole.faces)
             assets.append(asset)
             geometry = Mesh(asset.name)
         else:
@@ -287,7 +267,7 @@ def _laid_out(
     made = Shapes(tuple(shapes), (), tuple(assets))
     for name, value in (("links", robot.links), ("tree", robot.tree), ("shapes", made)):
         ports.put(f"{name}.json", encode(value))
-    return made, meshes
+    return made
 
 
 def _shapes_of(robot: InspectedRobot, links: Sequence[str]) -> Iterator[SourceShape]:
@@ -306,70 +286,3 @@ def _hull(points: Array, name: str, ports: Scratch) -> MeshAsset | None:
     asset = MeshAsset(name, f"{name}.obj", len(hull.vertices), len(hull.faces), convex=True)
     ports.put(f"meshes/{asset.file}", obj_bytes(hull))
     return asset
-
-
-SAMPLES = 300
-"""Points of a surface that may lie in another."""
-
-
-class Surface:
-    """A shape's triangles, in its own frame, and what is asked of them."""
-
-    def __init__(self, mesh: TriangleMesh) -> None:
-        self.mesh = mesh
-
-    @cached_property
-    def points(self) -> Array:
-        """(SAMPLES, 3) m, on the surface."""
-        return surface_samples(self.mesh, SAMPLES, 0)[0]
-
-    def depth_of(self, points: Array) -> float:
-        """How deep the deepest of points (n, 3) lies inside, m; 0 where none does."""
-        lower, upper = self.mesh.bounds
-        near = points[((points > lower) & (points < upper)).all(axis=1)]
-        inside = near[self._solid.contains(near)] if len(near) else near
-        return float(self._nearest.distance(inside).max()) if len(inside) else 0.0
-
-    @cached_property
-    def _solid(self) -> Solid:
-        return Solid(self.mesh)
-
-    @cached_property
-    def _nearest(self) -> NearestSurface:
-        return NearestSurface(self.mesh)
-
-
-@dataclass(frozen=True)
-class Overlaps:
-    """shapes: of the robot by name; meshes: those of them that are meshes, in the shape's frame."""
-
-    tree: Tree
-    shapes: Mapping[str, Shape]
-    meshes: Mapping[str, TriangleMesh]
-    _surfaces: dict[str, Surface] = field(default_factory=dict)
-
-    def body_of(self, shape: str) -> str:
-        """The body that the shape belongs to; "" is the floor."""
-        return self.tree.placement(self.shapes[shape].link)[0] if shape else ""
-
-    def depth(self, one: str, other: str, positions: Mapping[str, float]) -> float:
-        """Depth of the overlap of two shapes in a pose of all joints, m."""
-        X_root = forward_kinematics(self.tree, positions)
-        here, there = self._surface(one), self._surface(other)
-        X_there_here = self._placed(other, X_root).inverse() @ self._placed(one, X_root)
-        return max(
-            there.depth_of(X_there_here.apply(here.points)),
-            here.depth_of(X_there_here.inverse().apply(there.points)),
-        )
-
-    def _placed(self, name: str, X_root: Mapping[str, Pose]) -> Pose:
-        shape = self.shapes[name]
-        body, X_body_link = self.tree.placement(shape.link)
-        return X_root[body] @ X_body_link @ shape.X_link_shape
-
-    def _surface(self, name: str) -> Surface:
-        if name not in self._surfaces:
-            geometry = self.shapes[name].geometry
-            mesh = self.meshes[name] if isinstance(geometry, Mesh) else tessellate(geometry)
-            self._surfaces[name] = Surface(mesh)
-        return self._surfaces[name]
