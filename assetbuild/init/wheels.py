@@ -3,8 +3,8 @@
 Judged at the pose where every joint is 0, in the frame of the root. A wheel is round about a
 horizontal axis and as low as the robot reaches. A caster is a wheel on a swivel that it trails
 behind, on a robot that has others to drive by; with no trail or no other wheels, the swivel steers.
-Rotors are three or more alike, balanced about upright axes, above the ground. Names decide where
-there is no shape to look at, and confirm a wheel that hangs above the ground among others.
+Rotors are two or more that are called so. Names decide where there is no shape to look at, and
+confirm a wheel that hangs above the ground among others.
 """
 
 from __future__ import annotations
@@ -31,19 +31,15 @@ VELOCITY_DRIVEN = ("wheel", "rotor", "spinner")
 """Roles of joints that are asked for a speed, not for a place."""
 ENDLESS_RAD = 20.0
 """A range of more than three turns is none; many arms state two."""
-LEVEL, UPRIGHT = 0.35, 0.7
-"""Upward part of an axis: at most, of a wheel; at least, of a rotor, which may be tilted."""
-SWIVEL = 0.9
+LEVEL, SWIVEL = 0.35, 0.9
+"""Upward part of an axis: at most, of a wheel; at least, of a swivel."""
 ROUND = 0.85
 """Smallest over largest half-width about the axis; a square has 0.71, an octagon 0.92."""
-BALANCED = 0.15
-"""A rotor's centre of mass is off its axis by at most this share of its radius."""
 ON_GROUND = 0.25
 """A wheel's lowest point is above the robot's by at most this share of its radius."""
 TRAIL = 0.15
 """A caster follows its swivel by at least this share of its radius."""
 ALIKE = 0.2
-ROTORS = 3
 COINCIDENT_M = 1e-3
 
 _WHEEL = re.compile(r"(?i).*(wheel|caster|castor|tyre).*")
@@ -70,7 +66,7 @@ class Turning:
 class _Disc:
     """The body on such a joint. Root frame, m; lowest: infinite without a shape.
 
-    roundness: smallest over largest half-width about the axis; off_axis: of its centre of mass.
+    roundness: smallest over largest half-width about the axis.
     is_last: nothing hangs on it but what turns without end inside it, as the rollers of a wheel.
     """
 
@@ -80,7 +76,6 @@ class _Disc:
     radius: float
     lowest: float
     roundness: float
-    off_axis: float
     is_last: bool
 
     @property
@@ -108,8 +103,9 @@ def what_turns(robot: InspectedRobot) -> dict[str, Turning]:
     turning = {disc.joint.name: Turning("wheel", disc.radius) for disc in wheels}
     turning |= _followers(robot.tree, at_zero, wheels, discs)
     others = [disc for disc in discs if disc.is_last and disc.joint.name not in turning]
-    rotors = _rotors(others, ground, rolls=len(wheels) > 1)
-    turning |= {disc.joint.name: Turning("rotor", disc.radius) for disc in rotors}
+    rotors = [disc for disc in others if _ROTOR.fullmatch(disc.name)]
+    if len(rotors) > 1:
+        turning |= {disc.joint.name: Turning("rotor", disc.radius) for disc in rotors}
     for disc in others:
         named = _SPINNER.fullmatch(disc.name) or (_WHEEL.fullmatch(disc.name) and disc.is_level)
         if named and disc.joint.name not in turning:
@@ -199,33 +195,6 @@ def _trail(at_zero: Mapping[str, Pose], swivel: Joint, wheel: _Disc) -> float:
     return abs(float(away @ forward)) / max(float(np.linalg.norm(forward)), 1e-9)
 
 
-# --- rotors ---------------------------------------------------------------------------------
-
-
-def _rotors(discs: Sequence[_Disc], ground: Height, *, rolls: bool) -> list[_Disc]:
-    """Alike, balanced, upright and apart from each other, above the ground.
-
-    Several that are called so are believed; what rolls must call them so.
-    """
-    named = [disc for disc in discs if _ROTOR.fullmatch(disc.name)]
-    rotors = named if len(named) > 1 else []
-    upright = [d for d in discs if abs(d.axis[2]) >= UPRIGHT and d.off_axis <= BALANCED * d.radius]
-    alike = [[o for o in upright if abs(o.radius - d.radius) <= ALIKE * d.radius] for d in upright]
-    family = max(alike, key=len, default=[])
-    if rolls or len(_apart(family)) < ROTORS or any(_touches(disc, ground) for disc in family):
-        return rotors
-    return [disc for disc in discs if disc in family or disc in rotors]
-
-
-def _apart(discs: Sequence[_Disc]) -> list[_Disc]:
-    """Without those that turn above or below another, seen from above."""
-    apart: list[_Disc] = []
-    for disc in discs:
-        if all(math.dist(disc.centre[:2], other.centre[:2]) > disc.radius for other in apart):
-            apart.append(disc)
-    return apart
-
-
 # --- shapes ---------------------------------------------------------------------------------
 
 
@@ -234,13 +203,11 @@ def _disc(
 ) -> _Disc:
     tree, X_root_body = robot.tree, at_zero[joint.child]
     axis, origin = _axis(at_zero, joint), np.asarray(X_root_body.xyz)
-    inertial = tree.by_body[joint.child].inertial
     clouds = [X_root_body.apply(cloud) for cloud in _clouds(robot, joint.child)]
     if not clouds:
         is_last = _is_last(tree, at_zero, joint, free, 0.0)
-        return _Disc(joint, axis, origin, 0.0, math.inf, 0.0, 0.0, is_last)
+        return _Disc(joint, axis, origin, 0.0, math.inf, 0.0, is_last)
     middle = np.mean([(c.min(axis=0) + c.max(axis=0)) / 2.0 for c in clouds], axis=0)
-    com = X_root_body.apply(inertial.com_m) if inertial and inertial.mass_kg else middle
     widths = [_half_widths(cloud - origin, axis) for cloud in clouds]
     radius = max(float(width.max()) for width in widths)
     return _Disc(
@@ -250,7 +217,6 @@ def _disc(
         radius,
         min(float(cloud[:, 2].min()) for cloud in clouds),
         max(float(width.min() / max(width.max(), 1e-9)) for width in widths),
-        float(np.linalg.norm(np.cross(np.asarray(com) - origin, axis))),
         _is_last(tree, at_zero, joint, free, radius),
     )
 
@@ -268,7 +234,7 @@ def _is_last(
 
 def _half_widths(points: Array, axis: Array) -> Array:
     """(16,) m: how far the points reach in directions around an axis through the origin."""
-    one = np.cross(axis, (1.0, 0.0, 0.0) if abs(axis[0]) < UPRIGHT else (0.0, 1.0, 0.0))
+    one = np.cross(axis, (1.0, 0.0, 0.0) if abs(axis[0]) < 0.7 else (0.0, 1.0, 0.0))
     one = one / np.linalg.norm(one)
     turns = np.arange(16) * (math.pi / 8.0)
     directions = np.outer(np.cos(turns), one) + np.outer(np.sin(turns), np.cross(axis, one))
