@@ -28,8 +28,6 @@ CROUCH = 0.75
 """Height of the hips of a walker on four legs or more, as a share of the stretched legs'."""
 FOLDED = 0.25
 """Height of a hip at the zero pose, as a share of the leg's length, below which a leg is folded."""
-BENT = 0.92
-"""The same of two legs that bend their knees to stand."""
 SETTLE = 0.97
 """The same on two legs, where a joint of the leg cannot be 0."""
 MARGIN_RAD = 0.02
@@ -72,22 +70,15 @@ def nothing_deep(pose: JointValues) -> Mapping[Pair, float]:
     return {}
 
 
-@dataclass(frozen=True)
-class Stance:
-    """How legs stand. shift_m: of the feet from below the hips, x and y; bent: legs that could be
-    straight."""
-
-    shift_m: tuple[float, float] = (0.0, 0.0)
-    bent: bool = False
-
-
-UPRIGHT = Stance()
+Shift = tuple[float, float]
+"""How far the feet stand from below the hips, x and y, m."""
+UPRIGHT: Shift = (0.0, 0.0)
 
 
 def home_pose(
     tree: Tree,
     legs: tuple[Leg, ...],
-    stance: Stance = UPRIGHT,
+    shift: Shift = UPRIGHT,
     depths: Depths = nothing_deep,
 ) -> dict[str, float]:
     """A value for each moving joint that mimics no other, rad or m, 3 decimals.
@@ -96,9 +87,9 @@ def home_pose(
     """
     pose = {j.name: resting(j) for j in tree.moving_joints if j.mimic is None}
     bends = len(legs) >= 4 or any(resting(j) != 0.0 for leg in legs for j in leg.joints)
-    if legs and (bends or stance != UPRIGHT):
+    if legs and (bends or shift != UPRIGHT):
         for leg in legs:
-            pose |= _planted(tree, leg, legs, pose, stance, bends or stance.bent)
+            pose |= _planted(tree, leg, legs, pose, shift, bends)
     pose = relieved(tree, pose, legs, depths)
     return {name: _inside(tree.by_joint[name], value) for name, value in pose.items()}
 
@@ -118,7 +109,7 @@ def _planted(
     leg: Leg,
     legs: tuple[Leg, ...],
     others: Mapping[str, float],
-    stance: Stance,
+    shift: Shift,
     bends: bool,
 ) -> dict[str, float]:
     """Joint values that put the foot below its hip, all feet at one height.
@@ -146,11 +137,8 @@ def _planted(
     bent = _bent(leg, at_zero, behind) if bends else [others[name] for name in names]
     start = np.clip(bent, lower, upper)
     drawn = (at_zero[leg.tip] @ X_tip_foot).xyz
-    ahead, aside = stance.shift_m
-    target = np.array(
-        [hip_x if bends else drawn[0], drawn[1], _floor(legs, at_zero, bends, stance)]
-    )
-    target += (ahead, aside, 0.0)
+    target = np.array([hip_x if bends else drawn[0], drawn[1], _floor(legs, at_zero, bends)])
+    target += (*shift, 0.0)
     flat = len(leg.joints) >= ANKLE
 
     def residual(q: Array) -> Array:
@@ -170,12 +158,9 @@ def _room(joint: Joint) -> tuple[float, float]:
     return max(lower + margin, -math.pi), min(upper - margin, math.pi)
 
 
-def _floor(
-    legs: tuple[Leg, ...], at_zero: Mapping[str, Pose], bends: bool, stance: Stance
-) -> float:
+def _floor(legs: tuple[Leg, ...], at_zero: Mapping[str, Pose], bends: bool) -> float:
     """Height of the ground that all feet meet, in the root's frame, m."""
     share = CROUCH if len(legs) >= 4 else SETTLE if bends else 1.0
-    share = min(share, BENT) if stance.bent else share
     heights = []
     for leg in legs:
         hip = at_zero[leg.joints[0].child].xyz[2]

@@ -18,7 +18,7 @@ import numpy as np
 from assetbuild.findings import Finding
 from assetbuild.init.anatomy import Anatomy
 from assetbuild.init.drives import FIRM, FIRMER, STEP_S, TABLE, DriveRow, drive_rows
-from assetbuild.init.home import UPRIGHT, Depths, Stance, home_pose, nothing_deep
+from assetbuild.init.home import UPRIGHT, Depths, Shift, home_pose, nothing_deep
 from assetbuild.init.strength import (
     Guess,
     rotor_inertia,
@@ -60,7 +60,7 @@ class Tuning:
     rotors: Mapping[str, float]
     notes: tuple[str, ...] = ()
     unmended: tuple[str, ...] = ()
-    stance: Stance = UPRIGHT
+    shift: Shift = UPRIGHT
     firmness: float = FIRM
     depths: Depths = nothing_deep
 
@@ -106,7 +106,7 @@ def tune(
 def _chosen(tuning: Tuning, step: float) -> Tuning:
     """The same with pose, drives and time step chosen anew; step: no longer than this, s."""
     tree, legs, turning = tuning.tree, tuning.anatomy.legs, tuning.anatomy.turning
-    pose = home_pose(tree, legs, tuning.stance, tuning.depths)
+    pose = home_pose(tree, legs, tuning.shift, tuning.depths)
     arguments = (tuning.guesses, tuning.armature, turning, tuning.firmness)
     drives = drive_rows(tree, pose, legs, *arguments)
     hops = any(row.outruns(STEP_S) for row in drives)
@@ -191,9 +191,8 @@ def _balanced(tuning: Tuning, trial: Trial) -> tuple[str, Tuning] | None:
     """The feet under the centre of mass, where they are not."""
     if math.hypot(*trial.off) < BALANCED_M:
         return None
-    ahead, aside = np.add(tuning.stance.shift_m, trial.off)
-    stance = replace(tuning.stance, shift_m=(float(ahead), float(aside)))
-    balanced = _chosen(replace(tuning, stance=stance), tuning.timestep)
+    ahead, aside = map(float, np.add(tuning.shift, trial.off))
+    balanced = _chosen(replace(tuning, shift=(ahead, aside)), tuning.timestep)
     return "feet under the centre of mass", balanced
 
 
@@ -204,19 +203,12 @@ def _firmer(tuning: Tuning, trial: Trial) -> tuple[str, Tuning] | None:
     return f"legs {FIRMER:g} times as stiff as would let it tip over", firm
 
 
-def _bent(tuning: Tuning, trial: Trial) -> tuple[str, Tuning] | None:
-    if tuning.stance.bent or len(tuning.anatomy.legs) >= TABLE:
-        return None
-    stance = replace(tuning.stance, bent=True)
-    return "bent knees", _chosen(replace(tuning, stance=stance), tuning.timestep)
-
-
 def _hasty(tuning: Tuning, trial: Trial) -> tuple[str, Tuning] | None:
     if tuning.timestep <= SHORT_STEP_S:
         return None
     return f"a time step of {1e3 * SHORT_STEP_S:g} ms", _chosen(tuning, SHORT_STEP_S)
 
 
-REMEDIES: tuple[Remedy, ...] = (_balanced, _balanced, _hasty, _firmer, _bent, _balanced)
+REMEDIES: tuple[Remedy, ...] = (_balanced, _balanced, _hasty, _firmer, _balanced)
 """What may make a robot stand, in the order in which it is tried; what brings its feet under its
 centre of mass is kept for the next."""
