@@ -85,12 +85,9 @@ def templates() -> Environment:
     """The templates with what they may call."""
     from jinja2 import Environment, FileSystemLoader, StrictUndefined  # for a page alone
 
-    from assetbuild.report.compiled import Compiled
-
     made = Environment(
         loader=FileSystemLoader(ASSETS), autoescape=True, undefined=StrictUndefined,
         trim_blocks=True, lstrip_blocks=True, auto_reload=False,
-        bytecode_cache=Compiled(ASSETS / "__pycache__", Path(__file__)),
     )  # fmt: skip
     made.filters |= {"text": text_of, "prose": prose, "one_line": _one_line, "count_all": _count}
     made.filters |= {"counted": lambda number, noun: f"{number} {noun}{'s' * (number != 1)}"}
