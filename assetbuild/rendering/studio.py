@@ -26,10 +26,8 @@ SHADOW_MAP = 1024
 """Pixels across the shadow map; the average over several lamps hides its steps."""
 LAMP = 0.07
 """Radius of the lamp as seen from the robot, rad: how soft its shadows are."""
-PENUMBRA = 1.0 / 130.0
+PENUMBRA = 1.0 / 160.0
 """How far shadows on the floor are blurred, as a share of the picture's width."""
-BLUR_STEP = 4
-"""Shadows are blurred in a picture that is so many times smaller."""
 EDGE = 2
 """Pixels at the edge of the floor that hold some of what stands there: they are not blurred."""
 GOLDEN_ANGLE = 2.399963
@@ -130,7 +128,7 @@ class Studio:
             total += self._drawn(shot)
         mean = (total + shot.samples // 2) // shot.samples
         if shot.soft:
-            mean = _blurred(mean, self._is_floor(shot), max(1, int(PENUMBRA * shot.width)))
+            mean = _blurred(mean, self._is_floor(shot), PENUMBRA * shot.width)
         return np.ascontiguousarray(mean[::-1], dtype=np.uint8)
 
     def _drawn(self, shot: Shot) -> Pixels:
@@ -237,45 +235,19 @@ def _is_plane(geom: Any) -> bool:  # Any: mjvGeom
     return bool(is_geom and geom.type == mj.mjtGeom.mjGEOM_PLANE.value)
 
 
-def _blurred(pixels: NDArray[Any], where: NDArray[np.bool_], radius: int) -> NDArray[Any]:
-    """Two box filters over the pixels of a mask, which take nothing from outside of it."""
-    from PIL import Image
+def _blurred(pixels: NDArray[Any], where: NDArray[np.bool_], radius: float) -> NDArray[Any]:
+    """A Gaussian filter over the pixels of a mask, which takes nothing from outside of it."""
+    from PIL import Image, ImageFilter
 
-    inside = _eroded(where)
-    size = (where.shape[1] // BLUR_STEP, where.shape[0] // BLUR_STEP)
-
-    def smooth(values: NDArray[Any]) -> NDArray[np.float32]:
-        image = Image.fromarray(values.astype(np.float32))
-        small = np.asarray(image.resize(size, Image.Resampling.BOX))
-        for _ in range(2):
-            small = _box_filtered(small, radius // BLUR_STEP)
-        return np.asarray(Image.fromarray(small).resize(image.size, Image.Resampling.BILINEAR))
-
-    grey = smooth(np.where(inside, pixels[..., 1], 0.0))
-    level = np.round(grey / np.maximum(smooth(inside), 1e-6)).astype(pixels.dtype)
+    share = Image.fromarray(where).convert("L").filter(ImageFilter.BoxBlur(EDGE))
+    inside = np.asarray(share) == 255
+    grey = np.where(inside, pixels[..., 1], 0).astype(np.uint8)
+    smooth, weight = (
+        np.asarray(Image.fromarray(values).filter(ImageFilter.GaussianBlur(radius)), np.float32)
+        for values in (grey, np.where(inside, 255, 0).astype(np.uint8))
+    )
+    level = np.round(255.0 * smooth / np.maximum(weight, 1.0)).astype(pixels.dtype)
     return np.where(inside[..., None], level[..., None], pixels)
-
-
-# Importing scipy.ndimage for the next two would take longer than drawing a frame.
-
-
-def _eroded(where: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Without the pixels that have one outside the mask within EDGE beside or above them."""
-    height, width = where.shape
-    padded = np.pad(where, EDGE, constant_values=True)
-    cross = [at for n in range(2 * EDGE + 1) for at in ((EDGE, n), (n, EDGE))]
-    moved = [padded[y : y + height, x : x + width] for y, x in cross]
-    return np.asarray(np.logical_and.reduce(moved))
-
-
-def _box_filtered(values: NDArray[np.float32], radius: int) -> NDArray[np.float32]:
-    """Means over squares of `2 radius + 1` pixels; beyond the edge the picture goes on as it is."""
-    for _ in range(2):  # along each axis
-        padded = np.pad(values, ((radius + 1, radius), (0, 0)), "edge")
-        sums = np.cumsum(padded, axis=0, dtype=np.float64)
-        means = (sums[2 * radius + 1 :] - sums[: -2 * radius - 1]) / (2 * radius + 1)
-        values = means.astype(np.float32).T
-    return values
 
 
 def _unit(vector: Array) -> Array:
