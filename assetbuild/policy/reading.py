@@ -9,7 +9,6 @@ from typing import Any
 from assetbuild.errors import UsageError, Where
 
 LARGEST_BYTES = 4 << 20
-DEEPEST = 60
 
 
 def read_yaml(path: Path) -> dict[str, Any]:  # Any: plain data, here and below
@@ -19,48 +18,30 @@ def read_yaml(path: Path) -> dict[str, Any]:  # Any: plain data, here and below
     """
     import yaml
 
+    class Loader(yaml.SafeLoader):
+        pass
+
+    def untagged(loader: Loader, _: str, node: Any) -> Any:
+        if isinstance(node, yaml.MappingNode):
+            return loader.construct_mapping(node, deep=True)
+        if isinstance(node, yaml.SequenceNode):
+            return loader.construct_sequence(node, deep=True)
+        return node.value
+
+    Loader.add_multi_constructor("", untagged)
     try:
         if path.stat().st_size > LARGEST_BYTES:
             raise UsageError(f"`{path.name}` has more than {LARGEST_BYTES >> 20} MB")
-        node = yaml.compose(path.read_bytes(), Loader=yaml.SafeLoader)
-        data = _plain(node, {}, 0)
+        data = yaml.load(path.read_bytes(), Loader=Loader)  # noqa: S506 # a safe one
     except OSError as error:
         raise UsageError(f"cannot read `{path}`: {error.strerror}") from None
-    except (yaml.YAMLError, UnicodeDecodeError, RecursionError) as error:
+    except (yaml.YAMLError, ValueError, RecursionError) as error:
         mark = getattr(error, "problem_mark", None)
         problem = getattr(error, "problem", None) or "no UTF-8 text, or too deep"
         where = Where(path.name, mark.line + 1 if mark else 0)
         raise UsageError(f"not readable as YAML: {problem}", where=where) from None
     if not isinstance(data, dict):
         raise UsageError(f"`{path.name}` holds no mapping")
-    return data
-
-
-def _plain(node: Any, known: dict[int, Any], depth: int) -> Any:
-    """Each node once: a part that is named twice is the same object."""
-    import yaml
-
-    if node is None or depth > DEEPEST:
-        return None
-    if id(node) in known:
-        return known[id(node)]
-    known[id(node)] = None  # what holds itself holds nothing there
-    if isinstance(node, yaml.MappingNode):
-        data: Any = {
-            str(_plain(key, known, depth + 1)): _plain(value, known, depth + 1)
-            for key, value in node.value
-        }
-    elif isinstance(node, yaml.SequenceNode):
-        data = [_plain(item, known, depth + 1) for item in node.value]
-    else:
-        loader: Any = yaml.SafeLoader("")
-        tag = loader.resolve(yaml.ScalarNode, node.value, (True, False))
-        scalar = yaml.ScalarNode(tag if node.style is None else node.tag, node.value)
-        try:
-            data = loader.construct_object(scalar)
-        except (yaml.YAMLError, ValueError):
-            data = node.value
-    known[id(node)] = data
     return data
 
 
