@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path, PurePosixPath
 from types import MappingProxyType
@@ -108,7 +109,12 @@ def _csv(path: Path, file: str, columns: Sequence[str]) -> Iterator[Array]:
             try:
                 piece = np.loadtxt(chunk, delimiter=comma, usecols=places, ndmin=2, comments=None)
             except ValueError:
-                piece = _slowly(chunk, comma, places, file, columns, number)
+                rows = [
+                    [_number(cells, place) for place in places]
+                    for cells in csv.reader(chunk, delimiter=comma)
+                    if cells
+                ]
+                piece = np.array(rows, float).reshape(len(rows), len(columns))
             number += len(chunk)
             yield piece
 
@@ -138,30 +144,12 @@ def _refuse_wide(chunk: Sequence[str], comma: str, most: int, where: str, first:
             )
 
 
-def _slowly(
-    chunk: Sequence[str],
-    comma: str,
-    places: Sequence[int],
-    file: str,
-    columns: Sequence[str],
-    number: int,
-) -> Array:
-    """The same for lines with empty cells, which are no numbers; StepError with the line."""
-    rows = []
-    for offset, cells in enumerate(csv.reader(chunk, delimiter=comma)):
-        if not cells:
-            continue
-        row = []
-        for name, place in zip(columns, places, strict=True):
-            text = cells[place].strip() if place < len(cells) else ""
-            try:
-                row.append(float(text) if text else np.nan)
-            except ValueError:
-                raise StepError(
-                    f"{file}:{number + offset + 1}: `{text[:40]}` in column `{name}` is no number"
-                ) from None
-        rows.append(row)
-    return np.array(rows, float).reshape(len(rows), len(columns))
+def _number(cells: Sequence[str], place: int) -> float:
+    """What stands in a cell; NaN where it is empty, missing or no number."""
+    try:
+        return float(cells[place])
+    except (IndexError, ValueError):
+        return math.nan
 
 
 def _parquet(
