@@ -317,27 +317,9 @@ def _outside(tree: Tree, joints: Sequence[str], position: Array) -> Iterator[Sus
             continue
         yield (
             f"`{name}` is at {low:.4g}..{high:.4g}, outside of its limits {lower:.4g}..{upper:.4g}",
-            _explained(low, high, lower, upper, joint.kind == "prismatic"),
+            "state `angle_unit: deg`, or the encoder ticks of one turn; or its sign, its zero or "
+            "its column is wrong",
         )
-
-
-def _explained(low: float, high: float, lower: float, upper: float, slides: bool) -> str:
-    """What would bring the position inside of the limits."""
-
-    def fits(a: float, b: float) -> bool:
-        return lower - OUTSIDE <= min(a, b) and max(a, b) <= upper + OUTSIDE
-
-    degree = math.pi / 180.0
-    if slides:
-        if fits(low * 1e-3, high * 1e-3):
-            return "it would be inside if the log were in millimetres: convert it to metres"
-    elif max(abs(low), abs(high)) > 6.5 and fits(low * degree, high * degree):
-        return "it would be inside in degrees: state `angle_unit: deg`"
-    elif max(abs(low), abs(high)) > 100.0:
-        return "these may be encoder ticks: state `angle_unit: 4096`, the ticks of one turn"
-    if fits(-low, -high):
-        return "it would be inside with the other sign: turn the sign of the column in the log"
-    return "its zero is off, the columns are another joint's, or the log is another robot's"
 
 
 def _velocity(
