@@ -21,18 +21,13 @@ from assetbuild.robot.shapes import Box, Capsule, Cylinder, Sphere
 CONVEX = 0.99
 """Volume / volume of the hull: below it a mesh is reported as not convex."""
 
-OPEN_PIECE = Rule(
-    "collision.open_piece",
-    "warning",
-    "a mesh of `explicit` is not watertight; its convex hull collides",
-    "close the mesh",
-)
 NOT_CONVEX = Rule(
     "collision.not_convex",
     "warning",
-    "a mesh of `explicit` is not convex; its hull collides, and the finding states which share "
-    "of the hull it fills",
-    "cut it into convex pieces",
+    "a mesh of `explicit` is open or not convex; its hull collides, and the finding states which "
+    "share of the hull a closed one fills",
+    "close it, or cut it into convex pieces",
+    was={"collision.open_piece": ("collision.not_convex",)},
 )
 
 
@@ -113,20 +108,12 @@ class Explicit(CollisionMethod):
 
     def _told(self, number: int, mesh: TriangleMesh, hull: TriangleMesh) -> Iterator[Finding]:
         """What a simulator will not do with this piece as it is."""
-        if not mesh.is_closed:
-            yield OPEN_PIECE(
-                self.subject,
-                f"piece {number} is not watertight: its convex hull collides",
-                hint="close the mesh if the hull is not what was meant",
-                data={"piece": number},
-            )
-            return
-        share = abs(signed_volume(mesh)) / signed_volume(hull)
+        share = abs(signed_volume(mesh)) / signed_volume(hull) if mesh.is_closed else 0.0
         if share < CONVEX:
+            fault = f"not convex: it fills {100 * share:.0f} % of its hull" if share else "open"
             yield NOT_CONVEX(
                 self.subject,
-                f"piece {number} is not convex: it fills {100 * share:.0f} % of its hull, "
-                "and the hull is what collides",
+                f"piece {number} is {fault}; the hull is what collides",
                 hint="cut it into convex pieces, one file each, or give the link `method: auto`",
                 data={"piece": number, "share_of_hull": round(share, 4)},
             )

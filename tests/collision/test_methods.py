@@ -250,21 +250,19 @@ def test_a_convex_mesh_of_the_users_is_taken_as_it_is(tmp_path):
     assert hull.bounds[0] == pytest.approx((0.0, -0.5, -0.5))
     # Half of the box is covered, and as much lies outside: a third of the union is common.
     assert findings["collision.gap"].data["iou"] == pytest.approx(1.0 / 3.0, abs=1e-3)
-    assert not {"collision.not_convex", "collision.open_piece"} & set(findings)
+    assert "collision.not_convex" not in findings
 
 
-def test_a_mesh_of_the_users_that_is_not_convex_is_told(tmp_path):
-    _, (hull,), findings = own_mesh(tmp_path, l_shape())
-    assert findings["collision.not_convex"].data["share_of_hull"] == pytest.approx(
-        3.0 / 3.5, abs=1e-3
-    )
-    assert signed_volume(hull) == pytest.approx(3.5)
-
-
-def test_a_mesh_of_the_users_that_is_open_is_told(tmp_path):
-    _, (hull,), findings = own_mesh(tmp_path, BOX.select(np.arange(10)))
-    assert "collision.open_piece" in findings
-    assert signed_volume(hull) == pytest.approx(1.0)
+@pytest.mark.parametrize(
+    ("mesh", "share", "volume"),
+    [(l_shape(), 3.0 / 3.5, 3.5), (BOX.select(np.arange(10)), 0.0, 1.0)],
+    ids=["not convex", "open"],
+)
+def test_a_mesh_of_the_users_that_is_not_its_hull_is_told(tmp_path, mesh, share, volume):
+    _, (hull,), findings = own_mesh(tmp_path, mesh)
+    found = findings["collision.not_convex"].data["share_of_hull"]
+    assert found == pytest.approx(share, abs=1e-3)
+    assert signed_volume(hull) == pytest.approx(volume)
 
 
 def test_a_flat_mesh_of_the_users_is_refused(tmp_path):
