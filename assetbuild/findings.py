@@ -65,6 +65,7 @@ class Finding:
 
 
 NEW_IDS: Mapping[str, str] = {
+    "collision.open_piece": "collision.not_convex",
     "inertia.between": "inertia.massless_intermediate_link",
     "loop.rigid": "loop.no_mobility",
     "mjcf.tether": "mjcf.base_constrained",

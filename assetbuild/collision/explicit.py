@@ -27,7 +27,6 @@ NOT_CONVEX = Rule(
     "a mesh of `explicit` is open or not convex; its hull collides, and the finding states which "
     "share of the hull a closed one fills",
     "close it, or cut it into convex pieces",
-    was={"collision.open_piece": ("collision.not_convex",)},
 )
 
 

@@ -95,7 +95,7 @@ SPOILED = {
     "degrees that nobody stated": (
         lambda log: all_but_time(log, np.degrees), "angle_unit: deg"),
     "ticks that nobody stated": (
-        lambda log: all_but_time(log, lambda v: 2048 + v * 4096 / 6.283), "encoder ticks of one turn"),
+        lambda log: all_but_time(log, lambda v: 2048 + v * 4096 / 6.283), "ticks of one turn"),
     "a wrong sign": (
         lambda log: with_elbow(log, lambda q: -q), "`elbow` moves against its command"),
     "beyond the limits": (beyond_its_limits, "outside of its limits"),
