@@ -114,7 +114,7 @@ def test_materials_that_look_alike_share_one_name(tmp_path: Path) -> None:
     twin = replace(grey, name="Face636_001")
     shapes = tuple(replace(s, material="Face636_001") if s.name == "imu_visual" else s for s in robot.shapes.shapes)  # fmt: skip # noqa: E501
     alike = replace(robot.shapes, shapes=shapes, materials=(*robot.shapes.materials, twin))
-    assert "mjcf.looks" in {f.rule for f in emit(replace(robot, shapes=alike), tmp_path)}
+    emit(replace(robot, shapes=alike), tmp_path)
     model = mujoco.MjModel.from_xml_path(str(tmp_path / "out/mjcf/robot.xml"))
     assert model.nmat == 1
 

@@ -295,12 +295,8 @@ def test_a_renamed_link_is_found_by_its_display_name_and_told(tmp_path: Path) ->
 
 def test_what_usd_cannot_hold_is_told(tmp_path: Path) -> None:
     robot = tiny_quadruped()
-    first, second, *rest = robot.tree.joints
-    joints = (
-        replace(first, limits=Limits(lower=-1.0)),
-        replace(second, limits=Limits(-7.0, 7.0)),
-        *rest,
-    )
+    first, *rest = robot.tree.joints
+    joints = (replace(first, limits=Limits(lower=-1.0)), *rest)
     control = replace(robot.control, contact=robot.control.contact.model_copy(update={"condim": 6}))
     tree = replace(robot.tree, joints=joints)
     drives = (replace(control.actuators[0], model="ideal_pd"), *control.actuators[1:])
@@ -310,24 +306,15 @@ def test_what_usd_cannot_hold_is_told(tmp_path: Path) -> None:
     assert told == {
         ("usd.explicit_actuator", "robot"),
         ("usd.one_sided_limit", f"joint {first.name}"),
-        ("usd.limit_clamped", f"joint {second.name}"),
         ("usd.contact", "robot"),
-        ("usd.friction_unit", "robot"),
-        ("usd.keyframes", "robot"),
-        ("usd.parallel_axis", "robot"),
     }
 
 
-def test_many_bodies_and_a_body_without_mass_are_told(tmp_path: Path) -> None:
-    mass = box_inertial(1.0, (0.1, 0.1, 0.1))
-    bodies = (Body("b0", mass), Body("b1"), *(Body(f"b{i}", mass) for i in range(2, 66)))
-    joints = tuple(Joint(f"j{i}", "fixed", "b0", f"b{i}") for i in range(1, 66))
-    tree = Tree("robot", "floating", bodies, joints)
+def test_a_body_without_mass_is_told(tmp_path: Path) -> None:
+    bodies = (Body("b0", box_inertial(1.0, (0.1, 0.1, 0.1))), Body("b1"))
+    tree = Tree("robot", "floating", bodies, (Joint("j1", "fixed", "b0", "b1"),))
     _, findings = build(TinyRobot(tree, tree), tmp_path)
-    assert {(f.rule, f.severity) for f in findings} == {
-        ("usd.links", "warning"),
-        ("usd.mass_missing", "error"),
-    }
+    assert {(f.rule, f.severity) for f in findings} == {("usd.mass_missing", "error")}
 
 
 # --- bytes --------------------------------------------------------------------------------------

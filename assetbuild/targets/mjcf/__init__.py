@@ -19,7 +19,6 @@ from assetbuild.simulators.mujoco import body_names
 from assetbuild.targets.mjcf.chains import explain_chains
 from assetbuild.targets.mjcf.drives import explain_losses
 from assetbuild.targets.mjcf.files import (
-    explain_looks,
     explain_textures,
     readable,
     refuse_name,
@@ -70,7 +69,6 @@ class Mjcf(Target):
         yield from _explain_planar(tree)
         yield from explain_rounding(tree)
         yield from explain_chains(tree, shapes)
-        yield from explain_looks(shapes, looks)
         yield from explain_textures(shapes, meshes)
         yield from explain_losses(tree, control)
         yield from explain_loops(tree, control)

@@ -9,32 +9,13 @@ from assetbuild.robot.initial import initial_pose
 from assetbuild.robot.mjcf_only import lost_in_usd, no_drives, whole_gravity
 from assetbuild.robot.model import Contact, Control, Joint, Tree
 from assetbuild.simulators.usd_options import UsdOptions
-from assetbuild.targets.usd.units import is_angular, limits
 
-MAX_LINKS = 64
-MAX_ANGLE_DEG = 360.0
-
-KEYFRAMES = Rule(
-    "usd.keyframes", "info", "USD has no keyframes; drives aim at the initial one", "nothing"
-)
-PARALLEL_AXIS = Rule(
-    "usd.parallel_axis",
-    "info",
-    "joint axes are exactly parallel to a body axis",
-    "`edits: perturb_axis`, for a runtime that treats them as a special case",
-)
 START_OUTSIDE = Rule(
     "usd.start",
     "info",
     "0 is outside the limits of a joint and there is no keyframe: the joint starts at the nearest "
     "limit",
     "add a keyframe `home`",
-)
-FRICTION_UNIT = Rule(
-    "usd.friction_unit",
-    "info",
-    "older runtimes read friction as a coefficient",
-    "check on Isaac Sim 4.5 and older",
 )
 CONTACT = Rule(
     "usd.contact",
@@ -48,19 +29,6 @@ EXPLICIT_ACTUATOR = Rule(
     "info",
     "torque motors: their gains belong to the controller",
     "nothing",
-)
-MANY_LINKS = Rule(
-    "usd.links",
-    "warning",
-    "there are more links than older PhysX versions accept",
-    "merge fixed joints",
-)
-LIMIT_CLAMPED = Rule(
-    "usd.limit_clamped",
-    "info",
-    "a limit is beyond a full turn: PhysX's documentation says that it is clamped there; PhysX 0.7 "
-    "holds and reaches it",
-    "nothing, or make the joint continuous for other versions of PhysX",
 )
 ONE_SIDED_LIMIT = Rule(
     "usd.one_sided_limit",
@@ -112,7 +80,7 @@ _NOT_IN_PHYSX = {
 
 
 def unsupported(tree: Tree, control: Control, options: UsdOptions) -> Iterator[Finding]:
-    """Findings for all that is missing, clamped or read differently."""
+    """Findings for all that is missing or read differently."""
     for joint in tree.moving_joints:
         yield from _limits(joint)
         if joint.mimic is not None and not options.mimics:
@@ -125,46 +93,16 @@ def unsupported(tree: Tree, control: Control, options: UsdOptions) -> Iterator[F
     yield from _springs(control)
     yield from _motion(control)
     yield from _contact(control)
-    yield from _keyframes(control)
     yield from _starts(tree, control)
-    yield from _parallel_axes(tree)
-    if len(tree.bodies) > MAX_LINKS:
-        yield MANY_LINKS(
-            "robot",
-            f"{len(tree.bodies)} bodies: older PhysX and Isaac Sim hold {MAX_LINKS} in an "
-            "articulation; unverified on newer ones",
-            hint=f"merge {_mergeable(tree)}: `fixed_joints`",
-            data={"bodies": len(tree.bodies), "limit": MAX_LINKS},
-        )
-
-
-def _mergeable(tree: Tree) -> str:
-    """The bodies that fixed joints hold, for a hint."""
-    held = [joint.child for joint in tree.joints if joint.kind == "fixed"]
-    if not held:
-        return "what hangs on joints that need not move"
-    return ", ".join(f"`{name}`" for name in held[:6]) + (", ..." if len(held) > 6 else "")
 
 
 def _limits(joint: Joint) -> Iterator[Finding]:
-    if joint.kind == "continuous":
-        return
-    lower, upper = limits(joint)
     stated = (joint.limits.lower is not None, joint.limits.upper is not None)
-    if any(stated) and not all(stated):
+    if joint.kind != "continuous" and any(stated) and not all(stated):
         yield ONE_SIDED_LIMIT(
             f"joint {joint.name}",
             "has one limit; some readers of PhysX then limit neither side",
             hint="give the joint both limits",
-        )
-    worst = max(abs(v) for v in (lower, upper) if abs(v) != float("inf")) if any(stated) else 0.0
-    if is_angular(joint) and worst > MAX_ANGLE_DEG + 1e-3:
-        yield LIMIT_CLAMPED(
-            f"joint {joint.name}",
-            f"limit {worst:.6g}° lies beyond ±360°: PhysX 0.7 keeps it, though its documentation "
-            "says that it clamps",
-            hint="for other versions of PhysX make the joint continuous, or narrow its limits",
-            data={"limit_deg": worst},
         )
 
 
@@ -180,15 +118,6 @@ def _actuators(control: Control) -> Iterator[Finding]:
                 "one from the `NewtonActuator` prims below `Actuators`",
                 data={"model": model, "joints": tuple(joints)},
             )
-    rubbed = [a.joint for a in control.actuators if a.friction > 0.0]
-    if rubbed:
-        yield FRICTION_UNIT(
-            "robot",
-            f"dry friction of {len(rubbed)} joints is written as an effort; Isaac Sim 4.5 "
-            "and older read `physxJoint:jointFriction` as a coefficient",
-            hint="set `friction=0` in the actuator configuration there",
-            data={"joints": tuple(rubbed)},
-        )
 
 
 def _springs(control: Control) -> Iterator[Finding]:
@@ -244,18 +173,6 @@ def _beyond_usual(surface: Contact, name: str) -> object:
     return value if value != getattr(Contact(), name) else None
 
 
-def _keyframes(control: Control) -> Iterator[Finding]:
-    initial = control.initial_keyframe
-    lost = tuple(key.name for key in control.keyframes if key is not initial)
-    if initial is not None and lost:
-        yield KEYFRAMES(
-            "robot",
-            f"USD has no keyframes: {', '.join(lost)} left out; drives aim at `{initial.name}`",
-            hint="take them from the MJCF or the generated Isaac Lab module",
-            data={"keyframes": lost},
-        )
-
-
 def _starts(tree: Tree, control: Control) -> Iterator[Finding]:
     if control.initial_keyframe is not None:
         return
@@ -268,14 +185,3 @@ def _starts(tree: Tree, control: Control) -> Iterator[Finding]:
                 hint="add a keyframe `home`",
                 data={"position": position},
             )
-
-
-def _parallel_axes(tree: Tree) -> Iterator[Finding]:
-    plain = [j.name for j in tree.moving_joints if max(map(abs, j.axis)) >= 1.0 - 1e-12]
-    if plain:
-        yield PARALLEL_AXIS(
-            "robot",
-            f"the axes of {len(plain)} joints are exactly parallel to axes of their bodies",
-            hint="harmless; should a runtime stumble over it, `edits: perturb_axis` turns them",
-            data={"joints": tuple(plain)},
-        )
