@@ -135,12 +135,10 @@ def test_a_flat_body_compiles_in_spite_of_rounding(
     robot = tiny_quadruped()
     root = Body(robot.tree.root, Inertial(1.0, (0.0, 0.0, 0.0), (x, y, z, 0.0, 0.0, 0.0)))
     tree = replace(robot.tree, bodies=(root, *robot.tree.bodies[1:]))
-    findings = emit(replace(robot, tree=tree), tmp_path)
+    emit(replace(robot, tree=tree), tmp_path)
     model = mujoco.MjModel.from_xml_path(str(tmp_path / "out/mjcf/robot.xml"))
     inertia = model.body(root.name).inertia
     assert np.allclose(np.sort(inertia), np.sort((x, y, z)), rtol=1e-14, atol=0)
-    told = [f.subject for f in findings if f.rule == "mjcf.inertia.rounded"]
-    assert told in ([], [f"link {root.name}"])
 
 
 # --- the actuator table ---------------------------------------------------------------------

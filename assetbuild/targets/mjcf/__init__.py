@@ -25,7 +25,6 @@ from assetbuild.targets.mjcf.files import (
     write_robot,
     write_xml,
 )
-from assetbuild.targets.mjcf.inertia import explain_rounding
 from assetbuild.targets.mjcf.options import MjcfOptions
 from assetbuild.targets.mjcf.robot_xml import RobotXml, Solver
 from assetbuild.targets.mjcf.scene import scene
@@ -67,7 +66,6 @@ class Mjcf(Target):
         write_xml(folder / "scene.xml", scene(model, self.robot))
         yield from _explain_names(tree)
         yield from _explain_planar(tree)
-        yield from explain_rounding(tree)
         yield from explain_chains(tree, shapes)
         yield from explain_textures(shapes, meshes)
         yield from explain_losses(tree, control)

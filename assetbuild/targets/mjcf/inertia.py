@@ -8,13 +8,10 @@ to a relative 3e-6 only (measured; 4.0: 5e-15), so we diagonalise ourselves and 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
 
 import numpy as np
 
-from assetbuild.findings import Finding, Rule
 from assetbuild.robot.inertia import TRIANGLE_ROUNDING
-from assetbuild.robot.model import Tree
 from assetbuild.robot.pose import Quat, Vec3, quat_multiply, quat_of
 from assetbuild.targets.mjcf.xml import plain
 
@@ -22,30 +19,6 @@ SWEEPS = 20
 """Far more than needed: the method converges quadratically, 3 x 3 in about five sweeps."""
 NEAR_IDENTITY = 1e-5
 """Largest imaginary part of a quaternion that MuJoCo might take for the identity."""
-
-ROUNDED = Rule(
-    "mjcf.inertia.rounded",
-    "info",
-    "the principal moments A + B = C of a flat body miss equality in their last digits, which "
-    "MuJoCo refuses; the smallest was rounded up",
-    "nothing; the change is a rounding error",
-)
-
-
-def explain_rounding(tree: Tree) -> Iterator[Finding]:
-    """The bodies whose smallest moment MuJoCo gets rounded up."""
-    for body in tree.bodies:
-        if body.inertial is None:
-            continue
-        moments, _ = principal_inertia(body.inertial.inertia_com_kg_m2)
-        smallest, raised = min(map(plain, moments)), min(rounded_up(moments))
-        if raised != smallest:
-            message = (
-                f"A + B < C of the principal moments by rounding: in the MJCF the smallest is "
-                f"{raised!r} kg m² instead of {smallest!r}"
-            )
-            data = {"smallest_kg_m2": smallest, "raise_kg_m2": raised - smallest}
-            yield ROUNDED(f"link {body.name}", message, ROUNDED.remedy, data=data)
 
 
 def rounded_up(moments: Vec3) -> Vec3:
