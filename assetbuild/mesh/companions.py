@@ -20,8 +20,10 @@ _MTLLIB = re.compile(rb"^[ \t]*mtllib[ \t]+([^\r\n]+)", re.MULTILINE)
 _MAP_KD = re.compile(rb"^[ \t]*map_Kd[ \t]+([^\r\n]+)", re.MULTILINE)
 _ELSEWHERE = re.compile(r"[A-Za-z][A-Za-z0-9+.-]*:|/")
 """A scheme, a drive letter, or an absolute path."""
-_OPTIONS = {"-mm": 2, "-s": 3, "-o": 3, "-t": 3}
-"""Options of an MTL's map, and how many values they take at most; all others take one."""
+_OPTIONS = re.compile(
+    r"(?:\s*-(?:(?:mm|s|o|t)(?:\s+[-+.\deE]+){0,3}|(?:blendu|blendv|cc|clamp|boost)\s+\S+)\s+)+"
+)
+"""Options of an MTL's map, before the name of its picture."""
 
 
 def format_of(path: str) -> str:
@@ -58,24 +60,7 @@ def _is_possible(name: str) -> bool:
 
 def picture_of_map(words: str) -> str:
     """The file behind `map_Kd`, whose options come before it; names may hold spaces."""
-    rest = words.split()
-    while rest and rest[0] in (*_OPTIONS, "-blendu", "-blendv", "-cc", "-clamp", "-boost"):
-        taken = 1 + _values(rest[1:], _OPTIONS.get(rest[0], 1), rest[0] in _OPTIONS)
-        rest = rest[taken:]
-    # Without options the name is taken as written: two spaces in a row may be part of it.
-    return words.strip() if len(rest) == len(words.split()) else " ".join(rest)
-
-
-def _values(words: list[str], at_most: int, are_numbers: bool) -> int:
-    """How many of the words are values of an option."""
-    if not are_numbers:
-        return min(at_most, len(words))
-    count = 0
-    for word in words[:at_most]:
-        if not re.fullmatch(r"[-+.\deE]+", word):
-            break
-        count += 1
-    return count
+    return words[options.end() if (options := _OPTIONS.match(words)) else 0 :].strip()
 
 
 def _stated(data: bytes, format: Naming) -> Iterator[str]:
