@@ -51,14 +51,10 @@ class Answers:
         if gone:
             every = dict.fromkeys(name for names in self.edits.values() for name in names)
             return self.edits.get(finding.subject) or tuple(every)
-        missing, joints = (finding.data.get(key, ()) for key in ("missing", "joint_names"))
-        if not isinstance(missing, tuple) or not isinstance(joints, tuple) or not missing:
+        missing, given = finding.data.get("missing", ()), self._given(finding.subject)
+        if not isinstance(missing, tuple) or {*missing} - given.keys():
             return ()
-        subjects = [f"joint {name}" for name in joints] or [finding.subject]
-        given = [self._given(subject) for subject in subjects]
-        if any({*missing} - one.keys() for one in given):
-            return ()
-        return tuple(dict.fromkeys(one[str(name)] for one in given for name in missing))
+        return tuple(dict.fromkeys(given[str(name)] for name in missing))
 
     def _given(self, subject: str) -> dict[str, str]:
         """What the recipe states of a link or joint of the source -> what states it."""

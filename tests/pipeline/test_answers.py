@@ -9,7 +9,6 @@ from urdfs import LIMIT, inertial, joint, link, robot, tensor
 
 from assetbuild.cli.check import check
 from assetbuild.findings import Finding
-from assetbuild.pipeline.answers import Answers
 
 OPEN = '<limit effort="9" velocity="5"/>'
 LOCKED = '<limit lower="0" upper="0" effort="9" velocity="5"/>'
@@ -92,22 +91,3 @@ def test_a_link_that_was_renamed_is_the_same_link(tmp_path: Path):
     said = found(tmp_path, LIMIT, "[{rename: {links: {one: uno}}}]", FLAT)
     assert "inertia.triangle link one" not in said
     assert said["inertia.triangle link uno"].severity == "warning"
-
-
-@pytest.mark.parametrize(
-    ("stated", "answered"),
-    [
-        ({"joint a": ["effort", "velocity"], "joint b": ["effort", "velocity"]}, True),
-        ({"joint a": ["effort", "velocity"], "joint b": ["effort"]}, False),
-        ({"joint a": ["effort", "velocity"]}, False),
-        ({}, False),
-    ],
-)
-def test_limits_all_alike_are_answered_where_each_joint_has_its_own(
-    stated: dict[str, list[str]], answered: bool
-):
-    data = {"joint_names": ("a", "b"), "missing": ("effort", "velocity")}
-    alike = Finding("export.limits_alike", "warning", "robot", "all alike", data=data)
-    edits = {subject: dict.fromkeys(names, "set_limits") for subject, names in stated.items()}
-    (after,) = Answers(stated=edits).left_open([alike], None)
-    assert (after.severity == "info") == answered

@@ -13,7 +13,6 @@ from assetbuild.engine.step import Files, Limits, Step
 from assetbuild.findings import Finding, Rule
 from assetbuild.robot.codec import encode
 from assetbuild.robot.model import Base, Joint, Tree
-from assetbuild.source.urdf.exporters import exporter_findings
 from assetbuild.source.urdf.joints import build_tree, read_joint
 from assetbuild.source.urdf.links import Geometries, named, read_body, read_shapes
 from assetbuild.source.urdf.paths import Paths
@@ -119,7 +118,6 @@ class ReadUrdf(Step):
             *findings,
             *held,
             *_dropped(root),
-            *exporter_findings(data, tree),
         ]
 
     def _source_map(
