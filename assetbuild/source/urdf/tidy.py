@@ -24,7 +24,7 @@ from assetbuild.source.urdf.quaternions import (
     tidy_quaternion,
     tidy_version,
 )
-from assetbuild.source.urdf.xml import Node, parse_untidy
+from assetbuild.source.urdf.xml import HOME, Node, parse_untidy
 from assetbuild.xml_text import Fault, FaultKind, number_words
 
 FAULT = Rule(
@@ -99,29 +99,12 @@ COLOUR = Rule(
     "write red, green, blue and opacity, each from 0 to 1",
 )
 MOMENTS = ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
-_ONCE = {
-    "link": ("inertial",),
-    "inertial": ("origin", "mass", "inertia"),
-    "visual": ("origin", "geometry", "material"),
-    "collision": ("origin", "geometry"),
-    "joint": ("origin", "parent", "child", "axis", "limit", "dynamics", "mimic"),
-    "material": ("color", "texture"),
-    "geometry": ("*",),
-}
-_OPTIONAL = {
-    "origin": {"xyz": 3, "rpy": 3, "quat_xyzw": 4},
-    "mass": {"value": 1},
-    "inertia": dict.fromkeys(MOMENTS, 1),
-    "limit": dict.fromkeys(("lower", "upper", "effort", "velocity"), 1),
-    "dynamics": {"damping": 1, "friction": 1},
-    "mimic": {"multiplier": 1, "offset": 1},
-}
-"""Numbers of attributes that count as absent when they have no text, by element."""
-_NUMBERS = _OPTIONAL | {
-    "axis": {"xyz": 3}, "box": {"size": 3}, "mesh": {"scale": 3}, "color": {"rgba": 4},
-    "sphere": {"radius": 1}, "cylinder": {"radius": 1, "length": 1},
-    "capsule": {"radius": 1, "length": 1},
-}  # fmt: skip
+_OPTIONAL = frozenset({"origin", "mass", "inertia", "limit", "dynamics", "mimic"})
+"""Elements whose numbers count as absent when they have no text."""
+_LISTS = {"xyz": 3, "rpy": 3, "quat_xyzw": 4, "size": 3, "scale": 3, "rgba": 4}
+"""How many numbers these attributes hold; all others that are no text hold one."""
+_TEXT = frozenset({"name", "version", "filename", "type", "link", "joint"})
+_MANY = frozenset({"visual", "collision"})
 _FAULTS: dict[FaultKind, tuple[str, str]] = {
     "declaration": (
         "`<?xml ...?>` stands twice or not at the start of the file",
@@ -206,7 +189,8 @@ def _overlooked(faults: tuple[Fault, ...]) -> Iterator[Finding]:
 
 def _only_first(node: Node) -> Iterator[Taken]:
     """Remove what stands a second time."""
-    for tag in _ONCE.get(node.tag, ()):
+    children = HOME[node.tag].children - _MANY if node.tag in HOME else ()
+    for tag in ("*",) if node.tag == "geometry" else sorted(children):
         for extra in node.all(tag)[1:]:
             extra.remove()
             yield _repeated(node, extra)
@@ -234,9 +218,9 @@ def _same_materials(root: Node) -> Iterator[Finding]:
 
 def _counts(node: Node) -> Iterator[tuple[str, int, str]]:
     """(attribute, how many numbers it should have, its text) of those that are stated."""
-    for name, count in _NUMBERS.get(node.tag, {}).items():
+    for name in sorted(HOME[node.tag].attributes - _TEXT) if node.tag in HOME else ():
         if (stated := node.get(name)) is not None:
-            yield name, count, stated
+            yield name, _LISTS.get(name, 1), stated
 
 
 def _blank(node: Node) -> Iterator[Taken]:
@@ -283,7 +267,7 @@ def _no_limit(limit: Node) -> Iterator[Taken]:
     kind = parent.get("type") if parent is not None else None
     if kind not in ("revolute", "continuous", "prismatic"):
         return
-    values = {name: _float(text) for name in _NUMBERS["limit"] if (text := limit.get(name))}
+    values = {name: _float(text) for name in HOME["limit"].attributes if (text := limit.get(name))}
     gone = [n for n in ("effort", "velocity") if (v := values.get(n, 0.0)) < 0.0 or v == math.inf]
     lower, upper = values.get("lower", 0.0), values.get("upper", 0.0)
     endless = lower <= -URDF_UNLIMITED and upper >= URDF_UNLIMITED and kind == "revolute"

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, TypeVar, cast
+from typing import TYPE_CHECKING, NamedTuple, TypeVar, cast
 
 from assetbuild.errors import SourceError, Where, did_you_mean
 from assetbuild.lfs import refuse_pointer
@@ -270,8 +270,15 @@ def _refuse_xacro(root: Node) -> None:
             raise node.error(f"<{node.tag}> in a URDF", "this is a xacro file: expand it first")
 
 
-_HOME: dict[str, tuple[frozenset[str], frozenset[str]]] = {
-    tag: (frozenset(attributes.split()), frozenset(children.split()))
+class Home(NamedTuple):
+    """What the robot model has a place for in an element."""
+
+    attributes: frozenset[str]
+    children: frozenset[str]
+
+
+HOME: Mapping[str, Home] = {
+    tag: Home(frozenset(attributes.split()), frozenset(children.split()))
     for tag, attributes, children in (
         ("robot", "name version", "link joint material"),
         ("link", "name", "inertial visual collision"),
@@ -299,7 +306,7 @@ _HOME: dict[str, tuple[frozenset[str], frozenset[str]]] = {
         ("mimic", "joint multiplier offset", ""),
     )
 }
-"""What the robot model has a place for, by element: attributes and children."""
+"""The format, by element."""
 
 
 def homeless(root: Node) -> dict[str, list[Node]]:
@@ -311,17 +318,17 @@ def homeless(root: Node) -> dict[str, list[Node]]:
     by_kind: dict[str, list[Node]] = {}
     for node, others in _housed(root):
         for name in node.element.attrib:
-            if name not in _HOME[node.tag][0]:
+            if name not in HOME[node.tag].attributes:
                 by_kind.setdefault(f"{_prefixed(str(name), None)} of {node.tag}", []).append(node)
         for child in others:
-            if child.tag not in _HOME:
+            if child.tag not in HOME:
                 by_kind.setdefault(child.tag, []).append(child)
     return dict(sorted(by_kind.items()))
 
 
 def strays(root: Node) -> list[Node]:
     """Elements of the format in a place where it has none of them: an <inertial> in the <robot>."""
-    return [child for _, others in _housed(root) for child in others if child.tag in _HOME]
+    return [child for _, others in _housed(root) for child in others if child.tag in HOME]
 
 
 def _housed(root: Node) -> Iterator[tuple[Node, list[Node]]]:
@@ -329,7 +336,7 @@ def _housed(root: Node) -> Iterator[tuple[Node, list[Node]]]:
     stack = [root]
     while stack:
         node = stack.pop()
-        children = _HOME[node.tag][1]
+        children = HOME[node.tag].children
         inside = [Node(child, node.file) for child in node.element.iterchildren("*")]
         yield node, [child for child in inside if child.tag not in children]
         stack += [child for child in inside if child.tag in children][::-1]
