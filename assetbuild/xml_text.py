@@ -25,6 +25,7 @@ _UNDECLARED_PREFIX, _ODD_NAMESPACE = 201, 99
 """Types of libxml2's errors after which its tree is whole."""
 _COMMENT = re.compile(rb"<!\[CDATA\[.*?\]\]>|<!--.*?-->", re.DOTALL)
 _DECLARATION = re.compile(rb"<\?xml\s[^>]*\?>")
+_VERSION = re.compile(rb"""version\s*=\s*["']1\.[01]["']""")
 _PROLOGUE = re.compile(rb"(?:\s|\xef\xbb\xbf|<\?.*?\?>)*", re.DOTALL)
 _ENCODING = re.compile(rb"""encoding\s*=\s*["']([^"']*)["']""")
 _AMPERSAND = re.compile(rb"&(?!(?:#[0-9]+|#x[0-9a-fA-F]+|amp|lt|gt|quot|apos);)")
@@ -204,6 +205,8 @@ def _without_declaration(text: bytes, note: Callable[[FaultKind, int], None]) ->
     first = len(_BOM) if text.startswith(_BOM) else 0
     for extra in [d for d in declarations if d.start() != first]:
         note("declaration", extra.start())
+    if declarations and not _VERSION.search(declarations[0][0]):
+        note("declaration", declarations[0].start())
     stated = _ENCODING.search(declarations[0][0]) if declarations else None
     name = stated[1].decode("latin-1").lower() if stated else "utf-8"
     head = _DECLARATION.sub(lambda d: _blank(d[0]), text[:end]).replace(_BOM, b"   ")

@@ -113,7 +113,7 @@ def test_a_version_of_xml_that_does_not_exist_is_told(version: str, tmp_path: Pa
     """As in many files of Bullet's, whose reader does not look."""
     body = '<robot name="r"><link name="a"/></robot>'
     reading = read(f'<?xml version="{version}" encoding="utf-8"?>\n{body}', tmp_path)
-    assert reading.rules() == ["urdf.xml_version"]
+    assert reading.rules() == ["urdf.xml"]
     assert reading.lines["link a"] == 2
     assert reading.source.startswith("<robot")
     assert read(f'<?xml version="1.0"?>\n{body}', tmp_path / "b").rules() == []

@@ -97,7 +97,6 @@ TAKEN = {
     "a geometry without a shape": (robot(collision("")), 3, "urdf.collision.nothing", "p"),
     "a collision without a geometry": (robot(f"{INERTIAL}<collision/>"), 3, "urdf.collision.nothing", "p"),
     "a capsule of length 0": (robot(collision('<capsule radius="0.1" length="0"/>'), attributes='name="r" version="1.1"'), 3, "urdf.capsule.ball", "p"),
-    "a capsule without its version": (robot(collision('<capsule radius="0.1" length="0.2"/>')), 3, "urdf.version", "pm"),
     "two shapes in a geometry": (robot(collision('<sphere radius="0.1"/><box size="1 1 1"/>')), 3, "urdf.repeated", "pym"),
     "two geometries": (robot(f'{INERTIAL}<collision><geometry><sphere radius="0.1"/></geometry>{BOX}</collision>'), 3, "urdf.repeated", "py"),
     "two inertials": (robot(INERTIAL + OTHER), 3, "urdf.repeated", "py"),

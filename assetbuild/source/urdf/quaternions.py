@@ -13,9 +13,8 @@ from assetbuild.source.urdf.xml import Node
 VERSION = Rule(
     "urdf.version",
     "warning",
-    "the stated version of URDF does not exist (1.0, 1.1 and 1.2 do), or an element needs a later "
-    "one than is stated",
-    "urdfdom refuses it, or leaves out what is new: state the version that the file follows",
+    "the stated version of URDF does not exist (1.0, 1.1 and 1.2 do)",
+    "urdfdom refuses it: state the version that the file follows",
 )
 QUATERNION = Rule(
     "urdf.quaternion",
@@ -54,12 +53,6 @@ def tidy_version(root: Node) -> Iterator[Taken]:
         text = f"{taken[0]}.{taken[1]}"
         root.element.set("version", text)
         yield f"version `{stated}` of URDF does not exist: read as {text}", {"version": stated}
-
-
-def early_capsule(capsule: Node) -> Iterator[Taken]:
-    """A capsule is a capsule to all readers but urdfdom, which asks for the version."""
-    if _version_of(capsule) < (1, 1):
-        yield "<capsule>", {}
 
 
 def tidy_quaternion(origin: Node) -> Iterator[Taken]:

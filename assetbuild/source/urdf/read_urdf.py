@@ -22,7 +22,6 @@ from assetbuild.source.urdf.xml import (
     canonical,
     homeless,
     strays,
-    xml_version,
 )
 
 DROPPED = Rule(
@@ -40,12 +39,6 @@ STRAY = Rule(
     "an element of the format is misplaced and ignored (an `<inertial>` outside of its "
     "link), and no reader counts it (info: it weighs, touches and moves nothing)",
     "move the element into the link or joint that it is part of",
-)
-XML_VERSION = Rule(
-    "urdf.xml_version",
-    "warning",
-    "the first line states a version of XML that does not exist",
-    'write `<?xml version="1.0"?>`',
 )
 WORLD_JOINT = Rule(
     "urdf.world.floating",
@@ -104,12 +97,6 @@ class ReadUrdf(Step):
         tree, held = build_tree(name, self.base, bodies, joints, nodes)
         _write(files, tree, geometries, self._source_map(root, nodes, geometries))
         (files.outputs / "source.urdf").write_bytes(canonical(root))
-        if version := xml_version(data):
-            yield XML_VERSION(
-                "robot",
-                f"it says it is XML {version}, which does not exist: read as XML 1.0",
-                hint='many readers refuse it: write `<?xml version="1.0"?>`',
-            )
         yield from [
             *mended,
             *unnamed,

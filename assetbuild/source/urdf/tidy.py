@@ -19,7 +19,6 @@ from assetbuild.source.urdf.quaternions import (
     QUATERNION_NORM,
     VERSION,
     Taken,
-    early_capsule,
     of_other_length,
     tidy_quaternion,
     tidy_version,
@@ -107,8 +106,8 @@ _TEXT = frozenset({"name", "version", "filename", "type", "link", "joint"})
 _MANY = frozenset({"visual", "collision"})
 _FAULTS: dict[FaultKind, tuple[str, str]] = {
     "declaration": (
-        "`<?xml ...?>` stands twice or not at the start of the file",
-        "write it once, as the first bytes of the file",
+        "`<?xml ...?>` stands twice, not at the start, or states no version of XML",
+        'write `<?xml version="1.0"?>` once, as the first bytes of the file',
     ),
     "comment": ("`--` inside of a comment", "write `-` once"),
     "encoding": (
@@ -365,7 +364,6 @@ TABLE = (
     Sloppy(_ALL, _blank, BLANK, "attributes without text read as absent"),
     Sloppy(_ALL, _separated, SEPARATORS, "commas or semicolons beside numbers read as blanks"),
     Sloppy((".",), tidy_version, VERSION),
-    Sloppy((".//capsule",), early_capsule, VERSION, "elements that need version 1.1 are read"),
     Sloppy(_ORIGINS, tidy_quaternion, QUATERNION, "origins turned by `quat_xyzw`"),
     Sloppy(_ORIGINS, of_other_length, QUATERNION_NORM),
     Sloppy(("link/inertial",), _incomplete, INCOMPLETE),

@@ -219,7 +219,7 @@ def _read(data: bytes, file: str, what: str, reader: Callable[[bytes], T]) -> T:
         message = "this is USD, which is no source of a robot"
         raise SourceError(message, where=Where(file), hint=hint)
     try:
-        return reader(in_xml_1(data))
+        return reader(data)
     except NotXml as error:
         if error.doctype:
             hint = "a robot needs none: delete the <!DOCTYPE ...> and the entities it defines"
@@ -229,22 +229,10 @@ def _read(data: bytes, file: str, what: str, reader: Callable[[bytes], T]) -> T:
 
 
 def _strictly(data: bytes) -> _Element:
-    return read_tree(data, overlook=False)[0]
-
-
-def xml_version(data: bytes) -> str:
-    """The version of XML that a file states where there is no such version; "" when all is well.
-
-    `0.0` and `1` stand in many files of Bullet's, whose reader does not look.
-    """
+    """Whatever version of XML it states: `0.0` and `1` stand in many files."""
     match = _VERSION.match(data)
-    return match[1].decode() if match else ""
-
-
-def in_xml_1(data: bytes) -> bytes:
-    """The same text as XML 1.0, where it states a version that does not exist."""
-    match = _VERSION.match(data)
-    return data[: match.start(1)] + b"1.0" + data[match.end(1) :] if match else data
+    text = data[: match.start(1)] + b"1.0" + data[match.end(1) :] if match else data
+    return read_tree(text, overlook=False)[0]
 
 
 def _not_xml(message: str, line: int, file: str) -> SourceError:
