@@ -101,11 +101,8 @@ class MachineError(AssetBuildError):
     exit_code = 1
 
 
-MOST_EDITS = 0.3
-"""Edits per letter up to which a name counts as misspelt; from there on it is another name."""
-SLIP = 0.8
-"""Two exchanged letters, or one typed twice, count less than one edit: `uds` is `usd` and `kpp` is
-`kp`, but `pk` is no `kp`."""
+ALIKE = 0.75
+"""Share of letters in common from which on a name counts as misspelt (see `difflib`)."""
 
 
 class Gather:
@@ -165,37 +162,14 @@ def nearest(wrong: str, known: Iterable[str]) -> str | None:
     word = wrong.lower()
     same = [name for name in names if name.lower() == word]
     same = same or [name for name in names if word and _file(name) == _file(word)]
-    close = difflib.get_close_matches(word, [name.lower() for name in names], n=20, cutoff=0.5)
-    share = {
-        name: edits(word, name.lower()) / max(len(word), len(name), 1)
-        for name in names
-        if name.lower() in close
-    }
-    spelt = sorted((value, name) for name, value in share.items() if value <= MOST_EDITS)
+    if same:
+        return same[0]
+    by_word = {name.lower(): name for name in names}
+    close = difflib.get_close_matches(word, by_word, n=1, cutoff=ALIKE)
+    if close:
+        return by_word[close[0]]
     longer = [name for name in names if len(word) > 2 and name.lower().startswith(word)]
-    if same or spelt:
-        return same[0] if same else spelt[0][1]
     return longer[0] if len(longer) == 1 else None
-
-
-def edits(one: str, other: str) -> float:
-    """Letters to insert, remove or replace to turn `one` into `other`; a slip counts `SLIP`.
-
-    Optimal string alignment (Damerau and Levenshtein without edits inside a swap).
-    """
-    before: list[float] = []
-    above = [float(column) for column in range(len(other) + 1)]
-    for i, a in enumerate(one, 1):
-        row = [float(i)]
-        for j, b in enumerate(other, 1):
-            twice = i > 1 and a == one[i - 2] == b
-            row.append(
-                min(above[j] + (SLIP if twice else 1), row[j - 1] + 1, above[j - 1] + (a != b))
-            )
-            if i > 1 and j > 1 and a == other[j - 2] and one[i - 2] == b:
-                row[j] = min(row[j], before[j - 2] + SLIP)
-        before, above = above, row
-    return above[-1]
 
 
 def _file(path: str) -> str:
