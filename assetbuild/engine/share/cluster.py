@@ -20,7 +20,6 @@ from urllib.parse import urlsplit
 
 from assetbuild.engine.actions import Action, Made, key_parts, missing_output
 from assetbuild.engine.children import CancelledError
-from assetbuild.engine.execute import HEALING_ROUNDS
 from assetbuild.engine.explain import changes_between, changes_text
 from assetbuild.engine.machine import cache_root
 from assetbuild.engine.processes import Processes
@@ -29,11 +28,9 @@ from assetbuild.engine.share.remote import Budget, Remote
 from assetbuild.engine.step import Step
 from assetbuild.engine.store import LostObjectError, open_store
 from assetbuild.engine.wire import error_from_json, error_to_json, step_from_json, step_to_json
-from assetbuild.errors import AssetBuildError, MachineError, StepError, UsageError
+from assetbuild.errors import AssetBuildError, MachineError, UsageError
 
 CONNECT_S = 10.0
-TRIES = 4
-"""How often a step is given to the workers before it is run here, if the cache evicts so fast."""
 SCHEMES = {"dask": "tcp", "dask+tls": "tls"}
 
 
@@ -97,27 +94,24 @@ class Cluster(Processes):
         step = action.step
         if step.network or step.cpu_bound or not step.isolated:
             return super().run(action)
-        for _ in range(TRIES):  # the cache may evict inputs and results at any moment
-            objects = self._objects(action)
-            if not self._remote.send(objects, self._session.store):
-                raise _cache_failed(action)
-            spec = {
-                "label": action.label,
-                "parts": action.parts,
-                "step": step_to_json(action.step),
-                "objects": objects,
-                "remote": self._remote.address,
-            }
-            answer = self._answer(action, json.dumps(spec))
-            if "error" in answer:
-                raise error_from_json(answer["error"])
-            if lost := answer.get("lost"):
-                self._remote.lost(lost)
-            elif made := self._session.actions.made_elsewhere(action.key):
-                return made
+        objects = self._objects(action)
+        if not self._remote.send(objects, self._session.store):
+            raise _cache_failed(action)
+        spec = {
+            "label": action.label,
+            "parts": action.parts,
+            "step": step_to_json(action.step),
+            "objects": objects,
+            "remote": self._remote.address,
+        }
+        answer = self._answer(action, json.dumps(spec))
+        if "error" in answer:
+            raise error_from_json(answer["error"])
+        if made := self._session.actions.made_elsewhere(action.key):
+            return made
         if self._remote.is_given_up:
             raise _cache_failed(action)
-        return super().run(action)
+        return super().run(action)  # the cache has evicted inputs or results meanwhile
 
     def _objects(self, action: Action) -> dict[str, int]:
         """Size in bytes by digest of all that the action reads, now in the store."""
@@ -168,9 +162,9 @@ def _cache_failed(action: Action) -> MachineError:
 
 
 def run_action(text: str) -> str:
-    """JSON in and out: what `Cluster.run` asks for -> `{}`, `{error}`, or `{lost}`.
+    """JSON in and out: what `Cluster.run` asks for -> `{error}`, or `{}`.
 
-    `{}`: the results are in the shared cache. lost: inputs that the cache has evicted.
+    `{}`: the results are in the shared cache, unless it has evicted something.
     """
     spec = json.loads(text)
     try:
@@ -205,25 +199,22 @@ def _make(spec: Mapping[str, Any]) -> dict[str, object]:  # Any: JSON
     store = session.store
     with store.busy():
         remote.forget()
-        for _ in range(HEALING_ROUNDS):
-            session.forget()
-            try:
-                made = session.actions.known(action.key) or remote.get(action.key, store)
-                if made is None:
-                    lost = remote.fetch(spec["objects"], store)
-                    if lost:
-                        return {"lost": sorted(lost)}
-                    if lost is None:
-                        raise MachineError("a worker cannot get its inputs from the shared cache")
-                    made = processes.run(action)
-                store.put_action(action.key, made.to_json())
-            except LostObjectError:  # corrupt, or removed to save space: fetched again
-                continue
-            if remote.put(action.key, made, store):
-                return {}
-            if not missing_output(store, made):
-                raise MachineError("a worker cannot write its results to the shared cache")
-    raise StepError(f"the store of a worker keeps losing what step `{action.label}` reads")
+        session.forget()
+        try:
+            made = session.actions.known(action.key) or remote.get(action.key, store)
+            if made is None:
+                is_whole = remote.fetch(spec["objects"], store)
+                if is_whole is None:
+                    raise MachineError("a worker cannot get its inputs from the shared cache")
+                if not is_whole:
+                    return {}
+                made = processes.run(action)
+            store.put_action(action.key, made.to_json())
+        except LostObjectError:  # corrupt, or removed to save space
+            return {}
+        if not remote.put(action.key, made, store) and not missing_output(store, made):
+            raise MachineError("a worker cannot write its results to the shared cache")
+    return {}
 
 
 def _check_same_key(action: Action, session: Session) -> None:

@@ -14,7 +14,7 @@ import json
 import shutil
 import threading
 import time
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
@@ -139,7 +139,7 @@ class Remote:
             result, objects = self._checked(key, json.loads(data))
             if sum(objects.values()) > self._budget.object_bytes:
                 raise ValueError("a result is larger than its budget")
-            if next(self._download(objects, store), None) is None:
+            if self._download(objects, store):
                 self._there.add(key)
                 return made_from_json(result)
         return None
@@ -173,19 +173,12 @@ class Remote:
                 return True
         return False
 
-    def fetch(self, objects: Mapping[str, int], store: Store) -> set[str] | None:
-        """Download those objects that the store lacks; those that the cache lacks as well.
-
-        None when the cache fails.
-        """
+    def fetch(self, objects: Mapping[str, int], store: Store) -> bool | None:
+        """Download those objects that the store lacks. Are all there? None = the cache fails."""
         if not self.is_given_up:
             with self._tolerant("read"):
-                return set(self._download(objects, store))
+                return self._download(objects, store)
         return None
-
-    def lost(self, objects: Iterable[str]) -> None:
-        """The cache has evicted these objects."""
-        self._there -= set(objects)
 
     # -- one exchange
 
@@ -196,8 +189,8 @@ class Remote:
                 self._place.put(name, store.path(digest))
             self._there.add(digest)
 
-    def _download(self, objects: Mapping[str, int], store: Store) -> Iterator[str]:
-        """Fetch what the store lacks; the digests of those objects that are not whole there."""
+    def _download(self, objects: Mapping[str, int], store: Store) -> bool:
+        """Fetch what the store lacks; False when the cache has not all of it."""
         folder = store.scratch()
         try:
             for digest, size in sorted(objects.items()):
@@ -205,10 +198,11 @@ class Remote:
                     continue
                 beside = folder / "object"
                 if not self._place.save(f"cas/{digest}", size, beside):
-                    yield digest
-                elif store.put_file(beside, move=True) != digest:
+                    return False
+                if store.put_file(beside, move=True) != digest:
                     self._wrong |= set(objects)
                     raise ValueError("an object has not the bytes of its name")
+            return True
         finally:
             shutil.rmtree(folder, ignore_errors=True)
 
