@@ -1,14 +1,14 @@
 """YAML text to a tree in which every value knows its place; hostile text is refused early.
 
 Values mean what they look like (YAML 1.2): only `true` and `false` are booleans, only decimal
-numbers are numbers, so `no`, `0x10`, `007`, `1_000` and `12:30:45` are text. The tree is built
-from PyYAML's event stream and not by its composer, which recurses without a bound.
+numbers are numbers, so `no`, `0x10`, `007`, `1_000` and `12:30:45` are text. PyYAML's composer
+recurses without a bound, so its events are counted before.
 """
 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -23,7 +23,10 @@ MAX_COST = 50_000
 
 Scalar = str | int | float | bool | None
 
-_TAG = "tag:yaml.org,2002:"
+_TAG, _PLAIN = "tag:yaml.org,2002:", "plain"
+"""Before the tags of YAML; and in place of one where plain text states none."""
+_TOO_DEEP = f"nested deeper than {MAX_DEPTH} levels"
+_TOO_MANY = f"more than {MAX_COST} values once all aliases are expanded"
 _INT = re.compile(r"[-+]?(0|[1-9][0-9]*)")
 _FLOAT = re.compile(r"[-+]?((0|[1-9][0-9]*)(\.[0-9]*)?|\.[0-9]+)([eE][-+]?[0-9]+)?")
 _WORDS: Mapping[str, Scalar] = {
@@ -44,7 +47,7 @@ _TAGGED: Mapping[str, tuple[type, ...]] = {
     "null": (type(None),),
 }
 _LONGEST_NUMBER = 64
-_Loader: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)  # Any: the C one may be missing
+_Safe: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)  # Any: the C one may be missing
 
 
 @dataclass(frozen=True, slots=True)
@@ -118,152 +121,122 @@ def _decoded(data: bytes, file: str, error: type[AssetBuildError]) -> str:
         raise error("the file is not UTF-8", where=where, hint="save it as UTF-8") from None
 
 
-@dataclass(slots=True)
-class _Open:
-    """A list or map that is still being read."""
+class _Loader(_Safe):  # type: ignore[misc]  # Any, as above
+    """PyYAML's composer without its own ideas of what plain text means."""
 
-    where: Where
-    anchor: str | None
-    items: list[Node]
-    entries: dict[str, Entry] | None
-    key: str | None = None
-    key_where: Where | None = None
-    cost: int = 1
-    height: int = 0
+    def resolve(self, kind: type, value: object, implicit: tuple[bool, bool]) -> str:
+        """The tag of a node that states none."""
+        if kind is yaml.ScalarNode:
+            return _PLAIN if implicit[0] else f"{_TAG}str"
+        return f"{_TAG}map" if kind is yaml.MappingNode else f"{_TAG}seq"
 
 
 class _Builder:
-    """Events to nodes, on a stack of its own; every bound is checked as the events come."""
+    """PyYAML's nodes to ours; the text is bounded before, what aliases make of it on the way."""
 
     def __init__(self, file: str, error: type[AssetBuildError]) -> None:
         self._file, self._error = file, error
-        self._stack: list[_Open] = []
-        self._anchors: dict[str, Node] = {}
-        self._root: Node | None = None
-        self._cost = 0
+        self._nodes: dict[yaml.Node, Node | None] = {}
 
     def build(self, text: str) -> Node:
-        documents = 0
-        for event in self._events(text):
-            if isinstance(event, yaml.DocumentStartEvent):
-                documents += 1
-                if documents > 1:
-                    raise self._fail("a second document begins here", event, "keep one per file")
-            elif isinstance(event, yaml.NodeEvent):
-                self._node(event)
-            elif isinstance(event, yaml.SequenceEndEvent | yaml.MappingEndEvent):
-                self._close()
-        if self._root is None or (self._root.value is None and not self._root.text):
-            raise self._error("the file is empty", where=Where(self._file, 1, 1))
-        return self._root
-
-    def _events(self, text: str) -> Iterator[yaml.Event]:
         try:
-            yield from yaml.parse(text, Loader=_Loader)
-        except yaml.MarkedYAMLError as problem:
-            mark = problem.problem_mark or problem.context_mark
-            place = Where(self._file, mark.line + 1, mark.column + 1) if mark else None
-            message = f"not YAML: {problem.problem or problem.context}"
-            raise self._error(message, where=place or Where(self._file)) from None
+            self._check_bounds(text)
+            root = yaml.compose(text, Loader=_Loader)
         except yaml.YAMLError as problem:
-            lines = str(problem).strip().splitlines()
-            message = f"not YAML: {lines[0] if lines else 'unreadable'}"
-            raise self._error(message, where=Where(self._file)) from None
+            said: Any = problem  # Any: most of them have marks
+            mark = getattr(said, "problem_mark", None) or getattr(said, "context_mark", None)
+            place = (mark.line + 1, mark.column + 1) if mark else ()
+            what = getattr(said, "problem", "") or str(said).strip().partition("\n")[0]
+            raise self._error(f"not YAML: {what}", where=Where(self._file, *place)) from None
+        if root is None or (root.tag == _PLAIN and not root.value):
+            raise self._error("the file is empty", where=Where(self._file, 1, 1))
+        return self._node(root, 1)
 
-    def _node(self, event: yaml.NodeEvent) -> None:
-        parent = self._stack[-1] if self._stack else None
-        if parent is not None and parent.entries is not None and parent.key is None:
-            self._key(event, parent)
-        elif isinstance(event, yaml.AliasEvent):
-            self._add(self._alias(event), None)
-        elif isinstance(event, yaml.ScalarEvent):
-            self._add(self._scalar(event), event.anchor)
-        else:
-            self._open(event)
+    def _check_bounds(self, text: str) -> None:
+        """PyYAML composes without a bound: so few nodes cost little, and its stack is ours."""
+        documents = nodes = depth = 0
+        for event in yaml.parse(text, Loader=_Loader):
+            documents += isinstance(event, yaml.DocumentStartEvent)
+            nodes += isinstance(event, yaml.NodeEvent)
+            depth += isinstance(event, yaml.CollectionStartEvent)
+            depth -= isinstance(event, yaml.CollectionEndEvent)
+            if documents > 1:
+                raise self._fail("a second document begins here", event, "keep one per file")
+            if depth > MAX_DEPTH:
+                raise self._fail(_TOO_DEEP, event)
+            if nodes > 2 * MAX_COST:  # keys are nodes, too
+                raise self._fail(_TOO_MANY, event)
 
-    def _key(self, event: yaml.NodeEvent, parent: _Open) -> None:
-        if not isinstance(event, yaml.ScalarEvent):
-            raise self._fail("a key must be plain text", event)
-        key, where = event.value, self._where(event)
+    def _node(self, node: yaml.Node, depth: int) -> Node:
+        """depth: of the node, with all aliases above it expanded."""
+        if node in self._nodes:
+            made = self._nodes[node]
+            if made is None:
+                raise self._fail("an alias stands inside what it names", node)
+            if depth - 1 + made.height > MAX_DEPTH:
+                raise self._fail(_TOO_DEEP, node)
+            return made
+        self._nodes[node] = None
+        made = self._nodes[node] = self._made(node, depth)
+        return made
+
+    def _made(self, node: yaml.Node, depth: int) -> Node:
+        where = self._where(node)
+        if isinstance(node, yaml.ScalarNode):
+            self._check_tag(node, (_PLAIN, "str", "int", "float", "bool", "null"))
+            return Node(where, self._scalar(node), node.value, cost=1 + len(node.value) // 100)
+        entries: dict[str, Entry] = {}
+        items: list[Node] = []
+        cost = height = 1
+        is_map = isinstance(node, yaml.MappingNode)
+        self._check_tag(node, ("map",) if is_map else ("seq",))
+        for key, item in node.value if is_map else ((None, item) for item in node.value):
+            name = self._key(key, entries) if key else ""
+            made = self._node(item, depth + 1)
+            if key:
+                entries[name] = Entry(self._where(key), made)
+            items.append(made)
+            cost, height = cost + made.cost, max(height, made.height + 1)
+            if cost > MAX_COST:
+                raise self._fail(_TOO_MANY, item, "remove aliases (`*name`)")
+        value = entries if is_map else tuple(items)
+        return Node(where, value, cost=cost, height=height)
+
+    def _key(self, node: yaml.Node, entries: Mapping[str, Entry]) -> str:
+        if not isinstance(node, yaml.ScalarNode):
+            raise self._fail("a key must be plain text", node)
+        key = str(node.value)
         if not key:
-            raise self._fail("a key is missing before `:`", event)
+            raise self._fail("a key is missing before `:`", node)
         if len(key) > 1000:
-            raise self._fail("a key is longer than 1000 characters", event)
-        if key == "<<" and event.implicit[0]:
-            raise self._fail("merge keys (`<<`) are not read", event, "write the keys out")
-        assert parent.entries is not None  # noqa: S101 # only maps get here; narrows for mypy
-        if key in parent.entries:
-            first = parent.entries[key].where.line
-            hint = f"`{key}` stands first on line {first}; keep one"
-            raise self._fail(f"duplicate key `{key}`", event, hint)
-        parent.key, parent.key_where = key, where
+            raise self._fail("a key is longer than 1000 characters", node)
+        if key == "<<" and node.tag == _PLAIN:
+            raise self._fail("merge keys (`<<`) are not read", node, "write the keys out")
+        if key in entries:
+            hint = f"`{key}` stands first on line {entries[key].where.line}; keep one"
+            raise self._fail(f"duplicate key `{key}`", node, hint)
+        return key
 
-    def _open(self, event: yaml.NodeEvent) -> None:
-        if len(self._stack) >= MAX_DEPTH:
-            raise self._fail(f"nested deeper than {MAX_DEPTH} levels", event)
-        is_map = isinstance(event, yaml.MappingStartEvent)
-        self._check_tag(event, ("map",) if is_map else ("seq",))
-        where = self._where(event)
-        self._stack.append(_Open(where, event.anchor, [], {} if is_map else None))
+    def _scalar(self, node: yaml.ScalarNode) -> Scalar:
+        text: str = node.value
+        if node.tag == f"{_TAG}str":
+            return text
+        value = _looks_like(text)
+        if node.tag != _PLAIN and type(value) not in _TAGGED[node.tag.removeprefix(_TAG)]:
+            raise self._fail(f"`{text[:60]}` is not what its tag says", node)
+        return value
 
-    def _close(self) -> None:
-        done = self._stack.pop()
-        value = tuple(done.items) if done.entries is None else done.entries
-        node = Node(done.where, value, cost=done.cost, height=done.height + 1)
-        self._add(node, done.anchor, counted=done.cost - 1)
+    def _check_tag(self, node: yaml.Node, known: tuple[str, ...]) -> None:
+        if node.tag.removeprefix(_TAG) not in known:
+            message = f"tag `{node.tag[:60]}` is not allowed"
+            raise self._fail(message, node, "a recipe is plain data")
 
-    def _add(self, node: Node, anchor: str | None, *, counted: int = 0) -> None:
-        """Put a finished node in its place; `counted`: what the budget holds of it already."""
-        self._cost += node.cost - counted
-        if self._cost > MAX_COST:
-            message = f"more than {MAX_COST} values once all aliases are expanded"
-            raise self._error(message, where=node.where, hint="remove aliases (`*name`)")
-        if anchor is not None:
-            self._anchors[anchor] = node
-        if not self._stack:
-            self._root = node
-            return
-        parent = self._stack[-1]
-        parent.cost += node.cost
-        parent.height = max(parent.height, node.height)
-        if parent.entries is None:
-            parent.items.append(node)
-        elif parent.key is not None and parent.key_where is not None:
-            parent.entries[parent.key] = Entry(parent.key_where, node)
-            parent.key = parent.key_where = None
-
-    def _alias(self, event: yaml.AliasEvent) -> Node:
-        if any(frame.anchor == event.anchor for frame in self._stack):
-            raise self._fail(f"alias `*{event.anchor}` stands inside what it names", event)
-        if event.anchor not in self._anchors:
-            raise self._fail(f"no anchor `&{event.anchor}` above", event)
-        node = self._anchors[event.anchor]
-        if len(self._stack) + node.height > MAX_DEPTH:
-            raise self._fail(f"nested deeper than {MAX_DEPTH} levels", event)
-        return node
-
-    def _scalar(self, event: yaml.ScalarEvent) -> Node:
-        self._check_tag(event, ("str", "int", "float", "bool", "null"))
-        text = event.value
-        value: Scalar = _looks_like(text) if event.tag is None and event.implicit[0] else text
-        if event.tag not in (None, "!", f"{_TAG}str"):
-            value = _looks_like(text)
-            if type(value) not in _TAGGED[event.tag.removeprefix(_TAG)]:
-                raise self._fail(f"`{text[:60]}` is not what its tag says", event)
-        return Node(self._where(event), value, text, cost=1 + len(text) // 100)
-
-    def _check_tag(self, event: Any, known: tuple[str, ...]) -> None:  # Any: three event types
-        tag = event.tag
-        if tag is None or tag == "!" or tag in {_TAG + name for name in known}:
-            return
-        raise self._fail(f"tag `{tag[:60]}` is not allowed", event, "a recipe is plain data")
-
-    def _where(self, event: Any) -> Where:  # Any: a stream's events always have marks
-        mark = event.start_mark
+    def _where(self, node: Any) -> Where:  # Any: nodes and events of a stream have marks
+        mark = node.start_mark
         return Where(self._file, mark.line + 1, mark.column + 1)
 
-    def _fail(self, message: str, event: yaml.Event, hint: str = "") -> AssetBuildError:
-        return self._error(message, where=self._where(event), hint=hint)
+    def _fail(self, message: str, node: Any, hint: str = "") -> AssetBuildError:  # Any: as above
+        return self._error(message, where=self._where(node), hint=hint)
 
 
 def _looks_like(text: str) -> Scalar:

@@ -50,7 +50,6 @@ def refused(text: str | bytes) -> RecipeError:
         ("'1'", "1"),
         ('"true"', "true"),
         ("!!str 12", "12"),
-        ("! 12", "12"),
         ("!!float 12", 12),
         ("~", None),
         ("null", None),
