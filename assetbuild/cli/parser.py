@@ -20,29 +20,12 @@ class Parser(argparse.ArgumentParser):
         self, args: Sequence[str] | None = None, namespace: argparse.Namespace | None = None
     ) -> tuple[argparse.Namespace, list[str]]:
         """As argparse, but no argument is left over: the parser of a verb is the one to say so."""
-        words = list(sys.argv[1:] if args is None else args)
-        if self._subparsers is None:
-            self._refuse_unknown_options(words)
-        parsed, left = super().parse_known_args(words, namespace)
+        parsed, left = super().parse_known_args(args, namespace)
         for word in left:
             if word.startswith("-"):
                 self._refuse_option(word)
             self.refuse(f"`{self.prog}` takes no further argument: `{word}`")
         return parsed, []
-
-    def _refuse_unknown_options(self, words: list[str]) -> None:
-        """Before argparse, which first asks for arguments that are missing."""
-        if "--" in words:
-            words = words[: words.index("--")]
-        for word in words:
-            if not word.startswith("-") or word == "-" or re.fullmatch(r"-[\d.]+(e-?\d+)?", word):
-                continue
-            name = word.partition("=")[0] if word.startswith("--") else word[:2]
-            options = [o for o in self._option_string_actions if o.startswith(name)]
-            if not options:
-                self._refuse_option(name)
-            if len(options) > 1 and name not in options:
-                self.refuse(f"`{name}` may be {_one_of(options)}", hint="write the option in full")
 
     def _refuse_option(self, name: str) -> NoReturn:
         known = [option for option in self._option_string_actions if option.startswith("--")]
@@ -66,7 +49,6 @@ class Parser(argparse.ArgumentParser):
     def error(self, message: str) -> NoReturn:
         """The words of argparse as ours."""
         about, _, reason = message.removeprefix("argument ").partition(": ")
-        name = about.rpartition("/")[2]
         if about == "the following arguments are required":
             names = ", ".join(f"`{one.rpartition('/')[2]}`" for one in reason.split(", "))
             verbs = [choice for action in self._actions for choice in action.choices or ()]
@@ -74,15 +56,8 @@ class Parser(argparse.ArgumentParser):
             self.refuse(f"`{self.prog}` needs {names}", hint=hint)
         if not reason or not message.startswith("argument "):
             self.refuse(message)
-        if reason.startswith("expected "):
-            reason = "needs a value"
-        elif reason.startswith("not allowed with argument "):
-            reason = f"cannot stand beside `{reason.rpartition(' ')[2].rpartition('/')[2]}`"
-        elif reason.startswith("ignored explicit argument "):
-            reason = "takes no value"
-        else:
-            reason = reason.removeprefix("argument ")
-        self.refuse(f"`{name}` {reason}")
+        reason = "needs a value" if reason.startswith("expected ") else reason
+        self.refuse(f"`{about.rpartition('/')[2]}` {reason.removeprefix('argument ')}")
 
     def refuse(self, message: str, hint: str = "") -> NoReturn:
         """The usage, the error, and exit code 2."""
