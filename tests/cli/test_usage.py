@@ -23,7 +23,7 @@ WRONG = [
     ("cache stat", "no verb named `stat`", "did you mean `stats`?"),
     ("cache", "`assetbuild cache` needs `WHAT`", "one of stats, check, gc, push, pull"),
     ("--frozn", "`assetbuild` has no option `--frozn`", "`assetbuild --help` lists the options"),
-    ("build legs.yaml --frozn", "`assetbuild build` has no option `--frozn`", "did you mean `--frozen`?"),
+    ("build legs.yaml --frozn", "build` has no option `--frozn`", "did you mean `--frozen`?"),
     ("build legs.yaml -z", "`assetbuild build` has no option `-z`", "`assetbuild build --help`"),
     ("build legs.yaml --re", "ambiguous option: --re could match --remote, --rehash", ""),
     ("build legs.yaml --frozen=1", "`--frozen` ignored explicit argument '1'", ""),
