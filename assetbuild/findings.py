@@ -74,6 +74,7 @@ NEW_IDS: Mapping[str, str] = {
     "trials.shaken": "trials.random_targets_diverge",
     "trials.untried": "trials.not_simulated",
     "urdf.blank": "urdf.empty_attribute",
+    "urdf.xml_version": "urdf.xml",
 }
 """Ids of version 0.1 -> today's. Whoever reads a recipe need not import these rules."""
 RENAMED: dict[str, tuple[str, ...]] = {old: (new,) for old, new in NEW_IDS.items()}
