@@ -11,7 +11,7 @@ from typing import Any
 
 import mujoco
 import numpy as np
-from tiny import run_step
+from robot_files import run_step
 
 from assetbuild.findings import Finding
 from assetbuild.identify.fit_logs import FitLogs

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import mujoco
 import numpy as np
-from tiny import run_step
+from robot_files import run_step
 
 from assetbuild.body.merge_fixed_joints import MergeFixedJoints
 from assetbuild.control.plan import control_step

@@ -12,7 +12,8 @@ import numpy as np
 import onnx
 import yaml
 from onnx import TensorProto, helper, numpy_helper
-from tiny import TinyRobot, check_inputs, run_step, tiny_quadruped, write_robot_ports
+from robot_files import check_inputs, run_step, write_robot_ports
+from tiny import TinyRobot, tiny_quadruped
 
 from assetbuild.facts.reference import Assets, Reference
 from assetbuild.policy.robot import Bot, bot_of

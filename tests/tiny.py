@@ -1,34 +1,21 @@
 """Tiny robots as model values: no reader, no mesh tool, every number known by hand.
 
 `tiny_quadruped()` stands on four ball feet with 12 joints, `pendulum()` hangs from the world;
-`robots()` is a Hypothesis strategy of random trees. `write_robot_ports` lays a robot out as the
-engine would, `run_step` runs one step on files.
+`random_robots` has Hypothesis strategies of random trees; `robot_files` lays robots out for steps.
 """
 
 from __future__ import annotations
 
 import math
-import pickle
-import shutil
 import struct
-import tempfile
-from collections.abc import Callable
 from dataclasses import dataclass, field, replace
-from pathlib import Path
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
-from hypothesis import settings
-from hypothesis import strategies as st
 
-from assetbuild.engine.step import Files, Step
-from assetbuild.findings import Finding
-from assetbuild.geometry.measure_assets import MeasureAssets
-from assetbuild.robot.codec import encode
 from assetbuild.robot.model import (
     Actuator,
     ActuatorModel,
-    Base,
     Body,
     Contact,
     Control,
@@ -45,7 +32,7 @@ from assetbuild.robot.model import (
     Simulation,
     Tree,
 )
-from assetbuild.robot.pose import IDENTITY, Pose, Vec3, normalised_quat, rotation_of, vec3
+from assetbuild.robot.pose import IDENTITY, Pose, Vec3, normalised_quat, vec3
 from assetbuild.robot.shapes import (
     Box,
     Capsule,
@@ -53,10 +40,8 @@ from assetbuild.robot.shapes import (
     Material,
     Mesh,
     MeshAsset,
-    MeshFile,
     Shape,
     Shapes,
-    SourceShape,
     SourceShapes,
     Sphere,
 )
@@ -75,46 +60,6 @@ class TinyRobot:
     shapes: Shapes | SourceShapes = field(default_factory=Shapes)
     control: Control = field(default_factory=Control)
     meshes: dict[str, bytes] = field(default_factory=dict)
-
-
-def write_robot_ports(folder: Path, robot: TinyRobot) -> Path:
-    """Writes what stands behind the robot ports of `assetbuild.plugin_types` into `folder`."""
-    folder.mkdir(parents=True, exist_ok=True)
-    (folder / "links.json").write_bytes(encode(robot.links))
-    (folder / "tree.json").write_bytes(encode(robot.tree))
-    (folder / "shapes.json").write_bytes(encode(robot.shapes))
-    for name in ("control.json", "ratings.json"):
-        (folder / name).write_bytes(encode(robot.control))
-    (folder / "meshes").mkdir(exist_ok=True)
-    for name, data in robot.meshes.items():
-        (folder / "meshes" / name).write_bytes(data)
-    if isinstance(robot.shapes, Shapes):
-        run_step(MeasureAssets(), folder, folder)
-    return folder
-
-
-def write_source_ports(folder: Path, robot: TinyRobot) -> Path:
-    """As `write_robot_ports`, with the shapes as a source names them."""
-    return write_robot_ports(folder, replace(robot, shapes=as_source(robot.shapes)))
-
-
-def as_source(shapes: Shapes | SourceShapes) -> SourceShapes:
-    """The same geometry before `assemble`: each mesh is a file of its own."""
-    return SourceShapes(
-        tuple(
-            SourceShape(**vars(shape) | {"geometry": MeshFile(f"{shape.geometry.mesh}.obj")})
-            if isinstance(shape.geometry, Mesh)
-            else SourceShape(**vars(shape))
-            for shape in shapes.shapes
-        ),
-        shapes.materials,
-    )
-
-
-def run_step(step: Step, inputs: Path, outputs: Path) -> list[Finding]:
-    """Runs `step` on two folders, as the engine would, and returns its findings."""
-    outputs.mkdir(parents=True, exist_ok=True)
-    return list(step.run(Files(inputs=inputs, outputs=outputs)))
 
 
 # --- inertias, from textbook formulas -----------------------------------------------------------
@@ -367,109 +312,6 @@ def sprung(stiffness: str = "6", rest: float = 0.5) -> TinyRobot:
     return replace(robot, control=replace(robot.control, actuators=(drive,), mjcf_only=(spring,)))
 
 
-# --- random trees -------------------------------------------------------------------------------
-
-SAME_FRAME = 1e-5
-"""MuJoCo's compiler takes frames less than 1e-6 apart for one: smaller numbers are drawn as 0."""
-_unit = st.floats(-1.0, 1.0, allow_nan=False).map(lambda v: v if abs(v) > SAME_FRAME else 0.0)
-
-
-def examples(most: int) -> int:
-    """Random examples of a dear test: half of `most` with `-m slow`, a quarter without."""
-    return most * settings().max_examples // 100
-
-
-@st.composite
-def poses(draw: st.DrawFn) -> Pose:
-    """Anywhere within a metre, any orientation."""
-    quat = draw(
-        st.tuples(_unit, _unit, _unit, _unit).filter(lambda q: sum(v * v for v in q) > 1e-3)
-    )
-    return Pose(vec3(draw(st.tuples(_unit, _unit, _unit))), normalised_quat(quat))
-
-
-@st.composite
-def unit_vectors(draw: st.DrawFn) -> Vec3:
-    """Directions; the axes come up often."""
-    plain = st.sampled_from([(1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0), (0.0, 0.0, -1.0)])
-    if draw(st.booleans()):
-        return draw(plain)
-    v = np.array(
-        draw(st.tuples(_unit, _unit, _unit).filter(lambda v: sum(c * c for c in v) > 1e-3))
-    )
-    return vec3(v / np.linalg.norm(v))
-
-
-@st.composite
-def inertials(draw: st.DrawFn) -> Inertial:
-    """A real mass distribution: second moments s >= 0 along turned axes, so I = tr(S) 1 - S."""
-    mass = 10.0 ** draw(st.floats(-3.0, 2.0))
-    second = [10.0 ** draw(st.floats(-5.0, -1.0)) for _ in range(3)]
-    turn = rotation_of(draw(poses()).quat) if draw(st.booleans()) else np.eye(3)
-    spread = turn @ np.diag(second) @ turn.T * mass
-    moments = np.trace(spread) * np.eye(3) - (spread + spread.T) / 2
-    xx, yy, zz, xy, xz, yz = (
-        float(moments[i, j]) + 0.0 for i, j in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
-    )
-    return Inertial(mass, vec3(draw(st.tuples(_unit, _unit, _unit))), (xx, yy, zz, xy, xz, yz))
-
-
-@st.composite
-def robots(draw: st.DrawFn, max_bodies: int = 6) -> TinyRobot:
-    """Random trees in depth-first order, fixed or floating, with frames, drives and a keyframe."""
-    count = draw(st.integers(2, max_bodies))
-    parents = [-1] + [draw(st.integers(0, i - 1)) for i in range(1, count)]
-    order = _depth_first(parents)
-    bodies = tuple(Body(f"body{i}", draw(inertials())) for i in order)
-    joints = tuple(draw(_joints(f"body{parents[i]}", f"body{i}")) for i in order[1:])
-    frames = tuple(
-        Frame(f"frame{i}", f"body{draw(st.integers(0, count - 1))}", draw(poses()))
-        for i in range(draw(st.integers(0, 2)))
-    )
-    bases: tuple[Base, ...] = ("floating", "fixed")
-    base = draw(st.sampled_from(bases))
-    place = draw(poses()) if base == "fixed" and draw(st.booleans()) else IDENTITY
-    tree = Tree("random", base, bodies, joints, frames, place)
-    moving = tree.moving_joints
-    key = Keyframe(
-        "home",
-        tuple((joint.name, draw(_unit)) for joint in moving),
-        draw(poses()) if base == "floating" else None,
-    )
-    control = Control(tuple(draw(_drives(joint)) for joint in moving), (key,))
-    return TinyRobot(tree, tree, Shapes(), control)
-
-
-@st.composite
-def _joints(draw: st.DrawFn, parent: str, child: str) -> Joint:
-    kinds: tuple[JointKind, ...] = ("revolute", "continuous", "prismatic", "fixed")
-    kind = draw(st.sampled_from(kinds))
-    lower, width = draw(st.floats(-3.0, 3.0)), draw(st.floats(0.01, 3.0))
-    limits = Limits(lower, lower + width, 20.0, 5.0)
-    if kind in ("continuous", "fixed"):
-        limits = Limits(effort=20.0) if kind == "continuous" else Limits()
-    axis = draw(unit_vectors())
-    return Joint(f"{child}_joint", kind, parent, child, draw(poses()), axis, limits)
-
-
-@st.composite
-def _drives(draw: st.DrawFn, joint: Joint) -> Actuator:
-    size = st.floats(0.001, 500.0)
-    models: tuple[ActuatorModel, ...] = ("pd", "ideal_pd", "motor", "velocity", "passive")
-    model = draw(st.sampled_from(models))
-    drive = Actuator(
-        joint.name,
-        model,
-        damping=draw(size),
-        friction=draw(st.sampled_from((0.0, 0.2))),
-        armature=draw(st.sampled_from((0.0, 0.01, 0.123456789))),
-    )
-    if model == "passive":
-        return drive
-    effort = draw(st.one_of(st.none(), size))
-    return replace(drive, kp=draw(size), kd=draw(size), effort=effort, velocity=draw(size))
-
-
 CRANK_M, COUPLER_M, ROCKER_M, GROUND_M = 0.1, 0.2, 0.15, 0.2
 
 
@@ -528,64 +370,3 @@ def with_kinds(robot: TinyRobot, **kinds: JointKind) -> TinyRobot:
         for j in robot.tree.joints
     )
     return replace(robot, tree=replace(robot.tree, joints=joints))
-
-
-def _depth_first(parents: list[int]) -> list[int]:
-    order: list[int] = []
-    waiting = [0]
-    while waiting:
-        here = waiting.pop()
-        order.append(here)
-        waiting += [i for i in reversed(range(len(parents))) if parents[i] == here]
-    return order
-
-
-# --- files for checks ---------------------------------------------------------------------------
-
-
-def check_inputs(folder: Path, robot: TinyRobot, target: Step, name: str) -> Path:
-    """The ports of `robot`, its measured meshes and the folder `<name>/` that `target` writes."""
-    return laid_out(folder / "inputs", robot, (target, name))
-
-
-def models(folder: Path, robot: TinyRobot) -> Path:
-    """The inputs of a check that reads the robot, its MJCF and its USD."""
-    from assetbuild.targets.mjcf import Mjcf
-    from assetbuild.targets.usd import Usd
-
-    written = (Mjcf(robot="robot"), "mjcf"), (Usd(robot="robot"), "usd")
-    return laid_out(folder / "inputs", robot, *written)
-
-
-def laid_out(inputs: Path, robot: TinyRobot, *written: tuple[Step, str]) -> Path:
-    """The ports of `robot` and what targets write, made once in this process and then copied."""
-    key = pickle.dumps((robot, written))
-    if key not in _LAID_OUT:
-        with tempfile.TemporaryDirectory() as name:
-            made = write_robot_ports(Path(name) / "inputs", robot)
-            for target, folder in written:
-                run_step(target, made, Path(name) / "outputs")
-                shutil.copytree(Path(name) / "outputs" / folder, made / folder)
-            _LAID_OUT[key] = {
-                path.relative_to(made): path.read_bytes()
-                for path in made.rglob("*")
-                if path.is_file()
-            }
-    (inputs / "meshes").mkdir(parents=True, exist_ok=True)
-    for path, data in _LAID_OUT[key].items():
-        (inputs / path).parent.mkdir(parents=True, exist_ok=True)
-        (inputs / path).write_bytes(data)
-    return inputs
-
-
-_LAID_OUT: dict[bytes, dict[Path, bytes]] = {}
-
-
-def spoil_stage(path: Path, spoil: Callable[[Any], object]) -> None:
-    """Edit a stage's main layer. Any: Usd.Stage."""
-    from pxr import Usd
-
-    stage = Usd.Stage.Open(str(path))
-    spoil(stage)
-    stage.Save()
-    del stage

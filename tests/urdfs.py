@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
-from tiny import run_step
+from robot_files import run_step
 
 from assetbuild.errors import SourceError
 from assetbuild.findings import Finding

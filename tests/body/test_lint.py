@@ -7,7 +7,8 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from tiny import TinyRobot, box_inertial, pendulum, run_step, tiny_quadruped, write_source_ports
+from robot_files import run_step, write_source_ports
+from tiny import TinyRobot, box_inertial, pendulum, tiny_quadruped
 
 from assetbuild.body.lint import LintBodies, LintLinks
 from assetbuild.findings import Finding

@@ -8,7 +8,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from tiny import TinyRobot, ball_inertial, box_inertial, run_step, tiny_quadruped, write_robot_ports
+from robot_files import run_step, write_robot_ports
+from tiny import TinyRobot, ball_inertial, box_inertial, tiny_quadruped
 from urdfs import read
 
 from assetbuild.body.measure_bodies import center_of_mass, ellipsoid, principal

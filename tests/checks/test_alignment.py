@@ -14,18 +14,8 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 from pxr import Usd, UsdPhysics
-from tiny import (
-    TinyRobot,
-    box_inertial,
-    four_bar,
-    kept_feet,
-    models,
-    pendulum,
-    run_step,
-    spoil_stage,
-    tiny_quadruped,
-    write_robot_ports,
-)
+from robot_files import models, run_step, spoil_stage, write_robot_ports
+from tiny import TinyRobot, box_inertial, four_bar, kept_feet, pendulum, tiny_quadruped
 
 from assetbuild.alignment.asked import SAMPLE_S, experiments_of, into_stop
 from assetbuild.alignment.moved import Compared, FloorLimits, stand_rows

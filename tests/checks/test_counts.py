@@ -9,7 +9,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from tiny import run_step
+from robot_files import run_step
 
 from assetbuild.checks.counts import Counts
 from assetbuild.findings import Finding

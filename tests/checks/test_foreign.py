@@ -8,7 +8,8 @@ from collections.abc import Mapping
 from pathlib import Path
 
 import pytest
-from tiny import check_inputs, run_step, tiny_quadruped
+from robot_files import check_inputs, run_step
+from tiny import tiny_quadruped
 
 from assetbuild.checks._foreign import (
     AssetValidator,

@@ -9,7 +9,8 @@ from pathlib import Path
 
 import pytest
 from pxr import Sdf, Usd, UsdPhysics
-from tiny import TinyRobot, check_inputs, pendulum, run_step, tiny_quadruped
+from robot_files import check_inputs, run_step
+from tiny import TinyRobot, pendulum, tiny_quadruped
 
 from assetbuild.checks._mujoco import FreeFall
 from assetbuild.checks._physx import PhysxFreeFall

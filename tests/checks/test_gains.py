@@ -10,13 +10,8 @@ from pathlib import Path
 
 import mujoco
 import pytest
-from tiny import (
-    TinyRobot,
-    check_inputs,
-    pendulum,
-    run_step,
-    write_robot_ports,
-)
+from robot_files import check_inputs, run_step, write_robot_ports
+from tiny import TinyRobot, pendulum
 
 from assetbuild.checks.gains import Gains
 from assetbuild.findings import Finding

@@ -9,7 +9,8 @@ from pathlib import Path
 
 import pytest
 from hands import COUPLED, PINCHER, robot
-from tiny import TinyRobot, box_inertial, models, run_step
+from robot_files import models, run_step
+from tiny import TinyRobot, box_inertial
 
 from assetbuild.checks._mujoco import Gripping
 from assetbuild.checks._newton import NewtonGripping

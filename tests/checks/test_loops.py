@@ -12,16 +12,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 from pxr import Usd, UsdPhysics
-from tiny import (
-    TinyRobot,
-    check_inputs,
-    four_bar,
-    pendulum,
-    run_step,
-    tiny_quadruped,
-    with_mimic,
-    write_robot_ports,
-)
+from robot_files import check_inputs, run_step, write_robot_ports
+from tiny import TinyRobot, four_bar, pendulum, tiny_quadruped, with_mimic
 
 from assetbuild.checks._mujoco import Loops
 from assetbuild.checks._newton import NewtonLoops

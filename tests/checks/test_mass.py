@@ -8,7 +8,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from tiny import TinyRobot, box_inertial, box_obj, pendulum, run_step, write_robot_ports
+from robot_files import run_step, write_robot_ports
+from tiny import TinyRobot, box_inertial, box_obj, pendulum
 
 from assetbuild.checks.coverage import Coverage, _length
 from assetbuild.checks.mass import Mass

@@ -6,7 +6,8 @@ import json
 from pathlib import Path
 
 import pytest
-from tiny import check_inputs, run_step, tiny_quadruped
+from robot_files import check_inputs, run_step
+from tiny import tiny_quadruped
 
 from assetbuild.checks.mjcf_compiles import MjcfCompiles, lint_file
 from assetbuild.findings import Finding

@@ -7,7 +7,7 @@ from pathlib import Path
 import mujoco as engine
 import pytest
 from mjcfs import TET, Written, read, write
-from tiny import run_step
+from robot_files import run_step
 
 from assetbuild.checks.mjcf_source import MjcfSource
 from assetbuild.findings import Finding

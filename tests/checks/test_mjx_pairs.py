@@ -9,7 +9,8 @@ from pathlib import Path
 import mujoco
 import numpy as np
 import pytest
-from tiny import TinyRobot, check_inputs, pendulum, run_step, tiny_quadruped
+from robot_files import check_inputs, run_step
+from tiny import TinyRobot, pendulum, tiny_quadruped
 
 from assetbuild.checks.mjx_pairs import FAST_ON_WARP, KINDS, NOT_IN_MJX, MjxPairs, judge, pairs
 from assetbuild.findings import Finding

@@ -6,7 +6,8 @@ import json
 from pathlib import Path
 
 import pytest
-from tiny import TinyRobot, pendulum, run_step, tiny_quadruped, write_robot_ports
+from robot_files import run_step, write_robot_ports
+from tiny import TinyRobot, pendulum, tiny_quadruped
 
 from assetbuild.body.merge_fixed_joints import MergeFixedJoints
 from assetbuild.checks.oracle import Oracle

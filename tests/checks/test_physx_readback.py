@@ -12,16 +12,8 @@ import mujoco
 import numpy as np
 import pytest
 from pxr import Gf, Usd, UsdPhysics
-from tiny import (
-    TinyRobot,
-    box_inertial,
-    check_inputs,
-    pendulum,
-    run_step,
-    spoil_stage,
-    sprung,
-    tiny_quadruped,
-)
+from robot_files import check_inputs, run_step, spoil_stage
+from tiny import TinyRobot, box_inertial, pendulum, sprung, tiny_quadruped
 
 from assetbuild.checks.physx_readback import PhysxReadback, _judge_motion
 from assetbuild.checks.urdf_kinematics import UrdfKinematics

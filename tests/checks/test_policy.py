@@ -10,7 +10,8 @@ from typing import Any
 
 import pytest
 from policies import bundle_of, deployed, write_policy
-from tiny import check_inputs, run_step, tiny_quadruped
+from robot_files import check_inputs, run_step
+from tiny import tiny_quadruped
 
 from assetbuild.checks.policy import PolicyCheck
 from assetbuild.errors import StepError

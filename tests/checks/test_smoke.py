@@ -17,15 +17,8 @@ import mujoco
 import numpy as np
 import pytest
 from pxr import Usd
-from tiny import (
-    TinyRobot,
-    models,
-    run_step,
-    spoil_stage,
-    tiny_quadruped,
-    with_mimic,
-    write_robot_ports,
-)
+from robot_files import models, run_step, spoil_stage, write_robot_ports
+from tiny import TinyRobot, tiny_quadruped, with_mimic
 
 import assetbuild
 from assetbuild.checks.smoke_mjlab import SmokeMjlab, _rounded_figures, evaluate

@@ -12,7 +12,8 @@ from typing import Any
 
 import pytest
 from pxr import Usd
-from tiny import TinyRobot, pendulum, run_step, spoil_stage, tiny_quadruped, write_robot_ports
+from robot_files import run_step, spoil_stage, write_robot_ports
+from tiny import TinyRobot, pendulum, tiny_quadruped
 
 from assetbuild.checks.smoke_isaaclab import SmokeIsaacLab, evaluate, summed_up
 from assetbuild.engine.world import World

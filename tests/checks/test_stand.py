@@ -11,7 +11,8 @@ from pathlib import Path
 
 import pytest
 from pxr import Usd, UsdPhysics
-from tiny import TinyRobot, check_inputs, models, pendulum, run_step, spoil_stage, tiny_quadruped
+from robot_files import check_inputs, models, run_step, spoil_stage
+from tiny import TinyRobot, pendulum, tiny_quadruped
 
 from assetbuild.checks._mujoco import Slope
 from assetbuild.checks._newton import NewtonSlope

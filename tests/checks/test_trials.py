@@ -11,7 +11,8 @@ from typing import Any
 
 import mujoco
 import pytest
-from tiny import TinyRobot, run_step, tiny_quadruped, write_robot_ports
+from robot_files import run_step, write_robot_ports
+from tiny import TinyRobot, tiny_quadruped
 
 from assetbuild.checks.trials import Trials
 from assetbuild.findings import Finding

@@ -9,7 +9,8 @@ from pathlib import Path
 import pxr
 import pytest
 from pxr import Sdf, Usd, UsdGeom
-from tiny import TinyRobot, check_inputs, pendulum, run_step, spoil_stage, tiny_quadruped
+from robot_files import check_inputs, run_step, spoil_stage
+from tiny import TinyRobot, pendulum, tiny_quadruped
 
 from assetbuild.checks.usd_valid import UsdValid
 from assetbuild.findings import Finding

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from tiny import run_step
+from robot_files import run_step
 
 from assetbuild.collision import Likeness, PlacedSource, Probe
 from assetbuild.collision import auto as ladder

@@ -7,8 +7,8 @@ from pathlib import Path
 import manifold3d
 import numpy as np
 import pytest
+from robot_files import run_step
 from scipy.spatial import ConvexHull
-from tiny import run_step
 
 from assetbuild.collision import CollisionMethod, PlacedSource
 from assetbuild.collision.auto import PRESETS, Auto

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from pydantic import ValidationError
-from tiny import run_step
+from robot_files import run_step
 
 from assetbuild.collision import CollisionMethod, PlacedSource
 from assetbuild.collision.coacd import CoAcd

@@ -8,7 +8,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from tiny import TinyRobot, pendulum, run_step, tiny_quadruped, write_source_ports
+from robot_files import run_step, write_source_ports
+from tiny import TinyRobot, pendulum, tiny_quadruped
 from urdfs import read
 
 from assetbuild.compose.compose_parts import ComposeParts, MountedPart

@@ -8,7 +8,8 @@ from xml.etree import ElementTree
 
 import pytest
 from mjcfs import Reading, hard_arm, read
-from tiny import pendulum, run_step, tiny_quadruped, write_source_ports
+from robot_files import run_step, write_source_ports
+from tiny import pendulum, tiny_quadruped
 
 from assetbuild.compose.compose_parts import ComposeParts, MountedPart
 from assetbuild.compose.composed_control import KeyOf, PartControl

@@ -8,16 +8,8 @@ from pathlib import Path
 
 import pytest
 from gripper import gripper
-from tiny import (
-    TinyRobot,
-    check_inputs,
-    four_bar,
-    pendulum,
-    run_step,
-    tiny_quadruped,
-    with_mimic,
-    write_robot_ports,
-)
+from robot_files import check_inputs, run_step, write_robot_ports
+from tiny import TinyRobot, four_bar, pendulum, tiny_quadruped, with_mimic
 
 from assetbuild.errors import StepError
 from assetbuild.facts.reader import Reader

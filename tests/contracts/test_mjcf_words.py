@@ -8,7 +8,7 @@ from pathlib import Path
 import mujoco
 import pytest
 from mjcfs import Reading, read, write
-from tiny import run_step
+from robot_files import run_step
 
 from assetbuild.checks.mjcf_source import MjcfSource
 from docs.site.pages.mjcf import FATES, HELD, LEFT_OUT, MJCF, MOVES, fate, schema

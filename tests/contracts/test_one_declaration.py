@@ -13,7 +13,8 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from tiny import TinyRobot, check_inputs, run_step, tiny_quadruped, write_robot_ports
+from robot_files import check_inputs, run_step, write_robot_ports
+from tiny import TinyRobot, tiny_quadruped
 
 from assetbuild.control.control import ControlStep
 from assetbuild.control.source_control import StatedControl, join

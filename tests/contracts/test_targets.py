@@ -9,7 +9,8 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from tiny import four_bar, pendulum, run_step, tiny_quadruped, write_robot_ports
+from robot_files import run_step, write_robot_ports
+from tiny import four_bar, pendulum, tiny_quadruped
 
 import assetbuild
 from assetbuild.plugin_types import Target

@@ -9,7 +9,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from tiny import four_bar, run_step, write_robot_ports
+from robot_files import run_step, write_robot_ports
+from tiny import four_bar
 
 from assetbuild.control.close_loops import source_findings
 from assetbuild.control.control import ControlStep

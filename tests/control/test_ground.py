@@ -10,7 +10,8 @@ from pathlib import Path
 import mujoco
 import pytest
 from control.test_control import feet, quadruped, recipe
-from tiny import TinyRobot, box_inertial, run_step, write_robot_ports
+from robot_files import run_step, write_robot_ports
+from tiny import TinyRobot, box_inertial
 
 from assetbuild.control.ground import Ground, with_reach
 from assetbuild.control.sample_pairs import SamplePairs

@@ -9,7 +9,8 @@ from pathlib import Path
 import mujoco
 import pytest
 from mjcfs import Reading, Written, hard_arm, read, write
-from tiny import TinyRobot, pendulum, run_step, tiny_quadruped, write_robot_ports
+from robot_files import run_step, write_robot_ports
+from tiny import TinyRobot, pendulum, tiny_quadruped
 
 from assetbuild.control.keep import KeepRatings
 from assetbuild.control.only_mjcf import wider_excludes

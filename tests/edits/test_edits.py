@@ -11,7 +11,8 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from tiny import as_source, box_inertial, box_obj, pendulum, run_step, tiny_quadruped
+from robot_files import as_source, run_step
+from tiny import box_inertial, box_obj, pendulum, tiny_quadruped
 
 from assetbuild.errors import RecipeError
 from assetbuild.geometry.convert_mesh import ConvertMesh

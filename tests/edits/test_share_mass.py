@@ -8,7 +8,8 @@ from pathlib import Path
 import mujoco
 import numpy as np
 import pytest
-from tiny import TinyRobot, ball_inertial, box_inertial, run_step, write_robot_ports
+from robot_files import run_step, write_robot_ports
+from tiny import TinyRobot, ball_inertial, box_inertial
 
 from assetbuild.edits.share_mass import ShareMass
 from assetbuild.edits.split_joint import SplitJoint

@@ -10,8 +10,8 @@ from pathlib import Path
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from random_robots import examples
 from steps_for_tests import Mix
-from tiny import examples
 
 from assetbuild.engine.execute import Event, execute
 from assetbuild.engine.graph import Node, Ref

@@ -16,15 +16,9 @@ import pytest
 from gripper import gripper
 from hypothesis import given, settings
 from mjcfs import Written, hard_arm, read, write
-from tiny import (
-    TinyRobot,
-    check_inputs,
-    examples,
-    pendulum,
-    robots,
-    run_step,
-    tiny_quadruped,
-)
+from random_robots import examples, robots
+from robot_files import check_inputs, run_step
+from tiny import TinyRobot, pendulum, tiny_quadruped
 
 from assetbuild.checks.mjcf_source import MjcfSource
 from assetbuild.facts.reader import Reader

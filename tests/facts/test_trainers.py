@@ -10,16 +10,8 @@ from types import ModuleType
 from typing import Any
 
 import pytest
-from tiny import (
-    TinyRobot,
-    odd_drives,
-    pendulum,
-    run_step,
-    sprung,
-    tiny_quadruped,
-    turned,
-    write_robot_ports,
-)
+from robot_files import run_step, write_robot_ports
+from tiny import TinyRobot, odd_drives, pendulum, sprung, tiny_quadruped, turned
 from writer_bugs import plant
 
 from assetbuild.engine.step import Step

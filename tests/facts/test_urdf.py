@@ -10,17 +10,10 @@ import pytest
 from gripper import gripper, picture
 from hypothesis import HealthCheck, given, settings
 from PIL import Image
-from tiny import (
-    TinyRobot,
-    check_inputs,
-    examples,
-    run_step,
-    tiny_quadruped,
-    write_robot_ports,
-)
-from tiny import (
-    robots as random_robots,
-)
+from random_robots import examples
+from random_robots import robots as random_robots
+from robot_files import check_inputs, run_step, write_robot_ports
+from tiny import TinyRobot, tiny_quadruped
 
 from assetbuild.errors import UsageError
 from assetbuild.facts.compare import FLOAT32, Precision, differences

@@ -12,18 +12,9 @@ import pytest
 from gripper import gripper
 from hypothesis import given, settings
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdPhysics
-from tiny import (
-    TinyRobot,
-    check_inputs,
-    examples,
-    four_bar,
-    pendulum,
-    robots,
-    run_step,
-    spoil_stage,
-    sprung,
-    tiny_quadruped,
-)
+from random_robots import examples, robots
+from robot_files import check_inputs, run_step, spoil_stage
+from tiny import TinyRobot, four_bar, pendulum, sprung, tiny_quadruped
 
 from assetbuild.errors import UsageError
 from assetbuild.facts.readers.usd import UsdReader, ignored_words

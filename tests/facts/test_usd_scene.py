@@ -8,7 +8,8 @@ from pathlib import Path
 
 import pytest
 from pxr import Gf, Usd, UsdGeom, UsdPhysics
-from tiny import TinyRobot, check_inputs, pendulum, run_step, spoil_stage, tiny_quadruped
+from robot_files import check_inputs, run_step, spoil_stage
+from tiny import TinyRobot, pendulum, tiny_quadruped
 
 from assetbuild.facts.readers.usd_scene import UsdSceneReader
 from assetbuild.findings import Finding

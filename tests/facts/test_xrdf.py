@@ -5,7 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from tiny import run_step, tiny_quadruped, write_robot_ports
+from robot_files import run_step, write_robot_ports
+from tiny import tiny_quadruped
 
 from assetbuild.facts.readers.xrdf import Xrdf as XrdfFacts
 from assetbuild.findings import Finding

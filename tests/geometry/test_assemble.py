@@ -6,7 +6,8 @@ from pathlib import Path
 
 import pytest
 from PIL import Image
-from tiny import box_obj, run_step
+from robot_files import run_step
+from tiny import box_obj
 
 from assetbuild.geometry.assemble import Assemble, CollisionUse, VisualUse, called
 from assetbuild.plugin_types import ConvertedMesh, MeshPart, Piece, Pieces

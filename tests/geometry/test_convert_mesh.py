@@ -14,7 +14,8 @@ import trimesh
 from PIL import Image
 from PIL.PngImagePlugin import PngInfo
 from pydantic import ValidationError
-from tiny import box_obj, run_step, stl
+from robot_files import run_step
+from tiny import box_obj, stl
 
 from assetbuild.errors import StepError
 from assetbuild.geometry.companion_files import ConvertTexture

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from tiny import run_step
+from robot_files import run_step
 
 from assetbuild.geometry.convert_mesh import write_converted
 from assetbuild.geometry.decimate_mesh import DecimateMesh

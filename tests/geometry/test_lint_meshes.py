@@ -5,7 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from tiny import ball_inertial, run_step
+from robot_files import run_step
+from tiny import ball_inertial
 
 from assetbuild.findings import Finding
 from assetbuild.geometry.lint_meshes import LintDensity, LintMeshes, judge_up_axes, meshes_to_turn

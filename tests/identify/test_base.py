@@ -13,8 +13,8 @@ from logs import (
     text_of_two_links,
     truth,
 )
+from robot_files import run_step
 from scipy.spatial.transform import Rotation
-from tiny import run_step
 
 from assetbuild.errors import StepError
 from assetbuild.identify.read_log import ReadLog

@@ -18,7 +18,7 @@ from logs import (
     truth,
     write_csv,
 )
-from tiny import run_step
+from robot_files import run_step
 
 from assetbuild.identify.estimate import Problem, estimate
 from assetbuild.identify.plant import Plant

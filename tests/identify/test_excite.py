@@ -6,7 +6,7 @@ import mujoco
 import numpy as np
 import pytest
 from logs import JOINTS, arm, prior
-from tiny import run_step
+from robot_files import run_step
 
 from assetbuild.identify.excite import Excite
 from assetbuild.robot.codec import encode

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 import yaml
 from logs import JOINTS, prior
-from tiny import run_step
+from robot_files import run_step
 
 from assetbuild.identify.for_recipe import as_ranges
 from assetbuild.identify.priors import UseFits

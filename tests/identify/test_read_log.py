@@ -6,7 +6,7 @@ import sys
 import numpy as np
 import pytest
 from logs import JOINTS, RATE_HZ, arm, chirps, columns_of, write_csv
-from tiny import run_step
+from robot_files import run_step
 
 from assetbuild.errors import StepError
 from assetbuild.identify.fit_logs import read_records

@@ -10,9 +10,9 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 from logs import JOINTS, RATE_HZ, arm, chirps
+from robot_files import run_step
 from rosbags.rosbag2 import StoragePlugin, Writer
 from rosbags.typesys import Stores, get_typestore
-from tiny import run_step
 
 from assetbuild.errors import StepError
 from assetbuild.identify.read_log import ReadLog

@@ -10,16 +10,9 @@ import pytest
 import yaml
 from hypothesis import given, settings
 from policies import BUS, bundle_of
-from tiny import (
-    TinyRobot,
-    check_inputs,
-    examples,
-    models,
-    robots,
-    run_step,
-    tiny_quadruped,
-    write_robot_ports,
-)
+from random_robots import examples, robots
+from robot_files import check_inputs, models, run_step, write_robot_ports
+from tiny import TinyRobot, tiny_quadruped
 
 from assetbuild.checks.policy_orders import PolicyOrders
 from assetbuild.errors import StepError

@@ -14,7 +14,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from onnx import TensorProto, helper
 from policies import BUS, bundle_of, deployed, save, write_network, write_policy
-from tiny import examples
+from random_robots import examples
 
 from assetbuild.errors import UsageError
 from assetbuild.policy.compare import compare

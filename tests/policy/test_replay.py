@@ -15,7 +15,8 @@ import pytest
 import yaml
 from PIL import Image
 from policies import bundle_of, deployed, write_policy
-from tiny import check_inputs, run_step, tiny_quadruped, write_robot_ports
+from robot_files import check_inputs, run_step, write_robot_ports
+from tiny import tiny_quadruped
 
 from assetbuild.checks._newton import NewtonOrders
 from assetbuild.checks._physx import PhysxOrders

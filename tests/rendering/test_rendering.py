@@ -15,7 +15,8 @@ import numpy as np
 import pytest
 import trimesh
 from PIL import Image
-from tiny import TinyRobot, pendulum, run_step, tiny_quadruped, write_robot_ports
+from robot_files import run_step, write_robot_ports
+from tiny import TinyRobot, pendulum, tiny_quadruped
 
 from assetbuild.control.keep import KeepPose
 from assetbuild.engine.world import World

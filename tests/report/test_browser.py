@@ -11,7 +11,8 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from tiny import TinyRobot, run_step, tiny_quadruped, write_robot_ports
+from robot_files import run_step, write_robot_ports
+from tiny import TinyRobot, tiny_quadruped
 
 from assetbuild.rendering.viewer import Viewer
 from assetbuild.report.document import make_report

@@ -11,7 +11,8 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from tiny import TinyRobot, run_step, tiny_quadruped, with_mimic, write_robot_ports
+from robot_files import run_step, write_robot_ports
+from tiny import TinyRobot, tiny_quadruped, with_mimic
 from urdfs import inertial, joint, link, robot
 
 from assetbuild.errors import UsageError

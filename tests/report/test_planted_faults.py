@@ -13,7 +13,8 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from tiny import FOOT_RADIUS_M, SEGMENT_M, TinyRobot, run_step, tiny_quadruped, write_robot_ports
+from robot_files import run_step, write_robot_ports
+from tiny import FOOT_RADIUS_M, SEGMENT_M, TinyRobot, tiny_quadruped
 
 from assetbuild.body.measure_bodies import measure
 from assetbuild.findings import Finding

@@ -13,16 +13,9 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from tiny import (
-    TinyRobot,
-    ball_inertial,
-    box_inertial,
-    examples,
-    robots,
-    run_step,
-    tiny_quadruped,
-    write_robot_ports,
-)
+from random_robots import examples, robots
+from robot_files import run_step, write_robot_ports
+from tiny import TinyRobot, ball_inertial, box_inertial, tiny_quadruped
 
 from assetbuild.facts.readers.mjcf import MjcfFacts
 from assetbuild.robot.chains import find_chains

@@ -8,7 +8,8 @@ from pathlib import Path
 
 import pytest
 from hypothesis import given
-from tiny import TinyRobot, pendulum, robots, tiny_quadruped
+from random_robots import robots
+from tiny import TinyRobot, pendulum, tiny_quadruped
 
 from assetbuild.robot.codec import decode, encode
 from assetbuild.robot.files import RobotFiles, SourceControl

@@ -12,20 +12,9 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from tiny import (
-    TinyRobot,
-    ball_inertial,
-    box_inertial,
-    examples,
-    inertials,
-    pendulum,
-    poses,
-    robots,
-    run_step,
-    standing_height,
-    tiny_quadruped,
-    write_robot_ports,
-)
+from random_robots import examples, inertials, poses, robots
+from robot_files import run_step, write_robot_ports
+from tiny import TinyRobot, ball_inertial, box_inertial, pendulum, standing_height, tiny_quadruped
 
 from assetbuild.robot.dynamics import dynamics, holding_torques
 from assetbuild.robot.inertia import (

@@ -8,7 +8,8 @@ from pathlib import Path
 import mujoco
 import numpy as np
 import pytest
-from tiny import TinyRobot, check_inputs, run_step, tiny_quadruped, with_mimic
+from robot_files import check_inputs, run_step
+from tiny import TinyRobot, tiny_quadruped, with_mimic
 
 from assetbuild.facts.readers.isaaclab import IsaacLabReader
 from assetbuild.facts.readers.mjcf import MjcfFacts

@@ -7,7 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from tiny import run_step
+from robot_files import run_step
 from urdfs import read
 
 from assetbuild.body.merge_fixed_joints import MergeFixedJoints

@@ -11,7 +11,9 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from tiny import TinyRobot, check_inputs, examples, pendulum, tiny_quadruped, with_mimic
+from random_robots import examples
+from robot_files import check_inputs
+from tiny import TinyRobot, pendulum, tiny_quadruped, with_mimic
 
 from assetbuild.robot.model import Control
 from assetbuild.robot.softness import (

@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from tiny import TinyRobot, box_inertial, poses, robots, tiny_quadruped, unit_vectors
+from random_robots import poses, robots, unit_vectors
+from tiny import TinyRobot, box_inertial, tiny_quadruped
 
 from assetbuild.robot.inertia import about_point, combine, matrix_of, move_inertial
 from assetbuild.robot.model import Body, Inertial, Joint, Limits, Tree

@@ -6,7 +6,8 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from tiny import run_step, tiny_quadruped, write_robot_ports
+from robot_files import run_step, write_robot_ports
+from tiny import tiny_quadruped
 
 from assetbuild.robot.actuators import RowError
 from assetbuild.robot.codec import decode, encode

@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 import pytest
 import yaml
-from tiny import run_step, tiny_quadruped, write_robot_ports
+from robot_files import run_step, write_robot_ports
+from tiny import tiny_quadruped
 
 from assetbuild.robot.inertia import pseudo_inertia
 from assetbuild.robot.randomize import InertialRanges, deform

@@ -8,7 +8,8 @@ import mujoco as engine
 import numpy as np
 import pytest
 from hands import COUPLED, JAW, PINCHER, robot
-from tiny import box_obj, check_inputs, tiny_quadruped
+from robot_files import check_inputs
+from tiny import box_obj, tiny_quadruped
 
 from assetbuild.errors import StepError
 from assetbuild.simulators import mujoco, speed

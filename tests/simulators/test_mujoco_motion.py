@@ -11,16 +11,8 @@ from typing import Literal
 import mujoco as engine
 import numpy as np
 import pytest
-from tiny import (
-    TinyRobot,
-    box_inertial,
-    check_inputs,
-    four_bar,
-    pendulum,
-    run_step,
-    tiny_quadruped,
-    write_robot_ports,
-)
+from robot_files import check_inputs, run_step, write_robot_ports
+from tiny import TinyRobot, box_inertial, four_bar, pendulum, tiny_quadruped
 
 from assetbuild.checks._mujoco import Loops
 from assetbuild.edits.share_mass import ShareMass

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 from lxml import etree
-from tiny import run_step
+from robot_files import run_step
 
 from assetbuild.engine.confine import confine
 from assetbuild.errors import SourceError

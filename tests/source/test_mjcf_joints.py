@@ -9,7 +9,8 @@ import mujoco
 import numpy as np
 import pytest
 from mjcfs import Written, read, same_motion, write
-from tiny import TinyRobot, box_inertial, run_step, write_robot_ports
+from robot_files import run_step, write_robot_ports
+from tiny import TinyRobot, box_inertial
 
 from assetbuild.checks.gains import Gains
 from assetbuild.checks.mjcf_source import MjcfSource

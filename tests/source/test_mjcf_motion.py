@@ -8,7 +8,8 @@ from pathlib import Path
 import pytest
 from mjcfs import read, write
 from pxr import Usd as UsdCore
-from tiny import check_inputs, pendulum, run_step
+from robot_files import check_inputs, run_step
+from tiny import pendulum
 
 from assetbuild.facts.readers.usd import UsdReader
 from assetbuild.findings import Finding

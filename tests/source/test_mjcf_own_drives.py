@@ -9,7 +9,7 @@ import mujoco
 import numpy as np
 import pytest
 from mjcfs import Written, read, write
-from tiny import run_step
+from robot_files import run_step
 
 from assetbuild.checks.mjcf_source import MjcfSource
 from assetbuild.edits.set_limits import SetLimits

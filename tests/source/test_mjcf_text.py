@@ -10,7 +10,7 @@ from pathlib import Path
 import mujoco
 import pytest
 from mjcfs import TET, read, same_motion, write
-from tiny import run_step
+from robot_files import run_step
 
 from assetbuild.checks.mjcf_source import MjcfSource
 from assetbuild.cli import main

@@ -6,7 +6,7 @@ import zipfile
 from pathlib import Path
 
 import pytest
-from tiny import run_step
+from robot_files import run_step
 from urdfs import joint, link, robot
 
 from assetbuild.cli.check import check

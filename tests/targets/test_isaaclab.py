@@ -10,7 +10,8 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from tiny import TinyRobot, pendulum, run_step, sprung, tiny_quadruped, write_robot_ports
+from robot_files import run_step, write_robot_ports
+from tiny import TinyRobot, pendulum, sprung, tiny_quadruped
 
 from assetbuild.errors import UsageError
 from assetbuild.facts.reference import Reference, robot_table

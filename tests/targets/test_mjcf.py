@@ -13,14 +13,8 @@ import mujoco
 import numpy as np
 import pytest
 from PIL import Image
-from tiny import (
-    TinyRobot,
-    box_inertial,
-    pendulum,
-    run_step,
-    tiny_quadruped,
-    write_robot_ports,
-)
+from robot_files import run_step, write_robot_ports
+from tiny import TinyRobot, box_inertial, pendulum, tiny_quadruped
 
 from assetbuild.errors import StepError
 from assetbuild.findings import Finding

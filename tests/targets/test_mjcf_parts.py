@@ -7,15 +7,8 @@ from pathlib import Path
 
 import mujoco
 import pytest
-from tiny import (
-    TinyRobot,
-    check_inputs,
-    four_bar,
-    pendulum,
-    run_step,
-    tiny_quadruped,
-    write_robot_ports,
-)
+from robot_files import check_inputs, run_step, write_robot_ports
+from tiny import TinyRobot, four_bar, pendulum, tiny_quadruped
 
 from assetbuild.errors import StepError
 from assetbuild.facts.readers.mjcf import MjcfFacts

@@ -13,7 +13,8 @@ import mujoco
 import numpy as np
 import pytest
 from mjcfs import read, write
-from tiny import TinyRobot, check_inputs, pendulum, run_step, tiny_quadruped, write_robot_ports
+from robot_files import check_inputs, run_step, write_robot_ports
+from tiny import TinyRobot, pendulum, tiny_quadruped
 
 from assetbuild.checks.mjlab_contract import MjlabContract
 from assetbuild.errors import StepError

@@ -12,17 +12,9 @@ import pinocchio
 import pytest
 from defusedxml.ElementTree import fromstring
 from hypothesis import HealthCheck, given, settings
-from tiny import (
-    CRANK_M,
-    GROUND_M,
-    TinyRobot,
-    examples,
-    four_bar,
-    pendulum,
-    robots,
-    run_step,
-    write_robot_ports,
-)
+from random_robots import examples, robots
+from robot_files import run_step, write_robot_ports
+from tiny import CRANK_M, GROUND_M, TinyRobot, four_bar, pendulum
 
 from assetbuild.checks.urdf_loads import UrdfLoads, loaded
 from assetbuild.control.keep import KeepRatings

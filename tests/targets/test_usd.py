@@ -17,19 +17,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pxr import Usd as UsdCore
 from pxr import UsdGeom, UsdPhysics, UsdShade
-from tiny import (
-    TinyRobot,
-    box_inertial,
-    check_inputs,
-    inertials,
-    pendulum,
-    run_step,
-    tiny_quadruped,
-    unit_vectors,
-    with_kinds,
-    with_mimic,
-    write_robot_ports,
-)
+from random_robots import inertials, unit_vectors
+from robot_files import check_inputs, run_step, write_robot_ports
+from tiny import TinyRobot, box_inertial, pendulum, tiny_quadruped, with_kinds, with_mimic
 
 from assetbuild.errors import StepError
 from assetbuild.facts.readers.usd import UsdReader

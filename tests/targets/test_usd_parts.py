@@ -11,16 +11,8 @@ import mujoco
 import numpy as np
 import pytest
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdPhysics, UsdShade
-from tiny import (
-    TinyRobot,
-    check_inputs,
-    four_bar,
-    pendulum,
-    run_step,
-    tiny_quadruped,
-    with_mimic,
-    write_robot_ports,
-)
+from robot_files import check_inputs, run_step, write_robot_ports
+from tiny import TinyRobot, four_bar, pendulum, tiny_quadruped, with_mimic
 
 from assetbuild.facts.readers.usd import UsdReader
 from assetbuild.findings import Finding

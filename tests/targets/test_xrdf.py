@@ -11,16 +11,8 @@ import numpy as np
 import pytest
 import trimesh
 import yaml
-from tiny import (
-    TinyRobot,
-    box_obj,
-    four_bar,
-    pendulum,
-    run_step,
-    tiny_quadruped,
-    with_mimic,
-    write_robot_ports,
-)
+from robot_files import run_step, write_robot_ports
+from tiny import TinyRobot, box_obj, four_bar, pendulum, tiny_quadruped, with_mimic
 
 from assetbuild.errors import StepError
 from assetbuild.findings import Finding

@@ -1,0 +1,107 @@
+"""Robots laid out as the engine would, and steps run on them."""
+
+from __future__ import annotations
+
+import pickle
+import shutil
+import tempfile
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from tiny import TinyRobot
+
+from assetbuild.engine.step import Files, Step
+from assetbuild.findings import Finding
+from assetbuild.geometry.measure_assets import MeasureAssets
+from assetbuild.robot.codec import encode
+from assetbuild.robot.shapes import Mesh, MeshFile, Shapes, SourceShape, SourceShapes
+
+
+def write_robot_ports(folder: Path, robot: TinyRobot) -> Path:
+    """Writes what stands behind the robot ports of `assetbuild.plugin_types` into `folder`."""
+    folder.mkdir(parents=True, exist_ok=True)
+    (folder / "links.json").write_bytes(encode(robot.links))
+    (folder / "tree.json").write_bytes(encode(robot.tree))
+    (folder / "shapes.json").write_bytes(encode(robot.shapes))
+    for name in ("control.json", "ratings.json"):
+        (folder / name).write_bytes(encode(robot.control))
+    (folder / "meshes").mkdir(exist_ok=True)
+    for name, data in robot.meshes.items():
+        (folder / "meshes" / name).write_bytes(data)
+    if isinstance(robot.shapes, Shapes):
+        run_step(MeasureAssets(), folder, folder)
+    return folder
+
+
+def write_source_ports(folder: Path, robot: TinyRobot) -> Path:
+    """As `write_robot_ports`, with the shapes as a source names them."""
+    return write_robot_ports(folder, replace(robot, shapes=as_source(robot.shapes)))
+
+
+def as_source(shapes: Shapes | SourceShapes) -> SourceShapes:
+    """The same geometry before `assemble`: each mesh is a file of its own."""
+    return SourceShapes(
+        tuple(
+            SourceShape(**vars(shape) | {"geometry": MeshFile(f"{shape.geometry.mesh}.obj")})
+            if isinstance(shape.geometry, Mesh)
+            else SourceShape(**vars(shape))
+            for shape in shapes.shapes
+        ),
+        shapes.materials,
+    )
+
+
+def run_step(step: Step, inputs: Path, outputs: Path) -> list[Finding]:
+    """Runs `step` on two folders, as the engine would, and returns its findings."""
+    outputs.mkdir(parents=True, exist_ok=True)
+    return list(step.run(Files(inputs=inputs, outputs=outputs)))
+
+
+def check_inputs(folder: Path, robot: TinyRobot, target: Step, name: str) -> Path:
+    """The ports of `robot`, its measured meshes and the folder `<name>/` that `target` writes."""
+    return laid_out(folder / "inputs", robot, (target, name))
+
+
+def models(folder: Path, robot: TinyRobot) -> Path:
+    """The inputs of a check that reads the robot, its MJCF and its USD."""
+    from assetbuild.targets.mjcf import Mjcf
+    from assetbuild.targets.usd import Usd
+
+    written = (Mjcf(robot="robot"), "mjcf"), (Usd(robot="robot"), "usd")
+    return laid_out(folder / "inputs", robot, *written)
+
+
+def laid_out(inputs: Path, robot: TinyRobot, *written: tuple[Step, str]) -> Path:
+    """The ports of `robot` and what targets write, made once in this process and then copied."""
+    key = pickle.dumps((robot, written))
+    if key not in _LAID_OUT:
+        with tempfile.TemporaryDirectory() as name:
+            made = write_robot_ports(Path(name) / "inputs", robot)
+            for target, folder in written:
+                run_step(target, made, Path(name) / "outputs")
+                shutil.copytree(Path(name) / "outputs" / folder, made / folder)
+            _LAID_OUT[key] = {
+                path.relative_to(made): path.read_bytes()
+                for path in made.rglob("*")
+                if path.is_file()
+            }
+    (inputs / "meshes").mkdir(parents=True, exist_ok=True)
+    for path, data in _LAID_OUT[key].items():
+        (inputs / path).parent.mkdir(parents=True, exist_ok=True)
+        (inputs / path).write_bytes(data)
+    return inputs
+
+
+_LAID_OUT: dict[bytes, dict[Path, bytes]] = {}
+
+
+def spoil_stage(path: Path, spoil: Callable[[Any], object]) -> None:
+    """Edit a stage's main layer. Any: Usd.Stage."""
+    from pxr import Usd
+
+    stage = Usd.Stage.Open(str(path))
+    spoil(stage)
+    stage.Save()
+    del stage
