@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import robot_files
+from robot_files import run_step
 from urdfs import read
 
 from assetbuild.body.merge_fixed_joints import MergeFixedJoints
@@ -362,9 +362,7 @@ def test_what_a_row_states_over_the_source_is_told(tmp_path: Path):
     ]
     for name, said in (("tree", replace(tree, joints=joints)), ("shapes", feet())):
         (tmp_path / f"{name}.json").write_bytes(encode(said))
-    findings = robot_files.run_step(
-        control_step(recipe(actuators=rows)), tmp_path, tmp_path / "out"
-    )
+    findings = run_step(control_step(recipe(actuators=rows)), tmp_path, tmp_path / "out")
     told = {(f.subject, f.message.split(": ", 1)[1]) for f in findings if "overr" in f.rule}
     assert told == {
         ("recipe actuators.0", "damping 0 in place of the source's 0.01 (4 joints)"),
@@ -378,7 +376,7 @@ def test_the_real_go1_stands_on_its_soles_by_pinocchio_on_the_source(run, go1_ro
     urdf = go1_root / "robots/go1_description/urdf/go1.urdf"
     ports, packages = tmp_path / "ports", {"example-robot-data": "."}
     shapes = read(urdf.read_text(), ports, base="floating", packages=packages).shapes
-    robot_files.run_step(MergeFixedJoints(merge=True), ports, ports)
+    run_step(MergeFixedJoints(merge=True), ports, ports)
     tree = decode(Tree, (ports / "tree.json").read_bytes())
     feet = (s for s in shapes.of("collision") if s.link.endswith("_foot"))
     soles = tuple(Shape(**vars(foot)) for foot in feet)
