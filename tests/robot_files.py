@@ -20,7 +20,7 @@ from assetbuild.robot.shapes import Mesh, MeshFile, Shapes, SourceShape, SourceS
 
 
 def write_robot_ports(folder: Path, robot: TinyRobot) -> Path:
-    """Writes what stands behind the robot ports of `assetbuild.plugin_types` into `folder`."""
+    """Write the files of the robot ports of `assetbuild.plugin_types` into `folder`."""
     folder.mkdir(parents=True, exist_ok=True)
     (folder / "links.json").write_bytes(encode(robot.links))
     (folder / "tree.json").write_bytes(encode(robot.tree))
@@ -36,7 +36,7 @@ def write_robot_ports(folder: Path, robot: TinyRobot) -> Path:
 
 
 def write_source_ports(folder: Path, robot: TinyRobot) -> Path:
-    """As `write_robot_ports`, with the shapes as a source names them."""
+    """Write the same ports with the meshes as files of a source, as before `assemble`."""
     return write_robot_ports(folder, replace(robot, shapes=as_source(robot.shapes)))
 
 

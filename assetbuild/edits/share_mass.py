@@ -19,8 +19,8 @@ from assetbuild.robot.model import Body, Inertial, Joint, Tree
 from assetbuild.robot.shapes import SourceShapes
 
 SHARE = 1e-9
-"""Of the body's mass and of its least moment: PhysX moves the links as MuJoCo does down to 1e-12,
-but takes no point."""
+"""Share of the body's mass and of its least moment that each link gets. PhysX refuses a body
+without inertia, and agrees with MuJoCo on the motion for shares down to 1e-12."""
 LEAST = 1e-14
 """kg m2; the moments of a new mass are no less."""
 

@@ -51,10 +51,8 @@ def read_columns(
     kept, count, row = [], 0, 0
     for piece in pieces:
         piece[:, 0] *= unit
-        if interval is not None:
-            inside = (piece[:, 0] >= interval[0]) & (piece[:, 0] <= interval[1])
-        else:
-            inside = np.ones(len(piece), bool)
+        least, most = interval or (-np.inf, np.inf)
+        inside = ~((piece[:, 0] < least) | (piece[:, 0] > most))  # a time of NaN is refused below
         rows = row + np.flatnonzero(inside)
         row, piece = row + len(piece), piece[inside]
         _refuse_gaps_in_numbers(piece, rows, file, columns)

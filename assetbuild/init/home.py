@@ -61,8 +61,7 @@ that lie in each other in all of them are made so."""
 JointValues = Mapping[str, float]
 Pair = tuple[str, str]
 Depths = Callable[[JointValues], Mapping[Pair, float]]
-"""Joint values -> how deep the hulls of two bodies lie in each other, or "" (the floor) and one; m.
-"""
+"""Joint values -> depth of overlap by pair of bodies, of their hulls, m; the floor is ""."""
 
 
 def nothing_deep(pose: JointValues) -> Mapping[Pair, float]:

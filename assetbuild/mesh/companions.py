@@ -21,9 +21,10 @@ _MAP_KD = re.compile(rb"^[ \t]*map_Kd[ \t]+([^\r\n]+)", re.MULTILINE)
 _ELSEWHERE = re.compile(r"[A-Za-z][A-Za-z0-9+.-]*:|/")
 """A scheme, a drive letter, or an absolute path."""
 _OPTIONS = re.compile(
-    r"(?:\s*-(?:(?:mm|s|o|t)(?:\s+[-+.\deE]+){0,3}|(?:blendu|blendv|cc|clamp|boost)\s+\S+)\s+)+"
+    r"(?:\s*+-(?:(?:mm|s|o|t)(?:\s++[-+.\deE]++(?=\s)){0,3}+"
+    r"|(?:blendu|blendv|cc|clamp|boost)\s++\S++)\s++)++"
 )
-"""Options of an MTL's map, before the name of its picture."""
+"""Options of an MTL's map, before the name of its picture; possessive, so linear in any text."""
 
 
 def format_of(path: str) -> str:
@@ -59,7 +60,11 @@ def _is_possible(name: str) -> bool:
 
 
 def picture_of_map(words: str) -> str:
-    """The file behind `map_Kd`, whose options come before it; names may hold spaces."""
+    """The file behind `map_Kd`, whose options come before it; names may hold spaces.
+
+    >>> picture_of_map("-s 2 2 1 -o 0.5 e.png")
+    'e.png'
+    """
     return words[options.end() if (options := _OPTIONS.match(words)) else 0 :].strip()
 
 

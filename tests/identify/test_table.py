@@ -205,3 +205,11 @@ def test_a_broken_file(episode):
     episode.write_bytes(episode.read_bytes()[:100])
     with pytest.raises(StepError, match="is not a Parquet file"):
         read_columns(episode, episode.name, COLUMNS_OF_PARQUET, None, 1.0)
+
+
+@pytest.mark.parametrize("cell", ["", "late"])
+def test_a_row_without_a_time_is_not_left_out_by_an_interval(tmp_path, cell):
+    log = tmp_path / "log.csv"
+    log.write_text(f"t,q\n0.0,1\n{cell},2\n0.2,3\n")
+    with pytest.raises(StepError, match="`t` is not a number in row 2"):
+        read_columns(log, log.name, ("t", "q"), (0.0, 1.0), 1.0)
