@@ -15,6 +15,8 @@ Signature = tuple[int, int, int, int, int]
 
 RACY_NS = 2_000_000_000
 """Stamps younger than this prove nothing: clocks of file systems tick every 1 ms to 2 s."""
+FINE_RACY_NS = 50_000_000
+"""The same where a stamp holds more than whole milliseconds: such clocks tick every 10 ms or less."""
 
 CHUNK = 1 << 20
 
@@ -54,10 +56,10 @@ def signature_of(status: os.stat_result) -> Signature:
     return (status.st_mtime_ns, status.st_ctime_ns, status.st_size, status.st_ino, status.st_dev)
 
 
-def is_racy(signature: Signature, now_ns: int | None = None) -> bool:
+def is_racy(signature: Signature, now_ns: int | None = None, window_ns: int = RACY_NS) -> bool:
     """Was the file touched so recently (or in the future) that a later edit may look the same?"""
     now = time.time_ns() if now_ns is None else now_ns
-    return max(signature[0], signature[1]) > now - RACY_NS
+    return max(signature[0], signature[1]) > now - window_ns
 
 
 def replace_file(path: str | os.PathLike[str], data: bytes) -> None:

@@ -28,6 +28,8 @@ from typing import Any
 from assetbuild.engine.claims import claim_new_folder, release, remove_abandoned
 from assetbuild.engine.digest import (
     CHUNK,
+    FINE_RACY_NS,
+    RACY_NS,
     Signature,
     canonical_json,
     digest_bytes,
@@ -177,7 +179,8 @@ class Store:
             raise LostObjectError(digest, error.strerror or str(error)) from error
         if file_digest != digest:
             self._quarantine(digest)
-        if not is_racy(signature):
+        window_ns = FINE_RACY_NS if signature[1] % 1_000_000 else RACY_NS
+        if not is_racy(signature, window_ns=window_ns):
             self._verified[digest] = signature
         return path
 

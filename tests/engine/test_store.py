@@ -91,7 +91,7 @@ def test_a_large_object_is_hashed_once(store: Store, monkeypatch: pytest.MonkeyP
     from assetbuild.engine import store as module
 
     digest = store.put_bytes(b"x" * 1000)
-    monkeypatch.setattr(module, "is_racy", lambda signature: False)
+    monkeypatch.setattr(module, "is_racy", lambda signature, **_: False)
     store.path(digest)
     monkeypatch.setattr(module, "digest_file", None)
     store.path(digest)
