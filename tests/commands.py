@@ -105,7 +105,7 @@ def serve() -> None:
 
     sys.path.pop(0)
     from assetbuild import checks, cli, targets
-    from assetbuild.engine.children import Children
+    from assetbuild.engine import children
 
     importlib.import_module("assetbuild.pipeline")
     for room in (cli, checks, targets):
@@ -116,7 +116,8 @@ def serve() -> None:
     workers = Ready()
     for kind in map(kind_of, steps):
         workers.door(kind)
-    Children.door = lambda self, kind: workers.door(kind)
+    children.Children.door = lambda self, kind: workers.door(kind)
+    children.begin = lambda: None
     gc.freeze()  # so that the end of a fork does not touch, and copy, all of it
     answers = os.dup(1)
     for line in iter(sys.stdin.buffer.readline, b""):

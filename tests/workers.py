@@ -15,6 +15,7 @@ from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from assetbuild.engine import children
 from assetbuild.engine.children import Children, Door, Kind, Origin, Worker, fork_worker
 from assetbuild.engine.step import Step
 
@@ -29,7 +30,7 @@ class Ready:
         self.folder = Path(tempfile.mkdtemp(prefix="workers-"))
         # It ends with the thread that starts it, which is not that of a build.
         self._launcher = ThreadPoolExecutor(1)
-        self.origin = self._launcher.submit(Origin, self._new_home()).result()
+        self.origin = self._launcher.submit(Origin).result()
         self.workers: dict[Kind, Worker] = {}
 
     def door(self, kind: Kind) -> Door:
@@ -83,3 +84,4 @@ def ready() -> Ready:
 def fork_from_ready_workers(patch: pytest.MonkeyPatch) -> None:
     """Have all builds of this process do so."""
     patch.setattr(Children, "door", lambda self, kind: ready().door(kind))
+    patch.setattr(children, "begin", lambda: None)

@@ -32,6 +32,10 @@ def main(argv: Sequence[str] | None = None) -> int:
         return 0
     _end_as_by_ctrl_c()
     _show_plugin_warnings()
+    if arguments.verb == "build" and not arguments.dry_run:
+        from assetbuild.engine import children
+
+        children.begin()
     try:
         return runner(arguments.verb)(arguments)
     except AssetBuildError as error:

@@ -97,7 +97,7 @@ class Children:
     def __init__(self, folder: Path) -> None:
         self.folder = folder
         self.closed = False
-        self._origin: Origin | None = None
+        self._origin = _EARLY.pop() if _EARLY else None
         self._workers: dict[Kind, Worker] = {}
         self._lock = threading.Lock()
         # The kernel's parent-death signal is tied to the *thread* that starts a process, so it is
@@ -141,7 +141,7 @@ class Children:
         """The door of the process that forks workers of this kind, started if need be."""
         del kind  # one process forks all
         if self._origin is None or self._origin.dead:
-            self._origin = self._launcher.submit(Origin, self._new_home()).result()
+            self._origin = self._launcher.submit(Origin).result()
         return self._origin.door
 
     def close(self) -> None:
@@ -191,13 +191,13 @@ class Door:
 class Origin:
     """The first process: it has imported what all workers share, and forks them."""
 
-    def __init__(self, home: Path) -> None:
+    def __init__(self) -> None:
         config = {
             "sites": [site.getusersitepackages()] if site.ENABLE_USER_SITE else [],
             "sys_path": _search_path(),
             "preload": SHARED,
             "parent": os.getpid(),
-            "log": str(home / "log"),
+            "log": os.devnull,
         }
         ours, theirs = socket.socketpair()
         self.door = Door(ours)
@@ -207,8 +207,8 @@ class Origin:
                 stdin=theirs.fileno(),
                 stdout=subprocess.DEVNULL,
                 stderr=subprocess.DEVNULL,
-                cwd=home,
-                env=environment(Kind((), 1, False), home),
+                cwd=os.sep,
+                env=environment(Kind((), 1, False), Path(os.sep)),
                 start_new_session=True,  # Ctrl-C of the terminal is the parent's to handle
             )
 
@@ -226,6 +226,17 @@ class Origin:
             self.process.kill()
             self.process.wait()
         self.door.close()
+
+
+_EARLY: list[Origin] = []
+"""At most one, which the first `Children` of this process takes over."""
+
+
+def begin() -> None:
+    """Start the first process: it imports while the recipe is read. Called by the main thread."""
+    with suppress(OSError):  # the build says what is wrong
+        if not _EARLY:
+            _EARLY.append(Origin())
 
 
 def fork_worker(door: Door, kind: Kind, home: Path) -> Worker:

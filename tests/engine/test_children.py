@@ -26,6 +26,7 @@ from steps_for_tests import (
     PreloadedWithThreads,
 )
 
+from assetbuild.engine import children
 from assetbuild.engine.children import Children
 from assetbuild.engine.execute import execute
 from assetbuild.engine.planner import Planner
@@ -116,6 +117,15 @@ def test_modules_are_imported_once_for_many_steps(session):
     seen = [json.loads(session.read(result["out"])) for result in results.values()]
     assert all(one["loaded"] for one in seen)
     assert len({one["worker"] for one in seen}) == 1
+
+
+def test_a_process_that_began_before_the_build_forks_its_workers(session, tmp_path):
+    for _ in range(2):
+        children.begin()
+    (early,) = children._EARLY
+    assert one(session, MixInChild()).error is None
+    assert not children._EARLY
+    assert early.dead, "it ends with the build"
 
 
 def test_a_module_that_starts_threads_is_not_forked(session):
