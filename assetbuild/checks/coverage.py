@@ -6,14 +6,14 @@ from: a kept shape that moved by 3 cm is nobody's result.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+import functools
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from pydantic import Field
 
 from assetbuild.engine.step import Files
-from assetbuild.errors import StepError
 from assetbuild.findings import Finding, Rule
 from assetbuild.mesh import MESH_MODULES
 from assetbuild.mesh.hulls import common_hull, hulls_by_body
@@ -77,7 +77,8 @@ class Coverage(Check):
         tree, hulls = robot.tree, hulls_by_body(robot)
         names = [body.name for body in tree.bodies]
         both = [n for n in names if (n, "visual") in hulls and (n, "collision") in hulls]
-        fits = {name: _fit(tree, hulls, name) for name in both}
+        outside = functools.cache(lambda name: _outside(hulls[name, "visual"]))
+        fits = {name: _fit(tree, hulls, name, outside) for name in both}
         rows = [
             {"body": name, "sticks_out_mm": 1e3 * fit.over_m,
              "shift_mm": [1e3 * v for v in fit.shift_m]}
@@ -117,7 +118,8 @@ def _length(metres: float) -> str:
     return f"{value:.0f} {unit}" if value >= 100.0 else f"{value:.3g} {unit}"
 
 
-def _fit(tree: Tree, hulls: Hulls, body: str) -> Fit:
+def _fit(tree: Tree, hulls: Hulls, body: str, outside: Callable[[str], Distance]) -> Fit:
+    """outside: distance from what is seen of a body."""
     visual, collision = (
         np.concatenate([hull.vertices for hull in hulls[body, role]])
         for role in ("visual", "collision")
@@ -127,10 +129,10 @@ def _fit(tree: Tree, hulls: Hulls, body: str) -> Fit:
     alike = np.where(lower * upper > 0.0, np.minimum(np.abs(lower), np.abs(upper)), 0.0)
     x, y, z = (float(v) for v in np.sign(lower) * alike)
     size = float(np.linalg.norm(visual.max(axis=0) - visual.min(axis=0)))
-    return Fit(_beyond_robot(tree, hulls, body), (x, y, z), size)
+    return Fit(_beyond_robot(tree, hulls, body, outside), (x, y, z), size)
 
 
-def _beyond_robot(tree: Tree, hulls: Hulls, body: str) -> float:
+def _beyond_robot(tree: Tree, hulls: Hulls, body: str, outside: Callable[[str], Distance]) -> float:
     """How far collision sticks out of the visual hulls of its body and of the next ones, m.
 
     A source may give a motor to one link to be seen and to its neighbour to be hit.
@@ -139,18 +141,15 @@ def _beyond_robot(tree: Tree, hulls: Hulls, body: str) -> float:
     apart = np.full(len(left), np.inf)
     for name, X_body_other in ({body: IDENTITY} | _neighbours(tree, body)).items():
         if (name, "visual") in hulls and len(left):
-            outside = _outside(hulls[name, "visual"])
-            apart = np.minimum(apart, outside(X_body_other.inverse().apply(left)))
+            apart = np.minimum(apart, outside(name)(X_body_other.inverse().apply(left)))
             left, apart = left[apart > 0.0], apart[apart > 0.0]
     return float(apart.max(initial=0.0))
 
 
 def _outside(hulls: Sequence[TriangleMesh]) -> Distance:
     """Distance from the hull of all that is seen of a body."""
-    try:
-        return beyond_hull(common_hull(hulls))
-    except StepError:  # flat
-        return distance_to(np.concatenate([hull.vertices for hull in hulls]), IDENTITY)
+    hull = common_hull(hulls)
+    return beyond_hull(hull) if len(hull.faces) else distance_to(hull.vertices, IDENTITY)
 
 
 def _neighbours(tree: Tree, body: str) -> dict[str, Pose]:

@@ -9,7 +9,7 @@ part, and what `robot.contradictions` finds.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -17,7 +17,6 @@ import numpy as np
 from pydantic import Field
 
 from assetbuild.engine.step import Files
-from assetbuild.errors import StepError
 from assetbuild.findings import Finding, Rule
 from assetbuild.mesh import MESH_MODULES
 from assetbuild.mesh.hulls import common_hull, extent_of, hulls_by_body
@@ -87,8 +86,8 @@ SIZE = Rule(
 )
 
 
-Hulls = Mapping[tuple[str, Role], Sequence[TriangleMesh]]
-"""(body, role) -> the convex hull of each of its shapes."""
+Hulls = Mapping[tuple[str, Role], TriangleMesh]
+"""(body, role) -> the convex hull of all its shapes; of flat ones their vertices, without faces."""
 
 
 @dataclass(frozen=True)
@@ -147,7 +146,8 @@ class Mass(Check):
         """Reads tree, shapes and hulls."""
         robot = RobotFiles(files.inputs)
         tree, unknown = robot.tree, _half_seen(robot) if self.lacks_visuals else set[str]()
-        hulls = {key: made for key, made in hulls_by_body(robot).items() if key[0] not in unknown}
+        parts = hulls_by_body(robot)
+        hulls = {key: common_hull(parts[key]) for key in parts if key[0] not in unknown}
         every = {b.name: made for b in tree.bodies if (made := _filled(b, hulls)) is not None}
         total = math.fsum(b.inertial.mass_kg for b in tree.bodies if b.inertial)
         bodies = {name: row for name, row in every.items() if row.mass_kg >= SMALLEST_KG}
@@ -206,8 +206,8 @@ class Mass(Check):
 def _extents(hulls: Hulls) -> dict[str, Extent]:
     """Return the extent of each body: all that is drawn and all that collides."""
     points: dict[str, list[Array]] = {}
-    for (name, _), parts in hulls.items():
-        points.setdefault(name, []).extend(part.vertices for part in parts)
+    for (name, _), hull in hulls.items():
+        points.setdefault(name, []).append(hull.vertices)
     return {name: extent_of(vertices) for name, vertices in points.items()}
 
 
@@ -289,12 +289,8 @@ def _half_seen(robot: RobotFiles) -> set[str]:
 
 def _filled(body: Body, hulls: Hulls) -> Filled | None:
     """None for what has no volume."""
-    parts = hulls.get((body.name, "visual")) or hulls.get((body.name, "collision"))
-    if not parts:
-        return None
-    try:
-        hull = common_hull(parts)
-    except StepError:  # flat
+    hull = hulls.get((body.name, "visual")) or hulls.get((body.name, "collision"))
+    if hull is None or not len(hull.faces):
         return None
     volume, _, even = solid_moments(hull)
     if not volume > 0.0:

@@ -43,5 +43,6 @@ class MeasureAssets(Step):
         assets = Assets(tuple(surfaces), tuple(pixels), tuple(digests))
         (files.outputs / "assets.json").write_bytes(encode(assets))
         write_meshes(files.outputs / "triangles.npz", meshes)
-        write_meshes(files.outputs / "hulls.npz", [hull_or_points(mesh) for mesh in meshes])
+        hulls = [hull_or_points(mesh.vertices) for mesh in meshes]
+        write_meshes(files.outputs / "hulls.npz", hulls)
         yield from ()

@@ -21,12 +21,12 @@ TABLES = {"vertices": (3,), "faces": (3,), "uv": (3, 2), "normals": (3, 3)}
 """Arrays of a mesh in one of these files, and the shape of a row."""
 
 
-def hull_or_points(mesh: TriangleMesh) -> TriangleMesh:
-    """The hull; of a flat mesh, which has none, all its vertices and no face."""
+def hull_or_points(points: Array) -> TriangleMesh:
+    """The hull of points (n, 3); of flat ones, which have none, all of them and no face."""
     try:
-        return convex_hull(mesh.vertices)
+        return convex_hull(points)
     except StepError:
-        return TriangleMesh(mesh.vertices, np.zeros((0, 3), dtype=np.int64))
+        return TriangleMesh(points, np.zeros((0, 3), dtype=np.int64))
 
 
 def write_meshes(file: Path, meshes: Sequence[TriangleMesh]) -> None:
@@ -67,18 +67,16 @@ def hulls_by_body(robot: RobotFiles) -> Mapping[tuple[str, Role], list[TriangleM
 
 
 def common_hull(hulls: Sequence[TriangleMesh]) -> TriangleMesh:
-    """The hull of several; StepError where they lie in one plane."""
-    if len(hulls) == 1 and len(hulls[0].faces):
+    """The hull of several; where they lie in one plane, all their vertices and no face."""
+    if len(hulls) == 1:
         return hulls[0]
-    return convex_hull(np.concatenate([hull.vertices for hull in hulls]))
+    return hull_or_points(np.concatenate([hull.vertices for hull in hulls]))
 
 
 def extent_of(points: Sequence[Array]) -> Extent:
     """What points (n, 3) of one body's shapes span; without volume where they lie in a plane."""
-    cloud = np.concatenate(points)
-    try:
-        hull = convex_hull(cloud)
-    except StepError:
-        return Extent(cloud, 0.0, np.zeros(3))
+    hull = hull_or_points(np.concatenate(points))
+    if not len(hull.faces):
+        return Extent(hull.vertices, 0.0, np.zeros(3))
     volume, _, inertia = solid_moments(hull)
     return Extent(hull.vertices, float(volume), np.asarray(np.linalg.eigvalsh(inertia), np.float64))
