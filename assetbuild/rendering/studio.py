@@ -28,7 +28,7 @@ LAMP = 0.07
 """Radius of the lamp as seen from the robot, rad: how soft its shadows are."""
 PENUMBRA = 1.0 / 160.0
 """How far shadows on the floor are blurred, as a share of the picture's width."""
-EDGE = 2
+EDGE = 3
 """Pixels at the edge of the floor that hold some of what stands there: they are not blurred."""
 GOLDEN_ANGLE = 2.399963
 """rad; points that turn by it fill a disc evenly."""
@@ -140,15 +140,17 @@ class Studio:
         return pixels
 
     def _is_floor(self, shot: Shot) -> NDArray[np.bool_]:
-        """(height, width), from below: where the floor or nothing is seen."""
+        """(height, width), from below: where the floor or nothing is seen, to two pixels."""
         flags = self._scene.flags
         flags[mj.mjtRndFlag.mjRND_SHADOW.value] = 0
         flags[mj.mjtRndFlag.mjRND_SEGMENT.value] = 1
         flags[mj.mjtRndFlag.mjRND_IDCOLOR.value] = 1
-        red, green, blue = np.moveaxis(self._drawn(shot).astype(np.uint32), 2, 0)
+        half = replace(shot, width=shot.width // 2, height=shot.height // 2)
+        red, green, blue = np.moveaxis(self._drawn(half).astype(np.uint32), 2, 0)
         geoms = self._scene.geoms[: self._scene.ngeom]
         floors = [0, *(1 + geom.segid for geom in geoms if _is_plane(geom))]
-        return np.isin(red | green << 8 | blue << 16, np.array(floors, dtype=np.uint32))
+        found = np.isin(red | green << 8 | blue << 16, np.array(floors, dtype=np.uint32))
+        return found.repeat(2, axis=0).repeat(2, axis=1)
 
     def _arrange(self, data: Data, shot: Shot) -> None:
         option = mj.MjvOption()
