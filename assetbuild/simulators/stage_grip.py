@@ -69,12 +69,9 @@ def _experiment(
 ) -> Experiment:
     pose, step = hand.poses[place.start], float(model.opt.timestep)
     R, at = _to_world(main, model, pose)
-    times = step * np.arange(round(TOTAL_S / step) + 1)
+    times: Array = step * np.arange(round(TOTAL_S / step) + 1.0)
 
-    def turned(vectors: Sequence[Array]) -> Array:
-        return np.array(vectors) @ R.T
-
-    table = turned([table_at(place, time) for time in times]) + at
+    table = table_at(place, times) @ R.T + at
     quat = quat_of(R @ place.R)
     positions = {
         name_of(model, "joint", joint): float(pose[model.jnt_qposadr[joint]])
@@ -98,11 +95,11 @@ def _experiment(
         gripped=gripped,
         solver=contact_solver(model),
     )
-    targets = np.array([closing(hand, place, time) for time in times])
+    targets = closing(hand, place, times)
     course = Course(
         {drive.joint_name: targets[:, i] for i, drive in enumerate(hand.drives)},
         table,
-        mass * turned([shaking(place, time) for time in times]),
+        mass * shaking(place, times) @ R.T,
         tuple(name_of(model, "body", body) for side in hand.sides for body in side),
     )
     every = max(1, round(SAMPLE_S / step))

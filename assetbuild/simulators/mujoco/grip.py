@@ -241,12 +241,17 @@ def grip(model: Model, hand: Hand, place: Place, mass: float) -> Grip:
     table, down = int(model.body(_TABLE).mocapid[0]), place.down
     mj.mju_mat2Quat(data.mocap_quat[table], place.R.ravel())
     looks, pressing, seen, forces = [CLOSE_S, CLOSE_S + LIFT_S], list[int](), list[Array](), []
-    for index in range(round(TOTAL_S / step)):
-        time = index * step
-        for drive, target in zip(hand.drives, closing(hand, place, time), strict=True):
-            data.ctrl[drive.ctrl_index] = drive.command(float(target))
-        data.mocap_pos[table] = table_at(place, time) + TABLE_M * down
-        model.opt.gravity[:] = G * down + shaking(place, time)
+    times: Array = step * np.arange(float(round(TOTAL_S / step)))
+    driven = [drive.ctrl_index for drive in hand.drives]
+    commands = [
+        [drive.command(target) for drive, target in zip(hand.drives, targets, strict=True)]
+        for targets in closing(hand, place, times).tolist()
+    ]
+    tables, gravity = table_at(place, times) + TABLE_M * down, G * down + shaking(place, times)
+    for index, time in enumerate(times.tolist()):
+        data.ctrl[driven] = commands[index]
+        data.mocap_pos[table] = tables[index]
+        model.opt.gravity[:] = gravity[index]
         mj.mj_step(model, data)
         if looks and time >= looks[0]:
             looks.pop(0)
@@ -276,27 +281,28 @@ def _loaded(model: Model, hand: Hand, place: Place, mass: float) -> Model:
     return model
 
 
-def closing(hand: Hand, place: Place, time: float) -> Array:
-    """(k,) what the hand's drives are commanded to, rad or m."""
+def closing(hand: Hand, place: Place, times: Array) -> Array:
+    """(n, k) what the hand's drives are commanded to at each time, rad or m."""
     start, end = hand.targets[place.start], hand.targets[-1]
-    targets: Array = start + min(1.0, time / (RAMP * CLOSE_S)) * (end - start)
+    share = np.minimum(1.0, times / (RAMP * CLOSE_S))
+    targets: Array = start + share[:, None] * (end - start)
     return targets
 
 
-def table_at(place: Place, time: float) -> Array:
-    """(3,) middle of the table's upper face in the world."""
-    lifted = LIFT_M * min(1.0, max(0.0, (time - CLOSE_S) / LIFT_S))
-    at: Array = place.xyz + (half_size(place.shape, place.width_m)[2] + lifted) * place.down
+def table_at(place: Place, times: Array) -> Array:
+    """(n, 3) middle of the table's upper face in the world at each time."""
+    lifted = LIFT_M * np.clip((times - CLOSE_S) / LIFT_S, 0.0, 1.0)
+    down = half_size(place.shape, place.width_m)[2] + lifted
+    at: Array = place.xyz + down[:, None] * place.down
     return at
 
 
-def shaking(place: Place, time: float) -> Array:
-    """(3,) m/s2 in the world: along each axis of the object, one after the other."""
-    since = time - CLOSE_S - LIFT_S
-    if not 0.0 <= since < SHAKE_S:
-        return np.zeros(3)
-    axis = place.R[:, int(3.0 * since / SHAKE_S)]
-    shaken: Array = SHAKE_G * G * math.sin(2.0 * math.pi * SHAKE_HZ * since) * axis
+def shaking(place: Place, times: Array) -> Array:
+    """(n, 3) m/s2 in the world: along each axis of the object, one after the other."""
+    since = times - CLOSE_S - LIFT_S
+    axes = place.R.T[np.clip(3.0 * since / SHAKE_S, 0.0, 2.0).astype(int)]
+    size = SHAKE_G * G * np.sin(2.0 * np.pi * SHAKE_HZ * since)
+    shaken: Array = np.where((since >= 0.0) & (since < SHAKE_S), size, 0.0)[:, None] * axes
     return shaken
 
 
