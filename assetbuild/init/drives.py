@@ -292,8 +292,8 @@ def _felt(
         loads |= {joint.name: load for joint in leg.joints}
         feet.append((leg.tip, foot))
     torque, left_over = holding_torques(robot, feet)
-    if tree.base == "floating" and left_over > 0.05:
-        torque = {}  # it would tip over: nothing is held
+    if legs and tree.base == "floating" and left_over > 0.05:
+        torque = {}  # it would tip over: nothing is held. Wheels carry what stands on them
     felt, inertias, tipping = {}, robot.effective_inertia, _tipping(tree, robot, legs)
     for joint in tree.moving_joints:
         name, moved = joint.name, inertias.get(joint.name, 0.0)

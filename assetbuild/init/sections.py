@@ -221,10 +221,11 @@ def put_actuators(draft: Draft, tuning: Tuning) -> None:
         lines = (*lines, f"These mimic others and need no row: {some(mimics)}")
     draft.note(*lines, at=("actuators",))
     for row in rows:
-        dropped = [f"source {word} ignored: {DROPPED[word]}" for word in row.drops]
+        above = [_described(row)]
+        above += [f"source {word} ignored: {DROPPED[word]}" for word in row.drops]
         for pattern in patterns_of(row.joints, [joint.name for joint in moving]):
-            drive = {"joints": pattern, **row.keys}
-            draft.add(drive, "actuators", above=[_described(row), *dropped])
+            draft.add({"joints": pattern, **row.keys}, "actuators", above=above)
+            above = ["more of these joints, whose names make no shorter pattern"]
 
 
 def _described(row: DriveRow) -> str:

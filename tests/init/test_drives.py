@@ -16,12 +16,16 @@ from assetbuild.init.look import InspectedRobot, judge, look
 from assetbuild.init.sections import urdf_recipe
 from assetbuild.init.source import find_source
 from assetbuild.robot.dynamics import dynamics
+from assetbuild.robot.model import Base
 
 
-def arm(folder: Path, links: list[tuple[float, float]], **limits: float) -> InspectedRobot:
-    """A chain that reaches along x from a bolted base. links: (mass, distance of its centre)."""
+def arm(
+    folder: Path, links: list[tuple[float, float]], base: Base = "fixed", **limits: float
+) -> InspectedRobot:
+    """A chain that reaches along x from a base. links: (mass, distance of its centre)."""
     said = {"effort": 15.0, "damping": 0.0, "friction": 0.0} | limits
-    parts = [urdfs.link("world", "")]
+    heavy = urdfs.inertial(40.0, urdfs.tensor(2.0, 2.0, 2.0)) if base == "floating" else ""
+    parts = [urdfs.link("world", heavy)]
     above, reach = "world", 0.0
     for index, (mass, distance) in enumerate(links):
         name, moment = f"link{index}", mass * distance**2 / 10
@@ -36,7 +40,7 @@ def arm(folder: Path, links: list[tuple[float, float]], **limits: float) -> Insp
     path = folder / "arm.urdf"
     path.write_text(urdfs.robot(*parts, name="arm"))
     read = look(find_source(path, {}))
-    return judge(read, "fixed")
+    return judge(read, base)
 
 
 def rows_of(robot: InspectedRobot) -> tuple[dict[str, float], tuple[DriveRow, ...]]:
@@ -58,8 +62,10 @@ def test_joints_of_a_hand_get_a_frequency_each_and_its_impossible_dampers_go(tmp
     assert "armature: 0.0025, damping: 0, friction: 0}" in text
 
 
-def test_one_pair_of_gains_holds_the_arm_and_neither_rings_nor_creeps(tmp_path: Path):
-    pose, (row,) = rows_of(arm(tmp_path, [(4.0, 0.2)], effort=60.0))
+@pytest.mark.parametrize("base", ["fixed", "floating"])
+def test_one_pair_of_gains_holds_the_arm_and_neither_rings_nor_creeps(base: Base, tmp_path: Path):
+    """A floating base without legs has wheels, or lies on the ground: that bears it."""
+    pose, (row,) = rows_of(arm(tmp_path, [(4.0, 0.2)], base, effort=60.0))
     assert pose == {"j0": 0.0}
     kp, kd = row.gains["kp"], row.gains["kd"]
     assert 4.0 * 9.81 * 0.2 / kp <= SAG["rad"]
