@@ -113,7 +113,7 @@ class NearestSurface:
 
         self._corners = mesh.corners
         edges = np.linalg.norm(self._corners - self._corners[:, [1, 2, 0]], axis=2)
-        longest = edges.max(axis=1)
+        self._longest = longest = edges.max(axis=1)
         coarse, fine = mesh.diagonal / LEVELS[0], mesh.diagonal / LEVELS[1]
         sizes = [longest > coarse, (longest <= coarse) & (longest > fine), longest <= fine]
         self._levels = []
@@ -134,12 +134,15 @@ class NearestSurface:
         """(n,) unsigned distances of points (n, 3), m."""
         nearest = np.full(len(points), np.inf)
         for tree, owner in self._levels if len(points) else ():
-            tries = min(NEIGHBOURS, len(owner))
-            _, near = tree.query(points, k=tries)
-            tried = owner[np.asarray(near).reshape(-1)]
-            repeated = np.repeat(points, tries, axis=0)
-            distances = point_triangle_distance(repeated, self._corners[tried])
-            nearest = np.minimum(nearest, distances.reshape(-1, tries).min(axis=1))
+            apart, near = tree.query(points, k=range(1, min(NEIGHBOURS, len(owner)) + 1))
+            tried = owner[near]
+            # No triangle reaches farther from its anchor than its longest edge is long.
+            may_win = apart - self._longest[tried] <= np.minimum(nearest, apart[:, 0])[:, None]
+            may_win[:, 1:] &= tried[:, 1:] != tried[:, :-1]
+            of, faces = np.nonzero(may_win)[0], tried[may_win]
+            distances = np.full(tried.shape, np.inf)
+            distances[may_win] = point_triangle_distance(points[of], self._corners[faces])
+            nearest = np.minimum(nearest, distances.min(axis=1))
         return nearest
 
 
