@@ -28,7 +28,7 @@ from assetbuild.collision import (
 )
 from assetbuild.findings import Finding
 from assetbuild.mesh.coacd import CoAcdOptions, Patience, coacd_parts
-from assetbuild.mesh.cover import SAMPLES, Quality, Reference, rough
+from assetbuild.mesh.cover import Quality, Reference, rough
 from assetbuild.mesh.cut import cut_parts, tips
 from assetbuild.mesh.fit import box_axes
 from assetbuild.mesh.merge import grown_to, hulls_of, merge_steps
@@ -67,12 +67,12 @@ COACD_LOOKS = 100
 them half of V-HACD's pieces or fewer; 9 of the other 10 had not ended after 16 CPU s."""
 CORNERS = 6_000
 """About so many vertices of a mesh, at most, pull V-HACD's parts back onto its surface."""
-COARSE = 800
-"""Samples of the pieces while their number is searched."""
 TIGHT = 0.02
 """CoACD's threshold / diagonal where the tolerance is wider."""
 SCALED = 1e-3
 """A capped piece is scaled when it lost more than this of its size."""
+SURELY = 0.1
+"""Candidates that are worse by so much badness are out, whatever the samples are off by."""
 BLOCKED = 10.0
 """Badness of a piece in a place to be kept open: worse than any tolerance missed by 1000 %."""
 
@@ -167,11 +167,11 @@ class Auto(LibraryMethod):
 
     def _one_hull(self, reference: Reference) -> _Candidate:
         """Capped, with its volume given back or not: a hull that covers too much needs it not."""
-        restored = self._judged(reference, [self.within_caps(reference.hull)], "hull")
-        if restored.badness == 0.0:
-            return restored
         bare = super().within_caps(reference.hull)
-        return min(restored, self._judged(reference, [bare], "hull"), key=_rank)
+        restored = self._judged(reference, [_restored(bare, reference.hull)], "hull")
+        if restored.badness == 0.0 or restored.pieces[0] is bare:
+            return restored
+        return min(restored, self._judged(reference, [bare], "hull", restored.badness), key=_rank)
 
     def _cut(self, reference: Reference) -> tuple[_Candidate | None, _View]:
         """The better of the cuts across x, y and z and, in a tilted mesh, of those across its own
@@ -263,18 +263,18 @@ class Auto(LibraryMethod):
                 known[id(points)] = self.verified(ConvexPiece(bare))
             return known[id(points)]
 
-        def member(count: int, samples: int = SAMPLES) -> _Candidate:
+        def member(count: int, worst: float = np.inf, *, coarse: bool = False) -> _Candidate:
             pieces = [piece(points) for points in family[count]]
-            return self._judged(reference, pieces, how, samples)
+            return self._judged(reference, pieces, how, worst, coarse=coarse)
 
         best = member(most)
         if best.badness > 0.0:
-            smaller = [member(count) for count in (most // 2, most // 4) if count]
+            smaller = [member(count, best.badness) for count in (most // 2, most // 4) if count]
             return min([best, *smaller], key=_rank)
         low, high = 1, most
         while low < high:
             middle = (low + high) // 2
-            if member(middle, COARSE).badness == 0.0:
+            if member(middle, coarse=True).badness == 0.0:
                 high = middle
             else:
                 low = middle + 1
@@ -292,12 +292,17 @@ class Auto(LibraryMethod):
         reference: Reference,
         pieces: Sequence[ConvexPiece | None],
         how: str,
-        samples: int = SAMPLES,
+        worst: float = np.inf,
+        *,
+        coarse: bool = False,
     ) -> _Candidate:
+        """How pieces meet the tolerances; those worse than `worst` may look less bad than they
+        are."""
         capped = tuple(piece for piece in pieces if piece is not None)
         if not capped:
             return _Candidate((), _NOTHING, np.inf, how)
-        quality = rough(reference, capped, samples)
+        most_over = (1.0 + SURELY + worst) * (self.max_overcover or np.inf)
+        quality = rough(reference, capped, coarse=coarse, most_over=most_over)
         badness = sum(
             max(0.0, value / most - 1.0) if most else float(value > 0.0)
             for value, most in self.excesses(quality).values()
