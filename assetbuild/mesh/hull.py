@@ -91,13 +91,11 @@ def _farthest_first(points: Array, count: int, subject: str) -> Indices:
     chosen = _wide_simplex(points)
     local = points - _middle(points)
     hull = _qhull(local[chosen], subject, incremental=True)
-    columns = np.ascontiguousarray(local.T)
+    columns = np.vstack([local.T, np.ones(len(local))])
     room = np.empty((2 * count, len(points)))  # a hull of n points has at most 2 n - 4 triangles
     while len(chosen) < count:
         planes = hull.equations
-        over = np.matmul(planes[:, :3], columns, out=room[: len(planes)])
-        over += planes[:, 3:]
-        outside = over.max(axis=0)
+        outside = np.matmul(planes, columns, out=room[: len(planes)]).max(axis=0)
         outside[chosen] = -np.inf
         chosen.append(int(np.argmax(outside)))
         try:
@@ -151,13 +149,17 @@ def polygon_count(hull: TriangleMesh) -> int:
     left, right = order[0::2] // 3, order[1::2] // 3
     cosine = np.einsum("ij,ij->i", normal[left], normal[right])
     flat = (cosine > np.cos(COPLANAR)) | ~(solid[left] & solid[right])
-    from scipy.sparse import coo_array
-    from scipy.sparse.csgraph import connected_components
+    # Few triangles are joined, and scipy would take a millisecond.
+    above = list(range(len(hull.faces)))
 
-    faces = len(hull.faces)
-    joined = coo_array((np.ones(int(flat.sum())), (left[flat], right[flat])), shape=(faces, faces))
-    count, _ = connected_components(joined, directed=False)
-    return int(count)
+    def root(face: int) -> int:
+        while above[face] != face:
+            above[face] = face = above[above[face]]
+        return face
+
+    for one, other in zip(left[flat].tolist(), right[flat].tolist(), strict=True):
+        above[root(one)] = root(other)
+    return sum(face == up for face, up in enumerate(above))
 
 
 def _normals(hull: TriangleMesh) -> tuple[Array, NDArray[np.bool_]]:
