@@ -14,6 +14,8 @@ from assetbuild.robot.pose import Array
 
 NEAR = 0.005
 """Parts whose bounds are nearer than this share of the size of all are neighbours."""
+SPARSE = 4
+"""Every so many of two parts' points say what joining them adds at least."""
 
 
 def hulls_of(parts: Sequence[Array]) -> list[TriangleMesh]:
@@ -66,6 +68,7 @@ class _Forest:
         corners = np.concatenate(self._points)
         self._reach = NEAR * float(np.linalg.norm(np.ptp(corners, axis=0)))
         self.alive = list(range(len(points)))
+        self._at_least: set[tuple[int, int]] = set()
         self._added = self._costs([(b, a) for a in self.alive for b in range(a)])
 
     def points(self) -> list[Array]:
@@ -79,11 +82,15 @@ class _Forest:
         if not self._added:
             pairs = [(a, b) for a in self.alive for b in self.alive if a < b]
             self._added = self._costs(pairs, near=False)
-        first, second = min(self._added, key=lambda pair: (self._added[pair], pair))
+        while (cheapest := min(self._added, key=lambda p: (self._added[p], p))) in self._at_least:
+            self._at_least.remove(cheapest)
+            self._added[cheapest] = self._cost(*cheapest, 1)
+        first, second = cheapest
         joined = np.concatenate([self._points[first], self._points[second]])
         hull = ConvexHull(joined - joined.mean(axis=0), qhull_options="Qt")
         self._points.append(joined[np.sort(hull.vertices)])
-        self._volumes.append(_hull_volume(joined))
+        both = self._volumes[first] + self._volumes[second]
+        self._volumes.append(both + self._added[cheapest])
         self._bounds.append((joined.min(axis=0), joined.max(axis=0)))
         new, gone = len(self._points) - 1, {first, second}
         self.alive = [k for k in self.alive if k not in gone]
@@ -94,14 +101,18 @@ class _Forest:
     def _costs(
         self, pairs: Sequence[tuple[int, int]], *, near: bool = True
     ) -> dict[tuple[int, int], float]:
-        return {(a, b): self._cost(a, b) for a, b in pairs if not near or self._touch(a, b)}
+        costs = {
+            (a, b): self._cost(a, b, SPARSE) for a, b in pairs if not near or self._touch(a, b)
+        }
+        self._at_least |= costs.keys()
+        return costs
 
     def _touch(self, a: int, b: int) -> bool:
         (low, high), (lower, upper) = self._bounds[a], self._bounds[b]
         return bool((low <= upper + self._reach).all() and (lower <= high + self._reach).all())
 
-    def _cost(self, a: int, b: int) -> float:
-        joined = _hull_volume(np.concatenate([self._points[a], self._points[b]]))
+    def _cost(self, a: int, b: int, every: int) -> float:
+        joined = _hull_volume(np.concatenate([self._points[k][::every] for k in (a, b)]))
         return joined - self._volumes[a] - self._volumes[b]
 
 
