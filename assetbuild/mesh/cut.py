@@ -132,15 +132,18 @@ class _Part:
         corners = self.clipped.reshape(-1, 3)
         return np.concatenate([mesh.vertices[np.unique(self.faces)], corners, self.kept, self.skin])
 
-    def cap(self, axis: int, place_m: float, *, above: bool) -> Array:
-        """Points inside the mesh on one side of the plane, moved onto it from nearby."""
-        selected = []
-        for points in (self.inner, self.kept):
-            over = points[:, axis] - place_m
-            selected.append(points[((over > 0.0) == above) & (np.abs(over) <= self.reach_m)])
-        moved = np.concatenate(selected)
+    @cached_property
+    def held(self) -> Array:
+        """(n, 3) points inside the mesh, or on it."""
+        return np.concatenate([self.inner, self.kept])
+
+    def caps(self, axis: int, place_m: float) -> tuple[Array, Array]:
+        """Points inside the mesh below the plane and above it, moved onto it from nearby."""
+        over = self.held[:, axis] - place_m
+        near = np.flatnonzero(np.abs(over) <= self.reach_m)
+        moved, is_above = self.held[near], over[near] > 0.0
         moved[:, axis] = place_m
-        return moved
+        return moved[~is_above], moved[is_above]
 
     def cut(self, mesh: TriangleMesh, cut: _Cut) -> Iterator[_Part]:
         """The part below the plane, then the part above it."""
@@ -150,12 +153,12 @@ class _Part:
 
     def halves(self, cut: _Cut) -> Iterator[_Part]:
         """Both sides without their triangles, which a search does not look at."""
-        for above in (False, True):
+        for above, cap in enumerate(self.caps(cut.axis, cut.place_m)):
             skin, kept, inner = (
                 points[(points[:, cut.axis] > cut.place_m) == above]
                 for points in (self.skin, self.kept, self.inner)
             )
-            kept = np.concatenate([kept, self.cap(cut.axis, cut.place_m, above=above)])
+            kept = np.concatenate([kept, cap])
             yield _Part(skin, kept, inner, self.faces[:0], self.clipped[:0], self.reach_m)
 
 
@@ -232,11 +235,8 @@ def _tried(part: _Part, axis: int, place_m: float) -> _Cut:
     is_above = part.seen[:, axis] > place_m
     if not 4 <= int(is_above.sum()) <= len(is_above) - 4:
         return _Cut(axis, place_m, np.inf)
-    sides = (
-        np.concatenate([part.seen[is_above == above], part.cap(axis, place_m, above=above)])
-        for above in (False, True)
-    )
-    return _Cut(axis, place_m, sum(map(_hull_volume, sides)))
+    halves = zip((part.seen[~is_above], part.seen[is_above]), part.caps(axis, place_m), strict=True)
+    return _Cut(axis, place_m, sum(_hull_volume(np.concatenate(side)) for side in halves))
 
 
 def _clip(
