@@ -247,8 +247,9 @@ class Auto(LibraryMethod):
     ) -> _Candidate | None:
         """The member of the merged family with the fewest pieces that meets the tolerances.
 
-        Found by bisection, since fewer pieces fit worse: with few samples, then from there up with
-        all. When none meets them, the one that misses least of the halves of `max_hulls`.
+        Found by bisection from two on, since fewer pieces fit worse and one hull has failed: with
+        few samples, then from there up with all. When none meets them, the one that misses least
+        of the halves of `max_hulls`.
         """
         if not parts:
             return None
@@ -271,7 +272,7 @@ class Auto(LibraryMethod):
         if best.badness > 0.0:
             smaller = [member(count, best.badness) for count in (most // 2, most // 4) if count]
             return min([best, *smaller], key=_rank)
-        low, high = 1, most
+        low, high = min(2, most), most
         while low < high:
             middle = (low + high) // 2
             if member(middle, coarse=True).badness == 0.0:
