@@ -209,20 +209,14 @@ def rough(
     `measure`. most_over: pieces of so much more volume than the mesh are not looked at further.
     """
     union, skin = joined or union_of(pieces)
-    iou, over, missing, farthest = 0.0, float(union.volume()) / reference.volume - 1.0, 0.0, 0.0
-    if over <= most_over:
-        iou, over, missing = reference.volumes(pieces, union, skin, coarse=coarse)
-        on_skin = surface_samples(skin, COARSE if coarse else SAMPLES, 1)[0]
-        farthest = outside(reference, np.concatenate([on_skin, skin.vertices]))
-    return Quality(
-        exact=reference.exact is not None,
-        closed=reference.mesh.is_closed,
-        iou=iou,
-        over=over,
-        missing=missing,
-        max_outside_m=farthest,
-        pieces=len(pieces),
-    )
+    exact, closed = reference.exact is not None, reference.mesh.is_closed
+    over = (float(union.volume()) - reference.volume) / (reference.volume or 1.0)
+    if over > most_over:
+        return Quality(exact, closed, 0.0, over, 0.0, 0.0, len(pieces))
+    volumes = reference.volumes(pieces, union, skin, coarse=coarse)
+    on_skin = surface_samples(skin, COARSE if coarse else SAMPLES, 1)[0]
+    farthest = outside(reference, np.concatenate([on_skin, skin.vertices]))
+    return Quality(exact, closed, *volumes, farthest, len(pieces))
 
 
 def measure(

@@ -15,6 +15,7 @@ from functools import cached_property
 
 import numpy as np
 
+from assetbuild.mesh.hull import hull_volume
 from assetbuild.mesh.quality import surface_samples
 from assetbuild.mesh.triangles import Indices, TriangleMesh
 from assetbuild.robot.pose import Array
@@ -119,7 +120,7 @@ class _Part:
     @cached_property
     def hull_m3(self) -> float:
         """Volume of the hull of what the search sees."""
-        return _hull_volume(self.seen)
+        return hull_volume(self.seen)
 
     def hollow_m3(self, cell_m3: float) -> tuple[float, float]:
         """(least, most) that is empty of its hull: the points inside are counted to 3 sigma."""
@@ -236,7 +237,7 @@ def _tried(part: _Part, axis: int, place_m: float) -> _Cut:
     if not 4 <= int(is_above.sum()) <= len(is_above) - 4:
         return _Cut(axis, place_m, np.inf)
     halves = zip((part.seen[~is_above], part.seen[is_above]), part.caps(axis, place_m), strict=True)
-    return _Cut(axis, place_m, sum(_hull_volume(np.concatenate(side)) for side in halves))
+    return _Cut(axis, place_m, sum(hull_volume(np.concatenate(side)) for side in halves))
 
 
 def _clip(
@@ -266,10 +267,3 @@ def _split(corners: Array, cut: _Cut) -> tuple[Array, Array]:
         sides[1 - side] += [np.stack([to_b, b, c], axis=1), np.stack([to_b, c, to_c], axis=1)]
     below_it, above_it = (np.concatenate(side) for side in sides)
     return below_it, above_it
-
-
-def _hull_volume(points: Array) -> float:
-    """m3, by manifold3d: the search asks for thousands."""
-    import manifold3d
-
-    return float(manifold3d.Manifold.hull_points(points).volume()) if len(points) > 3 else 0.0

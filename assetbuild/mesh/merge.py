@@ -8,7 +8,7 @@ from contextlib import suppress
 import numpy as np
 
 from assetbuild.errors import StepError
-from assetbuild.mesh.hull import beyond, convex_hull, hull_planes
+from assetbuild.mesh.hull import beyond, convex_hull, hull_planes, hull_volume
 from assetbuild.mesh.triangles import TriangleMesh
 from assetbuild.robot.pose import Array
 
@@ -63,7 +63,7 @@ class _Forest:
 
     def __init__(self, points: Sequence[Array]) -> None:
         self._points = list(points)
-        self._volumes = [_hull_volume(p) for p in points]
+        self._volumes = [hull_volume(p) for p in points]
         self._bounds = [(p.min(axis=0), p.max(axis=0)) for p in points]
         corners = np.concatenate(self._points)
         self._reach = NEAR * float(np.linalg.norm(np.ptp(corners, axis=0)))
@@ -89,8 +89,7 @@ class _Forest:
         joined = np.concatenate([self._points[first], self._points[second]])
         hull = ConvexHull(joined - joined.mean(axis=0), qhull_options="Qt")
         self._points.append(joined[np.sort(hull.vertices)])
-        both = self._volumes[first] + self._volumes[second]
-        self._volumes.append(both + self._added[cheapest])
+        self._volumes.append(self._volumes[first] + self._volumes[second] + self._added[cheapest])
         self._bounds.append((joined.min(axis=0), joined.max(axis=0)))
         new, gone = len(self._points) - 1, {first, second}
         self.alive = [k for k in self.alive if k not in gone]
@@ -101,24 +100,14 @@ class _Forest:
     def _costs(
         self, pairs: Sequence[tuple[int, int]], *, near: bool = True
     ) -> dict[tuple[int, int], float]:
-        costs = {
-            (a, b): self._cost(a, b, SPARSE) for a, b in pairs if not near or self._touch(a, b)
-        }
-        self._at_least |= costs.keys()
-        return costs
+        close = [pair for pair in pairs if not near or self._touch(*pair)]
+        self._at_least |= {*close}
+        return {pair: self._cost(*pair, SPARSE) for pair in close}
 
     def _touch(self, a: int, b: int) -> bool:
         (low, high), (lower, upper) = self._bounds[a], self._bounds[b]
         return bool((low <= upper + self._reach).all() and (lower <= high + self._reach).all())
 
     def _cost(self, a: int, b: int, every: int) -> float:
-        joined = _hull_volume(np.concatenate([self._points[k][::every] for k in (a, b)]))
+        joined = hull_volume(np.concatenate([self._points[k][::every] for k in (a, b)]))
         return joined - self._volumes[a] - self._volumes[b]
-
-
-def _hull_volume(points: Array) -> float:
-    """m3; by manifold3d, which takes half of qhull's time: this is asked for every pair."""
-    import manifold3d
-
-    local = np.ascontiguousarray(points - points.mean(axis=0))
-    return float(manifold3d.Manifold.hull_points(local).volume())

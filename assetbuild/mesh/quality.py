@@ -134,7 +134,8 @@ class NearestSurface:
         """(n,) unsigned distances of points (n, 3), m."""
         nearest = np.full(len(points), np.inf)
         for tree, owner in self._levels if len(points) else ():
-            apart, near = tree.query(points, k=range(1, min(NEIGHBOURS, len(owner)) + 1))
+            tries = range(1, min(NEIGHBOURS, len(owner)) + 1)
+            apart, near = map(np.asarray, tree.query(points, k=tries))
             tried = owner[near]
             # No triangle reaches farther from its anchor than its longest edge is long.
             may_win = apart - self._longest[tried] <= np.minimum(nearest, apart[:, 0])[:, None]
