@@ -50,13 +50,13 @@ LONGEST_SLIDE_M = 10.0
 EFFORT_ZERO = Rule(
     "joint.effort_zero",
     "warning",
-    "the effort limit is 0, which simulators take literally",
+    "the effort limit is 0, with which nothing moves: it is taken as unlimited",
     "give it in the actuator table",
 )
 VELOCITY_ZERO = Rule(
     "joint.velocity_zero",
     "warning",
-    "the velocity limit is 0, which simulators take literally",
+    "the velocity limit is 0, with which nothing moves: it is taken as unlimited",
     "give it in the actuator table",
 )
 NAMED = 6
@@ -141,7 +141,7 @@ def _range(joint: Joint) -> Iterator[Finding]:
 
 
 def _drive(joint: Joint) -> Iterator[Finding]:
-    """A limit of 0 means "unknown" in most exports; a simulator takes it literally."""
+    """A limit of 0 means "unknown" in most exports; no target writes it."""
     newton = "N" if joint.kind == "prismatic" else "N m"
     per_second = "m/s" if joint.kind == "prismatic" else "rad/s"
     for rule, name, value, unit in (
@@ -151,7 +151,7 @@ def _drive(joint: Joint) -> Iterator[Finding]:
         if value == 0.0 and joint.mimic is None:
             yield rule(
                 f"joint {joint.name}",
-                f"{name} limit is 0 {unit}: taken literally, it cannot move",
+                f"{name} limit is 0 {unit}, with which nothing moves: it is taken as unlimited",
                 hint=f"give `{name}` in the recipe's actuator table",
                 data={name: value, "missing": (name,)},
             )

@@ -22,12 +22,6 @@ ON_PURPOSE = (
     "; where nothing is meant to drive it: `actuators: []` and "
     '`rules: {actuator.none: {severity: info, because: "..."}}`'
 )
-ZERO_LIMIT = Rule(
-    "actuator.zero_limit",
-    "warning",
-    "a limit of 0 in the source is taken as unlimited",
-    "give it in the row or the motor",
-)
 OVERRIDES = Rule(
     "actuator.overrides",
     "info",
@@ -130,7 +124,7 @@ def _span(values: list[float | None]) -> str:
 def actuator_findings(
     tree: Tree, actuators: tuple[Actuator, ...], *, has_table: bool, only_mjcf: int = 0
 ) -> Iterator[Finding]:
-    """`actuator.none` and `actuator.zero_limit`, of the finished table.
+    """`actuator.none`, of the finished table.
 
     only_mjcf: drives of the source that stand in the MJCF alone.
     """
@@ -146,16 +140,6 @@ def actuator_findings(
     elif actuators and all(a.model == "passive" for a in actuators):
         moving = sum(not _is_locked(tree.by_joint[a.joint]) for a in actuators)
         yield from _nothing_drives(moving, has_table=has_table, only_mjcf=only_mjcf)
-    for actuator in actuators:
-        stated = tree.by_joint[actuator.joint].limits
-        for name in ("effort", "velocity"):
-            if getattr(stated, name) == 0.0 and getattr(actuator, name) is None:
-                yield ZERO_LIMIT(
-                    f"joint {actuator.joint}",
-                    f"the source's {name} limit is 0 and is taken as unlimited",
-                    hint=f"give `{name}` in the actuator row or its motor",
-                    data={name: 0.0},
-                )
 
 
 def _is_locked(joint: Joint) -> bool:

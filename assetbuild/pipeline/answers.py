@@ -85,13 +85,15 @@ def answers(recipe: Recipe, results: Mapping[str, NodeResult], prefix: str) -> A
 
 
 def _rows(recipe: Recipe) -> Iterator[tuple[str, frozenset[str]]]:
-    """(pattern of joints, which limits the row or its motor states)."""
+    """(pattern of joints, which limits the row or its motor states; a passive one needs none)."""
     for row in recipe.actuators or ():
         motor = extended(row.motor, recipe.motors) if row.motor else None
         both = [
             name
             for name in ("effort", "velocity")
-            if getattr(row, name) is not None or (motor and getattr(motor, name) is not None)
+            if row.model == "passive"
+            or getattr(row, name) is not None
+            or (motor and getattr(motor, name) is not None)
         ]
         yield row.joints, frozenset(both)
 

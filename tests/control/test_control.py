@@ -345,13 +345,6 @@ def test_a_guessed_row_is_a_warning_that_names_its_joints(run):
     assert len(findings["actuator.guessed"].data["joints"]) == 8
 
 
-def test_a_source_s_limit_of_zero_is_reported(run):
-    tree = with_calf_limits(-3.0, 3.0)
-    joints = [replace(j, limits=Limits(-3, 3, 9.0, 0.0)) for j in tree.joints]
-    _, findings = run(replace(tree, joints=tuple(joints)), feet(), recipe())
-    assert findings["actuator.zero_limit"].data == {"velocity": 0.0}
-
-
 def test_what_a_row_states_over_the_source_is_told(tmp_path: Path):
     tree = quadruped()
     joints = tuple(replace(joint, damping=0.01, friction=None) for joint in tree.joints)

@@ -41,6 +41,7 @@ TENSOR = "[{set_inertia: {link: one, inertia: {ixx: 0.01, iyy: 0.01, izz: 0.01}}
 FLAT = inertial(1.0, tensor(0.01, 0.01, 0.0201))
 """Beyond the triangle by 0.5 %, which MuJoCo refuses and we only warn of."""
 HALF = '<inertial><mass value="1"/></inertial>'
+PASSIVE = "actuators: [{joints: 'j.', model: passive}]\n"
 ROW = "actuators: [{joints: 'j.', model: pd, kp: 9, kd: 1, effort: 3}]\n"
 
 
@@ -53,6 +54,7 @@ ROW = "actuators: [{joints: 'j.', model: pd, kp: 9, kd: 1, effort: 3}]\n"
          "balance_inertia"),
         (LIMIT, HALF, TENSOR, "", "urdf.inertial.incomplete link one", "set_inertia"),
         (WEAK, "", "[]", ROW, "joint.effort_zero joint j1", "actuators"),
+        (WEAK, "", "[]", PASSIVE, "joint.effort_zero joint j1", "actuators"),
         (WEAK, "", "[{set_limits: {joint: j1, effort: 3}}]", "", "joint.effort_zero joint j1",
          "set_limits"),
     ],
