@@ -90,8 +90,9 @@ class Guess:
 def strengthened(tree: Tree, anatomy: Anatomy) -> tuple[Tree, dict[str, Guess]]:
     """The tree with a guess for each effort that is unknown, and these guesses by joint."""
     parts = roles(tree, anatomy)
-    physics, guesses = physical_efforts(tree, anatomy, parts), {}
-    over = overloaded(tree)
+    twins = _twins(tree, parts)
+    physics, guesses = physical_efforts(tree, anatomy, parts, twins), {}
+    over = overloaded(tree, twins)
     meaningless = _placeholders(tree, physics, over)
     why = {
         name: _unknown(tree.by_joint[name], physics[name], over.get(name, 0.0), meaningless)
@@ -180,8 +181,10 @@ def stays_passive(tree: Tree, joint: Joint, anatomy: Anatomy) -> bool:
 # --- the guess ------------------------------------------------------------------------------
 
 
-def physical_efforts(tree: Tree, anatomy: Anatomy, parts: Mapping[str, Role]) -> dict[str, float]:
-    """What each joint needs, by the formula of this module; N m or N."""
+def physical_efforts(
+    tree: Tree, anatomy: Anatomy, parts: Mapping[str, Role], twins: Mapping[str, Sequence[str]]
+) -> dict[str, float]:
+    """What each joint needs, by the formula of this module, and its twins alike; N m or N."""
     gravity, inertia = worst_loads(tree), largest_inertias(tree)
     weight, needs = total_mass(tree) * GRAVITY, {}
     turned = _turned(anatomy, weight)
@@ -203,23 +206,21 @@ def physical_efforts(tree: Tree, anatomy: Anatomy, parts: Mapping[str, Role]) ->
         elif parts[name] == "leg":
             need = max(need, legs[name])
         needs[name] = max(need, WEAKEST[unit])
-    return _within_limbs(tree, _mirrored(tree, needs, parts), parts)
+    alike = {name: max(needs[twin] for twin in twins[name]) for name in needs}
+    return _within_limbs(tree, alike, parts)
 
 
-def _mirrored(
-    tree: Tree, needs: Mapping[str, float], parts: Mapping[str, Role]
-) -> dict[str, float]:
-    """The most that any joint needs of those that carry the same at the same place of a limb."""
-    places = {}
-    for name in needs:
-        joint = tree.by_joint[name]
-        masses = [
-            i.mass_kg for b in bodies_below(tree, joint.child) if (i := tree.by_body[b].inertial)
-        ]
-        depth = len(chain_to(tree, joint.child))
-        places[name] = (parts[name], unit_of(joint), depth, f"{math.fsum(masses):.3g}")
-    most = {place: max(needs[n] for n in needs if places[n] == place) for place in places.values()}
-    return {name: most[place] for name, place in places.items()}
+def _twins(tree: Tree, parts: Mapping[str, Role]) -> dict[str, list[str]]:
+    """By driven joint those that carry the same at the same place of a limb, itself among them."""
+    alike: dict[tuple[object, ...], list[str]] = {}
+    for joint in tree.moving_joints:
+        if joint.mimic is None:
+            bodies = bodies_below(tree, joint.child)
+            masses = [i.mass_kg for body in bodies if (i := tree.by_body[body].inertial)]
+            depth, mass = len(chain_to(tree, joint.child)), f"{math.fsum(masses):.3g}"
+            place = (parts[joint.name], unit_of(joint), depth, mass)
+            alike.setdefault(place, []).append(joint.name)
+    return {name: names for names in alike.values() for name in names}
 
 
 def _turned(anatomy: Anatomy, weight: float) -> dict[str, float]:
@@ -323,11 +324,18 @@ def worst_loads(tree: Tree) -> dict[str, float]:
     return {joint.name: max(load[joint.name] for load in loads) for joint in tree.moving_joints}
 
 
-def overloaded(tree: Tree) -> dict[str, float]:
-    """Share of the random poses that need more than the stated effort, by joint that states one."""
+def overloaded(tree: Tree, twins: Mapping[str, Sequence[str]]) -> dict[str, float]:
+    """Share of the random poses that need more than the stated effort, by joint that states one.
+
+    The poses of a joint's twins count as its own, so that no chance parts left from right.
+    """
     loads = _sampled_loads(tree)[1:]
-    stated = {j.name: j.limits.effort for j in tree.moving_joints if j.limits.effort}
-    return {n: sum(load[n] > most for load in loads) / len(loads) for n, most in stated.items()}
+    shares = {}
+    for name, alike in twins.items():
+        if most := tree.by_joint[name].limits.effort:
+            over = [load[twin] > most for load in loads for twin in alike]
+            shares[name] = sum(over) / len(over)
+    return shares
 
 
 def _sampled_loads(tree: Tree) -> list[dict[str, float]]:
