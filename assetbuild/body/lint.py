@@ -41,10 +41,12 @@ LOCKED = Rule(
 RANGE = Rule(
     "joint.range",
     ("warning", "info"),
-    "a revolute joint turns by more than 4 pi (info: by more than 2 pi, as many arms do), or a "
-    "prismatic one slides by more than 10 m",
+    "a revolute joint turns by more than 4 pi (info: by more than 2 pi, as many arms do, or "
+    "without end, as wheels do), or a prismatic one slides by more than 10 m",
     "check whether degrees were written for radians, or millimetres for metres",
 )
+DEGREES = 720.0
+"""The widest range in degrees that is written for radians, from -360 to 360; more stops nothing."""
 LONGEST_SLIDE_M = 10.0
 """Longer than the rails of robots but for a few cranes."""
 EFFORT_ZERO = Rule(
@@ -130,9 +132,11 @@ def _range(joint: Joint) -> Iterator[Finding]:
     elif lower > upper:
         yield from crossed_limits(joint, "warning")
     elif joint.kind == "revolute" and upper - lower > 2 * math.pi * (1 + 1e-6):
+        endless = upper - lower > DEGREES
         message = f"range {upper - lower:.4g} rad is more than one turn"
-        hint = "right for some arms; else were degrees written for radians?"
-        usual = upper - lower <= 4 * math.pi * (1 + 1e-3)
+        message += ": so wide a range stops nothing" * endless
+        hint = "" if endless else "right for some arms; else were degrees written for radians?"
+        usual = endless or upper - lower <= 4 * math.pi * (1 + 1e-3)
         yield RANGE(subject, message, hint, data=data, severity="info" if usual else "warning")
     elif joint.kind == "prismatic" and upper - lower > LONGEST_SLIDE_M:
         message = f"range {upper - lower:.4g} m is longer than {LONGEST_SLIDE_M:g} m"

@@ -51,6 +51,8 @@ def test_good_robots_have_no_warning(robot: TinyRobot, tmp_path: Path):
         ("joint.locked", "warning", Limits(0.0, 0.0, 1.0, 1.0)),
         ("joint.range", "warning", Limits(-8.0, 8.0, 1.0, 1.0)),
         ("joint.range", "info", Limits(-4.0, 4.0, 1.0, 1.0)),
+        ("joint.range", "warning", Limits(-360.0, 360.0, 1.0, 1.0)),
+        ("joint.range", "info", Limits(-1e6, 1e6, 1.0, 1.0)),
         ("joint.effort_zero", "warning", Limits(-1.0, 1.0, 0.0, 1.0)),
         ("joint.velocity_zero", "warning", Limits(-1.0, 1.0, 1.0, 0.0)),
     ],
