@@ -164,8 +164,9 @@ def nearest(wrong: str, known: Iterable[str]) -> str | None:
     same = same or [name for name in names if word and _file(name) == _file(word)]
     if same:
         return same[0]
-    by_word = {name.lower(): name for name in names}
-    close = difflib.get_close_matches(word, by_word, n=1, cutoff=ALIKE)
+    files = difflib.get_close_matches(_file(word), {*map(_file, names)}, cutoff=ALIKE)
+    by_word = {name.lower(): name for name in names if _file(name) in files}
+    close = difflib.get_close_matches(word, by_word, n=1, cutoff=0.0)
     if close:
         return by_word[close[0]]
     longer = [name for name in names if len(word) > 2 and name.lower().startswith(word)]

@@ -40,6 +40,8 @@ CASES = [
     ("FR_knee_joint", JOINTS, None),
     ("meshes/calf.stl", FILES, "meshes/collision/calf.stl"),
     ("go1.urdf", FILES, "urdf/go1.urdf"),
+    ("meshes/visual/body.stl", FILES, None),
+    ("meshes/visal/trunc.stl", FILES, "meshes/visual/trunk.stl"),
     ("", KEYS, None),
     ("anything", (), None),
 ]

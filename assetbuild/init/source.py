@@ -9,7 +9,7 @@ import itertools
 import json
 import os
 import re
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path, PurePosixPath
 from typing import Literal
@@ -173,7 +173,7 @@ def mended(source: UrdfSource) -> UrdfSource:
     absent = [mesh for mesh in meshes if not is_file(source.root / mesh["path"])]
     needed = [mesh for mesh in absent if mesh["path"] in solid]
     if needed or (absent and len(absent) == len(meshes)):
-        raise _refused(source, needed or absent)
+        raise _refused(source, needed or absent, {mesh["path"] for mesh in meshes})
     return replace(source, missing=tuple(mesh["path"] for mesh in absent))
 
 
@@ -187,13 +187,19 @@ def _meshes(source: UrdfSource) -> tuple[list[dict[str, str]], set[str]]:
     return listed, {s.geometry.path for s in shapes if isinstance(s.geometry, MeshFile)}
 
 
-def _refused(source: UrdfSource, absent: list[dict[str, str]]) -> SourceError:
-    """A build would stop there too, at the first; here all are named."""
+def _refused(
+    source: UrdfSource, absent: list[dict[str, str]], named: Collection[str]
+) -> SourceError:
+    """A build would stop there too, at the first; here all are named.
+
+    named: the paths of all meshes; what the source names elsewhere is not what was meant here.
+    """
     first, others = absent[0], [f"`{mesh['path']}`" for mesh in absent[1:]]
     near = (source.root / first["path"]).parent
     beside = sorted(near.iterdir()) if near.is_dir() else ()
     names = [str(PurePosixPath(first["path"]).parent / file.name) for file in beside]
-    close, (lack, meant) = nearest(first["path"], names), lacking(source.root, first["path"])
+    close = nearest(first["path"], set(names) - set(named))
+    lack, meant = lacking(source.root, first["path"])
     more = f" (and {len(others)} more: {some(others)})" if others else ""
     return SourceError(
         f"{first['subject']}: no file `{first['path']}`{more}",
