@@ -108,8 +108,7 @@ def study(robot: InspectedRobot) -> Anatomy:
     """Look the robot over."""
     tree = robot.tree
     at_zero = forward_kinematics(robot.links, {})
-    origins = np.array([pose.xyz for pose in at_zero.values()])
-    extent = np.ptp(origins, axis=0)
+    extent = np.ptp([pose.xyz for pose in at_zero.values()], axis=0)
     turning = what_turns(robot)
     wheels = frozenset(name for name, part in turning.items() if part.role == "wheel")
     limbs = [_limb(robot, at_zero, tip, wheels) for tip in _leaves(tree)]
@@ -117,6 +116,7 @@ def study(robot: InspectedRobot) -> Anatomy:
     size = float(extent.max()) if tree.joints else 0.0
     base, reason = _moves(robot, legs, turning, limbs) or _stays(robot)
     doubt = _doubt(tree.root) if reason == UNKNOWN else ""
+    legs = () if base == "fixed" else legs  # what is bolted stands on nothing
     called = () if legs or base == "fixed" else _called_legs(limbs)
     return Anatomy(base, reason, legs, _sensors(robot.links), size, called, turning, doubt)
 
@@ -336,10 +336,11 @@ def _moves(
     if robot.floats:
         return "floating", "a floating joint holds it to an empty root link"
     if links.root.lower() in _WORLD:
-        return "fixed", f"the root link is called `{links.root}`"
-    first = links.by_joint.get(f"{robot.planar[0]}_x") if robot.planar else None
-    if first and first.parent == links.root and links.by_body[links.root].is_massless:
-        return "fixed", f"the planar joint `{robot.planar[0]}` moves it over the plane of its root"
+        freed = f"; to let it walk on its {len(legs)} legs, write `floating`" if legs else ""
+        return "fixed", f"the root link is called `{links.root}`{freed}"
+    first = [joint for joint in tree.joints if joint.parent == tree.root]
+    if tree.by_body[tree.root].is_massless and [joint.kind for joint in first] == ["prismatic"]:
+        return "fixed", f"the slide `{first[0].name}` moves all of it along its massless root"
     if legs:
         feet = ", ".join(leg.foot for leg in legs)
         return "floating", f"{len(legs)} legs of like joints reach the ground: {feet}"
@@ -351,8 +352,7 @@ def _moves(
         return "floating", f"it rolls on {len(rolling)} wheels: {', '.join(rolling)}"
     if rotors := by_role["rotor"]:
         return "floating", f"it flies on {len(rotors)} rotors: {', '.join(rotors)}"
-    names = [links.name, *links.by_body]
-    if flying := next(filter(_FLYING.fullmatch, names), ""):
+    if flying := next(filter(_FLYING.fullmatch, [links.name, *links.by_body]), ""):
         return "floating", f"it flies, by the name of `{flying}`"
     if walking := _called_legs(limbs):
         named = ", ".join(leg.tip for leg in walking[:4])

@@ -180,7 +180,9 @@ def _standing(tuning: Tuning, trial: Trial, attempt: Try) -> tuple[Tuning, Trial
     if trial.stands:
         return tuning, trial
     return min(
-        stood, key=lambda it: it[1].lean, default=(tuning, replace(trial, tried=tuple(tried)))
+        stood,
+        key=lambda it: it[1].lean,
+        default=(tuning, replace(trial, tried=tuple(dict.fromkeys(tried)))),
     )
 
 

@@ -143,7 +143,7 @@ def test_a_planar_base_is_split_and_keeps_its_usd(tmp_path: Path):
     assert "share_mass: {link:" in text
 
 
-def test_a_cart_that_a_planar_joint_moves_over_its_root_does_not_float_as_well(tmp_path: Path):
+def test_a_cart_that_joints_move_over_its_root_does_not_float_as_well(tmp_path: Path):
     """Else its light root would swing, and not the cart."""
     wheels = [link(f"wheel_{side}") for side in "lr"]
     rolls = [
@@ -151,8 +151,10 @@ def test_a_cart_that_a_planar_joint_moves_over_its_root_does_not_float_as_well(t
         for side in "lr"
     ]
     plane = joint("p", "root", "cart", "planar")
-    cart = initialised(robot(link("root", ""), link("cart"), plane, *wheels, *rolls), tmp_path)
-    assert cart.base == "fixed"
+    slides = [joint("x", "root", "rail", "prismatic"), joint("y", "rail", "cart", "prismatic")]
+    for parts in ([plane], [*slides, link("rail", "")]):
+        cart = initialised(robot(link("root", ""), link("cart"), *parts, *wheels, *rolls), tmp_path)
+        assert cart.base == "fixed"
     (tmp_path / "rolling").mkdir()
     rolling = initialised(robot(link("cart"), *wheels, *rolls), tmp_path / "rolling")
     assert rolling.base == "floating"
@@ -160,6 +162,7 @@ def test_a_cart_that_a_planar_joint_moves_over_its_root_does_not_float_as_well(t
 
 REFUSED = {
     "absent meshes": (robot(link("a", mesh("x.stl")), link("b", mesh("y.stl")), joint("j", "a", "b")), r"r\.urdf:3: link a: no file `x.stl` \(and 1 more: `y.stl`\)"),
+    "an absent one of a series": (robot(link("a", mesh("t1.stl")), link("b", mesh("t.stl")), joint("j", "a", "b"), link("c", INERTIAL + urdfs.shape("collision", urdfs.mesh("t1.stl"))), joint("k", "a", "c")), "no file `t1.stl`\nhint: the source holds"),
     "a mesh of no format": (robot(link("a", mesh("t"))), "of no known format"),
     "a backslash": (robot(link("a", mesh("m\\t.stl"))), "no file `m/t.stl`"),
     "undeclared Latin-1": (TWO.replace("base", "körper").encode("latin-1"), "state its encoding"),
@@ -220,6 +223,16 @@ def test_legs_are_known_by_where_they_reach_or_by_their_names(
     (tmp_path / "bot.urdf").write_text(_walker(last=last, down=down, names=names))
     text = propose(tmp_path / "bot.urdf", tmp_path / "bot.yaml", {}).text
     assert f"\nbase: {base} " in text
+
+
+def test_what_is_bolted_to_the_world_does_not_stand(tmp_path: Path):
+    """Its legs hang, and the recipe says how they would walk."""
+    walker = _walker(last="revolute", down=0.3, names=("thigh", "shank"))
+    bolt = urdfs.link("world", "") + urdfs.joint("bolt", "world", "trunk", "fixed", "")
+    (tmp_path / "bot.urdf").write_text(walker.replace("</robot>", f"{bolt}</robot>"))
+    text = propose(tmp_path / "bot.urdf", tmp_path / "bot.yaml", {}).text
+    assert "base: fixed   # the root link is called `world`; to let it walk on its 4 legs" in text
+    assert "stand" not in text
 
 
 def test_a_floating_joint_below_an_empty_root_is_a_floating_base(tmp_path: Path):
