@@ -11,6 +11,7 @@ import re
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
+from assetbuild.body.inertia_rules import MASS_SMALL
 from assetbuild.body.lint import MIMIC_LIMITS
 from assetbuild.engine.scratch import Scratch, scratch
 from assetbuild.errors import AssetBuildError
@@ -26,7 +27,7 @@ from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.inertia import principal_moments
 from assetbuild.robot.mimic import common_range, has_range, leading
 from assetbuild.robot.shapes import MeshFile
-from assetbuild.robot.tree import merge_fixed_joints
+from assetbuild.robot.tree import PLACEHOLDER_KG, merge_fixed_joints
 
 GUESSED_DENSITY = 1000
 """kg/m3, of links without a mass: water's, and that of many a printed or hollow part."""
@@ -96,7 +97,7 @@ def _subject(finding: Finding) -> str:
 def _inertias(robot: InspectedRobot) -> Iterator[Repair]:
     """One repair for each link that makes a body impossible or contradicts its shapes or twin."""
     broken = _broken_links(robot)
-    wrong = Weighed(robot).wrong_links()
+    wrong = Weighed(robot).wrong_links() | _weightless(robot)
     for link, findings in broken.items():
         wrong[link] = next((f for f in findings if f.rule in _BROKEN), findings[0])
     for link, finding in wrong.items():
@@ -135,6 +136,17 @@ def _broken_links(robot: InspectedRobot) -> dict[str, list[Finding]]:
     return broken | {body: [f] for body, f in bad.items() if body not in explained}
 
 
+def _weightless(robot: InspectedRobot) -> dict[str, Finding]:
+    """Links with a volume in bodies of no real mass: an export gives 1e-9 kg to unknown matter."""
+    return {
+        link: finding
+        for finding in robot.body_findings
+        if finding.rule == MASS_SMALL.id and float(str(finding.data["mass_kg"])) < PLACEHOLDER_KG
+        for link in robot.links_of(_subject(finding))
+        if any(_is_solid(robot, link, role) for role in ("visual", "collision"))
+    }
+
+
 def _is_dummy(finding: Finding) -> bool:
     """So much mass in so little inertia that a touch of the body ends in NaN (iCub's root link)."""
     if finding.rule != "inertia.dense":
@@ -151,7 +163,7 @@ def _spoils(robot: InspectedRobot, link: str) -> bool:
 
 def _remade(robot: InspectedRobot, link: str, finding: Finding) -> Repair:
     inertial = robot.links.by_body[link].inertial
-    mass = inertial.mass_kg if inertial else 0.0
+    mass = inertial.mass_kg if inertial and inertial.mass_kg >= PLACEHOLDER_KG else 0.0
     shown = [role for role in ("visual", "collision") if _is_solid(robot, link, role)]
     if not shown:
         return _ball(link, mass, finding)
@@ -162,8 +174,8 @@ def _remade(robot: InspectedRobot, link: str, finding: Finding) -> Repair:
     else:
         matter = {"density": GUESSED_DENSITY, "guessed": True}
         why = (
-            f"a guess, as the source states no mass: the volume of its {shown[0]} shapes times the "
-            "density of water; put the `mass` here when you know it"
+            f"a guess, as the source states no real mass: the volume of its {shown[0]} shapes "
+            "times the density of water; put the `mass` here when you know it"
         )
     return Repair(link, "inertia_from_geometry", {**matter, **how}, why, finding.message)
 

@@ -39,6 +39,8 @@ def edits_for(urdf: str, folder: Path) -> list[dict[str, dict[str, object]]]:
 ZEROS, DUMMY = tensor(0.0, 0.0, 0.0), tensor(1e-6, 1e-6, 1e-6)
 FLAT = inertial(1.0, tensor(0.01, 0.01, 0.03))
 SEEN, SOLID = shape("visual", box()), shape("collision", box())
+TRIFLE = inertial(1e-9, tensor(2e-12, 2e-12, 2e-12))
+"""1 microgram of the tensor that a cube of 0.1 m has with it."""
 WATER = {"ixx": 7.14e-07, "iyy": 7.14e-07, "izz": 7.14e-07}
 """10 g of water: a ball of 1.337 cm, 0.4 m r² = 7.145e-7 kg m²."""
 
@@ -198,11 +200,12 @@ def test_a_frame_without_shapes_that_spoils_its_body_becomes_a_ball(tmp_path: Pa
     assert edit["set_inertia"]["inertia"]["ixx"] == pytest.approx(0.4e-3 * radius**2, rel=2e-3)
 
 
-def test_a_missing_mass_is_a_guess_that_says_so(tmp_path: Path):
-    (edit,) = edits_for(chain(shape("visual", box())), tmp_path)
+@pytest.mark.parametrize("stated", ["", inertial(1e-9, tensor(1e-9, 1e-9, 1e-9)), TRIFLE])
+def test_a_missing_mass_is_a_guess_that_says_so(stated: str, tmp_path: Path):
+    (edit,) = edits_for(chain(shape("visual", box()) + stated), tmp_path)
     guess = {"link": "link0", "guessed": True, "density": 1000, "open": "hull"}
     assert edit == {"inertia_from_geometry": guess}
-    assert "a guess, as the source states no mass" in (tmp_path / "bot.yaml").read_text()
+    assert "a guess, as the source states no real mass" in (tmp_path / "bot.yaml").read_text()
 
 
 SHEET = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nf 1 2 3\nf 1 3 4\n"
