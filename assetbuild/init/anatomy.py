@@ -47,6 +47,8 @@ LOW = 0.15
 """A foot is within this share of the robot's height above its lowest tip."""
 ANKLE = 5
 """A leg with as many joints can lay its foot flat on the ground."""
+TIP_M = 0.01
+"""Points of a shank at most so far above its lowest one are its tip."""
 REACH = 0.25
 """A leg reaches down by at least this share of the robot's height."""
 LEVEL = 0.35
@@ -175,8 +177,7 @@ def _is_small(tree: Tree, body: str) -> bool:
 
 def length_below(tree: Tree, body: str) -> float:
     """From a body's origin to the furthest end of what hangs on it, stretched out; m."""
-    far = {body: _own_length(tree, body)}
-    longest, at = far[body], {body: 0.0}
+    longest, at = _own_length(tree, body), {body: 0.0}
     for joint in tree.joints:
         if joint.parent in at:
             at[joint.child] = at[joint.parent] + math.hypot(*joint.X_parent_joint.xyz)
@@ -262,9 +263,8 @@ def _limb(
     # A last body on a joint that nothing drives, as Cassie's heel, is no limb of its own.
     # Where no joint states an effort, 0 says nothing.
     states = any(j.limits.effort for j in tree.joints)
-    idle = [j for j in tree.joints if states and j.limits.effort == 0.0]
-    springs = {j.name for j in idle if j.child in leaves}
-    branches = Counter(joint.parent for joint in tree.joints if joint.name not in springs)
+    springs = [j for j in tree.joints if states and j.limits.effort == 0.0 and j.child in leaves]
+    branches = Counter(joint.parent for joint in tree.joints if joint not in springs)
     joints: list[Joint] = []
     for joint in chain_to(tree, tip)[::-1]:
         if joint.mimic is None and joint.kind in MOVING:
@@ -298,17 +298,17 @@ def _limb(
 
 
 def _lowest_end(robot: InspectedRobot, shank: str, X_root_shank: Pose) -> Pose:
-    """Where a shank without a foot of its own ends: its lowest ball or end of a capsule.
-
-    Its own frame, which is the knee, where it has no such shape.
+    """Where a shank without a foot ends: its lowest ball or end of a capsule, else the middle of
+    its lowest points; its own frame, which is the knee, where it has no shape.
     """
     ends = []
     for shape in robot.shapes.of("collision"):
         if shape.link == shank and isinstance(shape.geometry, Sphere | Capsule | Cylinder):
             half = 0.0 if isinstance(shape.geometry, Sphere) else shape.geometry.length / 2.0
             ends += [shape.X_link_shape.apply((0.0, 0.0, side * half)) for side in (-1.0, 1.0)]
-    lowest = min(ends, key=lambda end: float(X_root_shank.apply(end)[2]), default=(0.0, 0.0, 0.0))
-    return Pose(vec3(lowest))
+    points = np.array(ends) if ends else next(robot.clouds_of(shank), np.zeros((1, 3)))
+    heights = X_root_shank.apply(points)[:, 2]
+    return Pose(vec3(points[heights <= heights.min() + TIP_M].mean(axis=0)))
 
 
 def _holders(links: Tree, foot: str, tip: str) -> Iterator[str]:

@@ -38,7 +38,7 @@ from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.inertia import principal_moments
 from assetbuild.robot.model import Base, Tree
 from assetbuild.robot.pose import Array
-from assetbuild.robot.shapes import MeshFile, SourceShapes
+from assetbuild.robot.shapes import MeshFile, SourceShape, SourceShapes
 from assetbuild.robot.tree import merge_fixed_joints
 from assetbuild.source.urdf.joints import LIMIT_OMITTED
 from assetbuild.source.urdf.read_urdf import WORLD_JOINT
@@ -94,10 +94,28 @@ class InspectedRobot:
         """See `mesh_points`."""
         return mesh_points(self.root, mesh)
 
+    def clouds_of(self, body: str) -> Iterator[Array]:
+        """(n, 3) m, in the frame of the body: all points that collide, then all that are drawn."""
+        links = set(self.links_of(body))
+        for role in ("collision", "visual"):
+            clouds = []
+            for shape in self.shapes.of(role):
+                if shape.link in links and (points := _points(self.root, shape)) is not None:
+                    X_body_link = self.tree.placement(shape.link)[1]
+                    clouds.append((X_body_link @ shape.X_link_shape).apply(points))
+            if clouds:
+                yield np.concatenate(clouds)
+
     def is_flat(self, mesh: MeshFile) -> bool:
         """Whether the mesh can be read and spans no volume."""
         points = self.points_of(mesh)
         return points is not None and not spans_volume(points)
+
+
+def _points(root: Path, shape: SourceShape) -> Array | None:
+    if isinstance(shape.geometry, MeshFile):
+        return mesh_points(root, shape.geometry)
+    return tessellate(shape.geometry).vertices
 
 
 def look(source: UrdfSource) -> InspectedRobot:

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from typing import Literal
@@ -19,10 +19,8 @@ from typing import Literal
 import numpy as np
 
 from assetbuild.init.look import InspectedRobot, zeroed
-from assetbuild.mesh.primitives import tessellate
 from assetbuild.robot.model import Joint, Tree
 from assetbuild.robot.pose import Array, Pose
-from assetbuild.robot.shapes import MeshFile, SourceShape
 from assetbuild.robot.tree import forward_kinematics
 
 TurningRole = Literal["wheel", "caster", "steering", "rotor", "spinner"]
@@ -203,7 +201,7 @@ def _disc(
 ) -> _Disc:
     tree, X_root_body = robot.tree, at_zero[joint.child]
     axis, origin = _axis(at_zero, joint), np.asarray(X_root_body.xyz)
-    clouds = [X_root_body.apply(cloud) for cloud in _clouds(robot, joint.child)]
+    clouds = [X_root_body.apply(cloud) for cloud in robot.clouds_of(joint.child)]
     if not clouds:
         is_last = _is_last(tree, at_zero, joint, free, 0.0)
         return _Disc(joint, axis, origin, 0.0, math.inf, 0.0, is_last)
@@ -252,30 +250,11 @@ def _ground(robot: InspectedRobot, at_zero: Mapping[str, Pose]) -> float:
 
     Meshes that cannot be read are left out.
     """
-    clouds = ((body.name, next(_clouds(robot, body.name), None)) for body in robot.tree.bodies)
+    clouds = ((body.name, next(robot.clouds_of(body.name), None)) for body in robot.tree.bodies)
     return min(
         (float(at_zero[body].apply(c)[:, 2].min()) for body, c in clouds if c is not None),
         default=0.0,
     )
-
-
-def _clouds(robot: InspectedRobot, body: str) -> Iterator[Array]:
-    """(n, 3) m, in the frame of the body: all points that collide, then all that are drawn."""
-    links = set(robot.links_of(body))
-    for role in ("collision", "visual"):
-        clouds = []
-        for shape in robot.shapes.of(role):
-            if shape.link in links and (points := _points(robot, shape)) is not None:
-                X_body_link = robot.tree.placement(shape.link)[1]
-                clouds.append((X_body_link @ shape.X_link_shape).apply(points))
-        if clouds:
-            yield np.concatenate(clouds)
-
-
-def _points(robot: InspectedRobot, shape: SourceShape) -> Array | None:
-    if isinstance(shape.geometry, MeshFile):
-        return robot.points_of(shape.geometry)
-    return tessellate(shape.geometry).vertices
 
 
 def bodies_below(tree: Tree, body: str) -> list[str]:

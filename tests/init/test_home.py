@@ -5,6 +5,7 @@ MuJoCo reads the source itself, without us, and says how deep its shapes lie in 
 
 from __future__ import annotations
 
+import math
 import re
 from pathlib import Path
 
@@ -34,6 +35,7 @@ def joint(
 
 
 BALL, ROD = '<sphere radius="0.05"/>', '<box size="0.04 0.04 0.3"/>'
+KNEE = "0 0 -0.3"
 LONG = '<box size="0.4 0.04 0.04"/>'
 POST = urdfs.link("world", "") + urdfs.joint("fix", "world", "post", "fixed", "", xyz="0 0 0")
 
@@ -163,6 +165,20 @@ def biped(ahead: float, ankle: float, foot: str = '<box size="0.2 0.08 0.04"/>')
             at = "0.03 0 -0.04" if part == "ankle_roll" else "0 0 0"
             parts.append(link(above, 0.8, shape, at))
     return f'<robot name="biped">{"".join(parts)}</robot>'
+
+
+def test_a_shank_without_a_foot_stands_on_its_lowest_point_below_the_hip(tmp_path: Path):
+    """Thigh and shank are 0.3 m: at 0.75 of the leg's length, the thigh turns by acos(0.75)."""
+    parts = [link("trunk", 8, '<box size="0.6 0.2 0.1"/>')]
+    for name, place in {"a": "0.3 0.2", "b": "0.3 -0.2", "c": "-0.3 0.2", "d": "-0.3 -0.2"}.items():
+        for part, above, at in (("thigh", "trunk", f"{place} 0"), ("shank", f"thigh_{name}", KNEE)):
+            parts.append(joint(f"{part}_{name}", above, f"{part}_{name}", at))
+            parts.append(link(f"{part}_{name}", 0.5, ROD, "0 0 -0.15"))
+    (tmp_path / "r.urdf").write_text(urdfs.robot(*parts, name="r"))
+    text = propose(tmp_path / "r.urdf", tmp_path / "r.yaml", {}).text
+    joints = yaml.safe_load(text)["keyframes"]["home"]["joints"]
+    turn = math.acos(0.75)
+    assert joints == pytest.approx({"thigh_.*": turn, "shank_.*": -2 * turn}, abs=0.1)
 
 
 @pytest.mark.parametrize(
