@@ -351,7 +351,7 @@ def _moves(
     if len(rolling := by_role["wheel"]) >= 2:
         return "floating", f"it rolls on {len(rolling)} wheels: {', '.join(rolling)}"
     if rotors := by_role["rotor"]:
-        return "floating", f"it flies on {len(rotors)} rotors: {', '.join(rotors)}"
+        return "floating", f"it flies or dives on {len(rotors)} rotors: {', '.join(rotors)}"
     if flying := next(filter(_FLYING.fullmatch, [links.name, *links.by_body]), ""):
         return "floating", f"it flies, by the name of `{flying}`"
     if walking := _called_legs(limbs):

@@ -42,7 +42,7 @@ COINCIDENT_M = 1e-3
 
 _WHEEL = re.compile(r"(?i).*(wheel|caster|castor|tyre).*")
 _CASTER = re.compile(r"(?i).*(caster|castor|roller).*")
-_ROTOR = re.compile(r"(?i).*(rotor|propeller|(^|[_/-])prop_?\d*([_-]|$)).*")
+_ROTOR = re.compile(r"(?i).*(rotor|propeller|thruster|(^|[_/-])prop_?\d*([_-]|$)).*")
 _SPINNER = re.compile(
     r"(?i).*(rotor|propeller|fan|blade|brush|lidar|laser|velodyne|hokuyo|radar|fly_?wheel|spin).*"
 )

@@ -180,6 +180,7 @@ def drone(names: str = "rotor_{}", axis: str = "0 0 1") -> str:
     [
         (drone(), True),
         (drone("prop_{}", axis="1 0 0"), True),  # tilted over, but called so
+        (drone("thruster_{}", axis="1 0 0"), True),
         (drone("part_{}"), False),  # what they are nobody says
         (TRUNK + body("turret", DISC) + spin("turret", "trunk", "0 0 0.1", "0 0 1"), False),
     ],
