@@ -19,6 +19,7 @@ from assetbuild.findings import Finding
 from assetbuild.geometry.convert_mesh import ConvertMesh
 from assetbuild.init.draft import Draft, inline, patterns_of, plain, some
 from assetbuild.init.look import FORMATS, LARGEST, InspectedRobot, Weighed, not_in_usd, zeroed
+from assetbuild.mesh.primitives import volume_of
 from assetbuild.plugin_types import Edit
 from assetbuild.plugins import load_plugin
 from assetbuild.robot.codec import encode
@@ -33,6 +34,8 @@ GUESSED_DENSITY = 1000
 """kg/m3, of links without a mass: water's, and that of many a printed or hollow part."""
 GUESSED_MASS = 0.01
 """kg, of a moving link that has neither a mass nor a shape."""
+LEAST_M3 = 1e-12
+"""A cube of 0.1 mm; no smaller shape has mass to spread, such as the 1 um of a camera's frame."""
 DUMMY_DENSITY = 1e6
 """kg/m3: fifty times the densest matter. Below, a small inertia is odd but can be simulated."""
 
@@ -183,8 +186,10 @@ def _remade(robot: InspectedRobot, link: str, finding: Finding) -> Repair:
 def _is_solid(robot: InspectedRobot, link: str, role: str) -> bool:
     """Whether the link has shapes of this role, and each spans a volume."""
     shapes = [s.geometry for s in robot.shapes.shapes if (s.link, s.role) == (link, role)]
-    meshes = [geometry for geometry in shapes if isinstance(geometry, MeshFile)]
-    return bool(shapes) and not any(map(robot.is_flat, meshes))
+    return bool(shapes) and not any(
+        robot.is_flat(shape) if isinstance(shape, MeshFile) else volume_of(shape) < LEAST_M3
+        for shape in shapes
+    )
 
 
 def _ball(link: str, mass: float, finding: Finding) -> Repair:

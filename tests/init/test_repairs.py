@@ -41,6 +41,7 @@ FLAT = inertial(1.0, tensor(0.01, 0.01, 0.03))
 SEEN, SOLID = shape("visual", box()), shape("collision", box())
 TRIFLE = inertial(1e-9, tensor(2e-12, 2e-12, 2e-12))
 """1 microgram of the tensor that a cube of 0.1 m has with it."""
+SPECK = '<box size="1e-6 1e-6 1e-6"/>'
 WATER = {"ixx": 7.14e-07, "iyy": 7.14e-07, "izz": 7.14e-07}
 """10 g of water: a ball of 1.337 cm, 0.4 m r² = 7.145e-7 kg m²."""
 
@@ -65,6 +66,9 @@ HEALED = {
     # A ball of 0.7 mm radius: a touch of it ends in NaN in PhysX.
     "a dummy that is positive": (
         chain(inertial(5.0, DUMMY) + SEEN), [from_shapes("link0", 5.0)]),
+    "a dummy of no size": (
+        chain(inertial(0.01, tensor(1e-12, 1e-12, 1e-12)) + shape("collision", SPECK)),
+        [{"set_inertia": {"link": "link0", "inertia": WATER}}]),
     "a dense link": (chain(inertial(5.0, tensor(1e-3, 1e-3, 1e-3)) + SEEN), []),
     # 1 kg m2 on 2 kg in a box of 10 cm is 67 times m r².
     "a placeholder without a twin": (
