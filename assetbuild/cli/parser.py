@@ -122,7 +122,7 @@ def file_or_robot(text: str) -> Path:
     try:
         return recipe(text)
     except UsageError as error:
-        message = f"is no file, and {error.message}; {error.hint}"
+        message = f"names no file, and {error.message}; {error.hint}"
         raise argparse.ArgumentTypeError(message) from None
 
 

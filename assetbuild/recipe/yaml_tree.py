@@ -143,14 +143,25 @@ class _Builder:
             self._check_bounds(text)
             root = yaml.compose(text, Loader=_Loader)
         except yaml.YAMLError as problem:
-            said: Any = problem  # Any: most of them have marks
-            mark = getattr(said, "problem_mark", None) or getattr(said, "context_mark", None)
-            place = (mark.line + 1, mark.column + 1) if mark else ()
-            what = getattr(said, "problem", "") or str(said).strip().partition("\n")[0]
-            raise self._error(f"not YAML: {what}", where=Where(self._file, *place)) from None
+            raise self._refused(problem, text) from None
         if root is None or (root.tag == _PLAIN and not root.value):
             raise self._error("the file is empty", where=Where(self._file, 1, 1))
         return self._node(root, 1)
+
+    def _refused(self, problem: Any, text: str) -> AssetBuildError:  # Any: most have marks
+        """What PyYAML says, where what it could not read begins, and what is wrong most often."""
+        start = getattr(problem, "context_mark", None)
+        mark = getattr(problem, "problem_mark", None) or start
+        place = (mark.line + 1, mark.column + 1) if mark else ()
+        what = getattr(problem, "problem", "") or str(problem).strip().partition("\n")[0]
+        if start and mark and start.line < mark.line:
+            what += f" {problem.context} that begins on line {start.line + 1}"
+        hint = "indent the keys of a map alike, and quote text that holds `: `"
+        if mark and text[mark.index : mark.index + 1] == "\t":
+            hint = "indent with spaces: YAML takes no tabs"
+        elif "mapping values" not in what:
+            hint = ""
+        return self._error(f"not YAML: {what}", where=Where(self._file, *place), hint=hint)
 
     def _check_bounds(self, text: str) -> None:
         """PyYAML composes without a bound: so few nodes cost little, and its stack is ours."""
