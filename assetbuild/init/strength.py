@@ -98,13 +98,24 @@ def strengthened(tree: Tree, anatomy: Anatomy) -> tuple[Tree, dict[str, Guess]]:
         name: _unknown(tree.by_joint[name], physics[name], over.get(name, 0.0), meaningless)
         for name in physics
     }
+    idle = {}
     for name, reason in why.items():
         joint = tree.by_joint[name]
-        if reason and not is_locked(joint) and not stays_passive(tree, joint, anatomy):
-            effort = rounded_up(physics[name])
-            if effort != joint.limits.effort:
-                guesses[name] = Guess(effort, reason, parts[name])
-    return with_efforts(tree, {name: guess.effort for name, guess in guesses.items()}), guesses
+        if not reason or is_locked(joint):
+            continue
+        effort = rounded_up(physics[name])
+        if stays_passive(tree, _silent(joint), anatomy):
+            idle[name] = 0.0
+        elif effort != joint.limits.effort:
+            guesses[name] = Guess(effort, reason, parts[name])
+    return with_efforts(tree, {n: guess.effort for n, guess in guesses.items()} | idle), guesses
+
+
+def _silent(joint: Joint) -> Joint:
+    """The joint without an effort that cannot be meant; 0 is one that some springs have."""
+    return (
+        replace(joint, limits=replace(joint.limits, effort=None)) if joint.limits.effort else joint
+    )
 
 
 def with_efforts(tree: Tree, efforts: Mapping[str, float]) -> Tree:

@@ -124,10 +124,11 @@ def test_a_large_arm_is_accelerated_at_its_end_like_a_small_one(tmp_path: Path):
     assert held + moved < effort < 2.6 * (held + moved)
 
 
-def test_a_caster_stays_passive(tmp_path: Path):
-    parts = [*ARM, Segment(0.1, 0.05, 'effort="0"', name="caster")]
-    assert row_of(chain(tmp_path, parts), "caster_joint") == {
-        "joints": "caster_joint",
+@pytest.mark.parametrize(("name", "effort"), [("caster", 0), ("rocker_bogie", 10000)])
+def test_a_caster_and_a_bogie_stay_passive(name: str, effort: int, tmp_path: Path):
+    parts = [*ARM, Segment(0.1, 0.05, f'effort="{effort}"', name=name)]
+    assert row_of(chain(tmp_path, parts), f"{name}_joint") == {
+        "joints": f"{name}_joint",
         "model": "passive",
     }
 
