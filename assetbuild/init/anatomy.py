@@ -35,6 +35,7 @@ SENSORS: Mapping[str, str] = {
 _FOOT = re.compile(r"(?i).*(foot|feet|sole|toe|ankle_roll).*")
 _ARM = re.compile(r"(?i).*(arm|shoulder|elbow|wrist|hand|grip|finger|thumb|nub).*")
 _LEG = re.compile(r"(?i).*(leg|foot|toe|hip|knee|ankle|thigh|calf|shank|coxa|femur|tibia).*")
+_WALKER = re.compile(r"(?i).*(hexapod|quadruped|octopod|spider).*")
 _SHANK = re.compile(r"(?i).*(shank|shin|calf|thigh|leg|knee|femur|tibia).*")
 _FINGER = re.compile(r"(?i).*(finger|thumb|grip|palm|knuckle|digit|pinky|pinkie|phalan|hand).*")
 _PRESSES = re.compile(r"(?i).*(finger|thumb|grip|knuckle|digit|pink|phalan|jaw|claw|pinch|clamp).*")
@@ -48,7 +49,7 @@ LOW = 0.15
 ANKLE = 5
 """A leg with as many joints can lay its foot flat on the ground."""
 TIP_M = 0.01
-"""Points of a shank at most so far above its lowest one are its tip."""
+"""Points of a shank at most so far from its last one are its tip."""
 REACH = 0.25
 """A leg reaches down by at least this share of the robot's height."""
 LEVEL = 0.35
@@ -119,7 +120,7 @@ def study(robot: InspectedRobot) -> Anatomy:
     base, reason = _moves(robot, legs, turning, limbs) or _stays(robot)
     doubt = _doubt(tree.root) if reason == UNKNOWN else ""
     legs = () if base == "fixed" else legs  # what is bolted stands on nothing
-    called = () if legs or base == "fixed" else _called_legs(limbs)
+    called = () if legs or base == "fixed" else _called_legs(limbs, robot.links.name)
     return Anatomy(base, reason, legs, _sensors(robot.links), size, called, turning, doubt)
 
 
@@ -211,15 +212,15 @@ def _legs(limbs: list[Leg], at_zero: Mapping[str, Pose], height: float) -> tuple
     for limb in limbs:
         if _can_walk(limb, at_zero) and not _is_arm(limb):
             start, end = at_zero[limb.joints[0].child].xyz[2], limb.X_root_foot.xyz[2]
-            if end - lowest <= LOW * height and start - end >= REACH * height:
+            if end - lowest <= LOW * height and start - end >= REACH * height > 0.0:
                 down.append(limb)
     return _alike(down, 2)
 
 
-def _called_legs(limbs: list[Leg]) -> tuple[Leg, ...]:
-    """Four limbs or more that are called legs, wherever they point at the zero pose."""
-    named = [limb for limb in limbs if _can_walk(limb) and _LEG.fullmatch(limb.joints[-1].child)]
-    return _alike(named, 4)
+def _called_legs(limbs: list[Leg], robot: str) -> tuple[Leg, ...]:
+    """Four limbs or more that are called legs, or of a hexapod, wherever they point at zero."""
+    walks, able = _WALKER.fullmatch(robot), [limb for limb in limbs if _can_walk(limb)]
+    return _alike([leg for leg in able if walks or _LEG.fullmatch(leg.joints[-1].child)], 4)
 
 
 def _alike(limbs: list[Leg], least: int) -> tuple[Leg, ...]:
@@ -275,9 +276,8 @@ def _limb(
     above = tree.joint_above.get(tip)
     if above is not None and above.name in wheels:
         soles = tuple(link for link in links if link in solid) or (tip,)
-        X_tip, shank = above.X_parent_joint, above.parent
-        joints = [joint for joint in joints if joint is not above]
-        return Leg(tuple(joints[::-1]), shank, tip, X_tip, at_zero[tip], soles, rolls=True)
+        swung, X_tip = tuple(j for j in joints[::-1] if j is not above), above.X_parent_joint
+        return Leg(swung, above.parent, tip, X_tip, at_zero[tip], soles, rolls=True)
     foot = max(
         links,
         key=lambda link: (  # what touches the ground: with collision, called a foot, lowest
@@ -299,7 +299,7 @@ def _limb(
 
 def _lowest_end(robot: InspectedRobot, shank: str, X_root_shank: Pose) -> Pose:
     """Where a shank without a foot ends: its lowest ball or end of a capsule, else the middle of
-    its lowest points; its own frame, which is the knee, where it has no shape.
+    its lowest points, or of its farthest, if it is drawn level; without shapes the knee, its frame.
     """
     ends = []
     for shape in robot.shapes.of("collision"):
@@ -307,8 +307,9 @@ def _lowest_end(robot: InspectedRobot, shank: str, X_root_shank: Pose) -> Pose:
             half = 0.0 if isinstance(shape.geometry, Sphere) else shape.geometry.length / 2.0
             ends += [shape.X_link_shape.apply((0.0, 0.0, side * half)) for side in (-1.0, 1.0)]
     points = np.array(ends) if ends else next(robot.clouds_of(shank), np.zeros((1, 3)))
-    heights = X_root_shank.apply(points)[:, 2]
-    return Pose(vec3(points[heights <= heights.min() + TIP_M].mean(axis=0)))
+    low, far = -(points @ X_root_shank.rotation[2]), np.linalg.norm(points, axis=1)
+    out = low if low.max() > far.max() / 2.0 else far
+    return Pose(vec3(points[out >= out.max() - TIP_M].mean(axis=0)))
 
 
 def _holders(links: Tree, foot: str, tip: str) -> Iterator[str]:
@@ -354,9 +355,9 @@ def _moves(
         return "floating", f"it flies or dives on {len(rotors)} rotors: {', '.join(rotors)}"
     if flying := next(filter(_FLYING.fullmatch, [links.name, *links.by_body]), ""):
         return "floating", f"it flies, by the name of `{flying}`"
-    if walking := _called_legs(limbs):
+    if walking := _called_legs(limbs, links.name):
         named = ", ".join(leg.tip for leg in walking[:4])
-        return "floating", f"{named}: legs by their names, but at 0 they do not reach down"
+        return "floating", f"{named}: legs by name, but at 0 they do not reach down"
     if not tree.moving_joints:
         return "floating", "nothing moves in it: a loose object"
     return None
@@ -384,10 +385,9 @@ def _stays(robot: InspectedRobot) -> tuple[Base, str]:
 
 def _doubt(root: str) -> str:
     return (
-        "nothing tells what this robot is: it has no legs, no two wheels on the ground, no rotors "
-        f"and no chain of joints as an arm has. It is taken as bolted at `{root}`. Decide `base` "
-        "(`floating` if nothing holds it) and check the `model` of each drive (`velocity` for what "
-        "turns without end)"
+        "nothing tells what this robot is: no legs, no two wheels on the ground, no rotors, no "
+        f"chain of joints as an arm has. It is taken as bolted at `{root}`. Decide `base` "
+        "(`floating` if loose) and each drive's `model` (`velocity` for what turns without end)"
     )
 
 

@@ -238,7 +238,7 @@ def test_what_matches_nothing_is_said_to_with_what_to_decide(
     assert ("\n# UNDECIDED: " in proposal.text) != known
     assert "\nbase: fixed" in proposal.text
     if not known:
-        assert "`base` (`floating` if nothing holds it)" in proposal.undecided
+        assert "`base` (`floating` if loose)" in proposal.undecided
 
 
 def test_what_turns_on_top_is_driven_by_speed_where_it_is_called_so(tmp_path: Path):

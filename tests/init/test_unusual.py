@@ -215,6 +215,7 @@ def _walker(*, last: str, down: float, names: tuple[str, str], limbs: int = 4) -
         ("revolute", 0.0, ("upper_leg", "lower_leg"), "floating"),  # Laikago lies on its side
         ("revolute", 0.0, ("femur", "tibia"), "floating"),  # as the words of hexapods have it
         ("revolute", 0.0, ("upper_arm", "fore_arm"), "fixed"),
+        ("revolute", 0.0, ("link_1", "link_2"), "fixed"),
     ],
 )
 def test_legs_are_known_by_where_they_reach_or_by_their_names(
@@ -233,6 +234,13 @@ def test_what_is_bolted_to_the_world_does_not_stand(tmp_path: Path):
     text = propose(tmp_path / "bot.urdf", tmp_path / "bot.yaml", {}).text
     assert "base: fixed   # the root link is called `world`; to let it walk on its 4 legs" in text
     assert "stand" not in text
+
+
+def test_a_hexapod_walks_whatever_its_links_are_called(tmp_path: Path):
+    limbs = _walker(last="revolute", down=0.0, names=("link_1", "link_2"), limbs=6)
+    (tmp_path / "bot.urdf").write_text(limbs.replace('"bot"', '"my_hexapod"'))
+    text = propose(tmp_path / "bot.urdf", tmp_path / "bot.yaml", {}).text
+    assert "base: floating   # link_2_0, link_2_1" in text
 
 
 def test_a_floating_joint_below_an_empty_root_is_a_floating_base(tmp_path: Path):
