@@ -162,7 +162,7 @@ def test_a_cart_that_joints_move_over_its_root_does_not_float_as_well(tmp_path: 
 
 REFUSED = {
     "absent meshes": (robot(link("a", mesh("x.stl")), link("b", mesh("y.stl")), joint("j", "a", "b")), r"r\.urdf:3: link a: no file `x.stl` \(and 1 more: `y.stl`\)"),
-    "an absent one of a series": (robot(link("a", mesh("t1.stl")), link("b", mesh("t.stl")), joint("j", "a", "b"), link("c", INERTIAL + urdfs.shape("collision", urdfs.mesh("t1.stl"))), joint("k", "a", "c")), "no file `t1.stl`\nhint: the source holds"),
+    "an absent one of a series": (robot(link("a", mesh("t1.stl")), link("b", mesh("t.stl")), joint("j", "a", "b"), link("c", INERTIAL + urdfs.shape("collision", urdfs.mesh("t1.stl"))), joint("k", "a", "c")), "no file `t1.stl`\nhint: the source holds no file `t1.stl`: copy or clone all of it"),
     "a mesh of no format": (robot(link("a", mesh("t"))), "of no known format"),
     "a backslash": (robot(link("a", mesh("m\\t.stl"))), "no file `m/t.stl`"),
     "undeclared Latin-1": (TWO.replace("base", "körper").encode("latin-1"), "state its encoding"),

@@ -92,7 +92,8 @@ class ReadUrdf(Step):
         joints, findings = _read_joints(root, dict(links))
         name, unnamed = _robot_name(root)
         if not root.all("link"):
-            raise root.error("a robot without links", "is this the right file?")
+            hint = "is this the right file? A xacro of macros alone is included by another one"
+            raise root.error("a robot without links", hint)
         nodes = {f"{n.tag} {n.get('name')}": n for n in root.all("link") + root.all("joint")}
         tree, held = build_tree(name, self.base, bodies, joints, nodes)
         _write(files, tree, geometries, self._source_map(root, nodes, geometries))
