@@ -164,8 +164,10 @@ def nearest(wrong: str, known: Iterable[str]) -> str | None:
     same = same or [name for name in names if word and _file(name) == _file(word)]
     if same:
         return same[0]
-    files = difflib.get_close_matches(_file(word), {*map(_file, names)}, cutoff=ALIKE)
-    by_word = {name.lower(): name for name in names if _file(name) in files}
+    # A folder or an ending in common makes no files alike.
+    part = _stem if "." in _file(word) else str.lower
+    alike = difflib.get_close_matches(part(word), {*map(part, names)}, cutoff=ALIKE)
+    by_word = {name.lower(): name for name in names if part(name) in alike}
     close = difflib.get_close_matches(word, by_word, n=1, cutoff=0.0)
     if close:
         return by_word[close[0]]
@@ -175,6 +177,11 @@ def nearest(wrong: str, known: Iterable[str]) -> str | None:
 
 def _file(path: str) -> str:
     return path.rpartition("/")[2].lower()
+
+
+def _stem(path: str) -> str:
+    name = _file(path)
+    return name.rpartition(".")[0] or name
 
 
 def one_line(error: object, most: int = 200) -> str:

@@ -204,7 +204,9 @@ def _refused(
     return SourceError(
         f"{first['subject']}: no file `{first['path']}`{more}",
         where=Where(source.shown, int(first["line"])),
-        hint=f"did you mean `{close}`?" if close else meant or f"the source holds {lack}: copy or clone all of it",
+        hint=f"did you mean `{close}`?"
+        if close
+        else meant or f"the source holds {lack}: copy or clone all of it",
     )
 
 
