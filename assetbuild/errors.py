@@ -105,6 +105,10 @@ ALIKE = 0.75
 """Share of letters in common from which on a name counts as misspelt (see `difflib`)."""
 
 
+ALIKE_STEM = 0.5
+"""The same of the names of files without their endings, such as `arm` and `arn`."""
+
+
 class Gather:
     """Collects what independent checks raise, so that one run names every mistake.
 
@@ -164,11 +168,15 @@ def nearest(wrong: str, known: Iterable[str]) -> str | None:
     same = same or [name for name in names if word and _file(name) == _file(word)]
     if same:
         return same[0]
-    # A folder or an ending in common makes no files alike.
-    part = _stem if "." in _file(word) else str.lower
-    alike = difflib.get_close_matches(part(word), {*map(part, names)}, cutoff=ALIKE)
-    by_word = {name.lower(): name for name in names if part(name) in alike}
-    close = difflib.get_close_matches(word, by_word, n=1, cutoff=0.0)
+    by_word = {name.lower(): name for name in names}
+    if "." in _file(word):  # a folder or an ending in common makes no files alike
+        by_word = {
+            name: by_word[name]
+            for name in by_word
+            if _common(_file(word), _file(name)) >= ALIKE
+            and _common(_stem(word), _stem(name)) >= ALIKE_STEM
+        }
+    close = difflib.get_close_matches(word, by_word, n=1, cutoff=ALIKE)
     if close:
         return by_word[close[0]]
     longer = [name for name in names if len(word) > 2 and name.lower().startswith(word)]
@@ -177,6 +185,10 @@ def nearest(wrong: str, known: Iterable[str]) -> str | None:
 
 def _file(path: str) -> str:
     return path.rpartition("/")[2].lower()
+
+
+def _common(wrong: str, name: str) -> float:
+    return difflib.SequenceMatcher(None, name, wrong).ratio()
 
 
 def _stem(path: str) -> str:

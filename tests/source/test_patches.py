@@ -66,7 +66,7 @@ def test_a_patch_of_no_text_names_those_that_there_are(tmp_path: Path):
     patch = '{file: s.urdf, find: "a", replace: "b", because: a typo}'
     with pytest.raises(AssetBuildError, match=r"`s\.urdf` is no text") as raised:
         check(recipe(tmp_path, {"src/r.urdf": bad()}, patch))
-    assert raised.value.hint == "did you mean `r.urdf`?"
+    assert raised.value.hint == "known: `r.urdf`"
 
 
 def test_a_diff_file_is_patches(tmp_path: Path):
