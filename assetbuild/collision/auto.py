@@ -73,6 +73,8 @@ SCALED = 1e-3
 """A capped piece is scaled when it lost more than this of its size."""
 SURELY = 0.1
 """Candidates that are worse by so much badness are out, whatever the samples are off by."""
+UNSURE = 0.3
+"""Badness by few samples that all samples may clear: they know a share of 0.05 to 0.013."""
 BLOCKED = 10.0
 """Badness of a piece in a place to be kept open: worse than any tolerance missed by 1000 %."""
 
@@ -275,7 +277,7 @@ class Auto(LibraryMethod):
         low, high = min(2, most), most
         while low < high:
             middle = (low + high) // 2
-            if member(middle, coarse=True).badness == 0.0:
+            if member(middle, coarse=True).badness <= UNSURE:
                 high = middle
             else:
                 low = middle + 1
