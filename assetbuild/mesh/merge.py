@@ -63,7 +63,7 @@ class _Forest:
 
     def __init__(self, points: Sequence[Array]) -> None:
         self._points = list(points)
-        self._volumes = [hull_volume(p) for p in points]
+        self._volumes = [hull_volume(p - p.mean(axis=0)) for p in points]
         self._bounds = [(p.min(axis=0), p.max(axis=0)) for p in points]
         corners = np.concatenate(self._points)
         self._reach = NEAR * float(np.linalg.norm(np.ptp(corners, axis=0)))
@@ -109,5 +109,7 @@ class _Forest:
         return bool((low <= upper + self._reach).all() and (lower <= high + self._reach).all())
 
     def _cost(self, a: int, b: int, every: int) -> float:
-        joined = hull_volume(np.concatenate([self._points[k][::every] for k in (a, b)]))
+        both = np.concatenate([self._points[k][::every] for k in (a, b)])
+        # About its middle: pairs that add next to nothing are told apart by rounding.
+        joined = hull_volume(both - both.mean(axis=0))
         return joined - self._volumes[a] - self._volumes[b]
