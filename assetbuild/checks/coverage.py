@@ -119,7 +119,7 @@ def _length(metres: float) -> str:
 
 
 def _fit(tree: Tree, hulls: Hulls, body: str, outside: Callable[[str], Distance]) -> Fit:
-    """outside: distance from what is seen of a body."""
+    """outside: by the name of a body, the distance from its visual hull."""
     visual, collision = (
         np.concatenate([hull.vertices for hull in hulls[body, role]])
         for role in ("visual", "collision")

@@ -72,9 +72,10 @@ TIGHT = 0.02
 SCALED = 1e-3
 """A capped piece is scaled when it lost more than this of its size."""
 SURELY = 0.1
-"""Candidates that are worse by so much badness are out, whatever the samples are off by."""
+"""A candidate that is worse by this much badness is out, whatever the sampling error."""
 UNSURE = 0.3
-"""Badness by few samples that all samples may clear: they know a share of 0.05 to 0.013."""
+"""A candidate that looks this bad by few samples, see `ENOUGH_INSIDE`, may still meet all
+tolerances by all of them."""
 BLOCKED = 10.0
 """Badness of a piece in a place to be kept open: worse than any tolerance missed by 1000 %."""
 
@@ -299,8 +300,8 @@ class Auto(LibraryMethod):
         *,
         coarse: bool = False,
     ) -> _Candidate:
-        """How pieces meet the tolerances; those worse than `worst` may look less bad than they
-        are."""
+        """How well pieces meet the tolerances. Of those worse than `worst`, the badness may be
+        too low: they are not measured further."""
         capped = tuple(piece for piece in pieces if piece is not None)
         if not capped:
             return _Candidate((), _NOTHING, np.inf, how)

@@ -16,7 +16,7 @@ Signature = tuple[int, int, int, int, int]
 RACY_NS = 2_000_000_000
 """Stamps younger than this prove nothing: clocks of file systems tick every 1 ms to 2 s."""
 FINE_RACY_NS = 50_000_000
-"""The same where a stamp says more than milliseconds: such clocks tick every 10 ms or less."""
+"""The same where stamps are finer than a millisecond: such clocks tick every 10 ms or less."""
 
 CHUNK = 1 << 20
 

@@ -49,7 +49,7 @@ LOW = 0.15
 ANKLE = 5
 """A leg with as many joints can lay its foot flat on the ground."""
 TIP_M = 0.01
-"""Points of a shank at most so far from its last one are its tip."""
+"""Points of a shank within this distance of its last one are its tip."""
 REACH = 0.25
 """A leg reaches down by at least this share of the robot's height."""
 LEVEL = 0.35

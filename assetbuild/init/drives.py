@@ -293,7 +293,7 @@ def _felt(
         feet.append((leg.tip, foot))
     torque, left_over = holding_torques(robot, feet)
     if legs and tree.base == "floating" and left_over > 0.05:
-        torque = {}  # it would tip over: nothing is held. Wheels carry what stands on them
+        torque = {}  # it would tip over, so nothing is held; without legs the ground bears it
     felt, inertias, tipping = {}, robot.effective_inertia, _tipping(tree, robot, legs)
     for joint in tree.moving_joints:
         name, moved = joint.name, inertias.get(joint.name, 0.0)

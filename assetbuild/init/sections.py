@@ -225,7 +225,7 @@ def put_actuators(draft: Draft, tuning: Tuning) -> None:
         above += [f"source {word} ignored: {DROPPED[word]}" for word in row.drops]
         for pattern in patterns_of(row.joints, [joint.name for joint in moving]):
             draft.add({"joints": pattern, **row.keys}, "actuators", above=above)
-            above = ["more of these joints, whose names make no shorter pattern"]
+            above = ["the rest of these joints: one pattern for all would be too long"]
 
 
 def _described(row: DriveRow) -> str:

@@ -222,7 +222,7 @@ def physical_efforts(
 
 
 def _twins(tree: Tree, parts: Mapping[str, Role]) -> dict[str, list[str]]:
-    """By driven joint those that carry the same at the same place of a limb, itself among them."""
+    """For each driven joint, those with the same mass at the same place of a limb, and itself."""
     alike: dict[tuple[object, ...], list[str]] = {}
     for joint in tree.moving_joints:
         if joint.mimic is None:

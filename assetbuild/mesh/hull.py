@@ -156,17 +156,13 @@ def polygon_count(hull: TriangleMesh) -> int:
     left, right = order[0::2] // 3, order[1::2] // 3
     cosine = np.einsum("ij,ij->i", normal[left], normal[right])
     flat = (cosine > np.cos(COPLANAR)) | ~(solid[left] & solid[right])
-    # Few triangles are joined, and scipy would take a millisecond.
-    above = list(range(len(hull.faces)))
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import connected_components
 
-    def root(face: int) -> int:
-        while above[face] != face:
-            above[face] = face = above[above[face]]
-        return face
-
-    for one, other in zip(left[flat].tolist(), right[flat].tolist(), strict=True):
-        above[root(one)] = root(other)
-    return sum(face == up for face, up in enumerate(above))
+    faces = len(hull.faces)
+    joined = coo_array((np.ones(int(flat.sum())), (left[flat], right[flat])), shape=(faces, faces))
+    count, _ = connected_components(joined, directed=False)
+    return int(count)
 
 
 def _normals(hull: TriangleMesh) -> tuple[Array, NDArray[np.bool_]]:

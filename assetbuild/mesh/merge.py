@@ -110,6 +110,6 @@ class _Forest:
 
     def _cost(self, a: int, b: int, every: int) -> float:
         both = np.concatenate([self._points[k][::every] for k in (a, b)])
-        # About its middle: pairs that add next to nothing are told apart by rounding.
+        # Relative to the middle: between pairs that add almost nothing, rounding decides.
         joined = hull_volume(both - both.mean(axis=0))
         return joined - self._volumes[a] - self._volumes[b]

@@ -9,6 +9,7 @@ import os
 import pickle
 import subprocess
 import sys
+import time
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -87,14 +88,28 @@ def test_putting_the_same_bytes_heals_a_corrupt_object(store: Store):
     assert store.read(digest) == b"abcdef"
 
 
-def test_a_large_object_is_hashed_once(store: Store, monkeypatch: pytest.MonkeyPatch):
-    from assetbuild.engine import store as module
+@pytest.mark.parametrize(("tick_ns", "times"), [(1, 1), (10**9, 2)])
+def test_an_object_is_hashed_once_unless_its_stamps_may_hide_an_edit(
+    tick_ns: int, times: int, store: Store, monkeypatch: pytest.MonkeyPatch
+):
+    """0.1 s after it was written: where a clock ticks each second, an edit may leave no trace."""
+    hashed: list[Path] = []
 
-    digest = store.put_bytes(b"x" * 1000)
-    monkeypatch.setattr(module, "is_racy", lambda signature, **_: False)
-    store.path(digest)
-    monkeypatch.setattr(module, "digest_file", None)
-    store.path(digest)
+    def counted(path: Path) -> str:
+        hashed.append(path)
+        return digest.digest_file(path)
+
+    def ticking(status: os.stat_result) -> digest.Signature:
+        changed, *others = digest.signature_of(status)[1:]
+        return (0, changed - changed % tick_ns, *others)
+
+    monkeypatch.setattr(store_module, "digest_file", counted)
+    monkeypatch.setattr(store_module, "signature_of", ticking)
+    name = store.put_bytes(b"x" * 1000)
+    time.sleep(0.1)
+    store.path(name)
+    store.path(name)
+    assert len(hashed) == times
 
 
 @pytest.mark.parametrize("name", ["../x", "/x", "a/../x", "a//b", "", ".", "./a", "a/."])
