@@ -268,15 +268,19 @@ class Weighed:
     @cached_property
     def by_body(self) -> dict[str, Extent]:
         """The same of merged bodies."""
-        points: dict[str, list[Array]] = {}
+        parts: dict[str, list[Extent]] = {}
         unread = {link for link, clouds in self._clouds.items() if not clouds}
         placed = {link: self.robot.tree.placement(link) for link in self._clouds}
         for link, extent in self.by_link.items():
             body, X_body_link = placed[link]
-            points.setdefault(body, []).append(X_body_link.apply(extent.points))
+            moved = replace(extent, points=X_body_link.apply(extent.points))
+            parts.setdefault(body, []).append(moved)
         for link in unread:
-            points.pop(placed[link][0], None)
-        return {body: extent_of(clouds) for body, clouds in points.items()}
+            parts.pop(placed[link][0], None)
+        return {
+            body: one if not others else extent_of([part.points for part in (one, *others)])
+            for body, (one, *others) in parts.items()
+        }
 
     @cached_property
     def _clouds(self) -> dict[str, list[Array]]:

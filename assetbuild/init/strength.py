@@ -21,6 +21,7 @@ import re
 from collections import Counter
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import numpy as np
 
@@ -325,7 +326,7 @@ def gravity_loads(
             loads[joint.name] = abs(mass[joint.child] * GRAVITY * float(axis[2]))
         else:
             arm = moment[joint.child] - mass[joint.child] * np.asarray(X.xyz)
-            loads[joint.name] = abs(float(axis @ np.cross(arm, (0.0, 0.0, GRAVITY))))
+            loads[joint.name] = abs(GRAVITY * float(axis[0] * arm[1] - axis[1] * arm[0]))
     return loads
 
 
@@ -349,6 +350,7 @@ def overloaded(tree: Tree, twins: Mapping[str, Sequence[str]]) -> dict[str, floa
     return shares
 
 
+@lru_cache(maxsize=1)
 def _sampled_loads(tree: Tree) -> list[dict[str, float]]:
     """`gravity_loads` in the pose of zeros and in random ones."""
     joints = tree.moving_joints

@@ -96,6 +96,7 @@ def volume_of(primitive: Primitive) -> float:
 
 
 @functools.lru_cache(maxsize=256)
+@functools.lru_cache(maxsize=256)
 def tessellate(primitive: Primitive) -> TriangleMesh:
     """A closed convex mesh, inscribed: its vertices lie on the primitive's surface."""
     if isinstance(primitive, Box):

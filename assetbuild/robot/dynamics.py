@@ -16,7 +16,7 @@ import numpy as np
 from assetbuild.robot.inertia import matrix_of
 from assetbuild.robot.mimic import leading, with_mimics
 from assetbuild.robot.model import Tree
-from assetbuild.robot.pose import Array, Pose
+from assetbuild.robot.pose import Array, Pose, cross
 from assetbuild.robot.shapes import Shapes, Sphere
 from assetbuild.robot.tree import forward_kinematics
 
@@ -32,7 +32,7 @@ class Motion:
     def at(self, point: Array) -> Array:
         """(3, nv) Jacobian of the velocity of a point of the body, given in world, m."""
         arm = point - np.asarray(self.pose.xyz)
-        moved: Array = self.linear + np.cross(self.angular, arm, axisa=0, axisb=0, axisc=0)
+        moved: Array = self.linear + cross(self.angular.T, arm[np.newaxis]).T
         return moved
 
 

@@ -32,7 +32,8 @@ class _Engine:
     def __getattr__(self, name: str) -> Any:  # Any: as above
         import mujoco
 
-        return getattr(mujoco, name)
+        value = self.__dict__[name] = getattr(mujoco, name)
+        return value
 
 
 mj: Any = _Engine()  # Any: as above
@@ -247,14 +248,8 @@ def follow(model: Model, data: Data) -> None:
 
 
 def is_finite(data: Data) -> bool:
-    """MuJoCo starts over silently when a state goes bad: its counters tell."""
-    bad = (
-        mj.mjtWarning.mjWARN_BADQPOS,
-        mj.mjtWarning.mjWARN_BADQVEL,
-        mj.mjtWarning.mjWARN_BADQACC,
-        mj.mjtWarning.mjWARN_BADCTRL,
-    )
-    if any(data.warning[int(kind)].number for kind in bad):
+    """MuJoCo starts over silently when a state goes bad: its counters tell, the last of them."""
+    if data.warning.number[int(mj.mjtWarning.mjWARN_BADQPOS) :].any():
         return False
     return bool(np.isfinite(data.qpos).all() and np.isfinite(data.qvel).all())
 

@@ -109,6 +109,7 @@ def shake(model: Model, action: Action) -> Shaken | None:
         return None
     scales = [drive.command_step(_scale(model, drive, action)) for drive in servos]
     places, joints = [drive.ctrl_index for drive in servos], mujoco.turning(model)
+    dofs = model.jnt_dofadr[joints]
     random, speeds, ended = np.random.default_rng(SEED), np.zeros(len(joints)), None
     model = mujoco.without(model)
     with mujoco.caught_warnings():
@@ -123,7 +124,7 @@ def shake(model: Model, action: Action) -> Shaken | None:
             if not mujoco.is_finite(data):
                 ended = step * model.opt.timestep
                 break
-            speeds = np.maximum(speeds, np.abs(data.qvel[model.jnt_dofadr[joints]]))
+            speeds = np.maximum(speeds, np.abs(data.qvel[dofs]))
     name = mujoco.name_of(model, "joint", joints[int(speeds.argmax())])
     return Shaken(ended, name, float(speeds.max()))
 
