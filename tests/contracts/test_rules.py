@@ -23,12 +23,20 @@ PACKAGE = ROOT / "assetbuild"
 LEGS = "schema: assetbuild/v1\nrobot: r\nsource: {path: ., urdf: r.urdf}\ntargets: [urdf]\n"
 
 
+Nodes = list[ast.AST]
+"""Of one file, its module first."""
+
+
+def nodes_of(path: Path) -> Nodes:
+    return list(ast.walk(ast.parse(path.read_text(encoding="utf-8"))))
+
+
 @functools.cache
-def trees() -> dict[str, ast.Module]:
-    """Syntax trees of the package's files, parsed only in the process that runs these tests."""
+def package() -> dict[str, Nodes]:
+    """The syntax of the package's files, parsed only in the process that runs these tests."""
     gc.disable()  # it would take most of the time: syntax trees are many small objects
     parsed = {
-        path.relative_to(PACKAGE).as_posix(): ast.parse(path.read_text(encoding="utf-8"))
+        path.relative_to(PACKAGE).as_posix(): nodes_of(path)
         for path in sorted(PACKAGE.rglob("*.py"))
     }
     gc.freeze()
@@ -41,17 +49,17 @@ def entries() -> tuple[Entry, ...]:
     return entries_of(package_modules())
 
 
-def calls(tree: ast.AST, name: str) -> Iterator[ast.Call]:
-    for node in ast.walk(tree):
+def calls(nodes: Nodes, name: str) -> Iterator[ast.Call]:
+    for node in nodes:
         if isinstance(node, ast.Call) and getattr(node.func, "id", "") == name:
             yield node
 
 
-def constants(tree: ast.Module) -> dict[str, ast.Call]:
+def constants(nodes: Nodes) -> dict[str, ast.Call]:
     """Rules by the name of their constant, as the text of a module declares them."""
     return {
         node.targets[0].id: node.value
-        for node in tree.body
+        for node in nodes[0].body
         if isinstance(node, ast.Assign)
         and isinstance(node.value, ast.Call)
         and getattr(node.value.func, "id", "") == "Rule"
@@ -61,23 +69,25 @@ def constants(tree: ast.Module) -> dict[str, ast.Call]:
 
 def test_every_finding_is_made_by_a_rule():
     made = [
-        f"{path}:{call.lineno}" for path, tree in trees().items() for call in calls(tree, "Finding")
+        f"{path}:{call.lineno}"
+        for path, nodes in package().items()
+        for call in calls(nodes, "Finding")
     ]
     assert [place for place in made if not place.startswith("findings.py:")] == []
 
 
 def test_every_rule_is_a_constant_of_its_module():
     """Only so the reference finds it."""
-    for path, tree in trees().items():
-        assert len(list(calls(tree, "Rule"))) == len(constants(tree)), path
+    for path, nodes in package().items():
+        assert len(list(calls(nodes, "Rule"))) == len(constants(nodes)), path
 
 
 def test_the_reference_has_every_rule_of_the_code(entries):
     """Children that are programs of their own are not imported: they can declare none."""
     declared = {
         ast.literal_eval(call.args[0])
-        for tree in trees().values()
-        for call in constants(tree).values()
+        for nodes in package().values()
+        for call in constants(nodes).values()
     }
     assert {entry.rule.id for entry in entries} == declared
 
@@ -125,18 +135,18 @@ def severities_stated(call: ast.Call) -> set[str]:
 
 
 def test_every_severity_that_a_call_states_is_declared_and_not_the_usual_one():
-    for path, tree in trees().items():
-        for name, declaration in constants(tree).items():
+    for path, nodes in package().items():
+        for name, declaration in constants(nodes).items():
             rule = Rule(*(ast.literal_eval(argument) for argument in declaration.args))
-            for call in calls(tree, name):
+            for call in calls(nodes, name):
                 assert severities_stated(call) <= set(rule.severities), f"{path}:{call.lineno}"
                 assert severities_stated(call) != {rule.severities[0]}, f"{path}:{call.lineno}"
 
 
 def test_every_rule_that_the_code_compares_with_exists(entries):
     known = {entry.rule.id for entry in entries}
-    for path, tree in trees().items():
-        for node in ast.walk(tree):
+    for path, nodes in package().items():
+        for node in nodes:
             if isinstance(node, ast.Compare) and getattr(node.left, "attr", "") == "rule":
                 named = {c.value for c in node.comparators if isinstance(c, ast.Constant)}
                 for rule in named:
@@ -177,11 +187,13 @@ TOOLS = {"mutations", "benchmarks", "corpus", "faults"}
 """Folders of programs beside the tests."""
 
 
-def literals(tree: ast.Module) -> Iterator[str]:
+def literals(nodes: Nodes) -> Iterator[str]:
     """Strings that code uses: no docstrings, and nothing of a finding that a test makes up."""
-    idle = {id(node.value) for node in ast.walk(tree) if isinstance(node, ast.Expr)}
-    idle |= {id(part) for name in ("Finding", "Rule") for c in calls(tree, name) for part in c.args}
-    for node in ast.walk(tree):
+    idle = {id(node.value) for node in nodes if isinstance(node, ast.Expr)}
+    idle |= {
+        id(part) for name in ("Finding", "Rule") for c in calls(nodes, name) for part in c.args
+    }
+    for node in nodes:
         if isinstance(node, ast.Constant) and isinstance(node.value, str) and id(node) not in idle:
             yield node.value
 
@@ -191,7 +203,7 @@ def test_every_rule_is_named_by_a_test(entries):
     words = set[str]()
     for path in (ROOT / "tests").rglob("*.py"):
         if path != Path(__file__) and not TOOLS & set(path.relative_to(ROOT).parts):
-            for text in literals(ast.parse(path.read_text(encoding="utf-8"))):
+            for text in literals(nodes_of(path)):
                 words.update(re.findall(r"[a-z_]+(?:\.[a-z_]*)+", text))
     unnamed = [
         rule
