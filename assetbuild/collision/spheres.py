@@ -73,7 +73,8 @@ def _greedy(
     """(centre, radius) of the chosen spheres. cloud: (n, 3); inside: (n,); deep: (k,) m."""
     radii = np.concatenate([deep + share * beyond for share in GROWTH])
     middles = np.tile(centres, (len(GROWTH), 1))
-    apart = np.linalg.norm(cloud[None] - centres[:, None], axis=2)
+    # Axis by axis: a third of the time of `norm` along rows of three, digit by digit the same.
+    apart = np.sqrt(sum((cloud[:, k] - centres[:, k, None]) ** 2 for k in range(3)))
     holds = np.concatenate([apart <= (deep + share * beyond)[:, None] for share in GROWTH])
     worth = holds.astype(np.float32)  # sums of whole numbers below 2^24: exact, and quick
     value = np.where(inside, 1.0, -1.0).astype(np.float32)
