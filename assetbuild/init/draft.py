@@ -17,6 +17,8 @@ WIDTH = 100
 """Characters up to which a mapping or list stands in one line."""
 LONGEST = 400
 """Characters of a pattern; a recipe takes up to 500."""
+_IN_WORD, _IN_WORD_REVERSED = map(re.compile, ("[A-Za-z][a-z]|[0-9]{2}", "[a-z][A-Za-z]|[0-9]{2}"))
+"""Two characters that a pattern keeps together: `(left|right)`, not `(lef|righ)t`."""
 
 Keys = tuple[str | int, ...]
 NOTHING = object()
@@ -170,7 +172,7 @@ def _either(names: Sequence[str]) -> str:
         return re.escape(unique[0])
     head = _shared(unique)
     rest = [text[len(head) :] for text in unique]
-    tail = _shared([text[::-1] for text in rest])[::-1]
+    tail = _shared([text[::-1] for text in rest], _IN_WORD_REVERSED)[::-1]
     middles = [re.escape(text[: len(text) - len(tail)]) for text in rest]
     if len(middles) > 1 and all(len(text) == 1 and text.isalnum() for text in middles):
         inside = f"[{_range(middles)}]"
@@ -186,7 +188,10 @@ def _range(letters: Sequence[str]) -> str:
     return f"{chr(codes[0])}-{chr(codes[-1])}" if run and len(codes) > 2 else "".join(letters)
 
 
-def _shared(texts: Sequence[str]) -> str:
-    """The letters that all texts begin with."""
+def _shared(texts: Sequence[str], in_word: re.Pattern[str] = _IN_WORD) -> str:
+    """What all texts begin with, as far as it ends where a word or number of each does."""
     columns = takewhile(lambda letters: len(set(letters)) == 1, zip(*texts, strict=False))
-    return "".join(letters[0] for letters in columns)
+    count = len([*columns])
+    while count and any(in_word.fullmatch(text[count - 1 : count + 1]) for text in texts):
+        count -= 1
+    return texts[0][:count]
