@@ -63,7 +63,6 @@ class Leg:
     """joints: moving joints from the trunk down. tip: its last body; foot: the source link there.
 
     A wheel at its end is its foot: neither its joint nor its body is of the leg.
-
     X_tip_foot: where it touches the ground, about; X_root_foot: the same at the zero pose.
     soles: links that may touch the floor, the foot among them.
     """
@@ -127,6 +126,7 @@ def study(robot: InspectedRobot) -> Anatomy:
 def roles(tree: Tree, anatomy: Anatomy) -> dict[str, Role]:
     """What each moving joint is part of, by the robot's anatomy, its names and its size."""
     legs = {joint.name for leg in anatomy.walks_on for joint in leg.joints}
+    carries = {j.name for w in anatomy.turning for j in chain_to(tree, tree.by_joint[w].child)}
     role_of: dict[str, Role] = {}
     for joint in tree.moving_joints:
         called = _FINGER.fullmatch(f"{joint.name} {joint.child}")
@@ -135,10 +135,11 @@ def roles(tree: Tree, anatomy: Anatomy) -> dict[str, Role]:
         elif joint.name in anatomy.turning:
             role_of[joint.name] = anatomy.turning[joint.name].role
         elif _is_small(tree, joint.child if called else limb_of(tree, joint)):
-            # What hangs on a leg or a head is no finger: a rod, a spring, a toe, an antenna.
+            # No finger hangs on a leg or a head (a spring, an antenna) or carries a wheel: a strut.
             above = chain_to(tree, joint.child)
             other = any(p.name in legs or _NO_HAND.fullmatch(p.child) for p in above)
-            role_of[joint.name] = "arm" if other and not called else "finger"
+            no_finger = joint.name in carries or (other and not called)
+            role_of[joint.name] = "arm" if no_finger else "finger"
         else:
             role_of[joint.name] = "arm"
     return role_of | dict.fromkeys(_alone(tree, role_of), "arm")
@@ -160,11 +161,9 @@ def _alone(tree: Tree, role_of: Mapping[str, Role]) -> Iterator[str]:
 
 def limb_of(tree: Tree, joint: Joint) -> str:
     """The body after the last branch above a joint: fingers are limbs of their own."""
-    children: dict[str, int] = {}
-    for other in tree.moving_joints:
-        children[other.parent] = children.get(other.parent, 0) + 1
+    children = Counter(other.parent for other in tree.moving_joints)
     for above in reversed(chain_to(tree, joint.child)):
-        if children.get(above.parent, 0) > 1 or above.parent == tree.root:
+        if children[above.parent] > 1 or above.parent == tree.root:
             return above.child
     return joint.child
 

@@ -261,6 +261,18 @@ def test_a_spring_at_the_heel_of_a_leg_is_no_finger(tmp_path: Path):
     assert found["gripper"] == "finger"
 
 
+def test_a_strut_that_carries_a_wheel_is_no_finger(tmp_path: Path):
+    struts = [
+        body(f"{side}_strut", mass=0.05)
+        + spin(f"{side}_strut", "trunk", f"0 {y} -0.1", "0 0 1", "prismatic", BOUNDED)
+        + body(f"{side}_wheel", '<cylinder radius="0.05" length="0.02"/>')
+        + spin(f"{side}_wheel", f"{side}_strut", "0 0 0", "0 1 0")
+        for side, y in (("left", 0.1), ("right", -0.1))
+    ]
+    _, found = seen(tmp_path, TRUNK, *struts)
+    assert (found["left_strut"], found["left_wheel"]) == ("arm", "wheel")
+
+
 def test_feet_that_cannot_be_bodies_of_their_own_are_not_proposed_as_such(
     robots: Path, tmp_path: Path
 ):
