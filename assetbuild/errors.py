@@ -6,6 +6,7 @@ An error stops the build. What only informs is a `Finding` (see `findings.py`).
 from __future__ import annotations
 
 import difflib
+import re
 from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import ClassVar
@@ -158,6 +159,17 @@ def did_you_mean(wrong: str, known: Iterable[str]) -> str:
         return f"did you mean `{near}`?"
     shown = ", ".join(f"`{name}`" for name in names[:12])
     return f"known: {shown}{', ...' if len(names) > 12 else ''}" if names else ""
+
+
+def meant_pattern(pattern: str, known: Iterable[str]) -> str:
+    """A hint for a pattern that matches none of `known`, such as a part of a name or a shell's."""
+    names = sorted(set(known))
+    text = re.sub(r"(?<![.\])])\*", ".*", pattern)
+    text = f"({text})" if "|" in text else text
+    for meant in (text, f"{text}.*", f".*{text}", f".*{text}.*"):
+        if not pattern.startswith("(?") and sum(bool(re.fullmatch(meant, n)) for n in names) > 1:
+            return f"did you mean `{meant}`? a pattern matches whole names"
+    return did_you_mean(pattern, names)
 
 
 def nearest(wrong: str, known: Iterable[str]) -> str | None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from assetbuild.cli import VERBS
-from assetbuild.errors import nearest
+from assetbuild.errors import did_you_mean, meant_pattern, nearest
 
 TARGETS = ("isaaclab", "mjcf", "mjlab", "mjx", "urdf", "usd", "xrdf")
 KEYS = ("actuators", "base", "collision", "contact", "edits", "feet", "imu", "kd", "keyframes",
@@ -58,3 +58,20 @@ def test_a_slip_of_the_finger_in_a_longer_name_is_understood():
         for place in range(len(name) - 1):
             assert nearest(name[:place] + name[place + 1 :], known) == name
             assert nearest(name[:place] + name[place] + name[place:], known) == name
+
+
+PATTERNS = [
+    ("FL_hip_jiont", "FL_hip_joint"),
+    ("FL", "FL.*"),
+    ("calf_joint", ".*calf_joint"),
+    ("hip", ".*hip.*"),
+    ("hip|calf", ".*(hip|calf).*"),
+    ("FL_*", "FL_.*"),
+]
+
+
+def test_a_part_of_a_name_and_a_wildcard_of_a_shell_are_understood_as_patterns():
+    hints = [meant_pattern(pattern, JOINTS).partition("?")[0] for pattern, _ in PATTERNS]
+    assert hints == [f"did you mean `{meant}`" for _, meant in PATTERNS]
+    for pattern in ("knee", r"\w*_knee", "(?i)fl"):
+        assert meant_pattern(pattern, JOINTS) == did_you_mean(pattern, JOINTS)

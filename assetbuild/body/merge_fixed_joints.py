@@ -6,7 +6,6 @@ import re
 from collections.abc import Iterator
 
 from assetbuild.engine.step import Files, Step
-from assetbuild.errors import RecipeError, did_you_mean
 from assetbuild.findings import Finding, Rule
 from assetbuild.robot.codec import encode
 from assetbuild.robot.files import RobotFiles
@@ -44,7 +43,7 @@ class MergeFixedJoints(Step):
     """A root without mass keeps its name and its frame too."""
 
     def run(self, files: Files) -> Iterator[Finding]:
-        """Raises RecipeError for a pattern that matches no link."""
+        """See `Step`."""
         robot = RobotFiles(files.inputs)
         links, control = robot.links, robot.source_control if self.keep_source else None
         kept = self._kept(links) | frozenset(control.bodies if control else ())
@@ -66,13 +65,8 @@ class MergeFixedJoints(Step):
             )
 
     def _kept(self, links: Tree) -> frozenset[str]:
-        kept: set[str] = set()
-        for pattern in self.keep_bodies:
-            matches = {name for name in links.by_body if re.fullmatch(pattern, name)}
-            if not matches:
-                message = f"fixed_joints.keep_bodies: no link matches `{pattern}`"
-                raise RecipeError(message, hint=did_you_mean(pattern, links.by_body))
-            kept |= matches
+        """What the recipe keeps; the plan refuses a pattern that matches no link."""
+        kept = (n for p in self.keep_bodies for n in links.by_body if re.fullmatch(p, n))
         return frozenset(kept)
 
 

@@ -22,7 +22,7 @@ from typing import Generic, Literal, TypeVar
 
 from assetbuild.compose.compose_parts import PLATE
 from assetbuild.control.plan import own_side
-from assetbuild.errors import RecipeError, did_you_mean
+from assetbuild.errors import RecipeError, meant_pattern
 from assetbuild.recipe.loader import LoadedRecipe
 from assetbuild.recipe.models import Part, Recipe
 from assetbuild.recipe.validation import Key
@@ -163,7 +163,7 @@ def _idle(member: Member, key: Key, pattern: str, kind: Kind) -> RecipeError:
     if kind == "joints" and any(re.fullmatch(pattern, name) for name in fixed):
         return member.loaded.error(key, f"`{pattern}` matches only joints that do not move")
     known = [*member.names[kind], *(p.prefix + n for p in member.reach for n in p.names[kind])]
-    hint = did_you_mean(pattern, known)
+    hint = meant_pattern(pattern, known)
     if any(re.fullmatch(pattern, name) for name in known):
         hint = "write the prefix of a part out if it is meant"
     what = "joint of the part" if key[0] == "compose" else _WORDS[kind]

@@ -30,7 +30,7 @@ from assetbuild.control.senses import (
 )
 from assetbuild.control.source_control import StatedControl, join, joined_keyframes
 from assetbuild.engine.step import Files, Step
-from assetbuild.errors import Gather, did_you_mean
+from assetbuild.errors import Gather, meant_pattern
 from assetbuild.findings import Finding, Rule
 from assetbuild.robot import model
 from assetbuild.robot.actuator_table import ActuatorRow, Motor
@@ -235,7 +235,7 @@ def _joint_values(tree: model.Tree, name: str, keyframe: Keyframe) -> dict[str, 
             if any(re.fullmatch(pattern, joint) for joint in mimics):
                 message, hint = "matches only joints that mimic others", "set the joint they mimic"
             else:
-                message, hint = "matches no moving joint", did_you_mean(pattern, free)
+                message, hint = "matches no moving joint", meant_pattern(pattern, free)
             raise RowError(f"keyframes.{name}: pattern `{pattern}` {message}", key=key, hint=hint)
         for joint in names:
             if joint in chosen:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Collection, Iterator, Mapping
 
-from assetbuild.errors import did_you_mean
+from assetbuild.errors import did_you_mean, meant_pattern
 from assetbuild.recipe_types import stated
 from assetbuild.robot import model
 from assetbuild.robot.actuator_table import Key
@@ -36,7 +36,7 @@ def contacts(
             raise RowError(
                 f"contact.links: pattern `{pattern}` matches no link with a collision shape",
                 key=("contact", "links", pattern),
-                hint=did_you_mean(pattern, links),
+                hint=meant_pattern(pattern, links),
             )
     surfaces = []
     for shape in shapes.of("collision"):
@@ -98,7 +98,7 @@ def soles(shapes: Shapes, feet: Feet | None) -> Iterator[model.Sensor]:
         raise RowError(
             f"feet.links: pattern `{feet.links}` matches no link with a collision shape",
             key=("feet", "links"),
-            hint=did_you_mean(feet.links, [s.link for s in shapes.of("collision")]),
+            hint=meant_pattern(feet.links, [s.link for s in shapes.of("collision")]),
         )
     if feet.contact_sensors:
         for shape in foot_shapes:

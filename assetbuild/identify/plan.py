@@ -14,7 +14,7 @@ from pathlib import Path
 
 from assetbuild.engine.graph import Node, Ref
 from assetbuild.engine.planner import Planner
-from assetbuild.errors import did_you_mean
+from assetbuild.errors import did_you_mean, meant_pattern
 from assetbuild.identify.excite import Excite
 from assetbuild.identify.fit_logs import FitLogs
 from assetbuild.identify.priors import POSITION, KeepPrior, UseFits
@@ -103,7 +103,7 @@ def _joints(number: int, entry: Identify, tree: Tree) -> tuple[str, ...]:
     joints = tuple(name for name in free if re.fullmatch(entry.joints, name))
     key = ("identify", number)
     if not joints:
-        hint = did_you_mean(entry.joints, free)
+        hint = meant_pattern(entry.joints, free)
         raise KeyedError((*key, "joints"), f"`{entry.joints}` matches no moving joint", hint)
     for name in entry.names:
         if name not in joints:
@@ -114,7 +114,7 @@ def _joints(number: int, entry: Identify, tree: Tree) -> tuple[str, ...]:
     for what, pattern in patterns:
         if not any(re.fullmatch(pattern, name) for name in joints):
             message = f"pattern `{pattern}` matches none of the entry's joints"
-            raise KeyedError((*key, what), message, did_you_mean(pattern, joints))
+            raise KeyedError((*key, what), message, meant_pattern(pattern, joints))
     return joints
 
 

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 
 from assetbuild.engine.graph import Ref
 from assetbuild.engine.planner import Planner
-from assetbuild.errors import did_you_mean
+from assetbuild.errors import meant_pattern
 from assetbuild.geometry.plan import Geometry
 from assetbuild.plugin_types import Edit, MassEdit
 from assetbuild.recipe.models import OneEdit
@@ -75,5 +75,5 @@ def _check_patterns(edit: Edit, key: Key, tree: Tree) -> None:
     known = {"link": list(tree.by_body), "joint": list(tree.by_joint)}
     for below, kind, pattern in edit.patterns():
         if not any(re.fullmatch(pattern, name) for name in known[kind]):
-            hint = did_you_mean(pattern, known[kind])
+            hint = meant_pattern(pattern, known[kind])
             raise KeyedError((*key, *below), f"pattern `{pattern}` matches no {kind}", hint)

@@ -9,7 +9,7 @@ from pathlib import Path
 from assetbuild.compose.plan import check_parts
 from assetbuild.control.control import ControlStep
 from assetbuild.engine.world import World
-from assetbuild.errors import Gather, did_you_mean
+from assetbuild.errors import Gather, did_you_mean, meant_pattern
 from assetbuild.geometry.jobs import check_files
 from assetbuild.plan.edits import edits_of
 from assetbuild.recipe.models import CollisionRule, Recipe
@@ -87,5 +87,5 @@ def turned_meshes(patterns: Sequence[str], paths: Collection[str]) -> frozenset[
 
 def _must_match(key: Key, pattern: str, names: list[str], kind: str = "link") -> None:
     if not any(re.fullmatch(pattern, name) for name in names):
-        hint = did_you_mean(pattern, names)
+        hint = meant_pattern(pattern, names)
         raise KeyedError(key, f"pattern `{pattern}` matches no {kind} of the source", hint)

@@ -16,7 +16,7 @@ import re
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
-from assetbuild.errors import Gather, did_you_mean
+from assetbuild.errors import Gather, did_you_mean, meant_pattern
 from assetbuild.robot.actuator_table import ActuatorRow, Motor, extended
 from assetbuild.robot.actuator_table import RowError as RowError
 from assetbuild.robot.closure import felt_inertia
@@ -205,7 +205,7 @@ def _idle(entry: _Matched, tree: Tree, moving: list[str]) -> RowError:
     if still:
         return entry.error("joints", f"`{pattern}` matches only joints that do not move")
     return entry.error(
-        "joints", f"pattern `{pattern}` matches no moving joint", did_you_mean(pattern, moving)
+        "joints", f"pattern `{pattern}` matches no moving joint", meant_pattern(pattern, moving)
     )
 
 

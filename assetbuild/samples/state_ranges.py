@@ -8,7 +8,7 @@ from collections.abc import Iterator, Sequence
 from typing import Any
 
 from assetbuild.engine.step import Files, Step
-from assetbuild.errors import did_you_mean
+from assetbuild.errors import did_you_mean, meant_pattern
 from assetbuild.findings import Finding, Rule
 from assetbuild.robot.actuators import RowError
 from assetbuild.robot.files import RobotFiles
@@ -198,7 +198,7 @@ def _must_match(key: str, pattern: str, names: Sequence[str], what: str, hint: s
         raise RowError(
             f"randomize.{key}: pattern `{pattern}` matches no {what}",
             key=("randomize", key, pattern),
-            hint=hint or did_you_mean(pattern, names),
+            hint=hint or meant_pattern(pattern, names),
         )
 
 

@@ -37,10 +37,12 @@ def test_every_name_that_is_not_in_the_robot_is_named(legs: Legs):
     legs.edit(
         "{default: {method: keep}}", "{default: {method: keep}, links: {tial: {method: none}}}"
     )
+    legs.edit("base:", "fixed_joints: {merge: true, keep_bodies: [fot]}\nbase:")
     legs.edit("targets:", "imu: {link: trunkk}\nkeyframes: {home: {joints: {nobody: 0}}}\ntargets:")
     done = legs.run("build", "legs.yaml")
     assert done.returncode == 2
     assert [line.partition(": ")[2] for line in errors(done.stderr)] == [
+        "fixed_joints.keep_bodies[0]: pattern `fot` matches no link of the source",
         "collision.links.tial: pattern `tial` matches no link of the source",
         "actuators[0]: pattern `.*_knee_joint` matches no moving joint",
         "imu.link: no link `trunkk`",

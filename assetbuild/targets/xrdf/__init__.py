@@ -12,7 +12,7 @@ from collections.abc import Iterator, Mapping
 from typing import Any, ClassVar
 
 from assetbuild.engine.step import Files
-from assetbuild.errors import StepError, did_you_mean
+from assetbuild.errors import StepError, did_you_mean, meant_pattern
 from assetbuild.findings import Finding, Rule
 from assetbuild.plugin_types import RecipeView, Target
 from assetbuild.robot.contact import Contact
@@ -113,7 +113,7 @@ class Xrdf(Target):
         if driven and not joints:
             raise StepError(
                 f"xrdf.joints: pattern `{self.options.joints}` matches no driven joint",
-                hint=did_you_mean(self.options.joints, driven),
+                hint=meant_pattern(self.options.joints, driven),
             )
         return joints
 
