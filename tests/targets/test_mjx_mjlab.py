@@ -353,6 +353,29 @@ def test_the_readers_find_what_mjlab_would_miss(
     assert rule in {finding.rule.rpartition(".")[2] for finding in found}, found
 
 
+def test_an_arm_whose_base_weighs_and_is_called_world_builds_for_mjlab(tmp_path: Path):
+    """MuJoCo keeps that name for itself: the module names the body as the bare MJCF does."""
+    robot = pendulum()
+    base, arm = robot.tree.bodies
+    tree = replace(
+        robot.tree,
+        bodies=(replace(base, name="world", inertial=arm.inertial), arm),
+        joints=(replace(robot.tree.joints[0], parent="world"),),
+    )
+    shapes = replace(robot.shapes, shapes=tuple(s for s in robot.shapes.shapes if s.link == "arm"))
+    ranges = {
+        "links": {"world": {"density": [0.5, 2]}},
+        "payloads": [{"link": "world", "mass": [0, 1], "size": [0.2, 0.2, 0.2]}],
+    }
+    randomize = Randomize.model_validate(ranges)
+    target = Mjlab(robot="robot", randomize=randomize)
+    robot = replace(robot, links=tree, tree=tree, shapes=shapes)
+    inputs = check_inputs(tmp_path, robot, target, "mjlab")
+    assert evaluate(inputs, tmp_path / "out") == []
+    reader = MjlabReader(robot="robot", options={"randomize": randomize.model_dump()})
+    assert run_step(reader, inputs, tmp_path / "proof") == []
+
+
 def test_a_floating_robot_without_keyframes_is_told_to_add_one(tmp_path: Path):
     robot = tiny_quadruped()
     robot = replace(robot, control=replace(robot.control, keyframes=()))

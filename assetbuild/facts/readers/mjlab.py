@@ -39,6 +39,7 @@ from assetbuild.facts.trainers import (
     put_terms,
 )
 from assetbuild.robot.model import Actuator
+from assetbuild.simulators.mujoco import body_names
 
 FORM = "mjlab"
 CALLS = ("spec", "robot_cfg", "randomize_events", "velocity_flat_cfg")
@@ -108,7 +109,7 @@ class MjlabReader(Reader):
         """Patterns are those of the robot's bodies and joints."""
         tree = reference.tree
         joints = {joint.name: joint.name for joint in tree.moving_joints}
-        bodies = {name: name for name in tree.by_body}
+        bodies = {written: name for name, written in body_names(tree).items()}
         return _table(recorded(path, CALLS), bodies, joints, path.name)
 
     def expected(self, reference: Reference) -> Table:
@@ -187,7 +188,8 @@ def _besides(reference: Reference, robot: str) -> Table:
     """The start, delays, actions, and the options of the velocity task."""
     facts, asked = FactCollector(), reference.options.get("mjlab") or {}
     model = (f"/bundle/mjcf/{robot}_bare.xml",)
-    facts.put("robot", "", {f"{FORM}:model": model, f"{FORM}:root": reference.tree.root})
+    root = body_names(reference.tree)[reference.tree.root]
+    facts.put("robot", "", {f"{FORM}:model": model, f"{FORM}:root": root})
     put_expected_start(reference, FORM, asked.get("soft_joint_pos_limit_factor", 0.9), 0.0, facts)
     action = {"effort_share": 0.25, "rad": 0.5, "m": 0.05} | (asked.get("action") or {})
     for row in reference.control.actuators:

@@ -25,6 +25,7 @@ from assetbuild.robot.ranges import (
     first_match_groups,
     per_axis,
 )
+from assetbuild.simulators.mujoco import body_names
 from assetbuild.targets.mjlab.text import exactly, literal
 
 WITH_GAINS = frozenset({"pd", "ideal_pd", "dc_motor"})
@@ -158,12 +159,12 @@ def _text_of(value: object) -> str:
 
 
 def _matter(randomize: Randomize, tree: Tree) -> Iterator[Term]:
-    rows = first_match_groups(randomize.links, _massive(tree))
+    rows, written = first_match_groups(randomize.links, _massive(tree)), body_names(tree)
     for index, (_, matter, bodies) in enumerate(rows):
         yield Term(
             f"matter_{index}",
             "dr.pseudo_inertia",
-            _names("body_names", bodies),
+            _names("body_names", [written[name] for name in bodies]),
             _log_cholesky(matter),
         )
 
@@ -216,7 +217,8 @@ def _payloads(randomize: Randomize, tree: Tree) -> Iterator[Term]:
         box = move_inertial(homogeneous_box(1.0, payload.size, payload.at), X_body_link)
         rows = tuple(tuple(float(value) for value in row) for row in pseudo_inertia(box))
         params = {"mass_range": payload.mass, "box": rows}
-        yield Term(f"payload_{index}", CARRY, _names("body_names", (body,)), params)
+        written = body_names(tree)[body]
+        yield Term(f"payload_{index}", CARRY, _names("body_names", (written,)), params)
 
 
 def _carried(randomize: Randomize, tree: Tree) -> list[tuple[int, RandomPayload]]:

@@ -15,6 +15,7 @@ from assetbuild.robot.initial import initial_pose
 from assetbuild.robot.model import Actuator, Control, Tree
 from assetbuild.robot.ranges import Randomize, RandomJoint, first_match
 from assetbuild.robot.sections import Action
+from assetbuild.simulators.mujoco import body_names
 from assetbuild.targets.mjlab.events import (
     Term,
     carries,
@@ -201,12 +202,12 @@ def _facts(facts: ModuleFacts) -> str:
         if group.actuator.kp and group.actuator.effort
     }
     simulation, action = facts.control.simulation, facts.options.action
-    some = action.effort_share
+    some, written = action.effort_share, body_names(facts.tree)
     share = "A quarter" if some == 0.25 else f"A share of {some!r}"
     return f'''
 XML = Path(__file__).parent.parent / "mjcf" / "{facts.robot}_bare.xml"
-ROOT_BODY = {literal(facts.tree.root)}
-IMU_SITE = {literal(facts.imu_site)}
+ROOT_BODY = {literal(written[facts.tree.root])}
+IMU_SITE = {literal(written.get(facts.imu_site, facts.imu_site))}
 FOOT_SITES = {tuple_of(tuple(foot.site for foot in facts.feet))}
 FOOT_GEOMS = {tuple_of(tuple(geom for foot in facts.feet for geom in foot.geoms))}
 ACTION_SCALE = {dict_of(scale)}
