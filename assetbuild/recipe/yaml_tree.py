@@ -47,6 +47,14 @@ _TAGGED: Mapping[str, tuple[type, ...]] = {
     "null": (type(None),),
 }
 _LONGEST_NUMBER = 64
+_REMEDIES: Mapping[str, str] = {
+    "mapping values": "indent the keys of a map alike, and quote text that holds `: `",
+    "did not find expected key": "indent the keys of a map alike",
+    "expected ':'": "write a space after each colon, `key: value`, and quote other text",
+    "escape character": "`\\` begins an escape in double quotes: put the pattern in single quotes",
+    "undefined alias": "quote text that begins with `*`",
+}
+"""What PyYAML says -> what to do about it."""
 _Safe: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)  # Any: the C one may be missing
 
 
@@ -156,11 +164,9 @@ class _Builder:
         what = getattr(problem, "problem", "") or str(problem).strip().partition("\n")[0]
         if start and mark and start.line < mark.line:
             what += f" {problem.context} that begins on line {start.line + 1}"
-        hint = "indent the keys of a map alike, and quote text that holds `: `"
+        hint = next((hint for words, hint in _REMEDIES.items() if words in what), "")
         if mark and text[mark.index : mark.index + 1] == "\t":
             hint = "indent with spaces: YAML takes no tabs"
-        elif "mapping values" not in what:
-            hint = ""
         return self._error(f"not YAML: {what}", where=Where(self._file, *place), hint=hint)
 
     def _check_bounds(self, text: str) -> None:
