@@ -51,6 +51,37 @@ def refusal(folder: Path, body: str, **files: str) -> str:
     return text
 
 
+@pytest.mark.parametrize(
+    ("body", "fields", "hint"),
+    [
+        (
+            '<xacro:include filename="$(find pkg)/m.xacro"/>',
+            {"packages": {"pkg": "pkg/urdf"}},
+            "does the package `pkg` lie in `pkg`? correct `source.packages`",
+        ),
+        (
+            '<xacro:include filename="$(find pkg)/m.xacro"/>',
+            {"packages": {"pkg": "."}},
+            "does the package `pkg` lie in `pkg`? correct `source.packages`",
+        ),
+        (
+            '<xacro:arg name="kind" default="x"/><xacro:include filename="$(arg kind).xacro"/>',
+            {"args": {"knd": "m"}},
+            "no `<xacro:arg>` is called `knd`: did you mean `kind`?",
+        ),
+        (
+            '<macro name="m" params="x"><link name="${x}"/></macro><xacro:m x="a"/>',
+            {},
+            "write `<xacro:macro`: xacro reads `<macro` no more",
+        ),
+    ],
+)
+def test_the_hint_of_an_error_is_what_to_correct(tmp_path, body, fields, hint):
+    with pytest.raises(SourceError) as caught:
+        expand(tmp_path, {"pkg/r.xacro": robot(body), "pkg/m.xacro": robot("")}, **fields)
+    assert caught.value.hint == hint
+
+
 def test_arguments_macros_includes_and_yaml_make_the_robot(tmp_path):
     files = {
         "pkg/r.xacro": robot(

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import json
 import os
+import posixpath
 import re
 import subprocess
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -64,6 +65,7 @@ WARNING = Rule(
 _ASKED = re.compile(r"`([^`]+)`|unknown macro name: (\S+)|evaluating expression '(.+?)'")
 """What an error of xacro is about."""
 _DECLARED = re.compile(r"<(?:xacro:)?arg\s[^>]*?name\s*=\s*[\"']([^\"']+)")
+_UNPREFIXED = re.compile(r"<(macro|property|include|insert_block)\s")
 _USED = re.compile(r"\$\(arg\s+([^\s)]+)\)")
 
 WHERE = "say where the package is: `source.packages` of the recipe, `--package` of `init`"
@@ -116,16 +118,21 @@ class ExpandXacro(Step):
             yield WARNING("robot", f"xacro: {text}")
 
     def _unknown_arguments(self, tree: Path, used: list[str]) -> Iterator[Finding]:
+        for name, hint in self._unknown(tree, used):
+            yield ARGUMENT(
+                "recipe source.args",
+                f"no `<xacro:arg>` is called `{name}`: its value changes nothing",
+                hint=hint,
+                data={"argument": name},
+            )
+
+    def _unknown(self, tree: Path, used: Iterable[str]) -> Iterator[tuple[str, str]]:
+        """The arguments that no file declares or uses, each with the name that may be meant."""
         text = "\n".join((tree / name).read_text("utf-8", "replace") for name in used)
         named = {*_DECLARED.findall(text), *_USED.findall(text)}
         for name in self.args:
             if name not in named and not any("$" in other for other in named):
-                yield ARGUMENT(
-                    "recipe source.args",
-                    f"no `<xacro:arg>` is called `{name}`: its value changes nothing",
-                    hint=did_you_mean(name, named),
-                    data={"argument": name},
-                )
+                yield name, did_you_mean(name, named)
 
     def _expanded(self, tree: Path) -> dict[str, Any]:  # Any: JSON of the child
         job = {
@@ -169,20 +176,27 @@ class ExpandXacro(Step):
             if line := _line_of(asked, tree / name):
                 where = Where(name, line)
                 break
-        hint = self._hint(answer, tree, asked)
+        hint = self._hint(answer, tree, asked) or _old_style(tree / where.file)
         return SourceError(f"{answer['error']}{within}", where=where, hint=hint)
 
     def _hint(self, answer: dict[str, Any], tree: Path, asked: str) -> str:  # Any: JSON
         message = answer["error"]
+        for name, near in self._unknown(tree, answer.get("read", ())):
+            return f"no `<xacro:arg>` is called `{name}`: {near}"
         if "$(find" in message:
             near = did_you_mean(message.split("`")[-2], self.packages) if self.packages else ""
             return f"{near}; " * bool(near) + WHERE
         if "declared packages" in message or "readable files" in message:
             there = (path.relative_to(tree).as_posix() for path in tree.rglob("*"))
             meant = nearest(asked, there)
-            if meant is not None:
-                return f"did you mean `{meant}`? correct the file, or state `source.patches`"
-            return f"{WHERE}; or is part of its name an argument? {GIVE}"
+            if meant is None:
+                return f"{WHERE}; or is part of its name an argument? {GIVE}"
+            for name, folder in self.packages.items():
+                base = meant.removesuffix(posixpath.relpath(asked, folder))
+                if base != meant and base[-1:] in ("", "/"):
+                    lies = f"does the package `{name}` lie in `{base.rstrip('/') or '.'}`?"
+                    return f"{lies} correct `source.packages`"
+            return f"did you mean `{meant}`? correct the file, or state `source.patches`"
         return GIVE if "Undefined substitution argument" in message else ""
 
 
@@ -191,6 +205,12 @@ def _line_of(asked: str, file: Path) -> int:
     lines = file.read_bytes().splitlines() if file.is_file() else []
     word = asked.rpartition("/")[2].encode()
     return next((n for n, line in enumerate(lines, 1) if word in line), 0)
+
+
+def _old_style(file: Path) -> str:
+    """A hint, if the file has tags of xacro without the prefix that it asks for since 2020."""
+    tag = _UNPREFIXED.search(file.read_text("utf-8", "replace") if file.is_file() else "")
+    return f"write `<xacro:{tag[1]}`: xacro reads `<{tag[1]}` no more" if tag else ""
 
 
 def _start(path: Path) -> bytes:
