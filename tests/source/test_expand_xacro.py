@@ -70,6 +70,11 @@ def refusal(folder: Path, body: str, **files: str) -> str:
             "no `<xacro:arg>` is called `knd`: did you mean `kind`?",
         ),
         (
+            '<xacro:include filename="$(find pkg)/$(arg kind)/k.xacro"/>',
+            {"args": {"kind": "lnog"}},
+            "the argument `kind` is `lnog`: did you mean `long`?",
+        ),
+        (
             '<macro name="m" params="x"><link name="${x}"/></macro><xacro:m x="a"/>',
             {},
             "write `<xacro:macro`: xacro reads `<macro` no more",
@@ -78,7 +83,11 @@ def refusal(folder: Path, body: str, **files: str) -> str:
 )
 def test_the_hint_of_an_error_is_what_to_correct(tmp_path, body, fields, hint):
     with pytest.raises(SourceError) as caught:
-        expand(tmp_path, {"pkg/r.xacro": robot(body), "pkg/m.xacro": robot("")}, **fields)
+        expand(
+            tmp_path,
+            {"pkg/r.xacro": robot(body), "pkg/m.xacro": robot(""), "pkg/long/k.xacro": ""},
+            **fields,
+        )
     assert caught.value.hint == hint
 
 

@@ -187,7 +187,13 @@ class ExpandXacro(Step):
             near = did_you_mean(message.split("`")[-2], self.packages) if self.packages else ""
             return f"{near}; " * bool(near) + WHERE
         if "declared packages" in message or "readable files" in message:
-            there = (path.relative_to(tree).as_posix() for path in tree.rglob("*"))
+            there = [path.relative_to(tree).as_posix() for path in tree.rglob("*")]
+            for name, value in self.args.items():
+                ends = asked.split(f"/{value}/")
+                alike = re.compile("/([^/]+)/".join(map(re.escape, ends)))
+                if len(ends) == 2 and (known := [*filter(None, map(alike.fullmatch, there))]):
+                    near = did_you_mean(value, (match[1] for match in known))
+                    return f"the argument `{name}` is `{value}`: {near}"
             meant = nearest(asked, there)
             if meant is None:
                 return f"{WHERE}; or is part of its name an argument? {GIVE}"
