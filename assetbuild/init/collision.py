@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from types import MappingProxyType
 
 import numpy as np
@@ -15,13 +15,16 @@ from assetbuild.init.home import Pair
 from assetbuild.init.look import InspectedRobot
 from assetbuild.init.tune import Tuning
 from assetbuild.robot.contact import Contact
-from assetbuild.robot.model import Control, Tree
+from assetbuild.robot.model import Control, Mimic, Tree
+from assetbuild.robot.pose import Array
 from assetbuild.robot.shapes import MeshFile, Role, SourceShape
 from assetbuild.robot.tree import forward_kinematics
 
 COMPOUND = 0.15
 """Joints closer than this share of the robot's size make one compound joint (a hip, a wrist)."""
 
+ALIKE = 0.9
+"""Cosine between two axes that count as parallel."""
 BALL = 3.0
 """Longest extent over the shortest of a foot that a sphere stands for; more is a disc or a rod."""
 
@@ -61,7 +64,8 @@ def put_collision(
     joined = "bodies that a joint connects never collide"
     draft.put(True, "collision", "exclude", "adjacent", beside=joined)
     pairs = compound_pairs(robot.tree, anatomy.size_m)
-    lines = ["Joints close together make one (a hip, a wrist): hulls overlap there."] * bool(pairs)
+    why = "Joints close together make one (a hip, a wrist), or drive links side by side"
+    lines = [f"{why}: hulls overlap there."] * bool(pairs)
     if overlaps:
         lines.append("Hulls of these bodies overlap at home and push the robot over or askew. They")
         lines.append("pass through each other now; another pose of `home` may free them:")
@@ -158,7 +162,7 @@ def _is_ball(robot: InspectedRobot, shape: SourceShape) -> bool:
 
 
 def compound_pairs(tree: Tree, size: float) -> list[tuple[str, str]]:
-    """A body and the one two joints further, where the two joints are close together."""
+    """A body and the one two joints further, where the joints are close together; and linkages."""
     poses = forward_kinematics(tree, {})
     pairs = []
     for joint in tree.joints:
@@ -167,7 +171,29 @@ def compound_pairs(tree: Tree, size: float) -> list[tuple[str, str]]:
             apart = math.dist(poses[joint.child].xyz, poses[above.child].xyz)
             if apart < COMPOUND * size:
                 pairs.append((above.parent, joint.child))
-    return pairs
+    return [*pairs, *_linkage_pairs(tree)]
+
+
+def _linkage_pairs(tree: Tree) -> Iterator[tuple[str, str]]:
+    """Bodies beside each other on one body that one drive turns alike, as in a parallelogram.
+
+    Fingers that face each other turn against each other; those in a row turn about one line.
+    """
+    poses = forward_kinematics(tree, {})
+    turned: dict[tuple[str, str], list[tuple[str, Array]]] = {}
+    for joint in tree.moving_joints:
+        mimic = joint.mimic or Mimic(joint.name)
+        axis = (
+            math.copysign(1.0, mimic.multiplier)
+            * poses[joint.child].rotation
+            @ np.asarray(joint.axis)
+        )
+        alike = turned.setdefault((joint.parent, mimic.joint), [])
+        for other, other_axis in alike if joint.kind != "prismatic" else ():
+            way = np.subtract(poses[joint.child].xyz, poses[other].xyz)
+            if axis @ other_axis > ALIKE and abs(axis @ way) < (1 - ALIKE) * np.linalg.norm(way):
+                yield other, joint.child
+        alike.append((joint.child, axis))
 
 
 PRESS_S = 0.004

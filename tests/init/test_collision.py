@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 import trimesh
 import yaml
-from urdfs import box, inertial, joint, link, mesh, robot, shape
+from urdfs import LIMIT, box, inertial, joint, link, mesh, robot, shape
 
 from assetbuild.init import propose
 
@@ -83,3 +83,29 @@ def test_feet_without_collision_get_what_is_drawn_of_them_and_the_dog_stands(
 def test_a_dog_with_no_feet_at_all_is_not_asked_to_stand(robots: Path, tmp_path: Path):
     recipe = dog_on_air(robots, tmp_path, drawn=False)
     assert "stand" not in recipe["validate"]
+
+
+def test_links_that_one_drive_turns_side_by_side_do_not_collide(tmp_path: Path):
+    """The knuckles of a parallel gripper; the fingers that face each other do."""
+
+    def knuckle(name: str, y: str, mimic: str = "") -> str:
+        at = {"xyz": f"0 {y} 0.05", "axis": "1 0 0"}
+        turns = joint(f"{name}_j", "palm", name, content=LIMIT + mimic, **at)
+        return link(name, inertial(), shape("collision", BOX)) + turns
+
+    def led(share: int) -> str:
+        return f'<mimic joint="left_outer_j" multiplier="{share}"/>'
+
+    (tmp_path / "hand.urdf").write_text(
+        robot(
+            link("palm", inertial(), shape("collision", BOX)),
+            knuckle("left_outer", "0.05"),
+            knuckle("left_inner", "0.02", led(1)),
+            knuckle("right_outer", "-0.05", led(-1)),
+            knuckle("right_inner", "-0.02", led(-1)),
+        )
+    )
+    text = propose(tmp_path / "hand.urdf", tmp_path / "hand.yaml", {}).text
+    pairs = yaml.safe_load(text)["collision"]["exclude"]["pairs"]
+    assert pairs[:2] == [["left_outer", "left_inner"], ["right_outer", "right_inner"]]
+    assert ["left_outer", "right_outer"] not in pairs
