@@ -114,7 +114,7 @@ class CollisionMethod(Step):
     subject: str = "collision"
     """What findings and errors call it. Part of the key: name no link to share the result."""
     max_outside: Length | None = Field(
-        None, description="most that collision sticks out of the mesh, `5 mm` or m"
+        None, le=1, description="most that collision sticks out of the mesh, `5 mm` or m"
     )
     max_missing: Share | None = Field(
         None, le=1, description="most of the mesh's volume without collision, `2 %`"

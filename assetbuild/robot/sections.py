@@ -59,7 +59,7 @@ class Action(Model):
 class Simulation(Model):
     """What the generated files and checks step with."""
 
-    timestep: Positive = Field(0.005, description="s")
+    timestep: Positive = Field(0.005, le=1, description="length of a step, s")
     decimation: int = Field(4, ge=1, le=10_000, description="simulation steps per control step")
     gravity: tuple[Real, Real, Real] = Field((0.0, 0.0, -9.81), description="m/s2, world frame")
 
