@@ -81,7 +81,7 @@ def _new_names(kind: str, names: Iterable[str], rules: Mapping[str, str]) -> dic
         if other != name:
             raise RecipeError(
                 f"rename: the {kind}s `{other}` and `{name}` would both be called `{new[name]}`",
-                hint="keep a group of the pattern in the replacement, such as `\\1`",
+                hint="a narrower pattern, or a group of it in the replacement, such as `\\1`",
             )
     return new
 

@@ -10,6 +10,7 @@ from pathlib import Path
 
 from assetbuild.compose.compose_parts import prefixed_subject
 from assetbuild.control.findings import NO_ACTUATOR
+from assetbuild.engine.make import NodeResult
 from assetbuild.engine.planner import Settled
 from assetbuild.engine.session import Session
 from assetbuild.errors import AssetBuildError, Where
@@ -181,12 +182,14 @@ def locator(loaded: LoadedRecipe, done: Settled[Outline], session: Session) -> C
     return locate
 
 
-def failures(loaded: LoadedRecipe, done: Settled[Outline]) -> Iterator[AssetBuildError]:
+def failures(
+    loaded: LoadedRecipe, outline: Outline, results: Mapping[str, NodeResult]
+) -> Iterator[AssetBuildError]:
     """The errors of the steps, with the name and place of what each worked on."""
-    for label, result in done.results.items():
+    for label, result in results.items():
         if result.error is not None:
-            subject = done.outline.subjects.get(label, "")
-            yield _located(result.error, subject, _where_of(loaded, done.outline, label))
+            subject = outline.subjects.get(label, "")
+            yield _located(result.error, subject, _where_of(loaded, outline, label))
 
 
 def _where_of(loaded: LoadedRecipe, outline: Outline, label: str) -> Where | None:

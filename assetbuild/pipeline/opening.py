@@ -28,7 +28,7 @@ from assetbuild.lock import (
     read_lock,
     write_lock,
 )
-from assetbuild.plan import Outline, plan
+from assetbuild.plan import Outline, begun, plan
 from assetbuild.plugins import foreign_modules
 from assetbuild.recipe.loader import LoadedRecipe, shown_path
 from assetbuild.recipe.source import Source
@@ -86,10 +86,13 @@ class Opened:
         return settle(self.plan, self.session, may_run=nothing)
 
     def made(self, add: Callable[[Planner], T]) -> Settled[T]:
-        """What a plan adds, built. Raises the error of the first step that fails."""
+        """What a plan adds, built. Raises the error of the first step that fails, and where."""
         done = settle(add, self.session, self.runner, jobs=self.jobs, on_event=self.on_event)
         if done.errors:
-            raise done.errors[0]
+            from assetbuild.pipeline.judging import failures  # reports cost time to import
+
+            outline = done.outline if isinstance(done.outline, Outline) else begun(self.loaded)
+            raise next(failures(self.loaded, outline, done.results))
         return done
 
     def read(self, done: Settled[Any], ref: Ref) -> bytes:  # Any: of any plan

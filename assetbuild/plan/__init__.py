@@ -85,11 +85,8 @@ def plan(loaded: LoadedRecipe, lock: Lock | None, p: Planner, *, drawn: bool = T
 
     drawn: with pictures and the 3D view.
     """
-    outline = Outline()
-    recipe, patches = loaded.recipe, loaded.recipe.source.patches
     check_recipes(loaded)
-    keys = patch_keys(patches, loaded.folder, loaded.world)
-    outline.edits = edit_keys(recipe.edits) | keys
+    outline = begun(loaded)
     ready = _prepare(loaded, lock, outline, p)
     if ready is None:
         return outline
@@ -105,6 +102,12 @@ def plan(loaded: LoadedRecipe, lock: Lock | None, p: Planner, *, drawn: bool = T
         outline.source_map, outline.composed = ready.source_map, loaded
     with loaded.placing():
         return _finished(loaded.recipe, loaded.folder, ready, outline, drawn, p)
+
+
+def begun(loaded: LoadedRecipe) -> Outline:
+    """Of a plan that is made of others: where the recipe asks for each edit and patch."""
+    keys = patch_keys(loaded.recipe.source.patches, loaded.folder, loaded.world)
+    return Outline(edits=edit_keys(loaded.recipe.edits) | keys)
 
 
 def check_recipes(*recipes: LoadedRecipe) -> None:

@@ -64,3 +64,13 @@ def test_wrong_ranges_are_told_with_their_line(warm_legs, ranges, message):
     assert done.returncode == 2
     assert message in done.stderr and "legs.yaml:" in done.stderr
     assert "Traceback" not in done.stderr
+
+
+@pytest.mark.parametrize("verb", ["sample", "bench"])
+def test_an_edit_that_fails_is_told_with_its_line(warm_legs, verb):
+    twins = "edits: [{rename: {links: {'.*_foot': foot}}}]"
+    warm_legs.edit("\ntargets:", f"\n{twins}\nrandomize: {{friction: [0.5, 1]}}\ntargets:")
+    done = warm_legs.run(verb, "legs.yaml")
+    assert done.returncode == 2
+    assert "legs.yaml:8:10: rename: the links `" in done.stderr, done.stderr
+    assert "hint: a narrower pattern" in done.stderr
