@@ -65,6 +65,13 @@ def _finite(value: float) -> float:
     return value
 
 
+def _within_a_turn(value: float) -> float:
+    if not abs(value) < 6.2832:
+        in_rad = f"{value:g} degrees are {math.radians(value):.4g}"
+        raise ValueError(f"must be an angle in radians, at most one turn: {in_rad}")
+    return value
+
+
 def _quantity(value: object, *, units: dict[str, float], expected: str) -> object:
     """`5 mm` in metres, `2 %` as 0.02; a plain number is in metres, or a share, already."""
     if not isinstance(value, str):
@@ -90,6 +97,9 @@ def _as_written(unit: str) -> WithJsonSchema:
 Real = Annotated[float, AfterValidator(_finite)]
 Positive = Annotated[float, Field(gt=0), AfterValidator(_finite)]
 NonNegative = Annotated[float, Field(ge=0), AfterValidator(_finite)]
+Turn = Annotated[float, AfterValidator(_within_a_turn)]
+Turns = tuple[Turn, Turn, Turn]
+"""Roll, pitch and yaw, rad: more than one turn is meant in degrees."""
 Length = Annotated[
     float,
     Field(ge=0),

@@ -14,7 +14,7 @@ from assetbuild.mesh.cover import Reference, measure
 from assetbuild.mesh.hull import convex_hull, refuse_flat
 from assetbuild.mesh.solid import ConvexPiece
 from assetbuild.mesh.triangles import TriangleMesh, cleaned, signed_volume
-from assetbuild.recipe_types import Model, NonNegative, Positive, Real
+from assetbuild.recipe_types import Model, NonNegative, Positive, Real, Turns
 from assetbuild.robot.pose import Pose, quat_of_rpy
 from assetbuild.robot.shapes import Box, Capsule, Cylinder, Sphere
 
@@ -50,9 +50,7 @@ class ExplicitPiece(Model):
     xyz: tuple[Real, Real, Real] = Field(
         (0.0, 0.0, 0.0), description="its centre, of a mesh its origin, m"
     )
-    rpy: tuple[Real, Real, Real] = Field(
-        (0.0, 0.0, 0.0), description="its turn, rad, as in URDF; axis z"
-    )
+    rpy: Turns = Field((0.0, 0.0, 0.0), description="its turn, rad, as in URDF; axis z")
 
     @model_validator(mode="after")
     def _complete(self) -> ExplicitPiece:

@@ -10,7 +10,7 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from assetbuild.errors import Gather
-from assetbuild.recipe_types import Model, Name, Positive, Real
+from assetbuild.recipe_types import Model, Name, Positive, Real, Turns
 from assetbuild.robot.actuator_table import RowError
 from assetbuild.robot.model import Joint, Loop, LoopEnd, Tree
 from assetbuild.robot.pose import Pose, quat_of_rpy, vec3
@@ -35,7 +35,7 @@ class LoopFrame(Model):
 
     link: str = Field(description="link of the source, before merging")
     xyz: tuple[Near, Near, Near] = Field((0.0, 0.0, 0.0), description="in the link, m")
-    rpy: tuple[Near, Near, Near] = Field(
+    rpy: Turns = Field(
         (0.0, 0.0, 0.0), description="roll, pitch, yaw in the link, rad; a `connect` ignores it"
     )
 

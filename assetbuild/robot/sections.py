@@ -11,7 +11,7 @@ from typing import Annotated, Literal, get_args
 
 from pydantic import Field, model_validator
 
-from assetbuild.recipe_types import Length, Model, Name, NonNegative, Pattern, Positive, Real
+from assetbuild.recipe_types import Length, Model, Name, NonNegative, Pattern, Positive, Real, Turns
 
 Line = Annotated[
     str, Field(min_length=1, max_length=2000, pattern=r"^[^\x00-\x1f]*\S[^\x00-\x1f]*$")
@@ -72,7 +72,7 @@ class At(Model):
 
     link: str = Field(description="link of the base robot")
     xyz: Three = Field((0.0, 0.0, 0.0), description="of the part's root in that link, m")
-    rpy: Three = Field((0.0, 0.0, 0.0), description="roll, pitch, yaw in that link, rad")
+    rpy: Turns = Field((0.0, 0.0, 0.0), description="roll, pitch, yaw in that link, rad")
 
 
 class Mount(Model):
@@ -184,9 +184,7 @@ class Camera(Model):
 
     link: str | None = Field(None, description="without it it stands in the world")
     xyz: tuple[Real, Real, Real] = Field((0.0, 0.0, 0.0), description="in the link, m")
-    rpy: tuple[Real, Real, Real] = Field(
-        (0.0, 0.0, 0.0), description="roll, pitch, yaw in the link, rad"
-    )
+    rpy: Turns = Field((0.0, 0.0, 0.0), description="roll, pitch, yaw in the link, rad")
     optical: bool = Field(
         False, description="the frame is an optical one: it looks along +z, +y is down"
     )

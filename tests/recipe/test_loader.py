@@ -118,6 +118,13 @@ def test_an_aliased_key_is_known_by_the_name_people_write(refused):
             "must be at most 1",
             "step, s",
         ),
+        (
+            "motors:",
+            "cameras: {c: {rpy: [0, 0, 90]}}\nmotors:",
+            "10:27",
+            "90 degrees are 1.571",
+            "",
+        ),
         ("gear: 6", "gear: 0", "11:34", "must be greater than 0", ""),
         ("robot: tiny", "robot: 12", "2:8", "expected text, found `12`", 'quotes: "12"'),
         ("robot: tiny", "robot: ../x", "2:8", "does not fit", "name of the robot"),
