@@ -1,4 +1,5 @@
-"""Does mjlab find the feet and the IMU that its module names, and does the robot start clear?
+"""Does mjlab find the feet and the IMU that its module names, does the robot start clear, and is
+the bare MJCF without keyframes?
 
 Everything else of the module and of the bare MJCF is compared by the readers of facts.
 """
@@ -22,7 +23,8 @@ TASK = "velocity_flat_cfg"
 CONTRACT = Rule(
     "mjlab.contract",
     "error",
-    "mjlab's module names feet or sites that the bare MJCF does not have, or in another order",
+    "mjlab's module names feet or sites that the bare MJCF does not have, or in another order, or "
+    "that file has keyframes",
     "mjlab would refuse or misread it; report it: this is a bug",
 )
 BURIED = Rule(
@@ -57,6 +59,8 @@ class MjlabContract(Check):
         for record in records:
             for message in (*_unknown(record, model), *_unpaired(record, model)):
                 yield CONTRACT("robot", message)
+        if model.nkey:
+            yield CONTRACT("robot", "the bare MJCF has keyframes: those of a scene are its own")
         floats = RobotFiles(files.inputs).tree.base == "floating"
         if floats and float(model.qpos0[2]) <= 0.0:
             yield BURIED("robot", f"the root rests at a height of {float(model.qpos0[2]):.3g} m")

@@ -273,6 +273,14 @@ def test_an_mjcf_with_names_of_its_own_builds_for_mjlab(hopper, tmp_path: Path):
     assert {"box_collision", "shin_collision", "shell"} <= names
 
 
+def test_a_bare_file_with_a_keyframe_is_no_bare_file(hopper, tmp_path: Path):
+    inputs, _ = hopper
+    bare = inputs / "mjlab/mjcf/robot_bare.xml"
+    bare.write_text(bare.read_text().replace("</mujoco>", "<keyframe><key/></keyframe></mujoco>"))
+    (message,) = evaluate(inputs, tmp_path / "out")
+    assert "keyframes" in message
+
+
 def test_the_new_names_are_what_the_reader_of_facts_expects(hopper, tmp_path: Path):
     inputs, _ = hopper
     shutil.copyfile(inputs / "tree.json", inputs / "links.json")
