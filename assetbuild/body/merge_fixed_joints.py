@@ -58,8 +58,8 @@ class MergeFixedJoints(Step):
             names += ", ..." if len(merged) > 6 else ""
             yield FIXED_JOINTS(
                 "robot",
-                f"fixed joints hold {len(merged)} links to their neighbours: {names}; they became "
-                f"frames, {len(tree.bodies)} bodies remain",
+                f"links that fixed joints hold became frames ({len(merged)}: {names}); "
+                f"bodies that remain: {len(tree.bodies)}",
                 hint="name a link in `fixed_joints.keep_bodies` to keep it as a body of its own",
                 data={"bodies": len(tree.bodies), "links": merged},
             )

@@ -195,7 +195,8 @@ class Stand(mujoco.InMujoco):
                     f"link {link}",
                     f"at `{self.keyframe}` its sole is {abs(gap) * 1e3:.3g} mm {side} the floor",
                     severity="error" if abs(gap) > FAR * self.sole else "warning",
-                    hint="use `base: on_ground`, and make the legs of the keyframe equal",
+                    hint="`base: on_ground` puts the lowest part on the floor: choose joint values "
+                    "with which all soles are as low",
                     data={"gap_m": gap, "tolerance_m": self.sole},
                 )
 

@@ -19,7 +19,8 @@ def run(arguments: argparse.Namespace) -> int:
     wrong = [*against_manifest(bundle, wanted), *against_provenance(bundle, wanted)]
     for line in wrong:
         print(line)
-    print(f"{bundle}: {len(wanted)} files, {len(wrong)} differences (manifest, provenance)")
+    differences = f"{len(wrong)} difference{'s' * (len(wrong) != 1)}"
+    print(f"{bundle}: {len(wanted)} files, {differences} (manifest, provenance)")
     return 1 if wrong else 0
 
 
