@@ -63,7 +63,7 @@ def _perform(folder: Path, robot: str, asked: Experiment) -> Outcome:
 
 def _surround(model: Model, setting: Setting, *, drives: bool) -> None:
     """drives: False takes drives, constraints and the medium along with the contacts: it falls
-    freely."""
+    freely, in the semi-implicit steps of every other engine."""
     off = mj.mjtDisableBit
     model.opt.timestep = dt = setting.timestep
     model.opt.gravity[:] = setting.gravity
@@ -72,6 +72,7 @@ def _surround(model: Model, setting: Setting, *, drives: bool) -> None:
     if not drives:
         model.opt.disableflags |= int(off.mjDSBL_CONSTRAINT) | int(off.mjDSBL_ACTUATION)
         model.opt.density = model.opt.viscosity = 0.0
+        model.opt.integrator = mj.mjtIntegrator.mjINT_EULER
     if setting.hard:
         model.dof_solref[:] = model.eq_solref[:] = (2.0 * dt, 1.0)
         model.dof_solimp[:, :2] = model.eq_solimp[:, :2] = HARD
