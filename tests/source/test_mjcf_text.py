@@ -189,9 +189,20 @@ def test_an_element_keeps_its_own_line_beside_one_of_that_name_elsewhere(tmp_pat
 
 
 @pytest.mark.parametrize("masks", ['contype="0" conaffinity="0"', 'contype="0"'])
-def test_a_shape_that_only_a_pair_holds_on_the_floor_is_an_error(masks: str, tmp_path: Path):
+def test_a_shape_that_only_a_pair_holds_on_the_floor_stands_on_any_floor(
+    masks: str, tmp_path: Path
+):
+    """With the numbers of its pair, which a priority lets count against those of the floor."""
     text = f"""<mujoco><worldbody><geom name="ground" type="plane" size="1 1 1"/>
     <body name="base" pos="0 0 .1"><freejoint/><geom name="hull" size=".1" {masks}/></body>
-    </worldbody><contact><pair geom1="ground" geom2="hull"/></contact></mujoco>"""
-    found = [f for f in read(text, tmp_path).findings if f.rule == "mjcf.no_floor"]
+    </worldbody><contact><pair geom1="ground" geom2="hull" condim="4" friction=".3 .3 .02"/>
+    </contact></mujoco>"""
+    done = read(text, tmp_path / "read")
+    found = [f for f in done.findings if f.rule == "mjcf.no_floor"]
     assert [f.data["shapes"] for f in found] == ([("hull",)] if "aff" in masks else [])
+    xml = write(done, tmp_path / "out").xml
+    geom = mujoco.MjModel.from_xml_path(str(xml)).geom("hull")
+    assert (geom.contype, geom.conaffinity) == (0, 1)
+    if found:
+        assert (geom.condim, geom.priority) == (4, 1)
+        assert list(geom.friction[:2]) == [0.3, 0.02]

@@ -32,12 +32,13 @@ SCENERY = Rule(
     "a body of the source's world is no part of the robot and was left out",
     "name the robot's body by `source.body`; make one body of what belongs together",
 )
-NO_FLOOR = Rule(
+ON_FLOOR = Rule(
     "mjcf.no_floor",
-    "error",
-    "a shape touches the floor by a <pair> of the source alone, and nothing of the bundle does so",
-    "give the geom `contype` and `conaffinity` by `patches`; a rule of the recipe waives it",
+    "info",
+    "a shape touches the floor by a <pair> of the source alone: in the bundle it touches any floor",
+    "give the geom `contype` and `conaffinity` by `patches` where it shall touch more",
 )
+OF_PAIR = ("condim", "solref", "solimp", "margin", "gap")
 OBJECTS = ("joint", "freejoint", "geom", "site", "camera", "light")
 NAMES: Mapping[str, str] = {
     **{f"{kind}{n}": kind for kind in ("body", "joint", "geom", "site") for n in ("", "1", "2")},
@@ -82,15 +83,15 @@ def cut_scenery(root: _Element, chosen: str | None) -> Iterator[Finding]:
     if gone:
         _refuse_total_mass(root)
     floors = set(_grounds(world, Classes(root)))
-    sinking: list[_Element] = []
+    standing: dict[str, _Element] = {}
     for element, missing in _cut(root, gone, lost):
         ends = [str(element.get(f"geom{side}")) for side in (1, 2)]
         what = f"<{element.tag}> `{element.get('name') or ' and '.join(ends)}`"
         if element.tag == "pair" and missing in floors:
-            sinking += [g for g in of_bodies(root, "geom") if g.get("name") in ends]
+            standing |= dict.fromkeys(ends, element)
         message = f"{what} was left out ({where_of(element)}): `{missing}` is not part of the robot"
         yield dropped(str(element.tag), "robot", message, severity="warning")
-    yield from _unheld(sinking, root)
+    yield from _on_any_floor(standing, root)
     for top in gone:
         mocap = top.get("mocap") == "true"
         yield SCENERY(
@@ -109,22 +110,32 @@ def _grounds(world: _Element, classes: Classes) -> Iterator[str]:
             yield str(geom.get("name"))
 
 
-def _unheld(geoms: Iterable[_Element], root: _Element) -> Iterator[Finding]:
-    """One finding for the geoms whose masks let them touch nothing."""
-    classes = Classes(root)
-    masks = ("contype", "conaffinity")
-    names = [
-        str(geom.get("name"))
-        for geom in geoms
-        if all(classes.attributes(geom).get(mask, "1").strip() == "0" for mask in masks)
-    ]
+def _on_any_floor(pairs: Mapping[str, _Element], root: _Element) -> Iterator[Finding]:
+    """Let the geoms whose masks let them touch nothing touch floors, as their pair did.
+
+    pairs: with the floor, by the geom's name. `conaffinity` alone meets a floor's `contype`, and no
+    other geom of that kind; `priority` makes the numbers of the pair count.
+    """
+    classes, names = Classes(root), []
+    for geom in of_bodies(root, "geom"):
+        masks = [classes.attributes(geom).get(mask, "1") for mask in ("contype", "conaffinity")]
+        pair = pairs.get(str(geom.get("name")))
+        if pair is None or any(mask.strip() != "0" for mask in masks):
+            continue
+        stated = classes.attributes(pair)
+        said = {key: stated[key] for key in OF_PAIR if key in stated}
+        if "friction" in stated:
+            said["friction"] = " ".join(stated["friction"].split()[::2])  # slide, spin, roll
+        said |= {"priority": "1", "conaffinity": "1"} if said else {"conaffinity": "1"}
+        for key, value in said.items():
+            geom.set(key, value)
+        names.append(str(geom.get("name")))
     if names:
-        yield NO_FLOOR(
+        yield ON_FLOOR(
             "robot",
             f"{', '.join(names[:8])} touched the floor of the source by <pair>s alone, which went "
-            "with that floor: in the bundle the robot sinks through any ground",
-            'give these geoms `contype="1" conaffinity="1"` by `patches`, and exclude what they '
-            "must not touch",
+            'with that floor: here they touch any floor (`conaffinity="1"`), and in the MJCF no '
+            "other geom like them",
             data={"shapes": tuple(names)},
         )
 
