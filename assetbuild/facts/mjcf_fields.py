@@ -128,6 +128,10 @@ class Bodies:
         """X_frame_body of the frame in which facts are told."""
         return IDENTITY
 
+    def is_own_frame(self, body: int, site: str, X_body_site: Pose) -> bool:
+        """Whether a site is the body's frame: in its origin, under its name."""
+        return (site, X_body_site) == (body_name(self.model, body), IDENTITY)
+
 
 # --- what they act between ----------------------------------------------------------------------
 

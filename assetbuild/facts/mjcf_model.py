@@ -21,7 +21,6 @@ from assetbuild.facts.mjcf_parts import (
 )
 from assetbuild.facts.table import FactCollector, Value, pair_name
 from assetbuild.robot.inertia import tensor_of
-from assetbuild.robot.pose import IDENTITY
 from assetbuild.simulators.mujoco import Model, inertia_of, name_of
 from assetbuild.simulators.mujoco.drives import Drive, read_drives
 from assetbuild.simulators.mujoco.linear_couplings import tendon_coupling
@@ -252,10 +251,10 @@ def _loop(bodies: Bodies, index: int) -> dict[str, Value]:
 
 
 def _site(bodies: Bodies, site: int, collector: FactCollector) -> None:
-    """One in the origin of the body whose name it has is that body's frame."""
+    """One that is the frame of its body is no other."""
     model, body = bodies.model, int(bodies.model.site_bodyid[site])
     name, place = _name(model, "site", site), pose_of(model.site_pos[site], model.site_quat[site])
-    if (name, place) != (body_name(model, body), IDENTITY):
+    if not bodies.is_own_frame(body, name, place):
         pose = bodies.placed(body) @ place
         facts: dict[str, Value] = {"body": bodies.name(body), "pose": (*pose.xyz, *pose.quat)}
         collector.put("frame", name, facts)

@@ -158,8 +158,12 @@ def fitted(kind: str) -> str:
 
 
 NAMED_AS_ITS_BODY = """<mujoco><worldbody><body name="a"><geom size=".1"/>
-  <body name="tip" pos="0 0 1"><site name="tip" pos="0 .1 0" size=".02"/></body></body></worldbody>
-  <sensor><framepos name="p" objtype="site" objname="tip"/></sensor></mujoco>"""
+  <body name="tip" pos="0 0 1"><joint name="bend"/><geom name="ball" size=".1"/>
+  <site name="tip" pos="0 {} 0" size=".02"/></body></body></worldbody>
+  <sensor><force name="f" site="tip"/><framepos name="p" objtype="site" objname="tip"/>
+  <framepos name="x" objtype="xbody" objname="tip"/></sensor></mujoco>"""
+CLOSE = """<mujoco><visual><map znear=".003"/></visual><worldbody><body name="a">
+  <geom name="g" size=".1"/><camera name="eye"/></body></worldbody></mujoco>"""
 CLOSE = """<mujoco><worldbody><body><joint/>
   <inertial pos="0 0 .1" quat="1 0 0 .2" mass="1" diaginertia=".003 .002 .001"/>
   <geom name="g" type="capsule" size=".02 .05" pos="0 0 .1" quat="1 0 2e-7 .2"/>
@@ -177,7 +181,8 @@ SAME = {
     "very thin triangles": (FLOATING, slivers(9.99e-7, 20)),
     "thin triangles": (FLOATING, slivers(1.0001e-6, 20)),
     "a mesh with materials": (FLOATING, PAINTED),
-    "a site that is called as its body": (NAMED_AS_ITS_BODY, TET),
+    "a site that is called as its body": (NAMED_AS_ITS_BODY.format(".1"), TET),
+    "the same in its origin": (NAMED_AS_ITS_BODY.format("0"), TET),
     "frames that are one for MuJoCo": (CLOSE, TET),
     "frames, rests and what only MJCF says": (RICH, TET),
 }

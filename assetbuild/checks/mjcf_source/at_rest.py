@@ -70,6 +70,10 @@ class _InRoot(Bodies):
         """X_root_body."""
         return self._X_root[body]
 
+    def is_own_frame(self, body: int, site: str, X_body_site: Pose) -> bool:
+        """Never: here the frames of bodies have no names, and ours calls such a site otherwise."""
+        return False
+
     def weights(self) -> Iterator[tuple[str, Inertial]]:
         """All that moves together."""
         parts: dict[str, list[Inertial]] = {}
