@@ -77,15 +77,19 @@ def _blank() -> Model:
 
 
 def _stated(model: Model, prefix: str, word: str) -> Iterator[tuple[str, Value]]:
-    """(name, value) of the rows of an array that are not MuJoCo's default."""
+    """(name, value) of the rows of an array that are not MuJoCo's default.
+
+    Without limits a range says nothing; nor do a camera's intrinsics without a sensor's size.
+    """
     field = f"{prefix}_{word}"
     if not hasattr(model, field):  # MuJoCo 3.11 lacks some
         return
     usual, rows = getattr(_blank(), field)[-1], getattr(model, field)
-    limited = getattr(model, f"{field.removesuffix('range')}limited", rows)
+    flag = "cam_sensorsize" if word == "intrinsic" else f"{field.removesuffix('range')}limited"
+    limited = getattr(model, flag, rows)
     for index, name in enumerate(subjects(model, prefix)):
         free = prefix == "jnt" and int(model.jnt_type[index]) == FREE  # it has no limits
-        limits = not word.endswith("range") or limited[index]
+        limits = not word.endswith(("range", "intrinsic")) or np.any(limited[index])
         if limits and not free and not np.array_equal(rows[index], usual):
             yield name, plain(rows[index])
 

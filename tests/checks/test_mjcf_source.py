@@ -162,7 +162,7 @@ NAMED_AS_ITS_BODY = """<mujoco><worldbody><body name="a"><geom size=".1"/>
   <site name="tip" pos="0 {} 0" size=".02"/></body></body></worldbody>
   <sensor><force name="f" site="tip"/><framepos name="p" objtype="site" objname="tip"/>
   <framepos name="x" objtype="xbody" objname="tip"/></sensor></mujoco>"""
-CLOSE = """<mujoco><visual><map znear=".003"/></visual><worldbody><body name="a">
+SEEN_CLOSE = """<mujoco><visual><map znear=".003"/></visual><worldbody><body name="a">
   <geom name="g" size=".1"/><camera name="eye"/></body></worldbody></mujoco>"""
 CLOSE = """<mujoco><worldbody><body><joint/>
   <inertial pos="0 0 .1" quat="1 0 0 .2" mass="1" diaginertia=".003 .002 .001"/>
@@ -183,6 +183,7 @@ SAME = {
     "a mesh with materials": (FLOATING, PAINTED),
     "a site that is called as its body": (NAMED_AS_ITS_BODY.format(".1"), TET),
     "the same in its origin": (NAMED_AS_ITS_BODY.format("0"), TET),
+    "a camera, and a near plane of all cameras": (SEEN_CLOSE, TET),
     "frames that are one for MuJoCo": (CLOSE, TET),
     "frames, rests and what only MJCF says": (RICH, TET),
 }
