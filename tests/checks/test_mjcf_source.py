@@ -172,6 +172,8 @@ CLOSE = """<mujoco><worldbody><body><joint/>
 FACES = TET.split("f ")
 PAINTED = FACES[0] + "usemtl red\n" + "usemtl blue\n".join(f"f {face}" for face in FACES[1:])
 """MuJoCo reads no material of an OBJ: cut into pieces, each would have a hull of its own."""
+SKEW = """v 0 0 0\nv 2 0 0\nv 3 1 .5\nv 2 2 0\nv 0 2 0\nv 1 1 2
+f 5 4 3 2 1\nf 1 2 6\nf 2 3 6\nf 3 4 6\nf 4 5 6\nf 5 1 6\n"""
 SAME = {
     "floating": (FLOATING, TET),
     "an ellipsoid of a mesh": (fitted("ellipsoid"), TET),
@@ -181,6 +183,7 @@ SAME = {
     "very thin triangles": (FLOATING, slivers(9.99e-7, 20)),
     "thin triangles": (FLOATING, slivers(1.0001e-6, 20)),
     "a mesh with materials": (FLOATING, PAINTED),
+    "a polygon whose corners lie in no plane": (FLOATING, SKEW),
     "a site that is called as its body": (NAMED_AS_ITS_BODY.format(".1"), TET),
     "the same in its origin": (NAMED_AS_ITS_BODY.format("0"), TET),
     "a camera, and a near plane of all cameras": (SEEN_CLOSE, TET),
@@ -192,6 +195,15 @@ SAME = {
 @pytest.mark.parametrize("what", SAME)
 def test_it_comes_out_as_it_went_in(what: str, tmp_path: Path):
     assert compared(built(SAME[what][0], tmp_path, SAME[what][1])) == []
+
+
+def test_objects_of_a_mesh_that_mujoco_leaves_out_are_told(tmp_path: Path):
+    """MuJoCo's reader takes the faces of the first object; the bundle has those of all."""
+    other = TET.replace("v 0", "v 4").replace("f", "f -4 -2 -3\n#")
+    found = compared(built(FLOATING, tmp_path, f"o a\n{TET}o b\n{other}"))
+    assert [(finding.rule, finding.severity) for finding in found] == [
+        ("mjcf.first_object", "info")
+    ]
 
 
 @pytest.mark.parametrize(

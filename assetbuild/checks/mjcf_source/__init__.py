@@ -8,10 +8,12 @@ nor what the build changes by rule:
 - Bodies that a joint connects are excluded.
 - A camera that looks at a body without mass looks ahead.
 - What counts from a joint's `ref` in a law of its own is not compared.
+- MuJoCo reads the first object of an OBJ file alone; the bundle has them all.
 """
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -32,6 +34,15 @@ from assetbuild.simulators.mujoco import name_of
 LOAD = Rule(
     "equal.source.load", "error", "MuJoCo refuses our MJCF or the source's", "see `mjcf.load`"
 )
+FIRST_OBJECT = Rule(
+    "mjcf.first_object",
+    "info",
+    "MuJoCo reads the first object of an OBJ file alone, the bundle has them all",
+    "join the objects of the file, or leave the others out",
+)
+_OBJECT, _FACE = re.compile(rb"(?m)^[og]\b"), re.compile(rb"(?m)^f\s")
+_POLYGON = re.compile(rb"(?m)^f(?:[ \t]+\S+){5}")
+"""A face of five corners or more."""
 
 
 class MjcfSource(Check):
@@ -89,15 +100,26 @@ class MjcfSource(Check):
         stated |= {f"commands {key.get('name')}" for key in silent}
         if tree.root != "world":
             _clear_scenery(flat)
+        folder = files.inputs / "files"
+        objects = {str(mesh.get("name")): _objects(mesh, folder) for mesh in flat.iter("mesh")}
+        for name in [name for name, count in objects.items() if count > 1]:
+            yield FIRST_OBJECT(
+                f"mesh {name}",
+                "MuJoCo reads the first of its objects alone; in the bundle all are there",
+            )
         try:
             with mujoco.caught_warnings():
-                source = read_side(source_spec(flat, files.inputs / "files", tree))
+                source = read_side(source_spec(flat, folder, tree))
                 path = files.inputs / "mjcf" / f"{self.robot}.xml"
                 ours = read_side(mj.MjSpec.from_file(str(path)))
         except ValueError as error:
             write_figures(files, {"skipped": str(error)})
             yield LOAD("robot", f"nothing to compare: {error}")
             return
+        for key in list(source.facts):
+            if key.kind == "shape" and key.quantity in MESH and objects.get(source.mesh(key.name)):
+                del source.facts[key]
+                ours.facts.pop(key, None)
         before, after = tables(source, ours, stated)
         different = compare(before, after, rough=rough)
         yield from equality_findings(different, "source", "our MJCF", {}, "the source")
@@ -121,6 +143,19 @@ def is_rough(root: ElementTree.Element) -> bool:
 
     old = int(mj.__version__.split(".")[0]) < 4
     return old and any(inertial.get("fullinertia") for inertial in root.iter("inertial"))
+
+
+def _objects(mesh: ElementTree.Element, folder: Path) -> int:
+    """How many objects an OBJ file has that MuJoCo does not read as we do; 0 for any other file.
+
+    It leaves out all but the first, and cuts polygons whose corners lie in no plane elsewhere.
+    """
+    path = folder / str(mesh.get("file"))
+    if path.suffix.lower() != ".obj":
+        return 0
+    data = path.read_bytes()
+    count = sum(bool(_FACE.search(part)) for part in _OBJECT.split(data))
+    return count if count > 1 or _POLYGON.search(data) else 0
 
 
 def _clear_scenery(root: ElementTree.Element) -> None:

@@ -47,6 +47,11 @@ class Side:
     rest: Mapping[str, float]
     servos: Mapping[str, Drive]
 
+    def mesh(self, shape: str) -> str:
+        """The name of a shape's mesh; "" without one."""
+        mesh = int(self.model.geom_dataid[self.model.geom(shape).id])
+        return name_of(self.model, "mesh", mesh) if mesh >= 0 else ""
+
 
 class _InRoot(Bodies):
     """In the frame of the root, and by the name of the body that carries the joints above it."""
