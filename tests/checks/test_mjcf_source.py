@@ -162,6 +162,10 @@ NAMED_AS_ITS_BODY = """<mujoco><worldbody><body name="a"><geom size=".1"/>
   <site name="tip" pos="0 {} 0" size=".02"/></body></body></worldbody>
   <sensor><force name="f" site="tip"/><framepos name="p" objtype="site" objname="tip"/>
   <framepos name="x" objtype="xbody" objname="tip"/></sensor></mujoco>"""
+WALLED = """<mujoco><worldbody><geom name="wall" type="box" size=".1 .1 .1"/>
+  <frame pos="1 0 0"><geom name="post" size=".1"/></frame>
+  <body name="a"><joint name="slide" type="slide"/><geom name="g" size=".1"/></body>
+  <body name="b" pos="0 2 0"><geom name="h" size=".1"/></body></worldbody></mujoco>"""
 SEEN_CLOSE = """<mujoco><visual><map znear=".003"/></visual><worldbody><body name="a">
   <geom name="g" size=".1"/><camera name="eye"/></body></worldbody></mujoco>"""
 CLOSE = """<mujoco><worldbody><body><joint/>
@@ -186,6 +190,7 @@ SAME = {
     "a polygon whose corners lie in no plane": (FLOATING, SKEW),
     "a site that is called as its body": (NAMED_AS_ITS_BODY.format(".1"), TET),
     "the same in its origin": (NAMED_AS_ITS_BODY.format("0"), TET),
+    "walls of the world, whose density weighs nothing": (WALLED, TET),
     "a camera, and a near plane of all cameras": (SEEN_CLOSE, TET),
     "frames that are one for MuJoCo": (CLOSE, TET),
     "frames, rests and what only MJCF says": (RICH, TET),

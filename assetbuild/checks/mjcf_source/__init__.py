@@ -188,6 +188,9 @@ def source_spec(root: ElementTree.Element, folder: Path, tree: Tree) -> Any:  # 
     world = root.find("worldbody")
     if tree.root == "world" and world is not None:
         whole = ElementTree.Element("body", {"name": mujoco.body_names(tree)["world"]})
+        of_bodies = {geom for body in world.iter("body") for geom in body.iter("geom")}
+        for geom in set(world.iter("geom")) - of_bodies:
+            geom.set("mass", "0")  # the world has none
         whole[:], world[:] = list(world), [whole]
     assets = {}  # numbered: to MuJoCo, files of one name in two folders are one
     for number, mesh in enumerate(root.iterfind("asset/mesh")):
