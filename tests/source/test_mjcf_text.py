@@ -200,6 +200,8 @@ def test_a_shape_that_only_a_pair_holds_on_the_floor_stands_on_any_floor(
     done = read(text, tmp_path / "read")
     found = [f for f in done.findings if f.rule == "mjcf.no_floor"]
     assert [f.data["shapes"] for f in found] == ([("hull",)] if "aff" in masks else [])
+    dropped = [f.severity for f in done.findings if f.rule == "mjcf.dropped"]
+    assert set(dropped) == {"info"}, "nothing is lost"
     xml = write(done, tmp_path / "out").xml
     geom = mujoco.MjModel.from_xml_path(str(xml)).geom("hull")
     assert (geom.contype, geom.conaffinity) == (0, 1)

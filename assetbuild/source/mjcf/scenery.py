@@ -11,7 +11,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from typing import TYPE_CHECKING
 
 from assetbuild.errors import SourceError, did_you_mean
-from assetbuild.findings import Finding, Rule
+from assetbuild.findings import Finding, Rule, Severity
 from assetbuild.source.mjcf.text import (
     Classes,
     bodies,
@@ -87,10 +87,11 @@ def cut_scenery(root: _Element, chosen: str | None) -> Iterator[Finding]:
     for element, missing in _cut(root, gone, lost):
         ends = [str(element.get(f"geom{side}")) for side in (1, 2)]
         what = f"<{element.tag}> `{element.get('name') or ' and '.join(ends)}`"
+        severity: Severity = "warning"
         if element.tag == "pair" and missing in floors:
-            standing |= dict.fromkeys(ends, element)
+            standing, severity = standing | dict.fromkeys(ends, element), "info"
         message = f"{what} was left out ({where_of(element)}): `{missing}` is not part of the robot"
-        yield dropped(str(element.tag), "robot", message, severity="warning")
+        yield dropped(str(element.tag), "robot", message, severity=severity)
     yield from _on_any_floor(standing, root)
     for top in gone:
         mocap = top.get("mocap") == "true"
