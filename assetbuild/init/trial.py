@@ -131,7 +131,7 @@ class Stage:
 
     def depths(self, exclude: Exclude) -> Depths:
         """How deep bodies lie in each other, in any pose, or of a fixed robot that is drawn to
-        stand on z = 0 below it: the scenes' floor gives way. {} without shapes.
+        stand on z = 0 below it: the scenes' floor gives way, its own does not. {} without shapes.
         """
         home = {"home": Keyframe.model_validate({})}
         try:
@@ -141,8 +141,9 @@ class Stage:
             return nothing_deep
         tree = self.robot.tree
         ground = Ground(tree, self.shapes, self.ports.folder / "meshes")
-        stands = tree.base == "fixed" and stands_on_zero(ground)
-        model.geom_pos[mujoco.floors(model), 2] = 0.0
+        scenery = [floor for floor in mujoco.floors(model) if model.geom_bodyid[floor] == 0]
+        stands = tree.base == "fixed" and (not scenery or stands_on_zero(ground))
+        model.geom_pos[scenery, 2] = 0.0
 
         def measured(pose: Mapping[str, float]) -> dict[Pair, float]:
             between = mujoco_trials.depths(model, with_mimics(tree, pose))

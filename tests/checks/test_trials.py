@@ -287,3 +287,18 @@ MEDIUM = """<mujoco><option density="1000" viscosity="1"/><worldbody><body><free
 
 def test_springs_of_tendons_and_a_medium_are_no_loss_of_energy():
     assert energy_drift(mujoco.MjModel.from_xml_string(MEDIUM)) < 1e-2
+
+
+@pytest.mark.parametrize(("height", "depth"), [(0.27, None), (0.2, 0.05)])
+def test_a_plane_that_a_robot_brings_from_its_world_is_a_floor(height: float, depth: float | None):
+    """The leg of a hopper that slides along the world reaches 0.25 m below its body."""
+    model = mujoco.MjModel.from_xml_string(f"""<mujoco><worldbody><body name="world_body">
+    <geom type="plane" size="1 1 1"/><body name="leg" pos="0 0 {height}">
+    <joint type="slide" axis="0 0 1"/><geom type="capsule" size=".05 .2"/></body></body></worldbody>
+    <keyframe><key name="home" qpos="0"/></keyframe></mujoco>""")
+    figures: dict[str, object] = {}
+    found = list(Trials(poses=2).examine(model, figures))
+    deep = [f.data["depth_m"] for f in found if f.rule == "trials.floor"]
+    assert deep == ([pytest.approx(depth)] if depth else [])
+    assert "trials.overlap" not in rules(found)
+    assert figures["untouched"]

@@ -262,13 +262,13 @@ def overlaps(
     floor: with floors, too, whose name is "".
     """
     depths: dict[tuple[str, str], float] = {}
-    planes = set(floors(model)) if floor else set()
+    planes = set(floors(model))
     for contact in data.contact[: data.ncon]:
         geoms = [int(geom) for geom in contact.geom]
         bodies = [int(model.geom_bodyid[geom]) for geom in geoms]
-        if 0 not in bodies or planes & set(geoms):
-            numbers = zip(bodies, bodies if kind == "body" else geoms, strict=True)
-            a, b = sorted(name_of(model, kind, number) if body else "" for body, number in numbers)
+        if floor if planes & set(geoms) else 0 not in bodies:
+            numbers = zip(geoms, bodies if kind == "body" else geoms, strict=True)
+            a, b = sorted("" if g in planes else name_of(model, kind, n) for g, n in numbers)
             depths[a, b] = max(depths.get((a, b), 0.0), -float(contact.dist))
     return dict(sorted(depths.items()))
 
@@ -357,9 +357,9 @@ def contact_solver(model: Model) -> dict[str, object]:
 
 
 def floors(model: Model) -> list[int]:
-    """Planes of the world."""
+    """Planes of the world and of what is fixed to it, as a robot brings those of its source."""
     planes = model.geom_type == int(mj.mjtGeom.mjGEOM_PLANE)
-    return [int(i) for i in np.flatnonzero(planes & (model.geom_bodyid == 0))]
+    return [int(i) for i in np.flatnonzero(planes & (model.body_weldid[model.geom_bodyid] == 0))]
 
 
 def floor_contacts(model: Model, data: Data) -> list[tuple[int, int]]:
@@ -370,8 +370,9 @@ def floor_contacts(model: Model, data: Data) -> list[tuple[int, int]]:
 
 
 def collision_geoms(model: Model) -> list[int]:
-    """Geoms of the robot that can touch something."""
+    """Geoms of the robot that can touch something, without the floors that it brings."""
     solid = (model.geom_contype != 0) | (model.geom_conaffinity != 0)
+    solid[floors(model)] = False
     return [int(i) for i in np.flatnonzero(solid & (model.geom_bodyid != 0))]
 
 

@@ -285,7 +285,7 @@ def support(model: Model, near_m: float = TOUCH_M) -> Support:
     with mujoco.caught_warnings():
         model.geom_margin[:] = near_m
         data = mujoco.at_key(model)
-        on_floor = (model.geom_bodyid[data.contact.geom] == 0).any(axis=1)
+        on_floor = np.isin(data.contact.geom, mujoco.floors(model)).any(axis=1)
         points = np.array(data.contact.pos)[on_floor, :2]
         com, height = np.array(data.subtree_com[0][:2]), float(data.subtree_com[0][2])
     if not len(points):
