@@ -35,7 +35,7 @@ from assetbuild.init.sections import (
     put_targets,
     put_validation,
 )
-from assetbuild.init.strength import bounds
+from assetbuild.init.strength import bounds, with_efforts
 from assetbuild.init.trial import Trial, staged, tables
 from assetbuild.init.tune import Tuning, tune
 from assetbuild.robot.files import RobotFiles, SourceControl
@@ -245,7 +245,12 @@ def _pose(source: MjcfSource, anatomy: Anatomy, tuning: Tuning | None) -> Mappin
 
 
 def _commanded(tree: Tree, control: Control) -> Tree:
-    """The tree with joints as narrow as the commands that their position drives take."""
+    """The tree with joints as narrow as the commands that their position drives take.
+
+    Where nothing has a weight, no effort is too small to hold a pose.
+    """
+    if not any(control.simulation.gravity):
+        tree = with_efforts(tree, dict.fromkeys(tree.by_joint))
     taken = {row.joint: row.ctrl for row in control.actuators if row.model == "pd" and row.ctrl}
 
     def narrowed(joint: Joint) -> Joint:

@@ -119,8 +119,8 @@ def _silent(joint: Joint) -> Joint:
     )
 
 
-def with_efforts(tree: Tree, efforts: Mapping[str, float]) -> Tree:
-    """The tree with other effort limits of some joints."""
+def with_efforts(tree: Tree, efforts: Mapping[str, float | None]) -> Tree:
+    """The tree with other effort limits of some joints, or without."""
     joints = [
         replace(j, limits=replace(j.limits, effort=efforts[j.name])) if j.name in efforts else j
         for j in tree.joints

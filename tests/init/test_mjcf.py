@@ -109,6 +109,19 @@ def test_a_shank_without_a_foot_of_its_own_ends_at_its_ball(tmp_path: Path):
     assert hip == pytest.approx(-knee / 2.0, abs=0.02)
 
 
+@pytest.mark.parametrize(("option", "hangs"), [("", True), ('gravity="0 0 0"', False)])
+def test_weak_drives_turn_home_only_where_there_is_weight(option: str, hangs: bool, tmp_path: Path):
+    """The arm of Gymnasium's Pusher: 40 N m against motors of 2 N m, without gravity."""
+    (tmp_path / "arm.xml").write_text(
+        f"""<mujoco model="arm"><compiler angle="radian"/><option {option}/><worldbody>
+        <body name="arm" pos="0 0 2"><joint name="lift" axis="0 1 0" range="-1.6 1.6"/>
+        <geom type="capsule" fromto="0 0 0 1 0 0" size=".05"/></body></worldbody>
+        <actuator><motor joint="lift" ctrlrange="-2 2"/></actuator></mujoco>"""
+    )
+    recipe, _ = initialised(tmp_path / "arm.xml", tmp_path)
+    assert bool(recipe.keyframes["home"].joints) == hangs
+
+
 @pytest.mark.parametrize("driven", [True, False])
 def test_springs_are_proposed_as_usd_where_nothing_else_drives_the_joint(
     driven: bool, tmp_path: Path
