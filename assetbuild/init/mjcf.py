@@ -189,7 +189,7 @@ def mjcf_recipe(source: MjcfSource, path: Path) -> Proposal:
     """The whole recipe, as it will lie at `path`."""
     robot, control = source.robot, source.control
     anatomy = replace(study(robot), doubt="")  # the source says its base
-    idle = not _driven(control) and robot.tree.moving_joints
+    idle = robot.tree.moving_joints and not (_driven(control) or _is_sprung(source, anatomy))
     tuning = _tuned(source, anatomy) if idle else None
     unmended = tuning.unmended if tuning else ()
     hand = mjcf_hand(robot, anatomy, control, tuning)
@@ -217,6 +217,16 @@ def mjcf_recipe(source: MjcfSource, path: Path) -> Proposal:
     trial = _stood(source, anatomy)
     put_validation(draft, robot, anatomy.legs, trial, hand)
     return Proposal(path, draft.text, unmended)
+
+
+def _is_sprung(source: MjcfSource, anatomy: Anatomy) -> bool:
+    """Whether springs move it, as a soft foot: most joints have one, and none walks.
+
+    A few springs help the drives of a robot.
+    """
+    alone = [joint for joint in source.robot.tree.moving_joints if joint.mimic is None]
+    springs = joint_springs(source.control.mjcf_only)
+    return 2 * len(springs) > len(alone) and not anatomy.walks_on
 
 
 def _tuned(source: MjcfSource, anatomy: Anatomy) -> Tuning:

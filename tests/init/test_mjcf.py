@@ -122,6 +122,24 @@ def test_weak_drives_turn_home_only_where_there_is_weight(option: str, hangs: bo
     assert bool(recipe.keyframes["home"].joints) == hangs
 
 
+@pytest.mark.parametrize(("springs", "guessed"), [(3, False), (1, True)])
+def test_a_mechanism_that_springs_move_gets_no_guessed_drives(
+    springs: int, guessed: bool, tmp_path: Path
+):
+    """A soft finger: three joints in a row, of which the outer ones have springs."""
+    inner = ""
+    for number in range(3):
+        spring = f'stiffness="{2.0 * (number < springs)}"'
+        inner = f"""<body name="b{number}" pos="0 0 .1"><joint name="j{number}" axis="0 1 0"
+        range="-1 1" {spring}/><geom type="capsule" fromto="0 0 0 0 0 .1" size=".01"/>
+        {inner}</body>"""
+    (tmp_path / "soft.xml").write_text(
+        f'<mujoco model="soft"><compiler angle="radian"/><worldbody>{inner}</worldbody></mujoco>'
+    )
+    recipe, _ = initialised(tmp_path / "soft.xml", tmp_path)
+    assert any(row.guessed for row in recipe.actuators or ()) == guessed
+
+
 @pytest.mark.parametrize("driven", [True, False])
 def test_springs_are_proposed_as_usd_where_nothing_else_drives_the_joint(
     driven: bool, tmp_path: Path
