@@ -266,9 +266,10 @@ def _judge_strength(
 
 def _inherited(frequencies: Sequence[float]) -> Finding:
     drives = "1 drive keeps" if len(frequencies) == 1 else f"{len(frequencies)} drives keep"
+    span = " to ".join(dict.fromkeys(f"{f(frequencies):.3g}" for f in (min, max)))
     return INHERITED(
         "robot",
-        f"{drives} the gains of the source's MJCF ({min(frequencies):.3g} to "
-        f"{max(frequencies):.3g} Hz at this pose): such files are often tuned for a viewer",
+        f"{drives} the gains of the source's MJCF ({span} Hz at this pose): such files are often "
+        "tuned for a viewer",
         data={"joints": len(frequencies)},
     )

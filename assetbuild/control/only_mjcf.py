@@ -90,11 +90,11 @@ def explain_gears(actuators: Iterable[Actuator]) -> Iterator[Finding]:
 def explain_opaque(items: tuple[MjcfOnly, ...]) -> Iterator[Finding]:
     """One finding for each kind of thing that only the MJCF holds."""
     if springs := joint_springs(items):
+        has = "1 joint has a spring" if len(springs) == 1 else f"{len(springs)} joints have springs"
         yield SPRING(
             "robot",
-            f"{len(springs)} joints have springs of the stiffness in N m/rad or N/m: "
-            f"{spring_list(springs)}; the URDF is written without them, so these joints move "
-            "otherwise there; in the USD a spring is the drive of its joint where it has no other",
+            f"{has} (N m/rad or N/m): {spring_list(springs)}; the URDF cannot hold them, so it "
+            "moves differently; in the USD a spring is the drive of a joint that has no other",
             "command no targets to these joints in PhysX and Newton, whose drives rest where the "
             "springs do",
             data={joint: spring.text for joint, spring in springs.items()},

@@ -68,6 +68,7 @@ BAD = {
 def test_each_rule_speaks_on_a_bad_arm(rule: str, tmp_path: Path) -> None:
     findings, _ = evaluate(BAD[rule], tmp_path, inherited=True)
     assert {rule, "gains.inherited"} <= rules(findings)
+    assert " to " not in next(f.message for f in findings if f.rule == "gains.inherited")
 
 
 @pytest.mark.parametrize(

@@ -187,6 +187,7 @@ def test_a_spring_stays_in_the_mjcf_and_both_losses_are_reported(tmp_path: Path)
     assert compared(done) == set()
     (warning,) = [f for f in done.findings if f.rule == "mjcf.spring"]
     assert (warning.severity, warning.data) == ("warning", {"j": "12"})
+    assert warning.message.startswith("1 joint has a spring (N m/rad or N/m): `j` (12); ")
     (error,) = [f for f in usd_findings(done) if f.rule == "usd.spring"]
     assert (error.severity, error.subject) == ("error", "joint j")
     (only,) = [f for f in done.findings if f.rule == "mjcf.only"]

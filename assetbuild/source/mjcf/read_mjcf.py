@@ -148,8 +148,9 @@ def _order(sections: Sections, drives: Drives) -> Iterator[Finding]:
         names = ", ".join(name for name, _ in drives.names[:6])
         yield ORDER(
             "robot",
-            f"the actuators of the source ({names}, ...) do not follow its joints: ours do",
-            "ask for actuators by name",
+            f"the source lists its actuators ({names}, ...) in another order than its joints; the "
+            "MJCF that is written lists them in the order of the joints",
+            "address actuators by name: a policy of the source has its commands in another order",
             data={"actuators": len(drives.names)},
         )
 
