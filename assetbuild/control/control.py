@@ -42,7 +42,7 @@ from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.initial import initial_pose
 from assetbuild.robot.loops import LoopRow, resolve_loops, row_numbers
 from assetbuild.robot.mimic import with_mimics
-from assetbuild.robot.mjcf_only import joint_springs
+from assetbuild.robot.mjcf_only import joint_springs, root_quat
 from assetbuild.robot.sections import Camera, Feet, Imu, Keyframe, Sensor, Simulation
 from assetbuild.robot.shapes import Shapes
 from assetbuild.robot.sides import Side, moving_by_source, side_of
@@ -162,7 +162,8 @@ class ControlStep(Step):
         loops = resolve_loops(tree, self.loops)
         if source is not None:
             loops += placed_loops(tree, source.control.loops, loops)
-        sprung = joint_springs(source.control.mjcf_only if source is not None else ())
+        items = source.control.mjcf_only if source is not None else ()
+        sprung, turn = joint_springs(items), root_quat(items)
         stated, poses = poses, self._closed(tree, poses, loops, driven, sprung)
         for before, after in zip(stated, poses, strict=True):
             yield from solved_findings(before, after)
@@ -179,7 +180,7 @@ class ControlStep(Step):
             keyframe, q = self.keyframes[pose.name], dict(pose.joints)
             solved = q.keys() - {name for name, v in before.joints if v == q[name]}
             yield from _limit_findings(tree, pose.name, keyframe, q, solved)
-            base, findings = placed_base(tree, pose.name, keyframe, q, ground)
+            base, findings = placed_base(tree, pose.name, keyframe, q, ground, turn)
             yield from findings
             keyframes.append(replace(pose, base=base))
 

@@ -17,7 +17,7 @@ from assetbuild.mesh.obj import read_triangles
 from assetbuild.robot import model
 from assetbuild.robot.floor import BELOW_M, brings_floor, floor_of
 from assetbuild.robot.initial import initial_pose
-from assetbuild.robot.pose import Array, Pose
+from assetbuild.robot.pose import Array, Pose, Quat
 from assetbuild.robot.sections import Keyframe
 from assetbuild.robot.shapes import Box, Capsule, Cylinder, Geometry, Mesh, Shapes, Sphere
 from assetbuild.robot.tree import forward_kinematics
@@ -54,9 +54,10 @@ class Ground:
         self._files = {asset.name: asset.file for asset in shapes.meshes}
         self._vertices: dict[str, Array] = {}
 
-    def lowest(self, q: Mapping[str, float]) -> float | None:
-        """z of the lowest point in the root's frame, m; None without collision geometry."""
-        return min(self.lowest_of_bodies(q, Pose()).values(), default=None)
+    def lowest(self, q: Mapping[str, float], quat_world_root: Quat) -> float | None:
+        """z of the lowest point with the root in the origin, m; None without collision geometry."""
+        X_world_root = Pose(quat=quat_world_root)
+        return min(self.lowest_of_bodies(q, X_world_root).values(), default=None)
 
     def lowest_of_bodies(self, q: Mapping[str, float], X_world_root: Pose) -> dict[str, float]:
         """z in the world of the lowest point of each body that has collision geometry, m."""
@@ -120,9 +121,14 @@ def stands_on_zero(ground: Ground) -> bool:
 
 
 def placed_base(
-    tree: model.Tree, name: str, keyframe: Keyframe, q: Mapping[str, float], ground: Ground
+    tree: model.Tree,
+    name: str,
+    keyframe: Keyframe,
+    q: Mapping[str, float],
+    ground: Ground,
+    turn: Quat,
 ) -> tuple[Pose | None, list[Finding]]:
-    """X_world_root, upright; None for a fixed base."""
+    """X_world_root; None for a fixed base. turn: how the source's world holds a floating root."""
     if tree.base == "fixed":
         if keyframe.base == "on_ground":
             return None, []
@@ -135,11 +141,11 @@ def placed_base(
             )
         ]
     if keyframe.base != "on_ground":
-        return Pose(keyframe.base), []
-    lowest = ground.lowest(q)
+        return Pose(keyframe.base, turn), []
+    lowest = ground.lowest(q, turn)
     if lowest is not None:
-        return Pose((0.0, 0.0, 0.0 - lowest)), []
-    return Pose(), [
+        return Pose((0.0, 0.0, 0.0 - lowest), turn), []
+    return Pose(quat=turn), [
         NO_GROUND(
             "robot",
             f"keyframe `{name}`: no collision geometry to put on the ground; z = 0",

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from xml.etree import ElementTree
 
 from assetbuild.robot.model import Actuator, Control, MjcfOnly
+from assetbuild.robot.pose import IDENTITY, Quat, normalised_quat
 
 Element = ElementTree.Element
 SPRING_WORDS = ("stiffness", "springref")
@@ -15,6 +16,15 @@ SPRING_WORDS = ("stiffness", "springref")
 def parsed(item: MjcfOnly) -> Element:
     """The element of an item."""
     return ElementTree.fromstring(item.element)  # noqa: S314 # our own reader wrote it
+
+
+def root_quat(items: Iterable[MjcfOnly]) -> Quat:
+    """How the source's world holds a floating root, wxyz: torsos of some lie along their z."""
+    for item in items:
+        if item.place == "root" and (stated := parsed(item).get("quat")):
+            w, x, y, z = map(float, stated.split())
+            return normalised_quat((w, x, y, z))
+    return IDENTITY.quat
 
 
 @dataclass(frozen=True)

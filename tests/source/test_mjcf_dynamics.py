@@ -204,3 +204,12 @@ def test_a_joint_without_stiffness_has_no_spring(joint: str, tmp_path: Path):
 def test_a_range_that_is_switched_off_limits_nothing(tmp_path: Path):
     done = written(arm(f'{SEVEN} actuatorfrclimited="false"', OPEN), tmp_path)
     assert drive_of(done).effort is None
+
+
+def test_a_pose_of_the_recipe_keeps_how_the_source_holds_the_root(tmp_path: Path):
+    """The torso of dm_control's CMU humanoid lies along its z: here a box of 0.2 x 0.6 x 0.2 m."""
+    text = """<mujoco><worldbody><body name="torso" pos="0 0 1" euler="90 0 0"><freejoint/>
+    <geom type="box" size=".1 .3 .1"/></body></worldbody></mujoco>"""
+    done = write(read(text, tmp_path / "read"), tmp_path / "out", keyframes={"home": {}})
+    key = mujoco.MjModel.from_xml_path(str(done.xml)).key_qpos[0]
+    assert key == pytest.approx([0, 0, 0.3, 2**-0.5, 2**-0.5, 0, 0])
