@@ -163,8 +163,7 @@ class ControlStep(Step):
         if source is not None:
             loops += placed_loops(tree, source.control.loops, loops)
         items = source.control.mjcf_only if source is not None else ()
-        sprung, turn = joint_springs(items), root_quat(items)
-        stated, poses = poses, self._closed(tree, poses, loops, driven, sprung)
+        stated, poses = poses, self._closed(tree, poses, loops, driven, joint_springs(items))
         for before, after in zip(stated, poses, strict=True):
             yield from solved_findings(before, after)
         parts = {name: self._of_parts(tree, pose) for name, pose in self.poses.items()}
@@ -180,7 +179,7 @@ class ControlStep(Step):
             keyframe, q = self.keyframes[pose.name], dict(pose.joints)
             solved = q.keys() - {name for name, v in before.joints if v == q[name]}
             yield from _limit_findings(tree, pose.name, keyframe, q, solved)
-            base, findings = placed_base(tree, pose.name, keyframe, q, ground, turn)
+            base, findings = placed_base(tree, pose.name, keyframe, q, ground, root_quat(items))
             yield from findings
             keyframes.append(replace(pose, base=base))
 

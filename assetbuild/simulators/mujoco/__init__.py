@@ -286,8 +286,7 @@ def first_command(model: Model, actuator: int) -> int:
 
 def turning(model: Model) -> list[int]:
     """Hinges and slides."""
-    kinds = (int(mj.mjtJoint.mjJNT_HINGE), int(mj.mjtJoint.mjJNT_SLIDE))
-    return [joint for joint in range(model.njnt) if int(model.jnt_type[joint]) in kinds]
+    return [joint for joint in range(model.njnt) if int(model.jnt_type[joint]) in (2, 3)]
 
 
 def joints(model: Model) -> dict[str, int]:
