@@ -52,6 +52,7 @@ def one(
     row["seconds"] = round(time.monotonic() - started, 1)
     used = resource.getrusage(resource.RUSAGE_CHILDREN)
     row["cpu_seconds"] = round(used.ru_utime + used.ru_stime, 1)
+    row["peak_mb"] = used.ru_maxrss // 1024  # of the largest process
     if row["result"] == "refused":
         row |= stopped(done, verb, robot.root)
     return row | compared_with_source(robot, folder, row)

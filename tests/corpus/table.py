@@ -6,13 +6,14 @@ from collections import Counter
 
 
 def table(rows: dict[str, dict], title: str) -> str:
-    head = "| robot | result | cause | driven | judge | s (CPU) | edits | lost | E/W/I | note |"
+    head = "| robot | result | cause | driven | judge | s (CPU, MB) | edits | lost | E/W/I | note |"
     lines = [f"# Corpus: {title}", "", summary(rows), *causes(rows), "", head, "|" + " --- |" * 10]
     lines += [line_of(name, rows[name]) for name in sorted(rows)]
     lines += [
         "",
         "Driven: actuators of our MJCF, of its joints. Judge: pinocchio or MuJoCo on the source,",
         "and a second mesh reader. Cause: the first error's rule, or its words without names.",
+        "MB: of the largest process.",
         "Edits: what `init` wrote, counted by link. E/W/I: errors, warnings and infos.",
     ]
     return "\n".join(lines) + "\n"
@@ -62,7 +63,7 @@ def line_of(name: str, row: dict) -> str:
         row.get("cause", ""),
         f"{row.get('actuators', '-')}/{row.get('joints', '-')}",
         row.get("judge", "-"),
-        f"{row['seconds']:.0f} ({row.get('cpu_seconds', 0):.0f})",
+        f"{row['seconds']:.0f} ({row.get('cpu_seconds', 0):.0f}, {row.get('peak_mb', 0)})",
         ", ".join(f"{count} {name}" for name, count in row.get("edits", {}).items()),
         ", ".join(row["lost"]) or "none" if "lost" in row else "-",
         "/".join(str(findings.get(s, 0)) for s in ("error", "warning", "info")),
@@ -78,7 +79,8 @@ def summary(rows: dict[str, dict]) -> str:
     right = sum(not faults(row) for row in rows.values())
     edited = sum(bool(row.get("edits")) for row in rows.values())
     seconds = sum(row["seconds"] for row in rows.values())
+    peak = max((row.get("peak_mb", 0) for row in rows.values()), default=0)
     return (
         f"{len(rows)} robots: {told}. {right} ready, driven and equal to the source. "
-        f"{edited} edited. {seconds:.0f} s in all."
+        f"{edited} edited. {seconds:.0f} s in all, at most {peak} MB."
     )
