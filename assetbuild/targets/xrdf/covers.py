@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from pydantic import Field
 
-from assetbuild.collision.spheres import covering_spheres
+from assetbuild.collision.spheres import covering_spheres, distances
 from assetbuild.errors import StepError
 from assetbuild.findings import Finding, Rule
 from assetbuild.mesh.cover import Reference, union_of
@@ -150,8 +150,7 @@ def _share_within(reference: Reference, centres: Array, radii: Array) -> float:
     """
     cloud = sobol(POINTS, *reference.mesh.bounds, seed=1)
     inside = cloud[reference.solid.contains(cloud)]
-    beyond = np.linalg.norm(inside[:, None] - centres, axis=2) - radii
-    return float((beyond <= 0.0).any(axis=1).mean())
+    return float((distances(inside, centres) <= radii).any(axis=1).mean())
 
 
 def _pieces(shapes: tuple[Shape, ...], robot: RobotFiles) -> Iterator[ConvexPiece]:
