@@ -134,7 +134,9 @@ def _bounds(stage: Usd.Stage) -> Iterator[Finding]:
     robot = UsdGeom.ModelAPI(stage.GetDefaultPrim())
     purposes = UsdGeom.Imageable.GetOrderedPurposeTokens()
     cache = UsdGeom.BBoxCache(Usd.TimeCode.Default(), purposes)
-    if robot.GetExtentsHint() != robot.ComputeExtentsHint(cache):
+    bounds = robot.ComputeExtentsHint(cache)
+    has_shapes = any(low[0] <= high[0] for low, high in zip(bounds[::2], bounds[1::2], strict=True))
+    if robot.GetExtentsHint() != (bounds if has_shapes else None):
         yield EXTENT(f"prim {robot.GetPath()}", "its `extentsHint` is not that of its shapes")
     metadata = stage.GetRootLayer().customLayerData.get("SimReady_Metadata", {})
     if robot.GetExtentsHint() and "asset_extents" not in metadata:

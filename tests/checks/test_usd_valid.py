@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import pxr
@@ -14,6 +15,7 @@ from tiny import TinyRobot, pendulum, tiny_quadruped
 
 from assetbuild.checks.usd_valid import UsdValid
 from assetbuild.findings import Finding
+from assetbuild.robot.shapes import Shapes
 from assetbuild.targets.usd import Usd as UsdTarget
 
 Spoil = Callable[[Usd.Stage], object]
@@ -31,7 +33,10 @@ def rules(findings: list[Finding]) -> set[str]:
     return {f.rule for f in findings}
 
 
-@pytest.mark.parametrize("robot", [tiny_quadruped(), pendulum()])
+BARE = replace(pendulum(), shapes=Shapes())
+
+
+@pytest.mark.parametrize("robot", [tiny_quadruped(), pendulum(), BARE])
 def test_what_we_write_is_valid(robot: TinyRobot, tmp_path: Path) -> None:
     assert check(robot, tmp_path) == []
 
