@@ -87,10 +87,14 @@ def new_workplace(folder: Path, go1_root: Path, store: Path) -> Workplace:
     source = go1_root / "robots/go1_description"
     shutil.copytree(source, folder / "robot/robots/go1_description")
     place.recipe.parent.mkdir(parents=True)
-    text = RECIPE.read_text()
-    begin, end = text.index("  pypi:"), text.index("  urdf:")
-    place.recipe.write_text(f"{text[:begin]}  path: ../robot\n{text[end:]}")
+    place.recipe.write_text(from_path(RECIPE.read_text()))
     return place
+
+
+def from_path(recipe: str) -> str:
+    """A recipe of Go1 whose source is the copy in a workplace."""
+    begin, end = recipe.index("  pypi:"), recipe.index("  urdf:")
+    return f"{recipe[:begin]}  path: ../robot\n{recipe[end:]}"
 
 
 @pytest.fixture(scope="session")

@@ -14,8 +14,9 @@ import pytest
 
 from tests.benchmarks import beside_gold
 
-from .conftest import Workplace
+from .conftest import Workplace, from_path
 
+ROOT = Path(__file__).parents[2]
 pytestmark = pytest.mark.slow  # whole builds of a real robot
 CONTROL_READERS = {
     "control",
@@ -64,6 +65,16 @@ def test_the_bundle_is_whole_and_verified_and_loads_wherever_it_is_moved(
     model = mujoco.MjModel.from_xml_path(str(moved / "mjcf" / "scene.xml"))
     assert (model.nq, model.nv, model.nu, model.nkey) == (19, 18, 12, 2)
     assert place.run("verify", str(moved)).returncode == 0
+
+
+def test_the_readme_shows_what_a_build_of_its_recipe_says(place: Workplace):
+    place.recipe.write_text(from_path((ROOT / "recipes/go1_minimal.yaml").read_text()))
+    done = place.build()
+    shown = re.search(r"```text\n(.*?)```", (ROOT / "README.md").read_text(), re.DOTALL)[1]
+    for line in shown.replace("\n    ", " ").splitlines():
+        # A copy without its wheel, built without pictures, has more notes.
+        start = line.rpartition(", ")[0] if "findings:" in line else line
+        assert any(said.startswith(start) for said in done.stdout.splitlines()), line
 
 
 def test_an_edit_runs_only_the_steps_that_read_what_changed(place: Workplace):
