@@ -73,5 +73,5 @@ PATTERNS = [
 def test_a_part_of_a_name_and_a_wildcard_of_a_shell_are_understood_as_patterns():
     hints = [meant_pattern(pattern, JOINTS).partition("?")[0] for pattern, _ in PATTERNS]
     assert hints == [f"did you mean `{meant}`" for _, meant in PATTERNS]
-    for pattern in ("knee", r"\w*_knee", "(?i)fl"):
+    for pattern in ("knee", r"\w*_knee", "(?i)fl", r"(F)\1|knee", "(a*)*x", "_*" * 20):
         assert meant_pattern(pattern, JOINTS) == did_you_mean(pattern, JOINTS)

@@ -16,7 +16,7 @@ from assetbuild.init.look import InspectedRobot
 from assetbuild.init.tune import Tuning
 from assetbuild.robot.contact import Contact
 from assetbuild.robot.model import Control, Mimic, Tree
-from assetbuild.robot.pose import Array
+from assetbuild.robot.pose import Array, Pose
 from assetbuild.robot.shapes import MeshFile, Role, SourceShape
 from assetbuild.robot.tree import forward_kinematics
 
@@ -171,15 +171,14 @@ def compound_pairs(tree: Tree, size: float) -> list[tuple[str, str]]:
             apart = math.dist(poses[joint.child].xyz, poses[above.child].xyz)
             if apart < COMPOUND * size:
                 pairs.append((above.parent, joint.child))
-    return [*pairs, *_linkage_pairs(tree)]
+    return [*pairs, *_linkage_pairs(tree, poses)]
 
 
-def _linkage_pairs(tree: Tree) -> Iterator[tuple[str, str]]:
+def _linkage_pairs(tree: Tree, poses: Mapping[str, Pose]) -> Iterator[tuple[str, str]]:
     """Bodies beside each other on one body that one drive turns alike, as in a parallelogram.
 
     Fingers that face each other turn against each other; those in a row turn about one line.
     """
-    poses = forward_kinematics(tree, {})
     turned: dict[tuple[str, str], list[tuple[str, Array]]] = {}
     for joint in tree.moving_joints:
         mimic = joint.mimic or Mimic(joint.name)

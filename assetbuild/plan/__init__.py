@@ -105,7 +105,7 @@ def plan(loaded: LoadedRecipe, lock: Lock | None, p: Planner, *, drawn: bool = T
 
 
 def begun(loaded: LoadedRecipe) -> Outline:
-    """Of a plan that is made of others: where the recipe asks for each edit and patch."""
+    """An outline that knows only where the recipe asks for each edit and patch."""
     keys = patch_keys(loaded.recipe.source.patches, loaded.folder, loaded.world)
     return Outline(edits=edit_keys(loaded.recipe.edits) | keys)
 

@@ -24,7 +24,7 @@ LEGS = "schema: assetbuild/v1\nrobot: r\nsource: {path: ., urdf: r.urdf}\ntarget
 
 
 Nodes = list[ast.AST]
-"""Of one file, its module first."""
+"""The syntax nodes of one file; its module comes first."""
 
 
 def nodes_of(path: Path) -> Nodes:

@@ -192,7 +192,7 @@ def test_an_element_keeps_its_own_line_beside_one_of_that_name_elsewhere(tmp_pat
 def test_a_shape_that_only_a_pair_holds_on_the_floor_stands_on_any_floor(
     masks: str, tmp_path: Path
 ):
-    """With the numbers of its pair, which a priority lets count against those of the floor."""
+    """The geom takes the numbers of its pair, and a priority so that the floor's do not win."""
     text = f"""<mujoco><worldbody><geom name="ground" type="plane" size="1 1 1"/>
     <body name="base" pos="0 0 .1"><freejoint/><geom name="hull" size=".1" {masks}/></body>
     </worldbody><contact><pair geom1="ground" geom2="hull" condim="4" friction=".3 .3 .02"/>

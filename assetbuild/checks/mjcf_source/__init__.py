@@ -8,7 +8,8 @@ nor what the build changes by rule:
 - Bodies that a joint connects are excluded.
 - A camera that looks at a body without mass looks ahead.
 - What counts from a joint's `ref` in a law of its own is not compared.
-- MuJoCo reads the first object of an OBJ file alone; the bundle has them all.
+- MuJoCo reads the first object of an OBJ file alone, of which the bundle has all, and cuts polygons
+  of five corners or more elsewhere: what follows from the faces of such meshes is not compared.
 """
 
 from __future__ import annotations

@@ -248,7 +248,7 @@ def follow(model: Model, data: Data) -> None:
 
 
 def is_finite(data: Data) -> bool:
-    """MuJoCo starts over silently when a state goes bad: its counters tell, the last of them."""
+    """MuJoCo starts over silently when a state goes bad: the last of its warnings count that."""
     if data.warning.number[int(mj.mjtWarning.mjWARN_BADQPOS) :].any():
         return False
     return bool(np.isfinite(data.qpos).all() and np.isfinite(data.qvel).all())
@@ -286,7 +286,8 @@ def first_command(model: Model, actuator: int) -> int:
 
 def turning(model: Model) -> list[int]:
     """Hinges and slides."""
-    return [joint for joint in range(model.njnt) if int(model.jnt_type[joint]) in (2, 3)]
+    kinds = (int(mj.mjtJoint.mjJNT_HINGE), int(mj.mjtJoint.mjJNT_SLIDE))
+    return [joint for joint in range(model.njnt) if int(model.jnt_type[joint]) in kinds]
 
 
 def joints(model: Model) -> dict[str, int]:
