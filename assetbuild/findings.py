@@ -207,6 +207,8 @@ def finding_from_json(raw: Mapping[str, object]) -> Finding:
     )
 
 
+NOT_LOADED = "not_loaded"
+"""Key of a check's figures, or of those of one file: why a file could not be read."""
 FOLLOWS = "follows_from"
 """Key of the data of a finding that another one explains: the rule of the other."""
 

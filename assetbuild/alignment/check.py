@@ -14,7 +14,7 @@ from assetbuild.alignment.moved import Compared, FloorLimits
 from assetbuild.alignment.row import Row, findings_of
 from assetbuild.engine.step import Files
 from assetbuild.errors import StepError
-from assetbuild.findings import Finding, Rule
+from assetbuild.findings import NOT_LOADED, Finding, Rule
 from assetbuild.plugin_types import write_figures
 from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.model import Tree
@@ -50,7 +50,7 @@ class AlignmentCheck(SimulatorCheck):
         try:
             model = mujoco.load(mjcf / f"{self.robot}.xml", visuals=False).model
         except StepError:
-            write_figures(files, {"skipped": "the MJCF does not load"})  # `mjcf.load` says why
+            write_figures(files, {NOT_LOADED: "the MJCF does not load"})  # `mjcf.load` says why
             return
         experiments = experiments_of(tree, control, self.sine)
         theirs = self.perform(files.inputs, tuple(experiments.values()))

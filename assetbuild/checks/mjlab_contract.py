@@ -13,7 +13,7 @@ from typing import ClassVar
 from assetbuild.engine.step import Files
 from assetbuild.errors import StepError, UsageError
 from assetbuild.facts.standins import Record, recorded, table_of, words_of
-from assetbuild.findings import Finding, Rule
+from assetbuild.findings import NOT_LOADED, Finding, Rule
 from assetbuild.plugin_types import Check, write_figures
 from assetbuild.robot.files import RobotFiles
 from assetbuild.simulators import mujoco
@@ -52,7 +52,7 @@ class MjlabContract(Check):
             loaded = mujoco.load(folder / f"mjcf/{self.robot}_bare.xml", visuals=False)
             records = [recorded(file, (TASK,)) for file in sorted(folder.glob("python/*.py"))]
         except (StepError, UsageError) as error:
-            write_figures(files, {"skipped": error.message})
+            write_figures(files, {NOT_LOADED: error.message})
             return  # the readers of both files say so
         model = loaded.model
         write_figures(files, {"sensors": int(model.nsensor), "sites": int(model.nsite)})

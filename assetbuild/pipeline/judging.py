@@ -15,7 +15,7 @@ from assetbuild.engine.planner import Settled
 from assetbuild.engine.session import Session
 from assetbuild.errors import AssetBuildError, Where
 from assetbuild.facts.reader import Reader
-from assetbuild.findings import Finding, Rule
+from assetbuild.findings import NOT_LOADED, Finding, Rule
 from assetbuild.lock import lock_path, place_of_pin
 from assetbuild.pipeline.answers import answers
 from assetbuild.plan import Outline
@@ -39,9 +39,7 @@ def evaluate(loaded: LoadedRecipe, done: Settled[Outline], session: Session) -> 
     }
     for name, node in outline.checks.items():
         result = done.results[node.label]
-        bad = any(finding.severity == "error" for finding in result.findings)
-        figures = json.loads(session.read(result["figures.json"]))
-        checks[name] = CheckResult("fail" if bad else "pass", figures)
+        checks[name] = _result(result, json.loads(session.read(result["figures.json"])))
     findings = [
         *_licences(loaded, outline),
         *findings_of(loaded, done),
@@ -50,6 +48,16 @@ def evaluate(loaded: LoadedRecipe, done: Settled[Outline], session: Session) -> 
     ]
     locate = locator(loaded, done, session)
     return make_report(recipe.robot, findings, checks, _waivers(recipe), locate, _commands(loaded))
+
+
+def _result(ran: NodeResult, figures: Mapping[str, object]) -> CheckResult:
+    """A check that could not read a file did not run; the finding of another says why."""
+    if any(finding.severity == "error" for finding in ran.findings):
+        return CheckResult("fail", figures)
+    rows = [row for row in (figures, *figures.values()) if isinstance(row, Mapping)]
+    if any(NOT_LOADED in row for row in rows):
+        return CheckResult("skip", figures, "its file does not load")
+    return CheckResult("pass", figures)
 
 
 def _waivers(recipe: Recipe) -> Mapping[str, Waiver]:
@@ -66,7 +74,7 @@ def _not_run(recipe: Recipe, checks: Mapping[str, CheckResult]) -> Iterator[Find
     """One for each request of the recipe that no check answered."""
     for request in asked(recipe):
         results = {name: checks[name] for name in request.checks if name in checks}
-        if all(result.status == "skip" for result in results.values()):
+        if all(result.status == "skip" and not result.figures for result in results.values()):
             notes = [f"`{name}`: {result.note}" for name, result in results.items()]
             why = request.lack or "; ".join(notes) or "nothing that it reads was built"
             yield NOT_RUN(

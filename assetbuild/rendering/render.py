@@ -235,6 +235,8 @@ def _hue(number: int) -> Rgba:
 
 DRAWING = NativeLimits(cpu_s=60.0, memory_mb=1 << 20)
 """Drivers crash and hang: that costs only the pictures. They map more memory than they use."""
+LEAST_MATTER = 1e-6
+"""kg and kg m2, of bodies that have none, in a model that is drawn and never moves."""
 HERO, THUMBNAIL = "hero.png", "thumbnail.png"
 SMALL = 256
 """Pixels along a side of the thumbnail."""
@@ -292,7 +294,7 @@ def draw(scene: Path, folder: Path, renderer: str, *, explained: bool = False) -
     In a process of its own.
     """
     need(renderer)
-    stage = Stage(loaded(scene))
+    stage = Stage(loaded(scene, repaired=not explained))
 
     def work() -> tuple[()]:
         size, radius = (LONG, LONG), stage.size / 2.0
@@ -323,15 +325,28 @@ def drawing(renderer: str, work: Callable[[], tuple[()]]) -> None:
         raise StepError(f"OpenGL by {renderer.partition(' ')[0]}: {error}") from None
 
 
-def loaded(scene: Path) -> mujoco.Model:
-    """The model, without its contacts where they are too many for MuJoCo's memory."""
-    model = mujoco.load(scene).model
+def loaded(scene: Path, *, repaired: bool = False) -> mujoco.Model:
+    """The model, without its contacts where they are too many for MuJoCo's memory.
+
+    repaired: a robot whose mass or inertia MuJoCo refuses is seen all the same.
+    """
+    try:
+        model = mujoco.load(scene).model
+    except StepError:
+        if not repaired:
+            raise
+        model = mujoco.load(scene, change=_repair_inertia).model
     try:
         with mujoco.caught_warnings():
             mujoco.at_key(model)
     except mujoco.ArenaFullError:
         return mujoco.without(model, "CONTACT")
     return model
+
+
+def _repair_inertia(spec: Any) -> None:  # Any: MuJoCo's MjSpec
+    spec.compiler.balanceinertia = True
+    spec.compiler.boundmass = spec.compiler.boundinertia = LEAST_MATTER
 
 
 def write(path: Path, pixels: Pixels) -> None:

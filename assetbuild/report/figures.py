@@ -35,6 +35,8 @@ def sentence(name: str, check: CheckResult) -> str:
 
 def _equal(file: str, figures: Figures) -> str:
     facts, differ = (int(figures.get(key) or 0) for key in ("facts", "differ"))
+    if not facts:
+        return f"the {file} could not be read"
     result = "match the robot" if not differ else f"compared with the robot: {differ} differ"
     return f"{facts:,} values of the {file} {result}"
 

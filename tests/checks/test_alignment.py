@@ -95,7 +95,7 @@ def test_mjcf_that_does_not_load_is_skipped(tmp_path: Path) -> None:
     (inputs / "mjcf/robot.xml").write_text("<mujoco>")
     found = run_step(Alignment(robot="robot"), inputs, tmp_path / "out")
     assert found == [], "`mjcf.load` reports it"
-    assert "skipped" in json.loads((tmp_path / "out/figures.json").read_text())
+    assert "not_loaded" in json.loads((tmp_path / "out/figures.json").read_text())
 
 
 def standing(height: float, tilt: float) -> Motion:

@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 import pytest
+from robot_files import run_step, write_robot_ports
+from tiny import pendulum
 from urdfs import link, robot
 
+from assetbuild.checks.full_effort import FullEffort
 from assetbuild.cli import main
 from assetbuild.engine.graph import Node
+from assetbuild.engine.make import NodeResult
 from assetbuild.facts.readers.mjcf import MjcfFacts
-from assetbuild.pipeline.judging import _not_compared, licence_findings
+from assetbuild.pipeline.judging import _not_compared, _result, licence_findings
 from assetbuild.plan import Outline
 from assetbuild.targets.mjcf import Mjcf
 
@@ -22,6 +27,17 @@ def test_a_target_without_a_reader_keeps_the_robot_from_being_ready():
     (finding,) = _not_compared(outline)
     assert (finding.rule, finding.subject) == ("formats.not_compared", "recipe targets sdf")
     assert finding.unready
+
+
+def test_a_check_that_cannot_read_its_file_did_not_run(tmp_path: Path):
+    inputs = write_robot_ports(tmp_path / "in", pendulum())
+    (inputs / "mjcf").mkdir()
+    (inputs / "mjcf/robot.xml").write_text("<mujoco>")
+    assert run_step(FullEffort(robot="robot"), inputs, tmp_path / "out") == []
+    figures = json.loads((tmp_path / "out/figures.json").read_text())
+    result = _result(NodeResult("check full_effort", "ran"), figures)
+    assert (result.status, result.note) == ("skip", "its file does not load")
+    assert _result(NodeResult("check full_effort", "ran"), {"mjcf": {}}).status == "pass"
 
 
 URDF = robot(link("cube"), name="cube")

@@ -6,6 +6,8 @@ import base64
 import functools
 import gzip
 import json
+import re
+import shutil
 from dataclasses import replace
 from io import BytesIO
 from pathlib import Path
@@ -213,6 +215,20 @@ def test_a_build_draws_one_picture_and_two_runs_the_same_bytes(scene: Path, rend
     assert runs[0].keys() == {"hero.png", "thumbnail.png"}
     assert runs[0]["hero.png"] == rendered["hero"]
     assert Image.open(BytesIO(runs[0]["thumbnail.png"])).size == (256, 256)
+
+
+def test_a_robot_whose_inertia_mujoco_refuses_is_seen_all_the_same(scene: Path, rendered):
+    folder = scene.parents[1] / "refused/mjcf"
+    shutil.copytree(scene.parent, folder)
+    for file in folder.glob("*.xml"):
+        file.write_text(re.sub(r'diaginertia="\S+', 'diaginertia="9.0', file.read_text()))
+    with pytest.raises(ValueError, match=r"A \+ B >= C"):
+        mujoco.MjModel.from_xml_path(str(folder / scene.name))
+    step = Render(renderer=renderer(World()))
+    assert run_step(step, folder.parent, folder.parent / "out") == []
+    assert (folder.parent / "out/images/hero.png").read_bytes() == rendered["hero"]
+    with pytest.raises(StepError, match="no pictures"):  # one of them shows inertia
+        draw_all(folder / scene.name, folder.parent / "all", renderer(World()))
 
 
 def test_every_picture_shows_something_of_its_own(rendered):

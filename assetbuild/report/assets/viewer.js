@@ -386,7 +386,7 @@ window.assetbuildReady = (async function () {
     if (box.isEmpty()) box.setFromObject(base);
     const ball = box.getBoundingSphere(new THREE.Sphere());
     eye.target.copy(ball.center);
-    eye.distance = Math.max(ball.radius, 0.02) * 2.7;
+    eye.distance = Math.max(ball.radius, 0.02) * 3;
     grid.visible = robot.floating;
     const reach = ball.radius;
     shade.position.set(ball.center.x, ball.center.y, box.min.z - 1e-3 * reach);

@@ -18,6 +18,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from assetbuild.errors import StepError, one_line
+from assetbuild.findings import NOT_LOADED
 from assetbuild.plugin_types import Check
 from assetbuild.robot.model import Tree
 from assetbuild.robot.pose import Array, rotation_of
@@ -90,12 +91,12 @@ def full_and_mjx(inputs: Path, stem: str) -> Iterator[tuple[str, Path]]:
 def full_and_mjx_models(
     inputs: Path, stem: str, figures: dict[str, object]
 ) -> Iterator[tuple[str, Path, Model]]:
-    """(target, file, its model); of a file that does not load the figures say so."""
+    """(target, file, its model); of a file that does not load the figures say so, NOT_LOADED."""
     for target, path in full_and_mjx(inputs, stem):
         try:
             yield target, path, load(path, visuals=False).model
         except StepError as error:  # `mjcf.load` reports it
-            figures[target] = {"skipped": error.message}
+            figures[target] = {NOT_LOADED: error.message}
 
 
 @dataclass(frozen=True)
