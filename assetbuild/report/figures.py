@@ -21,7 +21,8 @@ def sentence(name: str, check: CheckResult) -> str:
     """One sentence; figures that no sentence is written for stand as `name value unit`."""
     figures = check.figures
     if check.note or "skipped" in figures:
-        return f"not run: {check.note or figures['skipped']}"
+        did = "does not apply" if check.status == "pass" else "not run"
+        return f"{did}: {check.note or figures['skipped']}"
     stem = name.removesuffix("_equal")
     if stem != name and stem in FILES and "facts" in figures:
         return _equal(FILES[stem], figures)
