@@ -15,6 +15,9 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
     """Each page of `docs.site.pages`, which no file of the repository holds."""
     from docs.site.pages import generated
 
+    for name in ("site.css", "site.js"):
+        text = Path(__file__).with_name(name).read_text(encoding="utf-8")
+        files.append(File.generated(config, name, content=text))
     for path, text in generated().items():
         files.append(File.generated(config, f"reference/{path}", content=text))
     return files

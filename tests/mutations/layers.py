@@ -215,8 +215,9 @@ def _with_numbers(value: Value, new: dict[int, float]) -> Value:
     flat = _numbers(value)
     assert flat is not None
     flat = flat.copy()
-    for index, number in new.items():
-        flat[index] = number
+    with np.errstate(over="ignore"):  # a planted number may be too large for a float
+        for index, number in new.items():
+            flat[index] = number
     plain = flat.tolist()
     if isinstance(value, int | float):
         return type(value)(plain[0])
