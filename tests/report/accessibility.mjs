@@ -1,4 +1,5 @@
-// A report in a real browser, judged by axe-core; not part of pytest, as it needs npm.
+// A report, or a page of the served site, in a real browser, judged by axe-core; not part of
+// pytest, as it needs npm.
 //
 //   npm install --prefix FOLDER axe-core playwright-core
 //   NODE_PATH=FOLDER/node_modules node tests/report/accessibility.mjs build/go1/report/index.html
@@ -11,7 +12,8 @@ import { resolve } from "node:path";
 const require = createRequire(`${process.env.NODE_PATH}/x.js`);
 const { chromium } = require("playwright-core");
 const axe = require.resolve("axe-core/axe.min.js");
-const page_file = `file://${resolve(process.argv[2])}`;
+const given = process.argv[2];
+const page_file = given.startsWith("http") ? given : `file://${resolve(given)}`;
 
 const browser = await chromium.launch({
   executablePath: process.env.CHROMIUM || "/usr/bin/chromium",
