@@ -205,7 +205,10 @@ def _sentence(
     actual = described(node)
     if kind == "extra_forbidden":
         choice = _choice(raw["loc"])
-        hint = did_you_mean(str(key[-1]), known_keys(model, key[:-1], choice))
+        known = known_keys(model, key[:-1], choice)
+        hint = did_you_mean(_CALLED_HERE.get(str(key[-1]), str(key[-1])), known)
+        if key[-1] == "stiffness" and "kd" in known:
+            hint += " `damping` is the joint's own, the drive's is `kd`"
         return f"`{choice}` has no key `{key[-1]}`" if choice else "unknown key", hint
     if kind in ("literal_error", "enum"):
         values = allowed_values(model, key)
@@ -225,6 +228,13 @@ def _sentence(
         pattern = raw["ctx"]["pattern"]
         return f"{actual} does not fit `{pattern}`", meaning(model, key)
     return _said(raw), meaning(model, key) if key else ""
+
+
+_CALLED_HERE = {
+    "stiffness": "kp", "kv": "kd", "frictionloss": "friction", "forcerange": "effort",
+    "effort_limit": "effort", "velocity_limit": "velocity", "ctrlrange": "ctrl", "dt": "timestep",
+}  # fmt: skip
+"""A word of MuJoCo or Isaac Lab -> the key of a recipe that means it."""
 
 
 def _choice(loc: tuple[str | int, ...]) -> str:

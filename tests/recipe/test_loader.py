@@ -95,6 +95,18 @@ def test_a_misspelt_key_is_named_with_the_right_one(refused):
     )
 
 
+@pytest.mark.parametrize(
+    ("word", "hint"),
+    [
+        ("stiffness", "did you mean `kp`? `damping` is the joint's own, the drive's is `kd`"),
+        ("kv", "did you mean `kd`?"),
+        ("forcerange", "did you mean `effort`?"),
+    ],
+)
+def test_the_word_of_a_simulator_is_answered_with_the_key_that_means_it(word, hint, refused):
+    assert refused(GOOD.replace("kp: 80", f"{word}: 80")).hint == hint
+
+
 def test_an_aliased_key_is_known_by_the_name_people_write(refused):
     error = refused(GOOD.replace("{method: hull}", "{method: hull, form: visual}"))
     assert error.hint == "did you mean `from`?"
