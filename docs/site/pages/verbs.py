@@ -34,7 +34,7 @@ def _section(parser: argparse.ArgumentParser, level: str) -> str:
     lines += [_plain(parser.description or ""), "", "```text", _usage(parser), "```", ""]
     rows = list(_rows(parser))
     if rows:
-        lines += ["| argument | |", "| --- | --- |", *rows, ""]
+        lines += ["| argument | meaning |", "| --- | --- |", *rows, ""]
     if parser.epilog:
         lines += [_plain(parser.epilog), ""]
     lines += [_section(child, level + "#") for child in _children(parser).values()]
