@@ -102,10 +102,11 @@ def _inertias(robot: InspectedRobot) -> Iterator[Repair]:
     broken = _broken_links(robot)
     wrong = Weighed(robot).wrong_links() | _weightless(robot)
     for link, findings in broken.items():
-        wrong[link] = next((f for f in findings if f.rule in _BROKEN), findings[0])
+        grave = next((f for f in findings if f.rule in _BROKEN), None)
+        if grave or link not in wrong:
+            wrong[link] = grave or findings[0]
     for link, finding in wrong.items():
-        rules = {finding.rule for finding in broken.get(link, ())}
-        if rules and not rules & _BROKEN and _is_near(robot, link):
+        if finding.rule == "inertia.triangle" and _is_near(robot, link):
             why = "MuJoCo refuses such a tensor; the smallest moment is raised as far as needed"
             yield Repair(link, "balance_inertia", {}, why, finding.message)
         else:

@@ -73,6 +73,9 @@ HEALED = {
     # 1 kg m2 on 2 kg in a box of 10 cm is 67 times m r².
     "a placeholder without a twin": (
         chain(inertial(1.0), inertial(2.0, tensor(1, 1, 1)) + SEEN), [from_shapes("link1", 2.0)]),
+    # 3 kg m2, and beyond the triangle besides: to balance it leaves it 200 times m r².
+    "a placeholder beyond the triangle": (
+        chain(inertial(1.0), inertial(2.0, tensor(1, 1, 3)) + SEEN), [from_shapes("link1", 2.0)]),
     "no shape at all": (
         chain(""),
         [{"set_inertia": {"link": "link0", "guessed": True, "mass": 0.01, "inertia": WATER}}]),
