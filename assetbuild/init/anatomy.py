@@ -205,15 +205,15 @@ def chain_to(tree: Tree, body: str) -> tuple[Joint, ...]:
 
 
 def _legs(limbs: list[Leg], at_zero: Mapping[str, Pose], height: float) -> tuple[Leg, ...]:
-    """Limbs of at least two joints that reach down to the lowest level; at least two alike."""
+    """Limbs of two joints or more that reach the lowest level: two alike, or four called arms."""
     lowest = min((limb.X_root_foot.xyz[2] for limb in limbs), default=0.0)
     down = []
-    for limb in limbs:
-        if _can_walk(limb, at_zero) and not _is_arm(limb):
-            start, end = at_zero[limb.joints[0].child].xyz[2], limb.X_root_foot.xyz[2]
-            if end - lowest <= LOW * height and start - end >= REACH * height > 0.0:
-                down.append(limb)
-    return _alike(down, 2)
+    for limb in filter(lambda limb: _can_walk(limb, at_zero), limbs):
+        start, end = at_zero[limb.joints[0].child].xyz[2], limb.X_root_foot.xyz[2]
+        if end - lowest <= LOW * height and start - end >= REACH * height > 0.0:
+            down.append(limb)
+    named = [limb for limb in down if not _PRESSES.fullmatch(limb.tip)]
+    return _alike([limb for limb in down if not _is_arm(limb)], 2) or _alike(named, 4)
 
 
 def _called_legs(limbs: list[Leg], robot: str) -> tuple[Leg, ...]:

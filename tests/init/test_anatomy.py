@@ -13,6 +13,7 @@ from assetbuild.init.anatomy import Anatomy, roles, study
 from assetbuild.init.look import look
 from assetbuild.init.source import find_source
 
+PLACES = ("0.12 0.12", "-0.12 0.12", "0.12 -0.12", "-0.12 -0.12")
 ENDLESS = '<limit effort="5" velocity="20"/>'
 BOUNDED = '<limit lower="-1" upper="1" effort="5" velocity="20"/>'
 
@@ -161,10 +162,30 @@ def test_a_leg_may_end_in_a_wheel_that_is_no_joint_of_the_leg(tmp_path: Path):
     assert anatomy.legs[0].length == pytest.approx(0.4)
 
 
+@pytest.mark.parametrize(
+    ("names", "base"),
+    [
+        ("{}_shoulder {}_arm {}_hand", "floating"),
+        ("{}_hip {}_thigh {}_calf", "floating"),
+        ("{}_palm {}_finger {}_fingertip", "fixed"),
+    ],
+)
+def test_a_dog_stands_on_four_arms_but_no_hand_on_its_fingers(
+    names: str, base: str, tmp_path: Path
+):
+    parts = [TRUNK]
+    for side, place in zip(("fl", "fr", "hl", "hr"), PLACES, strict=True):
+        above, at = "trunk", f"{place} 0"
+        for name in names.format(side, side, side).split():
+            parts += [body(name, '<box size="0.02 0.02 0.1"/>', "0 0 -0.05")]
+            parts += [spin(name, above, at, kind="revolute", limit=BOUNDED)]
+            above, at = name, "0 0 -0.1"
+    assert seen(tmp_path, *parts)[0].base == base
+
+
 # --- rotors ---------------------------------------------------------------------------------
 
 DISC = '<cylinder radius="0.06" length="0.005"/>'
-PLACES = ("0.12 0.12", "-0.12 0.12", "0.12 -0.12", "-0.12 -0.12")
 
 
 def drone(names: str = "rotor_{}", axis: str = "0 0 1") -> str:
