@@ -211,7 +211,7 @@ def _urdf(file: Path) -> Iterator[Finding]:
     """The reader and both lints; packages are not looked for, meshes are not opened."""
     from assetbuild.body.lint import LintBodies, LintLinks
     from assetbuild.body.merge_fixed_joints import MergeFixedJoints
-    from assetbuild.source.urdf.read_urdf import ReadUrdf, named_packages
+    from assetbuild.source.urdf.read_urdf import without_meshes
 
     data = file.read_bytes()
     lines: dict[str, int] = {}
@@ -224,7 +224,7 @@ def _urdf(file: Path) -> Iterator[Finding]:
     with scratch() as ports:
         ports.put("robot.urdf", data)
         try:
-            read = ports.run(ReadUrdf(file=file.name, packages=named_packages(data)))
+            read = ports.run(without_meshes(file, data))
         except SourceError as error:
             where = str(error.where or "")
             yield UNREADABLE("robot", error.message, error.hint, where=where)

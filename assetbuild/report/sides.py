@@ -25,7 +25,7 @@ from assetbuild.robot.model import Control
 from assetbuild.robot.shapes import Shapes
 from assetbuild.robot.tree import merge_fixed_joints
 from assetbuild.simulators.readings import FALL, HEIGHT, fall_m
-from assetbuild.source.urdf.read_urdf import ReadUrdf, named_packages
+from assetbuild.source.urdf.read_urdf import without_meshes
 
 ROBOT = "robot"
 """The form of a bundle's own robot: `report/robot.json`."""
@@ -193,9 +193,8 @@ def _in_urdf(key: Key) -> bool:
 def _merged_urdf(path: Path) -> Table:
     """As a build would read it: fixed joints merged, no recipe, so no drives."""
     with scratch() as ports:
-        ports.put("robot.urdf", path.read_bytes())
-        packages = named_packages(path.read_bytes())
-        ports.run(ReadUrdf(file=path.name, base="floating", packages=packages))
+        ports.put("robot.urdf", data := path.read_bytes())
+        ports.run(without_meshes(path, data, "floating"))
         links = RobotFiles(ports.folder).links
     if links.root == "world":  # what is fixed to the world is merged into it
         links = replace(links, base="fixed")

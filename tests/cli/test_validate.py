@@ -8,7 +8,7 @@ import os
 from pathlib import Path
 
 import pytest
-from urdfs import box, inertial, link, robot, shape, tensor
+from urdfs import box, inertial, link, mesh, robot, shape, tensor
 
 from assetbuild.cli import main
 
@@ -78,6 +78,16 @@ def test_a_urdf_with_an_impossible_tensor(
     assert "urdf.unreadable" in ran(capsys, path)[1]
 
 
+def test_a_urdf_is_read_wherever_its_meshes_lie(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """In a folder beside its own, as most packages have them, or nowhere."""
+    path = tmp_path / "r.urdf"
+    path.write_text(robot(link("r", inertial(), shape("visual", mesh("../meshes/r.stl")))))
+    assert "0 errors, 0 warnings" in ran(capsys, path, "--static")[1]
+    assert main(["diff", str(path), str(path)]) == 0
+
+
 SHIFTED = robot(
     link("a", inertial(), shape("visual", box(0.2)), shape("collision", box(0.2), "0 0 {}"))
 )
@@ -103,8 +113,8 @@ def test_a_urdf_that_cannot_be_built_says_why_it_was_not_tried(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     path = tmp_path / "r.urdf"
-    mesh = '<mesh filename="package://nobody/a.stl"/>'
-    path.write_text(SHIFTED.format(0).replace(box(0.2), mesh, 1))
+    nobodys = mesh("package://nobody/a.stl")
+    path.write_text(SHIFTED.format(0).replace(box(0.2), nobodys, 1))
     code, said = ran(capsys, path)
     assert (code, "warning trials.not_simulated" in said) == (0, True)
     assert "--package nobody=FOLDER" in said

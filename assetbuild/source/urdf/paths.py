@@ -63,7 +63,7 @@ class Paths:
             raise node.error(f"{node.tag} filename `{uri}` has a backslash", "write `/` instead")
         kind, assumption, path = self._followed(node, uri)
         normal = posixpath.normpath(path)
-        if normal == ".." or normal.startswith(("../", "/")):
+        if normal == ".." or normal.startswith("../"):
             hint = "choose a higher `source.root` in the recipe"
             raise node.error(f"{node.tag} filename `{uri}` leads out of the source", hint)
         if normal == "." or uri.endswith("/"):

@@ -6,6 +6,7 @@ import json
 import re
 from collections.abc import Iterator
 from dataclasses import asdict
+from pathlib import Path
 
 from pydantic import Field
 
@@ -146,10 +147,11 @@ def _read_joints(root: Node, links: dict[str, Node]) -> tuple[list[Joint], list[
     return [joint for joint, _ in read], [finding for _, findings in read for finding in findings]
 
 
-def named_packages(urdf: bytes) -> dict[str, str]:
-    """Every package that a URDF names, as if it lay beside it: for a look without its meshes."""
-    named = set(re.findall(rb"package:/*([A-Za-z0-9_.-]+)", urdf))
-    return {name.decode(): "." for name in sorted(named)}
+def without_meshes(file: Path, urdf: bytes, base: Base = "fixed") -> ReadUrdf:
+    """The step for a look without meshes, wherever they lie: packages are not looked for."""
+    named = sorted(set(re.findall(rb"package:/*([A-Za-z0-9_.-]+)", urdf)))
+    packages = {name.decode(): "." for name in named}
+    return ReadUrdf(file=str(file.absolute()), base=base, packages=packages)
 
 
 def _robot_name(root: Node) -> tuple[str, list[Finding]]:
