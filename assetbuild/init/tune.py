@@ -38,7 +38,8 @@ WEAK = ("gains.torque", "trials.dead")
 """Rules that a stronger drive satisfies."""
 STRONGER = 2.0
 BALANCED_M = 0.003
-"""Nearer to the middle of its feet the centre of mass is not brought."""
+"""Nearer to the middle of its feet, in either direction, the centre of mass is not brought: a
+symmetric robot keeps a symmetric pose."""
 
 Try = Callable[["Tuning"], Trial]
 
@@ -191,9 +192,10 @@ Remedy = Callable[[Tuning, Trial], tuple[str, Tuning] | None]
 
 def _balanced(tuning: Tuning, trial: Trial) -> tuple[str, Tuning] | None:
     """The feet under the centre of mass, where they are not."""
-    if math.hypot(*trial.off) < BALANCED_M:
+    off = [way if abs(way) >= BALANCED_M else 0.0 for way in trial.off]
+    if not any(off):
         return None
-    ahead, aside = map(float, np.add(tuning.shift, trial.off))
+    ahead, aside = map(float, np.add(tuning.shift, off))
     balanced = _chosen(replace(tuning, shift=(ahead, aside)), tuning.timestep)
     return "feet under the centre of mass", balanced
 

@@ -11,11 +11,12 @@ from assetbuild.init import propose
 from assetbuild.init.anatomy import study
 from assetbuild.init.draft import Draft
 from assetbuild.init.drives import drive_rows
-from assetbuild.init.home import home_pose
+from assetbuild.init.home import UPRIGHT, home_pose
 from assetbuild.init.look import InspectedRobot, judge, look
 from assetbuild.init.sections import put_validation
 from assetbuild.init.source import find_source
 from assetbuild.init.trial import Trial, staged, tables
+from assetbuild.init.tune import Tuning, tune
 from assetbuild.pipeline.recipes import load_recipe
 
 DOG = "four_legs.urdf"
@@ -46,6 +47,28 @@ def test_a_dog_with_proper_gains_stands(robots: Path):
 def test_a_dog_whose_drives_are_too_weak_falls(robots: Path):
     trial = tried(robots, weaker=100.0)
     assert (trial.stands, trial.sentence) == (False, "falls within 2 s")
+
+
+@pytest.mark.parametrize(
+    ("lean", "off", "shift"),
+    [
+        (0.2, (0.02, 0.0), (0.02, 0.0)),
+        (0.2, (0.02, 0.001), (0.02, 0.0)),  # 1 mm aside is no reason to lean aside
+        (0.2, (0.0, 0.01), (0.0, 0.01)),
+        (0.02, (0.02, 0.0), (0.0, 0.0)),
+    ],
+)
+def test_a_robot_that_leans_gets_its_feet_below_its_centre_of_mass(
+    lean: float, off: tuple[float, float], shift: tuple[float, float], robots: Path
+):
+    def attempt(tuning: Tuning) -> Trial:
+        leans = Trial(True, "stands", lean=lean, off=off)
+        return leans if tuning.shift == UPRIGHT else Trial(True, "stands")
+
+    robot = look(find_source(robots / DOG, {}))
+    anatomy = study(robot)
+    tuning, _ = tune(judge(robot, "floating").tree, anatomy, attempt)
+    assert tuning.shift == shift
 
 
 def asked(robot: InspectedRobot, trial: Trial, legs: int) -> list[str]:
