@@ -26,7 +26,7 @@ from assetbuild.init.strength import (
     strengthened,
     with_efforts,
 )
-from assetbuild.init.trial import PUSHED_RAD, Trial
+from assetbuild.init.trial import Trial
 from assetbuild.robot.inertia import total_mass
 from assetbuild.robot.model import Tree
 
@@ -37,6 +37,9 @@ ROUNDS = 8
 WEAK = ("gains.torque", "trials.dead")
 """Rules that a stronger drive satisfies."""
 STRONGER = 2.0
+LEANS_RAD = 0.03
+"""Tilt of the base beyond which a robot is brought upright: one on two legs that leans by 0.046 on
+its hulls may fall over its heels on the smaller pieces of a build."""
 BALANCED_M = 0.003
 """Nearer to the middle of its feet, in either direction, the centre of mass is not brought: a
 symmetric robot keeps a symmetric pose."""
@@ -95,7 +98,7 @@ def tune(
         if better is None:
             break
         tuning, trial = better, attempt(better)
-    askew = trial.stands is False or trial.lean > PUSHED_RAD
+    askew = trial.stands is False or trial.lean > LEANS_RAD
     if trial.is_fine and askew and not trial.points:
         tuning, trial = _standing(tuning, trial, attempt)
     rest = tuple(f"{error.subject}: {error.message} ({error.hint})" for error in trial.errors)
@@ -173,7 +176,7 @@ def _standing(tuning: Tuning, trial: Trial, attempt: Try) -> tuple[Tuning, Trial
         if after.is_fine and after.stands:
             note = f"{', '.join(dict.fromkeys((*kept, what)))}: otherwise it {failed}"
             stood.append((replace(again, notes=(*tuning.notes, note)), after))
-            if after.lean <= PUSHED_RAD:
+            if after.lean <= LEANS_RAD:
                 return stood[-1]
         if after.is_fine and math.hypot(*after.off) < math.hypot(*seen.off) + BALANCED_M:
             now, seen = again, after

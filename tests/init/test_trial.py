@@ -52,9 +52,9 @@ def test_a_dog_whose_drives_are_too_weak_falls(robots: Path):
 @pytest.mark.parametrize(
     ("lean", "off", "shift"),
     [
-        (0.2, (0.02, 0.0), (0.02, 0.0)),
         (0.2, (0.02, 0.001), (0.02, 0.0)),  # 1 mm aside is no reason to lean aside
         (0.2, (0.0, 0.01), (0.0, 0.01)),
+        (0.04, (0.02, 0.0), (0.02, 0.0)),
         (0.02, (0.02, 0.0), (0.0, 0.0)),
     ],
 )
