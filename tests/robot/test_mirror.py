@@ -117,6 +117,7 @@ def control(home: tuple[float, float], *kps: float) -> Control:
         ((0.4, -0.4), []),
         ((0.4, 0.4), [("mirror.home", "warning")]),
         ((0.4, -0.3), [("mirror.home", "info")]),
+        ((0.007, 0.007), [("mirror.home", "info")]),  # 0.4 degrees
     ],
 )
 def test_the_first_pose_is_mirrored(home: tuple[float, float], expected):
