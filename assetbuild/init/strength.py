@@ -65,6 +65,8 @@ example-robot-data that state efforts of their own, the median is 1.4 and none b
 above 130."""
 PLACEHOLDER = 100.0
 """The same of a number that looks like a placeholder: from ROUND on, or stated by all joints."""
+MOTOR = 5.0
+"""Times what the most loaded joint needs: a motor of less is its own, and may be all joints'."""
 WEAK_POSES = 0.5
 """Share of random poses that a drive may be too weak for: an effort of less is none of its motor's.
 """
@@ -157,11 +159,12 @@ def _placeholders(
 ) -> set[float]:
     """Efforts that several joints state and one of them cannot have."""
     stated = {name: e for name in physics if (e := tree.by_joint[name].limits.effort)}
-    counts = Counter(stated.values())
+    counts, most = Counter(stated.values()), max(physics.values(), default=0.0)
     efforts = set()
     for name, effort in stated.items():
         for_all = FEW < counts[effort] == len(stated)
-        too_strong = effort > PLACEHOLDER * physics[name] and (effort >= ROUND or for_all)
+        no_motor = effort >= ROUND or (for_all and effort > MOTOR * most)
+        too_strong = effort > PLACEHOLDER * physics[name] and no_motor
         if too_strong or (for_all and over[name] > WEAK_POSES):
             efforts.add(effort)
     return efforts

@@ -173,3 +173,17 @@ def test_one_effort_for_all_that_cannot_hold_the_robot_is_a_placeholder_too(tmp_
     sideways = [Segment(1.0, 0.1, 'effort="100"', "1 0 0"), *heavy, tip, tip]
     proposal = chain(tmp_path, sideways)
     assert proposal.unmended == ()
+
+
+def test_one_effort_for_all_is_a_motors_where_a_joint_needs_it(tmp_path: Path):
+    """100 N m on each of four; two need about as much, and a camera of 0.1 kg turns on the side."""
+    said = 'effort="100"'
+    arm = [Segment(8.0, 0.5, said), Segment(4.0, 0.5, said), Segment(0.5, 0.1, said)]
+    chain(tmp_path, arm)
+    limit, file = f'<limit lower="-1" upper="1" velocity="3" {said}/>', tmp_path / "chain.urdf"
+    eye = urdfs.link("eye", urdfs.inertial(0.1, urdfs.tensor(1e-5, 1e-5, 1e-5)))
+    eye += urdfs.joint("eye_joint", "world", "eye", content=limit, axis="0 0 1", xyz="0.3 0 0")
+    file.write_text(file.read_text().replace("</robot>", f"{eye}</robot>"))
+    proposal = propose(file, tmp_path / "r.yaml", {})
+    assert "guessed" not in row_of(proposal, "segment_0_joint")
+    assert "guessed" in row_of(proposal, "eye_joint")  # which 0.01 N m turns
