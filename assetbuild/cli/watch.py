@@ -32,7 +32,8 @@ def run(arguments: argparse.Namespace) -> int:
             continue  # while it was built
         try:
             count = len(files_in(world.record))
-            print(f"watching {count} files; Ctrl-C ends it", file=sys.stderr, flush=True)
+            files = "1 file" if count == 1 else f"{count} files"
+            print(f"watching {files}; Ctrl-C ends it", file=sys.stderr, flush=True)
             _wait(lines)
         except Terminated:
             raise

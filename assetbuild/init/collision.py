@@ -48,9 +48,8 @@ def put_collision(
     if robot.shapes.of("collision"):
         seen = {shape.link for shape in robot.shapes.of("visual")}
         idle = len(seen - robot.solid_links)
-        why = (
-            f"{idle} visible links hit nothing, as in the source" if idle else "every link has some"
-        )
+        why = f"visible links that hit nothing, as in the source: {idle}"
+        why = why if idle else "every link has some"
         origin = "collision"
     close = anatomy.base == "fixed"
     preset = "manipulation" if close else "locomotion"

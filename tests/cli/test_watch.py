@@ -77,6 +77,7 @@ def test_it_follows_recipe_and_source_and_survives_mistakes(legs: Legs, watching
     told = watching.waits()
     assert "legs.yaml:7:" in told
     assert "actuators[0].kpp: unknown key" in told
+    assert "watching 1 file;" in told  # the recipe alone
     legs.edit("kpp: 30", "kp: 30")
     assert " 0 ran, " in watching.waits()
     legs.urdf.write_text(legs.urdf.read_text().replace('mass value="6"', 'mass value="7"'))
