@@ -233,12 +233,13 @@ def _alike(limbs: list[Leg], least: int) -> tuple[Leg, ...]:
 def _can_walk(limb: Leg, at_zero: Mapping[str, Pose] | None = None) -> bool:
     """It bends, and its last joint has an end, unless it is called a leg.
 
-    at_zero: of a limb that may end in a wheel: two joints must swing it, as no steering does.
+    at_zero: of a limb that may end in a wheel, or has no joint with an end, as some exporters leave
+    them all: two joints must swing it, as no steering does.
     """
     if len(limb.joints) < 2:
         return False
-    last = limb.joints[-1]
-    if at_zero is not None and limb.rolls:
+    last, kinds = limb.joints[-1], {joint.kind for joint in limb.joints}
+    if at_zero is not None and (limb.rolls or kinds == {"continuous"}):
         axes = [at_zero[joint.child].rotation @ np.asarray(joint.axis) for joint in limb.joints]
         return sum(abs(float(axis[2])) < LEVEL for axis in axes) >= 2
     return last.kind != "continuous" or bool(_LEG.fullmatch(last.child))

@@ -163,22 +163,23 @@ def test_a_leg_may_end_in_a_wheel_that_is_no_joint_of_the_leg(tmp_path: Path):
 
 
 @pytest.mark.parametrize(
-    ("names", "base"),
+    ("names", "limit", "base"),
     [
-        ("{}_shoulder {}_arm {}_hand", "floating"),
-        ("{}_hip {}_thigh {}_calf", "floating"),
-        ("{}_palm {}_finger {}_fingertip", "fixed"),
+        ("{}_shoulder {}_arm {}_hand", BOUNDED, "floating"),
+        ("{}_hip {}_thigh {}_calf", BOUNDED, "floating"),
+        ("{}_a {}_b", ENDLESS, "floating"),  # as exporters leave joints without limits
+        ("{}_palm {}_finger {}_fingertip", BOUNDED, "fixed"),
     ],
 )
-def test_a_dog_stands_on_four_arms_but_no_hand_on_its_fingers(
-    names: str, base: str, tmp_path: Path
+def test_a_dog_stands_on_four_limbs_but_no_hand_on_its_fingers(
+    names: str, limit: str, base: str, tmp_path: Path
 ):
-    parts = [TRUNK]
+    kind, parts = "revolute" if limit == BOUNDED else "continuous", [TRUNK]
     for side, place in zip(("fl", "fr", "hl", "hr"), PLACES, strict=True):
         above, at = "trunk", f"{place} 0"
         for name in names.format(side, side, side).split():
             parts += [body(name, '<box size="0.02 0.02 0.1"/>', "0 0 -0.05")]
-            parts += [spin(name, above, at, kind="revolute", limit=BOUNDED)]
+            parts += [spin(name, above, at, kind=kind, limit=limit)]
             above, at = name, "0 0 -0.1"
     assert seen(tmp_path, *parts)[0].base == base
 
