@@ -135,10 +135,11 @@ def roles(tree: Tree, anatomy: Anatomy) -> dict[str, Role]:
         elif joint.name in anatomy.turning:
             role_of[joint.name] = anatomy.turning[joint.name].role
         elif _is_small(tree, joint.child if called else limb_of(tree, joint)):
-            # No finger hangs on a leg or a head (a spring, an antenna) or carries a wheel: a strut.
+            # No finger: what a leg or a head carries, an arm of a walker, a strut with a wheel.
             above = chain_to(tree, joint.child)
+            limb = legs and _ARM.fullmatch(joint.child) and not _PRESSES.fullmatch(joint.child)
             other = any(p.name in legs or _NO_HAND.fullmatch(p.child) for p in above)
-            no_finger = joint.name in carries or (other and not called)
+            no_finger = joint.name in carries or ((other or limb) and not called)
             role_of[joint.name] = "arm" if no_finger else "finger"
         else:
             role_of[joint.name] = "arm"
@@ -233,8 +234,7 @@ def _alike(limbs: list[Leg], least: int) -> tuple[Leg, ...]:
 def _can_walk(limb: Leg, at_zero: Mapping[str, Pose] | None = None) -> bool:
     """It bends, and its last joint has an end, unless it is called a leg.
 
-    at_zero: of a limb that may end in a wheel, or has no joint with an end, as some exporters leave
-    them all: two joints must swing it, as no steering does.
+    at_zero: of a limb with a wheel or without any stop: two joints must swing it, as no steering.
     """
     if len(limb.joints) < 2:
         return False

@@ -181,7 +181,11 @@ def test_a_dog_stands_on_four_limbs_but_no_hand_on_its_fingers(
             parts += [body(name, '<box size="0.02 0.02 0.1"/>', "0 0 -0.05")]
             parts += [spin(name, above, at, kind=kind, limit=limit)]
             above, at = name, "0 0 -0.1"
-    assert seen(tmp_path, *parts)[0].base == base
+    parts += [body("left_arm", mass=0.1), spin("left_arm", "trunk", "0 0.2 0.1", limit=BOUNDED)]
+    parts += [body("right_arm", mass=0.1), spin("right_arm", "trunk", "0 -0.2 0.1", limit=BOUNDED)]
+    anatomy, found = seen(tmp_path, *parts)
+    assert anatomy.base == base
+    assert found["left_arm"] == ("finger" if base == "fixed" else "arm")  # however small
 
 
 # --- rotors ---------------------------------------------------------------------------------
