@@ -38,11 +38,9 @@ WEAK = ("gains.torque", "trials.dead")
 """Rules that a stronger drive satisfies."""
 STRONGER = 2.0
 LEANS_RAD = 0.03
-"""Tilt of the base beyond which a robot is brought upright: one on two legs that leans by 0.046 on
-its hulls may fall over its heels on the smaller pieces of a build."""
+"""Tilt beyond which a robot is brought upright: the soles of a build may be smaller than hulls."""
 BALANCED_M = 0.003
-"""Nearer to the middle of its feet, in either direction, the centre of mass is not brought: a
-symmetric robot keeps a symmetric pose."""
+"""Nearer to the middle of its feet, along x or y, the centre of mass is not brought."""
 
 Try = Callable[["Tuning"], Trial]
 

@@ -24,9 +24,6 @@ from assetbuild.robot.twins import PLACE_M, Motion, Part, Twins
 SLIP = 2.0
 """Times the twin's value: more than two builds of one part differ by."""
 
-SIGNED = 10.0
-"""Times the tolerance: a joint that the first pose turns less has no sign to mistake."""
-
 LIMITS = Rule(
     "mirror.limits",
     ("info", "warning"),
@@ -186,7 +183,7 @@ def _home(left: Motion, right: Motion, sign: float, tolerance: float) -> Iterato
     wanted = sign * left.home
     if abs(wanted - right.home) <= tolerance:
         return
-    slip = abs(wanted + right.home) <= tolerance < abs(wanted) / SIGNED
+    slip = abs(wanted + right.home) <= tolerance < 0.1 * abs(wanted)  # less has no sign to mistake
     message = f"the initial keyframe has it at {right.home:g} {right.unit}; as the mirror image of "
     message += f"`{left.name}` it would be at {wanted:g}"
     hint = "correct the keyframe, unless the pose leans on purpose"

@@ -149,7 +149,7 @@ def _read_joints(root: Node, links: dict[str, Node]) -> tuple[list[Joint], list[
 
 def without_meshes(file: Path, urdf: bytes, base: Base = "fixed") -> ReadUrdf:
     """The step for a look without meshes, wherever they lie: packages are not looked for."""
-    named = sorted(set(re.findall(rb"package:/*([A-Za-z0-9_.-]+)", urdf)))
+    named = re.findall(rb"package:/*([A-Za-z0-9_.-]+)", urdf)
     packages = {name.decode(): "." for name in named}
     return ReadUrdf(file=str(file.absolute()), base=base, packages=packages)
 
