@@ -226,7 +226,7 @@ def _urdf(file: Path) -> Iterator[Finding]:
         try:
             read = ports.run(without_meshes(file, data))
         except SourceError as error:
-            where = str(error.where or "")
+            where = str(replace(error.where, file=file.name)) if error.where else ""
             yield UNREADABLE("robot", error.message, error.hint, where=where)
             return
         yield from read

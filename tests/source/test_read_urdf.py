@@ -197,6 +197,7 @@ BAD = {
     "file uri": (_shape('<mesh filename="file:///x/a.stl"/>'), 2, "is absolute"),
     "absolute": (_shape('<mesh filename="/x/a.stl"/>'), 2, "is absolute"),
     "escape": (_shape('<mesh filename="../../../a.stl"/>'), 2, "leads out of the source"),
+    "escape by two slashes": (_shape('<mesh filename="package://robot_pkg//etc/a.stl"/>'), 2, "leads out of the source"),
     "escape by package": (_shape('<mesh filename="package://robot_pkg/../../a.stl"/>'), 2, "leads out of the source"),
     "backslash": (_shape(r'<mesh filename="meshes\a.stl"/>'), 2, "hint: write `/` instead"),
     "unknown package": (_shape('<mesh filename="package://robot_pgk/a.stl"/>'), 2, "did you mean `robot_pkg`?; or add `robot_pgk: FOLDER` under `source.packages`"),

@@ -63,7 +63,8 @@ class Paths:
             raise node.error(f"{node.tag} filename `{uri}` has a backslash", "write `/` instead")
         kind, assumption, path = self._followed(node, uri)
         normal = posixpath.normpath(path)
-        if normal == ".." or normal.startswith("../"):
+        left = posixpath.isabs(normal) and not posixpath.isabs(self.file)  # `package://name//etc`
+        if left or normal == ".." or normal.startswith("../"):
             hint = "choose a higher `source.root` in the recipe"
             raise node.error(f"{node.tag} filename `{uri}` leads out of the source", hint)
         if normal == "." or uri.endswith("/"):
