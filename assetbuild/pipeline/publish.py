@@ -27,6 +27,7 @@ from assetbuild.engine.claims import (
 from assetbuild.engine.digest import digest_file
 from assetbuild.engine.store import OUT_OPTION, machine_error
 from assetbuild.errors import MachineError, UsageError
+from assetbuild.report.bundle import files_of
 
 MARK = "manifest.json"
 """A folder with this file is a bundle and may be replaced."""
@@ -127,10 +128,8 @@ def lies_there(out_dir: Path, wanted: Mapping[str, str], digest: Callable[[Path]
     out = _real(out_dir)
     left = dict(wanted)
     try:
-        for path in out.rglob("*"):
-            if path.is_dir() and not path.is_symlink():
-                continue
-            expected = left.pop(path.relative_to(out).as_posix(), None)
+        for name, path in files_of(out):
+            expected = left.pop(name, None)
             if expected is None or path.is_symlink() or digest(path) != expected:
                 return False
     except OSError:
@@ -144,10 +143,7 @@ def set_aside(out: Path, manifest: Mapping[str, str]) -> tuple[str, ...]:
     Copied before the swap: a kill in between leaves them in both places, in none never.
     """
     edited, added = list[str](), list[str]()
-    for path in sorted(out.rglob("*")) if out.is_dir() else ():
-        name = path.relative_to(out).as_posix()
-        if path.is_dir() and not path.is_symlink():
-            continue
+    for name, path in sorted(files_of(out)):
         if name not in manifest:
             if name not in OWN_FILES:
                 added.append(name)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 from typing import Any
@@ -81,6 +81,13 @@ def manifest(robot: str, files: Iterable[BundleFile]) -> BundleFile:
     ]
     content = {"schema": "assetbuild-bundle/v1", "robot": robot, "files": rows}
     return BundleFile.of_text("manifest.json", "manifest", json_text(content))
+
+
+def files_of(bundle: Path) -> Iterator[tuple[str, Path]]:
+    """Each file and link of a folder by its relative path, but what Python keeps of imports."""
+    for path in bundle.rglob("*"):
+        if (path.is_symlink() or not path.is_dir()) and path.parent.name != "__pycache__":
+            yield path.relative_to(bundle).as_posix(), path
 
 
 def manifest_of(bundle: Path) -> dict[str, str]:

@@ -20,6 +20,7 @@ from assetbuild.facts.readings import readings_table
 from assetbuild.facts.reference import Assets, Reference, robot_table
 from assetbuild.facts.table import Key, Table, Value
 from assetbuild.plugins import usable_plugins
+from assetbuild.report.bundle import files_of
 from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.model import Control
 from assetbuild.robot.shapes import Shapes
@@ -68,11 +69,7 @@ def bundle_side(bundle: Path, name: str = "") -> Side:
     reference = Reference.of_bundle(bundle)
     report = _json(bundle / "report/report.json", bundle)
     robot = str(_json(bundle / "manifest.json", bundle).get("robot", bundle.name))
-    digests = {
-        path.relative_to(bundle).as_posix(): digest_file(path)
-        for path in sorted(bundle.rglob("*"))
-        if path.is_file()
-    }
+    digests = {name: digest_file(p) for name, p in sorted(files_of(bundle)) if p.is_file()}
     whole = functools.partial(_whole_robot, reference, report)
     forms = {ROBOT: Form(whole, covers=("report/robot.json",))}
     for form, reader, file in bundle_readers(bundle, robot, reference):

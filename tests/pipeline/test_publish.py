@@ -89,6 +89,8 @@ def test_what_the_user_did_is_kept_and_reported(out: Path, way: str):
     (out / "mjcf/go1.xml").write_text("edited")
     (out / "notes").mkdir()
     (out / "notes/mine.txt").write_text("mine")
+    (out / "mjcf/__pycache__").mkdir()
+    (out / "mjcf/__pycache__/go1.cpython-311.pyc").write_text("left by an import")
     found = make(out, "two", old)
     aside = out.with_name("go1.edited")
     assert found == ("mjcf/go1.xml", "notes/mine.txt")
@@ -201,6 +203,8 @@ def test_killed_at_any_point_a_whole_bundle_is_there_after_the_next_call(out, wa
 def test_a_bundle_that_lies_there_needs_no_swap(out: Path):
     make(out, "v1")
     wanted = {name: digest_file(out / name) for name in content(out)}
+    (out / "python/__pycache__").mkdir(parents=True)
+    (out / "python/__pycache__/go1.cpython-311.pyc").write_text("left by an import")
     assert lies_there(out, wanted, digest_file)
     assert not lies_there(out.with_name("absent"), wanted, digest_file)
     assert not lies_there(out.with_name("absent"), {}, digest_file)
