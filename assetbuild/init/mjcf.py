@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from assetbuild.control.close_loops import placed_loops
+from assetbuild.control.ground import Ground
 from assetbuild.engine.scratch import Scratch, scratch
 from assetbuild.errors import SourceError, Where
 from assetbuild.facts.mjcf_grammar import NEWEST, OLDEST, newer_words_of
@@ -22,8 +23,8 @@ from assetbuild.init.collision import (
     put_own_pads,
     soles_of,
 )
-from assetbuild.init.draft import Draft, Proposal, patterns_of, some
-from assetbuild.init.home import home_pose
+from assetbuild.init.draft import Draft, Proposal, by_pattern, patterns_of, some
+from assetbuild.init.home import DEEP_M, home_pose
 from assetbuild.init.licence import put_source
 from assetbuild.init.look import InspectedRobot, carried, judge, not_in_usd
 from assetbuild.init.packages import above, is_file
@@ -41,7 +42,7 @@ from assetbuild.init.tune import Tuning, tune
 from assetbuild.robot.files import RobotFiles, SourceControl
 from assetbuild.robot.loops import path_of
 from assetbuild.robot.mjcf_only import joint_springs, lost_in_usd, no_drives
-from assetbuild.robot.model import Control, Joint, Tree
+from assetbuild.robot.model import Control, Joint, Keyframe, Tree
 from assetbuild.source.mjcf.flatten_mjcf import FOLDER, FlattenMjcf
 from assetbuild.source.mjcf.includes import ListIncludes
 from assetbuild.source.mjcf.opaque import keys
@@ -208,13 +209,15 @@ def mjcf_recipe(source: MjcfSource, path: Path) -> Proposal:
     _put_merging(draft, source)
     _put_collision(draft, robot)
     _put_drives(draft, source, tuning)
-    if not control.keyframes:
+    trial, off_m = _stood(source, anatomy)
+    if (home := control.initial_keyframe) is None:
         commanded = replace(robot, tree=_commanded(robot.tree, control))
         put_home(draft, commanded, anatomy, _pose(source, anatomy, tuning))
+    elif abs(off_m) > DEEP_M:
+        _put_raised(draft, home, off_m)
     put_own_loops(draft, hand, control)
     put_own_pads(draft, robot, hand, control)
     put_targets(draft, source.built, springs, lost)
-    trial = _stood(source, anatomy)
     put_validation(draft, robot, anatomy.legs, trial, hand)
     return Proposal(path, draft.text, unmended)
 
@@ -296,7 +299,8 @@ def _taken(source: MjcfSource) -> Iterator[str]:
     yield f"simulation: {{timestep: {control.simulation.timestep:g}}}   # s"
     yield f"collision pairs that are excluded: {len(control.excludes)}"
     if control.keyframes:
-        yield f"its keyframes: {some([key.name for key in control.keyframes])}"
+        names = some([key.name for key in control.keyframes])
+        yield f"its keyframes: {names} (one here replaces the one of its name, joints and all)"
     if control.sensors:
         yield f"its sensors: {some([sensor.name for sensor in control.sensors])}"
 
@@ -339,17 +343,35 @@ def _put_drives(draft: Draft, source: MjcfSource, tuning: Tuning | None) -> None
             draft.put(tuning.timestep, "simulation", "timestep")
 
 
-def _stood(source: MjcfSource, anatomy: Anatomy) -> Trial | None:
-    """Whether legs with drives stand; keyframes of the source are its own affair."""
+def _stood(source: MjcfSource, anatomy: Anatomy) -> tuple[Trial | None, float]:
+    """Whether legs with drives stand on the floor, and how far above it `home` puts them, m.
+
+    The source's other keyframes are its own affair.
+    """
     robot, control, legs = source.robot, source.control, anatomy.legs
     named = {key.name for key in control.keyframes}
     driven = {a.joint for a in control.actuators if a.model in ("pd", "general")}
     if not legs or not all(j.name in driven for leg in legs for j in leg.joints):
-        return None
+        return None, 0.0
     if named and "home" not in named:
-        return None
+        return None, 0.0
     step = {"timestep": control.simulation.timestep}
     home = control.initial_keyframe
     pose = dict(home.joints) if home else home_pose(robot.tree, legs)
     with staged(robot, [sole for leg in legs for sole in leg.soles], whole=False) as stage:
-        return stage.attempt(tables(robot.tree, (), pose, step), control)
+        trial = stage.attempt(tables(robot.tree, (), pose, step), control)
+        if home is None or home.base is None or home.turns or control.loops:
+            return trial, 0.0
+        ground = Ground(robot.tree, stage.shapes, stage.ports.folder / "meshes")
+        low = ground.lowest(pose, home.base.quat)
+        return trial, 0.0 if low is None else home.base.xyz[2] + low
+
+
+def _put_raised(draft: Draft, home: Keyframe, off_m: float) -> None:
+    """The source's `home`, on the floor. A keyframe of a recipe replaces the source's whole."""
+    side = "inside" if off_m < 0.0 else "above"
+    why = f"the source's is {1e3 * abs(off_m):.3g} mm {side} the floor"
+    draft.put("on_ground", "keyframes", home.name, "base", beside=why)
+    turned = {name: q for name, q in home.joints if q}
+    joints = by_pattern(turned, [name for name, _ in home.joints])
+    draft.put(joints, "keyframes", home.name, "joints", above=["the source's values"])

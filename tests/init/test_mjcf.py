@@ -82,8 +82,8 @@ def test_a_source_that_drives_nothing_gets_guessed_drives_with_its_own_rotors(tm
     assert "The source drives no joint" in text
 
 
-def test_a_shank_without_a_foot_of_its_own_ends_at_its_ball(tmp_path: Path):
-    """Legs of two links of 0.2 m: the ball, not the knee, belongs below the hip."""
+def dog(folder: Path, more: str = "") -> Path:
+    """Four legs of two links of 0.2 m, whose shanks end in a ball. more: after its world."""
     shape = '<geom type="capsule" fromto="0 0 0 0 0 -0.2" size="0.01" contype="0" conaffinity="0"/>'
     ball = '<geom type="sphere" pos="0 0 -0.2" size="0.02"/>'
     legs = "".join(
@@ -96,17 +96,37 @@ def test_a_shank_without_a_foot_of_its_own_ends_at_its_ball(tmp_path: Path):
         </body></body>"""
         for name, x, y in (("a", 0.2, 0.1), ("b", 0.2, -0.1), ("c", -0.2, 0.1), ("d", -0.2, -0.1))
     )
-    (tmp_path / "dog.xml").write_text(
+    file = folder / "dog.xml"
+    file.write_text(
         f"""<mujoco model="dog"><compiler angle="radian"/><worldbody>
         <body name="trunk" pos="0 0 0.5">
         <freejoint/><inertial mass="5" pos="0 0 0" diaginertia="0.05 0.1 0.1"/>
-        <geom type="box" size="0.2 0.1 0.05"/>{legs}</body></worldbody></mujoco>"""
+        <geom type="box" size="0.2 0.1 0.05"/>{legs}</body></worldbody>{more}</mujoco>"""
     )
-    recipe = tmp_path / "dog.yaml"
-    write(propose(tmp_path / "dog.xml", recipe, {}), force=True)
-    joints = load_recipe(recipe, None).recipe.keyframes["home"].joints
+    return file
+
+
+def test_a_shank_without_a_foot_of_its_own_ends_at_its_ball(tmp_path: Path):
+    """The ball, not the knee, belongs below the hip."""
+    recipe, _ = initialised(dog(tmp_path), tmp_path)
+    joints = recipe.keyframes["home"].joints
     hip, knee = (next(v for k, v in joints.items() if k.endswith(end)) for end in ("hip", "knee"))
     assert hip == pytest.approx(-knee / 2.0, abs=0.02)
+
+
+@pytest.mark.parametrize(("height", "raised"), [(0.371, False), (0.35, True), (0.4, True)])
+def test_a_home_that_is_not_on_the_floor_is_put_there(height: float, raised: bool, tmp_path: Path):
+    """The legs reach 2 * 0.2 cos(0.5) + 0.02 m below the trunk, and a build would not be ready."""
+    legs = [f"{leg}_{joint}" for leg in "abcd" for joint in ("hip", "knee")]
+    drives = "".join(f'<position joint="{name}" kp="80" kv="4"/>' for name in legs)
+    pose = "0.5 -1 " * 4
+    home = f'<key name="home" qpos="0 0 {height} 1 0 0 0 {pose}" ctrl="{pose}"/>'
+    more = f"<actuator>{drives}</actuator><keyframe>{home}</keyframe>"
+    recipe, text = initialised(dog(tmp_path, more), tmp_path)
+    keyframes = {name: (key.base, key.joints) for name, key in recipe.keyframes.items()}
+    posed = ("on_ground", {".*_hip": 0.5, ".*_knee": -1.0})
+    assert keyframes == ({"home": posed} if raised else {})
+    assert ("mm inside the floor" in text) == (height < 0.37)
 
 
 @pytest.mark.parametrize(("option", "hangs"), [("", True), ('gravity="0 0 0"', False)])
