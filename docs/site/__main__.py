@@ -15,7 +15,10 @@ CONFIG = Path(__file__).with_name("mkdocs.yml")
 def main(words: list[str]) -> None:
     """Run MkDocs without the advertisement of the theme's successor."""
     os.environ["NO_MKDOCS_2_WARNING"] = "1"
-    from mkdocs.__main__ import cli
+    try:
+        from mkdocs.__main__ import cli
+    except ModuleNotFoundError as error:
+        sys.exit(f"error: no module `{error.name}`\nhint: .venv/bin/pip install -e '.[docs]'")
 
     verb, *rest = words or ["serve"]
     cli([verb, "--strict", "-f", str(CONFIG), *rest])

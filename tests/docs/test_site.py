@@ -11,6 +11,7 @@ from pathlib import Path
 import pytest
 
 from assetbuild.pipeline.recipes import schema_text
+from docs.site.__main__ import main
 from docs.site.pages import generated
 
 ROOT = Path(__file__).parents[2]
@@ -23,6 +24,13 @@ def built(
     command = [sys.executable, "-m", *map(str, words)]
     kept = {k: v for k, v in os.environ.items() if k != "NO_MKDOCS_2_WARNING"} | (env or {})
     return subprocess.run(command, cwd=ROOT, capture_output=True, text=True, env=kept)
+
+
+def test_without_mkdocs_the_site_says_what_brings_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "mkdocs", None)
+    monkeypatch.setitem(sys.modules, "mkdocs.__main__", None)
+    with pytest.raises(SystemExit, match=r"pip install -e '\.\[docs\]'"):
+        main(["serve"])
 
 
 @pytest.mark.slow
