@@ -64,7 +64,8 @@ def stated_licence(root: Path, file: str) -> StatedLicence | None:
             if path.name.lower().startswith(NAMES) and (text := start_of(path, MOST_BYTES)):
                 licence = _of_text(text)
                 if licence:
-                    return licence, licence, path.name
+                    outside = not folder.is_relative_to(root)
+                    return licence, licence, os.path.relpath(path, root) if outside else path.name
         package = start_of(folder / "package.xml", MOST_BYTES)
         if package and (stated := _of_package(package)):
             return stated
@@ -79,7 +80,8 @@ def put_licence(draft: Draft, root: Path, file: str) -> None:
         return
     name, words, said_by = stated
     if name:
-        draft.put(name, *at, beside=f"as {said_by} says")
+        carried = "; only a copy below `path` comes into the bundle" * said_by.startswith("..")
+        draft.put(name, *at, beside=f"as {said_by} says{carried}")
     else:
         draft.note(f"{said_by} says {words!r}: write the SPDX name of this robot's", at=at)
         draft.note("license:", at=at)

@@ -35,6 +35,14 @@ def test_the_text_nearest_to_the_robot_counts(robot: Path):
     assert "license: MIT   # as LICENSE.txt says" in lines(robot)
 
 
+def test_a_text_above_the_source_does_not_come_along_and_the_recipe_says_so(robot: Path):
+    (robot / "LICENSE").write_text(MIT)
+    draft = Draft()
+    put_licence(draft, robot / "arm", "urdf/arm.urdf")
+    (line,) = (line for line in draft.text.splitlines() if "license:" in line)
+    assert line.endswith("as ../LICENSE says; only a copy below `path` comes into the bundle")
+
+
 @pytest.mark.parametrize(
     ("said", "spdx"),
     [("Apache 2.0", "Apache-2.0"), ("BSD-3-Clause", "BSD-3-Clause"), ("MIT", "MIT")],
