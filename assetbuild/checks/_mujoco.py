@@ -49,7 +49,8 @@ LOST = Rule(
     "a gripper loses an object in MuJoCo, or lets it slip",
     "contacts of the fingers that are stiffer and resist turning (`contact.links`: `condim: 4, "
     "priority: 1, solref: [0.004, 1]`), "
-    "`cone: elliptic`, the rotors' armature, firmer `loops` of linkages, more effort",
+    "`cone: elliptic`, the rotors' armature, firmer `loops` of linkages, more effort, flat pads as "
+    "`<collision>` boxes where the faces of the jaws are round or stand in a wedge",
 )
 
 

@@ -59,6 +59,7 @@ def test_a_pincher_without_strength_loses_them_and_says_what_it_holds(tmp_path: 
     weak = {'forcerange="-40 40"': 'forcerange="-1 1"'}
     (lost,), _ = evaluate(pincher(tmp_path, **weak), Gripping(robot="robot"))
     assert lost.rule == "grip.lost"
+    assert "flat pads" in lost.hint
     assert "a cube of 40 mm and 0.5 kg is lost" in lost.message
     assert "it holds a cube of 0.05 kg" in lost.message
 
