@@ -141,7 +141,13 @@ def _facts(before: Side, after: Side) -> tuple[list[Change], frozenset[str]]:
     for form in sorted({*before.forms} ^ {*after.forms}) if both else ():
         gone = form in before.forms
         fact_changes.append(Change("HIGH", (f"format {form}",), "exists", *_exists(gone)))
-    return fact_changes, frozenset(telling)
+    said = {(c.subjects, c.quantity, c.before, c.after) for c in fact_changes}
+
+    def said_of_the_body(c: Change) -> bool:
+        merged = c.subjects[0].removeprefix("link's ").replace("link ", "body ", 1)
+        return merged != c.subjects[0] and ((merged,), c.quantity, c.before, c.after) in said
+
+    return [c for c in fact_changes if not said_of_the_body(c)], frozenset(telling)
 
 
 def _exists(gone: bool) -> tuple[str, str]:

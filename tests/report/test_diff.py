@@ -17,6 +17,7 @@ from urdfs import inertial, joint, link, robot
 
 from assetbuild.errors import UsageError
 from assetbuild.facts.reference import Reference, robot_table
+from assetbuild.facts.table import Key, Table
 from assetbuild.report.diff import Changes, changes, counts, diff_markdown, diff_text
 from assetbuild.report.sides import Form, Side, bundle_side, foreign_side
 from assetbuild.simulators.usd_options import UsdOptions
@@ -78,6 +79,17 @@ def test_a_change_is_one_line_with_its_rank(side, other, rank, quantity, count, 
     (change,) = changes(side(), side(other)).rows
     assert (change.rank, change.quantity, len(change.subjects)) == (rank, quantity, count)
     assert note in change.note
+
+
+def test_what_links_say_as_their_bodies_do_is_said_once(side: Callable[..., Side]):
+    def with_links(one: Side) -> Side:
+        table = one.forms["robot"].read()
+        joints = [(k, v) for k, v in table.facts.items() if k.kind == "joint"]
+        whole = table | Table({Key("link's joint", k.name, k.quantity): v for k, v in joints})
+        return replace(one, forms={"robot": Form(lambda: whole)})
+
+    (change,) = changes(with_links(side()), with_links(side(with_drives(kp=1.1 * KP)))).rows
+    assert not any(subject.startswith("link's") for subject in change.subjects)
 
 
 def test_a_lost_joint_is_critical_and_nothing_more_is_said_of_it(side: Callable[..., Side]):
