@@ -50,7 +50,10 @@ from assetbuild.source.mjcf.read_mjcf import ReadMjcf
 from assetbuild.source.mjcf.scenery import SeveralRobotsError
 from assetbuild.source.urdf.xml import MAX_BYTES
 
-VAGUE = {"", *keys("assets scene mjx robot model mujoco mjcf xml xmls world main")}
+VAGUE = {
+    "",
+    *keys("assets scene mjx robot model mujoco mjcf xml xmls world main flat rough terrain"),
+}
 """Words that name no robot."""
 ABSENT = "bring the file, or remove the mesh and its geoms from the MJCF"
 DRIVES = "The source drives no joint; mjlab's robots, for one, are driven from Python."

@@ -240,6 +240,7 @@ def test_a_robot_without_a_usd_shares_no_mass(tmp_path: Path):
     [
         ("go9 scene", "scene.xml", "go9"),
         ("scene", "scene_hexapod.xml", "hexapod"),
+        ("scene", "hexapod/xmls/scene_flat_terrain.xml", "hexapod"),
         ("robot", "hexapod.xml", "hexapod"),  # a model without a name reads as `robot`
         ("scenery_bot", "scene.xml", "scenery_bot"),
         ("arm_model", "scene.xml", "arm_model"),
