@@ -106,9 +106,13 @@ def _of_text(text: str) -> str:
 
 
 def _of_package(text: str) -> StatedLicence | None:
-    """What package.xml states; of several licences nobody knows which is the robot's."""
+    """What package.xml states; of several licences nobody knows which is the robot's.
+
+    ROS' template for packages states `TODO: License declaration`.
+    """
     tags = re.findall(r"<license[^>]*>([^<]*)</license>", text)
-    chosen = list(dict.fromkeys(" ".join(words.split()) for words in tags))
+    stated = (" ".join(words.split()) for words in tags if not words.strip().startswith("TODO"))
+    chosen = list(dict.fromkeys(stated))
     if not chosen:
         return None
     name = SPELLINGS.get(chosen[0].lower(), "") if len(chosen) == 1 else ""

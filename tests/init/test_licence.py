@@ -52,7 +52,15 @@ def test_package_xml_states_it(robot: Path, said: str, spdx: str):
     assert f"license: {spdx}   # as package.xml says" in lines(robot)
 
 
-@pytest.mark.parametrize("said", ["BSD", "TODO: License declaration", "proprietary"])
+def test_a_package_that_still_says_todo_states_nothing(robot: Path):
+    text = "<package><license>TODO: License declaration</license></package>"
+    (robot / "arm/package.xml").write_text(text)
+    assert "no file of the source states one" in lines(robot)
+    (robot / "LICENSE").write_text(MIT)
+    assert "license: MIT   # as LICENSE says" in lines(robot)
+
+
+@pytest.mark.parametrize("said", ["BSD", "proprietary"])
 def test_words_that_name_no_one_licence_are_quoted_and_not_claimed(robot: Path, said: str):
     (robot / "package.xml").write_text(f"<package><license>{said}</license></package>")
     assert said in lines(robot)
