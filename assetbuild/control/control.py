@@ -147,6 +147,16 @@ class ControlStep(Step):
             check_locked(tree, loops, start, driven, rows)
         return closed
 
+    def _poses(self, tree: model.Tree, source: Iterable[model.Keyframe]) -> list[model.Keyframe]:
+        """Of each keyframe of the recipe; one that states no joint has the source's of its name."""
+        of_source = {key.name: key for key in joined_keyframes((), tuple(source), tree, {})}
+        return [
+            of_source[name]
+            if not keyframe.joints and name in of_source
+            else _pose(tree, name, keyframe)
+            for name, keyframe in self.keyframes.items()
+        ]
+
     def _of_parts(self, tree: model.Tree, pose: Mapping[str, float]) -> dict[str, float]:
         """The value of each joint of the parts; 0 where the pose says none."""
         whole = with_mimics(tree, pose)
@@ -156,8 +166,9 @@ class ControlStep(Step):
         """Raises RowError, with the key of the recipe, where a table does not fit the robot."""
         robot = RobotFiles(files.inputs)
         tree, shapes = robot.tree, robot.shapes
-        poses = [_pose(tree, name, keyframe) for name, keyframe in self.keyframes.items()]
         source = robot.source_control
+        source_keyframes = source.control.keyframes if source is not None else ()
+        poses = self._poses(tree, source_keyframes)
         driven = driven_joints(tree, self.rows, self.sides, source)
         loops = resolve_loops(tree, self.loops)
         if source is not None:
@@ -167,7 +178,6 @@ class ControlStep(Step):
         for before, after in zip(stated, poses, strict=True):
             yield from solved_findings(before, after)
         parts = {name: self._of_parts(tree, pose) for name, pose in self.poses.items()}
-        source_keyframes = source.control.keyframes if source is not None else ()
         actuators = self._resolved(
             tree, joined_keyframes(poses, source_keyframes, tree, parts), loops
         )

@@ -153,15 +153,6 @@ def patterns_of(group: Sequence[str], everything: Iterable[str]) -> tuple[str, .
     return patterns_of(group[:half], everything) + patterns_of(group[half:], everything)
 
 
-def by_pattern(values: Mapping[str, float], everything: Sequence[str]) -> dict[str, float]:
-    """Pattern -> value, for names that share a value."""
-    return {
-        pattern: value
-        for value in dict.fromkeys(values.values())
-        for pattern in patterns_of([n for n, v in values.items() if v == value], everything)
-    }
-
-
 def _candidates(group: Sequence[str]) -> Iterable[str]:
     yield ".*"
     yield _either(group)

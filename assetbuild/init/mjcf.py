@@ -23,7 +23,7 @@ from assetbuild.init.collision import (
     put_own_pads,
     soles_of,
 )
-from assetbuild.init.draft import Draft, Proposal, by_pattern, patterns_of, some
+from assetbuild.init.draft import Draft, Proposal, patterns_of, some
 from assetbuild.init.home import DEEP_M, home_pose
 from assetbuild.init.licence import put_source
 from assetbuild.init.look import InspectedRobot, carried, judge, not_in_usd
@@ -42,7 +42,7 @@ from assetbuild.init.tune import Tuning, tune
 from assetbuild.robot.files import RobotFiles, SourceControl
 from assetbuild.robot.loops import path_of
 from assetbuild.robot.mjcf_only import joint_springs, lost_in_usd, no_drives
-from assetbuild.robot.model import Control, Joint, Keyframe, Tree
+from assetbuild.robot.model import Control, Joint, Tree
 from assetbuild.source.mjcf.flatten_mjcf import FOLDER, FlattenMjcf
 from assetbuild.source.mjcf.includes import ListIncludes
 from assetbuild.source.mjcf.opaque import keys
@@ -217,7 +217,9 @@ def mjcf_recipe(source: MjcfSource, path: Path) -> Proposal:
         commanded = replace(robot, tree=_commanded(robot.tree, control))
         put_home(draft, commanded, anatomy, _pose(source, anatomy, tuning))
     elif abs(off_m) > DEEP_M:
-        _put_raised(draft, home, off_m)
+        side = "inside" if off_m < 0.0 else "above"
+        why = f"the source's is {1e3 * abs(off_m):.3g} mm {side} the floor; its joints stay"
+        draft.put("on_ground", "keyframes", home.name, "base", beside=why)
     put_own_loops(draft, hand, control)
     put_own_pads(draft, robot, hand, control)
     put_targets(draft, source.built, springs, lost)
@@ -302,8 +304,7 @@ def _taken(source: MjcfSource) -> Iterator[str]:
     yield f"simulation: {{timestep: {control.simulation.timestep:g}}}   # s"
     yield f"collision pairs that are excluded: {len(control.excludes)}"
     if control.keyframes:
-        names = some([key.name for key in control.keyframes])
-        yield f"its keyframes: {names} (one here replaces the one of its name, joints and all)"
+        yield f"its keyframes: {some([key.name for key in control.keyframes])}"
     if control.sensors:
         yield f"its sensors: {some([sensor.name for sensor in control.sensors])}"
 
@@ -368,13 +369,3 @@ def _stood(source: MjcfSource, anatomy: Anatomy) -> tuple[Trial | None, float]:
         ground = Ground(robot.tree, stage.shapes, stage.ports.folder / "meshes")
         low = ground.lowest(pose, home.base.quat)
         return trial, 0.0 if low is None else home.base.xyz[2] + low
-
-
-def _put_raised(draft: Draft, home: Keyframe, off_m: float) -> None:
-    """The source's `home`, on the floor. A keyframe of a recipe replaces the source's whole."""
-    side = "inside" if off_m < 0.0 else "above"
-    why = f"the source's is {1e3 * abs(off_m):.3g} mm {side} the floor"
-    draft.put("on_ground", "keyframes", home.name, "base", beside=why)
-    turned = {name: q for name, q in home.joints if q}
-    joints = by_pattern(turned, [name for name, _ in home.joints])
-    draft.put(joints, "keyframes", home.name, "joints", above=["the source's values"])

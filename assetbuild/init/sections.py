@@ -18,7 +18,7 @@ from assetbuild.init.collision import (
     put_pads,
     soles_of,
 )
-from assetbuild.init.draft import Draft, Proposal, by_pattern, inline, patterns_of, plain, some
+from assetbuild.init.draft import Draft, Proposal, inline, patterns_of, plain, some
 from assetbuild.init.drives import (
     DAMPING_RATIO,
     FASTEST_HZ,
@@ -264,7 +264,12 @@ def put_home(
     if any(abs(pose[name] - resting(tree.by_joint[name])) > 1e-3 for name in others):
         lines.append(TURNED)
     lines.append("joints not named here are 0, which their limits allow")
-    draft.put(by_pattern(shown, list(pose)), *keys, above=lines)
+    joints = {
+        pattern: value
+        for value in dict.fromkeys(shown.values())
+        for pattern in patterns_of([n for n, v in shown.items() if v == value], list(pose))
+    }
+    draft.put(joints, *keys, above=lines)
 
 
 def _note_left(draft: Draft, depths: Mapping[Pair, float], excluded: Collection[Pair]) -> None:

@@ -114,7 +114,9 @@ class Keyframe(Model):
         "on_ground", description="on_ground: lowest collision point at z = 0; or x, y, z in metres"
     )
     joints: dict[Pattern, Real] = Field(
-        default_factory=dict, description="rad or m; joints that no pattern matches are 0"
+        default_factory=dict,
+        description="rad or m; joints that no pattern matches are 0; without any pattern, as the "
+        "keyframe of this name in the source's MJCF says",
     )
 
 

@@ -44,6 +44,14 @@ def test_the_source_holds_where_the_recipe_is_silent(tmp_path: Path):
     assert dict(control.contacts)["ga"] == Contact(friction=(2.0, 0.1, 0.1))
 
 
+def test_a_keyframe_that_states_no_joint_keeps_the_pose_of_the_source(tmp_path: Path):
+    control = made(tmp_path, keyframes={"home": {"base": "on_ground"}, "other": {}}).control
+    assert [(key.name, key.joints) for key in control.keyframes] == [
+        ("home", (("j", 0.5),)),
+        ("other", (("j", 0.0),)),
+    ]
+
+
 def test_the_recipe_wins_key_by_key(tmp_path: Path):
     control = made(
         tmp_path,

@@ -124,8 +124,7 @@ def test_a_home_that_is_not_on_the_floor_is_put_there(height: float, raised: boo
     more = f"<actuator>{drives}</actuator><keyframe>{home}</keyframe>"
     recipe, text = initialised(dog(tmp_path, more), tmp_path)
     keyframes = {name: (key.base, key.joints) for name, key in recipe.keyframes.items()}
-    posed = ("on_ground", {".*_hip": 0.5, ".*_knee": -1.0})
-    assert keyframes == ({"home": posed} if raised else {})
+    assert keyframes == ({"home": ("on_ground", {})} if raised else {})
     assert ("mm inside the floor" in text) == (height < 0.37)
 
 
