@@ -25,6 +25,9 @@ SWITCHES = ("scale_first", "use_gym_history")
 def read_deploy(path: Path, network: Path | None, bot: Bot) -> Policy:
     """UsageError for what the file lacks, or says of a robot with other motors."""
     config, bus = Said(path, read_yaml(path)), bot.orders[BUS]
+    if "joint_ids_map" not in config.values:
+        text = "neither a deploy.yaml, which has `joint_ids_map`, nor Isaac Lab's env.yaml"
+        raise UsageError(f"`{path}` is {text}", hint="other descriptions of a policy are not read")
     config.need("joint_ids_map")
     joints = places(config, "joint_ids_map", bus)
     kp, kd = (_gains(config, key, bus, joints) for key in ("stiffness", "damping"))
@@ -61,7 +64,10 @@ def _gains(
     stated = config.need(key)
     count = len(stated) if isinstance(stated, list) else len(bus)
     last = max(bus.index(joint) for joint in joints) + 1
-    values = config.numbers(key, min(max(count, last), len(bus)))
+    if count < last:
+        text = f"it has {count} numbers, in the order of the motor bus; the policy drives motor"
+        raise config.wrong(key, f"{text} {last - 1}")
+    values = config.numbers(key, min(count, len(bus)))
     return {joint: value for joint, value in zip(bus, values, strict=False) if joint in joints}
 
 

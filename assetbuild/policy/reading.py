@@ -64,14 +64,14 @@ class Said:
 
     def number(self, key: str, default: float | None = None) -> float:
         """A number."""
-        value = self.values.get(key, default)
+        value = self.need(key) if default is None else self.values.get(key, default)
         if isinstance(value, bool) or not isinstance(value, int | float):
             raise self.wrong(key, f"expected a number, found {_quoted(value)}")
         return float(value)
 
     def numbers(self, key: str, count: int, default: float | None = None) -> tuple[float, ...]:
         """`count` numbers; one number stands for all of them."""
-        value = self.values.get(key)
+        value = self.need(key) if default is None else self.values.get(key)
         value = default if value is None else value
         if isinstance(value, int | float) and not isinstance(value, bool):
             return (float(value),) * count

@@ -92,7 +92,15 @@ def test_a_policy_is_found_by_its_folder_its_network_or_its_file(bot: Bot, tmp_p
         ("joint_ids_map", [0, 1, 40], "`40` is no place among 12 joints"),
         ("joint_ids_map", [0, 0], "it names one place twice"),
         ("joint_ids_map", None, "joint_ids_map: it is missing"),
-        ("stiffness", [20.0], "stiffness: expected 12 numbers, found 1"),
+        (
+            "stiffness",
+            [20.0],
+            "stiffness: it has 1 numbers, in the order of the motor bus; the policy "
+            "drives motor 11",
+        ),
+        ("stiffness", [20.0] * 13, "stiffness: expected 12 numbers, found 13"),
+        ("step_dt", None, "step_dt: it is missing"),
+        ("default_joint_pos", None, "default_joint_pos: it is missing"),
         ("step_dt", "fast", "step_dt: expected a number, found `fast`"),
         ("step_dt", 0.0, "it acts every 0 s"),
         ("stiffness", [math.inf] * 12, "numbers that are not finite"),
