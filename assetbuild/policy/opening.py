@@ -58,7 +58,7 @@ def _read(path: Path, bot: Bot) -> Policy:
     if not path.exists():
         raise UsageError(f"no such file or folder: `{path}`")
     folder = path if path.is_dir() else path.parent
-    network = path if path.suffix == ".onnx" else _beside(folder, "*.onnx")
+    network = path if path.suffix == ".onnx" else _network_in(folder)
     if path.suffix in (".yaml", ".yml"):
         described: Path | None = path
     else:
@@ -70,7 +70,7 @@ def _read(path: Path, bot: Bot) -> Policy:
         raise UsageError(
             f"`{path}` holds no policy",
             hint="give an ONNX file of mjlab, or a folder with `policy.onnx` and its `deploy.yaml` "
-            "or `env.yaml`",
+            "or `env.yaml`; `torch.onnx.export` turns a `.pt` into ONNX",
         )
     with Network(network) as loaded:
         metadata = loaded.metadata
@@ -102,6 +102,16 @@ def runnable(policy: Policy, bot: Bot) -> Network:
         network.close()
         raise UsageError(wrong, hint="`assetbuild policy check` says what the files describe")
     return network
+
+
+def _network_in(folder: Path) -> Path | None:
+    """`policy.onnx`, else the only network; UsageError where any of several may be meant."""
+    found = _beside(folder, "policy.onnx") or _beside(folder, "*.onnx")
+    files = sorted(found.parent.glob("*.onnx")) if found else []
+    if found and found.name != "policy.onnx" and len(files) > 1:
+        listed = ", ".join(f"`{file.name}`" for file in files)
+        raise UsageError(f"`{folder}` holds several networks: {listed}", hint="give one of them")
+    return found
 
 
 def _beside(folder: Path, pattern: str) -> Path | None:

@@ -214,6 +214,19 @@ def test_what_describes_no_policy_is_refused_with_a_hint(bot: Bot, tmp_path: Pat
     with pytest.raises(UsageError, match="holds no policy") as raised:
         open_policy(tmp_path, bot)
     assert "deploy.yaml" in raised.value.hint
+    (tmp_path / "policy.yaml").write_text("policy_path: motion.pt\nkps: [100, 150]\n")
+    with pytest.raises(UsageError, match=r"neither a deploy\.yaml.* nor Isaac Lab's env\.yaml"):
+        open_policy(tmp_path / "policy.yaml", bot)
+
+
+def test_of_several_networks_the_one_called_policy_is_meant(bot: Bot, tmp_path: Path):
+    folder = write_policy(tmp_path, deployed(bot))
+    write_network(folder / "encoder.onnx", 45, 12)
+    assert open_policy(folder, bot).network == folder / "policy.onnx"
+    actor = (folder / "policy.onnx").rename(folder / "walk.onnx")
+    with pytest.raises(UsageError, match=r"several networks: `encoder\.onnx`, `walk\.onnx`"):
+        open_policy(folder, bot)
+    assert open_policy(actor, bot).network == actor
 
 
 JUNK = st.one_of(
