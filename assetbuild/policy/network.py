@@ -54,6 +54,14 @@ class Network:
         self.inputs: Shapes = tuple((name, tuple(shape)) for name, shape in description["inputs"])
         self.outputs: Shapes = tuple((name, tuple(shape)) for name, shape in description["outputs"])
         self.metadata: dict[str, str] = description["metadata"]
+        unfed = [n for n, _ in self.inputs[1:] if _answer(n) not in dict(self.outputs)]
+        if unfed:
+            self.close()
+            raise UsageError(
+                f"`{path.name}` also takes `{unfed[0]}`, which nothing here computes",
+                hint="export it with the observation as its input; a recurrent state `h_in` needs "
+                "an output `h_out`",
+            )
         self.reset()
 
     def _described(self) -> dict[str, Any]:  # Any: JSON
@@ -101,10 +109,7 @@ class Network:
         ends = np.cumsum([int(np.prod(shape)) for _, shape in self.outputs])[:-1]
         rows = np.split(np.frombuffer(data, dtype=np.float32), ends)
         by_name = {name: row for (name, _), row in zip(self.outputs, rows, strict=True)}
-        for name in self._state:
-            out = by_name.get(name.replace("_in", "_out"))
-            if out is not None and name.replace("_in", "_out") != name:
-                self._state[name] = out
+        self._state = {name: by_name[_answer(name)] for name in self._state}
         return rows[0].astype(float)
 
     def _send(self, data: bytes) -> None:
@@ -123,6 +128,11 @@ class Network:
         """End the process."""
         self._child.kill()
         self._child.communicate()
+
+
+def _answer(state: str) -> str:
+    """The output with the next value of a recurrent state."""
+    return state.replace("_in", "_out") if "_in" in state else ""
 
 
 _START = (

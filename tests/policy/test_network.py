@@ -91,6 +91,17 @@ def test_what_cannot_be_run_is_one_error_that_names_the_file(write, tmp_path: Pa
         Network(tmp_path / "p/policy.onnx")
 
 
+def test_an_input_that_nothing_feeds_is_refused(tmp_path: Path):
+    """A step that it counts by itself: with 0 for ever it would drive somewhere else."""
+    node = helper.make_node("Add", ["obs", "time_step"], ["actions"])
+    graph = helper.make_graph(
+        [node], "p", [vector("obs"), vector("time_step")], [vector("actions")]
+    )
+    save(tmp_path / "policy.onnx", graph)
+    with pytest.raises(UsageError, match="also takes `time_step`, which nothing here computes"):
+        Network(tmp_path / "policy.onnx")
+
+
 def test_a_file_of_gigabytes_is_not_even_opened(tmp_path: Path):
     path = tmp_path / "policy.onnx"
     path.touch()
