@@ -109,6 +109,10 @@ class Reference:
             read.look_up_names()
             return read
         except (FileNotFoundError, NotADirectoryError):
+            if not bundle.is_dir():
+                raise UsageError(
+                    f"there is no folder `{bundle}`", hint="give a folder that `build` wrote"
+                ) from None
             raise UsageError(
                 f"`{bundle}` is no bundle of this version: it has no report/robot.json",
                 hint="build it again, or give the MJCF, URDF or USD in it",

@@ -83,6 +83,8 @@ def replay_policy(path: Path, bundle: Path, wish: Wish, say: Say) -> Replayed:
             runs[engine] = _run(policy, bot, network, engine, wish)
         diagnosis, first = None, runs[wish.engines[0]]
         is_poor = not first.follows or first.score < BEST - BETTER
+        if first.is_broken:  # no wiring mends it
+            return Replayed(policy, runs)
         if wish.search and is_poor:
             say("looking for the fault")
             diagnosis = _searched(policy, bot, network, wish, first.seconds if first.fell else 0.0)

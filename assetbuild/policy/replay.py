@@ -60,7 +60,8 @@ class Replay:
 
     seconds: until it fell or the end; moved: (forward, left) of its start, m. tilt: the largest,
     rad. saturated: share of drives at their limit, mean; slip: speed of feet on the floor, m/s;
-    None where the engine does not tell. moments: states on the way, for pictures.
+    None where the engine does not tell. is_broken: the network's answer was not finite. moments:
+    states on the way, for pictures.
     """
 
     command: tuple[float, ...]
@@ -72,6 +73,7 @@ class Replay:
     height: float
     saturated: float | None
     slip: float | None
+    is_broken: bool = False
     moments: tuple[Seen, ...] = field(default=(), compare=False, repr=False)
 
     @property
@@ -99,6 +101,8 @@ class Replay:
     @property
     def verdict(self) -> str:
         """In words."""
+        if self.is_broken:
+            return f"the network answers with NaN or inf after {self.seconds:.2f} s"
         if self.fell:
             return f"falls after {self.seconds:.2f} s"
         if self.tilt > UPRIGHT_RAD:
@@ -140,7 +144,8 @@ def replay(
     ended = (
         seconds if seen.time >= seconds - step_s / 2.0 and not _fallen(seen, first) else seen.time
     )
-    return _told(track, first, tuple(command), seconds, ended)
+    told = _told(track, first, tuple(command), seconds, ended)
+    return replace(told, is_broken=not np.isfinite(action).all())
 
 
 def _targets(policy: Policy, action: Array) -> dict[str, float]:

@@ -141,6 +141,19 @@ def test_what_cannot_be_replayed_is_refused(
     assert said in capsys.readouterr().err
 
 
+def test_a_network_without_numbers_is_not_called_a_fall(bot: Bot, tmp_path: Path, capsys):
+    folder = write_policy(tmp_path / "p", deployed(bot), np.full((45, 12), np.nan))
+    assert main(["policy", "replay", str(folder), str(bot.bundle)]) == 1
+    said = capsys.readouterr().out
+    assert "the network answers with NaN or inf after 0.00 s" in said and "fault" not in said
+
+
+def test_a_bundle_that_is_not_there_is_named(bot: Bot, tmp_path: Path, capsys):
+    folder = write_policy(tmp_path / "p", deployed(bot))
+    assert main(["policy", "check", str(folder), str(tmp_path / "build/g0")]) == 2
+    assert "there is no folder" in capsys.readouterr().err
+
+
 @pytest.mark.parametrize("engine", ["newton", "physx"])
 def test_an_engine_that_is_not_there_is_named_with_the_way_to_get_it(
     engine: str, bot: Bot, tmp_path: Path, monkeypatch, capsys
