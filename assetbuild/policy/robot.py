@@ -19,6 +19,8 @@ from assetbuild.robot.model import Actuator, Control, Tree
 from assetbuild.robot.orders import BUS, joint_orders
 from assetbuild.robot.pose import IDENTITY, Array
 
+CONTRACT = "policy/*_contract.yaml"
+
 
 @dataclass(frozen=True)
 class Bot:
@@ -54,6 +56,11 @@ class Bot:
     def kd(self) -> ByJoint:
         """Damping of each drive."""
         return {row.joint: row.kd for row in self.control.actuators if row.model != "passive"}
+
+    @property
+    def states_bus(self) -> bool:
+        """Whether a contract says in which order the motor bus counts."""
+        return any(self.bundle.glob(CONTRACT))
 
     @property
     def step_s(self) -> float:
@@ -94,7 +101,7 @@ def bot_of(bundle: Path) -> Bot:
 
 def bot_from(folder: Path, name: str, tree: Tree, control: Control, imu: str | None) -> Bot:
     """A robot whose files lie in a folder as in a bundle. UsageError where nothing drives it."""
-    contract = next(iter(sorted(folder.glob("policy/*_contract.yaml"))), None)
+    contract = next(iter(sorted(folder.glob(CONTRACT))), None)
     bus: tuple[str, ...] = ()
     if contract is not None:
         stated = read_yaml(contract).get("orders", {}).get(BUS, ())

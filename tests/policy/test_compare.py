@@ -118,6 +118,13 @@ def test_a_fault_is_named(name: str, bot: Bot, tmp_path: Path):
     assert [f for f in findings if f.rule == rule and words in f.message], findings
 
 
+def test_places_on_a_bus_of_no_known_order_are_a_guess(bot: Bot, tmp_path: Path):
+    policy = policy_of(bot, tmp_path / "p", lambda said: None)
+    (order,) = (f for f in compare(policy, replace(bot, bundle=tmp_path)) if f.severity != "info")
+    assert order.rule == "policy.order" and "whose order the bundle does not state" in order.message
+    assert "bus_order" in order.hint
+
+
 def test_gains_of_one_s_own_are_no_fault(bot: Bot, tmp_path: Path):
     """A policy that was trained with other motors in mind says so, and drives with its own."""
     policy = policy_of(
