@@ -211,7 +211,8 @@ def _same(
         return False
     tolerance = precision.of(key, comparison)
     if comparison == "pose":
-        return _same_pose(a, b, tolerance, max(tolerance, precision.turn))
+        shape = table.facts.get(Key(key.kind, key.name, "geometry"))
+        return _same_pose(a, b, tolerance, max(tolerance, precision.turn), shape)
     size = math.hypot(*a)
     if comparison == "length" and quantity is not None:
         size = max(size, _size(table, key, {"m": 1, "m2": 2, "m3": 3}[quantity.unit]))
@@ -238,8 +239,11 @@ def _numbers(value: Value) -> tuple[float, ...] | None:
         return None
 
 
-def _same_pose(a: tuple[float, ...], b: tuple[float, ...], tolerance: float, turn: float) -> bool:
-    """a, b: not the same numbers; turn: tolerance of the rotation, rad."""
+def _same_pose(
+    a: tuple[float, ...], b: tuple[float, ...], tolerance: float, turn: float, shape: Value
+) -> bool:
+    """a, b: not the same numbers; turn: tolerance of the rotation, rad; shape: what stands there,
+    a sphere the same however it is turned, a capsule or cylinder about its axis and end for end."""
     if len(a) != 7 or not all(map(math.isfinite, (*a, *b))):
         return False
     reach = max(1.0, *map(abs, a[:3]))

@@ -53,6 +53,34 @@ def test_an_area_off_by_a_thousandth_is_found(tolerances: Mapping[Comparison, fl
     assert found.key == area
 
 
+HALF = 0.5**0.5
+ALONG_X, ABOUT_X = (HALF, 0.0, HALF, 0.0), (0.0, 1.0, 0.0, 0.0)
+
+
+@pytest.mark.parametrize(
+    ("geometry", "turn", "same"),
+    [
+        ("sphere", ALONG_X, True),
+        ("capsule", (HALF, 0.0, 0.0, HALF), True),
+        ("cylinder", ABOUT_X, True),
+        ("capsule", ALONG_X, False),
+        ("box", ABOUT_X, False),
+    ],
+)
+def test_a_round_shape_is_the_same_however_it_is_turned(
+    geometry: str, turn: tuple[float, ...], same: bool
+) -> None:
+    """A quarter turn about its own axis, or end for end."""
+    tables = [
+        Table({
+            Key("shape", "s", "geometry"): geometry,
+            Key("shape", "s", "pose"): (0.1, 0.2, 0.3, *quat),
+        })
+        for quat in ((1.0, 0.0, 0.0, 0.0), turn)
+    ]  # fmt: skip
+    assert (differences(*tables, Precision()) == []) is same
+
+
 def test_a_part_drawn_far_from_the_origin_of_its_file_is_the_same_in_float32() -> None:
     """A cap of 0.3 mm, 0.37 m from the origin of its file and 0.3 mm from that of its body."""
     rng = np.random.default_rng(4)
