@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -122,6 +122,12 @@ class Precision:
         keys = {*self.by_quantity, *other.by_quantity}
         of = {k: max(self.by_quantity.get(k, 0.0), other.by_quantity.get(k, 0.0)) for k in keys}
         return Precision(both, of, max(self.turn, other.turn))
+
+    def at_least(self, tolerance: float) -> Precision:
+        """No finer than a tolerance."""
+        kinds = {kind: max(own, tolerance) for kind, own in self.by_comparison.items()}
+        keys = {key: max(own, tolerance) for key, own in self.by_quantity.items()}
+        return replace(self, by_comparison=kinds, by_quantity=keys)
 
 
 @dataclass(frozen=True)
@@ -252,6 +258,11 @@ def _same_pose(
     if not (any(a[3:]) and any(b[3:])):
         return a[3:] == b[3:]
     turns = [rotation_of(normalised_quat(q[3:])) for q in (a, b)]  # type: ignore[arg-type] # four numbers
+    if shape == "sphere":
+        return True
+    if shape in ("capsule", "cylinder"):
+        sine = np.cross(turns[0][:, 2], turns[1][:, 2])
+        return bool(float(np.abs(sine).max()) <= turn)
     return bool(float(np.abs(turns[0] - turns[1]).max()) <= turn)
 
 

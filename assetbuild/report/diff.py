@@ -12,7 +12,7 @@ import numpy as np
 from assetbuild.errors import UsageError
 from assetbuild.facts.again.files import rows_of
 from assetbuild.facts.again.row import NotParsedError, groups
-from assetbuild.facts.compare import Difference, Precision, differences, value_text
+from assetbuild.facts.compare import Difference, differences, value_text
 from assetbuild.facts.table import Key, Table
 from assetbuild.facts.vocabulary import RANKS, VOCABULARY, Rank, Required
 from assetbuild.report.sides import DERIVED, ROBOT, Form, Side
@@ -23,6 +23,8 @@ DEGREES = 180.0 / math.pi
 MOTION = {FALL: 0.02, HEIGHT: 0.01}
 """m; what two simulators may differ by: 5 % of the fall, a centimetre of height."""
 SHOWN_NAMES = SHOWN_LINES = 3
+BETWEEN_FORMATS = 1e-5
+"""Relative: MuJoCo's own writer, for one, rounds to six digits."""
 PAGES = ("report/report.json", "report/index.html", "report/report.md", "model_card.md")
 """What a build writes of the facts, the findings and the figures."""
 NOISE = 0.01
@@ -178,7 +180,7 @@ def _compared(before: Form, after: Form, *, same: bool) -> list[Difference]:
     )
     return [
         item
-        for item in differences(old, new, _loose(precision))
+        for item in differences(old, new, precision.at_least(BETWEEN_FORMATS))
         if (item.what == "value" or item.key.kind in ("body", "joint"))
         and not _is_near(item)
         and (item.what != "value" or (_tells(item.key, old) and _tells(item.key, new)))
@@ -202,12 +204,6 @@ def _is_near(item: Difference) -> bool:
     """Whether two simulators may move so differently."""
     apart, old, new = MOTION.get(item.key.quantity, 0.0), item.before, item.after
     return isinstance(old, float) and isinstance(new, float) and abs(old - new) <= apart
-
-
-def _loose(precision: Precision) -> Precision:
-    """Between formats: MuJoCo's own writer, for one, rounds to six digits."""
-    kinds = {kind: max(tolerance, 1e-5) for kind, tolerance in precision.by_comparison.items()}
-    return replace(precision, by_comparison=kinds)
 
 
 def _change(item: Difference, form: str) -> Change:

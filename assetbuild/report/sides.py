@@ -163,12 +163,26 @@ def foreign_side(path: Path) -> Side:
     for _, kind in usable_plugins(Reader):
         if suffix in kind.suffixes and suffix != ".urdf" and (not text or b"<mujoco" in text):
             table = kind(robot=path.stem).read(path)
-            how = {"precision": kind.precision, "holds": kind.holds}
+            # What others write is rounded to float32 at some place.
+            how = {"precision": kind.precision.at_least(1e-6), "holds": _says(kind, table)}
             return _model(str(path), kind.format_id, table, **how)
     raise UsageError(
         f"`{path}` is no model that can be compared",
         hint="give a bundle, a recipe, an MJCF, URDF or USD file, or an Isaac Lab configuration",
     )
+
+
+def _says(kind: type[Reader], table: Table) -> Callable[[Key], bool]:
+    """What other formats may be compared with. A body of USD without a mass has that of its shapes;
+    a group of MuJoCo is a role in Menagerie's way alone."""
+
+    def says(key: Key) -> bool:
+        value = table.facts.get(key)
+        is_open = (kind.format_id, key.kind, key.quantity, value) == ("usd", "body", "mass", 0.0)
+        is_group = key.quantity == "role" and str(value).startswith("group ")
+        return kind.holds(key) and not is_open and not is_group
+
+    return says
 
 
 def _model(name: str, form: str, table: Table, **how: Any) -> Side:  # Any: of Form

@@ -224,6 +224,38 @@ def test_our_own_files_say_the_same_as_the_robot(
     assert [c for c in found if c.rank in ("CRITICAL", "HIGH")] == []
 
 
+STAGE = """#usda 1.0
+(defaultPrim = "bot"; metersPerUnit = 1; upAxis = "Z")
+def Xform "bot" {{
+    def Xform "torso" (prepend apiSchemas = ["PhysicsRigidBodyAPI"]) {{
+        double3 xformOp:translate = (0, 0, {height})
+        uniform token[] xformOpOrder = ["xformOp:translate"]
+        def Sphere "torso_geom" (prepend apiSchemas = ["PhysicsCollisionAPI"]) {{
+            double radius = {radius}
+        }}
+    }}
+}}
+"""
+MODEL = """<mujoco><worldbody><body name="torso" pos="0 0 0.3"><freejoint/>
+<geom name="torso_geom" size="0.1"/></body></worldbody></mujoco>"""
+
+
+@pytest.mark.parametrize(
+    ("radius", "worst"), [("0.10000000149011612", {"LOW", "MEDIUM"}), ("0.11", {"HIGH"})]
+)
+def test_another_s_usd_is_as_exact_as_float32_and_states_no_mass(
+    radius: str, worst: set[str], tmp_path: Path
+):
+    """Its bodies have the mass of their shapes; group 0 of MuJoCo collides as any other."""
+    usd, rounded, mjcf = (tmp_path / name for name in ("a.usda", "b.usda", "torso.xml"))
+    usd.write_text(STAGE.format(height=0.3, radius=0.1))
+    rounded.write_text(STAGE.format(height=0.30000001192092896, radius=radius))
+    mjcf.write_text(MODEL)
+    for other in (usd, mjcf):
+        ranks = {row.rank for row in changes(foreign_side(rounded), foreign_side(other)).rows}
+        assert ranks & {"CRITICAL", "HIGH"} == worst & {"HIGH"}
+
+
 @pytest.mark.parametrize("coupled", [True, False])
 def test_a_usd_without_any_mimic_is_critical_beside_a_urdf_with_one(coupled: bool, tmp_path: Path):
     led = "FL_hip_joint", "FR_hip_joint", -1.0, 0.1
