@@ -56,7 +56,9 @@ class Parser(argparse.ArgumentParser):
             self.refuse(f"`{self.prog}` needs {names}", hint=hint)
         if not reason or not message.startswith("argument "):
             self.refuse(message)
-        reason = "needs a value" if reason.startswith("expected ") else reason
+        if reason.startswith("expected "):
+            count = reason.split()[1]
+            reason = f"needs {count} values" if count.isdigit() else "needs a value"
         self.refuse(f"`{about.rpartition('/')[2]}` {reason.removeprefix('argument ')}")
 
     def refuse(self, message: str, hint: str = "") -> NoReturn:

@@ -28,6 +28,7 @@ WRONG = [
     ("build legs.yaml --re", "ambiguous option: --re could match --remote, --rehash", ""),
     ("build legs.yaml --frozen=1", "`--frozen` ignored explicit argument '1'", ""),
     ("build legs.yaml -j", "`--jobs` needs a value", ""),
+    ("policy replay p b --command 0.5", "`--command` needs 3 values", ""),
     ("build legs.yaml -j x", "`--jobs` must be a whole number of at least 1, not `x`", ""),
     ("build legs.yaml --fail-on eror", "must be `error`, `warning` or `never`, not `eror`", "did"),
     ("build", "`assetbuild build` needs `RECIPE`", ""),
