@@ -172,7 +172,9 @@ def _validated(file: Path, name: str, wish: Wish) -> Validated:
     findings = list({"mjcf": _mjcf, "urdf": _urdf, "usd": _usd}[kind](file))
     if wish.simulate and kind in TRIALS:
         findings += TRIALS[kind](file, wish, findings)
-    return Validated(name, kind, tuple(worst_first(findings)))
+    # Two lints may say the same of a link that is a body too.
+    once = [one for at, one in enumerate(findings) if one not in findings[:at]]
+    return Validated(name, kind, tuple(worst_first(once)))
 
 
 def _mjcf(file: Path) -> Iterator[Finding]:

@@ -74,6 +74,9 @@ def test_a_urdf_with_an_impossible_tensor(
     assert code == 1
     rules = {f["rule"] for one in json.loads(said) for f in one["findings"]}
     assert "inertia.triangle" in rules
+    path.write_text(robot(link("r", inertial(0.25, tensor(0.1, 0.1, 0.1)))))
+    said = ran(capsys, path, "--static")[1]
+    assert said.count(" inertia.radius:") == 1  # of the link and of the body that it is
     path.write_text("<robot")
     assert "urdf.unreadable" in ran(capsys, path)[1]
 
