@@ -22,7 +22,9 @@ from assetbuild.simulators import mujoco
 from assetbuild.simulators.mujoco import Loaded, load, mj
 from assetbuild.simulators.mujoco.drives import Drive, read_drives
 
-LOAD = Rule("mjcf.load", "error", "MuJoCo refuses the file", "read the findings on the description")
+LOAD = Rule(
+    "mjcf.load", "error", "MuJoCo refuses the file", "its message names the element or the file"
+)
 WARNING = Rule(
     "mjcf.warning", "warning", "MuJoCo warned while it compiled the file", "read the warning"
 )

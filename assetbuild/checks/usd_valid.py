@@ -29,7 +29,7 @@ VALIDATION = Rule(
     "usd.validation",
     ("error", "warning", "info"),
     "a validator of OpenUSD reports an issue",
-    "read its message",
+    "its message names the prim",
 )
 VALIDATION_SKIPPED = Rule(
     "usd.validation_skipped",
