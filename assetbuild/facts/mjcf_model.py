@@ -74,7 +74,7 @@ def read_model(
     meshes = meshes or Meshes(model, by_area=by_area)
     for geom in range(model.ngeom):
         if int(model.geom_bodyid[geom]):
-            collector.put("shape", _name(model, "geom", geom), _geom(bodies, geom, meshes))
+            collector.put("shape", shape_name(model, geom), _geom(bodies, geom, meshes))
     for pair in _filtered(model, opaque):
         collector.put("pair", pair_name(*pair), {"filtered": True})
     for signature in model.exclude_signature:  # also where it changes nothing unless a base is held
@@ -89,6 +89,13 @@ def read_model(
 
 def _name(model: Model, kind: str, index: int) -> str:
     return name_of(model, kind, index)
+
+
+def shape_name(model: Model, geom: int) -> str:
+    """Its name; else its place in its body, which a geom of another body leaves alone."""
+    body = int(model.geom_bodyid[geom])
+    place = f"geom {geom - int(model.body_geomadr[body])} of {body_name(model, body)}"
+    return str(model.geom(geom).name) or place
 
 
 # --- bodies and joints ----------------------------------------------------------------------
@@ -329,7 +336,7 @@ def _filtered(
     masks: dict[int, list[tuple[int, int]]] = {}
     solid = (model.geom_contype != 0) | (model.geom_conaffinity != 0)
     for geom in np.flatnonzero(solid):
-        if ("shape", _name(model, "geom", int(geom))) in opaque:
+        if ("shape", shape_name(model, int(geom))) in opaque:
             continue
         bits = int(model.geom_contype[geom]), int(model.geom_conaffinity[geom])
         masks.setdefault(int(model.geom_bodyid[geom]), []).append(bits)

@@ -240,6 +240,17 @@ MODEL = """<mujoco><worldbody><body name="torso" pos="0 0 0.3"><freejoint/>
 <geom name="torso_geom" size="0.1"/></body></worldbody></mujoco>"""
 
 
+def test_an_unnamed_geom_more_leaves_those_of_other_bodies_alone(tmp_path: Path):
+    before, after = tmp_path / "before.xml", tmp_path / "after.xml"
+    body = '<body name="{0}"><geom size="{1}"/>{2}</body>'
+    for file, more in ((before, ""), (after, '<geom size="0.3"/>')):
+        bodies = body.format("a", 0.1, more) + body.format("b", 0.2, "")
+        file.write_text(f"<mujoco><worldbody>{bodies}</worldbody></mujoco>")
+    shapes = [row.subjects for row in changes(foreign_side(before), foreign_side(after)).rows
+              if row.subjects[0].startswith("shape ")]  # fmt: skip
+    assert shapes == [("shape geom 1 of a",)]
+
+
 @pytest.mark.parametrize(
     ("radius", "worst"), [("0.10000000149011612", {"LOW", "MEDIUM"}), ("0.11", {"HIGH"})]
 )

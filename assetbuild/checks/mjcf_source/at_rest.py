@@ -13,6 +13,7 @@ import numpy as np
 
 from assetbuild.facts.mjcf import compiled_facts
 from assetbuild.facts.mjcf_fields import Bodies
+from assetbuild.facts.mjcf_model import shape_name
 from assetbuild.facts.mjcf_parts import pose_of
 from assetbuild.facts.reference import inertial_facts
 from assetbuild.facts.table import Key, Value, pair_name
@@ -120,7 +121,7 @@ def read_side(spec: Any) -> Side:  # Any: MjSpec
     for name, weight in bodies.weights():
         facts |= {Key("body", name, q): v for q, v in inertial_facts(weight).items()}
     for pair in touching_geoms(model):
-        ends = (name_of(model, "geom", geom) for geom in pair)
+        ends = (shape_name(model, geom) for geom in pair)
         facts[Key("pair", pair_name(*ends), "touches")] = True
     for key in [key for key in facts if key.kind == "shape" and key.quantity == "role"]:
         facts.setdefault(key._replace(quantity="rgba"), GREY)
