@@ -204,9 +204,11 @@ def _mjcf(file: Path) -> Iterator[Finding]:
 def _usd(file: Path) -> Iterator[Finding]:
     from assetbuild.checks.usd_valid import lint_file
     from assetbuild.facts.readers.usd import ignored_words
+    from assetbuild.pipeline.usd_numbers import lint_numbers
 
     yield from lint_file(file)
     yield from ignored_words(file)
+    yield from lint_numbers(file)
 
 
 def _urdf(file: Path) -> Iterator[Finding]:

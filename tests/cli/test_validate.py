@@ -96,6 +96,39 @@ SHIFTED = robot(
 )
 
 
+STAGE = """#usda 1.0
+(defaultPrim = "bot"; metersPerUnit = 1; upAxis = "Z")
+def Xform "bot" {{
+    def Xform "a" (prepend apiSchemas = ["PhysicsRigidBodyAPI", "PhysicsArticulationRootAPI"]) {{}}
+    def Xform "b" (prepend apiSchemas = ["PhysicsRigidBodyAPI", "PhysicsMassAPI"]) {{
+        float physics:mass = 2
+        float3 physics:diagonalInertia = ({moment}, 0.1, 0.1)
+        quatf physics:principalAxes = (1, 0, 0, 0)
+    }}
+    def PhysicsRevoluteJoint "j" {{
+        rel physics:body0 = </bot/a>
+        rel physics:body1 = </bot/b>
+        float physics:lowerLimit = {lower}
+        float physics:upperLimit = 20
+    }}
+}}
+"""
+
+
+@pytest.mark.parametrize(
+    ("moment", "lower", "rules"),
+    [(0.1, -20, set()), (1.0, -20, {"inertia.triangle"}), (0.1, 90, {"joint.limits"})],
+)
+def test_a_usd_that_no_validator_of_openusd_objects_to(
+    moment: float, lower: float, rules: set[str], tmp_path: Path, capsys
+) -> None:
+    path = tmp_path / "bot.usda"
+    path.write_text(STAGE.format(moment=moment, lower=lower))
+    code, said = ran(capsys, path, "--json", "--static")
+    errors = {f["rule"] for f in json.loads(said)[0]["findings"] if f["severity"] == "error"}
+    assert (code, errors) == (int(bool(rules)), rules)
+
+
 @pytest.mark.slow
 def test_a_urdf_is_tried_as_init_would_build_it(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch

@@ -1,0 +1,43 @@
+"""Numbers in a USD that OpenUSD's validators take and engines repair in silence or refuse."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from assetbuild.body.inertia_rules import Judged
+from assetbuild.body.lint import crossed_limits
+from assetbuild.errors import UsageError
+from assetbuild.facts.reader import BROKEN
+from assetbuild.facts.readers.usd import UsdReader
+from assetbuild.findings import Finding
+from assetbuild.robot.inertia import InertiaBounds
+from assetbuild.robot.model import Inertial, Joint, Limits
+
+
+def lint_numbers(file: Path) -> Iterator[Finding]:
+    """Tensors that no matter has, and limits the wrong way round, by the rules of a URDF's links.
+
+    A mass or tensor of 0 is not stated: engines compute it from the shapes.
+    """
+    try:
+        table = UsdReader(robot=file.stem).read(file)
+    except (UsageError, *BROKEN):
+        return  # OpenUSD's own validators speak of such a file
+    for name in table.names("body"):
+        facts: Any = table.of("body", name)  # Any: a number and a tensor, as the reader has them
+        mass, tensor = facts["mass"], facts.get("inertia", (0.0,) * 6)
+        if mass and any(tensor) and all(map(math.isfinite, (mass, *tensor))):
+            inertial = Inertial(mass, (0.0, 0.0, 0.0), tensor)
+            judged = Judged(f"link {name}", inertial, InertiaBounds(), "error").findings()
+            yield from (finding for finding in judged if finding.severity == "error")
+    for name in table.names("joint"):
+        facts = table.of("joint", name)
+        limits = Limits(facts.get("lower"), facts.get("upper"))
+        joint = Joint(name, "revolute", "", "", limits=limits)
+        if facts.get("type") == "linear":
+            joint = replace(joint, kind="prismatic")
+        yield from crossed_limits(joint, "error")
