@@ -366,9 +366,14 @@ def value_text(value: Value, unit: str = "", digits: int = 6) -> str:
         return f"`{value}`" if value else "none"
     unit = "" if " or " in unit or "," in unit else unit
     if isinstance(value, tuple):
-        text = " ".join(f"{v:.{digits}g}" if isinstance(v, float) else str(v) for v in value)
+        text = " ".join(_digits(v, digits) if isinstance(v, float) else str(v) for v in value)
         return f"({text})" + (f" {unit}" if unit else "")
-    return f"{value:.{digits}g}" + (f" {unit}" if unit else "")
+    return _digits(value, digits) + (f" {unit}" if unit else "")
+
+
+def _digits(value: float, digits: int) -> str:
+    """At most so many; of 17 no more than tell it from all others."""
+    return repr(value) if digits == 17 else f"{value:.{digits}g}"
 
 
 def plain_data(value: Value) -> Scalar | tuple[Scalar, ...]:

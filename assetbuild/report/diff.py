@@ -226,7 +226,7 @@ def judge(item: Difference) -> tuple[Rank, str]:
         return item.rank, "turns the other way" if turned < -0.999 else ""
     if isinstance(old, float) and isinstance(new, float) and old and new:
         ratio = new / old
-        note = f"x {ratio:.4g}" if ratio > 0.0 else ""
+        note = f"x {ratio:.4g}" if ratio > 0.0 and f"{ratio:.4g}" != "1" else ""
         for factor, text in ((DEGREES, "degrees and radians?"), (1e3, "a factor of 1000: units?")):
             if any(math.isclose(ratio, f, rel_tol=1e-3) for f in (factor, 1.0 / factor)):
                 return "CRITICAL", f"{note}: {text}"

@@ -240,6 +240,16 @@ MODEL = """<mujoco><worldbody><body name="torso" pos="0 0 0.3"><freejoint/>
 <geom name="torso_geom" size="0.1"/></body></worldbody></mujoco>"""
 
 
+def test_masses_that_differ_in_the_seventh_digit_are_shown_as_short_as_can_be(tmp_path: Path):
+    files = [tmp_path / "a.xml", tmp_path / "b.xml"]
+    for file, mass in zip(files, ("0.25457647", "0.254576"), strict=True):
+        body = f'<body name="a"><geom name="g" size="0.1" mass="{mass}"/></body>'
+        file.write_text(f"<mujoco><worldbody>{body}</worldbody></mujoco>")
+    (mass_row,) = (row for row in changes(*map(foreign_side, files)).rows if row.quantity == "mass")
+    assert (mass_row.before, mass_row.after) == ("0.25457647 kg", "0.254576 kg")
+    assert mass_row.note == ""  # not `x 1`
+
+
 def test_an_unnamed_geom_more_leaves_those_of_other_bodies_alone(tmp_path: Path):
     before, after = tmp_path / "before.xml", tmp_path / "after.xml"
     body = '<body name="{0}"><geom size="{1}"/>{2}</body>'
