@@ -142,7 +142,7 @@ def remote_cache(url: str, say: Callable[[str], None], *, write: bool) -> Remote
     """The cache shared with other machines, if there is one; no recipe can name it. UsageError."""
     if not url:
         if write:
-            raise UsageError("`--cache-write` needs `--remote`: where to?")
+            raise UsageError("no shared cache to write to: give `--remote` or ASSETBUILD_REMOTE")
         return None
     from assetbuild.engine.share.remote import Remote
 

@@ -14,7 +14,9 @@ import pytest
 from assetbuild.cli.parser import size_of_text
 from assetbuild.engine.session import Session
 from assetbuild.engine.store import Store, open_store
+from assetbuild.errors import UsageError
 from assetbuild.pipeline import building
+from assetbuild.pipeline.opening import remote_cache
 
 
 def run(cache: Path, *words: str) -> subprocess.CompletedProcess[str]:
@@ -75,3 +77,8 @@ def test_sizes_are_read_as_people_write_them():
     for wrong in ("", "GB", "5XB", "-1"):
         with pytest.raises(argparse.ArgumentTypeError, match="must be a size"):
             size_of_text(wrong)
+
+
+def test_a_push_without_a_shared_cache_names_both_ways_to_give_one() -> None:
+    with pytest.raises(UsageError, match="give `--remote` or ASSETBUILD_REMOTE"):
+        remote_cache("", print, write=True)
