@@ -173,14 +173,11 @@ def foreign_side(path: Path) -> Side:
 
 
 def _says(kind: type[Reader], table: Table) -> Callable[[Key], bool]:
-    """What other formats may be compared with. A body of USD without a mass has that of its shapes;
-    a group of MuJoCo is a role in Menagerie's way alone."""
+    """What other formats may be compared with: a group of MuJoCo is a role to Menagerie alone."""
 
     def says(key: Key) -> bool:
-        value = table.facts.get(key)
-        is_open = (kind.format_id, key.kind, key.quantity, value) == ("usd", "body", "mass", 0.0)
-        is_group = key.quantity == "role" and str(value).startswith("group ")
-        return kind.holds(key) and not is_open and not is_group
+        is_group = key.quantity == "role" and str(table.facts.get(key)).startswith("group ")
+        return kind.holds(key) and not is_group
 
     return says
 

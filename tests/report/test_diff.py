@@ -227,7 +227,9 @@ def test_our_own_files_say_the_same_as_the_robot(
 STAGE = """#usda 1.0
 (defaultPrim = "bot"; metersPerUnit = 1; upAxis = "Z")
 def Xform "bot" {{
-    def Xform "torso" (prepend apiSchemas = ["PhysicsRigidBodyAPI"]) {{
+    def Xform "torso" (prepend apiSchemas = ["PhysicsRigidBodyAPI", "PhysicsMassAPI"]) {{
+        float physics:mass = 4.1887902
+        float3 physics:diagonalInertia = (0.01675516, 0.01675516, 0.01675516)
         double3 xformOp:translate = (0, 0, {height})
         uniform token[] xformOpOrder = ["xformOp:translate"]
         def Sphere "torso_geom" (prepend apiSchemas = ["PhysicsCollisionAPI"]) {{
@@ -264,10 +266,8 @@ def test_an_unnamed_geom_more_leaves_those_of_other_bodies_alone(tmp_path: Path)
 @pytest.mark.parametrize(
     ("radius", "worst"), [("0.10000000149011612", {"LOW", "MEDIUM"}), ("0.11", {"HIGH"})]
 )
-def test_another_s_usd_is_as_exact_as_float32_and_states_no_mass(
-    radius: str, worst: set[str], tmp_path: Path
-):
-    """Its bodies have the mass of their shapes; group 0 of MuJoCo collides as any other."""
+def test_another_s_usd_is_as_exact_as_float32(radius: str, worst: set[str], tmp_path: Path):
+    """Group 0 of MuJoCo collides as any other."""
     usd, rounded, mjcf = (tmp_path / name for name in ("a.usda", "b.usda", "torso.xml"))
     usd.write_text(STAGE.format(height=0.3, radius=0.1))
     rounded.write_text(STAGE.format(height=0.30000001192092896, radius=radius))
