@@ -210,16 +210,16 @@ def orders_of(policy: Policy, bot: Bot) -> dict[str, tuple[str, ...]]:
 
 def _order(policy: Policy, bot: Bot) -> Iterator[Finding]:
     """Places on a bus may follow any engine; where the trainer is known, they follow its own."""
+    known = orders_of(policy, bot)
+    wanted = [known[policy.follows]] if policy.follows in known else [*known.values()]
+    if not known or policy.joints in wanted:
+        return
     if policy.form == DEPLOY and not bot.states_bus:
         text = (
             "it counts motors of a bus whose order the bundle does not state: taken as the URDF's"
         )
         hint = "add the target `policy` and `policy: {bus_order: [...]}` to the recipe"
         yield ORDER("policy", text, hint)
-        return
-    known = orders_of(policy, bot)
-    wanted = [known[policy.follows]] if policy.follows in known else [*known.values()]
-    if not known or policy.joints in wanted:
         return
     engine, off = min(
         ((name, _places_off(policy.joints, order)) for name, order in known.items()),

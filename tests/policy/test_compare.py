@@ -119,9 +119,10 @@ def test_a_fault_is_named(name: str, bot: Bot, tmp_path: Path):
 
 
 def test_places_on_a_bus_of_no_known_order_are_a_guess(bot: Bot, tmp_path: Path):
-    policy = policy_of(bot, tmp_path / "p", lambda said: None)
-    (order,) = (f for f in compare(policy, replace(bot, bundle=tmp_path)) if f.severity != "info")
-    assert order.rule == "policy.order" and "whose order the bundle does not state" in order.message
+    policy = policy_of(bot, tmp_path / "p", lambda said: said["joint_ids_map"].reverse())
+    found = compare(policy, replace(bot, bundle=tmp_path))
+    (order,) = (finding for finding in found if finding.rule == "policy.order")
+    assert "whose order the bundle does not state" in order.message
     assert "bus_order" in order.hint
 
 
