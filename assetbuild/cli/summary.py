@@ -14,7 +14,7 @@ from assetbuild.findings import SEVERITIES, Finding, is_consequence
 from assetbuild.pipeline.building import Outcome
 from assetbuild.report.document import Report
 from assetbuild.report.summary import WITHHELD, public_message, public_rows
-from assetbuild.report.verdict import Verdict, verdict_rows
+from assetbuild.report.verdict import BESIDE, Verdict, verdict_rows
 
 
 def in_public() -> bool:
@@ -47,7 +47,7 @@ def shown_rows(verdict: Verdict, recipe: Path) -> tuple[tuple[str, str], ...]:
     rows = public_rows(verdict) if in_public() else verdict_rows(verdict)
     verb = "assetbuild smoke"
     named, given = f"{verb} {recipe.name} ", f"{verb} {given_as(recipe)} "
-    return tuple((part, sentence.replace(named, given)) for part, sentence in rows)
+    return tuple((part, text.replace(BESIDE, "").replace(named, given)) for part, text in rows)
 
 
 def shown_seconds(label: str, seconds: float) -> str:

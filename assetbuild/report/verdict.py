@@ -99,6 +99,10 @@ class Verdict:
         }
 
 
+BESIDE = "in the folder of the recipe, "
+"""Where commands work that name the recipe without its folder."""
+
+
 def verdict_rows(verdict: Verdict) -> tuple[tuple[str, str], ...]:
     """(part, what to say of it) for people; literals stand in backticks."""
     formats, physics = verdict.formats, verdict.physics
@@ -114,7 +118,8 @@ def verdict_rows(verdict: Verdict) -> tuple[tuple[str, str], ...]:
         shown = "mjlab" if "mjlab" in untried else untried[0]
         command = verdict.trainers[shown].command
         others = ", ".join(untried)
-        rows.append(("trainers", f"not tried: {others}; run `{command}` to try {shown}"))
+        run = f"{BESIDE}run `{command}` to try {shown}"
+        rows.append(("trainers", f"not tried: {others}; {run}"))
     if verdict.not_tried:
         notes = [
             f"`{name}`: {why}" if why else f"`{name}`" for name, why in verdict.not_tried.items()

@@ -31,7 +31,7 @@ from assetbuild.engine.make import NodeResult
 from assetbuild.findings import Finding, worst_first
 from assetbuild.report.document import make_report
 from assetbuild.report.summary import WITHHELD
-from assetbuild.report.verdict import CheckResult
+from assetbuild.report.verdict import CheckResult, verdict_rows
 
 HEAVY = [
     Finding("mass.density", "warning", f"link finger_{i}", "9000 kg per cubic metre" * 3, "look")
@@ -94,7 +94,9 @@ def test_a_command_is_printed_with_the_path_as_given():
     commands = {"mjlab": "assetbuild smoke r.yaml --consumer mjlab"}
     verdict = make_report("r", [], {}, {}, lambda _: "", commands).verdict
     (row,) = (said for _, said in shown_rows(verdict, Path("my robots/r.yaml")) if "smoke" in said)
-    assert "`assetbuild smoke 'my robots/r.yaml' --consumer mjlab`" in row
+    assert "; run `assetbuild smoke 'my robots/r.yaml' --consumer mjlab`" in row
+    (row,) = (said for _, said in verdict_rows(verdict) if "smoke" in said)
+    assert "in the folder of the recipe, run `assetbuild smoke r.yaml --consumer mjlab`" in row
 
 
 def test_the_progress_line_begins_with_what_most_steps_wait_for():

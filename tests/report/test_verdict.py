@@ -111,7 +111,8 @@ def test_a_trainer_that_was_tried_says_with_what_result():
     assert lines(judged)[2:] == [
         "trainers: mjlab: yes; 0 of 8 robots fell",
         "trainers: newton: failed; no such joint",
-        "trainers: not tried: isaaclab; run `assetbuild smoke r.yaml --consumer isaaclab` "
+        "trainers: not tried: isaaclab; in the folder of the recipe, "
+        "run `assetbuild smoke r.yaml --consumer isaaclab` "
         "to try isaaclab",
     ]
 
