@@ -104,9 +104,10 @@ def test_the_recipe_says_whose_the_drives_are_and_who_sees_it_fall(
 
 
 def test_a_coarse_timestep_is_told(tmp_path: Path):
-    found = rules(tried(with_timestep(QUADRUPED, 0.1), tmp_path, energy=1e-4))
-    assert "trials.energy" in found
-    assert "trials.timestep" in found
+    found = tried(with_timestep(QUADRUPED, 0.1), tmp_path, energy=1e-4)
+    messages = {finding.rule: finding.message for finding in found}
+    assert messages["trials.energy"].endswith("(limit 0.01%)")
+    assert messages["trials.timestep"].endswith("rad (limit 0.02)")
 
 
 def test_a_centre_of_mass_beyond_the_feet_is_told(tmp_path: Path):

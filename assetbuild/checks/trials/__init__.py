@@ -169,7 +169,7 @@ class Trials(mujoco.InMujoco):
         figures["energy_drift"] = _or_unstable(drift)
         if not drift <= self.energy:
             change = f"changed by {drift:.2%}" if math.isfinite(drift) else "went to infinity"
-            message = f"in one second of free motion the energy {change}"
+            message = f"in one second of free motion the energy {change} (limit {self.energy:.2%})"
             yield rules.ENERGY("robot", message, data={"limit": self.energy})
         if not model.nu:
             return  # a free swing is judged by its energy; nothing holds it to a path
@@ -177,9 +177,11 @@ class Trials(mujoco.InMujoco):
         figures["timestep_error"] = {joint: _or_unstable(e) for joint, e in errors.items()}
         worst = max(errors, key=lambda joint: errors[joint], default="")
         if errors.get(worst, 0.0) > self.timestep:
+            slides = model.joint(worst).type[0] == mujoco.mj.mjtJoint.mjJNT_SLIDE
             yield rules.TIMESTEP(
                 f"actuator {worst}",
-                f"moves otherwise at a quarter of the timestep: by {errors[worst]:.3g} rad or m",
+                f"moves otherwise at a quarter of the timestep: by {errors[worst]:.3g} "
+                f"{'m' if slides else 'rad'} (limit {self.timestep:g})",
                 data={"timestep_s": float(model.opt.timestep), "limit": self.timestep},
             )
 
