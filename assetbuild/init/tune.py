@@ -39,6 +39,8 @@ WEAK = ("gains.torque", "trials.dead")
 STRONGER = 2.0
 LEANS_RAD = 0.03
 """Tilt beyond which a robot is brought upright: the soles of a build may be smaller than hulls."""
+LESS = 0.75
+"""Share of a lean that a remedy may leave of a robot that stands without it."""
 BALANCED_M = 0.003
 """Nearer to the middle of its feet, along x or y, the centre of mass is not brought."""
 
@@ -157,7 +159,7 @@ def _calmer(tuning: Tuning, error: Finding) -> Tuning | None:
 
 def _standing(tuning: Tuning, trial: Trial, attempt: Try) -> tuple[Tuning, Trial]:
     """The first remedy that makes the robot stand upright, else the most upright of those with
-    which one that fell stands; else as it was, with what was tried.
+    which one that fell stands, or one that leans does so less; else as it was, with what was tried.
     """
     now, seen = tuning, trial
     stood: list[tuple[Tuning, Trial]] = []
@@ -179,13 +181,9 @@ def _standing(tuning: Tuning, trial: Trial, attempt: Try) -> tuple[Tuning, Trial
         if after.is_fine and math.hypot(*after.off) < math.hypot(*seen.off) + BALANCED_M:
             now, seen = again, after
             kept.append(what)
-    if trial.stands:
-        return tuning, trial
-    return min(
-        stood,
-        key=lambda it: it[1].lean,
-        default=(tuning, replace(trial, tried=tuple(dict.fromkeys(tried)))),
-    )
+    better = [it for it in stood if not trial.stands or it[1].lean < LESS * trial.lean]
+    same = trial if trial.stands else replace(trial, tried=tuple(dict.fromkeys(tried)))
+    return min(better, key=lambda it: it[1].lean, default=(tuning, same))
 
 
 Remedy = Callable[[Tuning, Trial], tuple[str, Tuning] | None]

@@ -50,20 +50,26 @@ def test_a_dog_whose_drives_are_too_weak_falls(robots: Path):
 
 
 @pytest.mark.parametrize(
-    ("lean", "off", "shift"),
+    ("lean", "off", "left", "shift"),
     [
-        (0.2, (0.02, 0.001), (0.02, 0.0)),  # 1 mm aside is no reason to lean aside
-        (0.2, (0.0, 0.01), (0.0, 0.01)),
-        (0.04, (0.02, 0.0), (0.02, 0.0)),
-        (0.02, (0.02, 0.0), (0.0, 0.0)),
+        (0.2, (0.02, 0.001), 0.0, (0.02, 0.0)),  # 1 mm aside is no reason to lean aside
+        (0.2, (0.0, 0.01), 0.0, (0.0, 0.01)),
+        (0.04, (0.02, 0.0), 0.0, (0.02, 0.0)),
+        (0.02, (0.02, 0.0), 0.0, (0.0, 0.0)),
+        (0.08, (0.02, 0.0), 0.05, (0.02, 0.0)),  # it leans less
+        (0.08, (0.02, 0.0), 0.07, (0.0, 0.0)),  # but hardly
     ],
 )
 def test_a_robot_that_leans_gets_its_feet_below_its_centre_of_mass(
-    lean: float, off: tuple[float, float], shift: tuple[float, float], robots: Path
+    lean: float,
+    off: tuple[float, float],
+    left: float,
+    shift: tuple[float, float],
+    robots: Path,
 ):
     def attempt(tuning: Tuning) -> Trial:
         leans = Trial(True, "stands", lean=lean, off=off)
-        return leans if tuning.shift == UPRIGHT else Trial(True, "stands")
+        return leans if tuning.shift == UPRIGHT else Trial(True, "stands", lean=left)
 
     robot = look(find_source(robots / DOG, {}))
     anatomy = study(robot)
