@@ -126,7 +126,7 @@ def inertia_findings(
         elif body.inertial is None:
             yield _missing(subject, worst)
         else:
-            for finding in Judged(subject, body.inertial, bounds, worst).findings():
+            for finding in MassProperties(subject, body.inertial, bounds, worst).findings():
                 kept = _of_this(finding, moves=body.name in driven, shows=body.name in shaped)
                 if kept:
                     yield _of_edit(kept) if body.name in made else kept
@@ -179,7 +179,7 @@ def _missing(subject: str, worst: Severity) -> Finding:
 
 
 @dataclass(frozen=True)
-class Judged:
+class MassProperties:
     """The mass properties of one body, and how grave a mistake in them is."""
 
     subject: str
@@ -189,16 +189,16 @@ class Judged:
 
     @property
     def moments(self) -> Vec3:
-        """Principal, in rising order, kg m²."""
+        """Principal moments in rising order, kg m²."""
         return principal_moments(self.inertial.inertia_com_kg_m2)
 
     @property
     def data(self) -> dict[str, Scalar | tuple[Scalar, ...]]:
-        """Of its findings."""
+        """Mass and principal moments, as each finding carries them."""
         return {"mass_kg": self.inertial.mass_kg, "principal_kg_m2": self.moments}
 
     def findings(self) -> Iterator[Finding]:
-        """The first broken rule of the chain; size, density and smallness besides."""
+        """Yield what is wrong with them; of a body without mass nothing else."""
         mass, worst = self.inertial.mass_kg, self.worst
         if mass <= 0.0:
             message = f"mass is {mass:g} kg"

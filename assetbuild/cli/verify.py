@@ -9,7 +9,7 @@ from pathlib import Path
 
 from assetbuild.engine.digest import digest_file
 from assetbuild.pipeline.publish import OWN_FILES
-from assetbuild.report.bundle import manifest_of
+from assetbuild.report.bundle import files_of, manifest_of
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -29,11 +29,7 @@ STATEMENT, PREDICATE = "https://in-toto.io/Statement/v1", "https://slsa.dev/prov
 
 def against_manifest(bundle: Path, wanted: Mapping[str, str]) -> Iterator[str]:
     """Each file that is missing, added or changed."""
-    paths = {
-        p.relative_to(bundle).as_posix()
-        for p in bundle.rglob("*")
-        if p.is_symlink() or not p.is_dir()
-    }
+    paths = {name for name, _ in files_of(bundle, bytecode=True)}
     for path in sorted(wanted.keys() - paths):
         yield f"missing: {path}"
     for path in sorted(paths - wanted.keys() - set(OWN_FILES)):

@@ -148,7 +148,7 @@ class ControlStep(Step):
         return closed
 
     def _poses(self, tree: model.Tree, source: Iterable[model.Keyframe]) -> list[model.Keyframe]:
-        """Of each keyframe of the recipe; one that states no joint has the source's of its name."""
+        """Return the pose of each keyframe; without joints, that of the source's of its name."""
         of_source = {key.name: key for key in joined_keyframes((), tuple(source), tree, {})}
         return [
             of_source[name]

@@ -8,7 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from assetbuild.body.inertia_rules import Judged
+from assetbuild.body.inertia_rules import MASS, MassProperties
 from assetbuild.body.lint import crossed_limits
 from assetbuild.errors import UsageError
 from assetbuild.facts.reader import BROKEN
@@ -30,9 +30,11 @@ def lint_numbers(file: Path) -> Iterator[Finding]:
     for name in table.names("body"):
         facts: Any = table.of("body", name)  # Any: a number and a tensor, as the reader has them
         mass, tensor = facts["mass"], facts.get("inertia", (0.0,) * 6)
-        if mass and any(tensor) and all(map(math.isfinite, (mass, *tensor))):
+        if not all(map(math.isfinite, (mass, *tensor))):
+            yield MASS(f"link {name}", "its mass or its inertia is not a finite number")
+        elif mass and any(tensor):
             inertial = Inertial(mass, (0.0, 0.0, 0.0), tensor)
-            judged = Judged(f"link {name}", inertial, InertiaBounds(), "error").findings()
+            judged = MassProperties(f"link {name}", inertial, InertiaBounds(), "error").findings()
             yield from (finding for finding in judged if finding.severity == "error")
     for name in table.names("joint"):
         facts = table.of("joint", name)

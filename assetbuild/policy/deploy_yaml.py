@@ -65,8 +65,8 @@ def _gains(
     count = len(stated) if isinstance(stated, list) else len(bus)
     last = max(bus.index(joint) for joint in joints) + 1
     if count < last:
-        text = f"it has {count} numbers, in the order of the motor bus; the policy drives motor"
-        raise config.wrong(key, f"{text} {last - 1}")
+        text = f"it ends at motor {count - 1} of the bus; the policy drives motor {last - 1}"
+        raise config.wrong(key, text)
     values = config.numbers(key, min(count, len(bus)))
     return {joint: value for joint, value in zip(bus, values, strict=False) if joint in joints}
 

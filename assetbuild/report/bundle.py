@@ -83,10 +83,14 @@ def manifest(robot: str, files: Iterable[BundleFile]) -> BundleFile:
     return BundleFile.of_text("manifest.json", "manifest", json_text(content))
 
 
-def files_of(bundle: Path) -> Iterator[tuple[str, Path]]:
-    """Each file and link of a folder by its relative path, but what Python keeps of imports."""
+def files_of(bundle: Path, *, bytecode: bool = False) -> Iterator[tuple[str, Path]]:
+    """Yield (relative path, path) of each file and link of a folder.
+
+    bytecode: also what Python writes when a module of the bundle is imported.
+    """
     for path in bundle.rglob("*"):
-        if (path.is_symlink() or not path.is_dir()) and path.parent.name != "__pycache__":
+        is_listed = bytecode or path.parent.name != "__pycache__"
+        if is_listed and (path.is_symlink() or not path.is_dir()):
             yield path.relative_to(bundle).as_posix(), path
 
 

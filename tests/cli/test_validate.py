@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib.util
 import json
+import math
 import os
 from pathlib import Path
 
@@ -117,7 +118,12 @@ def Xform "bot" {{
 
 @pytest.mark.parametrize(
     ("moment", "lower", "rules"),
-    [(0.1, -20, set()), (1.0, -20, {"inertia.triangle"}), (0.1, 90, {"joint.limits"})],
+    [
+        (0.1, -20, set()),
+        (1.0, -20, {"inertia.triangle"}),
+        (math.nan, -20, {"inertia.mass"}),
+        (0.1, 90, {"joint.limits"}),
+    ],
 )
 def test_a_usd_that_no_validator_of_openusd_objects_to(
     moment: float, lower: float, rules: set[str], tmp_path: Path, capsys

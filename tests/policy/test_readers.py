@@ -95,8 +95,7 @@ def test_a_policy_is_found_by_its_folder_its_network_or_its_file(bot: Bot, tmp_p
         (
             "stiffness",
             [20.0],
-            "stiffness: it has 1 numbers, in the order of the motor bus; the policy "
-            "drives motor 11",
+            "stiffness: it ends at motor 0 of the bus; the policy drives motor 11",
         ),
         ("stiffness", [20.0] * 13, "stiffness: expected 12 numbers, found 13"),
         ("step_dt", None, "step_dt: it is missing"),
