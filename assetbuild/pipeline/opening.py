@@ -32,8 +32,7 @@ from assetbuild.plan import Outline, begun, plan
 from assetbuild.plugins import foreign_modules
 from assetbuild.recipe.loader import LoadedRecipe, shown_path
 from assetbuild.recipe.source import Source
-from assetbuild.source.get.pins import resolve, resolve_git
-from assetbuild.source.plan import repository
+from assetbuild.source.plan import repository, resolve, resolve_git
 
 if TYPE_CHECKING:
     from assetbuild.engine.share.remote import Remote

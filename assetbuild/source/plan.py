@@ -9,17 +9,25 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import count
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
+from assetbuild.engine.digest import digest_file
 from assetbuild.engine.graph import Ref
 from assetbuild.engine.planner import Planner
 from assetbuild.engine.world import World
 from assetbuild.errors import Where
-from assetbuild.lock import GitPin, Lock
+from assetbuild.lock import GitPin, Lock, Pin
 from assetbuild.recipe.models import Recipe
 from assetbuild.recipe.source import Source
 from assetbuild.recipe.validation import Key, KeyedError
-from assetbuild.source.get.fetch import Fetch
-from assetbuild.source.get.fetch_git import FetchGit
+from assetbuild.source.get.fetch import Fetch, OnLine, downloaded_wheel
+from assetbuild.source.get.fetch_git import (
+    COMMIT,
+    FetchGit,
+    commit_of,
+    export_commit,
+    tree_digest,
+)
 from assetbuild.source.get.fetch_url import FetchUrl
 from assetbuild.source.get.files import ArchiveFiles, FolderFiles
 from assetbuild.source.patches import passages, patched
@@ -77,6 +85,33 @@ def repository(source: Source, folder: Path, world: World) -> str:
     if "://" in git or SCP_LIKE.match(git):
         return git
     return str(world.real(folder / Path(git).expanduser()))
+
+
+def resolve(name: str, version: str, *, on_line: OnLine | None = None) -> Pin:
+    """Download a wheel to learn its file name, digest and size: what the lock pins.
+
+    on_line: gets pip's own lines while it works ("Downloading ... (131.1 MB)"). Errors as
+    `Fetch.run`.
+    """
+    with TemporaryDirectory(prefix=".fetch-") as folder:
+        wheel = downloaded_wheel(name, version, Path(folder), on_line)
+        size = wheel.stat().st_size
+        digest = digest_file(wheel)
+        return Pin(pypi=f"{name}=={version}", file=wheel.name, sha256=digest, size=size)
+
+
+def resolve_git(git: str, rev: str, url: str) -> GitPin:
+    """The commit that a branch, tag or commit stands for now, and the digest of its files.
+
+    git: as the recipe spells it; url: where it is from here. Errors as `FetchGit.run`.
+    """
+    with TemporaryDirectory(prefix=".git-") as temporary:
+        folder = Path(temporary)
+        commit = rev if COMMIT.fullmatch(rev) else commit_of(url, rev, folder)
+        target = folder / "archive.tar"
+        export_commit(url, commit, folder, target)
+        size = target.stat().st_size
+        return GitPin(git=git, rev=rev, commit=commit, sha256=tree_digest(target), size=size)
 
 
 def description_of(

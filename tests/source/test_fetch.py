@@ -17,7 +17,7 @@ from assetbuild.engine.step import Files
 from assetbuild.errors import LockError, MachineError, SourceError
 from assetbuild.source.get import fetch
 from assetbuild.source.get.fetch import Fetch
-from assetbuild.source.get.pins import resolve
+from assetbuild.source.plan import resolve
 
 WHEEL = "tiny_robots-1.2.0-py3-none-any.whl"
 

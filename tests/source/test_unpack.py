@@ -11,9 +11,8 @@ import pytest
 
 from assetbuild.engine.step import Files
 from assetbuild.errors import SourceError
-from assetbuild.source.get import unpack
-from assetbuild.source.get.list_archive import ListArchive
-from assetbuild.source.get.unpack import Unpack
+from assetbuild.source.get import archive
+from assetbuild.source.get.archive import ListArchive, Unpack
 
 
 @pytest.fixture
@@ -164,10 +163,10 @@ def test_members_that_are_bombs_only_together_are_refused(files):
 
 def test_too_large_a_file_and_too_large_a_total_are_refused(files, monkeypatch):
     write_zip(files, {"a": "12345", "b": "12345"})
-    monkeypatch.setattr(unpack, "MAX_FILE", 4)
+    monkeypatch.setattr(archive, "MAX_FILE", 4)
     assert "is larger than" in refused(files, "a")
-    monkeypatch.setattr(unpack, "MAX_FILE", 5)
-    monkeypatch.setattr(unpack, "MAX_TOTAL", 9)
+    monkeypatch.setattr(archive, "MAX_FILE", 5)
+    monkeypatch.setattr(archive, "MAX_TOTAL", 9)
     assert "would unpack to" in refused(files, "a", "b")
 
 

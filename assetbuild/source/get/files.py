@@ -12,8 +12,7 @@ from assetbuild.engine.planner import Planner
 from assetbuild.errors import SourceError, Where, did_you_mean
 from assetbuild.recipe.source import Source
 from assetbuild.recipe.validation import KeyedError
-from assetbuild.source.get.list_archive import ListArchive
-from assetbuild.source.get.unpack import Unpack
+from assetbuild.source.get.archive import ListArchive, Unpack
 
 MESHES = "unpack meshes"
 """The one label of unpacking that is not light: see `pipeline.check`."""
