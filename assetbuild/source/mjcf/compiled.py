@@ -21,10 +21,9 @@ from assetbuild.robot.pose import Pose, normalised_quat, vec3
 from assetbuild.simulators.mujoco import caught_warnings
 from assetbuild.source.mjcf.text import (
     AT,
-    WORLD,
     Classes,
-    bodies,
     error_at,
+    named_bodies,
     of_bodies,
     own_attributes,
     own_fault,
@@ -60,9 +59,7 @@ class Compiled:
     @cached_property
     def bodies(self) -> list[tuple[_Element, str]]:
         """(element, name) of the world and of all bodies, depth first in file order."""
-        world = self.root.find("worldbody")
-        assert world is not None  # noqa: S101 # `flatten_mjcf` has looked
-        return [(world, WORLD), *((body, str(body.get("name"))) for body, _ in bodies(world))]
+        return named_bodies(self.root)
 
     def id_of(self, kind: str, name: str) -> int:
         """Number of a body, joint, geom, site, camera, light, key, ... of the model."""

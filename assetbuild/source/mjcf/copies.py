@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import base64
 import copy
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -24,8 +24,8 @@ if TYPE_CHECKING:
     from lxml.etree import _Element
 
 STANDING_IN = {
-    "mesh": b"v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n",
-    "picture": base64.b64decode(
+    "obj": b"v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n",
+    "png": base64.b64decode(
         "iVBORw0KGgoAAAANSUhEUgAAAAwAAAAMCAAAAABzHgM7AAAADElEQVR42mNgGLwAAACcAAEoPOGlAAAAAElFTkSuQmCC"
     ),
 }
@@ -62,10 +62,10 @@ def write_out(root: _Element, load: Callable[[_Element], _Element], depth: int =
         {str(e.get("name")): len(list(models[str(e.get("file"))].iter("*"))) for e in elements},
     )
     files = _stand_in([root, *models.values()])
-    lines = _Lines([root, *models.values()])
     try:
         with caught_warnings():
-            made = lines.of(_written(_spec(root, models), first))
+            text = _written(_spec(root, models, files), first)
+            made = _with_lines(text, [root, *models.values()])
             _compare(root, models, made, first)
     except ValueError as error:
         words = " ".join(str(error).split())
@@ -81,7 +81,7 @@ def _stand_in(roots: list[_Element]) -> dict[str, str]:
     paths: dict[str, str] = {}
     for element in (e for root in roots for e in root.iterfind("asset/*")):
         for key in [str(k) for k in element.attrib if str(k).startswith("file")]:
-            if element.tag in ("mesh", "texture", "hfield"):
+            if element.tag != "model":
                 name = f"{len(paths)}.{'obj' if element.tag == 'mesh' else 'png'}"
                 paths[name] = str(element.get(key))
                 element.set(key, name)
@@ -117,46 +117,36 @@ def _refuse_many(root: _Element, sizes: Mapping[str, int]) -> None:
             raise error_at(element, f"more than {MOST} elements when all copies are written out")
 
 
-class _Lines:
-    """Where each element of some texts that has a name stands."""
+def _with_lines(text: str, roots: list[_Element]) -> _Element:
+    """MuJoCo's text, each element with the place of the one that it was made of.
 
-    def __init__(self, roots: list[_Element]) -> None:
-        self._named: dict[tuple[Path, str], str] = {}
-        self._root = str(roots[0].get(AT))
-        for element in (e for root in roots for e in root.iter("*")):
-            if name := element.get("name"):
-                self._named.setdefault((path_of(element), name), str(element.get(AT)))
+    That is the one with the longest name that its own contains; else the place of what it is in.
+    """
+    from lxml import etree
 
-    def of(self, text: str) -> _Element:
-        """MuJoCo's text, each element with its place; without a name that of what it is in."""
-        from lxml import etree
-
-        root = etree.fromstring(text.encode())
-        root.set(AT, self._root)
-        for element in root.iterdescendants("*"):
-            parent = element.getparent()
-            above = str(parent.get(AT)) if parent is not None else self._root
-            element.set(AT, self._place(path_of(element), element.get("name", "")) or above)
-        return root
-
-    def _place(self, path: Path, name: str) -> str:
-        """Where the element stands whose name is the longest that a copy's name contains."""
-        known = (original for place, original in self._named if place == path and original in name)
-        return self._named.get((path, max(known, key=len, default="")), "")
+    named: dict[tuple[Path, str], str] = {}
+    for element in (e for root in roots for e in root.iter("*")):
+        if name := element.get("name"):
+            named.setdefault((path_of(element), name), str(element.get(AT)))
+    made = etree.fromstring(text.encode())
+    for element in made.iter("*"):
+        path, name = path_of(element), element.get("name", "")
+        known = (original for place, original in named if place == path and original in name)
+        parent = element.getparent()
+        above = str((roots[0] if parent is None else parent).get(AT))
+        element.set(AT, named.get((path, max(known, key=len, default="")), above))
+    return made
 
 
-def _spec(root: _Element, models: Mapping[str, _Element]) -> Any:  # Any: MjSpec
+def _spec(
+    root: _Element, models: Mapping[str, _Element], files: Iterable[str]
+) -> Any:  # Any: MjSpec
+    """files: names of those that stand in."""
     import mujoco
 
-    files = {name: _text(child).encode() for name, child in models.items()}
-    assets = {
-        str(name): STANDING_IN["mesh" if element.tag == "mesh" else "picture"]
-        for one in (root, *models.values())
-        for element in one.iterfind("asset/*")
-        for key, name in element.attrib.items()
-        if str(key).startswith("file") and element.tag != "model"
-    }
-    return mujoco.MjSpec.from_string(_text(root), include=files, assets=assets)
+    texts = {name: _text(child).encode() for name, child in models.items()}
+    assets = {name: STANDING_IN[name[-3:]] for name in files}
+    return mujoco.MjSpec.from_string(_text(root), include=texts, assets=assets)
 
 
 def _text(root: _Element) -> str:
@@ -173,8 +163,8 @@ def _compare(
 ) -> None:
     """SourceError where the text that MuJoCo wrote is another robot."""
     bare = {name: without_meshes(plain(child)) for name, child in models.items()}
-    one = _spec(without_meshes(plain(root)), bare).compile()
-    two = _spec(without_meshes(plain(made)), {}).compile()
+    one = _spec(without_meshes(plain(root)), bare, ()).compile()
+    two = _spec(without_meshes(plain(made)), {}, ()).compile()
     for name in dir(one):
         a, b = getattr(one, name), getattr(two, name)
         if isinstance(a, np.ndarray) and not _close(a, b):

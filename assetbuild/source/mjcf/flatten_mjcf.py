@@ -24,14 +24,17 @@ from assetbuild.source.mjcf.includes import below, expanded, folder_of
 from assetbuild.source.mjcf.scenery import cut_scenery
 from assetbuild.source.mjcf.text import (
     AT,
+    WORLD,
     Classes,
     bodies,
     dropped,
     error_at,
+    named_bodies,
     own_attributes,
     parts,
     remove,
     where_of,
+    world_of,
 )
 from assetbuild.xml_text import free_name
 
@@ -185,11 +188,10 @@ def _source_map(root: _Element, main: str) -> dict[str, object]:
         lines.setdefault(subject, where.line if where.file == main else str(where))
 
     note("robot", root)
-    world = root.find("worldbody")
-    assert world is not None  # noqa: S101 # `run` has looked
-    for body, _ in bodies(world):
-        note(f"link {body.get('name')}", body)
-    for body in [world, *(body for body, _ in bodies(world))]:
+    around = named_bodies(root)
+    for body, name in around[1:]:
+        note(f"link {name}", body)
+    for body, _ in around:
         for part in parts(body, *_SUBJECTS):
             note(f"{_SUBJECTS[str(part.tag)]} {part.get('name')}", part)
     for mesh in root.iterfind("asset/mesh"):
@@ -220,11 +222,11 @@ SECTIONS = ("actuator", "sensor", "equality", "tendon", "keyframe")
 
 def name_all(root: _Element) -> None:
     """Name every body, joint, geom, site, camera, light, mesh and element of a section."""
-    classes = Classes(root)
-    world = root.find("worldbody")
-    if world is not None:
-        _name_bodies(world)
-        _name_parts(world, classes)
+    taken = {name for _, name in named_bodies(root)}
+    for body, parent in bodies(world_of(root)):  # named before those on it are looked at
+        if not body.get("name"):
+            body.set("name", free_name("body" if parent == WORLD else f"{parent}_body", taken))
+    _name_parts(root)
     for asset in root.iterchildren("asset"):
         for tag in ("mesh", "material", "texture", "hfield"):
             _name(list(asset.iterchildren(tag)), _asset_name)
@@ -233,19 +235,8 @@ def name_all(root: _Element) -> None:
             _name(list(node.iterchildren("*")), _acting_name)
 
 
-def _name_bodies(world: _Element) -> None:
-    taken = {str(body.get("name")) for body, _ in bodies(world) if body.get("name")} | {"world"}
-    waiting = [(child, "world") for child in parts(world, "body")][::-1]
-    while waiting:
-        body, parent = waiting.pop()
-        if not body.get("name"):
-            body.set("name", free_name("body" if parent == "world" else f"{parent}_body", taken))
-        name = str(body.get("name"))
-        waiting += [(child, name) for child in parts(body, "body")][::-1]
-
-
-def _name_parts(world: _Element, classes: Classes) -> None:
-    around = [(world, "world"), *((body, str(body.get("name"))) for body, _ in bodies(world))]
+def _name_parts(root: _Element) -> None:
+    classes, around = Classes(root), named_bodies(root)
     for tags in (("joint", "freejoint"), ("geom",), ("site",), ("camera",), ("light",)):
         elements = [(part, name) for body, name in around for part in parts(body, *tags)]
         taken = {str(part.get("name")) for part, _ in elements if part.get("name")}

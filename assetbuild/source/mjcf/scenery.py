@@ -17,10 +17,13 @@ from assetbuild.source.mjcf.text import (
     bodies,
     dropped,
     error_at,
+    named_bodies,
     of_bodies,
+    own_attributes,
     parts,
     remove,
     where_of,
+    world_of,
 )
 
 if TYPE_CHECKING:
@@ -72,8 +75,7 @@ def cut_scenery(root: _Element, chosen: str | None) -> Iterator[Finding]:
 
     Raises SeveralRobotsError where the source does not tell which body is the robot.
     """
-    world = root.find("worldbody")
-    assert world is not None  # noqa: S101 # the caller has looked
+    world = world_of(root)
     tops = {str(top.get("name")): top for top in parts(world, "body")}
     kept = _robot(root, world, tops, chosen)
     gone = [top for name, top in tops.items() if name not in kept]
@@ -143,9 +145,7 @@ def _on_any_floor(pairs: Mapping[str, _Element], root: _Element) -> Iterator[Fin
 
 def is_held(root: _Element) -> bool:
     """Whether a tendon, actuator or equality ties the robot to a site or geom of the world."""
-    world = root.find("worldbody")
-    assert world is not None  # noqa: S101 # the caller has looked
-    of_world = set(_objects(world, "site", "geom"))
+    of_world = set(_objects(world_of(root), "site", "geom"))
     elements = (e for section in ("tendon", "actuator", "equality") for e in _of(root, section))
     return any(of_world & {*_named(e), *(n for c in e for n in _named(c))} for e in elements)
 
@@ -223,12 +223,15 @@ def _of(root: _Element, section: str) -> list[_Element]:
 
 def _named(element: _Element) -> Iterator[tuple[str, str]]:
     """(kind, name) of all that an element names."""
-    for key, name in element.attrib.items():
-        if key in ("objname", "refname"):
-            kind = element.get(str(key).replace("name", "type"), "")
-            yield kind.removeprefix("x"), str(name)
-        elif key in NAMES:
-            yield NAMES[str(key)], str(name)
+    stated = own_attributes(element)
+    yield from ((kind, name) for key, name in stated.items() if (kind := kind_of(key, stated)))
+
+
+def kind_of(key: str, stated: Mapping[str, str]) -> str:
+    """Kind of what an attribute names, or ""."""
+    if key in ("objname", "refname"):
+        return stated.get(key.replace("name", "type"), "").removeprefix("x")
+    return NAMES.get(key, "")
 
 
 # --- cutting --------------------------------------------------------------------------------
@@ -265,11 +268,9 @@ def _cut(root: _Element, gone: Iterable[_Element], lost: _Names) -> Iterator[tup
 def _widths(root: _Element) -> list[tuple[str, int, int]]:
     """(name, numbers in qpos, numbers in qvel) of all joints, in MuJoCo's order."""
     classes = Classes(root)
-    world = root.find("worldbody")
-    assert world is not None  # noqa: S101 # the caller has looked
     return [
         (str(one.get("name")), *WIDTHS.get(_kind(one, classes), (1, 1)))
-        for body, _ in bodies(world)
+        for body, _ in named_bodies(root)
         for one in parts(body, *JOINTS)
     ]
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Literal
 
 from assetbuild.findings import Data, Finding, Rule, Severity
@@ -25,7 +24,7 @@ from assetbuild.source.mjcf.compiled import Model, pose_at
 from assetbuild.source.mjcf.drives import Drives
 from assetbuild.source.mjcf.links import FREE, JOINT_REF, Links, coupled, coupling_of, tendon_rest
 from assetbuild.source.mjcf.opaque import element_text, keys, leftover, words
-from assetbuild.source.mjcf.scenery import NAMES
+from assetbuild.source.mjcf.scenery import kind_of
 from assetbuild.source.mjcf.text import WORLD, dropped, error_at, own_attributes, where_of
 
 if TYPE_CHECKING:
@@ -50,21 +49,6 @@ TETHER = Rule(
 )
 
 
-@dataclass
-class Sections:
-    """What stands after the bodies. joints: those of the robot, with their mimics."""
-
-    joints: list[Joint]
-    sensors: list[Sensor] = field(default_factory=list)
-    keyframes: list[Keyframe] = field(default_factory=list)
-    ctrl: list[tuple[str, tuple[tuple[str, float], ...]]] = field(default_factory=list)
-    excludes: list[tuple[str, str]] = field(default_factory=list)
-    simulation: Simulation = field(default_factory=Simulation)
-    mjcf_only: list[MjcfOnly] = field(default_factory=list)
-    loops: list[Loop] = field(default_factory=list)
-    findings: list[Finding] = field(default_factory=list)
-
-
 _Kind = Literal["frame", "body", "joint", "actuator", "shape", "camera", "tendon", "world"]
 _PLACES: Mapping[str, _Kind] = {
     "site": "frame", "joint": "joint", "actuator": "actuator", "tendon": "tendon",
@@ -85,8 +69,7 @@ SENSOR = keys("name cutoff noise objtype objname reftype refname")
 def read_sections(links: Links, drives: Drives) -> Sections:
     """In the order in which MJCF has them."""
     source = links.source
-    reader = _Reader(links, {name: joint for name, joint in drives.names if joint})
-    sections = reader.sections
+    sections = Sections(links, {name: joint for name, joint in drives.names if joint})
     timestep = float(source.model.opt.timestep)
     if not LEAST_STEP_S <= timestep <= 1.0:
         at = source.root.find("option[@timestep]")
@@ -103,46 +86,58 @@ def read_sections(links: Links, drives: Drives) -> Sections:
         memory = {"memory": str(int(source.model.narena))}
         sections.mjcf_only.append(MjcfOnly("size", element_text("size", memory)))
     for section, read in (
-        ("contact", reader.contact),
-        ("equality", reader.equality),
-        ("tendon", reader.tendon),
-        ("sensor", reader.sensor),
+        ("contact", sections.contact),
+        ("equality", sections.equality),
+        ("tendon", sections.tendon),
+        ("sensor", sections.sensor),
     ):
         for element in source.root.iterfind(f"{section}/*"):
-            read(element, reader.translated(source.classes.attributes(element)))
+            read(element, sections.translated(source.classes.attributes(element)))
     for element in source.root.iterfind("keyframe/key"):
-        reader.keyframe(element)
+        sections.keyframe(element)
     sections.findings += _not_read(source.root)
     return sections
 
 
-class _Reader:
-    """Takes elements whose attributes name things of the Robot.
+class Sections:
+    """What stands after the bodies; takes elements whose attributes name things of the Robot.
 
     driven: joint that an actuator drives in the Robot, by the actuator's name.
+    joints: those of the robot, with their mimics.
     """
+
+    simulation: Simulation
 
     def __init__(self, links: Links, driven: Mapping[str, str]) -> None:
         self.links, self.driven, self.model = links, driven, links.source.model
-        self.sections = Sections(list(links.joints))
+        self.joints: list[Joint] = list(links.joints)
+        self.sensors: list[Sensor] = []
+        self.keyframes: list[Keyframe] = []
+        self.ctrl: list[tuple[str, tuple[tuple[str, float], ...]]] = []
+        self.excludes: list[tuple[str, str]] = []
+        self.mjcf_only: list[MjcfOnly] = []
+        self.loops: list[Loop] = []
+        self.findings: list[Finding] = []
 
     def translated(self, stated: Mapping[str, str]) -> dict[str, str]:
         """Attributes with names of the Robot: a site may have another there."""
         sites = self.links.sites
-        return {k: sites.get(v, v) if _kind(k, stated) == "site" else v for k, v in stated.items()}
+        return {
+            k: sites.get(v, v) if kind_of(k, stated) == "site" else v for k, v in stated.items()
+        }
 
     def _keep(self, place: str, element: _Element, stated: Mapping[str, str]) -> None:
         """Leave it to MJCF, with its children."""
         children = ((str(c.tag), self.translated(own_attributes(c))) for c in element)
         named = {"name": str(element.get("name"))} if element.get("name") else {}
         text = element_text(str(element.tag), named | dict(sorted(stated.items())), children)
-        self.sections.mjcf_only.append(MjcfOnly(place, text))
+        self.mjcf_only.append(MjcfOnly(place, text))
 
     def contact(self, element: _Element, stated: Mapping[str, str]) -> None:
         """A pair, or an exclude between bodies of the robot."""
         if element.tag == "exclude" and WORLD not in (stated["body1"], stated["body2"]):
             a, b = sorted((stated["body1"], stated["body2"]))
-            self.sections.excludes.append((a, b))
+            self.excludes.append((a, b))
         else:
             self._keep("contact", element, stated)
 
@@ -171,13 +166,13 @@ class _Reader:
         """A linear coupling of two joints; its words that are no mimic's stay with it."""
         index = self.links.source.id_of("equality", str(element.get("name")))
         coupling = coupling_of(str(element.tag), self.model, index, stated)
-        joints = coupling and coupled(self.sections.joints, *coupling)
+        joints = coupling and coupled(self.joints, *coupling)
         if not coupling or not joints:
             return False
-        self.sections.joints = joints
+        self.joints = joints
         more = leftover(stated, keys("joint1 joint2 tendon1 tendon2 polycoef active"))
         more["name"] = str(element.get("name"))
-        self.sections.mjcf_only.append(MjcfOnly("mimic", element_text("joint", more), coupling[0]))
+        self.mjcf_only.append(MjcfOnly("mimic", element_text("joint", more), coupling[0]))
         return True
 
     def _loop(self, element: _Element, stated: Mapping[str, str]) -> bool:
@@ -188,12 +183,12 @@ class _Reader:
             return False
         ends = [self._loop_end(index, side) for side in (0, 1)]
         if None in ends:
-            self.sections.findings.append(_tether(element))
+            self.findings.append(_tether(element))
             return False
         a, b = (end for end in ends if end is not None)
         data = model.eq_data[index]
         kind: Literal["connect", "weld"] = "weld" if element.tag == "weld" else "connect"
-        self.sections.loops.append(
+        self.loops.append(
             Loop(
                 name,
                 kind,
@@ -250,7 +245,7 @@ class _Reader:
             hint = "subtract it from lengths of the source's controllers"
             data: Data = {"ref": rest}
             finding = JOINT_REF(f"tendon {element.get('name')}", message, hint, data=data)
-            self.sections.findings.append(finding)
+            self.findings.append(finding)
             ends = {
                 "range": self.model.tendon_range,
                 "springlength": self.model.tendon_lengthspring,
@@ -262,7 +257,7 @@ class _Reader:
             name = f"tendon {element.get('name')}"
             message = f"the material of {name} was left out ({where_of(element)})"
             lost = dropped("tendon material", name, message, "give the tendon an `rgba`")
-            self.sections.findings.append(lost)
+            self.findings.append(lost)
         if element.tag == "fixed":  # a class of tendons may say how the spatial ones are drawn
             stated.pop("width", None)
             stated.pop("rgba", None)
@@ -276,11 +271,11 @@ class _Reader:
         if sensor is None:
             self._keep("sensor", element, stated)
             return
-        self.sections.sensors.append(sensor)
-        if self.sections.mjcf_only and self.sections.mjcf_only[-1].place == "sensor":
+        self.sensors.append(sensor)
+        if self.mjcf_only and self.mjcf_only[-1].place == "sensor":
             message = f"sensors from `{element.get('name')}` on stand before those that only MJCF "
             message += "has: their places in `sensordata` differ from the source's"
-            self.sections.findings.append(ORDER("robot", message, "ask for sensors by name"))
+            self.findings.append(ORDER("robot", message, "ask for sensors by name"))
 
     def _as_sensor(self, element: _Element, stated: Mapping[str, str]) -> Sensor | None:
         """The sensor in the Robot's words; None when they do not say all of it."""
@@ -320,26 +315,17 @@ class _Reader:
                 turns += [(joint.name, turn)] if turn != IDENTITY.quat else []
             elif joint.kind != "fixed":
                 values.append((joint.name, qpos[address] - links.rest.get(joint.name, 0.0)))
-        self.sections.keyframes.append(Keyframe(name, tuple(values), base, tuple(turns)))
+        self.keyframes.append(Keyframe(name, tuple(values), base, tuple(turns)))
         if element.get("ctrl"):
             ctrl = enumerate(model.key_ctrl[index])
             commands = tuple((str(model.actuator(i).name), float(value)) for i, value in ctrl)
-            self.sections.ctrl.append((name, commands))
+            self.ctrl.append((name, commands))
         lost = tuple(sorted(AT_REST & set(element.attrib)))
         if lost:
             names = ", ".join(f"`{key}`" for key in lost)
             message = f"{names} of keyframe `{name}` was left out: a keyframe of a robot is a pose "
             message += "at rest"
-            self.sections.findings.append(
-                dropped("key", f"keyframe {name}", message, attributes=lost)
-            )
-
-
-def _kind(key: str, stated: Mapping[str, str]) -> str:
-    """Kind of what an attribute names, or ""."""
-    if key in ("objname", "refname"):
-        return stated.get(key.replace("name", "type"), "").removeprefix("x")
-    return NAMES.get(key, "")
+            self.findings.append(dropped("key", f"keyframe {name}", message, attributes=lost))
 
 
 def _tether(element: _Element) -> Finding:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from itertools import chain, count
 from typing import TYPE_CHECKING, Any
 
@@ -50,55 +50,54 @@ VISIBLE_COLLISION = Rule(
 )
 
 
-@dataclass
-class Geoms:
-    """What the geoms of an MJCF amount to. contacts: by shape, of all that touch."""
-
-    shapes: list[SourceShape] = field(default_factory=list)
-    materials: dict[str, Material] = field(default_factory=dict)
-    contacts: dict[str, Contact] = field(default_factory=dict)
-    mjcf_only: list[MjcfOnly] = field(default_factory=list)
-    findings: list[Finding] = field(default_factory=list)
-
-
 def read_geoms(links: Links) -> Geoms:
     """All geoms of the robot; those of the world only where the world is its root."""
-    geoms, classes = Geoms(), links.source.classes
-    reader = _Reader(links, geoms)
+    geoms = Geoms(links)
     for body, name in links.source.bodies:
         for geom in parts(body, "geom"):
             if name in links.shift:
-                reader.read(geom, name)
+                geoms.read(geom, name)
             elif name == WORLD:
-                geoms.findings.append(_scenery(geom, classes))
+                geoms.findings.append(_scenery(geom, geoms.classes))
     worn = {shape.material for shape in geoms.shapes}  # a colour of its own makes another
     geoms.materials = {name: look for name, look in geoms.materials.items() if name in worn}
     geoms.mjcf_only = [i for i in geoms.mjcf_only if i.place != "material" or i.owner in worn]
-    visible = [s.name for s in geoms.shapes if s.role == "collision" and s.name in reader.drawn]
+    visible = [s.name for s in geoms.shapes if s.role == "collision" and s.name in geoms.drawn]
     if visible:
         seen = any(shape.role == "visual" for shape in geoms.shapes)
         geoms.findings.append(_drawn(visible, alone=not seen))
     return geoms
 
 
-class _Reader:
-    def __init__(self, links: Links, geoms: Geoms) -> None:
-        self.links, self.source, self.geoms = links, links.source, geoms
-        self.full, self.classes, root = links.source.model, links.source.classes, links.source.root
+class Geoms:
+    """What the geoms of an MJCF amount to.
+
+    contacts: by shape, of all that touch; drawn: names of those that are also shown.
+    """
+
+    def __init__(self, links: Links) -> None:
+        self.shapes: list[SourceShape] = []
+        self.materials: dict[str, Material] = {}
+        self.contacts: dict[str, Contact] = {}
+        self.mjcf_only: list[MjcfOnly] = []
+        self.findings: list[Finding] = []
+        self.links, self.source, root = links, links.source, links.source.root
+        self.model, self.classes = links.source.model, links.source.classes
         self.looks = {m.get("name"): m for m in root.iterfind("asset/material")}
         self.pictures = {t.get("name"): t for t in root.iterfind("asset/texture")}
         self.meshes = {m.get("name"): m for m in root.iterfind("asset/mesh")}
         self.drawn: set[str] = set()
 
     def read(self, geom: _Element, body: str) -> None:
+        """Take one over, from a body of the robot."""
         name, attributes = str(geom.get("name")), self.classes.attributes(geom)
         if attributes.get("type") == "hfield":
-            self.geoms.findings.append(_height_field(name, body))
+            self.findings.append(_height_field(name, body))
             return
         index = self.source.id_of("geom", name)
-        touches = bool(self.full.geom_contype[index] or self.full.geom_conaffinity[index])
+        touches = bool(self.model.geom_contype[index] or self.model.geom_conaffinity[index])
         role: Role = "collision" if touches else "visual"
-        kind = int(self.full.geom_type[index])
+        kind = int(self.model.geom_type[index])
         if kind not in (SPHERE, CAPSULE, CYLINDER, BOX, MESH):
             self._only_mjcf(geom, attributes, body, index)
             return
@@ -110,11 +109,11 @@ class _Reader:
             X_link_geom = X_link_geom @ X_geom_mesh
         else:
             X_link_geom = self.links.in_link(body, self.source.pose_of("geom", name))
-            geometry = _primitive(kind, vec3(self.full.geom_size[index]))
+            geometry = _primitive(kind, vec3(self.model.geom_size[index]))
         material = self._material(attributes, index) if role == "visual" else None
-        self.geoms.shapes.append(SourceShape(name, body, role, geometry, X_link_geom, material))
+        self.shapes.append(SourceShape(name, body, role, geometry, X_link_geom, material))
         if touches:
-            self.geoms.contacts[name] = contact_of(self.full, index)
+            self.contacts[name] = contact_of(self.model, index)
             if int(attributes.get("group", "0")) < 3:
                 self.drawn.add(name)
         self._left_over(name, attributes, role, index)
@@ -126,7 +125,7 @@ class _Reader:
         if role == "collision" and ("rgba" in attributes or "material" in attributes):
             more["rgba"] = words(self._colour(index))
         if more:
-            self.geoms.mjcf_only.append(MjcfOnly("shape", attributes_of("geom", more), name))
+            self.mjcf_only.append(MjcfOnly("shape", attributes_of("geom", more), name))
 
     def _only_mjcf(self, geom: _Element, attributes: dict[str, str], body: str, index: int) -> None:
         """A shape that only MJCF has, whole: ellipsoids, planes, signed distance fields."""
@@ -138,9 +137,9 @@ class _Reader:
         kept = leftover(attributes, PLACING | {"mesh", "fitscale"})  # of a fit: as compiled
         if kept.pop("material", None):
             kept["rgba"] = words(self._colour(index))
-        size = words(self.full.geom_size[index])
+        size = words(self.model.geom_size[index])
         element = body_element("geom", str(geom.get("name")), pose, {**kept, "size": size})
-        self.geoms.mjcf_only.append(MjcfOnly("body", element, body))
+        self.mjcf_only.append(MjcfOnly("body", element, body))
 
     # --- meshes and looks ---------------------------------------------------------------------
 
@@ -167,14 +166,16 @@ class _Reader:
             message += f"left out ({where_of(element)})"
             hint = "our meshes are converted: their normals and hulls are made anew"
             finding = dropped("mesh", f"mesh {element.get('file')}", message, hint, attributes=lost)
-            if finding not in self.geoms.findings:
-                self.geoms.findings.append(finding)
+            if finding not in self.findings:
+                self.findings.append(finding)
         return MeshFile(str(element.get("file")), vec3(scale)), Pose(vec3(offset), turn)
 
     def _colour(self, index: int) -> tuple[float, float, float, float]:
         """As MuJoCo draws it: the geom's own colour unless that is the default."""
-        rgba, material = _rgba(self.full.geom_rgba[index]), int(self.full.geom_matid[index])
-        return rgba if material < 0 or rgba != DEFAULT_RGBA else _rgba(self.full.mat_rgba[material])
+        rgba, material = _rgba(self.model.geom_rgba[index]), int(self.model.geom_matid[index])
+        return (
+            rgba if material < 0 or rgba != DEFAULT_RGBA else _rgba(self.model.mat_rgba[material])
+        )
 
     def _material(self, attributes: Mapping[str, str], index: int) -> str | None:
         """The material of a visual geom; a colour of its own makes one."""
@@ -186,25 +187,23 @@ class _Reader:
             return known.name
         base = "_".join((known.name, *(f"{round(v * 255):d}" for v in colour)))
         for name in chain((base,), (f"{base}_{n}" for n in count(2))):
-            existing = self.geoms.materials.get(name)
+            existing = self.materials.get(name)
             if existing is None or existing == replace(known, name=name, rgba=colour):
                 break
         if existing is None:
-            self.geoms.materials[name] = replace(known, name=name, rgba=colour)
-            stated = [
-                i for i in self.geoms.mjcf_only if (i.place, i.owner) == ("material", known.name)
-            ]
-            self.geoms.mjcf_only += [replace(item, owner=name) for item in stated]
+            self.materials[name] = replace(known, name=name, rgba=colour)
+            stated = [i for i in self.mjcf_only if (i.place, i.owner) == ("material", known.name)]
+            self.mjcf_only += [replace(item, owner=name) for item in stated]
         return name
 
     def _look(self, look: _Element, name: str) -> Material:
-        if name in self.geoms.materials:
-            return self.geoms.materials[name]
+        if name in self.materials:
+            return self.materials[name]
         attributes = self.classes.attributes(look)
         more = leftover(attributes, keys("rgba texture"))
         if more:
             only = MjcfOnly("material", attributes_of("material", more), name)
-            self.geoms.mjcf_only.append(only)
+            self.mjcf_only.append(only)
         picture = self.pictures.get(attributes.get("texture", ""))
         layers = look.find("layer")
         file = picture.get("file") if picture is not None else None
@@ -212,9 +211,9 @@ class _Reader:
             message = f"the made or layered picture of material `{name}` was left out; its colour "
             message += "stays"
             hint = "give the material a `texture` with a PNG file"
-            self.geoms.findings.append(dropped("texture", f"material {name}", message, hint))
-        material = Material(name, _rgba(self.full.material(name).rgba), file)
-        self.geoms.materials[name] = material
+            self.findings.append(dropped("texture", f"material {name}", message, hint))
+        material = Material(name, _rgba(self.model.material(name).rgba), file)
+        self.materials[name] = material
         return material
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from itertools import groupby
 from typing import TYPE_CHECKING
 
@@ -108,17 +108,28 @@ def bodies(world: _Element) -> Iterator[tuple[_Element, str]]:
         waiting += [(child, body.get("name", "")) for child in parts(body, "body")][::-1]
 
 
+def world_of(root: _Element) -> _Element:
+    """The <worldbody>, without which `flatten_mjcf` takes no MJCF."""
+    world = root.find("worldbody")
+    assert world is not None  # noqa: S101 # see above
+    return world
+
+
+def named_bodies(root: _Element) -> list[tuple[_Element, str]]:
+    """(element, name) of the world and of all bodies, depth first in file order."""
+    world = world_of(root)
+    return [(world, WORLD), *((body, body.get("name", "")) for body, _ in bodies(world))]
+
+
 class Classes:
     """The default classes: what an element says together with the classes that speak for it."""
 
     def __init__(self, root: _Element) -> None:
         self._said: dict[str, dict[str, dict[str, str]]] = {"main": {}}
-        self.elements: dict[tuple[str, str], list[_Element]] = {}
-        for top in root.iterchildren("default"):
-            self._read(top, "main", {})
-
-    def _read(self, node: _Element, name: str, above: Mapping[str, dict[str, str]]) -> None:
-        waiting = [(node, name, dict(above))]
+        tops = list(root.iterchildren("default"))[::-1]
+        waiting: list[tuple[_Element, str, dict[str, dict[str, str]]]] = [
+            (top, "main", {}) for top in tops
+        ]
         while waiting:
             node, name, inherited = waiting.pop()
             name = node.get("class", name)
