@@ -36,7 +36,7 @@ LOCKED = Rule(
     "joint.locked",
     "warning",
     "lower = upper: the joint cannot move; in the MJCF an equality holds it",
-    "set the limits, or make the joint fixed",
+    "if it is meant to move, give it a range: edit `set_limits`; else make it `fixed`",
 )
 RANGE = Rule(
     "joint.range",
@@ -68,7 +68,7 @@ NO_COLLISION = Rule(
     ("info", "warning"),
     "links with mass and visual geometry have no collision geometry (a warning for more than half "
     "of them)",
-    "`collision: {from: visual}`",
+    "`from: visual` in the recipe's collision rule makes one from what is seen",
 )
 
 
@@ -76,7 +76,7 @@ INVENTED = Rule(
     "inertia.invented",
     "warning",
     "every mass of the robot is a guess of the recipe's edits, so the robot is not ready",
-    "give the real masses in the edits, then remove `guessed`",
+    "give the real masses under `edits`, then remove `guessed`",
     blocks=True,
 )
 
@@ -114,7 +114,6 @@ def invented(tree: Tree, guessed: tuple[str, ...]) -> Iterator[Finding]:
             "robot",
             f"the masses of all {len(heavy)} links that have one are guesses, as the source states "
             "none: weights, torques and balance mean nothing",
-            "give the real masses under `edits`, then remove `guessed`",
             data={"links": len(heavy)},
         )
 
@@ -127,8 +126,7 @@ def _range(joint: Joint) -> Iterator[Finding]:
     subject, data = f"joint {joint.name}", {"lower": lower, "upper": upper}
     if lower == upper:
         message = f"both limits are {lower:g} {unit}: taken literally, the joint is locked"
-        hint = "if it is meant to move, give it a range: edit `set_limits`; else make it `fixed`"
-        yield LOCKED(subject, message, hint, data=data)
+        yield LOCKED(subject, message, data=data)
     elif lower > upper:
         yield from crossed_limits(joint, "warning")
     elif joint.kind == "revolute" and upper - lower > 2 * math.pi * (1 + 1e-6):
@@ -215,7 +213,6 @@ def _without_collision(tree: Tree, shapes: SourceShapes) -> Iterator[Finding]:
         f"link {bare[0]}",
         f"{len(bare)} of {len(drawn)} links with mass and a visual have no collision geometry in "
         f"the source: {names}{more}",
-        hint="`from: visual` in the recipe's collision rule makes one from what is seen",
         severity="warning" if 2 * len(bare) > len(drawn) > 1 else "info",
         data={"links": tuple(bare), "seen": len(drawn)},
     )
@@ -251,7 +248,7 @@ class LintBodies(Step):
         moves = any(joint.kind != "fixed" for joint in robot.tree.joints)
         if not moves and not robot.source_shapes.shapes:
             message = "no joint moves and no link has a shape: there is nothing to simulate"
-            yield EMPTY("robot", message, "give it joints or shapes; is this the right file?")
+            yield EMPTY("robot", message)
 
 
 # --- limits the wrong way round ---------------------------------------------------------------
@@ -261,7 +258,7 @@ CROSSED_LIMITS = Rule(
     ("warning", "error"),
     "the lower limit is above the upper one, so the MJCF gives the joint no range (a warning in "
     "the source, an error after the edits)",
-    "set the limits, or make the joint fixed",
+    "edit `set_limits` gives it both; make the joint `fixed` if it is not meant to move",
 )
 
 
@@ -274,7 +271,6 @@ def crossed_limits(joint: Joint, severity: Severity) -> Iterator[Finding]:
     yield CROSSED_LIMITS(
         f"joint {joint.name}",
         f"lower limit {lower:g} {unit} is not below upper limit {upper:g} {unit}",
-        "edit `set_limits` gives it both; make the joint `fixed` if it is not meant to move",
         severity=severity,
         data={"lower": lower, "upper": upper},
     )

@@ -51,7 +51,7 @@ BASE = Rule(
     "mjcf.base",
     "info",
     "the recipe's `base` differs from the source's",
-    "omit `base` to keep the source's",
+    "leave `base` out to keep what the source says",
 )
 RENAMED = Rule(
     "mjcf.renamed",
@@ -128,8 +128,7 @@ def _root(tops: list[_Element], source: Compiled, base: Base | None) -> Links:
     if base not in (None, stated):
         now, before = ("floats", "is fixed") if base == "floating" else ("is fixed", "floats")
         message = f"the recipe says `base: {base}`: the root {now}; in the source it {before}"
-        hint = "leave `base` out to keep what the source says"
-        links.findings.append(BASE(f"link {name}", message, hint, data={"base": links.base}))
+        links.findings.append(BASE(f"link {name}", message, data={"base": links.base}))
     return links
 
 

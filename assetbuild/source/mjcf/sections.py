@@ -45,7 +45,7 @@ TETHER = Rule(
     "mjcf.base_constrained",
     "warning",
     "a `connect` or `weld` holds a floating robot to the world, in the MJCF only",
-    "remove it from the source, or write `base: fixed`",
+    "remove it, or write `base: fixed`",
 )
 
 
@@ -333,7 +333,6 @@ def _tether(element: _Element) -> Finding:
         "robot",
         f"<{element.tag}> `{element.get('name')}` holds the floating robot to the world "
         f"({where_of(element)}): in the MJCF only, every other format lets it go",
-        "remove it, or write `base: fixed`",
         data={"name": str(element.get("name"))},
     )
 

@@ -46,7 +46,7 @@ VISIBLE_COLLISION = Rule(
     ("info", "warning"),
     "geoms that collide are also what is drawn; URDF and USD hold them as collision only (a "
     "warning for a robot without any visual geom)",
-    "repeat them as visual geoms (`contype` and `conaffinity` 0)",
+    'to see it there, repeat the geom in the MJCF with `contype="0" conaffinity="0" group="2"`',
 )
 
 
@@ -285,7 +285,6 @@ def _drawn(names: list[str], *, alone: bool) -> Finding:
         "robot",
         f"{len(names)} geoms collide and are drawn: {shown}; in URDF and USD they only collide"
         + (", so viewers of these show nothing of the robot" if alone else ""),
-        'to see it there, repeat the geom in the MJCF with `contype="0" conaffinity="0" group="2"`',
         severity="warning" if alone else "info",
         data={"geoms": len(names)},
     )

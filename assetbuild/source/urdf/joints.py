@@ -36,7 +36,7 @@ LIMIT_OMITTED = Rule(
     "urdf.limit.omitted",
     "warning",
     "`<limit>` lacks attributes; a missing lower or upper counts as 0",
-    "state them",
+    "state it in the URDF, or give effort and velocity in the recipe's actuator table",
 )
 LIMIT_UNLIMITED = Rule(
     "urdf.limit.unlimited",
@@ -48,13 +48,13 @@ LIMIT_IGNORED = Rule(
     "urdf.limit.ignored",
     "info",
     "a continuous joint states a range",
-    "make it revolute if the range is meant",
+    "make it `revolute` if the range is meant",
 )
 MIMIC_FIXED = Rule(
     "joint.mimic_fixed",
     "warning",
     "the joint mimics a fixed one, or with a multiplier of 0, so it is locked where that puts it",
-    "make it fixed too, or give its leader a type that moves",
+    "make it `fixed` too, or give the joint that it mimics a type that moves",
 )
 
 
@@ -76,7 +76,8 @@ def read_joint(
         raise node.error(f"parent and child are the same link `{child}`")
     axis, findings = _read_axis(node, kind)
     limits, limit_findings = _read_limits(node, kind)
-    damping, friction = _read_dynamics(node)
+    brakes, words = node.only("dynamics"), ("damping", "friction")
+    damping, friction = (brakes.not_negative(word) if brakes else None for word in words)
     joint = Joint(
         name=name,
         kind=cast(JointKind, kind),  # checked against KINDS above
@@ -167,9 +168,8 @@ def _read_axis(node: Node, kind: str) -> tuple[Vec3, list[Finding]]:
     if abs(norm - 1.0) <= AXIS_TOLERANCE:
         return unit, []
     message = f"axis `{element.get('xyz')}` has length {norm:.6g} and was normalised"
-    hint = "write a unit vector"
     data: Data = {"axis": axis, "norm": norm}
-    return unit, [AXIS_NORMALISED(node.subject, message, hint, data=data)]
+    return unit, [AXIS_NORMALISED(node.subject, message, data=data)]
 
 
 def _read_limits(node: Node, kind: str) -> tuple[Limits, list[Finding]]:
@@ -207,30 +207,15 @@ def _ignored_range(node: Node, lower: float | None, upper: float | None) -> list
     if not lower and not upper:
         return []
     message = f"a continuous joint has no range; lower {lower}, upper {upper} are not used"
-    hint = "make it `revolute` if the range is meant"
-    data = {"lower": lower, "upper": upper}
-    return [LIMIT_IGNORED(node.subject, message, hint, data=data)]
+    return [LIMIT_IGNORED(node.subject, message, data={"lower": lower, "upper": upper})]
 
 
 def _omitted(node: Node, missing: list[str]) -> list[Finding]:
     words = ", ".join(f"`{name}`" for name in missing)
     zero = [f"`{name}`" for name in missing if name in ("lower", "upper")]
     note = f"; {' and '.join(zero)} count as 0, as the format says" if zero else ""
-    return [
-        LIMIT_OMITTED(
-            node.subject,
-            f"<limit> leaves out {words}{note}",
-            "state it in the URDF, or give effort and velocity in the recipe's actuator table",
-            data={"missing": tuple(missing)},
-        )
-    ]
-
-
-def _read_dynamics(node: Node) -> tuple[float | None, float | None]:
-    element = node.only("dynamics")
-    if element is None:
-        return None, None
-    return element.not_negative("damping"), element.not_negative("friction")
+    message = f"<limit> leaves out {words}{note}"
+    return [LIMIT_OMITTED(node.subject, message, data={"missing": tuple(missing)})]
 
 
 def _read_mimic(node: Node, name: str, joint_names: set[str]) -> Mimic | None:
@@ -295,7 +280,6 @@ def _hold_followers(
         MIMIC_FIXED(
             f"joint {name}",
             f"mimics a joint that is fixed, or with a multiplier of 0: locked at {at:g}",
-            "make it `fixed` too, or give the joint that it mimics a type that moves",
             data={"position": at},
         )
         for name, at in held.items()

@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 import posixpath
 from collections.abc import Iterator
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from typing import Literal, get_args
 
 from assetbuild.errors import did_you_mean
@@ -22,7 +22,6 @@ from assetbuild.robot.shapes import (
     MeshFile,
     SourceGeometry,
     SourceShape,
-    SourceShapes,
     Sphere,
 )
 from assetbuild.source.urdf.paths import Paths
@@ -44,31 +43,18 @@ MATERIAL_CONFLICT = Rule(
     "urdf.material.conflict",
     "info",
     "one name stands for two materials; one was renamed",
-    "give each material its own name",
+    "give each look its own name",
 )
 COLOUR_RANGE = Rule(
-    "urdf.material.range", "warning", "a colour was clipped to 0..1", "write fractions of 1"
+    "urdf.material.range",
+    "warning",
+    "a colour was clipped to 0..1",
+    "write colours as fractions of 1, not of 255",
 )
 
 
-@dataclass(frozen=True)
-class FileUse:
-    """The first use of a file. path: below the source root; subject: `link trunk`."""
-
-    path: str
-    uri: str
-    subject: str
-    line: int
-
-
-@dataclass
-class Geometries:
-    """What the shapes of all links amount to. lines: of `shape ...`, `material ...`."""
-
-    shapes: SourceShapes
-    meshes: tuple[FileUse, ...]
-    findings: tuple[Finding, ...]
-    lines: dict[str, int] = field(default_factory=dict)
+MeshUse = dict[str, str | int]
+"""Row of `meshes.json`, the first use of a file: path below the source root, uri, subject, line."""
 
 
 def named(nodes: list[Node]) -> Iterator[tuple[str, Node]]:
@@ -118,42 +104,39 @@ def read_body(name: str, link: Node) -> Body:
 
 def read_shapes(root: Node, links: list[tuple[str, Node]], paths: Paths) -> Geometries:
     """All shapes in file order, the visuals of a link before its collisions."""
-    palette = _Palette(paths)
+    made = Geometries(paths)
     for name, node in named([n.about("robot") for n in root.all("material")]):
-        palette.define(name, node)
-    uses: dict[str, FileUse] = {}
+        made.define(name, node)
     drafts: list[tuple[SourceShape, str]] = []
-    lines: dict[str, int] = {}
     stated = [(link, role, pair) for link, node in links for role in ROLES
               for pair in enumerate(node.all(role))]  # fmt: skip
     for link, role, (index, element) in stated:
         material = element.only("material") if role == "visual" else None
-        worn = palette.see(material, link) if material is not None else ""
+        worn = made.see(material, link) if material is not None else ""
         geometry = element.only("geometry")
         size = geometry.first() if geometry is not None else None
         if geometry is None or size is None:
             continue  # `tidy` has reported it
         if missing := paths.left_out(geometry, role):
-            palette.findings.append(missing)
+            made.findings.append(missing)
             continue
         name = f"{link}_{role}" + (f"_{index}" if index else "")
-        kind, X = _read_geometry(size, paths, uses), read_origin(element)
+        kind, X = _read_geometry(size, paths, made.uses), read_origin(element)
         drafts.append((SourceShape(name, link, role, kind, X), worn))
-        lines[f"shape {name}"] = element.line
-    shapes = tuple(palette.paint(shape, name) for shape, name in drafts)
-    source_shapes = SourceShapes(shapes, tuple(palette.materials.values()))
-    meshes = tuple(uses[path] for path in sorted(uses))
-    return Geometries(source_shapes, meshes, tuple(palette.findings), lines | palette.lines)
+        made.lines[f"shape {name}"] = element.line
+    made.shapes = [made.paint(shape, name) for shape, name in drafts]
+    return made
 
 
-def _read_geometry(shape: Node, paths: Paths, uses: dict[str, FileUse]) -> SourceGeometry:
+def _read_geometry(shape: Node, paths: Paths, uses: dict[str, MeshUse]) -> SourceGeometry:
     if shape.tag == "mesh":
         path = paths.resolve(shape)
         uri = shape.text("filename").strip()
         if posixpath.splitext(path)[1].lower().lstrip(".") not in FORMATS:
             endings = ", ".join(f"`.{name}`" for name in FORMATS)
             raise shape.error(f"mesh filename `{uri}` is of no known format", f"known: {endings}")
-        uses.setdefault(path, FileUse(path, uri, shape.subject, shape.line))
+        use: MeshUse = {"path": path, "uri": uri, "subject": shape.subject, "line": shape.line}
+        uses.setdefault(path, use)
         return MeshFile(path, _scale(shape))
     if shape.tag == "box":
         return Box(_box_size(shape))
@@ -180,12 +163,18 @@ def _scale(node: Node) -> Vec3:
     return scale
 
 
-class _Palette:
-    """Materials by name: those of the robot first, then those defined inside visuals."""
+class Geometries:
+    """What the shapes of all links amount to.
+
+    materials: those of the robot first, then those defined inside visuals. uses: of meshes, by
+    path. lines: of `shape ...`, `material ...`.
+    """
 
     def __init__(self, paths: Paths) -> None:
         self.paths = paths
+        self.shapes: list[SourceShape] = []
         self.materials: dict[str, Material] = {}
+        self.uses: dict[str, MeshUse] = {}
         self.findings: list[Finding] = []
         self.lines: dict[str, int] = {}
         self._undefined: set[str] = set()
@@ -211,10 +200,19 @@ class _Palette:
 
     def paint(self, shape: SourceShape, name: str) -> SourceShape:
         """The shape with its material; call when every visual has been seen."""
-        if name and name not in self.materials:
-            self._tell_undefined(name, shape.link)
-            return shape
-        return replace(shape, material=name or None)
+        if name in self.materials:
+            return replace(shape, material=name)
+        if name and name not in self._undefined:
+            self._undefined.add(name)
+            self.findings.append(
+                UNDEFINED_MATERIAL(
+                    f"link {shape.link}",
+                    f"material `{name}` is defined nowhere; its shapes get the default look",
+                    did_you_mean(name, self.materials),
+                    data={"material": name},
+                )
+            )
+        return shape
 
     def _add(self, material: Material, node: Node) -> None:
         self.materials[material.name] = material
@@ -239,7 +237,6 @@ class _Palette:
                 COLOUR_RANGE(
                     f"material {name}",
                     f"rgba `{color.get('rgba')}` was cut to 0..1",
-                    "write colours as fractions of 1, not of 255",
                     data={"rgba": stated},
                 )
             )
@@ -254,21 +251,7 @@ class _Palette:
                 MATERIAL_CONFLICT(
                     f"material {look.name}",
                     f"defined with two looks; the second is called `{other.name}`",
-                    "give each look its own name",
                     data={"renamed": other.name},
                 )
             )
         return other
-
-    def _tell_undefined(self, name: str, link: str) -> None:
-        if name in self._undefined:
-            return
-        self._undefined.add(name)
-        self.findings.append(
-            UNDEFINED_MATERIAL(
-                f"link {link}",
-                f"material `{name}` is defined nowhere; its shapes get the default look",
-                did_you_mean(name, self.materials),
-                data={"material": name},
-            )
-        )

@@ -133,7 +133,7 @@ class Paths:
             )
             raise mesh.error(message, hint)
         message = f"its visual mesh `{path}` is missing (line {mesh.line}); nothing is drawn for it"
-        return MISSING(mesh.subject, message, hint=MISSING.remedy, data={"mesh": path})
+        return MISSING(mesh.subject, message, data={"mesh": path})
 
     def findings(self) -> Iterator[Finding]:
         """One for each kind of name that not every reader would have followed."""
@@ -142,7 +142,6 @@ class Paths:
             yield TAKEN(
                 "robot",
                 f"{assumption}, {len(taken)} times: first `{uri}` (line {line}) for `{path}`",
-                hint=TAKEN.remedy,
                 severity="warning" if kind.startswith("/") or kind == "file" else "info",
                 data={"uri": uri, "path": path, "count": len(taken)},
             )

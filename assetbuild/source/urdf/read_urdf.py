@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Iterator
-from dataclasses import asdict
 from pathlib import Path
 
 from pydantic import Field
@@ -14,6 +13,7 @@ from assetbuild.engine.step import Files, Limits, Step
 from assetbuild.findings import Finding, Rule
 from assetbuild.robot.codec import encode
 from assetbuild.robot.model import Base, Joint, Tree
+from assetbuild.robot.shapes import SourceShapes
 from assetbuild.source.urdf.joints import build_tree, read_joint
 from assetbuild.source.urdf.links import Geometries, named, read_body, read_shapes
 from assetbuild.source.urdf.paths import Paths
@@ -39,7 +39,7 @@ STRAY = Rule(
     ("warning", "info"),
     "an element of the format is misplaced and ignored (an `<inertial>` outside of its "
     "link), and no reader counts it (info: it weighs, touches and moves nothing)",
-    "move the element into the link or joint that it is part of",
+    "move it into the <link> or <joint> that it is part of",
 )
 WORLD_JOINT = Rule(
     "urdf.world.floating",
@@ -47,7 +47,7 @@ WORLD_JOINT = Rule(
     "a floating joint holds the robot to an empty root link: the link below is the floating base",
     "nothing; where it starts stands in the recipe's keyframes",
 )
-NAMELESS = Rule("urdf.name.missing", "info", "`<robot>` has no name", "give it one")
+NAMELESS = Rule("urdf.name.missing", "info", "`<robot>` has no name", 'write <robot name="...">')
 
 _WHOSE = ("name", "reference")
 SHOWN = 6
@@ -91,12 +91,13 @@ class ReadUrdf(Step):
         paths = Paths(self.file, self.packages, self.relative_to, self.absolute, self.missing)
         geometries = read_shapes(root, links, paths)
         joints, findings = _read_joints(root, dict(links))
-        name, unnamed = _robot_name(root)
+        name = (root.get("name") or "").strip()
+        unnamed = [] if name else [NAMELESS("robot", "<robot> has no name; it is called `robot`")]
         if not root.all("link"):
             hint = "is this the right file? A xacro of macros alone is included by another one"
             raise root.error("a robot without links", hint)
         nodes = {f"{n.tag} {n.get('name')}": n for n in root.all("link") + root.all("joint")}
-        tree, held = build_tree(name, self.base, bodies, joints, nodes)
+        tree, held = build_tree(name or "robot", self.base, bodies, joints, nodes)
         _write(files, tree, geometries, self._source_map(root, nodes, geometries))
         (files.outputs / "source.urdf").write_bytes(canonical(root))
         yield from [
@@ -115,7 +116,7 @@ class ReadUrdf(Step):
         lines = {"robot": root.line}
         lines |= {subject: node.line for subject, node in nodes.items()}
         lines |= geometries.lines
-        lines |= {f"mesh {use.path}": use.line for use in geometries.meshes}
+        lines |= {f"mesh {path}": int(use["line"]) for path, use in geometries.uses.items()}
         lines |= {f"element {kind}": nodes[0].line for kind, nodes in homeless(root).items()}
         lines |= {f"element {stray.tag}": stray.line for stray in reversed(strays(root))}
         return {"file": self.file, "lines": lines}
@@ -152,15 +153,6 @@ def without_meshes(file: Path, urdf: bytes, base: Base = "fixed") -> ReadUrdf:
     named = re.findall(rb"package:/*([A-Za-z0-9_.-]+)", urdf)
     packages = {name.decode(): "." for name in named}
     return ReadUrdf(file=str(file.absolute()), base=base, packages=packages)
-
-
-def _robot_name(root: Node) -> tuple[str, list[Finding]]:
-    name = (root.get("name") or "").strip()
-    if name:
-        return name, []
-    message = "<robot> has no name; it is called `robot`"
-    hint = 'write <robot name="...">'
-    return "robot", [NAMELESS("robot", message, hint)]
 
 
 def _dropped(root: Node) -> Iterator[Finding]:
@@ -214,7 +206,6 @@ def _strays(root: Node) -> Iterator[Finding]:
             f"element {tag}",
             f"<{tag}>{weighs} on line {stray.line} is misplaced and ignored, as by every "
             "other reader",
-            hint="move it into the <link> or <joint> that it is part of",
             severity="info" if tag in HARMLESS else "warning",
             data={"element": tag, "line": stray.line, "mass_kg": value},
         )
@@ -222,9 +213,10 @@ def _strays(root: Node) -> Iterator[Finding]:
 
 def _write(files: Files, tree: Tree, geometries: Geometries, source_map: dict[str, object]) -> None:
     out = files.outputs
+    shapes = SourceShapes(tuple(geometries.shapes), tuple(geometries.materials.values()))
     (out / "links.json").write_bytes(encode(tree))
-    (out / "shapes.json").write_bytes(encode(geometries.shapes))
-    meshes = [asdict(use) for use in geometries.meshes]
+    (out / "shapes.json").write_bytes(encode(shapes))
+    meshes = [use for _, use in sorted(geometries.uses.items())]
     for name, value in (("meshes.json", meshes), ("source_map.json", source_map)):
         text = json.dumps(value, sort_keys=True, indent=1)
         (out / name).write_text(text + "\n", encoding="ascii")

@@ -165,13 +165,13 @@ def _walked(root: Node, row: Sloppy) -> Iterator[Finding]:
         fixes += [(text, {"line": node.line, **data}) for text, data in row.mend(node)]
         if not row.summed:
             subject = node.subject or "robot"
-            yield from (row.rule(subject, text, row.rule.remedy, data=data) for text, data in fixes)
+            yield from (row.rule(subject, text, data=data) for text, data in fixes)
             fixes.clear()
     if fixes:
         (first, data), times = fixes[0], f"{len(fixes)} times" if len(fixes) > 1 else "once"
         message = f"{row.summed}, {times} (line {data['line']}: `{first}`)"
         counted = {"count": len(fixes), "line": data["line"]}
-        yield row.rule("robot", message, row.rule.remedy, data=counted)
+        yield row.rule("robot", message, data=counted)
 
 
 # --- text and numbers -----------------------------------------------------------------------
@@ -211,7 +211,7 @@ def _same_materials(root: Node) -> Iterator[Finding]:
         if name in seen and seen[name] == look:
             material.remove()
             text, data = _repeated(root, material)
-            yield REPEATED(f"material {name}", text, REPEATED.remedy, data=data)
+            yield REPEATED(f"material {name}", text, data=data)
         seen.setdefault(name, look)
 
 

@@ -120,7 +120,7 @@ def _run(job: dict[str, Any], guard: Guard) -> dict[str, object]:  # Any: JSON
         xacro.process_doc(document, mappings=dict(job["args"]))
         text = document.toprettyxml(indent="  ")
     except Exception as error:
-        return _told(error, guard, packages) | _stacks(guard)
+        return _told(error, guard) | _stacks(guard)
     if guard.refused:  # and excused by xacro, as in an optional include
         return {"error": guard.refused[0]} | _stacks(guard)
     used = {"files": _read_by(guard), "packages": sorted(guard.packages)}
@@ -196,7 +196,7 @@ def _read_by(guard: Guard) -> list[str]:
     return sorted(path for path in guard.used if os.path.isfile(path))  # noqa: PTH113
 
 
-def _told(error: Exception, guard: Guard, packages: dict[str, str]) -> dict[str, object]:
+def _told(error: Exception, guard: Guard) -> dict[str, object]:
     """An exception as plain data: message, and the line where one is known."""
     cause = _innermost(error)
     line = int(getattr(cause, "lineno", 0) or 0)
@@ -206,8 +206,7 @@ def _told(error: Exception, guard: Guard, packages: dict[str, str]) -> dict[str,
         text = f"not readable as YAML: {getattr(cause, 'problem', None) or cause}"
         return {"error": text, "line": line, "file": guard.inside(str(mark.name))}
     if guard.refused:
-        known = sorted(packages) if "`$(find" in guard.refused[0] else []
-        return {"error": guard.refused[0], "line": line, "packages": known}
+        return {"error": guard.refused[0], "line": line}
     if isinstance(cause, MemoryError):
         return {"error": f"it ran over its memory limit of {MEMORY_BYTES >> 20} MB", "line": 0}
     if isinstance(cause, RecursionError):
