@@ -41,20 +41,20 @@ BETWEEN = Rule(
     "inertia.massless_intermediate_link",
     "info",
     "a massless link between two joints: in MJCF one body has several joints",
-    "for USD the edit `share_mass`",
+    "the edit `share_mass` moves a little mass here",
 )
 MASS = Rule(
     "inertia.mass",
     ("error", "warning"),
     "the mass is not positive (a warning in the source)",
-    "give the real mass",
+    "give it its real one: edit `set_mass`, or `inertia_from_geometry` with a density",
 )
 POSITIVE = Rule(
     "inertia.positive",
     ("error", "warning", "info"),
     "a principal moment is not positive (a warning in the source; info there for a link below 1 g, "
     "and for a point mass that never moves alone)",
-    "give the real tensor",
+    "a dummy, or a wrong sign? `edits: inertia_from_geometry` replaces it",
 )
 TRIANGLE = Rule(
     "inertia.triangle",
@@ -67,27 +67,27 @@ PSEUDO = Rule(
     "inertia.pseudo",
     ("warning", "info"),
     "all of the mass lies in a plane (info in the source)",
-    "give the body thickness",
+    "a real part has thickness; randomised or identified masses can turn invalid",
 )
 RADIUS = Rule(
     "inertia.radius",
     ("warning", "info"),
     "the inertia is that of a ball of more than 0.5 m radius: much for the mass, though every "
     "simulator takes it",
-    "check the units",
+    "are the units kg m² (not kg mm² or g cm²), and the tensor about the centre of mass?",
 )
 DENSE = Rule(
     "inertia.dense",
     ("warning", "info", "error"),
     "the inertia is less than that of the densest matter (an error where MuJoCo refuses it: "
     "under 1e-15 kg m²)",
-    "`inertia_from_geometry`",
+    "is it a dummy value? `inertia_from_geometry` computes it from the shapes",
 )
 MASS_SMALL = Rule(
     "inertia.mass_small",
     ("warning", "info"),
     "a moving body weighs less than 1 g (info in the source, and where an edit gave it that mass)",
-    "merge it, or give its real mass",
+    "merge it into a neighbour, or give it its real mass",
 )
 
 
@@ -167,7 +167,6 @@ def _between(subject: str, chain: Chain) -> Finding:
         subject,
         f"a massless link between the joints of `{chain.body}` ({', '.join(joints)}): "
         "exact in URDF and MJCF, but PhysX wants mass on every body",
-        "the edit `share_mass` moves a little mass here",
         data={"joints": joints, "body": chain.body},
     )
 
@@ -202,15 +201,12 @@ class MassProperties:
         mass, worst = self.inertial.mass_kg, self.worst
         if mass <= 0.0:
             message = f"mass is {mass:g} kg"
-            hint = "give it its real one: edit `set_mass`, or `inertia_from_geometry` with a "
-            hint += "density"
-            yield MASS(self.subject, message, hint, severity=worst, data=self.data)
+            yield MASS(self.subject, message, severity=worst, data=self.data)
             return
         if mass < self.bounds.small_mass:
             message = f"mass is only {mass:g} kg"
-            hint = "merge it into a neighbour, or give it its real mass"
             data = {"mass_kg": mass, "bound_kg": self.bounds.small_mass}
-            yield MASS_SMALL(self.subject, message, hint, severity=_below(worst), data=data)
+            yield MASS_SMALL(self.subject, message, severity=_below(worst), data=data)
         broken = self._broken()
         if broken:
             yield broken
@@ -222,10 +218,9 @@ class MassProperties:
         shown = f"({a:.4g}, {b:.4g}, {c:.4g}) kg m²"
         if a <= SINGULAR * abs(c):
             message = f"principal moments {shown} are not all positive"
-            hint = "a dummy, or a wrong sign? `edits: inertia_from_geometry` replaces it"
             dummy = self.worst == "warning" and self.inertial.mass_kg < self.bounds.small_mass
             severity: Severity = "info" if dummy else self.worst
-            return POSITIVE(self.subject, message, hint, severity=severity, data=self.data)
+            return POSITIVE(self.subject, message, severity=severity, data=self.data)
         violation = triangle_violation(self.inertial.inertia_com_kg_m2)
         if violation > TRIANGLE_ROUNDING:
             severity = self.worst if violation > self.bounds.triangle_slack else "warning"
@@ -237,9 +232,8 @@ class MassProperties:
         least = least_second_moment(self.inertial.inertia_com_kg_m2)
         if least <= ROUNDING * c:
             message = f"its pseudo-inertia is singular: all mass lies in a plane, moments {shown}"
-            hint = "a real part has thickness; randomised or identified masses can turn invalid"
             data = self.data | {"least_second_moment_kg_m2": least}
-            return PSEUDO(self.subject, message, hint, severity=_below(self.worst), data=data)
+            return PSEUDO(self.subject, message, severity=_below(self.worst), data=data)
         return None
 
     def _size(self, radius: float) -> Iterator[Finding]:
@@ -250,14 +244,11 @@ class MassProperties:
             also = f"; MuJoCo refuses moments below {LEAST_MOMENT_KG_M2:g} kg m²"
             message = f"{mass:g} kg with the inertia of a ball of {radius:.3g} m radius: denser "
             message += "than any matter" + also * refused
-            hint = "is it a dummy value? `inertia_from_geometry` computes it from the shapes"
             severity = self.worst if refused else _below(self.worst)
-            yield DENSE(self.subject, message, hint, severity=severity, data=data)
+            yield DENSE(self.subject, message, severity=severity, data=data)
         if radius > bounds.radius * (1.0 + ROUNDING):
             message = f"its inertia is that of a ball of {radius:.3g} m radius with {mass:g} kg"
-            hint = "are the units kg m² (not kg mm² or g cm²), and the tensor about the centre of "
-            hint += "mass?"
-            yield RADIUS(self.subject, message, hint, data=data)
+            yield RADIUS(self.subject, message, data=data)
 
 
 def _below(worst: Severity) -> Severity:

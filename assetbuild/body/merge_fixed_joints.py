@@ -16,7 +16,7 @@ FIXED_JOINTS = Rule(
     "merge.fixed_joints",
     "info",
     "links became frames of another body",
-    "`keep_bodies` keeps a link as a body",
+    "name a link in `fixed_joints.keep_bodies` to keep it as a body of its own",
 )
 PLACEHOLDER_ROOT = Rule(
     "merge.placeholder_root",
@@ -60,7 +60,6 @@ class MergeFixedJoints(Step):
                 "robot",
                 f"links that fixed joints hold became frames ({len(merged)}: {names}); "
                 f"bodies that remain: {len(tree.bodies)}",
-                hint="name a link in `fixed_joints.keep_bodies` to keep it as a body of its own",
                 data={"bodies": len(tree.bodies), "links": merged},
             )
 

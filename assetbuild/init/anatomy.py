@@ -163,10 +163,9 @@ def _alone(tree: Tree, role_of: Mapping[str, Role]) -> Iterator[str]:
 def limb_of(tree: Tree, joint: Joint) -> str:
     """The body after the last branch above a joint: fingers are limbs of their own."""
     children = Counter(other.parent for other in tree.moving_joints)
-    for above in reversed(chain_to(tree, joint.child)):
-        if children[above.parent] > 1 or above.parent == tree.root:
-            return above.child
-    return joint.child
+    chain = chain_to(tree, joint.child)
+    branching = (j for j in chain[::-1] if children[j.parent] > 1 or j.parent == tree.root)
+    return next(branching).child
 
 
 def _is_small(tree: Tree, body: str) -> bool:

@@ -12,7 +12,7 @@ from assetbuild.facts.derived import SOLIMP
 from assetbuild.init.anatomy import Anatomy, roles
 from assetbuild.init.draft import Draft, inline, patterns_of
 from assetbuild.init.home import Pair
-from assetbuild.init.look import InspectedRobot
+from assetbuild.init.look import InspectedRobot, points_of
 from assetbuild.init.tune import Tuning
 from assetbuild.robot.contact import Contact
 from assetbuild.robot.model import Control, Mimic, Tree
@@ -153,7 +153,7 @@ def _is_ball(robot: InspectedRobot, shape: SourceShape) -> bool:
     """Whether the mesh's extents, m, differ by less than BALL; a mesh that init leaves unread."""
     if not isinstance(shape.geometry, MeshFile):
         return False
-    points = robot.points_of(shape.geometry)
+    points = points_of(robot.root, shape.geometry)
     if points is None:
         return True
     extents = np.ptp(points, axis=0)

@@ -38,7 +38,7 @@ from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.inertia import principal_moments
 from assetbuild.robot.model import Base, Tree
 from assetbuild.robot.pose import Array
-from assetbuild.robot.shapes import MeshFile, SourceShape, SourceShapes
+from assetbuild.robot.shapes import MeshFile, SourceGeometry, SourceShapes
 from assetbuild.robot.tree import merge_fixed_joints
 from assetbuild.source.urdf.joints import LIMIT_OMITTED
 from assetbuild.source.urdf.read_urdf import WORLD_JOINT
@@ -90,17 +90,14 @@ class InspectedRobot:
         """The links that became one body."""
         return [name for name in self.links.by_body if self.tree.placement(name)[0] == body]
 
-    def points_of(self, mesh: MeshFile) -> Array | None:
-        """See `mesh_points`."""
-        return mesh_points(self.root, mesh)
-
     def clouds_of(self, body: str) -> Iterator[Array]:
         """(n, 3) m, in the frame of the body: all points that collide, then all that are drawn."""
         links = set(self.links_of(body))
         for role in ("collision", "visual"):
             clouds = []
             for shape in self.shapes.of(role):
-                if shape.link in links and (points := _points(self.root, shape)) is not None:
+                points = points_of(self.root, shape.geometry) if shape.link in links else None
+                if points is not None:
                     X_body_link = self.tree.placement(shape.link)[1]
                     clouds.append((X_body_link @ shape.X_link_shape).apply(points))
             if clouds:
@@ -108,14 +105,13 @@ class InspectedRobot:
 
     def is_flat(self, mesh: MeshFile) -> bool:
         """Whether the mesh can be read and spans no volume."""
-        points = self.points_of(mesh)
-        return points is not None and not spans_volume(points)
-
-
-def _points(root: Path, shape: SourceShape) -> Array | None:
-    if isinstance(shape.geometry, MeshFile):
-        return mesh_points(root, shape.geometry)
-    return tessellate(shape.geometry).vertices
+        points = points_of(self.root, mesh)
+        try:
+            if points is not None:
+                refuse_flat(points, "points")
+        except StepError:
+            return True
+        return False
 
 
 def look(source: UrdfSource) -> InspectedRobot:
@@ -161,10 +157,12 @@ LARGEST = 16 << 20
 """A mesh of more bytes is left to the build, which reads it in a process of its own."""
 
 
-def mesh_points(root: Path, mesh: MeshFile) -> Array | None:
-    """See `scaled_points`; None for a mesh that `mesh_of` leaves unread."""
-    read = mesh_of(root, mesh)
-    return None if read is None else scaled_points(read, mesh)
+def points_of(root: Path, geometry: SourceGeometry) -> Array | None:
+    """(n, 3) m, in the frame of the shape; None for a mesh that `mesh_of` leaves unread."""
+    if not isinstance(geometry, MeshFile):
+        return tessellate(geometry).vertices
+    read = mesh_of(root, geometry)
+    return None if read is None else scaled_points(read, geometry)
 
 
 def scaled_points(read: SourceMesh, mesh: MeshFile) -> Array:
@@ -172,15 +170,6 @@ def scaled_points(read: SourceMesh, mesh: MeshFile) -> Array:
     used = [part.mesh.vertices[np.unique(part.mesh.faces)] for part in read.parts]
     points: Array = np.concatenate(used) * np.array(mesh.scale)
     return points
-
-
-def spans_volume(points: Array) -> bool:
-    """Whether points (n, 3) have a hull."""
-    try:
-        refuse_flat(points, "points")
-    except StepError:
-        return False
-    return True
 
 
 def mesh_of(root: Path, mesh: MeshFile, up_axis: UpAxis = "ignore") -> SourceMesh | None:
@@ -287,24 +276,13 @@ class Weighed:
         """Points by link; none of a link with a shape that cannot be read."""
         clouds: dict[str, list[Array | None]] = {}
         for shape in self.robot.shapes.shapes:
-            points = (
-                self._points_of(shape.geometry)
-                if isinstance(shape.geometry, MeshFile)
-                else tessellate(shape.geometry).vertices
-            )
+            points = _corners(self.robot.root, shape.geometry)
             arrays = clouds.setdefault(shape.link, [])
             arrays.append(None if points is None else shape.X_link_shape.apply(points))
         return {
             link: [] if any(p is None for p in arrays) else [p for p in arrays if p is not None]
             for link, arrays in clouds.items()
         }
-
-    def _points_of(self, mesh: MeshFile) -> Array | None:
-        try:
-            stamp = (self.robot.root / mesh.path).stat()
-        except OSError:
-            return None
-        return _hull_points(self.robot.root, mesh, (stamp.st_mtime_ns, stamp.st_size))
 
     def findings(self) -> tuple[Finding, ...]:
         """What a build will find contradicted."""
@@ -342,8 +320,19 @@ class Weighed:
         return largest > FACTOR * inertial.mass_kg * reach**2
 
 
+def _corners(root: Path, geometry: SourceGeometry) -> Array | None:
+    """(n, 3) m, of a primitive or of a mesh's hull; None where it cannot be read."""
+    if not isinstance(geometry, MeshFile):
+        return points_of(root, geometry)
+    try:
+        stamp = (root / geometry.path).stat()
+    except OSError:
+        return None
+    return _hull_points(root, geometry, (stamp.st_mtime_ns, stamp.st_size))
+
+
 @lru_cache(maxsize=1024)
 def _hull_points(root: Path, mesh: MeshFile, stamp: tuple[int, int]) -> Array | None:
-    """Corners (n, 3) of a mesh's hull, m; None where it cannot be read. stamp: of its file."""
-    points = mesh_points(root, mesh)
+    """See `_corners`. stamp: of its file."""
+    points = points_of(root, mesh)
     return None if points is None else extent_of([points]).points

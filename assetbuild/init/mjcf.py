@@ -37,7 +37,7 @@ from assetbuild.init.sections import (
     put_validation,
 )
 from assetbuild.init.strength import bounds, with_efforts
-from assetbuild.init.trial import Trial, staged, tables
+from assetbuild.init.trial import Trial, staged
 from assetbuild.init.tune import Tuning, tune
 from assetbuild.robot.files import RobotFiles, SourceControl
 from assetbuild.robot.loops import path_of
@@ -242,12 +242,13 @@ def _tuned(source: MjcfSource, anatomy: Anatomy) -> Tuning:
     robot, control = source.robot, source.control
     rotors = {actuator.joint: actuator.armature for actuator in control.actuators}
     with staged(robot, soles_of(robot, anatomy), whole=False) as stage:
-
-        def attempt(tuning: Tuning) -> Trial:
-            step = {"timestep": tuning.timestep}
-            return stage.attempt(tables(robot.tree, tuning.drives, tuning.pose, step))
-
-        return tune(robot.tree, anatomy, attempt, rotors, control.simulation.timestep)[0]
+        return tune(
+            robot.tree,
+            anatomy,
+            lambda tuning: stage.attempt(tuning.drives, tuning.pose, tuning.timestep),
+            rotors,
+            control.simulation.timestep,
+        )[0]
 
 
 def _pose(source: MjcfSource, anatomy: Anatomy, tuning: Tuning | None) -> Mapping[str, float]:
@@ -359,11 +360,10 @@ def _stood(source: MjcfSource, anatomy: Anatomy) -> tuple[Trial | None, float]:
         return None, 0.0
     if named and "home" not in named:
         return None, 0.0
-    step = {"timestep": control.simulation.timestep}
     home = control.initial_keyframe
     pose = dict(home.joints) if home else home_pose(robot.tree, legs)
     with staged(robot, [sole for leg in legs for sole in leg.soles], whole=False) as stage:
-        trial = stage.attempt(tables(robot.tree, (), pose, step), control)
+        trial = stage.attempt((), pose, control.simulation.timestep, driven_by=control)
         if home is None or home.base is None or home.turns or control.loops:
             return trial, 0.0
         ground = Ground(robot.tree, stage.shapes, stage.ports.folder / "meshes")

@@ -195,13 +195,8 @@ def common_folder(
         for uri, _ in uses
         if ":" not in uri and not uri.startswith("/")
     ]
-    try:
-        return Path(
-            os.path.commonpath([file.parent, *folders, *relative, *([start] if start else [])])
-        )
-    except ValueError:  # another drive
-        message = "the URDF and its packages share no folder"
-        raise UsageError(message, hint="copy them below one folder") from None
+    begin = [start] if start else []
+    return Path(os.path.commonpath([file.parent, *folders, *relative, *begin]))
 
 
 SHORTEST = 2

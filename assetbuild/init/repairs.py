@@ -332,16 +332,12 @@ def _convert(edit: Edit, robot: InspectedRobot, ports: Scratch) -> None:
         path = robot.root / shape.geometry.path
         if path.stat().st_size > LARGEST or path.suffix.lower() not in FORMATS:
             raise OSError(f"left to the build: {shape.geometry.path}")
-        with scratch() as mesh_ports:
-            mesh_ports.put("mesh", path.read_bytes())
-            convert = ConvertMesh(
-                format=FORMATS[path.suffix.lower()],
-                scale=shape.geometry.scale,
-                up_axis="honour" if shape.geometry.path in robot.turned else "ignore",
-                subject=shape.name,
-            )
-            mesh_ports.run(convert)
-            folder = ports.folder / "mesh" / str(index)
-            folder.mkdir(parents=True)
-            (mesh_ports.folder / "parts").rename(folder / "parts")
-            (mesh_ports.folder / "mesh.json").rename(folder / "mesh.json")
+        mesh_ports = Scratch(ports.folder / "mesh" / str(index))
+        mesh_ports.put("mesh", path.read_bytes())
+        convert = ConvertMesh(
+            format=FORMATS[path.suffix.lower()],
+            scale=shape.geometry.scale,
+            up_axis="honour" if shape.geometry.path in robot.turned else "ignore",
+            subject=shape.name,
+        )
+        mesh_ports.run(convert)

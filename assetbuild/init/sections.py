@@ -37,7 +37,7 @@ from assetbuild.init.packages import lacking
 from assetbuild.init.repairs import guessed_masses, mended, put_repairs, repairs, unmended
 from assetbuild.init.source import UrdfSource
 from assetbuild.init.strength import MARGIN, ROTOR_RULE, is_locked, resting
-from assetbuild.init.trial import Trial, staged, tables
+from assetbuild.init.trial import Trial, staged
 from assetbuild.init.tune import LIGHT_KG, Tuning, tune
 from assetbuild.init.up_axis import put_up_axis, turned
 from assetbuild.recipe.loader import shown_path
@@ -95,13 +95,13 @@ def urdf_recipe(
     soles = soles_of(whole, anatomy)
     exclude = Exclude(adjacent=True, pairs=tuple(compound_pairs(robot.tree, anatomy.size_m)))
     with staged(whole, soles) as stage:
-
-        def attempt(tuning: Tuning) -> Trial:
-            step = {"timestep": tuning.timestep}
-            return stage.attempt(tables(tree, tuning.drives, tuning.pose, step, exclude))
-
         depths = stage.depths(exclude)
-        tuning, trial = tune(tree, anatomy, attempt, depths=depths)
+        tuning, trial = tune(
+            tree,
+            anatomy,
+            lambda tuning: stage.attempt(tuning.drives, tuning.pose, tuning.timestep, exclude),
+            depths=depths,
+        )
         left = {p: d for p, d in depths(tuning.pose).items() if d > DEEP_M}
         inside = made_so(tree, depths, tuning.pose)
     unknown = [f"{f.message} ({f.hint})" for f in invented(whole.links, guessed_masses(edits))]

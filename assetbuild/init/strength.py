@@ -107,18 +107,11 @@ def strengthened(tree: Tree, anatomy: Anatomy) -> tuple[Tree, dict[str, Guess]]:
         if not reason or is_locked(joint):
             continue
         effort = rounded_up(physics[name])
-        if stays_passive(tree, _silent(joint), anatomy):
+        if stays_passive(tree, joint, anatomy):
             idle[name] = 0.0
         elif effort != joint.limits.effort:
             guesses[name] = Guess(effort, reason, parts[name])
     return with_efforts(tree, {n: guess.effort for n, guess in guesses.items()} | idle), guesses
-
-
-def _silent(joint: Joint) -> Joint:
-    """The joint without an effort that cannot be meant; 0 is one that some springs have."""
-    return (
-        replace(joint, limits=replace(joint.limits, effort=None)) if joint.limits.effort else joint
-    )
 
 
 def with_efforts(tree: Tree, efforts: Mapping[str, float | None]) -> Tree:
@@ -176,15 +169,15 @@ def is_locked(joint: Joint) -> bool:
 
 
 def stays_passive(tree: Tree, joint: Joint, anatomy: Anatomy) -> bool:
-    """A caster, whatever it states; a spring, by its name or as the last of a driven leg.
+    """A caster; a spring, by its name or as the last of a driven leg.
+
+    joint: one that states no effort, 0, or what cannot be meant.
 
     Cassie's heel springs state an effort of 0 where its motors state theirs.
     """
     part = anatomy.turning.get(joint.name)
     if part is not None and part.role == "caster":
         return True
-    if joint.limits.effort:
-        return False
     if _IDLE.fullmatch(joint.name) or _IDLE.fullmatch(joint.child):
         return True
     above = [other for other in chain_to(tree, joint.child) if other is not joint]

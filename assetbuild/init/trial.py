@@ -32,7 +32,7 @@ from assetbuild.robot.codec import encode
 from assetbuild.robot.contact import Exclude
 from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.mimic import with_mimics
-from assetbuild.robot.model import Control, Tree
+from assetbuild.robot.model import Control
 from assetbuild.robot.pose import Array
 from assetbuild.robot.sections import Keyframe, Simulation
 from assetbuild.robot.shapes import Geometry, Mesh, MeshAsset, MeshFile, Shape, Shapes, SourceShape
@@ -53,8 +53,6 @@ PUSHED_RAD = JUDGE.max_tilt / 2.0
 """Tilt of the base at which `init` asks whether overlapping bodies push the robot askew."""
 
 ADJACENT = Exclude(adjacent=True)
-Pairs = Mapping[tuple[str, str], float]
-"""Two bodies -> how deep one is inside the other at home, m."""
 
 
 @dataclass(frozen=True)
@@ -65,7 +63,8 @@ class Trial:
     off: centre of mass beyond the middle of what stands on the floor at the start, x and y, m.
     errors: what the checks say of drives and pose that a build would stop at.
     refused: the key of the recipe that no build takes, and why.
-    overlaps: bodies whose hulls must not collide, for else the robot falls or leans.
+    overlaps: bodies whose hulls must not collide, for else the robot falls or leans, and how deep
+    one is inside the other at home, m.
     tried: what did not make it stand, each with what it did then.
     points: whether its feet touch the floor in points that span no area, so that no drive keeps it.
     """
@@ -76,7 +75,7 @@ class Trial:
     off: tuple[float, float] = (0.0, 0.0)
     errors: tuple[Finding, ...] = ()
     refused: RowError | None = None
-    overlaps: Pairs = field(default_factory=dict)
+    overlaps: Mapping[Pair, float] = field(default_factory=dict)
     tried: tuple[str, ...] = ()
     points: bool = False
 
@@ -100,11 +99,32 @@ class Stage:
     ports: Scratch
     whole: bool
 
-    def attempt(self, control: ControlStep, driven_by: Control | None = None) -> Trial:
-        """Two seconds at `home`. control: the tables of the recipe.
+    def attempt(
+        self,
+        drives: Sequence[DriveRow],
+        pose: Mapping[str, float],
+        timestep: float,
+        exclude: Exclude = ADJACENT,
+        driven_by: Control | None = None,
+    ) -> Trial:
+        """Two seconds at `home`, with the tables of the recipe, a row for each drive's pattern.
 
         driven_by: the drives of a source that has its own, which are not judged here.
         """
+        everything = [joint.name for joint in self.robot.tree.moving_joints]
+        rows = [
+            ActuatorRow.model_validate({"joints": pattern, **row.keys})
+            for row in drives
+            for pattern in patterns_of(row.joints, everything)
+        ]
+        joints = {re.escape(name): value for name, value in pose.items()}
+        home = Keyframe.model_validate({"base": "on_ground", "joints": joints})
+        control = ControlStep(
+            rows=tuple(rows),
+            keyframes={"home": home},
+            simulation=Simulation(timestep=timestep),
+            exclude=exclude,
+        )
         try:
             findings = list(self.ports.run(control))
             made = RobotFiles(self.ports.folder).control
@@ -221,30 +241,6 @@ def staged(robot: InspectedRobot, soles: Sequence[str], *, whole: bool = True) -
     links = sorted(robot.solid_links | set(soles))
     with scratch() as ports:
         yield Stage(robot, soles, _laid_out(robot, links, ports), ports, whole)
-
-
-def tables(
-    tree: Tree,
-    drives: Sequence[DriveRow],
-    pose: Mapping[str, float],
-    simulation: Mapping[str, object],
-    exclude: Exclude = ADJACENT,
-) -> ControlStep:
-    """The step that a build of the recipe would run, with a row for each drive's pattern."""
-    everything = [joint.name for joint in tree.moving_joints]
-    rows = [
-        ActuatorRow.model_validate({"joints": pattern, **row.keys})
-        for row in drives
-        for pattern in patterns_of(row.joints, everything)
-    ]
-    joints = {re.escape(name): value for name, value in pose.items()}
-    home = Keyframe.model_validate({"base": "on_ground", "joints": joints})
-    return ControlStep(
-        rows=tuple(rows),
-        keyframes={"home": home},
-        simulation=Simulation.model_validate(simulation),
-        exclude=exclude,
-    )
 
 
 def _laid_out(robot: InspectedRobot, links: Sequence[str], ports: Scratch) -> Shapes:

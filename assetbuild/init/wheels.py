@@ -48,10 +48,6 @@ _SPINNER = re.compile(
 )
 
 
-Height = Callable[[], float]
-"""Height of the robot's lowest point, m; its meshes are read when it is first asked for."""
-
-
 @dataclass(frozen=True)
 class Turning:
     """What a joint that turns without end carries. radius_m: about its axis, 0 without a shape."""
@@ -96,8 +92,8 @@ def what_turns(robot: InspectedRobot) -> dict[str, Turning]:
         return {}
     at_zero = forward_kinematics(robot.tree, {})
     discs = [_disc(robot, at_zero, joint, free) for joint in free]
-    ground = cache(lambda: _ground(robot, at_zero))
-    wheels = _wheels(discs, ground)
+    # Its meshes are read when the height of its lowest point is first asked for.
+    wheels = _wheels(discs, cache(lambda: _ground(robot, at_zero)))
     turning = {disc.joint.name: Turning("wheel", disc.radius) for disc in wheels}
     turning |= _followers(robot.tree, at_zero, wheels, discs)
     others = [disc for disc in discs if disc.is_last and disc.joint.name not in turning]
@@ -124,7 +120,7 @@ def turns_freely(robot: InspectedRobot, joint: Joint) -> bool:
 # --- wheels ---------------------------------------------------------------------------------
 
 
-def _wheels(discs: Sequence[_Disc], ground: Height) -> list[_Disc]:
+def _wheels(discs: Sequence[_Disc], ground: Callable[[], float]) -> list[_Disc]:
     """Discs that roll on the ground; the topmost of each chain, as a wheel may carry rollers."""
     level = [disc for disc in discs if disc.is_level and disc.is_last]
     named = [disc for disc in level if _WHEEL.fullmatch(disc.name)]
@@ -136,7 +132,7 @@ def _wheels(discs: Sequence[_Disc], ground: Height) -> list[_Disc]:
     return [disc for disc in wheels if disc.joint.parent not in above]
 
 
-def _touches(disc: _Disc, ground: Height) -> bool:
+def _touches(disc: _Disc, ground: Callable[[], float]) -> bool:
     return disc.lowest - ground() <= ON_GROUND * disc.radius
 
 

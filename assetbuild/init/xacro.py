@@ -8,7 +8,7 @@ from __future__ import annotations
 import json
 import os
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass, field
 from itertools import chain
 from pathlib import Path
@@ -60,78 +60,69 @@ def expand(file: Path, stated: Mapping[str, Path], args: Mapping[str, str]) -> E
     file: real path. A package that it asks for is found by expanding it again and again. One that
     is found nowhere is an error only where the robot needs its files.
     """
-    attempt = _Attempt(file, dict(stated), args)
+    folders, absent = dict(stated), list[str]()
     for _ in range(MOST_TRIES):
         try:
-            return attempt.run()
+            return _expanded(file, folders, args, absent)
         except SourceError as error:
-            attempt.mend(error)
+            _mend(error, file, folders, absent)
     raise SourceError(f"it asks for more than {MOST_TRIES} things by computed names")
 
 
-@dataclass
-class _Attempt:
-    """One expansion; what it lacked is given to the next."""
+def _expanded(
+    file: Path, folders: Mapping[str, Path], args: Mapping[str, str], missing: Collection[str]
+) -> Expanded:
+    """One expansion. missing: packages that were found nowhere."""
+    root = common_folder(file, folders.values(), [])
+    step = ExpandXacro(
+        file=file.relative_to(root).as_posix(),
+        args=dict(sorted(args.items())),
+        packages={name: f.relative_to(root).as_posix() for name, f in sorted(folders.items())},
+        absent=tuple(sorted(missing)),
+    )
+    tree = (file, *_readable(file.parent), *chain(*map(_readable, folders.values())))
+    with scratch() as ports:
+        for path in tree:
+            ports.link(f"tree/{path.relative_to(root)}", path)
+        for finding in ports.run(step):
+            if finding.rule == ARGUMENT.id:
+                name = finding.data["argument"]
+                raise SourceError(f"--arg {name}: {finding.message}", hint=finding.hint)
+        urdf = ports.read("robot.urdf")
+        used = json.loads(ports.read("used.json"))
+    text, files = urdf.decode("utf-8"), [root / name for name in used["files"]]
+    needed = {
+        name: folder
+        for name, folder in folders.items()
+        if f"package://{name}/" in text
+        or name in used["packages"]
+        or any(path.is_relative_to(folder) for path in files)
+    }
+    absent = tuple(sorted({*missing} & {*used["packages"]}))
+    return Expanded(urdf, needed, _defaults([file, *files]), absent)
 
-    file: Path
-    folders: dict[str, Path]
-    args: Mapping[str, str]
-    absent: list[str] = field(default_factory=list)
 
-    @property
-    def root(self) -> Path:
-        return common_folder(self.file, self.folders.values(), [])
+def _mend(error: SourceError, file: Path, folders: dict[str, Path], absent: list[str]) -> None:
+    """Find what an expansion lacked; raise the error, in words of `init`, where that cannot be."""
+    if asked := _ASKED.search(error.message):
+        folder = find_package(asked[1], file)
+        if folder is None:
+            absent.append(asked[1])
+        else:
+            folders[asked[1]] = folder
+    elif own := _own_package(error, file, folders):
+        folders |= own
+    else:
+        raise _reworded(error)
 
-    def run(self) -> Expanded:
-        root, folders = self.root, self.folders
-        step = ExpandXacro(
-            file=self.file.relative_to(root).as_posix(),
-            args=dict(sorted(self.args.items())),
-            packages={name: f.relative_to(root).as_posix() for name, f in sorted(folders.items())},
-            absent=tuple(sorted(self.absent)),
-        )
-        tree = (self.file, *_readable(self.file.parent), *chain(*map(_readable, folders.values())))
-        with scratch() as ports:
-            for path in tree:
-                ports.link(f"tree/{path.relative_to(root)}", path)
-            for finding in ports.run(step):
-                if finding.rule == ARGUMENT.id:
-                    name = finding.data["argument"]
-                    raise SourceError(f"--arg {name}: {finding.message}", hint=finding.hint)
-            urdf = ports.read("robot.urdf")
-            used = json.loads(ports.read("used.json"))
-        text, files = urdf.decode("utf-8"), [root / name for name in used["files"]]
-        needed = {
-            name: folder
-            for name, folder in folders.items()
-            if f"package://{name}/" in text
-            or name in used["packages"]
-            or any(path.is_relative_to(folder) for path in files)
-        }
-        absent = tuple(sorted({*self.absent} & {*used["packages"]}))
-        defaults = _defaults([self.file, *files])
-        return Expanded(urdf, needed, defaults, absent)
 
-    def mend(self, error: SourceError) -> None:
-        """Find what it lacked; raise the error, in words of `init`, where that cannot be."""
-        if asked := _ASKED.search(error.message):
-            folder = find_package(asked[1], self.file)
-            if folder is None:
-                self.absent.append(asked[1])
-            else:
-                self.folders[asked[1]] = folder
-        elif not self._own_package(error):
-            raise _reworded(error)
-
-    def _own_package(self, error: SourceError) -> bool:
-        """The package that the file lies in, where it includes from there by a relative name."""
-        if "readable files" not in error.message and "declared packages" not in error.message:
-            return False
-        package = next(((f, name) for f in above(self.file) if (name := declared(f))), None)
-        if package is None or package[0] in self.folders.values() or package[1] in self.folders:
-            return False
-        self.folders[package[1]] = package[0]
-        return True
+def _own_package(error: SourceError, file: Path, folders: Mapping[str, Path]) -> dict[str, Path]:
+    """The package that the file lies in, where it includes from there by a relative name."""
+    if "readable files" not in error.message and "declared packages" not in error.message:
+        return {}
+    here, name = next(((f, name) for f in above(file) if (name := declared(f))), (file, ""))
+    known = here in folders.values() or name in folders
+    return {name: here} if name and not known else {}
 
 
 def _reworded(error: SourceError) -> SourceError:

@@ -22,16 +22,11 @@ _HUNK = re.compile(r"@@ -\d+(?:,(\d+))? \+\d+(?:,(\d+))? @@")
 
 @dataclass(frozen=True)
 class Passage:
-    """One replacement. key: of the patch in the recipe; number: of the passage, from 1."""
+    """One replacement. key: of the patch in the recipe; label: of its node."""
 
     key: Key
-    number: int
+    label: str
     step: PatchText
-
-    @property
-    def label(self) -> str:
-        """Return the label of its node."""
-        return f"patch {self.number} {self.step.file}"
 
     @property
     def moves_lines(self) -> bool:
@@ -46,11 +41,13 @@ def patch_keys(patches: Sequence[Patch], folder: Path, world: World) -> dict[str
 
 def passages(patches: Sequence[Patch], folder: Path, world: World) -> list[Passage]:
     """All of them in order. RecipeError for a diff that is none. folder: of the recipe."""
-    keyed_steps: list[tuple[Key, PatchText]] = []
+    made: list[Passage] = []
     for index, patch in enumerate(patches):
-        steps = [_of_text(patch)] if patch.diff is None else _of_diff(patch, folder, world)
-        keyed_steps += ((("source", "patches", index), step) for step in steps)
-    return [Passage(key, number, step) for number, (key, step) in enumerate(keyed_steps, start=1)]
+        own = {} if patch.diff else patch.model_dump(exclude={"diff"})
+        for step in [PatchText(**own)] if own else _of_diff(patch, folder, world):
+            label = f"patch {len(made) + 1} {step.file}"
+            made.append(Passage(("source", "patches", index), label, step))
+    return made
 
 
 def patched(patches: Sequence[Passage], texts: Mapping[str, Ref], p: Planner) -> dict[str, Ref]:
@@ -63,17 +60,6 @@ def patched(patches: Sequence[Passage], texts: Mapping[str, Ref], p: Planner) ->
             raise KeyedError(passage.key, message, did_you_mean(step.file, now))
         now[step.file] = p.add(passage.label, step, {"text": now[step.file]})["text"]
     return now
-
-
-def _of_text(patch: Patch) -> PatchText:
-    assert patch.find is not None  # noqa: S101 # so says the model
-    return PatchText(
-        file=str(patch.file),
-        find=patch.find,
-        replace=str(patch.replace),
-        times=patch.times,
-        because=patch.because,
-    )
 
 
 # --- unified diffs --------------------------------------------------------------------------

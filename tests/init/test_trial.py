@@ -15,7 +15,7 @@ from assetbuild.init.home import UPRIGHT, home_pose
 from assetbuild.init.look import InspectedRobot, judge, look
 from assetbuild.init.sections import put_validation
 from assetbuild.init.source import find_source
-from assetbuild.init.trial import Trial, staged, tables
+from assetbuild.init.trial import Trial, staged
 from assetbuild.init.tune import Tuning, tune
 from assetbuild.pipeline.recipes import load_recipe
 
@@ -33,9 +33,8 @@ def tried(robots: Path, weaker: float = 1.0, soles: tuple[str, ...] | None = Non
         for row in drive_rows(robot.tree, pose, legs)
     ]
     feet = soles if soles is not None else tuple(sole for leg in legs for sole in leg.soles)
-    control = tables(robot.tree, drives, pose, {"timestep": 0.002})
     with staged(robot, feet) as stage:
-        return stage.attempt(control)
+        return stage.attempt(drives, pose, 0.002)
 
 
 def test_a_dog_with_proper_gains_stands(robots: Path):

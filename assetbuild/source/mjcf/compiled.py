@@ -15,7 +15,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
-from assetbuild.errors import SourceError, Where
+from assetbuild.errors import SourceError, StepError, Where
 from assetbuild.lfs import refuse_pointer
 from assetbuild.robot.pose import Pose, normalised_quat, vec3
 from assetbuild.simulators.mujoco import caught_warnings
@@ -26,7 +26,6 @@ from assetbuild.source.mjcf.text import (
     named_bodies,
     of_bodies,
     own_attributes,
-    own_fault,
     remove,
     where_of,
 )
@@ -108,7 +107,10 @@ def compile_source(root: _Element, files: Mapping[str, bytes]) -> Compiled:
     try:
         places, _ = _compiled(without_meshes(bare), {})
     except SourceError as error:
-        raise own_fault(root, error.message) from None
+        message = "a bug in assetbuild: what it made of the source's text is refused: "
+        message += error.message
+        hint = "please report it with this file"
+        raise StepError(message, where=where_of(root), hint=hint) from None
     return Compiled(root, full, places, warnings)
 
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 from assetbuild.findings import Finding
-from assetbuild.robot.model import MOVING, Actuator, ActuatorModel, General, Joint, Limits, MjcfOnly
+from assetbuild.robot.model import MOVING, Actuator, ActuatorModel, General, Joint, MjcfOnly
 from assetbuild.simulators.mujoco.linear_couplings import tendon_lever
 from assetbuild.source.mjcf.compiled import Model
 from assetbuild.source.mjcf.links import HINGE, SLIDE, Links
@@ -45,7 +45,6 @@ class Drives:
     mjcf_only: list[MjcfOnly] = field(default_factory=list)
     names: list[tuple[str, str]] = field(default_factory=list)
     resting: list[tuple[str, float]] = field(default_factory=list)
-    limits: dict[str, Limits] = field(default_factory=dict)
     findings: list[Finding] = field(default_factory=list)
 
 
@@ -100,8 +99,6 @@ def read_drives(links: Links) -> Drives:
         if words_of_its_own:
             text = element_text("general", words_of_its_own)
             drives.mjcf_only.append(MjcfOnly("drive", text, name))
-        if limited.effort is not None:
-            drives.limits[name] = replace(moved.limits, effort=limited.effort)
     return drives
 
 

@@ -22,7 +22,7 @@ from assetbuild.source.mjcf.drives import Drives, read_drives
 from assetbuild.source.mjcf.links import BALL, Links, read_links
 from assetbuild.source.mjcf.opaque import attributes_of, body_element, keys, leftover, words
 from assetbuild.source.mjcf.sections import ORDER, Sections, read_sections
-from assetbuild.source.mjcf.shapes import Geoms, read_geoms
+from assetbuild.source.mjcf.shapes import read_geoms
 from assetbuild.source.mjcf.text import AT, WORLD, error_at, parts
 
 if TYPE_CHECKING:
@@ -62,11 +62,13 @@ class ReadMjcf(Step):
         sections = read_sections(links, drives)
         links.joints = sections.joints
         cameras, details = read_details(links)
+        surfaces = list(geoms.contacts.values())
         control = Control(
             actuators=tuple(drives.actuators),
             keyframes=tuple(sections.keyframes),
             excludes=tuple(sorted(set(sections.excludes))),
-            contact=_common(geoms),
+            # The surface that most collision shapes have; the first of equals.
+            contact=max(surfaces, key=surfaces.count, default=Contact()),
             contacts=tuple(geoms.contacts.items()),
             simulation=sections.simulation,
             sensors=tuple(sections.sensors),
@@ -102,13 +104,13 @@ def _tree(name: str, links: Links, drives: Drives) -> Tree:
     """Depth first, each joint with the effort limit of its drive."""
     order, joints = depth_first(links.root, links.joints)
     by_name = {body.name: body for body in links.bodies}
-    limits = drives.limits
-    limited = tuple(replace(j, limits=limits.get(j.name, j.limits)) for j in joints)
+    efforts = {row.joint: row.effort for row in drives.actuators}
+    limits = {j.name: replace(j.limits, effort=efforts.get(j.name)) for j in joints}
     return Tree(
         name,
         links.base,
         tuple(by_name[body] for body in order),
-        limited,
+        tuple(replace(joint, limits=limits[joint.name]) for joint in joints),
         X_world_root=links.mount if links.base == "fixed" else IDENTITY,
     )
 
@@ -132,12 +134,6 @@ def _commands(
     )
     moved = any(value for _, value in drives.resting)
     return (*stated, ("", tuple(drives.resting))) if moved else stated
-
-
-def _common(geoms: Geoms) -> Contact:
-    """The surface that most collision shapes have; the first of equals."""
-    surfaces = list(geoms.contacts.values())
-    return max(surfaces, key=surfaces.count, default=Contact())
 
 
 def _order(sections: Sections, drives: Drives) -> Iterator[Finding]:

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from itertools import groupby
 from typing import TYPE_CHECKING
 
-from assetbuild.errors import SourceError, StepError, Where
+from assetbuild.errors import SourceError, Where
 from assetbuild.facts.mjcf_grammar import BODY, Path
 from assetbuild.findings import Finding, Rule, Severity
 
@@ -53,12 +53,6 @@ def where_of(element: _Element) -> Where:
 def error_at(element: _Element, message: str, hint: str = "") -> SourceError:
     """An error about an element, ready to be raised."""
     return SourceError(message, where=where_of(element), hint=hint)
-
-
-def own_fault(element: _Element, words: str) -> StepError:
-    """The error where another program refuses what we made of a source that it takes."""
-    message = f"a bug in assetbuild: what it made of the source's text is refused: {words}"
-    return StepError(message, where=where_of(element), hint="please report it with this file")
 
 
 def own_attributes(element: _Element) -> dict[str, str]:

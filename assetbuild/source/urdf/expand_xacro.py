@@ -100,7 +100,7 @@ class ExpandXacro(Step):
         if "error" in answer:
             error = self._error(answer, tree)
             if error.where is not None:
-                refuse_pointer(_start(tree / error.where.file), where=error.where)
+                refuse_pointer(_bytes_of(tree / error.where.file), where=error.where)
             raise error
         (files.outputs / "robot.urdf").write_text(answer["urdf"], encoding="utf-8")
         used = json.dumps(answer["used"], indent=1)
@@ -112,19 +112,15 @@ class ExpandXacro(Step):
                 hint="if its files matter, add the package to the source",
                 data={"package": name},
             )
-        if self.args:
-            yield from self._unknown_arguments(tree, answer["used"]["files"])
-        for text in dict.fromkeys(answer["said"]):
-            yield WARNING("robot", f"xacro: {text}")
-
-    def _unknown_arguments(self, tree: Path, used: list[str]) -> Iterator[Finding]:
-        for name, hint in self._unknown(tree, used):
+        for name, hint in self._unknown(tree, answer["used"]["files"]):
             yield ARGUMENT(
                 "recipe source.args",
                 f"no `<xacro:arg>` is called `{name}`: its value changes nothing",
                 hint=hint,
                 data={"argument": name},
             )
+        for text in dict.fromkeys(answer["said"]):
+            yield WARNING("robot", f"xacro: {text}")
 
     def _unknown(self, tree: Path, used: Iterable[str]) -> Iterator[tuple[str, str]]:
         """The arguments that no file declares or uses, each with the name that may be meant."""
@@ -208,24 +204,20 @@ class ExpandXacro(Step):
 
 def _line_of(asked: str, file: Path) -> int:
     """The first line of a file that names what was asked for; 0 where it is computed."""
-    lines = file.read_bytes().splitlines() if file.is_file() else []
+    lines = _bytes_of(file).splitlines()
     word = asked.rpartition("/")[2].encode()
     return next((n for n, line in enumerate(lines, 1) if word in line), 0)
 
 
 def _old_style(file: Path) -> str:
     """A hint, if the file has tags of xacro without the prefix that it asks for since 2020."""
-    tag = _UNPREFIXED.search(file.read_text("utf-8", "replace") if file.is_file() else "")
+    tag = _UNPREFIXED.search(_bytes_of(file).decode("utf-8", "replace"))
     return f"write `<xacro:{tag[1]}`: xacro reads `<{tag[1]}` no more" if tag else ""
 
 
-def _start(path: Path) -> bytes:
-    """The first bytes of a file; none, if there is none."""
-    try:
-        with path.open("rb") as file:
-            return file.read(1024)
-    except OSError:
-        return b""
+def _bytes_of(file: Path) -> bytes:
+    """None, if there is no such file."""
+    return file.read_bytes() if file.is_file() else b""
 
 
 def _bare_environment() -> dict[str, str]:

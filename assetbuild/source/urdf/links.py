@@ -114,7 +114,7 @@ def read_shapes(root: Node, links: list[tuple[str, Node]], paths: Paths) -> Geom
         material = element.only("material") if role == "visual" else None
         worn = made.see(material, link) if material is not None else ""
         geometry = element.only("geometry")
-        size = geometry.first() if geometry is not None else None
+        size = geometry.only("*") if geometry is not None else None
         if geometry is None or size is None:
             continue  # `tidy` has reported it
         if missing := paths.left_out(geometry, role):

@@ -127,7 +127,7 @@ def _without_world(root: Node) -> Iterator[Finding]:
     joints = root.all("joint")
     children = {child.get("link") for joint in joints if (child := joint.only("child"))}
     roots = [link for link in root.all("link") if link.get("name") not in children]
-    if len(roots) != 1 or roots[0].first() is not None:
+    if len(roots) != 1 or roots[0].only("*") is not None:
         return
     world = roots[0].get("name")
     held = [j for j in joints if (p := j.only("parent")) is not None and p.get("link") == world]

@@ -292,7 +292,7 @@ def _float(text: str) -> float:
 def _no_shape(shape: Node) -> Iterator[Taken]:
     """Take its size away: the shape keeps its place, so that its neighbours keep their names."""
     geometry = shape.only("geometry")
-    size = geometry.first() if geometry is not None else None
+    size = geometry.only("*") if geometry is not None else None
     what = "names no shape" if size is None else _without_volume(size)
     if size is not None and what:
         size.remove()

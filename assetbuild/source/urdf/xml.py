@@ -61,13 +61,9 @@ class Node:
         return [Node(child, self.file, self.subject) for child in children]
 
     def only(self, tag: str) -> Node | None:
-        """The first child with that tag, or None; `tidy` has reported and removed the others."""
+        """The first child with that tag (`*`: any), or None; `tidy` has removed the others."""
         child = next(self.element.iterchildren(tag), None)
         return None if child is None else Node(child, self.file, self.subject)
-
-    def first(self) -> Node | None:
-        """The first child of any tag, or None."""
-        return self.only("*")
 
     def need(self, tag: str) -> Node:
         """The first child with that tag."""
