@@ -170,7 +170,8 @@ def _led(tree: Tree, joint: Joint) -> Iterator[Finding]:
     unit = "m" if joint.kind == "prismatic" else "rad"
     leader, _, _ = leading(tree, joint)
     common = common_range(tree, leader)
-    apart = common is not None and not has_room(leader, common)
+    whole = (leader.limits.upper or 0.0) - (leader.limits.lower or 0.0)
+    apart = common is not None and common[1] - common[0] <= CONTRADICTION * whole
     conflict = f"no position of `{leader.name}` suits both: " if apart else ""
     hint = "has the multiplier a wrong sign? correct the limits of one by `set_limits`"
     if not apart and common is not None:
@@ -186,12 +187,6 @@ def _led(tree: Tree, joint: Joint) -> Iterator[Finding]:
         data={"led_lower": led[0], "led_upper": led[1], "lower": lower, "upper": upper},
         blocks=apart,
     )
-
-
-def has_room(leader: Joint, common: tuple[float, float]) -> bool:
-    """Whether more than rounding is left of a leader's range when its followers keep theirs."""
-    lower, upper = leader.limits.lower or 0.0, leader.limits.upper or 0.0
-    return common[1] - common[0] > CONTRADICTION * (upper - lower)
 
 
 def _without_collision(tree: Tree, shapes: SourceShapes) -> Iterator[Finding]:

@@ -46,7 +46,9 @@ class MergeFixedJoints(Step):
         """See `Step`."""
         robot = RobotFiles(files.inputs)
         links, control = robot.links, robot.source_control if self.keep_source else None
-        kept = self._kept(links) | frozenset(control.bodies if control else ())
+        # The plan refuses a pattern that matches no link.
+        kept = {n for p in self.keep_bodies for n in links.by_body if re.fullmatch(p, n)}
+        kept |= {*(control.bodies if control else ())}
         tree, facts = merge_fixed_joints(links, self.merge, kept, keep_root=self.keep_root)
         (files.outputs / "tree.json").write_bytes(encode(tree))
         for fact in facts:
@@ -62,11 +64,6 @@ class MergeFixedJoints(Step):
                 f"bodies that remain: {len(tree.bodies)}",
                 data={"bodies": len(tree.bodies), "links": merged},
             )
-
-    def _kept(self, links: Tree) -> frozenset[str]:
-        """What the recipe keeps; the plan refuses a pattern that matches no link."""
-        kept = (n for p in self.keep_bodies for n in links.by_body if re.fullmatch(p, n))
-        return frozenset(kept)
 
 
 def _placeholder(fact: Merged, links: Tree) -> Finding:

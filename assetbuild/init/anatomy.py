@@ -117,7 +117,7 @@ def study(robot: InspectedRobot) -> Anatomy:
     legs = _legs(limbs, at_zero, float(extent[2]))
     size = float(extent.max()) if tree.joints else 0.0
     base, reason = _moves(robot, legs, turning, limbs) or _stays(robot)
-    doubt = _doubt(tree.root) if reason == UNKNOWN else ""
+    doubt = DOUBT.format(root=tree.root) if reason == UNKNOWN else ""
     legs = () if base == "fixed" else legs  # what is bolted stands on nothing
     called = () if legs or base == "fixed" else _called_legs(limbs, robot.links.name)
     return Anatomy(base, reason, legs, _sensors(robot.links), size, called, turning, doubt)
@@ -326,6 +326,11 @@ def _holders(links: Tree, foot: str, tip: str) -> Iterator[str]:
 
 
 UNKNOWN = "taken as bolted: nothing recognised that stands, rolls, flies or reaches; see above"
+DOUBT = (
+    "nothing tells what this robot is: no legs, no two wheels on the ground, no rotors, no "
+    "chain of joints as an arm has. It is taken as bolted at `{root}`. Decide `base` "
+    "(`floating` if loose) and each drive's `model` (`velocity` for what turns without end)"
+)
 
 
 def _moves(
@@ -380,14 +385,6 @@ def _stays(robot: InspectedRobot) -> tuple[Base, str]:
     if len(fingers) >= 2:
         return "fixed", f"{len(fingers)} fingers and no arm: a hand, bolted at `{tree.root}`"
     return "fixed", UNKNOWN
-
-
-def _doubt(root: str) -> str:
-    return (
-        "nothing tells what this robot is: no legs, no two wheels on the ground, no rotors, no "
-        f"chain of joints as an arm has. It is taken as bolted at `{root}`. Decide `base` "
-        "(`floating` if loose) and each drive's `model` (`velocity` for what turns without end)"
-    )
 
 
 def _sensors(links: Tree) -> dict[str, tuple[str, ...]]:

@@ -1,8 +1,10 @@
-"""What each link hits with, where one rule does not suit all, and the contacts of hands."""
+"""What each link hits with, where one rule does not suit all; contacts of hands, and loops."""
 
 from __future__ import annotations
 
+import itertools
 import math
+import re
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from types import MappingProxyType
 
@@ -225,6 +227,35 @@ def put_pads(draft: Draft, robot: InspectedRobot, hand: Sequence[str], timestep:
     if hand:
         why = "Stiffer than MuJoCo's default of 0.02 s, so that what the hand grips does not slip."
         draft.note(why, at=("contact", "links"))
+
+
+LOOP = re.compile(r"clos|loop|constraint|fermeture", re.IGNORECASE)
+SIDES = ({"A", "B"}, {"a", "b"}, {"1", "2"})
+"""What names of frames at a cut loop have in them, and by what those of its two sides differ."""
+
+
+def note_loops(draft: Draft, links: Tree) -> None:
+    """A row to uncomment for each pair of frames that are named as the two sides of a cut.
+
+    Exporters that cut a loop leave a frame on both sides of the cut: `closedloop1_A` and `_B`,
+    `closing_knee_1` and `_2`, `constraint_A`.
+    """
+    names = sorted(body.name for body in links.bodies if LOOP.search(body.name))
+    pairs = [pair for pair in itertools.combinations(names, 2) if _are_sides(*pair)]
+    if pairs:
+        what = "These frames are named as the ends of a cut loop. To close it, state the rows here"
+        more = "and `model: passive` for the joints that the loop moves:"
+        draft.note(what, more, at=("loops",))
+    for one, other in pairs:
+        name = re.sub(r"[^A-Za-z0-9_.-]", "_", one)
+        row = {"name": name, "kind": "connect", "a": {"link": one}, "b": {"link": other}}
+        draft.note(f"- {inline(row)}", at=("loops",))
+
+
+def _are_sides(one: str, other: str) -> bool:
+    """Whether the names differ in their side alone."""
+    apart = [{a, b} for a, b in zip(one, other, strict=False) if a != b]
+    return len(one) == len(other) and len(apart) == 1 and apart[0] in SIDES
 
 
 # --- of an MJCF ---------------------------------------------------------------------------------

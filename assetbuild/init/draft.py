@@ -13,6 +13,8 @@ from itertools import takewhile
 from pathlib import Path
 from typing import Any
 
+from assetbuild.findings import Finding
+
 WIDTH = 100
 """Characters up to which a mapping or list stands in one line."""
 LONGEST = 400
@@ -133,6 +135,11 @@ def some(names: Sequence[str]) -> str:
     """At most six names and how many more, for a comment."""
     more = f" and {len(names) - 6} more" if len(names) > 6 else ""
     return plain(", ".join(names[:6]), 200) + more
+
+
+def with_remedy(finding: Finding) -> str:
+    """What is wrong, in a sentence with the edit that mends it."""
+    return f"{finding.subject}: {finding.message} ({finding.hint})"
 
 
 def plain(text: str, longest: int = 500) -> str:

@@ -309,16 +309,13 @@ def _tipping(tree: Tree, robot: Dynamics, legs: tuple[Leg, ...]) -> dict[str, fl
     N m/rad, the leg's share: a pendulum on its head stands on ankles that are stiffer. On more legs
     a robot stands as a table does.
     """
-    weight, height = total_mass(tree) * GRAVITY, _com_height(tree, robot)
+    mass = total_mass(tree)
+    placed = [(b.inertial, robot.motions[b.name].pose) for b in tree.bodies if b.inertial]
+    moment = math.fsum(i.mass_kg * float(pose.apply(i.com_m)[2]) for i, pose in placed)
+    weight, height = mass * GRAVITY, moment / mass
     stiffness = {}
     for leg in legs:
         for joint in leg.joints if len(legs) < TABLE else ():
             over = height - robot.motions[joint.child].pose.xyz[2]
             stiffness[joint.name] = weight * max(over, 0.0) / len(legs)
     return stiffness
-
-
-def _com_height(tree: Tree, robot: Dynamics) -> float:
-    poses = [(b.inertial, robot.motions[b.name].pose) for b in tree.bodies if b.inertial]
-    moments = [i.mass_kg * float(pose.apply(i.com_m)[2]) for i, pose in poses]
-    return math.fsum(moments) / total_mass(tree)

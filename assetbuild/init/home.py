@@ -89,7 +89,13 @@ def home_pose(
     if legs and (bends or shift != UPRIGHT):
         for leg in legs:
             pose |= _planted(tree, leg, legs, pose, shift, bends)
-    pose = relieved(tree, pose, legs, depths)
+    # Overloaded limbs are lowered and none lies in another; legs stay as they stand. Bodies that
+    # lie in each other in every pose do so by their shape and are overlooked.
+    standing = {joint.name for leg in legs for joint in chain_to(tree, leg.tip)}
+    free = [j for j in tree.moving_joints if j.mimic is None and j.name not in standing]
+    drawn = [{**pose, **other} for other in sample_poses(free, STARTS)[1:]]
+    always = set.intersection(*(_deep(depths, q) for q in (pose, *drawn[:FEW])))
+    pose = _Search(tree, free, pose, depths, always).best(drawn)
     return {name: _inside(tree.by_joint[name], value) for name, value in pose.items()}
 
 
@@ -226,8 +232,10 @@ class _Search:
     def objections(self, pose: JointValues) -> dict[str | Pair, float]:
         """Return the excess of each joint's load (HEAVY) and of each pair's depth (DEEP_M)."""
         excess: dict[str | Pair, float] = {}
-        for name, load in _loads(self.tree, pose, self.free).items():
-            excess[name] = load - HEAVY
+        # A slide holds the same weight in every pose.
+        limited = [j for j in self.free if j.limits.effort and j.kind != "prismatic"]
+        for name, load in gravity_loads(self.tree, pose, limited).items():
+            excess[name] = load / (self.tree.by_joint[name].limits.effort or math.inf) - HEAVY
         for pair, depth in self.depths(pose).items():
             if pair not in self.overlooked:
                 excess[pair] = (depth - DEEP_M) / FULL_DEPTH_M
@@ -294,20 +302,6 @@ class _Search:
         return [j for j in self.free if (j in one) != (j in other)]
 
 
-def relieved(
-    tree: Tree, pose: JointValues, legs: tuple[Leg, ...], depths: Depths = nothing_deep
-) -> dict[str, float]:
-    """The pose with overloaded limbs lowered and none in another; legs stay as they stand.
-
-    Bodies that lie in each other in every pose do so by their shape and are overlooked.
-    """
-    standing = {joint.name for leg in legs for joint in chain_to(tree, leg.tip)}
-    free = [j for j in tree.moving_joints if j.mimic is None and j.name not in standing]
-    drawn = [{**pose, **other} for other in sample_poses(free, STARTS)[1:]]
-    always = set.intersection(*(_deep(depths, q) for q in (pose, *drawn[:FEW])))
-    return _Search(tree, free, pose, depths, always).best(drawn)
-
-
 def made_so(tree: Tree, depths: Depths, home: JointValues) -> dict[Pair, float]:
     """Bodies that lie in each other at home and in random poses alike, and how deep at home, m.
 
@@ -333,10 +327,3 @@ def _values(joint: Joint, now: float, fine: bool) -> list[float]:
     near = [now + side * step for step in STEPS if fine for side in (-1.0, 1.0)]
     inside = [value for value in near if lower + margin <= value <= upper - margin]
     return inside + [float(v) for v in np.linspace(lower + margin, upper - margin, VALUES)]
-
-
-def _loads(tree: Tree, pose: JointValues, joints: Sequence[Joint]) -> dict[str, float]:
-    """Share of its effort limit with which each joint holds what hangs on it."""
-    limited = [j for j in joints if j.limits.effort and j.kind != "prismatic"]
-    loads = gravity_loads(tree, pose, limited)  # a slide holds the same weight in every pose
-    return {j.name: loads[j.name] / (j.limits.effort or math.inf) for j in limited}

@@ -288,11 +288,6 @@ class Weighed:
         """What a build will find contradicted."""
         return tuple(contradictions(self.robot.tree, self.by_body))
 
-    def unmended(self) -> Iterator[str]:
-        """What is contradicted, each a sentence with the edit that mends it."""
-        for finding in self.findings():
-            yield f"{finding.subject}: {finding.message} ({finding.hint})"
-
     def wrong_links(self) -> dict[str, Finding]:
         """Links that make a body contradicted, where it is known which they are."""
         links, tree = self.robot.links, self.robot.tree

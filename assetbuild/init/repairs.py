@@ -69,7 +69,10 @@ def repairs(robot: InspectedRobot, *, usd: bool = True) -> tuple[Repair, ...]:
     usd: whether the robot's other facts let it have one.
     """
     shares = _shares(robot) if usd else ()
-    return (*_splits(robot), *_inertias(robot), *shares, *_limits(robot))
+    why = "two slides and a hinge move alike, in every format, and actuators can drive them"
+    planar = "MJCF and USD have no planar joint"
+    splits = (Repair(joint, "split_joint", {}, why, planar) for joint in robot.planar)
+    return (*splits, *_inertias(robot), *shares, *_limits(robot))
 
 
 def put_repairs(draft: Draft, robot: InspectedRobot, needed: Sequence[Repair]) -> None:
@@ -204,12 +207,6 @@ def _ball(link: str, mass: float, finding: Finding) -> Repair:
     return Repair(link, "set_inertia", keys, why, finding.message)
 
 
-def _splits(robot: InspectedRobot) -> Iterator[Repair]:
-    why = "two slides and a hinge move alike, in every format, and actuators can drive them"
-    for joint in robot.planar:
-        yield Repair(joint, "split_joint", {}, why, "MJCF and USD have no planar joint")
-
-
 def _shares(robot: InspectedRobot) -> Iterator[Repair]:
     if not_in_usd(robot):
         return  # MuJoCo needs none: several joints on one body
@@ -250,7 +247,7 @@ def _led(robot: InspectedRobot) -> Iterator[Repair]:
     """A leader is narrowed until its followers keep their ranges: no stop is moved outwards.
 
     A follower that states no range gets the one that it is led to. Where no range suits both,
-    nothing is repaired: see `unmended`.
+    nothing is repaired: see `urdf_recipe`.
     """
     narrowed = set()
     for finding in robot.link_findings:
@@ -271,18 +268,6 @@ def _led(robot: InspectedRobot) -> Iterator[Repair]:
 
 def _ends(ends: Sequence[object]) -> dict[str, object]:
     return {n: float(f"{end:.9g}") for n, end in zip(("lower", "upper"), ends, strict=True)}
-
-
-def guessed_masses(edits: Iterable[Repair]) -> tuple[str, ...]:
-    """Patterns of the links whose mass an edit guesses."""
-    return tuple(re.escape(edit.on) for edit in edits if edit.keys.get("guessed"))
-
-
-def unmended(robot: InspectedRobot) -> Iterator[str]:
-    """Stated ranges that contradict each other, each a sentence with the edit that mends it."""
-    for finding in robot.link_findings:
-        if finding.rule == MIMIC_LIMITS.id and finding.blocks:
-            yield f"{finding.subject}: {finding.message} ({finding.hint})"
 
 
 def _note_locked(draft: Draft, robot: InspectedRobot, mended: Collection[str]) -> None:

@@ -8,17 +8,18 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from assetbuild.body.lint import invented
+from assetbuild.body.lint import MIMIC_LIMITS, invented
 from assetbuild.init.anatomy import Anatomy, Leg
 from assetbuild.init.collision import (
     compound_pairs,
     driven_by,
     hand_of,
+    note_loops,
     put_collision,
     put_pads,
     soles_of,
 )
-from assetbuild.init.draft import Draft, Proposal, inline, patterns_of, plain, some
+from assetbuild.init.draft import Draft, Proposal, inline, patterns_of, plain, some, with_remedy
 from assetbuild.init.drives import (
     DAMPING_RATIO,
     FASTEST_HZ,
@@ -32,9 +33,8 @@ from assetbuild.init.drives import (
 from assetbuild.init.home import DEEP_M, Pair, made_so
 from assetbuild.init.licence import put_source
 from assetbuild.init.look import InspectedRobot, Weighed, usual_targets
-from assetbuild.init.loops import note_loops
 from assetbuild.init.packages import lacking
-from assetbuild.init.repairs import guessed_masses, mended, put_repairs, repairs, unmended
+from assetbuild.init.repairs import mended, put_repairs, repairs
 from assetbuild.init.source import UrdfSource
 from assetbuild.init.strength import MARGIN, ROTOR_RULE, is_locked, resting
 from assetbuild.init.trial import Trial, staged
@@ -104,8 +104,11 @@ def urdf_recipe(
         )
         left = {p: d for p, d in depths(tuning.pose).items() if d > DEEP_M}
         inside = made_so(tree, depths, tuning.pose)
-    unknown = [f"{f.message} ({f.hint})" for f in invented(whole.links, guessed_masses(edits))]
-    unrepaired = (*_locked(tree), *unmended(robot), *unknown, *Weighed(whole).unmended())
+    guessed = tuple(re.escape(edit.on) for edit in edits if edit.keys.get("guessed"))
+    unknown = [f"{f.message} ({f.hint})" for f in invented(whole.links, guessed)]
+    opposed = (f for f in robot.link_findings if f.rule == MIMIC_LIMITS.id and f.blocks)
+    contradicted = map(with_remedy, Weighed(whole).findings())
+    unrepaired = (*_locked(tree), *map(with_remedy, opposed), *unknown, *contradicted)
     tuning = replace(tuning, unmended=(*unrepaired, *tuning.unmended))
     draft = Draft()
     put_head(draft, whole, anatomy, path, tuning.unmended)

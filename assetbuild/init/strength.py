@@ -193,7 +193,7 @@ def physical_efforts(
     tree: Tree, anatomy: Anatomy, parts: Mapping[str, Role], twins: Mapping[str, Sequence[str]]
 ) -> dict[str, float]:
     """What each joint needs, by the formula of this module, and its twins alike; N m or N."""
-    gravity, inertia = worst_loads(tree), largest_inertias(tree)
+    loads, inertia = _sampled_loads(tree), largest_inertias(tree)
     weight, needs = total_mass(tree) * GRAVITY, {}
     turned = _turned(anatomy, weight)
     share = weight / max(1, len(anatomy.walks_on) // 2)
@@ -207,7 +207,8 @@ def physical_efforts(
         if unit == "rad":
             reach = length_below(tree, joint.child)
             accelerated = min(accelerated, TIP_ACCELERATION / max(reach, 1e-3))
-        need = MARGIN * gravity[name] + accelerated * inertia.get(name, 0.0)
+        gravity = max(load[name] for load in loads)
+        need = MARGIN * gravity + accelerated * inertia.get(name, 0.0)
         need = max(need, turned.get(name, 0.0))
         if parts[name] == "finger":
             need = max(need, GRIP_N * (length_below(tree, joint.child) if unit == "rad" else 1.0))
@@ -326,12 +327,6 @@ def gravity_loads(
     return loads
 
 
-def worst_loads(tree: Tree) -> dict[str, float]:
-    """The largest of `gravity_loads` over the joints' ranges; what mimics a joint loads it too."""
-    loads = _sampled_loads(tree)
-    return {joint.name: max(load[joint.name] for load in loads) for joint in tree.moving_joints}
-
-
 def overloaded(tree: Tree, twins: Mapping[str, Sequence[str]]) -> dict[str, float]:
     """Share of the random poses that need more than the stated effort, by joint that states one.
 
@@ -348,7 +343,7 @@ def overloaded(tree: Tree, twins: Mapping[str, Sequence[str]]) -> dict[str, floa
 
 @lru_cache(maxsize=1)
 def _sampled_loads(tree: Tree) -> list[dict[str, float]]:
-    """`gravity_loads` in the pose of zeros and in random ones."""
+    """`gravity_loads` in the pose of zeros and random ones; what mimics a joint loads it too."""
     joints = tree.moving_joints
     samples = []
     for pose in sample_poses(joints, SAMPLES):

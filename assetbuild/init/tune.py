@@ -17,6 +17,7 @@ import numpy as np
 
 from assetbuild.findings import Finding
 from assetbuild.init.anatomy import Anatomy
+from assetbuild.init.draft import with_remedy
 from assetbuild.init.drives import FIRM, FIRMER, STEP_S, TABLE, DriveRow, drive_rows
 from assetbuild.init.home import UPRIGHT, Depths, Shift, home_pose, nothing_deep
 from assetbuild.init.strength import (
@@ -101,7 +102,7 @@ def tune(
     askew = trial.stands is False or trial.lean > LEANS_RAD
     if trial.is_fine and askew and not trial.points:
         tuning, trial = _standing(tuning, trial, attempt)
-    rest = tuple(f"{error.subject}: {error.message} ({error.hint})" for error in trial.errors)
+    rest = tuple(map(with_remedy, trial.errors))
     if trial.refused is not None:
         rest += (f"{trial.refused.message} ({trial.refused.hint})",)
     return replace(tuning, unmended=rest), trial

@@ -112,8 +112,12 @@ def _mend(error: SourceError, file: Path, folders: dict[str, Path], absent: list
             folders[asked[1]] = folder
     elif own := _own_package(error, file, folders):
         folders |= own
+    elif absent_package := _ABSENT.search(error.message):  # stated as missing by no recipe yet
+        name = absent_package[1]
+        message = f"`$(find {name})`: no package named `{name}`"
+        raise SourceError(message, where=error.where, hint=WHERE)
     else:
-        raise _reworded(error)
+        raise error
 
 
 def _own_package(error: SourceError, file: Path, folders: Mapping[str, Path]) -> dict[str, Path]:
@@ -123,15 +127,6 @@ def _own_package(error: SourceError, file: Path, folders: Mapping[str, Path]) ->
     here, name = next(((f, name) for f in above(file) if (name := declared(f))), (file, ""))
     known = here in folders.values() or name in folders
     return {name: here} if name and not known else {}
-
-
-def _reworded(error: SourceError) -> SourceError:
-    """A package that was found nowhere is not stated as missing: there is no recipe yet."""
-    absent = _ABSENT.search(error.message)
-    if absent is None:
-        return error
-    message = f"`$(find {absent[1]})`: no package named `{absent[1]}`"
-    return SourceError(message, where=error.where, hint=WHERE)
 
 
 # --- files ----------------------------------------------------------------------------------

@@ -171,9 +171,10 @@ class ListArchive(Step):
         """Reads `archive`; SourceError for a broken archive, an unsafe name, a missing root."""
         with open_archive(files.inputs / "archive") as members:
             odd = [m.path for m in members if m.kind not in ("file", "folder")]
+            regular = (m.path for m in members if m.kind == "file" and not why_unsafe(m.path))
             listing = {
                 "files": [[path, size] for path, size in _files_below(members, self.root)],
-                "licenses": _licenses(members),
+                "licenses": sorted({path for path in regular if _LICENSE.fullmatch(path)}),
                 "links": sorted({path for name in odd if (path := below(self.root, name))}),
             }
         text = json.dumps(listing, separators=(",", ":"))
@@ -194,15 +195,6 @@ def _files_below(members: Members, root: str) -> list[tuple[str, int]]:
     if not files:
         raise _no_root(members, root)
     return sorted(files)
-
-
-def _licenses(members: Members) -> list[str]:
-    licenses = {
-        member.path
-        for member in members
-        if member.kind == "file" and _LICENSE.fullmatch(member.path) and not why_unsafe(member.path)
-    }
-    return sorted(licenses)
 
 
 def _no_root(members: Members, root: str) -> SourceError:

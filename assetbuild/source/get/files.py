@@ -100,13 +100,10 @@ class ArchiveFiles:
     def licenses(self) -> dict[str, Ref]:
         """Licence texts that come with the robot, by path."""
         of_wheel = self._unpacked("unpack licences", ".", self._of_wheel)
-        beside = filter(self._is_license, self._regular)
+        places = map(PurePosixPath, self._regular)
+        named = (place for place in places if place.name.lower().startswith(LICENSES))
+        beside = [str(place) for place in named if str(place.parent) in self._above]
         return of_wheel | self._unpacked("unpack licences of the robot", self._root, beside)
-
-    def _is_license(self, path: str) -> bool:
-        """A licence text in a folder above the description."""
-        place = PurePosixPath(path)
-        return place.parent.as_posix() in self._above and place.name.lower().startswith(LICENSES)
 
 
 class FolderFiles:

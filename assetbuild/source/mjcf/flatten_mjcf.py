@@ -229,7 +229,8 @@ def name_all(root: _Element) -> None:
     _name_parts(root)
     for asset in root.iterchildren("asset"):
         for tag in ("mesh", "material", "texture", "hfield"):
-            _name(list(asset.iterchildren(tag)), _asset_name)
+            elements = list(asset.iterchildren(tag))
+            _name(elements, lambda e: PurePosixPath(e.get("file", "")).stem or str(e.tag))
     for section in SECTIONS:
         for node in root.iterchildren(section):
             _name(list(node.iterchildren("*")), _acting_name)
@@ -257,10 +258,6 @@ def _name(elements: list[_Element], wanted: Callable[[_Element], str]) -> None:
     for element in elements:
         if not element.get("name"):
             element.set("name", free_name(wanted(element), taken))
-
-
-def _asset_name(element: _Element) -> str:
-    return PurePosixPath(element.get("file", "")).stem or str(element.tag)
 
 
 def _acting_name(element: _Element) -> str:

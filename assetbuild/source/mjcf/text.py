@@ -148,17 +148,10 @@ class Classes:
         parent = element.getparent()
         if parent is not None and parent.tag == "equality":
             default_tag = "equality"
-        name = element.get("class") or _child_class(element)
+        around = (one.get("childclass") for one in element.iterancestors(*SPATIAL))
+        name = element.get("class") or next(filter(None, around), "main")
         if name not in self._said:
             raise error_at(element, f"no default class `{name}`")
         defaults = self._said[name].get(default_tag, {}) if default_tag else {}
         stated = own_attributes(element).items()
         return defaults | {key: value for key, value in stated if key not in ("class", "name")}
-
-
-def _child_class(element: _Element) -> str:
-    """The `childclass` of the nearest body or frame around an element, else `main`."""
-    for around in element.iterancestors(*SPATIAL):
-        if around.get("childclass"):
-            return str(around.get("childclass"))
-    return "main"

@@ -187,12 +187,16 @@ def _read_limits(node: Node, kind: str) -> tuple[Limits, list[Finding]]:
     lower, upper = element.optional("lower"), element.optional("upper")
     effort, velocity = element.not_negative("effort"), element.not_negative("velocity")
     stated = {"lower": lower, "upper": upper, "effort": effort, "velocity": velocity}
+    findings = []
     if kind == "continuous":
-        findings = _ignored_range(node, lower, upper)
+        if lower or upper:
+            message = f"a continuous joint has no range; lower {lower}, upper {upper} are not used"
+            ends = {"lower": lower, "upper": upper}
+            findings.append(LIMIT_IGNORED(node.subject, message, data=ends))
         stated |= {"lower": None, "upper": None}
     else:
         missing = [name for name, value in stated.items() if value is None]
-        findings = _omitted(node, missing) if missing else []
+        findings += [_omitted(node, missing)] if missing else []
         stated |= {"lower": lower or 0.0, "upper": upper or 0.0}
     free = [name for name, value in stated.items() if abs(value or 0.0) >= URDF_UNLIMITED]
     if free:
@@ -203,19 +207,12 @@ def _read_limits(node: Node, kind: str) -> tuple[Limits, list[Finding]]:
     return Limits(**(stated | dict.fromkeys(free))), findings
 
 
-def _ignored_range(node: Node, lower: float | None, upper: float | None) -> list[Finding]:
-    if not lower and not upper:
-        return []
-    message = f"a continuous joint has no range; lower {lower}, upper {upper} are not used"
-    return [LIMIT_IGNORED(node.subject, message, data={"lower": lower, "upper": upper})]
-
-
-def _omitted(node: Node, missing: list[str]) -> list[Finding]:
+def _omitted(node: Node, missing: list[str]) -> Finding:
     words = ", ".join(f"`{name}`" for name in missing)
     zero = [f"`{name}`" for name in missing if name in ("lower", "upper")]
     note = f"; {' and '.join(zero)} count as 0, as the format says" if zero else ""
     message = f"<limit> leaves out {words}{note}"
-    return [LIMIT_OMITTED(node.subject, message, data={"missing": tuple(missing)})]
+    return LIMIT_OMITTED(node.subject, message, data={"missing": tuple(missing)})
 
 
 def _read_mimic(node: Node, name: str, joint_names: set[str]) -> Mimic | None:

@@ -12,7 +12,7 @@ from pydantic import Field
 from assetbuild.engine.step import Files, Limits, Step
 from assetbuild.findings import Finding, Rule
 from assetbuild.robot.codec import encode
-from assetbuild.robot.model import Base, Joint, Tree
+from assetbuild.robot.model import Base, Tree
 from assetbuild.robot.shapes import SourceShapes
 from assetbuild.source.urdf.joints import build_tree, read_joint
 from assetbuild.source.urdf.links import Geometries, named, read_body, read_shapes
@@ -90,14 +90,18 @@ class ReadUrdf(Step):
         bodies = [read_body(name, link) for name, link in links]
         paths = Paths(self.file, self.packages, self.relative_to, self.absolute, self.missing)
         geometries = read_shapes(root, links, paths)
-        joints, findings = _read_joints(root, dict(links))
+        stated, by_name = root.all("joint"), dict(links)
+        names = {str(node.get("name")) for node in stated}
+        read = [read_joint(name, node, names, by_name) for name, node in named(stated)]
         name = (root.get("name") or "").strip()
         unnamed = [] if name else [NAMELESS("robot", "<robot> has no name; it is called `robot`")]
         if not root.all("link"):
             hint = "is this the right file? A xacro of macros alone is included by another one"
             raise root.error("a robot without links", hint)
         nodes = {f"{n.tag} {n.get('name')}": n for n in root.all("link") + root.all("joint")}
-        tree, held = build_tree(name or "robot", self.base, bodies, joints, nodes)
+        tree, held = build_tree(
+            name or "robot", self.base, bodies, [joint for joint, _ in read], nodes
+        )
         _write(files, tree, geometries, self._source_map(root, nodes, geometries))
         (files.outputs / "source.urdf").write_bytes(canonical(root))
         yield from [
@@ -105,7 +109,7 @@ class ReadUrdf(Step):
             *unnamed,
             *paths.findings(),
             *geometries.findings,
-            *findings,
+            *(finding for _, findings in read for finding in findings),
             *held,
             *_dropped(root),
         ]
@@ -139,13 +143,6 @@ def _without_world(root: Node) -> Iterator[Finding]:
     yield WORLD_JOINT("robot", message, hint, data={"line": held[0].line})
     held[0].remove()
     roots[0].remove()
-
-
-def _read_joints(root: Node, links: dict[str, Node]) -> tuple[list[Joint], list[Finding]]:
-    nodes = root.all("joint")
-    names = {str(node.get("name")) for node in nodes}
-    read = [read_joint(name, node, names, links) for name, node in named(nodes)]
-    return [joint for joint, _ in read], [finding for _, findings in read for finding in findings]
 
 
 def without_meshes(file: Path, urdf: bytes, base: Base = "fixed") -> ReadUrdf:
