@@ -122,10 +122,9 @@ def _range(joint: Joint) -> Iterator[Finding]:
     lower, upper = joint.limits.lower, joint.limits.upper
     if lower is None or upper is None:
         return
-    unit = "m" if joint.kind == "prismatic" else "rad"
     subject, data = f"joint {joint.name}", {"lower": lower, "upper": upper}
     if lower == upper:
-        message = f"both limits are {lower:g} {unit}: taken literally, the joint is locked"
+        message = f"both limits are {lower:g} {joint.unit}: taken literally, the joint is locked"
         yield LOCKED(subject, message, data=data)
     elif lower > upper:
         yield from crossed_limits(joint, "warning")
@@ -145,10 +144,9 @@ def _range(joint: Joint) -> Iterator[Finding]:
 def _drive(joint: Joint) -> Iterator[Finding]:
     """A limit of 0 means "unknown" in most exports; no target writes it."""
     newton = "N" if joint.kind == "prismatic" else "N m"
-    per_second = "m/s" if joint.kind == "prismatic" else "rad/s"
     for rule, name, value, unit in (
         (EFFORT_ZERO, "effort", joint.limits.effort, newton),
-        (VELOCITY_ZERO, "velocity", joint.limits.velocity, per_second),
+        (VELOCITY_ZERO, "velocity", joint.limits.velocity, f"{joint.unit}/s"),
     ):
         if value == 0.0 and joint.mimic is None:
             yield rule(
@@ -167,7 +165,6 @@ def _led(tree: Tree, joint: Joint) -> Iterator[Finding]:
     over = max(lower - led[0], led[1] - upper)
     if joint.mimic is None or over <= CONTRADICTION * max(led[1] - led[0], upper - lower):
         return
-    unit = "m" if joint.kind == "prismatic" else "rad"
     leader, _, _ = leading(tree, joint)
     common = common_range(tree, leader)
     whole = (leader.limits.upper or 0.0) - (leader.limits.lower or 0.0)
@@ -180,9 +177,9 @@ def _led(tree: Tree, joint: Joint) -> Iterator[Finding]:
         hint += "multiplier a wrong sign?"
     yield MIMIC_LIMITS(
         f"joint {joint.name}",
-        f"mimics `{joint.mimic.joint}` from {led[0]:.4g} to {led[1]:.4g} {unit}, but its limits "
-        f"are {lower:g} to {upper:g}: {conflict}PhysX blows up on the contradiction, MuJoCo holds "
-        "both back",
+        f"mimics `{joint.mimic.joint}` from {led[0]:.4g} to {led[1]:.4g} {joint.unit}, but its "
+        f"limits are {lower:g} to {upper:g}: {conflict}PhysX blows up on the contradiction, MuJoCo "
+        "holds both back",
         hint,
         data={"led_lower": led[0], "led_upper": led[1], "lower": lower, "upper": upper},
         blocks=apart,
@@ -262,10 +259,9 @@ def crossed_limits(joint: Joint, severity: Severity) -> Iterator[Finding]:
     lower, upper = joint.limits.lower, joint.limits.upper
     if lower is None or upper is None or lower <= upper:
         return
-    unit = "m" if joint.kind == "prismatic" else "rad"
     yield CROSSED_LIMITS(
         f"joint {joint.name}",
-        f"lower limit {lower:g} {unit} is not below upper limit {upper:g} {unit}",
+        f"lower limit {lower:g} {joint.unit} is not below upper limit {upper:g} {joint.unit}",
         severity=severity,
         data={"lower": lower, "upper": upper},
     )

@@ -275,7 +275,6 @@ def _limit_findings(
             continue
         if lower - LIMIT_TOLERANCE <= value <= upper + LIMIT_TOLERANCE:
             continue
-        unit = "m" if joint.kind == "prismatic" else "rad"
         if joint.mimic is not None:
             hint = f"it follows `{joint.mimic.joint}`"
         elif joint.name in solved:
@@ -288,7 +287,8 @@ def _limit_findings(
             hint = "no pattern of the keyframe matches it, so it is 0"
         yield KEYFRAME_LIMITS(
             f"joint {joint.name}",
-            f"keyframe `{name}`: {value:g} {unit} is outside {lower:g}..{upper:g} {unit}",
+            f"keyframe `{name}`: {value:g} {joint.unit} is outside "
+            f"{lower:g}..{upper:g} {joint.unit}",
             hint=hint,
             data={"keyframe": name, "value": value, "lower": lower, "upper": upper},
         )

@@ -18,7 +18,7 @@ import numpy as np
 
 from assetbuild.checks.gains import Gains
 from assetbuild.init.anatomy import Leg
-from assetbuild.init.strength import GRAVITY, Guess, is_locked, unit_of
+from assetbuild.init.strength import GRAVITY, Guess
 from assetbuild.init.wheels import VELOCITY_DRIVEN, Turning
 from assetbuild.robot.dynamics import Dynamics, dynamics, holding_torques
 from assetbuild.robot.inertia import total_mass
@@ -181,7 +181,7 @@ def _classes(kind: DriveRow, felt: Sequence[_Felt]) -> list[list[_Felt]]:
 
 def _kind(joint: Joint, guess: Guess | None, part: Turning | None) -> DriveRow:
     """The row of one joint, without what depends on the others."""
-    unit, limits, locked = unit_of(joint), joint.limits, is_locked(joint)
+    unit, limits, locked = joint.unit, joint.limits, joint.is_locked
     effort = None if locked else limits.effort or None
     row = DriveRow((), effort, limits.velocity or None, unit, 0.0, locked=locked)
     if guess is not None:

@@ -32,14 +32,13 @@ from assetbuild.init.drives import (
 )
 from assetbuild.init.home import DEEP_M, Pair, made_so
 from assetbuild.init.licence import put_source
-from assetbuild.init.look import InspectedRobot, Weighed, usual_targets
+from assetbuild.init.look import InspectedRobot, Weighed, put_up_axis, turned, usual_targets
 from assetbuild.init.packages import lacking
 from assetbuild.init.repairs import mended, put_repairs, repairs
 from assetbuild.init.source import UrdfSource
-from assetbuild.init.strength import MARGIN, ROTOR_RULE, is_locked, resting
+from assetbuild.init.strength import MARGIN, ROTOR_RULE, resting
 from assetbuild.init.trial import Trial, staged
 from assetbuild.init.tune import LIGHT_KG, Tuning, tune
-from assetbuild.init.up_axis import put_up_axis, turned
 from assetbuild.recipe.loader import shown_path
 from assetbuild.robot.contact import Exclude
 from assetbuild.robot.inertia import total_mass
@@ -131,7 +130,7 @@ def urdf_recipe(
 def _locked(tree: Tree) -> Iterator[str]:
     """Limits of 0 and 0 are what an exporter writes that knows none."""
     moving = [joint for joint in tree.moving_joints if joint.mimic is None]
-    if moving and all(map(is_locked, moving)):
+    if moving and all(joint.is_locked for joint in moving):
         which = f"all {len(moving)} moving joints" if len(moving) > 1 else "the only moving joint"
         yield (
             f"equal limits lock {which}, so nothing can be driven "

@@ -291,7 +291,7 @@ def _joint(joint: Joint) -> dict[str, object]:
         "axis": list(joint.axis) if has_axis else None,
         "lower": lower,
         "upper": upper,
-        "unit": "m" if joint.kind == "prismatic" else "rad",
+        "unit": joint.unit,
         "mimic": mimic and asdict(mimic),
         **_plain_pose(joint.X_parent_joint),
     }

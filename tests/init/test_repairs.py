@@ -11,11 +11,10 @@ import trimesh
 from urdfs import LIMIT, box, inertial, joint, link, mesh, robot, shape, tensor
 
 from assetbuild.init import propose, write
-from assetbuild.init.look import judge, look
+from assetbuild.init.look import judge, look, turned
 from assetbuild.init.repairs import mended, repairs
 from assetbuild.init.source import find_source
 from assetbuild.init.trial import staged
-from assetbuild.init.up_axis import turned
 from assetbuild.pipeline.recipes import load_recipe
 
 
