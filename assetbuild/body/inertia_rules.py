@@ -122,9 +122,13 @@ def inertia_findings(
             is_massless(body) and weighs(tree, body.name)
         ):
             if worst == "error" and body.name != tree.root:
-                yield _carried(subject)
+                message = "it is kept as a body but has no mass; some engines invent one"
+                hint = "let it be merged, or give it a small mass and inertia"
+                yield MISSING(subject, message, hint)
         elif body.inertial is None:
-            yield _missing(subject, worst)
+            message = "it moves but has no <inertial>: no simulator can accelerate it"
+            hint = "give it a mass: edit `inertia_from_geometry`, or `set_inertia`"
+            yield MISSING(subject, message, hint, severity=worst)
         else:
             for finding in MassProperties(subject, body.inertial, bounds, worst).findings():
                 kept = _of_this(finding, moves=body.name in driven, shows=body.name in shaped)
@@ -153,14 +157,6 @@ def _of_edit(finding: Finding) -> Finding:
     return replace(finding, severity="info", message=message, hint="")
 
 
-def _carried(subject: str) -> Finding:
-    return MISSING(
-        subject,
-        "it is kept as a body but has no mass; some engines invent one",
-        "let it be merged, or give it a small mass and inertia",
-    )
-
-
 def _between(subject: str, chain: Chain) -> Finding:
     joints = tuple(joint.name for joint in chain.joints)
     return BETWEEN(
@@ -169,12 +165,6 @@ def _between(subject: str, chain: Chain) -> Finding:
         "exact in URDF and MJCF, but PhysX wants mass on every body",
         data={"joints": joints, "body": chain.body},
     )
-
-
-def _missing(subject: str, worst: Severity) -> Finding:
-    message = "it moves but has no <inertial>: no simulator can accelerate it"
-    hint = "give it a mass: edit `inertia_from_geometry`, or `set_inertia`"
-    return MISSING(subject, message, hint, severity=worst)
 
 
 @dataclass(frozen=True)

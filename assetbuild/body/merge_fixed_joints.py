@@ -9,8 +9,7 @@ from assetbuild.engine.step import Files, Step
 from assetbuild.findings import Finding, Rule
 from assetbuild.robot.codec import encode
 from assetbuild.robot.files import RobotFiles
-from assetbuild.robot.model import Tree
-from assetbuild.robot.tree import Merged, merge_fixed_joints
+from assetbuild.robot.tree import merge_fixed_joints
 
 FIXED_JOINTS = Rule(
     "merge.fixed_joints",
@@ -51,9 +50,16 @@ class MergeFixedJoints(Step):
         kept |= {*(control.bodies if control else ())}
         tree, facts = merge_fixed_joints(links, self.merge, kept, keep_root=self.keep_root)
         (files.outputs / "tree.json").write_bytes(encode(tree))
-        for fact in facts:
-            if fact.placeholder:
-                yield _placeholder(fact, links)
+        for fact in (each for each in facts if each.placeholder):
+            inertial = links.by_body[fact.placeholder].inertial
+            mass = inertial.mass_kg if inertial else 0.0
+            yield PLACEHOLDER_ROOT(
+                f"link {fact.placeholder}",
+                f"the root weighs {mass:g} kg and only names a place: the body is called "
+                f"`{fact.body}` and has its frame; `{fact.placeholder}` survives as a frame",
+                hint=f"use `{fact.body}` where a tool asks for the root body",
+                data={"body": fact.body, "mass_kg": mass},
+            )
         if facts:
             merged = tuple(link for fact in facts for link in fact.links)
             names = ", ".join(f"`{link}`" for link in merged[:6])
@@ -64,15 +70,3 @@ class MergeFixedJoints(Step):
                 f"bodies that remain: {len(tree.bodies)}",
                 data={"bodies": len(tree.bodies), "links": merged},
             )
-
-
-def _placeholder(fact: Merged, links: Tree) -> Finding:
-    inertial = links.by_body[fact.placeholder].inertial
-    mass = inertial.mass_kg if inertial else 0.0
-    return PLACEHOLDER_ROOT(
-        f"link {fact.placeholder}",
-        f"the root weighs {mass:g} kg and only names a place: the body is called `{fact.body}` and "
-        f"has its frame; `{fact.placeholder}` survives as a frame",
-        hint=f"use `{fact.body}` where a tool asks for the root body",
-        data={"body": fact.body, "mass_kg": mass},
-    )

@@ -66,6 +66,16 @@ quadrupeds; what cures them is the inertia of their rotors, which no URDF states
 """
 BRAKE_S = 0.05
 """kd is at least kp times this where no joint creeps: ten steps of 5 ms keep light links calm."""
+GAINS = (
+    "Effort and velocity limits are the source's. kp gives all the effort at an error of "
+    f"{FULL_ERROR['rad']:g} rad ({1e3 * FULL_ERROR['m']:g} mm",
+    f"for slides), keeps the natural frequency at home between {SLOWEST_HZ:g} and "
+    f"{FASTEST_HZ:g} Hz (legs: {FASTEST_LEG_HZ:g})",
+    f"and the sag below {SAG['rad']:g} rad; damping ratio {DAMPING_RATIO:g} or more. Joints too "
+    "unlike for one kp get a frequency. A",
+    "first guess: put the motor's data here.",
+)
+"""The rules in short, as the recipe states them."""
 
 
 @dataclass(frozen=True)

@@ -193,8 +193,6 @@ def mesh_of(root: Path, mesh: MeshFile, up_axis: UpAxis = "ignore") -> SourceMes
     return None
 
 
-# --- meshes that stand as their files say --------------------------------------------------------
-
 Z_UP = re.compile(rb"<up_axis>\s*Z_UP\s*<")
 HEAD = 1 << 16
 """Bytes in which a COLLADA file tells its axis: its asset comes first."""
@@ -245,8 +243,6 @@ def _bounds(robot: InspectedRobot, mesh: MeshFile) -> ConvertedMesh | None:
     lower, upper = vec3(points.min(axis=0)), vec3(points.max(axis=0))
     return ConvertedMesh((), 0, 0.0, lower, upper, False, None, read.up_axis)
 
-
-# --- what it can become --------------------------------------------------------------------------
 
 MERGED = "`fixed_joints: {merge: true}`, and the edit `share_mass` for links without mass above it"
 

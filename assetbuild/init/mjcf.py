@@ -193,13 +193,17 @@ def mjcf_recipe(source: MjcfSource, path: Path) -> Proposal:
     """The whole recipe, as it will lie at `path`."""
     robot, control = source.robot, source.control
     anatomy = replace(study(robot), doubt="")  # the source says its base
-    idle = robot.tree.moving_joints and not (_driven(control) or _is_sprung(source, anatomy))
+    # A few springs help the drives of a robot; more move it, as a soft foot, unless it walks.
+    alone = [joint for joint in robot.tree.moving_joints if joint.mimic is None]
+    stated = joint_springs(control.mjcf_only)
+    is_sprung = 2 * len(stated) > len(alone) and not anatomy.walks_on
+    idle = robot.tree.moving_joints and not (_driven(control) or is_sprung)
     tuning = _tuned(source, anatomy) if idle else None
     unmended = tuning.unmended if tuning else ()
     hand = mjcf_hand(robot, anatomy, control, tuning)
     lost = lost_in_usd(control.mjcf_only)
     # Beside a guessed drive there is no room for a spring.
-    springs = joint_springs(control.mjcf_only) if tuning else no_drives(control)
+    springs = stated if tuning else no_drives(control)
     draft = Draft()
     put_head(draft, robot, anatomy, path, unmended)
     put_source(draft, source.root, path, "mjcf", source.file)
@@ -225,16 +229,6 @@ def mjcf_recipe(source: MjcfSource, path: Path) -> Proposal:
     put_targets(draft, source.built, springs, lost)
     put_validation(draft, robot, anatomy.legs, trial, hand)
     return Proposal(path, draft.text, unmended)
-
-
-def _is_sprung(source: MjcfSource, anatomy: Anatomy) -> bool:
-    """Whether springs move it, as a soft foot: most joints have one, and none walks.
-
-    A few springs help the drives of a robot.
-    """
-    alone = [joint for joint in source.robot.tree.moving_joints if joint.mimic is None]
-    springs = joint_springs(source.control.mjcf_only)
-    return 2 * len(springs) > len(alone) and not anatomy.walks_on
 
 
 def _tuned(source: MjcfSource, anatomy: Anatomy) -> Tuning:

@@ -230,7 +230,7 @@ def replaced(data: bytes, patches: Iterable[Patch]) -> bytes:
 def respelled(file: Path, data: bytes) -> list[Patch]:
     """Patches for the names of a URDF that none of its readers follow as they stand."""
     made = list[Patch]()
-    for uri in dict.fromkeys(uri for uri, _ in files_named(parse(data, shown_path(file)))):
+    for uri in dict.fromkeys(uri for uri, _ in files_named(parse(data, shown_path(file))[0])):
         for because, spelled in SPELLINGS:
             if (named := spelled(uri)) != uri:
                 made += renamings(file.name, data, uri, named, because)

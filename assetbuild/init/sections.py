@@ -20,16 +20,7 @@ from assetbuild.init.collision import (
     soles_of,
 )
 from assetbuild.init.draft import Draft, Proposal, inline, patterns_of, plain, some, with_remedy
-from assetbuild.init.drives import (
-    DAMPING_RATIO,
-    FASTEST_HZ,
-    FASTEST_LEG_HZ,
-    FULL_ERROR,
-    SAG,
-    SLOWEST_HZ,
-    STEP_S,
-    DriveRow,
-)
+from assetbuild.init.drives import GAINS, STEP_S, DriveRow
 from assetbuild.init.home import DEEP_M, Pair, made_so
 from assetbuild.init.licence import put_source
 from assetbuild.init.look import InspectedRobot, Weighed, put_up_axis, turned, usual_targets
@@ -54,15 +45,6 @@ DROPPED = {
     "damping": "the joints would take minutes to reach their targets",
     "friction": "it would take most of their effort",
 }
-GAINS = (
-    "Effort and velocity limits are the source's. kp gives all the effort at an error of "
-    f"{FULL_ERROR['rad']:g} rad ({1e3 * FULL_ERROR['m']:g} mm",
-    f"for slides), keeps the natural frequency at home between {SLOWEST_HZ:g} and "
-    f"{FASTEST_HZ:g} Hz (legs: {FASTEST_LEG_HZ:g})",
-    f"and the sag below {SAG['rad']:g} rad; damping ratio {DAMPING_RATIO:g} or more. Joints too "
-    "unlike for one kp get a frequency. A",
-    "first guess: put the motor's data here.",
-)
 GUESSED = (
     f"`guessed`: the source states no plausible effort. The guess is {MARGIN:g} times or more what",
     "gravity needs in the worst pose. Every build warns until you replace it.",

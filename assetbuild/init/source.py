@@ -101,7 +101,7 @@ def find_source(
     if args and not by_xacro:
         raise UsageError("`--arg` is for a xacro file", where=Where(name), hint="leave it out")
     read = expand(real, folders, args) if by_xacro else Expanded(data)
-    uses = files_named(parse(read.data, name))
+    uses = files_named(parse(read.data, name)[0])
     used = {**folders, **read.packages}
     used |= find_packages(uses, real, used)
     start, absolute = relative_start(uses, real), absolute_folders(uses, real)
@@ -137,7 +137,7 @@ def patched(source: UrdfSource, patches: Iterable[Patch]) -> UrdfSource:
 
 def retyped(source: UrdfSource) -> Iterator[Patch]:
     """A patch for each joint whose type no build takes as it stands; none of a xacro."""
-    for joint in parse(source.data, source.shown).all("joint") if source.key == "urdf" else ():
+    for joint in parse(source.data, source.shown)[0].all("joint") if source.key == "urdf" else ():
         kind = joint.get("type") or ""
         if kind == "revolute" and joint.only("limit") is None:
             yield from _of_type(source, joint, "continuous", NO_LIMIT)

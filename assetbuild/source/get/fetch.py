@@ -6,7 +6,7 @@ import os
 import re
 import subprocess
 import sys
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import ClassVar
@@ -85,21 +85,15 @@ def downloaded_wheel(name: str, version: str, folder: Path, on_line: OnLine | No
     wanted = f"{name}=={version}"
     command = [sys.executable, "-m", "pip", "download", "--no-deps", "--only-binary=:all:"]
     command += ["--progress-bar=off", "--dest", str(folder), "--", wanted]
-    code, lines = _run(command, _environment(os.environ), on_line)
+    # The user's environment, so that index, proxy and certificate settings hold.
+    kept = {k: v for k, v in os.environ.items() if k not in ("PYTHONPATH", "PYTHONHOME")}
+    code, lines = _run(command, _DEFAULTS | kept | _FORCED, on_line)
     if code != 0:
         raise _reason(wanted, lines)
     wheels = sorted(folder.glob("*.whl"))
     if len(wheels) != 1:
         raise MachineError(f"{wanted}: pip left {len(wheels)} wheels instead of one")
     return wheels[0]
-
-
-def _environment(environment: Mapping[str, str]) -> dict[str, str]:
-    """The user's environment, so that index, proxy and certificate settings hold."""
-    kept = {
-        key: value for key, value in environment.items() if key not in ("PYTHONPATH", "PYTHONHOME")
-    }
-    return _DEFAULTS | kept | _FORCED
 
 
 def _run(

@@ -12,7 +12,7 @@ import os
 import re
 import subprocess
 import tarfile
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import ClassVar
@@ -29,6 +29,15 @@ _NO_SURPRISES = (
     "-c", "credential.helper=", "-c", "core.fsmonitor=false", "-c", "gc.auto=0",
     "-c", "tar.umask=0022",
 )  # fmt: skip
+_OURS = {
+    "GIT_CONFIG_NOSYSTEM": "1",
+    "GIT_CONFIG_GLOBAL": os.devnull,
+    "GIT_TERMINAL_PROMPT": "0",
+    "GIT_LFS_SKIP_SMUDGE": "1",
+    "GIT_SSH_COMMAND": "ssh -o BatchMode=yes",
+    "LC_ALL": "C",
+}
+"""Beside the user's variables, which proxies and keys need: no configuration but ours."""
 
 
 class FetchGit(Step):
@@ -118,7 +127,7 @@ def _git(words: list[str], folder: Path, url: str) -> str:
         done = subprocess.run(
             command,
             cwd=folder,
-            env=_environment(os.environ),
+            env={k: v for k, v in os.environ.items() if not k.startswith("GIT_")} | _OURS,
             stdin=subprocess.DEVNULL,
             capture_output=True,
             timeout=SECONDS,
@@ -141,16 +150,3 @@ def _reason(url: str, lines: list[str]) -> MachineError | SourceError:
     if "Could not resolve host" in text or "unable to access" in text or "Connection" in text:
         return MachineError(f"{url}: cannot be reached: {short}", hint="check the network")
     return SourceError(f"{url}: git says: {short}", hint="check `source.git` and `source.rev`")
-
-
-def _environment(environment: Mapping[str, str]) -> dict[str, str]:
-    """The user's, for proxies and keys, without any GIT_*; no configuration but ours."""
-    kept = {name: value for name, value in environment.items() if not name.startswith("GIT_")}
-    return kept | {
-        "GIT_CONFIG_NOSYSTEM": "1",
-        "GIT_CONFIG_GLOBAL": os.devnull,
-        "GIT_TERMINAL_PROMPT": "0",
-        "GIT_LFS_SKIP_SMUDGE": "1",
-        "GIT_SSH_COMMAND": "ssh -o BatchMode=yes",
-        "LC_ALL": "C",
-    }

@@ -64,8 +64,12 @@ def write_out(root: _Element, load: Callable[[_Element], _Element], depth: int =
     files = _stand_in([root, *models.values()])
     try:
         with caught_warnings():
-            text = _written(_spec(root, models, files), first)
-            made = _with_lines(text, [root, *models.values()])
+            spec = _spec(root, models, files)
+            if not hasattr(spec.compiler, "savecanonical"):
+                hint = "build with MuJoCo 3.16 or newer, or write the copies out"
+                raise error_at(first, f"this MuJoCo does not write <{first.tag}> out exactly", hint)
+            spec.compiler.savecompiled = spec.compiler.savecanonical = False
+            made = _with_lines(spec.to_xml(), [root, *models.values()])
             _compare(root, models, made, first)
     except ValueError as error:
         words = " ".join(str(error).split())
@@ -86,14 +90,6 @@ def _stand_in(roots: list[_Element]) -> dict[str, str]:
                 paths[name] = str(element.get(key))
                 element.set(key, name)
     return paths
-
-
-def _written(spec: Any, first: _Element) -> str:  # Any: MjSpec
-    if not hasattr(spec.compiler, "savecanonical"):
-        hint = "build with MuJoCo 3.16 or newer, or write the copies out"
-        raise error_at(first, f"this MuJoCo does not write <{first.tag}> out exactly", hint)
-    spec.compiler.savecompiled = spec.compiler.savecanonical = False
-    return str(spec.to_xml())
 
 
 def _rename_classes(model: _Element, number: int) -> None:

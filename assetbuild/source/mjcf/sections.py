@@ -183,7 +183,9 @@ class Sections:
             return False
         ends = [self._loop_end(index, side) for side in (0, 1)]
         if None in ends:
-            self.findings.append(_tether(element))
+            message = f"<{element.tag}> `{name}` holds the floating robot to the world "
+            message += f"({where_of(element)}): in the MJCF only, every other format lets it go"
+            self.findings.append(TETHER("robot", message, data={"name": name}))
             return False
         a, b = (end for end in ends if end is not None)
         data = model.eq_data[index]
@@ -326,15 +328,6 @@ class Sections:
             message = f"{names} of keyframe `{name}` was left out: a keyframe of a robot is a pose "
             message += "at rest"
             self.findings.append(dropped("key", f"keyframe {name}", message, attributes=lost))
-
-
-def _tether(element: _Element) -> Finding:
-    return TETHER(
-        "robot",
-        f"<{element.tag}> `{element.get('name')}` holds the floating robot to the world "
-        f"({where_of(element)}): in the MJCF only, every other format lets it go",
-        data={"name": str(element.get("name"))},
-    )
 
 
 def _place(kind: str, name: str) -> Place:

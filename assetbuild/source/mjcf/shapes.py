@@ -24,7 +24,7 @@ from assetbuild.robot.shapes import (
 from assetbuild.source.mjcf.compiled import Model, pose_at
 from assetbuild.source.mjcf.links import Links
 from assetbuild.source.mjcf.opaque import attributes_of, body_element, keys, leftover, words
-from assetbuild.source.mjcf.text import WORLD, Classes, dropped, error_at, parts, where_of
+from assetbuild.source.mjcf.text import WORLD, dropped, error_at, parts, where_of
 
 if TYPE_CHECKING:
     from lxml.etree import _Element
@@ -58,7 +58,13 @@ def read_geoms(links: Links) -> Geoms:
             if name in links.shift:
                 geoms.read(geom, name)
             elif name == WORLD:
-                geoms.findings.append(_scenery(geom, geoms.classes))
+                kind = geoms.classes.attributes(geom).get("type", "sphere")
+                what = f"the {kind} `{geom.get('name')}` of the world was left out: it is scenery"
+                hint = "`scene.xml` has a floor of its own; a part of the robot belongs into a body"
+                severity: Severity = "info" if kind == "plane" else "warning"
+                subject = f"shape {geom.get('name')}"
+                lost = dropped("geom of worldbody", subject, what, hint, severity)
+                geoms.findings.append(lost)
     worn = {shape.material for shape in geoms.shapes}  # a colour of its own makes another
     geoms.materials = {name: look for name, look in geoms.materials.items() if name in worn}
     geoms.mjcf_only = [i for i in geoms.mjcf_only if i.place != "material" or i.owner in worn]
@@ -92,7 +98,11 @@ class Geoms:
         """Take one over, from a body of the robot."""
         name, attributes = str(geom.get("name")), self.classes.attributes(geom)
         if attributes.get("type") == "hfield":
-            self.findings.append(_height_field(name, body))
+            what = f"the height field `{name}` of `{body}` was left out: "
+            what += "no format of a robot has terrain"
+            hint = "the floor of `scene.xml` is flat: add the terrain to your own scene"
+            lost = dropped("geom of type hfield", f"shape {name}", what, hint, "warning")
+            self.findings.append(lost)
             return
         index = self.source.id_of("geom", name)
         touches = bool(self.model.geom_contype[index] or self.model.geom_conaffinity[index])
@@ -260,22 +270,6 @@ def _numbers(
     attributes: Mapping[str, str], key: str, default: tuple[float, ...]
 ) -> tuple[float, ...]:
     return tuple(float(word) for word in attributes[key].split()) if key in attributes else default
-
-
-def _scenery(geom: _Element, classes: Classes) -> Finding:
-    kind = classes.attributes(geom).get("type", "sphere")
-    message = f"the {kind} `{geom.get('name')}` of the world was left out: it is scenery"
-    hint = "`scene.xml` has a floor of its own; a part of the robot belongs into a body"
-    severity: Severity = "info" if kind == "plane" else "warning"
-    return dropped("geom of worldbody", f"shape {geom.get('name')}", message, hint, severity)
-
-
-def _height_field(name: str, body: str) -> Finding:
-    message = (
-        f"the height field `{name}` of `{body}` was left out: no format of a robot has terrain"
-    )
-    hint = "the floor of `scene.xml` is flat: add the terrain to your own scene"
-    return dropped("geom of type hfield", f"shape {name}", message, hint, "warning")
 
 
 def _drawn(names: list[str], *, alone: bool) -> Finding:

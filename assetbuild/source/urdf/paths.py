@@ -84,8 +84,17 @@ class Paths:
             raise node.error(f"{node.tag} filename `{uri}`: `{scheme}:` cannot be followed", _HINT)
         path = uri.removeprefix("file:")
         plain = re.sub("^//(?!/)", "", path) if scheme else path
-        if plain.startswith("/"):
-            return self._on_that_machine(node, uri, posixpath.normpath("/" + plain.lstrip("/")))
+        if plain.startswith("/"):  # on the author's machine
+            there = posixpath.normpath("/" + plain.lstrip("/"))
+            fitting = [known for known in self.absolute if there.startswith(f"{known}/")]
+            if not fitting:
+                hint = "say what lies there: `absolute: {/FOLDER/OF/THE/AUTHOR: FOLDER}` under "
+                hint += f"`source`; or {_HINT}"
+                raise node.error(f"{node.tag} filename `{uri}` is absolute", hint)
+            known = max(fitting, key=len)
+            here = self.absolute[known]
+            assumption = f"`{known}` was taken for the folder `{here}`"
+            return known, assumption, posixpath.join(here, there[len(known) + 1 :])
         start = self.relative_to if self.relative_to is not None else posixpath.dirname(self.file)
         whole = posixpath.join(start, plain)
         if scheme:
@@ -97,17 +106,6 @@ class Paths:
         if self.relative_to is None or start == posixpath.dirname(self.file):
             return "", "", whole
         return "relative", f"relative names were taken to start at `{start}`", whole
-
-    def _on_that_machine(self, node: Node, uri: str, path: str) -> tuple[str, str, str]:
-        fitting = [known for known in self.absolute if path.startswith(f"{known}/")]
-        if not fitting:
-            advice = (
-                "say what lies there: `absolute: {/FOLDER/OF/THE/AUTHOR: FOLDER}` under `source`"
-            )
-            raise node.error(f"{node.tag} filename `{uri}` is absolute", f"{advice}; or {_HINT}")
-        known = max(fitting, key=len)
-        assumption = f"`{known}` was taken for the folder `{self.absolute[known]}`"
-        return known, assumption, posixpath.join(self.absolute[known], path[len(known) + 1 :])
 
     def _in_package(self, node: Node, uri: str, path: str) -> str:
         name, _, rest = path.lstrip("/").partition("/")

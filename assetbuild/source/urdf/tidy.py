@@ -23,7 +23,7 @@ from assetbuild.source.urdf.quaternions import (
     tidy_quaternion,
     tidy_version,
 )
-from assetbuild.source.urdf.xml import HOME, Node, parse_untidy
+from assetbuild.source.urdf.xml import HOME, Node, parse
 from assetbuild.xml_text import Fault, FaultKind, number_words
 
 FAULT = Rule(
@@ -147,7 +147,7 @@ class Sloppy:
 
 def read_tidy(data: bytes, file: str) -> tuple[Node, list[Finding]]:
     """The <robot> element of a URDF in tidy text, and what was taken for what."""
-    root, faults = parse_untidy(data, file)
+    root, faults = parse(data, file)
     findings = [*_overlooked(faults), *_same_materials(root)]
     for row in TABLE:
         findings += _walked(root, row)

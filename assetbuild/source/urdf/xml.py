@@ -170,12 +170,7 @@ def _is_macro(text: str) -> bool:
     return "${" in text or "$(" in text
 
 
-def parse(data: bytes, file: str) -> Node:
-    """The <robot> element of a URDF; see `parse_untidy`."""
-    return parse_untidy(data, file)[0]
-
-
-def parse_untidy(data: bytes, file: str) -> tuple[Node, tuple[Fault, ...]]:
+def parse(data: bytes, file: str) -> tuple[Node, tuple[Fault, ...]]:
     """The <robot> element of a URDF, and the faults of the text that all readers overlook."""
     from lxml import etree
 
