@@ -19,7 +19,7 @@ from assetbuild.robot.inertia import InertiaBounds
 from assetbuild.robot.mimic import common_range, leading, led_range
 from assetbuild.robot.model import Joint, Tree
 from assetbuild.robot.shapes import SourceShapes
-from assetbuild.robot.tree import PLACEHOLDER_KG
+from assetbuild.robot.tree import PLACEHOLDER_KG, is_locked, unit_of
 
 CONTRADICTION = 0.01
 """Share of a range by which a mimic joint may be led over its limits: rounding in the source."""
@@ -123,9 +123,9 @@ def _range(joint: Joint) -> Iterator[Finding]:
     if lower is None or upper is None:
         return
     subject, data = f"joint {joint.name}", {"lower": lower, "upper": upper}
-    if lower == upper:
-        message = f"both limits are {lower:g} {joint.unit}: taken literally, the joint is locked"
-        yield LOCKED(subject, message, data=data)
+    if is_locked(joint):
+        both = f"both limits are {lower:g} {unit_of(joint)}"
+        yield LOCKED(subject, f"{both}: taken literally, the joint is locked", data=data)
     elif lower > upper:
         yield from crossed_limits(joint, "warning")
     elif joint.kind == "revolute" and upper - lower > 2 * math.pi * (1 + 1e-6):
@@ -146,7 +146,7 @@ def _drive(joint: Joint) -> Iterator[Finding]:
     newton = "N" if joint.kind == "prismatic" else "N m"
     for rule, name, value, unit in (
         (EFFORT_ZERO, "effort", joint.limits.effort, newton),
-        (VELOCITY_ZERO, "velocity", joint.limits.velocity, f"{joint.unit}/s"),
+        (VELOCITY_ZERO, "velocity", joint.limits.velocity, f"{unit_of(joint)}/s"),
     ):
         if value == 0.0 and joint.mimic is None:
             yield rule(
@@ -165,7 +165,7 @@ def _led(tree: Tree, joint: Joint) -> Iterator[Finding]:
     over = max(lower - led[0], led[1] - upper)
     if joint.mimic is None or over <= CONTRADICTION * max(led[1] - led[0], upper - lower):
         return
-    leader, _, _ = leading(tree, joint)
+    unit, (leader, _, _) = unit_of(joint), leading(tree, joint)
     common = common_range(tree, leader)
     whole = (leader.limits.upper or 0.0) - (leader.limits.lower or 0.0)
     apart = common is not None and common[1] - common[0] <= CONTRADICTION * whole
@@ -177,7 +177,7 @@ def _led(tree: Tree, joint: Joint) -> Iterator[Finding]:
         hint += "multiplier a wrong sign?"
     yield MIMIC_LIMITS(
         f"joint {joint.name}",
-        f"mimics `{joint.mimic.joint}` from {led[0]:.4g} to {led[1]:.4g} {joint.unit}, but its "
+        f"mimics `{joint.mimic.joint}` from {led[0]:.4g} to {led[1]:.4g} {unit}, but its "
         f"limits are {lower:g} to {upper:g}: {conflict}PhysX blows up on the contradiction, MuJoCo "
         "holds both back",
         hint,
@@ -259,9 +259,10 @@ def crossed_limits(joint: Joint, severity: Severity) -> Iterator[Finding]:
     lower, upper = joint.limits.lower, joint.limits.upper
     if lower is None or upper is None or lower <= upper:
         return
+    unit = unit_of(joint)
     yield CROSSED_LIMITS(
         f"joint {joint.name}",
-        f"lower limit {lower:g} {joint.unit} is not below upper limit {upper:g} {joint.unit}",
+        f"lower limit {lower:g} {unit} is not below upper limit {upper:g} {unit}",
         severity=severity,
         data={"lower": lower, "upper": upper},
     )

@@ -47,7 +47,7 @@ from assetbuild.robot.sections import Camera, Feet, Imu, Keyframe, Sensor, Simul
 from assetbuild.robot.shapes import Shapes
 from assetbuild.robot.sides import Side, moving_by_source, side_of
 from assetbuild.robot.softness import CouplingError, LimitError, softened
-from assetbuild.robot.tree import link_placement
+from assetbuild.robot.tree import link_placement, unit_of
 
 LIMIT_TOLERANCE = 1e-9
 """rad or m; a value that was rounded from the limit itself is inside."""
@@ -275,6 +275,7 @@ def _limit_findings(
             continue
         if lower - LIMIT_TOLERANCE <= value <= upper + LIMIT_TOLERANCE:
             continue
+        unit = unit_of(joint)
         if joint.mimic is not None:
             hint = f"it follows `{joint.mimic.joint}`"
         elif joint.name in solved:
@@ -287,8 +288,7 @@ def _limit_findings(
             hint = "no pattern of the keyframe matches it, so it is 0"
         yield KEYFRAME_LIMITS(
             f"joint {joint.name}",
-            f"keyframe `{name}`: {value:g} {joint.unit} is outside "
-            f"{lower:g}..{upper:g} {joint.unit}",
+            f"keyframe `{name}`: {value:g} {unit} is outside {lower:g}..{upper:g} {unit}",
             hint=hint,
             data={"keyframe": name, "value": value, "lower": lower, "upper": upper},
         )

@@ -9,6 +9,7 @@ from assetbuild.findings import Finding, Rule
 from assetbuild.robot.actuator_table import ActuatorRow
 from assetbuild.robot.model import Actuator, Control, Joint, Tree
 from assetbuild.robot.shapes import Shapes
+from assetbuild.robot.tree import is_locked
 
 NO_ACTUATOR = Rule(
     "actuator.none",
@@ -128,7 +129,7 @@ def actuator_findings(
 
     only_mjcf: drives of the source that stand in the MJCF alone.
     """
-    if actuators and all(tree.by_joint[a.joint].is_locked for a in actuators):
+    if actuators and all(is_locked(tree.by_joint[a.joint]) for a in actuators):
         count = len(actuators)
         which = f"all {count} moving joints" if count > 1 else "the only moving joint"
         yield NO_ACTUATOR(
@@ -138,7 +139,7 @@ def actuator_findings(
             data={"joints": len(actuators)},
         )
     elif actuators and all(a.model == "passive" for a in actuators):
-        moving = sum(not tree.by_joint[a.joint].is_locked for a in actuators)
+        moving = sum(not is_locked(tree.by_joint[a.joint]) for a in actuators)
         yield from _nothing_drives(moving, has_table=has_table, only_mjcf=only_mjcf)
 
 

@@ -18,7 +18,7 @@ from assetbuild.mesh.hull import convex_hull
 from assetbuild.mesh.obj import read_part
 from assetbuild.mesh.primitives import volume_of
 from assetbuild.mesh.triangles import cleaned, merged, solid_moments
-from assetbuild.plugin_types import ConvertedMesh, Edited, MassEdit, edit_inertials
+from assetbuild.plugin_types import ConvertedMesh, Edited, MassEdit, edit_inertials, mass_data
 from assetbuild.recipe_types import Positive
 from assetbuild.robot.codec import decode_file
 from assetbuild.robot.inertia import combine, move_inertial, tensor_of
@@ -139,12 +139,7 @@ class InertiaFromGeometry(MassEdit):
             f"mass {before.mass_kg:.6g} -> {after.mass_kg:.6g} kg: {volume:.6g} m3"
             f"{several} at {density:.6g} kg/m3",
             data={
-                "before_kg": before.mass_kg,
-                "after_kg": after.mass_kg,
-                "before_m": before.com_m,
-                "after_m": after.com_m,
-                "before_kg_m2": before.inertia_com_kg_m2,
-                "after_kg_m2": after.inertia_com_kg_m2,
+                **mass_data(before, after),
                 "volume_m3": volume,
                 "density_kg_m3": density,
                 "stated": ("inertia", "mass"),

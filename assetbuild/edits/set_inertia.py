@@ -6,7 +6,7 @@ from pydantic import Field
 
 from assetbuild.errors import RecipeError
 from assetbuild.findings import Finding, Rule
-from assetbuild.plugin_types import MassEdit
+from assetbuild.plugin_types import MassEdit, mass_data
 from assetbuild.recipe_types import Model, Positive, Real
 from assetbuild.robot.inertia import Tensor
 from assetbuild.robot.model import Body, Inertial
@@ -46,21 +46,17 @@ class SetInertia(MassEdit):
         com: Vec3 = old.com_m if self.com is None else self.com
         i = self.inertia
         tensor: Tensor = (i.ixx, i.iyy, i.izz, i.ixy, i.ixz, i.iyz)
+        new = Inertial(mass, com, tensor)
         finding = SET_INERTIA(
             f"link {body.name}",
             f"mass {old.mass_kg:.6g} -> {mass:.6g} kg; "
             f"ixx iyy izz {_moments_text(old.inertia_com_kg_m2)} -> {_moments_text(tensor)} kg m2",
             data={
-                "before_kg": old.mass_kg,
-                "after_kg": mass,
-                "before_m": old.com_m,
-                "after_m": com,
-                "before_kg_m2": old.inertia_com_kg_m2,
-                "after_kg_m2": tensor,
+                **mass_data(old, new),
                 "stated": ("inertia",) if self.mass is None else ("inertia", "mass"),
             },
         )
-        return Inertial(mass, com, tensor), finding
+        return new, finding
 
 
 def _moments_text(tensor: Tensor) -> str:

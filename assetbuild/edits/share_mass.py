@@ -11,7 +11,7 @@ from pydantic import Field
 from assetbuild.engine.step import Files
 from assetbuild.errors import RecipeError
 from assetbuild.findings import Finding, Rule
-from assetbuild.plugin_types import Edit, Edited
+from assetbuild.plugin_types import Edit, Edited, mass_data
 from assetbuild.recipe_types import Pattern, Positive
 from assetbuild.robot.chains import Chain, find_chains, is_massless
 from assetbuild.robot.inertia import principal_moments, pseudo_inertia
@@ -129,13 +129,5 @@ def _finding(tree: Tree, links: list[str], shared: dict[str, Inertial]) -> Findi
     return SHARE_MASS(
         f"link {solid}",
         f"mass {before.mass_kg:.6g} -> {after.mass_kg:.6g} kg: {moved}; {motion}",
-        data={
-            "before_kg": before.mass_kg,
-            "after_kg": after.mass_kg,
-            "before_m": before.com_m,
-            "after_m": after.com_m,
-            "before_kg_m2": before.inertia_com_kg_m2,
-            "after_kg_m2": after.inertia_com_kg_m2,
-            "links": tuple(links),
-        },
+        data={**mass_data(before, after), "links": tuple(links)},
     )

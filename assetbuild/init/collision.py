@@ -6,7 +6,6 @@ import itertools
 import math
 import re
 from collections.abc import Collection, Iterator, Mapping, Sequence
-from types import MappingProxyType
 
 import numpy as np
 
@@ -38,8 +37,8 @@ def put_collision(
     draft: Draft,
     robot: InspectedRobot,
     anatomy: Anatomy,
-    overlaps: Mapping[Pair, float] = MappingProxyType({}),
-    inside: Mapping[Pair, float] = MappingProxyType({}),
+    overlaps: Mapping[Pair, float],
+    inside: Mapping[Pair, float],
 ) -> None:
     """The whole section.
 
@@ -104,26 +103,23 @@ def soles_of(robot: InspectedRobot, anatomy: Anatomy) -> list[str]:
 
 def _rules(robot: InspectedRobot, anatomy: Anatomy) -> Rules:
     """The last word on a link wins."""
-    rules = _flat(robot)
-    for link in _ball_feet(robot, anatomy):
-        if link not in rules:
+    role: Role = "collision" if robot.shapes.of("collision") else "visual"
+    solid, rules = robot.shapes.of(role), Rules()
+    for shape in solid:  # no method can use a mesh that spans no volume
+        if isinstance(shape.geometry, MeshFile) and robot.is_flat(shape.geometry):
+            rules[shape.link] = _instead(robot, shape.link, role)
+    for leg in anatomy.legs if len(anatomy.legs) >= 4 else ():
+        shapes = [s for s in solid if s.link == leg.foot]
+        separate = not leg.rolls and (leg.foot != leg.tip or len(leg.joints) >= 4)
+        is_ball = bool(shapes) and separate and all(_is_ball(robot, shape) for shape in shapes)
+        if is_ball and leg.foot not in rules:
             why = "A foot that meets the ground in a point rolls best as a sphere."
-            rules[link] = ({"method": "primitive", "shape": "sphere"}, why)
-    if robot.shapes.of("collision"):
+            rules[leg.foot] = ({"method": "primitive", "shape": "sphere"}, why)
+    if role == "collision":
         for link in soles_of(robot, anatomy):
             if link not in robot.solid_links:
                 why = "The source's collision leaves out this foot, so that it would stand on air."
                 rules[link] = ({"method": "auto", "from": "visual"}, why)
-    return rules
-
-
-def _flat(robot: InspectedRobot) -> Rules:
-    """Links with a collision mesh that spans no volume, which no method can use."""
-    role: Role = "collision" if robot.shapes.of("collision") else "visual"
-    rules: Rules = {}
-    for shape in robot.shapes.of(role):
-        if isinstance(shape.geometry, MeshFile) and robot.is_flat(shape.geometry):
-            rules[shape.link] = _instead(robot, shape.link, role)
     return rules
 
 
@@ -135,20 +131,6 @@ def _instead(robot: InspectedRobot, link: str, role: Role) -> tuple[dict[str, st
     if role == "collision" and drawn and not any(flat):
         return {"method": "auto", "from": "visual"}, why + "what is drawn of it is taken."
     return {"method": "none"}, why + "it hits nothing."
-
-
-def _ball_feet(robot: InspectedRobot, anatomy: Anatomy) -> list[str]:
-    """Feet of walkers on four legs or more that are meshes, about as wide as they are high."""
-    if len(anatomy.legs) < 4:
-        return []
-    solid = robot.shapes.of("collision") or robot.shapes.of("visual")
-    balls = []
-    for leg in anatomy.legs:
-        shapes = [s for s in solid if s.link == leg.foot]
-        separate = not leg.rolls and (leg.foot != leg.tip or len(leg.joints) >= 4)
-        if shapes and separate and all(_is_ball(robot, shape) for shape in shapes):
-            balls.append(leg.foot)
-    return balls
 
 
 def _is_ball(robot: InspectedRobot, shape: SourceShape) -> bool:

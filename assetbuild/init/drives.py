@@ -24,6 +24,7 @@ from assetbuild.robot.dynamics import Dynamics, dynamics, holding_torques
 from assetbuild.robot.inertia import total_mass
 from assetbuild.robot.model import Joint, Tree
 from assetbuild.robot.pose import Array
+from assetbuild.robot.tree import is_locked, unit_of
 
 FULL_ERROR = {"rad": 0.3, "m": 0.02}
 """Tracking error at which a drive gives all its effort."""
@@ -191,7 +192,7 @@ def _classes(kind: DriveRow, felt: Sequence[_Felt]) -> list[list[_Felt]]:
 
 def _kind(joint: Joint, guess: Guess | None, part: Turning | None) -> DriveRow:
     """The row of one joint, without what depends on the others."""
-    unit, limits, locked = joint.unit, joint.limits, joint.is_locked
+    unit, limits, locked = unit_of(joint), joint.limits, is_locked(joint)
     effort = None if locked else limits.effort or None
     row = DriveRow((), effort, limits.velocity or None, unit, 0.0, locked=locked)
     if guess is not None:

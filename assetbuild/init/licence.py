@@ -62,8 +62,8 @@ def stated_licence(root: Path, file: str) -> StatedLicence | None:
     for folder in folders_above(root, robot):
         for path in sorted(folder.iterdir()) if folder.is_dir() else ():
             if path.name.lower().startswith(NAMES) and (text := start_of(path, MOST_BYTES)):
-                licence = _of_text(text)
-                if licence:
+                words = " ".join(text.lower().split())
+                if licence := next((name for own, name in TEXTS if re.search(own, words)), ""):
                     outside = not folder.is_relative_to(root)
                     return licence, licence, os.path.relpath(path, root) if outside else path.name
         package = start_of(folder / "package.xml", MOST_BYTES)
@@ -98,11 +98,6 @@ def folders_above(root: Path, robot: Path) -> Iterator[Path]:
         yield folder
         if (folder / ".git").exists():
             return
-
-
-def _of_text(text: str) -> str:
-    plain = " ".join(text.lower().split())
-    return next((name for words, name in TEXTS if re.search(words, plain)), "")
 
 
 def _of_package(text: str) -> StatedLicence | None:

@@ -203,10 +203,13 @@ def turned(robot: InspectedRobot) -> frozenset[str]:
     links = {shape.link for shape in robot.shapes.shapes if _may_say_so(robot, shape)}
     records = {}
     for shape in robot.shapes.shapes:
-        if shape.link in links and isinstance(shape.geometry, MeshFile):
-            record = _bounds(robot, shape.geometry)
-            if record is not None:  # else the build says what is wrong with it
-                records[shape.name] = record
+        mesh = shape.geometry if shape.link in links else None
+        read = mesh_of(robot.root, mesh) if isinstance(mesh, MeshFile) else None
+        if read is not None and isinstance(mesh, MeshFile):  # else the build says what is wrong
+            points = scaled_points(read, mesh)
+            lower, upper = vec3(points.min(axis=0)), vec3(points.max(axis=0))
+            record = ConvertedMesh((), 0, 0.0, lower, upper, False, None, read.up_axis)
+            records[shape.name] = record
     return frozenset(meshes_to_turn(robot.links, robot.shapes, records) if records else ())
 
 
@@ -232,16 +235,6 @@ def _may_say_so(robot: InspectedRobot, shape: SourceShape) -> bool:
             return format == "dae" and not Z_UP.search(file.read(HEAD))
     except OSError:
         return False
-
-
-def _bounds(robot: InspectedRobot, mesh: MeshFile) -> ConvertedMesh | None:
-    """What `convert_mesh` would say of its bounds; None for one that it would refuse."""
-    read = mesh_of(robot.root, mesh)
-    if read is None:
-        return None
-    points = scaled_points(read, mesh)
-    lower, upper = vec3(points.min(axis=0)), vec3(points.max(axis=0))
-    return ConvertedMesh((), 0, 0.0, lower, upper, False, None, read.up_axis)
 
 
 MERGED = "`fixed_joints: {merge: true}`, and the edit `share_mass` for links without mass above it"

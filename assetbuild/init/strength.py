@@ -32,7 +32,7 @@ from assetbuild.robot.inertia import total_mass
 from assetbuild.robot.mimic import with_mimics
 from assetbuild.robot.model import Joint, Tree
 from assetbuild.robot.pose import Array
-from assetbuild.robot.tree import forward_kinematics
+from assetbuild.robot.tree import forward_kinematics, is_locked, unit_of
 
 GRAVITY = 9.81
 SAMPLES = 40
@@ -104,7 +104,7 @@ def strengthened(tree: Tree, anatomy: Anatomy) -> tuple[Tree, dict[str, Guess]]:
     idle = {}
     for name, reason in why.items():
         joint = tree.by_joint[name]
-        if not reason or joint.is_locked:
+        if not reason or is_locked(joint):
             continue
         effort = rounded_up(physics[name])
         if stays_passive(tree, joint, anatomy):
@@ -197,7 +197,7 @@ def physical_efforts(
     for joint in tree.moving_joints:
         if joint.mimic is not None:
             continue
-        name, unit = joint.name, joint.unit
+        name, unit = joint.name, unit_of(joint)
         accelerated = ACCELERATION[unit]
         if unit == "rad":
             reach = length_below(tree, joint.child)
@@ -222,7 +222,7 @@ def _twins(tree: Tree, parts: Mapping[str, Role]) -> dict[str, list[str]]:
             bodies = bodies_below(tree, joint.child)
             masses = [i.mass_kg for body in bodies if (i := tree.by_body[body].inertial)]
             depth, mass = len(chain_to(tree, joint.child)), f"{math.fsum(masses):.3g}"
-            place = (parts[joint.name], joint.unit, depth, mass)
+            place = (parts[joint.name], unit_of(joint), depth, mass)
             alike.setdefault(place, []).append(joint.name)
     return {name: names for names in alike.values() for name in names}
 
@@ -242,7 +242,7 @@ def _within_limbs(
     tree: Tree, needs: Mapping[str, float], parts: Mapping[str, Role]
 ) -> dict[str, float]:
     """None but what turns without end is weaker than a share of the strongest of its limb."""
-    limbs = {n: (limb_of(tree, tree.by_joint[n]), tree.by_joint[n].unit) for n in needs}
+    limbs = {n: (limb_of(tree, tree.by_joint[n]), unit_of(tree.by_joint[n])) for n in needs}
     strongest: dict[tuple[str, str], float] = {}
     for name, need in needs.items():
         strongest[limbs[name]] = max(need, strongest.get(limbs[name], 0.0))
@@ -256,7 +256,7 @@ def _within_limbs(
 
 def rotor_inertia(joint: Joint) -> float:
     """The least that a motor of the joint's effort adds to it, kg m2 or kg; 2 digits."""
-    return float(f"{(joint.limits.effort or 0.0) / ROTOR[joint.unit]:.2g}")
+    return float(f"{(joint.limits.effort or 0.0) / ROTOR[unit_of(joint)]:.2g}")
 
 
 def largest_inertias(tree: Tree) -> dict[str, float]:

@@ -123,13 +123,15 @@ def _chosen(tuning: Tuning, step: float) -> Tuning:
 
 
 def _corrected(tuning: Tuning, trial: Trial) -> Tuning | None:
-    """One step further; None when nothing is left to try."""
-    weak = [error for error in trial.errors if error.rule in WEAK]
-    stronger = _stronger(tuning, weak) if weak else None
-    if stronger is not None:
+    """Efforts that are guesses grow; else a step of 2 ms, then of 1 ms; None: nothing is left."""
+    stronger = _stronger(tuning, [error for error in trial.errors if error.rule in WEAK])
+    other = next((error for error in trial.errors if error.rule not in WEAK), None)
+    step = next((s for s in (SHORT_STEP_S, SHORTEST_STEP_S) if s < tuning.timestep), None)
+    if stronger is not None or other is None or step is None:
         return stronger
-    others = [error for error in trial.errors if error.rule not in WEAK]
-    return _calmer(tuning, others[0]) if others else None
+    note = f"a time step of {1e3 * step:g} ms: at {1e3 * tuning.timestep:g} ms "
+    note += f"{other.subject} {other.message}"
+    return _chosen(replace(tuning, notes=(*tuning.notes, note)), step)
 
 
 def _stronger(tuning: Tuning, weak: list[Finding]) -> Tuning | None:
@@ -146,16 +148,6 @@ def _stronger(tuning: Tuning, weak: list[Finding]) -> Tuning | None:
         return None
     tree = with_efforts(tuning.tree, {name: guesses[name].effort for name in grown})
     return _chosen(replace(tuning, tree=tree, guesses=guesses), tuning.timestep)
-
-
-def _calmer(tuning: Tuning, error: Finding) -> Tuning | None:
-    """A step of 2 ms, then one of 1 ms."""
-    step = next((s for s in (SHORT_STEP_S, SHORTEST_STEP_S) if s < tuning.timestep), None)
-    if step is None:
-        return None
-    note = f"a time step of {1e3 * step:g} ms: at {1e3 * tuning.timestep:g} ms "
-    note += f"{error.subject} {error.message}"
-    return _chosen(replace(tuning, notes=(*tuning.notes, note)), step)
 
 
 def _standing(tuning: Tuning, trial: Trial, attempt: Try) -> tuple[Tuning, Trial]:

@@ -36,7 +36,6 @@ MOST_TRIES = 60
 
 _ASKED = re.compile(r"`\$\(find ([^`]+)\)`: no package")
 _ABSENT = re.compile(r"of the package `([^`]+)`, which is stated as missing")
-_XACRO = re.compile(rb"<xacro:")
 
 
 @dataclass(frozen=True)
@@ -51,7 +50,7 @@ class Expanded:
 
 def is_xacro(file: Path, data: bytes) -> bool:
     """By its name, or because it uses xacro's elements."""
-    return file.suffix == ".xacro" or _XACRO.search(data) is not None
+    return file.suffix == ".xacro" or b"<xacro:" in data
 
 
 def expand(file: Path, stated: Mapping[str, Path], args: Mapping[str, str]) -> Expanded:

@@ -30,6 +30,7 @@ from assetbuild.robot.inertia import total_mass
 from assetbuild.robot.initial import initial_pose
 from assetbuild.robot.model import Body, Joint
 from assetbuild.robot.pose import Pose
+from assetbuild.robot.tree import unit_of
 
 if TYPE_CHECKING:
     from jinja2 import Environment
@@ -291,7 +292,7 @@ def _joint(joint: Joint) -> dict[str, object]:
         "axis": list(joint.axis) if has_axis else None,
         "lower": lower,
         "upper": upper,
-        "unit": joint.unit,
+        "unit": unit_of(joint),
         "mimic": mimic and asdict(mimic),
         **_plain_pose(joint.X_parent_joint),
     }

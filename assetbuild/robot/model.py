@@ -100,16 +100,6 @@ class Joint:
     friction: float | None = None
     mimic: Mimic | None = None
 
-    @property
-    def unit(self) -> Literal["m", "rad"]:
-        """Of its coordinate: m of a slide, rad of any other."""
-        return "m" if self.kind == "prismatic" else "rad"
-
-    @property
-    def is_locked(self) -> bool:
-        """Whether equal limits hold it, so that a drive could move nothing."""
-        return self.limits.lower is not None and self.limits.lower == self.limits.upper
-
 
 @dataclass(frozen=True)
 class Frame:

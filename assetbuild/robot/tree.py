@@ -6,6 +6,7 @@ import math
 from collections import defaultdict
 from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
+from typing import Literal
 
 import numpy as np
 
@@ -100,6 +101,16 @@ def joint_motion(joint: Joint, value: float) -> Pose:
         raise ValueError(f"joint {joint.name} is {joint.kind}: it has no single coordinate")
     s = math.sin(value / 2)
     return Pose((0.0, 0.0, 0.0), normalised_quat((math.cos(value / 2), x * s, y * s, z * s)))
+
+
+def unit_of(joint: Joint) -> Literal["m", "rad"]:
+    """Of its coordinate: m of a slide, rad of any other."""
+    return "m" if joint.kind == "prismatic" else "rad"
+
+
+def is_locked(joint: Joint) -> bool:
+    """Whether equal limits hold it, so that a drive could move nothing."""
+    return joint.limits.lower is not None and joint.limits.lower == joint.limits.upper
 
 
 def forward_kinematics(tree: Tree, positions: Mapping[str, float]) -> dict[str, Pose]:

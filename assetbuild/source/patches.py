@@ -43,7 +43,7 @@ def passages(patches: Sequence[Patch], folder: Path, world: World) -> list[Passa
     """All of them in order. RecipeError for a diff that is none. folder: of the recipe."""
     made: list[Passage] = []
     for index, patch in enumerate(patches):
-        own = {} if patch.diff else patch.model_dump(exclude={"diff"})
+        own = patch.model_dump(exclude={"diff"}) if patch.diff is None else {}
         for step in [PatchText(**own)] if own else _of_diff(patch, folder, world):
             label = f"patch {len(made) + 1} {step.file}"
             made.append(Passage(("source", "patches", index), label, step))

@@ -145,7 +145,14 @@ def description_of(
     changes = passages(recipe.patches, folder, p.world)
     texts = patched(changes, {path: ref} | texts, p)
     if recipe.xacro is not None:
-        return _expanded(recipe, texts, p)
+        step = ExpandXacro(
+            file=path,
+            args={name: argument_text(value) for name, value in sorted(recipe.args.items())},
+            packages=dict(sorted(recipe.packages.items())),
+            absent=tuple(sorted(recipe.missing.packages)),
+        )
+        made = p.add("expand_xacro", step, {f"tree/{name}": text for name, text in texts.items()})
+        return Description(f"{path} (expanded)", made["robot.urdf"])
     moved = any(each.moves_lines for each in changes if each.step.file == path)
     shown = f"{path} (patched)" if moved and recipe.urdf else path
     return Description(shown, texts.pop(path), texts)
@@ -158,18 +165,6 @@ def _are_missing(stated: Sequence[str], source: SourceFiles) -> bool:
         key = ("source", "missing", "visuals", stated.index(path))
         raise KeyedError(key, f"`{path}` is in the source", "remove it from the list")
     return present is not None
-
-
-def _expanded(recipe: Source, texts: Mapping[str, Ref], p: Planner) -> Description:
-    """The URDF behind a xacro."""
-    step = ExpandXacro(
-        file=recipe.description,
-        args={name: argument_text(value) for name, value in sorted(recipe.args.items())},
-        packages=dict(sorted(recipe.packages.items())),
-        absent=tuple(sorted(recipe.missing.packages)),
-    )
-    expanded = p.add("expand_xacro", step, {f"tree/{name}": ref for name, ref in texts.items()})
-    return Description(f"{recipe.description} (expanded)", expanded["robot.urdf"])
 
 
 def _included(path: str, ref: Ref, source: SourceFiles, p: Planner) -> dict[str, Ref] | None:

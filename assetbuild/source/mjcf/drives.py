@@ -78,18 +78,16 @@ def read_drives(links: Links) -> Drives:
             if not owner:
                 drives.resting.append((name, _resting(model, index)))
             continue
-        if model.actuator_actearly[index]:
-            early = element_text("general", {"actearly": "true"})
-            drives.mjcf_only.append(MjcfOnly("drive", early, joint))
-        if group := int(model.actuator_group[index]):
-            text = element_text("general", {"group": str(group)})
-            drives.mjcf_only.append(MjcfOnly("drive", text, joint))
         drives.names.append((name, joint))
-        endless = moving[joint].kind == "continuous"
+        endless, more = moving[joint].kind == "continuous", list[tuple[str, dict[str, str]]]()
+        if model.actuator_actearly[index]:
+            more.append(("general", {"actearly": "true"}))
+        if group := int(model.actuator_group[index]):
+            more.append(("general", {"group": str(group)}))
         if taken.model == "pd" and taken.ctrl is None and not endless:
             # It may be sent beyond the joint's range, where a target would clip it.
-            unclipped = element_text("position", {"inheritrange": "0"})
-            drives.mjcf_only.append(MjcfOnly("drive", unclipped, joint))
+            more.append(("position", {"inheritrange": "0"}))
+        drives.mjcf_only += [MjcfOnly("drive", element_text(*one), joint) for one in more]
     for name, moved in moving.items():
         actuator = driven.get(name, Actuator(name, "passive"))
         at = int(model.joint(name).id)

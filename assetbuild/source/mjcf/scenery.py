@@ -56,6 +56,8 @@ SECTIONS = ("tendon", "actuator", "equality", "contact", "sensor")
 WIDTHS = {"free": (7, 6), "ball": (4, 3)}
 """Numbers of a joint in `qpos` and `qvel`; of others one each."""
 JOINTS = ("joint", "freejoint")
+GROUNDS = ("plane", "hfield")
+"""Kinds of geoms that robots stand on."""
 _Name = tuple[str, str]
 """Kind and name."""
 _Names = set[_Name]
@@ -82,9 +84,13 @@ def cut_scenery(root: _Element, chosen: str | None) -> Iterator[Finding]:
     lost = set[_Name]().union(*map(_inside, gone))
     if not _hangs(root, [tops[name] for name in kept]):
         lost |= set(_objects(world, "site", "geom"))
-    if gone:
-        _refuse_total_mass(root)
-    floors = set(_grounds(world, Classes(root)))
+    for compiler in root.iterchildren("compiler") if gone else ():
+        if float(compiler.get("settotalmass", "-1")) > 0.0:
+            hint = "give the file of the robot alone, or state the masses"
+            raise error_at(compiler, "`settotalmass` spreads one mass over a whole scene", hint)
+    classes = Classes(root)
+    grounds = [g for g in parts(world, "geom") if classes.attributes(g).get("type") in GROUNDS]
+    floors = {str(ground.get("name")) for ground in grounds}
     standing: dict[str, _Element] = {}
     for element, missing in _cut(root, gone, lost):
         ends = [str(element.get(f"geom{side}")) for side in (1, 2)]
@@ -104,13 +110,6 @@ def cut_scenery(root: _Element, chosen: str | None) -> Iterator[Finding]:
             f"`source: {{body: {top.get('name')}}}` in the recipe would build it instead",
             data={"mocap": mocap, "kept": tuple(kept)},
         )
-
-
-def _grounds(world: _Element, classes: Classes) -> Iterator[str]:
-    """Names of what robots stand on."""
-    for geom in parts(world, "geom"):
-        if classes.attributes(geom).get("type") in ("plane", "hfield"):
-            yield str(geom.get("name"))
 
 
 def _on_any_floor(pairs: Mapping[str, _Element], root: _Element) -> Iterator[Finding]:
@@ -235,13 +234,6 @@ def kind_of(key: str, stated: Mapping[str, str]) -> str:
 
 
 # --- cutting --------------------------------------------------------------------------------
-
-
-def _refuse_total_mass(root: _Element) -> None:
-    for compiler in root.iterchildren("compiler"):
-        if float(compiler.get("settotalmass", "-1")) > 0.0:
-            hint = "give the file of the robot alone, or state the masses"
-            raise error_at(compiler, "`settotalmass` spreads one mass over a whole scene", hint)
 
 
 def _cut(root: _Element, gone: Iterable[_Element], lost: _Names) -> Iterator[tuple[_Element, str]]:

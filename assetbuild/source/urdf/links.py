@@ -139,7 +139,11 @@ def _read_geometry(shape: Node, paths: Paths, uses: dict[str, MeshUse]) -> Sourc
         uses.setdefault(path, use)
         return MeshFile(path, _scale(shape))
     if shape.tag == "box":
-        return Box(_box_size(shape))
+        size = vec3(shape.numbers("size", 3))
+        if min(size) <= 0.0:
+            stated = f"box size is `{shape.get('size')}`"
+            raise shape.error(f"{stated}, every edge must be positive", SIZE)
+        return Box(size)
     if shape.tag == "sphere":
         return Sphere(shape.positive("radius"))
     if shape.tag in ("cylinder", "capsule"):
@@ -147,13 +151,6 @@ def _read_geometry(shape: Node, paths: Paths, uses: dict[str, MeshUse]) -> Sourc
         return kind(shape.positive("radius"), shape.positive("length"))
     tags = ("box", "sphere", "cylinder", "capsule", "mesh")
     raise shape.error(f"unknown geometry <{shape.tag}>", did_you_mean(shape.tag, tags))
-
-
-def _box_size(node: Node) -> Vec3:
-    size = vec3(node.numbers("size", 3))
-    if min(size) <= 0.0:
-        raise node.error(f"box size is `{node.get('size')}`, every edge must be positive", SIZE)
-    return size
 
 
 def _scale(node: Node) -> Vec3:

@@ -12,7 +12,7 @@ from pydantic import Field
 from assetbuild.engine.step import Files, Limits, Step
 from assetbuild.findings import Finding, Rule
 from assetbuild.robot.codec import encode
-from assetbuild.robot.model import Base, Tree
+from assetbuild.robot.model import Base
 from assetbuild.robot.shapes import SourceShapes
 from assetbuild.source.urdf.joints import build_tree, read_joint
 from assetbuild.source.urdf.links import Geometries, named, read_body, read_shapes
@@ -39,7 +39,7 @@ STRAY = Rule(
     ("warning", "info"),
     "an element of the format is misplaced and ignored (an `<inertial>` outside of its "
     "link), and no reader counts it (info: it weighs, touches and moves nothing)",
-    "move it into the <link> or <joint> that it is part of",
+    "move the element into the link or joint that it is part of",
 )
 WORLD_JOINT = Rule(
     "urdf.world.floating",
@@ -47,7 +47,7 @@ WORLD_JOINT = Rule(
     "a floating joint holds the robot to an empty root link: the link below is the floating base",
     "nothing; where it starts stands in the recipe's keyframes",
 )
-NAMELESS = Rule("urdf.name.missing", "info", "`<robot>` has no name", 'write <robot name="...">')
+NAMELESS = Rule("urdf.name.missing", "info", "`<robot>` has no name", "give it one")
 
 _WHOSE = ("name", "reference")
 SHOWN = 6
@@ -94,7 +94,8 @@ class ReadUrdf(Step):
         names = {str(node.get("name")) for node in stated}
         read = [read_joint(name, node, names, by_name) for name, node in named(stated)]
         name = (root.get("name") or "").strip()
-        unnamed = [] if name else [NAMELESS("robot", "<robot> has no name; it is called `robot`")]
+        message, hint = "<robot> has no name; it is called `robot`", 'write <robot name="...">'
+        unnamed = [] if name else [NAMELESS("robot", message, hint)]
         if not root.all("link"):
             hint = "is this the right file? A xacro of macros alone is included by another one"
             raise root.error("a robot without links", hint)
@@ -102,8 +103,15 @@ class ReadUrdf(Step):
         tree, held = build_tree(
             name or "robot", self.base, bodies, [joint for joint, _ in read], nodes
         )
-        _write(files, tree, geometries, self._source_map(root, nodes, geometries))
-        (files.outputs / "source.urdf").write_bytes(canonical(root))
+        out, used = files.outputs, [use for _, use in sorted(geometries.uses.items())]
+        shapes = SourceShapes(tuple(geometries.shapes), tuple(geometries.materials.values()))
+        (out / "links.json").write_bytes(encode(tree))
+        (out / "shapes.json").write_bytes(encode(shapes))
+        source_map = self._source_map(root, nodes, geometries)
+        for file, value in (("meshes.json", used), ("source_map.json", source_map)):
+            text = json.dumps(value, sort_keys=True, indent=1)
+            (out / file).write_text(text + "\n", encoding="ascii")
+        (out / "source.urdf").write_bytes(canonical(root))
         yield from [
             *mended,
             *unnamed,
@@ -203,17 +211,7 @@ def _strays(root: Node) -> Iterator[Finding]:
             f"element {tag}",
             f"<{tag}>{weighs} on line {stray.line} is misplaced and ignored, as by every "
             "other reader",
+            hint="move it into the <link> or <joint> that it is part of",
             severity="info" if tag in HARMLESS else "warning",
             data={"element": tag, "line": stray.line, "mass_kg": value},
         )
-
-
-def _write(files: Files, tree: Tree, geometries: Geometries, source_map: dict[str, object]) -> None:
-    out = files.outputs
-    shapes = SourceShapes(tuple(geometries.shapes), tuple(geometries.materials.values()))
-    (out / "links.json").write_bytes(encode(tree))
-    (out / "shapes.json").write_bytes(encode(shapes))
-    meshes = [use for _, use in sorted(geometries.uses.items())]
-    for name, value in (("meshes.json", meshes), ("source_map.json", source_map)):
-        text = json.dumps(value, sort_keys=True, indent=1)
-        (out / name).write_text(text + "\n", encoding="ascii")
