@@ -22,7 +22,7 @@ _HUNK = re.compile(r"@@ -\d+(?:,(\d+))? \+\d+(?:,(\d+))? @@")
 
 @dataclass(frozen=True)
 class Passage:
-    """One replacement. key: of the patch in the recipe; label: of its node."""
+    """One replacement, with the key of its patch in the recipe and the label of its node."""
 
     key: Key
     label: str
