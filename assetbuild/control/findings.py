@@ -198,10 +198,9 @@ RAISED = Rule(
 
 def contact_findings(shapes: Shapes, control: Control) -> Iterator[Finding]:
     """One for each value that is outside, with the links that have it."""
-    contacts = dict(control.contacts)
     links: dict[float, dict[str, None]] = {}
     for shape in shapes.of("collision"):
-        surface = contacts.get(shape.name, control.contact)
+        surface = control.surface_of(shape)
         touches = surface.contype or surface.conaffinity
         if touches and surface.condim > 1 and not SLIDING[0] <= surface.friction[0] <= SLIDING[1]:
             links.setdefault(surface.friction[0], {})[shape.link] = None
@@ -223,10 +222,10 @@ def _raised(shapes: Shapes, control: Control) -> Iterator[Finding]:
 
     A surface without priority is mixed with what it touches: the floor's, which is the default.
     """
-    contacts, least = dict(control.contacts), SAFE_STEPS * control.simulation.timestep
+    least = SAFE_STEPS * control.simulation.timestep
     stated: dict[float, dict[str, None]] = {}
     for shape in shapes.of("collision"):
-        surface = contacts.get(shape.name, control.contact)
+        surface = control.surface_of(shape)
         constant = surface.solref[0] if surface.solref and surface.priority else DEFAULT_S
         stated.setdefault(constant, {})[f"link {shape.link}"] = None
     for loop in control.loops:

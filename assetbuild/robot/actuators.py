@@ -92,7 +92,7 @@ def resolve(
     made = []
     for joint in tree.moving_joints:
         matched = by_joint.get(joint.name)
-        made.append(_driven(joint, matched) if matched else _passive(joint))
+        made.append(_driven(joint, matched) if matched else joint.undriven)
     return _with_gains(tree, tuple(made), by_joint, start or {}, loops)
 
 
@@ -345,17 +345,6 @@ def _without(entry: _Matched, joint: Joint, name: str, stated: float | None) -> 
         "model",
         f"model `{entry.row.model}` needs the limit `{name}` of joint `{joint.name}`; {source}",
         f"add `{name}` to the row or its motor",
-    )
-
-
-def _passive(joint: Joint) -> Actuator:
-    return Actuator(
-        joint=joint.name,
-        model="passive",
-        damping=_first(joint.damping),
-        friction=_first(joint.friction),
-        effort=joint.limits.effort or None,
-        velocity=joint.limits.velocity or None,
     )
 
 

@@ -14,6 +14,7 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Literal
 
+from assetbuild.robot.actuator_table import Actuator as Actuator
 from assetbuild.robot.actuator_table import ActuatorModel as ActuatorModel
 from assetbuild.robot.actuator_table import General as General
 from assetbuild.robot.contact import Contact as Contact
@@ -100,6 +101,18 @@ class Joint:
     friction: float | None = None
     mimic: Mimic | None = None
 
+    @property
+    def undriven(self) -> Actuator:
+        """What the source says of it without a drive; a limit of 0 says nothing."""
+        return Actuator(
+            joint=self.name,
+            model="passive",
+            damping=self.damping or 0.0,
+            friction=self.friction or 0.0,
+            effort=self.limits.effort or None,
+            velocity=self.limits.velocity or None,
+        )
+
 
 @dataclass(frozen=True)
 class Frame:
@@ -169,61 +182,6 @@ class Tree:
     @cached_property
     def _by_frame(self) -> dict[str, Frame]:
         return {frame.name: frame for frame in self.frames}
-
-
-@dataclass(frozen=True)
-class Actuator:
-    """What drives, brakes and limits one moving joint. Each moving joint has exactly one.
-
-    kp: N m/rad (N/m); kd: of the drive, N m s/rad; damping: passive, of the joint; they add up.
-    effort: N m or N; velocity: rad/s or m/s; armature: reflected rotor inertia, kg m2 or kg;
-    friction: dry, N m or N. None = unlimited.
-    stall: of a `dc_motor`, its torque at rest, N m or N; None = not stated.
-    ctrl: range of the command in the unit of the model; None = the target's rule.
-    general: of the model `general` alone.
-    motor: name in the recipe's motor table; source: where its numbers come from; measured: which of
-    them were fitted to logs of the real robot.
-    name: of the drive where it is not the joint's own.
-    gear: of the drive in MuJoCo, which its commands there count in. All numbers here are already
-    on the joint: with the force f of MuJoCo's actuator and its length l, effort = gear f and
-    l = gear q. The parameters of `general` alone are the actuator's own.
-    """
-
-    joint: str
-    model: ActuatorModel
-    kp: float = 0.0
-    kd: float = 0.0
-    damping: float = 0.0
-    friction: float = 0.0
-    armature: float = 0.0
-    effort: float | None = None
-    velocity: float | None = None
-    stall: float | None = None
-    ctrl: tuple[float, float] | None = None
-    general: General | None = None
-    motor: str = ""
-    source: str = ""
-    name: str = ""
-    gear: float = 1.0
-    measured: tuple[str, ...] = ()
-
-    @property
-    def command_gear(self) -> float:
-        """MuJoCo's command for a command of 1 on the joint: a position, a speed or an effort."""
-        if self.model in ("pd", "velocity"):
-            return self.gear
-        return 1.0 if self.model == "general" else 1.0 / self.gear
-
-    @property
-    def saturation(self) -> float | None:
-        """Torque of a `dc_motor` at rest, N m or N; where none is stated, its effort limit."""
-        return self.effort if self.stall is None else self.stall
-
-    @property
-    def undriven(self) -> Actuator:
-        """The joint's own numbers."""
-        kept = Actuator(self.joint, "passive", damping=self.damping, friction=self.friction)
-        return replace(kept, armature=self.armature)
 
 
 @dataclass(frozen=True)
@@ -380,6 +338,18 @@ class Control:
     def by_joint(self) -> dict[str, Actuator]:
         """Actuators by the name of their joint."""
         return {actuator.joint: actuator for actuator in self.actuators}
+
+    def drive_of(self, joint: Joint) -> Actuator:
+        """The row of a moving joint; without one, what the source says of it."""
+        return self.by_joint.get(joint.name) or joint.undriven
+
+    @cached_property
+    def _by_shape(self) -> dict[str, Contact]:
+        return dict(self.contacts)
+
+    def surface_of(self, shape: Shape) -> Contact:
+        """The surface of a collision shape."""
+        return self._by_shape.get(shape.name, self.contact)
 
     @property
     def own_drives(self) -> frozenset[str]:

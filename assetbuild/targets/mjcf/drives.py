@@ -74,15 +74,8 @@ class JointRow:
         return next((tag for tag in self.attributes if tag != "joint"), "")
 
 
-def row_of(joint: Joint, actuator: Actuator | None, limits: Softness | None = None) -> JointRow:
-    """A moving joint and its actuator; StepError for a range that MJCF cannot express.
-
-    Without an actuator the joint keeps the damping and friction of the source.
-    """
-    passive = Actuator(
-        joint.name, "passive", damping=joint.damping or 0.0, friction=joint.friction or 0.0
-    )
-    actuator = actuator or passive
+def row_of(joint: Joint, actuator: Actuator, limits: Softness | None) -> JointRow:
+    """A moving joint and its actuator; StepError for a range that MJCF cannot express."""
     attributes = {
         "type": "slide" if joint.kind == "prismatic" else None,
         "axis": direction(joint.axis),

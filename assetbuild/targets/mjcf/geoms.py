@@ -62,18 +62,12 @@ class GeomElements:
         hidden = {"type": "mesh", "contype": "0", "conaffinity": "0", "group": "2"}
         solid = {"group": "3", **_surface(control.contact, Contact())}
         fixed: Mapping[Role, Mapping[str, str]] = {"visual": hidden, "collision": solid}
-        contacts = dict(control.contacts)
         self.classes: list[DefaultClass] = []
         """The default classes of the roles that any shape has."""
         self._uses: dict[str, Use] = {}
         for role, always in fixed.items():
             rows = [
-                _row(
-                    s,
-                    tree.shape_placement(s)[1],
-                    contacts.get(s.name, control.contact),
-                    control.contact,
-                )
+                _row(s, tree.shape_placement(s)[1], control.surface_of(s), control.contact)
                 for s in shapes.of(role)
             ]
             if rows:

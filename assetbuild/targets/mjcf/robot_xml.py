@@ -89,9 +89,7 @@ class RobotXml:
         self.seats = JointPlacement(tree, shapes)
         limits = dict(control.soft_limits)
         rows = [
-            row_of(
-                self.seats.seated(joint), control.by_joint.get(joint.name), limits.get(joint.name)
-            )
+            row_of(self.seats.seated(joint), control.drive_of(joint), limits.get(joint.name))
             for joint in self.joints
             if joint in tree.moving_joints
         ]

@@ -78,7 +78,7 @@ def define_joints(
         UsdPhysics.Joint(prim).CreateCollisionEnabledAttr(touch)
         label(prim, joint.name)
         if joint.kind in MOVING:
-            actuator = control.by_joint.get(joint.name) or _undriven(joint)
+            actuator = control.drive_of(joint)
             _apply_passive(prim, joint, actuator)
             if joint.name in springs:
                 _apply_spring(prim, joint, springs[joint.name])
@@ -121,17 +121,6 @@ def define_loops(
             "torqueScale": loop.torque_scale if loop.kind == "weld" else 0.0,
         }
         apply_mujoco(made.GetPrim(), "MjcEqualityWeldAPI", soft)
-
-
-def _undriven(joint: Joint) -> Actuator:
-    """Without a row in the actuator table: what the source says of the joint itself."""
-    return Actuator(
-        joint.name,
-        "passive",
-        damping=joint.damping or 0.0,
-        friction=joint.friction or 0.0,
-        velocity=joint.limits.velocity,
-    )
 
 
 def _define_joint(

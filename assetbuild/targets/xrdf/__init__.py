@@ -19,9 +19,8 @@ from assetbuild.robot.contact import Contact
 from assetbuild.robot.contact_filter import ContactFilter
 from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.initial import initial_pose
-from assetbuild.robot.model import MOVING, Control, Tree
+from assetbuild.robot.model import MOVING, Tree
 from assetbuild.robot.ranges import first_match
-from assetbuild.robot.shapes import Shapes
 from assetbuild.targets.xrdf.covers import Covered, LimitTable, XrdfOptions, covers_of, overlaps
 
 NO_URDF = Rule(
@@ -199,26 +198,17 @@ def _ignored(links: list[str], robot: RobotFiles) -> dict[str, list[str]]:
     """Links that never collide with a later one: of one body, or filtered as in MuJoCo."""
     tree, control = robot.tree, robot.control
     rule = ContactFilter.of(tree, robot.shapes, control)
-    contacts = _contacts(robot.shapes, control)
+    surfaces: dict[str, list[Contact]] = {}
+    for shape in robot.shapes.of("collision"):
+        surfaces.setdefault(shape.link, []).append(control.surface_of(shape))
     ignored: dict[str, list[str]] = {}
     for one, other in itertools.combinations(links, 2):
         bodies = tree.placement(one)[0], tree.placement(other)[0]
         excluded = tuple(sorted(bodies)) in control.excludes
-        meets = any(
-            a.contype & b.conaffinity or b.contype & a.conaffinity
-            for a in contacts[one]
-            for b in contacts[other]
-        )
+        meets = any(a.meets(b) for a, b in itertools.product(surfaces[one], surfaces[other]))
         if bodies[0] == bodies[1] or excluded or rule.passes(*bodies) or not meets:
             ignored.setdefault(one, []).append(other)
     return ignored
-
-
-def _contacts(shapes: Shapes, control: Control) -> dict[str, list[Contact]]:
-    by_shape, by_link = dict(control.contacts), dict[str, list[Contact]]()
-    for shape in shapes.of("collision"):
-        by_link.setdefault(shape.link, []).append(by_shape.get(shape.name, control.contact))
-    return by_link
 
 
 def _driven(robot: RobotFiles) -> Iterator[str]:
