@@ -286,8 +286,8 @@ def _felt(
     feet: list[tuple[str, Array]] = []
     loads: dict[str, float] = {}
     for leg in legs:
-        foot = np.asarray((robot.motions[leg.tip].pose @ leg.X_tip_foot).xyz)
-        hip = np.asarray(robot.motions[leg.joints[0].child].pose.xyz)
+        foot = np.asarray((robot.bodies[leg.tip].pose @ leg.X_tip_foot).xyz)
+        hip = np.asarray(robot.bodies[leg.joints[0].child].pose.xyz)
         load = total_mass(tree) / len(legs) * float(np.linalg.norm(hip - foot)) ** 2
         loads |= {joint.name: load for joint in leg.joints}
         feet.append((leg.tip, foot))
@@ -313,12 +313,12 @@ def _tipping(tree: Tree, robot: Dynamics, legs: tuple[Leg, ...]) -> dict[str, fl
     stiffness = {}
     for leg in legs:
         for joint in leg.joints if len(legs) < TABLE else ():
-            over = height - robot.motions[joint.child].pose.xyz[2]
+            over = height - robot.bodies[joint.child].pose.xyz[2]
             stiffness[joint.name] = weight * max(over, 0.0) / len(legs)
     return stiffness
 
 
 def _com_height(tree: Tree, robot: Dynamics) -> float:
-    poses = [(b.inertial, robot.motions[b.name].pose) for b in tree.bodies if b.inertial]
+    poses = [(b.inertial, robot.bodies[b.name].pose) for b in tree.bodies if b.inertial]
     moments = [i.mass_kg * float(pose.apply(i.com_m)[2]) for i, pose in poses]
     return math.fsum(moments) / total_mass(tree)

@@ -154,7 +154,7 @@ def _descend(
         moving = motions(tree, q)
         poses = {name: motion.pose for name, motion in moving.bodies.items()}
         open_by = np.concatenate([gap(loop, poses) for loop in loops])
-        columns = [moving.free + moving.joints.index(name) for name in free]
+        columns = [moving.column(name) for name in free]
         jacobian = constraint_jacobian(loops, moving.bodies)[:, columns]
         damping = DAMPING * float(np.linalg.norm(open_by)) * np.eye(len(free))
         rows = np.vstack([jacobian, damping])
@@ -230,7 +230,7 @@ def coordinates(loops: Sequence[Loop], robot: Dynamics, first: Collection[str]) 
 
     Joints of `first`, the driven ones, are taken before all others as long as they are independent.
     """
-    basis = free_motions(loops, robot.motions)
+    basis = free_motions(loops, robot.bodies)
     order = [*range(robot.free)]
     order += [robot.column(name) for name in robot.joints if name in first]
     order += [column for column in range(len(basis)) if column not in set(order)]
@@ -252,7 +252,7 @@ def felt_inertia(loops: Sequence[Loop], robot: Dynamics) -> dict[str, float]:
     """The inertia that each joint feels, kg m2 or kg; infinite where the loops lock the joint."""
     if not loops:
         return robot.effective_inertia
-    basis = free_motions(loops, robot.motions)
+    basis = free_motions(loops, robot.bodies)
     compliance: Array = basis @ np.linalg.pinv(basis.T @ robot.mass @ basis, hermitian=True)
     compliance = compliance @ basis.T
     inertias = {}

@@ -16,7 +16,6 @@ from assetbuild.robot.model import Body, Inertial, Tree
 from assetbuild.robot.pose import Array
 from assetbuild.robot.randomize import (
     BodySample,
-    InertialRanges,
     JointSample,
     Sample,
     Samples,
@@ -31,7 +30,6 @@ from assetbuild.robot.ranges import (
     Randomize,
     RandomPayload,
     first_match,
-    per_axis,
 )
 
 
@@ -66,9 +64,7 @@ class DrawSamples(Step):
             matter = first_match(self.randomize.links, name)
             if matter is None or body.inertial is None or body.inertial.mass_kg <= 0.0:
                 continue
-            com, stretch, shear = per_axis(matter.com), matter.stretch, matter.shear
-            ranges = InertialRanges(matter.density, com, stretch, shear)
-            yield name, draw(body.inertial, ranges, self._count, self.randomize.seed, name)
+            yield name, draw(body.inertial, matter, self._count, self.randomize.seed, name)
 
     def _sample(self, tree: Tree, draws: Mapping[str, Array], index: int) -> Sample:
         payloads = tuple(
