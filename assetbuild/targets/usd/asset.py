@@ -6,17 +6,18 @@ Alone among the modules that the target imports these need USD's library: they a
 from __future__ import annotations
 
 from collections.abc import Iterator
-from pathlib import Path
+from pathlib import Path, PurePosixPath
 
-from pxr import Sdf, Usd, UsdGeom
+from pxr import Gf, Sdf, Usd, UsdGeom
 
 from assetbuild.findings import Finding
 from assetbuild.robot.files import RobotFiles
+from assetbuild.robot.inertia import total_mass
 from assetbuild.robot.mjcf_only import whole_gravity
-from assetbuild.robot.model import Control, Keyframe
-from assetbuild.simulators.usd_names import POSES, usd_identifiers
+from assetbuild.robot.model import Control, Keyframe, Tree
+from assetbuild.robot.sections import About
+from assetbuild.simulators.usd_names import METADATA, NO_DATE, POSES, ROBOT_QCODE, usd_identifiers
 from assetbuild.simulators.usd_options import UsdOptions
-from assetbuild.targets.usd.about import Origin, write_metadata
 from assetbuild.targets.usd.bodies import apply_rigid_bodies, write_base
 from assetbuild.targets.usd.colliders import (
     apply_filtered_pairs,
@@ -51,9 +52,11 @@ def write_asset(
     robot: str,
     files: RobotFiles,
     options: UsdOptions,
-    origin: Origin,
+    about: About,
+    licence: str | None,
+    source: str | None,
 ) -> Iterator[Finding]:
-    """`<robot>.usda`, its payloads and `scene.usda`."""
+    """`<robot>.usda`, its payloads and `scene.usda`. source: what it was built from."""
     tree, shapes, control = files.tree, files.shapes.all_coloured, files.control
     names = PrimPaths.of(robot, tree, shapes)
     payloads, main = folder / PAYLOADS, f"{robot}.usda"
@@ -76,7 +79,7 @@ def write_asset(
     apply_robot_schema(stage, names, control, options)
     save_by_engine(stage, payloads, names)
     interface = new_interface(folder / main, names)
-    write_metadata(interface, robot, tree, origin)
+    write_metadata(interface, robot, tree, about, licence, source)
     save(interface)
     if main != SCENE:
         write_scene(folder, main, names, control)
@@ -147,3 +150,61 @@ def _define_pose(stage: Usd.Stage, names: PrimPaths, path: str, key: Keyframe) -
     values = [coordinate(joints[joint], value) for joint, value in key.joints]
     kind = Sdf.ValueTypeNames.FloatArray
     prim.CreateAttribute("isaac:robot:pose:jointValues", kind, custom=False).Set(values)
+
+
+# --- metadata ------------------------------------------------------------------------------------
+
+
+EXTENTS_DIGITS = 4
+"""Of a metre."""
+
+
+def write_metadata(
+    stage: Usd.Stage, robot: str, tree: Tree, about: About, licence: str | None, source: str | None
+) -> None:
+    """Author `SimReady_Metadata` in the custom data of the stage's root layer.
+
+    In the words of NVIDIA's SimReady, for people and for libraries of assets; nothing here is
+    simulated. What the recipe does not state is left out.
+    """
+    texts = {
+        "author": about.author,
+        "vendor": about.vendor,
+        "description": about.description,
+        "tags": ", ".join(about.tags),
+        "asset_name": robot,
+        "asset_type": "robot",
+        "asset_license": licence,
+        "category": "robot",
+        "qcode": ROBOT_QCODE,
+        "source_file": source and PurePosixPath(source).name,
+        "usd_date_generated": about.date or NO_DATE,
+    }
+    metadata: dict[str, object] = {word: text for word, text in texts.items() if text}
+    metadata["rigid_body_count"] = len(tree.bodies)
+    metadata["mass"] = total_mass(tree)
+    if (size := extents(stage)) is not None:
+        metadata["asset_extents"] = size
+        hint_extents(stage)
+    stage.GetRootLayer().customLayerData = {METADATA: metadata}
+
+
+def hint_extents(stage: Usd.Stage) -> None:
+    """Author the bounds by purpose, so that a viewer frames the robot before it loads it."""
+    purposes = UsdGeom.Imageable.GetOrderedPurposeTokens()
+    cache = UsdGeom.BBoxCache(Usd.TimeCode.Default(), purposes)
+    model = UsdGeom.ModelAPI.Apply(stage.GetDefaultPrim())
+    model.SetExtentsHint(model.ComputeExtentsHint(cache))
+
+
+def extents(stage: Usd.Stage) -> Gf.Vec3f | None:
+    """Size of the robot in its zero pose along the axes of the stage, m; None without a shape."""
+    seen = [UsdGeom.Tokens.default_, UsdGeom.Tokens.render, UsdGeom.Tokens.proxy]
+    for purposes in (seen, [*seen, UsdGeom.Tokens.guide]):
+        box = UsdGeom.BBoxCache(Usd.TimeCode.Default(), purposes).ComputeWorldBound(
+            stage.GetDefaultPrim()
+        )
+        bounds = box.ComputeAlignedRange()
+        if not bounds.IsEmpty():
+            return Gf.Vec3f(*(round(side, EXTENTS_DIGITS) for side in bounds.GetSize()))
+    return None
