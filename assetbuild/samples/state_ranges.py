@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterator, Sequence
-from typing import Any
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any, ClassVar
 
-from assetbuild.engine.step import Files, Step
+from assetbuild.engine.step import Files
 from assetbuild.errors import did_you_mean, meant_pattern
 from assetbuild.findings import Finding, Rule
+from assetbuild.plugin_types import Target
 from assetbuild.robot.actuators import RowError
 from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.model import Body, Control, Tree
@@ -48,12 +49,15 @@ UNSOURCED = Rule(
 )
 
 
-class StateRanges(Step):
-    """`tree.json`, `control.json` -> `dr.yaml`."""
+class StateRanges(Target):
+    """`dr.yaml`, at the top of the bundle; no recipe names it, for `randomize` asks for it."""
 
     outputs = ("dr.yaml",)
+    folder = ""
+    reads = ("tree.json", "control.json")
 
-    robot: str
+    recipe_fields: ClassVar[Mapping[str, str]] = {"randomize": "randomize"}
+
     randomize: Randomize
 
     def check(self, tree: Tree) -> None:
