@@ -268,12 +268,12 @@ def _limit_findings(
     solved: Collection[str],
 ) -> Iterator[Finding]:
     for joint in tree.moving_joints:
-        lower, upper = joint.limits.lower, joint.limits.upper
         value = q[joint.name]
-        if joint.kind == "continuous" or lower is None or upper is None:
+        if joint.range is None:
             if joint.kind != "prismatic" and abs(value) > 2.0 * math.pi:
                 yield _turns_finding(joint.name, name, value)
             continue
+        lower, upper = joint.range
         if lower - LIMIT_TOLERANCE <= value <= upper + LIMIT_TOLERANCE:
             continue
         unit = "m" if joint.kind == "prismatic" else "rad"

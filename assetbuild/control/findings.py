@@ -128,7 +128,7 @@ def actuator_findings(
 
     only_mjcf: drives of the source that stand in the MJCF alone.
     """
-    if actuators and all(_is_locked(tree.by_joint[a.joint]) for a in actuators):
+    if actuators and all(tree.by_joint[a.joint].is_locked for a in actuators):
         count = len(actuators)
         which = f"all {count} moving joints" if count > 1 else "the only moving joint"
         yield NO_ACTUATOR(
@@ -138,13 +138,8 @@ def actuator_findings(
             data={"joints": len(actuators)},
         )
     elif actuators and all(a.model == "passive" for a in actuators):
-        moving = sum(not _is_locked(tree.by_joint[a.joint]) for a in actuators)
+        moving = sum(not tree.by_joint[a.joint].is_locked for a in actuators)
         yield from _nothing_drives(moving, has_table=has_table, only_mjcf=only_mjcf)
-
-
-def _is_locked(joint: Joint) -> bool:
-    """Whether equal limits hold it, so that a drive could move nothing."""
-    return joint.limits.lower is not None and joint.limits.lower == joint.limits.upper
 
 
 def _nothing_drives(joints: int, *, has_table: bool, only_mjcf: int) -> Iterator[Finding]:

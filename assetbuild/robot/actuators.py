@@ -328,12 +328,11 @@ def _tuned(actuator: Actuator, entry: _Matched, inertia: float) -> Actuator:
 
 def _reach(entry: _Matched, joint: Joint, actuator: Actuator) -> tuple[float, float]:
     """Targets that still make more force: effort / kp beyond the limits."""
-    lower, upper = joint.limits.lower, joint.limits.upper
     if actuator.model != "pd" or not actuator.kp or actuator.effort is None:
         raise entry.error("ctrl", "`reach` needs model `pd` with kp and an effort limit")
-    if joint.kind == "continuous" or lower is None or upper is None:
+    if joint.range is None:
         raise entry.error("ctrl", f"`reach`: joint `{joint.name}` has no limits to go beyond")
-    beyond = actuator.effort / actuator.kp
+    (lower, upper), beyond = joint.range, actuator.effort / actuator.kp
     return lower - beyond, upper + beyond
 
 

@@ -130,18 +130,15 @@ def _starts(free: Sequence[Joint], known: Mapping[str, float]) -> Iterator[dict[
         moved = dict(known)
         for joint in free:
             q = known[joint.name] + float(random.uniform(-width, width))
-            low, high = joint.limits.lower, joint.limits.upper
-            if joint.kind != "continuous" and low is not None and high is not None and low < high:
-                q = min(max(q, low), high)
+            if joint.range is not None and joint.range[0] < joint.range[1]:
+                q = min(max(q, joint.range[0]), joint.range[1])
             moved[joint.name] = q
         yield moved
 
 
 def _within(joint: Joint, value: float) -> bool:
-    low, high = joint.limits.lower, joint.limits.upper
-    if joint.kind == "continuous":
-        return True
-    return (low is None or value >= low - CLOSED) and (high is None or value <= high + CLOSED)
+    low, high = joint.bounds
+    return low - CLOSED <= value <= high + CLOSED
 
 
 def _descend(
@@ -270,12 +267,12 @@ def poses_along(
     first = with_mimics(tree, home)
     yield first
     reach = REACH[joint.kind == "prismatic"]
-    lower, upper = joint.limits.lower, joint.limits.upper
+    lower, upper = joint.bounds
     for end in (-reach, reach):
         pose = first
         for step in range(1, STEPS_ASIDE + 1):
             asked = first[joint.name] + end * step / STEPS_ASIDE
-            if (lower is not None and asked < lower) or (upper is not None and asked > upper):
+            if not lower <= asked <= upper:
                 break
             solved = close(tree, control.loops, {**pose, joint.name: asked}, free, 1)
             if not solved.closed:

@@ -10,6 +10,7 @@ It is stored as separate artefacts, so that a new gain leaves geometry alone and
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Literal
@@ -100,6 +101,27 @@ class Joint:
     damping: float | None = None
     friction: float | None = None
     mimic: Mimic | None = None
+
+    @property
+    def bounds(self) -> tuple[float, float]:
+        """(lower, upper), rad or m; infinite where nothing limits it."""
+        if self.kind == "continuous":
+            return -math.inf, math.inf
+        lower, upper = self.limits.lower, self.limits.upper
+        return (-math.inf if lower is None else lower), (math.inf if upper is None else upper)
+
+    @property
+    def range(self) -> tuple[float, float] | None:
+        """(lower, upper), rad or m, where it has both."""
+        lower, upper = self.limits.lower, self.limits.upper
+        if self.kind == "continuous" or lower is None or upper is None:
+            return None
+        return lower, upper
+
+    @property
+    def is_locked(self) -> bool:
+        """Whether equal limits hold it, so that a drive could move nothing."""
+        return self.limits.lower is not None and self.limits.lower == self.limits.upper
 
     @property
     def undriven(self) -> Actuator:

@@ -83,9 +83,7 @@ def soft_couplings(tree: Tree, control: Control, allowed: Allowed) -> Soft:
         if joint.mimic is not None and joint.name in alone and joint.mimic.joint in alone:
             both = 1.0 / alone[joint.name] + 1.0 / alone[joint.mimic.joint]
             inertia[joint.name] = 1.0 / both
-        limits = joint.limits
-        is_locked = limits.lower is not None and limits.lower == limits.upper
-        if joint.mimic is not None or (is_locked and joint.kind != "continuous"):
+        if joint.mimic is not None or (joint.is_locked and joint.kind != "continuous"):
             coupled.append(joint)
     yield from _held(tree, control, coupled, allowed, inertia)
 

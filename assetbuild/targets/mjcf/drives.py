@@ -113,10 +113,8 @@ def locked_at(joint: Joint) -> float | None:
     Such a joint keeps its degree of freedom and is held by an equality: MJCF has no range of
     width 0. A mimic joint is held by the one it follows.
     """
-    lower, upper = joint.limits.lower, joint.limits.upper
-    if joint.kind not in ("revolute", "prismatic") or joint.mimic is not None:
-        return None
-    return lower if lower is not None and lower == upper else None
+    free = joint.kind not in ("revolute", "prismatic") or joint.mimic is not None
+    return None if free or not joint.is_locked else joint.limits.lower
 
 
 def _drive(joint: Joint, actuator: Actuator) -> dict[str, dict[str, str | None]]:
