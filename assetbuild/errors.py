@@ -6,6 +6,7 @@ An error stops the build. What only informs is a `Finding` (see `findings.py`).
 from __future__ import annotations
 
 import difflib
+import functools
 import re
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -33,6 +34,8 @@ class AssetBuildError(Exception):
     """Base of all errors that a user can cause: what, where, next move."""
 
     exit_code: ClassVar[int] = 1
+    keywords: ClassVar[tuple[str, ...]] = ("where", "hint")
+    """What the class takes besides its message, and keeps by that name."""
 
     def __init__(self, message: str, *, where: Where | None = None, hint: str = "") -> None:
         super().__init__(message, where, hint)
@@ -51,13 +54,8 @@ class AssetBuildError(Exception):
         return (self, *self.also)
 
     def __reduce__(self) -> tuple[object, ...]:
-        return _rebuild, (type(self), self.message, self.where, self.hint)
-
-
-def _rebuild(
-    cls: type[AssetBuildError], message: str, where: Where | None, hint: str
-) -> AssetBuildError:
-    return cls(message, where=where, hint=hint)
+        more = {name: getattr(self, name) for name in self.keywords}
+        return functools.partial(type(self), **more), (self.message,)
 
 
 class UsageError(AssetBuildError):

@@ -6,6 +6,7 @@ whatever of it moves: see `robot.floor`.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -70,11 +71,13 @@ class Ground:
             bottoms[body] = min(bottom, bottoms.get(body, bottom))
         return bottoms
 
-    def under_base(self) -> float | None:
-        """z in the world where a fixed robot's base ends below, m; None without its geometry."""
+    @property
+    def base_stands_on_zero(self) -> bool:
+        """Whether the base of a fixed robot is drawn to stand on z = 0."""
         moved = moved_bodies(self._tree)
         bottoms = self.lowest_of_bodies({}, self._tree.X_world_root)
-        return min((z for body, z in bottoms.items() if body not in moved), default=None)
+        bottom = min((z for body, z in bottoms.items() if body not in moved), default=math.inf)
+        return abs(bottom) <= STANDS_M
 
     def _bottom(self, geometry: Geometry, X_world_shape: Pose) -> float:
         if isinstance(geometry, Mesh):
@@ -112,12 +115,6 @@ def moved_bodies(tree: model.Tree) -> set[str]:
         if joint.kind != "fixed" or joint.parent in moved:
             moved.add(joint.child)
     return moved
-
-
-def stands_on_zero(ground: Ground) -> bool:
-    """Whether the base of a fixed robot is drawn to stand on z = 0."""
-    bottom = ground.under_base()
-    return bottom is not None and abs(bottom) <= STANDS_M
 
 
 def placed_base(
@@ -167,7 +164,9 @@ def with_reach(
     if not low:
         return control, []
     reaching = replace(control, reach_m=-min(low.values()))
-    return reaching, list(_below(low, floor_of(tree, reaching).height_m, stands_on_zero(ground)))
+    return reaching, list(
+        _below(low, floor_of(tree, reaching).height_m, ground.base_stands_on_zero)
+    )
 
 
 def _below(low: Mapping[str, float], floor_m: float, stands: bool) -> Iterator[Finding]:

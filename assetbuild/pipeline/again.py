@@ -226,18 +226,16 @@ def _compared(path: str, bundle: Path, again: Again) -> Iterator[Finding]:
         try:
             rows = rows_of(ours, there, _stages(path, again))
         except NotParsedError as error:
-            yield _not_parsed(error, again.writers[path], path)
+            # Nothing can be compared with what is not of its kind; the parser names the line.
+            expected = {"attribute": "statement", "expected": "a file that parses"}
+            where = f"{path}:{error.line}" if error.line else path
+            rule = EQUAL.named(f"{again.writers[path]}.statement")
+            data = expected | {"found": error.message}
+            yield rule(f"file {path}", error.message, data=data, where=where)
             return
     yield from row_findings(rows, again.writers[path], path)
     if not rows:
         yield _otherwise(path, path)
-
-
-def _not_parsed(error: NotParsedError, form: str, path: str) -> Finding:
-    """Nothing can be compared with what is not of its kind any more; the parser names the line."""
-    data = {"attribute": "statement", "expected": "a file that parses", "found": error.message}
-    where = f"{path}:{error.line}" if error.line else path
-    return EQUAL.named(f"{form}.statement")(f"file {path}", error.message, data=data, where=where)
 
 
 @contextmanager

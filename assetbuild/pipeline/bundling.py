@@ -12,26 +12,20 @@ from typing import Any
 
 from assetbuild._version import __version__
 from assetbuild.body.measure_bodies import Measured
+from assetbuild.engine.claims import release
 from assetbuild.engine.digest import digest_bytes
 from assetbuild.engine.graph import Graph, Ref
 from assetbuild.engine.make import NodeResult
 from assetbuild.engine.planner import Settled
 from assetbuild.engine.session import Session
-from assetbuild.engine.store import OUT_OPTION, Listing, machine_error
+from assetbuild.engine.store import OUT_OPTION, Listing, machine_errors
 from assetbuild.engine.world import files_in
 from assetbuild.errors import StepError, UsageError
 from assetbuild.facts.again.written import Written, sign
 from assetbuild.facts.reader import asked_sections, stated_options
 from assetbuild.facts.reference import Assets, Reference
 from assetbuild.lock import GitPin, Lock, Pin
-from assetbuild.pipeline.publish import (
-    PROVENANCE,
-    discard,
-    heal,
-    lies_there,
-    new_staging,
-    publish,
-)
+from assetbuild.pipeline.publish import PROVENANCE, heal, lies_there, new_staging, publish
 from assetbuild.pipeline.writers import RANGES, code_of_writers, patterns
 from assetbuild.plan import Outline, part_lock
 from assetbuild.plan.asked import readers_of
@@ -269,14 +263,12 @@ def publish_bundle(files: list[BundleFile], out: Path, session: Session) -> tupl
         return ()
     staging = new_staging(out)
     try:
-        for file in files:
-            _place(file, staging / file.path, out, session)
-        kept = publish(staging, out, _manifest_or_none(out))
-    except OSError as error:
-        raise machine_error(error, out, OUT_OPTION) from error
+        with machine_errors(out, OUT_OPTION):
+            for file in files:
+                _place(file, staging / file.path, out, session)
+            return publish(staging, out, _manifest_or_none(out))
     finally:
-        discard(staging)
-    return kept
+        release(staging)
 
 
 def _lies_there(files: list[BundleFile], out: Path, session: Session) -> bool:

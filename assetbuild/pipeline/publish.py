@@ -25,7 +25,7 @@ from assetbuild.engine.claims import (
     remove_abandoned,
 )
 from assetbuild.engine.digest import digest_file
-from assetbuild.engine.store import OUT_OPTION, machine_error
+from assetbuild.engine.store import OUT_OPTION, machine_errors
 from assetbuild.errors import MachineError, UsageError
 from assetbuild.report.bundle import files_of
 
@@ -40,22 +40,15 @@ RENAME_EXCHANGE = 2
 
 
 def new_staging(out_dir: Path) -> Path:
-    """An empty folder beside `out_dir` to build in; `publish` swaps it in.
+    """An empty folder beside `out_dir` to build in; `publish` swaps it in, `release` gives it up.
 
     Refuses an `out_dir` that is not a bundle, and heals what a killed build left.
     """
     out = _real(out_dir)
     check_replaceable(out)
     heal(out)
-    try:
+    with machine_errors(out.parent, OUT_OPTION):
         return claim_new_folder(out.parent, f"{out.name}.new-")
-    except OSError as error:
-        raise machine_error(error, out.parent, OUT_OPTION) from error
-
-
-def discard(staging: Path) -> None:
-    """Give up a folder from `new_staging`; nothing happens when it was published."""
-    release(staging)
 
 
 def check_replaceable(out_dir: Path) -> None:
@@ -107,14 +100,13 @@ def publish(
     """
     out = _real(out_dir)
     try:
-        out.parent.mkdir(parents=True, exist_ok=True)
-        heal(out)
-        check_replaceable(out)
-        paths = set_aside(out, manifest) if manifest is not None else ()
-        _at("kept the user's files")
-        _swap(staging, out)
-    except OSError as error:
-        raise machine_error(error, out.parent, OUT_OPTION) from error
+        with machine_errors(out.parent, OUT_OPTION):
+            out.parent.mkdir(parents=True, exist_ok=True)
+            heal(out)
+            check_replaceable(out)
+            paths = set_aside(out, manifest) if manifest is not None else ()
+            _at("kept the user's files")
+            _swap(staging, out)
     finally:
         release(staging)
     return paths

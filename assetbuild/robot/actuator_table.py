@@ -192,6 +192,8 @@ class RowError(RecipeError):
     key: the place in the recipe, as a path; steps know no lines.
     """
 
+    keywords = ("key", "hint")
+
     def __init__(self, message: str, *, key: Key, hint: str = "") -> None:
         super().__init__(message, hint=hint)
         self.key = key
@@ -201,13 +203,6 @@ class RowError(RecipeError):
         """The row of the actuator table; None when the error is about the table as a whole."""
         numbers = [part for part in self.key[1:2] if isinstance(part, int)]
         return numbers[0] if numbers else None
-
-    def __reduce__(self) -> tuple[object, ...]:
-        return _rebuild, (self.message, self.key, self.hint)
-
-
-def _rebuild(message: str, key: Key, hint: str) -> RowError:
-    return RowError(message, key=key, hint=hint)
 
 
 def extended(name: str, motors: Mapping[str, Motor]) -> Motor:

@@ -45,11 +45,6 @@ class Spring:
         return self.coefficients[0]
 
     @property
-    def is_linear(self) -> bool:
-        """Whether its force is k (rest - q)."""
-        return not any(self.coefficients[1:])
-
-    @property
     def text(self) -> str:
         """The stiffness as the MJCF states it."""
         return " ".join(f"{number:g}" for number in self.coefficients)
@@ -82,7 +77,7 @@ def no_drives(control: Control) -> dict[str, str]:
     """Why a spring cannot be the drive of its joint, by the joint's name."""
     rows, reasons = control.by_joint, {}
     for name, spring in joint_springs(control.mjcf_only).items():
-        if not spring.is_linear:
+        if any(spring.coefficients[1:]):
             reasons[name] = f"its stiffness is a polynomial ({spring.text})"
         elif (row := rows.get(name)) is not None and row.model != "passive":
             reasons[name] = f"its joint has a drive of its own (`{row.model}`)"

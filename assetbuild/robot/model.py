@@ -374,14 +374,9 @@ class Control:
         return self._by_shape.get(shape.name, self.contact)
 
     @property
-    def own_drives(self) -> frozenset[str]:
-        """Joints whose drive the MJCF has in words of its own, which stand in `mjcf_only`."""
-        return frozenset(i.owner for i in self.mjcf_only if i.place == "actuator" and i.owner)
-
-    @property
     def in_mjcf(self) -> Control:
         """The control without the drives that the MJCF states in its own words, see `mjcf_only`."""
-        over = self.own_drives
+        over = {i.owner for i in self.mjcf_only if i.place == "actuator" and i.owner}
         rows = tuple(row.undriven if row.joint in over else row for row in self.actuators)
         return replace(self, actuators=rows) if over else self
 

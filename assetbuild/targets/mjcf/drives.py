@@ -20,8 +20,9 @@ Damping of the joint and `kv` of the drive add up in MuJoCo, as `damping` and `k
 from __future__ import annotations
 
 import math
-from collections.abc import Hashable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
 
 from assetbuild.errors import StepError
 from assetbuild.findings import Finding, Rule
@@ -219,7 +220,8 @@ def joint_classes(robot: str, rows: Sequence[JointRow], names: ClassNames) -> De
     """
     axis = {"joint": usual([row.attributes["joint"] for row in rows], "axis")}
     adds = joined(axis, _shared(rows, axis))
-    motors = [_motor_class(group, adds, names) for group in grouped(rows, _motor_key)]
+    by_motor = grouped(rows, lambda row: (row.motor, row.drive, _said(row, placing=False)))
+    motors = [_motor_class(group, adds, names) for group in by_motor]
     return _class(robot, adds, rows, [motor for motor in motors if motor is not None])
 
 
@@ -229,7 +231,7 @@ def _motor_class(rows: Sequence[JointRow], above: Said, names: ClassNames) -> De
     inside = joined(above, adds)
     families = [
         (group, attributes)
-        for group in grouped(rows, _family_key)
+        for group in grouped(rows, partial(_said, placing=True))
         if len(group) >= FAMILY_MEMBERS and (attributes := _shared(group, inside))
     ]
     if not adds and not families:
@@ -254,14 +256,6 @@ def _class(
 
 def _shared(rows: Sequence[JointRow], above: Said) -> Said:
     return shared([row.attributes for row in rows], above)
-
-
-def _motor_key(row: JointRow) -> Hashable:
-    return row.motor, row.drive, _said(row, placing=False)
-
-
-def _family_key(row: JointRow) -> Hashable:
-    return _said(row, placing=True)
 
 
 def _said(row: JointRow, *, placing: bool) -> frozenset[tuple[str, str, str]]:

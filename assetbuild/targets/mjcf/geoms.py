@@ -14,6 +14,8 @@ from dataclasses import dataclass
 from functools import partial
 from xml.etree.ElementTree import Element
 
+import numpy as np
+
 from assetbuild.robot.model import Contact, Control, Tree
 from assetbuild.robot.pose import Pose
 from assetbuild.robot.shapes import Box, Capsule, Cylinder, Mesh, Role, Shape, Shapes, Sphere
@@ -123,14 +125,10 @@ def _geometry(shape: Shape) -> tuple[str, str | None]:
 def _surface(contact: Contact, above: Contact) -> dict[str, str]:
     """What differs from the class above."""
     return {
-        name: _SURFACE_DEFAULTS.get(name, "") if value is None else numbers(_listed(value))
+        name: _SURFACE_DEFAULTS.get(name, "") if value is None else numbers(np.atleast_1d(value))
         for name in _SURFACE
         if (value := getattr(contact, name)) != getattr(above, name)
     }
-
-
-def _listed(value: float | Sequence[float]) -> Sequence[float]:
-    return (value,) if isinstance(value, int | float) else value
 
 
 def _role_class(

@@ -185,16 +185,12 @@ def write_metadata(
     metadata["mass"] = total_mass(tree)
     if (size := extents(stage)) is not None:
         metadata["asset_extents"] = size
-        hint_extents(stage)
+        # The bounds by purpose, so that a viewer frames the robot before it loads it.
+        purposes = UsdGeom.Imageable.GetOrderedPurposeTokens()
+        cache = UsdGeom.BBoxCache(Usd.TimeCode.Default(), purposes)
+        model = UsdGeom.ModelAPI.Apply(stage.GetDefaultPrim())
+        model.SetExtentsHint(model.ComputeExtentsHint(cache))
     stage.GetRootLayer().customLayerData = {METADATA: metadata}
-
-
-def hint_extents(stage: Usd.Stage) -> None:
-    """Author the bounds by purpose, so that a viewer frames the robot before it loads it."""
-    purposes = UsdGeom.Imageable.GetOrderedPurposeTokens()
-    cache = UsdGeom.BBoxCache(Usd.TimeCode.Default(), purposes)
-    model = UsdGeom.ModelAPI.Apply(stage.GetDefaultPrim())
-    model.SetExtentsHint(model.ComputeExtentsHint(cache))
 
 
 def extents(stage: Usd.Stage) -> Gf.Vec3f | None:

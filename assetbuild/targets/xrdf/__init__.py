@@ -89,10 +89,14 @@ class Xrdf(Target):
         planned = self._planned(list(_driven(robot)))
         covers = {link.name: link for link in covers_of(robot, self.options)}
         ignored = _ignored(list(covers), robot)
+        pose = dict(initial_pose(robot.tree, robot.control).joints)
         stated: dict[str, Any] = {  # Any: YAML
             "format": "xrdf",
             "format_version": 1.0,
-            "default_joint_positions": _default_positions(robot),
+            # rad or m; joints that mimic others follow them by the URDF.
+            "default_joint_positions": {
+                j.name: pose[j.name] for j in robot.tree.moving_joints if j.mimic is None
+            },
             "cspace": {"joint_names": planned, **self._limits(planned)},
         }
         if self.options.tool_frames:
@@ -217,12 +221,6 @@ def _driven(robot: RobotFiles) -> Iterator[str]:
         row = robot.control.by_joint.get(joint.name)
         if joint.mimic is None and row is not None and row.model != "passive":
             yield joint.name
-
-
-def _default_positions(robot: RobotFiles) -> dict[str, float]:
-    """rad or m; joints that mimic others follow them by the URDF."""
-    pose = dict(initial_pose(robot.tree, robot.control).joints)
-    return {j.name: pose[j.name] for j in robot.tree.moving_joints if j.mimic is None}
 
 
 def _refuse_joints(tree: Tree) -> None:
