@@ -58,7 +58,7 @@ def write_asset(
 ) -> Iterator[Finding]:
     """`<robot>.usda`, its payloads and `scene.usda`. source: what it was built from."""
     tree, shapes, control = files.tree, files.shapes.all_coloured, files.control
-    names = PrimPaths.of(robot, tree, shapes)
+    names = PrimPaths(robot, tree, shapes)
     payloads, main = folder / PAYLOADS, f"{robot}.usda"
     write_library(payloads, names, shapes, files.triangles)
     write_materials(payloads, names, shapes, files.mesh_dir)
