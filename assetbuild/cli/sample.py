@@ -19,8 +19,7 @@ from assetbuild.pipeline.recipes import load_recipe
 from assetbuild.plugin_types import Target
 from assetbuild.plugins import load_plugin
 from assetbuild.report.bundle import BundleFile, json_text, manifest
-from assetbuild.samples.apply_sample import ApplySample
-from assetbuild.samples.draw_samples import DrawSamples
+from assetbuild.samples.draw_samples import ApplySample, DrawSamples
 
 
 def run(arguments: argparse.Namespace) -> int:

@@ -50,11 +50,10 @@ SCENERY = Rule(
 
 
 class MountedPart(BaseModel):
-    """A part and its place. folder: of its inputs; prefix: of all its names."""
+    """A part and its place. prefix: of all its names, and the folder of its inputs."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
-    folder: str
     prefix: str
     at: At
     mount: Mount | None = None
@@ -86,7 +85,7 @@ class ComposeParts(Step):
         parts: dict[str, PartControl] = {}
         base = robot.source_control
         for part in self.parts:
-            part_robot = RobotFiles(files.inputs / part.folder)
+            part_robot = RobotFiles(files.inputs / part.prefix)
             own_tree, own_shapes = part_robot.links, part_robot.source_shapes
             tree = _mounted(tree, prefixed_tree(own_tree, part.prefix), part)
             named = prefixed_shapes(own_shapes, part.prefix)
@@ -94,7 +93,7 @@ class ComposeParts(Step):
             shapes = SourceShapes(
                 (*shapes.shapes, *named.shapes, *plate), shapes.materials + named.materials
             )
-            lines["lines"] |= _prefixed_lines(files.inputs / part.folder, part.prefix)
+            lines["lines"] |= _prefixed_lines(files.inputs / part.prefix, part.prefix)
             control, place = part_robot.source_control, IDENTITY
             left_out = part.left_out
             if control is not None:

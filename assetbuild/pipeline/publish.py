@@ -117,16 +117,13 @@ def lies_there(out_dir: Path, wanted: Mapping[str, str], digest: Callable[[Path]
 
     digest: of a file; OSError counts as another one.
     """
-    out = _real(out_dir)
-    left = dict(wanted)
     try:
-        for name, path in files_of(out):
-            expected = left.pop(name, None)
-            if expected is None or path.is_symlink() or digest(path) != expected:
-                return False
+        files = dict(files_of(_real(out_dir)))
+        if not wanted or files.keys() != wanted.keys():
+            return False
+        return all(not p.is_symlink() and digest(p) == wanted[name] for name, p in files.items())
     except OSError:
         return False
-    return bool(wanted) and not left
 
 
 def set_aside(out: Path, manifest: Mapping[str, str]) -> tuple[str, ...]:
@@ -134,13 +131,13 @@ def set_aside(out: Path, manifest: Mapping[str, str]) -> tuple[str, ...]:
 
     Copied before the swap: a kill in between leaves them in both places, in none never.
     """
-    edited, added = list[str](), list[str]()
-    for name, path in sorted(files_of(out)):
-        if name not in manifest:
-            if name not in OWN_FILES:
-                added.append(name)
-        elif path.is_symlink() or digest_file(path) != manifest[name]:
-            edited.append(name)
+    files = dict(sorted(files_of(out)))
+    added = [name for name in files if name not in manifest and name not in OWN_FILES]
+    edited = [
+        name
+        for name, path in files.items()
+        if name in manifest and (path.is_symlink() or digest_file(path) != manifest[name])
+    ]
     aside = out.with_name(f"{out.name}.edited")
     for name in edited + added:
         _keep(out / name, aside / name)
