@@ -34,7 +34,7 @@ def put(folder: Path, robot: TinyRobot, file: str) -> None:
 def composed(tmp_path: Path, *parts: MountedPart) -> tuple[Tree, SourceShapes, dict, list]:
     put(tmp_path / "base", tiny_quadruped(), "dog.urdf")
     for part in parts:
-        put(tmp_path / part.folder, pendulum(), "arm.urdf")
+        put(tmp_path / part.prefix, pendulum(), "arm.urdf")
     findings = run_step(ComposeParts(parts=parts), tmp_path, tmp_path / "out")
     out = tmp_path / "out"
     return (
