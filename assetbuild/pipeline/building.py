@@ -5,9 +5,9 @@ from __future__ import annotations
 import functools
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from assetbuild.engine.execute import Listener
 from assetbuild.engine.make import NodeResult
@@ -21,7 +21,7 @@ from assetbuild.errors import AssetBuildError, Gather, RecipeError, UsageError
 from assetbuild.lock import Lock
 from assetbuild.pipeline.bundling import bundle_files, publish_bundle
 from assetbuild.pipeline.judging import evaluate, failures
-from assetbuild.pipeline.opening import Task, open_session, pin, remote_cache
+from assetbuild.pipeline.opening import open_session, pin, remote_cache
 from assetbuild.pipeline.publish import check_replaceable
 from assetbuild.pipeline.recipes import load_recipe
 from assetbuild.plan import Outline, plan
@@ -40,12 +40,18 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class Request(Task):
-    """What the user asks of a build. out: default `build/<robot>`.
+class Request:
+    """What the user asks of a build. out: default `build/<robot>`; jobs: all cores.
 
     smoke: consumers that try the bundle, besides those of the recipe.
     """
 
+    recipe: Path
+    out: Path | None = None
+    variant: str | None = None
+    jobs: int | None = None
+    remote: str = ""
+    cache_write: bool = False
     keep_going: bool = False
     frozen: bool = False
     rehash: bool = False
@@ -53,6 +59,11 @@ class Request(Task):
     executor: str = "local"
     fail_on: FailOn = "error"
     smoke: tuple[str, ...] = ()
+
+    @classmethod
+    def of(cls, values: Mapping[str, Any]) -> Request:  # Any: words of a command line
+        """What a command line says; what is no field is left."""
+        return cls(**{each.name: values[each.name] for each in fields(cls) if each.name in values})
 
 
 @dataclass

@@ -198,7 +198,7 @@ class Mjlab(Target):
             )
         yield from _saturation(control)
         if self.randomize is not None:
-            yield from lost(self.randomize, tree, facts.driven)
+            yield from lost(self.randomize, tree, facts.groups)
         gone = [s.name for s in control.sensors if _of_mjlab(s)]
         if gone:
             yield SENSORS_LEFT_OUT(
