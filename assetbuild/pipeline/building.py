@@ -141,23 +141,22 @@ def build_all(
 
 def check_requests(requests: Sequence[Request]) -> None:
     """Read every recipe, so that a mistake shows before anything large is fetched. RecipeError."""
-    wrong = Gather(RecipeError)
+    _read(requests, World())
+
+
+def _read(requests: Sequence[Request], world: World) -> list[LoadedRecipe]:
+    recipes, wrong = list[LoadedRecipe](), Gather(RecipeError)
     for request in requests:
         with wrong:
-            load_recipe(request.recipe, request.variant)
+            recipes.append(load_recipe(request.recipe, request.variant, world.part()))
     wrong.stop()
+    return recipes
 
 
 def _jobs(requests: Sequence[Request], world: World, say: Callable[[str], None]) -> list[_Job]:
     """Read and pin every recipe before any is built."""
     jobs: list[_Job] = []
-    recipes: list[LoadedRecipe] = []
-    wrong = Gather(RecipeError)
-    for request in requests:
-        with wrong:
-            recipes.append(load_recipe(request.recipe, request.variant, world.part()))
-    wrong.stop()
-    for request, loaded in zip(requests, recipes, strict=True):
+    for request, loaded in zip(requests, _read(requests, world), strict=True):
         if request.smoke:
             loaded = _asking(loaded, request.smoke)
         out = request.out or default_out(loaded)

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import re
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
 from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from assetbuild.errors import RecipeError, did_you_mean
+from assetbuild.errors import RecipeError, did_you_mean, meant_pattern
 from assetbuild.recipe_types import Model, NonNegative, Pattern, Positive, Real
 
 ActuatorModel = Literal["pd", "ideal_pd", "dc_motor", "velocity", "motor", "general", "passive"]
@@ -198,11 +199,12 @@ class RowError(RecipeError):
         super().__init__(message, hint=hint)
         self.key = key
 
-    @property
-    def index(self) -> int | None:
-        """The row of the actuator table; None when the error is about the table as a whole."""
-        numbers = [part for part in self.key[1:2] if isinstance(part, int)]
-        return numbers[0] if numbers else None
+
+def must_match(key: Key, pattern: str, names: Collection[str], what: str, hint: str = "") -> None:
+    """RowError for a pattern at `key` of the recipe that matches none of the names."""
+    if not any(re.fullmatch(pattern, name) for name in names):
+        message = f"{'.'.join(map(str, key[:2]))}: pattern `{pattern}` matches no {what}"
+        raise RowError(message, key=key, hint=hint or meant_pattern(pattern, names))
 
 
 def extended(name: str, motors: Mapping[str, Motor]) -> Motor:

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from typing import Any, ClassVar
 
 from assetbuild.engine.step import Files
-from assetbuild.errors import did_you_mean, meant_pattern
 from assetbuild.findings import Finding, Rule
 from assetbuild.plugin_types import Target
-from assetbuild.robot.actuators import RowError
+from assetbuild.robot.actuator_table import must_match
 from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.model import Body, Control, Tree
 from assetbuild.robot.ranges import (
@@ -22,6 +21,7 @@ from assetbuild.robot.ranges import (
     first_match_groups,
     per_axis,
 )
+from assetbuild.robot.tree import link_placement
 
 UNSTATED = "not stated"
 DRIVE = ("kp", "kd", "effort")
@@ -67,16 +67,12 @@ class StateRanges(Target):
         for pattern in self.randomize.links:
             merged = next((name for name in frames if re.fullmatch(pattern, name)), None)
             hint = f"`{merged}` was merged into `{tree.placement(merged)[0]}`" if merged else ""
-            _must_match("links", pattern, bodies, "body", hint)
+            must_match(("randomize", "links", pattern), pattern, bodies, "body", hint)
         for pattern in self.randomize.joints:
-            _must_match("joints", pattern, moving, "moving joint")
+            must_match(("randomize", "joints", pattern), pattern, moving, "moving joint")
         for index, payload in enumerate(self.randomize.payloads):
-            if payload.link not in bodies and payload.link not in frames:
-                raise RowError(
-                    f"randomize.payloads[{index}]: no link `{payload.link}`",
-                    key=("randomize", "payloads", index, "link"),
-                    hint=did_you_mean(payload.link, [*bodies, *frames]),
-                )
+            key = ("randomize", "payloads", index, "link")
+            link_placement(tree, payload.link, f"randomize.payloads[{index}]", key)
 
     def run(self, files: Files) -> Iterator[Finding]:
         """Every body and joint that a range speaks of, with nominal value, range and source."""
@@ -195,15 +191,6 @@ class StateRanges(Target):
                 hint='add `source: "CAD tolerance"`, a datasheet or a measurement',
                 data={"without": without},
             )
-
-
-def _must_match(key: str, pattern: str, names: Sequence[str], what: str, hint: str = "") -> None:
-    if not any(re.fullmatch(pattern, name) for name in names):
-        raise RowError(
-            f"randomize.{key}: pattern `{pattern}` matches no {what}",
-            key=("randomize", key, pattern),
-            hint=hint or meant_pattern(pattern, names),
-        )
 
 
 def _matter(body: Body, matter: RandomMatter) -> dict[str, Any]:
