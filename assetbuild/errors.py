@@ -6,9 +6,8 @@ An error stops the build. What only informs is a `Finding` (see `findings.py`).
 from __future__ import annotations
 
 import difflib
-import functools
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -34,8 +33,6 @@ class AssetBuildError(Exception):
     """Base of all errors that a user can cause: what, where, next move."""
 
     exit_code: ClassVar[int] = 1
-    keywords: ClassVar[tuple[str, ...]] = ("where", "hint")
-    """What the class takes besides its message, and keeps by that name."""
 
     def __init__(self, message: str, *, where: Where | None = None, hint: str = "") -> None:
         super().__init__(message, where, hint)
@@ -54,8 +51,15 @@ class AssetBuildError(Exception):
         return (self, *self.also)
 
     def __reduce__(self) -> tuple[object, ...]:
-        more = {name: getattr(self, name) for name in self.keywords}
-        return functools.partial(type(self), **more), (self.message,)
+        return _rebuild, (type(self), self.args, vars(self) | {"also": (), "uncounted": 0})
+
+
+def _rebuild(
+    cls: type[AssetBuildError], args: tuple[object, ...], kept: Mapping[str, object]
+) -> AssetBuildError:
+    error = cls.__new__(cls, *args)
+    vars(error).update(kept)
+    return error
 
 
 class UsageError(AssetBuildError):

@@ -193,8 +193,6 @@ class RowError(RecipeError):
     key: the place in the recipe, as a path; steps know no lines.
     """
 
-    keywords = ("key", "hint")
-
     def __init__(self, message: str, *, key: Key, hint: str = "") -> None:
         super().__init__(message, hint=hint)
         self.key = key
