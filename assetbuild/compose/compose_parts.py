@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections import Counter
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
@@ -113,7 +113,12 @@ class ComposeParts(Step):
             yield from _told_left_out(part, left_out)
         if base is not None and not self.keeps:
             base = replace(base, bodies=())
-        whole, findings = _whole(base, {prefix: part.prefixed() for prefix, part in parts.items()})
+        # What the sources say as one.
+        sources = [("", base)] if base is not None else []
+        sources += [(prefix, words.prefixed()) for prefix, words in parts.items()]
+        met, findings = meeting_masks(sources)
+        changed = dict(zip((prefix for prefix, _ in sources), met, strict=True))
+        whole = joined(changed.pop("", None), changed)
         _refuse_clashes(tree, shapes, whole)
         yield from findings
         (files.outputs / "links.json").write_bytes(encode(tree))
@@ -121,16 +126,6 @@ class ComposeParts(Step):
         (files.outputs / "source_control.json").write_bytes(encode(whole))
         text = json.dumps(lines, sort_keys=True, indent=1)
         (files.outputs / "source_map.json").write_text(text + "\n", encoding="utf-8")
-
-
-def _whole(
-    base: SourceControl | None, parts: Mapping[str, SourceControl]
-) -> tuple[SourceControl, list[Finding]]:
-    """What the sources say as one."""
-    sources = [*([("", base)] if base else []), *parts.items()]
-    met, findings = meeting_masks(sources)
-    changed = dict(zip((prefix for prefix, _ in sources), met, strict=True))
-    return joined(changed.pop("", None), changed), findings
 
 
 def _told_left_out(part: MountedPart, keys: tuple[str, ...]) -> Iterator[Finding]:

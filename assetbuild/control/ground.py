@@ -7,7 +7,7 @@ whatever of it moves: see `robot.floor`.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 
@@ -164,17 +164,11 @@ def with_reach(
     if not low:
         return control, []
     reaching = replace(control, reach_m=-min(low.values()))
-    return reaching, list(
-        _below(low, floor_of(tree, reaching).height_m, ground.base_stands_on_zero)
-    )
-
-
-def _below(low: Mapping[str, float], floor_m: float, stands: bool) -> Iterator[Finding]:
-    """low: bodies and the z where they end below, m."""
+    floor_m, stands = floor_of(tree, reaching).height_m, ground.base_stands_on_zero
     body = min(low, key=lambda name: low[name])
     others = f", and {len(low) - 1} more by less" if len(low) > 1 else ""
     where = "the plane that its base stands on" if stands else "z = 0"
-    yield REACHES_BELOW(
+    finding = REACHES_BELOW(
         f"link {body}",
         f"starts {-1e3 * low[body]:.3g} mm below {where}{others}: the scenes' floor lies at "
         f"z = {floor_m:g} m",
@@ -183,3 +177,4 @@ def _below(low: Mapping[str, float], floor_m: float, stands: bool) -> Iterator[F
         "scene with a floor or a table at z = 0",
         data={"below_m": -low[body], "floor_m": floor_m},
     )
+    return reaching, [finding]

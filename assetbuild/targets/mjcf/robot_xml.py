@@ -21,12 +21,13 @@ from assetbuild.robot.tree import depth_first
 from assetbuild.simulators.mujoco import body_names
 from assetbuild.targets.mjcf.chains import JointPlacement
 from assetbuild.targets.mjcf.classes import ClassNames
-from assetbuild.targets.mjcf.constraints import contact_section, equality_section
 from assetbuild.targets.mjcf.drives import actuator_names, joint_classes, row_of
 from assetbuild.targets.mjcf.geoms import GeomElements
 from assetbuild.targets.mjcf.inertia import principal_inertia, rounded_up
-from assetbuild.targets.mjcf.sensors import (
+from assetbuild.targets.mjcf.sections import (
     camera_elements,
+    contact_section,
+    equality_section,
     extra_sites,
     refuse_hidden,
     sensor_section,
