@@ -168,14 +168,11 @@ class ControlStep(Step):
         tree, shapes = robot.tree, robot.shapes
         source = robot.source_control
         said = source.control if source is not None else model.Control()
-        poses = self._poses(tree, said.keyframes)
+        stated = self._poses(tree, said.keyframes)
         driven = driven_joints(tree, self.rows, self.sides, said.actuators)
         loops = resolve_loops(tree, self.loops)
         loops += placed_loops(tree, said.loops, loops)
-        stated, poses = (
-            poses,
-            self._closed(tree, poses, loops, driven, joint_springs(said.mjcf_only)),
-        )
+        poses = self._closed(tree, stated, loops, driven, joint_springs(said.mjcf_only))
         for before, after in zip(stated, poses, strict=True):
             yield from solved_findings(before, after)
         parts = {name: self._of_parts(tree, pose) for name, pose in self.poses.items()}
@@ -217,10 +214,7 @@ class ControlStep(Step):
         control, below = with_reach(tree, control, ground)
         yield from below
         control = softened(tree, control, self.sides, self.limit_error, self.coupling_error)
-        only_mjcf = sum(item.place == "actuator" for item in control.mjcf_only)
-        yield from actuator_findings(
-            tree, control.actuators, has_table=bool(self.rows), only_mjcf=only_mjcf
-        )
+        yield from actuator_findings(tree, control, has_table=bool(self.rows))
         yield from contact_findings(shapes, control)
         (files.outputs / "control.json").write_bytes(encode(control))
 

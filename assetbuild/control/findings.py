@@ -121,13 +121,9 @@ def _span(values: list[float | None]) -> str:
     return " or ".join([*words, *(["unlimited"] if None in values else [])])
 
 
-def actuator_findings(
-    tree: Tree, actuators: tuple[Actuator, ...], *, has_table: bool, only_mjcf: int = 0
-) -> Iterator[Finding]:
-    """`actuator.none`, of the finished table.
-
-    only_mjcf: drives of the source that stand in the MJCF alone.
-    """
+def actuator_findings(tree: Tree, control: Control, *, has_table: bool) -> Iterator[Finding]:
+    """`actuator.none`, of the finished table."""
+    actuators = control.actuators
     if actuators and all(tree.by_joint[a.joint].is_locked for a in actuators):
         count = len(actuators)
         which = f"all {count} moving joints" if count > 1 else "the only moving joint"
@@ -139,6 +135,7 @@ def actuator_findings(
         )
     elif actuators and all(a.model == "passive" for a in actuators):
         moving = sum(not tree.by_joint[a.joint].is_locked for a in actuators)
+        only_mjcf = sum(item.place == "actuator" for item in control.mjcf_only)
         yield from _nothing_drives(moving, has_table=has_table, only_mjcf=only_mjcf)
 
 

@@ -12,7 +12,7 @@ from assetbuild.findings import Finding, Rule
 from assetbuild.plugin_types import Target
 from assetbuild.robot.actuator_table import must_match
 from assetbuild.robot.files import RobotFiles
-from assetbuild.robot.model import Body, Control, Tree
+from assetbuild.robot.model import Control, Inertial, Tree
 from assetbuild.robot.ranges import (
     JOINT_FACTORS,
     Randomize,
@@ -84,7 +84,11 @@ class StateRanges(Target):
             "schema": "assetbuild/dr/v1",
             "robot": self.robot,
             "seed": self.randomize.seed,
-            "links": self._links(tree),
+            "links": {
+                body.name: _matter(body.inertial, matter)
+                for body in tree.bodies
+                if (matter := first_match(self.randomize.links, body.name)) and body.inertial
+            },
             "payloads": self._payloads(tree),
             "joints": self._joints(tree, control),
             "contact": self._contact(control),
@@ -120,15 +124,7 @@ class StateRanges(Target):
                 data={key: tuple(joints) for key, joints in idle.items()},
             )
 
-    def _links(self, tree: Tree) -> dict[str, dict[str, Any]]:  # Any: YAML, here and below
-        rows = {}
-        for body in tree.bodies:
-            matter = first_match(self.randomize.links, body.name)
-            if matter is not None and body.inertial is not None:
-                rows[body.name] = _matter(body, matter)
-        return rows
-
-    def _payloads(self, tree: Tree) -> list[dict[str, Any]]:
+    def _payloads(self, tree: Tree) -> list[dict[str, Any]]:  # Any: YAML, here and below
         return [
             {
                 "link": payload.link,
@@ -193,15 +189,14 @@ class StateRanges(Target):
             )
 
 
-def _matter(body: Body, matter: RandomMatter) -> dict[str, Any]:
+def _matter(inertial: Inertial, matter: RandomMatter) -> dict[str, Any]:
     """One body. log_cholesky.t is the shift, exact; d and s act about the centre of mass."""
-    assert body.inertial is not None  # noqa: S101 # only bodies with mass are stated
-    mass, com = body.inertial.mass_kg, per_axis(matter.com)
+    mass, com = inertial.mass_kg, per_axis(matter.com)
     low, high = matter.density
     return {
         "mass": {"nominal": mass, "range": [mass * low, mass * high]},
         "density": [low, high],
-        "com": {"nominal": list(body.inertial.com_m), "shift": list(com)},
+        "com": {"nominal": list(inertial.com_m), "shift": list(com)},
         "log_cholesky": {
             "alpha": [math.log(low) / 2, math.log(high) / 2],
             "d": [-matter.stretch, matter.stretch],

@@ -42,11 +42,10 @@ _SURFACE_DEFAULTS: Mapping[str, str] = {"solref": "0.02 1", "solimp": "0.9 0.95 
 
 @dataclass(frozen=True)
 class GeomRow:
-    """A shape and what its geom says beyond its name and mesh; `surface` is a part of it."""
+    """A shape and what its geom says beyond its name and mesh."""
 
     shape: Shape
     attributes: Mapping[str, str]
-    surface: Mapping[str, str]
 
 
 class GeomElements:
@@ -98,13 +97,11 @@ class GeomElements:
 def _row(shape: Shape, X_body_shape: Pose, contact: Contact, above: Contact) -> GeomRow:
     kind, size = _geometry(shape)
     attributes = {"type": kind, "size": size, **pose_attributes(X_body_shape)}
-    surface: dict[str, str] = {}
     if shape.role == "visual":
         attributes["material"] = shape.material or None
     else:
-        surface = _surface(contact, above)
-    stated = {key: value for key, value in attributes.items() if value is not None}
-    return GeomRow(shape, {**stated, **surface}, surface)
+        attributes |= _surface(contact, above)
+    return GeomRow(shape, {key: value for key, value in attributes.items() if value is not None})
 
 
 def _geometry(shape: Shape) -> tuple[str, str | None]:
@@ -168,7 +165,8 @@ def _shared(rows: Sequence[GeomRow], above: Mapping[str, str]) -> Mapping[str, s
 
 def _by_surface(common: Mapping[str, str], row: GeomRow) -> Hashable:
     """What the surface says that not all say."""
-    return frozenset(row.surface.items() - common.items()) or None
+    items = {item for item in row.attributes.items() - common.items() if item[0] in _SURFACE}
+    return frozenset(items) or None
 
 
 def _by_size(common: Mapping[str, str], row: GeomRow) -> Hashable:

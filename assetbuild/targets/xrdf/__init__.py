@@ -86,7 +86,9 @@ class Xrdf(Target):
 
         robot = RobotFiles(files.inputs)
         _refuse_joints(robot.tree)
-        planned = self._planned(list(_driven(robot)))
+        joints = [joint for joint in robot.tree.moving_joints if joint.mimic is None]
+        drives = [robot.control.drive_of(joint) for joint in joints]
+        planned = self._planned([drive.joint for drive in drives if drive.model != "passive"])
         covers = {link.name: link for link in covers_of(robot, self.options)}
         ignored = _ignored(list(covers), robot)
         pose = dict(initial_pose(robot.tree, robot.control).joints)
@@ -94,9 +96,7 @@ class Xrdf(Target):
             "format": "xrdf",
             "format_version": 1.0,
             # rad or m; joints that mimic others follow them by the URDF.
-            "default_joint_positions": {
-                j.name: pose[j.name] for j in robot.tree.moving_joints if j.mimic is None
-            },
+            "default_joint_positions": {joint.name: pose[joint.name] for joint in joints},
             "cspace": {"joint_names": planned, **self._limits(planned)},
         }
         if self.options.tool_frames:
@@ -213,14 +213,6 @@ def _ignored(links: list[str], robot: RobotFiles) -> dict[str, list[str]]:
         if bodies[0] == bodies[1] or excluded or rule.passes(*bodies) or not meets:
             ignored.setdefault(one, []).append(other)
     return ignored
-
-
-def _driven(robot: RobotFiles) -> Iterator[str]:
-    """Joints with a drive of their own, in the order of the robot."""
-    for joint in robot.tree.moving_joints:
-        row = robot.control.by_joint.get(joint.name)
-        if joint.mimic is None and row is not None and row.model != "passive":
-            yield joint.name
 
 
 def _refuse_joints(tree: Tree) -> None:
