@@ -1,4 +1,4 @@
-"""build(): plan and execute until no question is open, then report, then the bundle."""
+"""build_all(): plan and execute until no question is open, then report, then the bundle."""
 
 from __future__ import annotations
 
@@ -94,11 +94,6 @@ class _Job:
     loaded: LoadedRecipe
     lock: Lock | None
     out: Path
-
-
-def build(request: Request, on_event: Listener, say: Callable[[str], None]) -> Outcome:
-    """Build one recipe. Raises AssetBuildError for wrong input; failed steps are in the outcome."""
-    return build_all([request], on_event, say)[0]
 
 
 def build_all(
