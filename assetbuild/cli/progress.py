@@ -88,7 +88,7 @@ def progress(name: str) -> Iterator[Progress]:
 def at_work(
     loaded: LoadedRecipe, arguments: argparse.Namespace
 ) -> Iterator[tuple[Opened, Progress]]:
-    """For verbs that build something of their own. arguments: of the command, as all of them."""
+    """For verbs that build something of their own. arguments: also its jobs and cache."""
     with progress(arguments.recipe.name) as shown:
         remote = remote_cache(arguments.remote, shown.say, write=arguments.cache_write)
         lock = pin(loaded, frozen=False, say=shown.say)

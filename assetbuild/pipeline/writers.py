@@ -19,7 +19,7 @@ from assetbuild.recipe.models import Recipe
 from assetbuild.samples.state_ranges import StateRanges
 
 RANGES = "dr"
-"""The name of what writes `dr.yaml`, which no recipe names."""
+"""The name of what writes `dr.yaml` in the bundle; recipes ask for it by `randomize`."""
 
 
 def patterns(recipe: Recipe) -> dict[str, list[str]]:

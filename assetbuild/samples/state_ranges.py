@@ -50,7 +50,7 @@ UNSOURCED = Rule(
 
 
 class StateRanges(Target):
-    """`dr.yaml`, at the top of the bundle; no recipe names it, for `randomize` asks for it."""
+    """`dr.yaml`, at the top of the bundle; a recipe asks for it by `randomize`, not by a name."""
 
     outputs = ("dr.yaml",)
     folder = ""

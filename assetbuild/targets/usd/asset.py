@@ -1,6 +1,7 @@
-"""The layers of the asset, from the inside out, so that each finds what it refers to; its scene.
+"""The layers of the asset, from the inside out, so that each finds what it refers to.
 
-Alone among the modules that the target imports these need USD's library: they are imported late.
+The scene comes last. Alone among the modules that the target imports these need USD's library: they
+are imported late.
 """
 
 from __future__ import annotations
