@@ -103,12 +103,11 @@ def build(
     out: default `build/<robot>`; frozen: fail rather than write a lock. Raises AssetBuildError
     for wrong input, and where a step failed or a check found an error.
     """
-    from assetbuild.pipeline.building import Request
-    from assetbuild.pipeline.building import build as run
+    from assetbuild.pipeline.building import Request, build_all
 
     place = Path(out) if out is not None else None
     request = Request(recipe=Path(recipe), out=place, variant=variant, frozen=frozen)
-    outcome = run(request, lambda event: None, lambda line: None)
+    (outcome,) = build_all([request], lambda event: None, lambda line: None)
     for error in outcome.errors:
         raise error
     if outcome.out is None or outcome.exit_code:

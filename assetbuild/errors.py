@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import difflib
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -51,13 +51,15 @@ class AssetBuildError(Exception):
         return (self, *self.also)
 
     def __reduce__(self) -> tuple[object, ...]:
-        return _rebuild, (type(self), self.message, self.where, self.hint)
+        return _rebuild, (type(self), self.args, vars(self) | {"also": (), "uncounted": 0})
 
 
 def _rebuild(
-    cls: type[AssetBuildError], message: str, where: Where | None, hint: str
+    cls: type[AssetBuildError], args: tuple[object, ...], kept: Mapping[str, object]
 ) -> AssetBuildError:
-    return cls(message, where=where, hint=hint)
+    error = cls.__new__(cls, *args)
+    vars(error).update(kept)
+    return error
 
 
 class UsageError(AssetBuildError):

@@ -22,7 +22,6 @@ from assetbuild.simulators.experiments import (
     Setting,
     Sine,
     Swing,
-    bounds,
     drop,
     load,
     servos,
@@ -106,7 +105,7 @@ def into_stop(tree: Tree, control: Control, home: Mapping[str, float], end: End)
     chain = {joint.name for loop in control.loops for joint in path_of(tree, loop)}
     middle, swing = {}, {}
     for joint in tree.moving_joints:
-        lower, upper = bounds(joint)
+        lower, upper = joint.bounds
         rest = home.get(joint.name, 0.0) if joint.name in chain else 0.0
         middle[joint.name], swing[joint.name] = min(max(rest, lower), upper), 0.0
         stop = upper if end == "upper" else lower
@@ -125,7 +124,7 @@ def _room_before_stop(joint: Joint, control: Control) -> float | None:
     drive = control.by_joint.get(joint.name)
     if drive is None or not drive.kp > 0.0 or joint.mimic is not None:
         return None
-    lower, upper = bounds(joint)
+    lower, upper = joint.bounds
     widest = SWING_M if joint.kind == "prismatic" else SWING_RAD
     room = min(widest, SHARE_OF_RANGE * (upper - lower))
     if drive.velocity:

@@ -20,7 +20,6 @@ from assetbuild.simulators.experiments import (
     Outcome,
     Sine,
     Swing,
-    bounds,
     compare_response,
     phasor,
 )
@@ -229,7 +228,7 @@ def _past_rows(tree: Tree, asked: Experiment, ours: Motion, theirs: Motion) -> I
     for joint in tree.moving_joints:
         if not asked.sine.swing[joint.name]:
             continue
-        past = [_past(motion.joints[joint.name], bounds(joint), end) for motion in (ours, theirs)]
+        past = [_past(motion.joints[joint.name], joint.bounds, end) for motion in (ours, theirs)]
         linear = joint.kind == "prismatic"
         yield Row(
             f"past_{end}",

@@ -19,7 +19,7 @@ from assetbuild.robot.inertia import InertiaBounds
 from assetbuild.robot.mimic import common_range, leading, led_range
 from assetbuild.robot.model import Joint, Tree
 from assetbuild.robot.shapes import SourceShapes
-from assetbuild.robot.tree import PLACEHOLDER_KG, is_locked, unit_of
+from assetbuild.robot.tree import PLACEHOLDER_KG, unit_of
 
 CONTRADICTION = 0.01
 """Share of a range by which a mimic joint may be led over its limits: rounding in the source."""
@@ -123,7 +123,7 @@ def _range(joint: Joint) -> Iterator[Finding]:
     if lower is None or upper is None:
         return
     subject, data = f"joint {joint.name}", {"lower": lower, "upper": upper}
-    if is_locked(joint):
+    if joint.is_locked:
         both = f"both limits are {lower:g} {unit_of(joint)}"
         yield LOCKED(subject, f"{both}: taken literally, the joint is locked", data=data)
     elif lower > upper:

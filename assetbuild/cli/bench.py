@@ -15,13 +15,13 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any, Literal
 
-from assetbuild.cli.progress import progress
+from assetbuild.cli.progress import at_work
 from assetbuild.collision import CollisionMethod
 from assetbuild.engine.graph import Node
 from assetbuild.engine.planner import Planner
 from assetbuild.engine.store import OUT_OPTION, machine_errors
 from assetbuild.errors import AssetBuildError, StepError, UsageError, did_you_mean
-from assetbuild.pipeline.opening import Opened, Task, at_work
+from assetbuild.pipeline.opening import Opened
 from assetbuild.pipeline.publish import check_folder
 from assetbuild.pipeline.recipes import collision_rule, load_recipe
 from assetbuild.plugin_types import Target
@@ -41,8 +41,7 @@ def run(arguments: argparse.Namespace) -> int:
     loaded = load_recipe(arguments.recipe, arguments.variant)
     out = arguments.out or Path("build") / f"{loaded.recipe.robot}-bench"
     check_folder(out)
-    file, task = arguments.recipe.name, Task.of(vars(arguments))
-    with progress(file) as shown, at_work(loaded, task, shown.on_event, shown.say) as work:
+    with at_work(loaded, arguments) as (work, shown):
         levels = list(_measured_levels(work, names, arguments.source, shown.say))
     best = _write(levels, out)
     print(HEAD)

@@ -12,7 +12,7 @@ from pathlib import Path
 
 from assetbuild.cli.progress import progress
 from assetbuild.errors import UsageError
-from assetbuild.pipeline.building import Request, build
+from assetbuild.pipeline.building import Request, build_all
 from assetbuild.report.diff import changes, diff_markdown, diff_text
 from assetbuild.report.sides import Side, bundle_side, config_side, foreign_side
 
@@ -64,7 +64,7 @@ def side_of(name: str, folder: Path) -> Side:
 def _built(recipe: Path, name: str, folder: Path) -> Side:
     with progress(recipe.name) as shown:
         request = Request(recipe=recipe, out=folder / "bundle", fail_on="never")
-        outcome = build(request, shown.on_event, shown.say)
+        (outcome,) = build_all([request], shown.on_event, shown.say)
     if outcome.out is None:
         if outcome.errors:
             raise outcome.errors[0]

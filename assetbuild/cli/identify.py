@@ -14,14 +14,14 @@ from typing import Any
 
 import yaml
 
-from assetbuild.cli.progress import progress
+from assetbuild.cli.progress import at_work
 from assetbuild.cli.summary import print_findings
 from assetbuild.engine.planner import Planner
 from assetbuild.engine.store import OUT_OPTION, machine_errors
 from assetbuild.errors import RecipeError, UsageError
 from assetbuild.identify.for_recipe import as_ranges
 from assetbuild.identify.plan import excite as add_excite
-from assetbuild.pipeline.opening import Opened, Task, at_work
+from assetbuild.pipeline.opening import Opened
 from assetbuild.pipeline.recipes import load_recipe
 from assetbuild.recipe.loader import LoadedRecipe
 from assetbuild.robot.actuator_table import ActuatorRow
@@ -41,8 +41,7 @@ def run(arguments: argparse.Namespace) -> int:
             where=loaded.where(()),
             hint="add for instance `identify: [{logs: [{file: log.csv}], recorded: {kp: 20}}]`",
         )
-    name, task = arguments.recipe.name, Task.of(vars(arguments))
-    with progress(name) as shown, at_work(loaded, task, shown.on_event, shown.say) as work:
+    with at_work(loaded, arguments) as (work, _):
         done = work.made(work.robot)
         fits = [decode(Fit, work.read(done, node["fit.json"])) for node in done.outline.fits]
         control = decode(Control, work.read(done, done.outline.robot["control.json"]))
@@ -63,8 +62,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 def _excite(arguments: argparse.Namespace, loaded: LoadedRecipe) -> int:
     """Write the commands and the script that plays them; print what they will show."""
-    name, task = arguments.recipe.name, Task.of(vars(arguments))
-    with progress(name) as shown, at_work(loaded, task, shown.on_event, shown.say) as work:
+    with at_work(loaded, arguments) as (work, _):
         seconds = float(arguments.seconds)
         result = work.made(lambda p: plan_excite(work, seconds, p)).results["excite"]
         commands, text = (work.session.read(result[n]) for n in ("excite.csv", "expected.json"))

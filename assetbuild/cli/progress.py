@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import argparse
 import os
 import sys
 import time
@@ -11,7 +12,9 @@ from dataclasses import dataclass
 
 from assetbuild.cli.summary import shown_seconds
 from assetbuild.engine.execute import Costs, Event
-from assetbuild.engine.processes import usable_cores
+from assetbuild.engine.processes import Processes, usable_cores
+from assetbuild.pipeline.opening import Opened, open_session, pin, remote_cache
+from assetbuild.recipe.loader import LoadedRecipe
 
 SLOW_S = 2.0
 """Steps that took longer leave a line of their own."""
@@ -79,6 +82,19 @@ def progress(name: str) -> Iterator[Progress]:
         yield shown
     finally:
         shown.end()
+
+
+@contextmanager
+def at_work(
+    loaded: LoadedRecipe, arguments: argparse.Namespace
+) -> Iterator[tuple[Opened, Progress]]:
+    """For verbs that build something of their own. arguments: also its jobs and cache."""
+    with progress(arguments.recipe.name) as shown:
+        remote = remote_cache(arguments.remote, shown.say, write=arguments.cache_write)
+        lock = pin(loaded, frozen=False, say=shown.say)
+        with open_session(loaded, remote=remote) as session, Processes(session) as runner:
+            jobs = arguments.jobs
+            yield Opened(loaded, lock, session, runner, jobs, shown.on_event), shown
 
 
 @dataclass(frozen=True)

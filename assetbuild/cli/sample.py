@@ -8,19 +8,18 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from assetbuild.cli.progress import progress
+from assetbuild.cli.progress import at_work
 from assetbuild.engine.graph import Node, Ref
 from assetbuild.engine.planner import Planner, Settled
 from assetbuild.errors import RecipeError
 from assetbuild.pipeline.bundling import publish_bundle
-from assetbuild.pipeline.opening import Opened, Task, at_work
+from assetbuild.pipeline.opening import Opened
 from assetbuild.pipeline.publish import check_replaceable
 from assetbuild.pipeline.recipes import load_recipe
 from assetbuild.plugin_types import Target
 from assetbuild.plugins import load_plugin
 from assetbuild.report.bundle import BundleFile, json_text, manifest
-from assetbuild.samples.apply_sample import ApplySample
-from assetbuild.samples.draw_samples import DrawSamples
+from assetbuild.samples.draw_samples import ApplySample, DrawSamples
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -29,8 +28,7 @@ def run(arguments: argparse.Namespace) -> int:
     robot = loaded.recipe.robot
     out = arguments.out or Path("build") / f"{robot}-samples"
     check_replaceable(out)
-    name, task = arguments.recipe.name, Task.of(vars(arguments))
-    with progress(name) as shown, at_work(loaded, task, shown.on_event, shown.say) as work:
+    with at_work(loaded, arguments) as (work, _):
         wanted = (arguments.count, arguments.judge, arguments.seed)
         done = work.made(lambda p: plan_samples(work, *wanted, p))
         files = list(_files(robot, work, done))

@@ -9,7 +9,7 @@ from pathlib import Path
 from assetbuild.cli.progress import progress
 from assetbuild.cli.summary import shown_message
 from assetbuild.pipeline.opening import remote_cache
-from assetbuild.pipeline.validating import Wish, validate, worst
+from assetbuild.pipeline.validating import Wish, validate
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -24,13 +24,14 @@ def run(arguments: argparse.Namespace) -> int:
         remote = remote_cache(arguments.remote, shown.say, write=arguments.cache_write)
         wish = Wish(not arguments.static, recipe_for, shown.on_event, remote)
         results = validate(arguments.path, wish)
+    code = int(any(f.severity == "error" for one in results for f in one.findings))
     if arguments.json:
         rows = [
             {"file": one.file, "kind": one.kind, "findings": [f.to_json() for f in one.findings]}
             for one in results
         ]
         print(json.dumps(rows, indent=1, sort_keys=True))
-        return 1 if worst(results) else 0
+        return code
     for one in results:
         for finding in one.findings:
             print(f"{finding.severity} {finding.rule}: {finding.where or one.file}: "
@@ -41,4 +42,4 @@ def run(arguments: argparse.Namespace) -> int:
         numbers = [(word, severities.count(word)) for word in ("error", "warning")]
         counts = ", ".join(f"{n} {word}{'' if n == 1 else 's'}" for word, n in numbers)
         print(f"{one.file}: {one.kind}, {counts}")
-    return 1 if worst(results) else 0
+    return code

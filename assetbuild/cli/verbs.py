@@ -7,7 +7,6 @@ import importlib
 import os
 from argparse import Namespace
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -35,13 +34,11 @@ DIFFERENT = (
 )
 
 
-@dataclass(frozen=True)
 class Option:
     """An argument as `add_argument` takes it. variable: of the environment, for its default."""
 
-    names: tuple[str, ...]
-    settings: Mapping[str, Any]  # Any: as argparse has it
-    variable: str = ""
+    def __init__(self, *names: str, variable: str = "", **settings: Any) -> None:  # Any: argparse's
+        self.names, self.variable, self.settings = names, variable, settings
 
     def add(self, parser: Any) -> None:  # Any: a parser or a group of one
         """Declare it."""
@@ -49,18 +46,23 @@ class Option:
         parser.add_argument(*self.names, **self.settings, **default)
 
 
-@dataclass(frozen=True)
 class Verb:
-    """What a verb takes. run: `module:function` of this package; default, `run` of its own.
+    """What a verb takes, its options in the order of its help.
 
-    parts: verbs below it, `cache gc`.
+    run: `module:function` of this package; default, `run` of its own. parts: verbs below it,
+    `cache gc`.
     """
 
-    help: str
-    options: tuple[Option, ...] = ()
-    run: str = ""
-    epilog: str | None = None
-    parts: Mapping[str, Verb] = field(default_factory=dict)
+    def __init__(
+        self,
+        help: str,
+        *options: Option,
+        run: str = "",
+        epilog: str | None = None,
+        parts: Mapping[str, Verb] | None = None,
+    ) -> None:
+        self.help, self.options, self.run, self.epilog = help, options, run, epilog
+        self.parts = parts or {}
 
     def declare(self, parser: Parser) -> None:
         """Give a parser all that the verb takes."""
@@ -72,38 +74,28 @@ class Verb:
                 part.declare(below.add_parser(name, help=part.help))
 
 
-def option(*names: str, variable: str = "", **settings: Any) -> Option:  # Any: as argparse has it
-    """An argument of a verb."""
-    return Option(names, settings, variable)
-
-
 def switch(*names: str, help: str) -> Option:  # as argparse calls it
     """An option without a value."""
-    return option(*names, action="store_true", help=help)
+    return Option(*names, action="store_true", help=help)
 
 
 def out(what: str, metavar: str = "DIR") -> Option:
     """`-o`."""
-    return option("-o", "--out", type=Path, metavar=metavar, help=what)
+    return Option("-o", "--out", type=Path, metavar=metavar, help=what)
 
 
-def verb(help: str, *options: Option, **more: Any) -> Verb:  # Any: of Verb
-    """A verb with its options in the order of its help."""
-    return Verb(help, options, **more)
-
-
-RECIPE = option("recipe", type=file_or_robot, metavar="RECIPE")
-RECIPES = option("recipes", nargs="+", type=file_or_robot, metavar="RECIPE", action=Recipes)
-BUNDLE = option("bundle", type=Path, help="a folder that `assetbuild build` wrote")
-POLICY = option("policy", type=Path, help="a folder with policy.onnx and its "
+RECIPE = Option("recipe", type=file_or_robot, metavar="RECIPE")
+RECIPES = Option("recipes", nargs="+", type=file_or_robot, metavar="RECIPE", action=Recipes)
+BUNDLE = Option("bundle", type=Path, help="a folder that `assetbuild build` wrote")
+POLICY = Option("policy", type=Path, help="a folder with policy.onnx and its "
                 "deploy.yaml or env.yaml, or one of these files")  # fmt: skip
-VARIANT = option("--variant", metavar="NAME", help="a variant of the recipe")
-JOBS = option("-j", "--jobs", type=whole_number(1), metavar="N", help="default: all cores")
-PACKAGE = option(
+VARIANT = Option("--variant", metavar="NAME", help="a variant of the recipe")
+JOBS = Option("-j", "--jobs", type=whole_number(1), metavar="N", help="default: all cores")
+PACKAGE = Option(
     "--package", action="append", default=[], type=named_path, metavar="NAME=PATH",
     help="the folder that package://NAME stands for; others are looked for above the URDF",
 )  # fmt: skip
-REMOTE = option(
+REMOTE = Option(
     "--remote", variable="ASSETBUILD_REMOTE", metavar="URL",
     help="cache shared with other machines, http(s)://... or s3://bucket/prefix; "
     "default: $ASSETBUILD_REMOTE",
@@ -118,88 +110,88 @@ BUILDING = (
     VARIANT,
     switch("--frozen", help="fail rather than write a lock"),
     *SHARING,
-    option("--executor", default="local", metavar="WHERE",
+    Option("--executor", default="local", metavar="WHERE",
            help="local, or dask://HOST:PORT: run steps on the workers of that scheduler"),
-    option("--sandbox", choices=("off", "strict"),
+    Option("--sandbox", choices=("off", "strict"),
            help="no longer has an effect; the next version removes it"),
-    option("--fail-on", choices=("error", "warning", "never"), default="error",
+    Option("--fail-on", choices=("error", "warning", "never"), default="error",
            help="default: error"),
 )  # fmt: skip
 """What `build`, `smoke` and `watch` take."""
-SHARED = (RECIPES, option("--variant", metavar="NAME", help="a variant of the recipes"), REMOTE)
+SHARED = (RECIPES, Option("--variant", metavar="NAME", help="a variant of the recipes"), REMOTE)
 """What `cache push` and `cache pull` take."""
 
 VERBS: Mapping[str, Verb] = {
-    "bench": verb(
+    "bench": Verb(
         "simulate the robot with collision geometry of every kind: quality against speed",
         RECIPE,
         out("default: build/<robot>-bench"),
-        option("--levels", metavar="A,B", help="some of the levels; default: all"),
-        option("--from", dest="source", choices=("auto", "collision", "visual"),
+        Option("--levels", metavar="A,B", help="some of the levels; default: all"),
+        Option("--from", dest="source", choices=("auto", "collision", "visual"),
                default="auto", help="the meshes to work on; default: collision, else visual"),
         JOBS,
         VARIANT,
         *SHARING,
     ),
-    "build": verb(
+    "build": Verb(
         "build the bundle; only stale steps run",
         *BUILDING,
         switch("-n", "--dry-run",
                help="print what would run; exit code 3 if anything would"),
         switch("--rehash", help="hash every source file again"),
         switch("--rebuild-check", help="run every step twice and compare"),
-        option("--log-json", type=Path, metavar="FILE", help="write events, one per line"),
-        option("--report-junit", type=Path, metavar="FILE", help="write JUnit XML"),
+        Option("--log-json", type=Path, metavar="FILE", help="write events, one per line"),
+        Option("--report-junit", type=Path, metavar="FILE", help="write JUnit XML"),
     ),
-    "cache": verb(
+    "cache": Verb(
         "look after the store: stats, check, gc, push, pull",
         epilog=WHICH_CHECK,
         parts={
-            "stats": verb("count what the store holds", switch("--json", help="print data")),
-            "check": verb("verify every object; corrupt ones are set aside"),
-            "gc": verb(
+            "stats": Verb("count what the store holds", switch("--json", help="print data")),
+            "check": Verb("verify every object; corrupt ones are set aside"),
+            "gc": Verb(
                 "remove what was used least recently",
-                option("--max-size", required=True, type=size_of_text, metavar="SIZE",
+                Option("--max-size", required=True, type=size_of_text, metavar="SIZE",
                        help="as 5GB or 500MB"),
             ),
-            "push": verb("send the results of recipes to a shared cache", *SHARED),
-            "pull": verb("fetch the results of recipes from a shared cache", *SHARED),
+            "push": Verb("send the results of recipes to a shared cache", *SHARED),
+            "pull": Verb("fetch the results of recipes from a shared cache", *SHARED),
         },
     ),
-    "check": verb(
+    "check": Verb(
         "check recipes: schema, paths, static lints, lock up to date; runs nothing heavy",
-        option("recipes", nargs="*", type=file_or_robot, metavar="RECIPE",
+        Option("recipes", nargs="*", type=file_or_robot, metavar="RECIPE",
                help="default: recipes/*.yaml"),
         epilog=WHICH_CHECK,
     ),
-    "completion": verb(
+    "completion": Verb(
         "print a completion script for a shell",
-        option("shell", choices=("bash", "zsh", "fish", "tcsh")),
+        Option("shell", choices=("bash", "zsh", "fish", "tcsh")),
         run="verbs:completion",
     ),
-    "diff": verb(
+    "diff": Verb(
         "compare two bundles, recipes, MJCF, URDF or USD files, Isaac Lab configurations",
-        option("before", metavar="A", help=DIFFERENT),
-        option("after", metavar="B", help="the same, to compare with A"),
+        Option("before", metavar="A", help=DIFFERENT),
+        Option("after", metavar="B", help="the same, to compare with A"),
         switch("--markdown", help="a table for a pull request"),
         switch("--exit-code", help="1 when anything differs"),
     ),
-    "doctor": verb("report what this machine has and lacks, and how to get it", epilog=WHICH_CHECK),
-    "explain": verb(
+    "doctor": Verb("report what this machine has and lacks, and how to get it", epilog=WHICH_CHECK),
+    "explain": Verb(
         "explain why steps ran or would run, by the part of the key that changed",
         RECIPE,
-        option("step", nargs="?", metavar="STEP", help="or a file of the bundle; default: all"),
+        Option("step", nargs="?", metavar="STEP", help="or a file of the bundle; default: all"),
         VARIANT,
         switch("--json", help="print data"),
         run="plan:explain_steps",
     ),
-    "identify": verb(
+    "identify": Verb(
         "fit actuator numbers to logs of the real robot",
         RECIPE,
         switch("--write", help="write the identified values into the recipe"),
         switch("--ranges", help="print the intervals as `randomize.joints`"),
         switch("--excite", help="fit nothing: write commands to record on the robot"),
-        option("--seconds", type=whole_number(10, 600), default=60, metavar="S",
+        Option("--seconds", type=whole_number(10, 600), default=60, metavar="S",
                help="for --excite; default: 60"),
         out("for --excite; default: build/excite"),
         switch("--json", help="print all of it as JSON"),
@@ -207,95 +199,95 @@ VERBS: Mapping[str, Verb] = {
         VARIANT,
         *SHARING,
     ),
-    "init": verb(
+    "init": Verb(
         "look at a robot and write a commented recipe that builds",
-        option("robot", type=Path, nargs="?", metavar="ROBOT.urdf|.xacro|.xml"),
-        option("--from", dest="origin", metavar="NAME",
+        Option("robot", type=Path, nargs="?", metavar="ROBOT.urdf|.xacro|.xml"),
+        Option("--from", dest="origin", metavar="NAME",
                help="copy the recipe of a robot of the library"),
         out("default: <robot>.yaml, - prints it", "RECIPE"),
         PACKAGE,
-        option("--arg", action="append", default=[], type=named_value, metavar="NAME=VALUE",
+        Option("--arg", action="append", default=[], type=named_value, metavar="NAME=VALUE",
                help="an argument of a xacro file"),
         switch("--force", help="replace a recipe that exists"),
     ),
-    "list": verb(
+    "list": Verb(
         "list the robots of the library, for `assetbuild build NAME`",
         run="verbs:library",
     ),
-    "lock": verb("pin a recipe's source in <recipe>.lock.yaml", RECIPES, run="check:lock"),
-    "plan": verb(
+    "lock": Verb("pin a recipe's source in <recipe>.lock.yaml", RECIPES, run="check:lock"),
+    "plan": Verb(
         "print the graph of a recipe: its steps by room",
         RECIPE,
         VARIANT,
-        option("--format", choices=("text", "json", "dot"), default="text"),
+        Option("--format", choices=("text", "json", "dot"), default="text"),
     ),
-    "policy": verb(
+    "policy": Verb(
         "compare a policy with a bundle, or let it drive the robot",
         parts={
-            "check": verb(
+            "check": Verb(
                 "compare what a policy's files say with a bundle", POLICY, BUNDLE,
                 switch("--json", help="findings as JSON"),
             ),
-            "replay": verb(
+            "replay": Verb(
                 "let a policy drive the robot on a flat floor, and say why it falls",
                 POLICY,
                 BUNDLE,
-                option("--engine", choices=("mujoco", "newton", "physx"), action="append",
+                Option("--engine", choices=("mujoco", "newton", "physx"), action="append",
                        help="may be repeated; default: mujoco"),
-                option("--command", type=float, nargs=3, default=(0.5, 0.0, 0.0),
+                Option("--command", type=float, nargs=3, default=(0.5, 0.0, 0.0),
                        metavar=("X", "Y", "TURN"),
                        help="m/s forward, m/s to the left, rad/s; default: 0.5 0 0"),
-                option("--seconds", type=seconds, default=10.0, metavar="S", help="default: 10"),
-                option("--scene", default="scene.xml", metavar="FILE",
+                Option("--seconds", type=seconds, default=10.0, metavar="S", help="default: 10"),
+                Option("--scene", default="scene.xml", metavar="FILE",
                        help="of the bundle's mjcf/; default: scene.xml"),
-                option("--picture", type=Path, metavar="FILE",
+                Option("--picture", type=Path, metavar="FILE",
                        help="write a PNG: the robot on its way, a row for each engine"),
                 switch("--plain", help="do not look for a fault where it falls"),
                 switch("--json", help="print data"),
             ),
         },
     ),
-    "report": verb(
+    "report": Verb(
         "show the report of a bundle",
         BUNDLE,
         switch("--open", help="open the page in a browser"),
-        option("--pictures", type=Path, metavar="DIR",
+        Option("--pictures", type=Path, metavar="DIR",
                help="draw into DIR: from behind, collision, inertia, joint axes, contacts"),
     ),
-    "sample": verb(
+    "sample": Verb(
         "draw robots from the recipe's `randomize` ranges and write them as MJCF",
         RECIPE,
-        option("-n", "--count", type=whole_number(1, 1000), default=16, metavar="N",
+        Option("-n", "--count", type=whole_number(1, 1000), default=16, metavar="N",
                help="default: 16"),
-        option("--judge", type=whole_number(1, 1_000_000), default=10_000, metavar="N",
+        Option("--judge", type=whole_number(1, 1_000_000), default=10_000, metavar="N",
                help="draws judged; default: 10000"),
-        option("--seed", type=whole_number(0), metavar="N", help="default: the recipe's"),
+        Option("--seed", type=whole_number(0), metavar="N", help="default: the recipe's"),
         out("default: build/<robot>-samples"),
         JOBS,
         VARIANT,
         *SHARING,
     ),
-    "schema": verb("print the JSON Schema of recipes, for editors", run="verbs:schema"),
-    "smoke": verb(
+    "schema": Verb("print the JSON Schema of recipes, for editors", run="verbs:schema"),
+    "smoke": Verb(
         "build the bundle, then load, step and briefly train it in a trainer",
         *BUILDING,
-        option("--consumer", choices=CONSUMERS, action="append", required=True,
+        Option("--consumer", choices=CONSUMERS, action="append", required=True,
                help="may be repeated"),
         switch("-y", "--yes", help="make environments without asking first"),
     ),
-    "validate": verb(
+    "validate": Verb(
         "check a bundle, or any MJCF, URDF or USD file",
-        option("path", type=Path, metavar="FILE_OR_BUNDLE"),
+        Option("path", type=Path, metavar="FILE_OR_BUNDLE"),
         switch("--json", help="findings as JSON"),
         switch("--static", help="read the file, simulate nothing"),
         PACKAGE,
         *SHARING,
         epilog=WHICH_CHECK,
     ),
-    "verify": verb(
+    "verify": Verb(
         "compare a bundle with its manifest and its provenance", BUNDLE, epilog=WHICH_CHECK
     ),
-    "watch": verb(
+    "watch": Verb(
         "build, and again whenever the recipe or a source changes; Ctrl-C ends it", *BUILDING
     ),
 }  # fmt: skip

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections import Counter
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
@@ -50,11 +50,10 @@ SCENERY = Rule(
 
 
 class MountedPart(BaseModel):
-    """A part and its place. folder: of its inputs; prefix: of all its names."""
+    """A part and its place. prefix: of all its names, and the folder of its inputs."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
-    folder: str
     prefix: str
     at: At
     mount: Mount | None = None
@@ -86,7 +85,7 @@ class ComposeParts(Step):
         parts: dict[str, PartControl] = {}
         base = robot.source_control
         for part in self.parts:
-            part_robot = RobotFiles(files.inputs / part.folder)
+            part_robot = RobotFiles(files.inputs / part.prefix)
             own_tree, own_shapes = part_robot.links, part_robot.source_shapes
             tree = _mounted(tree, prefixed_tree(own_tree, part.prefix), part)
             named = prefixed_shapes(own_shapes, part.prefix)
@@ -94,7 +93,7 @@ class ComposeParts(Step):
             shapes = SourceShapes(
                 (*shapes.shapes, *named.shapes, *plate), shapes.materials + named.materials
             )
-            lines["lines"] |= _prefixed_lines(files.inputs / part.folder, part.prefix)
+            lines["lines"] |= _prefixed_lines(files.inputs / part.prefix, part.prefix)
             control, place = part_robot.source_control, IDENTITY
             left_out = part.left_out
             if control is not None:
@@ -114,7 +113,12 @@ class ComposeParts(Step):
             yield from _told_left_out(part, left_out)
         if base is not None and not self.keeps:
             base = replace(base, bodies=())
-        whole, findings = _whole(base, {prefix: part.prefixed() for prefix, part in parts.items()})
+        # What the sources say as one.
+        sources = [("", base)] if base is not None else []
+        sources += [(prefix, words.prefixed()) for prefix, words in parts.items()]
+        met, findings = meeting_masks(sources)
+        changed = dict(zip((prefix for prefix, _ in sources), met, strict=True))
+        whole = joined(changed.pop("", None), changed)
         _refuse_clashes(tree, shapes, whole)
         yield from findings
         (files.outputs / "links.json").write_bytes(encode(tree))
@@ -122,16 +126,6 @@ class ComposeParts(Step):
         (files.outputs / "source_control.json").write_bytes(encode(whole))
         text = json.dumps(lines, sort_keys=True, indent=1)
         (files.outputs / "source_map.json").write_text(text + "\n", encoding="utf-8")
-
-
-def _whole(
-    base: SourceControl | None, parts: Mapping[str, SourceControl]
-) -> tuple[SourceControl, list[Finding]]:
-    """What the sources say as one."""
-    sources = [*([("", base)] if base else []), *parts.items()]
-    met, findings = meeting_masks(sources)
-    changed = dict(zip((prefix for prefix, _ in sources), met, strict=True))
-    return joined(changed.pop("", None), changed), findings
 
 
 def _told_left_out(part: MountedPart, keys: tuple[str, ...]) -> Iterator[Finding]:

@@ -11,8 +11,9 @@ import numpy as np
 
 from assetbuild.errors import RecipeError
 from assetbuild.robot.files import SourceControl
+from assetbuild.robot.mjcf_only import parsed, root_pose
 from assetbuild.robot.model import Camera, Loop, MjcfOnly, Place, Sensor
-from assetbuild.robot.pose import IDENTITY, Pose, normalised_quat, vec3
+from assetbuild.robot.pose import IDENTITY, Pose, vec3
 from assetbuild.source.mjcf.opaque import keys, words
 
 Named = TypeVar("Named", bound=Any)  # Any: a frozen dataclass
@@ -106,7 +107,7 @@ class PartControl:
         for item in self.source_control.control.mjcf_only:
             if item.place in OF_THE_BASE:
                 continue
-            element = ElementTree.fromstring(item.element)  # noqa: S314 # our own reader wrote it
+            element = parsed(item)
             owner = self.prefix + item.owner if item.owner else ""
             if item.place == "body" and not item.owner:
                 owner = self.prefix + self.root
@@ -137,13 +138,7 @@ class PartControl:
     @property
     def pose_in_root(self) -> Pose:
         """The pose of the part's own world in its root, which may stand anywhere in it."""
-        for item in self.source_control.control.mjcf_only:
-            if item.place == "root":
-                element = ElementTree.fromstring(item.element)  # noqa: S314 # our own reader's
-                xyz = _numbers(element.get("pos", "0 0 0"))
-                w, x, y, z = _numbers(element.get("quat", "1 0 0 0"))
-                return Pose(vec3(xyz), normalised_quat((w, x, y, z))).inverse()
-        return self.X_world_root.inverse()
+        return root_pose(self.source_control.control.mjcf_only, self.X_world_root).inverse()
 
     def _camera(self, camera: Camera) -> Camera:
         """One in the part's world stands on its root now, as where it is attached in MuJoCo."""
@@ -156,11 +151,8 @@ class PartControl:
         """Names of cameras and lights in the part's own world."""
         control = self.source_control.control
         names = [camera.name for camera in control.cameras if camera.link is None]
-        for item in control.mjcf_only:
-            if item.place == "body" and not item.owner:
-                element = ElementTree.fromstring(item.element)  # noqa: S314 # our own reader wrote it
-                names.append(element.get("name", ""))
-        return names
+        lights = (i for i in control.mjcf_only if i.place == "body" and not i.owner)
+        return names + [parsed(light).get("name", "") for light in lights]
 
     # --- poses --------------------------------------------------------------------------------
 
@@ -225,7 +217,7 @@ def names_of(source_control: SourceControl) -> Iterator[tuple[str, str]]:
     yield from (("camera", camera.name) for camera in source_control.control.cameras)
     yield from (("equality", loop.name) for loop in source_control.control.loops)
     for item in source_control.control.mjcf_only:
-        element = ElementTree.fromstring(item.element)  # noqa: S314 # our own reader wrote it
+        element = parsed(item)
         named = item.place in ("actuator", "sensor", "tendon", "equality") and element.get("name")
         if named and not item.owner:  # else it is the drive of its joint
             yield item.place, element.get("name", "")
@@ -236,7 +228,7 @@ def _options(source_control: SourceControl | None) -> Mapping[str, str]:
     options: dict[str, str] = {}
     for item in source_control.control.mjcf_only if source_control else ():
         if item.place == "option":
-            element = ElementTree.fromstring(item.element)  # noqa: S314 # our own reader wrote it
+            element = parsed(item)
             options |= element.attrib
             for flag in element:
                 options |= {f"flag {key}": value for key, value in flag.attrib.items()}

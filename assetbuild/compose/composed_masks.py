@@ -18,6 +18,7 @@ from xml.etree import ElementTree
 from assetbuild.errors import RecipeError
 from assetbuild.findings import Finding, Rule
 from assetbuild.robot.files import SourceControl
+from assetbuild.robot.mjcf_only import parsed
 from assetbuild.robot.model import Contact, MjcfOnly
 
 FLOOR = 1
@@ -168,7 +169,7 @@ def _with_bits(contype: int, conaffinity: int, masks: Masks) -> Masks:
 def _geoms(items: tuple[MjcfOnly, ...]) -> Iterator[ElementTree.Element]:
     for item in items:
         if item.place == "body" and item.element.startswith("<geom"):
-            yield ElementTree.fromstring(item.element)  # noqa: S314 # our own reader wrote it
+            yield parsed(item)
 
 
 def _of_geom(geom: ElementTree.Element) -> Masks:
@@ -178,7 +179,7 @@ def _of_geom(geom: ElementTree.Element) -> Masks:
 def _changed_item(item: MjcfOnly, function: Callable[[Masks], Masks]) -> MjcfOnly:
     if item.place != "body" or not item.element.startswith("<geom"):
         return item
-    geom = ElementTree.fromstring(item.element)  # noqa: S314 # our own reader wrote it
+    geom = parsed(item)
     before = _of_geom(geom)
     after = function(before)
     if after == before:

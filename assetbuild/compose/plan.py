@@ -171,7 +171,6 @@ def _part_on(part: Member, base: Recipe, poses: Mapping[str, Mapping[str, float]
     names = dict.fromkeys((*part.recipe.keyframes, *part.poses))
     idle = [f"keyframes.{name}" for name in names if name not in {key for key, _ in used.values()}]
     return MountedPart(
-        folder=row.as_,
         prefix=row.as_,
         at=row.at,
         mount=row.mount,

@@ -10,10 +10,9 @@ from assetbuild.findings import Finding, Rule
 from assetbuild.robot.actuator_table import ActuatorRow, RowError
 from assetbuild.robot.chains import angles_of, split
 from assetbuild.robot.closure import CLOSED, Solution, close, gaps, locked_joints
-from assetbuild.robot.files import SourceControl
 from assetbuild.robot.loops import by_constraint, path_of, placed_loop
 from assetbuild.robot.mimic import with_mimics
-from assetbuild.robot.model import Keyframe, Loop, Tree
+from assetbuild.robot.model import Actuator, Keyframe, Loop, Tree
 from assetbuild.robot.pose import IDENTITY, Quat, quat_multiply, quat_of_rpy
 from assetbuild.robot.sides import Side, moving_by_source
 
@@ -48,13 +47,12 @@ def driven_joints(
     tree: Tree,
     rows: Sequence[ActuatorRow],
     sides: Sequence[Side] = (),
-    source: SourceControl | None = None,
+    source: Sequence[Actuator] = (),
 ) -> set[str]:
-    """Joints that a row of the table drives, or the source."""
+    """Joints that a row of the table drives, or the source's own drives."""
     patterns = [row.joints for row in rows if row.model != "passive"]
     by_row = {j.name for j in tree.moving_joints if any(re.fullmatch(p, j.name) for p in patterns)}
-    actuators = source.control.actuators if source is not None else ()
-    by_source = {actuator.joint for actuator in actuators if actuator.model != "passive"}
+    by_source = {actuator.joint for actuator in source if actuator.model != "passive"}
     return by_row | (by_source & moving_by_source(sides, by_source))
 
 

@@ -42,7 +42,7 @@ from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.initial import initial_pose
 from assetbuild.robot.loops import LoopRow, resolve_loops, row_numbers
 from assetbuild.robot.mimic import with_mimics
-from assetbuild.robot.mjcf_only import joint_springs, root_quat
+from assetbuild.robot.mjcf_only import joint_springs, root_pose
 from assetbuild.robot.sections import Camera, Feet, Imu, Keyframe, Sensor, Simulation
 from assetbuild.robot.shapes import Shapes
 from assetbuild.robot.sides import Side, moving_by_source, side_of
@@ -167,29 +167,27 @@ class ControlStep(Step):
         robot = RobotFiles(files.inputs)
         tree, shapes = robot.tree, robot.shapes
         source = robot.source_control
-        source_keyframes = source.control.keyframes if source is not None else ()
-        poses = self._poses(tree, source_keyframes)
-        driven = driven_joints(tree, self.rows, self.sides, source)
+        said = source.control if source is not None else model.Control()
+        stated = self._poses(tree, said.keyframes)
+        driven = driven_joints(tree, self.rows, self.sides, said.actuators)
         loops = resolve_loops(tree, self.loops)
-        if source is not None:
-            loops += placed_loops(tree, source.control.loops, loops)
-        items = source.control.mjcf_only if source is not None else ()
-        stated, poses = poses, self._closed(tree, poses, loops, driven, joint_springs(items))
+        loops += placed_loops(tree, said.loops, loops)
+        poses = self._closed(tree, stated, loops, driven, joint_springs(said.mjcf_only))
         for before, after in zip(stated, poses, strict=True):
             yield from solved_findings(before, after)
         parts = {name: self._of_parts(tree, pose) for name, pose in self.poses.items()}
         actuators = self._resolved(
-            tree, joined_keyframes(poses, source_keyframes, tree, parts), loops
+            tree, joined_keyframes(poses, said.keyframes, tree, parts), loops
         )
         yield from row_findings(self.rows, tree, actuators)
 
-        ground = Ground(tree, shapes, robot.mesh_dir)
+        ground, turn = Ground(tree, shapes, robot.mesh_dir), root_pose(said.mjcf_only).quat
         keyframes = []
         for before, pose in zip(stated, poses, strict=True):
             keyframe, q = self.keyframes[pose.name], dict(pose.joints)
             solved = q.keys() - {name for name, v in before.joints if v == q[name]}
             yield from _limit_findings(tree, pose.name, keyframe, q, solved)
-            base, findings = placed_base(tree, pose.name, keyframe, q, ground, root_quat(items))
+            base, findings = placed_base(tree, pose.name, keyframe, q, ground, turn)
             yield from findings
             keyframes.append(replace(pose, base=base))
 
@@ -216,10 +214,7 @@ class ControlStep(Step):
         control, below = with_reach(tree, control, ground)
         yield from below
         control = softened(tree, control, self.sides, self.limit_error, self.coupling_error)
-        only_mjcf = sum(item.place == "actuator" for item in control.mjcf_only)
-        yield from actuator_findings(
-            tree, control.actuators, has_table=bool(self.rows), only_mjcf=only_mjcf
-        )
+        yield from actuator_findings(tree, control, has_table=bool(self.rows))
         yield from contact_findings(shapes, control)
         (files.outputs / "control.json").write_bytes(encode(control))
 
@@ -267,12 +262,12 @@ def _limit_findings(
     solved: Collection[str],
 ) -> Iterator[Finding]:
     for joint in tree.moving_joints:
-        lower, upper = joint.limits.lower, joint.limits.upper
         value = q[joint.name]
-        if joint.kind == "continuous" or lower is None or upper is None:
+        if joint.range is None:
             if joint.kind != "prismatic" and abs(value) > 2.0 * math.pi:
                 yield _turns_finding(joint.name, name, value)
             continue
+        lower, upper = joint.range
         if lower - LIMIT_TOLERANCE <= value <= upper + LIMIT_TOLERANCE:
             continue
         unit = unit_of(joint)

@@ -9,7 +9,6 @@ from assetbuild.findings import Finding, Rule
 from assetbuild.robot.actuator_table import ActuatorRow
 from assetbuild.robot.model import Actuator, Control, Joint, Tree
 from assetbuild.robot.shapes import Shapes
-from assetbuild.robot.tree import is_locked
 
 NO_ACTUATOR = Rule(
     "actuator.none",
@@ -122,14 +121,10 @@ def _span(values: list[float | None]) -> str:
     return " or ".join([*words, *(["unlimited"] if None in values else [])])
 
 
-def actuator_findings(
-    tree: Tree, actuators: tuple[Actuator, ...], *, has_table: bool, only_mjcf: int = 0
-) -> Iterator[Finding]:
-    """`actuator.none`, of the finished table.
-
-    only_mjcf: drives of the source that stand in the MJCF alone.
-    """
-    if actuators and all(is_locked(tree.by_joint[a.joint]) for a in actuators):
+def actuator_findings(tree: Tree, control: Control, *, has_table: bool) -> Iterator[Finding]:
+    """`actuator.none`, of the finished table."""
+    actuators = control.actuators
+    if actuators and all(tree.by_joint[a.joint].is_locked for a in actuators):
         count = len(actuators)
         which = f"all {count} moving joints" if count > 1 else "the only moving joint"
         yield NO_ACTUATOR(
@@ -139,7 +134,8 @@ def actuator_findings(
             data={"joints": len(actuators)},
         )
     elif actuators and all(a.model == "passive" for a in actuators):
-        moving = sum(not is_locked(tree.by_joint[a.joint]) for a in actuators)
+        moving = sum(not tree.by_joint[a.joint].is_locked for a in actuators)
+        only_mjcf = sum(item.place == "actuator" for item in control.mjcf_only)
         yield from _nothing_drives(moving, has_table=has_table, only_mjcf=only_mjcf)
 
 
@@ -194,10 +190,9 @@ RAISED = Rule(
 
 def contact_findings(shapes: Shapes, control: Control) -> Iterator[Finding]:
     """One for each value that is outside, with the links that have it."""
-    contacts = dict(control.contacts)
     links: dict[float, dict[str, None]] = {}
     for shape in shapes.of("collision"):
-        surface = contacts.get(shape.name, control.contact)
+        surface = control.surface_of(shape)
         touches = surface.contype or surface.conaffinity
         if touches and surface.condim > 1 and not SLIDING[0] <= surface.friction[0] <= SLIDING[1]:
             links.setdefault(surface.friction[0], {})[shape.link] = None
@@ -219,10 +214,10 @@ def _raised(shapes: Shapes, control: Control) -> Iterator[Finding]:
 
     A surface without priority is mixed with what it touches: the floor's, which is the default.
     """
-    contacts, least = dict(control.contacts), SAFE_STEPS * control.simulation.timestep
+    least = SAFE_STEPS * control.simulation.timestep
     stated: dict[float, dict[str, None]] = {}
     for shape in shapes.of("collision"):
-        surface = contacts.get(shape.name, control.contact)
+        surface = control.surface_of(shape)
         constant = surface.solref[0] if surface.solref and surface.priority else DEFAULT_S
         stated.setdefault(constant, {})[f"link {shape.link}"] = None
     for loop in control.loops:

@@ -6,7 +6,8 @@ whatever of it moves: see `robot.floor`.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+import math
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 
@@ -70,11 +71,13 @@ class Ground:
             bottoms[body] = min(bottom, bottoms.get(body, bottom))
         return bottoms
 
-    def under_base(self) -> float | None:
-        """z in the world where a fixed robot's base ends below, m; None without its geometry."""
+    @property
+    def base_stands_on_zero(self) -> bool:
+        """Whether the base of a fixed robot is drawn to stand on z = 0."""
         moved = moved_bodies(self._tree)
         bottoms = self.lowest_of_bodies({}, self._tree.X_world_root)
-        return min((z for body, z in bottoms.items() if body not in moved), default=None)
+        bottom = min((z for body, z in bottoms.items() if body not in moved), default=math.inf)
+        return abs(bottom) <= STANDS_M
 
     def _bottom(self, geometry: Geometry, X_world_shape: Pose) -> float:
         if isinstance(geometry, Mesh):
@@ -112,12 +115,6 @@ def moved_bodies(tree: model.Tree) -> set[str]:
         if joint.kind != "fixed" or joint.parent in moved:
             moved.add(joint.child)
     return moved
-
-
-def stands_on_zero(ground: Ground) -> bool:
-    """Whether the base of a fixed robot is drawn to stand on z = 0."""
-    bottom = ground.under_base()
-    return bottom is not None and abs(bottom) <= STANDS_M
 
 
 def placed_base(
@@ -167,15 +164,11 @@ def with_reach(
     if not low:
         return control, []
     reaching = replace(control, reach_m=-min(low.values()))
-    return reaching, list(_below(low, floor_of(tree, reaching).height_m, stands_on_zero(ground)))
-
-
-def _below(low: Mapping[str, float], floor_m: float, stands: bool) -> Iterator[Finding]:
-    """low: bodies and the z where they end below, m."""
+    floor_m, stands = floor_of(tree, reaching).height_m, ground.base_stands_on_zero
     body = min(low, key=lambda name: low[name])
     others = f", and {len(low) - 1} more by less" if len(low) > 1 else ""
     where = "the plane that its base stands on" if stands else "z = 0"
-    yield REACHES_BELOW(
+    finding = REACHES_BELOW(
         f"link {body}",
         f"starts {-1e3 * low[body]:.3g} mm below {where}{others}: the scenes' floor lies at "
         f"z = {floor_m:g} m",
@@ -184,3 +177,4 @@ def _below(low: Mapping[str, float], floor_m: float, stands: bool) -> Iterator[F
         "scene with a floor or a table at z = 0",
         data={"below_m": -low[body], "floor_m": floor_m},
     )
+    return reaching, [finding]

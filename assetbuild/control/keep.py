@@ -150,7 +150,7 @@ def _are_led(
 ) -> bool:
     """Whether the loops hold these joints where all others stand still."""
     moving = motions(tree, home)
-    columns = [moving.free + moving.joints.index(name) for name in followers]
+    columns = [moving.column(name) for name in followers]
     jacobian = constraint_jacobian(loops, moving.bodies)[:, columns]
     sizes = np.linalg.svd(jacobian, compute_uv=False)
     return int((sizes > RANK * max(float(sizes.max(initial=0.0)), 1.0)).sum()) == len(columns)

@@ -130,19 +130,16 @@ def explain_opaque(items: tuple[MjcfOnly, ...]) -> Iterator[Finding]:
         if item.place in _BY_ATTRIBUTES:
             summary = ", ".join(f"`{key}`" for key in element.attrib)
         groups.setdefault((item.place, summary), []).append(item.owner or element.get("name", ""))
-    lines = tuple(
-        _told(place, summary, _listed(names)) for (place, summary), names in groups.items()
-    )
+    lines = []
+    for (place, summary), owners in groups.items():
+        listed = _listed(owners)
+        lines.append(f"{summary} of {_WORDS.get(place, place)} {listed}" if listed else summary)
     if lines:
         yield ONLY_IN_MJCF(
             "robot",
             f"in the MJCF only, the other formats are written without it: {'; '.join(lines)}",
-            data={"said": lines},
+            data={"said": tuple(lines)},
         )
-
-
-def _told(place: str, summary: str, listed: str) -> str:
-    return f"{summary} of {_WORDS.get(place, place)} {listed}" if listed else summary
 
 
 def _own_drive(item: MjcfOnly) -> Finding:

@@ -11,7 +11,6 @@ from collections.abc import Iterator, Mapping
 from itertools import combinations
 from pathlib import Path
 from typing import Any
-from xml.etree.ElementTree import Element, SubElement, tostring  # only written
 
 import numpy as np
 from pydantic import Field
@@ -21,8 +20,8 @@ from assetbuild.findings import Finding, Rule
 from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.mimic import with_mimics
 from assetbuild.robot.model import Tree
-from assetbuild.robot.pose import IDENTITY, Array, Pose
-from assetbuild.robot.shapes import Box, Capsule, Cylinder, Mesh, Shape, Shapes, Sphere
+from assetbuild.robot.pose import Array
+from assetbuild.robot.shapes import Box, Capsule, Cylinder, Geometry, Mesh, Shapes, Sphere
 from assetbuild.robot.tree import forward_kinematics, sample_positions
 
 SEED = 0
@@ -74,8 +73,7 @@ def _counts(
     """Poses in which each pair of bodies touches."""
     import mujoco
 
-    files = {path.name: path.read_bytes() for path in sorted(meshes.iterdir())}
-    model = mujoco.MjModel.from_xml_string(_floating(tree, shapes), files)
+    model = _floating(tree, shapes, meshes)
     data = mujoco.MjData(model)
     names = [body.name for body in tree.bodies]
     counts: dict[tuple[str, str], int] = {}
@@ -98,46 +96,38 @@ def _touching(model: Any, data: Any, names: list[str]) -> set[tuple[str, str]]:
     return {(a, b) if a < b else (b, a) for a, b in pairs}
 
 
-def _floating(tree: Tree, shapes: Shapes) -> str:
-    """MJCF of the collision geometry, each body with a free joint of its own."""
-    root = Element("mujoco")
-    SubElement(root, "option", {"gravity": "0 0 0"})
-    assets, world = SubElement(root, "asset"), SubElement(root, "worldbody")
-    by_body: dict[str, list[Shape]] = {body.name: [] for body in tree.bodies}
-    for shape in shapes.of("collision"):
-        by_body[tree.placement(shape.link)[0]].append(shape)
-    solid = [shape.geometry for shape in shapes.of("collision")]
-    used = {geometry.mesh for geometry in solid if isinstance(geometry, Mesh)}
+def _floating(tree: Tree, shapes: Shapes, meshes: Path) -> Any:  # Any: as above
+    """The collision geometry, each body with a free joint of its own."""
+    import mujoco
+
+    spec, solid = mujoco.MjSpec(), shapes.of("collision")
+    spec.meshdir = str(meshes)
+    used = {shape.geometry.mesh for shape in solid if isinstance(shape.geometry, Mesh)}
     for asset in shapes.meshes:
         if asset.name in used:
-            SubElement(assets, "mesh", {"name": asset.name, "file": asset.file, "inertia": "shell"})
-    for number, body in enumerate(tree.bodies):
-        element = SubElement(world, "body", {"name": f"b{number}"})
-        SubElement(element, "freejoint")
-        SubElement(element, "inertial", {"pos": "0 0 0", "mass": "1", "diaginertia": "1 1 1"})
-        for shape in by_body[body.name]:
-            _add_geom(element, shape, tree.shape_placement(shape)[1])
-    return tostring(root, encoding="unicode")
+            shell = mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL
+            spec.add_mesh(name=asset.name, file=asset.file, inertia=shell)
+    for body in tree.bodies:
+        made = spec.worldbody.add_body(mass=1.0, inertia=(1.0, 1.0, 1.0), explicitinertial=True)
+        made.add_freejoint()
+        for shape in solid:
+            carrier, pose = tree.shape_placement(shape)
+            if carrier == body.name:
+                made.add_geom(**_geom(shape.geometry), pos=pose.xyz, quat=pose.quat)
+    return spec.compile()
 
 
-def _add_geom(element: Element, shape: Shape, pose: Pose) -> None:
-    geometry = shape.geometry
-    numbers: tuple[float, ...] = ()
-    if isinstance(geometry, Box):
-        kind, numbers = "box", tuple(edge / 2 for edge in geometry.size)
-    elif isinstance(geometry, Sphere):
-        kind, numbers = "sphere", (geometry.radius,)
-    elif isinstance(geometry, Cylinder | Capsule):
-        kind = "cylinder" if isinstance(geometry, Cylinder) else "capsule"
-        numbers = (geometry.radius, geometry.length / 2)
-    else:
-        kind = "mesh"
-    given = {"mesh": geometry.mesh} if isinstance(geometry, Mesh) else {"size": _text(numbers)}
-    attributes = {"type": kind, **given}
-    if pose != IDENTITY:
-        attributes |= {"pos": _text(pose.xyz), "quat": _text(pose.quat)}
-    SubElement(element, "geom", attributes)
+def _geom(geometry: Geometry) -> dict[str, Any]:  # Any: what MuJoCo takes
+    from mujoco import mjtGeom
 
-
-def _text(numbers: tuple[float, ...]) -> str:
-    return " ".join(map(repr, numbers))
+    match geometry:
+        case Box(size):
+            return {"type": mjtGeom.mjGEOM_BOX, "size": [edge / 2 for edge in size]}
+        case Sphere(radius):
+            return {"type": mjtGeom.mjGEOM_SPHERE, "size": (radius, 0.0, 0.0)}
+        case Cylinder(radius, length):
+            return {"type": mjtGeom.mjGEOM_CYLINDER, "size": (radius, length / 2, 0.0)}
+        case Capsule(radius, length):
+            return {"type": mjtGeom.mjGEOM_CAPSULE, "size": (radius, length / 2, 0.0)}
+        case Mesh(name):
+            return {"type": mjtGeom.mjGEOM_MESH, "meshname": name}

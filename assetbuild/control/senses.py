@@ -5,11 +5,10 @@ from __future__ import annotations
 import re
 from collections.abc import Collection, Iterator, Mapping
 
-from assetbuild.errors import did_you_mean, meant_pattern
+from assetbuild.errors import did_you_mean
 from assetbuild.recipe_types import stated
 from assetbuild.robot import model
-from assetbuild.robot.actuator_table import Key
-from assetbuild.robot.actuators import RowError
+from assetbuild.robot.actuator_table import Key, RowError, must_match
 from assetbuild.robot.contact import Contacts, Surface
 from assetbuild.robot.pose import Pose, quat_multiply, quat_of_rpy
 from assetbuild.robot.ranges import first_match
@@ -32,12 +31,8 @@ def contacts(
     """
     common, links = contact.common, [shape.link for shape in shapes.of("collision")]
     for pattern in contact.links:
-        if pattern not in may_idle and not any(re.fullmatch(pattern, link) for link in links):
-            raise RowError(
-                f"contact.links: pattern `{pattern}` matches no link with a collision shape",
-                key=("contact", "links", pattern),
-                hint=meant_pattern(pattern, links),
-            )
+        if pattern not in may_idle:
+            must_match(("contact", "links", pattern), pattern, links, "link with a collision shape")
     surfaces = []
     for shape in shapes.of("collision"):
         surface = changed(common, contact.links, shape.link)
@@ -93,15 +88,10 @@ def soles(shapes: Shapes, feet: Feet | None) -> Iterator[model.Sensor]:
     """A contact sensor for each collision shape of a foot; RowError when no foot has one."""
     if feet is None:
         return
-    foot_shapes = [s for s in shapes.of("collision") if re.fullmatch(feet.links, s.link)]
-    if not foot_shapes:
-        raise RowError(
-            f"feet.links: pattern `{feet.links}` matches no link with a collision shape",
-            key=("feet", "links"),
-            hint=meant_pattern(feet.links, [s.link for s in shapes.of("collision")]),
-        )
-    if feet.contact_sensors:
-        for shape in foot_shapes:
+    links = [shape.link for shape in shapes.of("collision")]
+    must_match(("feet", "links"), feet.links, links, "link with a collision shape")
+    for shape in shapes.of("collision") if feet.contact_sensors else ():
+        if re.fullmatch(feet.links, shape.link):
             name = shape.name.replace("_collision", "_contact")
             yield model.Sensor(name, "contact", model.Place("shape", shape.name))
 

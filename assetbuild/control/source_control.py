@@ -218,22 +218,19 @@ def _contacts(
         now = changed(now, stated.surfaces, shape.link)
         if now != common:
             contacts.append((shape.name, now))
-    for prefix, shown in anew.items():
+    for prefix, names in anew.items():
         of_side = {c for n, c in by_shape.items() if side_of(stated.sides, n).prefix == prefix}
         if len(of_side) > 1:
-            findings.append(_new_shapes(shown))
+            shown = ", ".join(f"`{name}`" for name in names[:6]) + ", ..." * (len(names) > 6)
+            finding = NEW_SURFACE(
+                "recipe collision",
+                f"{len(names)} collision shapes are not the source's: {shown}; they have the "
+                "surface that most shapes of the source have",
+                "use `method: keep` to keep the source's shapes with their own surfaces",
+                data={"shapes": len(names)},
+            )
+            findings.append(finding)
     return common, tuple(contacts)
-
-
-def _new_shapes(names: list[str]) -> Finding:
-    shown = ", ".join(f"`{name}`" for name in names[:6]) + (", ..." if len(names) > 6 else "")
-    return NEW_SURFACE(
-        "recipe collision",
-        f"{len(names)} collision shapes are not the source's: {shown}; they have the surface that "
-        "most shapes of the source have",
-        "use `method: keep` to keep the source's shapes with their own surfaces",
-        data={"shapes": len(names)},
-    )
 
 
 # --- what only MJCF says --------------------------------------------------------------------
@@ -278,7 +275,10 @@ def _kept(
         elif item.place == "camera":
             yield _without(item, ("mode", "target"))
     if gone:
-        findings.append(_gone(gone))
+        message = f"{len(gone)} geoms of the source have other shapes now: what only MJCF says of "
+        message += f"`{gone[0]}` and the like was left out"
+        hint = "use `method: keep` to keep the source's shapes"
+        findings.append(dropped("geom", "recipe collision", message, hint, count=len(gone)))
 
 
 def _replaced(source_control: Control, stated: StatedControl) -> frozenset[str]:
@@ -329,13 +329,6 @@ def _of_split_joint(item: MjcfOnly) -> Finding:
 def _is_piece(name: str, source: str) -> bool:
     """Whether a shape is one of the source or a piece of it: `trunk`, `trunk_2`."""
     return name == source or re.fullmatch(re.escape(source) + r"_\d+", name) is not None
-
-
-def _gone(names: list[str]) -> Finding:
-    message = f"{len(names)} geoms of the source have other shapes now: what only MJCF says of "
-    message += f"`{names[0]}` and the like was left out"
-    hint = "use `method: keep` to keep the source's shapes"
-    return dropped("geom", "recipe collision", message, hint, count=len(names))
 
 
 class _Bodies:

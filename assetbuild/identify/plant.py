@@ -26,8 +26,7 @@ from assetbuild.robot.pose import IDENTITY, Array
 from assetbuild.robot.shapes import Shapes
 from assetbuild.simulators.mujoco import caught_warnings, mass_matrix
 from assetbuild.targets.mjcf.files import robot_element
-from assetbuild.targets.mjcf.options import MjcfOptions
-from assetbuild.targets.mjcf.robot_xml import RobotXml, Solver
+from assetbuild.targets.mjcf.robot_xml import MjcfOptions, RobotXml
 from assetbuild.targets.mjcf.xml import document
 
 LONGEST_S = 0.001
@@ -260,7 +259,7 @@ def _compiled(
         rows.append(driven if joint.name in joints else Actuator(joint.name, "passive"))
     opaque = tuple(item for item in control.mjcf_only if item.place in OF_JOINTS)
     stand_control = Control(actuators=tuple(rows), loops=control.loops)
-    xml = RobotXml("stand", Solver.of(MjcfOptions()), stand, Shapes(), stand_control)
+    xml = RobotXml("stand", MjcfOptions(), stand, Shapes(), stand_control)
     root = robot_element(xml, opaque, bare=True)
     text = document(root, "")
     if moving:

@@ -24,7 +24,7 @@ from assetbuild.robot.dynamics import Dynamics, dynamics, holding_torques
 from assetbuild.robot.inertia import total_mass
 from assetbuild.robot.model import Joint, Tree
 from assetbuild.robot.pose import Array
-from assetbuild.robot.tree import is_locked, unit_of
+from assetbuild.robot.tree import unit_of
 
 FULL_ERROR = {"rad": 0.3, "m": 0.02}
 """Tracking error at which a drive gives all its effort."""
@@ -192,7 +192,7 @@ def _classes(kind: DriveRow, felt: Sequence[_Felt]) -> list[list[_Felt]]:
 
 def _kind(joint: Joint, guess: Guess | None, part: Turning | None) -> DriveRow:
     """The row of one joint, without what depends on the others."""
-    unit, limits, locked = unit_of(joint), joint.limits, is_locked(joint)
+    unit, limits, locked = unit_of(joint), joint.limits, joint.is_locked
     effort = None if locked else limits.effort or None
     row = DriveRow((), effort, limits.velocity or None, unit, 0.0, locked=locked)
     if guess is not None:
@@ -297,8 +297,8 @@ def _felt(
     feet: list[tuple[str, Array]] = []
     loads: dict[str, float] = {}
     for leg in legs:
-        foot = np.asarray((robot.motions[leg.tip].pose @ leg.X_tip_foot).xyz)
-        hip = np.asarray(robot.motions[leg.joints[0].child].pose.xyz)
+        foot = np.asarray((robot.bodies[leg.tip].pose @ leg.X_tip_foot).xyz)
+        hip = np.asarray(robot.bodies[leg.joints[0].child].pose.xyz)
         load = total_mass(tree) / len(legs) * float(np.linalg.norm(hip - foot)) ** 2
         loads |= {joint.name: load for joint in leg.joints}
         feet.append((leg.tip, foot))
@@ -321,12 +321,12 @@ def _tipping(tree: Tree, robot: Dynamics, legs: tuple[Leg, ...]) -> dict[str, fl
     a robot stands as a table does.
     """
     mass = total_mass(tree)
-    placed = [(b.inertial, robot.motions[b.name].pose) for b in tree.bodies if b.inertial]
+    placed = [(b.inertial, robot.bodies[b.name].pose) for b in tree.bodies if b.inertial]
     moment = math.fsum(i.mass_kg * float(pose.apply(i.com_m)[2]) for i, pose in placed)
     weight, height = mass * GRAVITY, moment / mass
     stiffness = {}
     for leg in legs:
         for joint in leg.joints if len(legs) < TABLE else ():
-            over = height - robot.motions[joint.child].pose.xyz[2]
+            over = height - robot.bodies[joint.child].pose.xyz[2]
             stiffness[joint.name] = weight * max(over, 0.0) / len(legs)
     return stiffness

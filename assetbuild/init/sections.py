@@ -34,7 +34,6 @@ from assetbuild.recipe.loader import shown_path
 from assetbuild.robot.contact import Exclude
 from assetbuild.robot.inertia import total_mass
 from assetbuild.robot.model import Tree
-from assetbuild.robot.tree import is_locked
 from assetbuild.targets.mjcf.files import SCENES
 
 TURNED = "turned: what the drives could not hold, or what lay in the floor or in itself"
@@ -113,7 +112,7 @@ def urdf_recipe(
 def _locked(tree: Tree) -> Iterator[str]:
     """Limits of 0 and 0 are what an exporter writes that knows none."""
     moving = [joint for joint in tree.moving_joints if joint.mimic is None]
-    if moving and all(map(is_locked, moving)):
+    if moving and all(joint.is_locked for joint in moving):
         which = f"all {len(moving)} moving joints" if len(moving) > 1 else "the only moving joint"
         yield (
             f"equal limits lock {which}, so nothing can be driven "

@@ -32,7 +32,7 @@ from assetbuild.robot.inertia import total_mass
 from assetbuild.robot.mimic import with_mimics
 from assetbuild.robot.model import Joint, Tree
 from assetbuild.robot.pose import Array
-from assetbuild.robot.tree import forward_kinematics, is_locked, unit_of
+from assetbuild.robot.tree import forward_kinematics, unit_of
 
 GRAVITY = 9.81
 SAMPLES = 40
@@ -104,7 +104,7 @@ def strengthened(tree: Tree, anatomy: Anatomy) -> tuple[Tree, dict[str, Guess]]:
     idle = {}
     for name, reason in why.items():
         joint = tree.by_joint[name]
-        if not reason or is_locked(joint):
+        if not reason or joint.is_locked:
             continue
         effort = rounded_up(physics[name])
         if stays_passive(tree, joint, anatomy):

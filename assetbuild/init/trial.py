@@ -15,7 +15,7 @@ from assetbuild.checks.gains import Gains
 from assetbuild.checks.stand import Stand as StandCheck
 from assetbuild.checks.trials import Trials
 from assetbuild.control.control import ControlStep
-from assetbuild.control.ground import Ground, stands_on_zero
+from assetbuild.control.ground import Ground
 from assetbuild.engine.scratch import Scratch, scratch
 from assetbuild.errors import AssetBuildError, StepError
 from assetbuild.findings import Finding
@@ -162,7 +162,7 @@ class Stage:
         tree = self.robot.tree
         ground = Ground(tree, self.shapes, self.ports.folder / "meshes")
         scenery = [floor for floor in mujoco.floors(model) if model.geom_bodyid[floor] == 0]
-        stands = tree.base == "fixed" and (not scenery or stands_on_zero(ground))
+        stands = tree.base == "fixed" and (not scenery or ground.base_stands_on_zero)
         model.geom_pos[scenery, 2] = 0.0
 
         def measured(pose: Mapping[str, float]) -> dict[Pair, float]:

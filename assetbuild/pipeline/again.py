@@ -19,7 +19,6 @@ from assetbuild.engine.code import Code
 from assetbuild.engine.digest import digest_bytes, digest_file
 from assetbuild.engine.planner import Planner, settle_all
 from assetbuild.engine.session import Session
-from assetbuild.engine.step import Step
 from assetbuild.engine.store import Store
 from assetbuild.errors import StepError
 from assetbuild.facts.again.files import rows_of
@@ -31,14 +30,8 @@ from assetbuild.facts.reader import UNREADABLE
 from assetbuild.facts.reference import Assets, Reference
 from assetbuild.findings import Finding, Rule
 from assetbuild.geometry.measure_assets import MeasureAssets
-from assetbuild.pipeline.writers import (
-    StatedRecipe,
-    code_of_writers,
-    place,
-    reads,
-    writer,
-    writer_kinds,
-)
+from assetbuild.pipeline.writers import StatedRecipe, code_of_writers, writer_kinds
+from assetbuild.plugin_types import Target
 from assetbuild.robot.codec import encode
 
 ROBOT = "report/robot.json"
@@ -108,14 +101,14 @@ def prove_again(bundle: Path, robot: str, reference: Reference) -> Iterator[Find
 
 def _steps(
     robot: str, reference: Reference, signed: Signed, meshes: Mapping[str, Held], known: Code
-) -> tuple[dict[str, Step], list[Finding]]:
+) -> tuple[dict[str, Target], list[Finding]]:
     """The writers whose code, sections and meshes are those of the build; why others do not run."""
     written = signed.written
     stated = StatedRecipe(robot, tuple(written.writers), reference)
     kinds = writer_kinds(written.writers)
     code = code_of_writers(kinds, known)
     lost = [file for file in written.meshes if file not in meshes]
-    steps: dict[str, Step] = {}
+    steps: dict[str, Target] = {}
     left: list[Finding] = []
     for name, digest in written.writers.items():
         if why := _hindrance(kinds.get(name), code.get(name) == digest, lost):
@@ -123,20 +116,20 @@ def _steps(
             left.append(UNPROVEN(f"target {name}", text, where=ROBOT))
             continue
         try:
-            steps[name] = writer(name, kinds[name], stated)
+            steps[name] = kinds[name].configure(stated)
         except (ValueError, LookupError, TypeError) as error:
             why = " ".join(str(error).split())
             left.append(REFUSED(f"target {name}", f"its section: {why}", where=ROBOT))
     return steps, left
 
 
-def _hindrance(kind: type[Step] | None, same_code: bool, lost: Sequence[str]) -> str:
+def _hindrance(kind: type[Target] | None, same_code: bool, lost: Sequence[str]) -> str:
     """Why a writer cannot write the bundle again; "" where it can."""
     if kind is None:
         return "the target is not installed"
     if not same_code:
         return "the target's code has changed since the build"
-    if lost and "meshes/" in reads(kind):
+    if lost and "meshes/" in kind.reads:
         return f"no folder of the bundle holds `{lost[0]}`"
     return ""
 
@@ -167,7 +160,7 @@ def _write(
     folder: Path,
     reference: Reference,
     meshes: Mapping[str, Held],
-    steps: Mapping[str, Step],
+    steps: Mapping[str, Target],
     session: Session,
 ) -> Again:
     """Run the steps as a build does, in a store that knows nothing."""
@@ -190,12 +183,12 @@ def _write(
         known = {name: held[name][name] for name in ("tree.json", "control.json")}
         rated = p.add("ratings", KeepRatings(), known)
         held["ratings.json"] = {"ratings.json": rated["ratings.json"]}
-        if any("triangles.npz" in reads(type(step)) for step in steps.values()):
+        if any("triangles.npz" in step.reads for step in steps.values()):
             shown = held["shapes.json"] | held["meshes/"]
             measured = p.add("measure_assets", MeasureAssets(), shown)
             held["triangles.npz"] = {"triangles.npz": measured["triangles.npz"]}
         for name, step in steps.items():
-            inputs = {name: ref for port in reads(type(step)) for name, ref in held[port].items()}
+            inputs = {name: ref for port in step.reads for name, ref in held[port].items()}
             p.add(name, step, inputs)
 
     done = settle_all({"": add}, session, keep_going=True)[""]
@@ -206,7 +199,7 @@ def _write(
         if result.error is not None:
             refused.append(REFUSED(f"target {name}", result.error.message, where=ROBOT))
         for file, digest in _made(result.outputs or {}, session):
-            there = place(name, type(step), file)
+            there = step.place(name, file)
             if writers.setdefault(there, name) == name:
                 session.store.restore(digest, folder / "again" / there)
     return Again(folder / "again", writers, tuple(refused))
@@ -233,18 +226,16 @@ def _compared(path: str, bundle: Path, again: Again) -> Iterator[Finding]:
         try:
             rows = rows_of(ours, there, _stages(path, again))
         except NotParsedError as error:
-            yield _not_parsed(error, again.writers[path], path)
+            # Nothing can be compared with what is not of its kind; the parser names the line.
+            expected = {"attribute": "statement", "expected": "a file that parses"}
+            where = f"{path}:{error.line}" if error.line else path
+            rule = EQUAL.named(f"{again.writers[path]}.statement")
+            data = expected | {"found": error.message}
+            yield rule(f"file {path}", error.message, data=data, where=where)
             return
     yield from row_findings(rows, again.writers[path], path)
     if not rows:
         yield _otherwise(path, path)
-
-
-def _not_parsed(error: NotParsedError, form: str, path: str) -> Finding:
-    """Nothing can be compared with what is not of its kind any more; the parser names the line."""
-    data = {"attribute": "statement", "expected": "a file that parses", "found": error.message}
-    where = f"{path}:{error.line}" if error.line else path
-    return EQUAL.named(f"{form}.statement")(f"file {path}", error.message, data=data, where=where)
 
 
 @contextmanager

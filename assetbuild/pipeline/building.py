@@ -1,13 +1,13 @@
-"""build(): plan and execute until no question is open, then report, then the bundle."""
+"""build_all(): plan and execute until no question is open, then report, then the bundle."""
 
 from __future__ import annotations
 
 import functools
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from assetbuild.engine.execute import Listener
 from assetbuild.engine.make import NodeResult
@@ -21,7 +21,7 @@ from assetbuild.errors import AssetBuildError, Gather, RecipeError, UsageError
 from assetbuild.lock import Lock
 from assetbuild.pipeline.bundling import bundle_files, publish_bundle
 from assetbuild.pipeline.judging import evaluate, failures
-from assetbuild.pipeline.opening import Task, open_session, pin, remote_cache
+from assetbuild.pipeline.opening import open_session, pin, remote_cache
 from assetbuild.pipeline.publish import check_replaceable
 from assetbuild.pipeline.recipes import load_recipe
 from assetbuild.plan import Outline, plan
@@ -40,12 +40,18 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class Request(Task):
-    """What the user asks of a build. out: default `build/<robot>`.
+class Request:
+    """What the user asks of a build. out: default `build/<robot>`; jobs: all cores.
 
     smoke: consumers that try the bundle, besides those of the recipe.
     """
 
+    recipe: Path
+    out: Path | None = None
+    variant: str | None = None
+    jobs: int | None = None
+    remote: str = ""
+    cache_write: bool = False
     keep_going: bool = False
     frozen: bool = False
     rehash: bool = False
@@ -53,6 +59,11 @@ class Request(Task):
     executor: str = "local"
     fail_on: FailOn = "error"
     smoke: tuple[str, ...] = ()
+
+    @classmethod
+    def of(cls, values: Mapping[str, Any]) -> Request:  # Any: words of a command line
+        """What a command line says; what is no field is left."""
+        return cls(**{each.name: values[each.name] for each in fields(cls) if each.name in values})
 
 
 @dataclass
@@ -83,11 +94,6 @@ class _Job:
     loaded: LoadedRecipe
     lock: Lock | None
     out: Path
-
-
-def build(request: Request, on_event: Listener, say: Callable[[str], None]) -> Outcome:
-    """Build one recipe. Raises AssetBuildError for wrong input; failed steps are in the outcome."""
-    return build_all([request], on_event, say)[0]
 
 
 def build_all(
@@ -130,23 +136,22 @@ def build_all(
 
 def check_requests(requests: Sequence[Request]) -> None:
     """Read every recipe, so that a mistake shows before anything large is fetched. RecipeError."""
-    wrong = Gather(RecipeError)
+    _read(requests, World())
+
+
+def _read(requests: Sequence[Request], world: World) -> list[LoadedRecipe]:
+    recipes, wrong = list[LoadedRecipe](), Gather(RecipeError)
     for request in requests:
         with wrong:
-            load_recipe(request.recipe, request.variant)
+            recipes.append(load_recipe(request.recipe, request.variant, world.part()))
     wrong.stop()
+    return recipes
 
 
 def _jobs(requests: Sequence[Request], world: World, say: Callable[[str], None]) -> list[_Job]:
     """Read and pin every recipe before any is built."""
     jobs: list[_Job] = []
-    recipes: list[LoadedRecipe] = []
-    wrong = Gather(RecipeError)
-    for request in requests:
-        with wrong:
-            recipes.append(load_recipe(request.recipe, request.variant, world.part()))
-    wrong.stop()
-    for request, loaded in zip(requests, recipes, strict=True):
+    for request, loaded in zip(requests, _read(requests, world), strict=True):
         if request.smoke:
             loaded = _asking(loaded, request.smoke)
         out = request.out or default_out(loaded)

@@ -12,26 +12,20 @@ from typing import Any
 
 from assetbuild._version import __version__
 from assetbuild.body.measure_bodies import Measured
+from assetbuild.engine.claims import release
 from assetbuild.engine.digest import digest_bytes
 from assetbuild.engine.graph import Graph, Ref
 from assetbuild.engine.make import NodeResult
 from assetbuild.engine.planner import Settled
 from assetbuild.engine.session import Session
-from assetbuild.engine.store import OUT_OPTION, Listing, machine_error
+from assetbuild.engine.store import OUT_OPTION, Listing, machine_errors
 from assetbuild.engine.world import files_in
 from assetbuild.errors import StepError, UsageError
 from assetbuild.facts.again.written import Written, sign
 from assetbuild.facts.reader import asked_sections, stated_options
 from assetbuild.facts.reference import Assets, Reference
 from assetbuild.lock import GitPin, Lock, Pin
-from assetbuild.pipeline.publish import (
-    PROVENANCE,
-    discard,
-    heal,
-    lies_there,
-    new_staging,
-    publish,
-)
+from assetbuild.pipeline.publish import PROVENANCE, heal, lies_there, new_staging, publish
 from assetbuild.pipeline.writers import RANGES, code_of_writers, patterns
 from assetbuild.plan import Outline, part_lock
 from assetbuild.plan.asked import readers_of
@@ -77,9 +71,13 @@ def bundle_files(
     writers = (load_plugin(Target, name) for name in own_names(Target))
     sections = asked_sections((reader for _, reader in readers_of(recipe)), writers)
     reference = built.reference(stated_options(recipe, sections) | patterns(recipe))
+    # The small picture where libraries of USD assets look for it.
+    small = f"usd/.thumbs/256x256/{recipe.robot}.usda.png"
+    has_usd = "usd" in done.outline.targets
+    thumbnail = built.picture(THUMBNAIL, small, "usd") if has_usd else []
     files = [
         *built.targets(),
-        *built.thumbnail(recipe.robot),
+        *thumbnail,
         *built.licences(),
         *_report_files(subject, report, built, reference),
     ]
@@ -159,8 +157,7 @@ class _Built:
 
     def measured(self) -> Measured:
         """What the report shows of the bodies."""
-        if self.outline.bodies is None:
-            raise AssertionError("a whole plan has it")
+        assert self.outline.bodies is not None  # noqa: S101 # a whole plan has it
         return decode(Measured, self.read(self.outline.bodies))
 
     def fits(self) -> tuple[Fit, ...]:
@@ -216,22 +213,11 @@ class _Built:
             expanded = self.read(self.outline.expanded)
             yield BundleFile.of_bytes("report/expanded.urdf", "report", expanded)
 
-    def images(self) -> Mapping[str, tuple[str, int]]:
-        """Name of a drawn picture -> its digest and size; none without OpenGL."""
+    def picture(self, name: str, path: str, role: str) -> list[BundleFile]:
+        """A drawn picture, at its place in the bundle; none without OpenGL."""
         node = self.outline.looks.get("pictures")
-        return self.listing(node["images/"]) if node else {}
-
-    def hero(self) -> Iterator[BundleFile]:
-        """The picture of the robot."""
-        image = self.images().get(HERO)
-        if image:
-            yield BundleFile(f"report/images/{HERO}", "report", *image)
-
-    def thumbnail(self, robot: str) -> Iterator[BundleFile]:
-        """The small picture where libraries of USD assets look for it."""
-        image = self.images().get(THUMBNAIL)
-        if image and "usd" in self.outline.targets:
-            yield BundleFile(f"usd/.thumbs/256x256/{robot}.usda.png", "usd", *image)
+        image = self.listing(node["images/"]).get(name) if node else None
+        return [BundleFile(path, role, *image)] if image else []
 
     def view(self) -> View | None:
         """The 3D view; None in a bundle without."""
@@ -245,7 +231,7 @@ def _report_files(
     subject: Subject, report: Report, built: _Built, reference: Reference
 ) -> list[BundleFile]:
     """The report for machines, for people, for a job's page; its picture."""
-    hero = list(built.hero())
+    hero = built.picture(HERO, f"report/images/{HERO}", "report")
     picture = next((built.session.read(file.sha256) for file in hero), None)
     texts = {
         "report/report.json": json_text(report.to_json()),
@@ -269,14 +255,12 @@ def publish_bundle(files: list[BundleFile], out: Path, session: Session) -> tupl
         return ()
     staging = new_staging(out)
     try:
-        for file in files:
-            _place(file, staging / file.path, out, session)
-        kept = publish(staging, out, _manifest_or_none(out))
-    except OSError as error:
-        raise machine_error(error, out, OUT_OPTION) from error
+        with machine_errors(out, OUT_OPTION):
+            for file in files:
+                _place(file, staging / file.path, out, session)
+            return publish(staging, out, _manifest_or_none(out))
     finally:
-        discard(staging)
-    return kept
+        release(staging)
 
 
 def _lies_there(files: list[BundleFile], out: Path, session: Session) -> bool:

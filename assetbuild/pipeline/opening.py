@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Self, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from assetbuild.engine.actions import SharedCache
 from assetbuild.engine.execute import Listener
@@ -38,23 +38,6 @@ if TYPE_CHECKING:
     from assetbuild.engine.share.remote import Remote
 
 T = TypeVar("T")
-
-
-@dataclass(frozen=True)
-class Task:
-    """What every verb that builds takes. out: default, a folder below `build/`; jobs: all cores."""
-
-    recipe: Path
-    out: Path | None = None
-    variant: str | None = None
-    jobs: int | None = None
-    remote: str = ""
-    cache_write: bool = False
-
-    @classmethod
-    def of(cls, values: Mapping[str, Any]) -> Self:  # Any: words of a command line
-        """What a command line says; what is no field is left."""
-        return cls(**{each.name: values[each.name] for each in fields(cls) if each.name in values})
 
 
 @dataclass(frozen=True)
@@ -105,17 +88,6 @@ def opened(loaded: LoadedRecipe, remote: SharedCache | None = None) -> Iterator[
     lock = pin(loaded, frozen=True, say=lambda _: None)
     with open_session(loaded, remote=remote) as session:
         yield Opened(loaded, lock, session)
-
-
-@contextmanager
-def at_work(
-    loaded: LoadedRecipe, task: Task, on_event: Listener, say: Callable[[str], None]
-) -> Iterator[Opened]:
-    """For verbs that build something of their own."""
-    remote = remote_cache(task.remote, say, write=task.cache_write)
-    lock = pin(loaded, frozen=False, say=say)
-    with open_session(loaded, remote=remote) as session, Processes(session) as runner:
-        yield Opened(loaded, lock, session, runner, task.jobs, on_event)
 
 
 def open_session(

@@ -25,7 +25,7 @@ from assetbuild.engine.claims import (
     remove_abandoned,
 )
 from assetbuild.engine.digest import digest_file
-from assetbuild.engine.store import OUT_OPTION, machine_error
+from assetbuild.engine.store import OUT_OPTION, machine_errors
 from assetbuild.errors import MachineError, UsageError
 from assetbuild.report.bundle import files_of
 
@@ -40,22 +40,15 @@ RENAME_EXCHANGE = 2
 
 
 def new_staging(out_dir: Path) -> Path:
-    """An empty folder beside `out_dir` to build in; `publish` swaps it in.
+    """An empty folder beside `out_dir` to build in; `publish` swaps it in, `release` gives it up.
 
     Refuses an `out_dir` that is not a bundle, and heals what a killed build left.
     """
     out = _real(out_dir)
     check_replaceable(out)
     heal(out)
-    try:
+    with machine_errors(out.parent, OUT_OPTION):
         return claim_new_folder(out.parent, f"{out.name}.new-")
-    except OSError as error:
-        raise machine_error(error, out.parent, OUT_OPTION) from error
-
-
-def discard(staging: Path) -> None:
-    """Give up a folder from `new_staging`; nothing happens when it was published."""
-    release(staging)
 
 
 def check_replaceable(out_dir: Path) -> None:
@@ -107,14 +100,13 @@ def publish(
     """
     out = _real(out_dir)
     try:
-        out.parent.mkdir(parents=True, exist_ok=True)
-        heal(out)
-        check_replaceable(out)
-        paths = set_aside(out, manifest) if manifest is not None else ()
-        _at("kept the user's files")
-        _swap(staging, out)
-    except OSError as error:
-        raise machine_error(error, out.parent, OUT_OPTION) from error
+        with machine_errors(out.parent, OUT_OPTION):
+            out.parent.mkdir(parents=True, exist_ok=True)
+            heal(out)
+            check_replaceable(out)
+            paths = set_aside(out, manifest) if manifest is not None else ()
+            _at("kept the user's files")
+            _swap(staging, out)
     finally:
         release(staging)
     return paths
@@ -125,16 +117,13 @@ def lies_there(out_dir: Path, wanted: Mapping[str, str], digest: Callable[[Path]
 
     digest: of a file; OSError counts as another one.
     """
-    out = _real(out_dir)
-    left = dict(wanted)
     try:
-        for name, path in files_of(out):
-            expected = left.pop(name, None)
-            if expected is None or path.is_symlink() or digest(path) != expected:
-                return False
+        files = dict(files_of(_real(out_dir)))
+        if not wanted or files.keys() != wanted.keys():
+            return False
+        return all(not p.is_symlink() and digest(p) == wanted[name] for name, p in files.items())
     except OSError:
         return False
-    return bool(wanted) and not left
 
 
 def set_aside(out: Path, manifest: Mapping[str, str]) -> tuple[str, ...]:
@@ -142,13 +131,13 @@ def set_aside(out: Path, manifest: Mapping[str, str]) -> tuple[str, ...]:
 
     Copied before the swap: a kill in between leaves them in both places, in none never.
     """
-    edited, added = list[str](), list[str]()
-    for name, path in sorted(files_of(out)):
-        if name not in manifest:
-            if name not in OWN_FILES:
-                added.append(name)
-        elif path.is_symlink() or digest_file(path) != manifest[name]:
-            edited.append(name)
+    files = dict(sorted(files_of(out)))
+    added = [name for name in files if name not in manifest and name not in OWN_FILES]
+    edited = [
+        name
+        for name, path in files.items()
+        if name in manifest and (path.is_symlink() or digest_file(path) != manifest[name])
+    ]
     aside = out.with_name(f"{out.name}.edited")
     for name in edited + added:
         _keep(out / name, aside / name)

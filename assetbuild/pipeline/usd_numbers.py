@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +14,7 @@ from assetbuild.facts.reader import BROKEN
 from assetbuild.facts.readers.usd import UsdReader
 from assetbuild.findings import Finding
 from assetbuild.robot.inertia import InertiaBounds
-from assetbuild.robot.model import Inertial, Joint, Limits
+from assetbuild.robot.model import Inertial, Joint, JointKind, Limits
 
 
 def lint_numbers(file: Path) -> Iterator[Finding]:
@@ -39,7 +38,5 @@ def lint_numbers(file: Path) -> Iterator[Finding]:
     for name in table.names("joint"):
         facts = table.of("joint", name)
         limits = Limits(facts.get("lower"), facts.get("upper"))
-        joint = Joint(name, "revolute", "", "", limits=limits)
-        if facts.get("type") == "linear":
-            joint = replace(joint, kind="prismatic")
-        yield from crossed_limits(joint, "error")
+        kind: JointKind = "prismatic" if facts.get("type") == "linear" else "revolute"
+        yield from crossed_limits(Joint(name, kind, "", "", limits=limits), "error")

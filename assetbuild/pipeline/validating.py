@@ -292,11 +292,6 @@ TRIALS: Mapping[str, Callable[[Path, Wish, Sequence[Finding]], list[Finding]]] =
 """What a file of a kind is tried with; an MJCF is tried while it is read."""
 
 
-def worst(validated: list[Validated]) -> bool:
-    """Whether any finding is an error."""
-    return any(f.severity == "error" for one in validated for f in one.findings)
-
-
 # --- a robot that has no recipe, simulated --------------------------------------------------
 
 TIMESTEP_S, DROP_S, HIGH_M = 0.005, 0.5, 1.0

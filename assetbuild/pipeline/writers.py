@@ -19,7 +19,7 @@ from assetbuild.recipe.models import Recipe
 from assetbuild.samples.state_ranges import StateRanges
 
 RANGES = "dr"
-"""The name of what writes `dr.yaml`, which is no target."""
+"""The name of what writes `dr.yaml` in the bundle; recipes ask for it by `randomize`."""
 
 
 def patterns(recipe: Recipe) -> dict[str, list[str]]:
@@ -34,30 +34,11 @@ def code_of_writers(kinds: Mapping[str, type[Step]], code: Code) -> dict[str, st
     return {name: code_digest({**made, **code.of(kind).modules}) for name, kind in kinds.items()}
 
 
-def writer_kinds(names: Iterable[str]) -> dict[str, type[Step]]:
+def writer_kinds(names: Iterable[str]) -> dict[str, type[Target]]:
     """The steps of these names, as far as they are installed."""
     known = plugin_names(Target)
-    kinds: dict[str, type[Step]] = {n: load_plugin(Target, n) for n in names if n in known}
+    kinds: dict[str, type[Target]] = {n: load_plugin(Target, n) for n in names if n in known}
     return kinds | ({RANGES: StateRanges} if RANGES in names else {})
-
-
-def writer(name: str, kind: type[Step], stated: StatedRecipe) -> Step:
-    """The step that the bundle's recipe asked for. ValueError or KeyError where nothing says so."""
-    if kind is StateRanges:
-        return StateRanges(robot=stated.robot, randomize=stated.value("randomize"))
-    if not issubclass(kind, Target):
-        raise ValueError(f"`{name}` is no target")
-    return kind.configure(stated)
-
-
-def reads(kind: type[Step]) -> tuple[str, ...]:
-    """The ports of the robot that a writer reads."""
-    return kind.reads if issubclass(kind, Target) else ("tree.json", "control.json")
-
-
-def place(name: str, kind: type[Step], path: str) -> str:
-    """Where the bundle holds what a writer writes at `path`."""
-    return kind.place(name, path) if issubclass(kind, Target) else path
 
 
 @dataclass(frozen=True)

@@ -159,9 +159,8 @@ def _finished(
     outline.bodies = p.add("measure_bodies", MeasureBodies(), inputs)["bodies.json"]
     outline.targets = _targets(recipe, outline.robot, p)
     if recipe.randomize is not None:
-        ranges = StateRanges(robot=recipe.robot, randomize=recipe.randomize)
-        ports = {port: outline.robot[port] for port in ("tree.json", "control.json")}
-        outline.ranges = p.add("state_ranges", ranges, ports)
+        ports = {port: outline.robot[port] for port in StateRanges.reads}
+        outline.ranges = p.add("state_ranges", StateRanges.configure(recipe), ports)
     if drawn:
         outline.looks = looks(recipe, outline.robot, pose, p)
     _checks(recipe, folder, outline, _sources(recipe, outline, read), p)

@@ -72,7 +72,7 @@ def check_against_robot(recipe: Recipe, links: Tree, tree: Tree, control: Contro
         control.check(tree)
     if recipe.randomize is not None:
         with wrong:
-            StateRanges(robot=recipe.robot, randomize=recipe.randomize).check(tree)
+            StateRanges.configure(recipe).check(tree)
     wrong.stop()
 
 

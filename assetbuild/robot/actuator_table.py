@@ -1,13 +1,15 @@
-"""The actuator table of a recipe: motors, and the rows that put them on joints."""
+"""The actuator table: motors, the rows that put them on joints, and what comes of it for each."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import re
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass, replace
 from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from assetbuild.errors import RecipeError, did_you_mean
+from assetbuild.errors import RecipeError, did_you_mean, meant_pattern
 from assetbuild.recipe_types import Model, NonNegative, Pattern, Positive, Real
 
 ActuatorModel = Literal["pd", "ideal_pd", "dc_motor", "velocity", "motor", "general", "passive"]
@@ -127,6 +129,61 @@ class ActuatorRow(Model):
         return self
 
 
+@dataclass(frozen=True)
+class Actuator:
+    """What drives, brakes and limits one moving joint. Each moving joint has exactly one.
+
+    kp: N m/rad (N/m); kd: of the drive, N m s/rad; damping: passive, of the joint; they add up.
+    effort: N m or N; velocity: rad/s or m/s; armature: reflected rotor inertia, kg m2 or kg;
+    friction: dry, N m or N. None = unlimited.
+    stall: of a `dc_motor`, its torque at rest, N m or N; None = not stated.
+    ctrl: range of the command in the unit of the model; None = the target's rule.
+    general: of the model `general` alone.
+    motor: name in the recipe's motor table; source: where its numbers come from; measured: which of
+    them were fitted to logs of the real robot.
+    name: of the drive where it is not the joint's own.
+    gear: of the drive in MuJoCo, which its commands there count in. All numbers here are already
+    on the joint: with the force f of MuJoCo's actuator and its length l, effort = gear f and
+    l = gear q. The parameters of `general` alone are the actuator's own.
+    """
+
+    joint: str
+    model: ActuatorModel
+    kp: float = 0.0
+    kd: float = 0.0
+    damping: float = 0.0
+    friction: float = 0.0
+    armature: float = 0.0
+    effort: float | None = None
+    velocity: float | None = None
+    stall: float | None = None
+    ctrl: tuple[float, float] | None = None
+    general: General | None = None
+    motor: str = ""
+    source: str = ""
+    name: str = ""
+    gear: float = 1.0
+    measured: tuple[str, ...] = ()
+
+    @property
+    def command_gear(self) -> float:
+        """MuJoCo's command for a command of 1 on the joint: a position, a speed or an effort."""
+        if self.model in ("pd", "velocity"):
+            return self.gear
+        return 1.0 if self.model == "general" else 1.0 / self.gear
+
+    @property
+    def saturation(self) -> float | None:
+        """Torque of a `dc_motor` at rest, N m or N; where none is stated, its effort limit."""
+        return self.effort if self.stall is None else self.stall
+
+    @property
+    def undriven(self) -> Actuator:
+        """The joint's own numbers."""
+        kept = Actuator(self.joint, "passive", damping=self.damping, friction=self.friction)
+        return replace(kept, armature=self.armature)
+
+
 Key = tuple[str | int, ...]
 
 
@@ -140,18 +197,12 @@ class RowError(RecipeError):
         super().__init__(message, hint=hint)
         self.key = key
 
-    @property
-    def index(self) -> int | None:
-        """The row of the actuator table; None when the error is about the table as a whole."""
-        numbers = [part for part in self.key[1:2] if isinstance(part, int)]
-        return numbers[0] if numbers else None
 
-    def __reduce__(self) -> tuple[object, ...]:
-        return _rebuild, (self.message, self.key, self.hint)
-
-
-def _rebuild(message: str, key: Key, hint: str) -> RowError:
-    return RowError(message, key=key, hint=hint)
+def must_match(key: Key, pattern: str, names: Collection[str], what: str, hint: str = "") -> None:
+    """RowError for a pattern at `key` of the recipe that matches none of the names."""
+    if not any(re.fullmatch(pattern, name) for name in names):
+        message = f"{'.'.join(map(str, key[:2]))}: pattern `{pattern}` matches no {what}"
+        raise RowError(message, key=key, hint=hint or meant_pattern(pattern, names))
 
 
 def extended(name: str, motors: Mapping[str, Motor]) -> Motor:

@@ -92,7 +92,7 @@ def resolve(
     made = []
     for joint in tree.moving_joints:
         matched = by_joint.get(joint.name)
-        made.append(_driven(joint, matched) if matched else _passive(joint))
+        made.append(_driven(joint, matched) if matched else joint.undriven)
     return _with_gains(tree, tuple(made), by_joint, start or {}, loops)
 
 
@@ -328,12 +328,11 @@ def _tuned(actuator: Actuator, entry: _Matched, inertia: float) -> Actuator:
 
 def _reach(entry: _Matched, joint: Joint, actuator: Actuator) -> tuple[float, float]:
     """Targets that still make more force: effort / kp beyond the limits."""
-    lower, upper = joint.limits.lower, joint.limits.upper
     if actuator.model != "pd" or not actuator.kp or actuator.effort is None:
         raise entry.error("ctrl", "`reach` needs model `pd` with kp and an effort limit")
-    if joint.kind == "continuous" or lower is None or upper is None:
+    if joint.range is None:
         raise entry.error("ctrl", f"`reach`: joint `{joint.name}` has no limits to go beyond")
-    beyond = actuator.effort / actuator.kp
+    (lower, upper), beyond = joint.range, actuator.effort / actuator.kp
     return lower - beyond, upper + beyond
 
 
@@ -345,17 +344,6 @@ def _without(entry: _Matched, joint: Joint, name: str, stated: float | None) -> 
         "model",
         f"model `{entry.row.model}` needs the limit `{name}` of joint `{joint.name}`; {source}",
         f"add `{name}` to the row or its motor",
-    )
-
-
-def _passive(joint: Joint) -> Actuator:
-    return Actuator(
-        joint=joint.name,
-        model="passive",
-        damping=_first(joint.damping),
-        friction=_first(joint.friction),
-        effort=joint.limits.effort or None,
-        velocity=joint.limits.velocity or None,
     )
 
 

@@ -130,18 +130,15 @@ def _starts(free: Sequence[Joint], known: Mapping[str, float]) -> Iterator[dict[
         moved = dict(known)
         for joint in free:
             q = known[joint.name] + float(random.uniform(-width, width))
-            low, high = joint.limits.lower, joint.limits.upper
-            if joint.kind != "continuous" and low is not None and high is not None and low < high:
-                q = min(max(q, low), high)
+            if joint.range is not None and joint.range[0] < joint.range[1]:
+                q = min(max(q, joint.range[0]), joint.range[1])
             moved[joint.name] = q
         yield moved
 
 
 def _within(joint: Joint, value: float) -> bool:
-    low, high = joint.limits.lower, joint.limits.upper
-    if joint.kind == "continuous":
-        return True
-    return (low is None or value >= low - CLOSED) and (high is None or value <= high + CLOSED)
+    low, high = joint.bounds
+    return low - CLOSED <= value <= high + CLOSED
 
 
 def _descend(
@@ -154,7 +151,7 @@ def _descend(
         moving = motions(tree, q)
         poses = {name: motion.pose for name, motion in moving.bodies.items()}
         open_by = np.concatenate([gap(loop, poses) for loop in loops])
-        columns = [moving.free + moving.joints.index(name) for name in free]
+        columns = [moving.column(name) for name in free]
         jacobian = constraint_jacobian(loops, moving.bodies)[:, columns]
         damping = DAMPING * float(np.linalg.norm(open_by)) * np.eye(len(free))
         rows = np.vstack([jacobian, damping])
@@ -230,7 +227,7 @@ def coordinates(loops: Sequence[Loop], robot: Dynamics, first: Collection[str]) 
 
     Joints of `first`, the driven ones, are taken before all others as long as they are independent.
     """
-    basis = free_motions(loops, robot.motions)
+    basis = free_motions(loops, robot.bodies)
     order = [*range(robot.free)]
     order += [robot.column(name) for name in robot.joints if name in first]
     order += [column for column in range(len(basis)) if column not in set(order)]
@@ -252,7 +249,7 @@ def felt_inertia(loops: Sequence[Loop], robot: Dynamics) -> dict[str, float]:
     """The inertia that each joint feels, kg m2 or kg; infinite where the loops lock the joint."""
     if not loops:
         return robot.effective_inertia
-    basis = free_motions(loops, robot.motions)
+    basis = free_motions(loops, robot.bodies)
     compliance: Array = basis @ np.linalg.pinv(basis.T @ robot.mass @ basis, hermitian=True)
     compliance = compliance @ basis.T
     inertias = {}
@@ -270,12 +267,12 @@ def poses_along(
     first = with_mimics(tree, home)
     yield first
     reach = REACH[joint.kind == "prismatic"]
-    lower, upper = joint.limits.lower, joint.limits.upper
+    lower, upper = joint.bounds
     for end in (-reach, reach):
         pose = first
         for step in range(1, STEPS_ASIDE + 1):
             asked = first[joint.name] + end * step / STEPS_ASIDE
-            if (lower is not None and asked < lower) or (upper is not None and asked > upper):
+            if not lower <= asked <= upper:
                 break
             solved = close(tree, control.loops, {**pose, joint.name: asked}, free, 1)
             if not solved.closed:

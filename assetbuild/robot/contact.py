@@ -49,6 +49,10 @@ class Contact(Model):
             raise ValueError("`solref`: both positive, or both negative")
         return self
 
+    def meets(self, other: Contact) -> bool:
+        """Whether the bits of two surfaces let their shapes touch."""
+        return bool(self.contype & other.conaffinity or other.contype & self.conaffinity)
+
 
 @unstated
 class Surface(Contact):

@@ -37,22 +37,29 @@ class Motion:
 
 
 @dataclass(frozen=True)
-class Dynamics:
-    """joints: names by column after the base's six; free: columns of the base, 6 or 0.
+class Motions:
+    """How bodies move. joints: names by column after the base's; free: columns of the base, 6 or 0.
 
-    mass: (nv, nv) with armature; gravity: (nv,) generalised forces that hold the robot against
-    gravity, N m or N; motions by body. Joints that mimic have no column: they move their leader's.
+    Joints that mimic have no column: they move their leader's.
     """
 
     joints: tuple[str, ...]
     free: int
-    mass: Array
-    gravity: Array
-    motions: Mapping[str, Motion]
+    bodies: Mapping[str, Motion]
 
     def column(self, joint: str) -> int:
-        """Return the column of a joint's coordinate in the mass matrix."""
+        """Return the column of a joint's coordinate."""
         return self.free + self.joints.index(joint)
+
+
+@dataclass(frozen=True)
+class Dynamics(Motions):
+    """mass: (nv, nv) with armature; gravity: (nv,) generalised forces that hold the robot against
+    gravity, N m or N.
+    """
+
+    mass: Array
+    gravity: Array
 
     @property
     def effective_inertia(self) -> dict[str, float]:
@@ -97,63 +104,48 @@ def dynamics(
         tensor = turn @ matrix_of(inertial.inertia_com_kg_m2) @ turn.T
         mass += inertial.mass_kg * linear.T @ linear + motion.angular.T @ tensor @ motion.angular
         held -= inertial.mass_kg * np.asarray(gravity) @ linear
-    for name, gain in leader_gains(tree, leaders).items():
-        mass += armature.get(name, 0.0) * np.outer(*[np.pad(gain, (free, 0))] * 2)
-    return Dynamics(leaders, free, mass, held, moving.bodies)
-
-
-@dataclass(frozen=True)
-class Motions:
-    """How the bodies of a tree move. joints: names by column after the base's `free`; by body."""
-
-    joints: tuple[str, ...]
-    free: int
-    bodies: Mapping[str, Motion]
+    for name, gain in _leader_gains(tree, leaders, free).items():
+        mass += armature.get(name, 0.0) * np.outer(gain, gain)
+    return Dynamics(leaders, free, moving.bodies, mass, held)
 
 
 def motions(tree: Tree, positions: Mapping[str, float], base: Pose | None = None) -> Motions:
     """Jacobians of every body in one pose; the arguments are those of `dynamics`."""
     free = 6 if tree.base == "floating" else 0
     leaders = tuple(joint.name for joint in tree.moving_joints if joint.mimic is None)
-    gains = leader_gains(tree, leaders)
+    gains = _leader_gains(tree, leaders, free)
     q, X_world_root = with_mimics(tree, positions), base or tree.X_world_root
-    return Motions(leaders, free, _motions(tree, q, X_world_root, free, gains))
-
-
-def leader_gains(tree: Tree, leaders: Sequence[str]) -> dict[str, Array]:
-    """Return dq of each moving joint over d of the leaders' coordinates, in tree order."""
-    gains: dict[str, Array] = {}
-    for joint in tree.moving_joints:
-        leader, factor, _ = leading(tree, joint)
-        row = np.zeros(len(leaders))
-        row[leaders.index(leader.name)] = factor
-        gains[joint.name] = row
-    return gains
-
-
-def _motions(
-    tree: Tree, q: Mapping[str, float], base: Pose, free: int, gains: Mapping[str, Array]
-) -> dict[str, Motion]:
-    poses = {name: base @ pose for name, pose in forward_kinematics(tree, q).items()}
-    nv = free + (len(next(iter(gains.values()))) if gains else 0)
+    poses = {name: X_world_root @ pose for name, pose in forward_kinematics(tree, q).items()}
+    nv = free + len(leaders)
     linear, angular = np.zeros((3, nv)), np.zeros((3, nv))
     if free:
         linear[:, :3], angular[:, 3:6] = np.eye(3), np.eye(3)
-    motions = {tree.root: Motion(poses[tree.root], linear, angular)}
+    bodies = {tree.root: Motion(poses[tree.root], linear, angular)}
     for joint in tree.joints:
-        parent, pose = motions[joint.parent], poses[joint.child]
+        parent, pose = bodies[joint.parent], poses[joint.child]
         linear = parent.at(np.asarray(pose.xyz))
         angular = parent.angular.copy()
         if joint.name in gains:
             X_world_joint = parent.pose @ joint.X_parent_joint
             axis = X_world_joint.rotation @ np.asarray(joint.axis)
-            step = np.outer(axis, np.pad(gains[joint.name], (free, 0)))
+            step = np.outer(axis, gains[joint.name])
             if joint.kind == "prismatic":
                 linear = linear + step
             else:
                 angular += step  # the child's origin lies on the axis
-        motions[joint.child] = Motion(pose, linear, angular)
-    return motions
+        bodies[joint.child] = Motion(pose, linear, angular)
+    return Motions(leaders, free, bodies)
+
+
+def _leader_gains(tree: Tree, leaders: Sequence[str], free: int) -> dict[str, Array]:
+    """Return dq of each moving joint over d of all coordinates, (nv,), in tree order."""
+    gains: dict[str, Array] = {}
+    for joint in tree.moving_joints:
+        leader, factor, _ = leading(tree, joint)
+        row = np.zeros(free + len(leaders))
+        row[free + leaders.index(leader.name)] = factor
+        gains[joint.name] = row
+    return gains
 
 
 def holding_torques(
@@ -173,7 +165,7 @@ def holding_torques(
         size = float(np.linalg.norm(weight)) or 1.0
         if feet:
             up = weight[:3] / (float(np.linalg.norm(weight[:3])) or 1.0)
-            rows = np.vstack([up @ robot.motions[body].at(point) for body, point in feet])
+            rows = np.vstack([up @ robot.bodies[body].at(point) for body, point in feet])
             forces = rows.T @ _pushes(rows[:, : robot.free].T, weight)
         left_over = float(np.linalg.norm(weight - forces[: robot.free])) / size
     torque = robot.gravity - forces
@@ -212,7 +204,7 @@ def soles(
         if feet is not None and re.fullmatch(feet, shape.link) is None:
             continue
         body, X_body_link = tree.placement(shape.link)
-        X_world_shape = robot.motions[body].pose @ X_body_link @ shape.X_link_shape
+        X_world_shape = robot.bodies[body].pose @ X_body_link @ shape.X_link_shape
         # Other shapes touch at their centres: no mesh is read here.
         drop = shape.geometry.radius if isinstance(shape.geometry, Sphere) else 0.0
         points.append((body, np.asarray(X_world_shape.xyz) - (0.0, 0.0, drop)))

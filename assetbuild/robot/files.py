@@ -5,11 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
+from typing import TypeVar
 
 from assetbuild.robot.codec import decode_file, reader_of
 from assetbuild.robot.model import Contact, Control, Tree
 from assetbuild.robot.shapes import Shapes, SourceShapes
 
+T = TypeVar("T")
 READERS = tuple(map(reader_of, (Tree, Shapes, Control)))
 """Made when this is imported: once for all forks of a process."""
 
@@ -33,6 +35,11 @@ class SourceControl:
     surfaces: tuple[tuple[str, Contact], ...] = ()
 
 
+def _stored(kind: type[T], name: str) -> cached_property[T]:
+    """What the file of this name holds."""
+    return cached_property(lambda robot: decode_file(kind, robot.folder / name))
+
+
 class RobotFiles:
     """The robot below `folder`, under the names that every step, target and check uses.
 
@@ -42,35 +49,18 @@ class RobotFiles:
     def __init__(self, folder: Path) -> None:
         self.folder = folder
 
-    @cached_property
-    def links(self) -> Tree:
-        """The source's links, before fixed joints are merged."""
-        return decode_file(Tree, self.folder / "links.json")
-
-    @cached_property
-    def tree(self) -> Tree:
-        """The bodies that will be simulated, after merging."""
-        return decode_file(Tree, self.folder / "tree.json")
-
-    @cached_property
-    def shapes(self) -> Shapes:
-        """Visual and collision shapes with their materials, as `assemble` writes them."""
-        return decode_file(Shapes, self.folder / "shapes.json")
-
-    @cached_property
-    def source_shapes(self) -> SourceShapes:
-        """The same as the source describes them, which is what stands there before `assemble`."""
-        return decode_file(SourceShapes, self.folder / "shapes.json")
-
-    @cached_property
-    def control(self) -> Control:
-        """Actuators, keyframes, contact and sensors."""
-        return decode_file(Control, self.folder / "control.json")
-
-    @cached_property
-    def ratings(self) -> Control:
-        """What a gain leaves alone: effort, velocity, damping and friction of the joints."""
-        return decode_file(Control, self.folder / "ratings.json")
+    links = _stored(Tree, "links.json")
+    """The source's links, before fixed joints are merged."""
+    tree = _stored(Tree, "tree.json")
+    """The bodies that will be simulated, after merging."""
+    shapes = _stored(Shapes, "shapes.json")
+    """Visual and collision shapes with their materials, as `assemble` writes them."""
+    source_shapes = _stored(SourceShapes, "shapes.json")
+    """The same as the source describes them, which is what stands there before `assemble`."""
+    control = _stored(Control, "control.json")
+    """Actuators, keyframes, contact and sensors."""
+    ratings = _stored(Control, "ratings.json")
+    """What a gain leaves alone: effort, velocity, damping and friction of the joints."""
 
     @cached_property
     def source_control(self) -> SourceControl | None:

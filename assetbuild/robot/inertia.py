@@ -16,7 +16,7 @@ from pydantic import Field
 
 from assetbuild.recipe_types import Model, Positive
 from assetbuild.robot.model import Inertial, Tree
-from assetbuild.robot.pose import Array, Pose, Quat, Vec3, rotation_of, vec3
+from assetbuild.robot.pose import IDENTITY, Array, Pose, Quat, Vec3, rotation_of, vec3
 
 Tensor = tuple[float, float, float, float, float, float]
 
@@ -62,7 +62,7 @@ def rotate_tensor(tensor: Tensor, quat: Quat) -> Tensor:
 
     An exact identity rotation changes no bit.
     """
-    if quat == (1.0, 0.0, 0.0, 0.0):
+    if quat == IDENTITY.quat:
         return tensor
     rotation = rotation_of(quat)
     return tensor_of(rotation @ matrix_of(tensor) @ rotation.T)
@@ -70,7 +70,7 @@ def rotate_tensor(tensor: Tensor, quat: Quat) -> Tensor:
 
 def move_inertial(inertial: Inertial, X_new_old: Pose) -> Inertial:
     """The same matter, described in another frame. An exact identity pose changes no bit."""
-    if X_new_old.is_identity():
+    if X_new_old == IDENTITY:
         return inertial
     return Inertial(
         inertial.mass_kg,

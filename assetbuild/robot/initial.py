@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from assetbuild.robot.mimic import with_mimics
-from assetbuild.robot.model import Control, Joint, Keyframe, Tree
+from assetbuild.robot.model import Control, Keyframe, Tree
 
 
 def initial_pose(tree: Tree, control: Control) -> Keyframe:
@@ -15,14 +15,5 @@ def initial_pose(tree: Tree, control: Control) -> Keyframe:
     """
     if control.initial_keyframe is not None:
         return control.initial_keyframe
-    nearest = {joint.name: _nearest_to_zero(joint) for joint in tree.moving_joints}
+    nearest = {j.name: min(max(0.0, j.bounds[0]), j.bounds[1]) for j in tree.moving_joints}
     return Keyframe("", tuple(with_mimics(tree, nearest).items()))
-
-
-def _nearest_to_zero(joint: Joint) -> float:
-    """rad or m, within the limits."""
-    lower, upper = joint.limits.lower, joint.limits.upper
-    if joint.kind == "continuous":
-        return 0.0
-    value = 0.0 if lower is None else max(0.0, lower)
-    return value if upper is None else min(value, upper)

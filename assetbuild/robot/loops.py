@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 from typing import Annotated, Literal, Self
 
@@ -161,14 +161,11 @@ def path_of(tree: Tree, loop: Loop) -> tuple[Joint, ...]:
 
 def _joints_between(tree: Tree, loop: Loop) -> set[str]:
     """All joints but fixed ones."""
-    above = [dict(_joints_above(tree, end.body)) for end in loop.ends]
-    apart = above[0].keys() ^ above[1].keys()
-    return {name for name in apart if tree.by_joint[name].kind != "fixed"}
+    a, b = (set(_joints_above(tree, end.body)) for end in loop.ends)
+    return {joint.name for joint in a ^ b if joint.kind != "fixed"}
 
 
-def _joints_above(tree: Tree, body: str) -> list[tuple[str, Joint]]:
-    joints = []
+def _joints_above(tree: Tree, body: str) -> Iterator[Joint]:
     while (joint := tree.joint_above.get(body)) is not None:
-        joints.append((joint.name, joint))
+        yield joint
         body = joint.parent
-    return joints

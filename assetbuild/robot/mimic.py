@@ -23,10 +23,9 @@ def led_range(tree: Tree, joint: Joint) -> tuple[float, float] | None:
     None = it mimics nothing, or a leader without limits.
     """
     leader, factor, offset = leading(tree, joint)
-    lower, upper = leader.limits.lower, leader.limits.upper
-    if joint.mimic is None or lower is None or upper is None or leader.kind == "continuous":
+    if joint.mimic is None or leader.range is None:
         return None
-    ends = offset + factor * lower, offset + factor * upper
+    ends = [offset + factor * end for end in leader.range]
     return min(ends), max(ends)
 
 
@@ -64,8 +63,7 @@ def common_range(tree: Tree, leader: Joint) -> tuple[float, float] | None:
 
 def has_range(joint: Joint) -> bool:
     """Whether it states two limits that leave it room."""
-    lower, upper = joint.limits.lower, joint.limits.upper
-    return joint.kind != "continuous" and None not in (lower, upper) and lower != upper
+    return joint.range is not None and not joint.is_locked
 
 
 def _value(tree: Tree, joint: Joint, q: Mapping[str, float], seen: tuple[str, ...]) -> float:

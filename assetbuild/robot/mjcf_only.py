@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from xml.etree import ElementTree
 
 from assetbuild.robot.model import Actuator, Control, MjcfOnly
-from assetbuild.robot.pose import IDENTITY, Quat, normalised_quat
+from assetbuild.robot.pose import IDENTITY, Pose, normalised_quat, vec3
 
 Element = ElementTree.Element
 SPRING_WORDS = ("stiffness", "springref")
@@ -18,13 +18,18 @@ def parsed(item: MjcfOnly) -> Element:
     return ElementTree.fromstring(item.element)  # noqa: S314 # our own reader wrote it
 
 
-def root_quat(items: Iterable[MjcfOnly]) -> Quat:
-    """How the source's world holds a floating root, wxyz: torsos of some lie along their z."""
+def root_pose(items: Iterable[MjcfOnly], fixed: Pose = IDENTITY) -> Pose:
+    """Where the source's world holds a floating root: torsos of some lie along their z.
+
+    fixed: the pose of one that is held, which no item states.
+    """
     for item in items:
-        if item.place == "root" and (stated := parsed(item).get("quat")):
-            w, x, y, z = map(float, stated.split())
-            return normalised_quat((w, x, y, z))
-    return IDENTITY.quat
+        if item.place == "root":
+            element = parsed(item)
+            w, x, y, z = map(float, (element.get("quat") or "1 0 0 0").split())
+            xyz = [float(word) for word in element.get("pos", "0 0 0").split()]
+            return Pose(vec3(xyz), normalised_quat((w, x, y, z)))
+    return fixed
 
 
 @dataclass(frozen=True)
@@ -38,11 +43,6 @@ class Spring:
     def stiffness(self) -> float:
         """N m/rad or N/m, of a linear spring and of a polynomial at its rest."""
         return self.coefficients[0]
-
-    @property
-    def is_linear(self) -> bool:
-        """Whether its force is k (rest - q)."""
-        return not any(self.coefficients[1:])
 
     @property
     def text(self) -> str:
@@ -77,7 +77,7 @@ def no_drives(control: Control) -> dict[str, str]:
     """Why a spring cannot be the drive of its joint, by the joint's name."""
     rows, reasons = control.by_joint, {}
     for name, spring in joint_springs(control.mjcf_only).items():
-        if not spring.is_linear:
+        if any(spring.coefficients[1:]):
             reasons[name] = f"its stiffness is a polynomial ({spring.text})"
         elif (row := rows.get(name)) is not None and row.model != "passive":
             reasons[name] = f"its joint has a drive of its own (`{row.model}`)"

@@ -10,10 +10,12 @@ It is stored as separate artefacts, so that a new gain leaves geometry alone and
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Literal
 
+from assetbuild.robot.actuator_table import Actuator as Actuator
 from assetbuild.robot.actuator_table import ActuatorModel as ActuatorModel
 from assetbuild.robot.actuator_table import General as General
 from assetbuild.robot.contact import Contact as Contact
@@ -100,6 +102,39 @@ class Joint:
     friction: float | None = None
     mimic: Mimic | None = None
 
+    @property
+    def bounds(self) -> tuple[float, float]:
+        """(lower, upper), rad or m; infinite where nothing limits it."""
+        if self.kind == "continuous":
+            return -math.inf, math.inf
+        lower, upper = self.limits.lower, self.limits.upper
+        return (-math.inf if lower is None else lower), (math.inf if upper is None else upper)
+
+    @property
+    def range(self) -> tuple[float, float] | None:
+        """(lower, upper), rad or m, where it has both."""
+        lower, upper = self.limits.lower, self.limits.upper
+        if self.kind == "continuous" or lower is None or upper is None:
+            return None
+        return lower, upper
+
+    @property
+    def is_locked(self) -> bool:
+        """Whether equal limits hold it, so that a drive could move nothing."""
+        return self.limits.lower is not None and self.limits.lower == self.limits.upper
+
+    @property
+    def undriven(self) -> Actuator:
+        """What the source says of it without a drive; a limit of 0 says nothing."""
+        return Actuator(
+            joint=self.name,
+            model="passive",
+            damping=self.damping or 0.0,
+            friction=self.friction or 0.0,
+            effort=self.limits.effort or None,
+            velocity=self.limits.velocity or None,
+        )
+
 
 @dataclass(frozen=True)
 class Frame:
@@ -169,61 +204,6 @@ class Tree:
     @cached_property
     def _by_frame(self) -> dict[str, Frame]:
         return {frame.name: frame for frame in self.frames}
-
-
-@dataclass(frozen=True)
-class Actuator:
-    """What drives, brakes and limits one moving joint. Each moving joint has exactly one.
-
-    kp: N m/rad (N/m); kd: of the drive, N m s/rad; damping: passive, of the joint; they add up.
-    effort: N m or N; velocity: rad/s or m/s; armature: reflected rotor inertia, kg m2 or kg;
-    friction: dry, N m or N. None = unlimited.
-    stall: of a `dc_motor`, its torque at rest, N m or N; None = not stated.
-    ctrl: range of the command in the unit of the model; None = the target's rule.
-    general: of the model `general` alone.
-    motor: name in the recipe's motor table; source: where its numbers come from; measured: which of
-    them were fitted to logs of the real robot.
-    name: of the drive where it is not the joint's own.
-    gear: of the drive in MuJoCo, which its commands there count in. All numbers here are already
-    on the joint: with the force f of MuJoCo's actuator and its length l, effort = gear f and
-    l = gear q. The parameters of `general` alone are the actuator's own.
-    """
-
-    joint: str
-    model: ActuatorModel
-    kp: float = 0.0
-    kd: float = 0.0
-    damping: float = 0.0
-    friction: float = 0.0
-    armature: float = 0.0
-    effort: float | None = None
-    velocity: float | None = None
-    stall: float | None = None
-    ctrl: tuple[float, float] | None = None
-    general: General | None = None
-    motor: str = ""
-    source: str = ""
-    name: str = ""
-    gear: float = 1.0
-    measured: tuple[str, ...] = ()
-
-    @property
-    def command_gear(self) -> float:
-        """MuJoCo's command for a command of 1 on the joint: a position, a speed or an effort."""
-        if self.model in ("pd", "velocity"):
-            return self.gear
-        return 1.0 if self.model == "general" else 1.0 / self.gear
-
-    @property
-    def saturation(self) -> float | None:
-        """Torque of a `dc_motor` at rest, N m or N; where none is stated, its effort limit."""
-        return self.effort if self.stall is None else self.stall
-
-    @property
-    def undriven(self) -> Actuator:
-        """The joint's own numbers."""
-        kept = Actuator(self.joint, "passive", damping=self.damping, friction=self.friction)
-        return replace(kept, armature=self.armature)
 
 
 @dataclass(frozen=True)
@@ -381,15 +361,22 @@ class Control:
         """Actuators by the name of their joint."""
         return {actuator.joint: actuator for actuator in self.actuators}
 
-    @property
-    def own_drives(self) -> frozenset[str]:
-        """Joints whose drive the MJCF has in words of its own, which stand in `mjcf_only`."""
-        return frozenset(i.owner for i in self.mjcf_only if i.place == "actuator" and i.owner)
+    def drive_of(self, joint: Joint) -> Actuator:
+        """The row of a moving joint; without one, what the source says of it."""
+        return self.by_joint.get(joint.name) or joint.undriven
+
+    @cached_property
+    def _by_shape(self) -> dict[str, Contact]:
+        return dict(self.contacts)
+
+    def surface_of(self, shape: Shape) -> Contact:
+        """The surface of a collision shape."""
+        return self._by_shape.get(shape.name, self.contact)
 
     @property
     def in_mjcf(self) -> Control:
         """The control without the drives that the MJCF states in its own words, see `mjcf_only`."""
-        over = self.own_drives
+        over = {i.owner for i in self.mjcf_only if i.place == "actuator" and i.owner}
         rows = tuple(row.undriven if row.joint in over else row for row in self.actuators)
         return replace(self, actuators=rows) if over else self
 

@@ -47,10 +47,6 @@ class Pose:
         moved: Array = turned + np.asarray(self.xyz)
         return moved
 
-    def is_identity(self) -> bool:
-        """True when every entry of the translation and rotation vector is 0."""
-        return not any(self.xyz + self.quat[1:])
-
     def matrix(self) -> Array:
         """(4, 4) homogeneous matrix."""
         out = np.eye(4)

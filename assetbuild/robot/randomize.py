@@ -17,21 +17,7 @@ import numpy as np
 from assetbuild.robot.inertia import matrix_of, pseudo_inertia, tensor_of
 from assetbuild.robot.model import Inertial
 from assetbuild.robot.pose import Array, Vec3, vec3
-
-
-@dataclass(frozen=True)
-class InertialRanges:
-    """What may happen to the matter of one body; all draws are uniform.
-
-    density: (least, most) factor of the mass, shape unchanged.
-    com_m: largest shift of the matter along each body axis, m.
-    stretch: largest |ln| of the factor along each body axis. shear: largest shear, 1.
-    """
-
-    density: tuple[float, float] = (1.0, 1.0)
-    com_m: Vec3 = (0.0, 0.0, 0.0)
-    stretch: float = 0.0
-    shear: float = 0.0
+from assetbuild.robot.ranges import RandomMatter, per_axis
 
 
 @dataclass(frozen=True)
@@ -77,7 +63,7 @@ class Samples:
     samples: tuple[Sample, ...] = ()
 
 
-def draw(inertial: Inertial, ranges: InertialRanges, count: int, seed: int, name: str) -> Array:
+def draw(inertial: Inertial, ranges: RandomMatter, count: int, seed: int, name: str) -> Array:
     """(count, 10) rows of mass, com (3), inertia about it (6): draws for one body.
 
     The i-th is the same whatever `count` and the other bodies are.
@@ -90,7 +76,7 @@ def inertial_of(row: Array) -> Inertial:
     return Inertial(float(row[0]), vec3(row[1:4]), tensor_of(matrix_of(row[4:])))
 
 
-def deform(inertial: Inertial, ranges: InertialRanges, unit: Array) -> Array:
+def deform(inertial: Inertial, ranges: RandomMatter, unit: Array) -> Array:
     """Pseudo-inertias (n, 4, 4) about the body's origin of n deformed bodies.
 
     unit: (n, 10) in -1..1: density, shift (3), stretch (3), shear (3).
@@ -102,7 +88,7 @@ def deform(inertial: Inertial, ranges: InertialRanges, unit: Array) -> Array:
         change[:, axis, axis] = np.exp(ranges.stretch * unit[:, 4 + axis])
     for column, (i, j) in enumerate(((0, 1), (1, 2), (0, 2))):
         change[:, i, j] = ranges.shear * unit[:, 7 + column]
-    change[:, :3, 3] = np.asarray(ranges.com_m) * unit[:, 1:4]
+    change[:, :3, 3] = np.asarray(per_axis(ranges.com)) * unit[:, 1:4]
     change[:, 3, 3] = 1.0
     change *= np.exp(alpha)[:, None, None]
 

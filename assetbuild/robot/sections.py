@@ -85,18 +85,15 @@ class Mount(Model):
     )
 
 
-Point = tuple[Real, Real, Real]
-
-
 class Region(Model):
     """A place in the frame of the link: a ball, or a capsule from one point to another."""
 
-    from_: Point = Field(alias="from", description="x, y, z in the frame of the link, m")
-    to: Point | None = Field(None, description="the other end, m; without it a ball at `from`")
+    from_: Three = Field(alias="from", description="x, y, z in the frame of the link, m")
+    to: Three | None = Field(None, description="the other end, m; without it a ball at `from`")
     radius: Length = Field(0.0, description="about the line, `2 mm` or m; 0: the line itself")
 
     @property
-    def ends(self) -> tuple[Point, Point]:
+    def ends(self) -> tuple[Three, Three]:
         """Both ends of its axis, m."""
         return self.from_, self.to or self.from_
 

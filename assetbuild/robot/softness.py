@@ -23,7 +23,6 @@ from assetbuild.robot.dynamics import dynamics
 from assetbuild.robot.mimic import has_range, leading, without_mimics
 from assetbuild.robot.model import Control, Joint, Softness, Tree
 from assetbuild.robot.sides import Side, side_of
-from assetbuild.robot.tree import is_locked
 
 TIME_S, IMPEDANCE = 0.02, 0.95
 """MuJoCo's defaults: the time constant, and the impedance beyond a width of 1 mm or 1 mrad."""
@@ -84,7 +83,7 @@ def soft_couplings(tree: Tree, control: Control, allowed: Allowed) -> Soft:
         if joint.mimic is not None and joint.name in alone and joint.mimic.joint in alone:
             both = 1.0 / alone[joint.name] + 1.0 / alone[joint.mimic.joint]
             inertia[joint.name] = 1.0 / both
-        if joint.mimic is not None or (is_locked(joint) and joint.kind != "continuous"):
+        if joint.mimic is not None or (joint.is_locked and joint.kind != "continuous"):
             coupled.append(joint)
     yield from _held(tree, control, coupled, allowed, inertia)
 

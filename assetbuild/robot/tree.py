@@ -108,11 +108,6 @@ def unit_of(joint: Joint) -> Literal["m", "rad"]:
     return "m" if joint.kind == "prismatic" else "rad"
 
 
-def is_locked(joint: Joint) -> bool:
-    """Whether equal limits hold it, so that a drive could move nothing."""
-    return joint.limits.lower is not None and joint.limits.lower == joint.limits.upper
-
-
 def forward_kinematics(tree: Tree, positions: Mapping[str, float]) -> dict[str, Pose]:
     """X_root_body of every body; positions by joint name, rad or m, 0 where absent.
 

@@ -1,22 +1,23 @@
-"""Robots that could exist: the recipe's ranges drawn, and what the draws are like."""
+"""Robots that could exist: the recipe's ranges drawn, what the draws are like, each as a robot."""
 
 from __future__ import annotations
 
 import json
 from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import replace
 
 import numpy as np
 
 from assetbuild.engine.step import Files, Step
 from assetbuild.findings import Finding
-from assetbuild.robot.codec import encode
+from assetbuild.robot.codec import decode_file, encode
 from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.inertia import combine, matrix_of, move_inertial
-from assetbuild.robot.model import Body, Inertial, Tree
+from assetbuild.robot.mjcf_only import of_same_effort
+from assetbuild.robot.model import Actuator, Body, Contact, Control, Inertial, Tree
 from assetbuild.robot.pose import Array
 from assetbuild.robot.randomize import (
     BodySample,
-    InertialRanges,
     JointSample,
     Sample,
     Samples,
@@ -31,7 +32,6 @@ from assetbuild.robot.ranges import (
     Randomize,
     RandomPayload,
     first_match,
-    per_axis,
 )
 
 
@@ -66,9 +66,7 @@ class DrawSamples(Step):
             matter = first_match(self.randomize.links, name)
             if matter is None or body.inertial is None or body.inertial.mass_kg <= 0.0:
                 continue
-            com, stretch, shear = per_axis(matter.com), matter.stretch, matter.shear
-            ranges = InertialRanges(matter.density, com, stretch, shear)
-            yield name, draw(body.inertial, ranges, self._count, self.randomize.seed, name)
+            yield name, draw(body.inertial, matter, self._count, self.randomize.seed, name)
 
     def _sample(self, tree: Tree, draws: Mapping[str, Array], index: int) -> Sample:
         payloads = tuple(
@@ -149,3 +147,65 @@ def _statistics(body: Body, rows: Array) -> dict[str, object]:
 def _spread(values: Array) -> dict[str, object]:
     low, middle, high = (float(v) for v in np.quantile(values, (0.0, 0.5, 1.0)))
     return {"least": low, "median": middle, "most": high}
+
+
+# --- one of them ---------------------------------------------------------------------------------
+
+
+class ApplySample(Step):
+    """`tree.json`, `control.json`, `samples.json` -> `tree.json`, `control.json`."""
+
+    own_name = "apply_sample"
+    outputs = ("tree.json", "control.json")
+
+    index: int
+
+    def run(self, files: Files) -> Iterator[Finding]:
+        """Delay and encoder bias are the trainer's: no file of the robot holds them."""
+        robot = RobotFiles(files.inputs)
+        tree, control = robot.tree, robot.control
+        samples = decode_file(Samples, files.inputs / "samples.json")
+        sample = samples.samples[self.index]
+        (files.outputs / "tree.json").write_bytes(encode(with_matter(tree, sample)))
+        (files.outputs / "control.json").write_bytes(encode(with_control(control, sample)))
+        return iter(())
+
+
+def with_matter(tree: Tree, sample: Sample) -> Tree:
+    """The tree with the drawn mass properties."""
+    drawn = {body.body: body.inertial for body in sample.bodies}
+    bodies = tuple(
+        replace(body, inertial=drawn[body.name]) if body.name in drawn else body
+        for body in tree.bodies
+    )
+    return replace(tree, bodies=bodies)
+
+
+def with_control(control: Control, sample: Sample) -> Control:
+    """The control with the drawn gains, limits and friction."""
+    drawn = {joint.joint: joint for joint in sample.joints}
+    actuators = tuple(
+        _varied(actuator, drawn[actuator.joint]) if actuator.joint in drawn else actuator
+        for actuator in control.actuators
+    )
+    contacts = tuple((shape, _slid(contact, sample)) for shape, contact in control.contacts)
+    changed = replace(control, actuators=actuators)
+    return replace(
+        changed,
+        contact=_slid(control.contact, sample),
+        contacts=contacts,
+        mjcf_only=tuple(of_same_effort(control.mjcf_only, control.by_joint, changed.by_joint)),
+    )
+
+
+def _slid(contact: Contact, sample: Sample) -> Contact:
+    if sample.friction is None:
+        return contact
+    return contact.model_copy(update={"friction": (sample.friction, *contact.friction[1:])})
+
+
+def _varied(actuator: Actuator, by: JointSample) -> Actuator:
+    stated = {key: getattr(actuator, key) for key in JOINT_FACTORS}
+    return replace(
+        actuator, **{key: value and value * getattr(by, key) for key, value in stated.items()}
+    )

@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterator, Sequence
-from typing import Any
+from collections.abc import Iterator, Mapping
+from typing import Any, ClassVar
 
-from assetbuild.engine.step import Files, Step
-from assetbuild.errors import did_you_mean, meant_pattern
+from assetbuild.engine.step import Files
 from assetbuild.findings import Finding, Rule
-from assetbuild.robot.actuators import RowError
+from assetbuild.plugin_types import Target
+from assetbuild.robot.actuator_table import must_match
 from assetbuild.robot.files import RobotFiles
-from assetbuild.robot.model import Body, Control, Tree
+from assetbuild.robot.model import Control, Inertial, Tree
 from assetbuild.robot.ranges import (
     JOINT_FACTORS,
     Randomize,
@@ -21,6 +21,7 @@ from assetbuild.robot.ranges import (
     first_match_groups,
     per_axis,
 )
+from assetbuild.robot.tree import link_placement
 
 UNSTATED = "not stated"
 DRIVE = ("kp", "kd", "effort")
@@ -48,12 +49,15 @@ UNSOURCED = Rule(
 )
 
 
-class StateRanges(Step):
-    """`tree.json`, `control.json` -> `dr.yaml`."""
+class StateRanges(Target):
+    """`dr.yaml`, at the top of the bundle; a recipe asks for it by `randomize`, not by a name."""
 
     outputs = ("dr.yaml",)
+    folder = ""
+    reads = ("tree.json", "control.json")
 
-    robot: str
+    recipe_fields: ClassVar[Mapping[str, str]] = {"randomize": "randomize"}
+
     randomize: Randomize
 
     def check(self, tree: Tree) -> None:
@@ -63,16 +67,12 @@ class StateRanges(Step):
         for pattern in self.randomize.links:
             merged = next((name for name in frames if re.fullmatch(pattern, name)), None)
             hint = f"`{merged}` was merged into `{tree.placement(merged)[0]}`" if merged else ""
-            _must_match("links", pattern, bodies, "body", hint)
+            must_match(("randomize", "links", pattern), pattern, bodies, "body", hint)
         for pattern in self.randomize.joints:
-            _must_match("joints", pattern, moving, "moving joint")
+            must_match(("randomize", "joints", pattern), pattern, moving, "moving joint")
         for index, payload in enumerate(self.randomize.payloads):
-            if payload.link not in bodies and payload.link not in frames:
-                raise RowError(
-                    f"randomize.payloads[{index}]: no link `{payload.link}`",
-                    key=("randomize", "payloads", index, "link"),
-                    hint=did_you_mean(payload.link, [*bodies, *frames]),
-                )
+            key = ("randomize", "payloads", index, "link")
+            link_placement(tree, payload.link, f"randomize.payloads[{index}]", key)
 
     def run(self, files: Files) -> Iterator[Finding]:
         """Every body and joint that a range speaks of, with nominal value, range and source."""
@@ -84,7 +84,11 @@ class StateRanges(Step):
             "schema": "assetbuild/dr/v1",
             "robot": self.robot,
             "seed": self.randomize.seed,
-            "links": self._links(tree),
+            "links": {
+                body.name: _matter(body.inertial, matter)
+                for body in tree.bodies
+                if (matter := first_match(self.randomize.links, body.name)) and body.inertial
+            },
             "payloads": self._payloads(tree),
             "joints": self._joints(tree, control),
             "contact": self._contact(control),
@@ -120,15 +124,7 @@ class StateRanges(Step):
                 data={key: tuple(joints) for key, joints in idle.items()},
             )
 
-    def _links(self, tree: Tree) -> dict[str, dict[str, Any]]:  # Any: YAML, here and below
-        rows = {}
-        for body in tree.bodies:
-            matter = first_match(self.randomize.links, body.name)
-            if matter is not None and body.inertial is not None:
-                rows[body.name] = _matter(body, matter)
-        return rows
-
-    def _payloads(self, tree: Tree) -> list[dict[str, Any]]:
+    def _payloads(self, tree: Tree) -> list[dict[str, Any]]:  # Any: YAML, here and below
         return [
             {
                 "link": payload.link,
@@ -193,24 +189,14 @@ class StateRanges(Step):
             )
 
 
-def _must_match(key: str, pattern: str, names: Sequence[str], what: str, hint: str = "") -> None:
-    if not any(re.fullmatch(pattern, name) for name in names):
-        raise RowError(
-            f"randomize.{key}: pattern `{pattern}` matches no {what}",
-            key=("randomize", key, pattern),
-            hint=hint or meant_pattern(pattern, names),
-        )
-
-
-def _matter(body: Body, matter: RandomMatter) -> dict[str, Any]:
+def _matter(inertial: Inertial, matter: RandomMatter) -> dict[str, Any]:
     """One body. log_cholesky.t is the shift, exact; d and s act about the centre of mass."""
-    assert body.inertial is not None  # noqa: S101 # only bodies with mass are stated
-    mass, com = body.inertial.mass_kg, per_axis(matter.com)
+    mass, com = inertial.mass_kg, per_axis(matter.com)
     low, high = matter.density
     return {
         "mass": {"nominal": mass, "range": [mass * low, mass * high]},
         "density": [low, high],
-        "com": {"nominal": list(body.inertial.com_m), "shift": list(com)},
+        "com": {"nominal": list(inertial.com_m), "shift": list(com)},
         "log_cholesky": {
             "alpha": [math.log(low) / 2, math.log(high) / 2],
             "d": [-matter.stretch, matter.stretch],

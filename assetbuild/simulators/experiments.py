@@ -20,7 +20,7 @@ from assetbuild.plugin_types import Check
 from assetbuild.recipe_types import Model, Positive
 from assetbuild.robot.initial import initial_pose
 from assetbuild.robot.mimic import with_mimics
-from assetbuild.robot.model import Actuator, Control, Joint, Tree
+from assetbuild.robot.model import Actuator, Control, Tree
 from assetbuild.robot.pose import IDENTITY, Array, Pose, Vec3
 
 CLEARANCE_M = 1e-3
@@ -215,7 +215,7 @@ def sine_of(
     """
     middle, swing, speeds = {}, {}, set()
     for joint in tree.moving_joints:
-        lower, upper = bounds(joint)
+        lower, upper = joint.bounds
         width = SWING_M if joint.kind == "prismatic" else SWING_RAD
         width = min(width, SHARE_OF_RANGE * (upper - lower))
         room = 1.25 * width  # a small swing too: weight may press its joint against the stop
@@ -234,14 +234,6 @@ def sine_of(
         if by_speed:
             speeds.add(joint.name)
     return Sine(with_mimics(tree, middle), swing, frequency_hz, seconds, frozenset(speeds))
-
-
-def bounds(joint: Joint) -> tuple[float, float]:
-    """(lower, upper) of the coordinate, rad or m; infinite where nothing limits it."""
-    if joint.kind == "continuous":
-        return -math.inf, math.inf
-    lower, upper = joint.limits.lower, joint.limits.upper
-    return (-math.inf if lower is None else lower), (math.inf if upper is None else upper)
 
 
 # --- answers ------------------------------------------------------------------------------------

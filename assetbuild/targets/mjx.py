@@ -25,8 +25,7 @@ from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.model import Contact, Control
 from assetbuild.robot.shapes import Mesh, Shapes
 from assetbuild.targets.mjcf.files import readable, refuse_name, write_robot, write_xml
-from assetbuild.targets.mjcf.options import Cone
-from assetbuild.targets.mjcf.robot_xml import RobotXml, Solver
+from assetbuild.targets.mjcf.robot_xml import Cone, MjcfOptions, RobotXml
 from assetbuild.targets.mjcf.scene import scene
 
 UNTOUCHABLE = Rule(
@@ -104,7 +103,8 @@ class Mjx(Target):
         yield from self._explain_condim(control)
         control = self._masked(control, shapes)
         stem = f"{self.robot}_mjx"
-        solver, most = Solver.of(self.options), self.options.max_vertices
+        stated = {key: value for key, value in self.options if key in MjcfOptions.model_fields}
+        solver, most = MjcfOptions(**stated), self.options.max_vertices
         model = RobotXml(self.robot, solver, tree, shapes, control, max_vertices=most)
         folder = files.outputs / "mjx"
         there = {shape.name for shape in shapes.shapes}

@@ -19,8 +19,9 @@ from assetbuild.plugin_types import Target
 from assetbuild.recipe_types import Model
 from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.initial import initial_pose
-from assetbuild.robot.model import Actuator, Control, Joint, Tree
+from assetbuild.robot.model import Control, Joint, Tree
 from assetbuild.robot.orders import BUS, joint_orders, permutation
+from assetbuild.robot.tree import link_names
 
 NO_BUS = Rule(
     "policy.bus_order",
@@ -94,7 +95,9 @@ class Policy(Target):
             "timestep": control.simulation.timestep,
             "decimation": control.simulation.decimation,
             "base": {"kind": tree.base, "link": tree.root, "imu": self.imu or tree.root},
-            "feet": [name for name in _links(tree) if self.feet and re.fullmatch(self.feet, name)],
+            "feet": [
+                name for name in link_names(tree) if self.feet and re.fullmatch(self.feet, name)
+            ],
             "conventions": dict(CONVENTIONS),
         }
         text = yaml.safe_dump(stated, sort_keys=False, default_flow_style=None, width=100)
@@ -118,14 +121,10 @@ def _refuse_bus(bus: tuple[str, ...], tree: Tree) -> None:
         raise StepError(f"policy.bus_order names `{twice}` twice")
 
 
-def _links(tree: Tree) -> list[str]:
-    return [*tree.by_body, *(frame.name for frame in tree.frames)]
-
-
 def _numbers(joints: tuple[Joint, ...], tree: Tree, control: Control) -> dict[str, list[Any]]:
     """Columns in the order of the joints; null where nothing limits. Any: a number or None."""
     pose = dict(initial_pose(tree, control).joints)
-    rows = [control.by_joint.get(joint.name) or _undriven(joint) for joint in joints]
+    rows = [control.drive_of(joint) for joint in joints]
     return {
         "default_position": [pose[joint.name] for joint in joints],
         "lower": [_end(joint, joint.limits.lower) for joint in joints],
@@ -137,11 +136,6 @@ def _numbers(joints: tuple[Joint, ...], tree: Tree, control: Control) -> dict[st
         "velocity": [row.velocity for row in rows],
         "armature": [row.armature for row in rows],
     }
-
-
-def _undriven(joint: Joint) -> Actuator:
-    limits = joint.limits
-    return Actuator(joint.name, "passive", effort=limits.effort, velocity=limits.velocity)
 
 
 def _end(joint: Joint, limit: float | None) -> float | None:

@@ -264,8 +264,6 @@ def _add_geometry(parent: ET.Element, geometry: Geometry, file: str) -> None:
             ET.SubElement(parent, "cylinder", radius=repr(radius), length=repr(length))
         case Mesh():
             ET.SubElement(parent, "mesh", filename=file)
-        case Capsule():
-            raise TypeError("a capsule is written as its pieces")
 
 
 def _add_joint(robot: ET.Element, joint: Joint, actuator: Actuator | None) -> None:

@@ -22,7 +22,7 @@ from assetbuild.robot.shapes import SourceShapes
 from assetbuild.robot.tree import forward_kinematics, sample_positions
 
 AT = At(link="trunk", xyz=(0.1, 0.0, 0.2), rpy=(0.3, -0.2, 1.0))
-ARM = MountedPart(folder="arm_", prefix="arm_", at=AT)
+ARM = MountedPart(prefix="arm_", at=AT)
 
 
 def put(folder: Path, robot: TinyRobot, file: str) -> None:
@@ -34,7 +34,7 @@ def put(folder: Path, robot: TinyRobot, file: str) -> None:
 def composed(tmp_path: Path, *parts: MountedPart) -> tuple[Tree, SourceShapes, dict, list]:
     put(tmp_path / "base", tiny_quadruped(), "dog.urdf")
     for part in parts:
-        put(tmp_path / part.folder, pendulum(), "arm.urdf")
+        put(tmp_path / part.prefix, pendulum(), "arm.urdf")
     findings = run_step(ComposeParts(parts=parts), tmp_path, tmp_path / "out")
     out = tmp_path / "out"
     return (
@@ -108,7 +108,7 @@ def test_b1_with_z1_is_the_robot_that_somebody_merged_by_hand(tmp_path, go1_root
     by_hand = robot("b1_description/urdf/b1-z1.urdf", "hand")
     robot("b1_description/urdf/b1.urdf", "base")
     robot("z1_description/urdf/z1.urdf", "arm_", "fixed")
-    place = MountedPart(folder="arm_", prefix="arm_", at=At(link="trunk", xyz=(0.35, 0, 0.09)))
+    place = MountedPart(prefix="arm_", at=At(link="trunk", xyz=(0.35, 0, 0.09)))
     run_step(ComposeParts(parts=(place,)), tmp_path, tmp_path / "out")
     ours = decode(Tree, (tmp_path / "out/links.json").read_bytes())
 

@@ -101,7 +101,7 @@ def test_two_drives_of_one_name_are_refused(tmp_path: Path):
         item = MjcfOnly("tendon", tendon.element.replace("arm_t", name))
         said = SourceControl(Control(mjcf_only=(item,)))
         (tmp_path / folder / "source_control.json").write_bytes(encode(said))
-    on = MountedPart(folder="arm_", prefix="arm_", at=At(link="trunk"))
+    on = MountedPart(prefix="arm_", at=At(link="trunk"))
     with pytest.raises(RecipeError, match="two parts have a tendon `arm_t`"):
         run_step(ComposeParts(parts=(on,)), tmp_path, tmp_path / "out")
 
@@ -114,7 +114,7 @@ def test_the_surface_that_most_shapes_of_a_part_have_comes_along(tmp_path: Path)
     for folder in ("base", "arm_"):
         (tmp_path / folder / "source_map.json").write_text('{"file": "x", "lines": {}}')
     (tmp_path / "arm_" / "source_control.json").write_bytes(encode(said))
-    on = MountedPart(folder="arm_", prefix="arm_", at=At(link="trunk"))
+    on = MountedPart(prefix="arm_", at=At(link="trunk"))
     run_step(ComposeParts(parts=(on,)), tmp_path, tmp_path / "out")
     whole = decode(SourceControl, (tmp_path / "out" / "source_control.json").read_bytes())
     assert whole.surfaces == (("arm_", slippery),)
@@ -132,7 +132,7 @@ def test_a_part_that_floats_alone_is_held_and_its_place_in_its_world_told(tmp_pa
     for name in ("links.json", "shapes.json", "source_control.json"):
         (tmp_path / "duck_" / name).write_bytes((duck.read / name).read_bytes())
     (tmp_path / "duck_" / "source_map.json").write_text('{"file": "y", "lines": {}}')
-    on = MountedPart(folder="duck_", prefix="duck_", at=At(link="base"))
+    on = MountedPart(prefix="duck_", at=At(link="base"))
     findings = run_step(ComposeParts(parts=(on,)), tmp_path, tmp_path / "out")
     whole = decode(Tree, (tmp_path / "out" / "links.json").read_bytes())
     assert whole.base == "fixed"

@@ -17,13 +17,14 @@ import pytest
 from steps_for_tests import Mix, Split
 
 from assetbuild.cli import main
+from assetbuild.engine.claims import release
 from assetbuild.engine.execute import execute, first_error
 from assetbuild.engine.housekeeping import check
 from assetbuild.engine.planner import Planner
 from assetbuild.engine.session import Session
 from assetbuild.engine.store import Store, machine_error
 from assetbuild.errors import AssetBuildError, MachineError
-from assetbuild.pipeline.publish import discard, new_staging, publish
+from assetbuild.pipeline.publish import new_staging, publish
 
 pytestmark = pytest.mark.own_workers
 
@@ -155,7 +156,7 @@ def fill(out: Path, content: str) -> None:
     except OSError as error:
         raise machine_error(error, out) from error
     finally:
-        discard(staging)
+        release(staging)
 
 
 def test_a_disk_that_fills_up_while_a_bundle_is_written_keeps_the_old_one(tmp_path: Path):

@@ -25,9 +25,8 @@ from assetbuild.facts.surface import measure
 from assetbuild.facts.table import Key
 from assetbuild.robot.model import Actuator
 from assetbuild.robot.ranges import Randomize
-from assetbuild.targets.isaaclab import IsaacLab
+from assetbuild.targets.isaaclab import IsaacLab, Module
 from assetbuild.targets.isaaclab import events as lab_events
-from assetbuild.targets.isaaclab.module import Module
 from assetbuild.targets.mjlab import Mjlab, events, module
 
 RANDOMIZE = Randomize.model_validate(

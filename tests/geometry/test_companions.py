@@ -17,7 +17,7 @@ from pxr import Usd, UsdGeom, UsdShade
 from assetbuild.cli.check import check
 from assetbuild.engine.questions import KIND
 from assetbuild.errors import RecipeError
-from assetbuild.pipeline.building import Outcome, Request, build
+from assetbuild.pipeline.building import Outcome, Request, build_all
 
 pytestmark = pytest.mark.slow
 
@@ -106,7 +106,7 @@ def laid_out(folder: Path, files: dict[str, bytes]) -> Path:
 def built(recipe: Path) -> tuple[Outcome, Path, dict[str, list[str]]]:
     """The outcome, its bundle, and the messages of its findings by rule."""
     out = recipe.parent / "out"
-    outcome = build(Request(recipe=recipe, out=out), lambda _: None, lambda _: None)
+    (outcome,) = build_all([Request(recipe=recipe, out=out)], lambda _: None, lambda _: None)
     assert outcome.exit_code == 0, outcome.errors or outcome.report
     told: dict[str, list[str]] = {}
     for finding in json.loads((out / "report/report.json").read_text())["findings"]:

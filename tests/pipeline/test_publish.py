@@ -9,11 +9,11 @@ from pathlib import Path
 
 import pytest
 
+from assetbuild.engine.claims import release
 from assetbuild.engine.digest import digest_file
 from assetbuild.errors import MachineError, UsageError
 from assetbuild.pipeline import publish as module
 from assetbuild.pipeline.publish import (
-    discard,
     heal,
     lies_there,
     new_staging,
@@ -147,7 +147,7 @@ def test_healing_leaves_running_builds_and_other_folders_alone(out: Path):
     make(out, "two")
     assert (running / "half").is_file()
     assert similar.is_dir()
-    discard(running)
+    release(running)
     assert not running.exists()
 
 

@@ -81,7 +81,7 @@ def test_four_equal_legs_share_the_weight() -> None:
     feet = []
     for leg in ("FR", "FL", "RR", "RL"):
         body, X_body_foot = robot.tree.placement(f"{leg}_foot")
-        feet.append((body, found.motions[body].pose.apply(X_body_foot.xyz)))
+        feet.append((body, found.bodies[body].pose.apply(X_body_foot.xyz)))
     torque, left = holding_torques(found, feet)
     assert left == pytest.approx(0.0, abs=1e-6)
     calves = [abs(torque[f"{leg}_calf_joint"]) for leg in ("FR", "FL", "RR", "RL")]

@@ -7,15 +7,14 @@ from hypothesis import strategies as st
 
 from assetbuild.robot.inertia import combine, principal_moments, pseudo_inertia
 from assetbuild.robot.model import Inertial
-from assetbuild.robot.randomize import (
-    InertialRanges,
-    deform,
-    draw,
-    homogeneous_box,
-    inconsistent,
-)
+from assetbuild.robot.randomize import deform, draw, homogeneous_box, inconsistent
+from assetbuild.robot.ranges import RandomMatter
 
 BOX = (0.4, 0.2, 0.1)
+
+
+def matter(density=(1.0, 1.0), com=0.0, stretch=0.0, shear=0.0):
+    return RandomMatter(density=density, com=com, stretch=stretch, shear=shear)
 
 
 def box(mass=6.0, size=BOX, at=(0.1, 0.0, -0.02)):
@@ -25,7 +24,7 @@ def box(mass=6.0, size=BOX, at=(0.1, 0.0, -0.02)):
 
 
 def test_a_denser_body_scales_mass_and_inertia_alike():
-    drawn = draw(box(), InertialRanges(density=(0.8, 1.2)), 50, 1, "trunk")
+    drawn = draw(box(), matter(density=(0.8, 1.2)), 50, 1, "trunk")
     factor = drawn[:, 0] / box().mass_kg
     assert factor.min() < 0.85 and factor.max() > 1.15
     wanted = np.outer(factor, box().inertia_com_kg_m2)
@@ -36,7 +35,7 @@ def test_a_denser_body_scales_mass_and_inertia_alike():
 def test_a_stretched_box_is_the_longer_box():
     unit = np.zeros((1, 10))
     unit[0, 4] = 1.0
-    changed = deform(box(), InertialRanges(stretch=np.log(1.5)), unit)[0]
+    changed = deform(box(), matter(stretch=np.log(1.5)), unit)[0]
     longer = box(size=(0.6, 0.2, 0.1))
     assert np.allclose(changed, pseudo_inertia(longer), rtol=1e-12)
 
@@ -44,7 +43,7 @@ def test_a_stretched_box_is_the_longer_box():
 def test_a_shift_moves_the_centre_and_keeps_the_inertia_about_it():
     unit = np.zeros((1, 10))
     unit[0, 1:4] = (1.0, -1.0, 0.5)
-    changed = deform(box(), InertialRanges(com_m=(0.01, 0.02, 0.03)), unit)[0]
+    changed = deform(box(), matter(com=(0.01, 0.02, 0.03)), unit)[0]
     moved = box(at=(0.11, -0.02, -0.005))
     assert np.allclose(changed, pseudo_inertia(moved), rtol=1e-12, atol=1e-15)
 
@@ -58,7 +57,7 @@ def test_a_shift_moves_the_centre_and_keeps_the_inertia_about_it():
 def test_no_draw_breaks_the_triangle_inequality(seed, stretch, shear, thin):
     """Even for a plate, whose moments lie on the edge of what matter can have."""
     plate = box(size=(0.3, 0.3, thin))
-    ranges = InertialRanges((0.5, 2.0), (0.05, 0.05, 0.05), stretch, shear)
+    ranges = matter((0.5, 2.0), (0.05, 0.05, 0.05), stretch, shear)
     assert not inconsistent(draw(plate, ranges, 20, seed, "plate")).any()
 
 
@@ -75,7 +74,7 @@ def test_independent_noise_on_the_moments_is_found_inconsistent():
 
 
 def test_draws_do_not_depend_on_how_many_there_are():
-    ranges = InertialRanges((0.8, 1.2), (0.05, 0.05, 0.05), 0.3, 0.2)
+    ranges = matter((0.8, 1.2), (0.05, 0.05, 0.05), 0.3, 0.2)
     few = draw(box(), ranges, 5, 3, "trunk")
     many = draw(box(), ranges, 200, 3, "trunk")
     assert np.array_equal(few, many[:5])

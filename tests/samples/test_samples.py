@@ -14,8 +14,7 @@ from assetbuild.robot.codec import decode, encode
 from assetbuild.robot.model import Actuator, Control, MjcfOnly, Tree
 from assetbuild.robot.randomize import Samples
 from assetbuild.robot.ranges import Randomize
-from assetbuild.samples.apply_sample import ApplySample
-from assetbuild.samples.draw_samples import DrawSamples
+from assetbuild.samples.draw_samples import ApplySample, DrawSamples
 from assetbuild.samples.state_ranges import StateRanges
 
 WIDE = {

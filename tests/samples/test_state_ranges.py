@@ -13,8 +13,8 @@ from robot_files import run_step, write_robot_ports
 from tiny import tiny_quadruped
 
 from assetbuild.robot.inertia import pseudo_inertia
-from assetbuild.robot.randomize import InertialRanges, deform
-from assetbuild.robot.ranges import Randomize, first_match_groups
+from assetbuild.robot.randomize import deform
+from assetbuild.robot.ranges import Randomize, RandomMatter, first_match_groups
 from assetbuild.samples.state_ranges import StateRanges
 
 RANGES = {
@@ -71,7 +71,7 @@ def test_the_log_cholesky_numbers_are_the_density_and_the_shift(tmp_path: Path) 
     change[:3, 3] = [high for _, high in row["t"]]
     change *= math.exp(row["alpha"][1])
     theirs = change @ pseudo_inertia(inertial) @ change.T
-    ranges = InertialRanges((0.8, 1.25), (0.02, 0.01, 0.0))
+    ranges = RandomMatter(density=(0.8, 1.25), com=(0.02, 0.01, 0.0))
     ours = deform(inertial, ranges, np.array([[1.0, 1, 1, 1, 0, 0, 0, 0, 0, 0]]))[0]
     assert np.allclose(theirs, ours, rtol=1e-12, atol=1e-15)
 

@@ -14,10 +14,10 @@ import numpy as np
 
 from assetbuild.robot.initial import initial_pose
 from assetbuild.robot.mimic import with_mimics
-from assetbuild.robot.model import Actuator, Control, Joint, Tree
+from assetbuild.robot.model import Actuator, Control, Tree
 from assetbuild.simulators.experiments import Experiment, Outcome, Setting, Sine
 
-NARROW, WIDE = 1e-4, 0.5
+NARROW, WIDE = 1e-4, (-0.5, 0.5)
 """rad or m: least range of a leader that shows a line; the range of one without limits."""
 SHARE = 0.3
 """How far the leader swings to one side of the middle, as a share of its range."""
@@ -36,18 +36,11 @@ def measurable(tree: Tree) -> Mapping[str, tuple[float, float]]:
     for joint in followers:
         assert joint.mimic is not None  # noqa: S101 # chosen above
         leader = tree.by_joint[joint.mimic.joint]
-        low, high = ranges.get(leader.name, _range(leader))
-        ends = [(end - joint.mimic.offset) / joint.mimic.multiplier for end in _range(joint)]
+        low, high = ranges.get(leader.name, leader.range or WIDE)
+        ends = [(end - joint.mimic.offset) / joint.mimic.multiplier for end in joint.range or WIDE]
         ranges[leader.name] = max(low, min(ends)), min(high, max(ends))
     by_follower = {joint.name: ranges[_leader(tree, joint.name)] for joint in followers}
     return {name: (low, high) for name, (low, high) in by_follower.items() if high - low > NARROW}
-
-
-def _range(joint: Joint) -> tuple[float, float]:
-    lower, upper = joint.limits.lower, joint.limits.upper
-    if joint.kind == "continuous" or lower is None or upper is None:
-        return -WIDE, WIDE
-    return lower, upper
 
 
 def experiments(tree: Tree, control: Control) -> tuple[Experiment, ...]:

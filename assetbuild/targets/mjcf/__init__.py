@@ -25,8 +25,7 @@ from assetbuild.targets.mjcf.files import (
     write_robot,
     write_xml,
 )
-from assetbuild.targets.mjcf.options import MjcfOptions
-from assetbuild.targets.mjcf.robot_xml import RobotXml, Solver
+from assetbuild.targets.mjcf.robot_xml import MjcfOptions, RobotXml
 from assetbuild.targets.mjcf.scene import scene
 
 RESERVED_NAME = Rule(
@@ -60,7 +59,7 @@ class Mjcf(Target):
 
         meshes = files.inputs / "meshes"
         looks = readable(shapes, meshes, control.mjcf_only)
-        model = RobotXml(self.robot, Solver.of(self.options), tree, looks, control)
+        model = RobotXml(self.robot, self.options, tree, looks, control)
         folder = files.outputs / "mjcf"
         write_robot(folder / f"{self.robot}.xml", model, control.mjcf_only, meshes)
         write_xml(folder / "scene.xml", scene(model, self.robot))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import replace
 
 from assetbuild.findings import Finding, Rule
@@ -23,24 +23,20 @@ class JointPlacement:
     """Where the joints of a tree sit in MJCF: mostly one on each body, in its origin."""
 
     def __init__(self, tree: Tree, shapes: Shapes) -> None:
-        self._tree = tree
-        self.chains: Mapping[str, Chain] = {
-            chain.body: chain for chain in find_chains(tree, {s.link for s in shapes.shapes})
-        }
-        self.hidden = frozenset(link for c in self.chains.values() for link in c.between)
+        chains = find_chains(tree, {s.link for s in shapes.shapes})
+        self.hidden = frozenset(link for chain in chains for link in chain.between)
         """Bodies that MJCF does not need."""
+        self._rows = {joint.child: Chain((joint,), ()) for joint in tree.joints}
+        self._rows |= {chain.body: chain for chain in chains}
         self._poses = {
             joint.name: pose
-            for chain in self.chains.values()
+            for chain in chains
             for joint, pose in zip(chain.joints, chain.joint_poses, strict=True)
         }
 
     def joints(self, body: str) -> tuple[Joint, ...]:
         """Return a body's joints, outermost first, in the order in which MuJoCo applies them."""
-        if body in self.chains:
-            return self.chains[body].joints
-        above = self._tree.joint_above.get(body)
-        return (above,) if above else ()
+        return self._rows[body].joints if body in self._rows else ()
 
     def joint_pose(self, joint: Joint) -> Pose:
         """The joint's frame in the body that carries it, all joints at 0."""
@@ -52,19 +48,16 @@ class JointPlacement:
 
     def parent(self, body: str) -> str | None:
         """The body above, as MJCF nests them."""
-        joints = self.joints(body)
-        return joints[0].parent if joints else None
+        return self._rows[body].parent if body in self._rows else None
 
     def pose_in_parent(self, body: str) -> Pose:
         """Where the body stands in its parent, all joints at 0."""
-        if body in self.chains:
-            return self.chains[body].pose_in_parent
-        return self._tree.joint_above[body].X_parent_joint
+        return self._rows[body].pose_in_parent
 
 
 def explain_chains(tree: Tree, shapes: Shapes) -> Iterator[Finding]:
     """One finding for each body with several joints."""
-    for chain in JointPlacement(tree, shapes).chains.values():
+    for chain in find_chains(tree, {s.link for s in shapes.shapes}):
         joints = ", ".join(joint.name for joint in chain.joints)
         links = ", ".join(chain.between)
         yield CHAIN(

@@ -20,8 +20,9 @@ Damping of the joint and `kv` of the drive add up in MuJoCo, as `damping` and `k
 from __future__ import annotations
 
 import math
-from collections.abc import Hashable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
 
 from assetbuild.errors import StepError
 from assetbuild.findings import Finding, Rule
@@ -74,15 +75,8 @@ class JointRow:
         return next((tag for tag in self.attributes if tag != "joint"), "")
 
 
-def row_of(joint: Joint, actuator: Actuator | None, limits: Softness | None = None) -> JointRow:
-    """A moving joint and its actuator; StepError for a range that MJCF cannot express.
-
-    Without an actuator the joint keeps the damping and friction of the source.
-    """
-    passive = Actuator(
-        joint.name, "passive", damping=joint.damping or 0.0, friction=joint.friction or 0.0
-    )
-    actuator = actuator or passive
+def row_of(joint: Joint, actuator: Actuator, limits: Softness | None) -> JointRow:
+    """A moving joint and its actuator; StepError for a range that MJCF cannot express."""
     attributes = {
         "type": "slide" if joint.kind == "prismatic" else None,
         "axis": direction(joint.axis),
@@ -120,10 +114,8 @@ def locked_at(joint: Joint) -> float | None:
     Such a joint keeps its degree of freedom and is held by an equality: MJCF has no range of
     width 0. A mimic joint is held by the one it follows.
     """
-    lower, upper = joint.limits.lower, joint.limits.upper
-    if joint.kind not in ("revolute", "prismatic") or joint.mimic is not None:
-        return None
-    return lower if lower is not None and lower == upper else None
+    free = joint.kind not in ("revolute", "prismatic") or joint.mimic is not None
+    return None if free or not joint.is_locked else joint.limits.lower
 
 
 def _drive(joint: Joint, actuator: Actuator) -> dict[str, dict[str, str | None]]:
@@ -228,7 +220,8 @@ def joint_classes(robot: str, rows: Sequence[JointRow], names: ClassNames) -> De
     """
     axis = {"joint": usual([row.attributes["joint"] for row in rows], "axis")}
     adds = joined(axis, _shared(rows, axis))
-    motors = [_motor_class(group, adds, names) for group in grouped(rows, _motor_key)]
+    by_motor = grouped(rows, lambda row: (row.motor, row.drive, _said(row, placing=False)))
+    motors = [_motor_class(group, adds, names) for group in by_motor]
     return _class(robot, adds, rows, [motor for motor in motors if motor is not None])
 
 
@@ -238,7 +231,7 @@ def _motor_class(rows: Sequence[JointRow], above: Said, names: ClassNames) -> De
     inside = joined(above, adds)
     families = [
         (group, attributes)
-        for group in grouped(rows, _family_key)
+        for group in grouped(rows, partial(_said, placing=True))
         if len(group) >= FAMILY_MEMBERS and (attributes := _shared(group, inside))
     ]
     if not adds and not families:
@@ -263,14 +256,6 @@ def _class(
 
 def _shared(rows: Sequence[JointRow], above: Said) -> Said:
     return shared([row.attributes for row in rows], above)
-
-
-def _motor_key(row: JointRow) -> Hashable:
-    return row.motor, row.drive, _said(row, placing=False)
-
-
-def _family_key(row: JointRow) -> Hashable:
-    return _said(row, placing=True)
 
 
 def _said(row: JointRow, *, placing: bool) -> frozenset[tuple[str, str, str]]:

@@ -6,11 +6,12 @@ import shutil
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
-from xml.etree.ElementTree import Element, fromstring
+from xml.etree.ElementTree import Element
 
 from assetbuild.errors import StepError
 from assetbuild.findings import Finding, Rule
 from assetbuild.mesh.picture import has_holes
+from assetbuild.robot.mjcf_only import parsed
 from assetbuild.robot.model import MjcfOnly
 from assetbuild.robot.shapes import Material, Shapes
 from assetbuild.targets.mjcf.robot_xml import RobotXml
@@ -176,7 +177,7 @@ class _Opaque:
         self._inside: dict[tuple[str, str], list[Element]] = {}
         self._keys: dict[str, Element] = {}
         for item in items:
-            self._take(item, fromstring(item.element))  # noqa: S314 # our own reader's
+            self._take(item, parsed(item))
 
     def _take(self, item: MjcfOnly, node: Element) -> None:
         owner = self._body_names.get(item.owner, item.owner)

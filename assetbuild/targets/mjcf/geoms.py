@@ -14,6 +14,8 @@ from dataclasses import dataclass
 from functools import partial
 from xml.etree.ElementTree import Element
 
+import numpy as np
+
 from assetbuild.robot.model import Contact, Control, Tree
 from assetbuild.robot.pose import Pose
 from assetbuild.robot.shapes import Box, Capsule, Cylinder, Mesh, Role, Shape, Shapes, Sphere
@@ -40,11 +42,10 @@ _SURFACE_DEFAULTS: Mapping[str, str] = {"solref": "0.02 1", "solimp": "0.9 0.95 
 
 @dataclass(frozen=True)
 class GeomRow:
-    """A shape and what its geom says beyond its name and mesh; `surface` is a part of it."""
+    """A shape and what its geom says beyond its name and mesh."""
 
     shape: Shape
     attributes: Mapping[str, str]
-    surface: Mapping[str, str]
 
 
 class GeomElements:
@@ -62,18 +63,12 @@ class GeomElements:
         hidden = {"type": "mesh", "contype": "0", "conaffinity": "0", "group": "2"}
         solid = {"group": "3", **_surface(control.contact, Contact())}
         fixed: Mapping[Role, Mapping[str, str]] = {"visual": hidden, "collision": solid}
-        contacts = dict(control.contacts)
         self.classes: list[DefaultClass] = []
         """The default classes of the roles that any shape has."""
         self._uses: dict[str, Use] = {}
         for role, always in fixed.items():
             rows = [
-                _row(
-                    s,
-                    tree.shape_placement(s)[1],
-                    contacts.get(s.name, control.contact),
-                    control.contact,
-                )
+                _row(s, tree.shape_placement(s)[1], control.surface_of(s), control.contact)
                 for s in shapes.of(role)
             ]
             if rows:
@@ -102,13 +97,11 @@ class GeomElements:
 def _row(shape: Shape, X_body_shape: Pose, contact: Contact, above: Contact) -> GeomRow:
     kind, size = _geometry(shape)
     attributes = {"type": kind, "size": size, **pose_attributes(X_body_shape)}
-    surface: dict[str, str] = {}
     if shape.role == "visual":
         attributes["material"] = shape.material or None
     else:
-        surface = _surface(contact, above)
-    stated = {key: value for key, value in attributes.items() if value is not None}
-    return GeomRow(shape, {**stated, **surface}, surface)
+        attributes |= _surface(contact, above)
+    return GeomRow(shape, {key: value for key, value in attributes.items() if value is not None})
 
 
 def _geometry(shape: Shape) -> tuple[str, str | None]:
@@ -129,14 +122,10 @@ def _geometry(shape: Shape) -> tuple[str, str | None]:
 def _surface(contact: Contact, above: Contact) -> dict[str, str]:
     """What differs from the class above."""
     return {
-        name: _SURFACE_DEFAULTS.get(name, "") if value is None else numbers(_listed(value))
+        name: _SURFACE_DEFAULTS.get(name, "") if value is None else numbers(np.atleast_1d(value))
         for name in _SURFACE
         if (value := getattr(contact, name)) != getattr(above, name)
     }
-
-
-def _listed(value: float | Sequence[float]) -> Sequence[float]:
-    return (value,) if isinstance(value, int | float) else value
 
 
 def _role_class(
@@ -176,7 +165,8 @@ def _shared(rows: Sequence[GeomRow], above: Mapping[str, str]) -> Mapping[str, s
 
 def _by_surface(common: Mapping[str, str], row: GeomRow) -> Hashable:
     """What the surface says that not all say."""
-    return frozenset(row.surface.items() - common.items()) or None
+    items = {item for item in row.attributes.items() - common.items() if item[0] in _SURFACE}
+    return frozenset(items) or None
 
 
 def _by_size(common: Mapping[str, str], row: GeomRow) -> Hashable:

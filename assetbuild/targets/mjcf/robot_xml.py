@@ -6,12 +6,13 @@ import math
 import re
 from collections import defaultdict
 from collections.abc import Collection, Iterator
-from dataclasses import dataclass, fields
+from typing import Annotated, Literal
 from xml.etree.ElementTree import Element
 
-from pydantic import BaseModel
+from pydantic import AfterValidator, Field
 
 from assetbuild.errors import StepError
+from assetbuild.recipe_types import Model, Positive
 from assetbuild.robot.loops import site_names
 from assetbuild.robot.model import Control, Inertial, Joint, Keyframe, Tree
 from assetbuild.robot.pose import IDENTITY, Pose, quat_between, rotation_of, vec3
@@ -20,12 +21,13 @@ from assetbuild.robot.tree import depth_first
 from assetbuild.simulators.mujoco import body_names
 from assetbuild.targets.mjcf.chains import JointPlacement
 from assetbuild.targets.mjcf.classes import ClassNames
-from assetbuild.targets.mjcf.constraints import contact_section, equality_section
 from assetbuild.targets.mjcf.drives import actuator_names, joint_classes, row_of
 from assetbuild.targets.mjcf.geoms import GeomElements
 from assetbuild.targets.mjcf.inertia import principal_inertia, rounded_up
-from assetbuild.targets.mjcf.sensors import (
+from assetbuild.targets.mjcf.sections import (
     camera_elements,
+    contact_section,
+    equality_section,
     extra_sites,
     refuse_hidden,
     sensor_section,
@@ -38,27 +40,43 @@ NAME = re.compile(r"""\bname="([^"]*)\"""")
 DEFAULT_GRAVITY = (0.0, 0.0, -9.81)
 
 
-@dataclass(frozen=True)
-class Solver:
-    """What `<option>` says beyond the timestep and gravity.
+Integrator = Literal["Euler", "RK4", "implicit", "implicitfast"]
+Cone = Literal["pyramidal", "elliptic"]
+GRAMMARS = (3.11, 4.0)
 
-    cone: None = elliptic (feet and fingers slip less).
-    impratio: None = 50 with an elliptic cone, with which nothing of ours creeps by 1 mm/s below the
-    angle of friction (with 10 by 2 mm/s; 100 needs more iterations), else MuJoCo's 1.
-    """
 
-    integrator: str
-    cone: str | None
-    impratio: float | None
-    solver: str
-    iterations: int | None
-    ls_iterations: int | None
-    tolerance: float
+def _known(value: float) -> float:
+    if value not in GRAMMARS:
+        raise ValueError("the grammars are those of MuJoCo 3.11 and 4.0")
+    return value
 
-    @classmethod
-    def of(cls, options: BaseModel) -> Solver:
-        """The options of a recipe that have these names."""
-        return cls(**options.model_dump(include={field.name for field in fields(cls)}))
+
+class MjcfOptions(Model):
+    """Solver options of the MJCF: the `<option>` of `<robot>.xml`, and the words it may have."""
+
+    grammar: Annotated[float, AfterValidator(_known)] = Field(
+        3.11,
+        json_schema_extra={"enum": list(GRAMMARS)},
+        description="version of MuJoCo whose words a source's MJCF may have; 4.0 keeps words that "
+        "3.11 and mjlab do not know, which are refused without it",
+    )
+    integrator: Integrator = Field(
+        "implicitfast", description="implicitfast integrates gains and damping implicitly"
+    )
+    cone: Cone | None = Field(
+        None, description="of friction; without it elliptic, with which feet and fingers slip less"
+    )
+    impratio: Positive | None = Field(
+        None, description="frictional to normal impedance; without it 50 with an elliptic cone"
+    )
+    solver: Literal["Newton", "CG", "PGS"] = Field("Newton", description="of the constraints")
+    iterations: int | None = Field(None, ge=1, le=10_000, description="of the solver, at most")
+    ls_iterations: int | None = Field(None, ge=1, le=10_000, description="of its line search")
+    tolerance: Positive = Field(
+        1e-12,
+        description="improvement of a step, relative to the robot's mean inertia, at which the "
+        "solver stops; with MuJoCo's default of 1e-8, light fingers of a heavy robot let go",
+    )
 
 
 class RobotXml:
@@ -67,7 +85,7 @@ class RobotXml:
     def __init__(
         self,
         robot: str,
-        solver: Solver | None,
+        options: MjcfOptions | None,
         tree: Tree,
         shapes: Shapes,
         control: Control,
@@ -75,9 +93,9 @@ class RobotXml:
         max_vertices: int | None = None,
         sites: Collection[str] = (),
     ) -> None:
-        """solver: None = no `<option>`; max_vertices: of the hull of a mesh that collides;
+        """options: None = no `<option>`; max_vertices: of the hull of a mesh that collides;
         sites: bodies that have a site in their origin."""
-        self.robot, self.solver, self.max_vertices = robot, solver, max_vertices
+        self.robot, self.options, self.max_vertices = robot, options, max_vertices
         self.body_sites = tuple(dict.fromkeys((*extra_sites(tree, control), *sites)))
         self.tree, self.shapes, self.control = tree, shapes, control
         self.loop_sites = site_names(tree, control.loops)
@@ -89,9 +107,7 @@ class RobotXml:
         self.seats = JointPlacement(tree, shapes)
         limits = dict(control.soft_limits)
         rows = [
-            row_of(
-                self.seats.seated(joint), control.by_joint.get(joint.name), limits.get(joint.name)
-            )
+            row_of(self.seats.seated(joint), control.drive_of(joint), limits.get(joint.name))
             for joint in self.joints
             if joint in tree.moving_joints
         ]
@@ -152,8 +168,12 @@ class RobotXml:
         )
 
     def option(self) -> Element:
-        """What the recipe says of the simulation; values of MuJoCo's own are left out."""
-        simulation, solver = self.control.simulation, self.solver
+        """What the recipe says of the simulation; values of MuJoCo's own are left out.
+
+        With an impratio of 50 nothing of ours creeps by 1 mm/s below the angle of friction (with 10
+        by 2 mm/s; 100 needs more iterations).
+        """
+        simulation, solver = self.control.simulation, self.options
         if solver is None:
             return element("option")
         gravity = simulation.gravity

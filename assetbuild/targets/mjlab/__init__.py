@@ -20,6 +20,7 @@ from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.initial import initial_pose
 from assetbuild.robot.model import Actuator, Control, Place, Sensor, Tree
 from assetbuild.robot.ranges import Randomize
+from assetbuild.robot.sections import IMU_NAMES, ImuKind
 from assetbuild.robot.shapes import Shape, Shapes
 from assetbuild.robot.tree import forward_kinematics
 from assetbuild.targets.mjcf.files import (
@@ -35,11 +36,10 @@ from assetbuild.targets.mjlab.events import lost
 from assetbuild.targets.mjlab.module import Foot, MjlabOptions, ModuleFacts, module_text
 from assetbuild.xml_text import free_name
 
-TASK_SENSORS = {"gyro": "imu_ang_vel", "velocimeter": "imu_lin_vel", "accelerometer": "imu_lin_acc"}
+TASK_SENSORS: tuple[ImuKind, ...] = ("gyro", "velocimeter", "accelerometer", "framezaxis")
 """Sensors that mjlab's tasks look for, at the IMU."""
 NOT_BARE = ("actuator", "option", "size", "keyframe")
 """Sections of the source's own MJCF that mjlab's configs bring."""
-NOT_IN_MJLAB = frozenset({"general"})
 
 NO_IMU = Rule(
     "mjlab.imu",
@@ -168,8 +168,7 @@ class Mjlab(Target):
         robot_sensors = [s for s in control.sensors if not _of_mjlab(s)]
         there = {sensor.name for sensor in robot_sensors}
         at = Place("frame", facts.imu_site)
-        wanted = [Sensor(name, kind, at) for kind, name in TASK_SENSORS.items()]
-        wanted.append(Sensor("imu_upvector", "framezaxis", at))
+        wanted = [Sensor(IMU_NAMES[kind], kind, at) for kind in TASK_SENSORS]
         wanted.append(Sensor("root_angmom", "subtreeangmom", Place("body", tree.root)))
         floating = wanted if tree.base == "floating" else []
         return (*robot_sensors, *(sensor for sensor in floating if sensor.name not in there))
@@ -187,7 +186,7 @@ class Mjlab(Target):
                 "the recipe names no feet: the module has no velocity task",
                 hint="add `feet: {links: ...}`",
             )
-        undriven = [a.joint for a in control.actuators if a.model in NOT_IN_MJLAB]
+        undriven = [a.joint for a in control.actuators if a.model == "general"]
         if undriven:
             yield UNSUPPORTED_DRIVES(
                 "robot",
@@ -198,7 +197,7 @@ class Mjlab(Target):
             )
         yield from _saturation(control)
         if self.randomize is not None:
-            yield from lost(self.randomize, tree, facts.driven)
+            yield from lost(self.randomize, tree, facts.groups)
         gone = [s.name for s in control.sensors if _of_mjlab(s)]
         if gone:
             yield SENSORS_LEFT_OUT(

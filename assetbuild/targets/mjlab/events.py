@@ -20,6 +20,7 @@ from assetbuild.robot.model import Actuator, Tree
 from assetbuild.robot.randomize import homogeneous_box
 from assetbuild.robot.ranges import (
     Randomize,
+    RandomJoint,
     RandomMatter,
     RandomPayload,
     first_match_groups,
@@ -41,6 +42,16 @@ NOT_RANDOMIZED = Rule(
 
 
 @dataclass(frozen=True)
+class DriveGroup:
+    """Joints that one actuator config of mjlab drives. names: patterns that match just these."""
+
+    names: tuple[str, ...]
+    actuator: Actuator
+    joints: tuple[str, ...]
+    ranges: RandomJoint | None
+
+
+@dataclass(frozen=True)
 class Term:
     """One event term. func: Python text; entity: fields of its SceneEntityCfg; params: values."""
 
@@ -50,10 +61,8 @@ class Term:
     params: Mapping[str, object]
 
 
-def terms(
-    randomize: Randomize, tree: Tree, groups: Sequence[tuple[Actuator, tuple[str, ...]]]
-) -> list[Term]:
-    """All terms in the order of the recipe. groups: (numbers, joints) as the module has them."""
+def terms(randomize: Randomize, tree: Tree, groups: Sequence[DriveGroup]) -> list[Term]:
+    """All terms in the order of the recipe. groups: as the module has them."""
     return [
         *_matter(randomize, tree),
         *_payloads(randomize, tree),
@@ -76,9 +85,7 @@ def replaced(randomize: Randomize, tree: Tree) -> tuple[str, ...]:
     return tuple(names)
 
 
-def lost(
-    randomize: Randomize, tree: Tree, groups: Sequence[tuple[Actuator, tuple[str, ...]]]
-) -> Iterator[Finding]:
+def lost(randomize: Randomize, tree: Tree, groups: Sequence[DriveGroup]) -> Iterator[Finding]:
     """What mjlab's terms cannot do."""
     without = []
     if len(_carried(randomize, tree)) < len(randomize.payloads):
@@ -87,7 +94,7 @@ def lost(
         randomize.joints, [j.name for j in tree.moving_joints]
     ):
         scaled = {key for key in ("kp", "kd", "effort") if getattr(ranges, key) != (1.0, 1.0)}
-        drives = [a for a, names in groups if set(names) & set(joints)]
+        drives = [group.actuator for group in groups if {*group.joints} & {*joints}]
         if scaled and any(a.model not in WITH_GAINS for a in drives):
             without.append("gains and effort of drives without a position loop")
     if any(m.stretch or m.shear for m in randomize.links.values()):
@@ -245,17 +252,15 @@ def _log_cholesky(matter: RandomMatter) -> dict[str, object]:
     return {"alpha_range": (math.log(low) / 2, math.log(high) / 2), **ranges}
 
 
-def _joints(
-    randomize: Randomize, tree: Tree, groups: Sequence[tuple[Actuator, tuple[str, ...]]]
-) -> Iterator[Term]:
+def _joints(randomize: Randomize, tree: Tree, groups: Sequence[DriveGroup]) -> Iterator[Term]:
     rows = first_match_groups(randomize.joints, [joint.name for joint in tree.moving_joints])
     for index, (_, ranges, joints) in enumerate(rows):
-        mine = [i for i, (a, names) in enumerate(groups) if set(names) <= set(joints)]
-        loops = [i for i in mine if groups[i][0].model in WITH_GAINS]
+        mine = [i for i, group in enumerate(groups) if set(group.joints) <= set(joints)]
+        loops = [i for i in mine if groups[i].actuator.model in WITH_GAINS]
         if loops and (ranges.kp, ranges.kd) != ((1.0, 1.0), (1.0, 1.0)):
             gains = {"kp_range": ranges.kp, "kd_range": ranges.kd}
             yield Term(f"gains_{index}", "dr.pd_gains", f"actuator_ids={loops!r}", gains)
-        limited = [i for i in loops if groups[i][0].effort is not None]
+        limited = [i for i in loops if groups[i].actuator.effort is not None]
         if limited and ranges.effort != (1.0, 1.0):
             share = {"effort_limit_range": ranges.effort}
             yield Term(f"effort_{index}", "dr.effort_limits", f"actuator_ids={limited!r}", share)

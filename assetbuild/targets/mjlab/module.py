@@ -17,6 +17,7 @@ from assetbuild.robot.ranges import Randomize, RandomJoint, first_match
 from assetbuild.robot.sections import Action
 from assetbuild.simulators.mujoco import body_names
 from assetbuild.targets.mjlab.events import (
+    DriveGroup,
     Term,
     carries,
     events_text,
@@ -84,16 +85,6 @@ UNLIMITED = 1e9
 
 
 @dataclass(frozen=True)
-class DriveGroup:
-    """Joints that one actuator config of mjlab drives. names: patterns that match just these."""
-
-    names: tuple[str, ...]
-    actuator: Actuator
-    joints: tuple[str, ...]
-    ranges: RandomJoint | None
-
-
-@dataclass(frozen=True)
 class Foot:
     """A body that stands on the ground. site, geoms: names in the bare MJCF."""
 
@@ -146,15 +137,10 @@ class ModuleFacts:
                 return (pattern,)
         return tuple(map(re.escape, joints))
 
-    @property
-    def driven(self) -> list[tuple[Actuator, tuple[str, ...]]]:
-        """(numbers, joints) of each group."""
-        return [(group.actuator, group.joints) for group in self.groups]
-
     @cached_property
     def events(self) -> list[Term]:
         """The recipe's `randomize` in mjlab's terms."""
-        return terms(self.randomize, self.tree, self.driven) if self.randomize else []
+        return terms(self.randomize, self.tree, self.groups) if self.randomize else []
 
 
 def module_text(facts: ModuleFacts) -> str:

@@ -54,13 +54,17 @@ class Usd(Target):
     def run(self, files: Files) -> Iterator[Finding]:
         """Writes the asset; raises StepError for joints that no articulation holds."""
         with plain_environment():
-            from assetbuild.targets.usd.about import Origin
             from assetbuild.targets.usd.asset import write_asset
 
-            source = self.urdf or self.xacro or self.mjcf
-            origin = Origin(about=self.about_robot, license=self.licence, source_file=source)
-            robot, folder = RobotFiles(files.inputs), files.outputs / "usd"
-            yield from write_asset(folder, self.robot, robot, self.options, origin)
+            yield from write_asset(
+                files.outputs / "usd",
+                self.robot,
+                RobotFiles(files.inputs),
+                self.options,
+                self.about_robot,
+                self.licence,
+                self.urdf or self.xacro or self.mjcf,
+            )
 
 
 @contextmanager

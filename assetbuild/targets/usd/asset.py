@@ -1,27 +1,43 @@
 """The layers of the asset, from the inside out, so that each finds what it refers to.
 
-Alone among the modules that the target imports these need USD's library: they are imported late.
+The scene comes last. Alone among the modules that the target imports these need USD's library: they
+are imported late.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from pathlib import Path
+from pathlib import Path, PurePosixPath
 
-from pxr import Sdf, Usd, UsdGeom
+import numpy as np
+from pxr import Gf, Sdf, Usd, UsdGeom, UsdLux, UsdPhysics, UsdShade
 
 from assetbuild.findings import Finding
 from assetbuild.robot.files import RobotFiles
+from assetbuild.robot.floor import Floor, floor_of
+from assetbuild.robot.inertia import total_mass
+from assetbuild.robot.initial import initial_pose
 from assetbuild.robot.mjcf_only import whole_gravity
-from assetbuild.robot.model import Control, Keyframe
-from assetbuild.simulators.usd_names import POSES, usd_identifiers
+from assetbuild.robot.model import Control, Keyframe, Tree
+from assetbuild.robot.pose import IDENTITY, Pose
+from assetbuild.robot.sections import About
+from assetbuild.robot.tree import forward_kinematics
+from assetbuild.simulators.usd_names import (
+    METADATA,
+    NO_DATE,
+    PHYSICS_MATERIALS,
+    POSES,
+    ROBOT_QCODE,
+    scene_identifier,
+    usd_identifiers,
+)
 from assetbuild.simulators.usd_options import UsdOptions
-from assetbuild.targets.usd.about import Origin, write_metadata
 from assetbuild.targets.usd.bodies import apply_rigid_bodies, write_base
 from assetbuild.targets.usd.colliders import (
     apply_filtered_pairs,
     apply_masks,
     define_colliders,
+    define_surface,
     touching_neighbours,
 )
 from assetbuild.targets.usd.geometry import write_instances, write_library, write_materials
@@ -37,11 +53,12 @@ from assetbuild.targets.usd.layers import (
     label,
     new_interface,
     new_layer,
+    new_stage,
     save,
     save_by_engine,
+    set_place,
 )
 from assetbuild.targets.usd.names import PrimPaths
-from assetbuild.targets.usd.scene import SCENE, write_scene
 from assetbuild.targets.usd.units import coordinate
 from assetbuild.targets.usd.unsupported import unsupported
 
@@ -51,11 +68,13 @@ def write_asset(
     robot: str,
     files: RobotFiles,
     options: UsdOptions,
-    origin: Origin,
+    about: About,
+    licence: str | None,
+    source: str | None,
 ) -> Iterator[Finding]:
-    """`<robot>.usda`, its payloads and `scene.usda`."""
+    """`<robot>.usda`, its payloads and `scene.usda`. source: what it was built from."""
     tree, shapes, control = files.tree, files.shapes.all_coloured, files.control
-    names = PrimPaths.of(robot, tree, shapes)
+    names = PrimPaths(robot, tree, shapes)
     payloads, main = folder / PAYLOADS, f"{robot}.usda"
     write_library(payloads, names, shapes, files.triangles)
     write_materials(payloads, names, shapes, files.mesh_dir)
@@ -76,7 +95,7 @@ def write_asset(
     apply_robot_schema(stage, names, control, options)
     save_by_engine(stage, payloads, names)
     interface = new_interface(folder / main, names)
-    write_metadata(interface, robot, tree, origin)
+    write_metadata(interface, robot, tree, about, licence, source)
     save(interface)
     if main != SCENE:
         write_scene(folder, main, names, control)
@@ -147,3 +166,119 @@ def _define_pose(stage: Usd.Stage, names: PrimPaths, path: str, key: Keyframe) -
     values = [coordinate(joints[joint], value) for joint, value in key.joints]
     kind = Sdf.ValueTypeNames.FloatArray
     prim.CreateAttribute("isaac:robot:pose:jointValues", kind, custom=False).Set(values)
+
+
+# --- the robot on a floor -------------------------------------------------------------------------
+
+
+SCENE = "scene.usda"
+FLOOR_M = 20.0
+CLEARANCE_M = 1e-3
+"""The soles start this far above the floor. PhysX throws out a sole that starts inside of it, by
+rounding alone, with all of `maxDepenetrationVelocity`."""
+
+
+def write_scene(folder: Path, main: str, names: PrimPaths, control: Control) -> None:
+    """A world that references `main`, the robot in its initial pose, with gravity and light.
+
+    The robot's own file holds none of these: a training framework brings its own.
+    A fixed root is where the asset's own prim has it, a floating one without a keyframe in the
+    origin.
+    """
+    stage = new_stage(folder / SCENE)
+    stage.SetDefaultPrim(UsdGeom.Xform.Define(stage, "/World").GetPrim())
+    _define_physics(stage, control)
+    _define_floor(stage, floor_of(names.tree, control))
+    UsdLux.DomeLight.Define(stage, "/World/light").CreateIntensityAttr(1000.0)
+    robot = UsdGeom.Xform.Define(stage, f"/World/{scene_identifier(names.root)}").GetPrim()
+    robot.GetReferences().AddReference(f"./{main}")
+    start = initial_pose(names.tree, control)
+    X_world_base = IDENTITY
+    if start.base is not None:
+        X_world_base = Pose((0.0, 0.0, CLEARANCE_M)) @ start.base
+    for body, X_root_body in forward_kinematics(names.tree, dict(start.joints)).items():
+        below = names.body(body).removeprefix(f"/{names.root}")
+        prim = stage.OverridePrim(f"{robot.GetPath()}{below}")
+        set_place(prim, X_world_base @ X_root_body)
+    save(stage)
+
+
+def _define_floor(stage: Usd.Stage, ground: Floor) -> None:
+    floor = UsdGeom.Plane.Define(stage, "/World/floor")
+    floor.CreateAxisAttr(UsdGeom.Tokens.z)
+    floor.CreateWidthAttr(FLOOR_M)
+    floor.CreateLengthAttr(FLOOR_M)
+    floor.CreateExtentAttr([(-FLOOR_M / 2, -FLOOR_M / 2, 0.0), (FLOOR_M / 2, FLOOR_M / 2, 0.0)])
+    if ground.height_m:
+        floor.AddTranslateOp().Set(Gf.Vec3d(0.0, 0.0, ground.height_m))
+    UsdPhysics.CollisionAPI.Apply(floor.GetPrim())
+    UsdGeom.Scope.Define(stage, f"/World/{PHYSICS_MATERIALS}")
+    surface = define_surface(stage, f"/World/{PHYSICS_MATERIALS}/floor", ground.friction)
+    UsdShade.MaterialBindingAPI.Apply(floor.GetPrim()).Bind(
+        surface, UsdShade.Tokens.weakerThanDescendants, "physics"
+    )
+
+
+def _define_physics(stage: Usd.Stage, control: Control) -> None:
+    scene = UsdPhysics.Scene.Define(stage, "/World/physics")
+    gravity = np.asarray(control.simulation.gravity)
+    strength = float(np.linalg.norm(gravity))
+    direction = gravity / strength if strength > 0.0 else np.array((0.0, 0.0, -1.0))
+    scene.CreateGravityDirectionAttr(Gf.Vec3f(*direction.tolist()))
+    scene.CreateGravityMagnitudeAttr(strength)
+    rate = round(1.0 / control.simulation.timestep)
+    apply_foreign(scene.GetPrim(), "PhysxSceneAPI", "physxScene", {"timeStepsPerSecond": rate})
+
+
+# --- metadata ------------------------------------------------------------------------------------
+
+
+EXTENTS_DIGITS = 4
+"""Of a metre."""
+
+
+def write_metadata(
+    stage: Usd.Stage, robot: str, tree: Tree, about: About, licence: str | None, source: str | None
+) -> None:
+    """Author `SimReady_Metadata` in the custom data of the stage's root layer.
+
+    In the words of NVIDIA's SimReady, for people and for libraries of assets; nothing here is
+    simulated. What the recipe does not state is left out.
+    """
+    texts = {
+        "author": about.author,
+        "vendor": about.vendor,
+        "description": about.description,
+        "tags": ", ".join(about.tags),
+        "asset_name": robot,
+        "asset_type": "robot",
+        "asset_license": licence,
+        "category": "robot",
+        "qcode": ROBOT_QCODE,
+        "source_file": source and PurePosixPath(source).name,
+        "usd_date_generated": about.date or NO_DATE,
+    }
+    metadata: dict[str, object] = {word: text for word, text in texts.items() if text}
+    metadata["rigid_body_count"] = len(tree.bodies)
+    metadata["mass"] = total_mass(tree)
+    if (size := extents(stage)) is not None:
+        metadata["asset_extents"] = size
+        # The bounds by purpose, so that a viewer frames the robot before it loads it.
+        purposes = UsdGeom.Imageable.GetOrderedPurposeTokens()
+        cache = UsdGeom.BBoxCache(Usd.TimeCode.Default(), purposes)
+        model = UsdGeom.ModelAPI.Apply(stage.GetDefaultPrim())
+        model.SetExtentsHint(model.ComputeExtentsHint(cache))
+    stage.GetRootLayer().customLayerData = {METADATA: metadata}
+
+
+def extents(stage: Usd.Stage) -> Gf.Vec3f | None:
+    """Size of the robot in its zero pose along the axes of the stage, m; None without a shape."""
+    seen = [UsdGeom.Tokens.default_, UsdGeom.Tokens.render, UsdGeom.Tokens.proxy]
+    for purposes in (seen, [*seen, UsdGeom.Tokens.guide]):
+        box = UsdGeom.BBoxCache(Usd.TimeCode.Default(), purposes).ComputeWorldBound(
+            stage.GetDefaultPrim()
+        )
+        bounds = box.ComputeAlignedRange()
+        if not bounds.IsEmpty():
+            return Gf.Vec3f(*(round(side, EXTENTS_DIGITS) for side in bounds.GetSize()))
+    return None

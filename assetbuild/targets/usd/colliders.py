@@ -43,10 +43,9 @@ def define_colliders(
     if not shapes.of("collision"):
         return
     UsdGeom.Scope.Define(stage, f"/{names.root}/{PHYSICS_MATERIALS}")
-    contacts = dict(control.contacts)
     surfaces: dict[Vec3, object] = {}
     for shape in shapes.of("collision"):
-        contact = contacts.get(shape.name, control.contact)
+        contact = control.surface_of(shape)
         friction = contact.friction
         if friction not in surfaces:
             surfaces[friction] = define_surface(
@@ -153,11 +152,11 @@ def apply_filtered_pairs(
 
 def touching_neighbours(names: PrimPaths, shapes: Shapes, control: Control) -> set[frozenset[str]]:
     """Jointed pairs that may touch: most often, the parent is fixed to the world; and of loops."""
-    tree, contacts = names.tree, dict(control.contacts)
+    tree = names.tree
     solid: dict[str, list[Contact]] = {}
     for shape in shapes.of("collision"):
         body = tree.placement(shape.link)[0]
-        solid.setdefault(body, []).append(contacts.get(shape.name, control.contact))
+        solid.setdefault(body, []).append(control.surface_of(shape))
     apart = {frozenset(pair) for pair in (*control.excludes, *passing_pairs(tree, shapes, control))}
     jointed = [(joint.parent, joint.child) for joint in tree.joints]
     jointed += [(loop.a.body, loop.b.body) for loop in control.loops]
@@ -166,14 +165,9 @@ def touching_neighbours(names: PrimPaths, shapes: Shapes, control: Control) -> s
         for pair in jointed
         if frozenset(pair) not in apart
         and any(
-            _meet(one, two) for one, two in product(solid.get(pair[0], ()), solid.get(pair[1], ()))
+            one.meets(two) for one, two in product(solid.get(pair[0], ()), solid.get(pair[1], ()))
         )
     }
-
-
-def _meet(one: Contact, two: Contact) -> bool:
-    """Whether MuJoCo's bits let two shapes touch."""
-    return bool(one.contype & two.conaffinity or two.contype & one.conaffinity)
 
 
 def _filter(stage: Usd.Stage, path: str, others: list[str]) -> None:
@@ -187,10 +181,7 @@ def apply_masks(stage: Usd.Stage, names: PrimPaths, shapes: Shapes, control: Con
 
     A shape that meets nothing at all, not even a plain floor, does not collide.
     """
-    contacts = dict(control.contacts)
-    surfaces = [
-        (shape, contacts.get(shape.name, control.contact)) for shape in shapes.of("collision")
-    ]
+    surfaces = [(shape, control.surface_of(shape)) for shape in shapes.of("collision")]
     if all(s.contype == s.conaffinity == 1 for _, s in surfaces):
         return
     for index, (shape, surface) in enumerate(surfaces):
@@ -202,7 +193,7 @@ def apply_masks(stage: Usd.Stage, names: PrimPaths, shapes: Shapes, control: Con
             names.shape(other)
             for other, theirs in surfaces[index + 1 :]
             if (theirs.contype or theirs.conaffinity)
-            and not _meet(surface, theirs)
+            and not surface.meets(theirs)
             and names.tree.placement(shape.link)[0] != names.tree.placement(other.link)[0]
         ]
         _filter(stage, names.shape(shape), apart)

@@ -17,7 +17,6 @@ from assetbuild.simulators.usd_names import LOOKS
 from assetbuild.targets.usd.layers import GEOMETRIES, label, new_layer, new_stage, place, save
 from assetbuild.targets.usd.names import PrimPaths
 
-ONE: Vec3 = (1.0, 1.0, 1.0)
 LIBRARY = "/Geometries"
 
 
@@ -102,7 +101,7 @@ def define_primitive(
     stage: Usd.Stage, path: str, geometry: Box | Sphere | Cylinder | Capsule, pose: Pose
 ) -> Usd.Prim:
     """A Cube, Sphere, Cylinder or Capsule with its extent, placed at `pose`."""
-    scale = ONE
+    scale: Vec3 = (1.0, 1.0, 1.0)
     if isinstance(geometry, Box):
         prim = UsdGeom.Cube.Define(stage, path)
         prim.CreateSizeAttr(1.0)

@@ -15,7 +15,7 @@ from pxr import Gf, Usd, UsdGeom, UsdPhysics
 from assetbuild.errors import StepError
 from assetbuild.robot.initial import initial_pose
 from assetbuild.robot.mimic import leading
-from assetbuild.robot.mjcf_only import Spring, as_drives
+from assetbuild.robot.mjcf_only import as_drives
 from assetbuild.robot.model import MOVING, Actuator, Control, Joint, Softness
 from assetbuild.robot.pose import IDENTITY, Pose, Quat, Vec3, quat_between, quat_multiply
 from assetbuild.robot.softness import USUAL, limit_springs
@@ -78,12 +78,16 @@ def define_joints(
         UsdPhysics.Joint(prim).CreateCollisionEnabledAttr(touch)
         label(prim, joint.name)
         if joint.kind in MOVING:
-            actuator = control.by_joint.get(joint.name) or _undriven(joint)
+            actuator = control.drive_of(joint)
             _apply_passive(prim, joint, actuator)
             if joint.name in springs:
-                _apply_spring(prim, joint, springs[joint.name])
-            else:
-                _apply_drive(prim, joint, actuator, starts[joint.name], options.drive_type)
+                # It pulls to its rest with a force, whatever kind the drives of the recipe are.
+                spring = springs[joint.name]
+                _apply_drive(prim, joint, "force", (spring.stiffness, 0.0), spring.rest, None)
+            elif actuator.model != "passive":  # the presence of the API is what makes a drive
+                gains = drive_gains(actuator)
+                target = starts[joint.name] if actuator.model == "pd" else None
+                _apply_drive(prim, joint, options.drive_type, gains, target, actuator.effort)
             if joint.name in limited:
                 _apply_limit_spring(prim, joint, limited[joint.name], soft.get(joint.name))
             # PhysX starts a joint where this says, wherever the bodies stand.
@@ -121,17 +125,6 @@ def define_loops(
             "torqueScale": loop.torque_scale if loop.kind == "weld" else 0.0,
         }
         apply_mujoco(made.GetPrim(), "MjcEqualityWeldAPI", soft)
-
-
-def _undriven(joint: Joint) -> Actuator:
-    """Without a row in the actuator table: what the source says of the joint itself."""
-    return Actuator(
-        joint.name,
-        "passive",
-        damping=joint.damping or 0.0,
-        friction=joint.friction or 0.0,
-        velocity=joint.limits.velocity,
-    )
 
 
 def _define_joint(
@@ -222,30 +215,23 @@ def drive_gains(actuator: Actuator) -> tuple[float, float]:
 
 
 def _apply_drive(
-    prim: Usd.Prim, joint: Joint, actuator: Actuator, target: float, kind: str
+    prim: Usd.Prim,
+    joint: Joint,
+    kind: str,
+    gains: tuple[float, float],
+    target: float | None,
+    effort: float | None,
 ) -> None:
-    if actuator.model == "passive":
-        return  # the presence of the API is what makes a drive
-    stiffness, damping = drive_gains(actuator)
+    """gains: stiffness and damping, per rad or per m; target: rad or m; effort: N m or N."""
     drive = UsdPhysics.DriveAPI.Apply(prim, instance(joint))
     drive.CreateTypeAttr(kind)
-    drive.CreateStiffnessAttr(gain(joint, stiffness))
-    drive.CreateDampingAttr(gain(joint, damping))
+    drive.CreateStiffnessAttr(gain(joint, gains[0]))
+    drive.CreateDampingAttr(gain(joint, gains[1]))
     drive.CreateTargetVelocityAttr(0.0)
-    if actuator.model == "pd":
+    if target is not None:
         drive.CreateTargetPositionAttr(coordinate(joint, target))
-    if actuator.effort is not None:
-        drive.CreateMaxForceAttr(actuator.effort)
-
-
-def _apply_spring(prim: Usd.Prim, joint: Joint, spring: Spring) -> None:
-    """A spring pulls to its rest with a force, whatever kind the drives of the recipe are."""
-    drive = UsdPhysics.DriveAPI.Apply(prim, instance(joint))
-    drive.CreateTypeAttr("force")
-    drive.CreateStiffnessAttr(gain(joint, spring.stiffness))
-    drive.CreateDampingAttr(0.0)
-    drive.CreateTargetVelocityAttr(0.0)
-    drive.CreateTargetPositionAttr(coordinate(joint, spring.rest))
+    if effort is not None:
+        drive.CreateMaxForceAttr(effort)
 
 
 def _apply_mimic(prim: Usd.Prim, names: PrimPaths, joint: Joint) -> None:

@@ -18,7 +18,6 @@ The composed stage, with `go1` as the robot's name:
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 
 from assetbuild.findings import Finding, Rule
 from assetbuild.robot.model import Tree
@@ -47,32 +46,17 @@ RENAMED = Rule(
 )
 
 
-@dataclass(frozen=True)
 class PrimPaths:
     """Identifiers of everything in one robot, and the prim paths made of them."""
 
-    root: str
-    bodies: dict[str, str]
-    frames: dict[str, str]
-    joints: dict[str, str]
-    shapes: dict[str, str]
-    materials: dict[str, str]
-    assets: dict[str, str]
-    tree: Tree
-
-    @classmethod
-    def of(cls, robot: str, tree: Tree, shapes: Shapes) -> PrimPaths:
-        """Names for all parts of the robot called `robot`."""
-        return cls(
-            root=usd_identifier(robot),
-            bodies=body_identifiers(tree),
-            frames=frame_identifiers(tree),
-            joints=joint_identifiers(tree),
-            shapes=usd_identifiers(s.name for s in shapes.shapes),
-            materials=usd_identifiers(m.name for m in shapes.materials),
-            assets=usd_identifiers(m.name for m in shapes.meshes),
-            tree=tree,
-        )
+    def __init__(self, robot: str, tree: Tree, shapes: Shapes) -> None:
+        self.root, self.tree = usd_identifier(robot), tree
+        self.bodies = body_identifiers(tree)
+        self.frames = frame_identifiers(tree)
+        self.joints = joint_identifiers(tree)
+        self.shapes = usd_identifiers(s.name for s in shapes.shapes)
+        self.materials = usd_identifiers(m.name for m in shapes.materials)
+        self.assets = usd_identifiers(m.name for m in shapes.meshes)
 
     def body(self, name: str) -> str:
         """Prim path of a body."""

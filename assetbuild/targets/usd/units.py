@@ -6,7 +6,6 @@ import math
 
 from assetbuild.robot.model import Joint
 
-UNLIMITED = math.inf
 COUPLED_DEG = 1e8
 """PhysX couples two angles only where both have limits; Newton takes these for none."""
 
@@ -43,10 +42,5 @@ def gain(joint: Joint, value: float) -> float:
 
 def limits(joint: Joint) -> tuple[float, float]:
     """(lower, upper) in deg or m; an open side and a continuous joint are infinite."""
-    if joint.kind == "continuous":
-        return (-UNLIMITED, UNLIMITED)
-    lower, upper = joint.limits.lower, joint.limits.upper
-    return (
-        -UNLIMITED if lower is None else coordinate(joint, lower),
-        UNLIMITED if upper is None else coordinate(joint, upper),
-    )
+    lower, upper = joint.bounds
+    return coordinate(joint, lower), coordinate(joint, upper)

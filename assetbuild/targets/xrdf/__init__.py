@@ -19,9 +19,8 @@ from assetbuild.robot.contact import Contact
 from assetbuild.robot.contact_filter import ContactFilter
 from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.initial import initial_pose
-from assetbuild.robot.model import MOVING, Control, Tree
+from assetbuild.robot.model import MOVING, Tree
 from assetbuild.robot.ranges import first_match
-from assetbuild.robot.shapes import Shapes
 from assetbuild.targets.xrdf.covers import Covered, LimitTable, XrdfOptions, covers_of, overlaps
 
 NO_URDF = Rule(
@@ -87,13 +86,17 @@ class Xrdf(Target):
 
         robot = RobotFiles(files.inputs)
         _refuse_joints(robot.tree)
-        planned = self._planned(list(_driven(robot)))
+        joints = [joint for joint in robot.tree.moving_joints if joint.mimic is None]
+        drives = [robot.control.drive_of(joint) for joint in joints]
+        planned = self._planned([drive.joint for drive in drives if drive.model != "passive"])
         covers = {link.name: link for link in covers_of(robot, self.options)}
         ignored = _ignored(list(covers), robot)
+        pose = dict(initial_pose(robot.tree, robot.control).joints)
         stated: dict[str, Any] = {  # Any: YAML
             "format": "xrdf",
             "format_version": 1.0,
-            "default_joint_positions": _default_positions(robot),
+            # rad or m; joints that mimic others follow them by the URDF.
+            "default_joint_positions": {joint.name: pose[joint.name] for joint in joints},
             "cspace": {"joint_names": planned, **self._limits(planned)},
         }
         if self.options.tool_frames:
@@ -199,40 +202,17 @@ def _ignored(links: list[str], robot: RobotFiles) -> dict[str, list[str]]:
     """Links that never collide with a later one: of one body, or filtered as in MuJoCo."""
     tree, control = robot.tree, robot.control
     rule = ContactFilter.of(tree, robot.shapes, control)
-    contacts = _contacts(robot.shapes, control)
+    surfaces: dict[str, list[Contact]] = {}
+    for shape in robot.shapes.of("collision"):
+        surfaces.setdefault(shape.link, []).append(control.surface_of(shape))
     ignored: dict[str, list[str]] = {}
     for one, other in itertools.combinations(links, 2):
         bodies = tree.placement(one)[0], tree.placement(other)[0]
         excluded = tuple(sorted(bodies)) in control.excludes
-        meets = any(
-            a.contype & b.conaffinity or b.contype & a.conaffinity
-            for a in contacts[one]
-            for b in contacts[other]
-        )
+        meets = any(a.meets(b) for a, b in itertools.product(surfaces[one], surfaces[other]))
         if bodies[0] == bodies[1] or excluded or rule.passes(*bodies) or not meets:
             ignored.setdefault(one, []).append(other)
     return ignored
-
-
-def _contacts(shapes: Shapes, control: Control) -> dict[str, list[Contact]]:
-    by_shape, by_link = dict(control.contacts), dict[str, list[Contact]]()
-    for shape in shapes.of("collision"):
-        by_link.setdefault(shape.link, []).append(by_shape.get(shape.name, control.contact))
-    return by_link
-
-
-def _driven(robot: RobotFiles) -> Iterator[str]:
-    """Joints with a drive of their own, in the order of the robot."""
-    for joint in robot.tree.moving_joints:
-        row = robot.control.by_joint.get(joint.name)
-        if joint.mimic is None and row is not None and row.model != "passive":
-            yield joint.name
-
-
-def _default_positions(robot: RobotFiles) -> dict[str, float]:
-    """rad or m; joints that mimic others follow them by the URDF."""
-    pose = dict(initial_pose(robot.tree, robot.control).joints)
-    return {j.name: pose[j.name] for j in robot.tree.moving_joints if j.mimic is None}
 
 
 def _refuse_joints(tree: Tree) -> None:
