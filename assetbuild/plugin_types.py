@@ -32,7 +32,7 @@ from pydantic import ConfigDict, Field
 from pydantic.fields import FieldInfo
 
 from assetbuild.engine.step import Files, Step
-from assetbuild.findings import Finding, Scalar, rounded
+from assetbuild.findings import Finding, rounded
 from assetbuild.recipe_types import Pattern
 from assetbuild.robot.actuator_table import Key
 from assetbuild.robot.codec import encode
@@ -206,18 +206,6 @@ def edit_inertials(
             findings.append(changed[1])
         bodies.append(body)
     return replace(tree, bodies=tuple(bodies)), tuple(findings)
-
-
-def mass_data(before: Inertial, after: Inertial) -> dict[str, Scalar | tuple[Scalar, ...]]:
-    """What the finding of an edit holds of the mass properties before and after."""
-    return {
-        "before_kg": before.mass_kg,
-        "after_kg": after.mass_kg,
-        "before_m": before.com_m,
-        "after_m": after.com_m,
-        "before_kg_m2": before.inertia_com_kg_m2,
-        "after_kg_m2": after.inertia_com_kg_m2,
-    }
 
 
 class RecipeView(Protocol):

@@ -18,10 +18,10 @@ from assetbuild.mesh.hull import convex_hull
 from assetbuild.mesh.obj import read_part
 from assetbuild.mesh.primitives import volume_of
 from assetbuild.mesh.triangles import cleaned, merged, solid_moments
-from assetbuild.plugin_types import ConvertedMesh, Edited, MassEdit, edit_inertials, mass_data
+from assetbuild.plugin_types import ConvertedMesh, Edited, MassEdit, edit_inertials
 from assetbuild.recipe_types import Positive
 from assetbuild.robot.codec import decode_file
-from assetbuild.robot.inertia import combine, move_inertial, tensor_of
+from assetbuild.robot.inertia import combine, mass_data, move_inertial, tensor_of
 from assetbuild.robot.model import Body, Inertial, Tree
 from assetbuild.robot.pose import vec3
 from assetbuild.robot.shapes import (

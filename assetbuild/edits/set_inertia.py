@@ -6,9 +6,9 @@ from pydantic import Field
 
 from assetbuild.errors import RecipeError
 from assetbuild.findings import Finding, Rule
-from assetbuild.plugin_types import MassEdit, mass_data
+from assetbuild.plugin_types import MassEdit
 from assetbuild.recipe_types import Model, Positive, Real
-from assetbuild.robot.inertia import Tensor
+from assetbuild.robot.inertia import Tensor, mass_data
 from assetbuild.robot.model import Body, Inertial
 from assetbuild.robot.pose import Vec3
 

@@ -11,10 +11,10 @@ from pydantic import Field
 from assetbuild.engine.step import Files
 from assetbuild.errors import RecipeError
 from assetbuild.findings import Finding, Rule
-from assetbuild.plugin_types import Edit, Edited, mass_data
+from assetbuild.plugin_types import Edit, Edited
 from assetbuild.recipe_types import Pattern, Positive
 from assetbuild.robot.chains import Chain, find_chains, is_massless
-from assetbuild.robot.inertia import principal_moments, pseudo_inertia
+from assetbuild.robot.inertia import mass_data, principal_moments, pseudo_inertia
 from assetbuild.robot.model import Body, Inertial, Joint, Tree
 from assetbuild.robot.shapes import SourceShapes
 

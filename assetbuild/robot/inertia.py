@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from pydantic import Field
 
+from assetbuild.findings import Scalar
 from assetbuild.recipe_types import Model, Positive
 from assetbuild.robot.model import Inertial, Tree
 from assetbuild.robot.pose import IDENTITY, Array, Pose, Quat, Vec3, rotation_of, vec3
@@ -179,3 +180,15 @@ def equivalent_radius(inertial: Inertial) -> float:
         return math.inf
     largest = principal_moments(inertial.inertia_com_kg_m2)[2]
     return math.sqrt(max(0.0, 2.5 * largest / inertial.mass_kg))
+
+
+def mass_data(before: Inertial, after: Inertial) -> dict[str, Scalar | tuple[Scalar, ...]]:
+    """What the finding of an edit holds of the mass properties before and after."""
+    return {
+        "before_kg": before.mass_kg,
+        "after_kg": after.mass_kg,
+        "before_m": before.com_m,
+        "after_m": after.com_m,
+        "before_kg_m2": before.inertia_com_kg_m2,
+        "after_kg_m2": after.inertia_com_kg_m2,
+    }
