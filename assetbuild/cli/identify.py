@@ -77,9 +77,11 @@ def _excite(arguments: argparse.Namespace, loaded: LoadedRecipe) -> int:
         print(json.dumps(expected, indent=1))
         return 0
     wide = max(len(row["joint"]) for row in expected)
-    print(f"{'joint':{wide}} {'parameter':9} {'prior':>9} {'+- of a log':>12} {'shown from':>11}")
+    print(f"{'joint':{wide}} {'parameter':9} {'prior':>9} {'95 % +-':>12} {'shown from':>11}")
     for row in expected:
         note = "only together with another" if row["confounded"] else ""
+        if 0.0 < row["prior"] < row["shown_from"]:
+            note = note or "smaller than what shows: record with lower kp and kd"
         print(
             f"{row['joint']:{wide}} {row['parameter']:9} {row['prior']:9.4g} "
             f"{row['half_width']:12.3g} {row['shown_from']:11.3g}  {note}"

@@ -290,7 +290,9 @@ def _judged(
     robust = covariance @ (scores.T @ scores) @ covariance * count / max(1, count - 1)
     error = np.sqrt(np.maximum(np.diag(robust), np.diag(covariance)))
     half = stats.t.ppf(0.975, max(1, count - 1)) * error
-    lacking = 2.0 * np.sqrt(np.diag(covariance) / DIRECTIONS) * _lacking(problem, sigma)
+    influence = np.einsum("pq,qnc->pnc", covariance, jacobian / sigma)
+    lacking = np.sqrt(np.sum(influence**2, axis=1) @ _above_noise(problem, sigma))
+    lacking *= 2.0 / np.sqrt(DIRECTIONS)
     return Estimate(
         theta,
         theta - half,
@@ -305,11 +307,10 @@ def _judged(
     )
 
 
-def _lacking(problem: Problem, sigma: Array) -> Array:
-    """(P,) norm of the weighted residuals above the noise, of the channels that each moves."""
+def _above_noise(problem: Problem, sigma: Array) -> Array:
+    """(C,) weighted squares of the residuals that the noise does not explain."""
     above = np.maximum(1.0 - (NOISE_MARGIN * problem.noise / sigma) ** 2, 0.0)
-    squares = len(problem.measured) * above
-    return np.array([np.sqrt(squares[sorted(part)].sum()) for part in problem.parts])
+    return np.asarray(len(problem.measured) * above)
 
 
 def _scores(problem: Problem, jacobian: Array, simulated: Array, sigma: Array) -> Array:

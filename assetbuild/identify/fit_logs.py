@@ -265,7 +265,8 @@ def _findings(fit: Fit) -> Iterator[Finding]:
             f"{each.label} is not identified: {each.refused}; it keeps {kept}",
             hint="did the robot carry or touch something, or were commands late? check `recorded`"
             if LACKS in each.refused
-            else "`assetbuild identify RECIPE --excite` writes commands that excite it",
+            else "lower gains while recording show more; `assetbuild identify RECIPE --excite` "
+            "writes commands that excite it",
             data={"parameter": each.name, "low": each.low, "high": each.high},
         )
         outside = each.prior is not None and not each.low <= each.prior <= each.high

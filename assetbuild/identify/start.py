@@ -116,8 +116,8 @@ def _guesses(
             ]
             drive = replace(drive, friction=share * float(np.quantile(np.concatenate(usual), 0.9)))
             names = names - {"friction"}
-        if light and "armature" in names:
-            drive, names = replace(drive, armature=0.0), names - {"armature"}
+        if light:
+            names = names - {"armature"}
         guesses.append(_guess(records, motions, j, drive, names))
     return guesses
 

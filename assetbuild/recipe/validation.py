@@ -224,6 +224,12 @@ def _sentence(
     if kind in _BOUNDS:
         words, name = _BOUNDS[kind]
         return f"must be {words} {raw['ctx'][name]:g}, found {actual}", meaning(model, key)
+    if kind in ("too_short", "too_long"):
+        words = "at least" if kind == "too_short" else "at most"
+        limit = raw["ctx"]["min_length" if kind == "too_short" else "max_length"]
+        needed = f"{words} {limit} {'entry' if limit == 1 else 'entries'}"
+        found = raw["ctx"]["actual_length"]
+        return f"must have {needed}, found {found}", meaning(model, key)
     if kind == "string_pattern_mismatch":
         pattern = raw["ctx"]["pattern"]
         return f"{actual} does not fit `{pattern}`", meaning(model, key)
@@ -260,7 +266,7 @@ def _distinct(problems: list[_Problem]) -> list[_Problem]:
     for problem in problems:
         key = problem.reach
         deeper = any(other != key and other[: len(key)] == key for other in reached)
-        if deeper and problem.message.startswith("expected"):
+        if deeper and problem.message.startswith(("expected", "must have")):
             continue
         known = by_key.setdefault(key, problem)
         if known is not problem and problem.message.startswith("expected "):

@@ -114,6 +114,27 @@ def test_a_residual_above_the_noise_of_the_sensors_widens_the_intervals():
     assert np.all(narrow.lacking == 0.0)
 
 
+def test_a_residual_widens_only_what_its_channel_shows():
+    """The first parameter moves both channels, but hardly the one that the model misses."""
+    random = np.random.default_rng(0)
+    t = np.arange(2000) / 100.0
+    x = np.zeros((2, 2000, 2))
+    x[0, :, 0], x[0, :, 1], x[1, :, 1] = np.sin(t), 0.01 * np.sin(t), np.cos(3.0 * t)
+    measured = x.sum(axis=0) + random.normal(0.0, 0.1, (2000, 2)) * [1.0, 20.0]
+    problem = Problem(
+        lambda vectors: np.stack([np.tensordot(v, x, 1) for v in vectors]),
+        measured,
+        (t // 1.0).astype(int),
+        np.zeros(2),
+        np.full(2, -np.inf),
+        np.full(2, 1e-3),
+        (frozenset({0, 1}), frozenset({1})),
+        np.full(2, 0.1),
+    )
+    fit = estimate(problem)
+    assert fit.lacking[0] < 0.05 * fit.lacking[1]
+
+
 WANTED = frozenset({"armature", "damping", "friction"})
 DOWN = (0.0, 0.0, -9.81)
 

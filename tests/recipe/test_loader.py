@@ -148,6 +148,8 @@ def test_an_aliased_key_is_known_by_the_name_people_write(refused):
         ("path: tiny", "pypi: '-r==1'", "4:9", "does not fit", "name==version"),
         ("on_ground", "on_grund", "17:16", "`on_ground` or a list", "`on_ground`"),
         ("on_ground", "[0, 0]", "17:10", "missing entry 3", ""),
+        ("collision:", "identify: [{logs: []}]\ncollision:", "6:13", "at least 1 entry", ""),
+        ("collision:", "identify: [{logs: [a.csv]}]\ncollision:", "6:20", "expected a map", ""),
         ("on_ground", "[0, 0, x]", "17:23", "expected a number", ""),
         ('".*_hip": 0.5', '"[": 0.5', "17:36", "not a regular expression", ""),
         ("  default: {method: hull}", "  default:", "7:3", "expected a map, found nothing", ""),
