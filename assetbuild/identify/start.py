@@ -86,8 +86,8 @@ def first_guess(
             for drive, names in zip(drives, wanted, strict=True)
         ]
         tried = [_guesses(records, motions, late, wanted)]
-        for share, light in itertools.product(STICKING, (False, True)):
-            tried.append(_guesses(records, motions, late, wanted, share, light))
+        for share, stated in itertools.product(STICKING, (False, True)):
+            tried.append(_guesses(records, motions, late, wanted, share, stated))
         errors = _errors(plant, records, tried)
         chosen = np.argmin(errors, axis=0)
         score = float(np.sum(np.log(np.min(errors, axis=0))))
@@ -102,11 +102,12 @@ def _guesses(
     drives: Sequence[Drive],
     wanted: Sequence[frozenset[str]],
     share: float | None = None,
-    light: bool = False,
+    stated: bool = False,
 ) -> list[Drive]:
     """By the regression; share: of the usual torque, a friction that is given.
 
-    light: without armature, which a regression takes for what a joint does that slips.
+    stated: with the table's armature, for a regression takes for armature what a joint does that
+    slips; from an armature of 0 a fit may never leave a wrong friction.
     """
     guesses = []
     for j, (drive, names) in enumerate(zip(drives, wanted, strict=True)):
@@ -116,7 +117,7 @@ def _guesses(
             ]
             drive = replace(drive, friction=share * float(np.quantile(np.concatenate(usual), 0.9)))
             names = names - {"friction"}
-        if light:
+        if stated:
             names = names - {"armature"}
         guesses.append(_guess(records, motions, j, drive, names))
     return guesses
