@@ -16,7 +16,14 @@ from typing import Literal
 import numpy as np
 
 from assetbuild.init.look import InspectedRobot
-from assetbuild.init.wheels import Turning, TurningRole, bodies_below, turns_freely, what_turns
+from assetbuild.init.wheels import (
+    SWIVEL,
+    Turning,
+    TurningRole,
+    bodies_below,
+    turns_freely,
+    what_turns,
+)
 from assetbuild.robot.model import MOVING, Base, Joint, Tree
 from assetbuild.robot.pose import Pose, vec3
 from assetbuild.robot.shapes import Capsule, Cylinder, Sphere
@@ -52,8 +59,6 @@ TIP_M = 0.01
 """Points of a shank within this distance of its last one are its tip."""
 REACH = 0.25
 """A leg reaches down by at least this share of the robot's height."""
-LEVEL = 0.35
-"""Upward part of an axis about which a leg swings, at most."""
 _LIGHT_KG, _SHORT_M = 0.4, 0.25
 """A limb that is lighter and shorter is a finger, whatever it is called."""
 
@@ -240,7 +245,7 @@ def _can_walk(limb: Leg, at_zero: Mapping[str, Pose] | None = None) -> bool:
     last, kinds = limb.joints[-1], {joint.kind for joint in limb.joints}
     if at_zero is not None and (limb.rolls or kinds == {"continuous"}):
         axes = [at_zero[joint.child].rotation @ np.asarray(joint.axis) for joint in limb.joints]
-        return sum(abs(float(axis[2])) < LEVEL for axis in axes) >= 2
+        return sum(abs(float(axis[2])) < SWIVEL for axis in axes) >= 2
     return last.kind != "continuous" or bool(_LEG.fullmatch(last.child))
 
 

@@ -163,23 +163,24 @@ def test_a_leg_may_end_in_a_wheel_that_is_no_joint_of_the_leg(tmp_path: Path):
 
 
 @pytest.mark.parametrize(
-    ("names", "limit", "base"),
+    ("names", "limit", "axis", "base"),
     [
-        ("{}_shoulder {}_arm {}_hand", BOUNDED, "floating"),
-        ("{}_hip {}_thigh {}_calf", BOUNDED, "floating"),
-        ("{}_a {}_b", ENDLESS, "floating"),  # as exporters leave joints without limits
-        ("{}_palm {}_finger {}_fingertip", BOUNDED, "fixed"),
+        ("{}_shoulder {}_arm {}_hand", BOUNDED, "0 1 0", "floating"),
+        ("{}_hip {}_thigh {}_calf", BOUNDED, "0 1 0", "floating"),
+        ("{}_a {}_b", ENDLESS, "0 1 0", "floating"),  # as exporters leave joints without limits
+        ("{}_a {}_b", ENDLESS, "0 0.8 0.6", "floating"),  # splayed at 0, as Digit's legs
+        ("{}_palm {}_finger {}_fingertip", BOUNDED, "0 1 0", "fixed"),
     ],
 )
 def test_a_dog_stands_on_four_limbs_but_no_hand_on_its_fingers(
-    names: str, limit: str, base: str, tmp_path: Path
+    names: str, limit: str, axis: str, base: str, tmp_path: Path
 ):
     kind, parts = "revolute" if limit == BOUNDED else "continuous", [TRUNK]
     for side, place in zip(("fl", "fr", "hl", "hr"), PLACES, strict=True):
         above, at = "trunk", f"{place} 0"
         for name in names.format(side, side, side).split():
             parts += [body(name, '<box size="0.02 0.02 0.1"/>', "0 0 -0.05")]
-            parts += [spin(name, above, at, kind=kind, limit=limit)]
+            parts += [spin(name, above, at, axis, kind, limit)]
             above, at = name, "0 0 -0.1"
     parts += [body("left_arm", mass=0.1), spin("left_arm", "trunk", "0 0.2 0.1", limit=BOUNDED)]
     parts += [body("right_arm", mass=0.1), spin("right_arm", "trunk", "0 -0.2 0.1", limit=BOUNDED)]
