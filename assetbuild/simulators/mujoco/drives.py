@@ -82,23 +82,6 @@ class Drive:
         return (self.gain * command + self.constant) / self.kp
 
 
-@dataclass(frozen=True)
-class JointDrives:
-    """All drives of one joint together; an empty tuple where nothing drives it.
-
-    torque: what they can apply at most, after the joint's own `actuatorfrcrange`, N m or N.
-    """
-
-    joint: int
-    drives: tuple[Drive, ...]
-    torque: Range
-
-    @property
-    def effort(self) -> float:
-        """The larger torque of both directions, N m or N; infinite where nothing limits it."""
-        return max(-self.torque[0], self.torque[1])
-
-
 def read_drives(model: Model) -> tuple[Drive, ...]:
     """The actuators that drive hinges and slides, in order; others are left out."""
     drives = (read_drive(model, index) for index in mujoco.actuators(model))
@@ -164,12 +147,10 @@ def servoed(model: Model, control: Control, laws: Collection[str] = OUTSIDE) -> 
     return changed
 
 
-def drives_of(model: Model, joint: int) -> JointDrives:
-    """The drives of one joint, by its number."""
-    drives = tuple(drive for drive in read_drives(model) if drive.joint == joint)
-    lower = sum(drive.torque[0] for drive in drives) if drives else -math.inf
-    upper = sum(drive.torque[1] for drive in drives) if drives else math.inf
-    return JointDrives(joint, drives, _on_joint(model, joint, (lower, upper)))
+def torque_on(model: Model, joint: int) -> Range:
+    """What all drives of a joint can apply, within its own `actuatorfrcrange`, N m or N."""
+    torques = [drive.torque for drive in read_drives(model) if drive.joint == joint]
+    return _on_joint(model, joint, (sum(low for low, _ in torques), sum(up for _, up in torques)))
 
 
 def _drive(model: Model, index: int, joint: int, gear: float) -> Drive:
