@@ -14,10 +14,6 @@ from assetbuild.robot.mimic import with_mimics
 from assetbuild.robot.model import Control, Joint, Tree
 from assetbuild.robot.pose import IDENTITY, Pose
 from assetbuild.simulators.experiments import (
-    SHARE_OF_RANGE,
-    SHARE_OF_SPEED,
-    SWING_M,
-    SWING_RAD,
     Experiment,
     Setting,
     Sine,
@@ -29,6 +25,7 @@ from assetbuild.simulators.experiments import (
     sine_of,
     standing,
     swing,
+    widest,
 )
 from assetbuild.simulators.loops import about_closed
 
@@ -125,10 +122,4 @@ def _room_before_stop(joint: Joint, control: Control) -> float | None:
     drive = control.by_joint.get(joint.name)
     if drive is None or not drive.kp > 0.0 or joint.mimic is not None:
         return None
-    lower, upper = bounds(joint)
-    widest = SWING_M if joint.kind == "prismatic" else SWING_RAD
-    room = min(widest, SHARE_OF_RANGE * (upper - lower))
-    if drive.velocity:
-        fastest = SHARE_OF_SPEED * drive.velocity / (2.0 * math.pi * STOP_HZ)
-        room = min(room, fastest / SHARP)
-    return room
+    return widest(joint, [drive.velocity] if drive.velocity else (), SHARP * STOP_HZ)
