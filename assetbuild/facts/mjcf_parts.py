@@ -14,7 +14,7 @@ from assetbuild.facts.mjcf_fields import Bodies, numbers
 from assetbuild.facts.surface import Surface, measure
 from assetbuild.facts.table import FactCollector, Value
 from assetbuild.robot.pose import Pose, normalised_quat, vec3
-from assetbuild.simulators.mujoco import Model, name_of
+from assetbuild.simulators.mujoco import Model, floats, name_of
 from assetbuild.simulators.mujoco.drives import Drive
 
 
@@ -131,7 +131,7 @@ def read_keyframe(
 ) -> None:
     """A pose and its commands. moving: hinges and slides."""
     name, qpos, ctrl = name_of(model, "key", key), model.key_qpos[key], model.key_ctrl[key]
-    if model.njnt and int(model.jnt_type[0]) == 0:
+    if floats(model):
         pose = pose_of(qpos[:3], qpos[3:7])
         facts.put("keyframe", name, {"base pose": (*pose.xyz, *pose.quat)})
     for joint in moving:
