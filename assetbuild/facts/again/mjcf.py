@@ -16,8 +16,8 @@ from assetbuild.facts.mjcf_fields import CALLED, subjects
 from assetbuild.simulators.mujoco import Model
 
 PREFIXES = (
-    "body jnt geom site cam light mesh hfield tex mat pair exclude eq tendon actuator sensor numeric "
-    "text tuple key"
+    "body jnt geom site cam light mesh hfield tex mat pair exclude eq tendon actuator sensor "
+    "numeric text tuple key"
 )
 KINDS = {prefix: CALLED.get(prefix, prefix) for prefix in PREFIXES.split()}
 """How MuJoCo's arrays begin -> what MJCF calls the thing; its count is `n` and the former."""
