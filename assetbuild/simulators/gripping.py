@@ -109,7 +109,6 @@ class GripCheck(SimulatorCheck):
                     f"{name}: its gripper fails to hold {len(failed)} of {len(done)} objects: "
                     + ", ".join(map(_words, failed))
                     + self._least_held(inputs, model, hand, failed),
-                    hint=self.lost.remedy,
                     data={"failed": len(failed), "of": len(done), "limit_m": self.asked.slip},
                 )
 

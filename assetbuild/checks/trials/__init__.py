@@ -333,7 +333,6 @@ def _in_floor(body: str, depth: float) -> Finding:
         f"link {body}",
         f"starts {depth * 1e3:.3g} mm inside the floor (limit {START_M * 1e3:g} mm): "
         "simulators throw it off or jam it",
-        hint="turn or raise the keyframe `home`",
         data={"depth_m": depth, "limit_m": START_M},
         blocks=depth > START_M,
     )
