@@ -49,10 +49,6 @@ class ForeignTool(Check):
     robot: str
     """Name of the robot: the stem of the main file."""
 
-    def command(self) -> Sequence[str]:
-        """Those words, of this robot."""
-        return [word.format(tool=self) for word in self.words]
-
     def judge(self, report: str, figures: dict[str, object]) -> Iterator[Finding]:
         """The report's findings; puts its numbers into `figures`.
 
@@ -83,7 +79,7 @@ class ForeignTool(Check):
             place = Path(shutil.copytree(folder, Path(scratch).resolve() / "files"))
             try:
                 done = subprocess.run(
-                    [str(self.interpreter()), "-P", *self.command()],
+                    [str(self.interpreter()), "-P", *(w.format(tool=self) for w in self.words)],
                     cwd=place,
                     env=environment(),
                     stdin=subprocess.DEVNULL,

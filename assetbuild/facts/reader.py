@@ -127,16 +127,17 @@ class Reader(Check):
 
     def prove(self, reference: Reference, path: Path) -> Proof:
         """Compares a file with the robot."""
+        why = ""
         try:
             known = self.found(path, reference)
             expected = self.expected(reference)
         except AssetBuildError as error:
-            return _unreadable(
-                UNREADABLE("robot", f"{self.display_name}: {error.message}", error.hint)
-            )
+            why, hint = error.message, error.hint
         except BROKEN as error:  # a file may hold anything
-            text = f"{self.display_name}: {type(error).__name__}: {error}"
-            return _unreadable(UNREADABLE("robot", text))
+            why, hint = f"{type(error).__name__}: {error}", ""
+        if why:
+            finding = UNREADABLE("robot", f"{self.display_name}: {why}", hint)
+            return Proof(Table({}), (), (finding,), 0)
         different = differences(expected, known, self.exactness)
         findings = [*equality_findings(different, self.format_id, self.display_name, known.places)]
         compared = len(dict.fromkeys((*expected.facts, *known.facts)))
@@ -159,10 +160,6 @@ class Reader(Check):
         yield from losses(
             all_facts, self.format_id, self.display_name, self.lacks, simulated=self.simulated
         )
-
-
-def _unreadable(finding: Finding) -> Proof:
-    return Proof(Table({}), (), (finding,), 0)
 
 
 def asked_sections(

@@ -103,7 +103,8 @@ def run(
     (inputs / "usd").mkdir()
     monkeypatch.setattr(ForeignTool, "interpreter", lambda _: Path(sys.executable))
     monkeypatch.setattr(Validator, "interpreter", ForeignTool.interpreter)
-    monkeypatch.setattr(type(tool), "command", lambda _: ("-c", program))
+    escaped = program.replace("{", "{{").replace("}", "}}")
+    monkeypatch.setattr(type(tool), "words", ("-c", escaped))
     return run_step(tool, inputs, folder / "out")
 
 
