@@ -67,7 +67,7 @@ def read_robot(path: Path) -> Table:
         _root(contents, joints, names, places, collector)
         collector.put("robot", "", {"usd:robot prim pose": pose_value(places.rigid(robot.prim)[0])})
         colliders = read_shapes(contents.shapes, names, places, collector)
-        apart = [frozenset(j.ends) for j in joints if len(j.ends) == 2 and not j.touching]
+        apart = [j.ends for j in joints if len(j.ends) == 2 and not j.touching]
         articulated = [prim.path for prim in contents.roots if prim.path in contents.bodies]
         pair_facts(colliders, names, contents.filters, apart, articulated, collector)
         _named_poses(robot, joints, collector)

@@ -210,7 +210,7 @@ def pair_facts(
     colliders: Sequence[Collider],
     names: Mapping[str, str],
     filters: Iterable[tuple[str, str]],
-    apart: Iterable[frozenset[str]],
+    apart: Iterable[tuple[str, ...]],
     articulated: Collection[str],
     collector: FactCollector,
 ) -> None:
@@ -224,14 +224,9 @@ def pair_facts(
         of_body.setdefault(one.body, []).append(index)
     by_path = {one.path: [index] for index, one in enumerate(colliders)} | of_body
     by_path |= {path: list(range(len(colliders))) for path in articulated}
-    never = set()
-    for first, second in filters:
-        never |= {frozenset(p) for p in itertools.product(
-            by_path.get(first, ()), by_path.get(second, ()))}  # fmt: skip
-    for bodies in apart:
-        first, second = bodies if len(bodies) == 2 else (*bodies, *bodies)
-        never |= {frozenset(p) for p in itertools.product(
-            of_body.get(first, ()), of_body.get(second, ()))}  # fmt: skip
+    sides = [[by_path.get(path, ()) for path in pair] for pair in filters]
+    sides += [[of_body.get(body, ()) for body in pair] for pair in apart]
+    never = {frozenset(pair) for two in sides for pair in itertools.product(*two)}
     bodies_in_order = sorted(of_body, key=lambda path: names.get(path, path))
     for left, right in itertools.combinations(bodies_in_order, 2):
         pairs = [

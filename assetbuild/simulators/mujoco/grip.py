@@ -11,11 +11,10 @@ import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 
-from assetbuild.errors import StepError, one_line
 from assetbuild.robot.pose import Array
 from assetbuild.simulators import mujoco
 from assetbuild.simulators.mujoco import Data, Model, mj
@@ -103,8 +102,10 @@ Try = tuple[Place, float]
 
 def with_object(path: Path) -> Model:
     """The robot of an MJCF with an object that floats and a table, both far away."""
-    spec = mj.MjSpec.from_file(str(path))
-    spec.compiler.discardvisual = True
+    return mujoco.load(path, visuals=False, change=_add_object).model
+
+
+def _add_object(spec: Any) -> None:  # Any: MuJoCo's MjSpec
     for key in spec.keys:
         if len(key.qpos):
             key.qpos = np.append(key.qpos, (0.0, 0.0, 50.0, 1.0, 0.0, 0.0, 0.0))
@@ -128,11 +129,6 @@ def with_object(path: Path) -> Model:
         contype=0,
         conaffinity=_TABLE_BIT,
     )
-    with mujoco.caught_warnings():
-        try:
-            return spec.compile()
-        except ValueError as error:
-            raise StepError(one_line(error)) from None
 
 
 def hands_of(model: Model, keyframes: tuple[str, str] | None) -> list[Hand]:
