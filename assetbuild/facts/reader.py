@@ -6,6 +6,7 @@ from collections.abc import Collection, Iterable, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from fnmatch import fnmatchcase
+from glob import escape
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -63,7 +64,7 @@ class Reader(Check):
     folder: ClassVar[str] = ""
     """Where a bundle keeps what the target writes at the top of its own folder."""
     written: ClassVar[str] = ""
-    """The main file below that folder; `{robot}` is the robot's name."""
+    """The main file below that folder, as a glob; `{robot}` is the robot's name."""
     file_globs: ClassVar[tuple[str, ...]] = ()
     """The files of a bundle that it reads, as globs; `{robot}` is the robot's name."""
     suffixes: ClassVar[tuple[str, ...]] = ()
@@ -93,8 +94,8 @@ class Reader(Check):
 
     def file(self, root: Path, robot: str) -> Path | None:
         """The main file below `root`, the target's folder; None where there is none to compare."""
-        path = root / self.written.replace("{robot}", robot)
-        return path if path.is_file() else None
+        found = sorted(root.glob(self.written.replace("{robot}", escape(robot))))
+        return found[0] if found and found[0].is_file() else None
 
     def read(self, path: Path) -> Table:
         """The facts of a file. AssetBuildError where it is not readable."""

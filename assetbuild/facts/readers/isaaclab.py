@@ -101,14 +101,10 @@ class IsaacLabReader(Reader):
     display_name: ClassVar[str] = "Isaac Lab's modules"
     needs: ClassVar[tuple[str, ...]] = ("isaaclab",)
     folder: ClassVar[str] = "python"
+    written: ClassVar[str] = "*_isaaclab_2.py"  # the module for 3.x lies beside it
     file_globs: ClassVar[tuple[str, ...]] = ("python/*_isaaclab_?.py",)
     recipe_sections: ClassVar[tuple[str, ...]] = ("isaaclab", "usd", "randomize")
     lacks: ClassVar[Mapping[str, str]] = left_to_the_asset("robot self-collision")
-
-    def file(self, root: Path, robot: str) -> Path | None:
-        """The module for 2.x; the other lies beside it."""
-        modules = sorted(root.glob("*_isaaclab_2.py"))
-        return modules[0] if modules else root / f"{robot}_isaaclab_2.py"
 
     def read(self, path: Path) -> Table:
         """The facts of both modules, by the names that they write out."""
