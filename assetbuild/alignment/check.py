@@ -6,6 +6,7 @@ limits: the design's, for a warning, and the coarse one of practice, for an erro
 
 from __future__ import annotations
 
+import functools
 import math
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
@@ -89,10 +90,7 @@ class AlignmentCheck(SimulatorCheck):
             return
         experiments = experiments_of(tree, control, self.sine)
         theirs = self.perform(files.inputs, tuple(experiments.values()))
-
-        def ours(asked: Experiment) -> Outcome:
-            return perform(mjcf, self.robot, (asked,))[asked.name]
-
+        ours = functools.partial(perform, mjcf, self.robot)
         rows = [*Compared(self, tree, control, ours, experiments, theirs).rows()]
         if (held := theirs["load"].held) is not None:
             rows += self.held_rows(model, held, tree)

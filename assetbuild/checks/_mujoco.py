@@ -104,13 +104,6 @@ class Slope(SlopeCheck, MujocoCheck):
     reads: ClassVar[tuple[str, ...]] = ("control.json",)
     creeps: ClassVar[Rule] = CREEP
 
-    def scenes(
-        self, inputs: Path, figures: dict[str, object]
-    ) -> Iterator[tuple[str, str, mujoco.Model]]:
-        """`mjcf/scene.xml` and, where it is built, `mjx/scene_mjx.xml`."""
-        for target, path, model in mujoco.full_and_mjx_models(inputs, "scene", figures):
-            yield target, path.name, model
-
     def creep(self, inputs: Path, model: mujoco.Model, robot: RobotFiles) -> Creep | str:
         """In MuJoCo, whose ground tilts while the robot stands on it."""
         return creep(servoed(model, robot.control), self.wish.share, self.wish.speed)
@@ -124,11 +117,6 @@ class Gripping(GripCheck, MujocoCheck):
     limits: ClassVar[Limits] = Limits(wall_s=1200.0)  # of two hands, on a busy machine
     lost: ClassVar[Rule] = LOST
     no_hand: ClassVar[Rule | None] = NO_HAND
-
-    def models(self, inputs: Path) -> Iterator[tuple[str, str, Path]]:
-        """`mjcf/<robot>.xml` and, where it is built, `mjx/<robot>_mjx.xml`."""
-        for target, path in mujoco.full_and_mjx(inputs, self.robot):
-            yield target, path.name, path
 
     def grips(
         self, inputs: Path, model: mujoco.Model, hand: Hand, tries: Sequence[Try]

@@ -301,6 +301,10 @@ class SimulatorCheck(Check):
         """Outcomes by name. A crash or a NaN ends only its own experiment."""
         raise NotImplementedError
 
+    def label(self, target: str, file: Path) -> tuple[str, str]:
+        """(target, its name in sentences) that it simulates where MuJoCo has this file."""
+        return "usd", self.engine
+
 
 @dataclass(frozen=True)
 class Response:

@@ -328,7 +328,7 @@ def row_beside(angle: np.ndarray, folder: Path, drive: Actuator = WRIST) -> Row:
         Alignment(robot="r", sine=WISH),
         tree,
         control,
-        lambda one: perform(folder / "out/mjcf", "r", (one,))[one.name],
+        lambda one: perform(folder / "out/mjcf", "r", one),
         {asked.name: asked},
         {asked.name: Outcome(None, theirs)},
     )
