@@ -185,7 +185,7 @@ class Validator(ForeignTool, ConsumerCheck):
         """The Python of the validator's environment."""
         python = self.home.python(World())
         if python is None:
-            raise StepError(f"the environment of {self.consumer} is not there", hint=self.absent())
+            raise StepError(f"the environment of {self.home.name} is not there", hint=self.absent())
         return python
 
 
@@ -210,7 +210,6 @@ class SimReady(Validator):
     """Robot-Gripper for what `usd.robot_type` calls an end effector, else Robot-Body."""
 
     own_name = "simready"
-    consumer: ClassVar[str] = "simready"
     home: ClassVar[Environment] = Environment(
         "simready", ("simready-validate==2026.8.0", "simready-foundation-tier-core==2026.8.0")
     )
@@ -303,7 +302,6 @@ class AssetValidator(Validator):
     """
 
     own_name = "asset_validator"
-    consumer: ClassVar[str] = "asset_validator"
     home: ClassVar[Environment] = Environment(
         "asset_validator", ("omniverse-asset-validator==1.18.0", "usd-core==26.11", "numpy<2")
     )

@@ -57,7 +57,6 @@ class SmokeIsaacLab(ConsumerCheck):
     needs: ClassVar[tuple[str, ...]] = ("isaaclab", "usd")
     reads: ClassVar[tuple[str, ...]] = ("tree.json", "control.json")
     sections: ClassVar[Mapping[str, str]] = {"validate.smoke_bounds": "bounds"}
-    consumer: ClassVar[str] = "isaaclab"
     home: ClassVar[Environment] = Environment(
         "isaaclab",
         ("isaaclab[ovphysx]==3.0.0",),

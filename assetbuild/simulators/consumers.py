@@ -165,7 +165,6 @@ class ConsumerCheck(Check):
     in_parent: ClassVar[bool] = True
     limits: ClassVar[Limits] = Limits(wall_s=3600.0, cpus=2)
     listed_in: ClassVar[str] = "validate.smoke"
-    consumer: ClassVar[str]
     home: ClassVar[Environment]
 
     robot: str
@@ -176,7 +175,7 @@ class ConsumerCheck(Check):
     @classmethod
     def listed_as(cls) -> str:
         """The trainer's name."""
-        return cls.consumer
+        return cls.home.name
 
     @classmethod
     def values(cls, recipe: RecipeView) -> dict[str, Any] | None:  # Any: values of its fields
@@ -192,11 +191,11 @@ class ConsumerCheck(Check):
     def absent(cls) -> str:
         """How to get the environment."""
         other = f", or set {cls.home.variable} to your installation's Python"
-        way = f"run `assetbuild smoke RECIPE --consumer {cls.consumer}` once"
+        way = f"run `assetbuild smoke RECIPE --consumer {cls.home.name}` once"
         return f"{way}{other if cls.home.variable else ''}"
 
     def answer(self, program: str, job: dict[str, object]) -> tuple[dict[str, object] | None, str]:
         """What a program found, or why it found nothing. program: its path below this folder."""
-        with tempfile.TemporaryDirectory(prefix=f"{self.consumer}-") as folder:
+        with tempfile.TemporaryDirectory(prefix=f"{self.home.name}-") as folder:
             path = Path(__file__).parent / program
             return self.home.ask(path, job, Path(folder).resolve(), self.limits.wall_s)

@@ -143,7 +143,7 @@ def test_features_that_are_none_are_no_result():
 @pytest.mark.parametrize("kind", [SimReady, AssetValidator])
 def test_an_empty_stage_fails_the_real_validator(kind: type[Validator], tmp_path: Path):
     if kind.home.python(World()) is None:
-        pytest.skip(f"not here: `assetbuild smoke RECIPE --consumer {kind.consumer}`")
+        pytest.skip(f"not here: `assetbuild smoke RECIPE --consumer {kind.home.name}`")
     (tmp_path / "in/usd").mkdir(parents=True)
     (tmp_path / "in/usd/bad.usda").write_text('#usda 1.0\ndef Xform "a"\n{\n}\n')
     found = run_step(kind(robot="bad", environment=""), tmp_path / "in", tmp_path / "out")
