@@ -268,7 +268,7 @@ def _try_usd(file: Path, wish: Wish, read: Sequence[Finding]) -> list[Finding]:
     if any(finding.severity == "error" for finding in read):
         message = "not tried in PhysX because of the errors above"
         return [UNTRIED("robot", message)]
-    if lack := lacking(physx.REQUIRES, World()):
+    if lack := lacking(physx.PhysxCheck.requires, World()):
         return [UNTRIED("robot", f"not tried in PhysX: {lack}")]
     air = Setting(TIMESTEP_S, GRAVITY, contacts=False)
     floor = Setting(TIMESTEP_S, GRAVITY, at=Pose((0.0, 0.0, HIGH_M)), floor_friction=1.0)
