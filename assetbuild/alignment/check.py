@@ -35,7 +35,6 @@ from assetbuild.simulators.experiments import (
     Swing,
     bounds,
     compare_response,
-    phasor,
 )
 from assetbuild.simulators.free_fall import Fall, fall_of
 from assetbuild.simulators.mujoco.motion import perform
@@ -185,15 +184,12 @@ def _sine_row(
     limits: tuple[float, float],
 ) -> Row:
     response = compare_response(sine, joint, ours, theirs)
-    start = len(ours.time) // 3
-    omega = 2.0 * math.pi * sine.frequency_hz
-    swung = abs(phasor(ours.time[start:], ours.joints[joint][start:], omega))
     # After a touch two motions have nothing more to do with one another: told, not judged.
     return Row(
         name,
         "HIGH",
         f"joint {joint}",
-        f"swing {swung:.5g}",
+        f"swing {response.swing:.5g}",
         f"swing x {response.gain:.5f}, {response.lag_rad:+.4f} rad later",
         response.rms,
         *((math.inf, math.inf) if ours.touched else limits),

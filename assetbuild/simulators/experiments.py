@@ -310,10 +310,12 @@ class SimulatorCheck(Check):
 class Response:
     """How one joint followed one sine, or one engine another.
 
-    rms: of the difference, as a share of the swing; gain: ratio of the amplitudes at the
-    frequency of the sine; lag_rad: phase of the second behind the first.
+    swing: amplitude of the first at the frequency of the sine, rad or m. rms: of the difference, as
+    a share of the swing; gain: ratio of the amplitudes; lag_rad: phase of the second behind the
+    first.
     """
 
+    swing: float
     rms: float
     gain: float
     lag_rad: float
@@ -329,7 +331,7 @@ def compare_response(sine: Sine, joint: str, first: Motion, second: Motion) -> R
     one, two = phasor(time, a, omega), phasor(time, b, omega)
     ratio = two / one if abs(one) > 0.0 else complex(math.inf)
     rms = float(np.sqrt(np.mean((b - a) ** 2))) / sine.swing[joint]
-    return Response(rms, abs(ratio), -float(np.angle(ratio)))
+    return Response(abs(one), rms, abs(ratio), -float(np.angle(ratio)))
 
 
 def phasor(time: Array, values: Array, omega: float) -> complex:
