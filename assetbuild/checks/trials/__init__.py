@@ -13,7 +13,7 @@ from pydantic import Field
 from assetbuild.checks.trials import rules
 from assetbuild.engine.step import Files
 from assetbuild.errors import StepError
-from assetbuild.findings import Finding, Rule
+from assetbuild.findings import Finding
 from assetbuild.plugin_types import RecipeView, write_figures
 from assetbuild.recipe_types import Positive, Real
 from assetbuild.robot.files import RobotFiles
@@ -217,7 +217,15 @@ class Trials(mujoco.InMujoco):
         placed = model.nkey or not free  # where a free robot starts, a keyframe alone says
         depths = {b: depth for (a, b), depth in overlaps.items() if placed and not a}
         figures["in_floor"] = [{"body": body, "depth_m": depth} for body, depth in depths.items()]
-        yield from (_in_floor(body, depth) for body, depth in depths.items() if depth >= DEEP_M)
+        for body, depth in depths.items():
+            if depth >= DEEP_M:
+                yield rules.FLOOR(
+                    f"link {body}",
+                    f"starts {depth * 1e3:.3g} mm inside the floor (limit {START_M * 1e3:g} mm): "
+                    "simulators throw it off or jam it",
+                    data={"depth_m": depth, "limit_m": START_M},
+                    blocks=depth > START_M,
+                )
         if free and not experiments.touches_floors(model):
             yield rules.NOTHING_TOUCHES(
                 "robot",
@@ -257,19 +265,6 @@ class Trials(mujoco.InMujoco):
             message = f"dropped from {self.drop:g} m, the simulation went to infinity"
             yield rules.UNSTABLE("robot", message, data={"drop_m": self.drop})
             return
-        for rule, (value, limit, text) in self._restless(settled).items():
-            yield rule(
-                "robot",
-                f"two seconds after a drop from {self.drop:g} m {text}",
-                hint="a smaller `simulation.timestep`, the rotors' real armature, other gains, or "
-                "a pose that stands by itself",
-                severity="info" if falls else None,
-                data={"value": value, "limit": limit},
-            )
-
-    def _restless(self, settled: Settled) -> Mapping[Rule, tuple[float, float, str]]:
-        """(value, its limit, words) by rule of what is above its limit."""
-        exceeded = {}
         for rule, value, limit, what, unit in (
             (rules.RESTLESS, settled.speed, self.speed, "its fastest joint moves at", "rad/s"),
             (
@@ -283,8 +278,14 @@ class Trials(mujoco.InMujoco):
         ):
             if value > limit:
                 shown = f"{1e3 * value:.3g} mm" if unit == "m" else f"{value:.3g} {unit}"
-                exceeded[rule] = value, limit, f"{what} {shown}"
-        return exceeded
+                yield rule(
+                    "robot",
+                    f"two seconds after a drop from {self.drop:g} m {what} {shown}",
+                    hint="a smaller `simulation.timestep`, the rotors' real armature, other gains, "
+                    "or a pose that stands by itself",
+                    severity="info" if falls else None,
+                    data={"value": value, "limit": limit},
+                )
 
     def _left_alone(self, model: mujoco.Model, figures: dict[str, object]) -> Iterator[Finding]:
         """Nobody touches the robot at its first keyframe; its drives hold what they can."""
@@ -326,16 +327,6 @@ class Trials(mujoco.InMujoco):
 
 def _or_unstable(value: float) -> float | str:
     return value if math.isfinite(value) else "unstable"
-
-
-def _in_floor(body: str, depth: float) -> Finding:
-    return rules.FLOOR(
-        f"link {body}",
-        f"starts {depth * 1e3:.3g} mm inside the floor (limit {START_M * 1e3:g} mm): "
-        "simulators throw it off or jam it",
-        data={"depth_m": depth, "limit_m": START_M},
-        blocks=depth > START_M,
-    )
 
 
 def _settled_figures(settled: Settled) -> dict[str, object]:
