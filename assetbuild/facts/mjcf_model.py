@@ -158,13 +158,13 @@ def _free_joint(model: Model) -> dict[str, Value]:
 def _drive(model: Model, drive: Drive, collector: FactCollector) -> None:
     name = name_of(model, "actuator", drive.index)
     kind = "general" if drive.filtered else drive.kind
-    plain, (low, high) = kind != "general", drive.on_joint
+    plain, most = kind != "general", max(-drive.on_joint[0], drive.on_joint[1])
     facts: dict[str, Value] = {
         "model": {"servo": "pd"}.get(kind, kind),
         "kp": drive.kp if plain else 0.0,
         "kd": drive.kd if plain else 0.0,
         "gear": drive.gear,
-        "effort": max(-low, high) if math.isfinite(high) else None,
+        "effort": most if math.isfinite(drive.on_joint[1]) else None,
         "command range": drive.ctrl if math.isfinite(drive.ctrl[1]) else None,
     }
     if name != drive.joint_name:
@@ -172,7 +172,8 @@ def _drive(model: Model, drive: Drive, collector: FactCollector) -> None:
     if not plain or (kind == "motor" and drive.gain != drive.gear):
         facts["drive parameters"] = general_text(model, drive.index)
     hidden = drive.on_joint != drive.torque and model.actuator_forcelimited[drive.index]
-    ends = drive.torque if hidden else drive.within_effort
+    low, high = drive.torque
+    ends = (low, high) if hidden else (max(low, -most), min(high, most))
     if ends[0] != -ends[1] or hidden:
         facts["mjcf:effort range"] = ends
     collector.put("joint", drive.joint_name, facts)

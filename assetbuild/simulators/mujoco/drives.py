@@ -63,12 +63,6 @@ class Drive:
         """Whether a constant command pulls the joint to one position; a growing one, further."""
         return self.is_affine and self.kp > 0.0 and self.gain * self.gear > 0.0
 
-    @property
-    def within_effort(self) -> Range:
-        """The torque within the larger end of what the joint takes, either way, N m or N."""
-        most = max(-self.on_joint[0], self.on_joint[1])
-        return max(self.torque[0], -most), min(self.torque[1], most)
-
     def command(self, position: float) -> float:
         """The command at which a drive that holds positions is at rest at `position`."""
         return (self.kp * position - self.constant) / self.gain
