@@ -166,9 +166,7 @@ def _surfaces(*columns: list[float]) -> dict[str, Value]:
     return facts
 
 
-def physx_table(
-    held: Held, tree: Tree, couplings: Mapping[str, Mapping[str, Value]] | None = None
-) -> Table:
+def physx_table(held: Held, tree: Tree, couplings: Mapping[str, Mapping[str, Value]]) -> Table:
     """What PhysX holds. tree: says which body hangs on which, and which has no mass."""
     collector = FactCollector()
     collector.put("robot", "", {
@@ -199,7 +197,7 @@ def physx_table(
             collector.put("joint", joint.name, _motion(X_zero.inverse() @ X_turned))
     for name, row in held["joints"].items():
         collector.put("joint", name, _held_joint(row))
-    for name, facts in (couplings or {}).items():
+    for name, facts in couplings.items():
         collector.put("joint", name, facts)
     return collector.table()
 

@@ -47,12 +47,11 @@ def read_model(
     Returns the equalities and actuators that the collector now holds.
     """
     bodies = bodies or Bodies(model)
-    moving = turning(model)
-    balls = [joint for joint in range(model.njnt) if int(model.jnt_type[joint]) == BALL]
+    moving = [*turning(model), *np.flatnonzero(model.jnt_type == BALL).tolist()]
     _root(model, collector)
     for body in range(1, model.nbody):
         collector.put("body", name_of(model, "body", body), _body(model, body))
-    for joint in (*moving, *balls):
+    for joint in moving:
         collector.put("joint", name_of(model, "joint", joint), _joint(model, joint, bodies))
     if floats(model):
         collector.put("joint", name_of(model, "joint", 0), _free_joint(model))

@@ -85,12 +85,8 @@ class Reader(Check):
     @classmethod
     def values(cls, recipe: RecipeView) -> dict[str, Any] | None:  # Any: values of its fields
         """With the sections that it asks for."""
-        values = super().values(recipe)
-        return (
-            None
-            if values is None
-            else values | {"options": stated_options(recipe, cls.recipe_sections)}
-        )
+        values, options = super().values(recipe), stated_options(recipe, cls.recipe_sections)
+        return None if values is None else values | {"options": options}
 
     def file(self, root: Path, robot: str) -> Path | None:
         """The main file below `root`, the target's folder; None where there is none to compare."""
