@@ -13,12 +13,12 @@ from assetbuild.robot.loops import path_of
 from assetbuild.robot.mimic import with_mimics
 from assetbuild.robot.model import Control, Tree
 from assetbuild.robot.pose import IDENTITY, Pose
+from assetbuild.robot.tree import bounds
 from assetbuild.simulators.experiments import (
     Experiment,
     Setting,
     Sine,
     Swing,
-    bounds,
     drop,
     load,
     servos,

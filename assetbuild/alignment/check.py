@@ -25,6 +25,7 @@ from assetbuild.recipe_types import Model, Positive
 from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.model import Control, Tree
 from assetbuild.robot.pose import Array
+from assetbuild.robot.tree import bounds
 from assetbuild.simulators import mujoco
 from assetbuild.simulators.experiments import (
     Experiment,
@@ -33,7 +34,6 @@ from assetbuild.simulators.experiments import (
     SimulatorCheck,
     Sine,
     Swing,
-    bounds,
     compare_response,
 )
 from assetbuild.simulators.free_fall import Fall, fall_of

@@ -18,7 +18,7 @@ from assetbuild.robot.loops import path_of
 from assetbuild.robot.mimic import with_mimics
 from assetbuild.robot.model import Control, Joint, Loop, Tree
 from assetbuild.robot.pose import Array, Pose
-from assetbuild.robot.tree import forward_kinematics
+from assetbuild.robot.tree import bounds, forward_kinematics
 
 CLOSED = 1e-9
 """m and rad: a loop with a larger gap is open."""
@@ -138,10 +138,8 @@ def _starts(free: Sequence[Joint], known: Mapping[str, float]) -> Iterator[dict[
 
 
 def _within(joint: Joint, value: float) -> bool:
-    low, high = joint.limits.lower, joint.limits.upper
-    if joint.kind == "continuous":
-        return True
-    return (low is None or value >= low - CLOSED) and (high is None or value <= high + CLOSED)
+    low, high = bounds(joint)
+    return low - CLOSED <= value <= high + CLOSED
 
 
 def _descend(

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from assetbuild.robot.mimic import with_mimics
-from assetbuild.robot.model import Control, Joint, Keyframe, Tree
+from assetbuild.robot.model import Control, Keyframe, Tree
+from assetbuild.robot.tree import bounds
 
 
 def initial_pose(tree: Tree, control: Control) -> Keyframe:
@@ -15,14 +16,6 @@ def initial_pose(tree: Tree, control: Control) -> Keyframe:
     """
     if control.initial_keyframe is not None:
         return control.initial_keyframe
-    nearest = {joint.name: _nearest_to_zero(joint) for joint in tree.moving_joints}
+    ends = {joint.name: bounds(joint) for joint in tree.moving_joints}
+    nearest = {name: min(max(0.0, lower), upper) for name, (lower, upper) in ends.items()}
     return Keyframe("", tuple(with_mimics(tree, nearest).items()))
-
-
-def _nearest_to_zero(joint: Joint) -> float:
-    """rad or m, within the limits."""
-    lower, upper = joint.limits.lower, joint.limits.upper
-    if joint.kind == "continuous":
-        return 0.0
-    value = 0.0 if lower is None else max(0.0, lower)
-    return value if upper is None else min(value, upper)

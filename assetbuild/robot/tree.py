@@ -86,6 +86,14 @@ def link_placement(tree: Tree, link: str, place: str, key: Key) -> tuple[str, Po
         raise RowError(f"{place}: no link `{link}`", key=key, hint=hint) from None
 
 
+def bounds(joint: Joint) -> tuple[float, float]:
+    """(lower, upper) of the coordinate, rad or m; infinite where nothing limits it."""
+    if joint.kind == "continuous":
+        return -math.inf, math.inf
+    lower, upper = joint.limits.lower, joint.limits.upper
+    return (-math.inf if lower is None else lower), (math.inf if upper is None else upper)
+
+
 def joint_motion(joint: Joint, value: float) -> Pose:
     """Pose of the child body in the joint frame at `value` (rad or m).
 

@@ -22,6 +22,7 @@ from assetbuild.robot.initial import initial_pose
 from assetbuild.robot.mimic import with_mimics
 from assetbuild.robot.model import Actuator, Control, Joint, Tree
 from assetbuild.robot.pose import IDENTITY, Array, Pose, Vec3
+from assetbuild.robot.tree import bounds
 
 CLEARANCE_M = 1e-3
 EXTERNAL = frozenset({"ideal_pd", "dc_motor", "motor", "general"})
@@ -237,14 +238,6 @@ def widest(joint: Joint, speeds: Iterable[float] = (), frequency_hz: float = 1.0
     most = SWING_M if joint.kind == "prismatic" else SWING_RAD
     fastest = [SHARE_OF_SPEED * speed / (2.0 * math.pi * frequency_hz) for speed in speeds]
     return min(most, SHARE_OF_RANGE * (upper - lower), *fastest)
-
-
-def bounds(joint: Joint) -> tuple[float, float]:
-    """(lower, upper) of the coordinate, rad or m; infinite where nothing limits it."""
-    if joint.kind == "continuous":
-        return -math.inf, math.inf
-    lower, upper = joint.limits.lower, joint.limits.upper
-    return (-math.inf if lower is None else lower), (math.inf if upper is None else upper)
 
 
 # --- answers ------------------------------------------------------------------------------------

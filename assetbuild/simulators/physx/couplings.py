@@ -16,7 +16,8 @@ import numpy as np
 from assetbuild.robot.initial import initial_pose
 from assetbuild.robot.mimic import with_mimics
 from assetbuild.robot.model import Actuator, Control, Joint, Tree
-from assetbuild.simulators.experiments import Experiment, Outcome, Setting, Sine, bounds
+from assetbuild.robot.tree import bounds
+from assetbuild.simulators.experiments import Experiment, Outcome, Setting, Sine
 
 NARROW, WIDE = 1e-4, 0.5
 """rad or m: least range of a leader that shows a line; the range of one without limits."""
