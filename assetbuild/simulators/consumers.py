@@ -78,10 +78,10 @@ class Environment:
         }
         return ask(python, program, job, folder, seconds, variables)
 
-    def make(self, say: Callable[[str], None]) -> Path:
-        """The interpreter, made when it is missing. MachineError when that fails."""
-        if (python := self._named(World()) or self.python(World())) is not None:
-            return python
+    def make(self, say: Callable[[str], None]) -> None:
+        """Make it where it is missing. MachineError when that fails."""
+        if self._named(World()) or self.python(World()):
+            return
         packages = " ".join(self.requirements)
         say(f"making the environment of {self.name}: pip install {packages}")
         half = self.folder.with_name(f"{self.folder.name}.{os.getpid()}.half")
@@ -95,7 +95,6 @@ class Environment:
             shutil.rmtree(half, ignore_errors=True)
         made = json.dumps({"requirements": self.requirements}) + "\n"
         (self.folder / MADE).write_text(made, encoding="utf-8")
-        return self.folder / "bin" / "python"
 
     def _named(self, world: World) -> Path | None:
         named = world.variable(self.variable) if self.variable else None
