@@ -154,47 +154,31 @@ def fall_rows(both: Compared, asked: Experiment, ours: Motion, theirs: Motion) -
 
 def sine_rows(both: Compared, asked: Experiment, ours: Motion, theirs: Motion) -> Iterator[Row]:
     """How each joint follows its sine."""
-    assert asked.sine is not None  # noqa: S101 # made so
+    sine = asked.sine
+    assert sine is not None  # noqa: S101 # made so
     is_pure, wish = not asked.setting.rubbing, both.limits.sine or Swing()
     soft = {joint.mimic.joint: COUPLING for joint in both.tree.joints if joint.mimic}
     if not is_pure:
         soft |= {a.joint: FRICTION for a in both.control.actuators if a.friction > 0.0}
     hasty, hard = "" if is_pure else _hasty(both.control, ours), None
-    for joint, swing in asked.sine.swing.items():
+    # After a touch two motions have nothing more to do with one another: told, not judged.
+    warn = wish.tolerance if is_pure else wish.tolerance_as_is
+    limits = (math.inf, math.inf) if ours.touched else (warn, wish.error_limit)
+    unit = f"of the swing, RMS{_unfair(both.tree, sine, ours)}"
+    for joint, swing in sine.swing.items():
         if swing <= 0.0:
             continue
-        warn = wish.tolerance if is_pure else wish.tolerance_as_is
-        row = _sine_row(both, asked.name, asked.sine, joint, ours, theirs, (warn, wish.error_limit))
+        response = compare_response(sine, joint, ours, theirs)
+        moved = f"swing x {response.gain:.5f}, {response.lag_rad:+.4f} rad later"
+        swung = f"swing {response.swing:.5g}"
+        row = Row(asked.name, "HIGH", f"joint {joint}", swung, moved, response.rms, *limits, unit)
         if joint in soft and row.verdict in OFF:
             firm = replace(asked, setting=replace(asked.setting, hard=True))
             hard = hard or both.mujoco(firm).motion
-            row = row if hard is None else _explained(row, asked.sine, joint, soft, hard, theirs)
+            row = row if hard is None else _explained(row, sine, joint, soft, hard, theirs)
         if hasty and not row.because and row.verdict in OFF:
             row = replace(row, because=hasty, advice=SLOWER)
         yield row
-
-
-def _sine_row(
-    both: Compared,
-    name: str,
-    sine: Sine,
-    joint: str,
-    ours: Motion,
-    theirs: Motion,
-    limits: tuple[float, float],
-) -> Row:
-    response = compare_response(sine, joint, ours, theirs)
-    # After a touch two motions have nothing more to do with one another: told, not judged.
-    return Row(
-        name,
-        "HIGH",
-        f"joint {joint}",
-        f"swing {response.swing:.5g}",
-        f"swing x {response.gain:.5f}, {response.lag_rad:+.4f} rad later",
-        response.rms,
-        *((math.inf, math.inf) if ours.touched else limits),
-        f"of the swing, RMS{_unfair(both.tree, sine, ours)}",
-    )
 
 
 def _unfair(tree: Tree, sine: Sine, ours: Motion) -> str:
@@ -252,24 +236,19 @@ def _explained(
 def stop_rows(both: Compared, asked: Experiment, ours: Motion, theirs: Motion) -> Iterator[Row]:
     """How far each driven joint runs past its limit; why further, where shorter steps agree."""
     rows = list(_past_rows(both.tree, asked, ours, theirs))
-    fine = both.asked[f"{asked.name}_fine"]
+    fine, calm = both.asked[f"{asked.name}_fine"], None
     done = both.theirs[fine.name]
     if any(row.verdict in OFF for row in rows) and done.finite and done.motion is not None:
         calm = both.mujoco(fine).motion
-        apart = {} if calm is None else {
-            row.subject: row for row in _past_rows(both.tree, fine, calm, done.motion)
-        }  # fmt: skip
-        rows = [_by_integrator(row, apart.get(row.subject), fine) for row in rows]
-    yield from rows
-
-
-def _by_integrator(row: Row, calm: Row | None, fine: Experiment) -> Row:
-    """The row, with the integrator as the reason where shorter steps bring both together."""
-    if row.verdict not in OFF or calm is None or calm.verdict != "ok":
-        return row
-    dt = fine.setting.timestep
-    because = f"the integrators part: in steps of {dt:g} s, {calm.off:.2g} apart"
-    return replace(row, because=because, advice=SHORTER)
+    apart: dict[str, Row] = {}
+    if calm is not None and done.motion is not None:
+        apart = {row.subject: row for row in _past_rows(both.tree, fine, calm, done.motion)}
+    for row in rows:
+        short = apart.get(row.subject)
+        if row.verdict in OFF and short is not None and short.verdict == "ok":
+            steps = f"in steps of {fine.setting.timestep:g} s, {short.off:.2g} apart"
+            row = replace(row, because=f"the integrators part: {steps}", advice=SHORTER)
+        yield row
 
 
 def _past_rows(tree: Tree, asked: Experiment, ours: Motion, theirs: Motion) -> Iterator[Row]:

@@ -23,7 +23,6 @@ from assetbuild.simulators.mujoco import ArenaFullError
 from assetbuild.simulators.mujoco import trials as experiments
 from assetbuild.simulators.mujoco.drives import servoed
 from assetbuild.simulators.mujoco.stand import outcome_figures, stand
-from assetbuild.simulators.mujoco.trials import Settled
 
 SHOWN_PAIRS = 40
 LARGEST_DOFS = 300
@@ -109,11 +108,7 @@ class Trials(mujoco.InMujoco):
         figures: dict[str, object] = {}
         driven = servoed(model, control, {"ideal_pd", "dc_motor"})
         yield from self.examine(driven, figures, servoed(model, control))
-        write_figures(files, figures, self._limits())
-
-    def _limits(self) -> dict[str, float]:
-        """Name of a figure -> what it is compared with."""
-        return {
+        limits = {
             **dict.fromkeys(("asked", "moved"), self.min_response),
             "energy_drift": self.energy,
             "timestep_error": self.timestep,
@@ -124,6 +119,7 @@ class Trials(mujoco.InMujoco):
             **dict.fromkeys(("drift_m", "support_margin_m"), self.drift),
             **dict.fromkeys(("height_before_m", "height_after_m"), self.drop),
         }
+        write_figures(files, figures, limits)
 
     def examine(
         self, model: mujoco.Model, figures: dict[str, object], alone: mujoco.Model | None = None
@@ -260,7 +256,10 @@ class Trials(mujoco.InMujoco):
     ) -> Iterator[Finding]:
         """falls: it falls by itself, so that it also lies, rolls and moves after a drop."""
         settled = experiments.settle(model, self.drop)
-        figures["settle"] = _settled_figures(settled)
+        values = settled.speed, settled.penetration_m, settled.drift_m
+        names = "fastest_joint", "deepest_contact_m", "drift_m"
+        shown = zip(names, values if settled.finite else (None,) * 3, strict=True)
+        figures["settle"] = {"finite": settled.finite, **dict(shown)}
         if not settled.finite:
             message = f"dropped from {self.drop:g} m, the simulation went to infinity"
             yield rules.UNSTABLE("robot", message, data={"drop_m": self.drop})
@@ -277,10 +276,10 @@ class Trials(mujoco.InMujoco):
             (rules.DRIFT, settled.drift_m, self.drift, "in 1000 steps its base wandered", "m"),
         ):
             if value > limit:
-                shown = f"{1e3 * value:.3g} mm" if unit == "m" else f"{value:.3g} {unit}"
+                size = f"{1e3 * value:.3g} mm" if unit == "m" else f"{value:.3g} {unit}"
                 yield rule(
                     "robot",
-                    f"two seconds after a drop from {self.drop:g} m {what} {shown}",
+                    f"two seconds after a drop from {self.drop:g} m {what} {size}",
                     hint="a smaller `simulation.timestep`, the rotors' real armature, other gains, "
                     "or a pose that stands by itself",
                     severity="info" if falls else None,
@@ -327,11 +326,3 @@ class Trials(mujoco.InMujoco):
 
 def _or_unstable(value: float) -> float | str:
     return value if math.isfinite(value) else "unstable"
-
-
-def _settled_figures(settled: Settled) -> dict[str, object]:
-    """None for what is not finite, which JSON cannot say."""
-    values = settled.speed, settled.penetration_m, settled.drift_m
-    shown = values if settled.finite else (None,) * 3
-    names = "fastest_joint", "deepest_contact_m", "drift_m"
-    return {"finite": settled.finite, **dict(zip(names, shown, strict=True))}

@@ -87,6 +87,8 @@ TERMS: Mapping[str, Term] = {
     ),
 }
 """Isaac Lab's functions that draw."""
+SCALES = ("kp", "kd", "friction", "armature")
+"""What its terms scale of every joint."""
 NOT_DRAWN = (
     *OF_MATTER[4:], "payload mass", "payload box", "effort", "damping", "encoder bias",
     "surface friction",
@@ -125,7 +127,8 @@ class IsaacLabReader(Reader):
         def is_stated(key: Key) -> bool:
             return self.holds(key) and (key.kind != "joint" or key.name in driven)
 
-        facts = robot_table(reference).only(is_stated) | drawn(reference, _draws, NOT_DRAWN)
+        draws = drawn(reference, lambda _, word: word in SCALES, NOT_DRAWN)
+        facts = robot_table(reference).only(is_stated) | draws
         return _both({n: facts | _besides(reference, self.robot, n) for n in GENERATIONS})
 
 
@@ -216,11 +219,6 @@ def _besides(reference: Reference, robot: str, generation: Generation) -> Table:
         words["materials"] = (asked.get("friction_buckets", MATERIALS),)
         facts.put("robot", "", {f"drawn:{word}": value for word, value in words.items()})
     return facts.table()
-
-
-def _draws(row: Actuator | None, word: str) -> bool:
-    """Its terms scale these numbers of every joint."""
-    return word in ("kp", "kd", "friction", "armature")
 
 
 def _solving(reference: Reference, generation: Generation) -> Iterator[tuple[str, Value]]:

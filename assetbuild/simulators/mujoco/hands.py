@@ -34,8 +34,6 @@ MEETS = 0.4
 """Share of the open width that may be left between the middles of closed fingertips."""
 SKEW = 0.1
 """rad; fingers that point within this of an axis of the palm point along it."""
-HINGE = 3
-"""`mjJNT_HINGE`."""
 LEAST_OPENING_M = 0.01
 LARGEST_M = 0.3
 """From a finger's joint to its tip; an elbow or a knee folds, too."""
@@ -278,7 +276,7 @@ def _base(
     moved = set[int]().union(*(mujoco.below(model, body) - {body} for body in bodies))
     first = [joint for joint, body in zip(fingers, bodies, strict=True) if body not in moved]
     base: Array = np.mean(data.xanchor[first], axis=0)
-    if len(first) == 1 and int(model.jnt_type[first[0]]) == HINGE:
+    if len(first) == 1 and model.jnt_type[first[0]] == mj.mjtJoint.mjJNT_HINGE:
         axis = np.array(data.xaxis[first[0]])
         other = other + ((one - other) @ axis)[:, None] * axis
         base = base + ((one[0] - base) @ axis) * axis
